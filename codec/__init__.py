@@ -1,0 +1,1 @@
+"""The cuer as numbers, and those numbers as few bits."""

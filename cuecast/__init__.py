@@ -1,0 +1,1 @@
+"""The applications and their one command line."""

@@ -1,0 +1,1 @@
+"""The set-top box: from a programme to a cuer on the screen."""

@@ -1,0 +1,1 @@
+"""Bytes under a noisy programme."""
