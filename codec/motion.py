@@ -1,19 +1,17 @@
 """Motion: parameters of the cuer over time, in memory and in ``.npz`` files without pickle."""
 
 import os
-import tempfile
-import zipfile
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
+from codec.npz import read_arrays, write_arrays
 from codec.score import Score
 
-_MAX_FRAMES = 120 * 3600 * 24
-_MAX_PARAMETERS = 256
+MAX_FILE_BYTES = 1 << 31
+"""Largest motion that `load_motion` accepts: four days of 31 parameters at 50 Hz."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,23 +64,18 @@ class Motion:
 
 def save_motion(motion: Motion, path: str | os.PathLike[str]) -> None:
     """Write `motion` to `path`, through a temporary name in the same folder."""
-    target = Path(path)
-    arrays = {
-        "params": motion.params,
-        "rate_hz": np.float64(motion.rate_hz),
-        "start_s": np.float64(motion.start_s),
-        "layout": np.array(motion.layout, dtype=np.str_),
-        "voice": np.array(motion.voice, dtype=np.str_),
-        "score": np.array("" if motion.score is None else motion.score.to_json(), dtype=np.str_),
-    }
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **arrays)
-        Path(name).replace(target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    score = "" if motion.score is None else motion.score.to_json()
+    write_arrays(
+        path,
+        {
+            "params": motion.params,
+            "rate_hz": np.array(motion.rate_hz),
+            "start_s": np.array(motion.start_s),
+            "layout": np.array(motion.layout, dtype=np.str_),
+            "voice": np.array(motion.voice, dtype=np.str_),
+            "score": np.array(score, dtype=np.str_),
+        },
+    )
 
 
 def load_motion(path: str | os.PathLike[str]) -> Motion:
@@ -91,18 +84,15 @@ def load_motion(path: str | os.PathLike[str]) -> Motion:
     Raises
     ------
     CueError
-        If the file is missing, damaged, or not a motion.
+        If the file is missing, damaged, too large, or not a motion.
     """
+    arrays = read_arrays(path, max_bytes=MAX_FILE_BYTES)
     try:
-        with np.load(path, allow_pickle=False) as file:
-            params = file["params"]
-            if len(params) > _MAX_FRAMES or params.shape[-1] > _MAX_PARAMETERS:
-                raise CueError(f"{path}: motion of shape {params.shape} is too large")
-            text = str(file["score"]) if "score" in file else ""
-            return Motion(
-                params, float(file["rate_hz"]), float(file["start_s"]),
-                tuple(map(str, file["layout"])), str(file["voice"]),
-                Score.from_json(text) if text else None,
-            )  # fmt: skip
-    except (OSError, KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        text = str(arrays["score"]) if "score" in arrays else ""
+        return Motion(
+            arrays["params"], float(arrays["rate_hz"]), float(arrays["start_s"]),
+            tuple(map(str, arrays["layout"])), str(arrays["voice"]),
+            Score.from_json(text) if text else None,
+        )  # fmt: skip
+    except (KeyError, ValueError, TypeError) as error:
         raise CueError(f"{path}: not a motion file: {error}") from error

@@ -103,7 +103,7 @@ class Score:
     keys: tuple[Key, ...]
 
     def __post_init__(self) -> None:
-        for line in (self.phones, self.keys):
+        for line in (list[Phone | Key](self.phones), list[Phone | Key](self.keys)):
             for before, after in itertools.pairwise(line):
                 if after.start < before.start:
                     raise CueError(f"{after} starts before its predecessor {before}")

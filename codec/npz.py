@@ -1,0 +1,107 @@
+"""Reading and writing ``.npz`` files that may come from anywhere: no pickle, bounded memory.
+
+Every array's header is read before its data, so that a file cannot make its reader allocate more
+than the caller allows; writing goes through a temporary name in the same folder.
+"""
+
+import os
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+
+_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+
+
+def write_arrays(path: str | os.PathLike[str], arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write named arrays, compressed, with fixed time stamps: same arrays, same bytes.
+
+    Parameters
+    ----------
+    path : path-like
+        Replaced only when the new file is complete.
+    arrays : mapping of str to ndarray
+        Arrays of numbers, booleans or strings.
+    """
+    target = Path(path)
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    try:
+        with (
+            os.fdopen(handle, "wb") as file,
+            zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive,
+        ):
+            for key, array in arrays.items():
+                member = zipfile.ZipInfo(f"{key}.npy", date_time=(1980, 1, 1, 0, 0, 0))
+                member.compress_type = zipfile.ZIP_DEFLATED
+                with archive.open(member, "w", force_zip64=True) as stream:
+                    npy.write_array(stream, np.asarray(array), allow_pickle=False)
+        Path(name).chmod(0o644)
+        Path(name).replace(target)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def read_arrays(path: str | os.PathLike[str], *, max_bytes: int) -> dict[str, NDArray[Any]]:
+    """Read all arrays of a ``.npz`` file.
+
+    Parameters
+    ----------
+    path : path-like
+    max_bytes : int
+        Most memory that the arrays may take together.
+
+    Raises
+    ------
+    CueError
+        If the file is missing, damaged, holds objects, or declares more than `max_bytes`.
+
+    Examples
+    --------
+    >>> read_arrays("missing.npz", max_bytes=1000)
+    Traceback (most recent call last):
+    codec.errors.CueError: missing.npz: No such file or directory
+    """
+    arrays: dict[str, NDArray[Any]] = {}
+    total = 0
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for member in archive.infolist():
+                total += _declared_bytes(archive, member)
+                if total > max_bytes:
+                    raise CueError(f"{path}: arrays take {total} bytes, more than {max_bytes}")
+                with archive.open(member) as stream:
+                    array = npy.read_array(stream, allow_pickle=False)
+                arrays[member.filename.removesuffix(".npy")] = array
+    except OSError as error:
+        raise CueError(f"{path}: {error.strerror or error}") from error
+    except (
+        ValueError, TypeError, EOFError, KeyError, NotImplementedError, RuntimeError, SyntaxError,
+        zipfile.BadZipFile, zlib.error,
+    ) as error:  # fmt: skip
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise CueError(f"{path}: damaged or foreign file: {reason}") from error
+    return arrays
+
+
+def _declared_bytes(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> int:
+    """Return the size of an array as its header declares it."""
+    with archive.open(member) as stream:
+        read_header = _HEADERS.get(npy.read_magic(stream))
+        if read_header is None:
+            raise ValueError(f"array {member.filename} has an unknown header version")
+        shape, _, dtype = read_header(stream)
+    size = dtype.itemsize
+    for length in shape:
+        if length < 0:
+            raise ValueError(f"array {member.filename} has shape {shape}")
+        size *= length
+    return max(size, 1)

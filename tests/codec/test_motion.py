@@ -1,0 +1,107 @@
+import io
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.lib import format as npy
+
+from codec.errors import CueError
+from codec.motion import Motion, load_motion, save_motion
+from codec.npz import read_arrays, write_arrays
+from codec.score import Key, Phone, Score
+
+SCORE = Score((Phone("p", 0.0, 0.1),), (Key(0.0, 0.1, ("p",), 1, "side"),))
+
+
+def motion(frames: int = 5) -> Motion:
+    params = np.arange(frames * 2, dtype=np.float32).reshape(frames, 2)
+    return Motion(params, 50.0, 1.28, ("face.1", "hand.1"), "0123456789abcdef", SCORE)
+
+
+def test_round_trip_is_exact_and_deterministic(tmp_path: Path) -> None:
+    for name in "ab":
+        save_motion(motion(), tmp_path / name)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+    again = load_motion(tmp_path / "a")
+    np.testing.assert_array_equal(again.params, motion().params)
+    assert (again.rate_hz, again.start_s, again.layout) == (50.0, 1.28, ("face.1", "hand.1"))
+    assert (again.voice, again.score) == ("0123456789abcdef", SCORE)
+    assert again.times_s[1] == pytest.approx(1.30)
+    assert again.duration_s == pytest.approx(0.1)
+
+
+def test_numpy_reads_what_we_write(tmp_path: Path) -> None:
+    save_motion(motion(), tmp_path / "m.npz")
+    with np.load(tmp_path / "m.npz", allow_pickle=False) as file:
+        assert file["params"].shape == (5, 2)
+
+
+@pytest.mark.parametrize(
+    ("params", "rate"),
+    [
+        (np.zeros((3, 1)), 50),
+        (np.zeros(3), 50),
+        (np.full((3, 2), np.nan), 50),
+        (np.zeros((3, 2)), 0),
+        (np.zeros((3, 2)), float("nan")),
+    ],
+)
+def test_refuses_nonsense(params: np.ndarray, rate: float) -> None:
+    with pytest.raises(CueError):
+        Motion(params, rate, 0.0, ("a", "b"), "v")
+
+
+def test_every_truncation_is_refused(tmp_path: Path) -> None:
+    save_motion(motion(), tmp_path / "m.npz")
+    data = (tmp_path / "m.npz").read_bytes()
+    for length in range(0, len(data), 7):
+        (tmp_path / "cut").write_bytes(data[:length])
+        with pytest.raises(CueError, match="cut: "):
+            load_motion(tmp_path / "cut")
+
+
+def test_every_flipped_byte_is_refused_or_harmless(tmp_path: Path) -> None:
+    save_motion(motion(), tmp_path / "m.npz")
+    data = bytearray((tmp_path / "m.npz").read_bytes())
+    for position in range(0, len(data), 3):
+        damaged = (
+            bytes(data[:position]) + bytes([data[position] ^ 0x55]) + bytes(data[position + 1 :])
+        )
+        (tmp_path / "bad").write_bytes(damaged)
+        try:
+            load_motion(tmp_path / "bad")
+        except CueError:
+            continue
+
+
+def test_a_declared_terabyte_is_not_allocated(tmp_path: Path) -> None:
+    header = io.BytesIO()
+    npy.write_array_header_1_0(
+        header, {"descr": "<f4", "fortran_order": False, "shape": (10**12, 31)}
+    )
+    with zipfile.ZipFile(tmp_path / "bomb.npz", "w") as archive:
+        archive.writestr("params.npy", header.getvalue())
+    with pytest.raises(CueError, match="more than"):
+        load_motion(tmp_path / "bomb.npz")
+
+
+def test_pickles_are_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "objects.npz", params=np.array([{}], dtype=object))
+    with pytest.raises(CueError, match="damaged or foreign"):
+        read_arrays(tmp_path / "objects.npz", max_bytes=1000)
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
+    save_motion(motion(), tmp_path / "m.npz")
+    before = (tmp_path / "m.npz").read_bytes()
+    with pytest.raises(ValueError, match="allow_pickle"):
+        write_arrays(tmp_path / "m.npz", {"x": np.array([{}], dtype=object)})
+    assert (tmp_path / "m.npz").read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["m.npz"]
+
+
+def test_missing_file_and_folder(tmp_path: Path) -> None:
+    for path in (tmp_path / "none.npz", tmp_path):
+        with pytest.raises(CueError, match=str(path)):
+            load_motion(path)
