@@ -1,0 +1,7 @@
+"""Run `python -m cuecast`."""
+
+import sys
+
+from cuecast.cli import main
+
+sys.exit(main())

@@ -1,0 +1,117 @@
+"""Command `cuecast`: one verb per module of `cuecast.verbs`.
+
+A verb module offers ``SUMMARY`` (one line), ``configure(parser)`` and ``run(args) -> int``; it
+imports what it works with inside ``run``, so that ``cuecast --help`` answers at once. Results go
+to the standard output, notes and progress to the standard error.
+
+Exit status: 0 done, 1 nothing found or mismatch, 2 wrong usage, 3 malformed or unusable input,
+130 interrupted.
+"""
+
+import argparse
+import importlib
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+
+from codec.errors import CueError
+from cuecast.errors import UsageError
+
+VERBS: tuple[str, ...] = ()
+"""Verbs in the order of the help page; each is a module of `cuecast.verbs`."""
+
+EXIT_OK = 0
+EXIT_MISMATCH = 1
+EXIT_USAGE = 2
+EXIT_UNUSABLE = 3
+EXIT_INTERRUPTED = 130
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the whole command line."""
+    common = argparse.ArgumentParser(add_help=False)
+    common.add_argument(
+        "--debug", action="store_true", default=argparse.SUPPRESS,
+        help="show a trace with an error message",
+    )  # fmt: skip
+    parser = argparse.ArgumentParser(
+        prog="cuecast",
+        description="A virtual Cued Speech interpreter inside ordinary television.",
+        epilog="Exit status: 0 done, 1 nothing found or mismatch, 2 usage, 3 unusable input.",
+        parents=[common],
+    )
+    parser.add_argument("--version", action="version", version=f"cuecast {_version()}")
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    for name in VERBS:
+        module = importlib.import_module(f"cuecast.verbs.{name}")
+        verb = verbs.add_parser(
+            name, help=module.SUMMARY, description=module.__doc__, parents=[common]
+        )
+        module.configure(verb)
+        verb.set_defaults(run=module.run)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line `argv` (default: that of the process); return its exit status."""
+    try:
+        args = build_parser().parse_args(argv)
+    except SystemExit as stop:  # argparse has printed its page or its complaint
+        return stop.code if isinstance(stop.code, int) else EXIT_USAGE
+    try:
+        with _termination_as_interrupt():
+            return int(args.run(args))
+    except BrokenPipeError:  # the reader of our output has gone: not our failure
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_OK
+    except KeyboardInterrupt:
+        print("cuecast: interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    except (CueError, OSError, MemoryError) as error:
+        if "debug" in args:
+            traceback.print_exc()
+        print(f"cuecast: {one_line(error)}", file=sys.stderr)
+        return EXIT_USAGE if isinstance(error, UsageError) else EXIT_UNUSABLE
+
+
+def one_line(error: BaseException) -> str:
+    """Return the message of `error` on one line.
+
+    Examples
+    --------
+    >>> one_line(FileNotFoundError(2, "No such file or directory", "film.mp4"))
+    'film.mp4: No such file or directory'
+    >>> one_line(MemoryError())
+    'MemoryError'
+    """
+    if isinstance(error, OSError) and error.strerror and error.filename:
+        return f"{error.filename}: {error.strerror}"
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+@contextmanager
+def _termination_as_interrupt() -> Iterator[None]:
+    """Turn SIGTERM into KeyboardInterrupt, so that unfinished files are removed."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("cuecast")

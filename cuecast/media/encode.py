@@ -1,0 +1,204 @@
+"""Samples become packets of a sound stream in an output container."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import av
+import numpy as np
+from av.container import OutputContainer
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from cuecast.media.programme import SoundFormat, reason
+
+_ENCODERS = {
+    "mp3": "libmp3lame", "mp3float": "libmp3lame",
+    "opus": "libopus", "vorbis": "libopus",  # the only Ogg encoder at hand; it serves Ogg and WebM
+    "mp1": "mp2", "mp1float": "mp2", "mp2float": "mp2",
+    "aac_latm": "aac", "aac_fixed": "aac", "ac3_fixed": "ac3",
+}  # fmt: skip
+"""Encoder of a codec where the names differ."""
+
+_FALLBACK_BIT_RATE = 96_000
+"""For one channel, where neither the programme nor the caller tells a rate."""
+
+_CODED_BITS = {"flac": 24, "alac": 24}
+"""Bits of a 32 bit sample that the codec keeps."""
+
+
+@dataclass(frozen=True, slots=True)
+class SoundTarget:
+    """Sound parameters of an output: the encoder, and bits per second (0: it is lossless)."""
+
+    encoder: str
+    bit_rate: int
+
+
+def choose_target(
+    sound: SoundFormat, *, codec: str | None = None, bit_rate: int | None = None
+) -> SoundTarget:
+    """Keep the codec and bit rate of `sound` unless told otherwise.
+
+    Raises
+    ------
+    CueError
+        If the codec cannot be written.
+
+    Examples
+    --------
+    >>> choose_target(SoundFormat("mp2float", 48000, 2, "stereo", "fltp", 192000))
+    SoundTarget(encoder='mp2', bit_rate=192000)
+    >>> choose_target(SoundFormat("flac", 48000, 2, "stereo", "s16", 700000))
+    SoundTarget(encoder='flac', bit_rate=0)
+    """
+    wanted = codec or sound.codec
+    name = _ENCODERS.get(wanted, wanted)
+    try:
+        encoder = av.Codec(name, "w")
+    except (av.FFmpegError, ValueError) as error:
+        raise CueError(
+            f"sound codec {wanted!r} cannot be written: choose another with --audio-codec"
+        ) from error
+    if encoder.type != "audio" or encoder.experimental:
+        raise CueError(f"sound codec {wanted!r} cannot be written: choose with --audio-codec")
+    if encoder.lossless:
+        return SoundTarget(name, 0)
+    return SoundTarget(name, bit_rate or sound.bit_rate or _FALLBACK_BIT_RATE * sound.channels)
+
+
+class SoundEncoder:
+    """Encoder of one sound stream.
+
+    Parameters
+    ----------
+    container : av.container.OutputContainer
+        Gets the stream.
+    sound : SoundFormat
+        Rate, channels and sample type of the programme.
+    target : SoundTarget
+        Encoder and bit rate.
+
+    Attributes
+    ----------
+    clipped : int
+        Samples that reached beyond full scale and were set to it.
+
+    Raises
+    ------
+    CueError
+        If the encoder or the container refuses these parameters.
+    """
+
+    def __init__(self, container: OutputContainer, sound: SoundFormat, target: SoundTarget) -> None:
+        try:
+            self.stream: Any = container.add_stream(target.encoder, rate=sound.fs)
+        except (av.FFmpegError, ValueError) as error:
+            raise CueError(
+                f"{container.format.name} cannot hold sound in {target.encoder!r}: {reason(error)}"
+            ) from error
+        context: Any = self.stream.codec_context
+        accepted = [f.name for f in context.codec.audio_formats or []]
+        self._format = _sample_format(accepted, sound.sample_format)
+        width = 8 * av.AudioFormat(self._format).bytes
+        self._bits = min(width, _CODED_BITS.get(target.encoder, width))
+        if target.encoder.startswith("pcm_"):
+            self._bits = int("".join(c for c in target.encoder if c.isdigit()))
+        context.layout = sound.layout
+        context.format = self._format
+        if target.bit_rate:
+            context.bit_rate = target.bit_rate
+        self._sound = sound
+        self._pts: int | None = None
+        self.clipped = 0
+
+    def open(self) -> None:
+        """Open the encoder, which tells whether it takes the parameters.
+
+        Raises
+        ------
+        CueError
+            If it does not.
+        """
+        sound = self._sound
+        try:
+            self.stream.codec_context.open(strict=False)
+        except (av.FFmpegError, ValueError) as error:
+            raise CueError(
+                f"{self.stream.codec_context.name} cannot encode {sound.layout} sound at "
+                f"{sound.fs} Hz: {reason(error)}"
+            ) from error
+
+    def process(self, block: NDArray[np.float32], start_s: float) -> Iterator[Any]:
+        """Encode `block`, shape (n, channels); yield packets.
+
+        The first block's first sample gets the time `start_s` of the container; what follows
+        follows.
+        """
+        if not len(block):
+            return
+        fs = self._sound.fs
+        if self._pts is None:
+            self._pts = round(start_s * fs)
+        self.clipped += int(np.count_nonzero(np.abs(block) > 1.0))
+        packed = as_samples(block, self._format, self._bits)
+        frame = av.AudioFrame.from_ndarray(packed, format=self._format, layout=self._sound.layout)
+        frame.sample_rate = fs
+        frame.time_base = Fraction(1, fs)
+        frame.pts = self._pts
+        self._pts += len(block)
+        yield from self.stream.encode(frame)
+
+    def flush(self) -> Iterator[Any]:
+        """Yield the packets that were still in the encoder."""
+        if self._pts is not None:
+            yield from self.stream.encode(None)
+
+
+def _sample_format(accepted: list[str], wanted: str) -> str:
+    """Choose the encoder's sample type that loses least of `wanted`."""
+    plain, planar = wanted.removesuffix("p"), f"{wanted.removesuffix('p')}p"
+    for name in (plain, planar, "flt", "fltp", "s32", "s32p", "s16", "s16p"):
+        if name in accepted or not accepted:
+            return name
+    return accepted[0]
+
+
+def as_samples(block: NDArray[np.float32], sample_format: str, bits: int) -> NDArray[Any]:
+    """Return `block` in FFmpeg's type `sample_format`, rounded to `bits`, no dither.
+
+    Values beyond full scale are set to full scale.
+
+    Parameters
+    ----------
+    block : ndarray of float32, shape (n, channels)
+        Full scale is 1.
+    sample_format : str
+        ``u8``, ``s16``, ``s32``, ``flt``, ``dbl``, or one of these with ``p`` for planar.
+    bits : int
+        Bits that count, the upper ones of an integer type.
+
+    Returns
+    -------
+    ndarray, shape (channels, n) if planar, else (1, n * channels)
+
+    Examples
+    --------
+    >>> as_samples(np.array([[0.5], [-1.5]], np.float32), "s16", 16).tolist()
+    [[16384, -32768]]
+    """
+    kind = sample_format.removesuffix("p")
+    if kind in ("flt", "dbl"):
+        x: NDArray[Any] = block.astype(np.float32 if kind == "flt" else np.float64)
+    else:
+        half = 1 << (bits - 1)
+        x = np.clip(np.rint(block.astype(np.float64) * half), -half, half - 1).astype(np.int64)
+        if kind == "u8":
+            x = (x + 128).astype(np.uint8)
+        else:
+            width = int(kind[1:])
+            x = (x << (width - bits)).astype(np.int16 if width == 16 else np.int32)
+    if sample_format.endswith("p"):
+        return np.ascontiguousarray(x.T)
+    return np.ascontiguousarray(x).reshape(1, -1)

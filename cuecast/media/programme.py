@@ -1,0 +1,260 @@
+"""A programme opened for reading: its sound, its picture, its clock.
+
+The programme's clock counts seconds from the first picture, or from the first sample where there
+is no picture. All other times of a container are differences to it.
+"""
+
+import math
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import av
+import av.logging
+from av.container import InputContainer
+
+from codec.errors import CueError
+
+_RATE_SCAN_S = 30
+"""How much of a programme is read to learn a bit rate that its headers do not tell."""
+
+_EXACT_DURATION = {"mov", "mp4", "matroska", "flac", "wav", "aiff"}
+"""Containers whose headers tell the length exactly; others estimate it."""
+
+_TOLERATED_SHORTFALL_S = 1.0
+"""Last packets without a duration make the end uncertain by a picture or two."""
+
+av.logging.set_level(av.logging.PANIC)  # our errors are one line; FFmpeg would print its own
+
+
+@dataclass(frozen=True, slots=True)
+class SoundFormat:
+    """What the sound of a programme is, and has to stay.
+
+    Attributes
+    ----------
+    codec : str
+        FFmpeg's name of the codec, such as ``aac``, ``mp2``, ``flac``, ``pcm_s16le``.
+    fs : int
+        Samples per second of one channel.
+    channels : int
+        Number of channels.
+    layout : str
+        FFmpeg's name of the arrangement of channels, such as ``stereo``.
+    sample_format : str
+        FFmpeg's name of the type of one sample.
+    bit_rate : int
+        Bits per second of all channels, 0 where unknown.
+    """
+
+    codec: str
+    fs: int
+    channels: int
+    layout: str
+    sample_format: str
+    bit_rate: int
+
+
+class Programme:
+    """A container opened for reading, by `open_programme`.
+
+    Parameters
+    ----------
+    container : av.container.InputContainer
+        The open container.
+    name : str
+        What error messages call it.
+    track : int
+        Which of its sounds is meant, from 0.
+    cut_short : bool
+        Whether the file is known to hold less than its headers tell.
+
+    Raises
+    ------
+    CueError
+        If there is no such sound.
+    """
+
+    def __init__(
+        self, container: InputContainer, name: str, track: int = 0, *, cut_short: bool = False
+    ) -> None:
+        self.container = container
+        self.name = name
+        self._end_s = 0.0
+        self._cut_short = cut_short
+        sounds = container.streams.audio
+        if not sounds:
+            raise CueError(f"{name}: no sound in it")
+        if not 0 <= track < len(sounds):
+            raise CueError(f"{name}: no sound track {track}, it has {len(sounds)}")
+        self.sound = sounds[track]
+        self.picture = next(
+            (s for s in container.streams.video if not _is_attached_picture(s)), None
+        )
+
+    @property
+    def format(self) -> SoundFormat:
+        """Parameters of the sound.
+
+        Raises
+        ------
+        CueError
+            If the container does not tell them.
+        """
+        context = self.sound.codec_context
+        if context is None:
+            raise CueError(f"{self.name}: sound in an unknown codec")
+        fs, channels = context.sample_rate, context.layout.nb_channels
+        if fs <= 0 or channels <= 0 or context.format is None:
+            raise CueError(f"{self.name}: sound of {fs} Hz and {channels} channels")
+        return SoundFormat(
+            context.name, fs, channels, context.layout.name, context.format.name,
+            int(context.bit_rate or 0),
+        )  # fmt: skip
+
+    @property
+    def duration_s(self) -> float | None:
+        """Length of the programme that its headers tell, in seconds."""
+        if self.sound.duration is not None and self.sound.time_base is not None:
+            return float(self.sound.duration * self.sound.time_base)
+        if self.container.duration is not None:
+            return self.container.duration / 1e6
+        return None
+
+    @property
+    def origin_s(self) -> float:
+        """Time of the programme's clock's zero in the container's own times, seconds."""
+        stream = self.picture if self.picture is not None else self.sound
+        if stream.start_time is None or stream.time_base is None:
+            return 0.0
+        return float(stream.start_time * stream.time_base)
+
+    def packets(self) -> Iterator[Any]:
+        """Yield the packets of all streams as they stand in the container.
+
+        Raises
+        ------
+        CueError
+            If the container is damaged.
+        """
+        try:
+            for packet in self.container.demux(_readable(self.container)):
+                if packet.size:
+                    self._note_end(packet)
+                    yield packet
+        except av.FFmpegError as error:
+            raise CueError(f"{self.name}: damaged: {reason(error)}") from error
+
+    @property
+    def missing_s(self) -> float:
+        """How much earlier the packets ended than the headers tell, 0 where these may guess."""
+        if self._cut_short:
+            return math.inf
+        promised = self.container.duration
+        if promised is None or not _EXACT_DURATION & set(self.container.format.name.split(",")):
+            return 0.0
+        start_s = (self.container.start_time or 0) / av.time_base
+        return max(0.0, start_s + promised / av.time_base - self._end_s)
+
+    def check_complete(self) -> None:
+        """Raise `CueError` if the packets, read to their end, fall short of what headers tell."""
+        if self.missing_s > _TOLERATED_SHORTFALL_S:
+            raise CueError(f"{self.name}: truncated: it ends before the length in its headers")
+
+    def _note_end(self, packet: Any) -> None:
+        time = packet.pts if packet.pts is not None else packet.dts
+        if time is not None:
+            end = (time + (packet.duration or 0)) * packet.time_base
+            self._end_s = max(self._end_s, float(end))
+
+
+@contextmanager
+def open_programme(
+    source: str | os.PathLike[str] | BinaryIO, *, track: int = 0
+) -> Iterator[Programme]:
+    """Open a sound file or a video container.
+
+    Parameters
+    ----------
+    source : path or binary file
+        A file without ``seek``, such as a pipe, is read once from its beginning.
+    track : int
+        Which of its sounds is meant, from 0.
+
+    Yields
+    ------
+    Programme
+
+    Raises
+    ------
+    CueError
+        If `source` is missing, empty, a folder, not media, or has no such sound.
+    """
+    name = str(source) if isinstance(source, (str, os.PathLike)) else "standard input"
+    cut_short = False
+    if isinstance(source, (str, os.PathLike)):
+        _check_file(Path(source), name)
+        cut_short = _riff_is_cut_short(Path(source))
+    try:
+        # The file: protocol keeps names with a colon from being read as addresses.
+        address = f"file:{source}" if isinstance(source, (str, os.PathLike)) else source
+        container = av.open(address, "r", metadata_errors="ignore")
+    except (av.FFmpegError, ValueError, UnicodeError) as error:
+        raise CueError(f"{name}: not a sound or video file: {reason(error)}") from error
+    with container:
+        yield Programme(container, name, track, cut_short=cut_short)
+
+
+def measured_bit_rate(path: str | os.PathLike[str], *, track: int = 0) -> int:
+    """Return the bit rate of a sound whose container does not tell it, in bit/s.
+
+    Reads the packets of the first half minute; 0 if they have no durations.
+    """
+    total, length = 0, Fraction(0)
+    with open_programme(path, track=track) as programme:
+        for packet in programme.container.demux(programme.sound):
+            if packet.duration and packet.time_base is not None:
+                total += packet.size
+                length += packet.duration * packet.time_base
+            if length > _RATE_SCAN_S:
+                break
+    return round(8 * total / length) if length else 0
+
+
+def reason(error: BaseException) -> str:
+    """Return what FFmpeg says about `error`, without its file name."""
+    return str(getattr(error, "strerror", None) or error)
+
+
+def _check_file(path: Path, name: str) -> None:
+    if path.is_dir():
+        raise CueError(f"{name}: is a folder, not a programme")
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise CueError(f"{name}: {error.strerror}") from error
+    if path.is_file() and size == 0:
+        raise CueError(f"{name}: the file is empty")
+
+
+def _riff_is_cut_short(path: Path) -> bool:
+    """Tell whether a WAV file is shorter than it says; FFmpeg trusts the file's size instead."""
+    with path.open("rb") as file:
+        head = file.read(8)
+    told = int.from_bytes(head[4:8], "little")
+    if head[:4] != b"RIFF" or told in (0, 0xFFFFFFFF):  # a stream's header tells nothing
+        return False
+    return path.stat().st_size < told + 8
+
+
+def _is_attached_picture(stream: Any) -> bool:
+    return "attached_pic" in str(stream.disposition).lower()
+
+
+def _readable(container: InputContainer) -> list[Any]:
+    """Streams with packets: everything but attachments, which travel in the header."""
+    return [stream for stream in container.streams if stream.type != "attachment"]

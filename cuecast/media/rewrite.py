@@ -1,0 +1,221 @@
+"""A programme written again with another sound; everything else is copied packet by packet.
+
+Pictures, other sounds and subtitles pass untouched, with their times, languages and roles; only
+the one sound is decoded, changed by a stage and encoded again.
+"""
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import av
+import numpy as np
+from av.container import OutputContainer
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from cuecast.files import whole_file
+from cuecast.media.encode import SoundEncoder, choose_target
+from cuecast.media.programme import (
+    Programme,
+    SoundFormat,
+    measured_bit_rate,
+    open_programme,
+    reason,
+)
+from cuecast.media.sound import SoundDecoder
+
+_FILE_TAGS = {
+    "major_brand", "minor_version", "compatible_brands", "encoder", "duration", "handler_name",
+    "vendor_id", "creation_time",
+}  # fmt: skip
+"""Tags that describe the old file, not the programme; the new file has its own."""
+
+_WRITER_OPTIONS = {
+    ".ts": {"max_delay": "700000"},  # decoders need the clock reference ahead of the pictures
+    ".wav": {"rf64": "auto"},  # beyond 4 GiB
+}
+"""What the writer of a container has to be told, by suffix."""
+
+
+class Stage(Protocol):
+    """What changes the sound: as many samples come out as went in, later."""
+
+    def process(self, block: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Take and give samples of shape (n, channels)."""
+
+    def flush(self) -> NDArray[np.float32]:
+        """Give the samples that were held back."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rewritten:
+    """What `rewrite_sound` did: sound parameters, length, clipped samples, streams left out."""
+
+    sound: SoundFormat
+    duration_s: float
+    start_s: float
+    clipped: int
+    left_out: tuple[str, ...]
+
+
+def rewrite_sound(
+    source: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    stage: Callable[[SoundFormat, float], Stage],
+    *,
+    track: int = 0,
+    codec: str | None = None,
+    bit_rate: int | None = None,
+    progress: Callable[[float], None] = lambda seconds: None,
+) -> Rewritten:
+    """Copy the programme `source` to `target` with its sound passed through a stage.
+
+    Parameters
+    ----------
+    source, target : path
+        The suffix of `target` names the container.
+    stage : callable
+        Called once with the sound's format and the time of its first sample on the programme's
+        clock; gives the stage.
+    track : int
+        Which of the programme's sounds, from 0.
+    codec, bit_rate : optional
+        Sound codec and bits per second of the output; by default those of the programme.
+    progress : callable
+        Told how many seconds of sound each block brought.
+
+    Raises
+    ------
+    CueError
+        If the programme is malformed or truncated, or the output cannot be written. No output
+        is left behind then.
+    """
+    if _same_file(source, target):
+        raise CueError(f"{target}: the output would overwrite the programme")
+    with open_programme(source, track=track) as programme, whole_file(target) as temporary:
+        try:
+            options = _WRITER_OPTIONS.get(Path(target).suffix.lower(), {})
+            container = av.open(f"file:{temporary}", "w", container_options=options)
+        except (av.FFmpegError, ValueError) as error:
+            raise CueError(f"{target}: cannot write: {reason(error)}") from error
+        with container:
+            writer = _Writer(programme, container, source, codec, bit_rate)
+            try:
+                return writer.run(stage, progress)
+            except av.FFmpegError as error:
+                raise CueError(f"{target}: cannot write: {reason(error)}") from error
+
+
+class _Writer:
+    """The loop of `rewrite_sound`: packets of `programme` in, packets of `container` out."""
+
+    def __init__(
+        self,
+        programme: Programme,
+        container: OutputContainer,
+        source: str | os.PathLike[str],
+        codec: str | None,
+        bit_rate: int | None,
+    ) -> None:
+        self._programme = programme
+        self._container = container
+        self._decoder = SoundDecoder(programme, strict=True)
+        sound = self._decoder.format
+        if not sound.bit_rate:
+            track = list(programme.container.streams.audio).index(programme.sound)
+            sound = replace(sound, bit_rate=measured_bit_rate(source, track=track))
+        target = choose_target(sound, codec=codec, bit_rate=bit_rate)
+        self._left_out: list[str] = []
+        self._copies: dict[int, Any] = {}
+        for stream in programme.container.streams:
+            if stream is programme.sound:
+                self._encoder = SoundEncoder(container, sound, target)
+                _copy_labels(stream, self._encoder.stream)
+            else:
+                self._add_copy(stream)
+        _copy_tags(programme.container.metadata, container.metadata)
+        if programme.container.chapters():
+            container.set_chapters(programme.container.chapters())
+        self._encoder.open()
+        # Like other remuxers: the new container starts at zero; differences stay exact.
+        self._shift_s = (programme.container.start_time or 0) / av.time_base
+
+    def run(
+        self, make_stage: Callable[[SoundFormat, float], Stage], progress: Callable[[float], None]
+    ) -> Rewritten:
+        """Copy, change, encode to the end."""
+        stage: Stage | None = None
+        for packet in self._packets():
+            if packet is None or packet.stream is self._programme.sound:
+                block = self._decoder.process(packet)
+                if stage is None and len(block):
+                    stage = make_stage(self._decoder.format, self._decoder.start_s or 0.0)
+                if stage is not None and len(block):
+                    self._write_sound(stage.process(block))
+                    progress(len(block) / self._decoder.format.fs)
+            elif packet.stream.index in self._copies:
+                self._write_copy(packet)
+        if stage is None:
+            raise CueError(f"{self._programme.name}: its sound is empty")
+        self._write_sound(stage.flush())
+        for packet in self._encoder.flush():
+            self._container.mux(packet)
+        self._programme.check_complete()
+        decoder = self._decoder
+        return Rewritten(
+            decoder.format, decoder.samples / decoder.format.fs, decoder.start_s or 0.0,
+            self._encoder.clipped, tuple(self._left_out),
+        )  # fmt: skip
+
+    def _packets(self) -> Iterator[Any]:
+        """Yield the programme's packets, then None for the end of the sound."""
+        yield from self._programme.packets()
+        yield None
+
+    def _write_sound(self, block: NDArray[np.float32]) -> None:
+        start_s = self._decoder.container_start_s - self._shift_s
+        for packet in self._encoder.process(block, start_s):
+            self._container.mux(packet)
+
+    def _write_copy(self, packet: Any) -> None:
+        shift = round(self._shift_s / packet.time_base)
+        packet.stream = self._copies[packet.stream.index]
+        if packet.pts is not None:
+            packet.pts -= shift
+        if packet.dts is not None:
+            packet.dts -= shift
+        self._container.mux(packet)
+
+    def _add_copy(self, stream: Any) -> None:
+        try:
+            if stream.type == "attachment":
+                self._container.add_attachment(stream.name, stream.mimetype, stream.data)
+                return
+            copy = self._container.add_stream_from_template(stream)
+        except (av.FFmpegError, ValueError, TypeError) as error:
+            self._left_out.append(f"stream {stream.index} ({stream.type}): {reason(error)}")
+            return
+        self._copies[stream.index] = copy
+        _copy_labels(stream, copy)
+
+
+def _copy_labels(source: Any, target: Any) -> None:
+    """Carry over language, title and role of a stream."""
+    _copy_tags(source.metadata, target.metadata)
+    target.disposition = source.disposition
+
+
+def _copy_tags(source: dict[str, str], target: dict[str, str]) -> None:
+    for key, value in source.items():
+        if key.lower() not in _FILE_TAGS:
+            target[key] = value
+
+
+def _same_file(source: str | os.PathLike[str], target: str | os.PathLike[str]) -> bool:
+    try:
+        return Path(source).samefile(target)
+    except OSError:
+        return False

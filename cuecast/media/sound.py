@@ -1,0 +1,159 @@
+"""Packets of a programme's sound become samples on one unbroken line of time.
+
+Gaps between packets (lost or damaged ones, a sound that pauses) are filled with silence and
+overlaps are cut, so that sample n stands at ``start_s + n / fs`` throughout.
+"""
+
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import Any
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from cuecast.media.programme import Programme, SoundFormat, reason
+
+JITTER_S = 0.010
+"""Timestamps that stray by less are rounding of the container (1 ms in Matroska)."""
+
+LONGEST_GAP_S = 10.0
+"""A greater step is a new start of the container's clock, not a pause: the line goes on."""
+
+
+class SoundDecoder:
+    """Decoder of one sound of a programme.
+
+    Parameters
+    ----------
+    programme : Programme
+        Its `sound` is decoded.
+    strict : bool
+        Whether a damaged packet is an error; otherwise it counts in `damaged` and is a gap.
+
+    Attributes
+    ----------
+    format : SoundFormat
+        Parameters of the samples that come out.
+    start_s : float or None
+        Time of the first sample on the programme's clock, once there is one.
+    container_start_s : float
+        The same time as the container counts.
+    samples : int
+        Samples given so far.
+    damaged : int
+        Packets that could not be decoded.
+    """
+
+    def __init__(self, programme: Programme, *, strict: bool) -> None:
+        self._programme = programme
+        self._strict = strict
+        self._converter: av.AudioResampler | None = None
+        self._offset = 0
+        self.format: SoundFormat = programme.format
+        self.start_s: float | None = None
+        self.container_start_s = 0.0
+        self.samples = 0
+        self.damaged = 0
+
+    def process(self, packet: Any) -> NDArray[np.float32]:
+        """Decode one packet of the sound (None: the last ones in the decoder).
+
+        Returns
+        -------
+        ndarray of float32, shape (n, channels)
+            Full scale is 1; n may be 0.
+
+        Raises
+        ------
+        CueError
+            If the packet is damaged and the decoder is strict.
+        """
+        try:
+            frames = self._programme.sound.decode(packet)
+        except av.FFmpegError as error:
+            if self._strict:
+                at = self.samples / self.format.fs
+                name = self._programme.name
+                raise CueError(f"{name}: damaged sound at {at:.2f} s: {reason(error)}") from error
+            self.damaged += 1
+            frames = []
+        blocks = [self._placed(frame) for frame in frames if frame.samples]
+        if not blocks:
+            return np.zeros((0, self.format.channels), np.float32)
+        return np.concatenate(blocks)
+
+    def flush(self) -> NDArray[np.float32]:
+        """Return the samples that were still in the decoder."""
+        return self.process(None)
+
+    def _placed(self, frame: av.AudioFrame) -> NDArray[np.float32]:
+        block = self._samples(frame)
+        fs = self.format.fs
+        position = None if frame.pts is None else float(frame.pts * Fraction(frame.time_base or 1))
+        if self.start_s is None:
+            self.container_start_s = position or 0.0
+            self.start_s = self.container_start_s - self._programme.origin_s
+        elif position is not None:
+            due = round((position - self.container_start_s) * fs) - self._offset
+            block = self._aligned(block, due - self.samples)
+        self.samples += len(block)
+        return block
+
+    def _aligned(self, block: NDArray[np.float32], late: int) -> NDArray[np.float32]:
+        """Fill or cut `late` samples between what was given and what comes."""
+        fs = self.format.fs
+        if abs(late) <= JITTER_S * fs:
+            return block
+        if abs(late) > LONGEST_GAP_S * fs:
+            self._offset += late
+            return block
+        if late < 0:
+            return block[-late:]
+        return np.concatenate([np.zeros((late, block.shape[1]), np.float32), block])
+
+    def _samples(self, frame: av.AudioFrame) -> NDArray[np.float32]:
+        """Return the frame's samples, in this decoder's rate and channels."""
+        fmt = self.format
+        if frame.sample_rate == fmt.fs and frame.layout.nb_channels == fmt.channels:
+            return as_float(frame)
+        if self._converter is None:  # the programme changed between stereo and surround, or rate
+            self._converter = av.AudioResampler(format="fltp", layout=fmt.layout, rate=fmt.fs)
+        try:
+            frames = self._converter.resample(frame)
+        except ValueError:
+            self._converter = None
+            return self._samples(frame)
+        blocks = [as_float(converted) for converted in frames]
+        return np.concatenate(blocks) if blocks else np.zeros((0, fmt.channels), np.float32)
+
+
+def as_float(frame: av.AudioFrame) -> NDArray[np.float32]:
+    """Return the samples of `frame` as float32, shape (n, channels), full scale 1.
+
+    Examples
+    --------
+    >>> frame = av.AudioFrame.from_ndarray(np.array([[-32768, 16384]], np.int16), layout="stereo")
+    >>> as_float(frame).tolist()
+    [[-1.0, 0.5]]
+    """
+    raw = frame.to_ndarray()
+    x = raw.T if frame.format.is_planar else raw.reshape(-1, frame.layout.nb_channels)
+    if x.dtype.kind == "f":
+        return np.ascontiguousarray(x, np.float32)
+    if x.dtype.kind == "u":
+        return ((x.astype(np.float32) - 128) / 128).astype(np.float32)
+    return (x / float(1 << (8 * x.dtype.itemsize - 1))).astype(np.float32)
+
+
+def sound_blocks(decoder: SoundDecoder, programme: Programme) -> Iterator[NDArray[np.float32]]:
+    """Yield the whole sound of `programme` block by block, as it is read."""
+    for packet in programme.packets():
+        if packet.stream is programme.sound:
+            block = decoder.process(packet)
+            if len(block):
+                yield block
+    block = decoder.flush()
+    if len(block):
+        yield block
