@@ -1,0 +1,286 @@
+"""Compiled loops of the quality meter.
+
+Contiguous float64 arrays in, arrays filled in place out. The states of one channel are
+passed as one array `state` of shape (14, bands) whose rows are named by the constants below.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+# Rows of `state`; pairs are reference, test.
+SMEARED = 0  # time-spread excitation
+LEVEL = 2  # low-passed excitation, for level adaptation
+PATTERN = 4  # low-passed pattern correction
+RATIO = 6  # numerator and denominator of the pattern ratio
+PREVIOUS = 8  # loudness of the frame before
+CHANGE = 10  # low-passed change of loudness
+MEAN = 12  # low-passed loudness
+
+# Columns of `out` of `frames_into`.
+NMR_MEAN, NMR_MAX, MOD_1, MOD_2, MOD_WEIGHT, NOISE_LOUDNESS = 0, 1, 2, 3, 4, 5
+LOUDNESS_REF, LOUDNESS_TEST, BANDWIDTH_REF, BANDWIDTH_TEST = 6, 7, 8, 9
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@njit(cache=True)
+def group_into(
+    power: FloatArray,
+    first: IntArray,
+    last: IntArray,
+    first_share: FloatArray,
+    last_share: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Sum bins of a power spectrum into bands."""
+    for b in range(out.size):
+        total = first_share[b] * power[first[b]] + last_share[b] * power[last[b]]
+        for k in range(first[b] + 1, last[b]):
+            total += power[k]
+        out[b] = max(total, 1e-12)
+
+
+@njit(cache=True)
+def spread_into(
+    bands: FloatArray,
+    upper_slope: FloatArray,
+    lower_gain: FloatArray,
+    unit: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Spread energy over bands; slopes add up in the domain of the power 0.4."""
+    n = bands.size
+    lower = 10.0 ** (-2.7 * 0.25 * 0.4)
+    for b in range(n):
+        out[b] = 0.0
+    for b in range(n):
+        slope = upper_slope[b] * bands[b] ** 0.05
+        upper_gain = (1.0 - slope ** (n - b)) / (1.0 - slope)
+        peak = (bands[b] / (lower_gain[b] + upper_gain - 1.0)) ** 0.4
+        step = slope**0.4
+        share = peak
+        for m in range(b, n):
+            out[m] += share
+            share *= step
+        share = peak
+        for m in range(b - 1, -1, -1):
+            share *= lower
+            out[m] += share
+    for b in range(n):
+        out[b] = out[b] ** 2.5 / unit[b]
+
+
+@njit(cache=True)
+def adapt_into(
+    excitation: FloatArray, decay: FloatArray, state: FloatArray, out: FloatArray
+) -> None:
+    """Level and pattern adaptation of both excitations, shape (2, bands)."""
+    n = decay.size
+    cross, power = 0.0, 0.0
+    for b in range(n):
+        a = decay[b]
+        for s in range(2):
+            state[LEVEL + s, b] = a * state[LEVEL + s, b] + (1.0 - a) * excitation[s, b]
+        cross += math.sqrt(state[LEVEL, b] * state[LEVEL + 1, b])
+        power += state[LEVEL + 1, b]
+    level = (cross / power) ** 2
+    ratio = np.empty((2, n))
+    for b in range(n):
+        out[0, b] = excitation[0, b] / level if level > 1.0 else excitation[0, b]
+        out[1, b] = excitation[1, b] if level > 1.0 else excitation[1, b] * level
+        state[RATIO, b] = decay[b] * state[RATIO, b] + out[0, b] * out[1, b]
+        state[RATIO + 1, b] = decay[b] * state[RATIO + 1, b] + out[0, b] * out[0, b]
+        r = state[RATIO, b] / state[RATIO + 1, b]
+        ratio[0, b] = min(1.0, r)
+        ratio[1, b] = min(1.0, 1.0 / r)
+    for b in range(n):
+        low, high = max(0, b - 3), min(n - 1, b + 4)
+        for s in range(2):
+            mean = 0.0
+            for m in range(low, high + 1):
+                mean += ratio[s, m]
+            mean /= high - low + 1
+            row = PATTERN + s
+            state[row, b] = decay[b] * state[row, b] + (1.0 - decay[b]) * mean
+            out[s, b] *= state[row, b]
+
+
+@njit(cache=True)
+def modulation_into(
+    excitation: FloatArray, decay: FloatArray, frame_rate: float, state: FloatArray, out: FloatArray
+) -> None:
+    """Modulation of the envelope in each band of both signals, shape (2, bands)."""
+    for s in range(2):
+        for b in range(decay.size):
+            a = decay[b]
+            loudness = excitation[s, b] ** 0.3
+            change = frame_rate * abs(loudness - state[PREVIOUS + s, b])
+            state[CHANGE + s, b] = a * state[CHANGE + s, b] + (1.0 - a) * change
+            state[MEAN + s, b] = a * state[MEAN + s, b] + (1.0 - a) * loudness
+            state[PREVIOUS + s, b] = loudness
+            out[s, b] = state[CHANGE + s, b] / (1.0 + state[MEAN + s, b] / 0.3)
+
+
+@njit(cache=True)
+def loudness(excitation: FloatArray, threshold: FloatArray, index: FloatArray) -> float:
+    """Total loudness in sone of one excitation pattern."""
+    total = 0.0
+    for b in range(threshold.size):
+        s = index[b]
+        scale = 1.07664 * (threshold[b] / (s * 1e4)) ** 0.23
+        total += max(0.0, scale * ((1.0 - s + s * excitation[b] / threshold[b]) ** 0.23 - 1.0))
+    return total * 24.0 / threshold.size
+
+
+@njit(cache=True)
+def noise_loudness(adapted: FloatArray, modulation: FloatArray, noise: FloatArray) -> float:
+    """Partial loudness in sone of what the test adds to the reference."""
+    total = 0.0
+    for b in range(noise.size):
+        ref, test = adapted[0, b], adapted[1, b]
+        s_ref = 0.15 * modulation[0, b] + 0.5
+        s_test = 0.15 * modulation[1, b] + 0.5
+        beta = math.exp(-1.5 * (test - ref) / ref)
+        extra = max(0.0, s_test * test - s_ref * ref)
+        ratio = 1.0 + extra / (noise[b] + s_ref * ref * beta)
+        total += (noise[b] / s_test) ** 0.23 * (ratio**0.23 - 1.0)
+    return max(0.0, total * 24.0 / noise.size)
+
+
+@njit(cache=True)
+def modulation_difference(
+    modulation: FloatArray, mean: FloatArray, noise: FloatArray
+) -> tuple[float, float, float]:
+    """Plain and asymmetric difference of the modulations in percent, and the frame's weight."""
+    plain, asymmetric, weight = 0.0, 0.0, 0.0
+    n = noise.size
+    for b in range(n):
+        ref, test = modulation[0, b], modulation[1, b]
+        difference = abs(ref - test)
+        plain += difference / (1.0 + ref)
+        asymmetric += (0.1 if ref > test else 1.0) * difference / (0.01 + ref)
+        weight += mean[b] / (mean[b] + 100.0 * noise[b] ** 0.3)
+    return 100.0 * plain / n, 100.0 * asymmetric / n, weight
+
+
+@njit(cache=True)
+def bandwidths(ref: FloatArray, test: FloatArray) -> tuple[int, int]:
+    """Bandwidths in bins, or (-1, -1) where the reference reaches no more than 8.1 kHz."""
+    floor = 0.0
+    for k in range(921, 1024):
+        floor = max(floor, test[k])
+    k = 921
+    while k > 0 and ref[k - 1] < 10.0 * floor:
+        k -= 1
+    if k <= 346:
+        return -1, -1
+    width = k
+    while k > 0 and test[k - 1] < 10.0**0.5 * floor:
+        k -= 1
+    return width, k
+
+
+@njit(cache=True)
+def detection_into(excitation: FloatArray, probability: FloatArray, steps: FloatArray) -> None:
+    """Detect a difference: probability per band, and its size in just noticeable steps."""
+    for b in range(probability.size):
+        ref, test = 10.0 * math.log10(excitation[0, b]), 10.0 * math.log10(excitation[1, b])
+        mix = 0.3 * max(ref, test) + 0.7 * test
+        step = 1e30
+        if mix > 0.0:
+            step = 5.95072 * (6.39468 / mix) ** 1.71332 - 0.198719
+            step += mix * (0.0550197 + mix * (-0.00102438 + mix * (5.05622e-6 + mix * 9.01033e-11)))
+        difference = ref - test
+        exponent = 4.0 if ref > test else 6.0
+        p = 1.0 - 0.5 ** (abs(difference / step) ** exponent)
+        probability[b] = max(probability[b], p)
+        steps[b] = max(steps[b], abs(math.trunc(difference)) / step)
+
+
+@njit(cache=True)
+def frames_into(
+    power: FloatArray,
+    outer_ear: FloatArray,
+    first: IntArray,
+    last: IntArray,
+    first_share: FloatArray,
+    last_share: FloatArray,
+    bands: FloatArray,
+    frame_rate: float,
+    state: FloatArray,
+    out: FloatArray,
+    probability: FloatArray,
+    steps: FloatArray,
+) -> None:
+    """Run consecutive frames of one channel through the model.
+
+    power : (2, T, bins), reference then test; bands : the rows `noise, upper_slope, lower_gain,
+    spread_unit, smear, adapt, loudness_threshold, loudness_index, mask_ratio` of shape (9, bands);
+    out : (T, 10); probability, steps : (T, bands), raised to the largest over the channels.
+    """
+    noise, upper_slope, lower_gain, unit = bands[0], bands[1], bands[2], bands[3]
+    smear, decay = bands[4], bands[5]
+    n = noise.size
+    weighted = np.empty((3, outer_ear.size))
+    grouped = np.empty(n)
+    disturbance = np.empty(n)
+    spread = np.empty((2, n))
+    excitation = np.empty((2, n))
+    adapted = np.empty((2, n))
+    modulation = np.empty((2, n))
+    for t in range(power.shape[1]):
+        for k in range(outer_ear.size):
+            for s in range(2):
+                weighted[s, k] = outer_ear[k] * power[s, t, k]
+            weighted[2, k] = (math.sqrt(weighted[0, k]) - math.sqrt(weighted[1, k])) ** 2
+        group_into(weighted[2], first, last, first_share, last_share, disturbance)
+        for s in range(2):
+            group_into(weighted[s], first, last, first_share, last_share, grouped)
+            for b in range(n):
+                grouped[b] += noise[b]
+            spread_into(grouped, upper_slope, lower_gain, unit, spread[s])
+            for b in range(n):
+                row = SMEARED + s
+                state[row, b] = smear[b] * state[row, b] + (1.0 - smear[b]) * spread[s, b]
+                excitation[s, b] = max(state[row, b], spread[s, b])
+        adapt_into(excitation, decay, state, adapted)
+        modulation_into(spread, decay, frame_rate, state, modulation)
+
+        mean, largest = 0.0, 0.0
+        for b in range(n):
+            ratio = disturbance[b] / (bands[8, b] * excitation[0, b])
+            mean += ratio / n
+            largest = max(largest, ratio)
+        out[t, NMR_MEAN], out[t, NMR_MAX] = mean, largest
+        plain, asymmetric, weight = modulation_difference(modulation, state[MEAN], noise)
+        out[t, MOD_1], out[t, MOD_2], out[t, MOD_WEIGHT] = plain, asymmetric, weight
+        out[t, NOISE_LOUDNESS] = noise_loudness(adapted, modulation, noise)
+        out[t, LOUDNESS_REF] = loudness(excitation[0], bands[6], bands[7])
+        out[t, LOUDNESS_TEST] = loudness(excitation[1], bands[6], bands[7])
+        width_ref, width_test = bandwidths(power[0, t], power[1, t])
+        out[t, BANDWIDTH_REF], out[t, BANDWIDTH_TEST] = width_ref, width_test
+        detection_into(excitation, probability[t], steps[t])
+
+
+@njit(cache=True)
+def polyphase_into(
+    history: FloatArray, taps: FloatArray, down: int, first: int, start: int, out: FloatArray
+) -> None:
+    """Resample: output m reads the input around sample m * down // up with phase m * down % up.
+
+    history : (half + n, channels), whose row `half` is input sample `first`; taps : (up, 2 half).
+    """
+    up, width = taps.shape
+    for i in range(out.shape[0]):
+        position = (start + i) * down
+        row = position // up - first + 1  # of the first tap: half + (n - half + 1) - first
+        phase = position % up
+        for c in range(out.shape[1]):
+            total = 0.0
+            for j in range(width):
+                total += taps[phase, j] * history[row + j, c]
+            out[i, c] = total

@@ -1,0 +1,172 @@
+"""Averages over time: per-frame features in, the eleven model output variables out.
+
+ITU-R BS.1387-1, Annex 2, section 4 (basic version). A recommendation speaks of whole files;
+`MovAverages` holds running sums instead, so that a programme of any length can be graded.
+"""
+
+import math
+from dataclasses import astuple, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.quality import _kernels as k
+
+FloatArray = NDArray[np.float64]
+
+DELAY_FRAMES = 24  # half a second, before the modulation filters have settled
+AUDIBLE_SONE = 0.1
+AUDIBLE_DELAY_FRAMES = 3  # 50 ms after both signals became audible
+DISTURBED = 10 ** (1.5 / 10)
+# Used where no frame is wide enough to be measured: the lower ends of the network's ranges.
+NARROW_REF, NARROW_TEST = 393.916656, 361.965332
+
+
+@dataclass(frozen=True, slots=True)
+class Movs:
+    """The eleven model output variables of the basic version, in the network's order.
+
+    Attributes
+    ----------
+    bandwidth_ref, bandwidth_test : float
+        Mean bandwidths in bins of 23.4 Hz.
+    total_nmr : float
+        Noise-to-mask ratio in dB.
+    win_mod_diff_1, avg_mod_diff_1, avg_mod_diff_2 : float
+        Differences of the modulations.
+    adb : float
+        Average distorted block: logarithm of the steps per frame of audible difference.
+    ehs : float
+        Harmonic structure of the error.
+    rms_noise_loud : float
+        Loudness of the disturbance in sone.
+    mfpd : float
+        Largest low-passed probability of detection.
+    rel_dist_frames : float
+        Share of frames with a noise-to-mask ratio above 1.5 dB in some band.
+    """
+
+    bandwidth_ref: float
+    bandwidth_test: float
+    total_nmr: float
+    win_mod_diff_1: float
+    adb: float
+    ehs: float
+    avg_mod_diff_1: float
+    avg_mod_diff_2: float
+    rms_noise_loud: float
+    mfpd: float
+    rel_dist_frames: float
+
+    def as_array(self) -> FloatArray:
+        """Values in the network's order, float64, shape (11,)."""
+        return np.array(astuple(self), dtype=np.float64)
+
+
+@dataclass(slots=True)
+class Frame:
+    """Features of one frame.
+
+    Attributes
+    ----------
+    features : ndarray, shape (channels, 10)
+        Columns as in `_kernels`.
+    ehs : ndarray, shape (channels,)
+        Harmonic structure of the error, -1 where it was not measured.
+    detection : float
+        Probability that a listener detects a difference, over bands and channels.
+    steps : float
+        Size of the difference in just noticeable steps.
+    """
+
+    features: FloatArray
+    ehs: FloatArray
+    detection: float
+    steps: float
+
+
+class MovAverages:
+    """Running sums of the model output variables of up to `channels` channels."""
+
+    def __init__(self, channels: int) -> None:
+        self.frames = 0
+        self._bandwidth = np.zeros((3, channels))  # reference, test, count
+        self._nmr = np.zeros((2, channels))  # sum of ratios, disturbed frames
+        self._ehs = np.zeros((2, channels))
+        self._modulation = np.zeros((3, channels))  # weighted 1, weighted 2, weight
+        self._window = np.full((4, channels), np.nan)
+        self._windowed = np.zeros((2, channels))
+        self._noise = np.zeros((2, channels))
+        self._smooth_detection = 0.0
+        self._largest_detection = 0.0
+        self._distorted = np.zeros(2)
+
+    def add(self, frame: Frame, *, settled: bool, audible: bool) -> None:
+        """Count one frame.
+
+        Parameters
+        ----------
+        frame : Frame
+            Features of the frame.
+        settled : bool
+            At least half a second has passed, so that modulations may be compared.
+        audible : bool
+            Both signals have been audible for 50 ms, so that noise loudness may be averaged.
+        """
+        x = frame.features
+        self.frames += 1
+        wide = x[:, k.BANDWIDTH_REF] >= 0
+        self._bandwidth += wide * [x[:, k.BANDWIDTH_REF], x[:, k.BANDWIDTH_TEST], np.ones(len(x))]
+        self._nmr += np.stack([x[:, k.NMR_MEAN], x[:, k.NMR_MAX] > DISTURBED])
+        self._ehs += (frame.ehs >= 0) * [frame.ehs, np.ones(len(x))]
+        if settled:
+            self._add_modulation(x)
+        if settled and audible:
+            self._noise += [x[:, k.NOISE_LOUDNESS] ** 2, np.ones(len(x))]
+        self._smooth_detection = 0.9 * self._smooth_detection + 0.1 * frame.detection
+        self._largest_detection = max(self._largest_detection, self._smooth_detection)
+        if frame.detection > 0.5:
+            self._distorted += [frame.steps, 1.0]
+
+    def _add_modulation(self, x: FloatArray) -> None:
+        weight = x[:, k.MOD_WEIGHT]
+        self._modulation += [weight * x[:, k.MOD_1], weight * x[:, k.MOD_2], weight]
+        self._window = np.vstack([self._window[1:], np.sqrt(x[:, k.MOD_1])])
+        if not np.isnan(self._window[0, 0]):
+            self._windowed += [self._window.mean(axis=0) ** 4, np.ones(len(x))]
+
+    def movs(self) -> Movs:
+        """Evaluate the averages; there must be at least one frame."""
+        ref, test, count = self._bandwidth
+        return Movs(
+            bandwidth_ref=_mean(ref, count, NARROW_REF),
+            bandwidth_test=_mean(test, count, NARROW_TEST),
+            total_nmr=float(np.mean(10 * np.log10(np.maximum(self._nmr[0] / self.frames, 1e-30)))),
+            win_mod_diff_1=_root_mean(*self._windowed),
+            adb=self._average_distorted_block(),
+            ehs=1000 * _mean(self._ehs[0], self._ehs[1], 0.0),
+            avg_mod_diff_1=_mean(self._modulation[0], self._modulation[2], 0.0),
+            avg_mod_diff_2=_mean(self._modulation[1], self._modulation[2], 0.0),
+            rms_noise_loud=_root_mean(*self._noise),
+            mfpd=self._largest_detection,
+            rel_dist_frames=float(np.mean(self._nmr[1] / self.frames)),
+        )
+
+    def _average_distorted_block(self) -> float:
+        steps, count = self._distorted
+        if count == 0:
+            return 0.0
+        return math.log10(steps / count) if steps > 0 else -0.5
+
+
+def _mean(total: FloatArray, count: FloatArray, otherwise: float) -> float:
+    """Mean over channels of total / count, `otherwise` in a channel without a count."""
+    value = np.full(total.shape, otherwise)
+    np.divide(total, count, out=value, where=count > 0)
+    return float(value.mean())
+
+
+def _root_mean(total: FloatArray, count: FloatArray) -> float:
+    value = np.zeros(total.shape)
+    np.divide(total, count, out=value, where=count > 0)
+    return float(np.sqrt(value).mean())

@@ -1,0 +1,306 @@
+"""Objective difference grade of ITU-R BS.1387 (PEAQ), basic version, file or stream.
+
+Reference and test come in as full-scale floats, already aligned in time; out comes a grade from
+0 (no difference to be heard) to -4 (very annoying). Where the Recommendation leaves a choice, the
+reading of P. Kabal (2002) is followed: internal states start at zero, model output variables are
+not clipped, leading and trailing silence does not count.
+"""
+
+import copy
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import ArrayLike, NDArray
+
+from codec.errors import CueError
+from watermark.quality import _kernels
+from watermark.quality.ear import BANDS, FRAME, FRAME_RATE, FS, HOP, ear_tables
+from watermark.quality.harmonics import harmonic_structure
+from watermark.quality.movs import (
+    AUDIBLE_DELAY_FRAMES,
+    AUDIBLE_SONE,
+    DELAY_FRAMES,
+    Frame,
+    MovAverages,
+    Movs,
+)
+from watermark.quality.network import difference_grade, distortion_index
+from watermark.quality.resample import Resampler
+
+FloatArray = NDArray[np.float64]
+
+_ACTIVE_SUM = 200 / 32768  # of five neighbouring magnitudes: where a programme begins and ends
+_BATCH = 32  # frames analysed at once; bounds the memory
+
+
+@dataclass(frozen=True, slots=True)
+class PeaqResult:
+    """A grade and what it came from.
+
+    Attributes
+    ----------
+    odg : float
+        Objective difference grade: 0.2 to -0.1 imperceptible, -1 perceptible, -4 very annoying.
+    di : float
+        Distortion index, finer than the grade at its ends.
+    movs : Movs
+        The eleven model output variables.
+    start_s, end_s : float
+        Stretch of the programme that was graded.
+    """
+
+    odg: float
+    di: float
+    movs: Movs
+    start_s: float
+    end_s: float
+
+
+class PeaqMeter:
+    """Grade a stream in constant memory.
+
+    Parameters
+    ----------
+    fs : int
+        Sampling rate in Hz; other rates than 48000 are resampled.
+    channels : int
+        1 or 2.
+    segment_s : float, optional
+        Also grade every stretch of this length by itself (`process` returns those grades).
+
+    Raises
+    ------
+    CueError
+        If the number of channels or the sampling rate is out of range.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(1).standard_normal((48000, 1)) * 0.1
+    >>> meter = PeaqMeter(48000, 1)
+    >>> _ = meter.process(noise, noise)
+    >>> round(meter.result().odg, 2)
+    0.18
+    """
+
+    def __init__(self, fs: int, channels: int, *, segment_s: float | None = None) -> None:
+        if channels not in (1, 2):
+            raise CueError(f"PEAQ grades 1 or 2 channels, not {channels}")
+        if segment_s is not None and segment_s <= 0:
+            raise CueError(f"segment of {segment_s} s: must be longer than 0 s")
+        self._channels = channels
+        self._segment_frames = 0 if segment_s is None else max(1, round(segment_s * FRAME_RATE))
+        self._resamplers = (Resampler(fs, FS, channels), Resampler(fs, FS, channels))
+        self._pending = (np.empty((0, channels)), np.empty((0, channels)))
+        self._state = np.zeros((channels, 14, BANDS))
+        self._frame = 0
+        self._audible_from: int | None = None
+        self._whole = _Bounded(channels)
+        self._segment = _Bounded(channels)
+
+    def process(self, reference: ArrayLike, test: ArrayLike) -> list[PeaqResult]:
+        """Take the next samples of both signals.
+
+        Parameters
+        ----------
+        reference, test : array_like of float, shape (n, channels)
+            Next samples, full scale 1; both of the same length.
+
+        Returns
+        -------
+        list of PeaqResult
+            Grades of the segments that were completed; silent segments are left out.
+
+        Raises
+        ------
+        CueError
+            If the two blocks differ in shape.
+        """
+        blocks = [self._checked(x) for x in (reference, test)]
+        if blocks[0].shape != blocks[1].shape:
+            raise CueError(f"test has shape {blocks[1].shape}, reference {blocks[0].shape}")
+        self._append([r.process(x) for r, x in zip(self._resamplers, blocks, strict=True)])
+        return self._drain()
+
+    def result(self) -> PeaqResult:
+        """Grade everything so far, as if the programme ended here; more may follow.
+
+        Raises
+        ------
+        CueError
+            If nothing above the level of silence has been seen.
+        """
+        rest = copy.deepcopy(self)
+        rest._append([r.flush() for r in rest._resamplers])
+        rest._drain()
+        left = rest._pending[0].shape[0]
+        if left >= HOP or (left > 0 and rest._frame == 0):
+            rest._append([np.zeros((FRAME - left, rest._channels))] * 2)
+            rest._drain()
+        grade = rest._whole.grade()
+        if grade is None:
+            raise CueError("nothing to grade: the reference is silent")
+        return grade
+
+    def _checked(self, block: ArrayLike) -> FloatArray:
+        x = np.asarray(block, dtype=np.float64)
+        if x.ndim == 1 and self._channels == 1:
+            x = x[:, None]
+        if x.ndim != 2 or x.shape[1] != self._channels:
+            raise CueError(f"block of shape {x.shape}: expected (n, {self._channels})")
+        return x
+
+    def _append(self, blocks: list[FloatArray]) -> None:
+        ref, test = self._pending
+        self._pending = (np.concatenate([ref, blocks[0]]), np.concatenate([test, blocks[1]]))
+
+    def _drain(self) -> list[PeaqResult]:
+        grades = []
+        while (ready := (self._pending[0].shape[0] - FRAME) // HOP + 1) > 0:
+            count = min(ready, _BATCH)
+            length = (count - 1) * HOP + FRAME
+            pair = np.stack([x[:length] for x in self._pending])
+            grades += self._analyse(pair)
+            ref, test = self._pending
+            self._pending = (ref[count * HOP :], test[count * HOP :])
+        return grades
+
+    def _analyse(self, pair: FloatArray) -> list[PeaqResult]:
+        """Run (2, n, channels) samples that make whole frames through the model."""
+        active = _active_frames(pair[0])
+        count = active.size
+        features = np.empty((self._channels, count, 10))
+        ehs = np.empty((self._channels, count))
+        probability, steps = np.zeros((count, BANDS)), np.zeros((count, BANDS))
+        for c in range(self._channels):
+            frames = sliding_window_view(pair[:, :, c], FRAME, axis=1)[:, ::HOP]
+            power = np.abs(np.fft.rfft(frames * ear_tables().window, axis=2)) ** 2
+            energy = np.square(frames[:, :, HOP:]).sum(axis=2)
+            ehs[c] = harmonic_structure(power, energy)
+            _run_model(power, self._state[c], features[c], probability, steps)
+        detection = 1 - np.prod(1 - probability, axis=1)
+        grades = []
+        for t in range(count):
+            frame = Frame(features[:, t], ehs[:, t], float(detection[t]), float(steps[t].sum()))
+            grades += self._count(frame, active=bool(active[t]))
+        return grades
+
+    def _count(self, frame: Frame, *, active: bool) -> list[PeaqResult]:
+        """Add a frame to the averages; grade the segment that ends with it."""
+        x = frame.features
+        loud = (x[:, _kernels.LOUDNESS_REF] > AUDIBLE_SONE) & (
+            x[:, _kernels.LOUDNESS_TEST] > AUDIBLE_SONE
+        )
+        if self._audible_from is None and loud.any():
+            self._audible_from = self._frame
+        settled = self._frame >= DELAY_FRAMES
+        audible = (
+            self._audible_from is not None
+            and self._frame >= self._audible_from + AUDIBLE_DELAY_FRAMES
+        )
+        for averages in (self._whole, self._segment):
+            averages.add(frame, self._frame, active=active, settled=settled, audible=audible)
+        self._frame += 1
+        if not self._segment_frames or self._frame % self._segment_frames:
+            return []
+        grade = self._segment.grade()
+        self._segment = _Bounded(self._channels)
+        return [] if grade is None else [grade]
+
+
+class _Bounded:
+    """Averages from the first to the last frame that is not silent."""
+
+    def __init__(self, channels: int) -> None:
+        self._averages = MovAverages(channels)
+        self._kept = self._averages
+        self._start: int | None = None
+        self._end = 0
+
+    def add(self, frame: Frame, index: int, *, active: bool, settled: bool, audible: bool) -> None:
+        if active:
+            self._kept = self._averages
+            self._start = index if self._start is None else self._start
+            self._end = index + 1
+        elif self._start is None:
+            return
+        elif self._kept is self._averages:  # silence may be the end: keep the sums before it
+            self._averages = copy.deepcopy(self._kept)
+        self._averages.add(frame, settled=settled, audible=audible)
+
+    def grade(self) -> PeaqResult | None:
+        if self._start is None:
+            return None
+        movs = self._kept.movs()
+        index = distortion_index(movs)
+        start_s, end_s = self._start / FRAME_RATE, (self._end + 1) / FRAME_RATE
+        return PeaqResult(difference_grade(index), index, movs, start_s, end_s)
+
+
+def _active_frames(samples: FloatArray) -> NDArray[np.bool_]:
+    """Tell for each frame of (n, channels) samples whether it holds more than silence."""
+    magnitude = np.pad(np.cumsum(np.abs(samples), axis=0), ((1, 0), (0, 0)))
+    loud = ((magnitude[5:] - magnitude[:-5]) >= _ACTIVE_SUM).any(axis=1)
+    frames = sliding_window_view(loud, FRAME - 4)[::HOP]
+    return np.asarray(frames.any(axis=1), dtype=np.bool_)
+
+
+def _run_model(
+    power: FloatArray,
+    state: FloatArray,
+    features: FloatArray,
+    probability: FloatArray,
+    steps: FloatArray,
+) -> None:
+    ear = ear_tables()
+    _kernels.frames_into(
+        power,
+        ear.outer_ear,
+        ear.first,
+        ear.last,
+        ear.first_share,
+        ear.last_share,
+        ear.bands,
+        FRAME_RATE,
+        state,
+        features,
+        probability,
+        steps,
+    )
+
+
+def peaq(reference: ArrayLike, test: ArrayLike, fs: int) -> PeaqResult:
+    """Grade a test signal against its reference, both whole and aligned in time.
+
+    Parameters
+    ----------
+    reference, test : array_like of float, shape (n,) or (n, channels)
+        Full scale 1; one or two channels, the same length.
+    fs : int
+        Sampling rate in Hz.
+
+    Returns
+    -------
+    PeaqResult
+        Grade, distortion index and model output variables.
+
+    Raises
+    ------
+    CueError
+        If the shapes differ, there are more than two channels, or the reference is silent.
+
+    References
+    ----------
+    ITU-R BS.1387-1 (2001), Annex 2. P. Kabal (2002), "An Examination and Interpretation of
+    ITU-R BS.1387: Perceptual Evaluation of Audio Quality", McGill University.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(1).standard_normal(48000) * 0.1
+    >>> peaq(noise, noise + np.roll(noise, 7) * 0.5, 48000).odg < -1
+    True
+    """
+    ref = np.asarray(reference, dtype=np.float64)
+    meter = PeaqMeter(fs, 1 if ref.ndim == 1 else ref.shape[1])
+    meter.process(ref, test)
+    return meter.result()
