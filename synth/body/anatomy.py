@@ -1,0 +1,132 @@
+"""Proportions of the virtual cuers: what differs from one woman to the next.
+
+The raw mesh belongs to nobody: its fingers are short for an adult (index 71 mm from knuckle to
+tip). The lengths here follow the proportions of hand length that Buchholz, Armstrong and
+Goldstein (1992, Ergonomics 35:261) give, for women's hands.
+"""
+
+from dataclasses import dataclass, field
+
+from codec.errors import CueError
+
+
+@dataclass(frozen=True, slots=True)
+class Anatomy:
+    """Proportions of one cuer.
+
+    Attributes
+    ----------
+    scale : float
+        Size of the whole mesh.
+    hand_length_mm : float
+        Wrist to tip of the middle finger; phalanges follow in proportion.
+    palm : float
+        Stretch of wrist and metacarpals along the hand.
+    girth : float
+        Thickness of fingers and hand.
+    upper_arm_mm : float
+        Shoulder to elbow.
+    face : tuple of float
+        Stretch of head and throat: width, height, depth.
+    """
+
+    scale: float
+    hand_length_mm: float
+    palm: float
+    girth: float
+    upper_arm_mm: float
+    face: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        if not 140 <= self.hand_length_mm <= 220:
+            raise CueError(f"hand length {self.hand_length_mm} mm is not within 140..220")
+
+
+@dataclass(frozen=True, slots=True)
+class Habits:
+    """How one cuer moves.
+
+    Attributes
+    ----------
+    placement_shift_mm : dict
+        Offset of the pointing finger's target from the common one, x, y, z, per placement.
+    hand_slope_deg : float
+        Direction of the hand in the picture plane, 90 points up.
+    palm_turn_deg : float
+        Turn of the back of the hand from the viewer towards the outside.
+    opening : float
+        Size of the articulation of the face.
+    asymmetry : float
+        Part by which the mouth's right side moves more than its left.
+    head_mobility : float
+        Size of the head's own motion; 1 is a still speaker.
+    scatter_mm : float
+        Standard deviation of the tip around its target from key to key.
+    scatter_deg : float
+        Standard deviation of each finger's angles from key to key.
+    undershoot : float
+        Part of a movement that is left out when it has half of its natural duration.
+    """
+
+    placement_shift_mm: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    hand_slope_deg: float = 64.0
+    palm_turn_deg: float = 12.0
+    opening: float = 1.0
+    asymmetry: float = 0.05
+    head_mobility: float = 1.0
+    scatter_mm: float = 4.0
+    scatter_deg: float = 2.0
+    undershoot: float = 0.12
+
+
+PHALANGES = {
+    "finger1": (None, 0.196, 0.150),
+    "finger2": (0.245, 0.143, 0.110),
+    "finger3": (0.266, 0.170, 0.118),
+    "finger4": (0.244, 0.165, 0.115),
+    "finger5": (0.204, 0.117, 0.100),
+}
+"""Length of each phalange as a part of hand length; the thumb's metacarpal follows the palm."""
+
+IDENTITIES: dict[str, tuple[Anatomy, Habits]] = {
+    "claire": (
+        Anatomy(
+            scale=0.96, hand_length_mm=176.0, palm=0.92, girth=0.97, upper_arm_mm=285.0,
+            face=(0.97, 1.0, 1.0),
+        ),
+        Habits(),
+    ),
+    "agathe": (
+        Anatomy(
+            scale=0.99, hand_length_mm=187.0, palm=0.97, girth=1.04, upper_arm_mm=300.0,
+            face=(1.0, 0.96, 0.98),
+        ),
+        Habits(
+            placement_shift_mm={
+                "cheek": (4.0, 12.0, 0.0), "mouth": (-5.0, 2.0, 2.0), "chin": (6.0, 3.0, 0.0),
+                "throat": (14.0, 14.0, 0.0), "side": (-6.0, 4.0, -4.0),
+            },
+            hand_slope_deg=56.0, palm_turn_deg=22.0, opening=0.85, asymmetry=-0.12,
+            head_mobility=2.2, scatter_mm=5.5, scatter_deg=2.5, undershoot=0.18,
+        ),
+    ),
+}  # fmt: skip
+"""The cuers: a still speaker, and one with longer hands, flatter hand and livelier head."""
+
+
+def identity(name: str) -> tuple[Anatomy, Habits]:
+    """Return proportions and habits of a cuer.
+
+    Raises
+    ------
+    CueError
+        If there is no such cuer.
+
+    Examples
+    --------
+    >>> identity("claire")[0].hand_length_mm
+    176.0
+    """
+    if name not in IDENTITIES:
+        raise CueError(f"unknown cuer {name!r}; known: {', '.join(IDENTITIES)}")
+    return IDENTITIES[name]

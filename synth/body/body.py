@@ -1,0 +1,181 @@
+"""The virtual cuer's forward model: a pose in, points of her skin out.
+
+A `Pose` holds face-unit weights, the head's turn and shift, the hand's angles and the forearm's
+rigid motion, each per frame. `Body.markers` gives the 113 markers, `Body.points` any skin.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import as_file, files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from codec.errors import CueError
+from codec.npz import read_arrays
+from synth.body.anatomy import PHALANGES, Anatomy, Habits, identity
+from synth.body.skeleton import (
+    ARM_BONES,
+    FINGER_BONES,
+    NECK_SHARE,
+    ArmRig,
+    arm_parents,
+    frame,
+)
+from synth.body.skin import Skin, stretch
+
+FloatArray = NDArray[np.float64]
+
+_MAX_ASSET_BYTES = 20_000_000
+_SLOPE_DEG = 64.0
+
+REFERENCE_FOREARM = frame(
+    np.array([np.cos(np.radians(_SLOPE_DEG)), np.sin(np.radians(_SLOPE_DEG)), -0.05]),
+    np.array([1.0, -0.4, 0.0]),
+)
+"""Frame of the forearm at rotation vector zero: a raised arm, back of the hand to the viewer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A run of poses.
+
+    Attributes
+    ----------
+    units : ndarray, shape (T, U)
+        Weights of the face units, as named by `Body.unit_names`.
+    head : ndarray, shape (T, 6)
+        Rotation vector, rad, and shift, mm, of the head.
+    angles : ndarray, shape (T, 31)
+        Degrees, columns as `synth.body.skeleton.HAND_ANGLES`.
+    forearm : ndarray, shape (T, 6)
+        Rotation vector, rad, from `REFERENCE_FOREARM`, and position of the wrist joint, mm.
+    """
+
+    units: FloatArray
+    head: FloatArray
+    angles: FloatArray
+    forearm: FloatArray
+
+    def __post_init__(self) -> None:
+        lengths = {len(self.units), len(self.head), len(self.angles), len(self.forearm)}
+        if len(lengths) != 1:
+            raise CueError(f"the parts of a pose have {sorted(lengths)} frames, not one length")
+
+    def __len__(self) -> int:
+        return len(self.units)
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """One cuer's body.
+
+    Attributes
+    ----------
+    name : str
+    anatomy : Anatomy
+    habits : Habits
+    arm : ArmRig
+    face_skin, hand_skin : Skin
+        The 63 and 50 markers.
+    units : ndarray, shape (U, 63, 3)
+        Displacement of the face markers by each unit at weight 1, mm.
+    unit_names : tuple of str
+    landmarks : dict of str to ndarray
+        Points of the head at rest that placements refer to, and the right shoulder.
+    """
+
+    name: str
+    anatomy: Anatomy
+    habits: Habits
+    arm: ArmRig
+    face_skin: Skin
+    hand_skin: Skin
+    units: FloatArray
+    unit_names: tuple[str, ...]
+    landmarks: dict[str, FloatArray]
+
+    def markers(self, pose: Pose) -> FloatArray:
+        """Return the 113 markers, shape (T, 113, 3), mm."""
+        return np.concatenate([self.face(pose.units, pose.head), self.hand(pose)], axis=1)
+
+    def face(self, units: FloatArray, head: FloatArray) -> FloatArray:
+        """Return the 63 markers of head and throat, shape (T, 63, 3), mm."""
+        shift = np.tensordot(units, self.units, axes=1)
+        return self.face_skin.place_moved(shift, *self.neck(head))
+
+    def hand(self, pose: Pose) -> FloatArray:
+        """Return the 50 markers of hand and forearm, shape (T, 50, 3), mm."""
+        return self.hand_skin.place(*self.arm_bones(pose.angles, pose.forearm))
+
+    def arm_bones(self, angles: FloatArray, forearm: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return frames (T, 22, 3, 3) and places (T, 22, 3) of the arm's bones."""
+        turn = Rotation.from_rotvec(forearm[:, :3]).as_matrix() @ REFERENCE_FOREARM
+        return self.arm.pose(angles, turn, forearm[:, 3:])
+
+    def neck(self, head: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return frames (T, 5, 3, 3) and places (T, 5, 3) of chest, neck and head.
+
+        The head's turn and shift grow from joint to joint: the throat follows partly.
+        """
+        origins = self.face_skin.origins
+        share = np.cumsum(NECK_SHARE)
+        turns = np.stack(
+            [Rotation.from_rotvec(part * head[:, :3]).as_matrix() for part in share], axis=1
+        )
+        places = np.empty((len(head), len(share), 3))
+        places[:, 0] = origins[0]
+        for bone in range(1, len(share)):
+            step = turns[:, bone - 1] @ (origins[bone] - origins[bone - 1])
+            places[:, bone] = places[:, bone - 1] + step + NECK_SHARE[bone] * head[:, 3:]
+        return turns, places
+
+
+@cache
+def load_body(name: str = "claire") -> Body:
+    """Return a cuer's body, built from the mesh asset and her proportions."""
+    anatomy, habits = identity(name)
+    raw = load_asset("hm08_markers")
+    scale = np.array(anatomy.face) * anatomy.scale
+    face_origins = raw["face_origins"] * scale
+    identity_frames = np.broadcast_to(np.eye(3), (len(face_origins), 3, 3)).copy()
+    face_skin = Skin(raw["face_rest"] * scale, raw["face_weights"], identity_frames, face_origins)
+    names = tuple(map(str, raw["landmark_names"]))
+    landmarks = dict(zip(names, raw["landmarks"] * scale, strict=True))
+    landmarks["shoulder"] = raw["shoulder"] * anatomy.scale
+    frames = raw["arm_frames"]
+    rest, origins = stretch(
+        raw["hand_rest"] * anatomy.scale, raw["hand_weights"], frames,
+        raw["arm_origins"] * anatomy.scale, arm_parents(),
+        _bone_factors(anatomy, raw["arm_lengths"] * anatomy.scale),
+    )  # fmt: skip
+    return Body(
+        name, anatomy, habits, ArmRig(frames, origins, raw["finger_zero"]), face_skin,
+        Skin(rest, raw["hand_weights"], frames, origins), raw["units"] * scale,
+        tuple(map(str, raw["unit_names"])), landmarks,
+    )  # fmt: skip
+
+
+def load_asset(name: str) -> dict[str, NDArray[Any]]:
+    """Return the arrays of ``synth/assets/<name>.npz``, numbers as float64."""
+    with as_file(files("synth") / "assets" / f"{name}.npz") as path:
+        arrays = read_arrays(path, max_bytes=_MAX_ASSET_BYTES)
+    return {
+        key: value.astype(np.float64) if value.dtype.kind == "f" else value
+        for key, value in arrays.items()
+    }
+
+
+def _bone_factors(anatomy: Anatomy, lengths: FloatArray) -> FloatArray:
+    """Return the stretch (22, 3) of every arm bone."""
+    factors = np.ones((len(ARM_BONES), 3))
+    factors[2:] = anatomy.girth
+    factors[2:8, 1] = anatomy.palm
+    for finger, bones in enumerate(FINGER_BONES):
+        for bone, part in zip(bones, PHALANGES[f"finger{finger + 1}"], strict=True):
+            number = ARM_BONES.index(bone)
+            if part is not None:
+                factors[number, 1] = part * anatomy.hand_length_mm / lengths[number]
+    return factors
