@@ -1,0 +1,147 @@
+"""From text or subtitles to a score: phones with times, and the keys that cue them."""
+
+import logging
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import pairwise
+
+from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
+from codec.score import Phone, Score
+from synth.subtitles import Subtitle, spoken
+from synth.text.lexicon import Variant
+from synth.text.pronounce import DEFAULT_STYLE, Style, phonemise
+from synth.timing import FASTEST, Fit, fit, on_grid, speak
+
+Lexicon = Mapping[str, tuple[Variant, ...]]
+Warn = Callable[[str], None]
+
+_log = logging.getLogger(__name__)
+
+
+def score_from_text(
+    text: str,
+    *,
+    start_s: float = 0.0,
+    options: CueingOptions = DEFAULT_OPTIONS,
+    style: Style = DEFAULT_STYLE,
+    user_lexicon: Lexicon | None = None,
+) -> Score:
+    """Return the score of a text spoken at its natural rate.
+
+    Parameters
+    ----------
+    text : str
+        Written French.
+    start_s : float
+        When the first phone starts, rounded to the grid of `synth.timing`.
+    options : CueingOptions
+    style : Style
+        How the text is spoken where French leaves a choice.
+    user_lexicon : mapping, optional
+        From `synth.text.lexicon.read_user_lexicon`.
+
+    Examples
+    --------
+    >>> [(key.shape, key.placement) for key in score_from_text("Bonjour").keys]
+    [(4, 'mouth'), (1, 'chin'), (3, 'side')]
+    """
+    words = phonemise(text, style=style, user_lexicon=user_lexicon)
+    phones = speak(words, on_grid(start_s)).phones
+    return Score(phones, tuple(cue(phones, options)))
+
+
+def score_from_subtitles(
+    subtitles: Iterable[Subtitle],
+    *,
+    options: CueingOptions = DEFAULT_OPTIONS,
+    style: Style = DEFAULT_STYLE,
+    user_lexicon: Lexicon | None = None,
+    warn: Warn = _log.warning,
+) -> Score:
+    """Return the score of a programme's subtitles, each spoken in its interval.
+
+    Parameters
+    ----------
+    subtitles : iterable of Subtitle
+        Sorted by start, as `synth.subtitles.read_subtitles` returns them.
+    options : CueingOptions
+    style : Style
+    user_lexicon : mapping, optional
+    warn : callable
+        Called with one line for each subtitle whose text had to be hurried or cut.
+
+    Examples
+    --------
+    >>> score = score_from_subtitles([Subtitle(1.0, 2.0, "Bonjour !")])
+    >>> score.phones[0].start, len(score.keys)
+    (1.0, 3)
+    """
+    spoken_phones = phones_of_subtitles(
+        subtitles, style=style, user_lexicon=user_lexicon, warn=warn
+    )
+    phones = tuple(spoken_phones)
+    return Score(phones, tuple(cue(phones, options)))
+
+
+def stream_score(
+    subtitles: Iterable[Subtitle],
+    *,
+    options: CueingOptions = DEFAULT_OPTIONS,
+    style: Style = DEFAULT_STYLE,
+    user_lexicon: Lexicon | None = None,
+    warn: Warn = _log.warning,
+) -> Iterator[Score]:
+    """Yield the score of `score_from_subtitles` in pieces between pauses, in constant memory.
+
+    Examples
+    --------
+    >>> lines = [Subtitle(0.0, 1.0, "Oui."), Subtitle(2.0, 3.0, "Non.")]
+    >>> [len(piece.keys) for piece in stream_score(lines)]
+    [1, 1]
+    """
+    piece: list[Phone] = []
+    for phone in phones_of_subtitles(subtitles, style=style, user_lexicon=user_lexicon, warn=warn):
+        if piece and phone.start > piece[-1].end:
+            yield Score(tuple(piece), tuple(cue(piece, options)))
+            piece = []
+        piece.append(phone)
+    if piece:
+        yield Score(tuple(piece), tuple(cue(piece, options)))
+
+
+def phones_of_subtitles(
+    subtitles: Iterable[Subtitle],
+    *,
+    style: Style = DEFAULT_STYLE,
+    user_lexicon: Lexicon | None = None,
+    warn: Warn = _log.warning,
+) -> Iterator[Phone]:
+    """Yield the phones of subtitles that are sorted by start, none before its predecessor's end.
+
+    A subtitle that overlaps the one before starts when that one has been spoken.
+    """
+    free_s = 0.0
+    for subtitle, following in pairwise([*subtitles, None]):
+        assert subtitle is not None
+        words = phonemise(spoken(subtitle.text), style=style, user_lexicon=user_lexicon)
+        if not words:
+            continue
+        start_s = on_grid(max(subtitle.start_s, free_s))
+        end_s = max(subtitle.end_s, start_s + 1 / FASTEST)
+        limit_s = following.start_s if following else end_s + BORROWED_AT_END_S
+        found = fit(words, start_s, end_s, limit_s)
+        _report(subtitle, found, warn)
+        yield from found.phones
+        if found.phones:
+            free_s = found.phones[-1].end
+
+
+BORROWED_AT_END_S = 1.0
+"""What the last subtitle may borrow, as nothing follows."""
+
+
+def _report(subtitle: Subtitle, found: Fit, warn: Warn) -> None:
+    where = f"subtitle at {subtitle.start_s:.2f} s (line {subtitle.line})"
+    if found.left_out:
+        warn(f"{where}: no room for its last {found.left_out} words")
+    if found.rate > FASTEST + 0.05:
+        warn(f"{where}: spoken at {found.rate:.1f} phones/s, more than {FASTEST}")

@@ -1,0 +1,37 @@
+"""A subtitle: an interval of the programme and what is said in it."""
+
+from dataclasses import dataclass
+
+from codec.errors import CueError
+
+LONGEST_S = 360_000.0
+"""100 hours: the last time that the formats' two-digit hours can write."""
+
+
+@dataclass(frozen=True, slots=True)
+class Subtitle:
+    r"""One subtitle.
+
+    Attributes
+    ----------
+    start_s, end_s : float
+        When it is on the screen, seconds on the programme's clock, 0 <= start < end.
+    text : str
+        As displayed, without markup, lines separated by ``\n``.
+    line : int
+        Where it stands in its file, counted from 1, for messages.
+    """
+
+    start_s: float
+    end_s: float
+    text: str
+    line: int = 1
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.start_s <= LONGEST_S:
+            raise CueError(f"line {self.line}: subtitle starts at {self.start_s} s")
+        if not self.start_s < self.end_s <= LONGEST_S:
+            raise CueError(
+                f"line {self.line}: subtitle ends at {self.end_s:.3f} s, "
+                f"not after its start at {self.start_s:.3f} s"
+            )

@@ -1,0 +1,59 @@
+"""Reading a subtitle file whatever its format: SubRip, WebVTT, EBU-TT-D / IMSC, EBU STL."""
+
+from pathlib import Path
+
+from codec.errors import CueError
+from synth.subtitles.encoding import decode
+from synth.subtitles.model import Subtitle
+from synth.subtitles.srt import read_srt
+from synth.subtitles.vtt import read_vtt
+
+LARGEST_BYTES = 64 * 1024 * 1024
+"""Limit of a subtitle file; a week of programme stays far below."""
+
+
+def read_subtitles(path: str | Path) -> list[Subtitle]:
+    """Return the subtitles of a file, sorted by their start.
+
+    Parameters
+    ----------
+    path : path
+        The format is told by the content, not by the name.
+
+    Raises
+    ------
+    CueError
+        If the file cannot be read or is malformed; the message gives the file and the line.
+    """
+    path = Path(path)
+    try:
+        size = path.stat().st_size
+        data = path.read_bytes() if size <= LARGEST_BYTES else b""
+    except OSError as error:
+        raise CueError(f"{path}: cannot read subtitles: {error.strerror}") from error
+    if size > LARGEST_BYTES:
+        raise CueError(f"{path}: {size} bytes of subtitles, more than {LARGEST_BYTES}")
+    try:
+        return parse_subtitles(data)
+    except CueError as error:
+        raise CueError(f"{path}: {error}") from error
+
+
+def parse_subtitles(data: bytes) -> list[Subtitle]:
+    r"""Return the subtitles of the bytes of a file, sorted by their start.
+
+    Raises
+    ------
+    CueError
+        If they are malformed; the message begins with the line.
+
+    Examples
+    --------
+    >>> parse_subtitles(b"00:01 --> 00:02.5\nOui.")
+    [Subtitle(start_s=1.0, end_s=2.5, text='Oui.', line=1)]
+    """
+    if not data.strip():
+        raise CueError("line 1: the file is empty")
+    text = decode(data)
+    read = read_vtt if text.lstrip().startswith("WEBVTT") else read_srt
+    return sorted(read(text), key=lambda s: (s.start_s, s.line))

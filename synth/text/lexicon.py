@@ -1,0 +1,160 @@
+"""The pronunciation lexicon: a word to its variants, each with its phones and word classes.
+
+Three layers, the first that knows the word answers: the user's own lexicon file, the
+supplement that stands in `synth.assets` beside the derived Lexique (function words, letter
+names, loanwords and names that Lexique lacks or gives otherwise), and Lexique 3.83 itself
+(`synth.text.derive_lexicon` tells the format).  Everything is read at the first question.
+"""
+
+import functools
+import lzma
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from codec.errors import CueError
+from codec.phonology import PHONES
+
+ASSETS = Path(__file__).resolve().parents[1] / "assets"
+ASSET = ASSETS / "lexicon.txt.xz"
+SUPPLEMENT = ASSETS / "lexicon_supplement.txt"
+
+LEXIQUE_PHONES = {
+    "a": "a", "o": "o", "9": "œ", "°": "ə", "i": "i", "§": "ɔ̃", "@": "ɑ̃", "E": "ɛ", "O": "ɔ",
+    "u": "u", "5": "ɛ̃", "2": "ø", "e": "e", "y": "y", "1": "œ̃",
+    "p": "p", "d": "d", "Z": "ʒ", "k": "k", "v": "v", "z": "z", "s": "s", "R": "ʁ", "b": "b",
+    "n": "n", "8": "ɥ", "m": "m", "t": "t", "f": "f", "l": "l", "S": "ʃ", "N": "ɲ", "w": "w",
+    "g": "g", "j": "j", "G": "ŋ",
+}  # fmt: skip
+"""Lexique's one-letter code to the phones of `codec.phonology`."""
+
+WORD_CLASSES = "NAUDVROPCI"
+"""Noun, adjective, numeral, determiner, verb, adverb, pronoun, preposition, conjunction, cry."""
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """One pronunciation of a word.
+
+    Attributes
+    ----------
+    phones : tuple of str
+        IPA symbols of `codec.phonology`.
+    classes : dict of str to int
+        Letter of `WORD_CLASSES` to level: 9 + log2 of its share of the word's uses.
+    """
+
+    phones: tuple[str, ...]
+    classes: Mapping[str, int]
+
+
+def decode(code: str) -> tuple[str, ...]:
+    """Return the phones of a string in Lexique's one-letter code.
+
+    Raises
+    ------
+    CueError
+        If a letter is not of the code.
+
+    Examples
+    --------
+    >>> decode("b§ZuR")
+    ('b', 'ɔ̃', 'ʒ', 'u', 'ʁ')
+    """
+    try:
+        return tuple(LEXIQUE_PHONES[letter] for letter in code)
+    except KeyError as error:
+        raise CueError(f"unknown phone letter {error.args[0]!r} in {code!r}") from None
+
+
+@functools.cache
+def _supplement() -> dict[str, str]:
+    lines = SUPPLEMENT.read_text(encoding="utf-8").splitlines()
+    return dict(_split(line) for line in lines if line and not line.startswith("#"))
+
+
+@functools.cache
+def _lexique() -> dict[str, str]:
+    text = lzma.decompress(ASSET.read_bytes()).decode()
+    return dict(_split(line) for line in text.split("\n"))
+
+
+def _split(line: str) -> tuple[str, str]:
+    word, _, variants = line.partition("\t")
+    return word, variants
+
+
+def parse_variants(field: str) -> tuple[Variant, ...]:
+    """Return the variants of one line of the lexicon.
+
+    Examples
+    --------
+    >>> [v.phones for v in parse_variants("kuv@:N9 kuv:V5")]
+    [('k', 'u', 'v', 'ɑ̃'), ('k', 'u', 'v')]
+    """
+    variants = []
+    for variant in field.split(" "):
+        code, _, tags = variant.partition(":")
+        classes = {tags[i]: int(tags[i + 1]) for i in range(0, len(tags), 2)}
+        variants.append(Variant(decode(code), classes or {"N": 9}))
+    return tuple(variants)
+
+
+@functools.lru_cache(maxsize=20_000)
+def lookup(word: str) -> tuple[Variant, ...]:
+    """Return the known variants of a lower-case word, the most used first; () if unknown.
+
+    Examples
+    --------
+    >>> [" ".join(v.phones) for v in lookup("huit")]
+    ['ɥ i t']
+    """
+    for layer in (_supplement, _lexique):
+        field = layer().get(word)
+        if field is not None:
+            return parse_variants(field)
+    if "œ" in word:
+        return lookup(word.replace("œ", "oe"))
+    return ()
+
+
+def read_user_lexicon(path: Path) -> dict[str, tuple[Variant, ...]]:
+    """Read a user's lexicon: a word, a tab or spaces, its phones in IPA, one word a line.
+
+    Empty lines and lines that begin with # are skipped.
+
+    Raises
+    ------
+    CueError
+        If a line has no phones or an unknown one; the message gives its number.
+    """
+    words: dict[str, tuple[Variant, ...]] = {}
+    for number, line in enumerate(path.read_text(encoding="utf-8-sig").splitlines(), 1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        word, *rest = line.split(maxsplit=1)
+        phones = split_ipa("".join(rest))
+        if not phones:
+            raise CueError(f"{path.name} line {number}: no phones after {word!r}")
+        unknown = [phone for phone in phones if phone not in PHONES[1:]]
+        if unknown:
+            raise CueError(f"{path.name} line {number}: unknown phone {unknown[0]!r}")
+        words[word.lower()] = (Variant(phones, {"N": 9}),)
+    return words
+
+
+def split_ipa(text: str) -> tuple[str, ...]:
+    """Split a string of IPA into phones: a tilde belongs to the letter before it.
+
+    Examples
+    --------
+    >>> split_ipa("bɔ̃ʒuʁ")
+    ('b', 'ɔ̃', 'ʒ', 'u', 'ʁ')
+    """
+    phones: list[str] = []
+    for letter in text:
+        if letter == "\N{COMBINING TILDE}" and phones:
+            phones[-1] += letter
+        elif not letter.isspace():
+            phones.append(letter)
+    return tuple(phones)

@@ -1,0 +1,127 @@
+"""Pronunciation: worked examples of Cued Speech, traps of French, liaison, schwa."""
+
+import pytest
+
+from codec.errors import CueError
+from synth.score import score_from_text
+from synth.text.lexicon import read_user_lexicon
+from synth.text.pronounce import Style, phonemise
+
+
+def said(text: str, **options: str) -> str:
+    words = phonemise(text, style=Style(**options))
+    return " ".join("".join(word.phones) for word in words)
+
+
+def keys(text: str) -> str:
+    letters = {"side": "s", "mouth": "m", "chin": "c", "cheek": "b", "throat": "t"}
+    return " ".join(f"{k.shape}-{letters[k.placement]}" for k in score_from_text(text).keys)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("bonjour", "4-m 1-c 3-s"),
+        ("hier", "8-c 3-s"),
+        ("objectif", "5-c 4-s 1-c 2-s 5-m 5-s"),
+        ("voiture", "2-s 6-s 5-t 3-s"),
+        ("bon", "4-m"),
+    ],
+)
+def test_worked_examples(text: str, expected: str) -> None:
+    assert keys(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("ils jouent, louent, nouent, avouent, secouent", "il ʒu lu nu avu səku"),
+        ("huit puis", "ɥit pɥi"),
+        ("3e étage", "tʁwazjɛm etaʒ"),
+        ("M. Dupont et Mme Martin", "məsjø dypɔ̃ e madam maʁtɛ̃"),
+        ("à 20h30", "a vɛ̃ tœʁ tʁɑ̃t"),
+        ("n° 5", "nymeʁo sɛ̃k"),
+        ("les fils électriques", "le fil elɛktʁik"),
+        ("ses fils arrivent", "se fis aʁiv"),
+        ("le week-end au parking", "lə wikɛnd o paʁkiŋ"),
+        ("les amis ont arrivé", "le zami ɔ̃ taʁive"),
+        ("un grand homme, un petit enfant", "œ̃ gʁɑ̃ tɔm œ̃ pəti tɑ̃fɑ̃"),
+        ("un ancien ami", "œ̃ nɑ̃sjɛ nami"),
+        ("les héros et les haricots", "le eʁo e le aʁiko"),
+        ("des œufs et des bœufs", "de zø e de bø"),
+        ("vingt-deux et 1 234 567", "vɛ̃tdø e œ̃ miljɔ̃ dø sɑ̃ tʁɑ̃tkatʁə mil sɛ̃k sɑ̃ swasɑ̃tsɛt"),
+        ("en 1789", "ɑ̃ mil sɛt sɑ̃ katʁəvɛ̃nœf"),
+        ("les poules du couvent couvent", "le pul dy kuvɑ̃ kuv"),
+        ("le président préside, ils président", "lə pʁezidɑ̃ pʁezid il pʁezid"),
+        ("nous portions les portions", "nu pɔʁtjɔ̃ le pɔʁsjɔ̃"),
+        ("neuf ans et six hommes", "nœv ɑ̃ e siz ɔm"),
+    ],
+)
+def test_traps(text: str, expected: str) -> None:
+    assert said(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("c'est un ami", "s ɛ tœ̃ nami"),
+        ("vont-elles venir", "vɔ̃ tɛl vəniʁ"),
+        ("allez-y", "ale zi"),
+        ("a-t-il faim", "a t il fɛ̃"),
+        ("bon anniversaire", "bɔ nanivɛʁsɛʁ"),
+        ("le premier étage", "lə pʁəmjɛ ʁetaʒ"),
+        ("tout à coup", "tu ta ku"),
+        ("dans un an", "dɑ̃ zœ̃ nɑ̃"),
+        ("les onze enfants", "le ɔ̃z ɑ̃fɑ̃"),
+        ("les oiseaux", "le zwazo"),
+        ("un chat et un chien", "œ̃ ʃa e œ̃ ʃjɛ̃"),
+        ("dix francs, huit jours", "di fʁɑ̃ ɥi ʒuʁ"),
+        ("il y en a six", "il i ɑ̃ na sis"),
+    ],
+)
+def test_liaison(text: str, expected: str) -> None:
+    assert said(text) == expected
+
+
+def test_liaison_can_be_left_out() -> None:
+    assert said("les amis", liaison="none") == "le ami"
+
+
+@pytest.mark.parametrize(
+    ("final_schwa", "expected"),
+    [
+        ("none", "katʁ fam yn tabl"),
+        ("cluster", "katʁə fam yn tabl"),
+        ("cluster-pause", "katʁə fam yn tablə"),
+        ("all", "katʁə fam ynə tabl"),
+    ],
+)
+def test_final_schwa(final_schwa: str, expected: str) -> None:
+    assert said("quatre femmes, une table.", final_schwa=final_schwa) == expected
+
+
+def test_style_is_checked() -> None:
+    with pytest.raises(CueError, match="liaison is 'some', not one of obligatory, none"):
+        Style(liaison="some")
+
+
+def test_unknown_words_are_spoken() -> None:
+    assert said("le mouchouent") == "lə muʃu"
+    assert said("les smartphones") == "le smaʁtfɔn"
+
+
+def test_user_lexicon(tmp_path: object) -> None:
+    from pathlib import Path
+
+    path = Path(str(tmp_path)) / "mine.txt"
+    path.write_text("# mine\nGipsa\tʒipsa\n", encoding="utf-8")
+    words = phonemise("Le Gipsa", user_lexicon=read_user_lexicon(path))
+    assert "".join(words[1].phones) == "ʒipsa"
+    path.write_text("gipsa\tʒipsX\n", encoding="utf-8")
+    with pytest.raises(CueError, match=r"mine.txt line 1: unknown phone 'X'"):
+        read_user_lexicon(path)
+
+
+@pytest.mark.parametrize("text", ["", "...", "♪", "!?", "§§ 🙂", "1" * 400, "a" * 3000, "\x00"])
+def test_odd_text_does_not_fail(text: str) -> None:
+    phonemise(text)

@@ -1,0 +1,87 @@
+"""Subtitle files: formats, encodings, what is said, malformed files."""
+
+from pathlib import Path
+
+import pytest
+
+from codec.errors import CueError
+from synth.subtitles import Subtitle, read_subtitles, spoken
+from synth.subtitles.read import parse_subtitles
+
+SRT = "1\n00:00:01,000 --> 00:00:02,500\nL'été déjà !\n\n2\n00:00:03,000 --> 00:00:04,000\nOui.\n"
+VTT = "WEBVTT - titre\n\nNOTE rien\n\nun\n00:01.000 --> 00:02.500 line:0\n<v Anne>L'été déjà !\n"
+
+
+@pytest.mark.parametrize(
+    "encoding", ["utf-8", "utf-8-sig", "cp1252", "iso-8859-15", "utf-16", "utf-16-le", "utf-16-be"]
+)
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_encodings_and_line_ends(tmp_path: Path, encoding: str, end: str) -> None:
+    path = tmp_path / "a.srt"
+    path.write_bytes(SRT.replace("\n", end).encode(encoding))
+    assert read_subtitles(path)[0] == Subtitle(1.0, 2.5, "L'été déjà !", 2)
+
+
+def test_vtt() -> None:
+    assert parse_subtitles(VTT.encode()) == [Subtitle(1.0, 2.5, "L'été déjà !", 6)]
+
+
+def test_content_tells_the_format(tmp_path: Path) -> None:
+    path = tmp_path / "programme"
+    path.write_text(VTT, encoding="utf-8")
+    assert read_subtitles(path)[0].start_s == 1.0
+
+
+def test_subtitles_are_sorted() -> None:
+    late_first = "00:00:05,000 --> 00:00:06,000\nB\n\n00:00:01,000 --> 00:00:02,000\nA\n"
+    assert [s.text for s in parse_subtitles(late_first.encode())] == ["A", "B"]
+
+
+def test_empty_lines_inside_a_text() -> None:
+    text = "1\n00:00:01.0 --> 00:00:02.0 X1:0 X2:9\nun\n\ndeux\n\n2\n00:03 --> 00:04\ntrois"
+    assert [s.text for s in parse_subtitles(text.encode())] == ["un\n\ndeux", "trois"]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("- Tu viens ?\n- Oui", "Tu viens ? Oui"),
+        ("- Non\n- Si", "Non. Si"),
+        ("(Bruit de porte)", ""),
+        ("[il rit] Ah bon ?", "Ah bon ?"),
+        ("JEAN : Viens !", "Viens !"),
+        ("♪ Musique douce ♪", ""),
+        ("♪ Au clair de la lune ♪", "Au clair de la lune"),
+        ("# Musique", ""),
+        ("Il est dix heures :\nc'est tard.", "Il est dix heures : c'est tard."),
+        ("...", ""),
+    ],
+)
+def test_spoken(text: str, expected: str) -> None:
+    assert spoken(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "line 1: the file is empty"),
+        (b"bonjour\n", "line 1: 'bonjour' stands where times should"),
+        (b"1\n00:00:01,000 -> 00:00:02,000\nA\n", "line 2: malformed times"),
+        (b"1\n00:00:03,000 --> 00:00:02,000\nA\n", "line 2: subtitle ends at 2.000 s"),
+        (b"1\n00:61:03,000 --> 00:62:02,000\nA\n", "line 2: 61 min 3 s: a field exceeds 59"),
+        (b"WEBVTT\n\n00:01.000 --> zz\nA\n", "line 3: malformed times"),
+        (b"WEBVTT\n\nhello\nA\n", "line 3: 'hello' stands where times should"),
+        (b"WEBVTT\n", "line 1: the file has no subtitles"),
+        (b"1\n00:00:01,000 --> 00:00:02,000\nA\x01B\n", "line 3: control character 0x01"),
+    ],
+)
+def test_malformed(data: bytes, message: str) -> None:
+    with pytest.raises(CueError) as caught:
+        parse_subtitles(data)
+    assert str(caught.value).startswith(message)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(CueError, match="cannot read subtitles: No such file"):
+        read_subtitles(tmp_path / "none.srt")
