@@ -1,0 +1,1 @@
+"""The statistical models of the cuer: face, hand, their motion, and their inversion."""

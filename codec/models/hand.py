@@ -1,0 +1,141 @@
+"""The hand model: 50 markers from twelve shape parameters and the forearm's motion.
+
+Reconstruction is the paper's algorithm for ``P3DH``::
+
+    mvt  = mean_mH + pmH * eigv_mH
+    ang  = mean_A + paH * eigv_A
+    P    = [1 cos(ang) sin(ang)]
+    P3DH = Rigid_Motion(reshape(P * Xang, 3, 50), mvt)
+
+The paper's formula regresses on the angles, its sentence on "2*naH+1 values", that is on the
+parameters; the second reading is this same model with ``mean_A = 0`` and ``eigv_A`` a diagonal.
+Source: Gibert, Bailly, Elisei 2004, section 3.2. `codec.models.fit_hand` learns the model.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from codec import layout
+from codec.errors import CueError
+from codec.models import rigid
+
+N_HAND_PARAMETERS = 12
+
+
+@dataclass(frozen=True, slots=True)
+class HandModel:
+    """Elliptic marker paths driven by joint angles, carried by the forearm.
+
+    Attributes
+    ----------
+    angle_mean : ndarray of float32, shape (A,)
+        Angles at parameters 0, radians (``mean_A``).
+    angle_directions : ndarray of float32, shape (naH, A)
+        Angles per unit of each parameter (``eigv_A``).
+    regression : ndarray of float32, shape (1 + 2 A, 50, 3)
+        Markers from 1, cosines and sines, millimetres from the pivot (``Xang``).
+    pivot : ndarray of float32, shape (3,)
+        Point about which the forearm's rotation vector turns, millimetres.
+    motion_mean : ndarray of float32, shape (6,)
+        Rotation vector (radians) and translation (mm) at forearm parameters 0 (``mean_mH``).
+    motion_directions : ndarray of float32, shape (nmH, 6)
+        Motion per unit of each forearm parameter (``eigv_mH``).
+    """
+
+    angle_mean: NDArray[np.float32]
+    angle_directions: NDArray[np.float32]
+    regression: NDArray[np.float32]
+    pivot: NDArray[np.float32]
+    motion_mean: NDArray[np.float32]
+    motion_directions: NDArray[np.float32]
+
+    def __post_init__(self) -> None:
+        angles = self.angle_mean.size
+        expected = {
+            "angle_mean": (angles,),
+            "angle_directions": (self.n_shape, angles),
+            "regression": (1 + 2 * angles, layout.N_HAND, 3),
+            "pivot": (3,),
+            "motion_mean": (6,),
+            "motion_directions": (self.n_motion, 6),
+        }
+        for name, shape in expected.items():
+            array = np.ascontiguousarray(getattr(self, name), dtype=np.float32)
+            if array.shape != shape or not np.isfinite(array).all():
+                raise CueError(f"hand model: {name} has shape {array.shape}, expected {shape}")
+            object.__setattr__(self, name, array)
+        if not 1 <= self.n_motion <= 6:
+            raise CueError(f"hand model: {self.n_motion} forearm parameters, not within 1..6")
+
+    @property
+    def n_shape(self) -> int:
+        """Number of shape parameters naH: 12, fewer in negative controls."""
+        return len(self.angle_directions)
+
+    @property
+    def n_motion(self) -> int:
+        """Number of forearm parameters nmH."""
+        return len(self.motion_directions)
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of all parameters: naH of the shape, then nmH of the forearm."""
+        return self.n_shape + self.n_motion
+
+    def motion(self, forearm: ArrayLike) -> NDArray[np.float64]:
+        """Return the forearm's motion ``mvt`` of parameters (T, nmH), shape (T, 6)."""
+        return self.motion_mean + np.asarray(forearm, dtype=np.float64) @ self.motion_directions
+
+    def angles(self, shape: ArrayLike) -> NDArray[np.float64]:
+        """Return the angles ``ang`` of shape parameters (T, naH), shape (T, A), radians."""
+        return self.angle_mean + np.asarray(shape, dtype=np.float64) @ self.angle_directions
+
+    def shape(self, shape: ArrayLike) -> NDArray[np.float64]:
+        """Return the markers about the pivot, forearm at rest, shape (T, 50, 3)."""
+        flat = regressors(self.angles(shape)) @ self.regression.reshape(len(self.regression), -1)
+        return np.asarray(flat.reshape(-1, layout.N_HAND, 3))
+
+    def reconstruct(self, parameters: ArrayLike) -> NDArray[np.float64]:
+        """Return the markers ``P3DH``.
+
+        Parameters
+        ----------
+        parameters : array_like, shape (T, naH + nmH)
+
+        Returns
+        -------
+        ndarray of float64, shape (T, 50, 3)
+            World coordinates, millimetres.
+        """
+        p = np.asarray(parameters, dtype=np.float64)
+        motion = self.motion(p[:, self.n_shape :])
+        return rigid.rigid_motion(self.shape(p[:, : self.n_shape]), motion) + self.pivot
+
+    def jacobian(
+        self, parameters: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return markers (T, 50, 3) and their derivatives (T, P, 50, 3) by the parameters."""
+        n, frames = self.n_shape, len(parameters)
+        motion = self.motion(parameters[:, n:])
+        angle = self.angles(parameters[:, :n])
+        flat = self.regression.reshape(len(self.regression), -1)
+        slopes = np.concatenate([-np.sin(angle), np.cos(angle)], axis=1)[:, None]
+        twice = np.concatenate([self.angle_directions, self.angle_directions], axis=1)
+        by_shape = (slopes * twice).reshape(-1, twice.shape[1]) @ flat[1:]
+        points = (regressors(angle) @ flat).reshape(frames, layout.N_HAND, 3)
+        transposed = np.swapaxes(rigid.rotation_matrices(motion[:, :3]), 1, 2)
+        rotated = points @ transposed
+        by_shape = by_shape.reshape(frames, n * layout.N_HAND, 3) @ transposed
+        turn = rigid.left_jacobians(motion[:, :3]) @ self.motion_directions[:, :3].T
+        by_motion = np.cross(np.swapaxes(turn, 1, 2)[:, :, None], rotated[:, None])
+        by_motion += self.motion_directions[:, None, 3:]
+        markers = rotated + motion[:, None, 3:] + self.pivot
+        shaped = by_shape.reshape(frames, n, layout.N_HAND, 3)
+        return markers, np.concatenate([shaped, by_motion], axis=1)
+
+
+def regressors(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return ``P = [1 cos(ang) sin(ang)]`` of angles (T, A), shape (T, 1 + 2 A)."""
+    return np.concatenate([np.ones((len(angles), 1)), np.cos(angles), np.sin(angles)], axis=1)
