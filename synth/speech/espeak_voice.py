@@ -66,7 +66,7 @@ class Rendering:
     samples : ndarray of float32, shape (n,)
         Full scale 1, at `RATE_HZ`.
     starts : tuple of (str, int)
-        The library's name of each phone and the sample at which it begins.
+        The library's IPA of each phone, a pause as `PAUSE`, and the sample at which it begins.
     """
 
     samples: NDArray[np.float32]
@@ -148,7 +148,8 @@ def _render(text: bytes, flags: int, words_per_minute: int) -> Rendering:
         position = 0
         while (event := events[position]).type != _EVENT_END:  # type: ignore[index]
             if event.type == _EVENT_PHONEME:
-                starts.append((event.id.string.decode(), event.sample))
+                name = event.id.string.decode().strip("ˈˌː")
+                starts.append((name or PAUSE, event.sample))
             position += 1
         return 0
 

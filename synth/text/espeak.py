@@ -35,8 +35,14 @@ FOREIGN = {
 
 
 @functools.cache
-def library() -> ctypes.CDLL:
-    """Return the loaded library with its French voice set.
+def _library() -> ctypes.CDLL:
+    import espeakng_loader
+
+    return load(espeakng_loader.get_library_path())
+
+
+def load(path: str) -> ctypes.CDLL:
+    """Return the library in the file `path`, its French voice set.
 
     Raises
     ------
@@ -46,7 +52,7 @@ def library() -> ctypes.CDLL:
     import espeakng_loader
 
     try:
-        loaded = ctypes.CDLL(espeakng_loader.get_library_path())
+        loaded = ctypes.CDLL(path)
     except OSError as error:
         raise CueError(f"cannot load the espeak-ng library: {error}") from error
     loaded.espeak_TextToPhonemes.restype = ctypes.c_char_p
@@ -77,7 +83,7 @@ def transcribe(word: str) -> tuple[str, ...]:
     >>> "".join(transcribe("nuager"))
     'nɥaʒe'
     """
-    loaded = library()
+    loaded = _library()
     text = ctypes.c_char_p(_respell(word).encode())
     pointer: Any = ctypes.cast(text, ctypes.c_void_p)
     ipa = b""
