@@ -8,6 +8,7 @@ known faults in French (the vowel of -ouent, no ɥ, English words in an English 
 import ctypes
 import functools
 import re
+from itertools import pairwise
 from typing import Any
 
 from codec.errors import CueError
@@ -120,5 +121,5 @@ def to_phones(ipa: str) -> tuple[str, ...]:
             phones.append(phone)
     return tuple(
         "ɥ" if here == "y" and after[:1] in _VOWELS else here
-        for here, after in zip(phones, [*phones[1:], ""], strict=True)
+        for here, after in pairwise([*phones, ""])
     )

@@ -43,5 +43,5 @@ def test_phone_starts_rise() -> None:
 
 
 def test_rate_is_checked() -> None:
-    with pytest.raises(CueError, match="words_per_minute is 20, not within 80..450"):
+    with pytest.raises(CueError, match=r"words_per_minute is 20, not within 80..450"):
         speak("Oui.", words_per_minute=20)
