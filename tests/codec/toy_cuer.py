@@ -35,14 +35,15 @@ def hand_markers(rng: np.random.Generator, frames: int) -> NDArray[np.float64]:
     for k in range(4):
         put(f"W{k + 1}", [20 * np.cos(1.6 * k), 2 * k - 15, 12 * np.sin(1.6 * k)])
     wrist = 0.25 * _wander(rng, frames, 3, 12)
-    palm = rigid.rotation_matrices(wrist * [1, 0, 1])
+    palm: NDArray[np.float64] = rigid.rotation_matrices(wrist * [1, 0, 1])
+    place: NDArray[np.float64]
     for digit in range(1, 6):
         bend = np.clip(np.abs(_wander(rng, frames, 1, 12)), 0, 1.4)
         side = 0.1 * _wander(rng, frames, 1, 12) + 0.1 * (3 - digit)
         turn_digit = palm @ rigid.rotation_matrices(side * [0.0, 0.0, 1.0])
         if digit > 1:
-            put(f"P{digit}", turn_digit @ [-18.0 * (3 - digit), 40.0, 8.0])
-        place: NDArray[np.float64] = turn_digit @ np.array([-18.0 * (3 - digit), 80.0, 8.0])
+            put(f"P{digit}", turn_digit @ np.array([-18.0 * (3 - digit), 40.0, 8.0]))
+        place = turn_digit @ np.array([-18.0 * (3 - digit), 80.0, 8.0])
         put(f"K{digit}", place)
         for phalange, share in enumerate((0.3, 1.0, 1.8, 2.2)):
             turn = turn_digit @ rigid.rotation_matrices(bend * [share, 0.0, 0.0])
