@@ -1,0 +1,116 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from watermark.embed import AudioEmbedder
+from watermark.profile import SUPERFRAME_S
+from watermark.receive import AudioReceiver
+from watermark.received import ReceivedSuperframe
+
+Sound = NDArray[np.float32]
+CLIP = Path(__file__).resolve().parents[3] / "shared" / "data" / "audio" / "film_mix.flac"
+
+
+def payload(k: int) -> tuple[bytes, bytes]:
+    rng = np.random.default_rng(k)
+    return rng.bytes(17), rng.bytes(10)
+
+
+def host(seconds: float, fs: int = 48000, channels: int = 2, seed: int = 0) -> Sound:
+    """Pink noise with a slow tremolo: a programme that always carries."""
+    n, rng = int(seconds * fs), np.random.default_rng(seed)
+    spectrum = np.fft.rfft(rng.standard_normal((n, channels)), axis=0)
+    spectrum /= np.sqrt(np.maximum(np.arange(spectrum.shape[0]), 20.0 * seconds))[:, np.newaxis]
+    x = np.fft.irfft(spectrum, n, axis=0)
+    x *= 0.07 / x.std() * (1 + 0.5 * np.sin(2 * np.pi * 3 * np.arange(n) / fs))[:, np.newaxis]
+    return x.astype(np.float32)
+
+
+def embed(x: Sound, fs: int = 48000, block: int = 10**9, key: int = 0) -> Sound:
+    embedder = AudioEmbedder(fs, x.shape[1], payload, key=key)
+    parts = [embedder.process(x[i : i + block]) for i in range(0, len(x), block)]
+    return np.concatenate([*parts, embedder.flush()])
+
+
+def receive(
+    y: Sound, fs: int = 48000, block: int = 10**9, key: int = 0
+) -> list[ReceivedSuperframe]:
+    receiver = AudioReceiver(fs, y.shape[1], key=key)
+    found = [s for i in range(0, len(y), block) for s in receiver.process(y[i : i + block])]
+    return found + receiver.flush()
+
+
+def check(found: list[ReceivedSuperframe], start_s: float = 0.0) -> None:
+    """Every superframe is right and stands within a millisecond of where it was put."""
+    for superframe in found:
+        k = round((superframe.position_s + start_s) / SUPERFRAME_S)
+        assert (superframe.l0, superframe.l1) == payload(k)
+        assert abs(superframe.position_s + start_s - k * SUPERFRAME_S) < 1e-3
+
+
+@pytest.mark.parametrize("fs", [32000, 44100, 48000])
+@pytest.mark.parametrize("channels", [1, 2, 6])
+def test_round_trip(fs: int, channels: int) -> None:
+    x = host(4.0, fs, channels)
+    y = embed(x, fs)
+    assert y.shape == x.shape
+    found = receive(y, fs)
+    assert len(found) == 6
+    check(found)
+
+
+@pytest.mark.parametrize("start", [1, 12345, 29999])
+def test_tune_in_anywhere(start: int) -> None:
+    found = receive(embed(host(4.0))[start:])
+    assert len(found) >= 5
+    check(found, start / 48000)
+
+
+@pytest.mark.parametrize("block", [1000, 4801])
+def test_blocks_do_not_matter(block: int) -> None:
+    x = host(3.0, seed=1)
+    whole = embed(x)
+    np.testing.assert_array_equal(whole, embed(x, block=block))
+    for a, b in zip(receive(whole), receive(whole, block=block), strict=True):
+        assert (a.l0, a.l1, a.position_s) == (b.l0, b.l1, b.position_s)
+        np.testing.assert_array_equal(a.ratios, b.ratios)
+
+
+def test_another_key_hears_nothing() -> None:
+    assert receive(embed(host(3.0), key=1), key=2) == []
+    check(receive(embed(host(3.0), key=1), key=1))
+
+
+def test_unmarked_sound_gives_nothing() -> None:
+    assert receive(host(5.0)) == []
+
+
+def test_silence_comes_out_unharmed() -> None:
+    x = np.zeros((3 * 48000, 2), dtype=np.float32)
+    embedder = AudioEmbedder(48000, 2, payload)
+    y = np.concatenate([embedder.process(x), embedder.flush()])
+    np.testing.assert_array_equal(y, x)
+    assert embedder.report().silent_s == ((0.0, 3.2),)
+
+
+def test_unusable_formats() -> None:
+    with pytest.raises(CueError, match=r"^sampling rate 8000 Hz"):
+        AudioReceiver(8000, 1)
+    with pytest.raises(CueError, match=r"^7 channels"):
+        AudioEmbedder(48000, 7, payload)
+    with pytest.raises(CueError, match=r"^unknown profile 'loud'"):
+        AudioEmbedder(48000, 2, payload, profile="loud")
+
+
+@pytest.mark.skipif(not CLIP.exists(), reason="clips of ../shared/data/audio absent")
+def test_film_from_an_arbitrary_sample() -> None:
+    import soundfile
+
+    x, fs = soundfile.read(CLIP, dtype="float32", always_2d=True, frames=8 * 48000)
+    y = embed(x, fs)
+    found = receive(y[54321:], fs)
+    assert len(found) >= 10
+    check(found, 54321 / fs)

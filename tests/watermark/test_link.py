@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from watermark import _kernels
+from watermark.crc import crc_bits
+from watermark.link import Link
+from watermark.polar import make_code
+from watermark.profile import STANDARD
+
+
+def noisy(coded: NDArray[np.int64], amplitude: float, seed: int) -> NDArray[np.float64]:
+    """Log-likelihood ratios of BPSK at `amplitude` in unit noise."""
+    rng = np.random.default_rng(seed)
+    mean = (1.0 - 2.0 * coded) * amplitude
+    return 2 * amplitude * (mean + rng.normal(size=coded.size))
+
+
+@given(st.binary(min_size=17, max_size=17), st.binary(min_size=10, max_size=10))
+@settings(max_examples=20, deadline=None)
+def test_round_trip(l0: bytes, l1: bytes) -> None:
+    link = Link(STANDARD)
+    coded = link.encode(l0, l1)
+    decoded = link.decode(1.0 - 2.0 * coded)
+    assert (decoded.l0, decoded.l1) == (l0, l1)
+    np.testing.assert_array_equal(decoded.coded, coded)
+
+
+def test_payload_of_the_wrong_length() -> None:
+    with pytest.raises(CueError, match=r"^L1 holds 3 bytes, the profile 10$"):
+        Link(STANDARD).encode(bytes(17), bytes(3))
+
+
+def test_corrects_noise_and_erasures() -> None:
+    link = Link(STANDARD)
+    received = 0
+    for seed in range(20):
+        l0, l1 = np.random.default_rng(seed).bytes(17), bytes(10)
+        llr = noisy(link.encode(l0, l1), 10 ** (-2 / 20), seed)
+        llr[np.random.default_rng(seed + 99).random(llr.size) < 0.25] = 0.0
+        received += link.decode(llr).l0 == l0
+    assert received == 20  # measured: 20 at -3.5 dB too
+
+
+def test_noise_is_not_accepted() -> None:
+    link, rng = Link(STANDARD), np.random.default_rng(0)
+    for _ in range(50):
+        assert link.decode(rng.standard_normal(STANDARD.data_cells)).l0 is None
+
+
+def test_crc_detects_each_single_and_double_error() -> None:
+    bits = np.random.default_rng(1).integers(0, 2, 60)
+    whole = crc_bits(bits, 24)
+    for i in range(60):
+        for j in range(i + 1):
+            damaged = bits.copy()
+            damaged[[i, j]] ^= 1
+            assert not np.array_equal(crc_bits(damaged, 24), whole)
+
+
+def test_list_decoder_finds_the_most_likely_word() -> None:
+    """With a list as long as the code book the decoder is maximum likelihood."""
+    code, rng = make_code(5, 16), np.random.default_rng(2)
+    book = [code.encode((m >> np.arange(5)) & 1) for m in range(32)]
+    for _ in range(30):
+        llr = rng.standard_normal(16)
+        best = max(book, key=lambda word: float(((1 - 2 * word) * llr).sum()))
+        found = code.decode(llr, accept=lambda message: True, list_size=32)
+        assert found is not None
+        np.testing.assert_array_equal(code.encode(found), best)
+
+
+def test_kernels_agree_with_their_python() -> None:
+    rng = np.random.default_rng(3)
+    llr, frozen = rng.standard_normal(32), make_code(12, 32).frozen
+    words = [np.zeros((4, 32), dtype=np.int64) for _ in range(2)]
+    metrics = [np.zeros(4) for _ in range(2)]
+    decode = getattr(_kernels.scl_decode, "py_func", _kernels.scl_decode)
+    assert _kernels.scl_decode(llr, frozen, 4, words[0], metrics[0]) == decode(
+        llr, frozen, 4, words[1], metrics[1]
+    )
+    np.testing.assert_array_equal(words[0], words[1])
+    np.testing.assert_allclose(metrics[0], metrics[1])
+    x = rng.integers(0, 2, 16)
+    y = x.copy()
+    _kernels.polar_transform(x)
+    getattr(_kernels.polar_transform, "py_func", _kernels.polar_transform)(y)
+    np.testing.assert_array_equal(x, y)

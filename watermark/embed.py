@@ -1,0 +1,249 @@
+"""The audio embedder: a programme in blocks in, the same programme with its mark out.
+
+The mark is designed superframe by superframe on the mid of the programme, with a copy of the
+receiver inside: masking thresholds are derived again from the marked sound until they agree with
+those that the mark was made with (Baras, Moreau and Dymarski, IEEE TASLP 14(5), 2006).
+Specification: sections 3 to 5.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from watermark.dither import Cells
+from watermark.layout import make_layout
+from watermark.link import Link
+from watermark.masking import make_masker
+from watermark.mdct import analyse, frames_of, synthesise
+from watermark.mix import add_mark, check_format, mid_of
+from watermark.profile import (
+    FRAMES_PER_SUPERFRAME,
+    FS,
+    HOP,
+    SUPERFRAME,
+    SUPERFRAME_S,
+    Profile,
+    find_profile,
+)
+from watermark.tape import Tape
+
+ITERATIONS = 3
+"""Rounds of deriving the mask again; further ones gain nothing at the receiver."""
+
+CARRYING = 0.35
+"""A superframe with a smaller share of living cells is reported as one that cannot carry."""
+
+Source = Callable[[int], tuple[bytes, bytes]]
+"""Payloads (L0, L1) of the superframe on air from programme time k * 0.64 s."""
+
+
+@dataclass(frozen=True, slots=True)
+class EmbedReport:
+    """What happened to a programme.
+
+    Attributes
+    ----------
+    duration_s : float
+        Length of the programme handed out so far.
+    superframes : int
+        Superframes written into sound that can carry.
+    snr_db : float
+        Programme's mid over mark; infinite when nothing was marked.
+    silent_s : tuple of (float, float)
+        Start and end of stretches that cannot carry, seconds.
+    net_bps, gross_bps : float
+        Payload rate and rate of cells.
+    """
+
+    duration_s: float
+    superframes: int
+    snr_db: float
+    silent_s: tuple[tuple[float, float], ...]
+    net_bps: float
+    gross_bps: float
+
+
+@dataclass(frozen=True, slots=True)
+class MarkedSuperframe:
+    """Mark of one superframe: samples, shape (SUPERFRAME + HOP,), and the share of living cells."""
+
+    mark: NDArray[np.float64]
+    living: float
+
+
+class MarkDesigner:
+    """Designs the mark of one superframe after another, at the mark's own rate."""
+
+    def __init__(self, profile: Profile, key: int) -> None:
+        self._profile = profile
+        self._layout = make_layout(profile, key)
+        self._cells = Cells(profile, self._layout)
+        self._masker = make_masker()
+        self._link = Link(profile)
+
+    def _bits(self, l0: bytes, l1: bytes) -> NDArray[np.int64]:
+        line = np.zeros(self._profile.cells, dtype=np.int64)
+        line[self._layout.data_cell] = self._link.encode(l0, l1)
+        bits = line.reshape(FRAMES_PER_SUPERFRAME, -1)
+        known = (self._layout.pilot_sign < 0).astype(np.int64)
+        np.put_along_axis(bits, self._layout.pilot_group, known, axis=1)
+        return bits
+
+    def design(
+        self, before: NDArray[np.float64], host: NDArray[np.float64], l0: bytes, l1: bytes
+    ) -> MarkedSuperframe:
+        """Design a mark.
+
+        Parameters
+        ----------
+        before : ndarray of float64, shape (HOP,)
+            Finished samples just before the superframe.
+        host : ndarray of float64, shape (SUPERFRAME + HOP,)
+            The programme's mid with the tail of the mark before.
+        l0, l1 : bytes
+            Payloads.
+        """
+        bits = self._bits(l0, l1)
+        sound = np.concatenate([before, host])
+        host_spectra = analyse(frames_of(sound, HOP), HOP)
+        coefficients = host_spectra[1:].real
+        spectra = host_spectra
+        mark = np.zeros(host.size)
+        for _ in range(ITERATIONS):
+            threshold = self._masker.thresholds(np.abs(spectra) ** 2 / 2)
+            amplitudes = self._masker.amplitudes(threshold[1:], threshold[:-1])
+            change = self._cells.mark(coefficients, amplitudes, bits)
+            mark = synthesise(change, HOP)
+            sound[HOP:] = host + mark
+            spectra = analyse(frames_of(sound, HOP), HOP)
+        living = self._cells.project(coefficients, amplitudes)[1].mean()
+        return MarkedSuperframe(mark, float(living))
+
+
+class AudioEmbedder:
+    """Writes superframes into a programme, block by block.
+
+    Parameters
+    ----------
+    fs : int
+        Rate of the programme in Hz: 32000, 44100 or 48000.
+    channels : int
+        1 to 6: front left, front right, centre, LFE (six only), surround left, surround right.
+    source : callable
+        Gives the payloads (L0, L1) of superframe k, on air from k * 0.64 s.
+    profile : str
+        Name of a `Profile`.
+    key : int
+        Seed of the layout, 0 to 2**64 - 1; the receiver needs the same.
+
+    Raises
+    ------
+    CueError
+        If the format cannot be marked.
+
+    Examples
+    --------
+    >>> embedder = AudioEmbedder(48000, 1, lambda k: (bytes(17), bytes(10)))
+    >>> noise = np.random.default_rng(0).normal(0, 0.1, (48000, 1)).astype(np.float32)
+    >>> out = np.concatenate([embedder.process(noise), embedder.flush()])
+    >>> out.shape
+    (48000, 1)
+    """
+
+    def __init__(
+        self, fs: int, channels: int, source: Source, *, profile: str = "standard", key: int = 0
+    ) -> None:
+        check_format(fs, channels)
+        self._fs, self._channels, self._source = fs, channels, source
+        self._profile = find_profile(profile)
+        self._designer = MarkDesigner(self._profile, key)
+        self._programme = np.zeros((0, channels))
+        self._given = 0
+        self._host = Tape()
+        self._mark = Tape()
+        self._before = np.zeros(HOP)
+        self._tail = np.zeros(HOP)
+        self._next = 0
+        self._host_power = self._mark_power = 0.0
+        self._silent: list[int] = []
+
+    def process(self, block: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Take samples, shape (n, channels), and return those that are finished, (m, channels)."""
+        x = np.asarray(block, dtype=np.float64)
+        if x.ndim != 2 or x.shape[1] != self._channels:
+            raise CueError(f"block of shape {x.shape}, expected (n, {self._channels})")
+        self._programme = np.concatenate([self._programme, x])
+        self._host.append(mid_of(x))
+        ratio = self._fs / FS
+        margin = self._host.reach(ratio)
+        while ((self._next + 1) * SUPERFRAME + HOP) * ratio + margin <= self._host.end:
+            self._design_next()
+        return self._take(self._finished())
+
+    def flush(self) -> NDArray[np.float32]:
+        """Return the rest, so that as many samples have come out as went in."""
+        total = self._given + self._programme.shape[0]
+        while self._next * SUPERFRAME / FS < total / self._fs:
+            self._design_next()
+        self._mark.append(np.zeros(FS // 10))
+        return self._take(self._programme.shape[0])
+
+    def report(self) -> EmbedReport:
+        """Figures of all that was handed out."""
+        snr = self._host_power / self._mark_power if self._mark_power else np.inf
+        return EmbedReport(
+            duration_s=self._given / self._fs,
+            superframes=self._next - len(self._silent),
+            snr_db=float(10 * np.log10(max(snr, 1e-12))),
+            silent_s=_spans(self._silent),
+            net_bps=self._profile.net_bps,
+            gross_bps=self._profile.gross_bps,
+        )
+
+    def _design_next(self) -> None:
+        start = self._next * SUPERFRAME
+        ratio = self._fs / FS
+        host = self._host.read(start * ratio, ratio, SUPERFRAME + HOP)
+        host[:HOP] += self._tail
+        made = self._designer.design(self._before, host, *self._source(self._next))
+        finished = made.mark[:SUPERFRAME].copy()
+        self._before = (host[:SUPERFRAME] + finished)[-HOP:]
+        finished[:HOP] += self._tail
+        self._tail = made.mark[SUPERFRAME:].copy()
+        self._mark.append(finished)
+        if made.living < CARRYING:
+            self._silent.append(self._next)
+        self._next += 1
+        self._host.forget(int(self._next * SUPERFRAME * ratio) - 2 * self._host.reach(ratio))
+
+    def _finished(self) -> int:
+        """Return how many samples of the waiting programme have their whole mark."""
+        ratio = FS / self._fs
+        margin = 0 if ratio == 1.0 else self._mark.reach(ratio)
+        return max(0, int((self._mark.end - margin) / ratio) - self._given)
+
+    def _take(self, count: int) -> NDArray[np.float32]:
+        count = min(count, self._programme.shape[0])
+        ratio = FS / self._fs
+        mark = self._mark.read(self._given * ratio, ratio, count)
+        x, self._programme = self._programme[:count], self._programme[count:]
+        self._host_power += float((mid_of(x) ** 2).sum())
+        self._mark_power += float((mark**2).sum())
+        self._given += count
+        self._mark.forget(int(self._given * ratio) - 2 * self._mark.reach(ratio))
+        return add_mark(x, mark).astype(np.float32)
+
+
+def _spans(superframes: list[int]) -> tuple[tuple[float, float], ...]:
+    """Join neighbouring superframe numbers to stretches of seconds."""
+    spans: list[tuple[float, float]] = []
+    for k in superframes:
+        start, end = k * SUPERFRAME_S, (k + 1) * SUPERFRAME_S
+        if spans and abs(spans[-1][1] - start) < 1e-6:
+            spans[-1] = (spans[-1][0], end)
+        else:
+            spans.append((start, end))
+    return tuple(spans)

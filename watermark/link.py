@@ -1,0 +1,112 @@
+"""Link layer: two classes of bytes to the coded bits of a superframe's data cells, and back.
+
+In: L0 and L1 bytes; out: one bit per data cell in the interleaver's order; and back from one
+log-likelihood ratio per bit, so that the ratios of several carriers may be added before decoding.
+Specification: section 6.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from watermark.crc import crc_bits
+from watermark.polar import PolarCode, make_code
+from watermark.profile import Profile
+
+L0_CHECK = 24
+"""Check bits of the first class: with a list of eight, noise passes once in 2**21 superframes."""
+
+L1_CHECK = 16
+"""Check bits of the second class, which is looked at only when the first was accepted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """What the link found in one superframe.
+
+    Attributes
+    ----------
+    l0, l1 : bytes or None
+        Payload, None where the check failed. L1 is never given without L0.
+    coded : ndarray of int64, shape (data_cells,)
+        Coded bits of the accepted classes; -1 where unknown.
+    """
+
+    l0: bytes | None
+    l1: bytes | None
+    coded: NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class _Class:
+    name: str
+    size: int
+    check: int
+    code: PolarCode
+
+    def encode(self, payload: bytes) -> NDArray[np.int64]:
+        if len(payload) != self.size:
+            raise CueError(f"{self.name} holds {len(payload)} bytes, the profile {self.size}")
+        bits = np.unpackbits(np.frombuffer(payload, dtype=np.uint8)).astype(np.int64)
+        return self.code.encode(np.concatenate([bits, crc_bits(bits, self.check)]))
+
+    def decode(self, llr: NDArray[np.float64], list_size: int) -> bytes | None:
+        message = self.code.decode(llr, accept=self._passes, list_size=list_size)
+        if message is None:
+            return None
+        return np.packbits(message[: 8 * self.size].astype(np.uint8)).tobytes()
+
+    def _passes(self, message: NDArray[np.int64]) -> bool:
+        bits = message[: 8 * self.size]
+        return bool(np.array_equal(crc_bits(bits, self.check), message[8 * self.size :]))
+
+
+class Link:
+    """Encoder and decoder of a profile's superframes.
+
+    Examples
+    --------
+    >>> from watermark.profile import STANDARD
+    >>> link = Link(STANDARD)
+    >>> coded = link.encode(bytes(17), bytes(10))
+    >>> link.decode(1.0 - 2.0 * coded).l1 == bytes(10)
+    True
+    """
+
+    def __init__(self, profile: Profile) -> None:
+        self.profile = profile
+        self._classes = (
+            self._make_class("L0", profile.l0_bytes, L0_CHECK, profile.l0_coded),
+            self._make_class("L1", profile.l1_bytes, L1_CHECK, profile.l1_coded),
+        )
+
+    @staticmethod
+    def _make_class(name: str, size: int, check: int, length: int) -> _Class:
+        return _Class(name, size, check, make_code(8 * size + check, length))
+
+    def encode(self, l0: bytes, l1: bytes) -> NDArray[np.int64]:
+        """Coded bits of a superframe, shape (data_cells,): first L0's, then L1's.
+
+        Raises
+        ------
+        CueError
+            If a payload does not have the profile's length.
+        """
+        first, second = self._classes
+        return np.concatenate([first.encode(l0), second.encode(l1)])
+
+    def decode(self, llr: NDArray[np.float64], *, list_size: int = 8) -> Decoded:
+        """Payloads behind one log-likelihood ratio per data cell, shape (data_cells,)."""
+        first, second = self._classes
+        cut = first.code.length
+        coded = np.full(llr.size, -1, dtype=np.int64)
+        l0 = first.decode(llr[:cut], list_size)
+        if l0 is None:
+            return Decoded(None, None, coded)
+        coded[:cut] = first.encode(l0)
+        l1 = second.decode(llr[cut:], list_size)
+        if l1 is not None:
+            coded[cut:] = second.encode(l1)
+        return Decoded(l0, l1, coded)

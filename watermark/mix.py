@@ -1,0 +1,49 @@
+"""Channels of a programme to the one signal that is marked, and the mark back into the channels.
+
+Specification: section 2. The mark goes equally into the two front channels, so it stands
+unattenuated in the mid of stereo, in a mono downmix and in the stereo downmix of 5.1.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+
+RATES = (32_000, 44_100, 48_000)
+"""Sampling rates that are marked and received without outside conversion."""
+
+_WEIGHTS = {
+    1: (1.0,),
+    2: (0.5, 0.5),
+    3: (0.5, 0.5, np.sqrt(0.5)),
+    4: (0.5, 0.5, np.sqrt(0.125), np.sqrt(0.125)),
+    5: (0.5, 0.5, np.sqrt(0.5), np.sqrt(0.125), np.sqrt(0.125)),
+    6: (0.5, 0.5, np.sqrt(0.5), 0.0, np.sqrt(0.125), np.sqrt(0.125)),
+}
+"""Weights of the analysed signal: the mid of the ITU-R BS.775 stereo downmix."""
+
+
+def check_format(fs: int, channels: int) -> None:
+    """Raise CueError unless the carrier serves this rate and number of channels."""
+    if fs not in RATES:
+        raise CueError(f"sampling rate {fs} Hz, the audio carrier takes {RATES}")
+    if channels not in _WEIGHTS:
+        raise CueError(f"{channels} channels, the audio carrier takes {tuple(_WEIGHTS)}")
+
+
+def mid_of(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Signal that is analysed, shape (n,), of a programme, shape (n, channels).
+
+    Examples
+    --------
+    >>> mid_of(np.array([[1.0, 0.0]]))
+    array([0.5])
+    """
+    return np.asarray(x @ np.array(_WEIGHTS[x.shape[1]]))
+
+
+def add_mark(x: NDArray[np.float64], mark: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Programme with the mark in its front channels."""
+    out = x.copy()
+    out[:, :2] += mark[:, np.newaxis]
+    return out

@@ -1,0 +1,285 @@
+"""The audio receiver: a programme in blocks in, superframes out, from wherever one tunes in.
+
+Searching: `PilotSearch` proposes places; a place counts when the link's check accepts what is read
+there. Locked: the place of each next superframe is predicted, and corrected by the bits that were
+decoded. A superframe that fails starts a new search beside the prediction, so that a splice is
+found while a mere gap is bridged. Specification: section 7.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from watermark.acquire import DECIMATION, Candidate, PilotSearch
+from watermark.align import Fit, View, read_view, search_fit
+from watermark.dither import Cells
+from watermark.layout import make_layout
+from watermark.link import Decoded, Link
+from watermark.masking import make_masker
+from watermark.mix import check_format, mid_of
+from watermark.profile import (
+    FRAMES_PER_SUPERFRAME,
+    FS,
+    HOP,
+    SLOT_FRAMES,
+    STANDARD,
+    SUPERFRAME,
+    Profile,
+)
+from watermark.received import ReceivedSuperframe
+from watermark.reliability import Reliability
+from watermark.tape import Tape
+
+MAX_MISSES = 6
+"""Superframes in a row that may fail before the lock is given up."""
+
+HISTORY_S = 2.0
+"""Sound that is kept, enough to search again from a superframe that failed."""
+
+
+PULL_IN = (
+    (np.arange(-2.5, 2.6, 0.5), np.arange(-80.0, 81.0, 40.0)),
+    (np.arange(-0.75, 0.8, 0.25), np.arange(-40.0, 41.0, 20.0)),
+)
+"""Delays in samples and drifts in ppm tried around a candidate, from coarse to fine."""
+
+LOCK_IN = (np.arange(-1.0, 1.1, 0.25), np.arange(-60.0, 61.0, 20.0))
+"""Delays and drifts tried with the decoded bits of the first superframe."""
+
+FOLLOW = (np.array([-0.2, 0.0, 0.2]), np.array([-10.0, 0.0, 10.0]))
+"""Delays and drifts tried with the decoded bits of each following superframe."""
+
+DELAY_GAIN, DRIFT_GAIN, PACE_GAIN = 0.6, 0.2, 0.15
+"""Parts of a measured delay and drift by which the place is corrected, and part of the delay per
+superframe by which the clock is: a loop of second order."""
+
+
+@dataclass(slots=True)
+class _Track:
+    """Where the next superframe is expected: tape position and tape samples per 48 kHz sample."""
+
+    position: float
+    ratio: float
+    misses: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    decoded: Decoded
+    llr: NDArray[np.float64]
+    view: View
+
+
+class AudioReceiver:
+    """Receives superframes, block by block; any split into blocks gives the same output.
+
+    Parameters
+    ----------
+    fs : int
+        Rate of the programme in Hz: 32000, 44100 or 48000.
+    channels : int
+        1 to 6, see `AudioEmbedder`.
+    key : int
+        Seed of the layout that the embedder used.
+
+    Raises
+    ------
+    CueError
+        If the format cannot carry a mark.
+
+    Examples
+    --------
+    >>> receiver = AudioReceiver(48000, 2)
+    >>> receiver.process(np.zeros((4800, 2), dtype=np.float32))
+    []
+    >>> receiver.locked
+    False
+    """
+
+    def __init__(self, fs: int, channels: int, *, key: int = 0) -> None:
+        check_format(fs, channels)
+        self._fs, self._channels, self._key = fs, channels, key
+        self._nominal = fs / FS
+        self._quantum = SLOT_FRAMES * HOP * fs // FS
+        self._profile = STANDARD
+        self._layout = make_layout(self._profile, key)
+        self._cells = Cells(self._profile, self._layout)
+        self._masker = make_masker()
+        self._link = Link(self._profile)
+        self._reliability = Reliability(self._profile.groups)
+        self._tape = Tape()
+        self._now = 0
+        self._pending = 0
+        self._track: _Track | None = None
+        self._search: PilotSearch | None = PilotSearch(self._profile, key)
+        self._origin = 0.0
+        self._searched = 0
+        self._last_start = -np.inf
+        self._errors = self._counted = 0
+        self.first_lock_s: float | None = None
+
+    @property
+    def locked(self) -> bool:
+        """Whether superframes are being followed."""
+        return self._track is not None
+
+    @property
+    def profile(self) -> Profile | None:
+        """Profile that the signal announces, None before the first lock."""
+        return None if self.first_lock_s is None else self._profile
+
+    @property
+    def ber_estimate(self) -> float | None:
+        """Share of wrong bits before decoding, None before the first superframe."""
+        return self._errors / self._counted if self._counted else None
+
+    def process(self, block: NDArray[np.float32]) -> list[ReceivedSuperframe]:
+        """Take samples, shape (n, channels), and return the superframes that they complete."""
+        x = np.asarray(block, dtype=np.float64)
+        if x.ndim != 2 or x.shape[1] != self._channels:
+            raise CueError(f"block of shape {x.shape}, expected (n, {self._channels})")
+        self._tape.append(mid_of(x))
+        found: list[ReceivedSuperframe] = []
+        while self._now + self._quantum <= self._tape.end:
+            self._now += self._quantum
+            found += self._step()
+        return found
+
+    def flush(self) -> list[ReceivedSuperframe]:
+        """Return what the end of the programme still completes."""
+        padding = HOP + 2 * self._tape.reach(DECIMATION) + 2 * self._quantum
+        return self.process(np.zeros((padding, self._channels), dtype=np.float32))
+
+    def _step(self) -> list[ReceivedSuperframe]:
+        found: list[ReceivedSuperframe] = []
+        while (candidate := self._next_candidate()) is not None:
+            found += self._try(candidate)
+        while self._track is not None and self._complete(self._track):
+            found += self._follow(self._track)
+        self._tape.forget(self._now - int(HISTORY_S * self._fs))
+        return found
+
+    # Searching
+
+    def _next_candidate(self) -> Candidate | None:
+        """Run the search over the sound that has arrived, up to its next candidate."""
+        step = DECIMATION * self._nominal
+        while self._search is not None:
+            count = self._search.needed
+            start = self._origin + self._searched * step
+            if start + count * step + self._tape.reach(step) > self._now:
+                return None
+            self._searched += count
+            candidate = self._search.process(self._tape.read(start, step, count))
+            if candidate is not None:
+                return candidate
+        return None
+
+    def _start_search(self, origin: float) -> None:
+        self._search = PilotSearch(self._profile, self._key)
+        self._origin, self._searched = origin, 0
+
+    def _try(self, candidate: Candidate) -> list[ReceivedSuperframe]:
+        """Decode at a candidate's place, and lock there if the check accepts it."""
+        position = self._origin + candidate.start * self._nominal
+        if position < self._last_start + 0.5 * SUPERFRAME * self._nominal:
+            return []
+        track = _Track(position, self._nominal * (1 + candidate.clock_ppm * 1e-6))
+        self._pull_in(track)
+        for delay in (0.0, 0.5, -0.5):
+            moved = _Track(track.position + delay * self._nominal, track.ratio)
+            reading = self._read(moved)
+            if reading.decoded.l0 is not None:
+                break
+        else:
+            return []
+        self._correct(moved, reading, wide=True)
+        self._search = None
+        self._track = moved
+        if self.first_lock_s is None:
+            self.first_lock_s = self._now / self._fs
+        return [self._deliver(moved, reading)]
+
+    def _pull_in(self, track: _Track) -> None:
+        """Refine a candidate's place by its pilots."""
+        expected = np.zeros((FRAMES_PER_SUPERFRAME, self._profile.pilot_groups))
+        np.put_along_axis(expected, self._layout.pilot_group, self._layout.pilot_sign, axis=1)
+        for delay_grid, drift_grid in PULL_IN:
+            view = read_view(self._tape, track.position, track.ratio, self._cells, self._masker)
+            self._move(track, search_fit(view, expected, delay_grid, drift_grid))
+
+    def _move(self, track: _Track, fit: Fit) -> None:
+        """Shift a track by a fit, which is anchored in the middle of the superframe."""
+        drift = fit.drift_ppm * 1e-6
+        track.position += (fit.delay - drift * SUPERFRAME / 2) * self._nominal
+        track.ratio *= 1 + drift
+
+    # Following
+
+    def _complete(self, track: _Track) -> bool:
+        end = track.position + (SUPERFRAME + HOP) * track.ratio + self._tape.reach(track.ratio)
+        return end <= self._now
+
+    def _read(self, track: _Track) -> _Reading:
+        view = read_view(self._tape, track.position, track.ratio, self._cells, self._masker)
+        llr = self._reliability.weigh(view.soft()).reshape(-1)[self._layout.data_cell]
+        return _Reading(self._link.decode(llr), llr, view)
+
+    def _follow(self, track: _Track) -> list[ReceivedSuperframe]:
+        """Read the superframe that is due; note whether it arrived."""
+        reading = self._read(track)
+        if reading.decoded.l0 is not None:
+            self._search = None
+            self._correct(track, reading)
+            return [self._deliver(track, reading)]
+        track.misses += 1
+        if self._search is None:
+            self._start_search(track.position)
+        if track.misses > MAX_MISSES:
+            self._track = None
+            return []
+        return [self._deliver(track, reading)]
+
+    def _correct(self, track: _Track, reading: _Reading, *, wide: bool = False) -> None:
+        """Let the decoded bits correct the clock and the cells' reliabilities."""
+        expected = self._expected(reading.decoded)
+        grids = LOCK_IN if wide else FOLLOW
+        fit = search_fit(reading.view, expected * self._reliability.weights, *grids)
+        if not wide:
+            pace = PACE_GAIN * fit.delay / SUPERFRAME * 1e6
+            fit = Fit(DELAY_GAIN * fit.delay, DRIFT_GAIN * fit.drift_ppm + pace, fit.score)
+        self._move(track, fit)
+        soft = reading.view.soft()
+        self._reliability.learn(soft, expected)
+        self._errors += int(((soft * expected) < 0).sum())
+        self._counted += int((expected != 0).sum())
+        track.misses = 0
+
+    def _expected(self, decoded: Decoded) -> NDArray[np.float64]:
+        """Soft values that the decoded bits and pilots ask for; 0 where unknown."""
+        line = np.zeros(self._profile.cells)
+        known = decoded.coded >= 0
+        line[self._layout.data_cell[known]] = 1.0 - 2.0 * decoded.coded[known]
+        expected = line.reshape(FRAMES_PER_SUPERFRAME, -1)
+        np.put_along_axis(expected, self._layout.pilot_group, self._layout.pilot_sign, axis=1)
+        return expected
+
+    def _deliver(self, track: _Track, reading: _Reading) -> ReceivedSuperframe:
+        """Hand a superframe out and move the track to the next one."""
+        expected = self._expected(reading.decoded)
+        soft = reading.view.soft() * expected
+        agreement = soft.sum() / np.abs(expected).sum()
+        result = ReceivedSuperframe(
+            l0=reading.decoded.l0,
+            l1=reading.decoded.l1,
+            position_s=track.position / self._fs,
+            confidence=float(np.clip(agreement, 0.0, 1.0)),
+            ber_estimate=float((soft < 0).sum() / np.abs(expected).sum()),
+            ratios=reading.llr,
+        )
+        if reading.decoded.l0 is not None:
+            self._last_start = track.position
+        track.position += SUPERFRAME * track.ratio
+        return result

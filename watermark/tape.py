@@ -1,0 +1,110 @@
+"""A tape of mono samples that forgets its past and can be read at any real position and speed.
+
+In: blocks of samples; out: samples interpolated at ``position + n * ratio``. One windowed-sinc
+interpolator serves conversion between sampling rates, alignment by a fraction of a sample and
+correction of a clock error. Source: Smith and Gossett, ICASSP 1984.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+
+STEPS = 256
+"""Tabulated points of the impulse response per input sample."""
+
+REACH = 32
+"""Half the length of the impulse response in samples of the slower of both rates."""
+
+KAISER_BETA = 9.0
+"""Side lobes of the window below -90 dB."""
+
+
+@lru_cache(maxsize=8)
+def impulse_response(cutoff: float) -> NDArray[np.float64]:
+    """One side of the low-pass response at multiples of 1 / STEPS input samples.
+
+    Parameters
+    ----------
+    cutoff : float
+        Edge of the pass band as a part of half the input rate, 0 to 1; 1 interpolates only.
+    """
+    reach = round(REACH / cutoff)
+    t = np.arange(reach * STEPS + 2) / STEPS
+    window = np.i0(KAISER_BETA * np.sqrt(np.clip(1 - (t / reach) ** 2, 0, None)))
+    response = cutoff * np.sinc(cutoff * t) * window / np.i0(KAISER_BETA)
+    response[t >= reach] = 0.0
+    return np.ascontiguousarray(response)
+
+
+@dataclass(slots=True)
+class Tape:
+    """Samples from `first` on; what lies before was forgotten, what lies beyond is unknown.
+
+    Examples
+    --------
+    >>> tape = Tape()
+    >>> tape.append(np.arange(100.0))
+    >>> tape.read(10.0, 1.0, 3).tolist()
+    [10.0, 11.0, 12.0]
+    """
+
+    first: int = 0
+    samples: NDArray[np.float64] = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.samples is None:
+            self.samples = np.zeros(0)
+
+    @property
+    def end(self) -> int:
+        """Index after the last sample."""
+        return self.first + self.samples.size
+
+    def append(self, block: NDArray[np.float64]) -> None:
+        """Add samples at the end."""
+        self.samples = np.concatenate([self.samples, block])
+
+    def forget(self, before: int) -> None:
+        """Drop all samples with an index below `before`."""
+        count = min(max(before - self.first, 0), self.samples.size)
+        self.samples = self.samples[count:]
+        self.first += count
+
+    def reach(self, ratio: float) -> int:
+        """Return how many samples on either side of a position are looked at."""
+        return round(REACH * max(ratio, 1.0)) + 1
+
+    def read(self, position: float, ratio: float, count: int) -> NDArray[np.float64]:
+        """Return samples at ``position + n * ratio`` for n below `count`; silence outside.
+
+        Raises
+        ------
+        CueError
+            If the ratio is not a positive number.
+        """
+        if not 0 < ratio < 64:
+            raise CueError(f"resampling ratio {ratio} is not within 0..64")
+        if ratio == 1.0 and position == round(position):
+            return self._cut(round(position), count)
+        from watermark import _kernels
+
+        # The pass band ends a little below half the slower rate, for the window's sake.
+        cutoff = min(1.0, 0.94 / ratio) if ratio > 1.01 else 1.0
+        out = np.empty(count)
+        response = impulse_response(cutoff)
+        start = position - self.first
+        _kernels.interpolate(self.samples, start, ratio, response, STEPS, out)
+        return out
+
+    def _cut(self, position: int, count: int) -> NDArray[np.float64]:
+        out = np.zeros(count)
+        begin, end = max(position, self.first), min(position + count, self.end)
+        if begin < end:
+            out[begin - position : end - position] = self.samples[
+                begin - self.first : end - self.first
+            ]
+        return out
