@@ -1,0 +1,471 @@
+"""The ATSC A/335 line: exact values, the frame recorded off air, messages, codes, the carrier."""
+
+import contextlib
+import json
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codec.errors import BitstreamError, CueError
+from watermark.a335 import bch
+from watermark.a335.carrier import (
+    A335Embedder,
+    A335Receiver,
+    frame_rate,
+    is_foreign,
+    read_blocks,
+)
+from watermark.a335.erasure import decode_parts, encode_part
+from watermark.a335.framing import join_long, long_blocks, long_grid, pack_block
+from watermark.a335.line import (
+    RUN_IN,
+    SYSTEM_1X,
+    SYSTEM_2X,
+    line_values,
+    read_line,
+    system_1x,
+)
+from watermark.a335.messages import (
+    EXTENDED_VP1,
+    USER_PRIVATE_LONG,
+    USER_PRIVATE_SHORT,
+    VP1,
+    Block,
+    MessageAssembler,
+    body_capacity,
+    checksum,
+    fragments,
+    pack_private,
+    parse_blocks,
+    parse_private,
+)
+from watermark.a335.profile import DOMAIN, PROFILES
+from watermark.a335.vp1 import parse_vp1
+
+VECTORS = json.loads(
+    (Path(__file__).parents[2] / "spec" / "vectors" / "a335.json").read_text(encoding="utf-8")
+)["cases"]
+
+
+def vectors(section: str) -> list[dict[str, Any]]:
+    return [case for case in VECTORS if case["section"] == section]
+
+
+def payload_of(system: Any, seed: int = 1) -> bytes:
+    return RUN_IN + np.random.default_rng(seed).bytes(system.payload_bytes - 2)
+
+
+def source(name: str) -> Any:
+    profile = PROFILES[name]
+
+    def give(k: int) -> tuple[bytes, bytes]:
+        rng = np.random.default_rng(k)
+        return rng.bytes(profile.l0_bytes), rng.bytes(profile.l1_bytes)
+
+    return give
+
+
+def grey(height: int = 8, width: int = 1280) -> np.ndarray:
+    return np.full((height, width), 120, dtype=np.uint8)
+
+
+# --- the line ---
+
+
+@pytest.mark.parametrize("case", vectors("A/335 5.1"), ids=lambda c: c["id"])
+def test_line_vectors(case: dict[str, Any]) -> None:
+    system = {"1X": SYSTEM_1X, "2X": SYSTEM_2X}[case["system"]]
+    bits = case["bits"].ljust(system.payload_bytes * 8, "0")
+    payload = int(bits, 2).to_bytes(system.payload_bytes)
+    line = line_values(payload, case["width"], system=system, depth=case["depth"])
+    for pixel, value in case["pixels"].items():
+        assert line[int(pixel)] == value
+
+
+@pytest.mark.parametrize("system", [SYSTEM_1X, SYSTEM_2X], ids=["1X", "2X"])
+@pytest.mark.parametrize("width", [480, 720, 1280, 1366, 1440, 1920, 3840])
+@pytest.mark.parametrize("depth", [8, 10, 12])
+def test_line_round_trip(system: Any, width: int, depth: int) -> None:
+    payload = payload_of(system)
+    found = read_line(line_values(payload, width, system=system, depth=depth), depth=depth)
+    assert found is not None
+    assert (found[0].name, found[1]) == (system.name, payload)
+
+
+def test_levels_where_symbols_fill_pixels() -> None:
+    line = line_values(RUN_IN, 1920, system=SYSTEM_2X)
+    assert line[::8][:8].tolist() == [235, 162, 162, 235, 89, 89, 16, 162]
+    assert set(line_values(payload_of(SYSTEM_1X), 720, system=system_1x(16, 100))) == {16, 100}
+
+
+def test_noisy_and_low_contrast_lines_are_read() -> None:
+    payload = payload_of(SYSTEM_1X)
+    line = line_values(payload, 1280, system=system_1x(4, 20))
+    noise = np.random.default_rng(3).normal(0, 3, line.size)
+    assert read_line(line + noise) == (SYSTEM_1X, payload)
+
+
+def test_doubtful_symbols_are_tried() -> None:
+    marked = A335Embedder(1280, 8, 25, source("1x")).process(grey())
+    expected = read_blocks(marked)
+    for symbols in ([100, 200], [3, 30]):  # one of them in the run-in
+        damaged = marked.copy()
+        for symbol in symbols:
+            pixels = slice(symbol * 16 // 3, (symbol + 1) * 16 // 3 + 1)
+            damaged[:2, pixels] = np.where(marked[0, symbol * 16 // 3 + 2] > 22, 20, 24)
+        assert read_line(damaged[0]) != read_line(marked[0])
+        assert read_blocks(damaged) == expected
+
+
+def test_no_run_in_is_a_result() -> None:
+    assert read_line(np.full(1280, 16)) is None
+    assert read_line(np.arange(100)) is None
+    assert read_line(np.random.default_rng(0).integers(0, 255, 1280)) is None
+
+
+def test_line_refusals() -> None:
+    with pytest.raises(CueError, match="payload of 31 bytes, limit 30"):
+        line_values(bytes(31), 1280)
+    with pytest.raises(CueError, match="width 240: the line needs at least 480"):
+        line_values(RUN_IN, 240)
+    with pytest.raises(CueError, match=r"levels 4 and 15: 4\.\.16 and 20\.\.100"):
+        system_1x(4, 15)
+    with pytest.raises(CueError, match="luma of 9 bits"):
+        line_values(RUN_IN, 1280, depth=9)
+
+
+# --- messages ---
+
+
+def test_off_air_frame() -> None:
+    (case,) = vectors("A/336 5.2")
+    payload = bytes.fromhex(case["payload"])
+    (block,) = parse_blocks(payload)
+    assert block.message_id == EXTENDED_VP1
+    assert (block.version, block.fragment, block.last_fragment) == (9, 0, 0)
+    assert block.convention == "ieee"
+    assert RUN_IN + block.pack() == payload
+    found = parse_vp1(block)
+    assert found is not None
+    assert found.corrected_bits == 0
+    assert (found.large_domain, found.server, found.interval) == (True, 705, 840)
+    assert not found.query
+    assert found.time_offset == 0x8A
+
+
+def test_off_air_frame_with_wrong_bits_in_the_packet() -> None:
+    (case,) = vectors("A/336 5.2")
+    (block,) = parse_blocks(bytes.fromhex(case["payload"]))
+    body = bytearray(block.body)
+    body[7] ^= 0xFF
+    body[12] ^= 0x1F
+    damaged = Block(block.message_id, 9, 0, 0, bytes(body))
+    found = parse_vp1(damaged)
+    assert found is not None
+    assert (found.server, found.corrected_bits) == (705, 13)
+    body[13] ^= 0xFF
+    assert parse_vp1(Block(block.message_id, 9, 0, 0, bytes(body))) is None
+
+
+def test_capacities() -> None:
+    sizes = [
+        body_capacity(system, message_id)
+        for system in (SYSTEM_1X, SYSTEM_2X)
+        for message_id in (USER_PRIVATE_SHORT, USER_PRIVATE_LONG)
+    ]
+    assert sizes == [21, 19, 51, 49]
+
+
+@pytest.mark.parametrize("convention", ["ieee", "mpeg"])
+def test_both_checksums(convention: Any) -> None:
+    block = Block(0x7F, 5, 1, 2, b"body", None, convention)
+    assert parse_blocks(RUN_IN + block.pack()) == [block]
+    # The MPEG-2 convention leaves a remainder of zero over block and checksum.
+    if convention == "mpeg":
+        assert checksum(block.pack(), "mpeg") == 0
+
+
+def test_several_blocks_and_padding() -> None:
+    blocks = [Block(3, 1, 0, 0, b"a"), Block(0xFF, 2, 7, 200, b"bc")]
+    payload = RUN_IN + b"".join(b.pack() for b in blocks) + bytes(5)
+    assert parse_blocks(payload) == blocks
+
+
+def test_damaged_block_ends_the_reading() -> None:
+    good, bad = Block(3, 1, 0, 0, b"a").pack(), bytearray(Block(4, 1, 0, 0, b"b").pack())
+    bad[4] ^= 1
+    assert len(parse_blocks(RUN_IN + good + bytes(bad))) == 1
+    assert parse_blocks(RUN_IN + b"\x03\xff") == []
+    with pytest.raises(BitstreamError, match="run-in 0000"):
+        parse_blocks(bytes(30))
+
+
+@given(st.binary(min_size=28, max_size=58))
+def test_any_bytes_parse(data: bytes) -> None:
+    parse_blocks(RUN_IN + data)
+
+
+@given(st.binary(min_size=1, max_size=300), st.sampled_from([0x7F, 0xFF]), st.integers(4, 60))
+def test_fragments_round_trip(message: bytes, message_id: int, size: int) -> None:
+    if message_id == USER_PRIVATE_SHORT and len(message) > 4 * size - 4:
+        with pytest.raises(CueError, match="limit 3"):
+            fragments(message_id, message, version=3, size=size)
+        return
+    if len(message) > size * 256 - 4:
+        return
+    blocks = fragments(message_id, message, version=3, size=size)
+    assembler = MessageAssembler()
+    found = []
+    for block in blocks:
+        assert len(block.body) + (4 if block.message_check is not None else 0) <= size
+        assert parse_blocks(RUN_IN + block.pack()) == [block]
+        found.append(assembler.add(block))
+    assert found[:-1] == [None] * (len(blocks) - 1)
+    assert found[-1] == (message_id, message)
+    assert [assembler.add(b) for b in blocks][-1] is None  # the same version again
+
+
+def test_mixed_forms_do_not_disturb_each_other() -> None:
+    long, short = (fragments(i, bytes(30), version=1, size=12) for i in (0xFF, 0x7F))
+    assembler = MessageAssembler()
+    found = [assembler.add(b) for pair in zip(long, short, strict=True) for b in pair]
+    assert [f[0] for f in found if f] == [0xFF, 0x7F]
+
+
+def test_message_checksum_is_checked() -> None:
+    blocks = fragments(0xFF, bytes(30), version=1, size=12)
+    assembler = MessageAssembler()
+    assembler.add(Block(0xFF, 1, 0, 2, b"x" * 12))
+    assert [assembler.add(b) for b in blocks[1:]] == [None, None]
+
+
+@given(
+    st.binary(min_size=1, max_size=256), st.sampled_from([USER_PRIVATE_SHORT, USER_PRIVATE_LONG])
+)
+def test_private_round_trip(payload: bytes, message_id: int) -> None:
+    message = pack_private(DOMAIN, payload, message_id=message_id)
+    assert parse_private(message, message_id=message_id) == (DOMAIN, payload)
+
+
+@given(st.binary(max_size=30))
+def test_private_of_any_bytes(data: bytes) -> None:
+    with contextlib.suppress(BitstreamError):
+        domain, payload = parse_private(data)
+        assert len(domain) + len(payload) < len(data)
+
+
+def test_message_refusals() -> None:
+    with pytest.raises(CueError, match="message identifier 0"):
+        Block(0, 0, 0, 0, b"")
+    with pytest.raises(CueError, match="fragment 4 of 4, limit 3"):
+        Block(0x7F, 0, 4, 4, b"")
+    with pytest.raises(CueError, match="domain of 11 and payload of 0"):
+        pack_private(DOMAIN, b"")
+    with pytest.raises(BitstreamError, match="is no VP1 message"):
+        parse_vp1(Block(3, 0, 0, 0, b""))
+    with pytest.raises(BitstreamError, match="VP1 message of 2 bytes: must be 20"):
+        parse_vp1(Block(VP1, 0, 0, 0, b"ab"))
+
+
+# --- codes ---
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**50 - 1), st.sets(st.integers(0, 126), max_size=13))
+def test_bch_corrects_thirteen(value: int, wrong: set[int]) -> None:
+    payload = [int(b) for b in f"{value:050b}"]
+    word = bch.encode(payload)
+    word[list(wrong)] ^= 1
+    found = bch.decode(word)
+    assert found is not None
+    assert (found[0].tolist(), found[1]) == (payload, len(wrong))
+
+
+def test_bch_refuses_lengths() -> None:
+    with pytest.raises(CueError, match="payload of shape"):
+        bch.encode([0])
+    with pytest.raises(CueError, match="word of shape"):
+        bch.decode([0])
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.data(), st.integers(1, 20), st.integers(1, 5))
+def test_any_k_parts_are_enough(data: st.DataObject, k: int, size: int) -> None:
+    block = np.random.default_rng(k).integers(0, 256, (k, size)).astype(np.uint8)
+    chosen = data.draw(st.sets(st.integers(0, 255), min_size=k, max_size=k))
+    parts = {p: encode_part(block, p) for p in chosen}
+    decoded = decode_parts(parts, k)
+    assert decoded is not None
+    np.testing.assert_array_equal(decoded, block)
+    assert decode_parts(dict(list(parts.items())[1:]), k) is None
+
+
+def test_part_out_of_range() -> None:
+    with pytest.raises(CueError, match="part 256"):
+        encode_part(np.zeros((1, 1), dtype=np.uint8), 256)
+
+
+@pytest.mark.parametrize("count", [15, 16, 20, 32])
+def test_long_message_survives_as_many_losses_as_its_grid_says(count: int) -> None:
+    profile = PROFILES["1x-high"]
+    l0, l1 = source("1x-high")(1)
+    block = pack_block(l0, l1, profile)
+    blocks = long_blocks(block, profile, count=count, version=0, domain=DOMAIN, convention="ieee")
+    parity = long_grid(profile, count, DOMAIN).parity
+    assert parity >= 1
+    kept = {b.fragment: b.body for b in blocks[parity:]}
+    assert join_long(kept, profile, count=count, domain=DOMAIN) == (l0, l1)
+    kept.pop(count - 2)
+    assert join_long(kept, profile, count=count, domain=DOMAIN) is None
+    assembler = MessageAssembler()  # whole, it is an ordinary A/336 message
+    found = [assembler.add(b) for b in blocks][-1]
+    assert found is not None
+    assert parse_private(found[1], message_id=USER_PRIVATE_LONG)[0] == DOMAIN
+
+
+# --- the carrier ---
+
+
+@pytest.mark.parametrize("name", PROFILES)
+@pytest.mark.parametrize("fps", [25, 50, Fraction(30000, 1001)])
+def test_carrier_round_trip(name: str, fps: Any) -> None:
+    give = source(name)
+    embedder = A335Embedder(1280, 8, fps, give, profile=name)
+    receiver = A335Receiver(1280, 8, fps)
+    found = []
+    for _ in range(int(3.2 * fps)):
+        frame = grey()
+        marked = embedder.process(frame)
+        assert (frame == 120).all()
+        assert (marked[2:] == 120).all()
+        assert (marked[0] == marked[1]).all()
+        found += receiver.process(marked)
+    assert len(found) >= 4
+    for k, superframe in enumerate(found):
+        assert (superframe.l0, superframe.l1) == give(k)
+        assert superframe.position_s == pytest.approx(0.64 * k, abs=1.01 / fps)
+    assert receiver.locked
+    assert receiver.loss_estimate == 0
+    assert receiver.first_lock_s is not None
+    assert receiver.first_lock_s <= 0.7
+
+
+@pytest.mark.parametrize("name", ["1x", "2x"])
+def test_lost_frames_and_tuning_in(name: str) -> None:
+    give = source(name)
+    embedder = A335Embedder(1280, 8, 25, give, profile=name)
+    receiver = A335Receiver(1280, 8, 25)
+    rng = np.random.default_rng(2)
+    found = []
+    for n in range(160):
+        marked = embedder.process(grey())
+        if n >= 5:
+            found += receiver.process(grey() if rng.random() < 0.2 else marked)
+    assert len(found) >= 9
+    assert [(f.l0, f.l1) for f in found] == [give(k) for k in range(10 - len(found), 10)]
+    assert found[-1].position_s == pytest.approx(9 * 0.64 - 0.2)
+
+
+def test_frame_rate_conversion_repeats_frames() -> None:
+    give = source("1x")
+    embedder = A335Embedder(1280, 8, 25, give)
+    receiver = A335Receiver(1280, 8, 50)
+    found = []
+    for _ in range(64):
+        marked = embedder.process(grey())
+        found += receiver.process(marked) + receiver.process(marked)
+    assert [(f.l0, f.l1) for f in found] == [give(k) for k in range(4)]
+
+
+def test_ten_bits() -> None:
+    give = source("2x")
+    embedder = A335Embedder(1920, 6, 25, give, profile="2x", depth=10)
+    receiver = A335Receiver(1920, 6, 25, depth=10)
+    frame = np.full((6, 1920), 500, dtype=np.uint16)
+    found = [s for _ in range(16) for s in receiver.process(embedder.process(frame))]
+    assert (found[0].l0, found[0].l1) == give(0)
+    assert embedder.process(frame).dtype == np.uint16
+
+
+def test_another_service_keeps_its_line() -> None:
+    (case,) = vectors("A/336 5.2")
+    occupied = grey()
+    occupied[:2] = line_values(bytes.fromhex(case["payload"]), 1280)
+    assert is_foreign(occupied, DOMAIN)
+    give = source("1x")
+    embedder = A335Embedder(1280, 8, 25, give)
+    receiver = A335Receiver(1280, 8, 25)
+    found = []
+    for n in range(32):
+        frame = occupied if n % 5 == 0 else grey()
+        marked = embedder.process(frame)
+        if n % 5 == 0:
+            np.testing.assert_array_equal(marked, occupied)
+        found += receiver.process(marked)
+    assert embedder.skipped == 7
+    assert receiver.vp1 is not None
+    assert receiver.vp1.server == 705
+    assert [(f.l0, f.l1) for f in found] == [give(0), give(1)]
+    forced = A335Embedder(1280, 8, 25, give, overwrite=True)
+    assert not is_foreign(forced.process(occupied), DOMAIN)
+
+
+def test_own_line_is_replaced() -> None:
+    first = A335Embedder(1280, 8, 25, source("1x")).process(grey())
+    again = A335Embedder(1280, 8, 25, lambda k: (bytes(17), bytes(42))).process(first)
+    assert not np.array_equal(first, again)
+
+
+def test_other_domain_is_not_ours() -> None:
+    embedder = A335Embedder(1280, 8, 25, source("1x"), domain="a.tv,2026")
+    receiver = A335Receiver(1280, 8, 25)
+    for _ in range(20):
+        assert receiver.process(embedder.process(grey())) == []
+    assert not receiver.locked
+
+
+def test_second_line_helps() -> None:
+    marked = A335Embedder(1280, 8, 25, source("1x")).process(grey())
+    marked[0, ::3] += 14
+    marked[0, 1::3] -= 3
+    assert len(read_blocks(marked)) == 1
+
+
+def test_rates_are_as_published() -> None:
+    rates = {name: round(p.net_bps) for name, p in PROFILES.items()}
+    assert rates == {"1x": 738, "1x-high": 3000, "2x": 4112, "2x-high": 8250}
+    assert [p.body_bytes * 8 * 25 for p in PROFILES.values()] == [4200, 3800, 10200, 9800]
+
+
+def test_frame_rates() -> None:
+    assert frame_rate(23.976) == Fraction(24000, 1001)
+    assert frame_rate(25) == 25
+    for fps in (1, 120):
+        with pytest.raises(CueError, match=r"must be 8\.\.100"):
+            frame_rate(fps)
+
+
+def test_carrier_refusals() -> None:
+    give = source("1x")
+    with pytest.raises(CueError, match="width 320"):
+        A335Embedder(320, 240, 25, give)
+    with pytest.raises(CueError, match="height 2"):
+        A335Embedder(1280, 2, 25, give)
+    with pytest.raises(CueError, match="unknown A/335 profile '3x'"):
+        A335Embedder(1280, 720, 25, give, profile="3x")
+    with pytest.raises(CueError, match="needs modulation 2X"):
+        A335Embedder(1280, 720, 25, give, profile="2x", system=SYSTEM_1X)
+    with pytest.raises(CueError, match="6 frames a superframe hold no 244 bytes"):
+        A335Embedder(1280, 720, 8, give, profile="1x-high")
+    with pytest.raises(CueError, match="leaves no room"):
+        A335Embedder(1280, 8, 25, give, domain="a" * 30).process(grey())
+    with pytest.raises(CueError, match="L0 holds 1 bytes, profile 1x 17"):
+        A335Embedder(1280, 8, 25, lambda k: (b"1", b"")).process(grey())
+    for end in (A335Embedder(1280, 8, 25, give), A335Receiver(1280, 8, 25)):
+        with pytest.raises(CueError, match=r"expected \(8, 1280\)"):
+            end.process(grey(9))

@@ -1,0 +1,241 @@
+"""The luma line of ATSC A/335: 240 symbols across the full width of the picture.
+
+In: 30 or 60 payload bytes; out: the values of one line of luma, and back. Section 5 of ATSC
+A/335:2022. System 1X has two levels per symbol, 2X four; the payload starts with the run-in in
+the system's own modulation.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from codec.errors import CueError
+
+SYMBOLS = 240
+RUN_IN = b"\xeb\x52"
+LINES = 2
+MIN_WIDTH = 480  # two pixels a symbol; the standard's narrowest picture has 720
+
+
+@dataclass(frozen=True, slots=True)
+class LineSystem:
+    """One of the two modulations.
+
+    Attributes
+    ----------
+    name : str
+        "1X" or "2X".
+    bits : int
+        Bits per symbol.
+    levels : tuple of int
+        Luma of each symbol value at 8 bits, values in ascending order.
+    levels_10, levels_12 : tuple of int
+        The same at 10 and at 12 bits.
+    """
+
+    name: str
+    bits: int
+    levels: tuple[int, ...]
+    levels_10: tuple[int, ...]
+    levels_12: tuple[int, ...]
+
+    @property
+    def payload_bytes(self) -> int:
+        """Bytes of a line, run-in included."""
+        return SYMBOLS * self.bits // 8
+
+    def levels_at(self, depth: int) -> NDArray[np.int64]:
+        """Luma of each symbol value at `depth` bits per sample."""
+        table = {8: self.levels, 10: self.levels_10, 12: self.levels_12}
+        if depth not in table:
+            raise CueError(f"luma of {depth} bits: the line is defined for 8, 10 and 12")
+        return np.array(table[depth], dtype=np.int64)
+
+
+def system_1x(low: int = 4, high: int = 40) -> LineSystem:
+    """System 1X with chosen levels.
+
+    Parameters
+    ----------
+    low, high : int
+        Luma of symbols 0 and 1 at 8 bits: 4..16 and 20..100, at least 16 apart.
+
+    Raises
+    ------
+    CueError
+        If the levels are outside what the standard allows.
+
+    Examples
+    --------
+    >>> system_1x().payload_bytes
+    30
+    """
+    if not 4 <= low <= 16 or not 20 <= high <= 100 or high - low < 16:
+        raise CueError(f"levels {low} and {high}: 4..16 and 20..100, at least 16 apart")
+    return LineSystem("1X", 1, (low, high), (4 * low, 4 * high), (16 * low, 16 * high))
+
+
+SYSTEM_1X = system_1x()
+SYSTEM_2X = LineSystem("2X", 2, (16, 89, 162, 235), (64, 356, 648, 940), (256, 1424, 2592, 3760))
+
+
+def line_values(
+    payload: bytes, width: int, *, system: LineSystem = SYSTEM_1X, depth: int = 8
+) -> NDArray[np.int64]:
+    """Luma of one marked line.
+
+    A pixel that two symbols share gets the mean of their levels weighted by their parts of it,
+    rounded to nearest, halves up.
+
+    Parameters
+    ----------
+    payload : bytes
+        The whole payload, run-in first; shorter ones are padded with zeros.
+    width : int
+        Pixels of the line.
+    system : LineSystem
+        Modulation.
+    depth : int
+        Bits per sample: 8, 10 or 12.
+
+    Returns
+    -------
+    ndarray of int64, shape (width,)
+
+    Raises
+    ------
+    CueError
+        If the payload is too long or the line too short.
+
+    Examples
+    --------
+    >>> line_values(RUN_IN, 1280)[:16].tolist()
+    [40, 40, 40, 40, 40, 40, 40, 40, 40, 40, 40, 40, 40, 40, 40, 40]
+    """
+    if len(payload) > system.payload_bytes:
+        raise CueError(f"payload of {len(payload)} bytes, limit {system.payload_bytes}")
+    check_width(width)
+    bits = np.unpackbits(np.frombuffer(payload.ljust(system.payload_bytes, b"\0"), dtype=np.uint8))
+    values = bits.reshape(SYMBOLS, system.bits) @ (1 << np.arange(system.bits)[::-1])
+    level = system.levels_at(depth)[values]
+    first, share, last = _shares(width)
+    return (level[first] * share + level[last] * (SYMBOLS - share) + SYMBOLS // 2) // SYMBOLS
+
+
+def check_width(width: int) -> None:
+    """Raise `CueError` if a line of `width` pixels cannot hold the symbols."""
+    if width < MIN_WIDTH:
+        raise CueError(f"picture of width {width}: the line needs at least {MIN_WIDTH}")
+
+
+def _shares(width: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """First symbol of each pixel, that symbol's part of it in 1/240, last symbol."""
+    start = np.arange(width, dtype=np.int64) * SYMBOLS
+    first = start // width
+    share = np.minimum(SYMBOLS, (first + 1) * width - start)
+    return first, share, np.minimum(first + (share < SYMBOLS), SYMBOLS - 1)
+
+
+def symbol_levels(line: ArrayLike) -> NDArray[np.float64]:
+    """Mean luma over the middle 60 % of each symbol of a line, shape (240,)."""
+    luma = np.asarray(line, dtype=np.float64)
+    total = np.concatenate([[0.0], np.cumsum(luma)])
+    edge = np.arange(SYMBOLS)[:, None] + np.array([0.2, 0.8])
+    area = np.interp(edge * (luma.size / SYMBOLS), np.arange(luma.size + 1), total)
+    return np.asarray((area[:, 1] - area[:, 0]) / (0.6 * luma.size / SYMBOLS), dtype=np.float64)
+
+
+def read_line(line: ArrayLike, *, depth: int = 8) -> tuple[LineSystem, bytes] | None:
+    """Look for a marked line.
+
+    Parameters
+    ----------
+    line : array_like, shape (width,)
+        Luma of one line, or the mean of several.
+    depth : int
+        Bits per sample.
+
+    Returns
+    -------
+    (LineSystem, bytes) or None
+        The system and the payload with its run-in; None where there is no run-in.
+
+    Examples
+    --------
+    >>> system, payload = read_line(line_values(RUN_IN + b"mark", 1920))
+    >>> system.name, payload[2:6]
+    ('1X', b'mark')
+    """
+    return next(line_candidates(line, depth=depth, doubtful=0), None)
+
+
+def line_candidates(
+    line: ArrayLike, *, depth: int = 8, doubtful: int = 8
+) -> Iterator[tuple[LineSystem, bytes]]:
+    """Read a line in several ways, the likeliest first; a checksum has to choose.
+
+    The line has no error correction, so after coding one or two symbols near a slice level decide
+    over the whole frame. Readings that change up to two of the `doubtful` least certain symbols to
+    their neighbouring value follow the plain one (Chase, 1972).
+
+    Parameters
+    ----------
+    line, depth
+        As for `read_line`.
+    doubtful : int
+        Number of symbols that may be changed.
+
+    Yields
+    ------
+    (LineSystem, bytes)
+        Only readings that start with the run-in.
+    """
+    luma = np.asarray(line)
+    if luma.size < MIN_WIDTH:
+        return
+    level = symbol_levels(luma)
+    for system, slices in ((SYSTEM_1X, _two_means(level)), (SYSTEM_2X, _midpoints(depth))):
+        values = np.searchsorted(slices, level).astype(np.int64)
+        distance = level[:, None] - slices
+        nearest = np.abs(distance).argmin(axis=1)
+        margin = np.take_along_axis(distance, nearest[:, None], axis=1)[:, 0]
+        other = np.where(margin > 0, nearest, nearest + 1)
+        weakest = np.argsort(np.abs(margin), kind="stable")[:doubtful]
+        if np.count_nonzero(_run_in_values(system) != values[: 16 // system.bits]) > 2:
+            continue
+        for count in range(min(doubtful, 2) + 1):
+            for changed in combinations(weakest.tolist(), count):
+                reading = values.copy()
+                reading[list(changed)] = other[list(changed)]
+                payload = _pack(reading, system)
+                if payload.startswith(RUN_IN):
+                    yield system, payload
+
+
+def _run_in_values(system: LineSystem) -> NDArray[np.int64]:
+    bits = np.unpackbits(np.frombuffer(RUN_IN, dtype=np.uint8))
+    return np.asarray(bits.reshape(-1, system.bits) @ (1 << np.arange(system.bits)[::-1]))
+
+
+def _pack(values: NDArray[np.int64], system: LineSystem) -> bytes:
+    bits = values[:, None] >> np.arange(system.bits)[::-1] & 1
+    return np.packbits(bits.astype(np.uint8).reshape(-1)).tobytes()
+
+
+def _two_means(level: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Half-way between the means of the dark and the bright symbols."""
+    cut = (level.min() + level.max()) / 2
+    for _ in range(8):
+        dark, bright = level[level <= cut], level[level > cut]
+        if dark.size == 0 or bright.size == 0:
+            break
+        cut = (dark.mean() + bright.mean()) / 2
+    return np.array([cut])
+
+
+def _midpoints(depth: int) -> NDArray[np.float64]:
+    levels = SYSTEM_2X.levels_at(depth)
+    return np.asarray((levels[1:] + levels[:-1]) / 2)

@@ -1,0 +1,74 @@
+"""How superframes ride in the line: which modulation, which message form, how many bytes.
+
+Specification: spec/video-carrier.md, section A.3. The profile follows from what a receiver sees
+(run-in and message identifier), so nothing needs to be announced.
+"""
+
+from dataclasses import dataclass
+
+from watermark.a335.line import SYSTEM_1X, SYSTEM_2X, LineSystem
+from watermark.a335.messages import (
+    USER_PRIVATE_LONG,
+    USER_PRIVATE_SHORT,
+    body_capacity,
+    private_overhead,
+)
+
+SUPERFRAME_S = 0.64
+CHECK_BYTES = 4
+DOMAIN = "cue.tv,2026"
+"""Tagging entity of the messages; a broadcaster puts a name of its own here."""
+
+
+@dataclass(frozen=True, slots=True)
+class A335Profile:
+    """One way to fill the line.
+
+    Attributes
+    ----------
+    name : str
+        What `find_profile` is asked for.
+    system : LineSystem
+        Modulation.
+    message_id : int
+        0x7F: every frame is a message of its own, from which a receiver can start at any time.
+        0xFF: one message of as many fragments as the superframe has frames; more bytes.
+    l0_bytes, l1_bytes : int
+        Payload of the two classes per superframe.
+    """
+
+    name: str
+    system: LineSystem
+    message_id: int
+    l0_bytes: int
+    l1_bytes: int
+
+    @property
+    def block_bytes(self) -> int:
+        """Bytes that the erasure code protects: both classes and a checksum."""
+        return self.l0_bytes + self.l1_bytes + CHECK_BYTES
+
+    @property
+    def body_bytes(self) -> int:
+        """Message bytes of one frame's line."""
+        return body_capacity(self.system, self.message_id)
+
+    @property
+    def net_bps(self) -> float:
+        """Payload of both classes in bit/s."""
+        return 8 * (self.l0_bytes + self.l1_bytes) / SUPERFRAME_S
+
+    def overhead(self, domain: str) -> int:
+        """Bytes of a message before its payload."""
+        return private_overhead(domain, self.message_id)
+
+
+PROFILES = {
+    profile.name: profile
+    for profile in (
+        A335Profile("1x", SYSTEM_1X, USER_PRIVATE_SHORT, 17, 42),
+        A335Profile("1x-high", SYSTEM_1X, USER_PRIVATE_LONG, 17, 223),
+        A335Profile("2x", SYSTEM_2X, USER_PRIVATE_SHORT, 17, 312),
+        A335Profile("2x-high", SYSTEM_2X, USER_PRIVATE_LONG, 17, 643),
+    )
+}
