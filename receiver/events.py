@@ -1,0 +1,90 @@
+"""What a receiver tells while a programme passes through it; times on the programme's clock."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.score import Key, Phone
+
+SUPERFRAME_S = 0.64
+"""Length of a superframe on air and of the motion inside it, seconds."""
+
+State = Literal["searching", "locked", "degraded", "lost", "ended"]
+"""Searching: nothing found yet. Locked: superframes arrive. Degraded: some are missing. Lost:
+the carrier was there and is gone. Ended: the programme is over."""
+
+
+@dataclass(frozen=True, slots=True)
+class StateChanged:
+    """Reception changed to `state` at `time_s`."""
+
+    time_s: float
+    state: State
+
+
+@dataclass(frozen=True, slots=True)
+class MotionPiece:
+    """The motion of one superframe at its place on the programme's clock.
+
+    Attributes
+    ----------
+    start_s : float
+        Time of the first frame.
+    rate_hz : float
+        Frames per second.
+    params : ndarray of float32, shape (T, P)
+        Parameters of the voice, read-only.
+    layers : tuple of str
+        Layers that arrived: ``L0``, ``L1``. Empty if the piece is concealment.
+    epoch : int
+        Counts discontinuities of the stream; pieces of one epoch lie on one grid of frames.
+    phones : tuple of Phone
+        Phones that start within the piece, as far as known.
+    """
+
+    start_s: float
+    rate_hz: float
+    params: NDArray[np.float32]
+    layers: tuple[str, ...]
+    epoch: int = 0
+    phones: tuple[Phone, ...] = ()
+
+    @property
+    def end_s(self) -> float:
+        """Time at which the next piece starts."""
+        return self.start_s + len(self.params) / self.rate_hz
+
+
+@dataclass(frozen=True, slots=True)
+class KeysFound:
+    """Keys that start within one superframe, in order of time.
+
+    They come twice: as soon as the superframe arrived, when the end of the last one may still be
+    a guess, and once again when they are certain (`final`).
+    """
+
+    keys: tuple[Key, ...]
+    final: bool
+
+
+@dataclass(frozen=True, slots=True)
+class SuperframeLost:
+    """The superframe due at `start_s` did not arrive."""
+
+    start_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Unreadable:
+    """From `time_s` on the stream has another voice or version: it is not drawn.
+
+    Told once; it holds until the next splice.
+    """
+
+    time_s: float
+    message: str
+
+
+Event = StateChanged | MotionPiece | KeysFound | SuperframeLost | Unreadable

@@ -1,0 +1,176 @@
+/** Buttons, keyboard and remote control: every way to the same commands. */
+
+const SPEEDS = [0.25, 0.5, 0.75, 1, 1.25, 1.5, 2];
+const QUIET_MS = 3000;
+
+const BY_KEY = {
+  " ": "play", Enter: "play", k: "play", MediaPlayPause: "play", MediaPlay: "play", MediaPause: "play",
+  ArrowLeft: "rewind", ArrowRight: "wind", MediaRewind: "rewind", MediaFastForward: "wind",
+  ",": "stepBack", ".": "stepForward", "[": "slower", "]": "faster", "-": "slower", "+": "faster",
+  a: "style", h: "handOnly", p: "place", s: "size", m: "mirror", c: "keys", l: "language", f: "full",
+  "?": "settings", r: "settings", Escape: "close", GoBack: "close",
+  ColorF0Red: "handOnly", ColorF1Green: "style", ColorF2Yellow: "place", ColorF3Blue: "size",
+};
+/** Key codes of televisions whose browsers name no keys (CE-HTML, HbbTV). */
+const BY_CODE = {
+  415: "play", 19: "play", 413: "play", 412: "rewind", 417: "wind",
+  403: "handOnly", 404: "style", 405: "place", 406: "size", 461: "close", 457: "settings",
+};
+/** Keys, the text that explains them, and the coloured key of a remote control that does the same. */
+export const HELP = [
+  ["␣", "help-play"], ["← →", "help-seek"], [", .", "help-step"], ["[ ]", "help-speed"],
+  ["A", "help-style", "green"], ["H", "help-hand", "red"], ["P", "help-place", "yellow"], ["S", "help-size", "blue"],
+  ["M", "help-mirror"], ["C", "help-keys"], ["F", "help-full"], ["L", "help-language"], ["? · R", "help-settings"],
+];
+
+export class Controls {
+  /** `page`: {video, settings, stage, words(), stepS(), seekTo(timeS)}. */
+  constructor(document, page) {
+    this.document = document;
+    this.page = page;
+    this.video = page.video;
+    this.stage = page.stage;
+    this.bind();
+    this.wake();
+  }
+
+  find(id) {
+    return this.document.getElementById(id);
+  }
+
+  bind() {
+    const { video, document } = this;
+    const buttons = {
+      play: "play", back: "stepBack", forward: "stepForward", speed: "faster", style: "style",
+      "hand-only": "handOnly", settings: "settings", full: "full",
+    };
+    for (const id of Object.keys(buttons)) this.find(id).onclick = () => this.run(buttons[id]);
+    this.find("seek").oninput = (event) => this.page.seekTo(event.target.value / 1000 * (video.duration || 0));
+    document.addEventListener("keydown", (event) => this.key(event));
+    for (const name of ["pointermove", "pointerdown", "keydown", "focusin"]) {
+      document.addEventListener(name, () => this.wake());
+    }
+    video.addEventListener("click", () => this.run("play"));
+    for (const name of ["play", "pause", "ratechange", "durationchange"]) video.addEventListener(name, () => this.show());
+  }
+
+  key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const target = event.target;
+    const typing = /^(SELECT|INPUT)$/.test(target.tagName) && event.key !== "Escape";
+    const pressing = target.tagName === "BUTTON" && (event.key === " " || event.key === "Enter");
+    if (typing || pressing) return;
+    const command = BY_KEY[event.key] || BY_KEY[event.key.toLowerCase()] || BY_CODE[event.keyCode];
+    if (!command) return;
+    event.preventDefault();
+    this.run(command);
+  }
+
+  run(command) {
+    const { settings } = this.page;
+    if (["style", "place", "size", "language"].includes(command)) {
+      settings.next(command);
+      if (command !== "language") this.stage.say(this.page.words()[settings.get(command)]);
+    } else if (["handOnly", "mirror", "keys"].includes(command)) settings.toggle(command);
+    else this[command]();
+    this.show();
+  }
+
+  play() {
+    if (!this.video.paused) this.video.pause();
+    else this.video.play().catch(() => this.stage.say(this.page.words().failed));
+  }
+
+  rewind() {
+    this.page.seekTo(this.video.currentTime - 5);
+  }
+
+  wind() {
+    this.page.seekTo(this.video.currentTime + 5);
+  }
+
+  stepBack() {
+    this.video.pause();
+    this.page.seekTo(this.video.currentTime - this.page.stepS());
+  }
+
+  stepForward() {
+    this.video.pause();
+    this.page.seekTo(this.video.currentTime + this.page.stepS());
+  }
+
+  slower() {
+    this.changeSpeed(-1);
+  }
+
+  /** The next speed; from the fastest on to the slowest, so that one button reaches all. */
+  faster() {
+    this.changeSpeed(1);
+  }
+
+  changeSpeed(direction) {
+    const at = SPEEDS.indexOf(this.video.playbackRate) + direction + SPEEDS.length;
+    this.video.playbackRate = SPEEDS[at % SPEEDS.length];
+    this.stage.say(`${this.video.playbackRate}×`);
+  }
+
+  settings() {
+    this.openPanel(this.find("panel").hidden);
+  }
+
+  close() {
+    this.openPanel(false);
+  }
+
+  openPanel(open) {
+    this.find("panel").hidden = !open;
+    this.find("settings").setAttribute("aria-expanded", open);
+    if (open) this.find("panel").querySelector("select").focus();
+    else if (this.find("panel").contains(this.document.activeElement)) this.find("settings").focus();
+  }
+
+  full() {
+    if (this.document.fullscreenElement) this.document.exitFullscreen();
+    else this.stage.root.requestFullscreen().catch((error) => this.stage.say(error.message));
+  }
+
+  /** Show the controls; they leave after a while of playing without a touch. */
+  wake() {
+    this.stage.root.classList.remove("quiet");
+    clearTimeout(this.quietTimer);
+    this.quietTimer = setTimeout(() => {
+      const busy = this.video.paused || !this.find("panel").hidden;
+      this.stage.root.classList.toggle("quiet", !busy);
+    }, QUIET_MS);
+  }
+
+  /** Bring buttons, clock and slider up to date. */
+  show() {
+    const { video } = this;
+    const { settings } = this.page;
+    const text = this.page.words();
+    this.find("play").textContent = video.paused ? `▶ ${text.play}` : `❚❚ ${text.pause}`;
+    this.find("play").setAttribute("aria-label", video.paused ? text.play : text.pause);
+    this.find("speed").textContent = `${video.playbackRate}×`;
+    this.find("style").textContent = text[settings.get("style")];
+    this.find("hand-only").textContent = text.handOnly;
+    this.find("hand-only").setAttribute("aria-pressed", settings.get("handOnly"));
+    this.find("settings").textContent = text.settings;
+    this.showTime();
+  }
+
+  showTime() {
+    const { video } = this;
+    const duration = Number.isFinite(video.duration) ? video.duration : 0;
+    this.find("clock").textContent = duration ? `${minutes(video.currentTime)} / ${minutes(duration)}` : minutes(video.currentTime);
+    const seek = this.find("seek");
+    seek.hidden = !duration;
+    if (duration && this.document.activeElement !== seek) seek.value = 1000 * video.currentTime / duration;
+    seek.setAttribute("aria-valuetext", minutes(video.currentTime));
+  }
+}
+
+function minutes(seconds) {
+  const whole = Math.floor(seconds);
+  return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}`;
+}

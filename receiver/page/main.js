@@ -1,0 +1,130 @@
+/** The television page: programme, cuer in step with it, controls. */
+
+import { ProgrammeClock } from "./clock.js";
+import { Controls, HELP } from "./controls.js";
+import { Feed } from "./feed.js";
+import { VoiceModel } from "./model.js";
+import { PointLights } from "./points.js";
+import { Settings } from "./settings.js";
+import { Stage } from "./stage.js";
+import { label, TEXTS } from "./texts.js";
+import { Timeline } from "./timeline.js";
+
+const REPORT_MS = 400;
+const STEP_S = 0.04;
+
+class Page {
+  constructor(model) {
+    this.model = model;
+    this.video = document.getElementById("programme");
+    this.timeline = new Timeline();
+    this.clock = new ProgrammeClock(this.video);
+    this.stage = new Stage(document);
+    this.points = new PointLights(document.getElementById("points"), model);
+    this.params = new Float64Array(model.layout.length);
+    this.markers = new Float64Array(3 * model.markers.length);
+    this.link = "connecting";
+    this.drawn = { timeS: NaN, nowMs: NaN, visibility: 0 };
+    this.settings = new Settings(() => this.apply());
+    this.controls = new Controls(document, this);
+    this.feed = new Feed(`ws://${location.host}/feed`, {
+      open: () => {
+        this.link = "searching";
+        this.report(true);
+      },
+      closed: () => { this.link = "offline"; },
+      message: (message) => this.receive(message),
+      motion: (piece) => this.timeline.insert(piece),
+    });
+    this.listen();
+    this.apply();
+    this.video.src = "/programme";
+    requestAnimationFrame((now) => this.tick(now));
+  }
+
+  listen() {
+    this.video.addEventListener("seeking", () => this.report(true));
+    this.video.addEventListener("error", () => this.stage.say(this.words().failed));
+    for (const name of ["loadedmetadata", "resize"]) this.video.addEventListener(name, () => this.apply());
+    window.addEventListener("resize", () => this.apply());
+    setInterval(() => this.report(false), REPORT_MS);
+  }
+
+  words() {
+    return TEXTS[this.settings.get("language")];
+  }
+
+  /** Bring the page in line with the settings. */
+  apply() {
+    const words = label(document.documentElement, this.settings.get("language"));
+    this.stage.arrange(this.settings, this.model.aspect);
+    this.stage.keysLine.hidden = !this.settings.get("keys");
+    if (!document.getElementById("panel").contains(document.activeElement)) this.showPanel(words);
+    this.controls.show();
+  }
+
+  showPanel(words) {
+    this.settings.show(document.getElementById("choices"), words);
+    const help = document.getElementById("help");
+    help.textContent = "";
+    for (const [key, name, colour] of HELP) {
+      const term = document.createElement("dt");
+      const text = document.createElement("dd");
+      term.textContent = colour ? `${key} · ${words[colour]}` : key;
+      text.textContent = words[name];
+      help.append(term, text);
+    }
+  }
+
+  /** Length of one step: a frame of film. */
+  stepS() {
+    return STEP_S;
+  }
+
+  seekTo(timeS) {
+    this.video.currentTime = Math.max(0, Math.min(timeS, this.video.duration || timeS));
+  }
+
+  receive(message) {
+    if (message.type === "status") this.timeline.insertState(message);
+    else if (message.type === "keys") this.timeline.insertKeys(message.keys);
+  }
+
+  report(jumped) {
+    const timeS = this.video.currentTime;
+    this.timeline.prune(timeS);
+    this.feed.position(timeS, jumped && this.timeline.knownFrom(timeS) < 1);
+    this.controls.showTime();
+  }
+
+  /** State of reception at `timeS`, or of the connection where nothing was received. */
+  state(timeS) {
+    return (this.link === "searching" && this.timeline.stateAt(timeS)) || this.link;
+  }
+
+  tick(now) {
+    requestAnimationFrame((next) => this.tick(next));
+    const timeS = this.clock.at(now);
+    const visibility = this.timeline.sample(timeS, this.params);
+    if (visibility > 0) this.model.reconstruct(this.params, this.markers);
+    this.drawn = { timeS, nowMs: now, visibility };
+    this.points.draw(this.markers, {
+      alpha: visibility * this.settings.get("opacity") / 100,
+      mirror: this.settings.get("mirror"),
+      handOnly: this.settings.get("handOnly"),
+      contrast: this.settings.get("contrast"),
+      dot: 0.62 * this.settings.get("dot") / 100,
+    });
+    const words = this.words();
+    this.stage.showStatus(this.state(timeS), words);
+    this.stage.showAbsence(visibility > 0 ? "" : words.awaiting);
+    this.stage.showKeys(this.timeline.keysAround(timeS, 2, 2), words);
+  }
+}
+
+async function start() {
+  const answer = await fetch("/voice.json");
+  window.cuecast = new Page(new VoiceModel(await answer.json()));
+}
+
+start();

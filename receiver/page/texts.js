@@ -1,0 +1,56 @@
+/** Every word on the page, in French and English. */
+
+export const TEXTS = {
+  fr: {
+    cuer: "Codeuse en langue française parlée complétée", keysLine: "Clés codées", controls: "Commandes",
+    play: "Lecture", pause: "Pause", stepBack: "Image précédente", stepForward: "Image suivante",
+    seek: "Position dans le programme", speed: "Vitesse", style: "Style de la codeuse", handOnly: "Main seule",
+    settings: "Réglages", full: "Plein écran", keyboard: "Clavier et télécommande",
+    points: "Points", avatar: "Avatar", place: "Emplacement", size: "Taille", mirror: "Gaucher (miroir)",
+    opacity: "Opacité", contrast: "Contraste", keys: "Afficher les clés", language: "Langue", dot: "Taille des points",
+    "bottom-right": "En bas à droite", "bottom-left": "En bas à gauche", "top-right": "En haut à droite",
+    "top-left": "En haut à gauche", small: "Petite", medium: "Moyenne", large: "Grande", whole: "Plein cadre",
+    panel: "Fond sombre", outline: "Contour, sans fond", strong: "Fort contraste",
+    connecting: "Connexion…", searching: "Recherche de la codeuse…", locked: "Codeuse reçue",
+    degraded: "Réception affaiblie", lost: "Signal perdu", ended: "Fin du programme",
+    offline: "Récepteur injoignable", failed: "Lecture impossible", awaiting: "En attente de la codeuse",
+    "help-play": "lecture ou pause", "help-seek": "reculer, avancer de 5 s", "help-step": "image par image",
+    "help-speed": "moins vite, plus vite", "help-style": "points ou avatar", "help-hand": "main seule",
+    "help-place": "changer de coin", "help-size": "changer de taille", "help-mirror": "miroir",
+    "help-keys": "clés", "help-full": "plein écran", "help-language": "English", "help-settings": "ces réglages",
+    green: "vert", red: "rouge", yellow: "jaune", blue: "bleu",
+    rest: "repos", side: "côté", mouth: "bouche", chin: "menton", cheek: "pommette", throat: "gorge",
+  },
+  en: {
+    cuer: "Cuer in French Cued Speech", keysLine: "Keys being cued", controls: "Controls",
+    play: "Play", pause: "Pause", stepBack: "Previous picture", stepForward: "Next picture",
+    seek: "Position in the programme", speed: "Speed", style: "Style of the cuer", handOnly: "Hand only",
+    settings: "Settings", full: "Full screen", keyboard: "Keyboard and remote control",
+    points: "Points", avatar: "Avatar", place: "Place", size: "Size", mirror: "Left-handed (mirror)",
+    opacity: "Opacity", contrast: "Contrast", keys: "Show the keys", language: "Language", dot: "Size of the points",
+    "bottom-right": "Bottom right", "bottom-left": "Bottom left", "top-right": "Top right",
+    "top-left": "Top left", small: "Small", medium: "Medium", large: "Large", whole: "Whole frame",
+    panel: "Dark panel", outline: "Outline, no panel", strong: "Strong contrast",
+    connecting: "Connecting…", searching: "Searching for the cuer…", locked: "Cuer received",
+    degraded: "Weak reception", lost: "Signal lost", ended: "End of the programme",
+    offline: "Receiver unreachable", failed: "Cannot play the programme", awaiting: "Waiting for the cuer",
+    "help-play": "play or pause", "help-seek": "5 s back, forward", "help-step": "picture by picture",
+    "help-speed": "slower, faster", "help-style": "points or avatar", "help-hand": "hand only",
+    "help-place": "next corner", "help-size": "next size", "help-mirror": "mirror",
+    "help-keys": "keys", "help-full": "full screen", "help-language": "français", "help-settings": "these settings",
+    green: "green", red: "red", yellow: "yellow", blue: "blue",
+    rest: "rest", side: "side", mouth: "mouth", chin: "chin", cheek: "cheek", throat: "throat",
+  },
+};
+
+/** Name every control in `language`: accessible names, tooltips and headings. */
+export function label(root, language) {
+  const words = TEXTS[language];
+  root.lang = language;
+  for (const element of root.querySelectorAll("[data-name]")) {
+    element.setAttribute("aria-label", words[element.dataset.name]);
+    if (element.tagName === "BUTTON") element.title = words[element.dataset.name];
+  }
+  for (const element of root.querySelectorAll("[data-text]")) element.textContent = words[element.dataset.text];
+  return words;
+}

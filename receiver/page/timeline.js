@@ -1,0 +1,146 @@
+/**
+ * The cuer's parameters over the programme's clock: pieces of motion in any order, sampled anywhere.
+ *
+ * A piece is `{startS, rateHz, count, width, frames, concealed, layers}`; `frames` holds
+ * count x width numbers. Pieces that join within half a frame are interpolated across the joint.
+ */
+
+export const HOLD_S = 0.35;
+export const FADE_S = 0.45;
+const KEPT_S = 300;
+
+export class Timeline {
+  constructor() {
+    this.pieces = [];
+    this.clear();
+  }
+
+  clear() {
+    this.pieces.length = 0;
+    this.keys = [];
+    this.states = [];
+  }
+
+  /** Note a change of state `{time_s, state}`; what was known of later times is out of date. */
+  insertState(change) {
+    this.states = this.states.filter((known) => known.time_s < change.time_s);
+    this.states.push(change);
+  }
+
+  /** The state of reception at `timeS`; undefined before the first. */
+  stateAt(timeS) {
+    let state;
+    for (const change of this.states) if (change.time_s <= timeS) state = change.state;
+    return state;
+  }
+
+  /** Insert a piece; one that covers the same time is replaced if the new one is at least as good. */
+  insert(piece) {
+    const half = 0.5 * piece.count / piece.rateHz;
+    let low = this.indexAfter(piece.startS - half);
+    while (low < this.pieces.length && this.pieces[low].startS < piece.startS + half) {
+      if (this.pieces[low].layers > piece.layers) return;
+      this.pieces.splice(low, 1);
+    }
+    this.pieces.splice(low, 0, piece);
+  }
+
+  /** Add keys, each once: the key that starts at the same hundredth of a second is replaced. */
+  insertKeys(keys) {
+    for (const key of keys) {
+      const low = this.keys.findIndex((known) => known.start > key.start - 0.01);
+      if (low < 0) this.keys.push(key);
+      else this.keys.splice(low, Math.abs(this.keys[low].start - key.start) < 0.01 ? 1 : 0, key);
+    }
+  }
+
+  /** Forget what lies further than five minutes from `timeS`: memory does not grow with the programme. */
+  prune(timeS) {
+    const near = (start) => Math.abs(start - timeS) < KEPT_S;
+    if (this.pieces.length && !(near(this.pieces[0].startS) && near(this.pieces[this.pieces.length - 1].startS))) {
+      this.pieces = this.pieces.filter((piece) => near(piece.startS));
+      this.keys = this.keys.filter((key) => near(key.start));
+      this.states = this.states.slice(-100);
+    }
+  }
+
+  /** Index of the first piece that starts after `timeS`. */
+  indexAfter(timeS) {
+    let low = 0;
+    let high = this.pieces.length;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (this.pieces[middle].startS <= timeS) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+
+  /** Seconds of motion known without a break from `timeS` on. */
+  knownFrom(timeS) {
+    let index = this.indexAfter(timeS) - 1;
+    let end = timeS;
+    for (; index >= 0 && index < this.pieces.length; index++) {
+      const piece = this.pieces[index];
+      if (piece.startS > end + 0.5 / piece.rateHz) break;
+      end = Math.max(end, piece.startS + piece.count / piece.rateHz);
+    }
+    return end - timeS;
+  }
+
+  /**
+   * Write the parameters at `timeS` into `out` by cubic interpolation.
+   *
+   * Returns the visibility of the cuer, 0 to 1: inside known motion 1; behind its end the last
+   * frame is held and then faded out; 0 where nothing is known (`out` is then left alone).
+   */
+  sample(timeS, out) {
+    const index = this.indexAfter(timeS) - 1;
+    if (index < 0) return 0;
+    const piece = this.pieces[index];
+    const position = (timeS - piece.startS) * piece.rateHz;
+    const late = position / piece.rateHz - piece.count / piece.rateHz;
+    if (late > HOLD_S + FADE_S) return 0;
+    const at = Math.min(Math.floor(position), piece.count - 1);
+    const x = Math.min(position - at, late > 0 ? 0 : 1);
+    cubic(this.row(index, at - 1), this.row(index, at), this.row(index, at + 1), this.row(index, at + 2), x, out);
+    return late <= HOLD_S ? 1 : 1 - (late - HOLD_S) / FADE_S;
+  }
+
+  /** Frame `at` counted from piece `index`, from its neighbours where they join, else the nearest. */
+  row(index, at) {
+    let piece = this.pieces[index];
+    const other = at < 0 ? this.pieces[index - 1] : at >= piece.count ? this.pieces[index + 1] : undefined;
+    if (other && other.width === piece.width && other.rateHz === piece.rateHz) {
+      const first = at < 0 ? other : piece;
+      const second = at < 0 ? piece : other;
+      const error = (second.startS - first.startS) * piece.rateHz - first.count;
+      if (Math.abs(error) < 0.5) {
+        at = at < 0 ? other.count + at : at - piece.count;
+        piece = other;
+      }
+    }
+    const kept = Math.max(0, Math.min(piece.count - 1, at));
+    return piece.frames.subarray(kept * piece.width, (kept + 1) * piece.width);
+  }
+
+  /** The keys around `timeS`: `{keys, now}`, `now` an index or -1 between keys. */
+  keysAround(timeS, before, after) {
+    let first = this.keys.findIndex((key) => key.end > timeS);
+    if (first < 0) first = this.keys.length;
+    const low = Math.max(0, first - before);
+    const keys = this.keys.slice(low, first + after + 1).filter((key) => Math.abs(key.start - timeS) < 3);
+    return { keys, now: keys.findIndex((key) => key.start <= timeS && timeS < key.end) };
+  }
+}
+
+/** Catmull-Rom interpolation between rows b and c at x in 0..1. */
+function cubic(a, b, c, d, x, out) {
+  const x2 = x * x;
+  const x3 = x2 * x;
+  const wa = 0.5 * (-x3 + 2 * x2 - x);
+  const wb = 0.5 * (3 * x3 - 5 * x2 + 2);
+  const wc = 0.5 * (-3 * x3 + 4 * x2 + x);
+  const wd = 0.5 * (x3 - x2);
+  for (let i = 0; i < out.length; i++) out[i] = wa * a[i] + wb * b[i] + wc * c[i] + wd * d[i];
+}

@@ -1,0 +1,189 @@
+"""Films and pictures of a motion: PNG through PyAV's encoder, MP4 with H.264.
+
+A `Motion` and its voice go in, a file comes out; the picture is the page's.
+"""
+
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.errors import CueError, VoiceError
+from codec.motion import Motion
+from codec.voice import Voice
+from receiver.points import draw_points
+from receiver.voice_document import neutral_camera
+
+DEFAULT_SIZE = (620, 720)
+_MAX_SIDE = 4096
+_CRF = "18"
+
+Progress = Callable[[int, int], None]
+"""Called with the number of frames done and to do."""
+
+
+def read_picture(path: str | os.PathLike[str]) -> NDArray[np.uint8]:
+    """Read a picture file, or the first frame of a film, as (height, width, 3) RGB.
+
+    Raises
+    ------
+    CueError
+        If it is not a picture.
+    """
+    try:
+        with av.open(os.fspath(path)) as container:
+            for frame in container.decode(video=0):
+                return np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
+    except (av.error.FFmpegError, OSError, IndexError) as error:
+        raise CueError(f"{path}: cannot be read as a picture: {error}") from error
+    raise CueError(f"{path}: holds no picture")
+
+
+def sample_params(motion: Motion, times_s: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Interpolate the parameters at `times_s`, linearly, held at both ends; shape (n, P)."""
+    position = np.clip((times_s - motion.start_s) * motion.rate_hz, 0, len(motion.params) - 1)
+    below = np.floor(position).astype(np.intp)
+    above = np.minimum(below + 1, len(motion.params) - 1)
+    share = (position - below)[:, None]
+    mixed = motion.params[below] * (1 - share) + motion.params[above] * share
+    return mixed.astype(np.float32)
+
+
+def render_frames(
+    motion: Motion, voice: Voice, times_s: NDArray[np.float64],
+    *, style: str = "points", size: tuple[int, int] = DEFAULT_SIZE,
+    background: NDArray[np.uint8] | None = None, mirror: bool = False,
+) -> Iterator[NDArray[np.uint8]]:  # fmt: skip
+    """Yield a picture (height, width, 3) of the cuer for each time.
+
+    Raises
+    ------
+    CueError
+        If style, size or background do not fit.
+    VoiceError
+        If the motion belongs to another voice.
+    """
+    width, height = size
+    if not (16 <= width <= _MAX_SIDE and 16 <= height <= _MAX_SIDE):
+        raise CueError(f"picture of {width}x{height} is not within 16..{_MAX_SIDE} a side")
+    if style != "points":
+        raise CueError(f"unknown style {style!r}: points is known")
+    if motion.voice != voice.identity:
+        raise VoiceError(f"motion was made with voice {motion.voice}, not {voice.identity}")
+    if background is not None and background.shape != (height, width, 3):
+        raise CueError(f"background has shape {background.shape}, not {(height, width, 3)}")
+    camera = neutral_camera(voice)
+    ground = np.zeros((height, width, 3), np.uint8) if background is None else background
+    for time_s in times_s:
+        picture = ground.copy()
+        markers = voice.reconstruct(sample_params(motion, np.array([time_s])))[0]
+        draw_points(picture, markers, camera, mirror=mirror)
+        yield picture
+
+
+def render_motion(
+    motion: Motion, voice: Voice, path: str | os.PathLike[str],
+    *, style: str = "points", size: tuple[int, int] | None = None, fps: int = 25,
+    background: str | os.PathLike[str] | NDArray[np.uint8] | None = None,
+    mirror: bool = False, at_s: float | None = None, progress: Progress | None = None,
+) -> None:  # fmt: skip
+    """Draw a motion into a film (``.mp4``) or one of its frames into a picture (``.png``).
+
+    Parameters
+    ----------
+    motion : Motion
+    voice : Voice
+        The voice that made it.
+    path : path
+        Its suffix chooses film or picture.
+    style : str
+        ``points``.
+    size : (width, height), optional
+        Pixels; even for a film. The background's size, or 620 x 720.
+    fps : int
+        Frames per second of a film.
+    background : path or ndarray (height, width, 3), optional
+        Picture behind the cuer; black otherwise.
+    mirror : bool
+        Left-handed cuer.
+    at_s : float, optional
+        Time of a picture, seconds on the programme's clock; the middle of the motion otherwise.
+    progress : callable, optional
+        Told (frames done, frames in all).
+
+    Raises
+    ------
+    CueError
+        If the suffix, the size or the background is unusable, or the motion is empty.
+    VoiceError
+        If the motion belongs to another voice.
+    """
+    target = Path(path)
+    picture = background
+    if isinstance(picture, str | os.PathLike):
+        picture = read_picture(picture)
+    if size is None:
+        size = DEFAULT_SIZE if picture is None else (picture.shape[1], picture.shape[0])
+    if len(motion.params) == 0:
+        raise CueError("motion holds no frames to draw")
+    write = {".png": _write_picture, ".mp4": _write_film}.get(target.suffix.lower())
+    if write is None:
+        raise CueError(f"{target.name}: a film ends in .mp4, a picture in .png")
+    if write is _write_picture:
+        middle = motion.start_s + motion.duration_s / 2
+        times = np.array([middle if at_s is None else at_s])
+    else:
+        times = motion.start_s + np.arange(max(1, round(motion.duration_s * fps))) / fps
+    frames = render_frames(
+        motion, voice, times, style=style, size=size, background=picture, mirror=mirror
+    )
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=".", suffix=target.suffix.lower())
+    os.close(handle)
+    try:
+        write(name, _counted(frames, len(times), progress), size, fps)
+        Path(name).replace(target)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def _counted(
+    frames: Iterator[NDArray[np.uint8]], total: int, progress: Progress | None
+) -> Iterator[NDArray[np.uint8]]:
+    for done, frame in enumerate(frames, 1):
+        yield frame
+        if progress is not None:
+            progress(done, total)
+
+
+def _write_picture(
+    name: str, frames: Iterator[NDArray[np.uint8]], size: tuple[int, int], fps: int
+) -> None:
+    codec = av.CodecContext.create("png", "w")
+    codec.width, codec.height = size
+    codec.pix_fmt = "rgb24"
+    codec.time_base = Fraction(1, fps)
+    packets = [*codec.encode(av.VideoFrame.from_ndarray(next(frames), format="rgb24"))]
+    packets += codec.encode(None)
+    Path(name).write_bytes(b"".join(map(bytes, packets)))
+    next(frames, None)
+
+
+def _write_film(
+    name: str, frames: Iterator[NDArray[np.uint8]], size: tuple[int, int], fps: int
+) -> None:
+    if size[0] % 2 or size[1] % 2:
+        raise CueError(f"film of {size[0]}x{size[1]}: both sides have to be even")
+    with av.open(name, "w", options={"movflags": "+faststart"}) as container:
+        stream = container.add_stream("libx264", rate=fps)
+        stream.width, stream.height = size
+        stream.pix_fmt = "yuv420p"
+        stream.options = {"crf": _CRF, "preset": "veryfast"}
+        for picture in frames:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        container.mux(stream.encode(None))

@@ -1,0 +1,274 @@
+"""The television: an HTTP server on the loopback that shows a programme with its cuer.
+
+It serves the page's fixed files, the programme with range requests, the voice's matrices, and one
+WebSocket per viewer that carries the cuer at the viewer's pace. Read-only; only requests that
+name this host are answered (a page of another origin cannot read the programme or the feed).
+"""
+
+import asyncio
+import contextlib
+import json
+import mimetypes
+import os
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+from aiohttp import WSMsgType, web
+
+from codec.errors import CueError
+from codec.voice import Voice
+from receiver.protocol import MAX_REQUEST_BYTES, Position, pack_event, parse_position
+from receiver.tuner import Progress, Tuner
+from receiver.voice_document import voice_document
+
+PAGE = Path(__file__).with_name("page")
+AHEAD_S = 30.0
+"""How far reception runs ahead of a viewer of a file."""
+
+MAX_VIEWERS = 8
+_REQUESTS_PER_S = 20
+_MAX_PENDING = 64
+
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self';"
+    " img-src 'self' data:; media-src 'self' blob:; connect-src 'self' {socket};"
+    " frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-cache",
+}
+
+_Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+class Television:
+    """One programme and its cuer on a local port.
+
+    Parameters
+    ----------
+    tuner : Tuner
+        Where the cuer comes from.
+    voice : Voice
+        Gives the parameters their meaning.
+    media : path
+        What the browser plays: a file in a container and codecs that it knows.
+    host : str
+        Address to listen on; the loopback unless told otherwise.
+    port : int
+        0 takes a free one.
+
+    Examples
+    --------
+    ::
+
+        async with Television(tuner, voice, "programme.mp4").running() as address:
+            print(address)
+            await asyncio.Event().wait()
+    """
+
+    def __init__(
+        self, tuner: Tuner, voice: Voice, media: str | os.PathLike[str],
+        *, host: str = "127.0.0.1", port: int = 0,
+    ) -> None:  # fmt: skip
+        self._tuner = tuner
+        self._media = Path(media)
+        if not self._media.is_file():
+            raise CueError(f"{media}: no such file")
+        self._voice_json = json.dumps(voice_document(voice)).encode()
+        self._host, self._port = host, port
+        self._names: frozenset[str] = frozenset()
+        self._sockets: set[web.WebSocketResponse] = set()
+        self._files = {file.name: file for file in PAGE.iterdir() if file.is_file()}
+
+    @contextlib.asynccontextmanager
+    async def running(self) -> AsyncIterator[str]:
+        """Listen; give the page's address; stop and close every viewer at the end.
+
+        Raises
+        ------
+        CueError
+            If the port is not free.
+        """
+        runner = web.AppRunner(self._application(), access_log=None, handle_signals=False)
+        await runner.setup()
+        try:
+            site = web.TCPSite(runner, self._host, self._port, shutdown_timeout=1.0)
+            try:
+                await site.start()
+            except OSError as error:
+                raise CueError(f"cannot listen on {self._host}:{self._port}: {error}") from error
+            port = runner.addresses[0][1]
+            names = {self._host, "localhost", "127.0.0.1"}
+            self._names = frozenset(f"{name}:{port}" for name in names)
+            yield f"http://{self._host}:{port}/"
+        finally:
+            for socket in list(self._sockets):
+                await socket.close()
+            await runner.cleanup()
+
+    def _application(self) -> web.Application:
+        application = web.Application(middlewares=[self._guard], client_max_size=1024)
+        application.add_routes([
+            web.get("/", self._index),
+            web.get("/page/{name}", self._page),
+            web.get("/voice.json", self._voice),
+            web.get("/programme", self._programme),
+            web.get("/feed", self._feed),
+        ])  # fmt: skip
+        return application
+
+    @web.middleware
+    async def _guard(self, request: web.Request, handler: _Handler) -> web.StreamResponse:
+        """Refuse foreign hosts and origins; add the headers of a closed page."""
+        origin = request.headers.get("Origin")
+        if request.host not in self._names:
+            raise web.HTTPForbidden(text=f"host {request.host} is not this television")
+        if origin is not None and origin not in {f"http://{name}" for name in self._names}:
+            raise web.HTTPForbidden(text=f"origin {origin} is not this television")
+        response = await handler(request)
+        if not response.prepared:
+            for name, value in _HEADERS.items():
+                response.headers[name] = value.replace("{socket}", f"ws://{request.host}")
+        return response
+
+    async def _index(self, request: web.Request) -> web.StreamResponse:
+        return web.FileResponse(self._files["index.html"])
+
+    async def _page(self, request: web.Request) -> web.StreamResponse:
+        """Serve one of the page's own files; nothing else has a name here."""
+        file = self._files.get(request.match_info["name"])
+        if file is None:
+            raise web.HTTPNotFound
+        kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
+        return web.FileResponse(file, headers={"Content-Type": kind})
+
+    async def _voice(self, request: web.Request) -> web.StreamResponse:
+        return web.Response(body=self._voice_json, content_type="application/json")
+
+    async def _programme(self, request: web.Request) -> web.StreamResponse:
+        kind = mimetypes.guess_type(self._media.name)[0] or "video/mp4"
+        return web.FileResponse(self._media, headers={"Content-Type": kind})
+
+    async def _feed(self, request: web.Request) -> web.StreamResponse:
+        if request.headers.get("Origin") is None:
+            raise web.HTTPForbidden(text="the feed is for the page of this television")
+        if len(self._sockets) >= MAX_VIEWERS:
+            raise web.HTTPServiceUnavailable(text=f"{MAX_VIEWERS} viewers are watching already")
+        socket = web.WebSocketResponse(max_msg_size=MAX_REQUEST_BYTES, heartbeat=20.0)
+        await socket.prepare(request)
+        self._sockets.add(socket)
+        try:
+            await Viewer(socket, self._tuner).serve()
+        finally:
+            self._sockets.discard(socket)
+        return socket
+
+
+class Viewer:
+    """One page: reads where the viewer is, and sends the cuer from there on, some time ahead."""
+
+    def __init__(self, socket: web.WebSocketResponse, tuner: Tuner) -> None:
+        self._socket = socket
+        self._tuner = tuner
+        self._position = Position(0.0, True)
+        self._moved = asyncio.Event()
+        self._jumps = 0
+
+    async def serve(self) -> None:
+        """Run until the page closes the socket or breaks the protocol."""
+        pump = asyncio.create_task(self._pump())
+        try:
+            await self._listen()
+        finally:
+            pump.cancel()
+            with contextlib.suppress(asyncio.CancelledError, ConnectionError):
+                await pump
+
+    async def _listen(self) -> None:
+        loop = asyncio.get_running_loop()
+        window_s, seen = loop.time(), 0
+        async for message in self._socket:
+            if loop.time() - window_s > 1:
+                window_s, seen = loop.time(), 0
+            seen += 1
+            if seen > _REQUESTS_PER_S:
+                await self._socket.close(code=1008, message=b"too many messages")
+                return
+            if message.type is not WSMsgType.TEXT:
+                continue
+            try:
+                self._position = parse_position(message.data)
+            except CueError as error:
+                await self._socket.close(code=1008, message=str(error).encode()[:100])
+                return
+            self._jumps += self._position.jumped
+            self._moved.set()
+
+    async def _pump(self) -> None:
+        """Receive at the viewer's place, again after each jump."""
+        while True:
+            await self._until_moved(lambda: self._jumps > 0)
+            self._jumps = 0
+            start_s = self._position.time_s
+            await self._send_from(self._tuner.tune(start_s))
+
+    async def _send_from(self, stream: Iterator[Progress]) -> None:
+        """Send until the viewer jumps or the stream ends, at most `AHEAD_S` ahead."""
+        until_s = self._position.time_s
+        while True:
+            await self._until_moved(partial(self._wants, until_s))
+            if self._jumps:
+                return
+            progress = await asyncio.to_thread(next, stream, None)
+            if progress is None:
+                return
+            until_s = progress.until_s
+            for event in progress.events:
+                message = pack_event(event)
+                if isinstance(message, str):
+                    await self._socket.send_str(message)
+                else:
+                    await self._socket.send_bytes(message)
+
+    def _wants(self, until_s: float) -> bool:
+        return self._jumps > 0 or until_s < self._position.time_s + AHEAD_S
+
+    async def _until_moved(self, condition: Callable[[], bool]) -> None:
+        while not condition():
+            self._moved.clear()
+            await self._moved.wait()
+
+
+def serve(
+    tuner: Tuner, voice: Voice, media: str | os.PathLike[str],
+    *, host: str = "127.0.0.1", port: int = 0, on_ready: Callable[[str], None] = print,
+) -> None:  # fmt: skip
+    """Show a programme with its cuer until interrupted (Ctrl-C).
+
+    Parameters
+    ----------
+    tuner : Tuner
+        Where the cuer comes from: `receiver.tuner.ProgrammeTuner` for a marked file.
+    voice : Voice
+    media : path
+        What the browser plays.
+    host, port
+        Where to listen; port 0 takes a free one.
+    on_ready : callable
+        Gets the page's address.
+
+    Raises
+    ------
+    CueError
+        If the media is missing or the port is not free.
+    """
+
+    async def run() -> None:
+        async with Television(tuner, voice, media, host=host, port=port).running() as address:
+            on_ready(address)
+            await asyncio.Event().wait()
+
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(run())

@@ -1,0 +1,98 @@
+"""Tuners: a programme's cuer from any time on, as a stream of events.
+
+`ProgrammeTuner` receives what is on air in a file's sound; `MotionTuner` plays a known motion the
+same way (previews, tests). Both are read by `receiver.server` at the viewer's pace.
+"""
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+from codec.motion import Motion
+from codec.score import Key
+from codec.voice import Voice
+from receiver.engine import Receiver
+from receiver.events import SUPERFRAME_S, Event, KeysFound, MotionPiece, StateChanged
+from receiver.sound import open_sound
+
+PREROLL_S = 3.2
+"""How much earlier than the wanted time reception starts: acquisition plus the lead."""
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Events of a stretch of programme that ends at `until_s`."""
+
+    until_s: float
+    events: tuple[Event, ...]
+
+
+class Tuner(Protocol):
+    """Reception of one programme, from any time on."""
+
+    def tune(self, start_s: float) -> Iterator[Progress]:
+        """Yield everything that can be seen from `start_s` on, in order of reception."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ProgrammeTuner:
+    """Receives the sound of a media file.
+
+    Attributes
+    ----------
+    path : str or path
+        The programme.
+    voice : Voice
+    key : int
+        Key of the watermark.
+    """
+
+    path: str | os.PathLike[str]
+    voice: Voice
+    key: int = 0
+
+    def tune(self, start_s: float) -> Iterator[Progress]:
+        """Yield the events of reception that starts early enough to show `start_s`."""
+        with open_sound(self.path, start_s=max(0.0, start_s - PREROLL_S)) as sound:
+            receiver: Receiver | None = None
+            until_s = start_s
+            for time_s, block in sound.blocks():
+                if receiver is None:
+                    receiver = Receiver(
+                        sound.fs, sound.channels, voice=self.voice, key=self.key,
+                        start_s=time_s, keep_keys=False,
+                    )  # fmt: skip
+                until_s = time_s + len(block) / sound.fs
+                yield Progress(until_s, tuple(receiver.process(block)))
+            if receiver is not None:
+                yield Progress(until_s, tuple(receiver.flush()))
+        yield Progress(until_s, (StateChanged(until_s, "ended"),))
+
+
+@dataclass(frozen=True, slots=True)
+class MotionTuner:
+    """Plays a motion as if it were received, one superframe at a time."""
+
+    motion: Motion
+
+    def tune(self, start_s: float) -> Iterator[Progress]:
+        """Yield the pieces of the motion from `start_s` on."""
+        motion = self.motion
+        size = max(1, round(SUPERFRAME_S * motion.rate_hz))
+        first = max(0, int((start_s - motion.start_s) * motion.rate_hz) // size)
+        yield Progress(start_s, (StateChanged(start_s, "locked"),))
+        for at in range(first * size, len(motion.params), size):
+            piece = MotionPiece(
+                motion.start_s + at / motion.rate_hz, motion.rate_hz,
+                motion.params[at : at + size], ("L0", "L1"),
+            )  # fmt: skip
+            keys = self._keys_within(piece.start_s, piece.end_s)
+            yield Progress(piece.end_s, (piece, KeysFound(keys, final=True)) if keys else (piece,))
+        end_s = motion.start_s + motion.duration_s
+        yield Progress(end_s, (StateChanged(end_s, "ended"),))
+
+    def _keys_within(self, start_s: float, end_s: float) -> tuple[Key, ...]:
+        keys = self.motion.score.keys if self.motion.score else ()
+        return tuple(key for key in keys if start_s <= key.start < end_s)

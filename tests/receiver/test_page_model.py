@@ -1,0 +1,173 @@
+"""The page's own computations, run by node or Chromium: the same numbers as Python's."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from receiver.events import MotionPiece
+from receiver.protocol import pack_motion
+from receiver.voice_document import neutral_camera, voice_document
+from tests.receiver.standin import make_motion, make_voice
+
+PAGE = Path(__file__).resolve().parents[2] / "receiver" / "page"
+VOICE = make_voice()
+MOTION = make_motion(VOICE)
+
+
+def run_node(tmp_path: Path, script: str, data: Any) -> Any:
+    """Run a module script beside copies of the page's files; return the JSON it prints."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("no node on this machine: the page's numbers cannot be computed")
+    for file in PAGE.glob("*.js"):
+        shutil.copy(file, tmp_path)
+    (tmp_path / "package.json").write_text('{"type": "module"}')
+    (tmp_path / "data.json").write_text(json.dumps(data))
+    (tmp_path / "script.js").write_text(
+        'import { readFileSync } from "node:fs";\n'
+        'const data = JSON.parse(readFileSync("data.json", "utf8"));\n' + script
+    )
+    done = subprocess.run(
+        [node, "script.js"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_markers_equal_python_within_a_micrometre(tmp_path: Path) -> None:
+    params = np.concatenate([MOTION.params[::40], np.zeros((1, len(VOICE.layout)))])
+    script = """
+        import { VoiceModel } from "./model.js";
+        const model = new VoiceModel(data.voice);
+        const out = new Float64Array(339);
+        console.log(JSON.stringify(data.params.map((p) => Array.from(model.reconstruct(p, out)))));
+    """
+    found = run_node(tmp_path, script, {"voice": voice_document(VOICE), "params": params.tolist()})
+    expected = VOICE.reconstruct(params)
+    error = np.abs(np.array(found).reshape(expected.shape) - expected)
+    assert error.max() < 1e-3  # float32 of Python's result: 6e-5 mm measured
+
+
+def test_camera_equals_python(tmp_path: Path) -> None:
+    markers = VOICE.reconstruct(MOTION.params[7:8])[0]
+    script = """
+        import { PointLights } from "./points.js";
+        const canvas = { width: 860, height: 1000, getContext: () => ({}) };
+        const lights = new PointLights(canvas, { markers: new Array(113), camera: data.camera });
+        lights.project(data.markers, false);
+        console.log(JSON.stringify([Array.from(lights.xy), Array.from(lights.scale)]));
+    """
+    document = voice_document(VOICE)
+    xy, scale = run_node(
+        tmp_path, script, {"camera": document["camera"], "markers": markers.ravel().tolist()}
+    )
+    view = neutral_camera(VOICE).project(markers)
+    assert np.allclose(np.reshape(xy, (-1, 2)), view[:, :2] * 1000 + [430, 500], atol=1e-6)
+    assert np.allclose(scale, view[:, 2], atol=1e-9)
+
+
+def pieces(shuffled: bool) -> list[list[int]]:
+    """Messages of the motion's superframes, duplicates and concealed twins among them."""
+    parts = [
+        MotionPiece(MOTION.start_s + at / 50, 50.0, MOTION.params[at : at + 32], ("L0",))
+        for at in range(0, len(MOTION.params) - 31, 32)
+    ]
+    blank = [
+        MotionPiece(p.start_s, 50.0, np.zeros_like(p.params), ()) for p in (parts[3], parts[5])
+    ]
+    order = [parts[5], blank[1], *parts[6:], *parts[:3], blank[0], *parts[3:5], parts[1]]
+    return [list(pack_motion(piece)) for piece in (order if shuffled else parts)]
+
+
+SAMPLE = """
+    import { parseMotion } from "./feed.js";
+    import { Timeline } from "./timeline.js";
+    const timeline = new Timeline();
+    for (const bytes of data.pieces) timeline.insert(parseMotion(new Uint8Array(bytes).buffer));
+    const out = new Float64Array(data.width);
+    console.log(JSON.stringify(data.times.map((t) => [timeline.sample(t, out), ...out])));
+"""
+
+
+def test_motion_is_interpolated_across_pieces_in_any_order(tmp_path: Path) -> None:
+    times = np.arange(0.05, 7.5, 0.0137)
+    data = {"times": times.tolist(), "width": len(VOICE.layout), "pieces": pieces(shuffled=True)}
+    found = np.array(run_node(tmp_path, SAMPLE, data))
+    rates = np.linspace(0.2, 1.0, len(VOICE.layout))
+    truth = 0.7 * np.sin(2 * np.pi * np.outer(times, rates) + rates * 9)
+    assert (found[:, 0] == 1).all()
+    assert np.abs(found[:, 1:] - truth).max() < 1e-3
+
+
+def test_lost_motion_is_held_and_faded(tmp_path: Path) -> None:
+    kept = pieces(shuffled=False)
+    del kept[5:8]
+    times = [3.0, 3.2 + 0.3, 3.2 + 0.35 + 0.225, 4.1, 5.12, 9.9]
+    data = {"times": times, "width": len(VOICE.layout), "pieces": kept}
+    found = np.array(run_node(tmp_path, SAMPLE, data))
+    assert np.allclose(found[:, 0], [1, 1, 0.5, 0, 1, 0], atol=1e-6)
+    assert np.allclose(found[1, 1:], MOTION.params[159], atol=1e-6)
+    assert np.allclose(found[4, 1:], MOTION.params[256], atol=1e-6)
+
+
+def test_truncated_message_is_refused(tmp_path: Path) -> None:
+    script = """
+        import { parseMotion } from "./feed.js";
+        let message = "";
+        try { parseMotion(new Uint8Array(data).buffer); } catch (error) { message = error.message; }
+        console.log(JSON.stringify(message));
+    """
+    found = run_node(tmp_path, script, pieces(shuffled=False)[0][:-4])
+    assert found == f"motion message of {20 + 4 * 32 * len(VOICE.layout) - 4} bytes is malformed"
+
+
+def test_keys_come_once_and_in_order(tmp_path: Path) -> None:
+    keys = [key.as_dict() for key in MOTION.score.keys] if MOTION.score else []
+    script = """
+        import { Timeline } from "./timeline.js";
+        const timeline = new Timeline();
+        timeline.insertKeys(data.slice(5, 12));
+        timeline.insertKeys(data.slice(0, 8));
+        timeline.insertKeys(data.slice(10));
+        console.log(JSON.stringify([timeline.keys, timeline.keysAround(1.0, 1, 1)]));
+    """
+    found, around = run_node(tmp_path, script, keys)
+    assert found == keys
+    assert around == {"keys": keys[2:5], "now": 1}
+
+
+def test_state_follows_the_clock(tmp_path: Path) -> None:
+    script = """
+        import { Timeline } from "./timeline.js";
+        const timeline = new Timeline();
+        for (const change of data) timeline.insertState(change);
+        console.log(JSON.stringify([0, 2, 5, 9].map((t) => timeline.stateAt(t) || "none")));
+    """
+    changes = [(1, "searching"), (2, "locked"), (8, "lost"), (4, "degraded")]
+    found = run_node(tmp_path, script, [{"time_s": t, "state": s} for t, s in changes])
+    assert found == ["none", "locked", "degraded", "degraded"]
+
+
+def test_page_is_small_and_needs_nothing_from_elsewhere() -> None:
+    files = [file for file in PAGE.iterdir() if file.is_file()]
+    assert sum(file.stat().st_size for file in files) < 1_000_000
+    for file in files:
+        if file.suffix in {".html", ".css", ".js"}:
+            text = file.read_text(encoding="utf-8")
+            assert "http://" not in text
+            assert "https://" not in text
+            assert "import(" not in text
+
+
+def test_both_languages_have_the_same_words(tmp_path: Path) -> None:
+    script = """
+        import { TEXTS } from "./texts.js";
+        console.log(JSON.stringify([Object.keys(TEXTS.fr), Object.keys(TEXTS.en)]));
+    """
+    french, english = run_node(tmp_path, script, None)
+    assert french == english

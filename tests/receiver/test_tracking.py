@@ -1,0 +1,170 @@
+"""The timeline of superframes: places, duplicates, losses, splices, keys."""
+
+import itertools
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+import pytest
+
+from codec.superframe import Superframe, SuperframeEncoder
+from receiver.assemble import Assembler
+from receiver.events import Event, KeysFound, MotionPiece, StateChanged, SuperframeLost, Unreadable
+from receiver.tracking import LOST_AFTER_S, Tracker
+from tests.receiver.standin import make_motion, make_voice
+
+VOICE = make_voice()
+MOTION = make_motion(VOICE, duration_s=16.0)
+LEAD_S = 1.28
+OFFSET_S = 0.137  # the stream's clock is not the programme's
+
+
+def encoded(first: int, end: int) -> list[tuple[float, Superframe]]:
+    """Superframes with the times at which they are on air, lead 2."""
+    encoder = SuperframeEncoder(VOICE, l0_bytes=40, l1_bytes=40)
+    return [
+        (OFFSET_S + 0.64 * index - LEAD_S, encoder.encode(MOTION, index))
+        for index in range(first, end)
+    ]
+
+
+SENT = encoded(2, 22)
+
+
+def run(tracker: Tracker, sent: Iterable[tuple[float, Superframe | None]]) -> list[Event]:
+    return list(_run(tracker, sent))
+
+
+def _run(tracker: Tracker, sent: Iterable[tuple[float, Superframe | None]]) -> Iterator[Event]:
+    for on_air_s, superframe in sent:
+        if superframe is None:
+            yield from tracker.take(None, None, on_air_s)
+        else:
+            yield from tracker.take(superframe.l0, superframe.l1, on_air_s)
+    yield from tracker.finish()
+
+
+def pieces(events: Iterable[Event]) -> dict[float, MotionPiece]:
+    return {round(e.start_s, 3): e for e in events if isinstance(e, MotionPiece)}
+
+
+def keys(events: Iterable[Event]) -> list[tuple[float, int, str]]:
+    final = [e.keys for e in events if isinstance(e, KeysFound) and e.final]
+    return [(round(k.start, 2), k.shape, k.placement) for k in itertools.chain(*final)]
+
+
+ALL = run(Tracker(VOICE), SENT)
+
+
+def test_motion_lies_where_it_is_due() -> None:
+    found = pieces(ALL)
+    assert list(found) == [round(OFFSET_S + 0.64 * i, 3) for i in range(2, 22)]
+    assert all(p.params.shape == (32, len(VOICE.layout)) for p in found.values())
+    assert all(p.layers == ("L0", "L1") for p in found.values())
+
+
+def test_every_key_comes_once() -> None:
+    assert MOTION.score is not None
+    # The first key began before the first superframe: only the rule gives it, not its time.
+    found = keys(ALL)[1:]
+    sent = [
+        (k.start + OFFSET_S, k.shape, k.placement)
+        for k in MOTION.score.keys
+        if found[0][0] - 0.02 < k.start + OFFSET_S < found[-1][0] + 0.02
+    ]
+    assert [key[1:] for key in found] == [key[1:] for key in sent]
+    assert np.allclose([key[0] for key in found], [key[0] for key in sent], atol=0.011)
+    assert len(found) >= 40
+
+
+def test_a_loss_is_told_and_concealed() -> None:
+    tracker = Tracker(VOICE)
+    events = run(tracker, [(t, None if i == 7 else s) for i, (t, s) in enumerate(SENT)])
+    lost = [e.start_s for e in events if isinstance(e, SuperframeLost)]
+    assert lost == [pytest.approx(OFFSET_S + 0.64 * 9)]
+    found = pieces(events)
+    assert found[round(lost[0], 3)].layers == ()
+    assert (tracker.received, tracker.lost) == (19, 1)
+    states = [e.state for e in events if isinstance(e, StateChanged)]
+    assert states == ["locked", "degraded", "locked"]
+
+
+def test_a_gap_without_word_counts_the_same() -> None:
+    silent = [pair for i, pair in enumerate(SENT) if i not in (5, 6)]
+    told = [(t, None if i in (5, 6) else s) for i, (t, s) in enumerate(SENT)]
+    first, second = Tracker(VOICE), Tracker(VOICE)
+    a, b = run(first, silent), run(second, told)
+    assert (first.received, first.lost) == (second.received, second.lost) == (18, 2)
+    assert sorted(pieces(a)) == sorted(pieces(b))
+    assert keys(a) == keys(b)
+
+
+def test_duplicates_and_late_superframes_change_nothing() -> None:
+    tracker = Tracker(VOICE)
+    twice = [pair for pair in SENT for _ in range(2)]
+    events = run(tracker, twice)
+    assert (tracker.received, tracker.lost) == (20, 0)
+    assert keys(events) == keys(ALL)
+    late = Tracker(VOICE)
+    order = [*SENT[:4], SENT[5], SENT[4], *SENT[6:]]
+    swapped = pieces(run(late, order))
+    assert (late.received, late.lost) == (20, 0)
+    for start_s, piece in pieces(ALL).items():
+        assert np.array_equal(swapped[start_s].params, piece.params)
+
+
+def test_a_better_copy_replaces_a_worse_one() -> None:
+    tracker = Tracker(VOICE)
+    t, s = SENT[3]
+    poor = Superframe(s.index, s.l0, bytes(len(s.l1)))
+    events = run(tracker, [*SENT[:3], (t, poor), (t, s), *SENT[4:]])
+    assert (tracker.received, tracker.received_l1) == (20, 20)
+    assert np.array_equal(
+        pieces(events)[round(OFFSET_S + 0.64 * 5, 3)].params,
+        pieces(ALL)[round(OFFSET_S + 0.64 * 5, 3)].params,
+    )
+
+
+def test_a_splice_starts_a_new_epoch() -> None:
+    jumped = [(t + 100.29, s) for t, s in SENT[8:]]
+    events = run(Tracker(VOICE), [*SENT[:8], *jumped])
+    found = pieces(events)
+    assert {p.epoch for p in found.values()} == {0, 1}
+    start = round(OFFSET_S + 0.64 * 11 + 100.29, 3)  # the first one lacks a neighbour
+    assert np.array_equal(found[start].params, pieces(ALL)[round(OFFSET_S + 7.04, 3)].params)
+    assert sum(isinstance(e, SuperframeLost) for e in events) == 0
+    states = [(e.state, e.time_s) for e in events if isinstance(e, StateChanged)]
+    assert [state for state, _ in states] == ["locked", "lost", "locked"]
+
+
+def test_silence_means_lost() -> None:
+    tracker = Tracker(VOICE)
+    run(tracker, SENT[:5])
+    last_s = SENT[4][0]
+    assert list(tracker.advance(last_s + LOST_AFTER_S - 0.01)) == []
+    events = list(tracker.advance(last_s + LOST_AFTER_S + 7))
+    assert events == [StateChanged(last_s + LOST_AFTER_S, "lost")]
+    assert list(tracker.advance(last_s + 99)) == []
+
+
+def test_another_voice_is_told_and_not_drawn() -> None:
+    other = Tracker(make_voice(1))
+    events = run(other, SENT)
+    foreign = [e for e in events if isinstance(e, Unreadable)]
+    assert len(foreign) == 1
+    assert "voice stand-in has" in foreign[0].message
+    assert len(pieces(events)) <= 2  # one digit of sixteen may agree by chance
+
+
+def test_assembled_motion_is_whole() -> None:
+    assembler = Assembler(VOICE)
+    for event in run(Tracker(VOICE), [p for i, p in enumerate(SENT) if not 9 <= i < 13]):
+        assembler.add(event)
+    motion = assembler.motion()
+    assert motion.start_s == pytest.approx(OFFSET_S + 1.28)
+    assert len(motion.params) == 20 * 32
+    whole = pieces(ALL)[round(OFFSET_S + 1.28, 3)].params
+    assert np.allclose(motion.params[:32], whole)
+    assert motion.score is not None
+    assert [round(k.start, 2) for k in motion.score.keys] == sorted(
+        {round(k.start, 2) for k in motion.score.keys}
+    )
