@@ -1,0 +1,291 @@
+"""Compiled loops of the codec: range coder and coefficient coding.
+
+Contiguous int64 arrays in, arrays filled in place out; no checks, no globals of other modules
+(numba's cache would not see them change). All coding arithmetic is on integers below 2**48.
+
+The range coder keeps ``low`` below 2**32 and carries into bytes already written, so that its
+output is the plain base-256 expansion of a point of the final interval (spec/bitstream.md,
+paragraphs R1 to R6).
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+PRECISION = 15
+TOP = 1 << 32
+BOTTOM = 1 << 24
+MASK = TOP - 1
+
+RANGE, CODE, SLACK, POSITION = 0, 1, 2, 3
+"""Fields of a decoder's state: interval width, code minus low, unknown part, bytes read."""
+
+ESCAPE = 15
+MAX_PREFIX = 20
+
+
+@njit(cache=True)
+def _carry(out: NDArray[np.uint8], length: int) -> None:
+    """Add one to the number in ``out[:length]``."""
+    i = length - 1
+    while out[i] == 255:
+        out[i] = 0
+        i -= 1
+    out[i] += 1
+
+
+@njit(cache=True)
+def range_encode(
+    starts: NDArray[np.int64],
+    freqs: NDArray[np.int64],
+    count: int,
+    certain: bool,
+    out: NDArray[np.uint8],
+) -> int:
+    """Code ``count`` intervals; return the number of bytes written to ``out``.
+
+    ``certain`` ends the code such that every continuation decodes alike; without it only a
+    continuation by zero bytes does.
+    """
+    low, width, length = 0, MASK, 0
+    for i in range(count):
+        unit = width >> PRECISION
+        low += unit * starts[i]
+        if starts[i] + freqs[i] == 1 << PRECISION:
+            width -= unit * starts[i]
+        else:
+            width = unit * freqs[i]
+        if low >= TOP:
+            _carry(out, length)
+            low &= MASK
+        while width < BOTTOM:
+            out[length] = low >> 24
+            length += 1
+            low = (low << 8) & MASK
+            width <<= 8
+    for size in range(5):
+        cell = 1 << (32 - 8 * size)
+        point = (low + cell - 1) & -cell
+        if point + (cell if certain else 1) <= low + width:
+            if point >= TOP:
+                _carry(out, length)
+                point -= TOP
+            for j in range(size):
+                out[length] = (point >> (24 - 8 * j)) & 255
+                length += 1
+            break
+    return length
+
+
+@njit(cache=True)
+def start_decoding(data: NDArray[np.uint8], state: NDArray[np.int64]) -> None:
+    """Set ``state`` before the first symbol of ``data``."""
+    state[RANGE], state[CODE], state[SLACK], state[POSITION] = MASK, 0, 0, 0
+    for _ in range(4):
+        _next_byte(data, state)
+
+
+@njit(cache=True)
+def _next_byte(data: NDArray[np.uint8], state: NDArray[np.int64]) -> None:
+    position = state[POSITION]
+    state[CODE] <<= 8
+    state[SLACK] <<= 8
+    if position < data.size:
+        state[CODE] |= data[position]
+    else:
+        state[SLACK] |= 255
+    state[POSITION] = position + 1
+
+
+@njit(cache=True)
+def decode_symbol(
+    data: NDArray[np.uint8],
+    state: NDArray[np.int64],
+    cdf: NDArray[np.int64],
+    limit: int,
+    certain: bool,
+) -> int:
+    """Return the next symbol, ``limit`` for all from there on; -1 if it is not certain.
+
+    ``cdf[s]`` is the lower end of symbol ``s``; everything from ``cdf[limit]`` on is one symbol.
+    """
+    unit = state[RANGE] >> PRECISION
+    value = min(state[CODE] // unit, (1 << PRECISION) - 1)
+    symbol = 0
+    while symbol < limit and value >= cdf[symbol + 1]:
+        symbol += 1
+    start = cdf[symbol]
+    if symbol == limit or cdf[symbol + 1] == 1 << PRECISION:
+        width = state[RANGE] - unit * start
+    else:
+        width = unit * (cdf[symbol + 1] - start)
+    if certain and state[CODE] + state[SLACK] >= unit * start + width:
+        return -1
+    state[CODE] -= unit * start
+    state[RANGE] = width
+    while state[RANGE] < BOTTOM:
+        state[RANGE] <<= 8
+        _next_byte(data, state)
+    return symbol
+
+
+@njit(cache=True)
+def coefficient_class(scale: int, step: int) -> tuple[int, int]:
+    """Return the class of a coefficient, 0..24 or negative if it is never coded, and its shift."""
+    ratio = scale - step + 16
+    shift = max(0, (ratio - 21) >> 2)
+    return ratio - 4 * shift, shift
+
+
+@njit(cache=True)
+def _context(q: NDArray[np.int64], before: NDArray[np.int64], i: int, shift: int) -> int:
+    """Return 0..3 from the magnitudes of up to three coefficients coded before number ``i``."""
+    activity = 0
+    for j in range(before.shape[1]):
+        if before[i, j] >= 0:
+            activity += min(abs(q[before[i, j]]) >> shift, 2)
+    return min(activity, 3)
+
+
+@njit(cache=True)
+def encode_coefficients(
+    q: NDArray[np.int64],
+    first: int,
+    scales: NDArray[np.int64],
+    before: NDArray[np.int64],
+    step: int,
+    cdfs: NDArray[np.int64],
+    starts: NDArray[np.int64],
+    freqs: NDArray[np.int64],
+    ends: NDArray[np.int64],
+) -> int:
+    """Turn coefficients ``q[first:]`` into intervals; return how many.
+
+    ``ends[i]`` receives the number of intervals after coefficient ``i``.
+    """
+    n = 0
+    half = 1 << (PRECISION - 1)
+    for i in range(first, q.size):
+        kind, shift = coefficient_class(scales[i], step)
+        if kind >= 0:
+            cdf = cdfs[kind, _context(q, before, i, shift)]
+            magnitude = abs(q[i])
+            high = magnitude >> shift
+            symbol = min(high, ESCAPE)
+            starts[n] = cdf[symbol]
+            freqs[n] = cdf[symbol + 1] - cdf[symbol]
+            n += 1
+            if symbol == ESCAPE:
+                rest = high - ESCAPE + 1
+                bits = 0
+                while rest >> (bits + 1) > 0:
+                    bits += 1
+                for _ in range(bits):
+                    starts[n], freqs[n] = half, half
+                    n += 1
+                if bits < MAX_PREFIX:
+                    starts[n], freqs[n] = 0, half
+                    n += 1
+                for b in range(bits - 1, -1, -1):
+                    starts[n], freqs[n] = half * ((rest >> b) & 1), half
+                    n += 1
+            for b in range(shift - 1, -1, -1):
+                starts[n], freqs[n] = half * ((magnitude >> b) & 1), half
+                n += 1
+            if magnitude > 0:
+                starts[n], freqs[n] = half * (1 if q[i] < 0 else 0), half
+                n += 1
+        ends[i] = n
+    return n
+
+
+@njit(cache=True)
+def _decode_magnitude(
+    data: NDArray[np.uint8],
+    state: NDArray[np.int64],
+    cdf: NDArray[np.int64],
+    flip: NDArray[np.int64],
+    shift: int,
+) -> int:
+    """Return a magnitude, -1 where the data end."""
+    magnitude = decode_symbol(data, state, cdf, ESCAPE, True)
+    if magnitude < 0:
+        return -1
+    if magnitude == ESCAPE:
+        bits = 0
+        while bits < MAX_PREFIX:
+            bit = decode_symbol(data, state, flip, 1, True)
+            if bit < 0:
+                return -1
+            if bit == 0:
+                break
+            bits += 1
+        rest = 1
+        for _ in range(bits):
+            bit = decode_symbol(data, state, flip, 1, True)
+            if bit < 0:
+                return -1
+            rest = 2 * rest + bit
+        magnitude = rest - 1 + ESCAPE
+    for _ in range(shift):
+        bit = decode_symbol(data, state, flip, 1, True)
+        if bit < 0:
+            return -1
+        magnitude = 2 * magnitude + bit
+    return magnitude
+
+
+@njit(cache=True)
+def decode_coefficients(
+    data: NDArray[np.uint8],
+    state: NDArray[np.int64],
+    q: NDArray[np.int64],
+    first: int,
+    scales: NDArray[np.int64],
+    before: NDArray[np.int64],
+    step: int,
+    cdfs: NDArray[np.int64],
+    flip: NDArray[np.int64],
+) -> int:
+    """Fill ``q[first:]`` as far as the data are certain; return the index of the first one not.
+
+    A coefficient of which only a part is certain counts as missing and stays zero.
+    """
+    for i in range(first, q.size):
+        kind, shift = coefficient_class(scales[i], step)
+        if kind < 0:
+            continue
+        cdf = cdfs[kind, _context(q, before, i, shift)]
+        magnitude = _decode_magnitude(data, state, cdf, flip, shift)
+        if magnitude < 0:
+            return i
+        if magnitude > 0:
+            sign = decode_symbol(data, state, flip, 1, True)
+            if sign < 0:
+                return i
+            q[i] = -magnitude if sign else magnitude
+    return q.size
+
+
+@njit(cache=True)
+def dequantise(
+    q: NDArray[np.int64],
+    scales: NDArray[np.int64],
+    step: int,
+    width: int,
+    points: NDArray[np.int64],
+    out: NDArray[np.int64],
+) -> None:
+    """Write the value of every index to ``out``, in units of 2**-16 (paragraphs Q3 and Q4).
+
+    ``width`` is the step in those units; ``points[kind, min(|q|, 3) - 1]`` says how far inside
+    its cell, in 1/256 of a step, the value lies below the cell's middle.
+    """
+    for i in range(q.size):
+        magnitude = abs(q[i])
+        out[i] = 0
+        if magnitude > 0:
+            kind, shift = coefficient_class(scales[i], step)
+            inset = points[max(kind, 0), min(magnitude, 3) - 1] if shift == 0 else 0
+            value = ((magnitude * 256 - inset) * width) >> 8
+            out[i] = -value if q[i] < 0 else value

@@ -1,0 +1,227 @@
+"""Stream files (``.cue``): a motion as superframes one after another.
+
+A head names the voice and the span of ticks; records follow, one per superframe, each with the
+lengths of its two parts. Specification: spec/bitstream.md, section 8.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from codec.bits import (
+    FILE_BYTES,
+    FILE_FIELDS,
+    MAGIC,
+    VERSION,
+    crc16,
+    pack_fields,
+    unpack_fields,
+)
+from codec.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.errors import BitstreamError, CueError, VoiceError
+from codec.merge import merge_scores
+from codec.motion import Motion
+from codec.quantise import NO_RESIDUAL
+from codec.superframe import Superframe, SuperframeDecoder, SuperframeEncoder
+from codec.timeline import SUPERFRAME_S, TICK_S, TICKS, to_ticks
+from codec.voice import Voice
+
+RATE_HZ = 50.0
+MIN_RATE_BPS = 140
+MAX_RATE_BPS = 20_000
+_LENGTH_BITS = 12
+_RECORD_FIELDS = {"l0": _LENGTH_BITS, "l1": _LENGTH_BITS}
+_RECORD_BYTES = 3
+_CRC_BYTES = 2
+_MAX_TICKS = 24 * 3600 * 50
+_OPEN_BYTES = 4000
+
+assert sum(_RECORD_FIELDS.values()) == 8 * _RECORD_BYTES
+
+
+@dataclass(frozen=True, slots=True)
+class StreamHead:
+    """The head of a stream file.
+
+    Attributes
+    ----------
+    voice : str
+        Identity of the voice.
+    first_tick, ticks : int
+        Ticks of 20 ms that the motion covers.
+    """
+
+    voice: str
+    first_tick: int
+    ticks: int
+
+    @property
+    def indices(self) -> range:
+        """Numbers of the superframes that cover the motion."""
+        end = -(-(self.first_tick + self.ticks) // TICKS)
+        return range(self.first_tick // TICKS, end)
+
+
+def encode_stream(
+    motion: Motion,
+    voice: Voice,
+    *,
+    rate_bps: float | None = None,
+    error_mm: float | None = None,
+    options: CueingOptions = DEFAULT_OPTIONS,
+) -> bytes:
+    """Return a motion as a stream file.
+
+    Parameters
+    ----------
+    motion : Motion
+        Of this voice, from time 0 on.
+    voice : Voice
+    rate_bps : float, optional
+        Constant rate of the superframes, checksums included, 140..20000 bit/s.
+    error_mm : float, optional
+        Greatest error instead: RMS over all markers and frames, which the whole file keeps.
+        Default without either: 2 mm.
+    options : CueingOptions
+        Under which the score's keys follow from its phones.
+
+    Raises
+    ------
+    CueError
+        If both or an impossible value is given, or the motion is empty or begins before 0.
+    """
+    head = _head_of(motion)
+    if rate_bps is not None and error_mm is not None:
+        raise CueError("a rate and an error cannot both be given")
+    if rate_bps is not None:
+        if not MIN_RATE_BPS <= rate_bps <= MAX_RATE_BPS:
+            raise CueError(f"rate {rate_bps} bit/s is not within {MIN_RATE_BPS}..{MAX_RATE_BPS}")
+        size = int(rate_bps * SUPERFRAME_S / 8)
+        encoder = SuperframeEncoder(voice, l0_bytes=size, l1_bytes=0, lead=0, options=options)
+        frames = [encoder.encode(motion, index) for index in head.indices]
+    else:
+        limit = 2.0 if error_mm is None else error_mm
+        if not 0.05 <= limit <= 1000:
+            raise CueError(f"error {limit} mm is not within 0.05..1000")
+        frames = _within(limit, motion, voice, head, options)
+    return _head_bytes(head) + b"".join(map(_record, frames))
+
+
+def _head_of(motion: Motion) -> StreamHead:
+    first, ticks = to_ticks(motion.start_s), to_ticks(motion.duration_s)
+    if first < 0 or not 0 < ticks <= _MAX_TICKS or first > _MAX_TICKS:
+        raise CueError(
+            f"motion of {motion.duration_s} s from {motion.start_s} s does not fit into a stream: "
+            f"0.02..86400 s, from 0..86400 s"
+        )
+    return StreamHead(motion.voice, first, ticks)
+
+
+def _within(
+    error_mm: float, motion: Motion, voice: Voice, head: StreamHead, options: CueingOptions
+) -> list[Superframe]:
+    """Return superframes at the widest step at which the error stays within its limit."""
+    encoder = SuperframeEncoder(voice, l0_bytes=_OPEN_BYTES, l1_bytes=0, lead=0, options=options)
+    low, high = 0, NO_RESIDUAL
+    while low < high:
+        step = (low + high + 1) // 2
+        errors = [encoder.error_mm(motion, index, step) for index in head.indices]
+        if np.sqrt(np.mean(np.square(errors))) <= error_mm:
+            low = step
+        else:
+            high = step - 1
+    return [encoder.encode_at(motion, index, low) for index in head.indices]
+
+
+def _head_bytes(head: StreamHead) -> bytes:
+    fields = {
+        "magic": MAGIC, "version": VERSION, "voice": int(head.voice, 16),
+        "first_tick": head.first_tick, "ticks": head.ticks,
+    }  # fmt: skip
+    body = pack_fields(FILE_FIELDS, fields)
+    return body + crc16(body).to_bytes(_CRC_BYTES, "big")
+
+
+def _record(frame: Superframe) -> bytes:
+    lengths = {"l0": len(frame.l0), "l1": len(frame.l1)}
+    return pack_fields(_RECORD_FIELDS, lengths) + frame.l0 + frame.l1
+
+
+def read_head(data: bytes) -> StreamHead:
+    """Read the head of a stream file.
+
+    Raises
+    ------
+    BitstreamError
+        If it is short (F1), of another kind (F2), version (F3) or checksum (F4), or covers an
+        impossible time (F5).
+    """
+    fields = unpack_fields(FILE_FIELDS, data)
+    if fields["magic"] != MAGIC:
+        raise BitstreamError(f"magic {fields['magic']:08x} is not a stream's", section="F2", bit=0)
+    if fields["version"] != VERSION:
+        raise BitstreamError(f"version {fields['version']} is not {VERSION}", section="F3", bit=32)
+    check = data[FILE_BYTES : FILE_BYTES + _CRC_BYTES]
+    if crc16(data[:FILE_BYTES]).to_bytes(_CRC_BYTES, "big") != check:
+        raise BitstreamError("checksum of the head", section="F4", bit=8 * FILE_BYTES)
+    head = StreamHead(f"{fields['voice']:016x}", fields["first_tick"], fields["ticks"])
+    if not 0 < head.ticks <= _MAX_TICKS or head.first_tick > _MAX_TICKS:
+        raise BitstreamError(f"{head.ticks} ticks from {head.first_tick}", section="F5", bit=104)
+    return head
+
+
+def read_superframes(data: bytes) -> Iterator[Superframe]:
+    """Yield the superframes of a stream file, their checksums not looked at.
+
+    Raises
+    ------
+    BitstreamError
+        As `read_head`; if the file ends within a record, or goes on after the last one (F6).
+    """
+    head = read_head(data)
+    place = FILE_BYTES + _CRC_BYTES
+    for index in head.indices:
+        if place + _RECORD_BYTES > len(data):
+            raise BitstreamError(f"no record of superframe {index}", section="F6", bit=8 * place)
+        lengths = unpack_fields(_RECORD_FIELDS, data[place : place + _RECORD_BYTES])
+        begin = place + _RECORD_BYTES
+        middle = begin + lengths["l0"]
+        place = middle + lengths["l1"]
+        if place > len(data):
+            raise BitstreamError(f"superframe {index} is cut off", section="F6", bit=8 * begin)
+        yield Superframe(index, data[begin:middle], data[middle:place])
+    if place != len(data):
+        raise BitstreamError(f"{len(data) - place} bytes too many", section="F6", bit=8 * place)
+
+
+def decode_stream(data: bytes, voice: Voice) -> Motion:
+    """Return the motion of a stream file, at 50 Hz.
+
+    Superframes with a wrong checksum are concealed.
+
+    Raises
+    ------
+    BitstreamError
+        If the file breaks a rule.
+    VoiceError
+        If it was made with another voice.
+    """
+    head = read_head(data)
+    if head.voice != voice.identity:
+        raise VoiceError(f"stream of voice {head.voice}, voice {voice.name} is {voice.identity}")
+    decoder, done, previous = SuperframeDecoder(voice), [], None
+    for frame in read_superframes(data):
+        decoder.push(frame.l0, frame.l1, frame.index)
+        if previous is not None:
+            done.append(decoder.render(previous))
+        previous = frame.index
+    if previous is not None:
+        done.append(decoder.render(previous))
+    params = np.concatenate([frame.params for frame in done])
+    skip = head.first_tick % TICKS
+    score = merge_scores(done) if any(frame.part is not None for frame in done) else None
+    return Motion(
+        params[skip : skip + head.ticks], RATE_HZ, head.first_tick * TICK_S, voice.layout,
+        head.voice, score,
+    )  # fmt: skip

@@ -1,0 +1,100 @@
+"""The static tables of the bitstream: frequencies of phones, lengths and coefficients.
+
+Read once from ``codec/assets/tables.json``, where `codec.train` wrote them as integers; they are
+part of the format's version and are the same for every voice (spec/bitstream.md, section 7).
+"""
+
+import functools
+import json
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.range_coder import TOTAL
+
+CLASSES = 25
+"""Classes of coefficients by expected magnitude against the step."""
+
+CONTEXTS = 4
+"""Contexts of a coefficient by the magnitudes around it."""
+
+TEMPOS = 4
+"""Contexts of a length: after a pause, after a short, a middling and a long phone."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScoreTables:
+    """Coding tables of phones and lengths; ``n + 1`` ascending ends for ``n`` symbols each.
+
+    Attributes
+    ----------
+    first : ndarray of int64, shape (39,)
+        The phone that sounds as a superframe begins.
+    next : ndarray of int64, shape (38, 39)
+        A phone after another, by number of the one before.
+    left : ndarray of int64, shape (38, 34)
+        Ticks that the first phone still lasts, by its number.
+    length : ndarray of int64, shape (38, 4, 34)
+        Length of a phone less one, by its number and tempo context.
+    """
+
+    first: NDArray[np.int64]
+    next: NDArray[np.int64]
+    left: NDArray[np.int64]
+    length: NDArray[np.int64]
+
+    @staticmethod
+    def tempo(length: int) -> int:
+        """Return the context of a length from the one before, 0 after a pause (S6)."""
+        return 0 if length == 0 else 1 if length <= 3 else 2 if length <= 5 else 3
+
+
+@dataclass(frozen=True, slots=True)
+class CoefficientTables:
+    """Coding tables of quantised coefficients.
+
+    Attributes
+    ----------
+    magnitude : ndarray of int64, shape (25, 4, 17)
+        Magnitudes 0..14 and escape, by class and context.
+    inset : ndarray of int64, shape (25, 3)
+        Distance of the reconstruction from the cell's middle towards zero, in 1/256 of a step,
+        for magnitudes 1, 2 and from 3 on.
+    """
+
+    magnitude: NDArray[np.int64]
+    inset: NDArray[np.int64]
+
+
+def _cdf(freqs: Any) -> NDArray[np.int64]:
+    freq = np.asarray(freqs, dtype=np.int64)
+    assert (freq > 0).all()
+    assert (freq.sum(axis=-1) == TOTAL).all()
+    zero = np.zeros((*freq.shape[:-1], 1), dtype=np.int64)
+    return np.ascontiguousarray(np.concatenate([zero, np.cumsum(freq, axis=-1)], axis=-1))
+
+
+@functools.cache
+def _document() -> dict[str, Any]:
+    text = resources.files("codec").joinpath("assets/tables.json").read_text(encoding="utf-8")
+    document: dict[str, Any] = json.loads(text)
+    return document
+
+
+@functools.cache
+def score_tables() -> ScoreTables:
+    """Return the tables of phones and lengths."""
+    tables = _document()["score"]
+    return ScoreTables(**{name: _cdf(tables[name]) for name in ("first", "next", "left", "length")})
+
+
+@functools.cache
+def coefficient_tables() -> CoefficientTables:
+    """Return the tables of coefficients."""
+    tables = _document()["coefficient"]
+    inset = np.array(tables["inset"], dtype=np.int64)
+    assert inset.shape == (CLASSES, 3)
+    return CoefficientTables(_cdf(tables["magnitude"]), inset)

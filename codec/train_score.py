@@ -1,0 +1,107 @@
+"""Training of the score's tables: counts of phones and lengths in example scores.
+
+Scores go in, integer tables come out, smoothed such that every event keeps a probability.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.phonology import PHONES
+from codec.range_coder import cumulative
+from codec.score import Score
+from codec.score_coding import is_consonant, is_vowel, letter_of, part_of
+from codec.tables import TEMPOS, ScoreTables
+from codec.timeline import TICKS, to_line
+
+N = len(PHONES)
+_PHASES = 8
+"""Every score is cut into superframes at so many different places."""
+
+Counts = NDArray[np.float64]
+
+
+def train_score(scores: Iterable[Score]) -> dict[str, list[object]]:
+    """Return the tables ``first``, ``next``, ``left`` and ``length`` as nested lists of integers.
+
+    Parameters
+    ----------
+    scores : iterable of Score
+        Examples; only phones and their times matter.
+
+    Returns
+    -------
+    dict of nested lists
+        Frequencies that sum to 2**15 in every row.
+    """
+    first, following = np.zeros(N), np.zeros((N, N))
+    left, length = np.zeros((N, TICKS + 1)), np.zeros((N, TEMPOS, TICKS + 1))
+    for score in scores:
+        for phase in range(_PHASES):
+            _count(score.shifted(phase * 0.08), first, following, left, length)
+    return {
+        "first": _rows(first + 1),
+        "next": _rows(_back_off(following, following.sum(axis=0) + 1, 20.0)),
+        "left": _rows(_by_kind(left, 100.0)),
+        "length": _rows(_lengths(length)),
+    }
+
+
+def _count(score: Score, first: Counts, following: Counts, left: Counts, length: Counts) -> None:
+    line = to_line(score)
+    for index in range(line.starts[-1] // TICKS + 1):
+        part = part_of(line, index)
+        first[letter_of(part.first)] += 1
+        left[part.first, part.first_end] += 1
+        before, last = part.first, 0
+        ends = (*part.starts, TICKS)[1:]
+        for number, start, end in zip(part.numbers, part.starts, ends, strict=True):
+            following[before, letter_of(number)] += 1
+            if end < TICKS:
+                length[number, ScoreTables.tempo(last), end - start - 1] += 1
+            else:
+                # A cut phone counts by how such phones go on where they are not cut.
+                rest = length[number, ScoreTables.tempo(last), end - start - 1 :]
+                if rest.sum() > 0:
+                    rest += rest / rest.sum()
+            last = end - start if number else 0
+            before = number
+
+
+def _kinds() -> list[list[int]]:
+    consonants = [n for n in range(N) if is_consonant(n)]
+    return [[0], [n for n in range(N) if is_vowel(n)], consonants]
+
+
+def _back_off(counts: Counts, prior: Counts, weight: float) -> Counts:
+    """Return rows of counts plus `weight` examples that follow `prior`."""
+    return counts + weight * prior / prior.sum()
+
+
+def _by_kind(counts: Counts, weight: float) -> Counts:
+    """Smooth every phone's row by the sum over its kind: pause, vowel or consonant."""
+    result = np.empty_like(counts)
+    for kind in _kinds():
+        prior = _blurred(counts[kind].sum(axis=0)) + 0.5
+        result[kind] = _back_off(counts[kind], prior, weight)
+    return result
+
+
+def _lengths(counts: Counts) -> Counts:
+    result = np.empty_like(counts)
+    for tempo in range(TEMPOS):
+        result[:, tempo] = _by_kind(counts[:, tempo], 300.0)
+    return result
+
+
+def _blurred(counts: Counts) -> Counts:
+    """Spread counts over neighbouring lengths: other speakers have other clocks."""
+    wide: Counts = np.pad(counts, 1)
+    return np.asarray(0.25 * wide[:-2] + 0.5 * wide[1:-1] + 0.25 * wide[2:])
+
+
+def _rows(counts: Counts) -> list[object]:
+    table = np.array([np.diff(cumulative(row)) for row in counts.reshape(-1, counts.shape[-1])])
+    rows: list[object] = table.reshape(counts.shape).tolist()
+    return rows

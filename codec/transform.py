@@ -1,0 +1,182 @@
+"""The transform of the residual: markers' metric and KLT over parameters, cosines over time.
+
+A block of 32 frames of parameters goes in and 32 P coefficients come out, in such units that the
+sum of their squares is the squared displacement of all markers in all frames, and in scan order:
+the largest expected first. The basis belongs to a voice; that of a voice without trained tables
+is derived from its models. Specification: spec/bitstream.md, section 6.
+"""
+
+import functools
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct, idct
+
+from codec.errors import CueError
+from codec.timeline import TICKS
+from codec.voice import Voice
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Basis:
+    """An invertible map between blocks of parameters and coefficients.
+
+    Attributes
+    ----------
+    matrix : ndarray of float64, shape (P, P)
+        Row vectors of parameters times this are channels in millimetres.
+    scales : ndarray of int64, shape (P, 32)
+        Expected magnitude of every coefficient: 4 log2 of its standard deviation, rounded.
+    """
+
+    matrix: Array
+    scales: Ints
+    inverse: Array = field(init=False)
+    order: Ints = field(init=False)
+    scan_scales: Ints = field(init=False)
+    before: Ints = field(init=False)
+
+    def __post_init__(self) -> None:
+        channels = len(self.matrix)
+        if self.matrix.shape != (channels, channels) or self.scales.shape != (channels, TICKS):
+            raise CueError(f"basis of {self.matrix.shape} with scales of {self.scales.shape}")
+        order = np.argsort(-self.scales.T.reshape(-1), kind="stable")
+        # Numbers count frequency by frequency, so that equal scales go by frequency first.
+        channel, frequency = order % channels, order // channels
+        rank = np.empty((channels, TICKS), dtype=np.int64)
+        rank[channel, frequency] = np.arange(order.size)
+        object.__setattr__(self, "inverse", np.linalg.inv(self.matrix))
+        object.__setattr__(self, "order", channel * TICKS + frequency)
+        object.__setattr__(self, "scan_scales", self.scales.reshape(-1)[self.order])
+        object.__setattr__(self, "before", _neighbours(rank, channel, frequency))
+
+    def forward(self, block: Array) -> Array:
+        """Return the coefficients of a block, shape (32, P) to (32 P,) in scan order."""
+        coefficients = dct(block @ self.matrix, axis=0, norm="ortho")
+        return np.asarray(coefficients.T.reshape(-1)[self.order])
+
+    def backward(self, coefficients: Array) -> Array:
+        """Return the block of coefficients in scan order."""
+        grid = np.empty(coefficients.size)
+        grid[self.order] = coefficients
+        channels = idct(grid.reshape(-1, TICKS).T, axis=0, norm="ortho")
+        return np.asarray(channels @ self.inverse)
+
+
+def _neighbours(rank: Ints, channel: Ints, frequency: Ints) -> Ints:
+    """Return for each coefficient the scan numbers of three others coded before it, or -1.
+
+    They are those of the same channel one and two frequencies lower, and of the channel before
+    at the same frequency (paragraph C3).
+    """
+    own = np.arange(channel.size)
+    columns = []
+    for d_channel, d_frequency in ((0, 1), (0, 2), (1, 0)):
+        c, f = channel - d_channel, frequency - d_frequency
+        number = rank[np.maximum(c, 0), np.maximum(f, 0)]
+        columns.append(np.where((c >= 0) & (f >= 0) & (number < own), number, -1))
+    return np.ascontiguousarray(np.stack(columns, axis=1))
+
+
+def marker_metric(voice: Voice, poses: Array) -> Array:
+    """Return the matrix G of which r G r' is the squared displacement of all markers, mm**2.
+
+    Parameters
+    ----------
+    voice : Voice
+    poses : ndarray of float64, shape (K, P)
+        Where the models are linearised; the metric is the mean over them.
+    """
+    size = poses.shape[1]
+    metric = np.zeros((size, size))
+    steps = 1e-3 * np.maximum(np.std(poses, axis=0), 1e-2)
+    for pose in poses:
+        moved = np.concatenate([pose + np.diag(steps), pose - np.diag(steps)])
+        markers = voice.reconstruct(moved).astype(np.float64).reshape(2, size, -1)
+        jacobian = (markers[0] - markers[1]) / (2 * steps[:, None])
+        metric += jacobian @ jacobian.T
+    return metric / len(poses)
+
+
+def basis_of(metric: Array, covariance: Array, spectrum: Array) -> Basis:
+    """Return the basis that decorrelates parameters of a covariance under a metric.
+
+    Parameters
+    ----------
+    metric, covariance : ndarray of float64, shape (P, P)
+    spectrum : ndarray of float64, shape (32,)
+        Relative variance over frequency, any scale.
+    """
+    floor = 1e-9 * np.trace(metric) / len(metric)
+    root = np.linalg.cholesky(metric + floor * np.eye(len(metric)))
+    values, vectors = np.linalg.eigh(root.T @ covariance @ root)
+    order = np.argsort(-values)
+    values, vectors = values[order], vectors[:, order]
+    vectors *= np.sign(vectors[np.abs(vectors).argmax(axis=0), np.arange(len(values))])
+    values = np.maximum(values, _LEAST_MM**2)
+    share = np.maximum(spectrum / spectrum.mean(), 1e-4)
+    scales = np.rint(2 * np.log2(values[:, None] * share)).astype(np.int64)
+    return Basis(root @ vectors, scales)
+
+
+_LEAST_MM = 2.0
+"""Least expected magnitude of a channel: what was never seen in training can still be coded."""
+
+
+@functools.lru_cache(maxsize=8)
+def _derived(voice_key: "_ByIdentity", plain: bool) -> Basis:
+    voice = voice_key.voice
+    table = voice.gestures
+    shapes = table.shape_targets.astype(np.float64)
+    places = table.placement_targets.astype(np.float64)
+    visemes = table.viseme_targets.astype(np.float64)
+    poses = np.stack([
+        np.concatenate([visemes[4 * s], shapes[s], table.neutral_head, places[s, p]])
+        for s in range(1, 9) for p in range(6)
+    ])  # fmt: skip
+    metric = marker_metric(voice, poses)
+    share = (1.0, 1.0, 1.0) if plain else (0.15, 0.10, 0.05)
+    parts = [
+        share[0] * np.cov(visemes.T), share[1] * np.cov(shapes.T), np.eye(voice.face.n_motion),
+        share[2] * np.cov(places[1:].reshape(-1, places.shape[-1]).T),
+    ]  # fmt: skip
+    covariance = _block_diagonal(parts)
+    head = slice(19, 19 + voice.face.n_motion)
+    covariance[head, head] *= 113 * _HEAD_MM**2 / np.trace(metric[head, head])
+    return basis_of(metric, covariance, 1 / (1 + (np.arange(TICKS) / 2.0) ** 3))
+
+
+_HEAD_MM = 5.0
+"""Assumed displacement of the markers by the head, RMS, of a voice without trained tables."""
+
+
+def _block_diagonal(blocks: list[Array]) -> Array:
+    size = sum(len(np.atleast_2d(b)) for b in blocks)
+    result = np.zeros((size, size))
+    i = 0
+    for block in map(np.atleast_2d, blocks):
+        result[i : i + len(block), i : i + len(block)] = block
+        i += len(block)
+    return result
+
+
+@dataclass(frozen=True)
+class _ByIdentity:
+    """A voice that compares by identity, for caching."""
+
+    voice: Voice
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _ByIdentity) and other.voice.identity == self.voice.identity
+
+    def __hash__(self) -> int:
+        return hash(self.voice.identity)
+
+
+def basis_for(voice: Voice, *, plain: bool = False) -> Basis:
+    """Return the basis of a voice: of residuals, or with `plain` of motion without a score."""
+    return _derived(_ByIdentity(voice), plain)
