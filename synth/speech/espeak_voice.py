@@ -13,6 +13,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from codec.phonology import PAUSE
+from codec.score import Phone
 from synth.text.espeak import RATE_HZ, load
 
 _RATE_PARAMETER = 1
@@ -57,20 +59,24 @@ _Callback = ctypes.CFUNCTYPE(
 )
 
 
+LONGEST_LINE = 150
+"""Phones that the library takes in one call without losing its place."""
+
+
 @dataclass(frozen=True, slots=True)
 class Rendering:
-    """What the library spoke.
+    """Phones and how they sound.
 
     Attributes
     ----------
     samples : ndarray of float32, shape (n,)
         Full scale 1, at `RATE_HZ`.
-    starts : tuple of (str, int)
-        The library's IPA of each phone, a pause as `PAUSE`, and the sample at which it begins.
+    phones : tuple of Phone
+        With their exact times in `samples`; pauses are gaps.
     """
 
     samples: NDArray[np.float32]
-    starts: tuple[tuple[str, int], ...]
+    phones: tuple[Phone, ...]
 
 
 def speak(text: str, *, words_per_minute: int = 150) -> tuple[NDArray[np.float32], int]:
@@ -101,19 +107,68 @@ def speak(text: str, *, words_per_minute: int = 150) -> tuple[NDArray[np.float32
     >>> rate, 0.3 < len(samples) / rate < 1.5
     (22050, True)
     """
-    return _render(text.encode(), _TEXT_UTF8, words_per_minute).samples, RATE_HZ
+    return _render(text.encode(), _TEXT_UTF8, words_per_minute)[0], RATE_HZ
 
 
-def speak_phones(phones: Sequence[str], *, words_per_minute: int = 150) -> Rendering:
-    """Return a rendering of IPA phones, `codec.phonology.PAUSE` for a pause.
+def render(phones: Sequence[str], *, words_per_minute: int = 150) -> Rendering:
+    """Speak phones and tell when each of them sounds.
+
+    Parameters
+    ----------
+    phones : sequence of str
+        IPA symbols of `codec.phonology`, `PAUSE` for a pause.
+    words_per_minute : int
+        80 to 450.
+
+    Raises
+    ------
+    CueError
+        If a symbol is unknown, more than `LONGEST_LINE` phones come without a pause, the rate
+        is out of range or the library fails.
 
     Examples
     --------
-    >>> [name for name, _ in speak_phones(["v", "u", "l", "e"]).starts][:3]
-    ['v', 'u', 'l']
+    >>> rendering = render(["b", "ɔ̃", "ʒ", "u", "ʁ"])
+    >>> [phone.symbol for phone in rendering.phones]
+    ['b', 'ɔ̃', 'ʒ', 'u', 'ʁ']
     """
-    line = " ".join(MNEMONIC[phone] for phone in phones)
-    return _render(f"[[{line}]]".encode(), _TEXT_UTF8 | _TEXT_PHONEMES, words_per_minute)
+    blocks: list[NDArray[np.float32]] = []
+    timed: list[Phone] = []
+    offset = 0
+    for line in _lines(phones):
+        samples, starts = _render(_mnemonics(line), _TEXT_UTF8 | _TEXT_PHONEMES, words_per_minute)
+        if len(starts) <= len(line):
+            raise CueError(f"espeak-ng spoke {len(starts)} of {len(line)} phones")
+        bounds = [offset + start for start in (*starts[: len(line)], starts[len(line)])]
+        timed += [
+            Phone(symbol, a / RATE_HZ, b / RATE_HZ)
+            for symbol, (a, b) in zip(line, pairwise(bounds), strict=True)
+            if symbol != PAUSE
+        ]
+        blocks.append(samples)
+        offset += len(samples)
+    return Rendering(np.concatenate(blocks or [np.zeros(0, np.float32)]), tuple(timed))
+
+
+def _lines(phones: Sequence[str]) -> Iterator[list[str]]:
+    """Yield the phones in lines that end in a pause."""
+    line: list[str] = []
+    for symbol in phones:
+        if symbol not in MNEMONIC:
+            raise CueError(f"unknown phone {symbol!r}")
+        if symbol != PAUSE:
+            line.append(symbol)
+        elif line:
+            yield [*line, PAUSE]
+            line = []
+        if len(line) > LONGEST_LINE:
+            raise CueError(f"{len(line)} phones without a pause, more than {LONGEST_LINE}")
+    if line:
+        yield [*line, PAUSE]
+
+
+def _mnemonics(line: Sequence[str]) -> bytes:
+    return f"[[{' '.join(MNEMONIC[symbol] for symbol in line)}]]".encode()
 
 
 @contextlib.contextmanager
@@ -136,11 +191,14 @@ def _fresh_library() -> Iterator[ctypes.CDLL]:
             _ctypes.dlclose(loaded._handle)
 
 
-def _render(text: bytes, flags: int, words_per_minute: int) -> Rendering:
+def _render(
+    text: bytes, flags: int, words_per_minute: int
+) -> tuple[NDArray[np.float32], list[int]]:
+    """Return the samples and the first sample of each phone and pause."""
     if words_per_minute not in WORDS_PER_MINUTE:
         raise CueError(f"words_per_minute is {words_per_minute}, not within 80..450")
     blocks: list[bytes] = []
-    starts: list[tuple[str, int]] = []
+    starts: list[int] = []
 
     def collect(wav: object, n: int, events: object) -> int:
         if n > 0:
@@ -148,8 +206,7 @@ def _render(text: bytes, flags: int, words_per_minute: int) -> Rendering:
         position = 0
         while (event := events[position]).type != _EVENT_END:  # type: ignore[index]
             if event.type == _EVENT_PHONEME:
-                name = event.id.string.decode().strip("ˈˌː")
-                starts.append((name or PAUSE, event.sample))
+                starts.append(event.sample)
             position += 1
         return 0
 
@@ -163,4 +220,4 @@ def _render(text: bytes, flags: int, words_per_minute: int) -> Rendering:
     if status != 0:
         raise CueError(f"espeak-ng refuses to speak: status {status}")
     samples = np.frombuffer(b"".join(blocks), dtype="<i2").astype(np.float32) / np.float32(32768)
-    return Rendering(samples, tuple(starts))
+    return samples, starts

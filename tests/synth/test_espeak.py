@@ -1,11 +1,13 @@
 """The espeak-ng part: transcription mended, speech repeatable, phone times known."""
 
+import itertools
+
 import numpy as np
 import pytest
 
 from codec.errors import CueError
 from codec.phonology import PHONES
-from synth.speech.espeak_voice import MNEMONIC, speak, speak_phones
+from synth.speech.espeak_voice import MNEMONIC, render, speak
 from synth.text.espeak import to_phones, transcribe
 
 
@@ -34,12 +36,22 @@ def test_speech_is_repeatable() -> None:
     assert 0.05 < np.abs(first).max() <= 1
 
 
-def test_phone_starts_rise() -> None:
-    rendering = speak_phones(["v", "u", "l", "e", "_", "v", "u"])
-    names, starts = zip(*rendering.starts, strict=True)
-    assert names[:7] == ("v", "u", "l", "e", "_", "v", "u")
-    assert (np.diff(starts) >= 0).all()
-    assert starts[-1] <= len(rendering.samples)
+def test_rendered_phones_are_those_asked_for() -> None:
+    line = ["ɥ", "i", "g", "ɑ", "_", "v", "u", "_", "_", *["l", "a"] * 40]
+    rendering = render(line)
+    assert [phone.symbol for phone in rendering.phones] == [s for s in line if s != "_"]
+    assert rendering.phones[4].start > rendering.phones[3].end
+    for before, after in itertools.pairwise(rendering.phones):
+        assert before.start < before.end <= after.start
+    assert rendering.phones[-1].end * 22_050 <= len(rendering.samples)
+
+
+def test_unknown_phones_and_endless_lines_are_refused() -> None:
+    with pytest.raises(CueError, match="unknown phone 'q'"):
+        render(["q"])
+    with pytest.raises(CueError, match="151 phones without a pause, more than 150"):
+        render(["a"] * 200)
+    assert render([]).phones == ()
 
 
 def test_rate_is_checked() -> None:
