@@ -5,6 +5,8 @@ the phone; the face is the dominance-weighted mean. Dominances have a bounded re
 frame depends on nearby phones only and any window of time gives the same frames.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,18 +17,49 @@ from synth.visemes import ARTICULATORS, viseme_table
 FloatArray = NDArray[np.float64]
 
 _REACH_S = 0.45
-_RISE_S = 0.085
+_RISE_S = 0.05
 _REST_DOMINANCE = 0.05
 _FRAMES_AT_ONCE = 512
 
 
-def articulate(score: Score, times: FloatArray) -> FloatArray:
+@dataclass(frozen=True, slots=True)
+class PhoneLine:
+    """The phones of a score as arrays.
+
+    Attributes
+    ----------
+    number : ndarray of int64, shape (N,)
+        Phone numbers of `codec.phonology.PHONE_NUMBER`.
+    start, end : ndarray, shape (N,)
+        Seconds.
+    """
+
+    number: NDArray[np.int64]
+    start: FloatArray
+    end: FloatArray
+
+    @classmethod
+    def of(cls, score: Score) -> "PhoneLine":
+        """Return the phones of `score`."""
+        return cls(
+            np.array([PHONE_NUMBER[p.symbol] for p in score.phones], dtype=np.int64),
+            np.array([p.start for p in score.phones], dtype=np.float64),
+            np.array([p.end for p in score.phones], dtype=np.float64),
+        )
+
+    def silent(self, times: FloatArray, margin_s: float) -> NDArray[np.bool_]:
+        """Return which times are `margin_s` or more away from every phone, shape (T,)."""
+        following = np.searchsorted(self.start, times + margin_s, side="left")
+        latest_end = np.append(-np.inf, np.maximum.accumulate(self.end))
+        return latest_end[following] <= times - margin_s
+
+
+def articulate(line: PhoneLine, times: FloatArray) -> FloatArray:
     """Return the articulator weights of the face.
 
     Parameters
     ----------
-    score : Score
-        Its phones count, keys do not.
+    line : PhoneLine
     times : ndarray, shape (T,)
         Increasing, seconds.
 
@@ -36,19 +69,15 @@ def articulate(score: Score, times: FloatArray) -> FloatArray:
         Columns as `synth.visemes.ARTICULATORS`.
     """
     out = np.zeros((len(times), len(ARTICULATORS)))
-    if not score.phones:
-        return out
-    numbers = np.array([PHONE_NUMBER[p.symbol] for p in score.phones])
-    start = np.array([p.start for p in score.phones])
-    end = np.array([p.end for p in score.phones])
     targets, strength = viseme_table()
     for first in range(0, len(times), _FRAMES_AT_ONCE):
         block = slice(first, min(first + _FRAMES_AT_ONCE, len(times)))
         low, high = times[block.start] - _REACH_S, times[block.stop - 1] + _REACH_S
-        near = np.flatnonzero((end > low) & (start < high))
-        pull = _pull(times[block], start[near], end[near])
-        weights = pull @ strength[numbers[near]] + _REST_DOMINANCE
-        out[block] = (pull @ (strength * targets)[numbers[near]]) / weights
+        near = np.flatnonzero((line.end > low) & (line.start < high))
+        number = line.number[near]
+        pull = _pull(times[block], line.start[near], line.end[near])
+        weights = pull @ strength[number] + _REST_DOMINANCE
+        out[block] = (pull @ (strength * targets)[number]) / weights
     return out
 
 
@@ -57,4 +86,6 @@ def _pull(times: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
     middle, half = 0.5 * (start + end), 0.5 * (end - start)
     away = np.abs(times[:, None] - middle)
     fade = np.clip((away - half) / (_REACH_S - half).clip(0.05), 0.0, 1.0)
-    return np.exp(-((away / (0.6 * half + _RISE_S * 0.6)) ** 1.5)) * (1.0 - fade) ** 2
+    scale = 0.6 * half + _RISE_S
+    pull: FloatArray = np.exp(-((away / scale) ** 1.5)) * (1.0 - fade) ** 2
+    return pull

@@ -16,18 +16,18 @@ from numpy.typing import NDArray
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.errors import CueError
 from codec.motion import Motion
-from codec.phonology import PHONE_NUMBER
-from codec.score import PLACEMENTS, Score
+from codec.phonology import PAUSE, PHONE_NUMBER
+from codec.score import PLACEMENTS, Key, Score
 from codec.voice import Voice
 from synth.body.body import Body, Pose, load_asset, load_body
 from synth.body.reach import placement_target
 from synth.body.shapes import all_shapes
 from synth.body.skeleton import ANGLE_NUMBER, HAND_ANGLES
-from synth.coarticulation import articulate
+from synth.coarticulation import PhoneLine, articulate
 from synth.life import Drift, normals_at
 from synth.movement import Gestures, plan_gestures, progress
 from synth.movement import law as movement_law
-from synth.visemes import ARTICULATORS, UNITS_OF
+from synth.visemes import ARTICULATORS, UNITS_OF, viseme_table
 
 FloatArray = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ _MEETS_HAND_DEG = {
 }  # fmt: skip
 """Pitch and yaw of the head towards the hand, degrees: its part of the constriction."""
 
-_TWIST_DEG = {"rest": -12.0, "side": 4.0, "mouth": 0.0, "chin": -2.0, "cheek": 7.0, "throat": -6.0}
+_TWIST_DEG = {"rest": -5.0, "side": 2.0, "mouth": 0.0, "chin": -1.0, "cheek": 3.0, "throat": -3.0}
 _HEAD_DRIFT = np.array([*np.radians([1.2, 0.8, 0.5]), 1.2, 1.0, 1.4])
 _OUTWARD_ARC = 0.07
 _FREE_WRIST_DEG = (16.0, 6.0, 9.0)
@@ -52,6 +52,7 @@ _UNIT_DRIFT = {
     "mouthSmileRight": 0.03, "jawOpen": 0.006, "larynxRaise": 0.3,
 }  # fmt: skip
 _HELD_PART = 0.3
+_SILENT_S = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +73,7 @@ class Labels:
 @dataclass(frozen=True, slots=True)
 class _Plan:
     score: Score
+    phones: PhoneLine
     gestures: Gestures
     angles: FloatArray
     forearm: FloatArray
@@ -186,7 +188,32 @@ class GestureSynthesiser:
         forearm[:, 5] += _OUTWARD_ARC * 4.0 * part * (1.0 - part) * path
         carried = self._carried(between(plan.target), head)
         forearm[:, 3:] += between(plan.follows[:, None]) * carried
-        return Pose(self._units(score, times), head, self._angles(plan, times, part, at), forearm)
+        return Pose(self._units(plan, times), head, self._angles(plan, times, part, at), forearm)
+
+    def targets(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the markers of all targets, exact and with the head at rest.
+
+        Returns
+        -------
+        keys : ndarray of float32, shape (9, 6, 113, 3)
+            Every hand shape at every placement, mm.
+        visemes : ndarray of float32, shape (38, 113, 3)
+            The face of every phone, the hand at rest, mm.
+        """
+        shape, placement = (grid.ravel() for grid in np.mgrid[0:9, 0 : len(PLACEMENTS)])
+        angles, forearm = self._key_targets(shape, placement)
+        still = np.zeros((len(shape), 6))
+        face = np.zeros((len(shape), len(self.body.unit_names)))
+        keys = self.body.markers(Pose(face, still, angles, forearm))
+        units = viseme_table()[0] @ self._unit_matrix
+        n = len(units)
+        at_rest = Pose(
+            units, still[:n], np.repeat(angles[:1], n, axis=0), np.repeat(forearm[:1], n, axis=0)
+        )
+        visemes = self.body.markers(at_rest)
+        return keys.reshape(9, len(PLACEMENTS), -1, 3).astype(np.float32), visemes.astype(
+            np.float32
+        )
 
     def labels(self, score: Score, start_s: float, n_frames: int) -> Labels:
         """Return what is held in each frame."""
@@ -194,12 +221,22 @@ class GestureSynthesiser:
         g = self._plan(score).gestures
         shape = _held(times, g.shape_leave, g.shape_reach, g.shape)
         placement = _held(times, g.leave, g.reach, g.placement)
-        phone = np.full(n_frames, -1, dtype=np.int8)
-        for p in score.phones:
-            middle, half = 0.5 * (p.start + p.end), 0.5 * _HELD_PART * (p.end - p.start)
-            low, high = np.searchsorted(times, [middle - half, middle + half])
-            phone[low:high] = PHONE_NUMBER[p.symbol]
+        line = self._plan(score).phones
+        phone = np.where(line.silent(times, _SILENT_S), PHONE_NUMBER[PAUSE], -1).astype(np.int8)
+        middle, half = 0.5 * (line.start + line.end), 0.5 * _HELD_PART * (line.end - line.start)
+        first, last = np.searchsorted(times, middle - half), np.searchsorted(times, middle + half)
+        for number in np.flatnonzero(last > first):
+            phone[first[number] : last[number]] = line.number[number]
         return Labels(shape, placement, phone)
+
+    def target_times(self, score: Score) -> list[tuple[Key | None, float]]:
+        """Return when the hand is on target: per key and per rest (None) between or after keys."""
+        gestures = self.gestures(score)
+        keys = iter(score.keys)
+        return [
+            (None if placement == 0 else next(keys), float(reach))
+            for placement, reach in zip(gestures.placement[1:], gestures.reach[1:], strict=True)
+        ]
 
     def gestures(self, score: Score) -> Gestures:
         """Return when every target of `score` is left and reached."""
@@ -214,13 +251,7 @@ class GestureSynthesiser:
         gestures = plan_gestures(score, alignment=self._alignment, options=self._options)
         shape, placement = gestures.shape, gestures.placement
         names = [PLACEMENTS[number] for number in placement]
-        angles = all_shapes()[shape]
-        angles[:, :3] = self._wrist[shape, placement]
-        angles[:, ANGLE_NUMBER["forearm_twist"]] += [_TWIST_DEG[name] for name in names]
-        for finger in ("ring", "little"):
-            flexion = angles[:, ANGLE_NUMBER[f"{finger}_mcp"]]
-            angles[:, ANGLE_NUMBER[f"arch_{finger}"]] += 0.08 * flexion
-        forearm = self._forearm[shape, placement].copy()
+        angles, forearm = self._key_targets(shape, placement)
         habits = self.body.habits
         for number, moment in enumerate(gestures.reach):
             noise = normals_at(moment, len(HAND_ANGLES) + 6, self._seed)
@@ -231,7 +262,23 @@ class GestureSynthesiser:
         meets = np.zeros((len(names), 3))
         meets[:, :2] = np.radians([_MEETS_HAND_DEG[name] for name in names])
         follows = np.array([_FOLLOWS_HEAD[name] for name in names])
-        return _Plan(score, gestures, angles, forearm, self._targets[placement], follows, meets)
+        return _Plan(
+            score, PhoneLine.of(score), gestures, angles, forearm, self._targets[placement],
+            follows, meets,
+        )  # fmt: skip
+
+    def _key_targets(
+        self, shape: NDArray[np.int64], placement: NDArray[np.int64]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return hand angles (G, 31) and forearm poses (G, 6) of keys, head at rest."""
+        angles = all_shapes()[shape]
+        angles[:, :3] = self._wrist[shape, placement]
+        twist = np.array([_TWIST_DEG[name] for name in PLACEMENTS])
+        angles[:, ANGLE_NUMBER["forearm_twist"]] += twist[placement]
+        for finger in ("ring", "little"):
+            flexion = angles[:, ANGLE_NUMBER[f"{finger}_mcp"]]
+            angles[:, ANGLE_NUMBER[f"arch_{finger}"]] += 0.08 * flexion
+        return angles, self._forearm[shape, placement].copy()
 
     def _undershoot(self, g: Gestures, angles: FloatArray, forearm: FloatArray) -> None:
         """Pull the targets of short gestures back towards their predecessors."""
@@ -261,8 +308,8 @@ class GestureSynthesiser:
         turned: FloatArray = np.einsum("tij,tj->ti", turns[:, -1], from_joint)
         return places[:, -1] + turned - points
 
-    def _units(self, score: Score, times: FloatArray) -> FloatArray:
-        return articulate(score, times) @ self._unit_matrix + self._unit_drift.at(times)
+    def _units(self, plan: _Plan, times: FloatArray) -> FloatArray:
+        return articulate(plan.phones, times) @ self._unit_matrix + self._unit_drift.at(times)
 
     def _articulator_matrix(self) -> FloatArray:
         """Return how articulators drive face units, shape (14, U)."""

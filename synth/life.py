@@ -48,7 +48,8 @@ class Drift:
         out = np.zeros((len(times), len(self.size)))
         for rate, phase in zip(self.rate, self.phase, strict=True):
             out += np.sin(times[:, None] * rate + phase)
-        return out * (self.size * np.sqrt(2.0 / len(self.rate)))
+        out *= self.size * np.sqrt(2.0 / len(self.rate))
+        return out
 
 
 def normals_at(moment_s: float, count: int, seed: int) -> FloatArray:

@@ -14,16 +14,10 @@ from codec import layout
 from codec.models import rigid
 from codec.models.face import THROAT_COLUMNS, FaceModel
 from codec.models.inversion import RIGID_FACE_COLUMNS
-from codec.models.pca import (
-    Components,
-    components_for,
-    guided_components,
-    principal_components,
-    single,
-)
+from codec.models.pca import guided_components, motion_components, single
 from codec.models.pruning import prune
 
-EXPLAINED = 0.99
+EXPLAINED = 0.998
 _MAX_WEIGHT = 0.99
 _THROAT_FRAMES = 1500
 _ROUNDS = 3
@@ -62,11 +56,11 @@ def fit_face(markers: NDArray[np.float64], motion_frames: NDArray[np.float64]) -
     -------
     FaceModel
     """
-    body, motion = rigid.mean_body(np.concatenate([markers, motion_frames])[:, RIGID_FACE_COLUMNS])
+    _, motion = rigid.mean_body(np.concatenate([markers, motion_frames])[:, RIGID_FACE_COLUMNS])
     pivot = motion[:, 3:].mean(0)
     motion[:, 3:] -= pivot
-    lever = float(np.sqrt((body**2).sum(-1).mean()))
-    head = _motion_components(motion[len(markers) :], lever)
+    lever = float(np.sqrt(((markers.mean(0) - pivot) ** 2).sum(-1).mean()))
+    head = motion_components(motion[len(markers) :], lever)
     motion = motion[: len(markers)]
     kept = prune(rigid.inverse_rigid_motion(markers - pivot, motion))
     points, motion = markers[kept] - pivot, motion[kept]
@@ -80,12 +74,6 @@ def fit_face(markers: NDArray[np.float64], motion_frames: NDArray[np.float64]) -
     signs = [-np.sign(direction[:, 1].sum()) or 1.0 for direction in directions]
     directions *= np.array(signs)[:, None, None]
     return FaceModel(*single(mean + pivot, directions, pivot, head.mean, head.directions, weights))
-
-
-def _motion_components(motion: NDArray[np.float64], lever: float) -> Components:
-    """Return the components of rigid motions that explain 99 % of the distance moved."""
-    components, _ = principal_components(motion, scale=np.array([lever] * 3 + [1.0] * 3))
-    return components.truncated(max(1, components_for(components.explained, EXPLAINED)))
 
 
 def _without_motion(

@@ -1,8 +1,9 @@
 """Derive the project's body assets from the CC0 mesh hm08.
 
 ``python -m synth.body.derive --mesh FOLDER`` reads the mesh folder (``base.obj``, rig, weights,
-face units and the two marker layouts) and writes ``synth/assets/hm08_markers.npz``,
-then the arm poses of every cuer, ``reach_NAME.npz``. The origin of all coordinates becomes the middle between the ears.
+face units and the two marker layouts) and writes into ``synth/assets``: ``hm08_markers.npz``, and
+the arm poses of every cuer as ``reach_NAME.npz``. The origin of all coordinates becomes the
+middle between the ears.
 """
 
 import argparse

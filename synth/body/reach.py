@@ -1,9 +1,9 @@
 """Where the hand goes: placements relative to the head, and the arm that reaches them.
 
-A placement is a point of the head's frame at rest. For every hand shape and placement the solver
-finds forearm pose and wrist angles that bring the tip of the pointing finger there, with the back
-of the hand to the viewer, the fingers up and towards the face, the elbow at the end of the upper
-arm, and the skin of the hand outside the head.
+A placement is a point of the head's frame at rest. For every placement the solver finds one
+posture of forearm and wrist, with the back of the hand to the viewer, the fingers up and towards
+the face, the elbow at the end of the upper arm, and the skin of the widest hand outside the head;
+every hand shape then shifts the wrist so that the tip of its pointing finger is on the point.
 
 Target distances follow measurements of two French cuers' fingertips (mouth corner (-39, +9) mm
 from the mouth's centre, chin (-15, +42), cheekbone (-61, -30), throat (-22, +118), side
@@ -26,7 +26,7 @@ _OFFSETS = {
     "side": ("mouth_corner", (-84.0, 16.0, 6.0)),
     "mouth": ("mouth_corner", (-9.0, -4.0, 9.0)),
     "chin": ("chin", (-12.0, -6.0, 10.0)),
-    "cheek": ("cheekbone", (-3.0, 6.0, 11.0)),
+    "cheek": ("cheekbone", (-6.0, 5.0, 11.0)),
     "throat": ("larynx", (-12.0, 8.0, 16.0)),
     "rest": ("chin", (-92.0, -205.0, 95.0)),
 }
@@ -35,7 +35,9 @@ _OFFSETS = {
 _SLOPE_EXTRA_DEG = {"cheek": 6.0, "throat": -14.0, "chin": -4.0, "rest": -22.0, "side": 12.0}
 _WRIST = ("wrist_flex", "wrist_deviation", "forearm_twist")
 _WRIST_COLUMNS = [ANGLE_NUMBER[name] for name in _WRIST]
-_CLEARANCE_MM = 9.0
+_CLEARANCE_MM = 5.0
+_WIDEST_SHAPE = 5
+_EASY_WRIST_DEG = np.array([5.0, 0.0, 0.0])
 
 
 def placement_target(body: Body, placement: str) -> FloatArray:
@@ -57,10 +59,11 @@ def solve_reach(body: Body) -> tuple[FloatArray, FloatArray]:
     """
     wrist = np.empty((9, len(PLACEMENTS), 3))
     forearm = np.empty((9, len(PLACEMENTS), 6))
-    for shape in range(9):
-        for number, placement in enumerate(PLACEMENTS):
-            solution = _solve(body, shape, placement)
-            wrist[shape, number], forearm[shape, number] = solution[:3], solution[3:]
+    for number, placement in enumerate(PLACEMENTS):
+        posture = _solve(body, 0 if placement == "rest" else _WIDEST_SHAPE, placement)
+        for shape in range(9):
+            x = _moved_to_target(body, shape, posture, placement)
+            wrist[shape, number], forearm[shape, number] = x[:3], x[3:]
     return wrist, forearm
 
 
@@ -89,7 +92,7 @@ def _solve(body: Body, shape: int, placement: str) -> FloatArray:
                 9.0 * (hand[:, 1] - along),
                 9.0 * (hand[:, 2] - dorsal),
                 6.0 * (forearm[:, 1] - along)[:2],
-                x[:3] * np.array([0.10, 0.14, 0.08]),
+                (x[:3] - _EASY_WRIST_DEG) * 0.5,
                 [0.05 * reach, 0.04 * max(0.0, elbow[1] - shoulder[1] + 60.0)],
                 40.0 * np.maximum(inside, 0.0),
             ]
@@ -99,15 +102,16 @@ def _solve(body: Body, shape: int, placement: str) -> FloatArray:
     solution = least_squares(
         residuals, start, x_scale=np.array([10.0] * 3 + [0.2] * 3 + [20.0] * 3)
     )
-    return _exact(body, shape, solution.x, tip, target)
+    return np.asarray(solution.x)
 
 
-def _exact(body: Body, shape: int, x: FloatArray, tip: int, target: FloatArray) -> FloatArray:
-    """Shift the forearm so that the tip lies on the target exactly."""
+def _moved_to_target(body: Body, shape: int, x: FloatArray, placement: str) -> FloatArray:
+    """Return posture `x` with the wrist shifted so that the tip of `shape` is on the target."""
     angles = np.array(shape_angles(shape))
     angles[_WRIST_COLUMNS] = x[:3]
+    tip = HAND_MARKERS.index(longest_finger_tip(shape))
     point = body.hand_skin.place(*body.arm_bones(angles[None], x[None, 3:]))[0, tip]
-    return np.concatenate([x[:6], x[6:] + target - point])
+    return np.concatenate([x[:6], x[6:] + placement_target(body, placement) - point])
 
 
 def _wanted_axes(body: Body, placement: str) -> tuple[FloatArray, FloatArray]:
