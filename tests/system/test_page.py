@@ -1,0 +1,235 @@
+"""The television's page in a headless Chromium: in step, through pause, seek, rate and loss."""
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable, Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from receiver.events import State, StateChanged
+from receiver.server import Television
+from receiver.tuner import MotionTuner, Progress, Tuner
+from tests.chromium import Page, browse
+from tests.receiver.standin import make_motion, make_voice
+
+ARTEFACTS = Path(__file__).resolve().parents[2] / "artefacts" / "page"
+VOICE = make_voice()
+MOTION = make_motion(VOICE, duration_s=20.0)
+READY = "window.cuecast && cuecast.video.readyState >= 3 && cuecast.timeline.pieces.length > 9"
+
+
+@pytest.fixture(scope="module")
+def programme(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Twenty seconds of picture, a bar that walks, 25 frames per second."""
+    return make_programme(tmp_path_factory.mktemp("programme") / "bars.mp4", 320, 180, 25)
+
+
+def make_programme(path: Path, width: int, height: int, fps: int, seconds: int = 20) -> Path:
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=fps)
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        stream.options = {"preset": "ultrafast", "g": str(fps)}
+        for number in range(fps * seconds):
+            picture = np.full((height, width, 3), (24, 32, 60), np.uint8)
+            at = number * 2 % (width - 12)
+            picture[:, at : at + 12] = (200, 180, 90)
+            frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
+            frame.time_base, frame.pts = Fraction(1, fps), number
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    return path
+
+
+def watch(
+    media: Path, visit: Callable[[Page], Awaitable[None]], tuner: Tuner | None = None,
+    width: int = 1280, height: int = 720,
+) -> None:  # fmt: skip
+    async def main() -> None:
+        television = Television(tuner or MotionTuner(MOTION), VOICE, media)
+        async with television.running() as address, browse(address, width, height) as page:
+            await page.until(READY)
+            await visit(page)
+            assert page.errors == []
+
+    asyncio.run(asyncio.wait_for(main(), 120))
+
+
+def truth(time_s: float) -> NDArray[np.float32]:
+    """Markers that the stand-in's formula gives, not only its frames."""
+    rates = np.linspace(0.2, 1.0, len(VOICE.layout))
+    params = 0.7 * np.sin(2 * np.pi * time_s * rates + rates * 9)
+    markers: NDArray[np.float32] = VOICE.reconstruct(params[None])[0]
+    return markers
+
+
+DRAWN = """JSON.stringify({
+    timeS: cuecast.drawn.timeS, visibility: cuecast.drawn.visibility,
+    markers: Array.from(cuecast.markers), current: cuecast.video.currentTime })"""
+
+
+async def drawn(page: Page) -> dict[str, Any]:
+    return dict(json.loads(await page.evaluate(DRAWN)))
+
+
+async def seek(page: Page, time_s: float) -> None:
+    await page.evaluate(f"cuecast.seekTo({time_s})")
+    await page.until(
+        f"!cuecast.video.seeking && cuecast.drawn.visibility == 1"
+        f" && Math.abs(cuecast.drawn.timeS - {time_s}) < 0.001"
+    )
+
+
+def test_markers_are_python_s_at_twenty_times(programme: Path) -> None:
+    async def visit(page: Page) -> None:
+        for time_s in np.linspace(0.3, 18.9, 20).round(3):
+            await seek(page, float(time_s))
+            state = await drawn(page)
+            error = np.reshape(state["markers"], (113, 3)) - truth(state["timeS"])
+            assert np.abs(error).max() < 0.05  # cubic interpolation of 50 Hz frames
+
+    watch(programme, visit)
+
+
+SAMPLE_WHILE_PLAYING = """new Promise((resolve) => {
+    const found = [];
+    const video = cuecast.video;
+    const look = (now, frame) => {
+        const shown = cuecast.drawn;
+        const due = frame.mediaTime
+            + (shown.nowMs - frame.expectedDisplayTime) / 1000 * video.playbackRate;
+        found.push([shown.timeS, due, ...cuecast.markers]);
+        if (found.length < 40) video.requestVideoFrameCallback(look);
+        else resolve(JSON.stringify(found));
+    };
+    video.requestVideoFrameCallback(look);
+})"""
+
+
+@pytest.mark.parametrize("rate", [1.0, 0.5])
+def test_cuer_is_in_step_while_playing(programme: Path, rate: float) -> None:
+    async def visit(page: Page) -> None:
+        await page.evaluate(f"cuecast.video.playbackRate = {rate}; cuecast.video.play()")
+        await page.until("cuecast.video.currentTime > 0.5")
+        samples = np.array(json.loads(await page.evaluate(SAMPLE_WHILE_PLAYING)))
+        for row in samples:
+            assert np.abs(np.reshape(row[2:], (113, 3)) - truth(row[0])).max() < 0.05
+        offset = np.abs(samples[:, 0] - samples[:, 1])
+        assert np.median(offset) <= 0.020
+        assert offset.max() <= 0.100
+
+    watch(programme, visit)
+
+
+def test_pause_seek_and_rate_by_keyboard(programme: Path) -> None:
+    async def visit(page: Page) -> None:
+        await page.press(" ")
+        await page.until("!cuecast.video.paused && cuecast.drawn.timeS > 0.3")
+        await page.press(" ")
+        await page.until("cuecast.video.paused")
+        before = (await drawn(page))["current"]
+        await page.press("ArrowRight")
+        await page.until(f"cuecast.drawn.timeS > {before + 4.9}")
+        await page.press(".")
+        await page.until(f"cuecast.drawn.timeS > {before + 5.03}")
+        await page.press("]")
+        assert await page.evaluate("cuecast.video.playbackRate") == 1.25
+        await page.press("[")
+        await page.press("[")
+        assert await page.evaluate("cuecast.video.playbackRate") == 0.75
+
+    watch(programme, visit)
+
+
+def test_choices_by_keyboard_and_remote_control_are_remembered(programme: Path) -> None:
+    async def visit(page: Page) -> None:
+        start = await page.evaluate("document.getElementById('inset').getBoundingClientRect().left")
+        await page.press("p")
+        await page.until(
+            f"document.getElementById('inset').getBoundingClientRect().left < {start - 300}"
+        )
+        for key, name in {"m": "mirror", "h": "handOnly"}.items():
+            await page.press(key)
+            assert await page.evaluate(f"cuecast.settings.get('{name}')") is True
+        await page.press("ColorF3Blue")
+        assert await page.evaluate("cuecast.settings.get('size')") == "large"
+        await page.press("", code=403)
+        assert await page.evaluate("cuecast.settings.get('handOnly')") is False
+        language = await page.evaluate("document.documentElement.lang")
+        await page.press("l")
+        await page.until(f"document.documentElement.lang != '{language}'")
+        await page.press("r")
+        await page.until("!document.getElementById('panel').hidden")
+        await page.screenshot(ARTEFACTS / "settings.png")
+        await page.call("Page.reload")
+        await page.until(READY)
+        stored = await page.evaluate("JSON.stringify(cuecast.settings.values)")
+        values = json.loads(stored)
+        assert (values["mirror"], values["handOnly"], values["size"]) == (True, False, "large")
+        assert values["place"] == "bottom-left"
+
+    watch(programme, visit)
+
+
+NAMELESS = """JSON.stringify([...document.querySelectorAll('button, input, select, [role]')]
+    .filter((e) => !(e.getAttribute('aria-label') || (e.labels && e.labels.length)
+        || e.textContent.trim() || e.getAttribute('role') === 'status')).map((e) => e.outerHTML))"""
+
+
+def test_every_control_has_a_name(programme: Path) -> None:
+    async def visit(page: Page) -> None:
+        assert json.loads(await page.evaluate(NAMELESS)) == []
+        await page.press("l")
+        assert json.loads(await page.evaluate(NAMELESS)) == []
+
+    watch(programme, visit)
+
+
+class _Broken:
+    """The cuer is missing between 4 and 8 seconds."""
+
+    def tune(self, start_s: float) -> Iterator[Progress]:
+        changes: list[tuple[float, State]]
+        changes = [(0.0, "searching"), (0.6, "locked"), (5.0, "lost"), (8.0, "locked")]
+        yield Progress(start_s, tuple(StateChanged(*change) for change in changes))
+        for progress in MotionTuner(MOTION).tune(start_s):
+            kept = tuple(e for e in progress.events if not isinstance(e, StateChanged))
+            if not 4.0 < progress.until_s < 8.0:
+                yield Progress(progress.until_s, kept)
+
+
+def test_loss_is_shown_and_recovered(programme: Path) -> None:
+    async def visit(page: Page) -> None:
+        status = "document.getElementById('status').dataset.state"
+        await page.until("cuecast.timeline.states.length >= 4")
+        await seek(page, 3.0)
+        await page.until(f"{status} == 'locked'")
+        await page.evaluate("cuecast.seekTo(6.0)")
+        await page.until(f"{status} == 'lost' && cuecast.drawn.visibility == 0")
+        assert (
+            await page.evaluate("document.getElementById('absence').className") == "absence shown"
+        )
+        await page.screenshot(ARTEFACTS / "lost.png")
+        await seek(page, 9.0)
+        await page.until(f"{status} == 'locked'")
+
+    watch(programme, visit, _Broken())
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (1024, 768), (1680, 720)])
+def test_three_shapes_of_screen(programme: Path, width: int, height: int) -> None:
+    async def visit(page: Page) -> None:
+        await seek(page, 5.0)
+        height_px = min(height, width * 9 / 16) / 2
+        box = "document.getElementById('inset').getBoundingClientRect()"
+        await page.until(f"Math.abs({box}.height - {height_px}) < 2")
+        left, right = json.loads(await page.evaluate(f"JSON.stringify([{box}.left, {box}.right])"))
+        assert 0 <= left < right <= width
+        await page.screenshot(ARTEFACTS / f"points-{width}x{height}.png")
+
+    watch(programme, visit, width=width, height=height)
