@@ -118,10 +118,11 @@ def _candidates(
     middle = r[:, low : high + 1]
     left, right = r[:, low - 1 : high], r[:, low + 1 : high + 2]
     curve = left - 2 * middle + right
-    is_peak = (middle > left) & (middle >= right) & (middle > 0.5 * _VOICING_THRESHOLD)
+    is_peak = (middle > left) & (middle >= right) & (curve < 0)
+    is_peak &= middle > 0.5 * _VOICING_THRESHOLD
     shift = np.where(is_peak, 0.5 * (left - right) / np.where(is_peak, curve, 1.0), 0.0)
     height = np.minimum(middle - 0.25 * (left - right) * shift, 1.0)
-    lags = np.arange(low, high + 1) + shift
+    lags = np.arange(low, high + 1) + np.clip(shift, -0.5, 0.5)
     value = np.where(is_peak, height - _OCTAVE_COST * np.log2(f0_min * lags / fs), -np.inf)
     best = np.argsort(-value, axis=1)[:, :_CANDIDATES]
     strength = np.take_along_axis(value, best, axis=1)

@@ -1,0 +1,59 @@
+"""Recordings of the virtual cuer: espeak-ng's voice, exact labels, and her motion to them."""
+
+from collections.abc import Iterable, Iterator
+
+from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
+from codec.phonology import PAUSE
+from codec.score import Score
+from codec.voice import Voice
+from synth.gesture import GestureSynthesiser
+from synth.recording import Recording
+from synth.speech.espeak_voice import render
+from synth.text.espeak import RATE_HZ
+from synth.text.pronounce import phonemise
+
+_TAIL_S = 1.0
+
+
+def line_of(text: str) -> list[str]:
+    """Return the phones of a text in a row, `codec.phonology.PAUSE` between its groups.
+
+    Examples
+    --------
+    >>> line_of("Oui, merci.")
+    ['w', 'i', '_', 'm', 'ɛ', 'ʁ', 's', 'i', '_']
+    """
+    line: list[str] = []
+    for word in phonemise(text):
+        line += [*word.phones, *(PAUSE if word.pause else "")]
+    return line
+
+
+def record(
+    texts: Iterable[str],
+    cuer: GestureSynthesiser,
+    voice: Voice,
+    *,
+    options: CueingOptions = DEFAULT_OPTIONS,
+) -> Iterator[Recording]:
+    """Yield one recording per text.
+
+    Parameters
+    ----------
+    texts : iterable of str
+        French sentences; one without a phone is passed over.
+    cuer : GestureSynthesiser
+        Who cues.
+    voice : Voice
+        What her motion is expressed in.
+    options : CueingOptions
+    """
+    for text in texts:
+        line = line_of(text)
+        if not any(symbol != PAUSE for symbol in line):
+            continue
+        rendering = render(line)
+        score = Score(rendering.phones, tuple(cue(rendering.phones, options)))
+        n_frames = round((len(rendering.samples) / RATE_HZ + 2 * _TAIL_S) * cuer.rate_hz)
+        motion = cuer.motion(score, -_TAIL_S, n_frames, voice)
+        yield Recording(rendering.samples, RATE_HZ, score, cuer.gestures(score), motion)
