@@ -22,7 +22,10 @@ from types import FrameType
 from codec.errors import CueError
 from cuecast.errors import UsageError
 
-VERBS: tuple[str, ...] = ()
+VERBS = (
+    "demo", "keys", "synth", "encode", "decode", "inspect", "dub", "receive", "watch", "render",
+    "compare", "voice",
+)  # fmt: skip
 """Verbs in the order of the help page; each is a module of `cuecast.verbs`."""
 
 EXIT_OK = 0

@@ -50,6 +50,18 @@ class Stage(Protocol):
         """Give the samples that were held back."""
 
 
+class Unchanged:
+    """The stage that changes nothing: for another codec or container alone."""
+
+    def process(self, block: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Give back what comes."""
+        return block
+
+    def flush(self) -> NDArray[np.float32]:
+        """Give nothing."""
+        return np.zeros((0, 1), np.float32)
+
+
 @dataclass(frozen=True, slots=True)
 class Rewritten:
     """What `rewrite_sound` did: sound parameters, length, clipped samples, streams left out."""

@@ -1,0 +1,112 @@
+"""Options that several verbs share, and the values they stand for."""
+
+import argparse
+import math
+import sys
+from typing import TYPE_CHECKING
+
+from cuecast.files import PIPE, read_bytes
+from cuecast.progress import note
+
+if TYPE_CHECKING:
+    from codec.score import Score
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add ``--json``."""
+    parser.add_argument("--json", action="store_true", help="print one JSON document")
+
+
+def add_voice(parser: argparse.ArgumentParser) -> None:
+    """Add ``--voice``."""
+    parser.add_argument(
+        "--voice", default="claire", metavar="V", help="name or file of the cuer's voice"
+    )
+
+
+def add_seed(parser: argparse.ArgumentParser) -> None:
+    """Add ``--seed``."""
+    parser.add_argument("--seed", type=natural, default=0, metavar="N", help="seed of the random")
+
+
+def add_key(parser: argparse.ArgumentParser) -> None:
+    """Add ``--key``."""
+    parser.add_argument("--key", type=natural, default=0, metavar="N", help="key of the watermark")
+
+
+def add_text(parser: argparse.ArgumentParser) -> None:
+    """Add the choice between a text and a file of subtitles."""
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument("text", nargs="?", metavar="TEXT", help="French text")
+    source.add_argument("--file", metavar="SUBS", help="subtitles; - reads a pipe")
+
+
+def score_of(args: argparse.Namespace) -> "Score":
+    """Return the score of what `add_text` read."""
+    if args.text is not None:
+        from synth.score import score_from_text
+
+        return score_from_text(args.text)
+    return score_of_subtitles(args.file)
+
+
+def score_of_subtitles(path: str) -> "Score":
+    """Return the score of a subtitle file, or of the standard input for ``-``."""
+    from synth.score import score_from_subtitles
+    from synth.subtitles import read_subtitles
+    from synth.subtitles.read import parse_subtitles
+
+    cues = parse_subtitles(read_bytes(PIPE)) if path == PIPE else read_subtitles(path)
+    return score_from_subtitles(cues, warn=note)
+
+
+def natural(text: str) -> int:
+    """Read an integer that is not negative.
+
+    Examples
+    --------
+    >>> natural("12")
+    12
+    """
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is negative")
+    return value
+
+
+def positive(text: str) -> float:
+    """Read a finite number above zero."""
+    value = float(text)
+    if not (0 < value < math.inf):
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+    return value
+
+
+def not_negative(text: str) -> float:
+    """Read a finite number that is not below zero."""
+    value = float(text)
+    if not (0 <= value < math.inf):
+        raise argparse.ArgumentTypeError(f"{text} is not a number from 0 up")
+    return value
+
+
+def bit_rate(text: str) -> int:
+    """Read a bit rate; a final ``k`` means thousands.
+
+    Examples
+    --------
+    >>> bit_rate("128k"), bit_rate("64000")
+    (128000, 64000)
+    """
+    value = float(text[:-1]) * 1000 if text[-1:] in ("k", "K") else float(text)
+    if not (1 <= value <= 10_000_000):
+        raise argparse.ArgumentTypeError(f"{text} is not a bit rate from 1 to 10000k")
+    return round(value)
+
+
+def print_json(document: object) -> None:
+    """Print `document` as one JSON text on the standard output."""
+    import json
+
+    json.dump(document, sys.stdout, ensure_ascii=False, indent=1, allow_nan=False)
+    sys.stdout.write("\n")

@@ -1,0 +1,1 @@
+"""The demonstration: a programme made on the spot, sent through broadcast codecs, received."""

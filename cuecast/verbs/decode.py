@@ -1,0 +1,25 @@
+"""Turn a bit stream back into a motion."""
+
+import argparse
+
+from cuecast.arguments import add_voice
+from cuecast.files import read_bytes
+
+SUMMARY = "a bit stream as motion"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("stream", metavar="S.cue", help="bit stream; - reads a pipe")
+    parser.add_argument("-o", "--output", required=True, metavar="M.npz")
+    add_voice(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the motion."""
+    from codec.motion import save_motion
+    from codec.stream import decode_stream
+    from codec.voice import load_voice
+
+    save_motion(decode_stream(read_bytes(args.stream), load_voice(args.voice)), args.output)
+    return 0

@@ -1,0 +1,88 @@
+"""Put a cuer into the sound of a programme.
+
+The output keeps the container, the picture and the parameters of the sound; every other stream
+is copied as it stands.
+"""
+
+import argparse
+from pathlib import Path
+
+from cuecast.arguments import (
+    add_json,
+    add_key,
+    add_seed,
+    add_voice,
+    bit_rate,
+    natural,
+    print_json,
+    score_of_subtitles,
+)
+from cuecast.errors import UsageError
+from cuecast.files import write_json
+from cuecast.progress import note, seconds_bar
+
+SUMMARY = "the programme with its cuer inside"
+
+CARRIERS = ("audio",)
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("programme", metavar="PROGRAMME", help="sound or video file")
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument("--subtitles", metavar="SUBS", help="what is said; - reads a pipe")
+    source.add_argument("--motion", metavar="M.npz", help="motion of the cuer")
+    parser.add_argument("-o", "--output", required=True, metavar="OUT")
+    parser.add_argument(
+        "--carriers", default="audio", metavar="LIST", help=f"of {', '.join(CARRIERS)}"
+    )
+    parser.add_argument("--report", metavar="R.json", help="what was done; - prints it")
+    parser.add_argument("--track", type=natural, default=0, metavar="N", help="which sound, from 0")
+    parser.add_argument("--profile", default="standard", help="of the audio carrier")
+    parser.add_argument("--audio-codec", metavar="NAME", help="of the output; default: as it was")
+    parser.add_argument("--audio-bitrate", type=bit_rate, metavar="BPS", help="such as 192k")
+    parser.add_argument("--no-grade", action="store_true", help="do not run the quality meter")
+    add_json(parser)
+    add_voice(parser)
+    add_seed(parser)
+    add_key(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the programme and the report."""
+    for carrier in args.carriers.split(","):
+        if carrier not in CARRIERS:
+            raise UsageError(f"no carrier called {carrier!r}, there are: {', '.join(CARRIERS)}")
+    from codec.motion import load_motion
+    from codec.voice import load_voice
+    from cuecast.dub import DubOptions, dub
+    from cuecast.media.programme import open_programme
+    from cuecast.motions import GivenMotion, MotionSource, SynthesisedMotion
+
+    with open_programme(args.programme, track=args.track) as programme:
+        duration_s = programme.duration_s
+    voice = load_voice(args.voice)
+    motion: MotionSource
+    if args.motion is not None:
+        motion = GivenMotion(load_motion(args.motion), voice)
+    else:
+        motion = SynthesisedMotion(score_of_subtitles(args.subtitles), voice, seed=args.seed)
+    options = DubOptions(
+        args.profile, args.key, args.track, args.audio_codec, args.audio_bitrate,
+        not args.no_grade,
+    )  # fmt: skip
+    with seconds_bar(duration_s, Path(args.programme).name) as advance:
+        report = dub(args.programme, motion, voice, args.output, options, progress=advance)
+    for stream in report["left_out"]:
+        note(f"left out: {stream}")
+    if args.report is not None:
+        write_json(args.report, report)
+    if args.json:
+        print_json(report)
+    else:
+        audio = report["carriers"]["audio"]
+        note(
+            f"{args.output}: {len(report['keys'])} keys in {report['superframes']} superframes, "
+            f"{audio['net_bps']:.0f} bit/s, SNR {audio['snr_db']} dB, ODG {audio.get('odg')}"
+        )
+    return 0

@@ -1,0 +1,29 @@
+"""Code a motion into a bit stream."""
+
+import argparse
+
+from cuecast.arguments import add_voice, bit_rate, positive
+from cuecast.files import write_bytes
+
+SUMMARY = "a motion as few bits"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("motion", metavar="M.npz", help="motion to code")
+    parser.add_argument("-o", "--output", required=True, metavar="S.cue", help="- writes a pipe")
+    goal = parser.add_mutually_exclusive_group()
+    goal.add_argument("--rate", type=bit_rate, metavar="BPS", help="bits per second to keep to")
+    goal.add_argument("--error", type=positive, metavar="MM", help="marker error to keep to, mm")
+    add_voice(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the stream."""
+    from codec.motion import load_motion
+    from codec.stream import encode_stream
+    from codec.voice import load_voice
+
+    motion, voice = load_motion(args.motion), load_voice(args.voice)
+    write_bytes(args.output, encode_stream(motion, voice, rate_bps=args.rate, error_mm=args.error))
+    return 0

@@ -1,0 +1,71 @@
+"""Find the cuer in a programme, as a television would."""
+
+import argparse
+import sys
+
+from cuecast.arguments import (
+    add_json,
+    add_key,
+    add_voice,
+    natural,
+    not_negative,
+    print_json,
+)
+from cuecast.files import PIPE
+from cuecast.progress import note, seconds_bar
+
+SUMMARY = "everything that a receiver finds"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("programme", metavar="PROGRAMME", help="sound or video file; - is a pipe")
+    parser.add_argument("-o", "--output", metavar="M.npz", help="the motion received")
+    parser.add_argument("--markers", metavar="M.c3d", help="its markers")
+    parser.add_argument(
+        "--start", type=not_negative, default=0.0, metavar="S", help="switch on at second S"
+    )
+    parser.add_argument("--track", type=natural, default=0, metavar="N", help="which sound, from 0")
+    add_json(parser)
+    add_voice(parser)
+    add_key(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print what was found; 1 if nothing was."""
+    from codec.motion import save_motion
+    from codec.voice import load_voice
+    from cuecast.receive import receive
+
+    source = sys.stdin.buffer if args.programme == PIPE else args.programme
+    wanted = args.output is not None or args.markers is not None
+    voice = load_voice(args.voice)
+    with seconds_bar(None, "receive") as advance:
+        reception = receive(
+            source, voice, start_s=args.start, key=args.key, track=args.track,
+            keep_motion=wanted, progress=advance,
+        )  # fmt: skip
+    for text in reception.notes:
+        note(f"note: {text}")
+    summary = reception.summary
+    if args.output is not None and reception.motion is not None:
+        save_motion(reception.motion, args.output)
+    if args.json:
+        print_json(summary)
+    else:
+        _print(summary)
+    return 0 if summary["superframes"]["received"] else 1
+
+
+def _print(summary: dict[str, object]) -> None:
+    for name, value in summary.items():
+        if name != "keys":
+            print(f"{name:>16}  {value}")
+    keys = summary["keys"]
+    assert isinstance(keys, list)
+    print(f"{'keys':>16}  {len(keys)}")
+    for key in keys:
+        print(
+            f"{key['start']:9.2f} {key['end']:8.2f}  {key['shape']} {key['placement']:<7} "
+            f"{' '.join(key['phones'])}"
+        )

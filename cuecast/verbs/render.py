@@ -1,0 +1,41 @@
+"""Draw a motion: a film, or one picture."""
+
+import argparse
+
+from cuecast.arguments import add_voice, natural, not_negative
+from cuecast.progress import seconds_bar
+
+SUMMARY = "a film or a picture of the cuer"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("motion", metavar="M.npz")
+    parser.add_argument("-o", "--output", required=True, metavar="OUT.mp4", help="MP4 or PNG")
+    parser.add_argument("--style", default="points", choices=("points", "avatar"))
+    parser.add_argument("--rate", type=natural, default=25, metavar="FPS", help="of a film")
+    parser.add_argument("--at", type=not_negative, metavar="S", help="second that a PNG shows")
+    parser.add_argument("--background", metavar="PICTURE", help="picture behind the cuer")
+    add_voice(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the film or the picture."""
+    from codec.motion import load_motion
+    from codec.voice import load_voice
+    from receiver.render import render_motion
+
+    motion, voice = load_motion(args.motion), load_voice(args.voice)
+    with seconds_bar(motion.duration_s, "render") as advance:
+        done = 0
+
+        def progress(frames: int, total: int) -> None:
+            nonlocal done
+            advance((frames - done) / total * motion.duration_s)
+            done = frames
+
+        render_motion(
+            motion, voice, args.output, style=args.style, fps=args.rate, at_s=args.at,
+            background=args.background, progress=progress,
+        )  # fmt: skip
+    return 0

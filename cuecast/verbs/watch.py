@@ -1,0 +1,40 @@
+"""Show a programme and its cuer on a page, in step, until interrupted."""
+
+import argparse
+import tempfile
+
+from cuecast.arguments import add_key, add_voice, natural
+from cuecast.progress import note
+
+SUMMARY = "the TV page: programme and cuer together"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("programme", metavar="PROGRAMME", help="sound or video file")
+    parser.add_argument("--port", type=natural, default=8080, metavar="N", help="0: any free one")
+    parser.add_argument("--host", default="127.0.0.1", help="address to answer at")
+    parser.add_argument("--motion", metavar="M.npz", help="show this motion, not what is received")
+    add_voice(parser)
+    add_key(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Serve the page."""
+    from codec.motion import load_motion
+    from codec.voice import load_voice
+    from cuecast.media.playable import playable
+    from receiver.server import serve
+    from receiver.tuner import MotionTuner, ProgrammeTuner, Tuner
+
+    voice = load_voice(args.voice)
+    with tempfile.TemporaryDirectory(prefix="cuecast-") as folder:
+        media = playable(args.programme, folder)
+        tuner: Tuner = ProgrammeTuner(args.programme, voice, key=args.key)
+        if args.motion is not None:
+            tuner = MotionTuner(load_motion(args.motion))
+        serve(
+            tuner, voice, media, host=args.host, port=args.port,
+            on_ready=lambda url: note(f"watch at {url}"),
+        )  # fmt: skip
+    return 0

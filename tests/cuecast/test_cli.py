@@ -1,0 +1,82 @@
+"""The command line's manners: pages, exit statuses, one-line errors."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from codec.errors import CueError
+from cuecast import cli
+from cuecast.cli import main
+from cuecast.files import whole_file
+
+
+def test_help_lists_every_verb(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    page = capsys.readouterr().out
+    for verb in cli.VERBS:
+        assert f"  {verb} " in page
+
+
+@pytest.mark.parametrize("verb", cli.VERBS)
+def test_verb_has_a_page(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([verb, "--help"]) == 0
+    assert capsys.readouterr().out.startswith(f"usage: cuecast {verb}")
+
+
+def test_every_verb_module_is_offered() -> None:
+    folder = Path(cli.__file__).parent / "verbs"
+    assert {path.stem for path in folder.glob("*.py")} - {"__init__"} == set(cli.VERBS)
+
+
+@pytest.mark.parametrize("argv", [[], ["nonsense"], ["keys"], ["dub", "film.mp4"]])
+def test_wrong_usage(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(argv) == 2
+    assert capsys.readouterr().out == ""
+
+
+def test_help_needs_no_numbers() -> None:
+    """``cuecast --help`` answers at once because it loads none of the heavy libraries."""
+    code = (
+        "import sys; from cuecast.cli import main; main(['--help']);"
+        "print({'numpy', 'numba', 'av', 'scipy'} & set(sys.modules), file=sys.stderr)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stderr.strip() == "set()"
+
+
+def test_error_is_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["receive", str(tmp_path / "missing.mp4")]) == 3
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err == f"cuecast: {tmp_path / 'missing.mp4'}: No such file or directory\n"
+
+
+@pytest.mark.parametrize("argv", [["--debug", "receive", "x"], ["receive", "x", "--debug"]])
+def test_debug_shows_a_trace(capsys: pytest.CaptureFixture[str], argv: list[str]) -> None:
+    assert main(argv) == 3
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_whole_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:
+    target = tmp_path / "a.txt"
+    target.write_text("old", encoding="utf-8")
+    with pytest.raises(KeyboardInterrupt), whole_file(target) as temporary:
+        stop_half_way(temporary)
+    assert [p.read_text(encoding="utf-8") for p in tmp_path.iterdir()] == ["old"]
+    with whole_file(target) as temporary:
+        temporary.write_text("new", encoding="utf-8")
+    assert [p.read_text(encoding="utf-8") for p in tmp_path.iterdir()] == ["new"]
+
+
+def stop_half_way(path: Path) -> None:
+    path.write_text("half", encoding="utf-8")
+    raise KeyboardInterrupt
+
+
+def test_whole_file_needs_a_folder(tmp_path: Path) -> None:
+    with pytest.raises(CueError, match="cannot write: No such file"), whole_file(tmp_path / "a/b"):
+        pass
+    with pytest.raises(CueError, match="is a folder"), whole_file(tmp_path):
+        pass
