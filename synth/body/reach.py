@@ -28,7 +28,7 @@ _OFFSETS = {
     "chin": ("chin", (-12.0, -6.0, 10.0)),
     "cheek": ("cheekbone", (-6.0, 5.0, 11.0)),
     "throat": ("larynx", (-12.0, 8.0, 16.0)),
-    "rest": ("chin", (-92.0, -205.0, 95.0)),
+    "rest": ("chin", (-95.0, -200.0, 55.0)),
 }
 """Landmark and offset from it, mm, of the pointing finger's tip marker."""
 
@@ -93,7 +93,7 @@ def _solve(body: Body, shape: int, placement: str) -> FloatArray:
                 9.0 * (hand[:, 2] - dorsal),
                 6.0 * (forearm[:, 1] - along)[:2],
                 (x[:3] - _EASY_WRIST_DEG) * 0.5,
-                [0.05 * reach, 0.04 * max(0.0, elbow[1] - shoulder[1] + 60.0)],
+                [0.12 * reach, 0.04 * max(0.0, elbow[1] - shoulder[1] + 60.0)],
                 40.0 * np.maximum(inside, 0.0),
             ]
         )

@@ -1,0 +1,209 @@
+"""From a score to the moving cuer."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codec.cueing import cue
+from codec.errors import CueError
+from codec.layout import MARKER_NUMBER, longest_finger_tip
+from codec.phonology import PHONE_NUMBER
+from codec.score import PLACEMENT_NUMBER, PLACEMENTS, Phone, Score
+from synth.body.reach import placement_target
+from synth.coarticulation import PhoneLine, articulate
+from synth.corpus.scores import drill
+from synth.gesture import GestureSynthesiser
+from synth.life import Drift, normals_at
+from synth.movement import LAWS, law, plan_gestures, progress
+from synth.visemes import ARTICULATORS, viseme_table
+
+
+def spoken(symbols: str, *, start_s: float = 1.0, phone_s: float = 0.15) -> Score:
+    phones = []
+    for number, symbol in enumerate(symbols.split()):
+        at = start_s + number * phone_s
+        phones.append(Phone(symbol, at, at + phone_s))
+    line = [p for p in phones if p.symbol != "_"]
+    return Score(tuple(line), tuple(cue(line)))
+
+
+@pytest.fixture(scope="module")
+def cuer() -> GestureSynthesiser:
+    return GestureSynthesiser()
+
+
+LINE = drill(3, seed=5)
+
+
+@settings(max_examples=25, deadline=None)
+@given(first=st.integers(0, 300), length=st.integers(1, 90))
+def test_any_window_gives_the_same_frames(first: int, length: int) -> None:
+    cuer = GestureSynthesiser()
+    whole = cuer.markers(LINE, 0.0, 400)
+    window = cuer.markers(LINE, first / 50.0, length)
+    np.testing.assert_allclose(window[: 400 - first], whole[first : first + length], atol=1e-3)
+
+
+def test_frames_do_not_depend_on_the_object(cuer: GestureSynthesiser) -> None:
+    other = GestureSynthesiser()
+    other.markers(drill(1, seed=9), 0.0, 10)
+    assert (other.markers(LINE, 1.0, 50) == cuer.markers(LINE, 1.0, 50)).all()
+
+
+@pytest.mark.parametrize("name", ["claire", "agathe"])
+def test_held_tips_are_at_their_placements(name: str) -> None:
+    cuer = GestureSynthesiser(name)
+    markers = cuer.markers(LINE, 0.0, 700)
+    labels = cuer.labels(LINE, 0.0, 700)
+    pose = cuer.pose(LINE, 0.0, 700)
+    turns, places = cuer.body.neck(pose.head)
+    origin = cuer.body.face_skin.origins[-1]
+    for placement in ("side", "mouth", "chin", "throat"):
+        held = np.flatnonzero(
+            (labels.placement == PLACEMENT_NUMBER[placement]) & (labels.shape > 0)
+        )
+        target = placement_target(cuer.body, placement)
+        wanted = places[held, -1] + turns[held, -1] @ (target - origin)
+        tips = [MARKER_NUMBER[longest_finger_tip(s)] for s in labels.shape[held]]
+        away = np.linalg.norm(markers[held, tips] - wanted, axis=1)
+        assert np.median(away) < 4.0 * cuer.body.habits.scatter_mm
+        assert len(held) > 5
+
+
+def test_hand_rests_before_after_and_in_long_gaps(cuer: GestureSynthesiser) -> None:
+    phones = [Phone("a", 2.0, 2.2), Phone("a", 5.0, 5.2)]
+    labels = cuer.labels(Score(tuple(phones), tuple(cue(phones))), 0.0, 400)
+    for moment in (0.5, 3.8, 7.0):
+        assert labels.shape[round(moment * 50)] == 0
+        assert PLACEMENTS[labels.placement[round(moment * 50)]] == "rest"
+    assert labels.shape[round(2.1 * 50)] == 5
+
+
+def test_targets_come_when_attina_measured_them() -> None:
+    score = spoken("m a p i")
+    plan = plan_gestures(score)
+    second = score.keys[1]
+    lead, lag = second.start - plan.leave[2], plan.reach[2] - second.start
+    assert 0.143 <= lead <= 0.24
+    assert 0.01 <= lag <= 0.05
+    assert plan.shape_reach[2] < plan.reach[2]
+
+
+def test_targets_come_when_the_paper_puts_them() -> None:
+    score = spoken("m a p i e s")
+    reach = plan_gestures(score, alignment="paper").reach[1:5]
+    consonant_vowel, isolated_vowel, isolated_consonant = score.keys[1:4]
+    assert reach[1] == pytest.approx(consonant_vowel.start + 0.5 * 0.15)
+    assert reach[2] == pytest.approx(isolated_vowel.start)
+    assert reach[3] == pytest.approx(isolated_consonant.start)
+
+
+def test_target_times_name_every_key_and_rest(cuer: GestureSynthesiser) -> None:
+    times = cuer.target_times(LINE)
+    assert [key for key, _ in times if key is not None] == list(LINE.keys)
+    assert times[-1][0] is None
+    assert (np.diff([at for _, at in times]) > 0).all()
+
+
+@pytest.mark.parametrize("name", sorted(LAWS))
+def test_laws_run_monotonely_from_zero_to_one(name: str) -> None:
+    s = np.linspace(0.0, 1.0, 101)
+    part = law(name)(s)
+    assert part[0] == pytest.approx(0.0, abs=1e-3)
+    assert part[-1] == pytest.approx(1.0, abs=1e-3)
+    assert (np.diff(part) >= 0).all()
+
+
+def test_laws_differ_in_the_middle() -> None:
+    middle = [float(law(name)(np.array([0.4]))[0]) for name in LAWS]
+    assert np.ptp(middle) > 0.1
+
+
+def test_progress_before_the_first_gesture_is_zero() -> None:
+    current, part = progress(
+        np.array([0.0]), np.array([-9.0, 1.0]), np.array([-9.0, 2.0]), law("damped")
+    )
+    assert current.tolist() == [1]
+    assert part.tolist() == [0.0]
+
+
+def lips(cuer: GestureSynthesiser, symbols: str, moment: float) -> tuple[float, float]:
+    """Return opening and width between the markers of the lips, mm."""
+    markers = cuer.markers(spoken(symbols), moment, 1)[0]
+    opening = markers[MARKER_NUMBER["UL0"]] - markers[MARKER_NUMBER["LL0"]]
+    width = markers[MARKER_NUMBER["LC_R"]] - markers[MARKER_NUMBER["LC_L"]]
+    return float(np.linalg.norm(opening)), float(np.linalg.norm(width))
+
+
+def test_lips_close_for_p_between_open_vowels(cuer: GestureSynthesiser) -> None:
+    closed, _ = lips(cuer, "a p a", 1.225)
+    vowel, _ = lips(cuer, "a p a", 1.06)
+    velar, _ = lips(cuer, "a k a", 1.225)
+    assert closed < velar < vowel
+    assert vowel - closed > 6.0
+
+
+def test_lips_are_narrow_for_u_and_wide_for_i(cuer: GestureSynthesiser) -> None:
+    assert lips(cuer, "i i", 1.15)[1] > lips(cuer, "u u", 1.15)[1] + 8.0
+
+
+def test_consonants_take_colour_from_their_vowels(cuer: GestureSynthesiser) -> None:
+    assert lips(cuer, "i k i", 1.225)[1] > lips(cuer, "u k u", 1.225)[1] + 2.0
+
+
+def test_labels_name_pauses_and_phones(cuer: GestureSynthesiser) -> None:
+    labels = cuer.labels(spoken("a"), 0.0, 150)
+    assert labels.phone[0] == PHONE_NUMBER["_"]
+    assert labels.phone[54] == PHONE_NUMBER["a"]
+    assert labels.phone[50] == -1
+
+
+def test_visemes_stay_in_range() -> None:
+    targets, dominance = viseme_table()
+    assert targets[:, ARTICULATORS.index("jaw")].max() <= 0.45
+    assert (dominance > 0).all()
+    assert (targets[PHONE_NUMBER["_"]] == 0).all()
+
+
+def test_face_of_silence_is_neutral() -> None:
+    line = PhoneLine.of(spoken("a"))
+    assert (articulate(line, np.array([0.0, 30.0])) == 0).all()
+    assert (articulate(PhoneLine.of(Score((), ())), np.arange(3.0)) == 0).all()
+
+
+def test_second_identity_moves_differently() -> None:
+    first, second = GestureSynthesiser("claire"), GestureSynthesiser("agathe")
+    apart = np.linalg.norm(first.markers(LINE, 2.0, 50) - second.markers(LINE, 2.0, 50), axis=-1)
+    assert apart.mean() > 8.0
+
+
+def test_drift_has_its_size_and_no_state() -> None:
+    drift = Drift.seeded(np.array([1.0, 3.0]), np.random.default_rng(0))
+    values = drift.at(np.arange(0.0, 400.0, 0.1))
+    np.testing.assert_allclose(values.std(axis=0), [1.0, 3.0], rtol=0.1)
+    assert (drift.at(np.array([7.0])) == drift.at(np.array([1.0, 7.0]))[1:]).all()
+
+
+def test_noise_of_moments_is_their_own() -> None:
+    assert (normals_at(1.0, 4, 0) == normals_at(1.0, 4, 0)).all()
+    assert (normals_at(1.0, 4, 0) != normals_at(1.001, 4, 0)).all()
+    assert np.abs(np.mean([normals_at(t, 1, 3) for t in range(400)])) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"identity": "x"}, "unknown cuer 'x'"),
+        ({"law": "x"}, "unknown movement law 'x'"),
+        ({"rate_hz": 0.5}, "rate 0.5 Hz is not within 1..1000"),
+    ],
+)
+def test_unusable_options_are_refused(options: dict[str, object], message: str) -> None:
+    with pytest.raises(CueError, match=message):
+        GestureSynthesiser(**options)  # type: ignore[arg-type]
+
+
+def test_unknown_alignment_is_refused() -> None:
+    with pytest.raises(CueError, match="unknown alignment 'x'; known: attina, paper"):
+        plan_gestures(LINE, alignment="x")
