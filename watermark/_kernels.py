@@ -205,19 +205,18 @@ def pilot_scores(
     hop: int,
     drift: NDArray[np.int64],
     group: NDArray[np.int64],
-    sign: NDArray[np.float64],
-    scores: NDArray[np.float64],
+    sign: NDArray[np.float32],
+    scores: NDArray[np.float32],
 ) -> None:
-    """scores[d, i] = correlation of the pilots for a superframe that starts at row first + i.
+    """scores[d, i] += correlation of pilots for a superframe whose first frame has row first + i.
 
-    soft holds one row per start sample of a frame; drift[d, f] is the extra delay of frame f.
+    soft[g] holds the soft value at position g for each start of a frame; drift[d, f] is the extra
+    delay of frame f, in rows.
     """
-    frames, pilots = group.shape
     for d in range(drift.shape[0]):
-        for i in range(scores.shape[1]):
-            total = 0.0
-            for f in range(frames):
-                row = first + i + hop * f + drift[d, f]
-                for j in range(pilots):
-                    total += sign[f, j] * soft[row, group[f, j]]
-            scores[d, i] = total
+        for f in range(group.size):
+            row = first + hop * f + drift[d, f]
+            g = group[f]
+            s = sign[f]
+            for i in range(scores.shape[1]):
+                scores[d, i] += s * soft[g, row + i]

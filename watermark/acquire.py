@@ -1,8 +1,8 @@
 """Acquisition: find superframes in sound that may start anywhere, by their pilots.
 
-In: the programme's mid; out: candidates: a superframe's start, clock error and score. Pilots lie
-below 3 kHz, so a rate of 12 kHz serves; every second sample at 48 kHz is tried as a start.
-Specification: section 7.1.
+In: the programme's mid; out: candidates: a superframe's start, clock error, profile and tier of
+levels. Pilots lie below 2.8 kHz, so a rate of 12 kHz serves; every second sample at 48 kHz is tried
+as a start. Specification: section 7.1.
 """
 
 from dataclasses import dataclass
@@ -10,11 +10,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.dither import Cells
-from watermark.layout import make_layout
+from watermark.dither import project, soft_values
+from watermark.layout import make_layout, pilot_signs
 from watermark.masking import make_masker
 from watermark.mdct import analyse
-from watermark.profile import FRAMES_PER_SUPERFRAME, HOP, SLOT_FRAMES, Profile
+from watermark.profile import (
+    FRAMES_PER_SUPERFRAME,
+    HOP,
+    PILOT_GROUPS,
+    PILOT_STEPS,
+    PILOTS_PER_FRAME,
+    PROFILES,
+    SLOT_FRAMES,
+    STANDARD,
+)
 
 DECIMATION = 4
 """The search works at 48 kHz / 4."""
@@ -25,6 +34,9 @@ SEARCH_HOP = HOP // DECIMATION
 TURNS = 2
 """Places tried per sample at the search's rate, by turning phases: one in 2 samples at 48 kHz."""
 
+ROW_HOP = SEARCH_HOP * TURNS
+"""Places tried per frame."""
+
 QUANTUM = SLOT_FRAMES * SEARCH_HOP
 """Samples that the search takes at once: 0.08 s."""
 
@@ -34,11 +46,11 @@ CLOCK_ERRORS_PPM = np.array([0.0, -80.0, 80.0, -160.0, 160.0])
 CLOCK_PENALTY = 0.05
 """Correlation that a clock error must be worth per ppm: most programmes have none."""
 
-THRESHOLD = 4.6
+THRESHOLD = 4.8
 """Least score of a candidate in standard deviations of unmarked sound."""
 
 CENTRE = (DECIMATION - 1) / 2
-"""A search frame's samples lie this much later than the mark's frame begins (in 48 kHz samples)."""
+"""A search frame's samples lie this much later than the mark's frame begins (48 kHz samples)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,43 +63,46 @@ class Candidate:
         Start relative to the first sample of the search, in samples at 48 kHz.
     clock_ppm : float
         How much longer than nominal the superframe lasts on this clock.
+    profile : int
+        Number of the profile that the pilots announce.
+    tier : int
+        Tier of levels of the pilots.
     score : float
         Correlation of the pilots in standard deviations.
     """
 
     start: float
     clock_ppm: float
+    profile: int
+    tier: int
     score: float
 
 
 class PilotSearch:
-    """Sliding search for one profile's pilots.
+    """Sliding search for pilots of any profile.
 
     Parameters
     ----------
-    profile : Profile
-        Whose pilots to look for.
     key : int
         Seed of the layout.
     """
 
-    def __init__(self, profile: Profile, key: int) -> None:
-        self._layout = make_layout(profile, key)
-        self._cells = Cells(profile, self._layout)
-        self._groups = profile.pilot_groups
-        self._masker = make_masker(profile.first_bin + self._groups * profile.cell_bins)
+    def __init__(self, key: int) -> None:
+        self._layout = make_layout(STANDARD, key)
+        self._signs = pilot_signs(key).astype(np.float32)
+        self._masker = make_masker(int(self._layout.starts[PILOT_GROUPS]))
         frame = np.arange(FRAMES_PER_SUPERFRAME)
-        self._hop = SEARCH_HOP * TURNS
-        drift = CLOCK_ERRORS_PPM[:, np.newaxis] * 1e-6 * frame * self._hop
+        drift = CLOCK_ERRORS_PPM[:, np.newaxis] * 1e-6 * frame * ROW_HOP
         self._drift = np.round(drift).astype(np.int64)
-        self._span = (FRAMES_PER_SUPERFRAME - 1) * self._hop
+        self._span = (FRAMES_PER_SUPERFRAME - 1) * ROW_HOP
         self._slack = int(np.abs(self._drift).max())
         turn = np.arange(TURNS)[:, np.newaxis] / TURNS
         bins = np.arange(self._masker.edges[-1])
         self._turn = np.sqrt(DECIMATION) * np.exp(1j * np.pi / SEARCH_HOP * turn * (bins + 0.5))
         # Silence stands before the first sample: a superframe cut by the start is found too.
         self._history = self._span + 2 * self._slack
-        self._soft = np.zeros((self._history, self._groups), dtype=np.float32)
+        shape = (len(PILOT_STEPS), PILOT_GROUPS, self._history)
+        self._soft = np.zeros(shape, dtype=np.float32)
         self._before = np.zeros((SEARCH_HOP, self._masker.edges.size - 1))
         self._sound = np.zeros(0)
         self._row = 0
@@ -99,43 +114,61 @@ class PilotSearch:
 
     def process(self, sound: NDArray[np.float64]) -> Candidate | None:
         """Take the next `needed` samples; return the best candidate that they complete."""
-        from watermark import _kernels
-
         self._sound = np.concatenate([self._sound, sound])
-        self._soft = np.concatenate([self._soft[-self._history :], self._observe()])
+        recent = self._soft[:, :, -self._history :]
+        self._soft = np.concatenate([recent, self._observe()], axis=2)
         self._sound = self._sound[QUANTUM:]
-        scores = np.empty((CLOCK_ERRORS_PPM.size, QUANTUM * TURNS))
-        layout = self._layout
-        _kernels.pilot_scores(
-            self._soft,
-            self._slack,
-            self._hop,
-            self._drift,
-            layout.pilot_group,
-            layout.pilot_sign,
-            scores,
-        )
+        scores = self._correlate()
         first = self._row - self._span - self._slack
         self._row += QUANTUM * TURNS
-        scores -= CLOCK_PENALTY * np.abs(CLOCK_ERRORS_PPM)[:, np.newaxis]
-        error, i = np.unravel_index(int(scores.argmax()), scores.shape)
-        score = float(scores[error, i]) / np.sqrt(0.5 * layout.pilot_sign.size)
+        tier, profile, error, i = np.unravel_index(int(scores.argmax()), scores.shape)
+        deviation = np.sqrt(0.5 * PILOTS_PER_FRAME * FRAMES_PER_SUPERFRAME)
+        score = float(scores[tier, profile, error, i] / deviation)
         if score < THRESHOLD:
             return None
         start = DECIMATION / TURNS * (first + float(i)) - CENTRE
-        return Candidate(start, float(CLOCK_ERRORS_PPM[error]), score)
+        clock_ppm = float(CLOCK_ERRORS_PPM[error])
+        return Candidate(start, clock_ppm, int(profile), int(tier), score)
+
+    def _correlate(self) -> NDArray[np.float32]:
+        """Score of each tier, profile, clock error and start."""
+        errors, places = CLOCK_ERRORS_PPM.size, QUANTUM * TURNS
+        penalty = (CLOCK_PENALTY * np.abs(CLOCK_ERRORS_PPM)).astype(np.float32)
+        scores = np.zeros((len(PILOT_STEPS), len(PROFILES), errors, places), dtype=np.float32)
+        for tier, soft in enumerate(self._soft):
+            scores[tier, 0] = -penalty[:, np.newaxis]
+            self._add(soft, 0, self._signs[0, :, 0], scores[tier, 0])
+            scores[tier, 1:] = scores[tier, 0]
+            for profile in range(len(PROFILES)):
+                self._add(soft, 1, self._signs[profile, :, 1], scores[tier, profile])
+        return scores
+
+    def _add(
+        self,
+        soft: NDArray[np.float32],
+        pilot: int,
+        signs: NDArray[np.float32],
+        scores: NDArray[np.float32],
+    ) -> None:
+        from watermark import _kernels
+
+        group = np.ascontiguousarray(self._layout.pilot_group[:, pilot])
+        sign = np.ascontiguousarray(signs)
+        _kernels.pilot_scores(soft, self._slack, ROW_HOP, self._drift, group, sign, scores)
 
     def _observe(self) -> NDArray[np.float32]:
-        """Soft values of the pilot positions for each start, shape (QUANTUM * TURNS, groups)."""
+        """Soft values of the pilots' positions, shape (tiers, PILOT_GROUPS, QUANTUM * TURNS)."""
         frames = np.lib.stride_tricks.sliding_window_view(self._sound, 2 * SEARCH_HOP)
         spectra = analyse(frames, SEARCH_HOP)[:, : self._masker.edges[-1]]
         threshold = self._masker.thresholds(np.abs(spectra) ** 2 * (DECIMATION / 2))
         before = np.concatenate([self._before, threshold[:-SEARCH_HOP]])
         self._before = threshold[-SEARCH_HOP:]
         amplitudes = self._masker.amplitudes(threshold, before)
-        soft = np.empty((QUANTUM, TURNS, self._groups), dtype=np.float32)
+        shape = (len(PILOT_STEPS), PILOT_GROUPS, QUANTUM, TURNS)
+        soft = np.empty(shape, dtype=np.float32)
         for turn in range(TURNS):
             coefficients = (spectra * self._turn[turn]).real
-            projections, alive = self._cells.project(coefficients, amplitudes, self._groups)
-            soft[:, turn] = self._cells.soft(projections) * alive
-        return soft.reshape(-1, self._groups)
+            projections, alive = project(coefficients, amplitudes, self._layout, PILOT_GROUPS)
+            for tier, step in enumerate(PILOT_STEPS):
+                soft[tier, :, :, turn] = soft_values(projections, alive, step, self._layout).T
+        return soft.reshape(len(PILOT_STEPS), PILOT_GROUPS, -1)

@@ -10,28 +10,41 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.dither import Cells
+from watermark.dither import project, soft_values
+from watermark.layout import Layout
 from watermark.masking import Masker
 from watermark.mdct import analyse, frames_of
 from watermark.profile import FRAMES_PER_SUPERFRAME, HOP, SUPERFRAME
 from watermark.tape import Tape
 
-FRAME = np.arange(FRAMES_PER_SUPERFRAME) - (FRAMES_PER_SUPERFRAME - 1) / 2
-"""Frame numbers from the middle of a superframe."""
-
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Delay in the middle of a superframe (48 kHz samples), drift in ppm, and their score."""
+    """Where known bits fit best.
+
+    Attributes
+    ----------
+    delay : float
+        Samples at 48 kHz by which frame `pivot` comes later than it was read.
+    drift_ppm : float
+        Growth of the delay with time.
+    pivot : float
+        Mean number of the frames that were seen: delay and drift are independent there.
+    """
 
     delay: float
     drift_ppm: float
-    score: float
+    pivot: float
 
+    def delays(self) -> NDArray[np.float64]:
+        """Delay of each frame in samples, shape (64,)."""
+        frame = np.arange(FRAMES_PER_SUPERFRAME)
+        return np.asarray(self.delay + self.drift_ppm * 1e-6 * HOP * (frame - self.pivot))
 
-def delays(delay: float, drift_ppm: float) -> NDArray[np.float64]:
-    """Delay of each frame in samples, shape (64,)."""
-    return np.asarray(delay + drift_ppm * 1e-6 * HOP * FRAME)
+    @property
+    def start_delay(self) -> float:
+        """Delay of the superframe's start."""
+        return self.delay - self.drift_ppm * 1e-6 * HOP * self.pivot
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,62 +53,86 @@ class View:
 
     Attributes
     ----------
-    cells : Cells
-        Demodulator.
     spectra : ndarray of complex128, shape (64, HOP)
         See `watermark.mdct.analyse`.
     amplitudes : ndarray of float64, shape (64, bins)
         The mark's unit, see `Masker.amplitudes`.
     """
 
-    cells: Cells
     spectra: NDArray[np.complex128]
     amplitudes: NDArray[np.float64]
 
     def soft(
-        self, delay: NDArray[np.float64] | None = None, groups: int | None = None
+        self,
+        layout: Layout,
+        steps: NDArray[np.float64] | float,
+        *,
+        delay: NDArray[np.float64] | None = None,
+        groups: int | None = None,
     ) -> NDArray[np.float64]:
-        """Soft values, shape (64, groups), of a superframe that comes `delay` samples later.
+        """Soft values of the cells.
 
-        Only the lowest `groups` cell positions when that is given.
+        Parameters
+        ----------
+        layout : Layout
+            Cells of the profile.
+        steps : float or ndarray of float64, shape (64, groups)
+            Quantiser steps, see `watermark.dither.steps_of`.
+        delay : ndarray of float64, shape (64,), optional
+            Samples by which each frame comes later than it was read.
+        groups : int, optional
+            Only the lowest cell positions; all by default.
+
+        Returns
+        -------
+        ndarray of float64, shape (64, groups)
         """
-        profile = self.cells.profile
-        count = profile.groups if groups is None else groups
-        bins = profile.first_bin + count * profile.cell_bins
+        count = layout.dither.size if groups is None else groups
+        bins = int(layout.starts[count])
         spectra = self.spectra[:, :bins]
         if delay is not None:
             frequency = np.pi / HOP * (np.arange(bins) + 0.5)
             spectra = spectra * np.exp(1j * np.outer(delay, frequency))
-        amplitudes = self.amplitudes[:, :bins]
-        projections, alive = self.cells.project(spectra.real, amplitudes, count)
-        return np.asarray(self.cells.soft(projections) * alive)
-
-    def score(self, expected: NDArray[np.float64], delay: float, drift_ppm: float) -> float:
-        """Correlation with expected soft values, shape (64, lowest groups)."""
-        soft = self.soft(delays(delay, drift_ppm), expected.shape[1])
-        return float((soft * expected).sum())
+        projections, alive = project(spectra.real, self.amplitudes[:, :bins], layout, count)
+        return soft_values(projections, alive, steps, layout)
 
 
-def read_view(tape: Tape, position: float, ratio: float, cells: Cells, masker: Masker) -> View:
+def read_view(tape: Tape, position: float, ratio: float, masker: Masker) -> View:
     """Read the superframe at `position` of the tape; `ratio` is tape samples per 48 kHz sample."""
     sound = tape.read(position - HOP * ratio, ratio, SUPERFRAME + 2 * HOP)
     spectra = analyse(frames_of(sound, HOP), HOP)
     threshold = masker.thresholds(np.abs(spectra) ** 2 / 2)
-    return View(cells, spectra[1:], masker.amplitudes(threshold[1:], threshold[:-1]))
+    return View(spectra[1:], masker.amplitudes(threshold[1:], threshold[:-1]))
+
+
+Grid = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Delays in samples and drifts in ppm to try."""
 
 
 def search_fit(
     view: View,
+    layout: Layout,
+    steps: NDArray[np.float64] | float,
     expected: NDArray[np.float64],
-    delay_grid: NDArray[np.float64],
-    drift_grid: NDArray[np.float64],
+    grid: Grid,
 ) -> Fit:
-    """Best fit on a grid, refined by a parabola in each direction."""
-    scores = np.array([[view.score(expected, d, r) for r in drift_grid] for d in delay_grid])
+    """Delay and drift under which `expected` soft values, shape (64, groups), fit best.
+
+    Found on a grid and refined by a parabola in each direction.
+    """
+    seen = np.abs(expected * view.soft(layout, steps, groups=expected.shape[1])).sum(axis=1)
+    pivot = float((np.arange(seen.size) * seen).sum() / max(seen.sum(), 1e-9))
+
+    def score(delay: float, drift_ppm: float) -> float:
+        later = Fit(delay, drift_ppm, pivot).delays()
+        soft = view.soft(layout, steps, delay=later, groups=expected.shape[1])
+        return float((soft * expected).sum())
+
+    delay_grid, drift_grid = grid
+    scores = np.array([[score(d, r) for r in drift_grid] for d in delay_grid])
     i, j = np.unravel_index(int(scores.argmax()), scores.shape)
     delay = _peak(delay_grid, scores[:, j], int(i))
-    drift = _peak(drift_grid, scores[i], int(j))
-    return Fit(delay, drift, float(scores[i, j]))
+    return Fit(delay, _peak(drift_grid, scores[i], int(j)), pivot)
 
 
 def _peak(grid: NDArray[np.float64], values: NDArray[np.float64], i: int) -> float:

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.dither import Cells
+from watermark.dither import mark_change, project
+from watermark.grade import START_LEVEL, LevelControl
 from watermark.layout import make_layout
 from watermark.link import Link
 from watermark.masking import make_masker
@@ -50,8 +51,8 @@ class EmbedReport:
         Length of the programme handed out so far.
     superframes : int
         Superframes written into sound that can carry.
-    snr_db : float
-        Programme's mid over mark; infinite when nothing was marked.
+    snr_db : float or None
+        Programme's mid over mark; None when nothing was marked.
     silent_s : tuple of (float, float)
         Start and end of stretches that cannot carry, seconds.
     net_bps, gross_bps : float
@@ -60,7 +61,7 @@ class EmbedReport:
 
     duration_s: float
     superframes: int
-    snr_db: float
+    snr_db: float | None
     silent_s: tuple[tuple[float, float], ...]
     net_bps: float
     gross_bps: float
@@ -80,7 +81,6 @@ class MarkDesigner:
     def __init__(self, profile: Profile, key: int) -> None:
         self._profile = profile
         self._layout = make_layout(profile, key)
-        self._cells = Cells(profile, self._layout)
         self._masker = make_masker()
         self._link = Link(profile)
 
@@ -93,7 +93,11 @@ class MarkDesigner:
         return bits
 
     def design(
-        self, before: NDArray[np.float64], host: NDArray[np.float64], l0: bytes, l1: bytes
+        self,
+        before: NDArray[np.float64],
+        host: NDArray[np.float64],
+        payload: tuple[bytes, bytes],
+        level: int,
     ) -> MarkedSuperframe:
         """Design a mark.
 
@@ -103,24 +107,25 @@ class MarkDesigner:
             Finished samples just before the superframe.
         host : ndarray of float64, shape (SUPERFRAME + HOP,)
             The programme's mid with the tail of the mark before.
-        l0, l1 : bytes
-            Payloads.
+        payload : tuple of (bytes, bytes)
+            L0 and L1.
+        level : int
+            Index into `LEVELS`.
         """
-        bits = self._bits(l0, l1)
+        bits, layout, alpha = self._bits(*payload), self._layout, self._profile.alpha
         sound = np.concatenate([before, host])
-        host_spectra = analyse(frames_of(sound, HOP), HOP)
-        coefficients = host_spectra[1:].real
-        spectra = host_spectra
-        mark = np.zeros(host.size)
+        spectra = analyse(frames_of(sound, HOP), HOP)
+        coefficients = spectra[1:].real
+        mark, living = np.zeros(host.size), 0.0
         for _ in range(ITERATIONS):
             threshold = self._masker.thresholds(np.abs(spectra) ** 2 / 2)
-            amplitudes = self._masker.amplitudes(threshold[1:], threshold[:-1])
-            change = self._cells.mark(coefficients, amplitudes, bits)
+            unit = self._masker.amplitudes(threshold[1:], threshold[:-1])
+            change = mark_change(coefficients, unit, bits, level=level, alpha=alpha, layout=layout)
             mark = synthesise(change, HOP)
             sound[HOP:] = host + mark
             spectra = analyse(frames_of(sound, HOP), HOP)
-        living = self._cells.project(coefficients, amplitudes)[1].mean()
-        return MarkedSuperframe(mark, float(living))
+            living = float(project(coefficients, unit, layout)[1].mean())
+        return MarkedSuperframe(mark, living)
 
 
 class AudioEmbedder:
@@ -136,6 +141,11 @@ class AudioEmbedder:
         Gives the payloads (L0, L1) of superframe k, on air from k * 0.64 s.
     profile : str
         Name of a `Profile`.
+    grade : float
+        Objective difference grade to aim at (ITU-R BS.1387): 0 imperceptible, -1 perceptible but
+        not annoying. The level of the mark follows it.
+    level : int, optional
+        Fixed level instead, see `watermark.profile.LEVELS`.
     key : int
         Seed of the layout, 0 to 2**64 - 1; the receiver needs the same.
 
@@ -146,7 +156,7 @@ class AudioEmbedder:
 
     Examples
     --------
-    >>> embedder = AudioEmbedder(48000, 1, lambda k: (bytes(17), bytes(10)))
+    >>> embedder = AudioEmbedder(48000, 1, lambda k: (bytes(20), bytes(7)))
     >>> noise = np.random.default_rng(0).normal(0, 0.1, (48000, 1)).astype(np.float32)
     >>> out = np.concatenate([embedder.process(noise), embedder.flush()])
     >>> out.shape
@@ -154,12 +164,22 @@ class AudioEmbedder:
     """
 
     def __init__(
-        self, fs: int, channels: int, source: Source, *, profile: str = "standard", key: int = 0
+        self,
+        fs: int,
+        channels: int,
+        source: Source,
+        *,
+        profile: str = "standard",
+        grade: float = -0.4,
+        level: int | None = None,
+        key: int = 0,
     ) -> None:
         check_format(fs, channels)
         self._fs, self._channels, self._source = fs, channels, source
         self._profile = find_profile(profile)
         self._designer = MarkDesigner(self._profile, key)
+        self._control = LevelControl(grade) if level is None else None
+        self._level = START_LEVEL if level is None else level
         self._programme = np.zeros((0, channels))
         self._given = 0
         self._host = Tape()
@@ -193,11 +213,13 @@ class AudioEmbedder:
 
     def report(self) -> EmbedReport:
         """Figures of all that was handed out."""
-        snr = self._host_power / self._mark_power if self._mark_power else np.inf
+        snr_db = None
+        if self._mark_power:
+            snr_db = float(10 * np.log10(self._host_power / self._mark_power))
         return EmbedReport(
             duration_s=self._given / self._fs,
             superframes=self._next - len(self._silent),
-            snr_db=float(10 * np.log10(max(snr, 1e-12))),
+            snr_db=snr_db,
             silent_s=_spans(self._silent),
             net_bps=self._profile.net_bps,
             gross_bps=self._profile.gross_bps,
@@ -207,11 +229,15 @@ class AudioEmbedder:
         start = self._next * SUPERFRAME
         ratio = self._fs / FS
         host = self._host.read(start * ratio, ratio, SUPERFRAME + HOP)
+        clean = host[:SUPERFRAME].copy()
         host[:HOP] += self._tail
-        made = self._designer.design(self._before, host, *self._source(self._next))
+        made = self._designer.design(self._before, host, self._source(self._next), self._level)
         finished = made.mark[:SUPERFRAME].copy()
-        self._before = (host[:SUPERFRAME] + finished)[-HOP:]
+        marked = host[:SUPERFRAME] + finished
+        self._before = marked[-HOP:]
         finished[:HOP] += self._tail
+        if self._control is not None:
+            self._level = self._control.follow(clean, marked, self._level)
         self._tail = made.mark[SUPERFRAME:].copy()
         self._mark.append(finished)
         if made.living < CARRYING:

@@ -70,16 +70,18 @@ class Link:
     --------
     >>> from watermark.profile import STANDARD
     >>> link = Link(STANDARD)
-    >>> coded = link.encode(bytes(17), bytes(10))
-    >>> link.decode(1.0 - 2.0 * coded).l1 == bytes(10)
+    >>> coded = link.encode(bytes(20), bytes(7))
+    >>> link.decode(1.0 - 2.0 * coded).l1 == bytes(7)
     True
     """
 
     def __init__(self, profile: Profile) -> None:
         self.profile = profile
-        self._classes = (
-            self._make_class("L0", profile.l0_bytes, L0_CHECK, profile.l0_coded),
-            self._make_class("L1", profile.l1_bytes, L1_CHECK, profile.l1_coded),
+        self._first = self._make_class("L0", profile.l0_bytes, L0_CHECK, profile.l0_coded)
+        self._second = (
+            self._make_class("L1", profile.l1_bytes, L1_CHECK, profile.l1_coded)
+            if profile.l1_bytes
+            else None
         )
 
     @staticmethod
@@ -94,19 +96,21 @@ class Link:
         CueError
             If a payload does not have the profile's length.
         """
-        first, second = self._classes
-        return np.concatenate([first.encode(l0), second.encode(l1)])
+        if self._second is None:
+            if l1:
+                raise CueError(f"L1 holds {len(l1)} bytes, the profile 0")
+            return self._first.encode(l0)
+        return np.concatenate([self._first.encode(l0), self._second.encode(l1)])
 
     def decode(self, llr: NDArray[np.float64], *, list_size: int = 8) -> Decoded:
         """Payloads behind one log-likelihood ratio per data cell, shape (data_cells,)."""
-        first, second = self._classes
-        cut = first.code.length
+        cut = self._first.code.length
         coded = np.full(llr.size, -1, dtype=np.int64)
-        l0 = first.decode(llr[:cut], list_size)
+        l0 = self._first.decode(llr[:cut], list_size)
         if l0 is None:
             return Decoded(None, None, coded)
-        coded[:cut] = first.encode(l0)
-        l1 = second.decode(llr[cut:], list_size)
-        if l1 is not None:
-            coded[cut:] = second.encode(l1)
+        coded[:cut] = self._first.encode(l0)
+        l1 = b"" if self._second is None else self._second.decode(llr[cut:], list_size)
+        if self._second is not None and l1 is not None:
+            coded[cut:] = self._second.encode(l1)
         return Decoded(l0, l1, coded)

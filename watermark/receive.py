@@ -6,31 +6,34 @@ decoded. A superframe that fails starts a new search beside the prediction, so t
 found while a mere gap is bridged. Specification: section 7.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
 from watermark.acquire import DECIMATION, Candidate, PilotSearch
-from watermark.align import Fit, View, read_view, search_fit
-from watermark.dither import Cells
-from watermark.layout import make_layout
-from watermark.link import Decoded, Link
+from watermark.align import Fit, read_view, search_fit
+from watermark.demodulate import Demodulator, Reading
+from watermark.dither import steps_of
 from watermark.masking import make_masker
 from watermark.mix import check_format, mid_of
 from watermark.profile import (
-    FRAMES_PER_SUPERFRAME,
     FS,
     HOP,
+    LEVELS,
+    PILOT_STEPS,
+    PROFILES,
     SLOT_FRAMES,
-    STANDARD,
     SUPERFRAME,
+    TIER_LEVELS,
     Profile,
 )
 from watermark.received import ReceivedSuperframe
-from watermark.reliability import Reliability
 from watermark.tape import Tape
+
+TIER_ORDER = (1, 2, 0, 3)
+"""Levels of a tier in the order in which they are tried."""
 
 MAX_MISSES = 6
 """Superframes in a row that may fail before the lock is given up."""
@@ -45,8 +48,11 @@ PULL_IN = (
 )
 """Delays in samples and drifts in ppm tried around a candidate, from coarse to fine."""
 
-LOCK_IN = (np.arange(-1.0, 1.1, 0.25), np.arange(-60.0, 61.0, 20.0))
-"""Delays and drifts tried with the decoded bits of the first superframe."""
+LOCK_IN = (
+    (np.arange(-1.0, 1.1, 0.25), np.arange(-60.0, 61.0, 20.0)),
+    (np.arange(-0.4, 0.5, 0.2), np.arange(-20.0, 21.0, 10.0)),
+)
+"""Delays and drifts tried with the decoded bits of the first superframe, from coarse to fine."""
 
 FOLLOW = (np.array([-0.2, 0.0, 0.2]), np.array([-10.0, 0.0, 10.0]))
 """Delays and drifts tried with the decoded bits of each following superframe."""
@@ -58,18 +64,27 @@ superframe by which the clock is: a loop of second order."""
 
 @dataclass(slots=True)
 class _Track:
-    """Where the next superframe is expected: tape position and tape samples per 48 kHz sample."""
+    """Where the next superframe is expected and how it is written.
+
+    Attributes
+    ----------
+    position : float
+        Start on the tape, in samples.
+    ratio : float
+        Tape samples per sample of the mark.
+    demodulator : Demodulator
+        Of the profile.
+    level : int
+        Level of the superframe before.
+    misses : int
+        Superframes in a row that failed.
+    """
 
     position: float
     ratio: float
+    demodulator: Demodulator
+    level: int
     misses: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class _Reading:
-    decoded: Decoded
-    llr: NDArray[np.float64]
-    view: View
 
 
 class AudioReceiver:
@@ -103,21 +118,17 @@ class AudioReceiver:
         self._fs, self._channels, self._key = fs, channels, key
         self._nominal = fs / FS
         self._quantum = SLOT_FRAMES * HOP * fs // FS
-        self._profile = STANDARD
-        self._layout = make_layout(self._profile, key)
-        self._cells = Cells(self._profile, self._layout)
+        self._demodulators: dict[int, Demodulator] = {}
         self._masker = make_masker()
-        self._link = Link(self._profile)
-        self._reliability = Reliability(self._profile.groups)
         self._tape = Tape()
         self._now = 0
-        self._pending = 0
         self._track: _Track | None = None
-        self._search: PilotSearch | None = PilotSearch(self._profile, key)
+        self._search: PilotSearch | None = PilotSearch(key)
         self._origin = 0.0
         self._searched = 0
         self._last_start = -np.inf
         self._errors = self._counted = 0
+        self._profile: Profile | None = None
         self.first_lock_s: float | None = None
 
     @property
@@ -128,7 +139,7 @@ class AudioReceiver:
     @property
     def profile(self) -> Profile | None:
         """Profile that the signal announces, None before the first lock."""
-        return None if self.first_lock_s is None else self._profile
+        return self._profile
 
     @property
     def ber_estimate(self) -> float | None:
@@ -178,7 +189,7 @@ class AudioReceiver:
         return None
 
     def _start_search(self, origin: float) -> None:
-        self._search = PilotSearch(self._profile, self._key)
+        self._search = PilotSearch(self._key)
         self._origin, self._searched = origin, 0
 
     def _try(self, candidate: Candidate) -> list[ReceivedSuperframe]:
@@ -186,35 +197,46 @@ class AudioReceiver:
         position = self._origin + candidate.start * self._nominal
         if position < self._last_start + 0.5 * SUPERFRAME * self._nominal:
             return []
-        track = _Track(position, self._nominal * (1 + candidate.clock_ppm * 1e-6))
-        self._pull_in(track)
+        demodulator = self._demodulator(candidate.profile)
+        ratio = self._nominal * (1 + candidate.clock_ppm * 1e-6)
+        track = _Track(position, ratio, demodulator, candidate.tier * TIER_LEVELS)
+        self._pull_in(track, PILOT_STEPS[candidate.tier])
+        levels = [track.level + i for i in TIER_ORDER]
+        levels += [level for level in range(len(LEVELS)) if level not in levels]
         for delay in (0.0, 0.5, -0.5):
-            moved = _Track(track.position + delay * self._nominal, track.ratio)
-            reading = self._read(moved)
+            moved = replace(track, position=track.position + delay * self._nominal)
+            reading = self._read(moved, levels)
             if reading.decoded.l0 is not None:
-                break
-        else:
-            return []
-        self._correct(moved, reading, wide=True)
+                return [self._lock(moved, reading)]
+        return []
+
+    def _lock(self, track: _Track, reading: Reading) -> ReceivedSuperframe:
+        self._correct(track, reading, wide=True)
         self._search = None
-        self._track = moved
+        self._track = track
+        self._profile = track.demodulator.profile
         if self.first_lock_s is None:
             self.first_lock_s = self._now / self._fs
-        return [self._deliver(moved, reading)]
+        return self._deliver(track, reading)
 
-    def _pull_in(self, track: _Track) -> None:
+    def _demodulator(self, number: int) -> Demodulator:
+        """Demodulator of a profile; what it learnt is kept for the next lock."""
+        if number not in self._demodulators:
+            profile = list(PROFILES.values())[number]
+            self._demodulators[number] = Demodulator(profile, self._key)
+        return self._demodulators[number]
+
+    def _pull_in(self, track: _Track, step: float) -> None:
         """Refine a candidate's place by its pilots."""
-        expected = np.zeros((FRAMES_PER_SUPERFRAME, self._profile.pilot_groups))
-        np.put_along_axis(expected, self._layout.pilot_group, self._layout.pilot_sign, axis=1)
-        for delay_grid, drift_grid in PULL_IN:
-            view = read_view(self._tape, track.position, track.ratio, self._cells, self._masker)
-            self._move(track, search_fit(view, expected, delay_grid, drift_grid))
+        layout = track.demodulator.layout
+        for grid in PULL_IN:
+            view = read_view(self._tape, track.position, track.ratio, self._masker)
+            self._move(track, search_fit(view, layout, step, layout.expected_pilots, grid))
 
     def _move(self, track: _Track, fit: Fit) -> None:
-        """Shift a track by a fit, which is anchored in the middle of the superframe."""
-        drift = fit.drift_ppm * 1e-6
-        track.position += (fit.delay - drift * SUPERFRAME / 2) * self._nominal
-        track.ratio *= 1 + drift
+        """Shift a track by a fit."""
+        track.position += fit.start_delay * self._nominal
+        track.ratio *= 1 + fit.drift_ppm * 1e-6
 
     # Following
 
@@ -222,14 +244,14 @@ class AudioReceiver:
         end = track.position + (SUPERFRAME + HOP) * track.ratio + self._tape.reach(track.ratio)
         return end <= self._now
 
-    def _read(self, track: _Track) -> _Reading:
-        view = read_view(self._tape, track.position, track.ratio, self._cells, self._masker)
-        llr = self._reliability.weigh(view.soft()).reshape(-1)[self._layout.data_cell]
-        return _Reading(self._link.decode(llr), llr, view)
+    def _read(self, track: _Track, levels: list[int]) -> Reading:
+        view = read_view(self._tape, track.position, track.ratio, self._masker)
+        return track.demodulator.read(view, levels)
 
     def _follow(self, track: _Track) -> list[ReceivedSuperframe]:
         """Read the superframe that is due; note whether it arrived."""
-        reading = self._read(track)
+        near = [track.level + i for i in (0, -1, 1, -2, 2)]
+        reading = self._read(track, [level for level in near if 0 <= level < len(LEVELS)])
         if reading.decoded.l0 is not None:
             self._search = None
             self._correct(track, reading)
@@ -242,41 +264,36 @@ class AudioReceiver:
             return []
         return [self._deliver(track, reading)]
 
-    def _correct(self, track: _Track, reading: _Reading, *, wide: bool = False) -> None:
-        """Let the decoded bits correct the clock and the cells' reliabilities."""
-        expected = self._expected(reading.decoded)
-        grids = LOCK_IN if wide else FOLLOW
-        fit = search_fit(reading.view, expected * self._reliability.weights, *grids)
-        if not wide:
+    def _correct(self, track: _Track, reading: Reading, *, wide: bool = False) -> None:
+        """Let the decoded bits correct the clock, the level and the cells' reliabilities."""
+        demodulator = track.demodulator
+        expected = demodulator.expected(reading.decoded)
+        steps = steps_of(demodulator.layout, reading.level)
+        weighted = expected * demodulator.reliability.weights
+        if wide:
+            for grid in LOCK_IN:
+                view = read_view(self._tape, track.position, track.ratio, self._masker)
+                self._move(track, search_fit(view, demodulator.layout, steps, weighted, grid))
+        else:
+            fit = search_fit(reading.view, demodulator.layout, steps, weighted, FOLLOW)
             pace = PACE_GAIN * fit.delay / SUPERFRAME * 1e6
-            fit = Fit(DELAY_GAIN * fit.delay, DRIFT_GAIN * fit.drift_ppm + pace, fit.score)
-        self._move(track, fit)
-        soft = reading.view.soft()
-        self._reliability.learn(soft, expected)
-        self._errors += int(((soft * expected) < 0).sum())
+            drift = DRIFT_GAIN * fit.drift_ppm + pace
+            self._move(track, Fit(DELAY_GAIN * fit.delay, drift, fit.pivot))
+        demodulator.reliability.learn(reading.soft, expected)
+        self._errors += int(((reading.soft * expected) < 0).sum())
         self._counted += int((expected != 0).sum())
-        track.misses = 0
+        track.level, track.misses = reading.level, 0
 
-    def _expected(self, decoded: Decoded) -> NDArray[np.float64]:
-        """Soft values that the decoded bits and pilots ask for; 0 where unknown."""
-        line = np.zeros(self._profile.cells)
-        known = decoded.coded >= 0
-        line[self._layout.data_cell[known]] = 1.0 - 2.0 * decoded.coded[known]
-        expected = line.reshape(FRAMES_PER_SUPERFRAME, -1)
-        np.put_along_axis(expected, self._layout.pilot_group, self._layout.pilot_sign, axis=1)
-        return expected
-
-    def _deliver(self, track: _Track, reading: _Reading) -> ReceivedSuperframe:
+    def _deliver(self, track: _Track, reading: Reading) -> ReceivedSuperframe:
         """Hand a superframe out and move the track to the next one."""
-        expected = self._expected(reading.decoded)
-        soft = reading.view.soft() * expected
-        agreement = soft.sum() / np.abs(expected).sum()
+        agreement = reading.soft * track.demodulator.expected(reading.decoded)
+        known = np.count_nonzero(agreement) or 1
         result = ReceivedSuperframe(
             l0=reading.decoded.l0,
             l1=reading.decoded.l1,
             position_s=track.position / self._fs,
-            confidence=float(np.clip(agreement, 0.0, 1.0)),
-            ber_estimate=float((soft < 0).sum() / np.abs(expected).sum()),
+            confidence=float(np.clip(agreement.sum() / known, 0.0, 1.0)),
+            ber_estimate=float((agreement < 0).sum() / known),
             ratios=reading.llr,
         )
         if reading.decoded.l0 is not None:

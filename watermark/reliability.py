@@ -9,8 +9,9 @@ Source: Mardia and Jupp, "Directional Statistics", 2000, section 5.3. Specificat
 import numpy as np
 from numpy.typing import NDArray
 
-PRIOR = 0.45
-"""Mean resultant length assumed before anything was decoded."""
+PRIOR_LOW, PRIOR_HIGH = 0.5, 0.2
+"""Mean resultant length assumed at the lowest and at the highest bin before anything was decoded:
+codecs treat high bands worst."""
 
 MEMORY = 0.7
 """Weight of the past when a superframe is learnt."""
@@ -22,6 +23,11 @@ LIMITS = (0.02, 0.95)
 class Reliability:
     """Weights of the cell positions of a frame.
 
+    Parameters
+    ----------
+    groups : int
+        Number of cell positions, from low to high.
+
     Examples
     --------
     >>> reliability = Reliability(2)
@@ -32,7 +38,7 @@ class Reliability:
     """
 
     def __init__(self, groups: int) -> None:
-        self._resultant = np.full(groups, PRIOR)
+        self._resultant = np.linspace(PRIOR_LOW, PRIOR_HIGH, groups)
 
     @property
     def weights(self) -> NDArray[np.float64]:

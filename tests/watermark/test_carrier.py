@@ -16,7 +16,7 @@ CLIP = Path(__file__).resolve().parents[3] / "shared" / "data" / "audio" / "film
 
 def payload(k: int) -> tuple[bytes, bytes]:
     rng = np.random.default_rng(k)
-    return rng.bytes(17), rng.bytes(10)
+    return rng.bytes(20), rng.bytes(7)
 
 
 def host(seconds: float, fs: int = 48000, channels: int = 2, seed: int = 0) -> Sound:

@@ -43,18 +43,15 @@ def test_kernels_agree_with_their_python() -> None:
 
 def test_pilot_scores_kernel() -> None:
     rng = np.random.default_rng(1)
-    soft = rng.standard_normal((60, 3)).astype(np.float32)
+    soft = rng.standard_normal((3, 60)).astype(np.float32)
     drift = np.array([[0, 0, 0, 0], [0, 0, 1, 1]])
-    group = rng.integers(0, 3, (4, 2))
-    sign = rng.choice([-1.0, 1.0], (4, 2))
-    compiled, plain, direct = np.empty((2, 7)), np.empty((2, 7)), np.empty((2, 7))
+    group = rng.integers(0, 3, 4)
+    sign = rng.choice([-1.0, 1.0], 4).astype(np.float32)
+    compiled, plain = np.ones((2, 7), dtype=np.float32), np.ones((2, 7), dtype=np.float32)
     _kernels.pilot_scores(soft, 2, 10, drift, group, sign, compiled)
-    getattr(_kernels.pilot_scores, "py_func", _kernels.pilot_scores)(
-        soft, 2, 10, drift, group, sign, plain
-    )
-    for d in range(2):
-        for i in range(7):
-            rows = 2 + i + 10 * np.arange(4) + drift[d]
-            direct[d, i] = (soft[rows[:, np.newaxis], group] * sign).sum()
-    np.testing.assert_allclose(compiled, plain)
-    np.testing.assert_allclose(compiled, direct, rtol=1e-5)
+    python = getattr(_kernels.pilot_scores, "py_func", _kernels.pilot_scores)
+    python(soft, 2, 10, drift, group, sign, plain)
+    np.testing.assert_allclose(compiled, plain, rtol=1e-6)
+    rows = 2 + np.arange(7) + 10 * np.arange(4)[:, np.newaxis] + drift[1][:, np.newaxis]
+    direct = 1 + (sign[:, np.newaxis] * soft[group[:, np.newaxis], rows]).sum(axis=0)
+    np.testing.assert_allclose(compiled[1], direct, rtol=1e-5)
