@@ -116,18 +116,38 @@ class FaceModel:
         )
         return out + self.pivot
 
-    def jacobian(
-        self, parameters: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return markers (T, 63, 3) and their derivatives (T, P, 63, 3) by the parameters."""
-        motion = self.motion(parameters[:, N_FACE_PARAMETERS:])[:, None] * self.weights
+    def residual(
+        self, parameters: NDArray[np.float64], markers: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return what the model leaves of world markers, each in its resting frame, (T, 63, 3).
+
+        Markers are moved back by their share of the head's motion: distances are the same as in
+        the world, and the face's directions need no turning.
+        """
+        motion = self.motion(parameters[:, N_FACE_PARAMETERS:])
+        points = markers - self.pivot
+        still = np.empty_like(points)
+        still[:, HEAD_COLUMNS] = rigid.inverse_rigid_motion(points[:, HEAD_COLUMNS], motion)
+        shares = motion[:, None] * self.weights[THROAT_COLUMNS]
+        back = np.concatenate([-shares[..., :3], np.zeros_like(shares[..., 3:])], axis=-1)
+        still[:, THROAT_COLUMNS] = rigid.weighted_rigid_motion(
+            points[:, THROAT_COLUMNS] - shares[..., 3:], back
+        )
+        return still - (self.shape(parameters[:, :N_FACE_PARAMETERS]) - self.pivot)
+
+    def slopes(self, parameters: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Return the derivatives of the markers, each in its resting frame, (T, P, 63, 3)."""
+        motion = self.motion(parameters[:, N_FACE_PARAMETERS:])
         points = self.shape(parameters[:, :N_FACE_PARAMETERS]) - self.pivot
-        rotation = rigid.rotation_matrices(motion[..., :3])
-        rotated = np.einsum("tkij,tkj->tki", rotation, points)
-        by_shape = np.einsum("tkij,pkj->tpki", rotation, self.directions, optimize=True)
-        by_turn = -rigid.cross_matrices(rotated) @ rigid.left_jacobians(motion[..., :3])
-        turn = self.weights[:, :3] * self.motion_directions[:, None, :3]
-        shift = self.weights[:, 3:] * self.motion_directions[:, None, 3:]
-        by_motion = np.einsum("tkij,pkj->tpki", by_turn, turn, optimize=True) + shift
-        markers = rotated + motion[..., 3:] + self.pivot
-        return markers, np.concatenate([by_shape, by_motion], axis=1)
+        out = np.empty((len(parameters), self.n_parameters, layout.N_FACE, 3), dtype=np.float32)
+        out[:, :N_FACE_PARAMETERS] = self.directions
+        by_motion = out[:, N_FACE_PARAMETERS:]
+        by_motion[:, :, HEAD_COLUMNS] = rigid.motion_slopes(
+            points[:, HEAD_COLUMNS], motion[:, None], self.motion_directions[:, None]
+        )
+        weights = self.weights[THROAT_COLUMNS]
+        by_motion[:, :, THROAT_COLUMNS] = rigid.motion_slopes(
+            points[:, THROAT_COLUMNS], motion[:, None] * weights,
+            self.motion_directions[:, None] * weights,
+        )  # fmt: skip
+        return out

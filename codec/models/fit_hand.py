@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from codec import layout
 from codec.models import rigid
 from codec.models.angles import angle_frames, measure_angles
-from codec.models.fit_face import EXPLAINED
 from codec.models.hand import N_HAND_PARAMETERS, HandModel, regressors
 from codec.models.inversion import FOREARM_COLUMNS, invert_hand
-from codec.models.pca import Components, components_for, principal_components, single
+from codec.models.pca import Components, motion_components, principal_components, single
 from codec.models.pruning import prune
 
 Regressors = Literal["angles", "parameters", "linear"]
 _RIDGE = 1e-3
 _LINEAR_ANGLE = 1e-3
+_PARAMETER_ANGLE = 0.5
 
 
 def fit_hand(
@@ -31,7 +31,7 @@ def fit_hand(
     *,
     n_parameters: int = N_HAND_PARAMETERS,
     regress_on: Regressors = "angles",
-    joint_rounds: int = 2,
+    joint_rounds: int = 4,
 ) -> HandModel:
     """Learn a hand model.
 
@@ -52,16 +52,13 @@ def fit_hand(
     -------
     HandModel
     """
-    body, motion = rigid.mean_body(np.concatenate([markers, motion_frames])[:, FOREARM_COLUMNS])
+    _, motion = rigid.mean_body(np.concatenate([markers, motion_frames])[:, FOREARM_COLUMNS])
     pivot = motion[len(markers) :, 3:].mean(0)
     motion[:, 3:] -= pivot
-    lever = float(np.sqrt((body**2).sum(-1).mean()))
-    carrier, _ = principal_components(
-        motion[len(markers) :], scale=np.array([lever] * 3 + [1.0] * 3)
-    )
-    carrier = carrier.truncated(max(1, components_for(carrier.explained, EXPLAINED)))
-    motion = motion[: len(markers)]
+    motion, motion_of_lines = motion[: len(markers)], motion[len(markers) :]
     still = rigid.inverse_rigid_motion(markers - pivot, motion)
+    lever = float(np.sqrt((still.mean(0) ** 2).sum(-1).mean()))
+    carrier = motion_components(motion_of_lines, lever)
     kept = prune(still)
     still, chosen = still[kept], markers[kept]
     angles, scores = _angle_components(still, n_parameters, regress_on)
@@ -83,7 +80,7 @@ def _angle_components(
     components, scores = components.truncated(n_parameters), scores[:, :n_parameters]
     if regress_on != "angles":
         # A small multiple of the parameters makes the sine linear; `_regressed` drops the cosine.
-        size = 1.0 if regress_on == "parameters" else _LINEAR_ANGLE
+        size = _PARAMETER_ANGLE if regress_on == "parameters" else _LINEAR_ANGLE
         directions = size * np.eye(n_parameters)
         components = Components(np.zeros(n_parameters), directions, components.explained)
     return components, scores

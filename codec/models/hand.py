@@ -113,27 +113,28 @@ class HandModel:
         motion = self.motion(p[:, self.n_shape :])
         return rigid.rigid_motion(self.shape(p[:, : self.n_shape]), motion) + self.pivot
 
-    def jacobian(
-        self, parameters: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return markers (T, 50, 3) and their derivatives (T, P, 50, 3) by the parameters."""
+    def residual(
+        self, parameters: NDArray[np.float64], markers: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return what the model leaves of world markers, in the forearm's frame, (T, 50, 3)."""
+        motion = self.motion(parameters[:, self.n_shape :])
+        still = rigid.inverse_rigid_motion(markers - self.pivot, motion)
+        return still - self.shape(parameters[:, : self.n_shape])
+
+    def slopes(self, parameters: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Return the derivatives of the markers in the forearm's frame, (T, P, 50, 3)."""
         n, frames = self.n_shape, len(parameters)
         motion = self.motion(parameters[:, n:])
         angle = self.angles(parameters[:, :n])
         flat = self.regression.reshape(len(self.regression), -1)
-        slopes = np.concatenate([-np.sin(angle), np.cos(angle)], axis=1)[:, None]
-        twice = np.concatenate([self.angle_directions, self.angle_directions], axis=1)
-        by_shape = (slopes * twice).reshape(-1, twice.shape[1]) @ flat[1:]
         points = (regressors(angle) @ flat).reshape(frames, layout.N_HAND, 3)
-        transposed = np.swapaxes(rigid.rotation_matrices(motion[:, :3]), 1, 2)
-        rotated = points @ transposed
-        by_shape = by_shape.reshape(frames, n * layout.N_HAND, 3) @ transposed
-        turn = rigid.left_jacobians(motion[:, :3]) @ self.motion_directions[:, :3].T
-        by_motion = np.cross(np.swapaxes(turn, 1, 2)[:, :, None], rotated[:, None])
-        by_motion += self.motion_directions[:, None, 3:]
-        markers = rotated + motion[:, None, 3:] + self.pivot
-        shaped = by_shape.reshape(frames, n, layout.N_HAND, 3)
-        return markers, np.concatenate([shaped, by_motion], axis=1)
+        by_angle = np.concatenate([-np.sin(angle), np.cos(angle)], axis=1).astype(np.float32)
+        twice = np.concatenate([self.angle_directions, self.angle_directions], axis=1)
+        by_shape = (by_angle[:, None] * twice).reshape(-1, twice.shape[1]) @ flat[1:]
+        out = np.empty((frames, self.n_parameters, layout.N_HAND, 3), dtype=np.float32)
+        out[:, :n] = by_shape.reshape(frames, n, layout.N_HAND, 3)
+        out[:, n:] = rigid.motion_slopes(points, motion[:, None], self.motion_directions[:, None])
+        return out
 
 
 def regressors(angles: NDArray[np.float64]) -> NDArray[np.float64]:

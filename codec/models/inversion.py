@@ -18,8 +18,11 @@ from codec.models.hand import HandModel
 RIGID_FACE_COLUMNS = np.array([layout.FACE_MARKERS.index(name) for name in layout.RIGID_FACE])
 FOREARM_COLUMNS = np.array([layout.HAND_MARKERS.index(name) for name in layout.FOREARM])
 
-_BLOCK = 512
-_STEPS = 6
+_BLOCK = 256
+_STEPS = 8
+_PLAIN_STEPS = 1
+_LONGEST_STEP = 3.0
+_TOLERANCE = 0.01
 _NOISE_MM = 1.0
 _SUSPECT_MM = 8.0
 
@@ -31,10 +34,13 @@ class MarkerModel(Protocol):
     def n_parameters(self) -> int:
         """Number of parameters."""
 
-    def jacobian(
-        self, parameters: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return markers (T, K, 3) and derivatives (T, P, K, 3)."""
+    def residual(
+        self, parameters: NDArray[np.float64], markers: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return markers minus model in resting frames, shape (T, K, 3)."""
+
+    def slopes(self, parameters: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Return the model's derivatives in resting frames, shape (T, P, K, 3)."""
 
 
 def invert(
@@ -44,7 +50,6 @@ def invert(
     start: NDArray[np.float64],
     *,
     prior: NDArray[np.float64] | None = None,
-    steps: int = _STEPS,
 ) -> NDArray[np.float64]:
     """Return the parameters that explain the visible markers best.
 
@@ -58,8 +63,6 @@ def invert(
         First guess, for example from `starting_motion`.
     prior : ndarray of float64, shape (P,), optional
         Strength of the pull of each parameter towards 0, in units of 1 mm² of one coordinate.
-    steps : int
-        Number of Gauss-Newton steps.
 
     Returns
     -------
@@ -69,7 +72,7 @@ def invert(
     out = np.array(start, dtype=np.float64)
     for begin in range(0, len(out), _BLOCK):
         block = slice(begin, begin + _BLOCK)
-        out[block] = _solve(model, markers[block], visible[block], out[block], pull, steps)
+        _solve(model, markers[block], visible[block], out[block], pull)
     return out
 
 
@@ -146,23 +149,38 @@ def _solve(
     visible: NDArray[np.bool_],
     parameters: NDArray[np.float64],
     pull: NDArray[np.float64],
-    steps: int,
-) -> NDArray[np.float64]:
-    diagonal = np.arange(len(pull))
-    for step in range(steps):
-        predicted, slopes = model.jacobian(parameters)
-        residual = np.where(visible[..., None], markers - predicted, 0.0)
-        weight = visible.astype(np.float64)
-        if step >= 2:
-            squared = (residual**2).sum(-1) / _SUSPECT_MM**2
-            weight /= (1 + squared) ** 2
-        slopes = slopes.reshape(*slopes.shape[:2], -1)
+) -> None:
+    """Improve `parameters` in place until no frame moves by more than the tolerance.
+
+    Slopes are costly and change slowly: each serves for two steps (the chord method).
+    """
+    active = np.arange(len(parameters))
+    for step in range(_STEPS):
+        now, seen, at = markers[active], visible[active], parameters[active]
+        slopes = model.slopes(at).reshape(len(active), len(pull), -1)
+        weight = _weights(model.residual(at, now), seen, robust=step >= _PLAIN_STEPS)
         weighted = slopes * np.repeat(weight, 3, axis=1)[:, None]
-        normal = weighted @ np.swapaxes(slopes, 1, 2)
-        normal[:, diagonal, diagonal] += pull
-        gradient = (weighted @ residual.reshape(len(residual), -1, 1))[..., 0] - pull * parameters
-        update = np.linalg.solve(normal, gradient[..., None])[..., 0]
-        # Steps beyond three standard deviations leave the range where the slopes hold.
-        length = np.abs(update).max(1, keepdims=True)
-        parameters = parameters + update * np.minimum(1.0, 3.0 / np.maximum(length, 1e-12))
-    return parameters
+        normal = (weighted @ np.swapaxes(slopes, 1, 2)).astype(np.float64)
+        inverse = np.linalg.inv(normal + np.diag(pull))
+        for _ in range(2):
+            residual = model.residual(at, now)
+            projected = weighted @ residual.reshape(len(at), -1, 1).astype(np.float32)
+            update = (inverse @ (projected - (pull * at)[..., None]))[..., 0]
+            # Longer steps leave the range in which the slopes hold.
+            longest = np.abs(update).max(1, keepdims=True)
+            at = at + update * np.minimum(1.0, _LONGEST_STEP / np.maximum(longest, 1e-12))
+        parameters[active] = at
+        moving = longest[:, 0] > _TOLERANCE
+        # Outliers are told from the model's own error only after the plain steps.
+        active = active[moving] if step >= _PLAIN_STEPS else active
+        if not len(active):
+            return
+
+
+def _weights(
+    residual: NDArray[np.float64], visible: NDArray[np.bool_], *, robust: bool
+) -> NDArray[np.float32]:
+    weight = visible.astype(np.float32)
+    if robust:
+        weight /= (1 + (residual**2).sum(-1).astype(np.float32) / _SUSPECT_MM**2) ** 2
+    return weight

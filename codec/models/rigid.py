@@ -6,6 +6,8 @@ orthogonal Procrustes problem (Kabsch 1976; reflections excluded after Umeyama 1
 without the markers that lie too far from the fit.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -64,15 +66,43 @@ def rotation_matrices(rotation_vectors: ArrayLike) -> NDArray[np.float64]:
     return np.eye(3) + a[..., None, None] * cross + b[..., None, None] * (cross @ cross)
 
 
-def left_jacobians(rotation_vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return J with d(R(r) p) = -[R p]ₓ J dr, shape (..., 3, 3).
+def right_jacobians(rotation_vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return J with d(R(r) p) = R ((J dr) × p), shape (..., 3, 3).
 
-    The left Jacobian of SO(3), for example Chirikjian 2011, section 10.8.
+    The right Jacobian of SO(3), for example Chirikjian 2011, section 10.8.
     """
     r = rotation_vectors
     _, b, c = _rotation_factors((r * r).sum(-1))
     cross = cross_matrices(r)
-    return np.eye(3) + b[..., None, None] * cross + c[..., None, None] * (cross @ cross)
+    return np.eye(3) - b[..., None, None] * cross + c[..., None, None] * (cross @ cross)
+
+
+def motion_slopes(
+    points: NDArray[np.float64], motion: NDArray[np.float64], directions: NDArray[Any]
+) -> NDArray[np.float64]:
+    """Return how moved points change with the parameters of their motion, in the resting frame.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (T, K, 3)
+        About the pivot, at rest.
+    motion : ndarray of float64, shape (T, K or 1, 6)
+    directions : ndarray, shape (n, K or 1, 6)
+        Motion per unit of each parameter.
+
+    Returns
+    -------
+    ndarray of float64, shape (T, n, K, 3)
+        d(R p + t) / d parameter, turned back by R.
+    """
+    turn = np.einsum("tkij,nkj->tnki", right_jacobians(motion[..., :3]), directions[..., :3])
+    shift = np.einsum("tkji,nkj->tnki", rotation_matrices(motion[..., :3]), directions[..., 3:])
+    p = points[:, None]
+    out = np.empty((len(points), len(directions), *points.shape[1:]))
+    out[..., 0] = turn[..., 1] * p[..., 2] - turn[..., 2] * p[..., 1] + shift[..., 0]
+    out[..., 1] = turn[..., 2] * p[..., 0] - turn[..., 0] * p[..., 2] + shift[..., 1]
+    out[..., 2] = turn[..., 0] * p[..., 1] - turn[..., 1] * p[..., 0] + shift[..., 2]
+    return out
 
 
 def rotation_vectors(matrices: ArrayLike) -> NDArray[np.float64]:

@@ -64,15 +64,18 @@ def test_per_marker_motion_equals_common_motion() -> None:
     )
 
 
-def test_left_jacobian_is_the_derivative() -> None:
-    vector, point, step = np.array([0.4, -0.9, 0.3]), np.array([10.0, 20.0, -5.0]), 1e-6
-    rotated = rigid.rotation_matrices(vector) @ point
-    slope = -rigid.cross_matrices(rotated) @ rigid.left_jacobians(vector)
-    for k in range(3):
-        nudge = step * np.eye(3)[k]
-        ahead = rigid.rotation_matrices(vector + nudge) @ point
-        behind = rigid.rotation_matrices(vector - nudge) @ point
-        np.testing.assert_allclose(slope[:, k], (ahead - behind) / (2 * step), atol=1e-6)
+def test_motion_slopes_are_derivatives() -> None:
+    rng, step = np.random.default_rng(0), 1e-6
+    points = rng.normal(size=(3, 10, 3)) * 40
+    motion = rng.normal(size=(3, 10, 6)) * [0.8, 0.8, 0.8, 9, 9, 9]
+    directions = rng.normal(size=(2, 10, 6))
+    slopes = rigid.motion_slopes(points, motion, directions)
+    back = np.concatenate([-motion[..., :3], np.zeros_like(motion[..., 3:])], axis=-1)
+    for n, direction in enumerate(directions):
+        ahead = rigid.weighted_rigid_motion(points, motion + step * direction)
+        behind = rigid.weighted_rigid_motion(points, motion - step * direction)
+        turned = rigid.weighted_rigid_motion((ahead - behind) / (2 * step), back)
+        np.testing.assert_allclose(slopes[:, n], turned, atol=1e-5)
 
 
 def test_reflection_is_refused() -> None:
