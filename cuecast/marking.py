@@ -104,7 +104,7 @@ class MarkingStage:
         figures: dict[str, Any] = {
             "net_bps": round(report.net_bps, 1),
             "gross_bps": round(report.gross_bps, 1),
-            "snr_db": round(report.snr_db, 2) if np.isfinite(report.snr_db) else None,
+            "snr_db": None if report.snr_db is None else round(report.snr_db, 2),
             "silent_s": [[round(a, 3), round(b, 3)] for a, b in report.silent_s],
         }
         if self._meter is not None:

@@ -35,13 +35,16 @@ class Reception:
         Under the names of the command line's JSON.
     motion : Motion or None
         None if nothing was found, or not wanted.
-    notes : tuple of str
-        What was wrong with the programme, for people.
+    damaged : int
+        Packets of sound that could not be decoded.
+    fault : str
+        What is wrong with the file as a whole, or nothing.
     """
 
     summary: dict[str, Any]
     motion: Motion | None
-    notes: tuple[str, ...]
+    damaged: int
+    fault: str
 
 
 def receive(
@@ -91,13 +94,13 @@ def receive(
         for event in tuner.flush():
             if assembler is not None:
                 assembler.add(event)
-        notes = _notes(programme, decoder)
+        fault = programme.fault
     summary = tuner.summary()
     elapsed_s = time.perf_counter() - began
     summary["realtime_factor"] = round(summary["duration_s"] / elapsed_s, 2)
     found = summary["superframes"]["received"] > 0
     motion = assembler.motion() if assembler is not None and found else None
-    return Reception(summary, motion, notes)
+    return Reception(summary, motion, decoder.damaged, fault)
 
 
 class _Tuner:
@@ -150,12 +153,3 @@ def _from(
         early = max(0, round((start_s - end_s) * fs) + len(block))
         if early < len(block):
             yield end_s - (len(block) - early) / fs, block[early:]
-
-
-def _notes(programme: Programme, decoder: SoundDecoder) -> tuple[str, ...]:
-    notes = []
-    if decoder.damaged:
-        notes.append(f"{programme.name}: {decoder.damaged} damaged packets of sound")
-    if programme.missing_s > 1:
-        notes.append(f"{programme.name}: truncated: it ends before the length in its headers")
-    return tuple(notes)

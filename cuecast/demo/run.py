@@ -25,9 +25,6 @@ BROADCASTS = (
 )
 """What a broadcaster does with the dubbed programme: name, file, codec, bit rate."""
 
-_CONTRIBUTION_BIT_RATE = 320_000
-_MARGIN_S = 2.0
-
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
@@ -72,7 +69,7 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Out
     duration_s = len(sound) / FS
     (folder / "programme.srt").write_text(as_srt(subtitles), encoding="utf-8")
     write_film(
-        folder / "programme.mp4", sound, FS, encoder="aac", bit_rate=_CONTRIBUTION_BIT_RATE,
+        folder / "programme.mkv", sound, FS, encoder="flac",
         pictures=make_pictures(duration_s), picture_rate=PICTURE_RATE,
     )  # fmt: skip
     score = score_from_subtitles(subtitles)
@@ -81,8 +78,8 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Out
     say(f"2/5 dubbing {duration_s:.0f} s with {len(score.keys)} keys")
     sent = whole_motion(source, duration_s)
     save_motion(sent, folder / "sent.npz")
-    dubbed = folder / "dubbed.mp4"
-    report = dub(folder / "programme.mp4", source, voice, dubbed, DubOptions())
+    dubbed = folder / "dubbed.mkv"
+    report = dub(folder / "programme.mkv", source, voice, dubbed, DubOptions())
     write_json(str(folder / "report.json"), report)
     audio = report["carriers"]["audio"]
     say(f"    {audio['net_bps']} bit/s in the sound, SNR {audio['snr_db']} dB, ODG {audio['odg']}")

@@ -160,10 +160,12 @@ class Programme:
         start_s = (self.container.start_time or 0) / av.time_base
         return max(0.0, start_s + promised / av.time_base - self._end_s)
 
-    def check_complete(self) -> None:
-        """Raise `CueError` if the packets, read to their end, fall short of what headers tell."""
+    @property
+    def fault(self) -> str:
+        """What is wrong with the file as a whole, once its packets were read; often nothing."""
         if self.missing_s > _TOLERATED_SHORTFALL_S:
-            raise CueError(f"{self.name}: truncated: it ends before the length in its headers")
+            return f"{self.name}: truncated: it ends before the length in its headers"
+        return ""
 
     def _note_end(self, packet: Any) -> None:
         time = packet.pts if packet.pts is not None else packet.dts

@@ -175,7 +175,8 @@ class _Writer:
         self._write_sound(stage.flush())
         for packet in self._encoder.flush():
             self._container.mux(packet)
-        self._programme.check_complete()
+        if self._programme.fault:
+            raise CueError(self._programme.fault)
         decoder = self._decoder
         return Rewritten(
             decoder.format, decoder.samples / decoder.format.fs, decoder.start_s or 0.0,

@@ -3,6 +3,7 @@
 import argparse
 import sys
 
+from codec.errors import CueError
 from cuecast.arguments import (
     add_json,
     add_key,
@@ -45,8 +46,8 @@ def run(args: argparse.Namespace) -> int:
             source, voice, start_s=args.start, key=args.key, track=args.track,
             keep_motion=wanted, progress=advance,
         )  # fmt: skip
-    for text in reception.notes:
-        note(f"note: {text}")
+    if reception.damaged:
+        note(f"note: {args.programme}: {reception.damaged} damaged packets of sound")
     summary = reception.summary
     if args.output is not None and reception.motion is not None:
         save_motion(reception.motion, args.output)
@@ -54,6 +55,8 @@ def run(args: argparse.Namespace) -> int:
         print_json(summary)
     else:
         _print(summary)
+    if reception.fault:  # a file that breaks off is malformed; what it held has been told
+        raise CueError(reception.fault)
     return 0 if summary["superframes"]["received"] else 1
 
 
