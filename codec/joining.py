@@ -11,9 +11,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
-from codec.phonology import PHONES
+from codec.phonology import PHONE_NUMBER, PHONES
 from codec.score import PLACEMENTS, Key, Phone, Score
-from codec.score_coding import ScorePart, is_vowel
+from codec.score_coding import N_VOWELS, ScorePart
 from codec.timeline import TICK_S, TICKS
 
 NOMINAL_TICKS = 4
@@ -72,7 +72,7 @@ def _completed(last: Sounding, part: ScorePart, end: int) -> Iterator[Sounding]:
         return
     reach = max(end, last.start + NOMINAL_TICKS)
     yield replace(last, end=reach, open_end=False)
-    if part.numbers and part.ahead:
+    if part.ahead:
         yield Sounding(part.ahead, reach, reach + NOMINAL_TICKS)
 
 
@@ -94,15 +94,29 @@ def keys_of(
     -------
     list of Key
     """
-    headless = {s.start for s in line if s.open_start and is_vowel(s.number) and not unsure}
+    open_starts = {s.start for s in line if s.open_start and s.number}
     phones = phones_of(line)
-    keys = []
+    keys: list[Key] = []
     for options in {part.options for part in parts.values()} or {DEFAULT_OPTIONS}:
         for key in cue(phones, options):
             tick = round(key.start / TICK_S)
-            if tick not in headless and _options_at(tick, parts) == options:
+            if _options_at(tick, parts) == options:
                 keys.append(_overridden(key, tick, parts))
-    return sorted(keys, key=lambda key: key.start)
+    keys.sort(key=lambda key: key.start)
+    if unsure:
+        return keys
+    return [
+        key
+        for before, key in itertools.pairwise([None, *keys])
+        if key and not (round(key.start / TICK_S) in open_starts and _doubtful(key, before))
+    ]
+
+
+def _doubtful(key: Key, before: Key | None) -> bool:
+    """Return whether a key with an unknown start may lack its consonant, or be known already."""
+    return PHONE_NUMBER[key.phones[0]] <= N_VOWELS or (
+        before is not None and before.phones == key.phones
+    )
 
 
 def _options_at(tick: int, parts: Mapping[int, ScorePart]) -> CueingOptions:

@@ -103,7 +103,7 @@ def part_of(line: Line, index: int, options: CueingOptions = DEFAULT_OPTIONS) ->
     starts = [tick - begin for tick in line.starts[i:j]]
     following = line.starts[i] - begin if i < len(line.starts) else TICKS
     ahead = 0
-    if j > i and is_consonant(line.numbers[j - 1]) and j < len(line.numbers):
+    if is_consonant(line.numbers[j - 1]) and j < len(line.numbers):
         ahead = line.numbers[j] if is_vowel(line.numbers[j]) else 0
     part = ScorePart(
         line.numbers[i - 1], min(following, TICKS), line.numbers[i:j], tuple(starts), ahead, options
@@ -148,7 +148,7 @@ def write_score(
             encoder.put(end - start - 1, tables.length[number, context], TICKS - start - 1)
             length = end - start if number else 0
         before = number
-    if part.numbers and is_consonant(before):
+    if is_consonant(before):
         encoder.put(part.ahead - 1 if part.ahead else N_VOWELS, tables.next[before], N_VOWELS)
     if special:
         _write_special(encoder, part)
@@ -165,8 +165,9 @@ def read_score(decoder: RangeDecoder, tables: ScoreTables) -> ScorePart:
         first_end = decoder.get(tables.left[first], TICKS)
         numbers, starts = _read_on_grid(decoder, tables, first, first_end)
     ahead = 0
-    if numbers and is_consonant(numbers[-1]):
-        letter = decoder.get(tables.next[numbers[-1]], N_VOWELS)
+    last = numbers[-1] if numbers else first
+    if is_consonant(last):
+        letter = decoder.get(tables.next[last], N_VOWELS)
         ahead = letter + 1 if letter < N_VOWELS else 0
     part = ScorePart(first, first_end, tuple(numbers), tuple(starts), ahead)
     return _read_special(decoder, part) if special else part
