@@ -19,11 +19,12 @@ from codec.voice import Voice
 from synth.dikeys import DikeyDictionary
 from synth.melody import Melody, plan_melody
 from synth.movement import plan_gestures
-from synth.recording import Recording, Trajectories, join_trajectories
+from synth.recording import Recording
 from synth.sounds import Choice, SoundDictionary
-from synth.speech.marks import PitchMarks, place_marks
-from synth.speech.pitch import PitchTrack, track_pitch
+from synth.speech.marks import PitchMarks
+from synth.speech.pitch import PitchTrack
 from synth.speech.psola import Piece, modify_prosody
+from synth.trajectories import Trajectories, join_trajectories
 from synth.units import cut_dikeys, cut_sounds, with_pauses
 
 _PASSAGE_GAP_S = 1.0
@@ -51,15 +52,6 @@ class Performance:
     sound: NDArray[np.float32]
     fs: int
     motion: Motion
-
-
-@dataclass(frozen=True, slots=True)
-class _Prepared:
-    """A recording's sound with its pitch and pitch marks."""
-
-    sound: NDArray[np.float64]
-    track: PitchTrack
-    marks: PitchMarks
 
 
 class ConcatenativeSynthesiser:
@@ -107,7 +99,6 @@ class ConcatenativeSynthesiser:
         weights = _explained_variance(voice, self._hand)
         self.sounds = SoundDictionary(recordings)
         self.dikeys = DikeyDictionary(recordings, self._hand, weights)
-        self._prepared = [_prepare(recording) for recording in recordings]
 
     def perform(self, score: Score, *, rate_hz: float = 50.0) -> Iterator[Performance]:
         """Say and cue a score, passage by passage.
@@ -149,14 +140,14 @@ class ConcatenativeSynthesiser:
         sources, samples, voiced, pieces = [], [], [], []
         offset = 0
         for choice in choices:
-            made = self._prepared[choice.recording]
+            made = self._recordings[choice.recording]
             edges = np.array(choice.source.edges_s)
             first = max(round((edges[0] - _MARGIN_S) * self.fs), 0)
             last = min(round((edges[-1] + _MARGIN_S) * self.fs), len(made.sound))
             inside = (made.marks.sample >= first) & (made.marks.sample < last)
             samples.append(made.marks.sample[inside] - first + offset)
             voiced.append(made.marks.voiced[inside])
-            sources.append(made.sound[first:last])
+            sources.append(made.sound[first:last].astype(np.float64))
             shift_s = (offset - first) / self.fs
             pieces.append(self._piece(choice, made.track, melody, shift_s))
             offset += last - first
@@ -203,12 +194,6 @@ class ConcatenativeSynthesiser:
             params.astype(np.float32), rate_hz, start_s, self._voice.layout,
             self._voice.identity, passage,
         )  # fmt: skip
-
-
-def _prepare(recording: Recording) -> _Prepared:
-    sound = recording.sound.astype(np.float64)
-    track = track_pitch(sound, recording.fs)
-    return _Prepared(sound, track, place_marks(sound, recording.fs, track))
 
 
 def _joined(

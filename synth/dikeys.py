@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from synth.recording import Recording, Trajectories
+from synth.recording import Recording
 from synth.selection import select_units
 from synth.sounds import Choice
+from synth.trajectories import Trajectories
 from synth.units import Unit, cut_dikeys
 
 _DURATION_WEIGHT = 4.0

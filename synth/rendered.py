@@ -56,4 +56,6 @@ def record(
         score = Score(rendering.phones, tuple(cue(rendering.phones, options)))
         n_frames = round((len(rendering.samples) / RATE_HZ + 2 * _TAIL_S) * cuer.rate_hz)
         motion = cuer.motion(score, -_TAIL_S, n_frames, voice)
-        yield Recording(rendering.samples, RATE_HZ, score, cuer.gestures(score), motion)
+        yield Recording.analysed(
+            rendering.samples, RATE_HZ, score=score, gestures=cuer.gestures(score), motion=motion
+        )

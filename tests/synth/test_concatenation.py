@@ -18,10 +18,11 @@ from synth.concatenation import ConcatenativeSynthesiser
 from synth.gesture import GestureSynthesiser
 from synth.melody import plan_melody
 from synth.movement import plan_gestures
-from synth.recording import Recording, Trajectories, join_trajectories
+from synth.recording import Recording
 from synth.rendered import line_of, record
 from synth.selection import select_units
 from synth.sounds import SoundDictionary, phone_distance
+from synth.trajectories import Trajectories, join_trajectories
 from synth.units import GLIDES, Unit, cut_dikeys, cut_sounds, split_polysound, with_pauses
 
 TEXTS = (
