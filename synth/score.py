@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from itertools import pairwise
+from dataclasses import replace
 
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
 from codec.score import Phone, Score
@@ -117,26 +117,47 @@ def phones_of_subtitles(
 ) -> Iterator[Phone]:
     """Yield the phones of subtitles that are sorted by start, none before its predecessor's end.
 
-    A subtitle that overlaps the one before starts when that one has been spoken.
+    Subtitles that start together are spoken in turn in the interval that they share. One that
+    overlaps its predecessor cuts short the room of that one, which may run on until its own end.
     """
     free_s = 0.0
-    for subtitle, following in pairwise([*subtitles, None]):
-        assert subtitle is not None
-        words = phonemise(spoken(subtitle.text), style=style, user_lexicon=user_lexicon)
+    for subtitle, next_start_s in _turns(subtitles):
+        words = phonemise(subtitle.text, style=style, user_lexicon=user_lexicon)
         if not words:
             continue
         start_s = on_grid(max(subtitle.start_s, free_s))
-        end_s = max(subtitle.end_s, start_s + 1 / FASTEST)
-        limit_s = following.start_s if following else end_s + BORROWED_AT_END_S
-        found = fit(words, start_s, end_s, limit_s)
+        end_s = max(min(subtitle.end_s, next_start_s), start_s + 1 / FASTEST)
+        borrowed_s = min(next_start_s, subtitle.end_s + LONGEST_BORROWED_S)
+        found = fit(words, start_s, end_s, max(subtitle.end_s, borrowed_s))
         _report(subtitle, found, warn)
         yield from found.phones
         if found.phones:
             free_s = found.phones[-1].end
 
 
-BORROWED_AT_END_S = 1.0
-"""What the last subtitle may borrow, as nothing follows."""
+def _turns(subtitles: Iterable[Subtitle]) -> Iterator[tuple[Subtitle, float]]:
+    """Yield what is said, those that start together joined, each with the next one's start."""
+    waiting: Subtitle | None = None
+    for shown in subtitles:
+        subtitle = replace(shown, text=spoken(shown.text))
+        if not subtitle.text:
+            continue
+        if waiting is not None and subtitle.start_s == waiting.start_s:
+            waiting = replace(
+                waiting,
+                text=f"{waiting.text}. {subtitle.text}",
+                end_s=max(waiting.end_s, subtitle.end_s),
+            )
+            continue
+        if waiting is not None:
+            yield waiting, subtitle.start_s
+        waiting = subtitle
+    if waiting is not None:
+        yield waiting, float("inf")
+
+
+LONGEST_BORROWED_S = 2.0
+"""How far speech may run on after its subtitle: later it would meet other sounds and lips."""
 
 
 def _report(subtitle: Subtitle, found: Fit, warn: Warn) -> None:

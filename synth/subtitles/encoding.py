@@ -44,7 +44,7 @@ def _decode(data: bytes) -> str:
         return data.decode(encoding)
     except UnicodeDecodeError as error:
         if encoding != "utf-8" or b"\0" in data:
-            line = data.count(b"\n", 0, error.start) + 1
+            line = error.object.count(b"\n", 0, error.start) + 1
             raise CueError(f"line {line}: not valid {encoding}: {error.reason}") from None
     return max((data.decode(name, errors="replace") for name in _OLD), key=_french_share)
 

@@ -1,11 +1,14 @@
 """Reading a subtitle file whatever its format: SubRip, WebVTT, EBU-TT-D / IMSC, EBU STL."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from codec.errors import CueError
 from synth.subtitles.encoding import decode
 from synth.subtitles.model import Subtitle
 from synth.subtitles.srt import read_srt
+from synth.subtitles.stl import looks_like_stl, read_stl
+from synth.subtitles.ttml import read_ttml
 from synth.subtitles.vtt import read_vtt
 
 LARGEST_BYTES = 64 * 1024 * 1024
@@ -54,6 +57,14 @@ def parse_subtitles(data: bytes) -> list[Subtitle]:
     """
     if not data.strip():
         raise CueError("line 1: the file is empty")
+    return sorted(_parse(data), key=lambda s: (s.start_s, s.line))
+
+
+def _parse(data: bytes) -> Iterator[Subtitle]:
+    if looks_like_stl(data):
+        return read_stl(data)
     text = decode(data)
-    read = read_vtt if text.lstrip().startswith("WEBVTT") else read_srt
-    return sorted(read(text), key=lambda s: (s.start_s, s.line))
+    opening = text.lstrip()
+    if opening.startswith("<"):
+        return read_ttml(data)
+    return read_vtt(text) if opening.startswith("WEBVTT") else read_srt(text)

@@ -50,15 +50,18 @@ def read_lexique(text: str) -> dict[str, Uses]:
 
 
 def mend(word: str, phones: str) -> str:
-    """Return the phones with two habits of Lexique undone.
+    """Return the phones with three habits of Lexique undone.
 
-    An e that Lexique gives as eu is schwa again, and o before r in a closed syllable is open.
+    An e that Lexique gives as eu is schwa again, o before r in a closed syllable is open, and a
+    mute e that ends a longer word is left to the rules of `synth.text.pronounce`.
 
     Examples
     --------
-    >>> mend("premier", "pR2mje"), mend("peureux", "p2R2"), mend("portions", "poRsj§")
-    ('pR°mje', 'p2R2', 'pORsj§')
+    >>> mend("premier", "pR2mje"), mend("portions", "poRsj§"), mend("blanche", "bl@S°")
+    ('pR°mje', 'pORsj§', 'bl@S')
     """
+    if len(phones) > 2 and not word.endswith("-que"):
+        phones = phones.removesuffix("°")
     phones = re.sub(r"oR(?=[^aeiouyEO259@§1°wj8]|$)", "OR", phones)
     if any(spelling in word for spelling in ("eu", "œu", "oeu", "eû", "ö", "oe", "œ")):
         return phones

@@ -41,8 +41,9 @@ def normalise(text: str) -> list[str]:
     line = _lower_shouting(line)
     for pattern, reading in RULES:
         line = pattern.sub(reading, line)
+    line = "".join(" " if sign.isdigit() else sign for sign in line.lower())
     tokens: list[str] = []
-    for piece in _TOKEN.findall(line.lower()):
+    for piece in _TOKEN.findall(line):
         if piece[0].isalpha():
             tokens += _words(piece)
         elif tokens:

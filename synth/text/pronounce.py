@@ -7,6 +7,7 @@ their class, numerals and liaison (`synth.text.liaison`), final schwa.
 """
 
 import itertools
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -21,8 +22,16 @@ from synth.text.words import Item, Word
 LIAISONS = ("obligatory", "none")
 SCHWAS = ("none", "cluster", "cluster-pause", "all")
 
+FUTURE_ENDINGS = {
+    "a": ("a",), "ai": ("e",), "as": ("a",), "ons": ("ɔ̃",), "ez": ("e",), "ont": ("ɔ̃",),
+    "ais": ("ɛ",), "ait": ("ɛ",), "aient": ("ɛ",), "ions": ("j", "ɔ̃"), "iez": ("j", "e"),
+}  # fmt: skip
+"""Endings after the r of the future and the conditional, and how they sound."""
+
+_FUTURE = re.compile(f"(\\w{{2,}})er({'|'.join(FUTURE_ENDINGS)})")
 _VOWEL_SET = frozenset(VOWELS)
-_CONSONANT_SET = frozenset(CONSONANTS)
+_CONSONANT_SET = frozenset(CONSONANTS) - {"w", "ɥ", "j"}
+"""Consonants that make a cluster; glides do not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,8 +132,19 @@ def _guess(word: str) -> tuple[Variant, ...]:
         return (Variant(("t",), {"O": 9}),)
     if word[-1:] in ("s", "x") and (singular := lookup(word[:-1])):
         return singular
+    if future := _future(word):
+        return (Variant(future, {"V": 9}),)
     word_class = "V" if word.endswith(("er", "ent", "ait", "aient", "ez")) else "N"
     return (Variant(espeak.transcribe(word), {word_class: 9}),)
+
+
+def _future(word: str) -> tuple[str, ...]:
+    """Return the phones of a future or conditional in -era, -erait of a known verb in -er."""
+    match = _FUTURE.fullmatch(word)
+    infinitive = lookup(f"{match[1]}er") if match else ()
+    if not match or not infinitive or infinitive[0].phones[-2] not in _CONSONANT_SET:
+        return ()
+    return (*infinitive[0].phones[:-1], "ə", "ʁ", *FUTURE_ENDINGS[match[2]])
 
 
 def _tag(stretch: Sequence[Item]) -> None:

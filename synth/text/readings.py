@@ -85,7 +85,7 @@ def amount(m: Match) -> str:
 def hour(m: Match) -> str:
     """Read a time of day or a duration: 20h30, 8 h, 12:05:30."""
     hours, minutes, seconds = (int(m[i] or 0) for i in (1, 2, 3))
-    if hours > 24 or minutes > 59 or seconds > 59:
+    if minutes > 59 or seconds > 59:
         return str(m[0])
     said = [numbers.cardinal(hours, feminine=True), "heure" if hours < 2 else "heures"]
     if minutes:
@@ -217,7 +217,7 @@ _PATTERNS: list[tuple[str, Reading]] = [
     (r"(?<![\d/])(\d{1,2})/(\d{1,2})/(\d{4}|\d\d)(?![\d/])", date),
     (r"(?<![\d.])(\d{1,2})\.(\d{1,2})\.(\d{4})(?![\d.])", date),
     (rf"(?<!\d)\b1(?= (?:{_MONTH})\b)", _fixed("premier")),
-    (r"\b(\d+|[IVX]+)(ers?|ères?|res?|nde?s?|i?[eè]mes?|es?)\b(?!')", ordinal),
+    (rf"\b({_INTEGER}|[IVX]+)(ers?|ères?|res?|nde?s?|i?[eè]mes?|es?)\b(?!')", ordinal),
     (r"(?<![\w)])-(?=\d)", _fixed("moins")),
     (rf"{_N} ?{_SCALE}(?P<c>{_any_of(CURRENCIES)})(?!\w)", amount),
     (rf"(?<!\w)(?P<c>[$£€]) ?(?P<n>{_INTEGER})(?:[.,](?P<f>\d+))?(?P<s>(?!))?", amount),
