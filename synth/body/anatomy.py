@@ -28,6 +28,8 @@ class Anatomy:
         Shoulder to elbow.
     face : tuple of float
         Stretch of head and throat: width, height, depth.
+    skin_seed : int
+        Of the pattern in which her skin slides.
     """
 
     scale: float
@@ -36,6 +38,7 @@ class Anatomy:
     girth: float
     upper_arm_mm: float
     face: tuple[float, float, float]
+    skin_seed: int = 0
 
     def __post_init__(self) -> None:
         if not 140 <= self.hand_length_mm <= 220:
@@ -99,7 +102,7 @@ IDENTITIES: dict[str, tuple[Anatomy, Habits]] = {
     "agathe": (
         Anatomy(
             scale=0.99, hand_length_mm=187.0, palm=0.97, girth=1.04, upper_arm_mm=300.0,
-            face=(1.0, 0.96, 0.98),
+            face=(1.0, 0.96, 0.98), skin_seed=1,
         ),
         Habits(
             placement_shift_mm={

@@ -25,6 +25,7 @@ from synth.body.skeleton import (
     frame,
 )
 from synth.body.skin import Skin, stretch
+from synth.body.tissue import FaceTissue, HandTissue, face_tissue, hand_tissue
 
 FloatArray = NDArray[np.float64]
 
@@ -80,6 +81,12 @@ class Body:
     arm : ArmRig
     face_skin, hand_skin : Skin
         The 63 and 50 markers.
+    face_tissue, hand_tissue : FaceTissue, HandTissue
+        How the skin slides.
+    face_normals, hand_normals : ndarray, shapes (63, 3) and (50, 3)
+        Outward normals of the skin at the markers, at rest.
+    arm_lengths, arm_radii : ndarray, shape (22,)
+        Length and thickness of each arm bone with its flesh, mm.
     units : ndarray, shape (U, 63, 3)
         Displacement of the face markers by each unit at weight 1, mm.
     unit_names : tuple of str
@@ -93,22 +100,37 @@ class Body:
     arm: ArmRig
     face_skin: Skin
     hand_skin: Skin
+    face_tissue: FaceTissue
+    hand_tissue: HandTissue
+    face_normals: FloatArray
+    hand_normals: FloatArray
+    arm_lengths: FloatArray
+    arm_radii: FloatArray
     units: FloatArray
     unit_names: tuple[str, ...]
     landmarks: dict[str, FloatArray]
 
     def markers(self, pose: Pose) -> FloatArray:
         """Return the 113 markers, shape (T, 113, 3), mm."""
-        return np.concatenate([self.face(pose.units, pose.head), self.hand(pose)], axis=1)
+        return np.concatenate(
+            [self.face(pose.units, pose.head), self.hand(pose.angles, pose.forearm)], axis=1
+        )
 
     def face(self, units: FloatArray, head: FloatArray) -> FloatArray:
         """Return the 63 markers of head and throat, shape (T, 63, 3), mm."""
-        shift = np.tensordot(units, self.units, axes=1)
+        shift = np.tensordot(units, self.units, axes=1) + self.face_tissue.shift(units)
         return self.face_skin.place_moved(shift, *self.neck(head))
 
-    def hand(self, pose: Pose) -> FloatArray:
+    def hand(self, angles: FloatArray, forearm: FloatArray) -> FloatArray:
         """Return the 50 markers of hand and forearm, shape (T, 50, 3), mm."""
-        return self.hand_skin.place(*self.arm_bones(pose.angles, pose.forearm))
+        bones = self.arm_bones(angles, forearm)
+        return self.hand_skin.place_moved(self.hand_tissue.shift(angles), *bones)
+
+    def normals(self, pose: Pose) -> FloatArray:
+        """Return the outward normals of the skin at the markers, shape (T, 113, 3)."""
+        face = self.face_skin.turned(self.face_normals, self.neck(pose.head)[0])
+        bones = self.arm_bones(pose.angles, pose.forearm)
+        return np.concatenate([face, self.hand_skin.turned(self.hand_normals, bones[0])], axis=1)
 
     def arm_bones(self, angles: FloatArray, forearm: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return frames (T, 22, 3, 3) and places (T, 22, 3) of the arm's bones."""
@@ -146,15 +168,20 @@ def load_body(name: str = "claire") -> Body:
     landmarks = dict(zip(names, raw["landmarks"] * scale, strict=True))
     landmarks["shoulder"] = raw["shoulder"] * anatomy.scale
     frames = raw["arm_frames"]
+    lengths = raw["arm_lengths"] * anatomy.scale
+    factors = bone_factors(anatomy, lengths)
     rest, origins = stretch(
         raw["hand_rest"] * anatomy.scale, raw["hand_weights"], frames,
-        raw["arm_origins"] * anatomy.scale, arm_parents(),
-        _bone_factors(anatomy, raw["arm_lengths"] * anatomy.scale),
+        raw["arm_origins"] * anatomy.scale, arm_parents(), factors,
     )  # fmt: skip
+    units, unit_names = raw["units"] * scale, tuple(map(str, raw["unit_names"]))
     return Body(
         name, anatomy, habits, ArmRig(frames, origins, raw["finger_zero"]), face_skin,
-        Skin(rest, raw["hand_weights"], frames, origins), raw["units"] * scale,
-        tuple(map(str, raw["unit_names"])), landmarks,
+        Skin(rest, raw["hand_weights"], frames, origins),
+        face_tissue(units, unit_names, anatomy.skin_seed),
+        hand_tissue(raw["hand_weights"], frames, anatomy.skin_seed),
+        raw["face_normals"], raw["hand_normals"], lengths * factors[:, 1],
+        raw["arm_radii"] * anatomy.scale * anatomy.girth, units, unit_names, landmarks,
     )  # fmt: skip
 
 
@@ -168,7 +195,7 @@ def load_asset(name: str) -> dict[str, NDArray[Any]]:
     }
 
 
-def _bone_factors(anatomy: Anatomy, lengths: FloatArray) -> FloatArray:
+def bone_factors(anatomy: Anatomy, lengths: FloatArray) -> FloatArray:
     """Return the stretch (22, 3) of every arm bone."""
     factors = np.ones((len(ARM_BONES), 3))
     factors[2:] = anatomy.girth

@@ -7,7 +7,6 @@ middle between the ears.
 """
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -15,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from codec.layout import FACE_MARKERS, HAND_MARKERS
+from codec.layout import FACE_MARKERS
 from codec.npz import write_arrays
 from synth.body.anatomy import IDENTITIES
 from synth.body.body import load_body
 from synth.body.mesh import Mesh, read_mesh
+from synth.body.placing import face_places, hand_places, sample_skin
 from synth.body.reach import solve_reach
 from synth.body.skeleton import ARM_BONES, FINGER_BONES, METACARPALS, NECK_BONES, frame
 
@@ -40,73 +40,88 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         mesh = read_mesh(options.mesh)
-        face = _layout(options.mesh / "face63_hm08.json", FACE_MARKERS)
-        hand = _layout(options.mesh / "hand50_hm08.json", HAND_MARKERS)
+        arrays = marker_arrays(mesh, options.mesh / "face63_hm08.json")
     except CueError as error:
         print(f"synth.body.derive: {error}", file=sys.stderr)
         return 3
-    write_arrays(options.out / "hm08_markers.npz", marker_arrays(mesh, face, hand))
+    write_arrays(options.out / "hm08_markers.npz", arrays)
     for name in IDENTITIES:
         wrist, forearm = solve_reach(load_body(name))
         write_arrays(options.out / f"reach_{name}.npz", {"wrist": wrist, "forearm": forearm})
     return 0
 
 
-def _layout(path: Path, names: tuple[str, ...]) -> NDArray[np.int64]:
-    """Return the vertex of each marker."""
-    vertex = {m["name"]: m["vertex"] for m in json.loads(path.read_text())["markers"]}
-    vertex |= {f"{n[:3]}_{n[3:]}": v for n, v in vertex.items() if n.startswith("TH")}
-    missing = [name for name in names if name not in vertex]
-    if missing:
-        raise CueError(f"{path}: no vertex for markers {', '.join(missing)}")
-    return np.array([vertex[name] for name in names])
-
-
-def marker_arrays(
-    mesh: Mesh, face: NDArray[np.int64], hand: NDArray[np.int64]
-) -> dict[str, NDArray[np.generic]]:
-    """Return the arrays of the marker asset for marker vertices `face` (63,), `hand` (50,)."""
-    ears = face[[FACE_MARKERS.index("EAR_R"), FACE_MARKERS.index("EAR_L")]]
-    origin = mesh.vertices[ears].mean(axis=0)
-    unit_names, units = _units(mesh, face)
+def marker_arrays(mesh: Mesh, layout: Path) -> dict[str, NDArray[np.generic]]:
+    """Return the arrays of the marker asset; `layout` lists the vertices of the face."""
+    skin = sample_skin(mesh)
     frames, zero = _arm_frames(mesh)
+    face, hand = face_places(mesh, skin, layout), hand_places(mesh, skin, frames)
+    at = dict(zip(FACE_MARKERS, face.of(mesh.vertices), strict=True))
+    origin = 0.5 * (at["EAR_R"] + at["EAR_L"])
+    names = [n for n in mesh.units if not n.lower().startswith(_NOT_SPEECH)]
+    units = [*(face.of(mesh.units[name]) for name in names), _larynx(face.of(mesh.vertices))]
     starts = np.array([mesh.joints[f"{bone}.R"][0] for bone in ARM_BONES])
     ends = np.array([mesh.joints[f"{bone}.R"][1] for bone in ARM_BONES])
+    normals = vertex_normals(mesh)
     landmark = {
-        "mouth_corner": mesh.vertices[face[FACE_MARKERS.index("LC_R")]],
-        "chin": mesh.vertices[face[FACE_MARKERS.index("CH0")]],
-        "cheekbone": mesh.vertices[face[FACE_MARKERS.index("CK2_R")]],
-        "larynx": _LARYNX_CENTRE,
-    }
+        "mouth_corner": at["LC_R"], "chin": at["CH0"], "cheekbone": at["CK2_R"],
+        "larynx": _LARYNX_CENTRE, "ear": at["EAR_R"],
+    }  # fmt: skip
     return {
-        "face_rest": (mesh.vertices[face] - origin).astype(np.float32),
-        "face_weights": _neck_weights(mesh)[face].astype(np.float32),
+        "face_rest": (face.of(mesh.vertices) - origin).astype(np.float32),
+        "face_normals": unit(face.of(normals)).astype(np.float32),
+        "face_weights": face.of(neck_weights(mesh)).astype(np.float32),
         "face_origins": np.array([mesh.joints[bone][0] - origin for bone in NECK_BONES]),
-        "unit_names": np.array(unit_names),
-        "units": units.astype(np.float32),
+        "unit_names": np.array([*names, "larynxRaise"]),
+        "units": np.array(units, dtype=np.float32),
         "landmark_names": np.array(list(landmark)),
         "landmarks": np.array(list(landmark.values())) - origin,
         "shoulder": mesh.joints["upperarm01.R"][0] - origin,
-        "hand_rest": (mesh.vertices[hand] - origin).astype(np.float32),
-        "hand_weights": _arm_weights(mesh)[hand].astype(np.float32),
+        "hand_rest": (hand.of(mesh.vertices) - origin).astype(np.float32),
+        "hand_normals": unit(hand.of(normals)).astype(np.float32),
+        "hand_weights": hand.of(arm_weights(mesh)).astype(np.float32),
         "arm_frames": frames,
         "arm_origins": starts - origin,
         "arm_lengths": np.linalg.norm(ends - starts, axis=1),
+        "arm_radii": _radii(mesh, frames, starts),
         "finger_zero": zero,
     }
 
 
-def _units(mesh: Mesh, points: NDArray[np.int64]) -> tuple[list[str], FloatArray]:
-    """Return names and displacements (U, N, 3) of the speech units and the larynx."""
-    names = [n for n in mesh.units if not n.lower().startswith(_NOT_SPEECH)]
-    larynx = np.zeros((len(points), 3))
-    distance = (mesh.vertices[points] - _LARYNX_CENTRE) / _LARYNX_SPREAD_MM
-    larynx[:, 1] = np.exp(-0.5 * (distance**2).sum(axis=1))
-    larynx[:, 2] = 0.25 * larynx[:, 1]
-    return [*names, "larynxRaise"], np.array([*(mesh.units[n][points] for n in names), larynx])
+def _larynx(points: FloatArray) -> FloatArray:
+    """Return the displacement (N, 3) of the throat when the larynx rises by 1 mm."""
+    distance = (points - _LARYNX_CENTRE) / _LARYNX_SPREAD_MM
+    rise = np.exp(-0.5 * (distance**2).sum(axis=1))
+    return np.stack([np.zeros_like(rise), rise, 0.25 * rise], axis=1)
 
 
-def _neck_weights(mesh: Mesh) -> FloatArray:
+def vertex_normals(mesh: Mesh) -> FloatArray:
+    """Return the outward normal of the skin at every vertex, shape (V, 3)."""
+    corner = mesh.vertices[mesh.faces]
+    across = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
+    normals = np.zeros_like(mesh.vertices)
+    for number in range(4):
+        np.add.at(normals, mesh.faces[:, number], across)
+    return unit(normals)
+
+
+def unit(vectors: FloatArray) -> FloatArray:
+    """Return `vectors` (N, 3) at length 1; zeros stay zeros."""
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12))
+
+
+def _radii(mesh: Mesh, frames: FloatArray, starts: FloatArray) -> FloatArray:
+    """Return the typical distance of the skin from each arm bone's axis, shape (22,), mm."""
+    weights = arm_weights(mesh)
+    radii = np.empty(len(ARM_BONES))
+    for bone in range(len(ARM_BONES)):
+        held = np.flatnonzero(weights[:, bone] > 0.4)
+        local = (mesh.vertices[held] - starts[bone]) @ frames[bone]
+        radii[bone] = np.median(np.hypot(local[:, 0], local[:, 2]))
+    return radii
+
+
+def neck_weights(mesh: Mesh) -> FloatArray:
     """Return weights (V, 5): facial bones count as head, everything below the neck as chest."""
     neck = np.stack([mesh.weights[bone] for bone in NECK_BONES[1:4]], axis=1)
     facial = ("head", "jaw", "oris", "levator", "special", "orbicularis", "risorius", "temporalis",
@@ -121,7 +136,7 @@ def _neck_weights(mesh: Mesh) -> FloatArray:
     return np.asarray(weights / np.maximum(total, 1e-9)[:, None])
 
 
-def _arm_weights(mesh: Mesh) -> FloatArray:
+def arm_weights(mesh: Mesh) -> FloatArray:
     """Return weights (V, 22); what the upper arm holds goes to the first forearm bone."""
     weights = np.stack([mesh.weights[f"{bone}.R"] for bone in ARM_BONES], axis=1)
     weights[:, 0] += mesh.weights["upperarm01.R"] + mesh.weights["upperarm02.R"]

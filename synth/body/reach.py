@@ -79,8 +79,8 @@ def _solve(body: Body, shape: int, placement: str) -> FloatArray:
 
     def residuals(x: FloatArray) -> FloatArray:
         angles[_WRIST_COLUMNS] = x[:3]
-        turns, places = body.arm_bones(angles[None], x[None, 3:])
-        points = body.hand_skin.place(turns, places)[0]
+        turns, _ = body.arm_bones(angles[None], x[None, 3:])
+        points = body.hand(angles[None], x[None, 3:])[0]
         hand, forearm = turns[0, 2], turns[0, 1]
         elbow = x[6:] - forearm_mm * forearm[:, 1]
         reach = np.linalg.norm(elbow - shoulder) - body.anatomy.upper_arm_mm
@@ -110,7 +110,7 @@ def _moved_to_target(body: Body, shape: int, x: FloatArray, placement: str) -> F
     angles = np.array(shape_angles(shape))
     angles[_WRIST_COLUMNS] = x[:3]
     tip = HAND_MARKERS.index(longest_finger_tip(shape))
-    point = body.hand_skin.place(*body.arm_bones(angles[None], x[None, 3:]))[0, tip]
+    point = body.hand(angles[None], x[None, 3:])[0, tip]
     return np.concatenate([x[:6], x[6:] + placement_target(body, placement) - point])
 
 

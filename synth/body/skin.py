@@ -57,11 +57,21 @@ class Skin:
 
         The shift is turned by the blend of the frames' rotations since rest.
         """
-        since = turns @ self.frames.transpose(0, 2, 1)
-        t, bones = places.shape[:2]
-        blend = (self.weights @ since.reshape(t, bones, 9)).reshape(t, len(self.rest), 3, 3)
+        blend = self._blend(turns)
         moved: FloatArray = np.einsum("tnij,tnj->tni", blend, shift)
         return self.place(turns, places) + moved
+
+    def turned(self, vectors: FloatArray, turns: FloatArray) -> FloatArray:
+        """Return vectors (N, 3) that belong to the points, turned with them, (T, N, 3)."""
+        turned: FloatArray = np.einsum("tnij,nj->tni", self._blend(turns), vectors)
+        return turned
+
+    def _blend(self, turns: FloatArray) -> FloatArray:
+        """Return each point's mean rotation since rest, shape (T, N, 3, 3)."""
+        since = turns @ self.frames.transpose(0, 2, 1)
+        t, bones = turns.shape[:2]
+        mixed: FloatArray = self.weights @ since.reshape(t, bones, 9)
+        return mixed.reshape(t, len(self.rest), 3, 3)
 
 
 def stretch(
