@@ -17,7 +17,6 @@ from codec.models.inversion import RIGID_FACE_COLUMNS
 from codec.models.pca import guided_components, motion_components, single
 from codec.models.pruning import prune
 
-EXPLAINED = 0.998
 _MAX_WEIGHT = 0.99
 _THROAT_FRAMES = 1500
 _ROUNDS = 3

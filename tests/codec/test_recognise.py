@@ -1,0 +1,73 @@
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from codec import layout
+from codec.errors import CueError
+from codec.models import rigid
+from codec.recognise import (
+    Gaussians,
+    characteristic_distances,
+    fit_gaussians,
+    fit_recogniser,
+    pointing_tip,
+)
+
+
+def test_seven_distances_of_known_points() -> None:
+    markers = np.zeros((1, 113, 3))
+    index = layout.MARKER_NUMBER
+    for digit in range(1, 6):
+        markers[0, index[f"F{digit}T"]] = [20.0 * digit, 0.0, 0.0]
+    markers[0, [index[f"P{d}"] for d in range(2, 6)]] = [0.0, 15.0, 0.0]
+    expected = [[20, 40, 60, 80, 100, 20, 25]]
+    np.testing.assert_allclose(characteristic_distances(markers), expected)
+
+
+def test_pointing_tip_moves_with_the_head_and_follows_the_shape(toy: ModuleType) -> None:
+    markers = np.repeat(toy.cuer_markers(1, 40)[:1], 2, axis=0)
+    motion = np.array([[0.0] * 6, [0.2, -0.1, 0.3, 10, 20, 30]])
+    moved = rigid.rigid_motion(markers, motion)
+    head = markers[0, layout.marker_indices(layout.RIGID_FACE)].astype(float)
+    tips = pointing_tip(moved, np.array([4, 4]), head)
+    np.testing.assert_allclose(tips[0], tips[1], atol=1e-4)
+    np.testing.assert_allclose(tips[0], markers[0, layout.MARKER_NUMBER["F3T"]], atol=1e-4)
+    index = pointing_tip(moved, np.array([1, 6]), head)
+    np.testing.assert_allclose(index[0], markers[0, layout.MARKER_NUMBER["F2T"]], atol=1e-4)
+
+
+def test_hidden_head_gives_equal_probabilities(toy: ModuleType) -> None:
+    markers = toy.cuer_markers(1, 600)
+    label = np.arange(600) % 9
+    recogniser = fit_recogniser(markers, label, np.arange(600) % 6)
+    unknown = markers[:2].copy()
+    unknown[:, layout.marker_indices(layout.RIGID_FACE)] = np.nan
+    np.testing.assert_allclose(recogniser.placement_posteriors(unknown), 1 / 6)
+    np.testing.assert_allclose(recogniser.shape_posteriors(unknown).sum(1), 1)
+
+
+def test_posteriors_are_bayes_rule() -> None:
+    classes = Gaussians(np.array([[0.0], [4.0]]), np.array([[[1.0]], [[4.0]]]))
+    x = np.array([[1.0]])
+    density = [np.exp(-0.5), np.exp(-9 / 8) / 2]
+    expected = density[0] / sum(density)
+    np.testing.assert_allclose(classes.posteriors(x)[0, 0], expected)
+
+
+def test_separate_classes_are_told_apart() -> None:
+    rng = np.random.default_rng(0)
+    label = np.arange(400) % 4
+    x = rng.normal(size=(400, 3)) + 8 * label[:, None]
+    learnt = fit_gaussians(x[:200], label[:200], 4, what="class")
+    assert (learnt.posteriors(x[200:]).argmax(1) == label[200:]).mean() > 0.99
+
+
+def test_a_class_without_targets_is_named() -> None:
+    with pytest.raises(CueError, match="placement 2: 1 targets to learn from, 2 needed"):
+        fit_gaussians(np.zeros((5, 3)), np.array([0, 0, 1, 1, 2]), 3, what="placement")
+
+
+def test_training_without_a_head_is_refused() -> None:
+    with pytest.raises(CueError, match="no training frame shows all rigid markers"):
+        fit_recogniser(np.full((4, 113, 3), np.nan), np.zeros(4, int), np.zeros(4, int))
