@@ -31,7 +31,7 @@ Sentence = tuple[list[str], NDArray[np.float64]]
 
 def read_sentences(path: Path) -> list[Sentence]:
     """Return (phones, durations in seconds) of every labelled sentence."""
-    import yaml  # type: ignore[import-untyped]
+    import yaml
 
     document: list[dict[str, Any]] = yaml.load(path.read_text("utf-8"), Loader=yaml.CSafeLoader)
     return [
@@ -73,7 +73,7 @@ def table(
 
 def grow(x: NDArray[np.uint8], y: NDArray[np.float64], rank: NDArray[np.uint8]) -> DurationTrees:
     """Fit the trees and pack them into arrays."""
-    from sklearn.ensemble import HistGradientBoostingRegressor  # type: ignore[import-untyped]
+    from sklearn.ensemble import HistGradientBoostingRegressor
 
     model = HistGradientBoostingRegressor(
         learning_rate=0.04, max_iter=_TREES, max_leaf_nodes=_LEAVES, min_samples_leaf=60,

@@ -1,4 +1,4 @@
-import constriction  # type: ignore[import-untyped]
+import constriction
 import numpy as np
 import pytest
 from hypothesis import given, settings
