@@ -11,18 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.dither import project, soft_values
-from watermark.layout import make_layout, pilot_signs
+from watermark.layout import make_pilots
 from watermark.masking import make_masker
 from watermark.mdct import analyse
 from watermark.profile import (
     FRAMES_PER_SUPERFRAME,
     HOP,
-    PILOT_GROUPS,
+    PILOT_SLOTS,
     PILOT_STEPS,
     PILOTS_PER_FRAME,
     PROFILES,
     SLOT_FRAMES,
-    STANDARD,
 )
 
 DECIMATION = 4
@@ -88,9 +87,9 @@ class PilotSearch:
     """
 
     def __init__(self, key: int) -> None:
-        self._layout = make_layout(STANDARD, key)
-        self._signs = pilot_signs(key).astype(np.float32)
-        self._masker = make_masker(int(self._layout.starts[PILOT_GROUPS]))
+        self._pilots = make_pilots(key)
+        self._signs = self._pilots.signs.astype(np.float32)
+        self._masker = make_masker(self._pilots.cells.last_bin)
         frame = np.arange(FRAMES_PER_SUPERFRAME)
         drift = CLOCK_ERRORS_PPM[:, np.newaxis] * 1e-6 * frame * ROW_HOP
         self._drift = np.round(drift).astype(np.int64)
@@ -101,7 +100,7 @@ class PilotSearch:
         self._turn = np.sqrt(DECIMATION) * np.exp(1j * np.pi / SEARCH_HOP * turn * (bins + 0.5))
         # Silence stands before the first sample: a superframe cut by the start is found too.
         self._history = self._span + 2 * self._slack
-        shape = (len(PILOT_STEPS), PILOT_GROUPS, self._history)
+        shape = (len(PILOT_STEPS), PILOT_SLOTS, self._history)
         self._soft = np.zeros(shape, dtype=np.float32)
         self._before = np.zeros((SEARCH_HOP, self._masker.edges.size - 1))
         self._sound = np.zeros(0)
@@ -152,23 +151,24 @@ class PilotSearch:
     ) -> None:
         from watermark import _kernels
 
-        group = np.ascontiguousarray(self._layout.pilot_group[:, pilot])
+        group = np.ascontiguousarray(self._pilots.slots[:, pilot])
         sign = np.ascontiguousarray(signs)
         _kernels.pilot_scores(soft, self._slack, ROW_HOP, self._drift, group, sign, scores)
 
     def _observe(self) -> NDArray[np.float32]:
-        """Soft values of the pilots' positions, shape (tiers, PILOT_GROUPS, QUANTUM * TURNS)."""
+        """Soft values of the pilots' positions, shape (tiers, PILOT_SLOTS, QUANTUM * TURNS)."""
         frames = np.lib.stride_tricks.sliding_window_view(self._sound, 2 * SEARCH_HOP)
         spectra = analyse(frames, SEARCH_HOP)[:, : self._masker.edges[-1]]
         threshold = self._masker.thresholds(np.abs(spectra) ** 2 * (DECIMATION / 2))
         before = np.concatenate([self._before, threshold[:-SEARCH_HOP]])
         self._before = threshold[-SEARCH_HOP:]
         amplitudes = self._masker.amplitudes(threshold, before)
-        shape = (len(PILOT_STEPS), PILOT_GROUPS, QUANTUM, TURNS)
+        shape = (len(PILOT_STEPS), PILOT_SLOTS, QUANTUM, TURNS)
         soft = np.empty(shape, dtype=np.float32)
         for turn in range(TURNS):
             coefficients = (spectra * self._turn[turn]).real
-            projections, alive = project(coefficients, amplitudes, self._layout, PILOT_GROUPS)
+            projections, alive = project(coefficients, amplitudes, self._pilots.cells)
             for tier, step in enumerate(PILOT_STEPS):
-                soft[tier, :, :, turn] = soft_values(projections, alive, step, self._layout).T
-        return soft.reshape(len(PILOT_STEPS), PILOT_GROUPS, -1)
+                values = soft_values(projections, alive, self._pilots.cells, step)
+                soft[tier, :, :, turn] = values.T
+        return soft.reshape(len(PILOT_STEPS), PILOT_SLOTS, -1)

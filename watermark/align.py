@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.dither import project, soft_values
-from watermark.layout import Layout
+from watermark.layout import Cells
 from watermark.masking import Masker
 from watermark.mdct import analyse, frames_of
 from watermark.profile import FRAMES_PER_SUPERFRAME, HOP, SUPERFRAME
@@ -63,38 +63,29 @@ class View:
     amplitudes: NDArray[np.float64]
 
     def soft(
-        self,
-        layout: Layout,
-        steps: NDArray[np.float64] | float,
-        *,
-        delay: NDArray[np.float64] | None = None,
-        groups: int | None = None,
+        self, cells: Cells, step: float, *, delay: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """Soft values of the cells.
+        """Soft values of cells.
 
         Parameters
         ----------
-        layout : Layout
-            Cells of the profile.
-        steps : float or ndarray of float64, shape (64, groups)
-            Quantiser steps, see `watermark.dither.steps_of`.
+        cells : Cells
+            Which cells of each frame.
+        step : float
+            Quantiser step.
         delay : ndarray of float64, shape (64,), optional
             Samples by which each frame comes later than it was read.
-        groups : int, optional
-            Only the lowest cell positions; all by default.
 
         Returns
         -------
         ndarray of float64, shape (64, groups)
         """
-        count = layout.dither.size if groups is None else groups
-        bins = int(layout.starts[count])
-        spectra = self.spectra[:, :bins]
+        spectra = self.spectra[:, : cells.last_bin]
         if delay is not None:
-            frequency = np.pi / HOP * (np.arange(bins) + 0.5)
+            frequency = np.pi / HOP * (np.arange(cells.last_bin) + 0.5)
             spectra = spectra * np.exp(1j * np.outer(delay, frequency))
-        projections, alive = project(spectra.real, self.amplitudes[:, :bins], layout, count)
-        return soft_values(projections, alive, steps, layout)
+        projections, alive = project(spectra.real, self.amplitudes[:, : cells.last_bin], cells)
+        return soft_values(projections, alive, cells, step)
 
 
 def read_view(tape: Tape, position: float, ratio: float, masker: Masker) -> View:
@@ -110,22 +101,17 @@ Grid = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def search_fit(
-    view: View,
-    layout: Layout,
-    steps: NDArray[np.float64] | float,
-    expected: NDArray[np.float64],
-    grid: Grid,
+    view: View, cells: Cells, step: float, expected: NDArray[np.float64], grid: Grid
 ) -> Fit:
     """Delay and drift under which `expected` soft values, shape (64, groups), fit best.
 
     Found on a grid and refined by a parabola in each direction.
     """
-    seen = np.abs(expected * view.soft(layout, steps, groups=expected.shape[1])).sum(axis=1)
+    seen = np.abs(expected * view.soft(cells, step)).sum(axis=1)
     pivot = float((np.arange(seen.size) * seen).sum() / max(seen.sum(), 1e-9))
 
     def score(delay: float, drift_ppm: float) -> float:
-        later = Fit(delay, drift_ppm, pivot).delays()
-        soft = view.soft(layout, steps, delay=later, groups=expected.shape[1])
+        soft = view.soft(cells, step, delay=Fit(delay, drift_ppm, pivot).delays())
         return float((soft * expected).sum())
 
     delay_grid, drift_grid = grid

@@ -4,16 +4,16 @@ In: a `View`; out: soft values, log-likelihood ratios and what the link makes of
 found by trying: the one that worked last first. Specification: sections 6 and 7.3.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from watermark.align import View
-from watermark.dither import steps_of
 from watermark.layout import make_layout
 from watermark.link import Decoded, Link
-from watermark.profile import FRAMES_PER_SUPERFRAME, Profile
+from watermark.profile import LEVELS, Profile
 from watermark.reliability import Reliability
 
 
@@ -53,23 +53,33 @@ class Demodulator:
 
     def read(self, view: View, levels: list[int]) -> Reading:
         """Read at the first of `levels` that the link accepts; else at the first of all."""
-        first = None
-        for level in levels:
-            soft = view.soft(self.layout, steps_of(self.layout, level))
-            llr = self.reliability.weigh(soft).reshape(-1)[self.layout.data_cell]
-            reading = Reading(view, level, soft, llr, self.link.decode(llr))
+        readings = (self._read_at(view, level) for level in levels)
+        first = next(readings)
+        for reading in itertools.chain([first], readings):
             if reading.decoded.l0 is not None:
-                return reading
-            first = first or reading
-        if first is None:
-            raise ValueError("no level to try")
+                return self._settle(reading)
         return first
 
+    def _read_at(self, view: View, level: int) -> Reading:
+        soft = view.soft(self.layout.cells, LEVELS[level])
+        llr = self.layout.gather(self.reliability.weigh(soft))
+        return Reading(view, level, soft, llr, self.link.decode(llr))
+
+    def _settle(self, reading: Reading) -> Reading:
+        """Move to the level at which the decoded bits fit best: L0 survives a wrong one."""
+        expected = self.expected(reading.decoded)
+
+        def fit(level: int) -> float:
+            return float((reading.view.soft(self.layout.cells, LEVELS[level]) * expected).sum())
+
+        near = range(max(reading.level - 2, 0), min(reading.level + 3, len(LEVELS)))
+        best = max(near, key=fit)
+        if best == reading.level:
+            return reading
+        again = self._read_at(reading.view, best)
+        return reading if again.decoded.l0 is None else again
+
     def expected(self, decoded: Decoded) -> NDArray[np.float64]:
-        """Soft values that decoded bits and pilots ask for; 0 where unknown, (64, groups)."""
-        line = np.zeros(self.profile.cells)
+        """Soft values that decoded bits ask for; 0 where unknown, shape (64, groups)."""
         known = decoded.coded >= 0
-        line[self.layout.data_cell[known]] = 1.0 - 2.0 * decoded.coded[known]
-        expected = line.reshape(FRAMES_PER_SUPERFRAME, -1)
-        np.put_along_axis(expected, self.layout.pilot_group, self.layout.pilot_sign, axis=1)
-        return expected
+        return self.layout.spread(np.where(known, 1.0 - 2.0 * decoded.coded, 0.0))

@@ -15,17 +15,19 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from watermark.dither import mark_change, project
 from watermark.grade import START_LEVEL, LevelControl
-from watermark.layout import make_layout
+from watermark.layout import make_layout, make_pilots
 from watermark.link import Link
 from watermark.masking import make_masker
 from watermark.mdct import analyse, frames_of, synthesise
 from watermark.mix import add_mark, check_format, mid_of
 from watermark.profile import (
-    FRAMES_PER_SUPERFRAME,
     FS,
     HOP,
+    LEVELS,
+    PILOT_STEPS,
     SUPERFRAME,
     SUPERFRAME_S,
+    TIER_LEVELS,
     Profile,
     find_profile,
 )
@@ -79,18 +81,12 @@ class MarkDesigner:
     """Designs the mark of one superframe after another, at the mark's own rate."""
 
     def __init__(self, profile: Profile, key: int) -> None:
-        self._profile = profile
+        self._alpha = profile.alpha
         self._layout = make_layout(profile, key)
+        self._pilots = make_pilots(key)
+        self._announced = self._pilots.expected(profile.number)
         self._masker = make_masker()
         self._link = Link(profile)
-
-    def _bits(self, l0: bytes, l1: bytes) -> NDArray[np.int64]:
-        line = np.zeros(self._profile.cells, dtype=np.int64)
-        line[self._layout.data_cell] = self._link.encode(l0, l1)
-        bits = line.reshape(FRAMES_PER_SUPERFRAME, -1)
-        known = (self._layout.pilot_sign < 0).astype(np.int64)
-        np.put_along_axis(bits, self._layout.pilot_group, known, axis=1)
-        return bits
 
     def design(
         self,
@@ -112,7 +108,7 @@ class MarkDesigner:
         level : int
             Index into `LEVELS`.
         """
-        bits, layout, alpha = self._bits(*payload), self._layout, self._profile.alpha
+        wanted = self._layout.spread(1.0 - 2.0 * self._link.encode(*payload))
         sound = np.concatenate([before, host])
         spectra = analyse(frames_of(sound, HOP), HOP)
         coefficients = spectra[1:].real
@@ -120,12 +116,36 @@ class MarkDesigner:
         for _ in range(ITERATIONS):
             threshold = self._masker.thresholds(np.abs(spectra) ** 2 / 2)
             unit = self._masker.amplitudes(threshold[1:], threshold[:-1])
-            change = mark_change(coefficients, unit, bits, level=level, alpha=alpha, layout=layout)
-            mark = synthesise(change, HOP)
+            mark = synthesise(self._change(coefficients, unit, wanted, level), HOP)
             sound[HOP:] = host + mark
             spectra = analyse(frames_of(sound, HOP), HOP)
-            living = float(project(coefficients, unit, layout)[1].mean())
+            living = float(project(coefficients, unit, self._layout.cells)[1].mean())
         return MarkedSuperframe(mark, living)
+
+    def _change(
+        self,
+        coefficients: NDArray[np.float64],
+        unit: NDArray[np.float64],
+        wanted: NDArray[np.float64],
+        level: int,
+    ) -> NDArray[np.float64]:
+        data = mark_change(
+            coefficients,
+            unit,
+            self._layout.cells,
+            wanted,
+            step=LEVELS[level],
+            alpha=self._alpha,
+        )
+        pilots = mark_change(
+            coefficients,
+            unit,
+            self._pilots.cells,
+            self._announced,
+            step=PILOT_STEPS[level // TIER_LEVELS],
+            alpha=self._alpha,
+        )
+        return data + pilots
 
 
 class AudioEmbedder:

@@ -12,7 +12,7 @@ from codec.errors import CueError
 from watermark.profile import FS, LEVELS
 from watermark.quality import PeaqMeter
 
-START_LEVEL = 4
+START_LEVEL = 5
 """Level before anything was graded: fair for most programmes."""
 
 WINDOW = 8

@@ -8,6 +8,7 @@ function only. What the pilots use is alike in all profiles.
 import hashlib
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,8 @@ from codec.errors import CueError
 from watermark.profile import (
     FIRST_BIN,
     FRAMES_PER_SUPERFRAME,
-    PILOT_GROUPS,
+    PILOT_BINS,
+    PILOT_SLOTS,
     PILOTS_PER_FRAME,
     PROFILES,
     Profile,
@@ -26,38 +28,78 @@ MAX_KEY = 2**64
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
-    """Arrays that both ends share; `groups` is the number of cells of a frame.
+class Cells:
+    """Cells of a frame that lie side by side from `FIRST_BIN` on.
 
     Attributes
     ----------
-    starts : ndarray of int64, shape (groups + 1,)
-        First bin of each cell, and of what follows the last.
-    signs : ndarray of float64, shape (bins,)
-        Spreading sequence from the first cell's first bin on, +1 or -1.
+    bins : int
+        Bins of each cell.
+    signs : ndarray of float64, shape (groups * bins,)
+        Spreading sequence, +1 or -1.
     dither : ndarray of float64, shape (groups,)
-        Offset of each cell position's quantiser in steps, 0 to 1.
-    pilot_group : ndarray of int64, shape (64, 2)
-        Cell positions of each frame's pilots.
-    pilot_sign : ndarray of float64, shape (64, 2)
-        Their known values, +1 for bit 0 and -1 for bit 1.
-    data_cell : ndarray of int64, shape (data_cells,)
+        Offset of each cell's quantiser in steps, 0 to 1.
+    """
+
+    bins: int
+    signs: NDArray[np.float64]
+    dither: NDArray[np.float64]
+
+    @property
+    def last_bin(self) -> int:
+        """First bin above the cells."""
+        return FIRST_BIN + self.signs.size
+
+
+@dataclass(frozen=True, slots=True)
+class Pilots:
+    """Known cells of a superframe, alike in all profiles but for the announcement.
+
+    Attributes
+    ----------
+    cells : Cells
+        The six slots where pilots may stand.
+    slots : ndarray of int64, shape (64, 2)
+        Slots of each frame's pilots.
+    signs : ndarray of float64, shape (profiles, 64, 2)
+        Their soft values: +1 for bit 0, -1 for bit 1. The first is the same in all profiles.
+    """
+
+    cells: Cells
+    slots: NDArray[np.int64]
+    signs: NDArray[np.float64]
+
+    def expected(self, profile: int) -> NDArray[np.float64]:
+        """Soft values of all slots, 0 where no pilot stands; shape (64, PILOT_SLOTS)."""
+        expected = np.zeros((FRAMES_PER_SUPERFRAME, PILOT_SLOTS))
+        np.put_along_axis(expected, self.slots, self.signs[profile], axis=1)
+        return expected
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Data cells of a profile.
+
+    Attributes
+    ----------
+    cells : Cells
+        Cells of a frame; those under a pilot are not used.
+    order : ndarray of int64, shape (data_cells,)
         Cell (frame times groups plus position) of each coded bit: the interleaver.
     """
 
-    starts: NDArray[np.int64]
-    signs: NDArray[np.float64]
-    dither: NDArray[np.float64]
-    pilot_group: NDArray[np.int64]
-    pilot_sign: NDArray[np.float64]
-    data_cell: NDArray[np.int64]
+    cells: Cells
+    order: NDArray[np.int64]
 
-    @property
-    def expected_pilots(self) -> NDArray[np.float64]:
-        """Known soft values at the pilots' positions, 0 elsewhere; shape (64, PILOT_GROUPS)."""
-        expected = np.zeros((FRAMES_PER_SUPERFRAME, PILOT_GROUPS))
-        np.put_along_axis(expected, self.pilot_group, self.pilot_sign, axis=1)
-        return expected
+    def spread(self, line: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+        """Values of the coded bits at their cells, shape (64, groups); 0 under pilots."""
+        values = np.zeros(FRAMES_PER_SUPERFRAME * self.cells.dither.size)
+        values[self.order] = line
+        return values.reshape(FRAMES_PER_SUPERFRAME, -1)
+
+    def gather(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Inverse of `spread`."""
+        return np.asarray(values.reshape(-1)[self.order])
 
 
 def stream_words(purpose: str, key: int, count: int) -> NDArray[np.int64]:
@@ -80,42 +122,41 @@ def stream_words(purpose: str, key: int, count: int) -> NDArray[np.int64]:
 
 
 def _signs(words: NDArray[np.int64]) -> NDArray[np.float64]:
-    """+1 for an even word, -1 for an odd one."""
+    """Return +1 for an even word, -1 for an odd one."""
     return np.where(words & 1, -1.0, 1.0)
 
 
-def pilot_signs(key: int) -> NDArray[np.float64]:
-    """Known pilot values of each profile, shape (profiles, 64, 2); the first pilot is common."""
-    frames = FRAMES_PER_SUPERFRAME
-    signs = np.empty((len(PROFILES), frames, PILOTS_PER_FRAME))
-    signs[:, :, 0] = _signs(stream_words("pilot", key, frames))
-    for profile in PROFILES.values():
-        words = stream_words(f"announcement {profile.number}", key, frames)
-        signs[profile.number, :, 1] = _signs(words)
-    return signs
-
-
-def pilot_groups(key: int) -> NDArray[np.int64]:
-    """Cell positions of the pilots, shape (64, 2)."""
-    words = stream_words("pilot positions", key, FRAMES_PER_SUPERFRAME * PILOT_GROUPS)
-    order = np.argsort(words.reshape(FRAMES_PER_SUPERFRAME, PILOT_GROUPS), axis=1, kind="stable")
-    return np.ascontiguousarray(order[:, :PILOTS_PER_FRAME], dtype=np.int64)
+def _cells(purpose: str, key: int, bins: int, groups: int) -> Cells:
+    """Draw the signs and dither of `groups` cells."""
+    signs = _signs(stream_words(f"{purpose} signs", key, groups * bins))
+    return Cells(bins, signs, stream_words(f"{purpose} dither", key, groups) / 2.0**32)
 
 
 @lru_cache(maxsize=16)
-def make_layout(profile: Profile, key: int = 0) -> Layout:
-    """Draw the layout of a profile and key."""
-    starts = np.array(profile.starts, dtype=np.int64)
-    pilot_group = pilot_groups(key)
-    is_pilot = np.zeros((FRAMES_PER_SUPERFRAME, profile.groups), dtype=bool)
-    np.put_along_axis(is_pilot, pilot_group, True, axis=1)
-    cells = np.flatnonzero(~is_pilot.reshape(-1))
-    words = stream_words(f"interleaver {profile.number}", key, cells.size)
-    return Layout(
-        starts=starts,
-        signs=_signs(stream_words("signs", key, int(starts[-1]) - FIRST_BIN)),
-        dither=stream_words("dither", key, profile.groups) / 2.0**32,
-        pilot_group=pilot_group,
-        pilot_sign=pilot_signs(key)[profile.number],
-        data_cell=cells[np.argsort(words, kind="stable")].astype(np.int64),
-    )
+def make_pilots(key: int) -> Pilots:
+    """Draw the pilots of a key."""
+    frames = FRAMES_PER_SUPERFRAME
+    words = stream_words("pilot slots", key, frames * PILOT_SLOTS).reshape(frames, -1)
+    slots = np.argsort(words, axis=1, kind="stable")[:, :PILOTS_PER_FRAME]
+    signs = np.empty((len(PROFILES), frames, PILOTS_PER_FRAME))
+    signs[:, :, 0] = _signs(stream_words("pilot bits", key, frames))
+    for profile in PROFILES.values():
+        announcement = stream_words(f"announcement {profile.number}", key, frames)
+        signs[profile.number, :, 1] = _signs(announcement)
+    cells = _cells("pilot", key, PILOT_BINS, PILOT_SLOTS)
+    return Pilots(cells, np.ascontiguousarray(slots, dtype=np.int64), signs)
+
+
+@lru_cache(maxsize=16)
+def make_layout(profile: Profile, key: int) -> Layout:
+    """Draw the data cells of a profile and key."""
+    name = f"data {profile.number}"
+    cells = _cells(name, key, profile.cell_bins, profile.groups)
+    per_slot = PILOT_BINS // profile.cell_bins
+    free = np.ones((FRAMES_PER_SUPERFRAME, profile.groups), dtype=bool)
+    open_slots = np.ones((FRAMES_PER_SUPERFRAME, PILOT_SLOTS), dtype=bool)
+    np.put_along_axis(open_slots, make_pilots(key).slots, False, axis=1)
+    free[:, : PILOT_SLOTS * per_slot] = np.repeat(open_slots, per_slot, axis=1)
+    usable = np.flatnonzero(free)
+    words = stream_words(f"{name} interleaver", key, usable.size)
+    return Layout(cells, usable[np.argsort(words, kind="stable")].astype(np.int64))

@@ -31,7 +31,7 @@ GROWTH = 4.0
 """Largest growth of a threshold from frame to frame: what an attack masks, its pre-echo must not
 exceed."""
 
-COMPRESSION = 0.8
+COMPRESSION = 0.7
 """Exponent of threshold over spread power: loud bands mask relatively less than soft ones."""
 
 REFERENCE = 10 ** (-8.0)

@@ -30,23 +30,23 @@ SLOT_FRAMES = 8
 FIRST_BIN = 6
 """Lowest bin that carries a cell: 300 Hz; a bin is 50 Hz wide."""
 
-PILOT_GROUPS = 6
-"""Lowest cell positions of a frame, alike in all profiles; the pilots are among them."""
+PILOT_SLOTS = 6
+"""Lowest stretches of `PILOT_BINS` bins; the pilots take two of them in each frame."""
 
 PILOT_BINS = 8
-"""Bins of a cell at these positions."""
+"""Bins of a pilot cell, in all profiles."""
 
 PILOTS_PER_FRAME = 2
 """Pilot cells of each frame: the first is alike in all profiles, the second announces one."""
 
-LEVELS = tuple(4.0 * 2 ** (level / 4) for level in range(12))
+LEVELS = tuple(2.0 * 2 ** (level / 4) for level in range(2, 14))
 """Quantiser steps in units of the mask's amplitude, 1.5 dB apart, from which the embedder chooses
 for each superframe. The receiver finds out; a change of gain looks like a change of level."""
 
 TIER_LEVELS = 4
 """Levels that share one step of the pilots."""
 
-PILOT_STEPS = tuple(4.0 * 2 ** ((4 * tier + 1.5) / 4) for tier in range(3))
+PILOT_STEPS = tuple(2.0 * 2 ** ((4 * tier + 3.5) / 4) for tier in range(3))
 """Quantiser step of the pilots in each tier of levels."""
 
 
@@ -65,9 +65,9 @@ class Profile:
     l0_coded : int
         Coded bits of the first class; the second class takes all other data cells.
     cell_bins : int
-        Bins of a cell above the pilots' positions: the spreading.
+        Bins of a data cell, the spreading: 2, 4 or 8.
     last_bin : int
-        First bin above all cells.
+        No cell reaches beyond this bin.
     alpha : float
         Part of the quantisation error that the embedder removes, 0 to 1 (Costa's parameter).
     """
@@ -82,33 +82,23 @@ class Profile:
     alpha: float
 
     def __post_init__(self) -> None:
+        if PILOT_BINS % self.cell_bins:
+            raise CueError(f"cells of {self.cell_bins} bins do not divide {PILOT_BINS}")
         if not 0 < self.l0_coded <= self.data_cells:
             raise CueError(f"{self.l0_coded} coded bits of L0, limit {self.data_cells}")
         if (self.l1_bytes > 0) != (self.l1_coded > 0):
             raise CueError(f"{self.l1_bytes} bytes of L1 in {self.l1_coded} coded bits")
 
     @property
-    def starts(self) -> tuple[int, ...]:
-        """First bin of each cell of a frame, and the first bin above the last as a final entry."""
-        split = FIRST_BIN + PILOT_GROUPS * PILOT_BINS
-        low = range(FIRST_BIN, split, PILOT_BINS)
-        count = (self.last_bin - split) // self.cell_bins
-        return (*low, *range(split, split + count * self.cell_bins + 1, self.cell_bins))
-
-    @property
     def groups(self) -> int:
-        """Cells of one frame."""
-        return len(self.starts) - 1
-
-    @property
-    def cells(self) -> int:
-        """Cells of one superframe, pilots included."""
-        return self.groups * FRAMES_PER_SUPERFRAME
+        """Data cells of a frame without pilots."""
+        return (self.last_bin - FIRST_BIN) // self.cell_bins
 
     @property
     def data_cells(self) -> int:
         """Cells of one superframe that carry coded bits."""
-        return (self.groups - PILOTS_PER_FRAME) * FRAMES_PER_SUPERFRAME
+        pilots = PILOTS_PER_FRAME * PILOT_BINS // self.cell_bins
+        return (self.groups - pilots) * FRAMES_PER_SUPERFRAME
 
     @property
     def l1_coded(self) -> int:
@@ -122,8 +112,8 @@ class Profile:
 
     @property
     def gross_bps(self) -> float:
-        """Cells per second, pilots included."""
-        return self.cells / SUPERFRAME_S
+        """Coded bits per second."""
+        return self.data_cells / SUPERFRAME_S
 
 
 ROBUST = Profile(
@@ -131,9 +121,9 @@ ROBUST = Profile(
     number=0,
     l0_bytes=7,
     l1_bytes=0,
-    l0_coded=1728,
+    l0_coded=832,
     cell_bins=8,
-    last_bin=238,
+    last_bin=126,
     alpha=0.65,
 )
 
@@ -142,8 +132,8 @@ STANDARD = Profile(
     number=1,
     l0_bytes=20,
     l1_bytes=7,
-    l0_coded=1280,
-    cell_bins=8,
+    l0_coded=2560,
+    cell_bins=4,
     last_bin=238,
     alpha=0.75,
 )
@@ -152,11 +142,11 @@ HIGH = Profile(
     name="high",
     number=2,
     l0_bytes=20,
-    l1_bytes=32,
-    l0_coded=1280,
-    cell_bins=4,
+    l1_bytes=60,
+    l0_coded=2048,
+    cell_bins=2,
     last_bin=238,
-    alpha=0.85,
+    alpha=0.75,
 )
 
 PROFILES: dict[str, Profile] = {profile.name: profile for profile in (ROBUST, STANDARD, HIGH)}

@@ -15,7 +15,7 @@ from codec.errors import CueError
 from watermark.acquire import DECIMATION, Candidate, PilotSearch
 from watermark.align import Fit, read_view, search_fit
 from watermark.demodulate import Demodulator, Reading
-from watermark.dither import steps_of
+from watermark.layout import make_pilots
 from watermark.masking import make_masker
 from watermark.mix import check_format, mid_of
 from watermark.profile import (
@@ -200,7 +200,7 @@ class AudioReceiver:
         demodulator = self._demodulator(candidate.profile)
         ratio = self._nominal * (1 + candidate.clock_ppm * 1e-6)
         track = _Track(position, ratio, demodulator, candidate.tier * TIER_LEVELS)
-        self._pull_in(track, PILOT_STEPS[candidate.tier])
+        self._pull_in(track, candidate)
         levels = [track.level + i for i in TIER_ORDER]
         levels += [level for level in range(len(LEVELS)) if level not in levels]
         for delay in (0.0, 0.5, -0.5):
@@ -226,12 +226,13 @@ class AudioReceiver:
             self._demodulators[number] = Demodulator(profile, self._key)
         return self._demodulators[number]
 
-    def _pull_in(self, track: _Track, step: float) -> None:
+    def _pull_in(self, track: _Track, candidate: Candidate) -> None:
         """Refine a candidate's place by its pilots."""
-        layout = track.demodulator.layout
+        pilots, step = make_pilots(self._key), PILOT_STEPS[candidate.tier]
+        expected = pilots.expected(candidate.profile)
         for grid in PULL_IN:
             view = read_view(self._tape, track.position, track.ratio, self._masker)
-            self._move(track, search_fit(view, layout, step, layout.expected_pilots, grid))
+            self._move(track, search_fit(view, pilots.cells, step, expected, grid))
 
     def _move(self, track: _Track, fit: Fit) -> None:
         """Shift a track by a fit."""
@@ -268,14 +269,14 @@ class AudioReceiver:
         """Let the decoded bits correct the clock, the level and the cells' reliabilities."""
         demodulator = track.demodulator
         expected = demodulator.expected(reading.decoded)
-        steps = steps_of(demodulator.layout, reading.level)
+        cells, step = demodulator.layout.cells, LEVELS[reading.level]
         weighted = expected * demodulator.reliability.weights
         if wide:
             for grid in LOCK_IN:
                 view = read_view(self._tape, track.position, track.ratio, self._masker)
-                self._move(track, search_fit(view, demodulator.layout, steps, weighted, grid))
+                self._move(track, search_fit(view, cells, step, weighted, grid))
         else:
-            fit = search_fit(reading.view, demodulator.layout, steps, weighted, FOLLOW)
+            fit = search_fit(reading.view, cells, step, weighted, FOLLOW)
             pace = PACE_GAIN * fit.delay / SUPERFRAME * 1e6
             drift = DRIFT_GAIN * fit.drift_ppm + pace
             self._move(track, Fit(DELAY_GAIN * fit.delay, drift, fit.pivot))
