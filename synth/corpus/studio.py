@@ -1,10 +1,10 @@
 """A motion-capture studio: what its cameras make of the true markers.
 
-Twelve cameras stand on an arc before the cuer, or around her hand for the first corpus. A marker is seen if at least two of them look at
-its skin at less than 75 degrees from the normal and neither head, neck, hand nor forearm is in
-the way; so gaps grow exactly when the hand is at the face. What is seen carries white noise and a
-smooth error of calibration. Drop-outs, swapped neighbours and ghost points are options for tests
-of what reads such files.
+Twelve cameras stand on an arc before the cuer, or around her hand for the first corpus. A marker
+is seen if at least two of them look at its skin at less than 75 degrees from the normal and
+neither head, neck, hand nor forearm is in the way; so gaps grow exactly when the hand is at the
+face. What is seen carries white noise and a smooth error of calibration. Drop-outs, swapped
+neighbours and ghost points are options for tests of what reads such files.
 """
 
 from dataclasses import dataclass, field
