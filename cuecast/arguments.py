@@ -90,6 +90,14 @@ def not_negative(text: str) -> float:
     return value
 
 
+def grade(text: str) -> float:
+    """Read an objective difference grade."""
+    value = float(text)
+    if not (-4 <= value <= 0):
+        raise argparse.ArgumentTypeError(f"{text} is not a grade from -4 to 0")
+    return value
+
+
 def bit_rate(text: str) -> int:
     """Read a bit rate; a final ``k`` means thousands.
 

@@ -45,6 +45,8 @@ class DubOptions:
         Which of the programme's sounds, from 0.
     audio_codec, audio_bit_rate : optional
         Of the output, if not those of the programme.
+    grade : float
+        Objective difference grade (ITU-R BS.1387) that the mark aims at.
     graded : bool
         Whether to grade the marked sound with the quality meter.
     """
@@ -54,6 +56,7 @@ class DubOptions:
     track: int = 0
     audio_codec: str | None = None
     audio_bit_rate: int | None = None
+    grade: float = -0.4
     graded: bool = True
 
 
@@ -96,7 +99,7 @@ def dub(
         stages.append(
             MarkingStage(
                 sound, source, name=os.fspath(programme), profile=options.profile,
-                key=options.key, graded=options.graded,
+                key=options.key, grade=options.grade, graded=options.graded,
             )
         )  # fmt: skip
         return stages[-1]

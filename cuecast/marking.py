@@ -41,6 +41,8 @@ class MarkingStage:
         Name of the carrier's profile.
     key : int
         Key of the watermark.
+    grade : float
+        Objective difference grade (ITU-R BS.1387) that the mark aims at.
     graded : bool
         Whether to run the quality meter alongside.
 
@@ -52,7 +54,7 @@ class MarkingStage:
 
     def __init__(
         self, sound: SoundFormat, source: Source, *, name: str, profile: str = "standard",
-        key: int = 0, graded: bool = True,
+        key: int = 0, grade: float = -0.4, graded: bool = True,
     ) -> None:  # fmt: skip
         if sound.fs < min(RATES):
             raise CueError(
@@ -62,7 +64,9 @@ class MarkingStage:
         self._fs = sound.fs
         rate = sound.fs if sound.fs in RATES else _MARKED_RATE
         try:
-            self._embedder = AudioEmbedder(rate, sound.channels, source, profile=profile, key=key)
+            self._embedder = AudioEmbedder(
+                rate, sound.channels, source, profile=profile, key=key, grade=grade
+            )
         except CueError as error:
             raise CueError(f"{name}: {error}") from error
         self._marker: Any = self._embedder

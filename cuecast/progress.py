@@ -24,3 +24,25 @@ def seconds_bar(total_s: float | None, label: str) -> Iterator[Callable[[float],
 def note(text: str) -> None:
     """Print a remark on the standard error."""
     print(text, file=sys.stderr)
+
+
+@contextmanager
+def count_bar(label: str) -> Iterator[Callable[[int, int], None]]:
+    """Show a bar over a number of things; give the function (done, total) that moves it.
+
+    Nothing is shown before the first call, nor where the standard error is not a terminal.
+    """
+    from tqdm import tqdm
+
+    bars: list[tqdm[None]] = []
+
+    def move(done: int, total: int) -> None:
+        if not bars:
+            bars.append(tqdm(total=total, desc=label, file=sys.stderr, disable=None, leave=False))
+        bars[0].update(done - bars[0].n)
+
+    try:
+        yield move
+    finally:
+        for bar in bars:
+            bar.close()

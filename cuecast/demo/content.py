@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter, resample_poly
+from scipy.signal import resample_poly
 
 from synth.speech.espeak_voice import speak
 from synth.subtitles import Subtitle
@@ -29,11 +29,14 @@ _FIRST_LINE_S = 2.5
 _PAUSE_S = 0.9
 _AFTERMATH_S = 2.5
 _SPEECH_RMS = 0.09
-_MUSIC_RMS = 0.03
+_MUSIC_RMS = 0.05
 
 _CHORDS = ((57, 60, 64, 69), (53, 57, 60, 65), (48, 55, 60, 64), (55, 59, 62, 67))
 """A minor, F, C, G as MIDI note numbers."""
 _CHORD_S = 2.0
+_PLAYERS = 3
+_VIBRATO_HZ = 5.5
+_BRIGHT_HZ = 9000
 
 
 def make_sound() -> tuple[NDArray[np.float32], list[Subtitle]]:
@@ -56,34 +59,33 @@ def make_sound() -> tuple[NDArray[np.float32], list[Subtitle]]:
 
 
 def _music(seconds: float) -> NDArray[np.float64]:
-    """Plucked chords over a soft cymbal, shape (n, 2)."""
+    """Play chords on strings, shape (n, 2)."""
     rng = np.random.default_rng(2004)
-    n = round(seconds * FS)
+    n, fade = round(seconds * FS), FS // 4
+    bar = round(_CHORD_S * FS)
     sound = np.zeros((n, 2))
-    beat = round(_CHORD_S / 8 * FS)
-    for number, start in enumerate(range(0, n, beat)):
-        chord = _CHORDS[number // 8 % len(_CHORDS)]
-        note = chord[number % 4] + (12 if number % 8 >= 4 else 0)
-        tone = _plucked(440 * 2 ** ((note - 69) / 12), rng)[: n - start]
-        pan = 0.3 + 0.4 * (number % 4) / 3
-        sound[start : start + len(tone)] += tone[:, None] * (1 - pan, pan)
-        hiss = (
-            rng.standard_normal((min(beat, n - start), 2))
-            * np.exp(-np.arange(min(beat, n - start)) / (0.06 * FS))[:, None]
-        )
-        sound[start : start + len(hiss)] += 0.08 * hiss
+    for number, start in enumerate(range(0, n, bar)):
+        length = min(bar + fade, n - start)
+        rise = np.minimum(np.arange(length), np.arange(length)[::-1]) / fade
+        for note in _CHORDS[number % len(_CHORDS)]:
+            for _ in range(_PLAYERS):
+                tone = _bowed(440 * 2 ** ((note - 69) / 12), length, rng) * np.minimum(rise, 1)
+                seat = rng.uniform(0.2, 0.8)
+                sound[start : start + length] += tone[:, None] * (1 - seat, seat)
     level: NDArray[np.float64] = sound * (_MUSIC_RMS / np.sqrt(np.mean(sound**2)))
     return level
 
 
-def _plucked(frequency_hz: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Return a plucked string after Karplus and Strong 1983: noise in a loop with a lowpass."""
-    period = round(FS / frequency_hz)
-    excitation = np.zeros(2 * FS)
-    excitation[:period] = rng.uniform(-1, 1, period)
-    loop = np.zeros(period + 2)
-    loop[0], loop[period], loop[period + 1] = 1.0, -0.498, -0.498
-    return np.asarray(lfilter([1.0], loop, excitation), dtype=np.float64)
+def _bowed(frequency_hz: float, length: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return one player's tone: a harmonic series, a little out of tune, with vibrato."""
+    t = np.arange(length) / FS
+    frequency = frequency_hz * 2 ** (rng.normal(0, 4) / 1200)
+    vibrato = 0.003 * frequency / _VIBRATO_HZ * np.sin(2 * np.pi * _VIBRATO_HZ * t)
+    phase = 2 * np.pi * frequency * t + vibrato
+    tone = np.zeros(length)
+    for harmonic in range(1, int(_BRIGHT_HZ / frequency)):
+        tone += np.sin(harmonic * phase + rng.uniform(0, 6)) / harmonic**1.1
+    return tone
 
 
 def make_pictures(seconds: float) -> Iterator[NDArray[np.uint8]]:

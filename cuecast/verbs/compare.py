@@ -1,6 +1,7 @@
 """Say how alike two motions are."""
 
 import argparse
+from dataclasses import asdict
 
 from cuecast.arguments import add_json, add_voice, positive, print_json
 
@@ -20,15 +21,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the comparison; 1 if keys are missing or the limit is exceeded."""
+    from codec.compare import compare_motions
     from codec.motion import load_motion
     from codec.voice import load_voice
-    from cuecast.compare import compare
 
-    result = compare(load_motion(args.first), load_motion(args.second), load_voice(args.voice))
+    motions = load_motion(args.first), load_motion(args.second)
+    result = compare_motions(*motions, load_voice(args.voice))
+    figures = {name: round(value, 4) for name, value in asdict(result).items()}
     if args.json:
-        print_json(result.as_dict())
+        print_json(figures)
     else:
-        for name, value in result.as_dict().items():
+        for name, value in figures.items():
             print(f"{name:>14}  {value}")
     exceeded = args.limit is not None and result.marker_rms_mm > args.limit
     return 1 if exceeded or result.keys_correct < result.keys_total else 0

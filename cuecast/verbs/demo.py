@@ -5,6 +5,7 @@ compare what arrived with what was sent, and draw both.
 """
 
 import argparse
+from dataclasses import asdict
 from pathlib import Path
 
 from cuecast.arguments import add_json, add_seed, print_json
@@ -33,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
                     "broadcast": o.broadcast,
                     "correct": o.correct,
                     "receive": o.summary,
-                    "compare": None if o.comparison is None else o.comparison.as_dict(),
+                    "compare": None if o.comparison is None else asdict(o.comparison),
                 }
                 for o in outcomes
             ]

@@ -13,6 +13,7 @@ from cuecast.arguments import (
     add_seed,
     add_voice,
     bit_rate,
+    grade,
     natural,
     print_json,
     score_of_subtitles,
@@ -41,6 +42,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--profile", default="standard", help="of the audio carrier")
     parser.add_argument("--audio-codec", metavar="NAME", help="of the output; default: as it was")
     parser.add_argument("--audio-bitrate", type=bit_rate, metavar="BPS", help="such as 192k")
+    parser.add_argument(
+        "--grade", type=grade, default=-0.4, metavar="ODG",
+        help="how much of the mark a listener may notice, from 0 (nothing) to -4 (BS.1387)",
+    )  # fmt: skip
     parser.add_argument("--no-grade", action="store_true", help="do not run the quality meter")
     add_json(parser)
     add_voice(parser)
@@ -69,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
         motion = SynthesisedMotion(score_of_subtitles(args.subtitles), voice, seed=args.seed)
     options = DubOptions(
         args.profile, args.key, args.track, args.audio_codec, args.audio_bitrate,
-        not args.no_grade,
+        args.grade, not args.no_grade,
     )  # fmt: skip
     with seconds_bar(duration_s, Path(args.programme).name) as advance:
         report = dub(args.programme, motion, voice, args.output, options, progress=advance)

@@ -1,13 +1,18 @@
 """Make the motion of a cuer, and the sound of a speaker, from text or subtitles."""
 
 import argparse
+from typing import TYPE_CHECKING
 
 from cuecast.arguments import add_seed, add_text, add_voice, positive, score_of
-from cuecast.progress import seconds_bar
+from cuecast.progress import note, seconds_bar
+
+if TYPE_CHECKING:
+    from codec.motion import Motion
+    from codec.score import Score
+    from codec.voice import Voice
 
 SUMMARY = "motion (and speech) from text"
 
-_PIECE_S = 0.64
 _AFTER_S = 1.0
 
 
@@ -17,6 +22,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", required=True, metavar="M.npz", help="motion")
     parser.add_argument("--speech", metavar="S.wav", help="what is said, spoken in step")
     parser.add_argument("--c3d", metavar="M.c3d", help="markers of the motion")
+    parser.add_argument(
+        "--method", choices=("rules", "units"),
+        help="gestures by rule, or joined from recorded units (the default with --speech)",
+    )  # fmt: skip
     parser.add_argument("--rate", type=positive, default=50.0, metavar="HZ", help="of the motion")
     add_voice(parser)
     add_seed(parser)
@@ -24,17 +33,38 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the motion; 1 if nothing in the text is spoken."""
+    if args.speech and args.method == "rules":
+        note("cuecast synth: --speech needs --method units")
+        return 2
     score = score_of(args)
     if not score.keys:
+        note("nothing in the text is spoken")
         return 1
     from codec.motion import save_motion
     from codec.voice import load_voice
-    from cuecast.motions import SynthesisedMotion, whole_motion
 
     voice = load_voice(args.voice)
-    source = SynthesisedMotion(score, voice, seed=args.seed, rate_hz=args.rate)
     end_s = score.phones[-1].end + _AFTER_S
-    with seconds_bar(end_s, "synth") as advance:
-        motion = whole_motion(source, end_s, progress=advance)
+    units = args.speech or args.method == "units"
+    motion = (_by_units if units else _by_rules)(args, score, voice, end_s)
     save_motion(motion, args.output)
+    if args.c3d:
+        from synth.corpus.c3d import write_c3d
+
+        write_c3d(args.c3d, voice.reconstruct(motion.params), rate_hz=args.rate)
     return 0
+
+
+def _by_rules(args: argparse.Namespace, score: "Score", voice: "Voice", end_s: float) -> "Motion":
+    from cuecast.motions import SynthesisedMotion, whole_motion
+
+    source = SynthesisedMotion(score, voice, seed=args.seed, rate_hz=args.rate)
+    with seconds_bar(end_s, "synth") as advance:
+        return whole_motion(source, end_s, progress=advance)
+
+
+def _by_units(args: argparse.Namespace, score: "Score", voice: "Voice", end_s: float) -> "Motion":
+    from cuecast.performance import perform
+
+    with seconds_bar(end_s, "synth") as advance:
+        return perform(score, voice, rate_hz=args.rate, speech=args.speech, progress=advance)

@@ -55,7 +55,7 @@ def test_higher_rate_gets_the_same_mark() -> None:
     mark = (marked(stage, high, 4096) - high)[::2]
     inner = slice(4800, len(x) - 4800)
     error = np.sqrt(((mark - low_mark)[inner] ** 2).mean() / (low_mark[inner] ** 2).mean())
-    assert error < 0.1  # measured 0.044: the two rates' filters differ near 24 kHz
+    assert error < 0.3  # measured 0.04 to 0.13: another mark would differ by 1.4
 
 
 def test_blocks_do_not_matter() -> None:

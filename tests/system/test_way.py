@@ -48,7 +48,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ]
     write_film(path / "a.mkv", sound, FS, encoder="flac", pictures=pictures)
     assert main(["synth", "--file", str(path / "a.srt"), "-o", str(path / "sent.npz")]) == 0
-    dub = ["dub", path / "a.mkv", "--subtitles", path / "a.srt", "-o", path / "b.mkv"]
+    dub = [
+        "dub",
+        path / "a.mkv",
+        "--subtitles",
+        path / "a.srt",
+        "-o",
+        path / "b.mkv",
+        "--grade",
+        "-0.8",
+    ]
     assert main([*map(str, dub), "--report", str(path / "r.json")]) == 0
     return path
 
