@@ -16,9 +16,12 @@ from numpy.typing import NDArray
 from codec.errors import CueError, VoiceError
 from codec.motion import Motion
 from codec.voice import Voice
+from receiver.avatar import load_avatar
 from receiver.points import draw_points
+from receiver.portrait import draw_avatar
 from receiver.voice_document import neutral_camera
 
+STYLES = ("points", "avatar")
 DEFAULT_SIZE = (620, 720)
 _MAX_SIDE = 4096
 _CRF = "18"
@@ -71,18 +74,23 @@ def render_frames(
     width, height = size
     if not (16 <= width <= _MAX_SIDE and 16 <= height <= _MAX_SIDE):
         raise CueError(f"picture of {width}x{height} is not within 16..{_MAX_SIDE} a side")
-    if style != "points":
-        raise CueError(f"unknown style {style!r}: points is known")
+    if style not in STYLES:
+        raise CueError(f"unknown style {style!r}: {' and '.join(STYLES)} are known")
     if motion.voice != voice.identity:
         raise VoiceError(f"motion was made with voice {motion.voice}, not {voice.identity}")
     if background is not None and background.shape != (height, width, 3):
         raise CueError(f"background has shape {background.shape}, not {(height, width, 3)}")
     camera = neutral_camera(voice)
+    avatar = load_avatar(voice) if style == "avatar" else None
     ground = np.zeros((height, width, 3), np.uint8) if background is None else background
     for time_s in times_s:
         picture = ground.copy()
-        markers = voice.reconstruct(sample_params(motion, np.array([time_s])))[0]
-        draw_points(picture, markers, camera, mirror=mirror)
+        now = np.array([time_s])
+        params = sample_params(motion, now)
+        if avatar is None:
+            draw_points(picture, voice.reconstruct(params)[0], camera, mirror=mirror)
+        else:
+            draw_avatar(picture, avatar, avatar.place(params, now)[0], camera, mirror=mirror)
         yield picture
 
 
@@ -102,7 +110,7 @@ def render_motion(
     path : path
         Its suffix chooses film or picture.
     style : str
-        ``points``.
+        ``points`` or ``avatar``.
     size : (width, height), optional
         Pixels; even for a film. The background's size, or 620 x 720.
     fps : int

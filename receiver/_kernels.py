@@ -1,0 +1,80 @@
+"""Compiled loops of the receiver: drawing the avatar's triangles."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+@njit(cache=True)
+def draw_triangles(
+    points: NDArray[np.float64],
+    triangles: NDArray[np.int64],
+    values: NDArray[np.float64],
+    light: NDArray[np.float64],
+    depth: NDArray[np.float64],
+    picture: NDArray[np.float64],
+) -> None:
+    """Draw lit triangles over a picture; nearer ones win, half transparent ones mix.
+
+    Parameters
+    ----------
+    points : (V, 3)
+        Pixels to the right, pixels down, nearness (larger is nearer).
+    triangles : (F, 3)
+        Those seen from behind are left out. Later ones are drawn over earlier ones.
+    values : (V, 8)
+        Normal, linear red, green, blue, gloss and opacity, 0..1.
+    light : (4, 3)
+        Direction of the key light; half way to the viewer; its wrap and its strength per colour.
+    depth : (H, W)
+        Nearness so far; start with -inf. Updated.
+    picture : (H, W, 4)
+        Red, green, blue times opacity, opacity; linear. Updated.
+    """
+    height, width = depth.shape
+    value = np.empty(8)
+    for f in range(triangles.shape[0]):
+        ia, ib, ic = triangles[f, 0], triangles[f, 1], triangles[f, 2]
+        ax, ay = points[ia, 0], points[ia, 1]
+        bx, by = points[ib, 0], points[ib, 1]
+        cx, cy = points[ic, 0], points[ic, 1]
+        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        if area > -1e-12:  # y points down: a front has a negative area
+            continue
+        left = max(0, int(np.floor(min(ax, bx, cx) - 0.5)))
+        right = min(width - 1, int(np.ceil(max(ax, bx, cx) - 0.5)))
+        top = max(0, int(np.floor(min(ay, by, cy) - 0.5)))
+        bottom = min(height - 1, int(np.ceil(max(ay, by, cy) - 0.5)))
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                px, py = column + 0.5, row + 0.5
+                wb = ((px - ax) * (cy - ay) - (cx - ax) * (py - ay)) / area
+                wc = ((bx - ax) * (py - ay) - (px - ax) * (by - ay)) / area
+                wa = 1.0 - wb - wc
+                if wa < 0.0 or wb < 0.0 or wc < 0.0:
+                    continue
+                near = wa * points[ia, 2] + wb * points[ib, 2] + wc * points[ic, 2]
+                if near <= depth[row, column]:
+                    continue
+                for k in range(8):
+                    value[k] = wa * values[ia, k] + wb * values[ib, k] + wc * values[ic, k]
+                alpha = value[7]
+                if alpha <= 0.004:
+                    continue
+                depth[row, column] = near
+                size = np.sqrt(value[0] ** 2 + value[1] ** 2 + value[2] ** 2) + 1e-9
+                nx, ny, nz = value[0] / size, value[1] / size, value[2] / size
+                key = nx * light[0, 0] + ny * light[0, 1] + nz * light[0, 2]
+                half = max(0.0, nx * light[1, 0] + ny * light[1, 1] + nz * light[1, 2])
+                sky = 0.20 + 0.22 * (0.5 + 0.5 * ny)
+                shine = value[6] * 0.5 * half**28
+                rim = 0.18 * max(0.0, 1.0 - nz) ** 3
+                for k in range(3):
+                    wrap = light[2, k]
+                    lit = min(1.0, max(0.0, (key + wrap) / (1.0 + wrap))) ** 1.3
+                    colour = value[3 + k] * (lit * light[3, k] + sky * (0.85 + 0.125 * k))
+                    colour += shine + rim * (0.5 + 0.15 * k)
+                    old = picture[row, column, k]
+                    picture[row, column, k] = colour * alpha + old * (1.0 - alpha)
+                old = picture[row, column, 3]
+                picture[row, column, 3] = alpha + old * (1.0 - alpha)

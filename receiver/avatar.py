@@ -1,0 +1,229 @@
+"""The avatar: a skin that follows the markers.
+
+Parameters come in, vertices of head and hand go out. The asset (``assets/avatar_NAME.npz``, made by
+``python -m synth.avatar``) holds, for head and hand each, a linear map from markers to the
+vertices of a coarse mesh, a finer surface over that mesh, and its colours; the page computes the
+same (``page/avatar.js``).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from codec.layout import FACE_MARKERS, FOREARM, HAND_MARKERS, RIGID_FACE
+from codec.models.rigid import rigid_motion, weighted_rigid_motion
+from codec.npz import read_arrays
+from codec.voice import Voice
+
+ASSETS = Path(__file__).with_name("assets")
+_MAX_BYTES = 1 << 24
+_SHARE_UNIT = 252
+_OFFSET_UNIT = 256
+
+FloatArray = NDArray[np.float64]
+
+_RIGID = {
+    "head": [FACE_MARKERS.index(name) for name in RIGID_FACE],
+    "hand": [HAND_MARKERS.index(name) for name in FOREARM],
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """Head or hand.
+
+    Attributes
+    ----------
+    markers : ndarray, shape (K, 3)
+        Markers at which the coarse mesh is at rest, in the frame of the voice's model.
+    rest : ndarray, shape (M, 3)
+    coefficients : ndarray, shape (3 K, R)
+    basis : ndarray, shape (R, M, 3)
+        The coarse mesh is ``rest + (markers - rest markers) @ coefficients @ basis``.
+    sources : ndarray of int, shape (V, 3)
+        Vertices of the coarse mesh between which each vertex of the surface lies.
+    shares : ndarray, shape (V, 3)
+        Where between them.
+    offsets : ndarray, shape (V, 3)
+        And how far from there.
+    triangles : ndarray of int, shape (F, 3)
+    colours : ndarray of uint8, shape (V, 5)
+        Red, green, blue (sRGB), gloss and opacity.
+    """
+
+    markers: FloatArray
+    rest: FloatArray
+    coefficients: FloatArray
+    basis: FloatArray
+    sources: NDArray[np.int64]
+    shares: FloatArray
+    offsets: FloatArray
+    triangles: NDArray[np.int64]
+    colours: NDArray[np.uint8]
+
+    def control(self, markers: FloatArray) -> FloatArray:
+        """Return the coarse mesh (T, M, 3) under markers (T, K, 3)."""
+        moved = (markers - self.markers).reshape(len(markers), -1) @ self.coefficients
+        return self.rest + np.tensordot(moved, self.basis, axes=1)
+
+    def refine(self, control: FloatArray) -> FloatArray:
+        """Return the surface (T, V, 3) over a coarse mesh (T, M, 3)."""
+        carried = control[:, self.sources] * self.shares[..., None]
+        return np.asarray(carried.sum(axis=2) + self.offsets)
+
+
+@dataclass(frozen=True, slots=True)
+class Avatar:
+    """A cuer's skin, fitted to a voice.
+
+    Attributes
+    ----------
+    voice : Voice
+    head, hand : Surface
+    head_weights : ndarray, shape (V, 2)
+        Share of the head's turn and shift that each vertex of the head follows.
+    blink_vertices : ndarray of int, shape (B,)
+        Vertices of the head's coarse mesh that closing eyes move.
+    blink : ndarray, shape (B, 3)
+        How far they go.
+    """
+
+    voice: Voice
+    head: Surface
+    hand: Surface
+    head_weights: FloatArray
+    blink_vertices: NDArray[np.int64]
+    blink: FloatArray
+
+    @property
+    def triangles(self) -> NDArray[np.int64]:
+        """Triangles of head and hand over the vertices of `place`, shape (F, 3)."""
+        return np.concatenate([self.head.triangles, self.hand.triangles + len(self.head.sources)])
+
+    @property
+    def colours(self) -> NDArray[np.uint8]:
+        """Colours of the vertices of `place`, shape (V, 5)."""
+        return np.concatenate([self.head.colours, self.hand.colours])
+
+    def place(self, params: FloatArray, times_s: FloatArray | None = None) -> FloatArray:
+        """Return the vertices of head, then hand, in the world.
+
+        Parameters
+        ----------
+        params : ndarray, shape (T, P)
+            Parameters of the voice.
+        times_s : ndarray, shape (T,), optional
+            Programme times: they say when the eyes blink. Open eyes otherwise.
+
+        Returns
+        -------
+        ndarray of float64, shape (T, V, 3)
+            Millimetres.
+        """
+        p = np.asarray(params, dtype=np.float64)
+        closed = np.zeros(len(p)) if times_s is None else eyes_closed(times_s)
+        return np.concatenate([self._place_head(p, closed), self._place_hand(p)], axis=1)
+
+    def _place_head(self, params: FloatArray, closed: FloatArray) -> FloatArray:
+        model, columns = self.voice.face, self.voice.face_columns
+        control = self.head.control(model.shape(params[:, columns[:7]]))
+        control[:, self.blink_vertices] += closed[:, None, None] * self.blink
+        motion = model.motion(params[:, columns[7:]])
+        weights = np.repeat(self.head_weights, 3, axis=1)
+        points = self.head.refine(control) - model.pivot
+        moved = weighted_rigid_motion(points, motion[:, None] * weights)
+        return np.asarray(moved + model.pivot)
+
+    def _place_hand(self, params: FloatArray) -> FloatArray:
+        model, columns = self.voice.hand, self.voice.hand_columns
+        points = self.hand.refine(self.hand.control(model.shape(params[:, columns[:12]])))
+        motion = model.motion(params[:, columns[12:]])
+        return np.asarray(rigid_motion(points, motion) + model.pivot)
+
+
+def eyes_closed(times_s: FloatArray) -> FloatArray:
+    """Return how far the eyes are closed at programme times, 0..1, shape as `times_s`.
+
+    One blink in every four seconds, at a place that its number decides; the page uses the same
+    formula.
+
+    Examples
+    --------
+    >>> eyes_closed(np.arange(0, 40, 0.02)).max() > 0.8
+    True
+    """
+    number = np.floor(times_s / 4)
+    noise = np.sin(number * 12.9898) * 43758.5453
+    middle = 4 * number + 0.7 + 2.6 * (noise - np.floor(noise))
+    part = np.clip(1 - np.abs(times_s - middle) / 0.11, 0, 1)
+    return np.asarray(part * part * (3 - 2 * part))
+
+
+def load_avatar(voice: Voice) -> Avatar:
+    """Return the avatar of a voice's cuer, fitted to the voice.
+
+    Raises
+    ------
+    CueError
+        If there is none, or the asset is damaged.
+    """
+    path = ASSETS / f"avatar_{voice.name}.npz"
+    if not path.is_file():
+        raise CueError(f"voice {voice.name} has no avatar")
+    arrays = read_arrays(path, max_bytes=_MAX_BYTES)
+    try:
+        head = _surface(arrays, "head", voice.face.mean)
+        still = np.zeros((1, voice.hand.n_shape))
+        hand = _surface(arrays, "hand", voice.hand.shape(still)[0])
+        weights = arrays["head_weights"][head.sources] / 255
+        turn, _ = _fit(arrays["head_markers"], voice.face.mean, "head")
+        return Avatar(
+            voice, head, hand, (weights * head.shares[..., None]).sum(axis=1),
+            arrays["blink_vertices"].astype(np.int64), arrays["blink"] @ turn,
+        )  # fmt: skip
+    except (KeyError, ValueError, IndexError) as error:
+        raise CueError(f"{path}: damaged avatar: {error!r}") from error
+
+
+def _fit(
+    markers: NDArray[Any], reference: NDArray[Any], name: str
+) -> tuple[FloatArray, FloatArray]:
+    """Return turn (3, 3) and shift (3,) with ``markers @ turn + shift`` nearest to reference."""
+    a = markers[_RIGID[name]].astype(np.float64)
+    b = np.asarray(reference, dtype=np.float64)[_RIGID[name]]
+    u, _, v = np.linalg.svd((a - a.mean(0)).T @ (b - b.mean(0)))
+    u[:, 2] *= np.sign(np.linalg.det(u @ v))
+    turn = u @ v
+    return turn, b.mean(0) - a.mean(0) @ turn
+
+
+def _surface(arrays: Mapping[str, NDArray[Any]], name: str, reference: NDArray[Any]) -> Surface:
+    """Return head or hand, turned and shifted into the frame of the voice's model."""
+    a = {key.removeprefix(f"{name}_"): value for key, value in arrays.items()}
+    turn, shift = _fit(a["markers"], reference, name)
+    count = len(a["rest"])
+    coefficients = a["coefficients"].astype(np.float64).reshape(len(a["markers"]), 3, -1)
+    return Surface(
+        a["markers"] @ turn + shift, a["rest"] @ turn + shift,
+        np.einsum("kir,ij->kjr", coefficients, turn).reshape(-1, coefficients.shape[2]),
+        a["basis"].astype(np.float64).reshape(-1, count, 3) @ turn,
+        a["sources"].astype(np.int64), a["shares"] / _SHARE_UNIT,
+        a["offsets"] @ turn / _OFFSET_UNIT, a["triangles"].astype(np.int64), a["colours"],
+    )  # fmt: skip
+
+
+def vertex_normals(points: FloatArray, triangles: NDArray[np.int64]) -> FloatArray:
+    """Return the normals of a surface, shape (V, 3): sums of its triangles' area vectors."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    across = np.cross(b - a, c - a)
+    flat = triangles.ravel()
+    repeated = np.repeat(across, 3, axis=0)
+    normals = np.stack(
+        [np.bincount(flat, repeated[:, k], minlength=len(points)) for k in range(3)], axis=1
+    )
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)

@@ -1,0 +1,238 @@
+"""The avatar's head and bust out of the base mesh: which surfaces, in which colours."""
+
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from codec.layout import FACE_MARKERS, LIP_CORNERS, LOWER_LIP, UPPER_LIP
+from synth.avatar.parts import (
+    BLUSH,
+    CLOTH,
+    HAIR,
+    LASHES,
+    LIPS,
+    MOUTH,
+    SKIN,
+    TEETH,
+    TONGUE,
+    FloatArray,
+    IntArray,
+    Part,
+    brow,
+    eyeball,
+    join,
+    plain,
+    take,
+    tessellate,
+    triangulate,
+)
+from synth.body.mesh import Mesh
+
+_BUST_BOTTOM_MM = 430.0
+_BUST_HALF_MM = 215.0
+_BROW_LINE = np.array([
+    (14, 736.5), (19, 738), (25, 740), (31, 741.8), (37, 742.5), (42, 741.5), (47, 739), (51, 736),
+])  # fmt: skip
+_BROW_WIDTH = np.array([3.6, 4.6, 4.6, 4.2, 3.6, 3.0, 2.2, 1.2])
+
+
+def read_groups(path: Path) -> dict[str, IntArray]:
+    """Return the quads of every group of an OBJ file.
+
+    Raises
+    ------
+    CueError
+        If the file cannot be read.
+    """
+    groups: dict[str, list[list[int]]] = defaultdict(list)
+    name = ""
+    try:
+        for line in path.read_text().splitlines():
+            kind, *fields = line.split() or [""]
+            if kind == "g":
+                name = fields[0]
+            elif kind == "f":
+                corners = [int(field.split("/")[0]) - 1 for field in fields]
+                groups[name].append((corners + corners[-1:])[:4])
+    except (OSError, ValueError) as error:
+        raise CueError(f"{path}: not the hm08 mesh: {error}") from error
+    return {name: np.array(quads) for name, quads in groups.items()}
+
+
+def head_part(mesh: Mesh, groups: dict[str, IntArray], face: FloatArray, arm: FloatArray) -> Part:
+    """Return head, neck and bust with everything on them.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    groups : dict of str to ndarray
+        Quads by group, from `read_groups`.
+    face : ndarray, shape (63, 3)
+        The face markers on the mesh.
+    arm : ndarray, shape (M,)
+        Share of each vertex that the arms below the elbow hold.
+    """
+    points = mesh.vertices
+    wanted = (points[:, 1] > _BUST_BOTTOM_MM) & (np.abs(points[:, 0]) < _BUST_HALF_MM)
+    wanted &= arm < 0.5
+    quads = groups["body"]
+    triangles = triangulate(quads[wanted[quads].all(axis=1)])
+    parts = [_skin(mesh, face, triangles)]
+    for side, letter in ((-1, "r"), (1, "l")):
+        ball = np.unique(groups[f"helper-{letter}-eye"])
+        parts.append(eyeball(points, ball))
+        parts.append(brow(points, triangles, side, _BROW_LINE, _BROW_WIDTH))
+        lashes = plain(LASHES, 10, len(points))
+        lashes[:, 4] = 150
+        parts.append(take(groups[f"helper-{letter}-eyelashes-2"], lashes))
+    for name, colour, gloss in (
+        ("helper-upper-teeth", TEETH, 160), ("helper-lower-teeth", TEETH, 160),
+        ("helper-tongue", TONGUE, 120),
+    ):  # fmt: skip
+        parts.append(take(groups[name], plain(colour, gloss, len(points))))
+    parts.append(hair(points, triangles))
+    return join(parts)
+
+
+_HAIRLINE = np.array([
+    (-60, 642), (-20, 646), (0, 656), (18, 690), (30, 742), (48, 750), (64, 740), (72, 716),
+    (80, 714), (90, 742), (104, 766), (122, 784), (140, 792), (175, 795),
+])  # fmt: skip
+"""Height of the hairline over depth z: nape, behind and above the ear, temple, forehead."""
+
+_HAIR_DIVISION = 2
+
+
+def hair(points: FloatArray, triangles: IntArray) -> Part:
+    """Return hair combed back: the scalp, finer, raised and streaked along the combing."""
+    x, y, z = points.T
+    height = y - np.interp(z, *_HAIRLINE.T)
+    ear = (np.abs(x) > 72) & (y > 682) & (y < 752) & (z > 22) & (z < 80)
+    height = np.where(ear, -50.0, height)
+    scalp = triangles[(height[triangles] > -14).any(axis=1) & (y[triangles] > 600).all(axis=1)]
+    sources, shares, fine = tessellate(scalp, _HAIR_DIVISION)
+    normals = vertex_normals(points, triangles)
+    at = (points[sources] * shares[..., None]).sum(axis=1)
+    up = (normals[sources] * shares[..., None]).sum(axis=1)
+    level = (height[sources] * shares).sum(axis=1)
+    across = np.degrees(np.arctan2(at[:, 0], np.hypot(at[:, 1] - 715, 0.35 * (at[:, 2] - 40))))
+    strands = sum(
+        np.sin(across * rate + phase + 0.015 * at[:, 2])
+        for rate, phase in ((0.9, 0.3), (1.7, 2.1), (3.1, 0.7), (4.3, 4.0))
+    )
+    thickness = np.where(level > 0, 0.8 + 11 * (1 - np.exp(-np.maximum(level, 0) / 34)), level / 6)
+    thickness = thickness + 0.2 * np.clip(level / 10, 0, 1) * strands
+    colours = plain(HAIR, 50, len(at))
+    colours[:, :3] *= (1 + 0.07 * strands)[:, None] * (0.8 + 0.2 * np.clip(level / 12, 0, 1))[
+        :, None
+    ]
+    colours[:, 4] = 255 * np.clip(0.5 + (level + 1.5 * strands) / 9, 0, 1)
+    return Part(
+        sources, shares, up * thickness[:, None], fine, np.clip(colours, 0, 255).astype(np.uint8)
+    )
+
+
+def _skin(mesh: Mesh, face: FloatArray, triangles: IntArray) -> Part:
+    """Return the skin, finer where its colour has an edge: lips and neckline."""
+    x, y, z = mesh.vertices.T
+    lips = (np.abs(x) < 36) & (np.abs(y - 660) < 20) & (z > 125)
+    fine = (lips | (np.abs(_neckline(mesh.vertices) - y) < 34))[triangles].any(axis=1)
+    hollow = hollowness(mesh.vertices, triangles)
+    parts = []
+    for some, division in ((triangles[~fine], 1), (triangles[fine], 2)):
+        sources, shares, small = tessellate(some, division)
+        at = (mesh.vertices[sources] * shares[..., None]).sum(axis=1)
+        colours = _skin_colours(at, face, (hollow[sources] * shares).sum(axis=1))
+        parts.append(Part(sources, shares, np.zeros_like(at), small, colours.astype(np.uint8)))
+    return join(parts)
+
+
+def _neckline(points: FloatArray) -> FloatArray:
+    """Return the height at which cloth begins below each point."""
+    line: FloatArray = 512 + 0.014 * points[:, 0] ** 2 + 0.5 * np.maximum(0, 60 - points[:, 2])
+    return line
+
+
+def _skin_colours(points: FloatArray, face: FloatArray, hollow: FloatArray) -> FloatArray:
+    """Return red, green, blue, gloss, opacity of points (N, 3) of the skin, shape (N, 5)."""
+    x, y, z = points.T
+    colours = plain(SKIN, 70, len(points))
+    cheek = face[FACE_MARKERS.index("CK1_L")]
+    for middle, size, share in (
+        (cheek, 17, 0.5), (cheek * [-1, 1, 1], 17, 0.5), (np.array([0, 703, 168]), 12, 0.35),
+    ):  # fmt: skip
+        distance = np.linalg.norm(points - middle, axis=1)
+        blend(colours, BLUSH, share * np.exp(-((distance / size) ** 2)))
+    red = _inside_lips(points, face)
+    blend(colours, LIPS, red)
+    colours[:, 3] += 60 * red
+    cavity = (np.abs(x) < 34) & (y > 634) & (y < 684) & (z < 141 - 0.012 * x**2) & (z > 50)
+    blend(colours, MOUTH, cavity.astype(float))
+    cloth = np.clip((_neckline(points) - y) / 6 + 0.5, 0, 1)
+    blend(colours, CLOTH, cloth)
+    colours[:, 3] *= 1 - 0.85 * cloth
+    colours[:, :3] *= (1 - hollow)[:, None]
+    edge = np.minimum((y - _BUST_BOTTOM_MM - 12) / 60, (_BUST_HALF_MM - 12 - np.abs(x)) / 60)
+    colours[:, 4] = 255 * np.clip(edge, 0, 1)
+    return colours
+
+
+def blend(colours: FloatArray, colour: tuple[int, int, int], share: FloatArray) -> None:
+    """Move colours (N, 5) towards one colour by `share` (N,), in place."""
+    colours[:, :3] += share[:, None] * (np.array(colour) - colours[:, :3])
+
+
+def _inside_lips(points: FloatArray, face: FloatArray) -> FloatArray:
+    """Return how far each point belongs to the red of the lips, 0..1."""
+
+    def at(name: str) -> FloatArray:
+        corner: FloatArray = face[FACE_MARKERS.index(name), :2]
+        return corner
+
+    upper = sorted((at(name) for name in (*UPPER_LIP, *LIP_CORNERS)), key=lambda p: p[0])
+    lower = sorted((at(name) for name in (*LOWER_LIP, *LIP_CORNERS)), key=lambda p: p[0])
+    top = np.interp(points[:, 0], *np.transpose(upper))
+    bottom = np.interp(points[:, 0], *np.transpose(lower))
+    margin = np.minimum(top + 0.6 - points[:, 1], points[:, 1] - bottom + 0.6)
+    half = abs(at("LC_L")[0]) + 1
+    margin = np.minimum(margin, (half - np.abs(points[:, 0])) * 0.5)
+    return np.where(points[:, 2] > 130, np.clip(margin / 1.3, 0, 1), 0.0)
+
+
+def hollowness(points: FloatArray, triangles: IntArray) -> FloatArray:
+    """Return a shade for hollows of the surface, 0..0.45: what light reaches badly.
+
+    The mean of a vertex's neighbours lies above a hollow, along the normal; two rounds of
+    averaging widen the shade.
+    """
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    edges = np.unique(np.sort(edges, axis=1), axis=0)
+    edges = np.concatenate([edges, edges[:, ::-1]])
+
+    def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        total = np.zeros_like(values)
+        np.add.at(total, edges[:, 0], values[edges[:, 1]])
+        degree = np.bincount(edges[:, 0], minlength=len(values))
+        shape = (-1,) + (1,) * (values.ndim - 1)
+        return np.asarray(total / np.maximum(degree, 1).reshape(shape))
+
+    normals = vertex_normals(points, triangles)
+    size = mean(np.linalg.norm(points - mean(points), axis=1)) + 1.0
+    bend = ((mean(points) - points) * normals).sum(axis=1) / size
+    for _ in range(2):
+        bend = 0.5 * (bend + mean(bend))
+    return np.clip(bend * 0.9, 0, 0.45)
+
+
+def vertex_normals(points: FloatArray, triangles: IntArray) -> FloatArray:
+    """Return the area-weighted normals of vertices, shape (M, 3)."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    across = np.cross(b - a, c - a)
+    normals = np.zeros_like(points)
+    for k in range(3):
+        np.add.at(normals, triangles[:, k], across)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return normals / np.maximum(length, 1e-9)

@@ -1,0 +1,233 @@
+"""The parts of the avatar's head: skin, eyes, lids, brows, teeth, tongue, hair.
+
+A `Part` is triangles over vertices that are known by their *sources*: each vertex is a weighted
+mean of three vertices of the base mesh plus an offset, so that whatever moves the mesh moves it.
+Colours are painted here; all lengths are millimetres in the frame of the mesh.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+SKIN = (226, 176, 150)
+LIPS = (187, 92, 90)
+BLUSH = (214, 138, 122)
+MOUTH = (74, 24, 26)
+TEETH = (232, 223, 208)
+TONGUE = (172, 84, 82)
+HAIR = (74, 45, 31)
+BROWS = (104, 72, 54)
+LASHES = (34, 24, 22)
+CLOTH = (40, 62, 92)
+SCLERA = (232, 228, 222)
+LIMBUS = (52, 52, 48)
+IRIS = (94, 108, 84)
+PUPIL = (10, 9, 10)
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A piece of surface.
+
+    Attributes
+    ----------
+    sources : ndarray of int, shape (V, 3)
+        Vertices of the base mesh that carry each vertex.
+    shares : ndarray, shape (V, 3)
+        Their weights; rows sum to one.
+    offsets : ndarray, shape (V, 3)
+        Added to the weighted mean.
+    triangles : ndarray of int, shape (F, 3)
+        Anticlockwise seen from outside.
+    colours : ndarray of uint8, shape (V, 5)
+        Red, green, blue (sRGB), gloss and opacity.
+    """
+
+    sources: IntArray
+    shares: FloatArray
+    offsets: FloatArray
+    triangles: IntArray
+    colours: NDArray[np.uint8]
+
+    def place(self, vertices: FloatArray) -> FloatArray:
+        """Return the part's vertices (..., V, 3) for those of the mesh (..., M, 3)."""
+        carried = vertices[..., self.sources, :] * self.shares[..., None]
+        return carried.sum(axis=-2) + self.offsets
+
+
+def triangulate(quads: IntArray) -> IntArray:
+    """Return the triangles (2F', 3) of quads (F, 4) whose last corner may be repeated."""
+    both = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    return both[both[:, 1] != both[:, 2]]
+
+
+def take(quads: IntArray, colours: FloatArray) -> Part:
+    """Return the mesh's own quads as a part; `colours` (M, 5) are those of its vertices."""
+    used, inverse = np.unique(quads, return_inverse=True)
+    n = len(used)
+    return Part(
+        np.repeat(used[:, None], 3, axis=1), np.full((n, 3), 1 / 3), np.zeros((n, 3)),
+        triangulate(inverse.reshape(quads.shape)), colours[used].round().astype(np.uint8),
+    )  # fmt: skip
+
+
+def join(parts: list[Part]) -> Part:
+    """Return several parts as one."""
+    starts = np.cumsum([0, *(len(part.sources) for part in parts)])
+    return Part(
+        np.concatenate([part.sources for part in parts]),
+        np.concatenate([part.shares for part in parts]),
+        np.concatenate([part.offsets for part in parts]),
+        np.concatenate([p.triangles + at for p, at in zip(parts, starts, strict=False)]),
+        np.concatenate([part.colours for part in parts]),
+    )
+
+
+def plain(colour: tuple[int, int, int], gloss: int, count: int) -> FloatArray:
+    """Return one opaque colour for `count` vertices, shape (count, 5)."""
+    return np.tile(np.array([*colour, gloss, 255], dtype=np.float64), (count, 1))
+
+
+_EYE_RINGS = (
+    (0.0, PUPIL), (9.5, PUPIL), (10.5, IRIS), (20.0, IRIS), (24.5, LIMBUS), (27.0, LIMBUS),
+    (29.0, SCLERA), (45.0, SCLERA), (65.0, SCLERA), (90.0, SCLERA),
+)  # fmt: skip
+_EYE_SECTORS = 24
+
+
+def eyeball(vertices: FloatArray, ball: IntArray, *, gaze_deg: float = 0.0) -> Part:
+    """Return a smooth eye in place of the mesh's `ball` of vertices (n,).
+
+    The rings around the axis of sight are dense where iris and white meet. The eye looks at the
+    viewer, turned by `gaze_deg` about the vertical.
+    """
+    middle = (vertices[ball].min(axis=0) + vertices[ball].max(axis=0)) / 2
+    radius = np.ptp(vertices[ball], axis=0)[:2].max() / 2
+    ring, colours = [], []
+    for degrees, colour in _EYE_RINGS:
+        polar = np.radians(degrees)
+        around = 2 * np.pi * np.arange(_EYE_SECTORS) / _EYE_SECTORS
+        bulge = radius * (1.0 + 0.045 * np.exp(-((degrees / 22.0) ** 2)))
+        ring.append(bulge * np.stack([
+            np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around),
+            np.full(_EYE_SECTORS, np.cos(polar)),
+        ], axis=1))  # fmt: skip
+        colours.append(plain(colour, 255, _EYE_SECTORS))
+    turn = np.radians(gaze_deg)
+    look = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
+    points = np.concatenate(ring) @ look.T + middle
+    n = _EYE_SECTORS
+    i, j = np.meshgrid(np.arange(len(_EYE_RINGS) - 1), np.arange(n), indexing="ij")
+    a, b = i * n + j, i * n + (j + 1) % n
+    quads = np.stack([a, a + n, b + n, b], axis=-1).reshape(-1, 4)
+    anchor = np.full((len(points), 3), ball[0])
+    return Part(
+        anchor, np.full((len(points), 3), 1 / 3), points - vertices[ball[0]],
+        triangulate(quads), np.concatenate(colours).astype(np.uint8),
+    )  # fmt: skip
+
+
+def brow(
+    vertices: FloatArray, triangles: IntArray, side: int, line: FloatArray, width: FloatArray
+) -> Part:
+    """Return an eyebrow lying on the skin.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (M, 3)
+    triangles : ndarray, shape (F, 3)
+        Of the skin.
+    side : int
+        -1 for the cuer's right brow, 1 for the left.
+    line : ndarray, shape (N, 2)
+        Its middle as x (positive) and y.
+    width : ndarray, shape (N,)
+        Height of the brow along the line.
+    """
+    rows = np.linspace(-0.5, 0.5, 4)
+    x = np.repeat(side * line[:, 0], len(rows))
+    y = (line[:, 1, None] + width[:, None] * rows).ravel()
+    corners, shares = on_skin(vertices, triangles, np.stack([x, y], axis=1))
+    points = (vertices[corners] * shares[..., None]).sum(axis=1)
+    n = len(rows)
+    i, j = np.meshgrid(np.arange(len(line) - 1), np.arange(n - 1), indexing="ij")
+    a = i * n + j
+    quads = np.stack([a, a + n, a + n + 1, a + 1], axis=-1).reshape(-1, 4)
+    if side < 0:
+        quads = quads[:, ::-1]
+    lift = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    edge = np.abs(np.tile(rows, len(line)))[:, None] > 0.4
+    colours = np.where(edge, plain(_mixed(BROWS, SKIN, 0.5), 20, len(x)), plain(BROWS, 20, len(x)))
+    return Part(corners, shares, lift, triangulate(quads), colours.astype(np.uint8))
+
+
+def tessellate(triangles: IntArray, n: int) -> tuple[IntArray, FloatArray, IntArray]:
+    """Divide every triangle into n² smaller ones.
+
+    Returns
+    -------
+    sources : ndarray of int, shape (V, 3)
+    shares : ndarray, shape (V, 3)
+        Barycentric places of the new vertices, each once.
+    triangles : ndarray of int, shape (F n², 3)
+    """
+    steps = [(i, j, n - i - j) for i in range(n + 1) for j in range(n + 1 - i)]
+    number = {step[:2]: k for k, step in enumerate(steps)}
+    small = []
+    for i in range(n):
+        for j in range(n - i):
+            small.append((number[i, j], number[i + 1, j], number[i, j + 1]))
+            if i + j < n - 1:
+                small.append((number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]))
+    sources = np.repeat(triangles, len(steps), axis=0)
+    shares = np.tile(np.array(steps)[:, [2, 0, 1]], (len(triangles), 1))
+    # The same place on a common edge has the same corners with the same weights: make it one.
+    order = np.argsort(np.where(shares > 0, sources, -1), axis=1)
+    names = np.concatenate([
+        np.take_along_axis(np.where(shares > 0, sources, -1), order, axis=1),
+        np.take_along_axis(shares, order, axis=1),
+    ], axis=1)  # fmt: skip
+    _, first, inverse = np.unique(names, axis=0, return_index=True, return_inverse=True)
+    starts = np.arange(len(triangles))[:, None, None] * len(steps)
+    fine = (starts + np.array(small)[None]).reshape(-1, 3)
+    return sources[first], shares[first] / n, inverse.reshape(-1)[fine]
+
+
+def _mixed(a: tuple[int, int, int], b: tuple[int, int, int], share: float) -> tuple[int, int, int]:
+    red, green, blue = (round(p + share * (q - p)) for p, q in zip(a, b, strict=True))
+    return red, green, blue
+
+
+def on_skin(
+    vertices: FloatArray, triangles: IntArray, points: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """Return, for points (N, 2), the foremost triangle's corners (N, 3) and its shares there.
+
+    Raises
+    ------
+    CueError
+        If a point lies beside the skin.
+    """
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    u, w = (b - a)[:, :2], (c - a)[:, :2]
+    area = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
+    facing = area > 1e-9
+    corners, shares = [], []
+    for point in points:
+        d = point - a[:, :2]
+        s = (d[:, 0] * w[:, 1] - d[:, 1] * w[:, 0]) / np.where(facing, area, 1)
+        t = (u[:, 0] * d[:, 1] - u[:, 1] * d[:, 0]) / np.where(facing, area, 1)
+        inside = facing & (s >= -1e-9) & (t >= -1e-9) & (s + t <= 1 + 1e-9)
+        if not inside.any():
+            raise CueError(f"point {point} lies beside the skin")
+        depth = np.where(inside, a[:, 2] + s * (b - a)[:, 2] + t * (c - a)[:, 2], -np.inf)
+        best = int(depth.argmax())
+        corners.append(triangles[best])
+        shares.append([1 - s[best] - t[best], s[best], t[best]])
+    return np.array(corners), np.array(shares)
