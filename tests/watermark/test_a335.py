@@ -417,7 +417,7 @@ def test_another_service_keeps_its_line() -> None:
 
 def test_own_line_is_replaced() -> None:
     first = A335Embedder(1280, 8, 25, source("1x")).process(grey())
-    again = A335Embedder(1280, 8, 25, lambda k: (bytes(17), bytes(42))).process(first)
+    again = A335Embedder(1280, 8, 25, lambda k: (bytes(20), bytes(39))).process(first)
     assert not np.array_equal(first, again)
 
 
@@ -464,7 +464,7 @@ def test_carrier_refusals() -> None:
         A335Embedder(1280, 720, 8, give, profile="1x-high")
     with pytest.raises(CueError, match="leaves no room"):
         A335Embedder(1280, 8, 25, give, domain="a" * 30).process(grey())
-    with pytest.raises(CueError, match="L0 holds 1 bytes, profile 1x 17"):
+    with pytest.raises(CueError, match="L0 holds 1 bytes, profile 1x 20"):
         A335Embedder(1280, 8, 25, lambda k: (b"1", b"")).process(grey())
     for end in (A335Embedder(1280, 8, 25, give), A335Receiver(1280, 8, 25)):
         with pytest.raises(CueError, match=r"expected \(8, 1280\)"):

@@ -66,9 +66,9 @@ class A335Profile:
 PROFILES = {
     profile.name: profile
     for profile in (
-        A335Profile("1x", SYSTEM_1X, USER_PRIVATE_SHORT, 17, 42),
-        A335Profile("1x-high", SYSTEM_1X, USER_PRIVATE_LONG, 17, 223),
-        A335Profile("2x", SYSTEM_2X, USER_PRIVATE_SHORT, 17, 312),
-        A335Profile("2x-high", SYSTEM_2X, USER_PRIVATE_LONG, 17, 643),
+        A335Profile("1x", SYSTEM_1X, USER_PRIVATE_SHORT, 20, 39),
+        A335Profile("1x-high", SYSTEM_1X, USER_PRIVATE_LONG, 20, 220),
+        A335Profile("2x", SYSTEM_2X, USER_PRIVATE_SHORT, 20, 309),
+        A335Profile("2x-high", SYSTEM_2X, USER_PRIVATE_LONG, 20, 640),
     )
 }

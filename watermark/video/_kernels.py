@@ -1,0 +1,82 @@
+"""Compiled loops of the video carrier.
+
+Luma frames of any integer type in, float arrays filled in place out; no checks.
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+PixelArray = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+
+
+@njit(cache=True)
+def project_into(
+    luma: NDArray[Any],
+    across: PixelArray,
+    down: PixelArray,
+    column_start: IntArray,
+    row_start: IntArray,
+    out: FloatArray,
+) -> None:
+    """Project each cell of a frame onto the templates.
+
+    across : (templates, width), down : (templates, height), factors of the separable templates;
+    column_start : (columns + 1,), row_start : (rows + 1,); out : (templates, rows, columns).
+    """
+    width = luma.shape[1]
+    sums = np.empty(width, dtype=np.float32)
+    for t in range(out.shape[0]):
+        for r in range(out.shape[1]):
+            sums[:] = 0.0
+            for y in range(row_start[r], row_start[r + 1]):
+                weight = down[t, y]
+                for x in range(width):
+                    sums[x] += weight * np.float32(luma[y, x])
+            for c in range(out.shape[2]):
+                total = 0.0
+                for x in range(column_start[c], column_start[c + 1]):
+                    total += across[t, x] * sums[x]
+                out[t, r, c] = total
+
+
+@njit(cache=True)
+def paint_into(
+    amplitude: FloatArray,
+    across: PixelArray,
+    down: PixelArray,
+    column_start: IntArray,
+    row_start: IntArray,
+    out: PixelArray,
+) -> None:
+    """Paint the sum of the templates with an amplitude per cell; out : (height, width)."""
+    for r in range(amplitude.shape[1]):
+        for y in range(row_start[r], row_start[r + 1]):
+            for c in range(amplitude.shape[2]):
+                for x in range(column_start[c], column_start[c + 1]):
+                    total = 0.0
+                    for t in range(amplitude.shape[0]):
+                        total += amplitude[t, r, c] * down[t, y] * across[t, x]
+                    out[y, x] = total
+
+
+@njit(cache=True)
+def add_into(
+    luma: NDArray[Any],
+    first: PixelArray,
+    second: PixelArray,
+    weight: float,
+    largest: float,
+    out: NDArray[Any],
+) -> None:
+    """Add (1 - weight) * first + weight * second to luma, rounded half up and limited."""
+    w1, w0 = np.float32(weight), np.float32(1.0 - weight)
+    top, half = np.float32(largest), np.float32(0.5)
+    for y in range(luma.shape[0]):
+        for x in range(luma.shape[1]):
+            value = np.float32(luma[y, x]) + w0 * first[y, x] + w1 * second[y, x] + half
+            out[y, x] = int(min(max(value, np.float32(0.0)), top))

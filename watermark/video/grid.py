@@ -1,0 +1,84 @@
+"""The cell grid of a picture and its two templates.
+
+In: luma; out: the amplitude of each template in each cell; and back from amplitudes to a pattern.
+The grid is 80 x 45 whatever the size of the picture, so scaling keeps it. Specification:
+spec/video-carrier.md, section B.3.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from watermark.video import _kernels
+from watermark.video.profile import COLUMNS, MIN_HEIGHT, MIN_WIDTH, ROWS, TEMPLATES
+
+FloatArray = NDArray[np.float64]
+
+
+class Grid:
+    """Projection and painting for one size of picture.
+
+    Parameters
+    ----------
+    width, height : int
+        Pixels.
+    depth : int
+        Bits per sample, 8 to 16; amplitudes are in steps of 8 bits.
+
+    Raises
+    ------
+    CueError
+        If the picture is too small for the cells or the depth out of range.
+
+    Examples
+    --------
+    >>> grid = Grid(640, 360)
+    >>> amplitude = np.zeros((2, 45, 80))
+    >>> amplitude[0, 3, 5] = 2.0
+    >>> round(float(grid.project(grid.paint(amplitude))[0, 3, 5]), 6)
+    2.0
+    """
+
+    def __init__(self, width: int, height: int, depth: int = 8) -> None:
+        if width < MIN_WIDTH or height < MIN_HEIGHT:
+            raise CueError(f"picture {width}x{height}: the cells need {MIN_WIDTH}x{MIN_HEIGHT}")
+        if not 8 <= depth <= 16:
+            raise CueError(f"luma of {depth} bits: must be 8..16")
+        self.shape = (height, width)
+        self.largest = float(2**depth - 1)
+        self._unit = 2.0 ** (depth - 8)
+        self._columns, across, across_norm = _axis(width, COLUMNS)
+        self._rows, down, down_norm = _axis(height, ROWS)
+        # Template 0 is a dipole across and a hump down; template 1 the other way round.
+        self._across = np.ascontiguousarray(across, dtype=np.float32)
+        self._down = np.ascontiguousarray(down[::-1], dtype=np.float32)
+        self._norm = down_norm[::-1, :, None] * across_norm[:, None, :]
+
+    def project(self, luma: NDArray[Any]) -> FloatArray:
+        """Amplitude of each template in each cell, shape (2, 45, 80)."""
+        out = np.empty((TEMPLATES, ROWS, COLUMNS))
+        _kernels.project_into(luma, self._across, self._down, self._columns, self._rows, out)
+        out /= self._norm * self._unit
+        return out
+
+    def paint(self, amplitude: FloatArray) -> NDArray[np.float32]:
+        """Pattern, shape (height, width), with these amplitudes, shape (2, 45, 80)."""
+        out = np.empty(self.shape, dtype=np.float32)
+        scaled = amplitude * self._unit
+        _kernels.paint_into(scaled, self._across, self._down, self._columns, self._rows, out)
+        return out
+
+
+def _axis(size: int, cells: int) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+    """Cell borders, the factors dipole and hump per pixel, their squared norms per cell."""
+    place = (np.arange(size) + 0.5) * cells / size
+    cell = place.astype(np.int64)
+    border = np.searchsorted(cell, np.arange(cells + 1)).astype(np.int64)
+    inside = place - cell
+    factors = np.stack([np.sin(2 * np.pi * inside), np.sin(np.pi * inside) ** 2])
+    # Uneven cells leave the dipole a mean, which would let brightness through.
+    for c in range(cells):
+        factors[0, border[c] : border[c + 1]] -= factors[0, border[c] : border[c + 1]].mean()
+    return border, factors, np.add.reduceat(factors**2, border[:-1], axis=1)

@@ -1,0 +1,52 @@
+"""Seeded layout of a superframe's values: dither, pilots, interleaver.
+
+Specification: spec/video-carrier.md, section B.4. Pseudorandom numbers come from the named streams
+of `watermark.layout`.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.layout import stream_words
+from watermark.video.profile import PILOTS, POSITIONS, VideoProfile
+
+
+@dataclass(frozen=True, slots=True)
+class VideoLayout:
+    """Arrays that both ends share.
+
+    Attributes
+    ----------
+    dither : ndarray of float64, shape (POSITIONS,)
+        Offset of each value's quantiser in steps, 0 to 1.
+    pilots : ndarray of int64, shape (PILOTS,)
+        Positions of the pilots, the same for all profiles.
+    pilot_bits : ndarray of int64, shape (PILOTS,)
+        Their bits in even superframes; odd ones hold the opposite.
+    data : ndarray of int64, shape (DATA,)
+        Position of each coded bit: the interleaver.
+    """
+
+    dither: NDArray[np.float64]
+    pilots: NDArray[np.int64]
+    pilot_bits: NDArray[np.int64]
+    data: NDArray[np.int64]
+
+
+@lru_cache(maxsize=16)
+def make_layout(profile: VideoProfile, key: int = 0) -> VideoLayout:
+    """Draw the layout of a profile and key.
+
+    Examples
+    --------
+    >>> from watermark.video.profile import PROFILES
+    >>> make_layout(PROFILES["standard"]).data.size
+    6880
+    """
+    dither = stream_words("video dither", key, POSITIONS) / 2.0**32
+    order = np.argsort(stream_words("video positions", key, POSITIONS), kind="stable")
+    words = stream_words(f"video pilot bits {profile.number}", key, PILOTS)
+    return VideoLayout(dither, np.sort(order[:PILOTS]), words & 1, order[PILOTS:])

@@ -1,0 +1,100 @@
+"""Constants of the video carrier, gathered in one frozen value per profile.
+
+Specification: spec/video-carrier.md, sections B.1 and B.2.
+"""
+
+from dataclasses import dataclass
+
+from codec.errors import CueError
+from watermark.profile import SUPERFRAME_S
+
+ROWS, COLUMNS = 45, 80
+"""Cells of the picture, whatever its size."""
+
+TEMPLATES = 2
+"""Templates of each cell: left against right and top against bottom."""
+
+POSITIONS = TEMPLATES * ROWS * COLUMNS
+"""Values that one superframe modulates, pilots included."""
+
+PILOTS = 320
+DATA = POSITIONS - PILOTS
+
+FADE = 0.25
+"""Part of a superframe during which one pattern gives way to the next, half of it on each side."""
+
+MIN_WIDTH, MIN_HEIGHT = 4 * COLUMNS, 4 * ROWS
+
+
+@dataclass(frozen=True, slots=True)
+class VideoProfile:
+    """One way to trade rate against robustness.
+
+    Attributes
+    ----------
+    name : str
+        What the receiver reports.
+    number : int
+        What the pilots announce.
+    l0_bytes, l1_bytes : int
+        Payload of the two protection classes per superframe.
+    l0_coded : int
+        Coded bits of the first class; 2048..4095, so that its mother code is that of the audio
+        carrier and the ratios of both can be added.
+    """
+
+    name: str
+    number: int
+    l0_bytes: int
+    l1_bytes: int
+    l0_coded: int
+
+    def __post_init__(self) -> None:
+        if not 2048 <= self.l0_coded < 4096:
+            raise CueError(f"{self.l0_coded} coded bits of L0: must be 2048..4095")
+
+    @property
+    def l1_coded(self) -> int:
+        """Coded bits of the second class."""
+        return DATA - self.l0_coded
+
+    @property
+    def net_bps(self) -> float:
+        """Payload of both classes in bit/s."""
+        return 8 * (self.l0_bytes + self.l1_bytes) / SUPERFRAME_S
+
+    @property
+    def gross_bps(self) -> float:
+        """Modulated values per second, pilots included."""
+        return POSITIONS / SUPERFRAME_S
+
+
+PROFILES: dict[str, VideoProfile] = {
+    profile.name: profile
+    for profile in (
+        VideoProfile("robust", 0, 20, 28, 3072),
+        VideoProfile("standard", 1, 20, 140, 2048),
+        VideoProfile("high", 2, 20, 300, 2048),
+    )
+}
+"""Profiles by name; a profile's number is its place."""
+
+
+def find_profile(name: str) -> VideoProfile:
+    """Return the profile called `name`.
+
+    Raises
+    ------
+    CueError
+        If there is none.
+
+    Examples
+    --------
+    >>> find_profile("standard").net_bps
+    2000.0
+    """
+    try:
+        return PROFILES[name]
+    except KeyError:
+        known = ", ".join(PROFILES)
+        raise CueError(f"unknown video profile {name!r}, known: {known}") from None

@@ -1,0 +1,50 @@
+"""Where a frame stands in its superframe. Specification: spec/video-carrier.md, section B.2."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from codec.errors import CueError
+from watermark.profile import SUPERFRAME_S
+from watermark.video.profile import FADE
+
+MIN_FPS, MAX_FPS = 12, 120
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """Frame counts at one frame rate.
+
+    Attributes
+    ----------
+    fps : Fraction
+        Frames per second, 12 to 120.
+    """
+
+    fps: Fraction
+
+    def __post_init__(self) -> None:
+        if not MIN_FPS <= self.fps <= MAX_FPS:
+            raise CueError(f"{float(self.fps):g} frames per second: must be {MIN_FPS}..{MAX_FPS}")
+
+    @property
+    def span(self) -> float:
+        """Frames of a superframe, in general not whole."""
+        return float(self.fps) * SUPERFRAME_S
+
+    @property
+    def window(self) -> int:
+        """Whole frames between two fades: those that a receiver averages."""
+        return max(1, round(self.span * (1 - FADE)))
+
+    def phase(self, frame: int) -> tuple[int, float]:
+        """Superframe of a frame and the middle of the frame in it, 0 to 1."""
+        place = (frame + 0.5) / self.span
+        return int(place), place - int(place)
+
+    def window_start(self, superframe: int) -> int:
+        """First frame of the window of a superframe."""
+        return round(superframe * self.span + (self.span - self.window) / 2)
+
+    def position_s(self, window_start: float) -> float:
+        """Start in seconds of the superframe whose window starts at a frame."""
+        return (window_start - (self.span - self.window) / 2) / float(self.fps)
