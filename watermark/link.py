@@ -6,6 +6,7 @@ Specification: section 6.
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +14,32 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from watermark.crc import crc_bits
 from watermark.polar import PolarCode, make_code
-from watermark.profile import Profile
 
 L0_CHECK = 24
 """Check bits of the first class: with a list of eight, noise passes once in 2**21 superframes."""
 
 L1_CHECK = 16
 """Check bits of the second class, which is looked at only when the first was accepted."""
+
+
+class Rates(Protocol):
+    """What the link needs to know of a carrier's profile."""
+
+    @property
+    def l0_bytes(self) -> int:
+        """Payload of the first class."""
+
+    @property
+    def l1_bytes(self) -> int:
+        """Payload of the second class, 0 if there is none."""
+
+    @property
+    def l0_coded(self) -> int:
+        """Coded bits of the first class."""
+
+    @property
+    def l1_coded(self) -> int:
+        """Coded bits of the second class."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +95,7 @@ class Link:
     True
     """
 
-    def __init__(self, profile: Profile) -> None:
+    def __init__(self, profile: Rates) -> None:
         self.profile = profile
         self._first = self._make_class("L0", profile.l0_bytes, L0_CHECK, profile.l0_coded)
         self._second = (
