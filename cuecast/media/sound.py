@@ -4,6 +4,7 @@ Gaps between packets (lost or damaged ones, a sound that pauses) are filled with
 overlaps are cut, so that sample n stands at ``start_s + n / fs`` throughout.
 """
 
+import os
 from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.media.programme import Programme, SoundFormat, reason
+from cuecast.media.programme import Programme, SoundFormat, open_programme, reason
 
 JITTER_S = 0.010
 """Timestamps that stray by less are rounding of the container (1 ms in Matroska)."""
@@ -157,3 +158,19 @@ def sound_blocks(decoder: SoundDecoder, programme: Programme) -> Iterator[NDArra
     block = decoder.flush()
     if len(block):
         yield block
+
+
+def read_sound(path: str | os.PathLike[str], *, track: int = 0) -> tuple[NDArray[np.float32], int]:
+    """Return the whole sound of a short programme, shape (n, channels), and its rate in Hz.
+
+    Raises
+    ------
+    CueError
+        If the programme is malformed or its sound damaged.
+    """
+    with open_programme(path, track=track) as programme:
+        decoder = SoundDecoder(programme, strict=True)
+        blocks = list(sound_blocks(decoder, programme))
+    if not blocks:
+        raise CueError(f"{path}: its sound is empty")
+    return np.concatenate(blocks), decoder.format.fs

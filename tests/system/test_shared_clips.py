@@ -16,8 +16,7 @@ from codec.motion import load_motion
 from codec.voice import load_voice
 from cuecast.cli import main
 from cuecast.media.film import write_film
-from cuecast.media.programme import open_programme
-from cuecast.media.sound import SoundDecoder, sound_blocks
+from cuecast.media.sound import read_sound
 from receiver.render import sample_params
 from tests.chromium import Page, browse
 
@@ -37,9 +36,7 @@ def film_mix(tmp_path_factory: pytest.TempPathFactory) -> Path:
     dub = ["dub", source, "--subtitles", str(POEM), "-o", str(folder / "d.flac")]
     assert main([*dub, "--report", str(folder / "r.json")]) == 0
     assert main(["synth", "--file", str(POEM), "-o", str(folder / "sent.npz")]) == 0
-    with open_programme(folder / "d.flac") as programme:
-        decoder = SoundDecoder(programme, strict=True)
-        sound = np.concatenate(list(sound_blocks(decoder, programme)))
+    sound, _ = read_sound(folder / "d.flac")
     write_film(folder / "aac.m4a", sound, 48000, encoder="aac", bit_rate=128_000)
     write_film(folder / "mp2.ts", sound, 48000, encoder="mp2", bit_rate=192_000)
     return folder
@@ -76,9 +73,7 @@ def test_report_of_film_mix(film_mix: Path) -> None:
 def talker(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the talker's picture over ten seconds of film_mix: plain, and dubbed."""
     folder = tmp_path_factory.mktemp("talker")
-    with open_programme(DATA / "audio" / "film_mix.flac") as programme:
-        decoder = SoundDecoder(programme, strict=True)
-        sound = np.concatenate(list(sound_blocks(decoder, programme)))[: 10 * 48000]
+    sound = read_sound(DATA / "audio" / "film_mix.flac")[0][: 10 * 48000]
     write_film(folder / "sound.m4a", sound, 48000, encoder="aac", bit_rate=192_000)
     mux(DATA / "video" / "lpc_talker_fr_720p25.mp4", folder / "sound.m4a", folder / "talker.mp4")
     dub = ["dub", str(folder / "talker.mp4"), "--subtitles", str(POEM), "--no-grade"]
