@@ -1,0 +1,235 @@
+"""Making the three corpora: labelled C3D at 120 Hz, sound and TextGrid of every utterance.
+
+A folder of corpora holds ``corpus1/``, ``corpus2/`` and ``corpus3/`` with one file of each kind
+per utterance, and ``corpus.json``: who performed, the texts, and how they cover French. Any C3D
+with the same marker names, with a TextGrid beside it, can take their place.
+"""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from importlib.resources import files
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import soundfile
+from numpy.typing import NDArray
+
+from codec.cueing import cue
+from codec.errors import CueError
+from codec.phonology import CONSONANTS, PAUSE, VOWELS
+from codec.score import Score
+from synth.corpus.c3d import read_c3d, write_c3d
+from synth.corpus.capture import record
+from synth.corpus.choice import Coverage, choose, coverage
+from synth.corpus.scores import shape_transitions
+from synth.corpus.studio import Studio, surround
+from synth.gesture import GestureSynthesiser
+from synth.rendered import line_of
+from synth.speech.espeak_voice import render
+from synth.text.espeak import RATE_HZ
+from synth.textgrid import read_textgrid, write_textgrid
+
+RATE_OF_CORPORA_HZ = 120.0
+N_SENTENCES = 238
+
+_LEAD_S = 0.8
+_ROUNDS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Utterance:
+    """What one file of a corpus holds.
+
+    Attributes
+    ----------
+    name : str
+        Folder and file name without ending, as ``corpus3/s001``.
+    text : str
+        What is written; empty for corpora 1 and 2.
+    line : tuple of str
+        Its phones, pauses as `codec.phonology.PAUSE`; empty for corpus 1.
+    seed : int
+        Of the cuer's small motions and the studio's faults.
+    """
+
+    name: str
+    text: str
+    line: tuple[str, ...]
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """Who performs and who records.
+
+    Attributes
+    ----------
+    out : Path
+        Folder of the corpora.
+    identity, law : str
+        As for `GestureSynthesiser`.
+    rate_hz : float
+    studio : Studio
+        For corpora 2 and 3; corpus 1 has the same faults and cameras all around.
+    """
+
+    out: Path
+    identity: str = "claire"
+    law: str = "minimum-jerk"
+    rate_hz: float = RATE_OF_CORPORA_HZ
+    studio: Studio = field(default_factory=Studio)
+
+
+def read_sentences(path: Path | None = None) -> list[str]:
+    """Return the sentences of a text file, one a line, or of the built-in list.
+
+    Empty lines and lines that start with ``#`` do not count.
+
+    Raises
+    ------
+    CueError
+        If the file cannot be read or holds no sentence.
+    """
+    source = files("synth") / "assets" / "sentences.txt" if path is None else path
+    try:
+        lines = [line.strip() for line in source.read_text(encoding="utf-8").splitlines()]
+    except (OSError, UnicodeDecodeError) as error:
+        raise CueError(f"{source}: not a list of sentences: {error}") from error
+    sentences = [line for line in lines if line and not line.startswith("#")]
+    if not sentences:
+        raise CueError(f"{source}: no sentence in the list")
+    return sentences
+
+
+def plan_corpora(
+    sentences: Sequence[str], *, count: int = N_SENTENCES, seed: int = 0
+) -> tuple[list[Utterance], list[Coverage]]:
+    """Return all utterances of the corpora, and the coverage report of corpus 3."""
+    lines = [line_of(text) for text in sentences]
+    chosen = sorted(choose(lines, count))
+    utterances = [Utterance("corpus1/shapes", "", (), seed)]
+    utterances += [
+        Utterance(f"corpus2/{name}", "", tuple(line), seed + 1) for name, line in _sounds()
+    ]
+    utterances += [
+        Utterance(f"corpus3/s{number:03d}", sentences[i], tuple(lines[i]), seed + 100 + number)
+        for number, i in enumerate(chosen, start=1)
+    ]
+    return utterances, coverage(lines, chosen)
+
+
+def _sounds() -> Iterator[tuple[str, list[str]]]:
+    """Yield corpus 2: isolated vowels, and every consonant between a, i and u."""
+    yield "vowels", [symbol for vowel in VOWELS for symbol in (vowel, PAUSE)]
+    for vowel in ("a", "i", "u"):
+        yield (
+            f"vcv_{vowel}",
+            [s for c in CONSONANTS for s in (vowel, c, vowel, PAUSE)],
+        )
+
+
+def make_corpora(
+    session: Session,
+    utterances: Sequence[Utterance],
+    *,
+    jobs: int = 1,
+    advance: Callable[[], object] = lambda: None,
+) -> None:
+    """Perform, record and write all `utterances`.
+
+    Parameters
+    ----------
+    session : Session
+    utterances : sequence of Utterance
+    jobs : int
+        Processes at work.
+    advance : callable
+        Called once per finished utterance, for a progress bar.
+    """
+    for folder in {Path(u.name).parent for u in utterances}:
+        (session.out / folder).mkdir(parents=True, exist_ok=True)
+    if jobs == 1:
+        for utterance in utterances:
+            make_utterance(session, utterance)
+            advance()
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        for _ in pool.map(make_utterance, [session] * len(utterances), utterances):
+            advance()
+
+
+def make_utterance(session: Session, utterance: Utterance) -> None:
+    """Perform, record and write one utterance."""
+    free = not utterance.line
+    cuer = _cuer(session.identity, session.law, session.rate_hz, utterance.seed, free)
+    stem = session.out / utterance.name
+    studio = session.studio
+    if free:
+        score = shape_transitions(rounds=_ROUNDS)
+        studio = Studio(
+            surround(), noise_mm=studio.noise_mm, bias_mm=studio.bias_mm,
+            dropouts_per_s=studio.dropouts_per_s, swaps_per_s=studio.swaps_per_s,
+            ghosts_per_s=studio.ghosts_per_s,
+        )  # fmt: skip
+    else:
+        samples, score = _spoken(utterance)
+        soundfile.write(stem.with_suffix(".wav"), samples, RATE_HZ, subtype="PCM_16")
+    recording = record(cuer, score, studio=studio, seed=utterance.seed)
+    write_c3d(
+        stem.with_suffix(".c3d"), recording.observed, rate_hz=session.rate_hz,
+        ghosts=recording.ghosts,
+    )  # fmt: skip
+    duration_s = len(recording.observed) / session.rate_hz
+    write_textgrid(stem.with_suffix(".TextGrid"), score, duration_s)
+
+
+def _spoken(utterance: Utterance) -> tuple[NDArray[np.float32], Score]:
+    """Return sound and score of an utterance; in corpus 2 nothing is cued."""
+    rendering = render(utterance.line)
+    silence = np.zeros(round(_LEAD_S * RATE_HZ), dtype=np.float32)
+    keys = () if utterance.name.startswith("corpus2") else tuple(cue(rendering.phones))
+    score = Score(rendering.phones, keys).shifted(len(silence) / RATE_HZ)
+    return np.concatenate([silence, rendering.samples]), score
+
+
+@cache
+def _cuer(identity: str, law: str, rate_hz: float, seed: int, free: bool) -> GestureSynthesiser:
+    return GestureSynthesiser(identity, law=law, rate_hz=rate_hz, seed=seed, free_space=free)
+
+
+def write_manifest(
+    session: Session, utterances: Sequence[Utterance], report: Sequence[Coverage]
+) -> None:
+    """Write ``corpus.json``."""
+    manifest = {
+        "identity": session.identity,
+        "law": session.law,
+        "rate_hz": session.rate_hz,
+        "noise_mm": session.studio.noise_mm,
+        "bias_mm": session.studio.bias_mm,
+        "coverage": [asdict(part) for part in report],
+        "utterances": [
+            {"name": u.name, "text": u.text, "phones": " ".join(u.line)} for u in utterances
+        ],
+    }
+    text = json.dumps(manifest, ensure_ascii=False, indent=1)
+    (session.out / "corpus.json").write_text(text + "\n", encoding="utf-8")
+
+
+def read_utterance(path: Path) -> tuple[NDArray[np.float32], float, Score]:
+    """Read a C3D and the TextGrid beside it.
+
+    Returns
+    -------
+    markers : ndarray of float32, shape (T, 113, 3)
+        Millimetres; NaN where hidden.
+    rate_hz : float
+    score : Score
+        On the clock of the first frame.
+    """
+    markers, rate_hz, start_s = read_c3d(path)
+    return markers, rate_hz, read_textgrid(path.with_suffix(".TextGrid")).shifted(-start_s)
