@@ -10,14 +10,13 @@ from tqdm import tqdm
 from codec.errors import CueError
 from synth.body.anatomy import IDENTITIES
 from synth.corpus.make import (
-    N_SENTENCES,
     RATE_OF_CORPORA_HZ,
     Session,
     make_corpora,
     plan_corpora,
-    read_sentences,
     write_manifest,
 )
+from synth.corpus.sentences import N_SENTENCES, read_sentences
 from synth.corpus.studio import Studio
 from synth.gesture import GestureSynthesiser
 from synth.movement import LAWS

@@ -1,4 +1,4 @@
-"""Recording a performance: the truth, what the studio saw, and what was meant."""
+"""Take a performance: the truth, what the studio saw, and what was meant."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ _FRAMES_AT_ONCE = 2000
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class Take:
     """One performance in the studio.
 
     Attributes
@@ -47,8 +47,8 @@ class Recording:
 
 def record(
     cuer: GestureSynthesiser, score: Score, *, studio: Studio | None = None, seed: int = 0
-) -> Recording:
-    """Return the recording of `score` performed by `cuer`, with a moment of rest at the end.
+) -> Take:
+    """Return the take of `score` performed by `cuer`, with a moment of rest at the end.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def record(
     positions = np.concatenate(truth)
     rng = np.random.default_rng([seed, 71])
     observed, ghosts = studio.observe(positions, np.concatenate(seen), cuer.rate_hz, rng)
-    return Recording(
+    return Take(
         score, cuer.rate_hz, positions.astype(np.float32), observed, ghosts,
         cuer.labels(score, 0.0, n_frames),
     )  # fmt: skip

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
 from functools import cache
-from importlib.resources import files
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -19,13 +18,13 @@ import soundfile
 from numpy.typing import NDArray
 
 from codec.cueing import cue
-from codec.errors import CueError
 from codec.phonology import CONSONANTS, PAUSE, VOWELS
 from codec.score import Score
 from synth.corpus.c3d import read_c3d, write_c3d
 from synth.corpus.capture import record
-from synth.corpus.choice import Coverage, choose, coverage
+from synth.corpus.choice import Coverage
 from synth.corpus.scores import shape_transitions
+from synth.corpus.sentences import N_SENTENCES, choose_sentences
 from synth.corpus.studio import Studio, surround
 from synth.gesture import GestureSynthesiser
 from synth.rendered import line_of
@@ -34,7 +33,6 @@ from synth.text.espeak import RATE_HZ
 from synth.textgrid import read_textgrid, write_textgrid
 
 RATE_OF_CORPORA_HZ = 120.0
-N_SENTENCES = 238
 
 _LEAD_S = 0.8
 _ROUNDS = 4
@@ -84,42 +82,20 @@ class Session:
     studio: Studio = field(default_factory=Studio)
 
 
-def read_sentences(path: Path | None = None) -> list[str]:
-    """Return the sentences of a text file, one a line, or of the built-in list.
-
-    Empty lines and lines that start with ``#`` do not count.
-
-    Raises
-    ------
-    CueError
-        If the file cannot be read or holds no sentence.
-    """
-    source = files("synth") / "assets" / "sentences.txt" if path is None else path
-    try:
-        lines = [line.strip() for line in source.read_text(encoding="utf-8").splitlines()]
-    except (OSError, UnicodeDecodeError) as error:
-        raise CueError(f"{source}: not a list of sentences: {error}") from error
-    sentences = [line for line in lines if line and not line.startswith("#")]
-    if not sentences:
-        raise CueError(f"{source}: no sentence in the list")
-    return sentences
-
-
 def plan_corpora(
     sentences: Sequence[str], *, count: int = N_SENTENCES, seed: int = 0
 ) -> tuple[list[Utterance], list[Coverage]]:
     """Return all utterances of the corpora, and the coverage report of corpus 3."""
-    lines = [line_of(text) for text in sentences]
-    chosen = sorted(choose(lines, count))
+    chosen, report = choose_sentences(sentences, count)
     utterances = [Utterance("corpus1/shapes", "", (), seed)]
     utterances += [
         Utterance(f"corpus2/{name}", "", tuple(line), seed + 1) for name, line in _sounds()
     ]
     utterances += [
-        Utterance(f"corpus3/s{number:03d}", sentences[i], tuple(lines[i]), seed + 100 + number)
-        for number, i in enumerate(chosen, start=1)
+        Utterance(f"corpus3/s{number:03d}", text, tuple(line_of(text)), seed + 100 + number)
+        for number, text in enumerate(chosen, start=1)
     ]
-    return utterances, coverage(lines, chosen)
+    return utterances, report
 
 
 def _sounds() -> Iterator[tuple[str, list[str]]]:

@@ -18,10 +18,11 @@ from synth.body.body import Pose, load_body
 from synth.body.skeleton import HAND_ANGLES
 from synth.corpus import _kernels
 from synth.corpus.__main__ import main
-from synth.corpus.capture import Recording, record
+from synth.corpus.capture import Take, record
 from synth.corpus.choice import KINDS, choose, coverage, units_of
-from synth.corpus.make import plan_corpora, read_sentences, read_utterance
+from synth.corpus.make import plan_corpora, read_utterance
 from synth.corpus.scores import drill, isolated_sounds, shape_transitions
+from synth.corpus.sentences import read_sentences
 from synth.corpus.studio import Studio, surround
 from synth.corpus.training import perform
 from synth.gesture import GestureSynthesiser
@@ -30,7 +31,7 @@ SYMBOLS = st.lists(st.sampled_from(["p", "a", "j", "i", "s", "ɥ", PAUSE]), min_
 
 
 @pytest.fixture(scope="module")
-def recording() -> Recording:
+def recording() -> Take:
     return record(GestureSynthesiser(rate_hz=60.0), drill(4, seed=2), seed=5)
 
 
@@ -107,7 +108,7 @@ def test_no_sentence_cannot_be_chosen() -> None:
         choose([["a"]], 0)
 
 
-def test_gaps_of_the_face_come_with_the_hand(recording: Recording) -> None:
+def test_gaps_of_the_face_come_with_the_hand(recording: Take) -> None:
     face = recording.visible[:, :N_FACE]
     resting = recording.labels.placement == PLACEMENT_NUMBER["rest"]
     at_face = np.isin(recording.labels.placement, [PLACEMENT_NUMBER[p] for p in ("mouth", "cheek")])
@@ -115,14 +116,14 @@ def test_gaps_of_the_face_come_with_the_hand(recording: Recording) -> None:
     assert face[at_face].mean() < face[resting].mean() - 0.002
 
 
-def test_folded_fingers_are_hidden_and_the_back_of_the_hand_is_not(recording: Recording) -> None:
+def test_folded_fingers_are_hidden_and_the_back_of_the_hand_is_not(recording: Take) -> None:
     fist = recording.visible[recording.labels.shape == 0]
     assert fist[:, MARKER_NUMBER["F3T"]].mean() < 0.2
     back = recording.visible[recording.labels.shape == 4]
     assert back[:, MARKER_NUMBER["P3"]].mean() > 0.9
 
 
-def test_what_is_seen_is_near_the_truth(recording: Recording) -> None:
+def test_what_is_seen_is_near_the_truth(recording: Take) -> None:
     error = (recording.observed - recording.truth)[recording.visible]
     assert 0.25 < error.std() < 0.5
     assert np.abs(error).max() < 2.5
@@ -137,7 +138,7 @@ def test_recordings_are_repeatable() -> None:
     assert not np.array_equal(first.observed, other.observed, equal_nan=True)
 
 
-def test_swaps_and_ghosts_come_when_asked_for(recording: Recording) -> None:
+def test_swaps_and_ghosts_come_when_asked_for(recording: Take) -> None:
     studio = Studio(swaps_per_s=2.0, ghosts_per_s=1.0, dropouts_per_s=0.0)
     faulty = record(GestureSynthesiser(), drill(2), studio=studio)
     away = np.linalg.norm(faulty.observed - faulty.truth, axis=2)
