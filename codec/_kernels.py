@@ -289,3 +289,100 @@ def dequantise(
             inset = points[max(kind, 0), min(magnitude, 3) - 1] if shift == 0 else 0
             value = ((magnitude * 256 - inset) * width) >> 8
             out[i] = -value if q[i] < 0 else value
+
+
+@njit(cache=True)
+def count_coefficients(
+    values: NDArray[np.float64],
+    q: NDArray[np.int64],
+    scales: NDArray[np.int64],
+    before: NDArray[np.int64],
+    step: int,
+    width: float,
+    counts: NDArray[np.int64],
+    insets: NDArray[np.float64],
+) -> None:
+    """Add the symbols of ``q`` to ``counts[kind, context]`` and their insets to ``insets``.
+
+    ``insets[kind, min(|q|, 3) - 1]`` are sum and number of ``|q| - |value| / width``.
+    """
+    for i in range(q.size):
+        kind, shift = coefficient_class(scales[i], step)
+        if kind < 0:
+            continue
+        magnitude = abs(q[i])
+        symbol = min(magnitude >> shift, ESCAPE)
+        counts[kind, _context(q, before, i, shift), symbol] += 1
+        if magnitude > 0 and shift == 0:
+            cell = insets[kind, min(magnitude, 3) - 1]
+            cell[0] += magnitude - abs(values[i]) / width
+            cell[1] += 1
+
+
+@njit(cache=True)
+def _cost(magnitude: int, cost: NDArray[np.float64], shift: int) -> float:
+    """Return the bits of a magnitude with its sign; ``cost`` are those of the symbols."""
+    high = magnitude >> shift
+    bits = float(cost[min(high, ESCAPE)]) + shift
+    if high >= ESCAPE:
+        rest = high - ESCAPE + 1
+        while rest > 1:
+            bits += 2.0
+            rest >>= 1
+        bits += 1.0
+    if magnitude > 0:
+        bits += 1.0
+    return bits
+
+
+@njit(cache=True)
+def coefficient_cost(
+    q: NDArray[np.int64],
+    scales: NDArray[np.int64],
+    before: NDArray[np.int64],
+    step: int,
+    costs: NDArray[np.float64],
+) -> float:
+    """Return the ideal length of all coefficients in bits."""
+    bits = 0.0
+    for i in range(q.size):
+        kind, shift = coefficient_class(scales[i], step)
+        if kind >= 0:
+            bits += _cost(abs(q[i]), costs[kind, _context(q, before, i, shift)], shift)
+    return bits
+
+
+@njit(cache=True)
+def quantise_rd(
+    values: NDArray[np.float64],
+    scales: NDArray[np.int64],
+    before: NDArray[np.int64],
+    step: int,
+    width: float,
+    weight: float,
+    costs: NDArray[np.float64],
+    points: NDArray[np.int64],
+    q: NDArray[np.int64],
+) -> None:
+    """Quantise in scan order, each index such that error plus ``weight`` times bits is least.
+
+    Errors are counted in squared steps. An index's influence on later contexts is not seen.
+    """
+    for i in range(values.size):
+        q[i] = 0
+        kind, shift = coefficient_class(scales[i], step)
+        if kind < 0:
+            continue
+        x = abs(values[i]) / width
+        top = int(x + 0.5)
+        if top == 0:
+            continue
+        cost = costs[kind, _context(q, before, i, shift)]
+        best, least = 0, x * x + weight * _cost(0, cost, shift)
+        for magnitude in range(max(1, top - 1), top + 1):
+            inset = points[kind, min(magnitude, 3) - 1] / 256.0 if shift == 0 else 0.0
+            error = x - magnitude + inset
+            value = error * error + weight * _cost(magnitude, cost, shift)
+            if value < least:
+                best, least = magnitude, value
+        q[i] = -best if values[i] < 0 else best

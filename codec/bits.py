@@ -21,17 +21,24 @@ MODES = ("score", "plain", "score-only")
 HEADER_FIELDS = {"version": 2, "mode": 2, "sequence": 6, "lead": 2, "voice": 4}
 """The header of L0: names and widths in bits, first field in the highest bits."""
 
-FILE_FIELDS = {"magic": 32, "version": 8, "voice": 64, "first_tick": 32, "ticks": 32}
+FILE_FIELDS = {
+    "magic": 32, "version": 8, "voice": 64, "first_tick": 32, "ticks": 32, "l0": 12, "l1": 12,
+}  # fmt: skip
 """The head of a stream file, before its checksum."""
+
+RECORD_FIELDS = {"l0": 12, "l1": 12}
+"""The lengths before each superframe of a file whose head states none."""
 
 MAGIC = int.from_bytes(b"CUES", "big")
 
 HEADER_BYTES = 2
-FILE_BYTES = 21
+FILE_BYTES = 24
+RECORD_BYTES = 3
 SEQUENCES = 64
 
 assert sum(HEADER_FIELDS.values()) == 8 * HEADER_BYTES
 assert sum(FILE_FIELDS.values()) == 8 * FILE_BYTES
+assert sum(RECORD_FIELDS.values()) == 8 * RECORD_BYTES
 
 
 def pack_fields(layout: Mapping[str, int], values: Mapping[str, int]) -> bytes:

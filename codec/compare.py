@@ -129,4 +129,10 @@ def _offset(a: Array, b: Array) -> float:
         length = len(x) - abs(lag)
         return float(np.vdot(x[max(0, -lag) :][:length], y[max(0, lag) :][:length]))
 
-    return max(range(-reach, reach + 1), key=agreement) / _RATE_HZ
+    best = max(range(-reach, reach + 1), key=agreement)
+    if abs(best) == reach:
+        return best / _RATE_HZ
+    left, top, right = (agreement(best + d) / (len(x) - abs(best + d)) for d in (-1, 0, 1))
+    # The vertex of the parabola through the peak and its neighbours.
+    bend = left - 2 * top + right
+    return (best + (0.5 * (left - right) / bend if bend < 0 else 0.0)) / _RATE_HZ

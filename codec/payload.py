@@ -76,7 +76,10 @@ def coefficient_code(q: Ints, first: int, step: int, basis: Basis) -> tuple[Ints
 
 def coefficient_bits(q: Ints, step: int, basis: Basis) -> float:
     """Return the ideal length of all coefficients in bits."""
-    return code_length(coefficient_code(q, 0, step, basis)[1])
+    bits: float = _kernels.coefficient_cost(
+        q, basis.scan_scales, basis.before, step, coefficient_tables().cost
+    )
+    return bits
 
 
 def write_l0(

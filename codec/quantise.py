@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 
 from codec import _kernels
 from codec.tables import CoefficientTables
+from codec.transform import Basis
 
 STEPS = 64
 NO_RESIDUAL = STEPS - 1
 """The step number that says that no coefficient follows."""
 
 FRACTION_BITS = 16
+WEIGHT = 0.16
+"""Squared steps per bit at which index decisions cost least overall, found by trial."""
+
 _MANTISSAS = (65536, 77936, 92682, 110218)
 
 Array = NDArray[np.float64]
@@ -33,20 +37,28 @@ def step_width(step: int) -> int:
     return _MANTISSAS[step % 4] << (step // 4)
 
 
-def quantise(values: Array, step: int, *, rounding: float = 0.4) -> Ints:
-    """Return the indices of coefficients.
+def quantise_rd(
+    values: Array, step: int, basis: Basis, tables: CoefficientTables, *, weight: float = WEIGHT
+) -> Ints:
+    """Return indices that weigh error against bits.
 
     Parameters
     ----------
     values : ndarray of float64, shape (n,)
+        Coefficients in the scan order of `basis`.
     step : int
         Step number, 0..62.
-    rounding : float
-        0.5 rounds to the nearest cell; less favours small indices, which cost less.
+    basis : Basis
+    tables : CoefficientTables
+    weight : float
+        Squared steps that one bit is worth.
     """
-    ratio = np.abs(values) * (1 << FRACTION_BITS) / step_width(step)
-    index = np.minimum(np.floor(ratio + rounding), 1 << 19).astype(np.int64)
-    return np.where(values < 0, -index, index)
+    q = np.empty(values.size, dtype=np.int64)
+    _kernels.quantise_rd(
+        values, basis.scan_scales, basis.before, step, step_width(step) / (1 << FRACTION_BITS),
+        weight, tables.cost, tables.inset, q,
+    )  # fmt: skip
+    return q
 
 
 def dequantise(q: Ints, scales: Ints, step: int, tables: CoefficientTables) -> Array:

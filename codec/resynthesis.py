@@ -1,81 +1,115 @@
 """Resynthesis: the movements that a score implies, as parameters.
 
-A joined line of phones and the voice's gesture table go in; face, hand, head and forearm come
-out at 50 Hz, one frame per tick. Every gesture is a step from target to target along a
-minimum-jerk course (Flash and Hogan 1985); steps that overlap add up. The hand leaves before the
-sound of its key and arrives shortly after its onset, by the proportions that Attina (2005, chapter
-VI) measured; the face moves around the boundaries of phones. The result is a pure function of the
-line: sender and receiver compute the same prediction. Specification: spec/bitstream.md, section 5.
+A joined line of phones and the targets of a voice go in; face, hand, head and forearm come out
+at 50 Hz, one frame per tick. The hand moves from key to key along a minimum-jerk course (Flash
+and Hogan 1985): it leaves before the sound of its key, by the share of the distance between keys
+that Attina (2005, chapter VI) measured, and arrives in the first part of the consonant; targets
+that are left early are not quite reached. The face is the mean of the targets of nearby phones,
+weighted by dominances that fall off with time (Cohen and Massaro 1993). The result is a pure
+function of the line: sender and receiver compute the same prediction.
+Specification: spec/bitstream.md, section 5.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.cueing import DEFAULT_OPTIONS
+from codec.errors import VoiceError
 from codec.gestures import GestureTable
-from codec.joining import Sounding, gaps, keys_of
-from codec.score import PLACEMENT_NUMBER
+from codec.joining import Sounding, keys_of
+from codec.phonology import PHONES
+from codec.score import PLACEMENT_NUMBER, PLACEMENTS, SHAPES
 from codec.score_coding import ScorePart
 from codec.timeline import TICK_S
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+N_KEYS = len(SHAPES) * len(PLACEMENTS)
+_REST_KEY = PLACEMENT_NUMBER["rest"]
+
+PARTS = 100
+"""Movements are timed in whole hundredths of a tick: both ends compute the same numbers."""
+
+_LEAD_PERCENT = 62
+_LEAST_LEAD, _MOST_LEAD, _LEAD_FROM_REST = 700, 1200, 2250
+_LAG_PERCENT = 16
+_SHORTEST_MOVE = 300
+_REST_DELAY, _REST_MOVE = 400, 2750
+_FINGERS_EARLIER = 150
+_NATURAL = 1250
+_UNDERSHOOT = 0.13
+
+_REACH_TICKS = 22.5
+_RISE_TICKS = 2.5
+_SHARE_OF_LENGTH = 0.6
+_SILENT_DOMINANCE = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Timing:
-    """When gestures move, relative to the sounds; ticks unless said otherwise.
+class Targets:
+    """Where the parameters of a voice go for each key and phone.
 
     Attributes
     ----------
-    lead, lag : float
-        Departure before and arrival after the onset of a key, in lengths of the key.
-    vowel_lead, vowel_lag : float
-        The same for keys without a consonant.
-    shortest, longest : float
-        Limits of the length by which lead and lag are scaled.
-    shape_share : float
-        Part of the movement's duration after which the fingers have their shape.
-    rest_delay, rest_duration : float
-        When the hand leaves for its rest after the last key's end, and for how long it moves.
-    lips : float
-        Half the duration of a movement of the face, at most.
-    lips_lead : float
-        How far the middle of that movement precedes the boundary of phones.
+    hand, head, forearm : ndarray of float64, shape (54, 12), (54, nmF), (54, nmH)
+        Parameters when a key is held; key number = 6 shape + placement.
+    arc : ndarray of float64, shape (nmH,)
+        Forearm parameters by which the middle of a movement leaves the straight line, per unit
+        of distance between its ends.
+    face : ndarray of float64, shape (38, 7)
+        Parameters of each phone.
     """
 
-    lead: float = 0.62
-    lag: float = 0.10
-    vowel_lead: float = 0.46
-    vowel_lag: float = 0.21
-    shortest: float = 10.0
-    longest: float = 22.0
-    shape_share: float = 0.9
-    rest_delay: float = 5.0
-    rest_duration: float = 20.0
-    lips: float = 4.0
-    lips_lead: float = 1.0
+    hand: Array
+    head: Array
+    forearm: Array
+    arc: Array
+    face: Array
 
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            array = np.ascontiguousarray(getattr(self, item.name), dtype=np.float64)
+            rows = {"face": len(PHONES), "arc": self.forearm.shape[-1]}.get(item.name, N_KEYS)
+            if len(array) != rows or not np.isfinite(array).all():
+                raise VoiceError(f"targets: {item.name} has shape {array.shape}, not {rows} rows")
+            object.__setattr__(self, item.name, array)
 
-TIMING = Timing()
+    @classmethod
+    def of(cls, table: GestureTable) -> "Targets":
+        """Return the exact targets of a gesture table, reached on straight lines."""
+        n_forearm = table.placement_targets.shape[-1]
+        return cls(
+            np.repeat(table.shape_targets, len(PLACEMENTS), axis=0).astype(np.float64),
+            np.tile(table.neutral_head, (N_KEYS, 1)).astype(np.float64),
+            table.placement_targets.reshape(N_KEYS, n_forearm).astype(np.float64),
+            np.zeros(n_forearm),
+            table.viseme_targets.astype(np.float64),
+        )
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
-    """A movement of the hand: from `leave` to `arrive` (ticks) towards a shape and placement."""
+class Movements:
+    """The movements of the hand, the rest before everything first.
 
-    leave: float
-    arrive: float
-    shape: int
-    placement: int
+    Attributes
+    ----------
+    key : ndarray of int64, shape (G,)
+        Number of the key that each one leads to.
+    leave, reach : ndarray of int64, shape (G,)
+        Hundredths of a tick; ascending, ``leave[g] >= reach[g - 1]``.
+    """
+
+    key: Ints
+    leave: Ints
+    reach: Ints
 
 
-def hand_steps(
-    line: Sequence[Sounding], parts: Mapping[int, ScorePart], timing: Timing = TIMING
-) -> list[Step]:
-    """Return the movements of the hand that a line implies, by time of arrival.
+def movements(line: Sequence[Sounding], parts: Mapping[int, ScorePart]) -> Movements:
+    """Return the movements of the hand that a line implies (P1 to P4).
 
     Parameters
     ----------
@@ -83,31 +117,40 @@ def hand_steps(
         From `codec.joining.join`.
     parts : mapping of int to ScorePart
         The parts that were joined.
-    timing : Timing
-
-    Returns
-    -------
-    list of Step
-        The first one stands for the state before everything else.
     """
-    if not line:
-        return [Step(0.0, 1.0, 0, PLACEMENT_NUMBER["rest"])]
     options = next(iter(parts.values())).options if parts else DEFAULT_OPTIONS
-    steps = []
+    gap = round(options.rest_gap_s / TICK_S) * PARTS
+    length = {s.start: s.end - s.start for s in line}
+    rows = [(_REST_KEY, -(1 << 40), -(1 << 40))]
+    before: tuple[int, int] | None = None
     for key in keys_of(list(line), parts, unsure=True):
-        start, end = key.start / TICK_S, key.end / TICK_S
-        length = min(max(end - start, timing.shortest), timing.longest)
-        alone = len(key.phones) == 1 and key.shape == 5
-        lead, lag = (timing.vowel_lead, timing.vowel_lag) if alone else (timing.lead, timing.lag)
-        placement = PLACEMENT_NUMBER[key.placement]
-        steps.append(Step(start - lead * length, start + lag * length, key.shape, placement))
-    rest = PLACEMENT_NUMBER["rest"]
-    for start, end in gaps(list(line)):
-        if (end - start) * TICK_S >= options.rest_gap_s or start == line[0].start:
-            leave = start + timing.rest_delay
-            steps.append(Step(leave, leave + timing.rest_duration, 0, rest))
-    steps.sort(key=lambda step: step.leave)
-    return steps or [Step(line[0].start, line[0].start + 1.0, 0, rest)]
+        tick = round(key.start / TICK_S)
+        start, end = tick * PARTS, round(key.end / TICK_S) * PARTS
+        if before is None or start - before[1] >= gap:
+            if before is not None:
+                rows.append(_to_rest(before[1], start - _LEAD_FROM_REST))
+            lead = _LEAD_FROM_REST
+        else:
+            away = _LEAD_PERCENT * ((start - before[0]) // PARTS)
+            lead = min(max(away, _LEAST_LEAD), _MOST_LEAD)
+        lag = _LAG_PERCENT * length.get(tick, 0) if len(key.phones) == 2 else 0
+        leave = max(start - lead, rows[-1][2])
+        number = len(PLACEMENTS) * key.shape + PLACEMENT_NUMBER[key.placement]
+        rows.append((number, leave, max(start + lag, leave + _SHORTEST_MOVE)))
+        before = start, end
+    if before is not None:
+        rows.append(_to_rest(before[1], 1 << 40))
+    keys, leaves, reaches = (np.array(column, dtype=np.int64) for column in zip(*rows, strict=True))
+    # A movement to rest may be due before the last key was reached.
+    for g in range(1, len(rows)):
+        leaves[g] = max(leaves[g], reaches[g - 1])
+        reaches[g] = max(reaches[g], leaves[g] + 1)
+    return Movements(keys, leaves, reaches)
+
+
+def _to_rest(end: int, before: int) -> tuple[int, int, int]:
+    leave = end + _REST_DELAY
+    return _REST_KEY, leave, max(min(leave + _REST_MOVE, before), leave + _SHORTEST_MOVE)
 
 
 def minimum_jerk(phase: Array) -> Array:
@@ -122,57 +165,82 @@ def minimum_jerk(phase: Array) -> Array:
     return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
 
 
-def follow(times: Array, leave: Array, arrive: Array, targets: Array) -> Array:
-    """Return the course through `targets`, shape (T, D).
+@dataclass(frozen=True, slots=True)
+class KeyWeights:
+    """How far the hand is at each key, frame by frame: the linear part of the prediction.
 
-    Parameters
+    Attributes
     ----------
-    times : ndarray of float64, shape (T,)
-        Ticks.
-    leave, arrive : ndarray of float64, shape (N,)
-        Times of the steps; those of the first one are not used.
-    targets : ndarray of float64, shape (N, D)
-        Where each step leads; the course begins at the first one.
+    fingers, carrier : ndarray of float64, shape (T, 54)
+        Shares of the keys' targets in hand shape, and in forearm and head; rows sum to 1.
+    bend : ndarray of float64, shape (T,)
+        0 at the ends of a movement, 1 in its middle.
+    ends : ndarray of int64, shape (T, 2)
+        Keys between which the hand moves.
     """
-    changes = np.diff(targets, axis=0, prepend=0.0)
-    duration = np.maximum(arrive - leave, 1.0)
-    course = minimum_jerk((times[:, None] - leave) / duration)
-    course[:, 0] = 1.0
-    return course @ changes
+
+    fingers: Array
+    carrier: Array
+    bend: Array
+    ends: Ints
 
 
-def _hand(
-    times: Array, steps: Sequence[Step], table: GestureTable, timing: Timing
-) -> tuple[Array, Array]:
-    leave = np.array([step.leave for step in steps])
-    arrive = np.array([step.arrive for step in steps])
-    shapes = [step.shape for step in steps]
-    places = [step.placement for step in steps]
-    formed = leave + timing.shape_share * (arrive - leave)
-    place = table.placement_targets.astype(np.float64)[shapes, places]
-    shape = table.shape_targets.astype(np.float64)[shapes]
-    return follow(times, leave, formed, shape), follow(times, leave, arrive, place)
+def key_weights(moves: Movements, first_tick: int, n_frames: int) -> KeyWeights:
+    """Return the weights of the keys' targets in frames at `first_tick` and after (P5, P6)."""
+    times = PARTS * (first_tick + np.arange(n_frames, dtype=np.int64))
+    held = np.zeros((len(moves.key), N_KEYS))
+    held[np.arange(len(moves.key)), moves.key] = 1.0
+    until = np.append(moves.leave[1:], 1 << 40)
+    hurry = np.clip((_NATURAL - (until - moves.leave)) / (0.5 * _NATURAL), 0.0, 1.5)
+    for g in np.flatnonzero(hurry > 0):
+        held[g] += _UNDERSHOOT * hurry[g] * (held[g - 1] - held[g])
+    at = np.searchsorted(moves.leave, times, side="right") - 1
+    before = np.maximum(at - 1, 0)
+    elapsed, duration = times - moves.leave[at], moves.reach[at] - moves.leave[at]
+    sooner = np.maximum(duration - _FINGERS_EARLIER, duration / 2)
+
+    def course(length: Array | Ints) -> Array:
+        return minimum_jerk(np.where(at == 0, 1.0, elapsed / np.maximum(length, 1)))
+
+    part, fingers = course(duration), course(sooner)
+    start, goal = held[before], held[at]
+    return KeyWeights(
+        start + fingers[:, None] * (goal - start),
+        start + part[:, None] * (goal - start),
+        4.0 * part * (1.0 - part),
+        np.stack([moves.key[before], moves.key[at]], axis=1),
+    )
 
 
-def _face(times: Array, line: Sequence[Sounding], table: GestureTable, timing: Timing) -> Array:
-    sounds = [s for s in line if s.end > s.start] or [Sounding(0, 0, 1)]
-    numbers = [s.number for s in sounds]
-    starts = np.array([s.start for s in sounds], dtype=np.float64)
-    lengths = np.array([s.end - s.start for s in sounds], dtype=np.float64)
-    half = np.minimum(timing.lips, np.minimum(lengths, np.roll(lengths, 1)))
-    middle = starts - timing.lips_lead
-    targets = table.viseme_targets.astype(np.float64)[numbers]
-    return follow(times, middle - half, middle + half, targets)
+def phone_weights(line: Sequence[Sounding], first_tick: int, n_frames: int) -> Array:
+    """Return the shares of the phones' targets in the face (P7), shape (T, 38)."""
+    times = first_tick + np.arange(n_frames, dtype=np.float64)[:, None]
+    last = first_tick + n_frames - 1
+    near = [
+        s for s in line
+        if s.number and s.end > first_tick - _REACH_TICKS and s.start < last + _REACH_TICKS
+    ]  # fmt: skip
+    weights = np.zeros((n_frames, len(PHONES)))
+    weights[:, 0] = _SILENT_DOMINANCE
+    if near:
+        start = np.array([s.start for s in near], dtype=np.float64)
+        end = np.array([s.end for s in near], dtype=np.float64)
+        half = 0.5 * (end - start)
+        away = np.abs(times - 0.5 * (start + end))
+        fade = np.clip((away - half) / np.maximum(_REACH_TICKS - half, _RISE_TICKS), 0.0, 1.0)
+        scale = _SHARE_OF_LENGTH * half + _RISE_TICKS
+        pull = np.exp(-((away / scale) ** 1.5)) * (1.0 - fade) ** 2
+        for column, sound in enumerate(near):
+            weights[:, sound.number] += pull[:, column]
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
 def resynthesise(
     line: Sequence[Sounding],
     parts: Mapping[int, ScorePart],
-    table: GestureTable,
+    targets: Targets,
     first_tick: int,
     n_frames: int,
-    *,
-    timing: Timing = TIMING,
 ) -> Array:
     """Return the parameters that a line implies.
 
@@ -182,20 +250,22 @@ def resynthesise(
         Joined phones around the wanted frames.
     parts : mapping of int to ScorePart
         The parts that were joined.
-    table : GestureTable
-        Targets of the voice.
+    targets : Targets
+        Of the voice.
     first_tick, n_frames : int
         Frame i lies at tick ``first_tick + i``.
-    timing : Timing
 
     Returns
     -------
     ndarray of float64, shape (n_frames, P)
-        Face, hand, head (neutral) and forearm.
+        Face, hand, head and forearm.
     """
-    times = first_tick + np.arange(n_frames, dtype=np.float64)
-    shape, place = _hand(times, hand_steps(line, parts, timing), table, timing)
-    face = _face(times, line, table, timing)
-    neutral = table.neutral_head.astype(np.float64)
-    head = np.broadcast_to(neutral, (n_frames, len(neutral)))
-    return np.concatenate([face, shape, head, place], axis=1)
+    keys = key_weights(movements(line, parts), first_tick, n_frames)
+    distances = np.linalg.norm(
+        targets.forearm[keys.ends[:, 1]] - targets.forearm[keys.ends[:, 0]], axis=1
+    )
+    forearm = keys.carrier @ targets.forearm + np.outer(keys.bend * distances, targets.arc)
+    face = phone_weights(line, first_tick, n_frames) @ targets.face
+    return np.concatenate(
+        [face, keys.fingers @ targets.hand, keys.carrier @ targets.head, forearm], axis=1
+    )

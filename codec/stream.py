@@ -1,11 +1,11 @@
 """Stream files (``.cue``): a motion as superframes one after another.
 
-A head names the voice and the span of ticks; records follow, one per superframe, each with the
-lengths of its two parts. Specification: spec/bitstream.md, section 8.
+A head names the voice, the span of ticks and the lengths of the parts; superframes follow. Where
+the head states no lengths, every superframe is preceded by its own. Specification: spec/bitstream.md, section 8.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from codec.bits import (
     FILE_BYTES,
     FILE_FIELDS,
     MAGIC,
+    RECORD_BYTES,
+    RECORD_FIELDS,
     VERSION,
     crc16,
     pack_fields,
@@ -30,14 +32,9 @@ from codec.voice import Voice
 RATE_HZ = 50.0
 MIN_RATE_BPS = 140
 MAX_RATE_BPS = 20_000
-_LENGTH_BITS = 12
-_RECORD_FIELDS = {"l0": _LENGTH_BITS, "l1": _LENGTH_BITS}
-_RECORD_BYTES = 3
 _CRC_BYTES = 2
 _MAX_TICKS = 24 * 3600 * 50
 _OPEN_BYTES = 4000
-
-assert sum(_RECORD_FIELDS.values()) == 8 * _RECORD_BYTES
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +47,15 @@ class StreamHead:
         Identity of the voice.
     first_tick, ticks : int
         Ticks of 20 ms that the motion covers.
+    l0, l1 : int
+        Lengths of the parts of every superframe; 0 for `l0` if each states its own.
     """
 
     voice: str
     first_tick: int
     ticks: int
+    l0: int = 0
+    l1: int = 0
 
     @property
     def indices(self) -> range:
@@ -99,13 +100,14 @@ def encode_stream(
             raise CueError(f"rate {rate_bps} bit/s is not within {MIN_RATE_BPS}..{MAX_RATE_BPS}")
         size = int(rate_bps * SUPERFRAME_S / 8)
         encoder = SuperframeEncoder(voice, l0_bytes=size, l1_bytes=0, lead=0, options=options)
-        frames = [encoder.encode(motion, index) for index in head.indices]
+        head = replace(head, l0=size)
+        body = b"".join(encoder.encode(motion, index).l0 for index in head.indices)
     else:
         limit = 2.0 if error_mm is None else error_mm
         if not 0.05 <= limit <= 1000:
             raise CueError(f"error {limit} mm is not within 0.05..1000")
-        frames = _within(limit, motion, voice, head, options)
-    return _head_bytes(head) + b"".join(map(_record, frames))
+        body = b"".join(map(_record, _within(limit, motion, voice, head, options)))
+    return _head_bytes(head) + body
 
 
 def _head_of(motion: Motion) -> StreamHead:
@@ -137,7 +139,7 @@ def _within(
 def _head_bytes(head: StreamHead) -> bytes:
     fields = {
         "magic": MAGIC, "version": VERSION, "voice": int(head.voice, 16),
-        "first_tick": head.first_tick, "ticks": head.ticks,
+        "first_tick": head.first_tick, "ticks": head.ticks, "l0": head.l0, "l1": head.l1,
     }  # fmt: skip
     body = pack_fields(FILE_FIELDS, fields)
     return body + crc16(body).to_bytes(_CRC_BYTES, "big")
@@ -145,7 +147,7 @@ def _head_bytes(head: StreamHead) -> bytes:
 
 def _record(frame: Superframe) -> bytes:
     lengths = {"l0": len(frame.l0), "l1": len(frame.l1)}
-    return pack_fields(_RECORD_FIELDS, lengths) + frame.l0 + frame.l1
+    return pack_fields(RECORD_FIELDS, lengths) + frame.l0 + frame.l1
 
 
 def read_head(data: bytes) -> StreamHead:
@@ -165,7 +167,9 @@ def read_head(data: bytes) -> StreamHead:
     check = data[FILE_BYTES : FILE_BYTES + _CRC_BYTES]
     if crc16(data[:FILE_BYTES]).to_bytes(_CRC_BYTES, "big") != check:
         raise BitstreamError("checksum of the head", section="F4", bit=8 * FILE_BYTES)
-    head = StreamHead(f"{fields['voice']:016x}", fields["first_tick"], fields["ticks"])
+    head = StreamHead(
+        f"{fields['voice']:016x}", fields["first_tick"], fields["ticks"], fields["l0"], fields["l1"]
+    )
     if not 0 < head.ticks <= _MAX_TICKS or head.first_tick > _MAX_TICKS:
         raise BitstreamError(f"{head.ticks} ticks from {head.first_tick}", section="F5", bit=104)
     return head
@@ -182,15 +186,18 @@ def read_superframes(data: bytes) -> Iterator[Superframe]:
     head = read_head(data)
     place = FILE_BYTES + _CRC_BYTES
     for index in head.indices:
-        if place + _RECORD_BYTES > len(data):
-            raise BitstreamError(f"no record of superframe {index}", section="F6", bit=8 * place)
-        lengths = unpack_fields(_RECORD_FIELDS, data[place : place + _RECORD_BYTES])
-        begin = place + _RECORD_BYTES
-        middle = begin + lengths["l0"]
-        place = middle + lengths["l1"]
-        if place > len(data):
-            raise BitstreamError(f"superframe {index} is cut off", section="F6", bit=8 * begin)
-        yield Superframe(index, data[begin:middle], data[middle:place])
+        l0, l1 = head.l0, head.l1
+        if l0 == 0:
+            if place + RECORD_BYTES > len(data):
+                raise BitstreamError(f"no superframe {index}", section="F6", bit=8 * place)
+            lengths = unpack_fields(RECORD_FIELDS, data[place : place + RECORD_BYTES])
+            l0, l1 = lengths["l0"], lengths["l1"]
+            place += RECORD_BYTES
+        middle, end = place + l0, place + l0 + l1
+        if end > len(data):
+            raise BitstreamError(f"superframe {index} is cut off", section="F6", bit=8 * place)
+        yield Superframe(index, data[place:middle], data[middle:end])
+        place = end
     if place != len(data):
         raise BitstreamError(f"{len(data) - place} bytes too many", section="F6", bit=8 * place)
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.bits import HEADER_BYTES, SEQUENCES, Header, read_header, voice_digit
+from codec.coding import Coding, coding_for
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.errors import BitstreamError, CueError, VoiceError
 from codec.joining import join, score_of
@@ -35,13 +36,13 @@ from codec.payload import (
     write_l0_whole,
     write_l1,
 )
-from codec.quantise import NO_RESIDUAL, dequantise, quantise
+from codec.quantise import NO_RESIDUAL, dequantise, quantise_rd
 from codec.resynthesis import resynthesise
 from codec.score import Key, Phone, Score
 from codec.score_coding import ScorePart, evenly, part_of
 from codec.tables import coefficient_tables
 from codec.timeline import SUPERFRAME_S, TICK_S, TICKS, Line, to_line
-from codec.transform import Basis, basis_for
+from codec.transform import Basis
 from codec.voice import Voice
 
 Array = NDArray[np.float64]
@@ -114,15 +115,10 @@ def block_at(motion: Motion, index: int) -> Array:
     return np.asarray((1 - share) * motion.params[below] + share * motion.params[above])
 
 
-def neutral(voice: Voice, n_frames: int = TICKS) -> Array:
-    """Return the parameters of silence at rest, which mode ``plain`` predicts."""
-    return resynthesise([], {}, voice.gestures, 0, n_frames)
-
-
-def predict(voice: Voice, parts: Mapping[int, ScorePart], index: int) -> Array:
+def predict(coding: Coding, parts: Mapping[int, ScorePart], index: int) -> Array:
     """Return what the scores of superframes `parts` say about superframe `index` (section 5)."""
     near = {k: parts[k] for k in (index - 1, index, index + 1) if k in parts}
-    return resynthesise(join(near), near, voice.gestures, index * TICKS, TICKS)
+    return resynthesise(join(near), near, coding.targets, index * TICKS, TICKS)
 
 
 class SuperframeEncoder:
@@ -163,6 +159,7 @@ class SuperframeEncoder:
         if l0_bytes < MIN_L0_BYTES + 5 or l1_bytes < 0 or not 0 <= lead <= 3:
             raise CueError(f"superframe of {l0_bytes} + {l1_bytes} bytes, lead {lead}")
         self.voice = voice
+        self._coding = coding_for(voice)
         self._sizes = l0_bytes, l1_bytes
         self._lead = lead
         self._options = options
@@ -191,7 +188,7 @@ class SuperframeEncoder:
             Step number, 0 (finest) to 63 (no residual).
         """
         plan = self._analyse(motion, index)
-        q = quantise(plan.values, step) if step != NO_RESIDUAL else np.zeros_like(plan.values, int)
+        q = plan.quantised(step) if step != NO_RESIDUAL else np.zeros_like(plan.values, int)
         if not q.any():
             step = NO_RESIDUAL
         return Superframe(index, write_l0_whole(plan.header, step, plan.part, q, plan.basis), b"")
@@ -201,7 +198,7 @@ class SuperframeEncoder:
         plan = self._analyse(motion, index)
         error = plan.values
         if step != NO_RESIDUAL:
-            q = quantise(plan.values, step)
+            q = plan.quantised(step)
             error = error - dequantise(q, plan.basis.scan_scales, step, coefficient_tables())
         return float(np.sqrt(np.square(error).sum() / (TICKS * len(MARKERS))))
 
@@ -212,13 +209,14 @@ class SuperframeEncoder:
                 f"motion of voice {motion.voice}, the encoder has {self.voice.identity}"
             )
         if motion.score is None:
-            mode, part, even, prediction = PLAIN, None, False, neutral(self.voice)
+            mode, part, even = PLAIN, None, False
+            basis, prediction = self._coding.plain, self._coding.mean
         else:
             mode = SCORE_ONLY if self._score_only else SCORE
             around = {k: self._part(motion.score, k) for k in (index - 1, index, index + 1)}
             part, even = around[index]
-            prediction = predict(self.voice, {k: p for k, (p, _) in around.items()}, index)
-        basis = basis_for(self.voice, plain=mode == PLAIN)
+            basis = self._coding.residual
+            prediction = predict(self._coding, {k: p for k, (p, _) in around.items()}, index)
         values = basis.forward(block_at(motion, index) - prediction)
         return _Plan(index, self._header(mode, index), part, even, basis, values)
 
@@ -250,7 +248,7 @@ class SuperframeEncoder:
     def _fits(self, part: ScorePart, index: int, *, even: bool) -> bool:
         mode = SCORE_ONLY if self._score_only else SCORE
         header = self._header(mode, index)
-        basis = basis_for(self.voice)
+        basis = self._coding.residual
         nothing = np.zeros(basis.scan_scales.size, dtype=np.int64)
         return (
             write_l0(header, NO_RESIDUAL, part, nothing, basis, self._sizes[0], even=even)
@@ -281,11 +279,11 @@ class SuperframeEncoder:
         low, high = 0, NO_RESIDUAL
         while low < high:
             step = (low + high) // 2
-            if coefficient_bits(quantise(plan.values, step), step, plan.basis) <= bits:
+            if coefficient_bits(plan.quantised(step), step, plan.basis) <= bits:
                 high = step
             else:
                 low = step + 1
-        return low, nothing if low == NO_RESIDUAL else quantise(plan.values, low)
+        return low, nothing if low == NO_RESIDUAL else plan.quantised(low)
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,6 +297,9 @@ class _Plan:
     basis: Basis
     values: Array
 
+    def quantised(self, step: int) -> Ints:
+        return quantise_rd(self.values, step, self.basis, coefficient_tables())
+
 
 class SuperframeDecoder:
     """Decoder of superframes in any order, with holes.
@@ -309,6 +310,7 @@ class SuperframeDecoder:
 
     def __init__(self, voice: Voice) -> None:
         self.voice = voice
+        self._coding = coding_for(voice)
         self._contents: dict[int, Content] = {}
         self._layers: dict[int, tuple[str, ...]] = {}
 
@@ -356,7 +358,7 @@ class SuperframeDecoder:
                 f"digit {header.sequence % 16} of the stream's voice is {header.voice:x}, "
                 f"voice {self.voice.name} has {digit:x}"
             )
-        basis = basis_for(self.voice, plain=header.mode == PLAIN)
+        basis = self._basis(header)
         content, known = read_l0(l0, basis)
         if l1:
             try:
@@ -372,8 +374,9 @@ class SuperframeDecoder:
         """
         near = [k for k in (index - 1, index, index + 1) if k in self._contents]
         parts = {k: part for k in near if (part := self._contents[k].part) is not None}
-        prediction = predict(self.voice, parts, index)
         content = self._contents.get(index)
+        plain = content.header.mode == PLAIN if content else bool(near) and not parts
+        prediction = self._coding.mean if plain else predict(self._coding, parts, index)
         residual = self._residual(content) if content else self._decaying(index)
         score = score_of(parts)
         begin, end = index * SUPERFRAME_S - 1e-6, (index + 1) * SUPERFRAME_S - 1e-6
@@ -390,8 +393,11 @@ class SuperframeDecoder:
             index % SEQUENCES,
         )
 
+    def _basis(self, header: Header) -> Basis:
+        return self._coding.plain if header.mode == PLAIN else self._coding.residual
+
     def _residual(self, content: Content) -> Array:
-        basis = basis_for(self.voice, plain=content.header.mode == PLAIN)
+        basis = self._basis(content.header)
         if content.step == NO_RESIDUAL:
             return np.zeros((TICKS, len(basis.matrix)))
         tables = coefficient_tables()

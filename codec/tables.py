@@ -6,7 +6,7 @@ part of the format's version and are the same for every voice (spec/bitstream.md
 
 import functools
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import resources
 from typing import Any
 
@@ -63,10 +63,17 @@ class CoefficientTables:
     inset : ndarray of int64, shape (25, 3)
         Distance of the reconstruction from the cell's middle towards zero, in 1/256 of a step,
         for magnitudes 1, 2 and from 3 on.
+    cost : ndarray of float64, shape (25, 4, 16)
+        Bits of each magnitude, for encoders.
     """
 
     magnitude: NDArray[np.int64]
     inset: NDArray[np.int64]
+    cost: NDArray[np.float64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        cost = np.log2(TOTAL) - np.log2(np.diff(self.magnitude, axis=-1))
+        object.__setattr__(self, "cost", cost)
 
 
 def _cdf(freqs: Any) -> NDArray[np.int64]:
@@ -94,7 +101,11 @@ def score_tables() -> ScoreTables:
 @functools.cache
 def coefficient_tables() -> CoefficientTables:
     """Return the tables of coefficients."""
-    tables = _document()["coefficient"]
-    inset = np.array(tables["inset"], dtype=np.int64)
+    return coefficient_tables_of(_document()["coefficient"])
+
+
+def coefficient_tables_of(document: dict[str, Any]) -> CoefficientTables:
+    """Return the tables that a document with ``magnitude`` and ``inset`` describes."""
+    inset = np.array(document["inset"], dtype=np.int64)
     assert inset.shape == (CLASSES, 3)
-    return CoefficientTables(_cdf(tables["magnitude"]), inset)
+    return CoefficientTables(_cdf(document["magnitude"]), inset)

@@ -1,39 +1,24 @@
-"""Offline training of the tables: ``python -m codec.train``.
+"""Offline training of the format's tables (`codec.tables`); changing them changes the format.
 
-Score tables come from score files (JSON) or from the scores inside motion files. The result is
-written to ``codec/assets/tables.json``; changing it changes the format.
+The program that runs it is ``python -m synth.build_coding --format``.
 """
 
-import argparse
 import json
 import os
-import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from codec.errors import CueError
-from codec.motion import load_motion
+from codec.coding import Coding
+from codec.motion import Motion
 from codec.score import Score
-from codec.train_coefficients import laplacian_tables
+from codec.superframe import predict
+from codec.train_coefficients import train_coefficients
 from codec.train_score import train_score
+from codec.train_voice import blocks_of, parts_of
 
 TABLES = Path(__file__).parent / "assets" / "tables.json"
-
-
-def read_scores(paths: Sequence[str]) -> list[Score]:
-    """Return the scores of JSON or motion files."""
-    scores = []
-    for path in paths:
-        if path.endswith(".npz"):
-            score = load_motion(path).score
-            if score is None:
-                raise CueError(f"{path}: motion without a score")
-            scores.append(score)
-        else:
-            scores.append(Score.from_json(Path(path).read_text(encoding="utf-8")))
-    return scores
 
 
 def write_tables(document: dict[str, Any], path: Path = TABLES) -> None:
@@ -46,21 +31,26 @@ def write_tables(document: dict[str, Any], path: Path = TABLES) -> None:
     Path(name).replace(path)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the training; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m codec.train", description=__doc__)
-    parser.add_argument("scores", nargs="+", help="score (.json) or motion (.npz) files")
-    args = parser.parse_args(argv)
-    try:
-        document = json.loads(TABLES.read_text(encoding="utf-8")) if TABLES.exists() else {}
-        document["score"] = train_score(read_scores(args.scores))
-        document["coefficient"] = laplacian_tables()
-        write_tables(document)
-    except CueError as error:
-        print(f"codec.train: {error}", file=sys.stderr)
-        return 3
-    return 0
+def format_tables(
+    coding: Coding, motions: Sequence[Motion], scores: Sequence[Score]
+) -> dict[str, Any]:
+    """Return the document of the format's tables.
 
-
-if __name__ == "__main__":
-    sys.exit(main())
+    Parameters
+    ----------
+    coding : Coding
+        Of the motions' voice.
+    motions : sequence of Motion
+        Give the coefficients.
+    scores : sequence of Score
+        Give phones and lengths.
+    """
+    residual, plain = [], []
+    for motion in motions:
+        blocks = blocks_of(motion)
+        parts = parts_of(motion, len(blocks))
+        for k, block in enumerate(blocks):
+            residual.append(coding.residual.forward(block - predict(coding, parts, k)))
+            plain.append(coding.plain.forward(block - coding.mean))
+    coefficient = train_coefficients([(coding.residual, residual), (coding.plain, plain)])
+    return {"score": train_score(scores), "coefficient": coefficient}

@@ -76,7 +76,8 @@ def _kinds() -> list[list[int]]:
 
 def _back_off(counts: Counts, prior: Counts, weight: float) -> Counts:
     """Return rows of counts plus `weight` examples that follow `prior`."""
-    return counts + weight * prior / prior.sum()
+    smoothed: Counts = counts + weight * prior / prior.sum()
+    return smoothed
 
 
 def _by_kind(counts: Counts, weight: float) -> Counts:
@@ -97,8 +98,8 @@ def _lengths(counts: Counts) -> Counts:
 
 def _blurred(counts: Counts) -> Counts:
     """Spread counts over neighbouring lengths: other speakers have other clocks."""
-    wide: Counts = np.pad(counts, 1)
-    return np.asarray(0.25 * wide[:-2] + 0.5 * wide[1:-1] + 0.25 * wide[2:])
+    wide = np.concatenate([[0.0], counts, [0.0]])
+    return np.asarray(0.25 * wide[:-2] + 0.5 * wide[1:-1] + 0.25 * wide[2:], dtype=np.float64)
 
 
 def _rows(counts: Counts) -> list[object]:

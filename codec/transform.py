@@ -2,11 +2,10 @@
 
 A block of 32 frames of parameters goes in and 32 P coefficients come out, in such units that the
 sum of their squares is the squared displacement of all markers in all frames, and in scan order:
-the largest expected first. The basis belongs to a voice; that of a voice without trained tables
-is derived from its models. Specification: spec/bitstream.md, section 6.
+the largest expected first. The basis belongs to a voice (`codec.coding`).
+Specification: spec/bitstream.md, section 6.
 """
 
-import functools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -102,81 +101,33 @@ def marker_metric(voice: Voice, poses: Array) -> Array:
     return metric / len(poses)
 
 
-def basis_of(metric: Array, covariance: Array, spectrum: Array) -> Basis:
-    """Return the basis that decorrelates parameters of a covariance under a metric.
+def klt(metric: Array, covariance: Array) -> Array:
+    """Return the matrix that decorrelates parameters of a covariance under a metric.
 
     Parameters
     ----------
     metric, covariance : ndarray of float64, shape (P, P)
-    spectrum : ndarray of float64, shape (32,)
-        Relative variance over frequency, any scale.
+
+    Returns
+    -------
+    ndarray of float64, shape (P, P)
+        For `Basis.matrix`; the channel of the greatest variance first.
     """
     floor = 1e-9 * np.trace(metric) / len(metric)
     root = np.linalg.cholesky(metric + floor * np.eye(len(metric)))
     values, vectors = np.linalg.eigh(root.T @ covariance @ root)
-    order = np.argsort(-values)
-    values, vectors = values[order], vectors[:, order]
-    vectors *= np.sign(vectors[np.abs(vectors).argmax(axis=0), np.arange(len(values))])
-    values = np.maximum(values, _LEAST_MM**2)
-    share = np.maximum(spectrum / spectrum.mean(), 1e-4)
-    scales = np.rint(2 * np.log2(values[:, None] * share)).astype(np.int64)
-    return Basis(root @ vectors, scales)
+    vectors = vectors[:, np.argsort(-values, kind="stable")]
+    signs = np.sign(vectors[np.abs(vectors).argmax(axis=0), np.arange(len(values))])
+    return np.asarray(root @ (vectors * signs))
 
 
-_LEAST_MM = 2.0
-"""Least expected magnitude of a channel: what was never seen in training can still be coded."""
+def scales_of(variances: Array) -> Ints:
+    """Return the scales of coefficients with these variances, shape (P, 32) (T3).
+
+    What training never saw keeps a least scale, so that it can still be coded.
+    """
+    quarter_octaves: Array = np.rint(2 * np.log2(np.maximum(variances, _LEAST**2)))
+    return quarter_octaves.astype(np.int64)
 
 
-@functools.lru_cache(maxsize=8)
-def _derived(voice_key: "_ByIdentity", plain: bool) -> Basis:
-    voice = voice_key.voice
-    table = voice.gestures
-    shapes = table.shape_targets.astype(np.float64)
-    places = table.placement_targets.astype(np.float64)
-    visemes = table.viseme_targets.astype(np.float64)
-    poses = np.stack([
-        np.concatenate([visemes[4 * s], shapes[s], table.neutral_head, places[s, p]])
-        for s in range(1, 9) for p in range(6)
-    ])  # fmt: skip
-    metric = marker_metric(voice, poses)
-    share = (1.0, 1.0, 1.0) if plain else (0.15, 0.10, 0.05)
-    parts = [
-        share[0] * np.cov(visemes.T), share[1] * np.cov(shapes.T), np.eye(voice.face.n_motion),
-        share[2] * np.cov(places[1:].reshape(-1, places.shape[-1]).T),
-    ]  # fmt: skip
-    covariance = _block_diagonal(parts)
-    head = slice(19, 19 + voice.face.n_motion)
-    covariance[head, head] *= 113 * _HEAD_MM**2 / np.trace(metric[head, head])
-    return basis_of(metric, covariance, 1 / (1 + (np.arange(TICKS) / 2.0) ** 3))
-
-
-_HEAD_MM = 5.0
-"""Assumed displacement of the markers by the head, RMS, of a voice without trained tables."""
-
-
-def _block_diagonal(blocks: list[Array]) -> Array:
-    size = sum(len(np.atleast_2d(b)) for b in blocks)
-    result = np.zeros((size, size))
-    i = 0
-    for block in map(np.atleast_2d, blocks):
-        result[i : i + len(block), i : i + len(block)] = block
-        i += len(block)
-    return result
-
-
-@dataclass(frozen=True)
-class _ByIdentity:
-    """A voice that compares by identity, for caching."""
-
-    voice: Voice
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _ByIdentity) and other.voice.identity == self.voice.identity
-
-    def __hash__(self) -> int:
-        return hash(self.voice.identity)
-
-
-def basis_for(voice: Voice, *, plain: bool = False) -> Basis:
-    """Return the basis of a voice: of residuals, or with `plain` of motion without a score."""
-    return _derived(_ByIdentity(voice), plain)
+_LEAST = 0.25
