@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from codec.errors import CueError
 from codec.layout import FACE_MARKERS, FOREARM, HAND_MARKERS, RIGID_FACE
@@ -110,7 +110,7 @@ class Avatar:
         """Colours of the vertices of `place`, shape (V, 5)."""
         return np.concatenate([self.head.colours, self.hand.colours])
 
-    def place(self, params: FloatArray, times_s: FloatArray | None = None) -> FloatArray:
+    def place(self, params: ArrayLike, times_s: FloatArray | None = None) -> FloatArray:
         """Return the vertices of head, then hand, in the world.
 
         Parameters
@@ -154,7 +154,7 @@ def eyes_closed(times_s: FloatArray) -> FloatArray:
 
     Examples
     --------
-    >>> eyes_closed(np.arange(0, 40, 0.02)).max() > 0.8
+    >>> bool(eyes_closed(np.arange(0, 40, 0.02)).max() > 0.8)
     True
     """
     number = np.floor(times_s / 4)
@@ -162,6 +162,11 @@ def eyes_closed(times_s: FloatArray) -> FloatArray:
     middle = 4 * number + 0.7 + 2.6 * (noise - np.floor(noise))
     part = np.clip(1 - np.abs(times_s - middle) / 0.11, 0, 1)
     return np.asarray(part * part * (3 - 2 * part))
+
+
+def has_avatar(voice: Voice) -> bool:
+    """Return whether there is an avatar of the voice's cuer."""
+    return (ASSETS / f"avatar_{voice.name}.npz").is_file()
 
 
 def load_avatar(voice: Voice) -> Avatar:
@@ -173,7 +178,7 @@ def load_avatar(voice: Voice) -> Avatar:
         If there is none, or the asset is damaged.
     """
     path = ASSETS / f"avatar_{voice.name}.npz"
-    if not path.is_file():
+    if not has_avatar(voice):
         raise CueError(f"voice {voice.name} has no avatar")
     arrays = read_arrays(path, max_bytes=_MAX_BYTES)
     try:
@@ -226,4 +231,4 @@ def vertex_normals(points: FloatArray, triangles: NDArray[np.int64]) -> FloatArr
     normals = np.stack(
         [np.bincount(flat, repeated[:, k], minlength=len(points)) for k in range(3)], axis=1
     )
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9))

@@ -18,9 +18,10 @@ from aiohttp import WSMsgType, web
 
 from codec.errors import CueError
 from codec.voice import Voice
+from receiver.avatar import has_avatar, load_avatar
 from receiver.protocol import MAX_REQUEST_BYTES, Position, pack_event, parse_position
 from receiver.tuner import Progress, Tuner
-from receiver.voice_document import voice_document
+from receiver.voice_document import avatar_document, voice_document
 
 PAGE = Path(__file__).with_name("page")
 AHEAD_S = 30.0
@@ -77,6 +78,7 @@ class Television:
         if not self._media.is_file():
             raise CueError(f"{media}: no such file")
         self._voice_json = json.dumps(voice_document(voice)).encode()
+        self._avatar = avatar_document(load_avatar(voice)) if has_avatar(voice) else None
         self._host, self._port = host, port
         self._names: frozenset[str] = frozenset()
         self._sockets: set[web.WebSocketResponse] = set()
@@ -114,6 +116,7 @@ class Television:
             web.get("/", self._index),
             web.get("/page/{name}", self._page),
             web.get("/voice.json", self._voice),
+            web.get("/avatar.bin", self._avatar_file),
             web.get("/programme", self._programme),
             web.get("/feed", self._feed),
         ])  # fmt: skip
@@ -146,6 +149,11 @@ class Television:
 
     async def _voice(self, request: web.Request) -> web.StreamResponse:
         return web.Response(body=self._voice_json, content_type="application/json")
+
+    async def _avatar_file(self, request: web.Request) -> web.StreamResponse:
+        if self._avatar is None:
+            raise web.HTTPNotFound(text="this voice has no avatar")
+        return web.Response(body=self._avatar, content_type="application/octet-stream")
 
     async def _programme(self, request: web.Request) -> web.StreamResponse:
         kind = mimetypes.guess_type(self._media.name)[0] or "video/mp4"

@@ -1,10 +1,13 @@
-"""A voice as the page's document: the matrices of the paper's two algorithms and the camera.
+"""A voice and its avatar as the page's documents.
 
-The page rebuilds the markers from them (``page/model.js``); numbers travel as base64 of
-little-endian float64, so both sides compute from the same values.
+The voice: the matrices of the paper's two algorithms and the camera, as JSON; numbers travel as
+base64 of little-endian float64, so that the page (``page/model.js``) computes from the same values.
+The avatar: a JSON header and its arrays in one binary message (``page/avatar.js``).
 """
 
 import base64
+import json
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -12,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from codec.layout import MARKERS, N_FACE
 from codec.voice import Voice
+from receiver.avatar import Avatar, Surface
 from receiver.camera import ASPECT, Camera, frame_cuer
 
 _FACE_ARRAYS = ("mean", "directions", "pivot", "motion_mean", "motion_directions", "weights")
@@ -57,4 +61,41 @@ def voice_document(voice: Voice) -> dict[str, Any]:
         },
         "face": {name: _encode(getattr(voice.face, name)) for name in _FACE_ARRAYS},
         "hand": {name: _encode(getattr(voice.hand, name)) for name in _HAND_ARRAYS},
+    }
+
+
+def avatar_document(avatar: Avatar) -> bytes:
+    """Return what ``/avatar.bin`` serves.
+
+    Returns
+    -------
+    bytes
+        Length of the header, u32 little endian; the header, JSON, padded with blanks to a
+        multiple of four: for every array its name, kind, offset behind the header and length;
+        then the arrays, little endian, each on a multiple of four bytes.
+    """
+    arrays = {
+        "head_weights": avatar.head_weights.astype("<f4"),
+        "blink_vertices": avatar.blink_vertices.astype("<u2"),
+        "blink": avatar.blink.astype("<f4"),
+        **_surface_arrays("head", avatar.head),
+        **_surface_arrays("hand", avatar.hand),
+    }
+    entries, body = [], b""
+    for name, array in arrays.items():
+        entries.append([name, array.dtype.str[1:], len(body), array.size])
+        data = array.tobytes()
+        body += data + bytes(-len(data) % 4)
+    header = json.dumps(entries).encode()
+    header += b" " * (-len(header) % 4)
+    return len(header).to_bytes(4, "little") + header + body
+
+
+def _surface_arrays(prefix: str, surface: Surface) -> dict[str, Any]:
+    kinds = {"sources": "<u2", "triangles": "<u2", "colours": "u1"}
+    return {
+        f"{prefix}_{item.name}": np.ascontiguousarray(
+            getattr(surface, item.name), dtype=kinds.get(item.name, "<f4")
+        )
+        for item in fields(surface)
     }

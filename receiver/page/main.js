@@ -1,5 +1,6 @@
 /** The television page: programme, cuer in step with it, controls. */
 
+import { AvatarView, parseAvatar } from "./avatar.js";
 import { ProgrammeClock } from "./clock.js";
 import { Controls, HELP } from "./controls.js";
 import { Feed } from "./feed.js";
@@ -14,13 +15,15 @@ const REPORT_MS = 400;
 const STEP_S = 0.04;
 
 class Page {
-  constructor(model) {
+  /** `arrays` of the avatar, or null where there is none. */
+  constructor(model, arrays) {
     this.model = model;
     this.video = document.getElementById("programme");
     this.timeline = new Timeline();
     this.clock = new ProgrammeClock(this.video);
     this.stage = new Stage(document);
     this.points = new PointLights(document.getElementById("points"), model);
+    this.avatar = arrays && buildAvatar(document.getElementById("avatar"), model, arrays);
     this.params = new Float64Array(model.layout.length);
     this.markers = new Float64Array(3 * model.markers.length);
     this.link = "connecting";
@@ -58,6 +61,8 @@ class Page {
   apply() {
     const words = label(document.documentElement, this.settings.get("language"));
     this.stage.arrange(this.settings, this.model.aspect);
+    document.getElementById("avatar").hidden = !this.showsAvatar();
+    document.getElementById("points").hidden = this.showsAvatar();
     this.stage.keysLine.hidden = !this.settings.get("keys");
     if (!document.getElementById("panel").contains(document.activeElement)) this.showPanel(words);
     this.controls.show();
@@ -74,6 +79,10 @@ class Page {
       text.textContent = words[name];
       help.append(term, text);
     }
+  }
+
+  showsAvatar() {
+    return this.avatar !== null && this.settings.get("style") === "avatar";
   }
 
   /** Length of one step: a frame of film. */
@@ -108,13 +117,15 @@ class Page {
     const visibility = this.timeline.sample(timeS, this.params);
     if (visibility > 0) this.model.reconstruct(this.params, this.markers);
     this.drawn = { timeS, nowMs: now, visibility };
-    this.points.draw(this.markers, {
+    const look = {
       alpha: visibility * this.settings.get("opacity") / 100,
       mirror: this.settings.get("mirror"),
       handOnly: this.settings.get("handOnly"),
       contrast: this.settings.get("contrast"),
       dot: 0.62 * this.settings.get("dot") / 100,
-    });
+    };
+    if (this.showsAvatar()) this.avatar.draw(timeS, look);
+    else this.points.draw(this.markers, look);
     const words = this.words();
     this.stage.showStatus(this.state(timeS), words);
     this.stage.showAbsence(visibility > 0 ? "" : words.awaiting);
@@ -122,9 +133,20 @@ class Page {
   }
 }
 
+/** The avatar's view, or null where the television has no WebGL: points are enough. */
+function buildAvatar(canvas, model, arrays) {
+  try {
+    return new AvatarView(canvas, model, arrays);
+  } catch (error) {
+    console.warn(`no avatar: ${error.message}`);
+    return null;
+  }
+}
+
 async function start() {
-  const answer = await fetch("/voice.json");
-  window.cuecast = new Page(new VoiceModel(await answer.json()));
+  const [voice, avatar] = await Promise.all([fetch("/voice.json"), fetch("/avatar.bin")]);
+  const arrays = avatar.ok ? parseAvatar(await avatar.arrayBuffer()) : null;
+  window.cuecast = new Page(new VoiceModel(await voice.json()), arrays);
 }
 
 start();

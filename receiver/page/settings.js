@@ -10,7 +10,7 @@ export const CHOICES = {
 const RANGES = { opacity: [20, 100], dot: [40, 200] };
 const SWITCHES = ["mirror", "handOnly", "keys"];
 const DEFAULTS = {
-  style: "points", place: "bottom-right", size: "medium", contrast: "panel",
+  style: "avatar", place: "bottom-right", size: "medium", contrast: "panel",
   language: (navigator.language || "fr").startsWith("fr") ? "fr" : "en",
   opacity: 100, dot: 100, mirror: false, handOnly: false, keys: true,
 };

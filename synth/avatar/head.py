@@ -31,10 +31,11 @@ from synth.avatar.parts import (
 )
 from synth.body.mesh import Mesh
 
+_LIFT_MM = 0.06
 _BUST_BOTTOM_MM = 430.0
 _BUST_HALF_MM = 215.0
 _BROW_LINE = np.array([
-    (14, 736.5), (19, 738), (25, 740), (31, 741.8), (37, 742.5), (42, 741.5), (47, 739), (51, 736),
+    (14, 740), (19, 741.8), (25, 743.6), (31, 745), (37, 745.4), (42, 744), (47, 741), (51, 737.5),
 ])  # fmt: skip
 _BROW_WIDTH = np.array([3.6, 4.6, 4.6, 4.2, 3.6, 3.0, 2.2, 1.2])
 
@@ -139,14 +140,19 @@ def _skin(mesh: Mesh, face: FloatArray, triangles: IntArray) -> Part:
     """Return the skin, finer where its colour has an edge: lips and neckline."""
     x, y, z = mesh.vertices.T
     lips = (np.abs(x) < 36) & (np.abs(y - 660) < 20) & (z > 125)
-    fine = (lips | (np.abs(_neckline(mesh.vertices) - y) < 34))[triangles].any(axis=1)
+    collar = (np.abs(_neckline(mesh.vertices) - y) < 26) & (z > 20) & (y > 506)
     hollow = hollowness(mesh.vertices, triangles)
+    normals = vertex_normals(mesh.vertices, triangles)
     parts = []
-    for some, division in ((triangles[~fine], 1), (triangles[fine], 2)):
+    for where, division in ((np.ones_like(lips), 1), (lips, 2), (collar, 4)):
+        some = triangles[where[triangles].any(axis=1)]
         sources, shares, small = tessellate(some, division)
         at = (mesh.vertices[sources] * shares[..., None]).sum(axis=1)
         colours = _skin_colours(at, face, (hollow[sources] * shares).sum(axis=1))
-        parts.append(Part(sources, shares, np.zeros_like(at), small, colours.astype(np.uint8)))
+        # Finer skin lies over the coarse one, which closes the cracks along its edge.
+        lift = 0.0 if division == 1 else _LIFT_MM
+        offsets = lift * (normals[sources] * shares[..., None]).sum(axis=1)
+        parts.append(Part(sources, shares, offsets, small, colours.astype(np.uint8)))
     return join(parts)
 
 
@@ -171,7 +177,7 @@ def _skin_colours(points: FloatArray, face: FloatArray, hollow: FloatArray) -> F
     colours[:, 3] += 60 * red
     cavity = (np.abs(x) < 34) & (y > 634) & (y < 684) & (z < 141 - 0.012 * x**2) & (z > 50)
     blend(colours, MOUTH, cavity.astype(float))
-    cloth = np.clip((_neckline(points) - y) / 6 + 0.5, 0, 1)
+    cloth = np.clip((_neckline(points) - y) / 4 + 0.5, 0, 1)
     blend(colours, CLOTH, cloth)
     colours[:, 3] *= 1 - 0.85 * cloth
     colours[:, :3] *= (1 - hollow)[:, None]
@@ -224,7 +230,7 @@ def hollowness(points: FloatArray, triangles: IntArray) -> FloatArray:
     bend = ((mean(points) - points) * normals).sum(axis=1) / size
     for _ in range(2):
         bend = 0.5 * (bend + mean(bend))
-    return np.clip(bend * 0.9, 0, 0.45)
+    return np.asarray(np.clip(bend * 0.9, 0, 0.45))
 
 
 def vertex_normals(points: FloatArray, triangles: IntArray) -> FloatArray:
@@ -235,4 +241,4 @@ def vertex_normals(points: FloatArray, triangles: IntArray) -> FloatArray:
     for k in range(3):
         np.add.at(normals, triangles[:, k], across)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return normals / np.maximum(length, 1e-9)
+    return np.asarray(normals / np.maximum(length, 1e-9))

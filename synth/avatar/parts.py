@@ -58,13 +58,13 @@ class Part:
     def place(self, vertices: FloatArray) -> FloatArray:
         """Return the part's vertices (..., V, 3) for those of the mesh (..., M, 3)."""
         carried = vertices[..., self.sources, :] * self.shares[..., None]
-        return carried.sum(axis=-2) + self.offsets
+        return np.asarray(carried.sum(axis=-2) + self.offsets)
 
 
 def triangulate(quads: IntArray) -> IntArray:
     """Return the triangles (2F', 3) of quads (F, 4) whose last corner may be repeated."""
     both = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    return both[both[:, 1] != both[:, 2]]
+    return np.asarray(both[both[:, 1] != both[:, 2]])
 
 
 def take(quads: IntArray, colours: FloatArray) -> Part:

@@ -1,0 +1,306 @@
+/**
+ * The avatar: a skin that follows the markers, drawn with WebGL.
+ *
+ * A linear map gives a coarse mesh from the markers before head and forearm move them; a finer
+ * surface lies over it; the graphics processor moves both parts rigidly and lights them. The same
+ * numbers as `receiver.avatar`, the same light as `receiver.portrait`.
+ */
+
+import { fit } from "./points.js";
+
+const KINDS = { f4: Float32Array, u2: Uint16Array, u1: Uint8Array };
+const STILL_MM = 0.01;
+const ORIGIN = [0, 0, 0];
+
+const VERTEX = `
+attribute vec3 position, normal;
+attribute vec4 colour;
+attribute vec3 extra;
+uniform vec3 turn, shift, base, pivot, centre;
+uniform vec3 frame;
+varying vec3 n;
+varying vec4 tint;
+varying float opacity;
+vec3 rotated(vec3 p, vec3 r) {
+  float a2 = dot(r, r);
+  float a = sqrt(a2);
+  float s = a < 1e-4 ? 1.0 - a2 / 6.0 : sin(a) / a;
+  float c = a < 1e-4 ? 0.5 - a2 / 24.0 : (1.0 - cos(a)) / a2;
+  vec3 once = cross(r, p);
+  return p + s * once + c * cross(r, once);
+}
+void main() {
+  vec3 r = turn * extra.y;
+  vec3 p = rotated(position - base, r) + shift * extra.z + pivot - centre;
+  n = rotated(normal, r);
+  n.x *= frame.z;
+  tint = colour;
+  opacity = extra.x;
+  float w = 1.0 - p.z / frame.y;
+  gl_Position = vec4(vec3(frame.z * p.x * frame.x, p.y * 2.0, -p.z * w) / HEIGHT, w);
+}`;
+
+const FRAGMENT = `
+precision mediump float;
+varying vec3 n;
+varying vec4 tint;
+varying float opacity;
+uniform float alpha;
+const vec3 KEY = vec3(-0.45102, 0.55125, 0.70159);
+const vec3 HALF = vec3(-0.24449, 0.29882, 0.92245);
+void main() {
+  vec3 m = normalize(n);
+  vec3 wrap = vec3(0.50, 0.32, 0.25);
+  vec3 lit = pow(clamp((dot(m, KEY) + wrap) / (1.0 + wrap), 0.0, 1.0), vec3(1.3));
+  float sky = 0.20 + 0.22 * (0.5 + 0.5 * m.y);
+  vec3 base = pow(tint.rgb, vec3(2.2));
+  vec3 c = base * (lit * vec3(0.95, 0.912, 0.855) + sky * vec3(0.85, 0.975, 1.1));
+  c += tint.a * 0.5 * pow(max(dot(m, HALF), 0.0), 28.0);
+  c += 0.18 * pow(max(1.0 - m.z, 0.0), 3.0) * vec3(0.5, 0.65, 0.8);
+  float a = opacity * alpha;
+  if (a < 0.004) discard;
+  gl_FragColor = vec4(pow(clamp(c, 0.0, 1.0), vec3(1.0 / 2.2)) * a, a);
+}`;
+
+/** Decode `/avatar.bin`: `{name: typed array}`. */
+export function parseAvatar(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const arrays = {};
+  for (const [name, kind, offset, size] of header) arrays[name] = new KINDS[kind](buffer, 4 + length + offset, size);
+  return arrays;
+}
+
+/** Head or hand: markers to vertices and normals. */
+export class Surface {
+  constructor(arrays, prefix) {
+    const part = (name) => arrays[`${prefix}_${name}`];
+    for (const name of ["markers", "rest", "coefficients", "basis", "sources", "shares", "offsets", "triangles", "colours"]) {
+      this[name] = part(name);
+    }
+    this.rank = this.coefficients.length / this.markers.length;
+    this.count = this.sources.length / 3;
+    this.control = Float32Array.from(this.rest);
+    this.position = new Float32Array(3 * this.count);
+    this.normal = new Float32Array(3 * this.count);
+    this.weight = new Float64Array(this.rank);
+    this.findMoving(arrays, prefix);
+    this.refine(Array.from({ length: this.count }, (_, i) => i));
+    this.turnNormals(this.triangles, () => true);
+  }
+
+  /** Note which vertices the map moves at all; the others and their triangles are computed once. */
+  findMoving(arrays, prefix) {
+    const size = this.rest.length;
+    const moves = new Uint8Array(size / 3);
+    for (let r = 0; r < this.rank; r++) {
+      for (let i = 0; i < size; i++) if (Math.abs(this.basis[r * size + i]) > STILL_MM / 10) moves[(i / 3) | 0] = 1;
+    }
+    if (prefix === "head") for (const vertex of arrays.blink_vertices) moves[vertex] = 1;
+    this.movingControl = Uint32Array.from(moves.keys()).filter((i) => moves[i]);
+    const carried = (i) => moves[this.sources[3 * i]] || moves[this.sources[3 * i + 1]] || moves[this.sources[3 * i + 2]];
+    this.isMoving = Uint8Array.from({ length: this.count }, (_, i) => (carried(i) ? 1 : 0));
+    this.moving = Uint32Array.from(this.isMoving.keys()).filter((i) => this.isMoving[i]);
+    const near = [];
+    for (let t = 0; t < this.triangles.length; t += 3) {
+      const corners = this.triangles.subarray(t, t + 3);
+      if (corners.some((i) => this.isMoving[i])) near.push(...corners);
+    }
+    this.movingTriangles = Uint16Array.from(near);
+  }
+
+  /** Bend the surface to `markers` (before their rigid motion). */
+  bend(markers, closed, lids, blink) {
+    const { weight, rank, coefficients, basis, rest, control, movingControl } = this;
+    weight.fill(0);
+    for (let i = 0; i < this.markers.length; i++) {
+      const moved = markers[i] - this.markers[i];
+      for (let r = 0, a = i * rank; r < rank; r++, a++) weight[r] += moved * coefficients[a];
+    }
+    const size = rest.length;
+    for (const vertex of movingControl) {
+      const j = 3 * vertex;
+      let x = rest[j];
+      let y = rest[j + 1];
+      let z = rest[j + 2];
+      for (let r = 0, a = j; r < rank; r++, a += size) {
+        x += weight[r] * basis[a];
+        y += weight[r] * basis[a + 1];
+        z += weight[r] * basis[a + 2];
+      }
+      control[j] = x;
+      control[j + 1] = y;
+      control[j + 2] = z;
+    }
+    if (closed > 0) {
+      for (let k = 0; k < lids.length; k++) {
+        for (let c = 0; c < 3; c++) control[3 * lids[k] + c] += closed * blink[3 * k + c];
+      }
+    }
+    this.refine(this.moving);
+    this.turnNormals(this.movingTriangles, (i) => this.isMoving[i]);
+  }
+
+  /** Place the vertices of the surface over the coarse mesh. */
+  refine(which) {
+    const { control, sources, shares, offsets, position } = this;
+    for (const i of which) {
+      const j = 3 * i;
+      const a = 3 * sources[j];
+      const b = 3 * sources[j + 1];
+      const c = 3 * sources[j + 2];
+      const u = shares[j];
+      const v = shares[j + 1];
+      const w = shares[j + 2];
+      position[j] = u * control[a] + v * control[b] + w * control[c] + offsets[j];
+      position[j + 1] = u * control[a + 1] + v * control[b + 1] + w * control[c + 1] + offsets[j + 1];
+      position[j + 2] = u * control[a + 2] + v * control[b + 2] + w * control[c + 2] + offsets[j + 2];
+    }
+  }
+
+  /** Sum the area vectors of `triangles` at their corners that are `wanted`. */
+  turnNormals(triangles, wanted) {
+    const { position: p, normal } = this;
+    for (let i = 0; i < this.count; i++) if (wanted(i)) normal[3 * i] = normal[3 * i + 1] = normal[3 * i + 2] = 0;
+    for (let t = 0; t < triangles.length; t += 3) {
+      const a = 3 * triangles[t];
+      const b = 3 * triangles[t + 1];
+      const c = 3 * triangles[t + 2];
+      const ux = p[b] - p[a];
+      const uy = p[b + 1] - p[a + 1];
+      const uz = p[b + 2] - p[a + 2];
+      const vx = p[c] - p[a];
+      const vy = p[c + 1] - p[a + 1];
+      const vz = p[c + 2] - p[a + 2];
+      const nx = uy * vz - uz * vy;
+      const ny = uz * vx - ux * vz;
+      const nz = ux * vy - uy * vx;
+      for (let k = 0; k < 3; k++) {
+        const i = triangles[t + k];
+        if (!wanted(i)) continue;
+        normal[3 * i] += nx;
+        normal[3 * i + 1] += ny;
+        normal[3 * i + 2] += nz;
+      }
+    }
+  }
+}
+
+/** How far the eyes are closed, 0 to 1: the formula of `receiver.avatar.eyes_closed`. */
+export function eyesClosed(timeS) {
+  const number = Math.floor(timeS / 4);
+  const noise = Math.sin(number * 12.9898) * 43758.5453;
+  const middle = 4 * number + 0.7 + 2.6 * (noise - Math.floor(noise));
+  const part = Math.max(0, 1 - Math.abs(timeS - middle) / 0.11);
+  return part * part * (3 - 2 * part);
+}
+
+export class AvatarView {
+  /** Build on a canvas; throws where WebGL is missing. */
+  constructor(canvas, model, arrays) {
+    this.canvas = canvas;
+    this.model = model;
+    this.lids = arrays.blink_vertices;
+    this.blink = arrays.blink;
+    this.gl = canvas.getContext("webgl", { alpha: true, antialias: true, premultipliedAlpha: true });
+    if (!this.gl) throw new Error("WebGL is missing");
+    this.program = link(this.gl, VERTEX.replace("HEIGHT", model.camera.height_mm.toFixed(3)), FRAGMENT);
+    this.head = this.upload(new Surface(arrays, "head"), arrays.head_weights);
+    this.hand = this.upload(new Surface(arrays, "hand"), null);
+  }
+
+  upload(surface, weights) {
+    const { gl } = this;
+    const count = surface.count;
+    const colour = new Uint8Array(4 * count);
+    const extra = new Float32Array(3 * count);
+    for (let i = 0; i < count; i++) {
+      for (let k = 0; k < 4; k++) colour[4 * i + k] = surface.colours[5 * i + k];
+      extra[3 * i] = surface.colours[5 * i + 4] / 255;
+      extra[3 * i + 1] = weights ? weights[2 * i] : 1;
+      extra[3 * i + 2] = weights ? weights[2 * i + 1] : 1;
+    }
+    const buffer = (target, data, usage) => {
+      const made = gl.createBuffer();
+      gl.bindBuffer(target, made);
+      gl.bufferData(target, data, usage);
+      return made;
+    };
+    return {
+      surface,
+      position: buffer(gl.ARRAY_BUFFER, surface.position, gl.DYNAMIC_DRAW),
+      normal: buffer(gl.ARRAY_BUFFER, surface.normal, gl.DYNAMIC_DRAW),
+      colour: buffer(gl.ARRAY_BUFFER, colour, gl.STATIC_DRAW),
+      extra: buffer(gl.ARRAY_BUFFER, extra, gl.STATIC_DRAW),
+      index: buffer(gl.ELEMENT_ARRAY_BUFFER, surface.triangles, gl.STATIC_DRAW),
+    };
+  }
+
+  /** Draw the model as it was last reconstructed; `look`: {alpha, mirror, handOnly}. */
+  draw(timeS, look) {
+    const { gl, canvas, model, program } = this;
+    fit(canvas);
+    gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    if (look.alpha <= 0) return;
+    this.head.surface.bend(model.faceShape, eyesClosed(timeS), this.lids, this.blink);
+    this.hand.surface.bend(model.handShape, 0);
+    gl.useProgram(program.handle);
+    gl.enable(gl.DEPTH_TEST);
+    gl.enable(gl.CULL_FACE);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.frontFace(look.mirror ? gl.CW : gl.CCW);
+    gl.uniform3fv(program.uniforms.centre, model.camera.centre);
+    const wide = 2 * canvas.height / canvas.width;
+    gl.uniform3f(program.uniforms.frame, wide, model.camera.distance_mm, look.mirror ? -1 : 1);
+    gl.uniform1f(program.uniforms.alpha, look.alpha);
+    // The face model keeps its points in the world, the hand model about its pivot.
+    if (!look.handOnly) this.drawPart(this.head, model.headMotion, model.face.pivot, model.face.pivot);
+    this.drawPart(this.hand, model.handMotion, ORIGIN, model.hand.pivot);
+  }
+
+  drawPart(part, motion, base, pivot) {
+    const { gl, program } = this;
+    gl.uniform3f(program.uniforms.turn, motion[0], motion[1], motion[2]);
+    gl.uniform3f(program.uniforms.shift, motion[3], motion[4], motion[5]);
+    gl.uniform3fv(program.uniforms.base, base);
+    gl.uniform3fv(program.uniforms.pivot, pivot);
+    const bind = (name, buffer, size, type, normalised, data) => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      if (data) gl.bufferSubData(gl.ARRAY_BUFFER, 0, data);
+      gl.enableVertexAttribArray(program.attributes[name]);
+      gl.vertexAttribPointer(program.attributes[name], size, type, normalised, 0, 0);
+    };
+    bind("position", part.position, 3, gl.FLOAT, false, part.surface.position);
+    bind("normal", part.normal, 3, gl.FLOAT, false, part.surface.normal);
+    bind("colour", part.colour, 4, gl.UNSIGNED_BYTE, true);
+    bind("extra", part.extra, 3, gl.FLOAT, false);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, part.index);
+    gl.drawElements(gl.TRIANGLES, part.surface.triangles.length, gl.UNSIGNED_SHORT, 0);
+  }
+}
+
+function link(gl, vertex, fragment) {
+  const handle = gl.createProgram();
+  for (const [type, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+    const shader = gl.createShader(type);
+    gl.shaderSource(shader, source);
+    gl.compileShader(shader);
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+    gl.attachShader(handle, shader);
+  }
+  gl.linkProgram(handle);
+  if (!gl.getProgramParameter(handle, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(handle));
+  const names = (list, find) => {
+    const found = {};
+    for (const name of list) found[name] = find.call(gl, handle, name);
+    return found;
+  };
+  return {
+    handle,
+    attributes: names(["position", "normal", "colour", "extra"], gl.getAttribLocation),
+    uniforms: names(["turn", "shift", "base", "pivot", "centre", "frame", "alpha"], gl.getUniformLocation),
+  };
+}

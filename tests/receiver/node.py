@@ -1,0 +1,31 @@
+"""Runs the page's modules in node."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+PAGE = Path(__file__).resolve().parents[2] / "receiver" / "page"
+
+
+def run_node(tmp_path: Path, script: str, data: Any) -> Any:
+    """Run a module script beside copies of the page's files; return the JSON it prints."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("no node on this machine: the page's numbers cannot be computed")
+    for file in PAGE.glob("*.js"):
+        shutil.copy(file, tmp_path)
+    (tmp_path / "package.json").write_text('{"type": "module"}')
+    (tmp_path / "data.json").write_text(json.dumps(data))
+    (tmp_path / "script.js").write_text(
+        'import { readFileSync } from "node:fs";\n'
+        'const data = JSON.parse(readFileSync("data.json", "utf8"));\n' + script
+    )
+    done = subprocess.run(
+        [node, "script.js"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
