@@ -178,24 +178,31 @@ def interpolate(
     start: float,
     ratio: float,
     table: NDArray[np.float64],
-    steps: int,
     out: NDArray[np.float64],
 ) -> None:
-    """out[n] = x at the real index start + n * ratio, by a tabulated symmetric impulse response.
+    """out[n] = x at the real index start + n * ratio, by tabulated impulse responses.
 
-    table[i] is the response at i / steps input samples; zero beyond. Samples outside x count as 0.
+    table[p, j] weighs the sample at distance j - (taps / 2 - 1) from the whole part of an index
+    whose fraction is p / (rows - 1); fractions between are interpolated. x must reach taps / 2
+    samples beyond all indices on both sides.
     """
-    reach = (table.size - 2) // steps
+    taps = table.shape[1]
+    steps = table.shape[0] - 1
     for n in range(out.size):
         position = start + n * ratio
-        centre = math.floor(position)
-        total = 0.0
-        for i in range(max(centre - reach + 1, 0), min(centre + reach + 1, x.size)):
-            where = abs(position - i) * steps
-            cell = int(where)
-            part = where - cell
-            total += x[i] * (table[cell] + part * (table[cell + 1] - table[cell]))
-        out[n] = total
+        whole = math.floor(position)
+        where = (position - whole) * steps
+        cell = min(int(where), steps - 1)
+        part = where - cell
+        near = x[whole - taps // 2 + 1 : whole + taps // 2 + 1]
+        below = table[cell]
+        above = table[cell + 1]
+        low = 0.0
+        high = 0.0
+        for j in range(taps):
+            low += near[j] * below[j]
+            high += near[j] * above[j]
+        out[n] = low + part * (high - low)
 
 
 @njit(cache=True)
@@ -213,10 +220,16 @@ def pilot_scores(
     soft[g] holds the soft value at position g for each start of a frame; drift[d, f] is the extra
     delay of frame f, in rows.
     """
+    places = scores.shape[1]
     for d in range(drift.shape[0]):
+        total = scores[d]
         for f in range(group.size):
             row = first + hop * f + drift[d, f]
-            g = group[f]
-            s = sign[f]
-            for i in range(scores.shape[1]):
-                scores[d, i] += s * soft[g, row + i]
+            # Slices let the compiler see that no index is negative, and vectorise.
+            values = soft[group[f], row : row + places]
+            if sign[f] > 0:
+                for i in range(places):
+                    total[i] += values[i]
+            else:
+                for i in range(places):
+                    total[i] -= values[i]

@@ -97,13 +97,14 @@ class PilotSearch:
         self._slack = int(np.abs(self._drift).max())
         turn = np.arange(TURNS)[:, np.newaxis] / TURNS
         bins = np.arange(self._masker.edges[-1])
-        self._turn = np.sqrt(DECIMATION) * np.exp(1j * np.pi / SEARCH_HOP * turn * (bins + 0.5))
+        turns = np.sqrt(DECIMATION) * np.exp(1j * np.pi / SEARCH_HOP * turn * (bins + 0.5))
+        self._turn = turns.astype(np.complex64)
         # Silence stands before the first sample: a superframe cut by the start is found too.
         self._history = self._span + 2 * self._slack
         shape = (len(PILOT_STEPS), PILOT_SLOTS, self._history)
         self._soft = np.zeros(shape, dtype=np.float32)
         self._before = np.zeros((SEARCH_HOP, self._masker.edges.size - 1))
-        self._sound = np.zeros(0)
+        self._sound = np.zeros(0, dtype=np.float32)
         self._row = 0
 
     @property
@@ -113,7 +114,7 @@ class PilotSearch:
 
     def process(self, sound: NDArray[np.float64]) -> Candidate | None:
         """Take the next `needed` samples; return the best candidate that they complete."""
-        self._sound = np.concatenate([self._sound, sound])
+        self._sound = np.concatenate([self._sound, sound.astype(np.float32)])
         recent = self._soft[:, :, -self._history :]
         self._soft = np.concatenate([recent, self._observe()], axis=2)
         self._sound = self._sound[QUANTUM:]

@@ -107,18 +107,46 @@ def search_fit(
 
     Found on a grid and refined by a parabola in each direction.
     """
-    seen = np.abs(expected * view.soft(cells, step)).sum(axis=1)
-    pivot = float((np.arange(seen.size) * seen).sum() / max(seen.sum(), 1e-9))
-
-    def score(delay: float, drift_ppm: float) -> float:
-        soft = view.soft(cells, step, delay=Fit(delay, drift_ppm, pivot).delays())
-        return float((soft * expected).sum())
-
+    score = _Score(view, cells, step, expected)
     delay_grid, drift_grid = grid
     scores = np.array([[score(d, r) for r in drift_grid] for d in delay_grid])
     i, j = np.unravel_index(int(scores.argmax()), scores.shape)
     delay = _peak(delay_grid, scores[:, j], int(i))
-    return Fit(delay, _peak(drift_grid, scores[i], int(j)), pivot)
+    return Fit(delay, _peak(drift_grid, scores[i], int(j)), score.pivot)
+
+
+def follow_fit(
+    view: View, cells: Cells, step: float, expected: NDArray[np.float64], reach: tuple[float, float]
+) -> Fit:
+    """Like `search_fit` for a place that is nearly right: three delays, three drifts."""
+    score = _Score(view, cells, step, expected)
+    here = score(0.0, 0.0)
+    delay, drift = reach
+    across = np.array([score(-delay, 0.0), here, score(delay, 0.0)])
+    along = np.array([score(0.0, -drift), here, score(0.0, drift)])
+    grid = np.array([-1.0, 0.0, 1.0])
+    return Fit(
+        delay * _peak(grid, across, int(across.argmax())),
+        drift * _peak(grid, along, int(along.argmax())),
+        score.pivot,
+    )
+
+
+class _Score:
+    """Correlation of a view with expected soft values, as a function of delay and drift."""
+
+    def __init__(
+        self, view: View, cells: Cells, step: float, expected: NDArray[np.float64]
+    ) -> None:
+        self._view, self._cells, self._step, self._expected = view, cells, step, expected
+        seen = np.abs(expected * view.soft(cells, step)).sum(axis=1)
+        self.pivot = float((np.arange(seen.size) * seen).sum() / max(seen.sum(), 1e-9))
+
+    def __call__(self, delay: float, drift_ppm: float) -> float:
+        delays = Fit(delay, drift_ppm, self.pivot).delays()
+        return float(
+            (self._view.soft(self._cells, self._step, delay=delays) * self._expected).sum()
+        )
 
 
 def _peak(grid: NDArray[np.float64], values: NDArray[np.float64], i: int) -> float:

@@ -16,6 +16,9 @@ from watermark.link import Decoded, Link
 from watermark.profile import LEVELS, Profile
 from watermark.reliability import Reliability
 
+LIST_SIZE, LONG_LIST_SIZE = 8, 32
+"""Paths that the decoder follows at first, and when that found nothing."""
+
 
 @dataclass(frozen=True, slots=True)
 class Reading:
@@ -52,18 +55,23 @@ class Demodulator:
         self.reliability = Reliability(profile.groups)
 
     def read(self, view: View, levels: list[int]) -> Reading:
-        """Read at the first of `levels` that the link accepts; else at the first of all."""
-        readings = (self._read_at(view, level) for level in levels)
-        first = next(readings)
-        for reading in itertools.chain([first], readings):
+        """Read at the first of `levels` that the link accepts; else at the first of all.
+
+        What fails everywhere is tried again at the first level with a longer list.
+        """
+        attempts = itertools.chain(
+            ((level, LIST_SIZE) for level in levels), [(levels[0], LONG_LIST_SIZE)]
+        )
+        for level, list_size in attempts:
+            reading = self._read_at(view, level, list_size)
             if reading.decoded.l0 is not None:
                 return self._settle(reading)
-        return first
+        return reading
 
-    def _read_at(self, view: View, level: int) -> Reading:
+    def _read_at(self, view: View, level: int, list_size: int) -> Reading:
         soft = view.soft(self.layout.cells, LEVELS[level])
         llr = self.layout.gather(self.reliability.weigh(soft))
-        return Reading(view, level, soft, llr, self.link.decode(llr))
+        return Reading(view, level, soft, llr, self.link.decode(llr, list_size=list_size))
 
     def _settle(self, reading: Reading) -> Reading:
         """Move to the level at which the decoded bits fit best: L0 survives a wrong one."""
@@ -76,7 +84,7 @@ class Demodulator:
         best = max(near, key=fit)
         if best == reading.level:
             return reading
-        again = self._read_at(reading.view, best)
+        again = self._read_at(reading.view, best, LIST_SIZE)
         return reading if again.decoded.l0 is None else again
 
     def expected(self, decoded: Decoded) -> NDArray[np.float64]:

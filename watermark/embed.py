@@ -190,7 +190,7 @@ class AudioEmbedder:
         source: Source,
         *,
         profile: str = "standard",
-        grade: float = -0.4,
+        grade: float = -0.45,
         level: int | None = None,
         key: int = 0,
     ) -> None:

@@ -59,5 +59,5 @@ class LevelControl:
             grade = meter.result().odg
         except CueError:  # nothing but silence in the window
             return 0
-        move = np.floor((grade - self._target) / GRADES_PER_LEVEL + 0.3)
+        move = np.round((grade - self._target) / GRADES_PER_LEVEL)
         return int(np.clip(move, -LARGEST_MOVE, LARGEST_MOVE))

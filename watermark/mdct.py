@@ -8,6 +8,7 @@ processing", ICASSP 1999. Specification: section 3.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import scipy.fft
@@ -37,19 +38,19 @@ def frames_of(x: NDArray[np.float64], hop: int) -> NDArray[np.float64]:
     return np.lib.stride_tricks.sliding_window_view(x, 2 * hop)[::hop]
 
 
-def analyse(frames: NDArray[np.float64], hop: int) -> NDArray[np.complex128]:
+def analyse(frames: NDArray[Any], hop: int) -> NDArray[Any]:
     """Transform frames.
 
     Parameters
     ----------
-    frames : ndarray of float64, shape (T, 2 * hop)
+    frames : ndarray of float64 or float32, shape (T, 2 * hop)
         Overlapping frames, see `frames_of`.
     hop : int
         Half the frame length.
 
     Returns
     -------
-    ndarray of complex128, shape (T, hop)
+    ndarray of complex128 or complex64, shape (T, hop)
         Real part: MDCT coefficients. Half the squared magnitude: their expected power.
 
     Examples
@@ -60,8 +61,11 @@ def analyse(frames: NDArray[np.float64], hop: int) -> NDArray[np.complex128]:
     True
     """
     tables = _tables(hop)
-    spectrum = scipy.fft.fft(frames * tables.before, axis=1)[:, :hop]
-    return np.asarray(spectrum * tables.after)
+    before, after = tables.before, tables.after
+    if frames.dtype == np.float32:
+        before, after = before.astype(np.complex64), after.astype(np.complex64)
+    spectrum = scipy.fft.fft(frames * before, axis=1)[:, :hop]
+    return np.asarray(spectrum * after)
 
 
 def synthesise(coefficients: NDArray[np.float64], hop: int) -> NDArray[np.float64]:

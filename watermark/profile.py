@@ -132,9 +132,9 @@ STANDARD = Profile(
     number=1,
     l0_bytes=20,
     l1_bytes=7,
-    l0_coded=2560,
+    l0_coded=1536,
     cell_bins=4,
-    last_bin=238,
+    last_bin=158,
     alpha=0.75,
 )
 

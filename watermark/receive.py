@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from watermark.acquire import DECIMATION, Candidate, PilotSearch
-from watermark.align import Fit, read_view, search_fit
+from watermark.align import Fit, follow_fit, read_view, search_fit
 from watermark.demodulate import Demodulator, Reading
 from watermark.layout import make_pilots
 from watermark.masking import make_masker
@@ -54,8 +54,8 @@ LOCK_IN = (
 )
 """Delays and drifts tried with the decoded bits of the first superframe, from coarse to fine."""
 
-FOLLOW = (np.array([-0.2, 0.0, 0.2]), np.array([-10.0, 0.0, 10.0]))
-"""Delays and drifts tried with the decoded bits of each following superframe."""
+FOLLOW = (0.2, 10.0)
+"""Delay and drift tried on either side with the decoded bits of each following superframe."""
 
 DELAY_GAIN, DRIFT_GAIN, PACE_GAIN = 0.6, 0.2, 0.15
 """Parts of a measured delay and drift by which the place is corrected, and part of the delay per
@@ -276,7 +276,7 @@ class AudioReceiver:
                 view = read_view(self._tape, track.position, track.ratio, self._masker)
                 self._move(track, search_fit(view, cells, step, weighted, grid))
         else:
-            fit = search_fit(reading.view, cells, step, weighted, FOLLOW)
+            fit = follow_fit(reading.view, cells, step, weighted, FOLLOW)
             pace = PACE_GAIN * fit.delay / SUPERFRAME * 1e6
             drift = DRIFT_GAIN * fit.drift_ppm + pace
             self._move(track, Fit(DELAY_GAIN * fit.delay, drift, fit.pivot))

@@ -5,6 +5,7 @@ interpolator serves conversion between sampling rates, alignment by a fraction o
 correction of a clock error. Source: Smith and Gossett, ICASSP 1984.
 """
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 
 STEPS = 256
-"""Tabulated points of the impulse response per input sample."""
+"""Tabulated fractions of a sample."""
 
 REACH = 32
 """Half the length of the impulse response in samples of the slower of both rates."""
@@ -24,20 +25,24 @@ KAISER_BETA = 9.0
 
 
 @lru_cache(maxsize=8)
-def impulse_response(cutoff: float) -> NDArray[np.float64]:
-    """One side of the low-pass response at multiples of 1 / STEPS input samples.
+def impulse_responses(cutoff: float) -> NDArray[np.float64]:
+    """Low-pass responses at all fractions of a sample.
 
     Parameters
     ----------
     cutoff : float
         Edge of the pass band as a part of half the input rate, 0 to 1; 1 interpolates only.
+
+    Returns
+    -------
+    ndarray of float64, shape (STEPS + 1, taps)
+        Row p: weights of the samples around an index whose fraction is p / STEPS.
     """
     reach = round(REACH / cutoff)
-    t = np.arange(reach * STEPS + 2) / STEPS
+    distance = np.arange(2 * reach) - (reach - 1)
+    t = np.arange(STEPS + 1)[:, np.newaxis] / STEPS - distance
     window = np.i0(KAISER_BETA * np.sqrt(np.clip(1 - (t / reach) ** 2, 0, None)))
-    response = cutoff * np.sinc(cutoff * t) * window / np.i0(KAISER_BETA)
-    response[t >= reach] = 0.0
-    return np.ascontiguousarray(response)
+    return np.ascontiguousarray(cutoff * np.sinc(cutoff * t) * window / np.i0(KAISER_BETA))
 
 
 @dataclass(slots=True)
@@ -76,7 +81,7 @@ class Tape:
 
     def reach(self, ratio: float) -> int:
         """Return how many samples on either side of a position are looked at."""
-        return round(REACH * max(ratio, 1.0)) + 1
+        return round(REACH * max(ratio, 1.0) / 0.94) + 2
 
     def read(self, position: float, ratio: float, count: int) -> NDArray[np.float64]:
         """Return samples at ``position + n * ratio`` for n below `count`; silence outside.
@@ -93,11 +98,12 @@ class Tape:
         from watermark import _kernels
 
         # The pass band ends a little below half the slower rate, for the window's sake.
-        cutoff = min(1.0, 0.94 / ratio) if ratio > 1.01 else 1.0
+        table = impulse_responses(min(1.0, 0.94 / ratio) if ratio > 1.01 else 1.0)
+        margin = table.shape[1] // 2
+        begin = math.floor(position) - margin
+        sound = self._cut(begin, math.ceil(count * ratio) + 2 * margin + 2)
         out = np.empty(count)
-        response = impulse_response(cutoff)
-        start = position - self.first
-        _kernels.interpolate(self.samples, start, ratio, response, STEPS, out)
+        _kernels.interpolate(sound, position - begin, ratio, table, out)
         return out
 
     def _cut(self, position: int, count: int) -> NDArray[np.float64]:
