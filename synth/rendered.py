@@ -13,6 +13,8 @@ from synth.text.espeak import RATE_HZ
 from synth.text.pronounce import phonemise
 
 _TAIL_S = 1.0
+_WORDS_PER_MINUTE = 100
+"""Slow enough for a hand: some four keys a second."""
 
 
 def line_of(text: str) -> list[str]:
@@ -52,7 +54,7 @@ def record(
         line = line_of(text)
         if not any(symbol != PAUSE for symbol in line):
             continue
-        rendering = render(line)
+        rendering = render(line, words_per_minute=_WORDS_PER_MINUTE)
         score = Score(rendering.phones, tuple(cue(rendering.phones, options)))
         n_frames = round((len(rendering.samples) / RATE_HZ + 2 * _TAIL_S) * cuer.rate_hz)
         motion = cuer.motion(score, -_TAIL_S, n_frames, voice)
