@@ -24,8 +24,7 @@ def mark(frames: list[np.ndarray], carrier: str) -> list[np.ndarray]:
     embedder = kind(1280, 720, FPS, lambda k: (bytes(20), bytes(l1_bytes)), profile=profile)
     marked: list[np.ndarray] = []
     for frame in frames:
-        out = embedder.process(frame)
-        marked.extend(out if isinstance(out, list) else [out])
+        marked += embedder.process(frame)
     return marked
 
 

@@ -74,6 +74,11 @@ def grey(height: int = 8, width: int = 1280) -> np.ndarray:
     return np.full((height, width), 120, dtype=np.uint8)
 
 
+def one(embedder: A335Embedder, frame: np.ndarray) -> np.ndarray:
+    (marked,) = embedder.process(frame)
+    return marked
+
+
 # --- the line ---
 
 
@@ -111,7 +116,7 @@ def test_noisy_and_low_contrast_lines_are_read() -> None:
 
 
 def test_doubtful_symbols_are_tried() -> None:
-    marked = A335Embedder(1280, 8, 25, source("1x")).process(grey())
+    marked = one(A335Embedder(1280, 8, 25, source("1x")), grey())
     expected = read_blocks(marked)
     for symbols in ([100, 200], [3, 30]):  # one of them in the run-in
         damaged = marked.copy()
@@ -340,7 +345,7 @@ def test_carrier_round_trip(name: str, fps: Any) -> None:
     found = []
     for _ in range(int(3.2 * fps)):
         frame = grey()
-        marked = embedder.process(frame)
+        marked = one(embedder, frame)
         assert (frame == 120).all()
         assert (marked[2:] == 120).all()
         assert (marked[0] == marked[1]).all()
@@ -351,6 +356,7 @@ def test_carrier_round_trip(name: str, fps: Any) -> None:
         assert superframe.position_s == pytest.approx(0.64 * k, abs=1.01 / fps)
     assert receiver.locked
     assert receiver.loss_estimate == 0
+    assert embedder.flush() == []
     assert receiver.first_lock_s is not None
     assert receiver.first_lock_s <= 0.7
 
@@ -363,7 +369,7 @@ def test_lost_frames_and_tuning_in(name: str) -> None:
     rng = np.random.default_rng(2)
     found = []
     for n in range(160):
-        marked = embedder.process(grey())
+        marked = one(embedder, grey())
         if n >= 5:
             found += receiver.process(grey() if rng.random() < 0.2 else marked)
     assert len(found) >= 9
@@ -377,7 +383,7 @@ def test_frame_rate_conversion_repeats_frames() -> None:
     receiver = A335Receiver(1280, 8, 50)
     found = []
     for _ in range(64):
-        marked = embedder.process(grey())
+        marked = one(embedder, grey())
         found += receiver.process(marked) + receiver.process(marked)
     assert [(f.l0, f.l1) for f in found] == [give(k) for k in range(4)]
 
@@ -387,9 +393,9 @@ def test_ten_bits() -> None:
     embedder = A335Embedder(1920, 6, 25, give, profile="2x", depth=10)
     receiver = A335Receiver(1920, 6, 25, depth=10)
     frame = np.full((6, 1920), 500, dtype=np.uint16)
-    found = [s for _ in range(16) for s in receiver.process(embedder.process(frame))]
+    found = [s for _ in range(16) for s in receiver.process(one(embedder, frame))]
     assert (found[0].l0, found[0].l1) == give(0)
-    assert embedder.process(frame).dtype == np.uint16
+    assert one(embedder, frame).dtype == np.uint16
 
 
 def test_another_service_keeps_its_line() -> None:
@@ -403,7 +409,7 @@ def test_another_service_keeps_its_line() -> None:
     found = []
     for n in range(32):
         frame = occupied if n % 5 == 0 else grey()
-        marked = embedder.process(frame)
+        marked = one(embedder, frame)
         if n % 5 == 0:
             np.testing.assert_array_equal(marked, occupied)
         found += receiver.process(marked)
@@ -412,12 +418,12 @@ def test_another_service_keeps_its_line() -> None:
     assert receiver.vp1.server == 705
     assert [(f.l0, f.l1) for f in found] == [give(0), give(1)]
     forced = A335Embedder(1280, 8, 25, give, overwrite=True)
-    assert not is_foreign(forced.process(occupied), DOMAIN)
+    assert not is_foreign(one(forced, occupied), DOMAIN)
 
 
 def test_own_line_is_replaced() -> None:
-    first = A335Embedder(1280, 8, 25, source("1x")).process(grey())
-    again = A335Embedder(1280, 8, 25, lambda k: (bytes(20), bytes(39))).process(first)
+    first = one(A335Embedder(1280, 8, 25, source("1x")), grey())
+    again = one(A335Embedder(1280, 8, 25, lambda k: (bytes(20), bytes(39))), first)
     assert not np.array_equal(first, again)
 
 
@@ -425,12 +431,12 @@ def test_other_domain_is_not_ours() -> None:
     embedder = A335Embedder(1280, 8, 25, source("1x"), domain="a.tv,2026")
     receiver = A335Receiver(1280, 8, 25)
     for _ in range(20):
-        assert receiver.process(embedder.process(grey())) == []
+        assert receiver.process(one(embedder, grey())) == []
     assert not receiver.locked
 
 
 def test_second_line_helps() -> None:
-    marked = A335Embedder(1280, 8, 25, source("1x")).process(grey())
+    marked = one(A335Embedder(1280, 8, 25, source("1x")), grey())
     marked[0, ::3] += 14
     marked[0, 1::3] -= 3
     assert len(read_blocks(marked)) == 1

@@ -113,8 +113,8 @@ class A335Embedder:
         """Profile in use."""
         return self._profile
 
-    def process(self, luma: Luma) -> Luma:
-        """Return the next frame with its first two lines marked.
+    def process(self, luma: Luma) -> list[Luma]:
+        """Return the next frame, alone in a list, with its first two lines marked.
 
         Parameters
         ----------
@@ -137,13 +137,17 @@ class A335Embedder:
         self._frame += 1
         if not self._overwrite and is_foreign(luma, self._domain, self._depth):
             self.skipped += 1
-            return luma
+            return [luma]
         payload = RUN_IN + self._message(k, part).pack()
         marked = luma.copy()
         marked[:LINES] = line_values(
             payload, luma.shape[1], system=self._system, depth=self._depth
         ).astype(luma.dtype)
-        return marked
+        return [marked]
+
+    def flush(self) -> list[Luma]:
+        """Return nothing: this carrier holds no frame back."""
+        return []
 
     def _start_superframe(self, k: int, count: int) -> None:
         self._block = pack_block(*self._source(k), self._profile)

@@ -1,0 +1,142 @@
+"""Pictures read and written again: luma through stages, everything else as it was."""
+
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+
+from codec.errors import CueError
+from cuecast.media.picture import (
+    PictureFormat,
+    picture_format,
+    read_lumas,
+    rewrite_picture,
+)
+from watermark.a335.carrier import A335Embedder, A335Receiver
+from watermark.a335.profile import PROFILES as A335_PROFILES
+from watermark.video.embed import VideoEmbedder
+from watermark.video.profile import PROFILES
+from watermark.video.receive import VideoReceiver
+
+WIDTH, HEIGHT, FRAMES = 640, 360, 48
+
+
+def payload(profiles: Any, name: str) -> Any:
+    def give(k: int) -> tuple[bytes, bytes]:
+        rng = np.random.default_rng(k)
+        return rng.bytes(profiles[name].l0_bytes), rng.bytes(profiles[name].l1_bytes)
+
+    return give
+
+
+def scene(n: int) -> np.ndarray:
+    y, x = np.mgrid[:HEIGHT, :WIDTH] / HEIGHT
+    return np.asarray(110 + 50 * np.sin(9 * x + n / 12) * np.cos(7 * y) + 20 * (x + y > 1))
+
+
+def write_programme(path: Path, pixel_format: str = "yuv420p", *, times: Any = None) -> None:
+    with av.open(str(path), "w") as container:
+        stream: Any = container.add_stream("ffv1", rate=25)
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, pixel_format
+        sound: Any = container.add_stream("flac", rate=48_000)
+        sound.layout = "mono"
+        for n in range(FRAMES):
+            luma = np.clip(scene(n), 0, 255).astype(np.uint8)
+            frame = av.VideoFrame.from_ndarray(luma, format="gray").reformat(format=pixel_format)
+            frame.pts, frame.time_base = (times or list(range(FRAMES)))[n], Fraction(1, 25)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+        tone = np.arange(48_000, dtype=np.int16)[None]
+        block = av.AudioFrame.from_ndarray(tone, format="s16", layout="mono")
+        block.sample_rate, block.pts = 48_000, 0
+        container.mux(sound.encode(block))
+        container.mux(sound.encode(None))
+
+
+def packets_of_sound(path: Path) -> list[bytes]:
+    with av.open(str(path)) as container:
+        return [bytes(p) for p in container.demux(container.streams.audio[0]) if p.size]
+
+
+def test_both_carriers_through_a_programme(tmp_path: Path) -> None:
+    programme, marked = tmp_path / "in.mkv", tmp_path / "out.mkv"
+    write_programme(programme)
+    seconds: list[float] = []
+
+    def stages(form: PictureFormat) -> list[Any]:
+        size = form.width, form.height, form.fps
+        return [
+            VideoEmbedder(*size, payload(PROFILES, "robust"), profile="robust"),
+            A335Embedder(*size, payload(A335_PROFILES, "1x")),
+        ]
+
+    form = rewrite_picture(
+        programme, marked, stages, codec="h264", bit_rate=3_000_000, progress=seconds.append
+    )
+    assert (form.width, form.height, form.depth) == (WIDTH, HEIGHT, 8)
+    assert form.fps == Fraction(25)
+    assert sum(seconds) == pytest.approx(FRAMES / 25)
+    assert picture_format(marked).codec == "h264"
+    assert packets_of_sound(marked) == packets_of_sound(programme)
+    invisible, line = VideoReceiver(WIDTH, HEIGHT, 25), A335Receiver(WIDTH, HEIGHT, 25)
+    times: list[float] = []
+    seen, read = [], []
+    for time_s, luma in read_lumas(marked):
+        times.append(time_s)
+        seen += invisible.process(luma)
+        read += line.process(luma)
+    assert times == pytest.approx(np.arange(FRAMES) / 25, abs=0.001)
+    seen += invisible.flush()
+    assert [(s.l0, s.l1) for s in seen] == [payload(PROFILES, "robust")(k) for k in range(3)]
+    assert [(s.l0, s.l1) for s in read] == [payload(A335_PROFILES, "1x")(k) for k in range(3)]
+
+
+def test_no_stage_changes_nothing(tmp_path: Path) -> None:
+    programme, copy = tmp_path / "in.mkv", tmp_path / "out.mkv"
+    write_programme(programme, "yuv422p10le")
+    rewrite_picture(programme, copy, lambda form: [])
+    assert picture_format(copy).pixel_format == "yuv422p10le"
+    assert picture_format(copy).depth == 10
+    for (_, before), (_, after) in zip(read_lumas(programme), read_lumas(copy), strict=True):
+        assert before.dtype == np.uint16
+        np.testing.assert_array_equal(before, after)
+
+
+def test_pictures_without_luma_are_converted(tmp_path: Path) -> None:
+    programme = tmp_path / "in.mkv"
+    write_programme(programme, "bgra")
+    assert picture_format(programme).pixel_format == "yuv420p"
+    assert next(read_lumas(programme))[1].shape == (HEIGHT, WIDTH)
+
+
+def test_variable_rate_is_refused(tmp_path: Path) -> None:
+    programme = tmp_path / "in.mkv"
+    write_programme(programme, times=[n if n < 10 else 3 * n for n in range(FRAMES)])
+    with pytest.raises(CueError, match="the picture's rate is not a constant"):
+        rewrite_picture(programme, tmp_path / "out.mkv", lambda form: [])
+    assert not (tmp_path / "out.mkv").exists()
+
+
+def test_refusals(tmp_path: Path) -> None:
+    nothing, target = tmp_path / "x.mkv", tmp_path / "out.mkv"
+    nothing.write_bytes(b"not a film")
+    with pytest.raises(CueError, match="not a video file"):
+        rewrite_picture(nothing, target, lambda form: [])
+    sound = tmp_path / "sound.wav"
+    with av.open(str(sound), "w") as container:
+        stream: Any = container.add_stream("pcm_s16le", rate=48_000)
+        stream.layout = "mono"
+        block = av.AudioFrame.from_ndarray(np.zeros((1, 480), np.int16), "s16", "mono")
+        block.sample_rate = 48_000
+        container.mux(stream.encode(block))
+    with pytest.raises(CueError, match="no picture in it"):
+        picture_format(sound)
+    programme = tmp_path / "in.mkv"
+    write_programme(programme)
+    with pytest.raises(CueError, match="picture codec 'nonsense': cannot be written"):
+        rewrite_picture(programme, target, lambda form: [], codec="nonsense")
+    with pytest.raises(CueError, match="cannot write"):
+        rewrite_picture(programme, tmp_path / "out.gif", lambda form: [])
