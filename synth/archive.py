@@ -28,29 +28,11 @@ from synth.speech.marks import PitchMarks
 from synth.speech.pitch import PitchTrack
 
 FORMAT = "cuecast-recordings-1"
-SENTENCES = Path(__file__).parent / "assets" / "sentences.txt"
-"""French sentences that the built-in recordings are chosen from."""
-
 _MAX_LABEL_BYTES = 1 << 30
 _GESTURE_FIELDS = ("shape", "placement", "leave", "reach", "shape_leave", "shape_reach")
 
 Progress = Callable[[int, int], None]
 """Called with what is done and what there is to do."""
-
-
-def read_sentences(path: str | os.PathLike[str]) -> list[str]:
-    """Return the lines of a text file that are neither empty nor comments.
-
-    Raises
-    ------
-    CueError
-        If the file cannot be read as UTF-8.
-    """
-    try:
-        lines = Path(path).read_text("utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise CueError(f"{path}: {error}") from error
-    return [line.strip() for line in lines if line.strip() and not line.startswith("#")]
 
 
 def write_archive(folder: str | os.PathLike[str], recordings: Sequence[Recording]) -> None:
@@ -181,7 +163,8 @@ def built_in_recordings(
     voice : Voice
         What her motion is expressed in.
     sentences : sequence of str, optional
-        What she says; by default the project's own list.
+        What she may say, by default the project's own list; of a list longer than the paper's
+        corpus, a choice is said that covers French as the whole does.
     identity : str
         One of `synth.body.anatomy.IDENTITIES`.
     alignment : str
@@ -196,10 +179,11 @@ def built_in_recordings(
     The archive's name is a hash of everything that it depends on: another voice, text or cuer
     makes another archive.
     """
+    from synth.corpus.sentences import choose_sentences, read_sentences
     from synth.gesture import GestureSynthesiser
     from synth.rendered import record
 
-    texts = read_sentences(SENTENCES) if sentences is None else list(sentences)
+    texts = read_sentences() if sentences is None else list(sentences)
     key = json.dumps([FORMAT, voice.identity, identity, alignment, texts])
     name = f"recordings-{hashlib.sha256(key.encode()).hexdigest()[:16]}"
     archive = (folder or cache_folder()) / name
@@ -209,6 +193,7 @@ def built_in_recordings(
         except CueError:
             shutil.rmtree(archive)
     cuer = GestureSynthesiser(identity, alignment=alignment)
+    texts, _ = choose_sentences(texts)
     recordings: list[Recording] = []
     for done, text in enumerate(texts, 1):
         recordings += record([text], cuer, voice)

@@ -6,11 +6,9 @@ import pytest
 from codec.errors import CueError
 from codec.voice import Voice, load_voice
 from synth.archive import (
-    SENTENCES,
     built_in_recordings,
     cache_folder,
     read_archive,
-    read_sentences,
     write_archive,
 )
 from synth.recording import Recording
@@ -93,14 +91,6 @@ def test_refusals(
         write_archive(tmp_path, built[1])
     with pytest.raises(CueError, match="No such file"):
         read_archive(tmp_path / "missing")
-    with pytest.raises(CueError, match="missing"):
-        read_sentences(tmp_path / "missing")
-
-
-def test_the_list_of_sentences() -> None:
-    sentences = read_sentences(SENTENCES)
-    assert len(sentences) == len(set(sentences)) > 350
-    assert not any(s.startswith("#") for s in sentences)
 
 
 def test_cache_folder_follows_the_environment(
