@@ -1,0 +1,168 @@
+"""The whole way as a viewer has it: dub, broadcast, receive, compare, over clips and channels.
+
+Rows: clip, channel, keys_total, keys_correct, tune_in_s, superframes_sent, superframes_lost,
+marker_rms_mm, hand_rms_mm, face_rms_mm, offset_s, odg, snr_db, dub_xrt, receive_xrt.
+"""
+
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from codec.compare import compare_motions
+from codec.errors import CueError
+from codec.motion import Motion
+from codec.score import Score
+from codec.voice import Voice, load_voice
+from cuecast.demo.content import FS, LINES, make_sound
+from cuecast.dub import DubOptions, dub
+from cuecast.evaluate.options import EvaluateOptions
+from cuecast.media.film import write_film
+from cuecast.media.sound import read_sound
+from cuecast.motions import SynthesisedMotion, whole_motion
+from cuecast.receive import receive
+from synth.score import score_from_subtitles
+from synth.subtitles import Subtitle, read_subtitles
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """A broadcast codec: container's suffix, FFmpeg's encoder, bit/s (0: lossless)."""
+
+    suffix: str
+    encoder: str
+    bit_rate: int
+
+
+CHANNELS = {
+    "none": Channel(".flac", "flac", 0),
+    "aac128": Channel(".m4a", "aac", 128_000),
+    "aac96": Channel(".m4a", "aac", 96_000),
+    "mp2_192": Channel(".ts", "mp2", 192_000),
+    "ac3_192": Channel(".ts", "ac3", 192_000),
+    "mp3_128": Channel(".mp3", "libmp3lame", 128_000),
+    "opus_96": Channel(".ogg", "libopus", 96_000),
+}
+"""Channels by name."""
+
+DEFAULT_CHANNELS = ("none", "aac128", "mp2_192", "ac3_192", "mp3_128")
+
+_SOUNDS = {".wav", ".flac", ".mp3", ".m4a", ".ogg", ".mp4", ".mkv", ".ts"}
+_SUBTITLES = (".srt", ".vtt", ".ttml", ".xml", ".stl")
+_LINE_S = 4.0
+
+
+def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
+    """Take every clip the whole way through every channel.
+
+    A clip is cued by the subtitles that lie beside it under its name; without such, by the text
+    of the demonstration, a line every four seconds.
+
+    Raises
+    ------
+    CueError
+        If a channel or the folder of clips does not exist, or a clip is unusable.
+    """
+    names = options.channels or DEFAULT_CHANNELS
+    unknown = [name for name in names if name not in CHANNELS]
+    if unknown:
+        raise CueError(f"no channel called {unknown[0]!r}, there are: {', '.join(CHANNELS)}")
+    voice = load_voice()
+    rows = []
+    for clip, subtitles in clips_of(options):
+        score = score_from_subtitles(subtitles, warn=lambda line: None)
+        rows += _through(clip, score, voice, names, options)
+    return rows
+
+
+def clips_of(options: EvaluateOptions) -> Iterator[tuple[Path, list[Subtitle]]]:
+    """Yield clips and their subtitles.
+
+    Raises
+    ------
+    CueError
+        If the folder holds none.
+    """
+    if options.clips is None:
+        sound, subtitles = make_sound()
+        path = options.folder / "demonstration.flac"
+        write_film(path, sound, FS, encoder="flac")
+        yield path, subtitles
+        return
+    if not options.clips.is_dir():
+        raise CueError(f"{options.clips}: is not a folder of clips")
+    clips = sorted(p for p in options.clips.iterdir() if p.suffix.lower() in _SOUNDS)
+    if not clips:
+        raise CueError(f"{options.clips}: no sound files in it")
+    for clip in clips:
+        beside = [clip.with_suffix(suffix) for suffix in _SUBTITLES]
+        written = next((path for path in beside if path.exists()), None)
+        yield clip, _usual_lines(clip) if written is None else read_subtitles(written)
+
+
+def _usual_lines(clip: Path) -> list[Subtitle]:
+    sound, fs = read_sound(clip)
+    count = int(len(sound) / fs / _LINE_S)
+    return [
+        Subtitle(_LINE_S * n, _LINE_S * (n + 0.95), LINES[n % len(LINES)]) for n in range(count)
+    ]
+
+
+def _through(
+    clip: Path, score: Score, voice: Voice, names: tuple[str, ...], options: EvaluateOptions
+) -> list[dict[str, Any]]:
+    source = SynthesisedMotion(score, voice, seed=options.seed)
+    dubbed = options.folder / "dubbed.flac"
+    began = time.perf_counter()
+    report = dub(clip, source, voice, dubbed, DubOptions(audio_codec="flac"))
+    dub_xrt = report["duration_s"] / (time.perf_counter() - began)
+    sent = whole_motion(source, report["duration_s"])
+    sound, fs = read_sound(dubbed)
+    rows = []
+    for name in names:
+        options.say(f"{clip.name} through {name}")
+        channel = CHANNELS[name]
+        coded = options.folder / f"coded{channel.suffix}"
+        write_film(coded, sound, fs, encoder=channel.encoder, bit_rate=channel.bit_rate)
+        row = {"clip": clip.stem, "channel": name, **_received(coded, sent, voice)}
+        row["superframes_sent"] = report["superframes"]
+        audio = report["carriers"]["audio"]
+        row |= {"odg": audio.get("odg"), "snr_db": audio["snr_db"], "dub_xrt": round(dub_xrt, 1)}
+        rows.append(row)
+    return rows
+
+
+def _received(coded: Path, sent: Motion, voice: Voice) -> dict[str, Any]:
+    """Receive a coded programme and compare it with what was sent."""
+    reception = receive(coded, voice)
+    summary = reception.summary
+    figures: dict[str, Any] = {
+        "tune_in_s": summary["tune_in_s"],
+        "superframes_received": summary["superframes"]["received"],
+        "superframes_lost": summary["superframes"]["lost"],
+        "receive_xrt": summary["realtime_factor"],
+    }
+    if reception.motion is not None:
+        alike = asdict(compare_motions(sent, reception.motion, voice))
+        figures |= {name: round(value, 4) for name, value in alike.items()}
+    return figures
+
+
+def plot(results: list[dict[str, Any]], figure: Any) -> None:
+    """Draw the share of keys that arrived, clip by clip, a bar for each channel."""
+    axes = figure.subplots()
+    clips = list(dict.fromkeys(row["clip"] for row in results))
+    channels = list(dict.fromkeys(row["channel"] for row in results))
+    width = 0.8 / len(channels)
+    for number, channel in enumerate(channels):
+        share = [
+            100 * row["keys_correct"] / max(1, row["keys_total"]) if "keys_total" in row else 0
+            for clip in clips
+            for row in results
+            if (row["clip"], row["channel"]) == (clip, channel)
+        ]
+        axes.bar([i + number * width for i in range(len(clips))], share, width, label=channel)
+    axes.set_xticks([i + 0.4 - width / 2 for i in range(len(clips))], clips, rotation=20)
+    axes.set_ylabel("keys that arrived, %")
+    axes.legend()

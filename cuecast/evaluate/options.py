@@ -1,0 +1,30 @@
+"""What every kind of evaluation is told."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluateOptions:
+    """Material and places of an evaluation.
+
+    Attributes
+    ----------
+    clips : Path or None
+        Folder of clips; None means the built-in material.
+    channels : tuple of str or None
+        Names of channels to go through; None means the usual ones.
+    seed : int
+        Of everything random.
+    folder : Path
+        For files on the way; removed afterwards.
+    say : callable
+        Told what is being done, line by line.
+    """
+
+    clips: Path | None
+    channels: tuple[str, ...] | None
+    seed: int
+    folder: Path
+    say: Callable[[str], None]

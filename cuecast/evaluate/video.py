@@ -1,0 +1,325 @@
+"""What the invisible video carrier achieves: clips marked, coded as on air, received, compared.
+
+Rows come out with the fields of `evaluate video --json`. Everything passes through files, so a clip
+of any length needs constant memory.
+"""
+
+import json
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from cuecast.media.picture import (
+    PictureFormat,
+    PictureStage,
+    picture_format,
+    read_lumas,
+    rewrite_picture,
+)
+from watermark.profile import SUPERFRAME_S
+from watermark.quality.picture import PictureMeter, PictureQuality
+from watermark.video.embed import STEP, VideoEmbedder
+from watermark.video.profile import VideoProfile, find_profile
+from watermark.video.receive import VideoReceiver
+
+Luma = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class PictureChannel:
+    """What happens to a marked picture on its way.
+
+    Attributes
+    ----------
+    codec : str
+        FFmpeg's name of the encoder; ffv1 for none.
+    bit_rate : int
+        Bits per second.
+    scale : float
+        Size of what is coded, relative to the programme's; it is received at that size.
+    change : callable, optional
+        Applied to every luma frame before coding.
+    generations : int
+        How often it is coded.
+    """
+
+    codec: str = "ffv1"
+    bit_rate: int = 1_000_000
+    scale: float = 1.0
+    change: Callable[[Luma], Luma] | None = None
+    generations: int = 1
+
+
+def _contrast(luma: Luma) -> Luma:
+    return np.asarray(np.clip(luma * 0.97 + 5.5, 0, 255), dtype=luma.dtype)
+
+
+def _logo(luma: Luma) -> Luma:
+    marked = luma.copy()
+    height, width = luma.shape
+    marked[height // 20 : height // 7, width * 5 // 6 : width * 19 // 20] = 200
+    return marked
+
+
+CHANNELS = {
+    "none": PictureChannel(),
+    "h264-4M": PictureChannel("libx264", 4_000_000),
+    "h264-2M": PictureChannel("libx264", 2_000_000),
+    "h264-1M": PictureChannel("libx264", 1_000_000),
+    "hevc-2M": PictureChannel("libx265", 2_000_000),
+    "hevc-1M": PictureChannel("libx265", 1_000_000),
+    "mpeg2-4M": PictureChannel("mpeg2video", 4_000_000),
+    "av1-1M": PictureChannel("libsvtav1", 1_000_000),
+    "540p-h264-2M": PictureChannel("libx264", 2_000_000, scale=0.75),
+    "contrast-h264-2M": PictureChannel("libx264", 2_000_000, change=_contrast),
+    "logo-h264-2M": PictureChannel("libx264", 2_000_000, change=_logo),
+    "twice-h264-2M": PictureChannel("libx264", 2_000_000, generations=2),
+}
+"""Channels by name; rates are bits per second of the picture alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class VideoRow:
+    """One clip through one channel; fields as in `evaluate video --json`."""
+
+    clip: str
+    channel: str
+    profile: str
+    net_bps: float
+    superframes_sent: int
+    superframes_lost: int
+    l1_lost: int
+    superframes_wrong: int
+    tune_in_s: float | None
+    ber: float
+    psnr_db: float
+    ssim: float
+    vmaf: float | None
+    flicker: float
+    own_noise: float
+    embed_xrt: float
+    receive_xrt: float
+
+
+def evaluate_video(
+    clips: Iterable[str | Path],
+    channels: Iterable[str] = tuple(CHANNELS),
+    *,
+    profile: str = "standard",
+    seconds: float = 6.0,
+    step: float = STEP,
+    seed: int = 0,
+    progress: Callable[[VideoRow], None] = lambda row: None,
+) -> list[VideoRow]:
+    """Mark the beginning of each clip and send it through each channel.
+
+    Superframes are lost from the first sent to the last complete one: tuning in counts.
+
+    Parameters
+    ----------
+    clips : iterable of path
+        Video files.
+    channels : iterable of str
+        Names from `CHANNELS`.
+    profile : str
+        Profile of the carrier.
+    seconds : float
+        How much of each clip is used.
+    step : float
+        Strength of the mark.
+    seed : int
+        Of the payload.
+    progress : callable
+        Told of each row.
+
+    Raises
+    ------
+    CueError
+        If a channel or profile is unknown or a clip cannot be read.
+    """
+    chosen = list(channels)
+    for name in chosen:
+        if name not in CHANNELS:
+            raise CueError(f"unknown channel {name!r}, known: {', '.join(CHANNELS)}")
+    sizes = find_profile(profile)
+    rows = []
+    for clip in clips:
+        with tempfile.TemporaryDirectory() as folder:
+            trial = _Trial(Path(clip), Path(folder), sizes, seconds, step, seed)
+            for name in chosen:
+                rows.append(trial.run(name))
+                progress(rows[-1])
+    return rows
+
+
+class _Trial:
+    """One clip, marked once, in a folder for what is made of it."""
+
+    def __init__(
+        self,
+        clip: Path,
+        folder: Path,
+        profile: VideoProfile,
+        seconds: float,
+        step: float,
+        seed: int,
+    ) -> None:
+        self._clip, self._folder, self._profile = clip, folder, profile
+        self._step, self._seed = step, seed
+        original, self._marked = folder / "original.mkv", folder / "marked.mkv"
+        timed: list[_Timed] = []
+
+        def mark(form: PictureFormat) -> list[PictureStage]:
+            timed.append(_Timed(self._embedder(form)))
+            return [timed[0]]
+
+        rewrite_picture(clip, original, lambda form: [], codec="ffv1", duration_s=seconds)
+        self._form = rewrite_picture(original, self._marked, mark, codec="ffv1")
+        report = timed[0].stage.report()
+        self._sent = report.superframes
+        self._embed_xrt = report.frames / float(self._form.fps) / timed[0].elapsed_s
+        self._quality = _compare(original, self._marked, self._form.depth)
+        self._vmaf = vmaf(original, self._marked)
+
+    def _embedder(self, form: PictureFormat) -> VideoEmbedder:
+        return VideoEmbedder(
+            form.width,
+            form.height,
+            form.fps,
+            self._payload,
+            profile=self._profile.name,
+            depth=form.depth,
+            step=self._step,
+        )
+
+    def _payload(self, k: int) -> tuple[bytes, bytes]:
+        rng = np.random.default_rng([self._seed, k])
+        return rng.bytes(self._profile.l0_bytes), rng.bytes(self._profile.l1_bytes)
+
+    def run(self, name: str) -> VideoRow:
+        """Send the marked clip through a channel."""
+        coded = self._code(CHANNELS[name])
+        form = picture_format(coded)
+        receiver = VideoReceiver(
+            form.width, form.height, form.fps, depth=form.depth, step=self._step
+        )
+        found = []
+        elapsed_s, frames = 1e-9, 0
+        for _, luma in read_lumas(coded):
+            began = time.process_time()
+            found += receiver.process(luma)
+            elapsed_s += time.process_time() - began
+            frames += 1
+        found += receiver.flush()
+        right: set[int] = set()
+        whole: set[int] = set()
+        wrong = 0
+        for superframe in found:
+            k = round(superframe.position_s / SUPERFRAME_S)
+            l0, l1 = self._payload(max(0, k))
+            if superframe.l0 == l0:
+                right.add(k)
+                if superframe.l1 == l1:
+                    whole.add(k)
+            wrong += superframe.l0 not in (None, l0) or superframe.l1 not in (None, l1)
+        quality = self._quality
+        return VideoRow(
+            clip=self._clip.name,
+            channel=name,
+            profile=self._profile.name,
+            net_bps=self._profile.net_bps,
+            superframes_sent=self._sent,
+            superframes_lost=self._sent - len(right),
+            l1_lost=self._sent - len(whole),
+            superframes_wrong=wrong,
+            tune_in_s=receiver.first_lock_s,
+            ber=receiver.ber_estimate,
+            psnr_db=quality.psnr_db,
+            ssim=quality.ssim,
+            vmaf=self._vmaf,
+            flicker=quality.flicker,
+            own_noise=quality.own_noise,
+            embed_xrt=self._embed_xrt,
+            receive_xrt=frames / float(form.fps) / elapsed_s,
+        )
+
+    def _code(self, channel: PictureChannel) -> Path:
+        source = self._marked
+        for generation in range(channel.generations):
+            target = self._folder / f"coded{generation}.mkv"
+            change = channel.change if generation == 0 else None
+            width, height = (
+                2 * round(n * channel.scale / 2) for n in (self._form.width, self._form.height)
+            )
+            rewrite_picture(
+                source,
+                target,
+                lambda form, change=change: [] if change is None else [_Change(change)],
+                codec=channel.codec,
+                bit_rate=channel.bit_rate,
+                size=(width, height),
+            )
+            source = target
+        return source
+
+
+class _Timed:
+    """The embedder with a stop-watch."""
+
+    def __init__(self, stage: VideoEmbedder) -> None:
+        self.stage = stage
+        self.elapsed_s = 1e-9
+
+    def process(self, luma: Luma) -> list[Luma]:
+        began = time.process_time()
+        out = self.stage.process(luma)
+        self.elapsed_s += time.process_time() - began
+        return out
+
+    def flush(self) -> list[Luma]:
+        return self.stage.flush()
+
+
+class _Change:
+    """A change of every frame by itself, as a stage."""
+
+    def __init__(self, change: Callable[[Luma], Luma]) -> None:
+        self._change = change
+
+    def process(self, luma: Luma) -> list[Luma]:
+        return [self._change(luma)]
+
+    def flush(self) -> list[Luma]:
+        return []
+
+
+def _compare(original: Path, marked: Path, depth: int) -> PictureQuality:
+    meter = PictureMeter(depth)
+    for (_, before), (_, after) in zip(read_lumas(original), read_lumas(marked), strict=True):
+        meter.process(before, after)
+    return meter.result()
+
+
+def vmaf(original: Path, marked: Path) -> float | None:
+    """Mean VMAF of a film against its original; None without imageio-ffmpeg's FFmpeg."""
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+    except ImportError:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        report = Path(folder) / "vmaf.json"
+        comparison = f"libvmaf=log_fmt=json:log_path={report}"
+        command = [get_ffmpeg_exe(), "-nostdin", "-v", "error", "-i", str(marked)]
+        command += ["-i", str(original), "-lavfi", comparison, "-f", "null", "-"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            return None
+        return float(json.loads(report.read_text())["pooled_metrics"]["vmaf"]["mean"])

@@ -1,0 +1,59 @@
+"""Measure how well a part of Cuecast does: a table, CSV, JSON and a picture."""
+
+import argparse
+import importlib
+import importlib.util
+import tempfile
+from pathlib import Path
+
+from cuecast.arguments import add_json, add_seed, print_json
+from cuecast.progress import note
+
+SUMMARY = "figures as CSV, JSON and plots"
+
+KINDS = ("codec", "audio", "video", "chain", "synthesis", "models")
+
+
+def offered() -> tuple[str, ...]:
+    """Return the kinds that this installation can measure."""
+    return tuple(k for k in KINDS if importlib.util.find_spec(f"cuecast.evaluate.{k}"))
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("kind", choices=offered(), metavar="KIND", help=" | ".join(offered()))
+    parser.add_argument("--clips", metavar="DIR", help="material; default: built-in")
+    parser.add_argument("--channels", metavar="LIST", help="names, separated by commas")
+    parser.add_argument("--out", metavar="DIR", help="folder for CSV, JSON and plot")
+    add_json(parser)
+    add_seed(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure, print, write."""
+    from cuecast.evaluate.options import EvaluateOptions
+    from cuecast.evaluate.tables import as_table, write_plot, write_results
+
+    module = importlib.import_module(f"cuecast.evaluate.{args.kind}")
+    with tempfile.TemporaryDirectory(prefix="cuecast-") as folder:
+        results = module.evaluate(
+            EvaluateOptions(
+                clips=None if args.clips is None else Path(args.clips),
+                channels=tuple(args.channels.split(",")) if args.channels else None,
+                seed=args.seed,
+                folder=Path(folder),
+                say=note,
+            )
+        )
+    if args.json:
+        print_json(results)
+    else:
+        print(as_table(results))
+    if args.out is not None:
+        for path in write_results(Path(args.out), args.kind, results):
+            note(f"written: {path}")
+        if hasattr(module, "plot"):
+            picture = Path(args.out) / f"{args.kind}.png"
+            write_plot(picture, results, module.plot)
+            note(f"written: {picture}")
+    return 0 if results else 1
