@@ -11,6 +11,7 @@ from codec.layout import MARKER_NUMBER, longest_finger_tip
 from codec.phonology import PHONE_NUMBER
 from codec.score import PLACEMENT_NUMBER, PLACEMENTS, Phone, Score
 from synth.body.reach import placement_target
+from synth.body.shapes import shape_angles
 from synth.coarticulation import PhoneLine, articulate
 from synth.corpus.scores import drill
 from synth.gesture import GestureSynthesiser
@@ -207,3 +208,30 @@ def test_unusable_options_are_refused(options: dict[str, object], message: str) 
 def test_unknown_alignment_is_refused() -> None:
     with pytest.raises(CueError, match="unknown alignment 'x'; known: attina, paper"):
         plan_gestures(LINE, alignment="x")
+
+
+def test_the_hand_at_the_face_goes_with_the_head() -> None:
+    cuer = GestureSynthesiser("agathe")
+    phone = Phone("i", 1.0, 13.0)
+    markers = cuer.markers(Score((phone,), tuple(cue([phone]))), 1.5, 550)
+    tip, corner = markers[:, MARKER_NUMBER["F3T"]], markers[:, MARKER_NUMBER["LC_R"]]
+    assert corner.std(axis=0).sum() > 8.0
+    assert (tip - corner).std(axis=0).sum() < 0.8 * tip.std(axis=0).sum()
+
+
+def test_held_fingers_have_the_angles_of_their_shape(cuer: GestureSynthesiser) -> None:
+    labels, pose = cuer.labels(LINE, 0.0, 700), cuer.pose(LINE, 0.0, 700)
+    for shape in range(9):
+        held = labels.shape == shape
+        if held.any():
+            away = np.abs(pose.angles[held, 3:-2] - np.array(shape_angles(shape))[3:-2])
+            assert away.mean() < 3.0 * cuer.body.habits.scatter_deg
+            assert np.median(away.max(axis=1)) < 25.0
+
+
+def test_the_wrist_moves_with_the_arm_not_with_the_fingers(cuer: GestureSynthesiser) -> None:
+    plan = cuer.gestures(LINE)
+    between = 0.5 * (plan.shape_reach[1] + plan.reach[1])
+    early, late = (cuer.pose(LINE, at, 1).angles[0] for at in (between, plan.reach[1] + 0.01))
+    assert np.abs(late[:3] - early[:3]).max() > 0.02
+    assert np.abs(late[9:12] - early[9:12]).max() < 0.5
