@@ -6,6 +6,7 @@ those that the mark was made with (Baras, Moreau and Dymarski, IEEE TASLP 14(5),
 Specification: sections 3 to 5.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from watermark.dither import mark_change, project
-from watermark.grade import START_LEVEL, LevelControl
+from watermark.grade import LevelControl
 from watermark.layout import make_layout, make_pilots
 from watermark.link import Link
 from watermark.masking import make_masker
@@ -35,6 +36,9 @@ from watermark.tape import Tape
 
 ITERATIONS = 3
 """Rounds of deriving the mask again; further ones gain nothing at the receiver."""
+
+STRETCH = 4
+"""Superframes that are graded together: the embedder looks this far ahead."""
 
 CARRYING = 0.35
 """A superframe with a smaller share of living cells is reported as one that cannot carry."""
@@ -75,6 +79,29 @@ class MarkedSuperframe:
 
     mark: NDArray[np.float64]
     living: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Stretch:
+    """Some superframes written at one level.
+
+    Attributes
+    ----------
+    clean, marked : ndarray of float64, shape (n,)
+        The programme's mid, and with all marks.
+    mark : ndarray of float64, shape (n,)
+        What was added.
+    tail : ndarray of float64, shape (HOP,)
+        Part of the last superframe's mark that lies beyond.
+    silent : tuple of bool
+        For each superframe, whether it cannot carry.
+    """
+
+    clean: NDArray[np.float64]
+    marked: NDArray[np.float64]
+    mark: NDArray[np.float64]
+    tail: NDArray[np.float64]
+    silent: tuple[bool, ...]
 
 
 class MarkDesigner:
@@ -151,6 +178,8 @@ class MarkDesigner:
 class AudioEmbedder:
     """Writes superframes into a programme, block by block.
 
+    Samples come out 2.57 s to 5.13 s after they went in, in their old places.
+
     Parameters
     ----------
     fs : int
@@ -199,7 +228,7 @@ class AudioEmbedder:
         self._profile = find_profile(profile)
         self._designer = MarkDesigner(self._profile, key)
         self._control = LevelControl(grade) if level is None else None
-        self._level = START_LEVEL if level is None else level
+        self._level = level or 0
         self._programme = np.zeros((0, channels))
         self._given = 0
         self._host = Tape()
@@ -219,15 +248,16 @@ class AudioEmbedder:
         self._host.append(mid_of(x))
         ratio = self._fs / FS
         margin = self._host.reach(ratio)
-        while ((self._next + 1) * SUPERFRAME + HOP) * ratio + margin <= self._host.end:
-            self._design_next()
+        while ((self._next + STRETCH) * SUPERFRAME + HOP) * ratio + margin <= self._host.end:
+            self._write_next(STRETCH)
         return self._take(self._finished())
 
     def flush(self) -> NDArray[np.float32]:
         """Return the rest, so that as many samples have come out as went in."""
         total = self._given + self._programme.shape[0]
-        while self._next * SUPERFRAME / FS < total / self._fs:
-            self._design_next()
+        needed = math.ceil(total / self._fs / SUPERFRAME_S)
+        while self._next < needed:
+            self._write_next(min(STRETCH, needed - self._next))
         self._mark.append(np.zeros(FS // 10))
         return self._take(self._programme.shape[0])
 
@@ -245,25 +275,45 @@ class AudioEmbedder:
             gross_bps=self._profile.gross_bps,
         )
 
-    def _design_next(self) -> None:
-        start = self._next * SUPERFRAME
+    def _write_next(self, count: int) -> None:
+        """Write the next superframes, at the level that gives the wanted grade."""
+        numbers = range(self._next, self._next + count)
         ratio = self._fs / FS
-        host = self._host.read(start * ratio, ratio, SUPERFRAME + HOP)
-        clean = host[:SUPERFRAME].copy()
-        host[:HOP] += self._tail
-        made = self._designer.design(self._before, host, self._source(self._next), self._level)
-        finished = made.mark[:SUPERFRAME].copy()
-        marked = host[:SUPERFRAME] + finished
-        self._before = marked[-HOP:]
-        finished[:HOP] += self._tail
-        if self._control is not None:
-            self._level = self._control.follow(clean, marked, self._level)
-        self._tail = made.mark[SUPERFRAME:].copy()
-        self._mark.append(finished)
-        if made.living < CARRYING:
-            self._silent.append(self._next)
-        self._next += 1
+        start = self._next * SUPERFRAME * ratio
+        host = self._host.read(start, ratio, count * SUPERFRAME + HOP)
+        payloads = [self._source(k) for k in numbers]
+
+        def attempt(level: int) -> _Stretch:
+            return self._stretch(host, payloads, level)
+
+        made = attempt(self._level) if self._control is None else self._control.settle(attempt)
+        self._before, self._tail = made.marked[-HOP:], made.tail
+        self._mark.append(made.mark)
+        self._silent += [k for k, silent in zip(numbers, made.silent, strict=True) if silent]
+        self._next += count
         self._host.forget(int(self._next * SUPERFRAME * ratio) - 2 * self._host.reach(ratio))
+
+    def _stretch(
+        self, host: NDArray[np.float64], payloads: list[tuple[bytes, bytes]], level: int
+    ) -> _Stretch:
+        """Write superframes into `host`, shape (superframes * SUPERFRAME + HOP,)."""
+        marked = host.copy()
+        marked[:HOP] += self._tail
+        before, silent = self._before, []
+        for i, payload in enumerate(payloads):
+            span = slice(i * SUPERFRAME, (i + 1) * SUPERFRAME + HOP)
+            made = self._designer.design(before, marked[span], payload, level)
+            marked[span] += made.mark
+            before = marked[(i + 1) * SUPERFRAME - HOP : (i + 1) * SUPERFRAME]
+            silent.append(made.living < CARRYING)
+        mark = marked - host
+        return _Stretch(
+            clean=host[:-HOP],
+            marked=marked[:-HOP],
+            mark=mark[:-HOP],
+            tail=mark[-HOP:],
+            silent=tuple(silent),
+        )
 
     def _finished(self) -> int:
         """Return how many samples of the waiting programme have their whole mark."""

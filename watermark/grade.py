@@ -1,28 +1,79 @@
 """Closed loop from the graded quality to the level of the mark.
 
-In: the programme's mid before and after marking, superframe by superframe; out: the level of the
-next one. Grades are taken over windows that overlap by half, each by a meter of its own, so the
-loop forgets and its memory is constant. Specification: none, an embedder may choose levels freely.
+In: what a stretch of the programme's mid sounds like at any level; out: the level at which it has
+the wanted grade. Each stretch is graded by itself, after a superframe of what came before. A long
+passage grades better or worse than its stretches: what it has to spare is given to the next one.
+The loop forgets, and its memory is constant. Specification: none, an embedder may choose levels
+freely.
 """
+
+from collections.abc import Callable
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.profile import FS, LEVELS
+from watermark.profile import FS, LEVELS, SUPERFRAME
 from watermark.quality import PeaqMeter
 
-START_LEVEL = 5
-"""Level before anything was graded: fair for most programmes."""
-
-WINDOW = 8
-"""Superframes of a grading window: 5.12 s."""
+START_LEVEL = 6
+"""Level that is tried first."""
 
 GRADES_PER_LEVEL = 0.28
 """Loss of grade that one level (1.5 dB) costs near the grades of interest."""
 
 LARGEST_MOVE = 2
-"""Levels by which the mark may change at once."""
+"""Levels by which the mark may change between stretches, the first excepted."""
+
+TOLERANCE = 0.1
+"""A stretch that grades this much too low is written one level lower."""
+
+
+class Attempt(Protocol):
+    """A stretch as it would sound."""
+
+    @property
+    def clean(self) -> NDArray[np.float64]:
+        """Mid of the programme, shape (n,)."""
+
+    @property
+    def marked(self) -> NDArray[np.float64]:
+        """The same with its mark."""
+
+
+T = TypeVar("T", bound=Attempt)
+
+PASSAGE = 16
+"""Stretches of a passage: 41 s."""
+
+SPARE_LIMITS = (-0.2, 0.35)
+"""Grades that a passage may take from, or give to, one stretch."""
+
+
+class _Passage:
+    """Running grade of the last half to whole passage."""
+
+    def __init__(self) -> None:
+        self._meters = [PeaqMeter(FS, 1), PeaqMeter(FS, 1)]
+        self._count = 0
+
+    def spare(self, target: float) -> float:
+        """Grades above the target, within `SPARE_LIMITS`; 0 while nothing is known."""
+        older = (self._count // (PASSAGE // 2)) % 2
+        try:
+            return float(np.clip(self._meters[older].result().odg - target, *SPARE_LIMITS))
+        except CueError:
+            return 0.0
+
+    def add(self, attempt: Attempt) -> None:
+        """Take the stretch that was chosen."""
+        for meter in self._meters:
+            meter.process(attempt.clean[:, np.newaxis], attempt.marked[:, np.newaxis])
+        self._count += 1
+        if self._count % (PASSAGE // 2) == 0:
+            younger = (self._count // (PASSAGE // 2) + 1) % 2
+            self._meters[younger] = PeaqMeter(FS, 1)
 
 
 class LevelControl:
@@ -38,26 +89,45 @@ class LevelControl:
         if not -4 < target < 0:
             raise CueError(f"grade {target} to aim at is not within -4..0")
         self._target = target
-        self._meters = [PeaqMeter(FS, 1), PeaqMeter(FS, 1)]
-        self._count = 0
+        self._level = START_LEVEL
+        self._largest = len(LEVELS)
+        self._clean = self._marked = np.zeros(0)
+        self._passage = _Passage()
 
-    def follow(self, clean: NDArray[np.float64], marked: NDArray[np.float64], level: int) -> int:
-        """Take a superframe before and after marking at `level`; return the next level."""
-        for meter in self._meters:
-            meter.process(clean[:, np.newaxis], marked[:, np.newaxis])
-        self._count += 1
-        if self._count % (WINDOW // 2):
-            return level
-        # The meters begin half a window apart: the one that is full is read and starts again.
-        full = (self._count // (WINDOW // 2)) % 2
-        move = self._move(self._meters[full])
-        self._meters[full] = PeaqMeter(FS, 1)
-        return int(np.clip(level + move, 0, len(LEVELS) - 1))
+    def settle(self, attempt: Callable[[int], T]) -> T:
+        """Return the attempt that has the wanted grade, out of those at all levels."""
+        chosen = attempt(self._level)
+        grade = self._grade(chosen)
+        if grade is not None:
+            target = self._target - self._passage.spare(self._target)
+            chosen = self._adjust(attempt, chosen, grade, target)
+            self._largest = LARGEST_MOVE
+        self._passage.add(chosen)
+        self._clean = chosen.clean[-SUPERFRAME:]
+        self._marked = chosen.marked[-SUPERFRAME:]
+        return chosen
 
-    def _move(self, meter: PeaqMeter) -> int:
+    def _adjust(self, attempt: Callable[[int], T], first: T, grade: float, target: float) -> T:
+        wish = round((grade - target) / GRADES_PER_LEVEL)
+        move = int(np.clip(wish, -self._largest, self._largest))
+        level = int(np.clip(self._level + move, 0, len(LEVELS) - 1))
+        if level == self._level:
+            return first
+        self._level = level
+        second = attempt(level)
+        again = self._grade(second)
+        if again is None or again >= target - TOLERANCE or level == 0:
+            return second
+        self._level = level - 1
+        return attempt(self._level)
+
+    def _grade(self, attempt: Attempt) -> float | None:
+        """Grade of an attempt, None for silence."""
+        clean = np.concatenate([self._clean, attempt.clean])[:, np.newaxis]
+        marked = np.concatenate([self._marked, attempt.marked])[:, np.newaxis]
+        meter = PeaqMeter(FS, 1)
         try:
-            grade = meter.result().odg
-        except CueError:  # nothing but silence in the window
-            return 0
-        move = np.round((grade - self._target) / GRADES_PER_LEVEL)
-        return int(np.clip(move, -LARGEST_MOVE, LARGEST_MOVE))
+            meter.process(clean, marked)
+            return float(meter.result().odg)
+        except CueError:
+            return None
