@@ -4,19 +4,22 @@ Rows come out with the fields of `evaluate video --json`. Everything passes thro
 of any length needs constant memory.
 """
 
+import importlib
 import json
 import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
+from cuecast.evaluate.options import EvaluateOptions
 from cuecast.media.picture import (
     PictureFormat,
     PictureStage,
@@ -85,6 +88,10 @@ CHANNELS = {
 }
 """Channels by name; rates are bits per second of the picture alone."""
 
+USUAL = ("none", "h264-2M", "h264-1M", "hevc-2M", "mpeg2-4M", "540p-h264-2M")
+
+_FILMS = {".mp4", ".mkv", ".mov", ".ts", ".webm", ".avi", ".mpg"}
+
 
 @dataclass(frozen=True, slots=True)
 class VideoRow:
@@ -109,14 +116,79 @@ class VideoRow:
     receive_xrt: float
 
 
+def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
+    """Rows of `evaluate video`: every clip of a folder through every channel.
+
+    The built-in material is a synthetic scene.
+
+    Raises
+    ------
+    CueError
+        If a channel is unknown or the folder holds no films.
+    """
+    clips = films_of(options.clips) if options.clips else [_built_in(options.folder)]
+    rows = evaluate_video(
+        clips,
+        options.channels or USUAL,
+        seed=options.seed,
+        folder=options.folder,
+        progress=lambda row: options.say(
+            f"{row.clip} {row.channel}: {row.superframes_lost} of {row.superframes_sent} lost"
+        ),
+    )
+    return [asdict(row) for row in rows]
+
+
+def plot(results: list[dict[str, Any]], figure: Any) -> None:
+    """Draw the share of superframes received, a bar per clip and channel."""
+    axes = figure.subplots()
+    labels = [f"{row['clip']}\n{row['channel']}" for row in results]
+    shares = [
+        100 * (1 - row["superframes_lost"] / max(1, row["superframes_sent"])) for row in results
+    ]
+    axes.barh(labels, shares)
+    axes.set_xlabel("superframes received, per cent")
+
+
+def films_of(folder: Path) -> list[Path]:
+    """Films of a folder, by name.
+
+    Raises
+    ------
+    CueError
+        If there are none.
+    """
+    films = sorted(p for p in folder.glob("*") if p.suffix.lower() in _FILMS)
+    if not films:
+        raise CueError(f"{folder}: no films in it")
+    return films
+
+
+def _built_in(folder: Path) -> Path:
+    """Write six seconds of a moving scene with grain."""
+    path = folder / "scene.mkv"
+    y, x = np.mgrid[:360, :640] / 360
+    rng = np.random.default_rng(0)
+    with av.open(str(path), "w") as container:
+        stream: Any = container.add_stream("ffv1", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 640, 360, "yuv420p"
+        for n in range(150):
+            luma = 120 + 50 * np.sin(6 * x + n / 20) * np.cos(5 * y) + rng.normal(0, 1, x.shape)
+            frame = av.VideoFrame.from_ndarray(luma.astype(np.uint8), format="gray")
+            container.mux(stream.encode(frame.reformat(format="yuv420p")))
+        container.mux(stream.encode(None))
+    return path
+
+
 def evaluate_video(
     clips: Iterable[str | Path],
-    channels: Iterable[str] = tuple(CHANNELS),
+    channels: Iterable[str] = USUAL,
     *,
     profile: str = "standard",
     seconds: float = 6.0,
     step: float = STEP,
     seed: int = 0,
+    folder: Path | None = None,
     progress: Callable[[VideoRow], None] = lambda row: None,
 ) -> list[VideoRow]:
     """Mark the beginning of each clip and send it through each channel.
@@ -137,6 +209,8 @@ def evaluate_video(
         Strength of the mark.
     seed : int
         Of the payload.
+    folder : Path, optional
+        For files on the way.
     progress : callable
         Told of each row.
 
@@ -152,8 +226,8 @@ def evaluate_video(
     sizes = find_profile(profile)
     rows = []
     for clip in clips:
-        with tempfile.TemporaryDirectory() as folder:
-            trial = _Trial(Path(clip), Path(folder), sizes, seconds, step, seed)
+        with tempfile.TemporaryDirectory(dir=folder) as scratch:
+            trial = _Trial(Path(clip), Path(scratch), sizes, seconds, step, seed)
             for name in chosen:
                 rows.append(trial.run(name))
                 progress(rows[-1])
@@ -255,20 +329,28 @@ class _Trial:
         source = self._marked
         for generation in range(channel.generations):
             target = self._folder / f"coded{generation}.mkv"
-            change = channel.change if generation == 0 else None
-            width, height = (
-                2 * round(n * channel.scale / 2) for n in (self._form.width, self._form.height)
-            )
-            rewrite_picture(
-                source,
-                target,
-                lambda form, change=change: [] if change is None else [_Change(change)],
-                codec=channel.codec,
-                bit_rate=channel.bit_rate,
-                size=(width, height),
-            )
+            self._code_once(source, target, channel, channel.change if generation == 0 else None)
             source = target
         return source
+
+    def _code_once(
+        self,
+        source: Path,
+        target: Path,
+        channel: PictureChannel,
+        change: Callable[[Luma], Luma] | None,
+    ) -> None:
+        width, height = (
+            2 * round(n * channel.scale / 2) for n in (self._form.width, self._form.height)
+        )
+        rewrite_picture(
+            source,
+            target,
+            lambda form: [] if change is None else [_Change(change)],
+            codec=channel.codec,
+            bit_rate=channel.bit_rate,
+            size=(width, height),
+        )
 
 
 class _Timed:
@@ -311,13 +393,13 @@ def _compare(original: Path, marked: Path, depth: int) -> PictureQuality:
 def vmaf(original: Path, marked: Path) -> float | None:
     """Mean VMAF of a film against its original; None without imageio-ffmpeg's FFmpeg."""
     try:
-        from imageio_ffmpeg import get_ffmpeg_exe
+        imageio_ffmpeg = importlib.import_module("imageio_ffmpeg")
     except ImportError:
         return None
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "vmaf.json"
         comparison = f"libvmaf=log_fmt=json:log_path={report}"
-        command = [get_ffmpeg_exe(), "-nostdin", "-v", "error", "-i", str(marked)]
+        command = [imageio_ffmpeg.get_ffmpeg_exe(), "-nostdin", "-v", "error", "-i", str(marked)]
         command += ["-i", str(original), "-lavfi", comparison, "-f", "null", "-"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:

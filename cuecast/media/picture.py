@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from cuecast.files import whole_file
 from cuecast.media.programme import reason
+from cuecast.media.rewrite import copy_labels, copy_tags
 
 Luma = NDArray[Any]
 
@@ -145,6 +146,8 @@ def rewrite_picture(
     codec: str | None = None,
     bit_rate: int | None = None,
     gop: int | None = None,
+    size: tuple[int, int] | None = None,
+    duration_s: float | None = None,
     progress: Callable[[float], None] = lambda seconds: None,
 ) -> PictureFormat:
     """Copy `source` to `target` with its luma passed through stages, one after the other.
@@ -159,6 +162,10 @@ def rewrite_picture(
         Picture codec and bits per second of the output; by default those of the programme.
     gop : int, optional
         Most frames between two that stand alone; by default one second's.
+    size : tuple of int, optional
+        Width and height of the output.
+    duration_s : float, optional
+        Seconds of picture after which to stop.
     progress : callable
         Told how many seconds of picture each frame brought.
 
@@ -178,8 +185,10 @@ def rewrite_picture(
         try:
             with av.open(f"file:{temporary}", "w") as output:
                 writer = _Writer(container, output, form, _encoder(form, codec))
-                writer.configure(bit_rate or _measured_bit_rate(source, form), gop)
-                writer.run(list(make_stages(form)), source, progress)
+                rate = bit_rate or _measured_bit_rate(source, form)
+                writer.configure(rate, gop, size or (form.width, form.height))
+                frames = None if duration_s is None else round(duration_s * form.fps)
+                writer.run(list(make_stages(form)), source, frames, progress)
         except (av.FFmpegError, ValueError) as error:
             raise CueError(f"{target}: cannot write: {reason(error)}") from error
     return form
@@ -198,15 +207,20 @@ class _Writer:
                 self._copies[stream.index] = self._encoder
             elif stream.type in ("audio", "subtitle"):
                 self._copies[stream.index] = output.add_stream_from_template(stream)
+            else:
+                continue
+            copy_labels(stream, self._copies[stream.index])
+        copy_tags(container.metadata, output.metadata)
         self._start_s = Fraction(container.start_time or 0, av.time_base)
         self._waiting: deque[Any] = deque()
         self._count = self._sent = 0
         self._first_pts = 0
+        self._times: dict[int, Fraction] = {}
 
-    def configure(self, bit_rate: int, gop: int | None) -> None:
+    def configure(self, bit_rate: int, gop: int | None, size: tuple[int, int]) -> None:
         """Set the encoder's parameters; its rate is limited over one second, as on air."""
         form, context = self._form, self._encoder.codec_context
-        self._encoder.width, self._encoder.height = form.width, form.height
+        self._encoder.width, self._encoder.height = size
         self._encoder.pix_fmt = form.pixel_format
         context.time_base = 1 / form.fps
         context.sample_aspect_ratio = self._picture.sample_aspect_ratio or Fraction(1)
@@ -228,13 +242,16 @@ class _Writer:
         self,
         stages: list[PictureStage],
         name: str | os.PathLike[str],
+        frames: int | None,
         progress: Callable[[float], None],
     ) -> None:
-        """Copy, change, encode to the end."""
+        """Copy, change, encode to the end or `frames`."""
         for packet in self._container.demux(list(self._container.streams)):
             if packet.stream is not self._picture:
                 self._copy(packet)
                 continue
+            if frames is not None and self._count >= frames:
+                break
             for frame in _decoded(packet):
                 self._check_rate(frame, name)
                 self._waiting.append(_converted(frame, self._form.pixel_format))
@@ -257,25 +274,36 @@ class _Writer:
                 f"{name}: frame {self._count} comes at {float(place / self._form.fps):.3f} s: the "
                 f"picture's rate is not a constant {float(self._form.fps):g} per second"
             )
+        self._times[self._count] = frame.pts * frame.time_base - self._start_s
         self._count += 1
 
     def _write(self, lumas: list[Luma]) -> None:
         for luma in lumas:
             frame = with_luma(self._waiting.popleft(), luma)
+            if (frame.width, frame.height) != (self._encoder.width, self._encoder.height):
+                frame = frame.reformat(
+                    self._encoder.width, self._encoder.height, interpolation="BICUBIC"
+                )
             frame.pts, frame.time_base = self._sent, 1 / self._form.fps
             self._sent += 1
             self._mux(self._encoder.encode(frame))
 
     def _mux(self, packets: list[Any]) -> None:
-        first_s = self._first_pts * self._picture.time_base - self._start_s
+        """Give packets, which count frames, the times that the frames had in the source."""
         for packet in packets:
-            pts, dts = (
-                round((time * packet.time_base + first_s) / _CLOCK)
-                for time in (packet.pts, packet.dts)
+            place, order = (
+                round(t * packet.time_base * self._form.fps) for t in (packet.pts, packet.dts)
             )
+            pts, dts = (round(self._time_s(n) / _CLOCK) for n in (place, order))
             packet.time_base = _CLOCK
             packet.pts, packet.dts = pts, dts
             self._output.mux(packet)
+            for known in [n for n in self._times if 0 < n < order]:
+                del self._times[known]
+
+    def _time_s(self, n: int) -> Fraction:
+        """Time of frame n; before the first one, where decoding starts, by the frame rate."""
+        return self._times[n] if n >= 0 else self._times[0] + n / self._form.fps
 
     def _copy(self, packet: Any) -> None:
         if packet.stream.index not in self._copies or packet.dts is None:

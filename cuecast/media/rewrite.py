@@ -145,10 +145,10 @@ class _Writer:
         for stream in programme.container.streams:
             if stream is programme.sound:
                 self._encoder = SoundEncoder(container, sound, target)
-                _copy_labels(stream, self._encoder.stream)
+                copy_labels(stream, self._encoder.stream)
             else:
                 self._add_copy(stream)
-        _copy_tags(programme.container.metadata, container.metadata)
+        copy_tags(programme.container.metadata, container.metadata)
         if programme.container.chapters():
             container.set_chapters(programme.container.chapters())
         self._encoder.open()
@@ -212,16 +212,17 @@ class _Writer:
             self._left_out.append(f"stream {stream.index} ({stream.type}): {reason(error)}")
             return
         self._copies[stream.index] = copy
-        _copy_labels(stream, copy)
+        copy_labels(stream, copy)
 
 
-def _copy_labels(source: Any, target: Any) -> None:
+def copy_labels(source: Any, target: Any) -> None:
     """Carry over language, title and role of a stream."""
-    _copy_tags(source.metadata, target.metadata)
+    copy_tags(source.metadata, target.metadata)
     target.disposition = source.disposition
 
 
-def _copy_tags(source: dict[str, str], target: dict[str, str]) -> None:
+def copy_tags(source: dict[str, str], target: dict[str, str]) -> None:
+    """Carry over the tags that describe the programme, not the old file."""
     for key, value in source.items():
         if key.lower() not in _FILE_TAGS:
             target[key] = value

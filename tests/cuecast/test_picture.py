@@ -43,6 +43,7 @@ def write_programme(path: Path, pixel_format: str = "yuv420p", *, times: Any = N
         stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, pixel_format
         sound: Any = container.add_stream("flac", rate=48_000)
         sound.layout = "mono"
+        sound.metadata["language"] = "fra"
         for n in range(FRAMES):
             luma = np.clip(scene(n), 0, 255).astype(np.uint8)
             frame = av.VideoFrame.from_ndarray(luma, format="gray").reformat(format=pixel_format)
@@ -81,6 +82,8 @@ def test_both_carriers_through_a_programme(tmp_path: Path) -> None:
     assert sum(seconds) == pytest.approx(FRAMES / 25)
     assert picture_format(marked).codec == "h264"
     assert packets_of_sound(marked) == packets_of_sound(programme)
+    with av.open(str(marked)) as container:
+        assert container.streams.audio[0].metadata["language"] == "fra"
     invisible, line = VideoReceiver(WIDTH, HEIGHT, 25), A335Receiver(WIDTH, HEIGHT, 25)
     times: list[float] = []
     seen, read = [], []

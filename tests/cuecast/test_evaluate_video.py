@@ -1,0 +1,91 @@
+"""The evaluation of the video carrier on a small synthetic clip."""
+
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from codec.errors import CueError
+from cuecast.evaluate.options import EvaluateOptions
+from cuecast.evaluate.video import CHANNELS, evaluate, evaluate_video, films_of, plot
+from watermark.quality.picture import PictureMeter, ssim
+
+
+def write_clip(path: Path, frames: int) -> None:
+    y, x = np.mgrid[:360, :640] / 360
+    rng = np.random.default_rng(0)
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("ffv1", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 640, 360, "yuv420p"
+        for n in range(frames):
+            luma = 120 + 50 * np.sin(6 * x + n / 20) * np.cos(5 * y) + rng.normal(0, 1, x.shape)
+            frame = av.VideoFrame.from_ndarray(luma.astype(np.uint8), format="gray")
+            container.mux(stream.encode(frame.reformat(format="yuv420p")))
+        container.mux(stream.encode(None))
+
+
+def test_rows(tmp_path: Path) -> None:
+    clip = tmp_path / "clip.mkv"
+    write_clip(clip, 52)
+    told: list[str] = []
+    rows = evaluate_video(
+        [clip],
+        ["none", "contrast-h264-2M", "540p-h264-2M"],
+        profile="robust",
+        seconds=2,
+        progress=lambda row: told.append(row.channel),
+    )
+    assert told == ["none", "contrast-h264-2M", "540p-h264-2M"]
+    for row in rows:
+        assert (row.clip, row.superframes_sent, row.superframes_lost) == ("clip.mkv", 3, 0)
+        assert (row.l1_lost, row.superframes_wrong) == (0, 0)
+        assert row.net_bps == 600
+        assert row.psnr_db > 53.5
+        assert row.ssim > 0.99
+        assert row.flicker < row.own_noise
+        assert row.tune_in_s is not None
+        assert row.tune_in_s < 1
+        assert row.vmaf is None or row.vmaf > 90
+    assert rows[0].ber < rows[1].ber
+
+
+def test_unknown_channel() -> None:
+    with pytest.raises(CueError, match="unknown channel 'pigeon', known: none, h264-4M"):
+        evaluate_video([], ["pigeon"])
+    assert evaluate_video([], list(CHANNELS)) == []
+
+
+def test_rows_of_the_verb(tmp_path: Path) -> None:
+    said: list[str] = []
+    write_clip(tmp_path / "clip.mkv", 40)
+    options = EvaluateOptions(tmp_path, ("none",), 3, tmp_path, said.append)
+    (row,) = evaluate(options)
+    assert (row["clip"], row["channel"], row["net_bps"]) == ("clip.mkv", "none", 2000)
+    assert (row["superframes_sent"], row["superframes_lost"]) == (2, 0)
+    figure = pytest.importorskip("matplotlib.figure", reason="plots are optional").Figure()
+    plot([row], figure)
+    assert figure.axes[0].patches[0].get_width() == 100
+    assert said == ["clip.mkv none: 0 of 2 lost"]
+    with pytest.raises(CueError, match="no films in it"):
+        films_of(tmp_path / "nowhere")
+
+
+def test_picture_meter() -> None:
+    rng = np.random.default_rng(1)
+    meter = PictureMeter(ssim_every=1)
+    for n in range(4):
+        frame = rng.integers(0, 200, (64, 64)).astype(np.uint8)
+        meter.process(frame, frame + np.uint8(1 + n % 2))
+    quality = meter.result()
+    assert quality.psnr_db == pytest.approx(10 * np.log10(255**2 / 2.5))
+    assert quality.flicker == pytest.approx(1)
+    assert quality.own_noise > 10
+    assert 0.9 < quality.ssim < 1
+    black, white = np.zeros((32, 32), np.float32), np.full((32, 32), 255, np.float32)
+    assert ssim(black, black) == pytest.approx(1)
+    assert ssim(black, white) < 0.001
+    with pytest.raises(CueError, match="test has shape"):
+        meter.process(frame, frame[1:])
+    with pytest.raises(CueError, match="nothing to compare"):
+        PictureMeter().result()
