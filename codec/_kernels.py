@@ -83,13 +83,16 @@ def start_decoding(data: NDArray[np.uint8], state: NDArray[np.int64]) -> None:
     state[RANGE], state[CODE], state[SLACK], state[POSITION] = MASK, 0, 0, 0
     for _ in range(4):
         _next_byte(data, state)
+    # No encoder writes this one value, and code stays below the interval's width ever after.
+    state[CODE] = min(state[CODE], MASK - 1)
 
 
 @njit(cache=True)
 def _next_byte(data: NDArray[np.uint8], state: NDArray[np.int64]) -> None:
     position = state[POSITION]
     state[CODE] <<= 8
-    state[SLACK] <<= 8
+    # Unknown beyond the whole interval is as unknown as can be.
+    state[SLACK] = min(state[SLACK] << 8, MASK - 255)
     if position < data.size:
         state[CODE] |= data[position]
     else:

@@ -117,7 +117,7 @@ _SPECTRUM = 1 / (1 + (np.arange(TICKS) / 2.0) ** 3)
 _HEAD_MM = 3.0
 """Displacement of the markers by an untrained voice's head, RMS."""
 
-_UNEXPLAINED = 0.05
+_UNEXPLAINED = 0.3
 """Share of the targets' variance that an untrained voice's resynthesis leaves over."""
 
 

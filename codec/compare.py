@@ -120,19 +120,19 @@ def _keys(a: Motion, b: Motion, begin: float, end: float) -> tuple[int, int]:
 
 
 def _offset(a: Array, b: Array) -> float:
-    """Return the delay of `b` against `a` by the peak of their cross-correlation."""
+    """Return the delay of `b` against `a` at which their mean squared difference is least."""
     spread = a.std(axis=0) + 1e-9
-    x, y = ((p - p.mean(axis=0)) / spread for p in (a, b))
+    x, y = a / spread, b / spread
     reach = min(int(_MAX_OFFSET_S * _RATE_HZ), len(x) - 1)
 
-    def agreement(lag: int) -> float:
+    def difference(lag: int) -> float:
         length = len(x) - abs(lag)
-        return float(np.vdot(x[max(0, -lag) :][:length], y[max(0, lag) :][:length]))
+        return float(np.square(x[max(0, -lag) :][:length] - y[max(0, lag) :][:length]).mean())
 
-    best = max(range(-reach, reach + 1), key=agreement)
+    best = min(range(-reach, reach + 1), key=difference)
     if abs(best) == reach:
         return best / _RATE_HZ
-    left, top, right = (agreement(best + d) / (len(x) - abs(best + d)) for d in (-1, 0, 1))
-    # The vertex of the parabola through the peak and its neighbours.
-    bend = left - 2 * top + right
-    return (best + (0.5 * (left - right) / bend if bend < 0 else 0.0)) / _RATE_HZ
+    left, least, right = (difference(best + d) for d in (-1, 0, 1))
+    # The vertex of the parabola through the minimum and its neighbours.
+    bend = left - 2 * least + right
+    return (best + (0.5 * (left - right) / bend if bend > 0 else 0.0)) / _RATE_HZ

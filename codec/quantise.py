@@ -61,8 +61,13 @@ def quantise_rd(
     return q
 
 
-def dequantise(q: Ints, scales: Ints, step: int, tables: CoefficientTables) -> Array:
-    """Return the values of indices (Q3, Q4), shape (n,)."""
+def dequantise_integers(q: Ints, scales: Ints, step: int, tables: CoefficientTables) -> Ints:
+    """Return the values of indices (Q3, Q4) in 2**-16 mm, shape (n,)."""
     out = np.empty_like(q)
     _kernels.dequantise(q, scales, step, step_width(step), tables.inset, out)
-    return out / (1 << FRACTION_BITS)
+    return out
+
+
+def dequantise(q: Ints, scales: Ints, step: int, tables: CoefficientTables) -> Array:
+    """Return the values of indices in millimetres, shape (n,)."""
+    return dequantise_integers(q, scales, step, tables) / (1 << FRACTION_BITS)

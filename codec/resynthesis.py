@@ -109,7 +109,7 @@ class Movements:
 
 
 def movements(line: Sequence[Sounding], parts: Mapping[int, ScorePart]) -> Movements:
-    """Return the movements of the hand that a line implies (P1 to P4).
+    """Return the movements of the hand that a line implies (P1 to P3).
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def resynthesise(
     first_tick: int,
     n_frames: int,
 ) -> Array:
-    """Return the parameters that a line implies.
+    """Return the parameters that a line implies (P4, P8).
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
 """Stream files (``.cue``): a motion as superframes one after another.
 
 A head names the voice, the span of ticks and the lengths of the parts; superframes follow. Where
-the head states no lengths, every superframe is preceded by its own. Specification: spec/bitstream.md, section 8.
+the head states no lengths, every superframe is preceded by its own.
+Specification: spec/bitstream.md, section 8.
 """
 
 from collections.abc import Iterator
@@ -159,6 +160,8 @@ def read_head(data: bytes) -> StreamHead:
         If it is short (F1), of another kind (F2), version (F3) or checksum (F4), or covers an
         impossible time (F5).
     """
+    if len(data) < FILE_BYTES + _CRC_BYTES:
+        raise BitstreamError(f"{len(data)} bytes are no head of a stream file", section="F1")
     fields = unpack_fields(FILE_FIELDS, data)
     if fields["magic"] != MAGIC:
         raise BitstreamError(f"magic {fields['magic']:08x} is not a stream's", section="F2", bit=0)

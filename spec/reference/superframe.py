@@ -1,0 +1,235 @@
+"""Sections 2, 3 and 6.2 to 6.4 of spec/bitstream.md in plain integers, from the text.
+
+Slow on purpose. What it needs of a voice are the identity and the scales of its basis.
+"""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from spec.reference.range_decoder import RangeDecoder
+
+TABLES: dict[str, Any] = json.loads(
+    (Path(__file__).parents[2] / "codec" / "assets" / "tables.json").read_text(encoding="utf-8")
+)
+EQUAL = {9: [3648] + 8 * [3640], 6: [5463] + 5 * [5461]}
+WIDTHS = (65536, 77936, 92682, 110218)
+
+
+class MalformedError(Exception):
+    """A part breaks a rule; the argument is the paragraph."""
+
+
+@dataclass
+class Decoded:
+    """The integers of a superframe."""
+
+    mode: int = 0
+    sequence: int = 0
+    lead: int = 0
+    voice: int = 0
+    step: int = 63
+    score: dict[str, Any] | None = None
+    indices: list[int] = field(default_factory=list)
+    values: list[int] = field(default_factory=list)
+
+
+def crc(data: bytes, width: int, polynomial: int, preset: int) -> int:
+    """(H6, H7) Return a check without reflection or inversion."""
+    register, top = preset, 1 << (width - 1)
+    for byte in data:
+        register ^= byte << (width - 8)
+        for _ in range(8):
+            carry = register & top
+            register = (register << 1) & ((1 << width) - 1)
+            if carry:
+                register ^= polynomial
+    return register
+
+
+def decode(l0: bytes, l1: bytes | None, scales: list[list[int]]) -> Decoded:
+    """Return what a superframe says.
+
+    `scales` are those of the basis, one list of 32 per channel. An L1 that does not fit is
+    left out.
+    """
+    if len(l0) < 5:
+        raise MalformedError("H1")
+    body, check = l0[:-2], l0[-2:]
+    if crc(body, 16, 0x1021, 0xFFFF) != int.from_bytes(check, "big"):
+        raise MalformedError("H6")
+    head = int.from_bytes(body[:2], "big")
+    if head >> 14 != 1:
+        raise MalformedError("H2")
+    out = Decoded(head >> 12 & 3, head >> 6 & 63, head >> 4 & 3, head & 15)
+    if out.mode == 3:
+        raise MalformedError("H3")
+    decoder = RangeDecoder(body[2:])
+    if out.mode != 2:
+        out.step = decoder.bits(6)
+    if out.mode != 1:
+        out.score = score(decoder)
+    scan = order(scales)
+    out.indices = [0] * len(scan)
+    out.values = [0] * len(scan)
+    if out.step == 63:
+        return out
+    known = coefficients(decoder, out, scan, scales, 0)
+    fits = l1 and crc(check + l1[:-1], 8, 0x2F, 0xFF) ^ 0xFF == l1[-1]
+    if l1 and fits:
+        coefficients(RangeDecoder(l1[:-1]), out, scan, scales, known)
+    out.values = [
+        value(q, scales[c][f], out.step) for q, (c, f) in zip(out.indices, scan, strict=True)
+    ]
+    return out
+
+
+def score(decoder: RangeDecoder) -> dict[str, Any]:
+    """(S2 to S10) Return the score of a superframe."""
+    tables = TABLES["score"]
+    even = decoder.symbol([32640, 128])[0]
+    special = decoder.symbol([32512, 256])[0]
+    first = number(decoder.symbol(tables["first"])[0])
+    numbers, starts = [], []
+    before = first
+    if even:
+        first_end = 0
+        n = decoder.bits(5) + 1
+        for i in range(n):
+            before = number(decoder.symbol(tables["next"][before])[0])
+            numbers.append(before)
+            starts.append(32 * i // n)
+    else:
+        first_end = start = decoder.symbol(tables["left"][first], 32)[0]
+        length = 0
+        while start < 32:
+            before = number(decoder.symbol(tables["next"][before])[0])
+            row = tables["length"][before][tempo(length)]
+            length = decoder.symbol(row, 31 - start)[0] + 1
+            numbers.append(before)
+            starts.append(start)
+            start += length
+            if before == 0:
+                length = 0
+    ahead = 0
+    if before > 16:
+        letter = decoder.symbol(tables["next"][before], 16)[0]
+        ahead = letter + 1 if letter < 16 else 0
+    result: dict[str, Any] = {
+        "first": first, "first_end": first_end, "numbers": numbers, "starts": starts,
+        "ahead": ahead, "cheek": [0, 0, 0], "rest_gap": 1, "overrides": {},
+    }  # fmt: skip
+    if special:
+        result["cheek"] = [decoder.bits(1) for _ in range(3)]
+        result["rest_gap"] = decoder.bits(2)
+        for start in key_starts(first, numbers, starts):
+            if decoder.symbol([28672, 4096])[0]:
+                shape = decoder.symbol(EQUAL[9])[0]
+                result["overrides"][str(start)] = [shape, decoder.symbol(EQUAL[6])[0]]
+    return result
+
+
+def number(letter: int) -> int:
+    """(S3) Return the phone number of a letter."""
+    return (letter + 1) % 38
+
+
+def tempo(length: int) -> int:
+    """(S6) Return the context of a length; 0 stands for a pause before."""
+    if length == 0:
+        return 0
+    return 1 if length <= 3 else 2 if length <= 5 else 3
+
+
+def key_starts(first: int, numbers: list[int], starts: list[int]) -> list[int]:
+    """(S10) Return the starts of keys."""
+    result = []
+    before = first
+    for this, start in zip(numbers, starts, strict=True):
+        is_vowel = 1 <= this <= 16
+        if this != 0 and not (is_vowel and before > 16):
+            result.append(start)
+        before = this
+    return result
+
+
+def order(scales: list[list[int]]) -> list[tuple[int, int]]:
+    """(T2) Return (channel, frequency) of every coefficient by its number."""
+    every = [(c, f) for c in range(len(scales)) for f in range(32)]
+    return sorted(every, key=lambda cf: (-scales[cf[0]][cf[1]], cf[1], cf[0]))
+
+
+def class_of(scale: int, step: int) -> tuple[int, int]:
+    """(C1) Return class and shift."""
+    ratio = scale - step + 16
+    shift = max(0, (ratio - 21) // 4)
+    return ratio - 4 * shift, shift
+
+
+def coefficients(
+    decoder: RangeDecoder,
+    out: Decoded,
+    scan: list[tuple[int, int]],
+    scales: list[list[int]],
+    first: int,
+) -> int:
+    """(C1 to C5) Fill in indices from number `first` on; return the first undetermined number."""
+    number_of = {place: i for i, place in enumerate(scan)}
+    for i in range(first, len(scan)):
+        c, f = scan[i]
+        kind, shift = class_of(scales[c][f], out.step)
+        if kind < 0:
+            continue
+        context = 0
+        for place in ((c, f - 1), (c, f - 2), (c - 1, f)):
+            j = number_of.get(place, i)
+            if j < i:
+                context += min(abs(out.indices[j]) >> shift, 2)
+        row = TABLES["coefficient"]["magnitude"][kind][min(context, 3)]
+        q, determined = index(decoder, row, shift)
+        if not determined:
+            return i
+        out.indices[i] = q
+    return len(scan)
+
+
+def index(decoder: RangeDecoder, row: list[int], shift: int) -> tuple[int, bool]:
+    """(C4, C5) Return an index and whether all of its symbols were determined."""
+    sure = []
+
+    def get(freqs: list[int]) -> int:
+        symbol, determined = decoder.symbol(freqs)
+        sure.append(determined)
+        return symbol
+
+    def flip() -> int:
+        return get([16384, 16384])
+
+    q = get(row)
+    if q == 15:
+        u = 0
+        while u < 20 and flip():
+            u += 1
+        rest = 0
+        for _ in range(u):
+            rest = 2 * rest + flip()
+        q = 15 + 2**u + rest - 1
+    for _ in range(shift):
+        q = 2 * q + flip()
+    if q and flip():
+        q = -q
+    return q, all(sure)
+
+
+def value(q: int, scale: int, step: int) -> int:
+    """(Q1 to Q4) Return the value of an index in 2**-16 mm."""
+    kind, shift = class_of(scale, step)
+    if q == 0:
+        return 0
+    width = WIDTHS[step % 4] * 2 ** (step // 4)
+    inset = 0
+    if shift == 0:
+        inset = TABLES["coefficient"]["inset"][kind][min(abs(q), 3) - 1]
+    magnitude: int = (256 * abs(q) - inset) * width // 256
+    return -magnitude if q < 0 else magnitude

@@ -1,0 +1,190 @@
+import contextlib
+import json
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codec.compare import Comparison, compare_motions
+from codec.cueing import cue
+from codec.errors import BitstreamError, CueError, VoiceError
+from codec.inspect import describe, inspect_stream
+from codec.motion import Motion
+from codec.score import Phone, Score
+from codec.stream import decode_stream, encode_stream, read_head, read_superframes
+from codec.voice import Voice
+
+MakeMotion = Callable[..., Motion]
+
+
+@pytest.fixture(scope="module")
+def make(toy_voice: Voice) -> MakeMotion:
+    """Return smooth motion of any length and rate, with a score."""
+
+    def motion(seconds: float, *, rate: float = 50.0, start: float = 0.0, seed: int = 0) -> Motion:
+        times = start + np.arange(round(seconds * rate)) / rate
+        rng = np.random.default_rng(seed)
+        phase = rng.uniform(0, 6.28, len(toy_voice.layout))
+        speed = rng.uniform(1, 6, len(toy_voice.layout))
+        params = 0.3 * np.sin(times[:, None] * speed + phase)
+        symbols = ["b", "a", "s", "i", "l", "y", "ʁ"]
+        phones = [
+            Phone(symbols[i % 7], round(start + 0.1 * i, 2), round(start + 0.1 * i + 0.1, 2))
+            for i in range(int(10 * seconds) - 1)
+        ]
+        score = Score(tuple(phones), tuple(cue(phones)))
+        return Motion(
+            params.astype(np.float32), rate, start, toy_voice.layout, toy_voice.identity, score
+        )
+
+    return motion
+
+
+@pytest.mark.parametrize("start", [0.0, 0.5, 7.36])
+@pytest.mark.parametrize("rate", [25.0, 50.0, 120.0])
+def test_round_trip(toy_voice: Voice, make: MakeMotion, rate: float, start: float) -> None:
+    motion = make(3.0, rate=rate, start=start)
+    decoded = decode_stream(encode_stream(motion, toy_voice, error_mm=2.0), toy_voice)
+    assert decoded.rate_hz == 50
+    assert decoded.start_s == pytest.approx(start)
+    assert decoded.duration_s == pytest.approx(3.0)
+    result = compare_motions(motion, decoded, toy_voice)
+    # The grid of 50 Hz and the models' curvature add to the coder's own error.
+    assert result.marker_rms_mm < 2.5
+    assert result.keys_total == result.keys_correct > 10
+    # Measured up to 0.013 s: the movements are slow, the error is 2 mm.
+    assert abs(result.offset_s) < 0.02
+
+
+@pytest.mark.parametrize("rate_bps", [140, 337.5, 1000, 6000, 20000])
+def test_rates_are_kept(toy_voice: Voice, make: MakeMotion, rate_bps: float) -> None:
+    data = encode_stream(make(6.4), toy_voice, rate_bps=rate_bps)
+    sizes = {len(frame.l0) for frame in read_superframes(data)}
+    assert len(sizes) == 1
+    assert 0 <= rate_bps - 8 * sizes.pop() / 0.64 < 12.5
+
+
+def test_errors_shrink_with_the_limit(toy_voice: Voice, make: MakeMotion) -> None:
+    motion = make(3.2)
+    sizes = []
+    for limit in (8.0, 2.0, 0.5):
+        data = encode_stream(motion, toy_voice, error_mm=limit)
+        found = compare_motions(motion, decode_stream(data, toy_voice), toy_voice).marker_rms_mm
+        assert found < 1.1 * limit
+        sizes.append(len(data))
+    assert sizes == sorted(sizes)
+
+
+def test_motion_without_a_score_stays_without(toy_voice: Voice, make: MakeMotion) -> None:
+    motion = make(2.0)
+    plain = Motion(motion.params, 50, 0.0, motion.layout, motion.voice)
+    decoded = decode_stream(encode_stream(plain, toy_voice), toy_voice)
+    assert decoded.score is None
+
+
+def test_inspection_needs_no_voice(toy_voice: Voice, make: MakeMotion) -> None:
+    motion = make(2.0)
+    document = inspect_stream(encode_stream(motion, toy_voice, rate_bps=400))
+    assert motion.score is not None
+    assert document["voice"] == toy_voice.identity
+    assert document["duration_s"] == 2.0
+    assert len(document["superframes"]) == 4
+    assert [k["phones"] for k in document["keys"]] == [list(k.phones) for k in motion.score.keys]
+    assert json.loads(json.dumps(document)) == document
+    text = describe(document).splitlines()
+    assert len(text) == 6
+    assert text[2].split()[:5] == ["0", "0.00", "score", "32+0", text[2].split()[4]]
+
+
+def test_damage_is_concealed_and_reported(toy_voice: Voice, make: MakeMotion) -> None:
+    data = bytearray(encode_stream(make(2.0), toy_voice, rate_bps=400))
+    data[26 + 32 + 5] ^= 1
+    assert len(decode_stream(bytes(data), toy_voice).params) == 100
+    document = inspect_stream(bytes(data))
+    assert [row["intact"] for row in document["superframes"]] == [True, False, True, True]
+    assert "damaged" in describe(document)
+
+
+@pytest.mark.parametrize(
+    ("change", "section"),
+    [
+        (lambda d: d[:10], "F1"),
+        (lambda d: b"RIFF" + d[4:], "F2"),
+        (lambda d: d[:4] + b"\7" + d[5:], "F3"),
+        (lambda d: d[:24] + bytes([d[24] ^ 1]) + d[25:], "F4"),
+        (lambda d: d[:-1], "F6"),
+        (lambda d: d + b"\0", "F6"),
+        (lambda d: b"", "F1"),
+    ],
+)
+def test_broken_files(
+    toy_voice: Voice, make: MakeMotion, change: Callable[[bytes], bytes], section: str
+) -> None:
+    data = change(encode_stream(make(1.0), toy_voice, rate_bps=300))
+    for read in (inspect_stream, lambda d: decode_stream(d, toy_voice)):
+        with pytest.raises(BitstreamError) as caught:
+            read(data)
+        assert caught.value.section == section
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.binary(max_size=200), st.integers(0, 200), st.booleans())
+def test_any_bytes_give_a_motion_or_an_error(noise: bytes, at: int, behind: bool) -> None:
+    data = bytearray(STREAMS[0])
+    data[at : at + len(noise)] = noise if behind else noise[:3]
+    for read in (inspect_stream, lambda d: decode_stream(d, VOICES[0])):
+        with contextlib.suppress(BitstreamError, VoiceError):
+            read(bytes(data))
+
+
+STREAMS: list[bytes] = []
+VOICES: list[Voice] = []
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _keep(toy_voice: Voice, make: MakeMotion) -> None:
+    STREAMS.append(encode_stream(make(2.0), toy_voice, error_mm=4.0))
+    VOICES.append(toy_voice)
+
+
+def test_impossible_wishes(toy_voice: Voice, make: MakeMotion) -> None:
+    motion = make(1.0)
+    for wish, message in (
+        ({"rate_bps": 100}, r"rate 100 bit/s is not within 140\.\.20000"),
+        ({"error_mm": 0.0}, r"error 0\.0 mm is not within"),
+        ({"rate_bps": 300, "error_mm": 2}, "a rate and an error cannot both be given"),
+    ):
+        with pytest.raises(CueError, match=message):
+            encode_stream(motion, toy_voice, **wish)
+    early = Motion(motion.params, 50, -1.0, motion.layout, motion.voice)
+    with pytest.raises(CueError, match="does not fit into a stream"):
+        encode_stream(early, toy_voice)
+
+
+def test_another_voice_is_refused(toy_voice: Voice, make: MakeMotion) -> None:
+    data = bytearray(encode_stream(make(1.0), toy_voice, rate_bps=300))
+    head = read_head(bytes(data))
+    assert head.voice == toy_voice.identity
+    other = Motion(np.zeros((9, 1), np.float32), 50, 0.0, ("face.1",), "0" * 16)
+    with pytest.raises(CueError, match="motion of voice 0000000000000000"):
+        compare_motions(other, other, toy_voice)
+
+
+def test_comparison_measures_what_it_says(toy_voice: Voice, make: MakeMotion) -> None:
+    motion = make(4.0)
+    assert motion.score is not None
+    same = compare_motions(motion, motion, toy_voice)
+    total = len([k for k in motion.score.keys if k.start < 3.9])
+    assert same == Comparison(0.0, 0.0, 0.0, total, total, same.offset_s)
+    assert abs(same.offset_s) < 1e-6
+    late = Motion(motion.params, 50, 0.06, motion.layout, motion.voice, motion.score.shifted(0.06))
+    shifted = compare_motions(motion, late, toy_voice)
+    assert shifted.offset_s == pytest.approx(0.06, abs=0.003)
+    assert shifted.keys_correct == shifted.keys_total
+    wrong = Motion(motion.params, 50, 0.0, motion.layout, motion.voice, motion.score.shifted(0.2))
+    assert compare_motions(motion, wrong, toy_voice).keys_correct < total
+    apart = Motion(motion.params, 50, 100.0, motion.layout, motion.voice)
+    with pytest.raises(CueError, match=r"have 0\.000 s in common"):
+        compare_motions(motion, apart, toy_voice)

@@ -1,0 +1,144 @@
+"""The codec against the plain decoder that was written from the specification."""
+
+import contextlib
+from dataclasses import astuple
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codec.bits import crc8, crc16
+from codec.errors import BitstreamError
+from codec.payload import read_l0, read_l1
+from codec.quantise import NO_RESIDUAL, dequantise_integers, step_width
+from codec.range_coder import RangeDecoder
+from codec.score_coding import REST_GAPS_S, ScorePart
+from codec.tables import coefficient_tables
+from codec.transform import Basis
+from spec.reference import superframe as reference
+from spec.reference.range_decoder import RangeDecoder as ReferenceDecoder
+
+CHANNELS = 6
+DECAY = np.arange(32)
+
+
+def basis(top: int) -> Basis:
+    """A small basis with scales from `top` downwards, ties among them."""
+    scales = top - 6 * np.arange(CHANNELS)[:, None] - (3 * np.log2(1 + DECAY) * 2).astype(int)
+    return Basis(np.eye(CHANNELS), scales.astype(np.int64))
+
+
+def as_reference(part: ScorePart | None) -> dict[str, Any] | None:
+    if part is None:
+        return None
+    cheek = [part.options.un, part.options.schwa, part.options.oe]
+    return {
+        "first": part.first, "first_end": part.first_end, "numbers": list(part.numbers),
+        "starts": list(part.starts), "ahead": part.ahead,
+        "cheek": [int(name == "cheek") for name in cheek],
+        "rest_gap": REST_GAPS_S.index(part.options.rest_gap_s),
+        "overrides": {str(k): list(v) for k, v in part.overrides.items()},
+    }  # fmt: skip
+
+
+def broken_rule(l0: bytes, scales: list[list[int]]) -> str:
+    try:
+        reference.decode(l0, None, scales)
+    except reference.MalformedError as error:
+        return str(error)
+    return ""
+
+
+def decode_both(l0: bytes, l1: bytes, used: Basis) -> None:
+    """Compare everything that both decoders say about two parts."""
+    scales = used.scales.tolist()
+    broken = broken_rule(l0, scales)
+    if broken:
+        with pytest.raises(BitstreamError) as caught:
+            read_l0(l0, used)
+        assert caught.value.section == broken
+        return
+    expected = reference.decode(l0, l1, scales)
+    content, known = read_l0(l0, used)
+    with contextlib.suppress(BitstreamError):
+        content = read_l1(l0, l1, content, known, used)
+    header = content.header
+    assert (header.mode, header.sequence, header.lead, header.voice) == astuple(expected)[:4]
+    assert content.step == expected.step
+    assert as_reference(content.part) == expected.score
+    assert content.q.tolist() == expected.indices
+    if content.step != NO_RESIDUAL:
+        values = dequantise_integers(
+            content.q, used.scan_scales, content.step, coefficient_tables()
+        )
+        assert values.tolist() == expected.values
+
+
+def with_checks(body: bytes, more: bytes) -> tuple[bytes, bytes]:
+    """Give arbitrary bytes a valid version and valid checks."""
+    body = bytes([0x40 | body[0] & 0x3F]) + body[1:]
+    l0 = body + crc16(body).to_bytes(2, "big")
+    return l0, more + bytes([crc8(l0[-2:] + more)])
+
+
+@settings(deadline=None, max_examples=300)
+@given(st.binary(min_size=3, max_size=60), st.binary(max_size=60), st.integers(0, 60))
+def test_any_bytes_say_the_same_to_both(body: bytes, more: bytes, top: int) -> None:
+    decode_both(*with_checks(body, more), basis(top))
+
+
+@settings(deadline=None)
+@given(st.binary(max_size=12), st.binary(max_size=4))
+def test_raw_bytes_are_refused_by_the_same_rule(l0: bytes, l1: bytes) -> None:
+    decode_both(l0, l1, basis(40))
+
+
+@pytest.mark.slow
+def test_ten_thousand_random_superframes() -> None:
+    rng = np.random.default_rng(20)
+    for _ in range(10_000):
+        body, more = rng.bytes(int(rng.integers(3, 60))), rng.bytes(int(rng.integers(0, 60)))
+        decode_both(*with_checks(body, more), basis(int(rng.integers(0, 60))))
+
+
+@pytest.mark.vectors("superframe")
+def test_vectors(case: dict[str, Any]) -> None:
+    l0, l1 = bytes.fromhex(case["l0"]), bytes.fromhex(case["l1"])
+    used = Basis(np.eye(len(case["scales"])), np.array(case["scales"], dtype=np.int64))
+    if not case["valid"]:
+        with pytest.raises(BitstreamError) as caught:
+            read_l0(l0, used)
+        assert caught.value.section == case["section"]
+        with pytest.raises(reference.MalformedError, match=case["section"]):
+            reference.decode(l0, l1, case["scales"])
+        return
+    decode_both(l0, l1, used)
+    found = reference.decode(l0, l1, case["scales"])
+    assert found.step == case["step"]
+    assert found.score == case["score"]
+    assert {i: q for i, q in enumerate(found.indices) if q} == {
+        int(i): q for i, q in case["indices"].items()
+    }
+
+
+@pytest.mark.vectors("checks")
+def test_checks(case: dict[str, Any]) -> None:
+    data = bytes.fromhex(case["data"])
+    assert {16: crc16, 8: crc8}[case["width"]](data) == case["check"]
+
+
+@pytest.mark.vectors("range_decoder")
+def test_range_decoders(case: dict[str, Any]) -> None:
+    data, freqs = bytes.fromhex(case["data"]), case["freqs"]
+    plain = ReferenceDecoder(data)
+    assert [plain.symbol(freqs)[0] for _ in case["symbols"]] == case["symbols"]
+    fast, ends = RangeDecoder(data), np.array([0, *np.cumsum(freqs)], dtype=np.int64)
+    assert [fast.get(ends) for _ in case["symbols"]] == case["symbols"]
+
+
+@pytest.mark.vectors("steps")
+def test_steps(case: dict[str, Any]) -> None:
+    assert step_width(case["step"]) == case["width"]
+    assert reference.WIDTHS[case["step"] % 4] << case["step"] // 4 == case["width"]
