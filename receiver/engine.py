@@ -49,7 +49,7 @@ class Receiver:
         self.voice = load_voice() if voice is None else voice
         self._carrier = AudioReceiver(fs, channels, key=key)
         self._tracker = Tracker(self.voice)
-        self._fs = fs
+        self.fs, self.channels = fs, channels
         self._start_s = start_s
         self._samples = 0
         self._first_s: float | None = None
@@ -63,7 +63,7 @@ class Receiver:
     @property
     def now_s(self) -> float:
         """Time on the programme's clock up to which sound came in."""
-        return self._start_s + self._samples / self._fs
+        return self._start_s + self._samples / self.fs
 
     @property
     def ber_estimate(self) -> float | None:
@@ -114,7 +114,7 @@ class Receiver:
         if first_s is not None:
             tune_in_s = max(first_s - self._start_s, self._carrier.first_lock_s or 0.0)
         return {
-            "duration_s": self._samples / self._fs,
+            "duration_s": self._samples / self.fs,
             "tune_in_s": tune_in_s,
             "superframes": {"received": tracker.received, "lost": tracker.lost},
             "layers": {

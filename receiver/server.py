@@ -19,6 +19,7 @@ from aiohttp import WSMsgType, web
 from codec.errors import CueError
 from codec.voice import Voice
 from receiver.avatar import has_avatar, load_avatar
+from receiver.metrics import Metrics
 from receiver.protocol import MAX_REQUEST_BYTES, Position, pack_event, parse_position
 from receiver.tuner import Progress, Tuner
 from receiver.voice_document import avatar_document, voice_document
@@ -44,39 +45,24 @@ _HEADERS = {
 _Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
-class Television:
-    """One programme and its cuer on a local port.
+class Channel:
+    """What every television serves: page, voice, avatar, figures, and a feed of its own kind.
 
     Parameters
     ----------
-    tuner : Tuner
-        Where the cuer comes from.
     voice : Voice
         Gives the parameters their meaning.
-    media : path
-        What the browser plays: a file in a container and codecs that it knows.
+    live : bool
+        Whether the programme comes as it is made.
     host : str
         Address to listen on; the loopback unless told otherwise.
     port : int
         0 takes a free one.
-
-    Examples
-    --------
-    ::
-
-        async with Television(tuner, voice, "programme.mp4").running() as address:
-            print(address)
-            await asyncio.Event().wait()
     """
 
-    def __init__(
-        self, tuner: Tuner, voice: Voice, media: str | os.PathLike[str],
-        *, host: str = "127.0.0.1", port: int = 0,
-    ) -> None:  # fmt: skip
-        self._tuner = tuner
-        self._media = Path(media)
-        if not self._media.is_file():
-            raise CueError(f"{media}: no such file")
+    def __init__(self, voice: Voice, *, live: bool, host: str = "127.0.0.1", port: int = 0) -> None:
+        self.metrics = Metrics()
+        self._live = live
         self._voice_json = json.dumps(voice_document(voice)).encode()
         self._avatar = avatar_document(load_avatar(voice)) if has_avatar(voice) else None
         self._host, self._port = host, port
@@ -112,15 +98,19 @@ class Television:
 
     def _application(self) -> web.Application:
         application = web.Application(middlewares=[self._guard], client_max_size=1024)
-        application.add_routes([
+        application.add_routes([*self._common_routes(), *self._routes()])
+        return application
+
+    def _common_routes(self) -> list[web.RouteDef]:
+        return [
             web.get("/", self._index),
             web.get("/page/{name}", self._page),
             web.get("/voice.json", self._voice),
             web.get("/avatar.bin", self._avatar_file),
-            web.get("/programme", self._programme),
             web.get("/feed", self._feed),
-        ])  # fmt: skip
-        return application
+            web.get("/status.json", self._status),
+            web.get("/metrics", self._prometheus),
+        ]
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: _Handler) -> web.StreamResponse:
@@ -155,11 +145,19 @@ class Television:
             raise web.HTTPNotFound(text="this voice has no avatar")
         return web.Response(body=self._avatar, content_type="application/octet-stream")
 
-    async def _programme(self, request: web.Request) -> web.StreamResponse:
-        kind = mimetypes.guess_type(self._media.name)[0] or "video/mp4"
-        return web.FileResponse(self._media, headers={"Content-Type": kind})
+    async def _status(self, request: web.Request) -> web.StreamResponse:
+        return web.json_response({"live": self._live, **self.metrics.document()})
+
+    async def _prometheus(self, request: web.Request) -> web.StreamResponse:
+        return web.Response(text=self.metrics.prometheus(), content_type="text/plain")
 
     async def _feed(self, request: web.Request) -> web.StreamResponse:
+        return await self._converse(request, self._tell)
+
+    async def _converse(
+        self, request: web.Request, talk: Callable[[web.WebSocketResponse], Awaitable[None]]
+    ) -> web.StreamResponse:
+        """Open a WebSocket for a page of this television and let `talk` use it."""
         if request.headers.get("Origin") is None:
             raise web.HTTPForbidden(text="the feed is for the page of this television")
         if len(self._sockets) >= MAX_VIEWERS:
@@ -167,11 +165,65 @@ class Television:
         socket = web.WebSocketResponse(max_msg_size=MAX_REQUEST_BYTES, heartbeat=20.0)
         await socket.prepare(request)
         self._sockets.add(socket)
+        self.metrics.set("viewers", len(self._sockets))
         try:
-            await Viewer(socket, self._tuner).serve()
+            await talk(socket)
         finally:
             self._sockets.discard(socket)
+            self.metrics.set("viewers", len(self._sockets))
         return socket
+
+    def _routes(self) -> list[web.RouteDef]:
+        """Return what this kind of television serves beside the common things."""
+        raise NotImplementedError
+
+    async def _tell(self, socket: web.WebSocketResponse) -> None:
+        """Serve one viewer's feed until it is closed."""
+        raise NotImplementedError
+
+
+class Television(Channel):
+    """A programme in a file, with its cuer.
+
+    Parameters
+    ----------
+    tuner : Tuner
+        Where the cuer comes from.
+    voice : Voice
+        Gives the parameters their meaning.
+    media : path
+        What the browser plays: a file in a container and codecs that it knows.
+    host, port
+        Where to listen; port 0 takes a free one.
+
+    Examples
+    --------
+    ::
+
+        async with Television(tuner, voice, "programme.mp4").running() as address:
+            print(address)
+            await asyncio.Event().wait()
+    """
+
+    def __init__(
+        self, tuner: Tuner, voice: Voice, media: str | os.PathLike[str],
+        *, host: str = "127.0.0.1", port: int = 0,
+    ) -> None:  # fmt: skip
+        super().__init__(voice, live=False, host=host, port=port)
+        self._tuner = tuner
+        self._media = Path(media)
+        if not self._media.is_file():
+            raise CueError(f"{media}: no such file")
+
+    def _routes(self) -> list[web.RouteDef]:
+        return [web.get("/programme", self._programme)]
+
+    async def _tell(self, socket: web.WebSocketResponse) -> None:
+        await Viewer(socket, self._tuner).serve()
+
+    async def _programme(self, request: web.Request) -> web.StreamResponse:
+        kind = mimetypes.guess_type(self._media.name)[0] or "video/mp4"
+        return web.FileResponse(self._media, headers={"Content-Type": kind})
 
 
 class Viewer:

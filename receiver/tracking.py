@@ -33,7 +33,7 @@ from receiver.events import (
 _Timed = TypeVar("_Timed", Phone, Key)
 
 RATE_HZ = 1 / TICK_S
-LOST_AFTER_S = 5 * SUPERFRAME_S
+LOST_AFTER_S = 5.5 * SUPERFRAME_S
 """Reception counts as lost this long after the start of the last superframe that arrived."""
 
 _SPLICE_S = 0.1

@@ -4,6 +4,7 @@ import { AvatarView, parseAvatar } from "./avatar.js";
 import { ProgrammeClock } from "./clock.js";
 import { Controls, HELP } from "./controls.js";
 import { Feed } from "./feed.js";
+import { LiveProgramme } from "./live.js";
 import { VoiceModel } from "./model.js";
 import { PointLights } from "./points.js";
 import { Settings } from "./settings.js";
@@ -15,9 +16,11 @@ const REPORT_MS = 400;
 const STEP_S = 0.04;
 
 class Page {
-  /** `arrays` of the avatar, or null where there is none. */
-  constructor(model, arrays) {
+  /** `arrays` of the avatar, or null where there is none; `live`: the programme comes as it is made. */
+  constructor(model, arrays, live) {
     this.model = model;
+    this.live = live;
+    this.quiet = false;
     this.video = document.getElementById("programme");
     this.timeline = new Timeline();
     this.clock = new ProgrammeClock(this.video);
@@ -41,7 +44,8 @@ class Page {
     });
     this.listen();
     this.apply();
-    this.video.src = "/programme";
+    if (live) this.programme = new LiveProgramme(this.video, `ws://${location.host}/media`);
+    else this.video.src = "/programme";
     requestAnimationFrame((now) => this.tick(now));
   }
 
@@ -96,18 +100,25 @@ class Page {
 
   receive(message) {
     if (message.type === "status") this.timeline.insertState(message);
+    else if (message.type === "line") this.quiet = message.quiet;
     else if (message.type === "keys") this.timeline.insertKeys(message.keys);
   }
 
   report(jumped) {
     const timeS = this.video.currentTime;
     this.timeline.prune(timeS);
+    if (this.live) this.controls.showTime();
+    else this.tellPosition(timeS, jumped);
+  }
+
+  tellPosition(timeS, jumped) {
     this.feed.position(timeS, jumped && this.timeline.knownFrom(timeS) < 1);
     this.controls.showTime();
   }
 
   /** State of reception at `timeS`, or of the connection where nothing was received. */
   state(timeS) {
+    if (this.quiet && this.link === "searching") return "lost";
     return (this.link === "searching" && this.timeline.stateAt(timeS)) || this.link;
   }
 
@@ -144,9 +155,9 @@ function buildAvatar(canvas, model, arrays) {
 }
 
 async function start() {
-  const [voice, avatar] = await Promise.all([fetch("/voice.json"), fetch("/avatar.bin")]);
+  const [voice, avatar, status] = await Promise.all(["/voice.json", "/avatar.bin", "/status.json"].map((path) => fetch(path)));
   const arrays = avatar.ok ? parseAvatar(await avatar.arrayBuffer()) : null;
-  window.cuecast = new Page(new VoiceModel(await voice.json()), arrays);
+  window.cuecast = new Page(new VoiceModel(await voice.json()), arrays, (await status.json()).live);
 }
 
 start();

@@ -42,6 +42,7 @@ def make_voice(seed: int = 0) -> Voice:
         _f32(rng.normal(0, 0.3, N_ANGLES)), _f32(rng.normal(0, 0.3, (12, N_ANGLES))),
         _f32(regression), _f32([-110, 560, 190]), _f32([0.1, -0.2, 0.3, 1, 2, 3]),
         _f32(rng.normal(0, 1, (N_FOREARM, 6)) * [0.1, 0.1, 0.1, 20, 20, 20]),
+        _f32(np.zeros((0, len(HAND_MARKERS), 3))),
     )  # fmt: skip
     gestures = GestureTable(
         _f32(rng.normal(size=(9, 12))), _f32(rng.normal(size=(9, 6, N_FOREARM))),

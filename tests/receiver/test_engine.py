@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from codec.superframe import SuperframeEncoder
 from receiver.assemble import Assembler
 from receiver.engine import Receiver
 from receiver.events import Event, KeysFound, MotionPiece, StateChanged
+from tests.receiver.air import marked_noise
 from tests.receiver.standin import make_motion, make_voice
-from watermark.embed import AudioEmbedder
-from watermark.profile import STANDARD
 
 FS = 48000
 VOICE = make_voice()
@@ -21,19 +19,7 @@ MOTION = make_motion(VOICE, duration_s=10.0)
 
 @cache
 def marked() -> NDArray[np.float32]:
-    """Eight seconds of murmuring noise with the cuer inside."""
-    rng = np.random.default_rng(5)
-    noise = np.convolve(rng.normal(0, 1, 8 * FS), np.exp(-np.arange(60) / 9), "same")
-    envelope = 0.6 + 0.4 * np.sin(2 * np.pi * 3.1 * np.arange(8 * FS) / FS)
-    host = (0.03 * noise * envelope).astype(np.float32)[:, None]
-    encoder = SuperframeEncoder(VOICE, l0_bytes=STANDARD.l0_bytes, l1_bytes=STANDARD.l1_bytes)
-
-    def source(k: int) -> tuple[bytes, bytes]:
-        superframe = encoder.encode(MOTION, k + 2)
-        return superframe.l0, superframe.l1
-
-    embedder = AudioEmbedder(FS, 1, source)
-    return np.concatenate([embedder.process(host), embedder.flush()])
+    return marked_noise(VOICE, MOTION, 8)
 
 
 def receive(

@@ -1,0 +1,78 @@
+"""Time on a broadcast: time stamps that wrap, jump and leave holes, made one steady clock.
+
+Time stamps of a transport stream have 33 bits at 90 kHz (ISO/IEC 13818-1, section 2.4.3.7). The
+local clock starts at 0, goes on through wraps and splices, and tells holes that are worth filling
+from breaks after which reception has to start anew.
+"""
+
+from dataclasses import dataclass
+
+STAMP_PERIOD_S = (1 << 33) / 90_000
+"""After this long the time stamps of a transport stream start again, about 26.5 hours."""
+
+MAX_HOLE_S = 12.0
+"""A longer step forwards is a splice, not a hole."""
+
+_MAX_OVERLAP_S = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where something lies on the local clock.
+
+    Attributes
+    ----------
+    time_s : float
+    spliced : bool
+        Whether the stream's own clock jumped here.
+    """
+
+    time_s: float
+    spliced: bool
+
+
+class SteadyClock:
+    """The local clock of one broadcast, shared by its streams.
+
+    Examples
+    --------
+    >>> clock = SteadyClock()
+    >>> clock.place("sound", 95443.7).time_s
+    0.0
+    >>> round(clock.place("sound", 0.3).time_s, 2)
+    0.32
+    >>> clock.place("sound", 5000.0).spliced
+    True
+    """
+
+    def __init__(self) -> None:
+        self._offset_s: float | None = None
+        self._last: dict[str, float] = {}
+
+    def place(self, stream: str, stamp_s: float, duration_s: float = 0.0) -> Place:
+        """Return the local time of a time stamp of one of the streams.
+
+        Parameters
+        ----------
+        stream : str
+            Name of the stream; each has to come in order, give or take its own reordering.
+        stamp_s : float
+            Time stamp, seconds.
+        duration_s : float
+            Length of what it stamps.
+        """
+        if self._offset_s is None:
+            self._offset_s = -stamp_s
+        raw_s = stamp_s + self._offset_s
+        before_s = self._last.get(stream, max(self._last.values(), default=raw_s))
+        time_s = raw_s - STAMP_PERIOD_S * round((raw_s - before_s) / STAMP_PERIOD_S)
+        step_s = time_s - before_s
+        spliced = not -_MAX_OVERLAP_S <= step_s <= MAX_HOLE_S
+        if spliced:
+            time_s = max(self._last.values(), default=before_s)
+            self._offset_s = time_s - stamp_s
+            self._last.clear()
+        elif time_s != raw_s:
+            self._offset_s += time_s - raw_s
+        self._last[stream] = max(time_s + duration_s, self._last.get(stream, time_s))
+        return Place(round(time_s, 9), spliced)

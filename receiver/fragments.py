@@ -1,0 +1,147 @@
+"""Fragmented MP4 for the browser, made while the programme runs.
+
+Packets of picture (copied) and blocks of sound (coded to AAC) go in, boxes come out: first the
+initialisation (``ftyp``, ``moov``), then fragments (``moof``, ``mdat``) that start with a picture
+that needs no other. ISO/IEC 14496-12, section 8.8.
+"""
+
+import struct
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+
+_CLOCK = 90_000
+_SOUND_BPS = 160_000
+BROWSER_PICTURE = {"h264": "avc1.640028", "hevc": "hvc1.1.6.L120.90"}
+"""Picture codecs that browsers play out of MP4, with a name for them."""
+
+
+class BoxSplitter:
+    """A writable file that cuts what is written into top-level boxes.
+
+    Examples
+    --------
+    >>> splitter = BoxSplitter()
+    >>> splitter.write(bytes([0, 0, 0, 9]) + b"free" + b"x" + bytes([0, 0, 0]))
+    12
+    >>> [(kind, len(box)) for kind, box in splitter.take()]
+    [(b'free', 9)]
+    """
+
+    def __init__(self) -> None:
+        self._held = b""
+
+    def write(self, data: bytes) -> int:
+        """Take bytes."""
+        self._held += bytes(data)
+        return len(data)
+
+    def take(self) -> list[tuple[bytes, bytes]]:
+        """Return the boxes that are complete: (type, whole box)."""
+        boxes = []
+        while len(self._held) >= 8:
+            size, kind = struct.unpack_from(">I4s", self._held)
+            if size < 8 or len(self._held) < size:
+                break
+            boxes.append((kind, self._held[:size]))
+            self._held = self._held[size:]
+        return boxes
+
+
+@dataclass(slots=True)
+class Fragments:
+    """Output of `FragmentWriter`: initialisation and fragments that are new.
+
+    Attributes
+    ----------
+    start : bytes
+        Initialisation, empty unless it is new.
+    fragments : list of bytes
+    """
+
+    start: bytes = b""
+    fragments: list[bytes] = field(default_factory=list)
+
+
+class FragmentWriter:
+    """Writes one run of programme as fragmented MP4.
+
+    Parameters
+    ----------
+    picture : av stream, optional
+        Template of the picture; its codec has to be one of `BROWSER_PICTURE`.
+    fs : int
+        Sampling rate of the sound; 0 if there is none.
+    channels : int
+    """
+
+    def __init__(self, picture: Any, fs: int, channels: int) -> None:
+        self._splitter = BoxSplitter()
+        self._container = av.open(
+            self._splitter, "w", format="mp4",
+            options={"movflags": "frag_keyframe+empty_moov+default_base_moof+delay_moov"},
+        )  # fmt: skip
+        self._picture = self._container.add_stream_from_template(picture) if picture else None
+        self._sound = None
+        if fs:
+            self._sound = self._container.add_stream("aac", rate=fs)
+            self._sound.bit_rate = _SOUND_BPS
+            self._sound.layout = "mono" if channels == 1 else "stereo"
+        self._channels = channels
+        self._fs = fs
+        self._written = 0
+        self._start: list[bytes] = []
+        self._head = b""
+        names = [BROWSER_PICTURE[picture.codec_context.name]] if picture else []
+        self.mime = 'video/mp4; codecs="{}"'.format(", ".join([*names, *["mp4a.40.2"] * (fs > 0)]))
+
+    def picture(self, packet: Any, time_s: float) -> Fragments:
+        """Take a coded picture to be shown at `time_s`."""
+        if packet.dts is None or packet.pts is None:
+            return Fragments()
+        shift = round(time_s / packet.time_base) - packet.pts
+        packet.pts += shift
+        packet.dts += shift
+        packet.stream = self._picture
+        self._container.mux(packet)
+        return self._take()
+
+    def sound(self, block: NDArray[np.float32], time_s: float) -> Fragments:
+        """Take samples (n, channels) that begin at `time_s`."""
+        assert self._sound is not None
+        if not self._written:
+            self._written = round(time_s * self._fs)
+        shown = block if self._channels <= 2 else block[:, :2]
+        frame = av.AudioFrame.from_ndarray(
+            np.ascontiguousarray(shown.T), format="fltp", layout=self._sound.layout.name
+        )
+        frame.sample_rate = self._fs
+        frame.time_base = Fraction(1, self._fs)
+        frame.pts = self._written
+        self._written += len(block)
+        self._container.mux(self._sound.encode(frame))
+        return self._take()
+
+    def close(self) -> Fragments:
+        """Return what is left."""
+        if self._sound is not None and self._written:
+            self._container.mux(self._sound.encode(None))
+        self._container.close()
+        return self._take()
+
+    def _take(self) -> Fragments:
+        out = Fragments()
+        for kind, box in self._splitter.take():
+            if kind in (b"ftyp", b"moov"):
+                self._start.append(box)
+                if kind == b"moov":
+                    out.start = b"".join(self._start)
+            elif kind == b"moof":
+                self._head = box
+            elif kind == b"mdat":
+                out.fragments.append(self._head + box)
+        return out

@@ -1,0 +1,243 @@
+"""A broadcast as it comes: transport stream over UDP, HLS, pipe or file, at its own pace.
+
+`Broadcast` runs in a thread of its own: it opens the source, puts sound and picture on one steady
+clock (`receiver.continuity`), receives the cuer from the sound, makes fragments for the browser,
+and opens the source again when it fails. What happens goes to one callback as values.
+"""
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import IO, Any
+
+import av
+import numpy as np
+from av.audio.resampler import AudioResampler
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from codec.voice import Voice
+from receiver.continuity import SteadyClock
+from receiver.engine import Receiver
+from receiver.events import Event, MotionPiece, State, StateChanged
+from receiver.fragments import BROWSER_PICTURE, Fragments, FragmentWriter
+from receiver.metrics import Metrics
+from receiver.sound import NATIVE_RATES
+
+READ_TIMEOUT_S = 15.0
+"""Silence on the line after which the source is opened again."""
+
+_RETRY_S = (0.2, 0.5, 1.0, 2.0)
+_HOLE_S = 0.005
+_OVERLAP_S = 0.03
+_OPTIONS = {"analyzeduration": "600000", "probesize": "400000", "fflags": "nobuffer"}
+_UDP_OPTIONS = {"overrun_nonfatal": "1", "fifo_size": "50000", "buffer_size": "1000000"}
+
+
+@dataclass(frozen=True, slots=True)
+class MediaStart:
+    """A new run of media: what the browser needs before its fragments."""
+
+    mime: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class MediaFragment:
+    """A piece of media that starts with a picture that needs no other."""
+
+    data: bytes
+
+
+Happening = Event | MediaStart | MediaFragment
+
+
+class Broadcast:
+    """One programme on the air.
+
+    Parameters
+    ----------
+    source : str or binary file
+        ``udp://127.0.0.1:5004``, address or path of an HLS playlist, path, or a pipe.
+    voice : Voice
+    tell : callable
+        Gets every `Happening`, in the thread of `run`.
+    key : int
+        Key of the watermark.
+    format : str, optional
+        Of a pipe: ``mpegts``, ``wav``, ...
+    once : bool
+        Do not open the source again at its end.
+    """
+
+    def __init__(
+        self, source: str | IO[bytes], voice: Voice, tell: Callable[[Happening], None],
+        *, key: int = 0, format: str | None = None, once: bool = False,
+    ) -> None:  # fmt: skip
+        self._source, self._voice, self._tell = source, voice, tell
+        self._key, self._format, self._once = key, format, once
+        self._stop = threading.Event()
+        self._clock = SteadyClock()
+        self._receiver: Receiver | None = None
+        self._resampler: AudioResampler | None = None
+        self._writer: FragmentWriter | None = None
+        self._sound_s = 0.0
+        self._state: State = "searching"
+        self.metrics = Metrics()
+
+    def stop(self) -> None:
+        """Ask `run` to end."""
+        self._stop.set()
+
+    def run(self) -> None:
+        """Receive until the source ends for good or `stop` is called.
+
+        Raises
+        ------
+        CueError
+            If `once` is set and the source cannot be opened.
+        """
+        attempt = 0
+        while not self._stop.is_set():
+            try:
+                self._run_once()
+                attempt = 0
+            except (av.error.FFmpegError, OSError) as error:
+                if self._once and attempt == 0 and self._receiver is None:
+                    raise CueError(f"{self._source}: cannot be received: {error}") from error
+            if self._once:
+                break
+            self._change("lost" if self._state in ("locked", "degraded") else self._state)
+            self._stop.wait(_RETRY_S[min(attempt, len(_RETRY_S) - 1)])
+            attempt += 1
+        self._finish()
+
+    def _run_once(self) -> None:
+        options = dict(_OPTIONS)
+        if isinstance(self._source, str) and self._source.startswith("udp:"):
+            options |= _UDP_OPTIONS
+        with av.open(
+            self._source, "r", format=self._format, options=options,
+            timeout=(READ_TIMEOUT_S, READ_TIMEOUT_S), metadata_errors="ignore",
+        ) as container:  # fmt: skip
+            self.metrics.add("connections_total")
+            sound = next(iter(container.streams.audio), None)
+            picture = next(iter(container.streams.video), None)
+            if picture is not None and picture.codec_context.name not in BROWSER_PICTURE:
+                picture = None
+            self._open_writer(picture, sound)
+            streams = [stream for stream in (sound, picture) if stream is not None]
+            if not streams:
+                raise CueError(f"{self._source}: neither sound nor picture")
+            for packet in container.demux(streams):
+                if self._stop.is_set():
+                    return
+                if packet.stream is sound:
+                    self._take_sound(packet)
+                elif packet.pts is not None:
+                    self._take_picture(packet)
+
+    def _open_writer(self, picture: Any, sound: Any) -> None:
+        self._close_writer()
+        self._resampler = None
+        fs, channels = 0, 0
+        if sound is not None:
+            rate = sound.codec_context.sample_rate
+            fs, channels = rate if rate in NATIVE_RATES else 48000, sound.codec_context.channels
+            self._resampler = AudioResampler(format="fltp", layout=None, rate=fs)
+            if self._receiver is None or self._format_of(self._receiver) != (fs, channels):
+                self._receiver = None
+        if picture is not None or fs:
+            self._writer = FragmentWriter(picture, fs, channels)
+
+    @staticmethod
+    def _format_of(receiver: Receiver) -> tuple[int, int]:
+        return receiver.fs, receiver.channels
+
+    def _take_sound(self, packet: Any) -> None:
+        assert self._resampler is not None
+        try:
+            frames = packet.decode()
+        except av.error.FFmpegError:
+            self.metrics.add("damaged_packets_total")
+            return
+        for frame in frames:
+            if frame.time is None:
+                continue
+            place = self._clock.place("sound", frame.time, frame.samples / frame.sample_rate)
+            for part in self._resampler.resample(frame):
+                block = np.ascontiguousarray(part.to_ndarray().T, dtype=np.float32)
+                self._hear(block, place.time_s, spliced=place.spliced)
+
+    def _hear(self, block: NDArray[np.float32], time_s: float, *, spliced: bool) -> None:
+        """Give sound to receiver and writer; fill holes so that sample counts stay true."""
+        assert self._resampler is not None
+        fs = int(self._resampler.rate)
+        if spliced:
+            self.metrics.add("splices_total")
+        if self._receiver is None:
+            self._receiver = Receiver(
+                fs, block.shape[1], voice=self._voice, key=self._key, start_s=time_s,
+                keep_keys=False,
+            )  # fmt: skip
+            self._sound_s = time_s
+        missing = round((time_s - self._sound_s) * fs)
+        if missing > _HOLE_S * fs:
+            self.metrics.add("holes_total")
+            block = np.concatenate([np.zeros((missing, block.shape[1]), np.float32), block])
+        elif missing < -_OVERLAP_S * fs:
+            block = block[-missing:]
+        self._tell_all(self._receiver.process(block))
+        if self._writer is not None:
+            self._publish(self._writer.sound(block, self._sound_s))
+        self._sound_s += len(block) / fs
+        self._measure(len(block) / fs)
+
+    def _take_picture(self, packet: Any) -> None:
+        stamp_s = float(packet.pts * packet.time_base)
+        place = self._clock.place("picture", stamp_s)
+        if self._writer is not None:
+            try:
+                self._publish(self._writer.picture(packet, place.time_s))
+            except (av.error.FFmpegError, ValueError):
+                self.metrics.add("damaged_packets_total")
+
+    def _publish(self, made: Fragments) -> None:
+        assert self._writer is not None
+        if made.start:
+            self._tell(MediaStart(self._writer.mime, made.start))
+        for fragment in made.fragments:
+            self._tell(MediaFragment(fragment))
+
+    def _tell_all(self, events: list[Event]) -> None:
+        for event in events:
+            if isinstance(event, StateChanged):
+                self._state = event.state
+            elif isinstance(event, MotionPiece) and event.layers:
+                self.metrics.set("motion_margin_seconds", event.start_s - self._sound_s)
+            self._tell(event)
+
+    def _measure(self, seconds: float) -> None:
+        assert self._receiver is not None
+        summary = self._receiver.summary()
+        self.metrics.add("sound_seconds_total", seconds)
+        self.metrics.set("superframes_received_total", summary["superframes"]["received"])
+        self.metrics.set("superframes_lost_total", summary["superframes"]["lost"])
+        self.metrics.set("bit_error_rate", self._receiver.ber_estimate or 0.0)
+        self.metrics.set("locked", self._receiver.state in ("locked", "degraded"))
+
+    def _change(self, state: State) -> None:
+        if state != self._state:
+            self._state = state
+            self._tell(StateChanged(self._sound_s, state))
+
+    def _close_writer(self) -> None:
+        if self._writer is not None:
+            self._publish(self._writer.close())
+            self._writer = None
+
+    def _finish(self) -> None:
+        self._close_writer()
+        if self._receiver is not None:
+            self._tell_all(self._receiver.flush())
+        self._change("ended")

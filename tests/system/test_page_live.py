@@ -1,0 +1,103 @@
+"""The live page in a headless Chromium: a transport stream over UDP, its loss and its return."""
+
+import asyncio
+import json
+import socket
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from codec.voice import load_voice
+from receiver.live_server import LiveTelevision
+from tests.chromium import Page, browse
+from tests.receiver.air import marked_noise, transport_stream
+from tests.receiver.standin import make_motion
+
+ARTEFACTS = Path(__file__).resolve().parents[2] / "artefacts" / "page"
+VOICE = load_voice()
+MOTION = make_motion(VOICE, duration_s=28.0)
+SECONDS = 24
+DATAGRAM = 7 * 188
+
+
+class Transmitter(threading.Thread):
+    """Sends a transport stream at its own pace; can be silenced."""
+
+    def __init__(self, data: bytes, port: int) -> None:
+        super().__init__(daemon=True)
+        self._data, self._port = data, port
+        self.silent = threading.Event()
+        self.over = threading.Event()
+
+    def run(self) -> None:
+        begin = time.monotonic()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            for at in range(0, len(self._data), DATAGRAM):
+                due = begin + at / len(self._data) * SECONDS
+                if self.over.wait(max(0.0, due - time.monotonic())):
+                    return
+                if not self.silent.is_set():
+                    sender.sendto(self._data[at : at + DATAGRAM], ("127.0.0.1", self._port))
+
+
+STATUS = "document.getElementById('status').dataset.state"
+SAMPLES = """new Promise((resolve) => {
+    const found = [];
+    const look = (now, frame) => {
+        const shown = cuecast.drawn;
+        const due = frame.mediaTime + (shown.nowMs - frame.expectedDisplayTime) / 1000;
+        if (shown.visibility == 1) found.push([shown.timeS, due]);
+        if (found.length < 25) cuecast.video.requestVideoFrameCallback(look);
+        else resolve(JSON.stringify(found));
+    };
+    cuecast.video.requestVideoFrameCallback(look);
+})"""
+
+
+@pytest.mark.parametrize("fps", [25, 50])
+def test_a_broadcast_is_watched_lost_and_found(fps: int) -> None:
+    data = transport_stream(marked_noise(VOICE, MOTION, SECONDS), fps=fps)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    transmitter = Transmitter(data, port)
+
+    async def visit(page: Page) -> None:
+        await page.until("Boolean(window.cuecast)")
+        transmitter.start()
+        await page.until("cuecast.video.readyState >= 3")
+        await page.evaluate("cuecast.video.play()")
+        await page.until(f"{STATUS} == 'locked' && cuecast.drawn.visibility == 1")
+        samples = np.array(json.loads(await page.evaluate(SAMPLES)))
+        offset = np.abs(samples[:, 0] - samples[:, 1])
+        assert np.median(offset) <= 0.020
+        if fps == 25:
+            await page.screenshot(ARTEFACTS / "live.png")
+        transmitter.silent.set()
+        await page.until(f"{STATUS} == 'lost'")
+        before_s = await page.evaluate("cuecast.drawn.timeS")
+        transmitter.silent.clear()
+        await page.until(
+            f"{STATUS} != 'lost' && cuecast.drawn.visibility == 1"
+            f" && cuecast.drawn.timeS > {before_s} + 1"
+        )
+        figures = json.loads(
+            await page.evaluate("fetch('/status.json').then((a) => a.json()).then(JSON.stringify)")
+        )
+        assert figures["live"] is True
+        assert figures["viewers"] >= 2
+        assert figures["superframes_received_total"] > 5
+
+    async def main() -> None:
+        television = LiveTelevision(f"udp://127.0.0.1:{port}", VOICE)
+        try:
+            async with television.running() as address, browse(address) as page:
+                await visit(page)
+                assert page.errors == []
+        finally:
+            transmitter.over.set()
+
+    asyncio.run(asyncio.wait_for(main(), 120))
