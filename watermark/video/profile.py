@@ -39,7 +39,7 @@ class VideoProfile:
     l0_bytes, l1_bytes : int
         Payload of the two protection classes per superframe.
     l0_coded : int
-        Coded bits of the first class; 2048..4095, so that its mother code is that of the audio
+        Coded bits of the first class; 1024..2047, so that its mother code is that of the audio
         carrier and the ratios of both can be added.
     """
 
@@ -50,8 +50,8 @@ class VideoProfile:
     l0_coded: int
 
     def __post_init__(self) -> None:
-        if not 2048 <= self.l0_coded < 4096:
-            raise CueError(f"{self.l0_coded} coded bits of L0: must be 2048..4095")
+        if not 1024 <= self.l0_coded < 2048:
+            raise CueError(f"{self.l0_coded} coded bits of L0: must be 1024..2047")
 
     @property
     def l1_coded(self) -> int:
@@ -72,9 +72,9 @@ class VideoProfile:
 PROFILES: dict[str, VideoProfile] = {
     profile.name: profile
     for profile in (
-        VideoProfile("robust", 0, 20, 28, 3072),
-        VideoProfile("standard", 1, 20, 140, 2048),
-        VideoProfile("high", 2, 20, 300, 2048),
+        VideoProfile("robust", 0, 20, 28, 1984),
+        VideoProfile("standard", 1, 20, 140, 1536),
+        VideoProfile("high", 2, 20, 300, 1280),
     )
 }
 """Profiles by name; a profile's number is its place."""
