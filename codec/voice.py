@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from codec import layout
 from codec.errors import CueError, VoiceError
 from codec.gestures import GestureTable
+from codec.models.bridging import bridge
 from codec.models.face import N_FACE_PARAMETERS, FaceModel
 from codec.models.hand import N_HAND_PARAMETERS, HandModel
 from codec.models.inversion import invert_face, invert_hand
@@ -133,7 +134,9 @@ class Voice:
             World coordinates, millimetres; NaN marks a hidden marker.
         visible : array_like of bool, shape (T, 113), optional
             Default: every marker that is finite.
-        rate_hz, start_s, score
+        rate_hz : float
+            Frames per second; the frames are consecutive.
+        start_s, score
             Passed on to the motion.
         """
         x = np.asarray(markers, dtype=np.float64)
@@ -144,8 +147,12 @@ class Voice:
             seen &= np.asarray(visible, dtype=bool)
         x = np.where(seen[..., None], x, 0.0)
         params = np.empty((len(x), len(self.layout)), dtype=np.float32)
-        params[:, self.face_columns] = invert_face(self.face, x[:, _FACE], seen[:, _FACE])
-        params[:, self.hand_columns] = invert_hand(self.hand, x[:, _HAND], seen[:, _HAND])
+        face, of_face = x[:, _FACE], seen[:, _FACE]
+        found = invert_face(self.face, face, of_face)
+        params[:, self.face_columns] = bridge(self.face, face, of_face, found, rate_hz=rate_hz)
+        hand, of_hand = x[:, _HAND], seen[:, _HAND]
+        found = invert_hand(self.hand, hand, of_hand)
+        params[:, self.hand_columns] = bridge(self.hand, hand, of_hand, found, rate_hz=rate_hz)
         return Motion(params, rate_hz, start_s, self.layout, self.identity, score)
 
 

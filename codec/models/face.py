@@ -84,6 +84,11 @@ class FaceModel:
         """Number of all parameters: seven of the face, then nmF of the head."""
         return N_FACE_PARAMETERS + self.n_motion
 
+    @property
+    def deviations(self) -> NDArray[np.float32]:
+        """What the model leaves is taken for white noise: no common displacements."""
+        return np.zeros((0, layout.N_FACE, 3), dtype=np.float32)
+
     def motion(self, head: ArrayLike) -> NDArray[np.float64]:
         """Return the head's motion ``mvt`` of head parameters (T, nmF), shape (T, 6)."""
         return self.motion_mean + np.asarray(head, dtype=np.float64) @ self.motion_directions

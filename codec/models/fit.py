@@ -11,16 +11,20 @@ from codec.gestures import N_SHAPES, GestureTable
 from codec.models import rigid
 from codec.models.face import N_FACE_PARAMETERS, FaceModel
 from codec.models.fit_face import fit_face
-from codec.models.fit_hand import fit_hand
+from codec.models.fit_hand import LEAST_FRAMES, fit_hand
 from codec.models.hand import N_HAND_PARAMETERS, HandModel
-from codec.models.inversion import invert_face, invert_hand
+from codec.models.inversion import (
+    FOREARM_COLUMNS,
+    RIGID_FACE_COLUMNS,
+    invert_face,
+    invert_hand,
+)
 from codec.models.pca import single
 from codec.phonology import PHONES
 from codec.score import PLACEMENTS
 from codec.voice import Voice
 
 UNLABELLED = -1
-_LEAST_FRAMES = 200
 _LEVER_MM = 100.0
 _FACE = slice(0, layout.N_FACE)
 _HAND = slice(layout.N_FACE, layout.N_FACE + layout.N_HAND)
@@ -59,8 +63,8 @@ class TrainingSet:
                 raise CueError(f"training labels {name} do not fit {len(markers)} frames")
             object.__setattr__(self, name, labels)
 
-    def complete(self, group: slice) -> NDArray[np.float64]:
-        """Return the markers of `group` in the frames that show them all."""
+    def complete(self, group: slice | NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return the markers `group` in the frames that show them all."""
         part = self.markers[:, group]
         return part[np.isfinite(part).all((1, 2))].astype(np.float64)
 
@@ -86,19 +90,19 @@ def fit_voice(name: str, *, hand: TrainingSet, face: TrainingSet, joint: Trainin
     Raises
     ------
     CueError
-        If a set has no complete frames, or a shape, placement or phone was never labelled.
+        If hardly any frame shows the whole face or hand, or a shape, placement or phone was
+        never labelled.
 
     Notes
     -----
     Gibert, Bailly, Elisei 2004, sections 2 and 3.
     """
     faces = np.concatenate([face.complete(_FACE), joint.complete(_FACE)])
-    hands = np.concatenate([hand.complete(_HAND), joint.complete(_HAND)])
-    for what, frames in (("face", faces), ("hand", hands)):
-        if len(frames) < _LEAST_FRAMES:
-            raise CueError(f"{len(frames)} complete frames of the {what}, {_LEAST_FRAMES} needed")
-    face_model = fit_face(faces, joint.complete(_FACE))
-    hand_model = fit_hand(hands, joint.complete(_HAND))
+    if len(faces) < LEAST_FRAMES:
+        raise CueError(f"{len(faces)} complete frames of the face, {LEAST_FRAMES} needed")
+    hands = np.concatenate([hand.markers, joint.markers])[:, _HAND].astype(np.float64)
+    face_model = fit_face(faces, joint.complete(RIGID_FACE_COLUMNS))
+    hand_model = fit_hand(hands, joint.complete(layout.N_FACE + FOREARM_COLUMNS))
     gestures = estimate_gestures(face_model, hand_model, [hand, face, joint])
     return Voice(name, face_model, hand_model, gestures)
 

@@ -41,21 +41,21 @@ GUIDES = [
 lip, upper lip, corners, throat, and what is left."""
 
 
-def fit_face(markers: NDArray[np.float64], motion_frames: NDArray[np.float64]) -> FaceModel:
+def fit_face(markers: NDArray[np.float64], skull: NDArray[np.float64]) -> FaceModel:
     """Learn a face model.
 
     Parameters
     ----------
     markers : ndarray of float64, shape (N, 63, 3)
         Frames of speech, world coordinates, millimetres, every marker seen.
-    motion_frames : ndarray of float64, shape (M, 63, 3)
-        Frames whose head motion is to be covered (corpus 3).
+    skull : ndarray of float64, shape (M, 10, 3)
+        Ears, nose and forehead in frames whose motion is to be covered (corpus 3), all seen.
 
     Returns
     -------
     FaceModel
     """
-    _, motion = rigid.mean_body(np.concatenate([markers, motion_frames])[:, RIGID_FACE_COLUMNS])
+    _, motion = rigid.mean_body(np.concatenate([markers[:, RIGID_FACE_COLUMNS], skull]))
     pivot = motion[:, 3:].mean(0)
     motion[:, 3:] -= pivot
     lever = float(np.sqrt(((markers.mean(0) - pivot) ** 2).sum(-1).mean()))

@@ -42,6 +42,10 @@ class HandModel:
         Rotation vector (radians) and translation (mm) at forearm parameters 0 (``mean_mH``).
     motion_directions : ndarray of float32, shape (nmH, 6)
         Motion per unit of each forearm parameter (``eigv_mH``).
+    deviations : ndarray of float32, shape (S, 50, 3)
+        What the model leaves, as independent displacements of one standard deviation each:
+        sliding skin moves neighbouring markers together. Inversion expects them, they are never
+        drawn.
     """
 
     angle_mean: NDArray[np.float32]
@@ -50,6 +54,7 @@ class HandModel:
     pivot: NDArray[np.float32]
     motion_mean: NDArray[np.float32]
     motion_directions: NDArray[np.float32]
+    deviations: NDArray[np.float32]
 
     def __post_init__(self) -> None:
         angles = self.angle_mean.size
@@ -60,6 +65,7 @@ class HandModel:
             "pivot": (3,),
             "motion_mean": (6,),
             "motion_directions": (self.n_motion, 6),
+            "deviations": (len(self.deviations), layout.N_HAND, 3),
         }
         for name, shape in expected.items():
             array = np.ascontiguousarray(getattr(self, name), dtype=np.float32)

@@ -1,8 +1,11 @@
 """Inversion: model parameters from the markers that are seen, and so the hidden ones too.
 
 Masked nonlinear least squares, all frames at once (Gauss-Newton). A weak prior (parameters have
-unit variance) holds what the visible markers do not determine; markers far from the fit lose
-weight (Geman-McClure), so that swapped markers and ghosts do not pull.
+unit variance) holds what the markers do not determine; markers far from the fit lose weight
+(Geman-McClure), so that swapped markers and ghosts do not pull. What the model leaves is not
+white: neighbouring markers slide together. Where markers are hidden these deviations count as
+correlated noise, so that the visible ones are not trusted beyond their worth; if all are seen,
+plain least squares draws them most closely.
 """
 
 from typing import Protocol
@@ -19,16 +22,20 @@ RIGID_FACE_COLUMNS = np.array([layout.FACE_MARKERS.index(name) for name in layou
 FOREARM_COLUMNS = np.array([layout.HAND_MARKERS.index(name) for name in layout.FOREARM])
 
 _BLOCK = 256
-_STEPS = 8
+_STEPS = 6
 _PLAIN_STEPS = 1
 _LONGEST_STEP = 3.0
-_TOLERANCE = 0.01
-_NOISE_MM = 1.0
+_TOLERANCE = 0.02
+_NOISE_MM2 = 0.3
 _SUSPECT_MM = 8.0
 
 
 class MarkerModel(Protocol):
     """What inversion needs of a model."""
+
+    @property
+    def deviations(self) -> NDArray[np.float32]:
+        """Correlated noise, shape (S, K, 3)."""
 
     @property
     def n_parameters(self) -> int:
@@ -48,8 +55,6 @@ def invert(
     markers: NDArray[np.float64],
     visible: NDArray[np.bool_],
     start: NDArray[np.float64],
-    *,
-    prior: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """Return the parameters that explain the visible markers best.
 
@@ -61,18 +66,16 @@ def invert(
     visible : ndarray of bool, shape (T, K)
     start : ndarray of float64, shape (T, P)
         First guess, for example from `starting_motion`.
-    prior : ndarray of float64, shape (P,), optional
-        Strength of the pull of each parameter towards 0, in units of 1 mm² of one coordinate.
 
     Returns
     -------
     ndarray of float64, shape (T, P)
     """
-    pull = np.full(model.n_parameters, _NOISE_MM**2) if prior is None else prior
     out = np.array(start, dtype=np.float64)
+    deviations = model.deviations if not visible.all() else model.deviations[:0]
     for begin in range(0, len(out), _BLOCK):
         block = slice(begin, begin + _BLOCK)
-        _solve(model, markers[block], visible[block], out[block], pull)
+        _solve(model, markers[block], visible[block], out[block], deviations)
     return out
 
 
@@ -148,7 +151,7 @@ def _solve(
     markers: NDArray[np.float64],
     visible: NDArray[np.bool_],
     parameters: NDArray[np.float64],
-    pull: NDArray[np.float64],
+    deviations: NDArray[np.float32],
 ) -> None:
     """Improve `parameters` in place until no frame moves by more than the tolerance.
 
@@ -157,15 +160,13 @@ def _solve(
     active = np.arange(len(parameters))
     for step in range(_STEPS):
         now, seen, at = markers[active], visible[active], parameters[active]
-        slopes = model.slopes(at).reshape(len(active), len(pull), -1)
-        weight = _weights(model.residual(at, now), seen, robust=step >= _PLAIN_STEPS)
-        weighted = slopes * np.repeat(weight, 3, axis=1)[:, None]
-        normal = (weighted @ np.swapaxes(slopes, 1, 2)).astype(np.float64)
-        inverse = np.linalg.inv(normal + np.diag(pull))
+        weight = marker_weights(model.residual(at, now), seen, robust=step >= _PLAIN_STEPS)
+        projection, normal = normal_equations(model, at, weight, deviations)
+        inverse = np.linalg.inv(normal + _NOISE_MM2 * np.eye(at.shape[1]))
         for _ in range(2):
-            residual = model.residual(at, now)
-            projected = weighted @ residual.reshape(len(at), -1, 1).astype(np.float32)
-            update = (inverse @ (projected - (pull * at)[..., None]))[..., 0]
+            residual = model.residual(at, now).reshape(len(at), -1, 1).astype(np.float32)
+            gradient = (projection @ residual)[..., 0] - _NOISE_MM2 * at
+            update = (inverse @ gradient[..., None])[..., 0]
             # Longer steps leave the range in which the slopes hold.
             longest = np.abs(update).max(1, keepdims=True)
             at = at + update * np.minimum(1.0, _LONGEST_STEP / np.maximum(longest, 1e-12))
@@ -177,9 +178,46 @@ def _solve(
             return
 
 
-def _weights(
+def normal_equations(
+    model: MarkerModel,
+    parameters: NDArray[np.float64],
+    weight: NDArray[np.float32],
+    deviations: NDArray[np.float32],
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Return what projects residuals onto the parameters, and the normal matrix.
+
+    The amplitudes of the deviations are eliminated (Schur complement): with J the slopes, B the
+    deviations, W the weights and λ the white noise, the projection is
+    JᵀW - JᵀWB (BᵀWB + λ)⁻¹ BᵀW and the normal matrix is the projection times J.
+
+    Parameters
+    ----------
+    model : MarkerModel
+    parameters : ndarray of float64, shape (T, P)
+    weight : ndarray of float32, shape (T, K)
+    deviations : ndarray of float32, shape (S, K, 3)
+
+    Returns
+    -------
+    projection : ndarray of float32, shape (T, P, 3 K)
+    normal : ndarray of float64, shape (T, P, P)
+    """
+    frames = len(parameters)
+    slopes = model.slopes(parameters).reshape(frames, parameters.shape[1], -1)
+    per_coordinate = np.repeat(weight, 3, axis=1)[:, None]
+    projection = slopes * per_coordinate
+    if len(deviations):
+        flat = deviations.reshape(len(deviations), -1)
+        weighted = flat * per_coordinate
+        inner = weighted @ flat.T + np.float32(_NOISE_MM2) * np.eye(len(flat), dtype=np.float32)
+        projection -= projection @ flat.T @ np.linalg.inv(inner) @ weighted
+    return projection, (projection @ np.swapaxes(slopes, 1, 2)).astype(np.float64)
+
+
+def marker_weights(
     residual: NDArray[np.float64], visible: NDArray[np.bool_], *, robust: bool
 ) -> NDArray[np.float32]:
+    """Return how much each marker counts, shape (T, K): 0 if hidden, little if far off."""
     weight = visible.astype(np.float32)
     if robust:
         weight /= (1 + (residual**2).sum(-1).astype(np.float32) / _SUSPECT_MM**2) ** 2

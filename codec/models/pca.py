@@ -10,6 +10,7 @@ from codec.errors import CueError
 
 EXPLAINED = 0.99
 MOTION_LEFT_MM = 1.0
+N_DEVIATIONS = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +103,26 @@ def motion_components(motion: NDArray[np.float64], lever_mm: float) -> Component
     power = float((((motion - components.mean) * scale) ** 2).sum(1).mean())
     share = max(EXPLAINED, 1 - MOTION_LEFT_MM**2 / max(power, MOTION_LEFT_MM**2))
     return components.truncated(max(1, components_for(components.explained, share)))
+
+
+def deviation_components(
+    residual: NDArray[np.float64], count: int = N_DEVIATIONS
+) -> NDArray[np.float64]:
+    """Return the directions of what a model leaves, mightiest first.
+
+    Parameters
+    ----------
+    residual : ndarray of float64, shape (N, K, 3)
+        Millimetres.
+    count : int
+
+    Returns
+    -------
+    ndarray of float64, shape (S, K, 3), S <= count
+        One standard deviation each.
+    """
+    components, _ = principal_components(residual.reshape(len(residual), -1))
+    return components.directions[:count].reshape(-1, *residual.shape[1:])
 
 
 def guided_components(

@@ -95,8 +95,10 @@ def motion_slopes(
     ndarray of float64, shape (T, n, K, 3)
         d(R p + t) / d parameter, turned back by R.
     """
-    turn = np.einsum("tkij,nkj->tnki", right_jacobians(motion[..., :3]), directions[..., :3])
-    shift = np.einsum("tkji,nkj->tnki", rotation_matrices(motion[..., :3]), directions[..., 3:])
+    back = np.swapaxes(rotation_matrices(motion[..., :3]), -1, -2)
+    by_direction = np.moveaxis(directions.astype(np.float64), 0, -1)
+    turn = np.moveaxis(right_jacobians(motion[..., :3]) @ by_direction[:, :3], -1, 1)
+    shift = np.moveaxis(back @ by_direction[:, 3:], -1, 1)
     p = points[:, None]
     out = np.empty((len(points), len(directions), *points.shape[1:]))
     out[..., 0] = turn[..., 1] * p[..., 2] - turn[..., 2] * p[..., 1] + shift[..., 0]
