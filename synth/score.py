@@ -14,7 +14,8 @@ from synth.timing import FASTEST, Fit, fit, on_grid, speak
 Lexicon = Mapping[str, tuple[Variant, ...]]
 Warn = Callable[[str], None]
 
-_log = logging.getLogger(__name__)
+log_warning: Warn = logging.getLogger(__name__).warning
+"""Where warnings go when the caller says nothing else."""
 
 
 def score_from_text(
@@ -55,7 +56,7 @@ def score_from_subtitles(
     options: CueingOptions = DEFAULT_OPTIONS,
     style: Style = DEFAULT_STYLE,
     user_lexicon: Lexicon | None = None,
-    warn: Warn = _log.warning,
+    warn: Warn = log_warning,
 ) -> Score:
     """Return the score of a programme's subtitles, each spoken in its interval.
 
@@ -88,7 +89,7 @@ def stream_score(
     options: CueingOptions = DEFAULT_OPTIONS,
     style: Style = DEFAULT_STYLE,
     user_lexicon: Lexicon | None = None,
-    warn: Warn = _log.warning,
+    warn: Warn = log_warning,
 ) -> Iterator[Score]:
     """Yield the score of `score_from_subtitles` in pieces between pauses, in constant memory.
 
@@ -113,7 +114,7 @@ def phones_of_subtitles(
     *,
     style: Style = DEFAULT_STYLE,
     user_lexicon: Lexicon | None = None,
-    warn: Warn = _log.warning,
+    warn: Warn = log_warning,
 ) -> Iterator[Phone]:
     """Yield the phones of subtitles that are sorted by start, none before its predecessor's end.
 

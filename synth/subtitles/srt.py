@@ -69,4 +69,4 @@ def clock_s(fields: tuple[str | None, ...], number: int) -> float:
     if minutes > 59 or seconds > 59:
         raise CueError(f"line {number}: {minutes} min {seconds} s: a field exceeds 59")
     whole = hours * 3600 + minutes * 60 + seconds
-    return whole + int((fields[3] or "0").ljust(3, "0")) / 1000
+    return (whole * 1000 + int((fields[3] or "0").ljust(3, "0"))) / 1000

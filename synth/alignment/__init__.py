@@ -1,0 +1,1 @@
+"""Forced alignment: where in a recording the phones of its text are spoken."""
