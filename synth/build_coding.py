@@ -30,16 +30,20 @@ PAUSES_S = (0.3, 0.6, 1.2, 2.0)
 PACES = (0.85, 1.25, 1.6)
 """Factors on the lengths of phones in further scores for the format's tables."""
 
+HELD_OUT_EVERY = 8
+"""One sentence of so many is kept from training, for `cuecast evaluate codec`."""
+
 _UNEVENNESS = 0.4
 """Standard deviation of the logarithm of a phone's length about its prediction, read speech."""
 
 _TAIL_S = 1.5
 
 
-def sentences() -> list[str]:
-    """Return the sentences that come with the package."""
+def sentences(*, held_out: bool = False) -> list[str]:
+    """Return the sentences that come with the package for training, or those kept from it."""
     text = resources.files("synth").joinpath("assets/sentences.txt").read_text(encoding="utf-8")
-    return [line for line in text.splitlines() if line and not line.startswith("#")]
+    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
+    return [line for i, line in enumerate(lines) if (i % HELD_OUT_EVERY == 0) == held_out]
 
 
 def recital(texts: Sequence[str], *, seed: int = 0, start_s: float = 1.0) -> Score:

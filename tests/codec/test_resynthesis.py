@@ -1,0 +1,128 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from codec.coding import coding_for, derive_coding, load_coding, save_coding
+from codec.cueing import cue
+from codec.errors import VoiceError
+from codec.joining import join
+from codec.motion import Motion
+from codec.resynthesis import (
+    N_KEYS,
+    PARTS,
+    Targets,
+    key_weights,
+    movements,
+    phone_weights,
+    resynthesise,
+)
+from codec.score import Phone, Score
+from codec.score_coding import ScorePart, part_of
+from codec.timeline import TICKS, to_line
+from codec.train_voice import train_coding
+from codec.voice import Voice
+
+WORDS = ["b", "a", "l", "i", "s", "u"]
+
+
+def parts_of_phones(
+    symbols: list[str], start_tick: int = 40, length: int = 6
+) -> dict[int, ScorePart]:
+    phones = [
+        Phone(s, 0.02 * (start_tick + i * length), 0.02 * (start_tick + (i + 1) * length))
+        for i, s in enumerate(symbols)
+    ]
+    line = to_line(Score(tuple(phones), tuple(cue(phones))))
+    return {k: part_of(line, k) for k in range(-1, 8)}
+
+
+def test_movements_follow_the_stated_times() -> None:
+    parts = parts_of_phones(WORDS)
+    moves = movements(join(parts), parts)
+    # Rest, three keys of 12 ticks, rest: paragraphs P1 to P3 by hand.
+    assert moves.key.tolist() == [0, 6 * 4 + 1, 6 * 6 + 2, 6 * 3 + 3, 0]
+    assert moves.leave[1:].tolist() == [4000 - 2250, 5200 - 744, 6400 - 744, 7600 + 400]
+    assert moves.reach[1:].tolist() == [4000 + 96, 5200 + 96, 6400 + 96, 7600 + 400 + 2750]
+
+
+def test_weights_are_shares() -> None:
+    parts = parts_of_phones(WORDS)
+    line = join(parts)
+    weights = key_weights(movements(line, parts), 0, 160)
+    for rows in (weights.fingers, weights.carrier, phone_weights(line, 0, 160)):
+        assert rows.min() >= -1e-12
+        np.testing.assert_allclose(rows.sum(axis=1), 1)
+    # At rest before, on the second key while it is held, at rest long after.
+    assert weights.carrier[0, 0] == 1
+    assert weights.carrier[54, 6 * 6 + 2] == pytest.approx(1, abs=0.02)
+    assert weights.carrier[150, 0] == 1
+    assert weights.carrier.shape == (160, N_KEYS)
+
+
+def test_the_past_does_not_depend_on_the_future() -> None:
+    """Frames of a superframe are the same from any window that holds its neighbours."""
+    parts = parts_of_phones(WORDS * 3, start_tick=10, length=5)
+    table = Targets(
+        np.random.default_rng(0).normal(size=(N_KEYS, 12)), np.zeros((N_KEYS, 2)),
+        np.random.default_rng(1).normal(size=(N_KEYS, 3)), np.array([0.1, 0.0, 0.2]),
+        np.random.default_rng(2).normal(size=(38, 7)),
+    )  # fmt: skip
+    whole = resynthesise(join(parts), parts, table, 0, 5 * TICKS)
+    for k in range(1, 4):
+        near = {i: parts[i] for i in (k - 1, k, k + 1)}
+        block = resynthesise(join(near), near, table, k * TICKS, TICKS)
+        np.testing.assert_allclose(block, whole[k * TICKS : (k + 1) * TICKS], atol=1e-3)
+
+
+def test_silence_is_rest() -> None:
+    moves = movements([], {})
+    assert moves.key.tolist() == [0]
+    assert key_weights(moves, 0, 3).carrier[:, 0].tolist() == [1, 1, 1]
+    assert phone_weights([], 0, 3)[:, 0].tolist() == [1, 1, 1]
+    assert PARTS == 100
+
+
+def test_trained_tables_predict_better_than_derived_ones(toy_voice: Voice) -> None:
+    rng = np.random.default_rng(7)
+    hidden = derive_coding(toy_voice).targets
+    other = Targets(
+        hidden.hand + 0.5 * rng.normal(size=hidden.hand.shape), hidden.head,
+        hidden.forearm + 0.5 * rng.normal(size=hidden.forearm.shape), hidden.arc + 0.05,
+        hidden.face + 0.3 * rng.normal(size=hidden.face.shape),
+    )  # fmt: skip
+    phones = [
+        Phone(s, 0.5 + 0.12 * i, 0.62 + 0.12 * i)
+        for i, s in enumerate(rng.choice(["b", "a", "l", "i", "s", "u", "e", "g"], 250))
+    ]
+    score = Score(tuple(phones), tuple(cue(phones)))
+    line = to_line(score)
+    known = {k: part_of(line, k) for k in range(-1, 50)}
+    params = resynthesise(join(known), known, other, 0, 48 * TICKS)
+    params += 0.02 * rng.normal(size=params.shape)
+    motion = Motion(params.astype(np.float32), 50, 0.0, toy_voice.layout, toy_voice.identity, score)
+    trained = train_coding(toy_voice, [motion])
+    errors = [
+        np.abs(resynthesise(join(known), known, targets, 0, 48 * TICKS) - params).mean()
+        for targets in (hidden, trained.targets)
+    ]
+    # Measured: 0.31 and 0.04.
+    assert errors[1] < 0.3 * errors[0]
+
+
+def test_tables_survive_their_file(toy_voice: Voice, tmp_path: Path) -> None:
+    coding = coding_for(toy_voice)
+    path = tmp_path / "tables.npz"
+    save_coding(coding, path)
+    again = load_coding(path, toy_voice)
+    np.testing.assert_array_equal(again.residual.scales, coding.residual.scales)
+    np.testing.assert_allclose(again.residual.matrix, coding.residual.matrix, rtol=1e-6)
+    np.testing.assert_allclose(again.targets.hand, coding.targets.hand, rtol=1e-6)
+
+
+def test_tables_of_another_voice_are_refused(toy_voice: Voice, tmp_path: Path) -> None:
+    path = tmp_path / "tables.npz"
+    save_coding(replace(coding_for(toy_voice), voice="0" * 16), path)
+    with pytest.raises(VoiceError, match="coding tables of voice 0000000000000000"):
+        load_coding(path, toy_voice)
