@@ -3,7 +3,7 @@
 In: what the receivers of both carriers hand out, with the log-likelihood ratios of superframes that
 failed; out: superframes whose first class needed both. Both carriers use the same mother code for
 L0 (`watermark.polar`), so their ratios are folded onto it and add. Specification:
-spec/video-carrier.md, section B.6.
+spec/video-carrier.md, section 7.
 """
 
 from collections import deque

@@ -1,7 +1,7 @@
 """The line as a carrier of superframes: marking frames of a programme and reading them again.
 
 In: frames of luma; out: the same frames with their first two lines replaced, and the superframes
-found. Specification: spec/video-carrier.md, part A.
+found. Specification: spec/a335-carrier.md.
 """
 
 from collections import deque

@@ -3,7 +3,7 @@
 Systematic Cauchy Reed-Solomon code over GF(256) with x^8 + x^4 + x^3 + x^2 + 1: parts 0..k-1 are
 the data, part k + i weighs data j with 1 / ((255 - i) + j), "+" being the field's addition.
 Source: Bloemer et al., "An XOR-based erasure-resilient coding scheme", 1995. Specification:
-spec/video-carrier.md, section A.4.
+spec/a335-carrier.md, section 4.
 """
 
 from collections.abc import Mapping

@@ -1,7 +1,7 @@
 """A superframe as the lines' message bodies, and back from those that arrived.
 
 In: the two classes of a superframe; out: one message block per frame; and back from any
-sufficient set of blocks. Specification: spec/video-carrier.md, sections A.3 and A.4.
+sufficient set of blocks. Specification: spec/a335-carrier.md, sections 3 and 4.
 """
 
 import zlib

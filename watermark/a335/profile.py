@@ -1,6 +1,6 @@
 """How superframes ride in the line: which modulation, which message form, how many bytes.
 
-Specification: spec/video-carrier.md, section A.3. The profile follows from what a receiver sees
+Specification: spec/a335-carrier.md, section 3. The profile follows from what a receiver sees
 (run-in and message identifier), so nothing needs to be announced.
 """
 

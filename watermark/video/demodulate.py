@@ -1,7 +1,7 @@
 """From a window's mean amplitudes to one log-likelihood ratio per coded bit.
 
 Values that moved during the window are trusted less; how much is scaled by the pilots, whose bits
-are known. Specification: spec/video-carrier.md, section B.5.
+are known. Specification: spec/video-carrier.md, section 6.
 """
 
 from dataclasses import dataclass

@@ -2,7 +2,7 @@
 
 Each superframe is one pattern, constant between fades; its amplitudes move the mean projection of
 every cell over the superframe onto the lattice point of the cell's bit. Specification:
-spec/video-carrier.md, section B.
+spec/video-carrier.md.
 """
 
 from collections import deque

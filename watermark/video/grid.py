@@ -2,7 +2,7 @@
 
 In: luma; out: the amplitude of each template in each cell; and back from amplitudes to a pattern.
 The grid is 80 x 45 whatever the size of the picture, so scaling keeps it. Specification:
-spec/video-carrier.md, section B.3.
+spec/video-carrier.md, section 3.
 """
 
 from typing import Any

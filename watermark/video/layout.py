@@ -1,6 +1,6 @@
 """Seeded layout of a superframe's values: dither, pilots, interleaver.
 
-Specification: spec/video-carrier.md, section B.4. Pseudorandom numbers come from the named streams
+Specification: spec/video-carrier.md, section 5. Pseudorandom numbers come from the named streams
 of `watermark.layout`.
 """
 

@@ -1,6 +1,6 @@
 """Constants of the video carrier, gathered in one frozen value per profile.
 
-Specification: spec/video-carrier.md, sections B.1 and B.2.
+Specification: spec/video-carrier.md, sections 1 and 2.
 """
 
 from dataclasses import dataclass

@@ -2,7 +2,7 @@
 
 Pilots are watched at every frame; where their agreement peaks, a superframe's window ends there
 and is decoded. Once locked, superframes are also read where they are due. Specification:
-spec/video-carrier.md, section B.5.
+spec/video-carrier.md, section 6.
 """
 
 from collections import deque

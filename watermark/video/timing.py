@@ -1,4 +1,4 @@
-"""Where a frame stands in its superframe. Specification: spec/video-carrier.md, section B.2."""
+"""Where a frame stands in its superframe. Specification: spec/video-carrier.md, section 2."""
 
 from dataclasses import dataclass
 from fractions import Fraction

@@ -1,0 +1,75 @@
+"""Sections 2, 3, 5 and the hard decisions of 6 of spec/video-carrier.md, from the text."""
+
+import hashlib
+import math
+
+STEP = 2.5
+ROWS, COLUMNS = 45, 80
+VALUES = 2 * ROWS * COLUMNS
+PILOTS = 320
+
+
+def words(purpose: str, key: int, count: int) -> list[int]:
+    """(V13) Words of a stream."""
+    raw = hashlib.shake_256(f"cuecast audio 1/{purpose}/{key}".encode("ascii")).digest(4 * count)
+    return [int.from_bytes(raw[4 * i : 4 * i + 4], "little") for i in range(count)]
+
+
+def dither(key: int) -> list[float]:
+    """(V14) Dither of every value."""
+    return [word / 2**32 for word in words("video dither", key, VALUES)]
+
+
+def positions(key: int) -> tuple[list[int], list[int]]:
+    """(V15) Values of the pilots and of the data."""
+    order = words("video positions", key, VALUES)
+    ranked = sorted(range(VALUES), key=lambda i: (order[i], i))
+    return sorted(ranked[:PILOTS]), ranked[PILOTS:]
+
+
+def pilot_bits(number: int, key: int, superframe: int) -> list[int]:
+    """(V16) Bits of the pilots of a superframe."""
+    return [(word ^ superframe) & 1 for word in words(f"video pilot bits {number}", key, PILOTS)]
+
+
+def share(frame: int, fps: float) -> tuple[int, float]:
+    """(V3, V4) Superframe of a frame and the part of its pattern that the frame bears."""
+    time = (frame + 0.5) / fps / 0.64
+    superframe, phase = int(time), time - int(time)
+    return superframe, min(1.0, 0.5 + 4 * min(phase, 1 - phase))
+
+
+def window(superframe: int, fps: float) -> range:
+    """(V5) Frames of a superframe's window."""
+    length = round(0.48 * fps)
+    start = round(0.64 * fps * superframe + (0.64 * fps - length) / 2)
+    return range(start, start + length)
+
+
+def amplitude(luma: list[list[int]], value: int) -> float:
+    """(V7 to V10) Amplitude of one template in one cell of a picture of 8 bits."""
+    template, row, column = value // (ROWS * COLUMNS), value // COLUMNS % ROWS, value % COLUMNS
+    across = _places(len(luma[0]), COLUMNS, column)
+    down = _places(len(luma), ROWS, row)
+    dipole = across if template == 0 else down
+    mean = sum(math.sin(2 * math.pi * p) for p in dipole.values()) / len(dipole)
+    total = norm = 0.0
+    for y, b in down.items():
+        for x, a in across.items():
+            first, second = (a, b) if template == 0 else (b, a)
+            weight = (math.sin(2 * math.pi * first) - mean) * math.sin(math.pi * second) ** 2
+            total += luma[y][x] * weight
+            norm += weight**2
+    return total / norm
+
+
+def _places(size: int, cells: int, cell: int) -> dict[int, float]:
+    """(V7) Pixels of a cell along one axis and their places in it."""
+    places = {x: (x + 0.5) * cells / size for x in range(size)}
+    return {x: u - cell for x, u in places.items() if int(u) == cell}
+
+
+def hard_bit(mean_amplitude: float, dither_of_value: float) -> int:
+    """(V11) The bit whose lattice is nearer."""
+    place = (mean_amplitude / STEP - dither_of_value) * 2
+    return round(place) % 2
