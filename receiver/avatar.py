@@ -91,6 +91,12 @@ class Avatar:
         Vertices of the head's coarse mesh that closing eyes move.
     blink : ndarray, shape (B, 3)
         How far they go.
+    unit_names : tuple of str
+        ARKit's names of the units of the face that markers can see.
+    unit_rest : ndarray, shape (63, 3)
+        The face markers of a neutral face, head at rest.
+    units : ndarray, shape (U, 63, 3)
+        How each unit moves them at weight 1.
     """
 
     voice: Voice
@@ -99,6 +105,9 @@ class Avatar:
     head_weights: FloatArray
     blink_vertices: NDArray[np.int64]
     blink: FloatArray
+    unit_names: tuple[str, ...]
+    unit_rest: FloatArray
+    units: FloatArray
 
     @property
     def triangles(self) -> NDArray[np.int64]:
@@ -186,10 +195,12 @@ def load_avatar(voice: Voice) -> Avatar:
         still = np.zeros((1, voice.hand.n_shape))
         hand = _surface(arrays, "hand", voice.hand.shape(still)[0])
         weights = arrays["head_weights"][head.sources] / 255
-        turn, _ = _fit(arrays["head_markers"], voice.face.mean, "head")
+        turn, shift = _fit(arrays["head_markers"], voice.face.mean, "head")
         return Avatar(
             voice, head, hand, (weights * head.shares[..., None]).sum(axis=1),
             arrays["blink_vertices"].astype(np.int64), arrays["blink"] @ turn,
+            tuple(map(str, arrays["unit_names"])), arrays["unit_rest"] @ turn + shift,
+            arrays["units"] @ turn,
         )  # fmt: skip
     except (KeyError, ValueError, IndexError) as error:
         raise CueError(f"{path}: damaged avatar: {error!r}") from error

@@ -31,6 +31,7 @@ from synth.score import score_from_text
 
 FACE_RANK, HAND_RANK = 10, 16
 _RATE_HZ = 12.5
+_LARYNX = "larynxRaise"
 _RIDGE_MM2 = 0.02
 _LESSON = (
     "Bonjour, nous parlons ici de la météo du jour, avec un grand plaisir et beaucoup de soleil "
@@ -84,12 +85,21 @@ class Avatar:
         Share of the head's turn and shift that each control vertex of the head follows.
     blink : ndarray, shape (V, 3)
         Displacement of the head's control vertices when the eyes are closed.
+    unit_names : tuple of str
+        Of the face units that ARKit knows and markers see.
+    unit_rest : ndarray, shape (63, 3)
+        Markers of the neutral face in the frame of the voice's face model.
+    units : ndarray, shape (U, 63, 3)
+        Displacement of the markers by each unit.
     """
 
     head: Limb
     hand: Limb
     head_weights: FloatArray
     blink: FloatArray
+    unit_names: tuple[str, ...]
+    unit_rest: FloatArray
+    units: FloatArray
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays of the asset (`receiver.avatar` reads them)."""
@@ -99,6 +109,9 @@ class Avatar:
             "head_weights": np.rint(255 * self.head_weights).astype(np.uint8),
             "blink_vertices": lids.astype(np.uint16),
             "blink": self.blink[lids].astype(np.float32),
+            "unit_names": np.array(self.unit_names),
+            "unit_rest": self.unit_rest.astype(np.float32),
+            "units": self.units.astype(np.float32),
         }  # fmt: skip
 
 
@@ -132,7 +145,20 @@ def build_avatar(folder: Path, cuer: str) -> Avatar:
     joints = np.array([mesh.joints["wrist.R"][0], mesh.joints["lowerarm01.R"][0]])
     part = hand_part(quads, mesh.vertices, hand, joints)
     weights, blink = _weights_and_blink(mesh, head.control, body, voice)
-    return Avatar(head, _hand(mesh, part, body, voice, origin), weights, blink)
+    limb = _hand(mesh, part, body, voice, origin)
+    return Avatar(head, limb, weights, blink, *_arkit_units(body, voice))
+
+
+def _arkit_units(body: Body, voice: Voice) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
+    """Return names, neutral markers and displacements of the units that ARKit knows."""
+    known = [i for i, name in enumerate(body.unit_names) if name != _LARYNX]
+    poses = np.concatenate([np.zeros((1, len(body.unit_names))), np.eye(len(body.unit_names))])
+    markers = body.face_skin.rest + np.tensordot(poses, body.units, axes=1)
+    reference = voice.face.mean.astype(np.float64)
+    rest = markers[:1]
+    _, seen = _aligned(np.repeat(rest, len(poses), axis=0), markers, reference, _RIGID)
+    names = tuple(body.unit_names[i] for i in known)
+    return names, seen[0], seen[1:][known] - seen[0]
 
 
 def _arm_share(mesh: Mesh) -> FloatArray:

@@ -1,0 +1,1 @@
+"""Motion for other programs: C3D, TRC, CSV, glTF, ARKit weights."""

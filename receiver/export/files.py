@@ -1,0 +1,70 @@
+"""Writing a motion into a file of another program, chosen by the file's name."""
+
+import os
+import tempfile
+from pathlib import Path
+
+from codec.errors import CueError, VoiceError
+from codec.motion import Motion
+from codec.voice import Voice
+from receiver.avatar import load_avatar
+from receiver.export.arkit import live_link_csv
+from receiver.export.gltf import glb
+from receiver.export.markers import marker_csv, trc, write_c3d
+
+EXPORT_SUFFIXES = (".c3d", ".trc", ".csv", ".glb", ".arkit.csv")
+"""Endings of file names that `export_motion` knows."""
+
+
+def export_motion(motion: Motion, voice: Voice, path: str | os.PathLike[str]) -> None:
+    """Write a motion as markers (C3D, TRC, CSV), avatar (GLB) or ARKit weights (.arkit.csv).
+
+    Parameters
+    ----------
+    motion : Motion
+    voice : Voice
+        The voice that made it.
+    path : path
+        Its ending is one of `EXPORT_SUFFIXES`.
+
+    Raises
+    ------
+    CueError
+        If the ending is unknown, the voice has no avatar where one is needed, or a library for
+        the format is missing.
+    VoiceError
+        If the motion belongs to another voice.
+    """
+    target = Path(path)
+    if motion.voice != voice.identity:
+        raise VoiceError(f"motion was made with voice {motion.voice}, not {voice.identity}")
+    name = target.name.lower()
+    suffix = next((s for s in reversed(EXPORT_SUFFIXES) if name.endswith(s)), None)
+    if suffix is None:
+        raise CueError(f"{target.name}: exports end in {', '.join(EXPORT_SUFFIXES)}")
+    handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".", suffix=suffix)
+    os.close(handle)
+    try:
+        _write(motion, voice, temporary, suffix, target.name)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(target)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def _write(motion: Motion, voice: Voice, path: str, suffix: str, name: str) -> None:
+    match suffix:
+        case ".c3d":
+            write_c3d(path, voice.reconstruct(motion.params), motion.rate_hz)
+        case ".trc":
+            text = trc(voice.reconstruct(motion.params), motion.rate_hz, name)
+            Path(path).write_text(text, encoding="utf-8")
+        case ".csv":
+            text = marker_csv(voice.reconstruct(motion.params), motion.times_s)
+            Path(path).write_text(text, encoding="utf-8")
+        case ".glb":
+            Path(path).write_bytes(glb(motion, load_avatar(voice)))
+        case _:
+            text = live_link_csv(motion, voice, load_avatar(voice))
+            Path(path).write_text(text, encoding="utf-8")
