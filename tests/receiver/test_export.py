@@ -87,7 +87,8 @@ class Glb:
             if channel["target"] == {"node": node, "path": path}:
                 sampler = animation["samplers"][channel["sampler"]]
                 frames = len(self.array(sampler["input"]))
-                return self.array(sampler["output"]).reshape(frames, -1)[frame]
+                values: NDArray[np.float64] = self.array(sampler["output"])
+                return np.asarray(values.reshape(frames, -1)[frame])
         raise AssertionError((node, path))
 
     def bent(self, node: int, frame: int) -> NDArray[np.float64]:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from codec.errors import CueError, VoiceError
+from codec.voice import load_voice
 from receiver.camera import Camera, frame_cuer
 from receiver.points import draw_points
 from receiver.render import read_picture, render_motion, sample_params
@@ -62,6 +63,16 @@ def test_picture_over_a_background(tmp_path: Path) -> None:
     assert 0 < changed.mean() < 0.2
     render_motion(MOTION, VOICE, tmp_path / "b.png", background=tmp_path / "a.png", at_s=0.5)
     assert np.array_equal(read_picture(tmp_path / "b.png")[~changed], picture[~changed])
+
+
+def test_avatar_is_drawn_where_there_is_one(tmp_path: Path) -> None:
+    claire = load_voice()
+    motion = make_motion(claire, duration_s=1.0)
+    render_motion(motion, claire, tmp_path / "a.png", style="avatar", size=(124, 144))
+    picture = read_picture(tmp_path / "a.png")
+    assert 0.2 < (picture.max(axis=2) > 20).mean() < 0.9
+    with pytest.raises(CueError, match="voice stand-in has no avatar"):
+        render_motion(MOTION, VOICE, tmp_path / "b.png", style="avatar")
 
 
 def test_parameters_between_frames_are_interpolated() -> None:

@@ -12,9 +12,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from codec.voice import Voice, load_voice
+from receiver.avatar import load_avatar
 from receiver.events import State, StateChanged
+from receiver.portrait import draw_avatar
+from receiver.render import sample_params
 from receiver.server import Television
 from receiver.tuner import MotionTuner, Progress, Tuner
+from receiver.voice_document import neutral_camera
 from tests.chromium import Page, browse
 from tests.receiver.standin import make_motion, make_voice
 
@@ -48,10 +53,10 @@ def make_programme(path: Path, width: int, height: int, fps: int, seconds: int =
 
 def watch(
     media: Path, visit: Callable[[Page], Awaitable[None]], tuner: Tuner | None = None,
-    width: int = 1280, height: int = 720,
+    width: int = 1280, height: int = 720, voice: Voice = VOICE,
 ) -> None:  # fmt: skip
     async def main() -> None:
-        television = Television(tuner or MotionTuner(MOTION), VOICE, media)
+        television = Television(tuner or MotionTuner(MOTION), voice, media)
         async with television.running() as address, browse(address, width, height) as page:
             await page.until(READY)
             await visit(page)
@@ -222,7 +227,9 @@ def test_loss_is_shown_and_recovered(programme: Path) -> None:
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (1024, 768), (1680, 720)])
-def test_three_shapes_of_screen(programme: Path, width: int, height: int) -> None:
+def test_both_styles_on_three_shapes_of_screen(programme: Path, width: int, height: int) -> None:
+    claire = load_voice()
+
     async def visit(page: Page) -> None:
         await seek(page, 5.0)
         height_px = min(height, width * 9 / 16) / 2
@@ -230,6 +237,45 @@ def test_three_shapes_of_screen(programme: Path, width: int, height: int) -> Non
         await page.until(f"Math.abs({box}.height - {height_px}) < 2")
         left, right = json.loads(await page.evaluate(f"JSON.stringify([{box}.left, {box}.right])"))
         assert 0 <= left < right <= width
-        await page.screenshot(ARTEFACTS / f"points-{width}x{height}.png")
+        for style in ("avatar", "points"):
+            await page.evaluate(f"cuecast.settings.set('style', '{style}')")
+            await page.until(f"!document.getElementById('{style}').hidden")
+            await asyncio.sleep(0.3)
+            await page.screenshot(ARTEFACTS / f"{style}-{width}x{height}.png")
 
-    watch(programme, visit, width=width, height=height)
+    watch(programme, visit, MotionTuner(make_motion(claire, 20.0)), width, height, claire)
+
+
+PIXELS = """(() => {
+    cuecast.avatar.draw(5.0, {alpha: 1, mirror: %s, handOnly: %s});
+    const canvas = cuecast.avatar.canvas;
+    const copy = document.createElement("canvas");
+    [copy.width, copy.height] = [canvas.width, canvas.height];
+    const context = copy.getContext("2d");
+    context.drawImage(canvas, 0, 0);
+    return JSON.stringify(Array.from(context.getImageData(0, 0, copy.width, copy.height).data)
+        .concat([copy.width]));
+})()"""
+
+
+def test_avatar_on_the_page_is_the_portrait_of_python(programme: Path) -> None:
+    claire = load_voice()
+    motion = make_motion(claire, 20.0)
+    avatar = load_avatar(claire)
+
+    async def visit(page: Page) -> None:
+        await seek(page, 5.0)
+        *values, width = json.loads(await page.evaluate(PIXELS % ("false", "false")))
+        shown = np.reshape(values, (-1, width, 4)).astype(float)
+        picture = np.zeros((*shown.shape[:2], 3), np.uint8)
+        now = np.array([5.0])
+        vertices = avatar.place(sample_params(motion, now), now)[0]
+        draw_avatar(picture, avatar, vertices, neutral_camera(claire))
+        visible = shown[..., :3] * shown[..., 3:] / 255
+        assert np.abs(visible - picture).mean() < 4.0
+        assert picture.mean() > 15
+        *values, _ = json.loads(await page.evaluate(PIXELS % ("false", "true")))
+        hand = np.reshape(values, (-1, width, 4))[..., 3] > 128
+        assert 0.01 < hand.mean() < 0.5 * (shown[..., 3] > 128).mean()
+
+    watch(programme, visit, MotionTuner(motion), voice=claire)
