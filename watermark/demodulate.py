@@ -69,7 +69,7 @@ class Demodulator:
         return reading
 
     def _read_at(self, view: View, level: int, list_size: int) -> Reading:
-        soft = view.soft(self.layout.cells, LEVELS[level])
+        soft = view.soft(self.layout.cells, self.profile.step(level))
         llr = self.layout.gather(self.reliability.weigh(soft))
         return Reading(view, level, soft, llr, self.link.decode(llr, list_size=list_size))
 
@@ -78,7 +78,8 @@ class Demodulator:
         expected = self.expected(reading.decoded)
 
         def fit(level: int) -> float:
-            return float((reading.view.soft(self.layout.cells, LEVELS[level]) * expected).sum())
+            soft = reading.view.soft(self.layout.cells, self.profile.step(level))
+            return float((soft * expected).sum())
 
         near = range(max(reading.level - 2, 0), min(reading.level + 3, len(LEVELS)))
         best = max(near, key=fit)

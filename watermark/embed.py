@@ -20,11 +20,10 @@ from watermark.layout import make_layout, make_pilots
 from watermark.link import Link
 from watermark.masking import make_masker
 from watermark.mdct import analyse, frames_of, synthesise
-from watermark.mix import add_mark, check_format, mid_of
+from watermark.mix import add_mark, check_format, front_of, mid_of, side_of
 from watermark.profile import (
     FS,
     HOP,
-    LEVELS,
     PILOT_STEPS,
     SUPERFRAME,
     SUPERFRAME_S,
@@ -87,8 +86,10 @@ class _Stretch:
 
     Attributes
     ----------
-    clean, marked : ndarray of float64, shape (n,)
-        The programme's mid, and with all marks.
+    mid : ndarray of float64, shape (n,)
+        The programme's mid with all marks.
+    clean, marked : ndarray of float64, shape (n, 1 or 2)
+        The programme's front without and with marks, for grading.
     mark : ndarray of float64, shape (n,)
         What was added.
     tail : ndarray of float64, shape (HOP,)
@@ -97,6 +98,7 @@ class _Stretch:
         For each superframe, whether it cannot carry.
     """
 
+    mid: NDArray[np.float64]
     clean: NDArray[np.float64]
     marked: NDArray[np.float64]
     mark: NDArray[np.float64]
@@ -108,7 +110,7 @@ class MarkDesigner:
     """Designs the mark of one superframe after another, at the mark's own rate."""
 
     def __init__(self, profile: Profile, key: int) -> None:
-        self._alpha = profile.alpha
+        self._profile = profile
         self._layout = make_layout(profile, key)
         self._pilots = make_pilots(key)
         self._announced = self._pilots.expected(profile.number)
@@ -161,8 +163,8 @@ class MarkDesigner:
             unit,
             self._layout.cells,
             wanted,
-            step=LEVELS[level],
-            alpha=self._alpha,
+            step=self._profile.step(level),
+            alpha=self._profile.alpha,
         )
         pilots = mark_change(
             coefficients,
@@ -170,7 +172,7 @@ class MarkDesigner:
             self._pilots.cells,
             self._announced,
             step=PILOT_STEPS[level // TIER_LEVELS],
-            alpha=self._alpha,
+            alpha=self._profile.alpha,
         )
         return data + pilots
 
@@ -227,11 +229,13 @@ class AudioEmbedder:
         self._fs, self._channels, self._source = fs, channels, source
         self._profile = find_profile(profile)
         self._designer = MarkDesigner(self._profile, key)
-        self._control = LevelControl(grade) if level is None else None
+        self._front = min(channels, 2)
+        self._control = LevelControl(grade, self._front) if level is None else None
         self._level = level or 0
         self._programme = np.zeros((0, channels))
         self._given = 0
         self._host = Tape()
+        self._side = Tape()
         self._mark = Tape()
         self._before = np.zeros(HOP)
         self._tail = np.zeros(HOP)
@@ -246,6 +250,7 @@ class AudioEmbedder:
             raise CueError(f"block of shape {x.shape}, expected (n, {self._channels})")
         self._programme = np.concatenate([self._programme, x])
         self._host.append(mid_of(x))
+        self._side.append(side_of(x))
         ratio = self._fs / FS
         margin = self._host.reach(ratio)
         while ((self._next + STRETCH) * SUPERFRAME + HOP) * ratio + margin <= self._host.end:
@@ -281,20 +286,26 @@ class AudioEmbedder:
         ratio = self._fs / FS
         start = self._next * SUPERFRAME * ratio
         host = self._host.read(start, ratio, count * SUPERFRAME + HOP)
+        side = self._side.read(start, ratio, count * SUPERFRAME)
         payloads = [self._source(k) for k in numbers]
 
         def attempt(level: int) -> _Stretch:
-            return self._stretch(host, payloads, level)
+            return self._stretch(host, side, payloads, level)
 
         made = attempt(self._level) if self._control is None else self._control.settle(attempt)
-        self._before, self._tail = made.marked[-HOP:], made.tail
+        self._before, self._tail = made.mid[-HOP:], made.tail
         self._mark.append(made.mark)
         self._silent += [k for k, silent in zip(numbers, made.silent, strict=True) if silent]
         self._next += count
-        self._host.forget(int(self._next * SUPERFRAME * ratio) - 2 * self._host.reach(ratio))
+        for tape in (self._host, self._side):
+            tape.forget(int(self._next * SUPERFRAME * ratio) - 2 * tape.reach(ratio))
 
     def _stretch(
-        self, host: NDArray[np.float64], payloads: list[tuple[bytes, bytes]], level: int
+        self,
+        host: NDArray[np.float64],
+        side: NDArray[np.float64],
+        payloads: list[tuple[bytes, bytes]],
+        level: int,
     ) -> _Stretch:
         """Write superframes into `host`, shape (superframes * SUPERFRAME + HOP,)."""
         marked = host.copy()
@@ -308,8 +319,9 @@ class AudioEmbedder:
             silent.append(made.living < CARRYING)
         mark = marked - host
         return _Stretch(
-            clean=host[:-HOP],
-            marked=marked[:-HOP],
+            mid=marked[:-HOP],
+            clean=front_of(host[:-HOP], side, self._front),
+            marked=front_of(marked[:-HOP], side, self._front),
             mark=mark[:-HOP],
             tail=mark[-HOP:],
             silent=tuple(silent),

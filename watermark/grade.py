@@ -1,6 +1,6 @@
 """Closed loop from the graded quality to the level of the mark.
 
-In: what a stretch of the programme's mid sounds like at any level; out: the level at which it has
+In: what a stretch of the programme sounds like at any level; out: the level at which it has
 the wanted grade. Each stretch is graded by itself, after a superframe of what came before. A long
 passage grades better or worse than its stretches: what it has to spare is given to the next one.
 The loop forgets, and its memory is constant. Specification: none, an embedder may choose levels
@@ -35,7 +35,7 @@ class Attempt(Protocol):
 
     @property
     def clean(self) -> NDArray[np.float64]:
-        """Mid of the programme, shape (n,)."""
+        """The programme's front, shape (n, 1 or 2)."""
 
     @property
     def marked(self) -> NDArray[np.float64]:
@@ -54,8 +54,9 @@ SPARE_LIMITS = (-0.2, 0.35)
 class _Passage:
     """Running grade of the last half to whole passage."""
 
-    def __init__(self) -> None:
-        self._meters = [PeaqMeter(FS, 1), PeaqMeter(FS, 1)]
+    def __init__(self, channels: int) -> None:
+        self._channels = channels
+        self._meters = [PeaqMeter(FS, channels), PeaqMeter(FS, channels)]
         self._count = 0
 
     def spare(self, target: float) -> float:
@@ -69,11 +70,11 @@ class _Passage:
     def add(self, attempt: Attempt) -> None:
         """Take the stretch that was chosen."""
         for meter in self._meters:
-            meter.process(attempt.clean[:, np.newaxis], attempt.marked[:, np.newaxis])
+            meter.process(attempt.clean, attempt.marked)
         self._count += 1
         if self._count % (PASSAGE // 2) == 0:
             younger = (self._count // (PASSAGE // 2) + 1) % 2
-            self._meters[younger] = PeaqMeter(FS, 1)
+            self._meters[younger] = PeaqMeter(FS, self._channels)
 
 
 class LevelControl:
@@ -83,16 +84,19 @@ class LevelControl:
     ----------
     target : float
         Objective difference grade to aim at, -4 to 0.
+    channels : int
+        1 or 2 channels that are listened to.
     """
 
-    def __init__(self, target: float) -> None:
+    def __init__(self, target: float, channels: int) -> None:
         if not -4 < target < 0:
             raise CueError(f"grade {target} to aim at is not within -4..0")
         self._target = target
         self._level = START_LEVEL
         self._largest = len(LEVELS)
-        self._clean = self._marked = np.zeros(0)
-        self._passage = _Passage()
+        self._channels = channels
+        self._clean = self._marked = np.zeros((0, channels))
+        self._passage = _Passage(channels)
 
     def settle(self, attempt: Callable[[int], T]) -> T:
         """Return the attempt that has the wanted grade, out of those at all levels."""
@@ -123,9 +127,9 @@ class LevelControl:
 
     def _grade(self, attempt: Attempt) -> float | None:
         """Grade of an attempt, None for silence."""
-        clean = np.concatenate([self._clean, attempt.clean])[:, np.newaxis]
-        marked = np.concatenate([self._marked, attempt.marked])[:, np.newaxis]
-        meter = PeaqMeter(FS, 1)
+        clean = np.concatenate([self._clean, attempt.clean])
+        marked = np.concatenate([self._marked, attempt.marked])
+        meter = PeaqMeter(FS, self._channels)
         try:
             meter.process(clean, marked)
             return float(meter.result().odg)

@@ -42,6 +42,25 @@ def mid_of(x: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(x @ np.array(_WEIGHTS[x.shape[1]]))
 
 
+def side_of(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Half the difference of the front channels, shape (n,); silence for mono.
+
+    Examples
+    --------
+    >>> side_of(np.array([[1.0, 0.0]]))
+    array([0.5])
+    """
+    return np.zeros(len(x)) if x.shape[1] == 1 else (x[:, 0] - x[:, 1]) / 2
+
+
+def front_of(
+    mid: NDArray[np.float64], side: NDArray[np.float64], channels: int
+) -> NDArray[np.float64]:
+    """Front of a programme, shape (n, channels), from its mid and side; 1 or 2 channels."""
+    pair = [mid] if channels == 1 else [mid + side, mid - side]
+    return np.stack(pair, axis=1)
+
+
 def add_mark(x: NDArray[np.float64], mark: NDArray[np.float64]) -> NDArray[np.float64]:
     """Programme with the mark in its front channels."""
     out = x.copy()

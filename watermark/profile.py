@@ -70,6 +70,8 @@ class Profile:
         No cell reaches beyond this bin.
     alpha : float
         Part of the quantisation error that the embedder removes, 0 to 1 (Costa's parameter).
+    strength : float
+        Factor of `LEVELS` for data cells: long cells need wider steps for the same loudness.
     """
 
     name: str
@@ -80,6 +82,7 @@ class Profile:
     cell_bins: int
     last_bin: int
     alpha: float
+    strength: float
 
     def __post_init__(self) -> None:
         if PILOT_BINS % self.cell_bins:
@@ -88,6 +91,10 @@ class Profile:
             raise CueError(f"{self.l0_coded} coded bits of L0, limit {self.data_cells}")
         if (self.l1_bytes > 0) != (self.l1_coded > 0):
             raise CueError(f"{self.l1_bytes} bytes of L1 in {self.l1_coded} coded bits")
+
+    def step(self, level: int) -> float:
+        """Quantiser step of data cells at a level."""
+        return self.strength * LEVELS[level]
 
     @property
     def groups(self) -> int:
@@ -125,6 +132,7 @@ ROBUST = Profile(
     cell_bins=8,
     last_bin=126,
     alpha=0.65,
+    strength=1.5,
 )
 
 STANDARD = Profile(
@@ -136,17 +144,19 @@ STANDARD = Profile(
     cell_bins=4,
     last_bin=158,
     alpha=0.75,
+    strength=1.0,
 )
 
 HIGH = Profile(
     name="high",
     number=2,
     l0_bytes=20,
-    l1_bytes=60,
-    l0_coded=2048,
+    l1_bytes=36,
+    l0_coded=2816,
     cell_bins=2,
     last_bin=238,
     alpha=0.75,
+    strength=0.75,
 )
 
 PROFILES: dict[str, Profile] = {profile.name: profile for profile in (ROBUST, STANDARD, HIGH)}

@@ -269,7 +269,7 @@ class AudioReceiver:
         """Let the decoded bits correct the clock, the level and the cells' reliabilities."""
         demodulator = track.demodulator
         expected = demodulator.expected(reading.decoded)
-        cells, step = demodulator.layout.cells, LEVELS[reading.level]
+        cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
         weighted = expected * demodulator.reliability.weights
         if wide:
             for grid in LOCK_IN:

@@ -1,0 +1,293 @@
+"""Measure the audio carrier: clips times channels, losses, grades, tune-in and speed.
+
+In: sound files and names of channels; out: one row per pair. Payloads are pseudorandom, so a
+superframe that comes back identifies itself, and a wrong one is noticed. A channel is written NAME
+or PROFILE:NAME, as in ``robust:aac_64``; the profile is `standard` unless told.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import soundfile
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from cuecast.demo.content import FS, make_sound
+from cuecast.evaluate.options import EvaluateOptions
+from cuecast.evaluate.sound_channels import Channel, Sound, find_channel
+from cuecast.evaluate.statistics import wilson_interval
+from cuecast.media.sound import read_sound
+from watermark.embed import AudioEmbedder
+from watermark.profile import SUPERFRAME_S, Profile, find_profile
+from watermark.quality import peaq
+from watermark.receive import AudioReceiver
+
+USUAL = (
+    "none",
+    "mp2_192",
+    "aac_128",
+    "ac3_192",
+    "mp3_128",
+    "high:mp2_192",
+    "high:ac3_192",
+    "robust:aac_64",
+    "robust:mp3_64",
+    "robust:opus_64",
+)
+"""Channels measured when none are named."""
+
+_SOUNDS = {".wav", ".flac", ".mp3", ".m4a", ".ogg"}
+
+BLOCK = 4800
+"""Samples handed over at once."""
+
+LONGEST_TUNE_IN_S = 6.0
+"""A reception that has not locked by then counts with this time."""
+
+
+@dataclass(frozen=True, slots=True)
+class AudioRow:
+    """Figures of one clip through one channel.
+
+    Attributes
+    ----------
+    clip, channel, profile : str
+        What was measured.
+    net_bps : float
+        Payload rate.
+    superframes_sent, superframes_lost : int
+        After tune-in; lost is one of which either class is missing.
+    lost_low, lost_high : float
+        95 % interval of the share that is lost.
+    l0_lost : int
+        Superframes without their first class.
+    wrong : int
+        Superframes accepted with a payload that was never sent.
+    odg, snr_db : float
+        Objective difference grade of the marked clip before the channel, and mid over mark.
+    tune_in_median_s, tune_in_p95_s : float
+        From the first sample to the first superframe, over random starts; None if none were tried.
+    embed_xrt, receive_xrt : float
+        Speeds as multiples of real time.
+    """
+
+    clip: str
+    channel: str
+    profile: str
+    net_bps: float
+    superframes_sent: int
+    superframes_lost: int
+    lost_low: float
+    lost_high: float
+    l0_lost: int
+    wrong: int
+    odg: float
+    snr_db: float
+    tune_in_median_s: float | None
+    tune_in_p95_s: float | None
+    embed_xrt: float
+    receive_xrt: float
+
+
+@dataclass(frozen=True, slots=True)
+class Marked:
+    """A marked clip and what was put into it."""
+
+    clip: str
+    fs: int
+    profile: Profile
+    sound: Sound
+    payloads: tuple[tuple[bytes, bytes], ...]
+    odg: float
+    snr_db: float
+    xrt: float
+
+
+def mark_clip(
+    path: Path, profile: str, grade: float, seed: int, *, limit_s: float | None = None
+) -> Marked:
+    """Write pseudorandom superframes into a sound file's programme.
+
+    Raises
+    ------
+    CueError
+        If the file cannot be read or marked.
+    """
+    sound, fs = read_sound(path)
+    if limit_s is not None:
+        sound = sound[: round(limit_s * fs)]
+    chosen, rng = find_profile(profile), np.random.default_rng(seed)
+    count = int(len(sound) / fs / SUPERFRAME_S) + 2
+    payloads = tuple((rng.bytes(chosen.l0_bytes), rng.bytes(chosen.l1_bytes)) for _ in range(count))
+    embedder = AudioEmbedder(fs, sound.shape[1], payloads.__getitem__, profile=profile, grade=grade)
+    begin = time.perf_counter()
+    blocks = [embedder.process(sound[i : i + BLOCK]) for i in range(0, len(sound), BLOCK)]
+    marked = np.concatenate([*blocks, embedder.flush()])
+    xrt = len(sound) / fs / (time.perf_counter() - begin)
+    front = slice(None, 2)
+    odg = peaq(sound[:, front], marked[:, front], fs).odg
+    snr_db = embedder.report().snr_db
+    if snr_db is None:
+        raise CueError(f"{path.name} cannot carry: nothing was marked")
+    return Marked(path.stem, fs, chosen, marked, payloads, odg, snr_db, xrt)
+
+
+def measure(
+    marked: Marked, name: str, channel: Channel, *, starts: int, rng: np.random.Generator
+) -> AudioRow:
+    """Send a marked clip through a channel and receive it."""
+    heard = channel(marked.sound, marked.fs)
+    receiver = AudioReceiver(marked.fs, heard.shape[1])
+    begin = time.perf_counter()
+    blocks = (heard[i : i + BLOCK] for i in range(0, len(heard), BLOCK))
+    found = [superframe for block in blocks for superframe in receiver.process(block)]
+    found += receiver.flush()
+    xrt = len(heard) / marked.fs / (time.perf_counter() - begin)
+    number = {payload: k for k, (payload, _) in enumerate(marked.payloads)}
+    got = {number[s.l0]: s.l1 for s in found if s.l0 in number}
+    wrong = sum(s.l0 is not None and s.l0 not in number for s in found)
+    wrong += sum(l1 not in (None, marked.payloads[k][1]) for k, l1 in got.items())
+    last = int(len(marked.sound) / marked.fs / SUPERFRAME_S - 0.02)
+    due = range(min(got, default=last), last)
+    l0_lost = sum(k not in got for k in due)
+    lost = sum(got.get(k) is None for k in due)
+    low, high = wilson_interval(lost, len(due))
+    waits = [_tune_in(heard, marked.fs, rng) for _ in range(starts)]
+    return AudioRow(
+        clip=marked.clip,
+        channel=name,
+        profile=marked.profile.name,
+        net_bps=marked.profile.net_bps,
+        superframes_sent=len(due),
+        superframes_lost=lost,
+        lost_low=low,
+        lost_high=high,
+        l0_lost=l0_lost,
+        wrong=wrong,
+        odg=marked.odg,
+        snr_db=marked.snr_db,
+        tune_in_median_s=float(np.median(waits)) if waits else None,
+        tune_in_p95_s=float(np.quantile(waits, 0.95)) if waits else None,
+        embed_xrt=marked.xrt,
+        receive_xrt=xrt,
+    )
+
+
+def _tune_in(heard: NDArray[np.float32], fs: int, rng: np.random.Generator) -> float:
+    """Seconds from a random sample to the first superframe."""
+    longest = int(LONGEST_TUNE_IN_S * fs)
+    start = int(rng.integers(0, max(len(heard) - longest, 1)))
+    receiver = AudioReceiver(fs, heard.shape[1])
+    for i in range(start, min(start + longest, len(heard)), BLOCK):
+        receiver.process(heard[i : i + BLOCK])
+        if receiver.first_lock_s is not None:
+            return receiver.first_lock_s
+    return LONGEST_TUNE_IN_S
+
+
+def evaluate_audio(
+    clips: Sequence[Path],
+    channels: Sequence[str],
+    *,
+    grade: float = -0.45,
+    starts: int = 8,
+    limit_s: float | None = None,
+    seed: int = 0,
+    progress: Callable[[AudioRow], None] = lambda row: None,
+) -> list[AudioRow]:
+    """Measure every clip through every channel.
+
+    Parameters
+    ----------
+    clips : sequence of Path
+        Sound files.
+    channels : sequence of str
+        NAME or PROFILE:NAME, names as in `cuecast.evaluate.sound_channels.CHANNELS`.
+    grade : float
+        Objective difference grade that the embedder aims at.
+    starts : int
+        Random starts of reception per row.
+    limit_s : float, optional
+        Use only the first seconds of each clip.
+    seed : int
+        Of payloads and starts.
+    progress : callable
+        Gets each row as it is ready.
+
+    Raises
+    ------
+    CueError
+        If a clip cannot be used or a channel is unknown.
+    """
+    plan: dict[str, list[tuple[str, Channel]]] = {}
+    for channel in channels:
+        profile, _, name = channel.rpartition(":")
+        find_profile(profile or "standard")
+        plan.setdefault(profile or "standard", []).append((name, find_channel(name)))
+    rng, rows = np.random.default_rng(seed), []
+    for path in clips:
+        for profile, chosen in plan.items():
+            marked = mark_clip(path, profile, grade, seed, limit_s=limit_s)
+            for name, send in chosen:
+                rows.append(measure(marked, name, send, starts=starts, rng=rng))
+                progress(rows[-1])
+    return rows
+
+
+def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
+    """Rows of `evaluate audio`: every clip of a folder through every channel.
+
+    Raises
+    ------
+    CueError
+        If a channel is unknown or the folder holds no sound.
+    """
+    clips = _sounds_of(options.clips) if options.clips else [_built_in(options.folder)]
+    rows = evaluate_audio(
+        clips,
+        options.channels or USUAL,
+        seed=options.seed,
+        progress=lambda row: options.say(
+            f"{row.clip} {row.profile}:{row.channel}: "
+            f"{row.superframes_lost} of {row.superframes_sent} lost at grade {row.odg:.2f}"
+        ),
+    )
+    return [asdict(row) for row in rows]
+
+
+def _sounds_of(folder: Path) -> list[Path]:
+    clips = sorted(path for path in folder.glob("*") if path.suffix.lower() in _SOUNDS)
+    if not clips:
+        raise CueError(f"{folder}: no sound files in it")
+    return clips
+
+
+def _built_in(folder: Path) -> Path:
+    """Write the sound of the demonstration."""
+    path = folder / "demonstration.flac"
+    soundfile.write(path, make_sound()[0], FS)
+    return path
+
+
+def plot(results: list[dict[str, Any]], figure: Any) -> None:
+    """Draw the share of lost superframes per channel, a dot per clip with its 95 % interval."""
+    axes = figure.subplots()
+    names = list(dict.fromkeys(f"{row['profile']}:{row['channel']}" for row in results))
+    clips = list(dict.fromkeys(row["clip"] for row in results))
+    for i, clip in enumerate(clips):
+        own = [row for row in results if row["clip"] == clip]
+        share = np.array([row["superframes_lost"] / max(row["superframes_sent"], 1) for row in own])
+        low = np.array([row["lost_low"] for row in own])
+        high = np.array([row["lost_high"] for row in own])
+        at = np.array([names.index(f"{row['profile']}:{row['channel']}") for row in own])
+        bars = 100 * np.maximum([share - low, high - share], 0.0)
+        shift = 0.12 * (i - (len(clips) - 1) / 2)
+        label = f"{clip} (grade {own[0]['odg']:.2f})"
+        axes.errorbar(at + shift, 100 * share, bars, fmt="o", capsize=2, label=label)
+    axes.set_xticks(range(len(names)), names, rotation=60, ha="right", fontsize=8)
+    axes.set_ylabel("superframes lost, per cent")
+    axes.legend(fontsize=7)

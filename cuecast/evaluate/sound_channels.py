@@ -1,0 +1,182 @@
+"""What happens to sound between the studio and the ear: codecs and small injuries.
+
+In: a programme, shape (n, channels); out: what a receiver gets, of any length. Codecs are those of
+the FFmpeg inside PyAV; each channel is a pure function of its input.
+"""
+
+import io
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import av
+import numpy as np
+import scipy.signal
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from watermark.tape import Tape
+
+Sound = NDArray[np.float32]
+Channel = Callable[[Sound, int], Sound]
+"""Takes a programme and its rate in Hz."""
+
+_CONTAINERS = {
+    "aac": ("aac", "adts"),
+    "mp2": ("mp2", "mp2"),
+    "mp3": ("libmp3lame", "mp3"),
+    "ac3": ("ac3", "ac3"),
+    "eac3": ("eac3", "eac3"),
+    "opus": ("libopus", "ogg"),
+}
+"""Encoder and container of each codec."""
+
+
+def through_codec(x: Sound, fs: int, *, codec: str, bit_rate: int) -> Sound:
+    """Code and decode a programme as stereo.
+
+    Parameters
+    ----------
+    x : ndarray of float32, shape (n, channels)
+        Mono is sent on both channels, as broadcasters do.
+    fs : int
+        Rate in Hz.
+    codec : str
+        One of aac, mp2, mp3, ac3, eac3, opus.
+    bit_rate : int
+        Bits per second.
+
+    Returns
+    -------
+    ndarray of float32, shape (m, 2)
+        With the codec's delay and padding.
+    """
+    encoder, container = _CONTAINERS[codec]
+    memory = io.BytesIO()
+    output: Any
+    with av.open(memory, "w", format=container) as output:
+        stream: Any = output.add_stream(encoder, rate=fs)
+        stream.bit_rate = bit_rate
+        stream.layout = "stereo"
+        pair = np.repeat(x, 2, axis=1) if x.shape[1] == 1 else x[:, :2]
+        words = np.round(np.clip(pair, -1.0, 32767 / 32768) * 32768).astype(np.int16)
+        frame = av.AudioFrame.from_ndarray(words.reshape(1, -1), format="s16", layout="stereo")
+        frame.sample_rate = fs
+        for packet in (*stream.encode(frame), *stream.encode(None)):
+            output.mux(packet)
+    memory.seek(0)
+    return _decode(memory, fs)
+
+
+def _decode(memory: io.BytesIO, fs: int) -> Sound:
+    resampler = av.AudioResampler("fltp", "stereo", fs)
+    parts: list[NDArray[Any]] = []
+    source: Any
+    with av.open(memory) as source:
+        for frame in source.decode(audio=0):
+            parts += [part.to_ndarray() for part in resampler.resample(frame)]
+    return np.ascontiguousarray(np.concatenate(parts, axis=1).T, dtype=np.float32)
+
+
+def _tandem(x: Sound, fs: int) -> Sound:
+    contribution = through_codec(x, fs, codec="mp2", bit_rate=192_000)
+    return through_codec(contribution, fs, codec="aac", bit_rate=128_000)
+
+
+def at_other_speed(x: Sound, fs: int, *, ppm: float) -> Sound:
+    """Play on a clock that runs `ppm` fast: the programme becomes shorter."""
+    ratio = 1 + ppm * 1e-6
+    count = int(len(x) / ratio)
+    out = np.empty((count, x.shape[1]), dtype=np.float32)
+    for channel in range(x.shape[1]):
+        tape = Tape()
+        tape.append(x[:, channel].astype(np.float64))
+        out[:, channel] = tape.read(0.0, ratio, count)
+    return out
+
+
+def _other_rate(x: Sound, fs: int) -> Sound:
+    """Go to 44.1 kHz (from there, to 48 kHz) and back."""
+    up, down = (147, 160) if fs != 44_100 else (160, 147)
+    there = scipy.signal.resample_poly(x, up, down, axis=0)
+    return np.asarray(scipy.signal.resample_poly(there, down, up, axis=0), dtype=np.float32)
+
+
+def _gain(x: Sound, fs: int) -> Sound:
+    return x * np.float32(0.5)
+
+
+def _noise(x: Sound, fs: int) -> Sound:
+    """White noise 30 dB below the programme."""
+    deviation = np.sqrt(np.mean(x.astype(np.float64) ** 2)) * 10 ** (-30 / 20)
+    noise = np.random.default_rng(0).normal(0.0, deviation, x.shape)
+    return (x + noise).astype(np.float32)
+
+
+def _crop(x: Sound, fs: int) -> Sound:
+    """Without the first 1.2345 s."""
+    return x[round(1.2345 * fs) :]
+
+
+def _compress(x: Sound, fs: int) -> Sound:
+    """Dynamic range compression 2:1 above -26 dBFS, 10 ms attack and 150 ms release, as by ear."""
+    level = np.abs(x.astype(np.float64)).max(axis=1)
+    block = fs // 1000
+    peaks = level[: len(level) // block * block].reshape(-1, block).max(axis=1)
+    smooth, envelope = 0.0, np.empty(peaks.size)
+    for i, peak in enumerate(peaks):
+        smooth += (peak - smooth) / (10 if peak > smooth else 150)
+        envelope[i] = smooth
+    over_db = np.maximum(20 * np.log10(np.maximum(envelope, 1e-6)) + 26.0, 0.0)
+    time = (np.arange(peaks.size) + 0.5) * block
+    gain_db = np.interp(np.arange(len(x)), time, -over_db / 2)
+    return (x * 10 ** (gain_db / 20)[:, np.newaxis]).astype(np.float32)
+
+
+def _unchanged(x: Sound, fs: int) -> Sound:
+    return x
+
+
+CHANNELS: dict[str, Channel] = {
+    "none": _unchanged,
+    **{
+        f"{codec}_{rate}": partial(through_codec, codec=codec, bit_rate=rate * 1000)
+        for codec, rate in (
+            ("mp2", 192),
+            ("mp2", 128),
+            ("mp3", 128),
+            ("mp3", 64),
+            ("aac", 128),
+            ("aac", 96),
+            ("aac", 64),
+            ("ac3", 192),
+            ("eac3", 128),
+            ("opus", 96),
+            ("opus", 64),
+        )
+    },
+    "tandem_mp2_192_aac_128": _tandem,
+    "rate_44100": _other_rate,
+    "clock_plus_100ppm": partial(at_other_speed, ppm=100.0),
+    "clock_minus_100ppm": partial(at_other_speed, ppm=-100.0),
+    "stretch_1000ppm": partial(at_other_speed, ppm=1000.0),
+    "gain_minus_6db": _gain,
+    "noise_30db": _noise,
+    "crop": _crop,
+    "compress": _compress,
+}
+"""Channels by name."""
+
+
+def find_channel(name: str) -> Channel:
+    """Return the channel called `name`.
+
+    Raises
+    ------
+    CueError
+        If there is none.
+    """
+    try:
+        return CHANNELS[name]
+    except KeyError:
+        raise CueError(f"unknown channel {name!r}, known: {', '.join(CHANNELS)}") from None

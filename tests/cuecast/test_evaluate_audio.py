@@ -1,0 +1,76 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from matplotlib.figure import Figure
+
+from codec.errors import CueError
+from cuecast.evaluate.audio import evaluate, evaluate_audio, plot
+from cuecast.evaluate.options import EvaluateOptions
+from cuecast.evaluate.sound_channels import CHANNELS
+from cuecast.evaluate.statistics import wilson_interval
+
+FS = 48000
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Pink noise of 5 s as a sound file."""
+    spectrum = np.fft.rfft(np.random.default_rng(0).standard_normal(5 * FS))
+    spectrum /= np.sqrt(np.maximum(np.arange(spectrum.size), 100.0))
+    x = np.fft.irfft(spectrum)
+    path = tmp_path_factory.mktemp("clips") / "pink.wav"
+    soundfile.write(path, 0.07 * x / x.std(), FS)
+    return path
+
+
+def test_rows(clip: Path) -> None:
+    rows = evaluate_audio([clip], ["none", "high:none"], starts=1)
+    assert [(row.profile, row.channel) for row in rows] == [
+        ("standard", "none"),
+        ("high", "none"),
+    ]
+    for row in rows:
+        assert (row.superframes_lost, row.wrong) == (0, 0)
+        assert row.superframes_sent >= 5
+        assert row.tune_in_median_s is not None
+        assert row.tune_in_median_s < 3
+
+
+def test_verb_writes_figures(clip: Path, tmp_path: Path) -> None:
+    said: list[str] = []
+    options = EvaluateOptions(clip.parent, ("none",), 0, tmp_path, said.append)
+    results = evaluate(options)
+    assert results[0]["superframes_lost"] == 0
+    assert said[0].startswith("pink standard:none: 0 of ")
+    figure = Figure()
+    plot(results, figure)
+    assert len(figure.axes) == 1
+    with pytest.raises(CueError, match=r"no sound files in it$"):
+        evaluate(EvaluateOptions(tmp_path, None, 0, tmp_path, said.append))
+
+
+@pytest.mark.parametrize("name", CHANNELS)
+def test_each_channel_keeps_the_programme(name: str) -> None:
+    t = np.arange(3 * FS)
+    x = 0.2 * np.sin(2 * np.pi * 440 / FS * t)[:, np.newaxis].astype(np.float32)
+    y = CHANNELS[name](x, FS)
+    assert y.dtype == np.float32
+    middle = y[FS : FS + FS // 4, 0]
+    strength = np.abs(np.fft.rfft(middle * np.hanning(middle.size)))
+    peak_hz = int(strength.argmax()) * FS / middle.size
+    assert abs(peak_hz - 440) <= 4
+    assert 0.05 < np.sqrt(2 * np.mean(middle**2)) < 0.22
+
+
+def test_unknown_channel() -> None:
+    with pytest.raises(CueError, match=r"^unknown channel 'smoke', known: none, mp2_192"):
+        evaluate_audio([], ["smoke"])
+
+
+def test_wilson_interval_holds_the_share() -> None:
+    for count in range(0, 21, 5):
+        low, high = wilson_interval(count, 20)
+        assert 0 <= low <= count / 20 <= high <= 1
+    assert wilson_interval(0, 0) == (0.0, 1.0)
