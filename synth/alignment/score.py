@@ -6,6 +6,8 @@ subtitle's own interval is used as without a recording.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,7 +25,7 @@ from synth.timing import GRID_HZ
 Sound = Callable[[float, float], NDArray[np.float64]]
 """Gives the programme's sound from one time to another, mono at `synth.alignment.cepstra.FS`."""
 
-LONGEST_PASSAGE_S = 20.0
+LONGEST_PASSAGE_S = 25.0
 """Subtitles are aligned together up to this length."""
 
 LONGEST_TEXT_S = 120.0
@@ -77,61 +79,100 @@ def score_from_recording(
         If one subtitle spans more than `LONGEST_TEXT_S`.
     """
     line: list[Phone] = []
-    batch: list[list[Subtitle]] = []
-    for passage in [*_passages(subtitles), None]:
-        if passage is not None:
-            batch.append(passage)
-        if len(batch) == PASSAGES_AT_ONCE or passage is None:
+    batch: list[_Run] = []
+    for run in [*_runs(_said(subtitles)), None]:
+        if run is not None:
+            batch.append(run)
+        if len(batch) == PASSAGES_AT_ONCE or run is None:
             line += _aligned(batch, sound, style, user_lexicon, warn)
             batch = []
     phones = tuple(on_grid(line))
     return Score(phones, tuple(cue(phones, options)))
 
 
-def _passages(subtitles: Iterable[Subtitle]) -> Iterator[list[Subtitle]]:
-    """Yield runs of subtitles that follow each other closely."""
-    run: list[Subtitle] = []
-    for subtitle in subtitles:
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """Subtitles that are aligned together, and the stretch of sound in which to look."""
+
+    subtitles: tuple[Subtitle, ...]
+    start_s: float
+    end_s: float
+
+
+def _said(subtitles: Iterable[Subtitle]) -> list[Subtitle]:
+    """Return the subtitles in which something is said, as it is said."""
+    said = [replace(s, text=text) for s in subtitles if (text := spoken(s.text))]
+    for subtitle in said:
         if subtitle.end_s - subtitle.start_s > LONGEST_TEXT_S:
             raise CueError(
                 f"line {subtitle.line}: text spans {subtitle.end_s - subtitle.start_s:.0f} s, "
                 f"more than the {LONGEST_TEXT_S:.0f} s that can be aligned"
             )
-        if not spoken(subtitle.text):
+    return said
+
+
+def _runs(said: Sequence[Subtitle]) -> Iterator[_Run]:
+    """Yield runs of subtitles, cut at their widest gaps until none is longer than the limit."""
+    if not said:
+        return
+    cuts = [0, *_cuts(said), len(said)]
+    for first, end in pairwise(cuts):
+        before = said[first].start_s - said[first - 1].end_s if first else 2 * _MARGIN_S
+        after = said[end].start_s - said[end - 1].end_s if end < len(said) else 2 * _MARGIN_S
+        yield _Run(
+            tuple(said[first:end]),
+            max(0.0, said[first].start_s - _margin(before)),
+            said[end - 1].end_s + _margin(after),
+        )
+
+
+def _margin(gap_s: float) -> float:
+    """Return how far a run may look into the gap beside it: neighbours must not overlap."""
+    return min(_MARGIN_S, max(0.0, gap_s / 2))
+
+
+def _cuts(said: Sequence[Subtitle]) -> list[int]:
+    """Return the indices of the subtitles that open a run, the first excepted."""
+    cuts = []
+    waiting = [(0, len(said))]
+    while waiting:
+        first, end = waiting.pop()
+        if end - first < 2:
             continue
-        if run and (
-            subtitle.start_s - run[-1].end_s > _CLOSE_S
-            or subtitle.end_s - run[0].start_s > LONGEST_PASSAGE_S
-        ):
-            yield run
-            run = []
-        run.append(subtitle)
-    if run:
-        yield run
+        gaps = [(said[i].start_s - said[i - 1].end_s, i) for i in range(first + 1, end)]
+        middle = (first + end) / 2
+        gap, cut = max(gaps, key=lambda g: (g[0], -abs(g[1] - middle)))
+        if gap > _CLOSE_S or said[end - 1].end_s - said[first].start_s > LONGEST_PASSAGE_S:
+            cuts.append(cut)
+            waiting += [(first, cut), (cut, end)]
+    return sorted(cuts)
 
 
 def _aligned(
-    batch: Sequence[list[Subtitle]],
+    batch: Sequence[_Run],
     sound: Sound,
     style: Style,
     user_lexicon: Lexicon | None,
     warn: Warn,
 ) -> list[Phone]:
-    """Return the phones of some passages, each aligned or else fitted to its subtitles."""
-    fitting: list[Passage] = []
-    rest: list[Phone] = []
+    """Return the phones of some runs, each aligned or else fitted to its subtitles."""
+    passages = []
     for run in batch:
-        text = " ".join(spoken(subtitle.text) for subtitle in run)
+        text = " ".join(subtitle.text for subtitle in run.subtitles)
         words = tuple(phonemise(text, style=style, user_lexicon=user_lexicon))
-        start_s = max(0.0, run[0].start_s - _MARGIN_S)
-        passage = Passage(words, sound(start_s, run[-1].end_s + _MARGIN_S), start_s)
-        if len(passage.samples) > passage.shortest_s * FS:
-            fitting.append(passage)
+        passages.append(Passage(words, sound(run.start_s, run.end_s), run.start_s))
+    fitting = [len(passage.samples) > passage.shortest_s * FS for passage in passages]
+    found = iter(align([p for p, fits in zip(passages, fitting, strict=True) if fits]))
+    line: list[Phone] = []
+    for run, fits in zip(batch, fitting, strict=True):
+        if fits:
+            line += next(found)
             continue
-        warn(f"subtitle at {run[0].start_s:.2f} s: too little sound to align, timed by itself")
-        rest += phones_of_subtitles(run, style=style, user_lexicon=user_lexicon, warn=warn)
-    found = [phone for phones in align(fitting) for phone in phones]
-    return sorted([*found, *rest], key=lambda phone: phone.start)
+        warn(f"subtitle at {run.start_s:.2f} s: too little sound to align, timed by itself")
+        line += phones_of_subtitles(
+            run.subtitles, style=style, user_lexicon=user_lexicon, warn=warn
+        )
+    return line
 
 
 def on_grid(phones: Iterable[Phone]) -> Iterator[Phone]:

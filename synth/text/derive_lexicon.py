@@ -29,6 +29,9 @@ CLASS_LETTER = {
 }  # fmt: skip
 """Word classes of Lexique by the letter that the asset writes; every PRO is O."""
 
+_VOWEL_LETTERS = frozenset("aeiouyEO259@§1°")
+_WRITTEN_O = re.compile(r"eau|au|ô|o[iîuùûy]|oe|œ|o[nm](?=[^aeéèêiîouyhnm]|$)|o")
+
 Uses = dict[tuple[str, str], float]
 """(phones, class letter) -> uses per million words."""
 
@@ -50,10 +53,11 @@ def read_lexique(text: str) -> dict[str, Uses]:
 
 
 def mend(word: str, phones: str) -> str:
-    """Return the phones with three habits of Lexique undone.
+    """Return the phones with four habits of Lexique undone.
 
-    An e that Lexique gives as eu is schwa again, o before r in a closed syllable is open, and a
-    mute e that ends a longer word is left to the rules of `synth.text.pronounce`.
+    An e that Lexique gives as eu is schwa again, o before r is open, o written plainly before
+    the last syllable is open as dictionaries have it (soleil), and a mute e that ends a longer
+    word is left to the rules of `synth.text.pronounce`.
 
     Examples
     --------
@@ -62,10 +66,24 @@ def mend(word: str, phones: str) -> str:
     """
     if len(phones) > 2 and not word.endswith("-que"):
         phones = phones.removesuffix("°")
-    phones = re.sub(r"oR(?=[^aeiouyEO259@§1°wj8]|$)", "OR", phones)
+    phones = _open_o(word, phones.replace("oR", "OR"))
     if any(spelling in word for spelling in ("eu", "œu", "oeu", "eû", "ö", "oe", "œ")):
         return phones
     return phones.replace("2", "°")
+
+
+def _open_o(word: str, phones: str) -> str:
+    """Open each o that is written o, is not in the last syllable and does not precede z."""
+    written = [m[0] for m in _WRITTEN_O.finditer(word) if m[0] in ("eau", "au", "ô", "o")]
+    places = [i for i, phone in enumerate(phones) if phone in "oO"]
+    if len(written) != len(places):
+        return phones
+    letters = list(phones)
+    for spelling, i in zip(written, places, strict=True):
+        later = phones[i + 1 :]
+        if spelling == "o" and later[:1] != "z" and any(p in _VOWEL_LETTERS for p in later):
+            letters[i] = "O"
+    return "".join(letters)
 
 
 def entry(word: str, uses: Mapping[tuple[str, str], float]) -> str:

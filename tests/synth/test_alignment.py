@@ -1,0 +1,138 @@
+"""The aligner: exact labels of a rendering, recordings with labels, subtitles with sound."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile as sf
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from codec.phonology import PAUSE
+from synth.alignment import _kernels
+from synth.alignment.align import Passage, align
+from synth.alignment.cepstra import FS, cepstra, mono
+from synth.alignment.score import score_from_recording, sound_of
+from synth.speech.espeak_voice import render
+from synth.subtitles import Subtitle
+from synth.text.espeak import RATE_HZ
+from synth.text.pronounce import phonemise
+from synth.text.words import Word
+from synth.timing import GRID_HZ
+
+SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
+VERSE = "Rappelez-vous l'objet que nous vîmes, mon âme, ce beau matin d'été si doux."
+
+# Verse "Le soleil rayonnait sur cette pourriture," of the LibriVox reading, labelled by eye on
+# spectrogram and waveform before the aligner had been run on it: start of each phone in seconds.
+READING = (
+    (0.0, 2.95, "Au détour d'un sentier une charogne infâme"),
+    (2.95, 4.95, "Sur un lit semé de cailloux,"),
+    (5.0, 8.25, "Les jambes en l'air, comme une femme lubrique,"),
+    (8.3, 10.5, "Brûlante et suant les poisons,"),
+    (10.6, 13.4, "Ouvrait d'une façon nonchalante et cynique"),
+    (13.45, 15.8, "Son ventre plein d'exhalaisons."),
+    (16.4, 18.95, "Le soleil rayonnait sur cette pourriture,"),
+    (19.05, 21.0, "Comme afin de la cuire à point,"),
+    (21.05, 24.0, "Et de rendre au centuple à la grande Nature"),
+    (24.05, 26.0, "Tout ce qu'ensemble elle avait joint ;"),
+)
+LABELLED_VERSE = 6
+LABELLED = (
+    ("l", 16.435), ("ə", 16.48), ("s", 16.555), ("ɔ", 16.705), ("l", 16.79), ("ɛ", 16.85),
+    ("j", 16.97), ("ʁ", 17.095), ("ɛ", 17.16), ("j", 17.23), ("ɔ", 17.305), ("n", 17.385),
+    ("ɛ", 17.47), ("s", 17.63), ("y", 17.745), ("ʁ", 17.77), ("s", 17.795), ("ɛ", 17.905),
+    ("t", 17.965), ("p", 18.12), ("u", 18.265), ("ʁ", 18.35), ("i", 18.385), ("t", 18.46),
+    ("y", 18.62), ("ʁ", 18.82),
+)  # fmt: skip
+
+
+def shared(path: str) -> Path:
+    found = SHARED / path
+    if not found.exists():
+        pytest.skip(f"shared data absent: {path}")
+    return found
+
+
+def line_of(words: list[Word]) -> list[str]:
+    return [s for w in words for s in (*w.phones, *([PAUSE] if w.pause else []))]
+
+
+@pytest.mark.parametrize(("words_per_minute", "snr_db"), [(120, 60.0), (200, 20.0)])
+def test_rendering_is_found_again(words_per_minute: int, snr_db: float) -> None:
+    words = phonemise(VERSE)
+    spoken = render(line_of(words), words_per_minute=words_per_minute)
+    x = np.pad(mono(spoken.samples, RATE_HZ), FS // 2)
+    noise = np.random.default_rng(1).normal(size=len(x))
+    x = x + noise * x.std() * 10 ** (-snr_db / 20)
+    found = align([Passage(tuple(words), x, start_s=9.5)])[0]
+    assert [p.symbol for p in found] == [p.symbol for p in spoken.phones]
+    errors = [abs(a.start - b.start - 10.0) for a, b in zip(found, spoken.phones, strict=True)]
+    assert np.median(errors) < 0.010  # measured: 3 and 6 ms
+    assert max(errors) < 0.12
+
+
+def test_labelled_passage_of_a_reading() -> None:
+    x, fs = sf.read(shared("audio/speech_fr_m_lv.flac"))
+    subtitles = [Subtitle(*verse) for verse in READING]
+    score = score_from_recording(subtitles, sound_of(x, fs))
+    first = sum(len(phonemise_phones(text)) for *_, text in READING[:LABELLED_VERSE])
+    found = score.phones[first : first + len(LABELLED)]
+    assert [p.symbol for p in found] == [symbol for symbol, _ in LABELLED]
+    errors = [abs(p.start - start) for p, (_, start) in zip(found, LABELLED, strict=True)]
+    assert np.median(errors) <= 0.030  # measured: 10 ms
+    assert max(errors) < 0.1
+
+
+def test_sounds_and_text_that_do_not_fit_are_timed_by_subtitle() -> None:
+    notes: list[str] = []
+    subtitles = [Subtitle(0.5, 0.9, 2 * VERSE), Subtitle(3.0, 4.0, "Oui."), Subtitle(5.0, 5.5, "♪")]
+    score = score_from_recording(subtitles, sound_of(np.zeros(8 * FS), FS), warn=notes.append)
+    assert notes[0] == "subtitle at 0.10 s: too little sound to align, timed by itself"
+    for before, after in itertools.pairwise(score.phones):
+        assert after.start >= before.end
+        assert after.start * GRID_HZ == pytest.approx(round(after.start * GRID_HZ))
+    assert score.phones[-1].symbol == "i"
+
+
+def test_close_subtitles_do_not_cross() -> None:
+    rng = np.random.default_rng(2)
+    subtitles = [Subtitle(2.0 * i, 2.0 * i + 2.0, "Bonjour à tous.") for i in range(14)]
+    score = score_from_recording(subtitles, sound_of(rng.normal(size=29 * FS), FS))
+    assert len(score.phones) == 14 * len(phonemise_phones("Bonjour à tous."))
+    for before, after in itertools.pairwise(score.phones):
+        assert after.start >= before.end
+
+
+def phonemise_phones(text: str) -> list[str]:
+    return [phone for word in phonemise(text) for phone in word.phones]
+
+
+def test_limits() -> None:
+    with pytest.raises(CueError, match=r"text spans 130 s, more than the 120 s"):
+        score_from_recording([Subtitle(0, 130, "Oui.")], sound_of(np.zeros(FS), FS))
+    with pytest.raises(CueError, match=r"passage at 0.00 s has 0.01 s of sound for phones"):
+        align([Passage(tuple(phonemise("Oui.")), np.zeros(160))])
+    with pytest.raises(CueError, match=r"sampling rate 4000 Hz is not within 8000..192000"):
+        mono(np.zeros(9), 4000)
+    assert align([Passage((), np.zeros(0))]) == [()]
+    assert cepstra(np.zeros(0)).shape == (1, 26)
+
+
+def test_segment_kernel_is_its_python() -> None:
+    rng = np.random.default_rng(3)
+    frames, kinds = 40, np.array([0, 1, 2, 0, 1, 0])
+    optional = kinds == 0
+    cumulated = np.concatenate([np.zeros((3, 3, 1)), rng.random((3, 3, frames)).cumsum(-1)], -1)
+    lengths = rng.random((6, 8))
+    results: list[NDArray[np.int64]] = []
+    for kernel in (_kernels.segment_into, _kernels.segment_into.py_func):
+        starts = np.zeros(7, np.int64)
+        assert kernel(cumulated, kinds, optional, lengths, 3, starts)
+        results.append(starts)
+    assert np.array_equal(results[0], results[1])
+    assert (np.diff(results[0])[~optional] >= 3).all()
+    assert results[0][0] == 0
+    assert results[0][-1] == frames
+    assert not _kernels.segment_into(cumulated[:, :, :6], kinds, optional, lengths, 3, starts)
