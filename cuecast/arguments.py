@@ -8,8 +8,12 @@ from typing import TYPE_CHECKING
 from cuecast.files import PIPE, read_bytes
 from cuecast.progress import note
 
+CARRIERS = ("audio", "video", "a335")
+"""Ways to put a cuer into a programme."""
+
 if TYPE_CHECKING:
     from codec.score import Score
+    from synth.subtitles import Subtitle
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
@@ -50,14 +54,30 @@ def score_of(args: argparse.Namespace) -> "Score":
     return score_of_subtitles(args.file)
 
 
+def aligned_score_of(args: argparse.Namespace, recording: str) -> "Score":
+    """Return the score of what `add_text` read, timed by the voices of `recording`."""
+    from cuecast.aligning import aligned_score, text_as_subtitle
+
+    if args.text is not None:
+        subtitles = [text_as_subtitle(args.text, recording)]
+    else:
+        subtitles = subtitles_of(args.file)
+    return aligned_score(subtitles, recording, warn=note)
+
+
 def score_of_subtitles(path: str) -> "Score":
     """Return the score of a subtitle file, or of the standard input for ``-``."""
     from synth.score import score_from_subtitles
+
+    return score_from_subtitles(subtitles_of(path), warn=note)
+
+
+def subtitles_of(path: str) -> "list[Subtitle]":
+    """Return the subtitles of a file, or of the standard input for ``-``."""
     from synth.subtitles import read_subtitles
     from synth.subtitles.read import parse_subtitles
 
-    cues = parse_subtitles(read_bytes(PIPE)) if path == PIPE else read_subtitles(path)
-    return score_from_subtitles(cues, warn=note)
+    return parse_subtitles(read_bytes(PIPE)) if path == PIPE else read_subtitles(path)
 
 
 def natural(text: str) -> int:
@@ -72,6 +92,31 @@ def natural(text: str) -> int:
     if value < 0:
         raise argparse.ArgumentTypeError(f"{text} is negative")
     return value
+
+
+def count(text: str) -> int:
+    """Read an integer from 1 up."""
+    value = natural(text)
+    if value == 0:
+        raise argparse.ArgumentTypeError("0 is too few")
+    return value
+
+
+def carrier_list(text: str) -> tuple[str, ...]:
+    """Read names of carriers, separated by commas.
+
+    Examples
+    --------
+    >>> carrier_list("audio,video")
+    ('audio', 'video')
+    """
+    names = tuple(text.split(","))
+    for name in names:
+        if name not in CARRIERS:
+            raise argparse.ArgumentTypeError(
+                f"no carrier called {name!r}, there are: {', '.join(CARRIERS)}"
+            )
+    return names
 
 
 def positive(text: str) -> float:

@@ -24,7 +24,7 @@ from cuecast.errors import UsageError
 
 VERBS = (
     "demo", "keys", "synth", "encode", "decode", "inspect", "dub", "receive", "watch", "render",
-    "compare", "evaluate", "voice",
+    "compare", "evaluate", "batch", "voice",
 )  # fmt: skip
 """Verbs in the order of the help page; each is a module of `cuecast.verbs`."""
 

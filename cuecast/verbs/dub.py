@@ -8,23 +8,24 @@ import argparse
 from pathlib import Path
 
 from cuecast.arguments import (
+    CARRIERS,
     add_json,
     add_key,
     add_seed,
     add_voice,
     bit_rate,
+    carrier_list,
     grade,
     natural,
     print_json,
     score_of_subtitles,
+    subtitles_of,
 )
 from cuecast.errors import UsageError
 from cuecast.files import write_json
 from cuecast.progress import note, seconds_bar
 
 SUMMARY = "the programme with its cuer inside"
-
-CARRIERS = ("audio", "video", "a335")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +36,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     source.add_argument("--motion", metavar="M.npz", help="motion of the cuer")
     parser.add_argument("-o", "--output", required=True, metavar="OUT")
     parser.add_argument(
-        "--carriers", default="audio", metavar="LIST", help=f"of {', '.join(CARRIERS)}"
+        "--carriers",
+        type=carrier_list,
+        default=("audio",),
+        metavar="LIST",
+        help=f"of {', '.join(CARRIERS)}",
+    )
+    parser.add_argument(
+        "--align", action="store_true", help="time the cues by the voices of the programme"
     )
     parser.add_argument("--report", metavar="R.json", help="what was done; - prints it")
     parser.add_argument("--track", type=natural, default=0, metavar="N", help="which sound, from 0")
@@ -61,10 +69,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the programme and the report."""
-    carriers = tuple(args.carriers.split(","))
-    for carrier in carriers:
-        if carrier not in CARRIERS:
-            raise UsageError(f"no carrier called {carrier!r}, there are: {', '.join(CARRIERS)}")
+    carriers = args.carriers
     from codec.motion import load_motion
     from codec.voice import load_voice
     from cuecast.dub import PROFILES, DubOptions, dub
@@ -86,7 +91,14 @@ def run(args: argparse.Namespace) -> int:
     if args.motion is not None:
         motion = GivenMotion(load_motion(args.motion), voice)
     else:
-        motion = SynthesisedMotion(score_of_subtitles(args.subtitles), voice, seed=args.seed)
+        if args.align:
+            from cuecast.aligning import aligned_score
+
+            subtitles = subtitles_of(args.subtitles)
+            score = aligned_score(subtitles, args.programme, track=args.track, warn=note)
+        else:
+            score = score_of_subtitles(args.subtitles)
+        motion = SynthesisedMotion(score, voice, seed=args.seed)
     options = DubOptions(
         carriers, profiles, args.key, args.track, args.audio_codec, args.audio_bitrate,
         args.video_codec, args.video_bitrate, args.grade, not args.no_grade,

@@ -3,6 +3,7 @@
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,7 +14,10 @@ from cuecast.media.film import write_film
 
 
 def test_results_are_written(tmp_path: Path) -> None:
-    rows = [{"clip": "a", "odg": -0.5}, {"clip": "b", "odg": None, "note": "é"}]
+    rows: list[dict[str, Any]] = [
+        {"clip": "a", "odg": -0.5},
+        {"clip": "b", "odg": None, "note": "é"},
+    ]
     table, document = write_results(tmp_path / "new", "audio", rows)
     assert json.loads(document.read_text(encoding="utf-8")) == rows
     with table.open(encoding="utf-8", newline="") as file:
