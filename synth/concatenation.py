@@ -85,7 +85,7 @@ class ConcatenativeSynthesiser:
             raise CueError("recordings differ in their sample rate, or there is none")
         if any(recording.motion.voice != voice.identity for recording in recordings):
             raise CueError(f"recordings were not made with voice {voice.identity}")
-        self._recordings = recordings
+        self.recordings = recordings
         self._voice = voice
         self._alignment = alignment
         self._options = options
@@ -140,7 +140,7 @@ class ConcatenativeSynthesiser:
         sources, samples, voiced, pieces = [], [], [], []
         offset = 0
         for choice in choices:
-            made = self._recordings[choice.recording]
+            made = self.recordings[choice.recording]
             edges = np.array(choice.source.edges_s)
             first = max(round((edges[0] - _MARGIN_S) * self.fs), 0)
             last = min(round((edges[-1] + _MARGIN_S) * self.fs), len(made.sound))

@@ -3,7 +3,14 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from cuecast.arguments import add_seed, add_text, add_voice, positive, score_of
+from cuecast.arguments import (
+    add_seed,
+    add_text,
+    add_voice,
+    aligned_score_of,
+    positive,
+    score_of,
+)
 from cuecast.progress import note, seconds_bar
 
 if TYPE_CHECKING:
@@ -21,6 +28,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_text(parser)
     parser.add_argument("-o", "--output", required=True, metavar="M.npz", help="motion")
     parser.add_argument("--speech", metavar="S.wav", help="what is said, spoken in step")
+    parser.add_argument(
+        "--align", metavar="AUDIO", help="recording of the text: the cuer moves with its voice"
+    )
     parser.add_argument("--c3d", metavar="M.c3d", help="markers of the motion")
     parser.add_argument(
         "--method", choices=("rules", "units"),
@@ -36,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     if args.speech and args.method == "rules":
         note("cuecast synth: --speech needs --method units")
         return 2
-    score = score_of(args)
+    score = aligned_score_of(args, args.align) if args.align else score_of(args)
     if not score.keys:
         note("nothing in the text is spoken")
         return 1

@@ -37,7 +37,7 @@ def test_stretches_are_the_sound_at_their_times(tmp_path: Path) -> None:
         for start, end in ((0.5, 1.5), (1.2, 2.6), (4.5, 7.5), (7.0, 12.0)):
             stretch = voices(start, end)
             assert len(stretch) == round((end - start) * FS)
-            expected = [t for t in range(1, 8) if start < t < end]
+            expected = [t for t in range(1, 8) if start <= t < end]
             found = np.flatnonzero(stretch > 0.05)
             assert sorted({round(start + i / FS, 2) for i in found}) == expected
         with pytest.raises(CueError, match=r"go back in time at 0\.50 s"):
