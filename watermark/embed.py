@@ -40,7 +40,7 @@ STRETCH = 4
 """Superframes that are graded together: the embedder looks this far ahead."""
 
 CARRYING = 0.35
-"""A superframe with a smaller share of living cells is reported as one that cannot carry."""
+"""A superframe with a smaller share of living cells cannot carry and is left as it is."""
 
 Source = Callable[[int], tuple[bytes, bytes]]
 """Payloads (L0, L1) of the superframe on air from programme time k * 0.64 s."""
@@ -74,10 +74,10 @@ class EmbedReport:
 
 @dataclass(frozen=True, slots=True)
 class MarkedSuperframe:
-    """Mark of one superframe: samples, shape (SUPERFRAME + HOP,), and the share of living cells."""
+    """Mark of one superframe: samples, shape (SUPERFRAME + HOP,), and whether it is one."""
 
     mark: NDArray[np.float64]
-    living: float
+    carries: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,15 +141,17 @@ class MarkDesigner:
         sound = np.concatenate([before, host])
         spectra = analyse(frames_of(sound, HOP), HOP)
         coefficients = spectra[1:].real
-        mark, living = np.zeros(host.size), 0.0
+        mark = np.zeros(host.size)
         for _ in range(ITERATIONS):
             threshold = self._masker.thresholds(np.abs(spectra) ** 2 / 2)
             unit = self._masker.amplitudes(threshold[1:], threshold[:-1])
+            living = float(project(coefficients, unit, self._layout.cells)[1].mean())
+            if living < CARRYING:
+                return MarkedSuperframe(np.zeros(host.size), carries=False)
             mark = synthesise(self._change(coefficients, unit, wanted, level), HOP)
             sound[HOP:] = host + mark
             spectra = analyse(frames_of(sound, HOP), HOP)
-            living = float(project(coefficients, unit, self._layout.cells)[1].mean())
-        return MarkedSuperframe(mark, living)
+        return MarkedSuperframe(mark, carries=True)
 
     def _change(
         self,
@@ -289,7 +291,7 @@ class AudioEmbedder:
         side = self._side.read(start, ratio, count * SUPERFRAME)
         payloads = [self._source(k) for k in numbers]
 
-        def attempt(level: int) -> _Stretch:
+        def attempt(level: int | None) -> _Stretch:
             return self._stretch(host, side, payloads, level)
 
         made = attempt(self._level) if self._control is None else self._control.settle(attempt)
@@ -305,18 +307,19 @@ class AudioEmbedder:
         host: NDArray[np.float64],
         side: NDArray[np.float64],
         payloads: list[tuple[bytes, bytes]],
-        level: int,
+        level: int | None,
     ) -> _Stretch:
-        """Write superframes into `host`, shape (superframes * SUPERFRAME + HOP,)."""
+        """Write superframes into `host`, shape (superframes * SUPERFRAME + HOP,), or none."""
         marked = host.copy()
         marked[:HOP] += self._tail
-        before, silent = self._before, []
-        for i, payload in enumerate(payloads):
-            span = slice(i * SUPERFRAME, (i + 1) * SUPERFRAME + HOP)
-            made = self._designer.design(before, marked[span], payload, level)
-            marked[span] += made.mark
-            before = marked[(i + 1) * SUPERFRAME - HOP : (i + 1) * SUPERFRAME]
-            silent.append(made.living < CARRYING)
+        before, silent = self._before, [True] * len(payloads)
+        if level is not None:
+            for i, payload in enumerate(payloads):
+                span = slice(i * SUPERFRAME, (i + 1) * SUPERFRAME + HOP)
+                made = self._designer.design(before, marked[span], payload, level)
+                marked[span] += made.mark
+                before = marked[(i + 1) * SUPERFRAME - HOP : (i + 1) * SUPERFRAME]
+                silent[i] = not made.carries
         mark = marked - host
         return _Stretch(
             mid=marked[:-HOP],

@@ -23,8 +23,11 @@ START_LEVEL = 6
 GRADES_PER_LEVEL = 0.28
 """Loss of grade that one level (1.5 dB) costs near the grades of interest."""
 
-LARGEST_MOVE = 2
-"""Levels by which the mark may change between stretches, the first excepted."""
+LARGEST_RISE = 2
+"""Levels by which the mark may grow between stretches, the first excepted."""
+
+GIVE_UP = 0.6
+"""A stretch that grades this much too low even at the lowest level is left unmarked."""
 
 TOLERANCE = 0.1
 """A stretch that grades this much too low is written one level lower."""
@@ -98,32 +101,42 @@ class LevelControl:
         self._clean = self._marked = np.zeros((0, channels))
         self._passage = _Passage(channels)
 
-    def settle(self, attempt: Callable[[int], T]) -> T:
-        """Return the attempt that has the wanted grade, out of those at all levels."""
+    def settle(self, attempt: Callable[[int | None], T]) -> T:
+        """Return the attempt that has the wanted grade.
+
+        Parameters
+        ----------
+        attempt : callable
+            Gives the stretch at a level, and unmarked for None.
+        """
         chosen = attempt(self._level)
         grade = self._grade(chosen)
         if grade is not None:
             target = self._target - self._passage.spare(self._target)
             chosen = self._adjust(attempt, chosen, grade, target)
-            self._largest = LARGEST_MOVE
+            self._largest = LARGEST_RISE
         self._passage.add(chosen)
         self._clean = chosen.clean[-SUPERFRAME:]
         self._marked = chosen.marked[-SUPERFRAME:]
         return chosen
 
-    def _adjust(self, attempt: Callable[[int], T], first: T, grade: float, target: float) -> T:
-        wish = round((grade - target) / GRADES_PER_LEVEL)
-        move = int(np.clip(wish, -self._largest, self._largest))
+    def _adjust(
+        self, attempt: Callable[[int | None], T], first: T, grade: float, target: float
+    ) -> T:
+        move = min(round((grade - target) / GRADES_PER_LEVEL), self._largest)
         level = int(np.clip(self._level + move, 0, len(LEVELS) - 1))
-        if level == self._level:
-            return first
-        self._level = level
-        second = attempt(level)
-        again = self._grade(second)
-        if again is None or again >= target - TOLERANCE or level == 0:
-            return second
-        self._level = level - 1
-        return attempt(self._level)
+        chosen, found = first, grade
+        while level != self._level:
+            down = level < self._level
+            self._level = level
+            chosen = attempt(level)
+            found = self._grade(chosen) or 0.0
+            if not down or found >= target - TOLERANCE:
+                break
+            level = max(level - 1, 0)
+        if self._level == 0 and found < target - GIVE_UP:
+            return attempt(None)
+        return chosen
 
     def _grade(self, attempt: Attempt) -> float | None:
         """Grade of an attempt, None for silence."""

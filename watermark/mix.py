@@ -28,7 +28,7 @@ def check_format(fs: int, channels: int) -> None:
     if fs not in RATES:
         raise CueError(f"sampling rate {fs} Hz, the audio carrier takes {RATES}")
     if channels not in _WEIGHTS:
-        raise CueError(f"{channels} channels, the audio carrier takes {tuple(_WEIGHTS)}")
+        raise CueError(f"{channels} channels, the audio carrier takes 1 to {max(_WEIGHTS)}")
 
 
 def mid_of(x: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -96,6 +96,17 @@ def test_silence_comes_out_unharmed() -> None:
     assert embedder.report().silent_s == ((0.0, 3.2),)
 
 
+def test_pure_tone_comes_out_unharmed_and_is_reported() -> None:
+    t = np.arange(4 * 48000)
+    x = np.repeat(0.5 * np.sin(0.05 * t)[:, np.newaxis], 2, axis=1).astype(np.float32)
+    embedder = AudioEmbedder(48000, 2, payload)
+    y = np.concatenate([embedder.process(x), embedder.flush()])
+    report = embedder.report()
+    np.testing.assert_array_equal(y, x)
+    assert report.silent_s == ((0.0, 4.48),)
+    assert (report.superframes, report.snr_db) == (0, None)
+
+
 def test_unusable_formats() -> None:
     with pytest.raises(CueError, match=r"^sampling rate 8000 Hz"):
         AudioReceiver(8000, 1)
