@@ -196,3 +196,45 @@ def test_markers_come_in_the_layout_order() -> None:
     assert markers.shape == (9, len(MARKERS), 3)
     assert (markers[:, MARKER_NUMBER["EAR_R"], 0] < 0).all()
     assert (markers[:, MARKER_NUMBER["NB"], 2] > markers[:, MARKER_NUMBER["EAR_R"], 2]).all()
+
+
+@BODIES
+def test_skin_slides_by_what_markers_do(name: str) -> None:
+    body = load_body(name)
+    assert (body.hand_tissue.shift(np.zeros((1, len(HAND_ANGLES)))) == 0).all()
+    slide = np.linalg.norm(body.hand_tissue.shift(all_shapes()), axis=2)
+    assert 0.2 < slide.mean() < 2.0
+    assert slide.max() < 5.0
+    closed = MARKER_NUMBER["F32"] - MARKER_NUMBER["F11"]
+    assert slide[0, closed] > slide[5, closed] + 0.1
+
+
+def test_two_face_units_are_not_their_sum() -> None:
+    body = load_body()
+    units = np.zeros((4, len(body.unit_names)))
+    jaw, pucker = (body.unit_names.index(n) for n in ("jawOpen", "mouthFunnel"))
+    units[[1, 3], jaw], units[[2, 3], pucker] = 0.3, 0.4
+    rest, one, other, both = body.face(units, np.zeros((4, 6)))
+    extra = np.linalg.norm(both - one - other + rest, axis=1)
+    assert 0.3 < extra.max() < 3.0
+    assert extra[MARKER_NUMBER["EAR_R"]] < 0.05
+
+
+def test_markers_are_evenly_spaced() -> None:
+    body = load_body()
+    for skin, least in ((body.face_skin, 7.0), (body.hand_skin, 7.0)):
+        away = np.linalg.norm(skin.rest[:, None] - skin.rest, axis=2) + 1e3 * np.eye(len(skin.rest))
+        assert away.min() > least
+
+
+def test_normals_point_out_of_the_skin() -> None:
+    body = load_body()
+    still = Pose(
+        np.zeros((1, len(body.unit_names))), np.zeros((1, 6)),
+        np.zeros((1, len(HAND_ANGLES))), np.zeros((1, 6)),
+    )  # fmt: skip
+    normals = body.normals(still)[0]
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=0.05)
+    assert normals[MARKER_NUMBER["FH0"], 2] > 0.7
+    assert normals[MARKER_NUMBER["EAR_R"], 0] < -0.5
+    assert normals[MARKER_NUMBER["P3"], 2] > 0.7
