@@ -13,7 +13,7 @@ from watermark.received import ReceivedSuperframe
 from watermark.video import _kernels
 from watermark.video.demodulate import pilot_metric, soft_bits
 from watermark.video.embed import VideoEmbedder
-from watermark.video.grid import Grid
+from watermark.video.grid import Grid, Region
 from watermark.video.layout import make_layout
 from watermark.video.profile import (
     DATA,
@@ -119,6 +119,32 @@ def test_scaled_picture_and_repeated_frames_are_read() -> None:
     doubled = [f for f in half for _ in range(2)]
     found = receive(doubled, VideoReceiver(640, 360, 50))
     assert [(s.l0, s.l1) for s in found] == [give(k) for k in range(3)]
+
+
+def test_cropped_picture_is_found() -> None:
+    give = source("robust")
+    frames = [picture(n) for n in range(145)]
+    marked = mark(frames, VideoEmbedder(WIDTH, HEIGHT, 25, give, profile="robust"))
+    left, top = round(0.02 * WIDTH), round(0.02 * HEIGHT)
+    cropped = [np.ascontiguousarray(f[top:-top, left:-left]) for f in marked]
+    receiver = VideoReceiver(WIDTH - 2 * left, HEIGHT - 2 * top, 25)
+    found = receive(cropped, receiver)
+    assert receiver.region is not None
+    assert receiver.region.width == pytest.approx(1 / 0.96)
+    assert receiver.first_lock_s is not None
+    assert receiver.first_lock_s < 4
+    for superframe in found:
+        k = round(superframe.position_s / 0.64)
+        assert superframe.position_s == pytest.approx(0.64 * k, abs=0.08)
+        assert (superframe.l0, superframe.l1) == give(k)
+    assert len(found) >= 3
+
+
+def test_cells_outside_the_picture_are_not_seen() -> None:
+    middle = Grid(480, 360, region=Region(-1 / 6, 0, 4 / 3, 1))
+    assert middle.seen[0, 0].sum() == 60
+    assert Grid(640, 360).seen.all()
+    assert np.isfinite(middle.project(picture(0, 480, 360))).all()
 
 
 def test_brightness_contrast_and_noise() -> None:

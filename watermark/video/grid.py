@@ -5,6 +5,7 @@ The grid is 80 x 45 whatever the size of the picture, so scaling keeps it. Speci
 spec/video-carrier.md, section 3.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,29 @@ from watermark.video.profile import COLUMNS, MIN_HEIGHT, MIN_WIDTH, ROWS, TEMPLA
 
 FloatArray = NDArray[np.float64]
 
+_MOST = 0.7  # of a template's energy has to be inside the picture
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """Where the marked picture lies in the picture at hand, in parts of the latter's size.
+
+    Attributes
+    ----------
+    left, top : float
+        Its corner; negative where it was cropped.
+    width, height : float
+        Its size; above 1 where it was cropped.
+    """
+
+    left: float = 0.0
+    top: float = 0.0
+    width: float = 1.0
+    height: float = 1.0
+
+
+WHOLE = Region()
+
 
 class Grid:
     """Projection and painting for one size of picture.
@@ -26,6 +50,13 @@ class Grid:
         Pixels.
     depth : int
         Bits per sample, 8 to 16; amplitudes are in steps of 8 bits.
+    region : Region
+        Where the marked picture lies.
+
+    Attributes
+    ----------
+    seen : ndarray of bool, shape (2, 45, 80)
+        Cells of which most is inside the picture; the others' amplitudes mean nothing.
 
     Raises
     ------
@@ -41,7 +72,7 @@ class Grid:
     2.0
     """
 
-    def __init__(self, width: int, height: int, depth: int = 8) -> None:
+    def __init__(self, width: int, height: int, depth: int = 8, *, region: Region = WHOLE) -> None:
         if width < MIN_WIDTH or height < MIN_HEIGHT:
             raise CueError(f"picture {width}x{height}: the cells need {MIN_WIDTH}x{MIN_HEIGHT}")
         if not 8 <= depth <= 16:
@@ -49,12 +80,18 @@ class Grid:
         self.shape = (height, width)
         self.largest = float(2**depth - 1)
         self._unit = 2.0 ** (depth - 8)
-        self._columns, across, across_norm = _axis(width, COLUMNS)
-        self._rows, down, down_norm = _axis(height, ROWS)
+        self._columns, across, across_norm = _axis(width, COLUMNS, region.left, region.width)
+        self._rows, down, down_norm = _axis(height, ROWS, region.top, region.height)
+        nominal = (across_norm.max(axis=1), down_norm.max(axis=1))
+        whole = [
+            n > _MOST * m[:, None] for n, m in zip((across_norm, down_norm), nominal, strict=True)
+        ]
+        self.seen = whole[1][::-1, :, None] & whole[0][:, None, :]
         # Template 0 is a dipole across and a hump down; template 1 the other way round.
         self._across = np.ascontiguousarray(across, dtype=np.float32)
         self._down = np.ascontiguousarray(down[::-1], dtype=np.float32)
-        self._norm = down_norm[::-1, :, None] * across_norm[:, None, :]
+        norm = down_norm[::-1, :, None] * across_norm[:, None, :]
+        self._norm = np.where(self.seen, norm, np.inf)
 
     def project(self, luma: NDArray[Any]) -> FloatArray:
         """Amplitude of each template in each cell, shape (2, 45, 80)."""
@@ -71,14 +108,20 @@ class Grid:
         return out
 
 
-def _axis(size: int, cells: int) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+def _axis(
+    size: int, cells: int, start: float, length: float
+) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
     """Cell borders, the factors dipole and hump per pixel, their squared norms per cell."""
-    place = (np.arange(size) + 0.5) * cells / size
-    cell = place.astype(np.int64)
+    place = ((np.arange(size) + 0.5) / size - start) / length * cells
+    cell = np.floor(place).astype(np.int64)
     border = np.searchsorted(cell, np.arange(cells + 1)).astype(np.int64)
     inside = place - cell
     factors = np.stack([np.sin(2 * np.pi * inside), np.sin(np.pi * inside) ** 2])
-    # Uneven cells leave the dipole a mean, which would let brightness through.
+    norm = np.zeros((2, cells))
     for c in range(cells):
-        factors[0, border[c] : border[c + 1]] -= factors[0, border[c] : border[c + 1]].mean()
-    return border, factors, np.add.reduceat(factors**2, border[:-1], axis=1)
+        pixels = slice(border[c], border[c + 1])
+        if border[c] < border[c + 1]:
+            # Uneven cells leave the dipole a mean, which would let brightness through.
+            factors[0, pixels] -= factors[0, pixels].mean()
+            norm[:, c] = np.sum(factors[:, pixels] ** 2, axis=1)
+    return border, factors, norm

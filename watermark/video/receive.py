@@ -1,38 +1,54 @@
 """Find superframes in a picture: frames in, superframes out.
 
-Pilots are watched at every frame; where their agreement peaks, a superframe's window ends there
-and is decoded. Once locked, superframes are also read where they are due. Specification:
-spec/video-carrier.md, section 6.
+A picture that was scaled keeps its cells. If nothing is found in it as it stands, it may have been
+cropped or put between bars: some such places are tried a few at a time, until one locks.
+Specification: spec/video-carrier.md, section 6.
 """
 
-from collections import deque
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.link import Decoded, Link
 from watermark.received import ReceivedSuperframe
-from watermark.video.demodulate import Soft, pilot_metric, soft_bits
 from watermark.video.embed import STEP
-from watermark.video.grid import Grid
-from watermark.video.layout import make_layout
-from watermark.video.profile import PROFILES, VideoProfile
+from watermark.video.grid import WHOLE, Grid, Region
+from watermark.video.profile import VideoProfile
 from watermark.video.timing import Timing
+from watermark.video.track import Tracker
 
 Luma = NDArray[Any]
-FloatArray = NDArray[np.float64]
 
-THRESHOLD = 0.16
-"""Least agreement of the pilots that is worth decoding: four standard deviations of noise."""
+PATIENCE_S = 2.0
+"""How long places are tried before others."""
 
-MAX_MISSES = 6
-"""Superframes in a row without L0 after which the lock is given up."""
+AT_ONCE = 4
+"""Places tried beside the whole picture."""
 
-TRACKING = 2.0
-"""Frames that the clock moves for a full difference between the flanks of a peak."""
+
+def _cropped(part: float) -> Region:
+    """Region of a picture that lost `part` of its size on each side and was enlarged again."""
+    rest = 1 - 2 * part
+    return Region(-part / rest, -part / rest, 1 / rest, 1 / rest)
+
+
+PLACES = (
+    _cropped(0.01),
+    _cropped(0.02),
+    _cropped(0.005),
+    _cropped(0.015),
+    Region(0, 0.125, 1, 0.75),  # 16:9 between bars in 4:3
+    Region(0.125, 0, 0.75, 1),  # 4:3 between bars in 16:9
+    Region(-1 / 6, 0, 4 / 3, 1),  # the middle of 16:9 in 4:3
+    _cropped(0.025),
+    _cropped(0.03),
+    _cropped(0.035),
+    _cropped(0.04),
+    _cropped(0.05),
+)
+"""Where a marked picture is looked for if not in the whole."""
 
 
 class VideoReceiver:
@@ -53,10 +69,15 @@ class VideoReceiver:
 
     Attributes
     ----------
-    profile : VideoProfile or None
-        Profile of the last superframe found.
+    region : Region or None
+        Where the marked picture lies, once found.
     first_lock_s : float or None
         When the first superframe had been received.
+
+    Raises
+    ------
+    CueError
+        If size, rate, depth or key are out of range.
     """
 
     def __init__(
@@ -69,30 +90,29 @@ class VideoReceiver:
         depth: int = 8,
         step: float = STEP,
     ) -> None:
-        self._grid = Grid(width, height, depth)
+        self._size = width, height, depth
         self._timing = Timing(Fraction(fps))
-        self._step = step
-        self._choices = [(Link(p), make_layout(p, key), p) for p in PROFILES.values()]
-        self._guard = max(1, round(self._timing.span / 6))
-        self._frames: deque[FloatArray] = deque(maxlen=self._timing.window + 2 * self._guard)
-        self._agreement: deque[FloatArray] = deque(maxlen=2 * self._guard + 1)
-        self._count = 0
-        self._due: float | None = None
-        self._misses = 0
-        self._choice = 0
+        self._options: dict[str, Any] = {"key": key, "step": step}
+        self._frames = 0
         self._errors = self._known = 0
+        self._trackers: dict[Region, Tracker] = {}
+        self._starts: dict[Region, int] = {}
+        self._tried = 0
+        self.region: Region | None = None
         self.profile: VideoProfile | None = None
         self.first_lock_s: float | None = None
+        self._look_at([WHOLE])
 
     @property
     def locked(self) -> bool:
         """Whether superframes are being received."""
-        return self._due is not None
+        return self.region is not None
 
     @property
     def ber_estimate(self) -> float:
         """Share of wrong coded bits before correction, of all superframes decoded."""
-        return self._errors / max(1, self._known)
+        known = self._known + sum(t.known for t in self._trackers.values())
+        return (self._errors + sum(t.errors for t in self._trackers.values())) / max(1, known)
 
     def process(self, luma: Luma) -> list[ReceivedSuperframe]:
         """Take the next frame; return the superframes found, about 0.2 s after their last frame.
@@ -104,91 +124,70 @@ class VideoReceiver:
         CueError
             If the frame has another size than announced.
         """
-        if luma.shape != self._grid.shape:
-            raise CueError(f"frame of shape {luma.shape}: expected {self._grid.shape}")
-        return self._advance(self._grid.project(luma).reshape(-1) / self._step)
+        if luma.shape != self._size[1::-1]:
+            raise CueError(f"frame of shape {luma.shape}: expected {self._size[1::-1]}")
+        self._frames += 1
+        found = {
+            region: self._placed(tracker.process(luma), region)
+            for region, tracker in self._trackers.items()
+        }
+        if self.region is None:
+            return self._choose(found)
+        if not self._trackers[self.region].locked:
+            self._restart()
+        return [superframe for each in found.values() for superframe in each]
 
     def flush(self) -> list[ReceivedSuperframe]:
         """Return what the last frames still hold."""
         found = []
-        for _ in range(self._guard if self._frames else 0):
-            found += self._advance(self._frames[-1])
+        for region, tracker in self._trackers.items():
+            found += self._placed(tracker.flush(), region)
+            if found:
+                break
         return found
 
-    def _advance(self, values: FloatArray) -> list[ReceivedSuperframe]:
-        self._frames.append(values)
-        self._count += 1
-        self._agreement.append(self._watch())
-        # The window in question ended `guard` frames ago, so that its neighbours are known too.
-        start = self._count - self._guard - self._timing.window
-        if start < 0:
-            return []
-        if self._due is not None and start == round(self._due):
-            return [self._follow(start)]
-        if self._is_peak() and (self._due is None or self._misses > 0):
-            return self._search(start)
-        return []
+    def _placed(self, found: list[ReceivedSuperframe], region: Region) -> list[ReceivedSuperframe]:
+        """Count positions from the receiver's first frame, not from the tracker's."""
+        if found:
+            self.profile = self._trackers[region].profile
+        shift_s = self._starts[region] / float(self._timing.fps)
+        return [replace(s, position_s=s.position_s + shift_s) for s in found]
 
-    def _search(self, start: int) -> list[ReceivedSuperframe]:
-        """Try to decode where the pilots agree; lock on success."""
-        best = int(self._agreement[-1 - self._guard].argmax())
-        soft, decoded = self._decode(start, best)
-        if decoded.l0 is None:
+    def _choose(self, found: dict[Region, list[ReceivedSuperframe]]) -> list[ReceivedSuperframe]:
+        """Lock to the place whose pilots agree best, if any superframe was found."""
+        locked = {region: each for region, each in found.items() if each}
+        if not locked:
+            if self._frames - self._since >= PATIENCE_S * self._timing.fps:
+                self._look_elsewhere()
             return []
-        self.profile = self._choices[best][2]
-        self._choice = best
+        best = max(locked, key=lambda region: locked[region][0].confidence)
+        self.region = best
+        self._look_at([best])
         if self.first_lock_s is None:
-            self.first_lock_s = self._count / float(self._timing.fps)
-        return [self._deliver(float(start), soft, decoded)]
+            self.first_lock_s = self._frames / float(self._timing.fps)
+        return locked[best]
 
-    def _follow(self, start: int) -> ReceivedSuperframe:
-        """Decode the superframe that is due, a few frames off if its pilots say so."""
-        nearby = [float(agreement[self._choice]) for agreement in self._agreement]
-        centre = nearby[self._guard]
-        offset = int(np.argmax(nearby)) - self._guard
-        jump = max(nearby) > max(THRESHOLD, 1.1 * centre)
-        soft, decoded = self._decode(start + (offset if jump else 0), self._choice)
-        assert self._due is not None
-        # A peak may be flat (a still picture); its flanks then tell where its middle is.
-        nudge = TRACKING * (nearby[-1] - nearby[0]) / max(centre, THRESHOLD)
-        return self._deliver(self._due + (offset if jump else nudge), soft, decoded)
+    def _restart(self) -> None:
+        """Look again, first where the picture was."""
+        assert self.region is not None
+        regions = [self.region, WHOLE]
+        self._tried, self.region = 0, None
+        self._look_at(regions)
 
-    def _decode(self, start: int, choice: int) -> tuple[Soft, Decoded]:
-        link, layout, _ = self._choices[choice]
-        first = start - (self._count - len(self._frames))
-        values = np.array([self._frames[first + i] for i in range(self._timing.window)])
-        soft = soft_bits(values.mean(axis=0), values.var(axis=0), layout)
-        return soft, link.decode(soft.ratios)
+    def _look_elsewhere(self) -> None:
+        chosen = [PLACES[(self._tried + i) % len(PLACES)] for i in range(AT_ONCE)]
+        self._tried += AT_ONCE
+        self._look_at([WHOLE, *chosen])
 
-    def _deliver(self, place: float, soft: Soft, decoded: Decoded) -> ReceivedSuperframe:
-        """Hand a superframe out and note when the next one is due."""
-        known = decoded.coded >= 0
-        wrong = (soft.ratios < 0) != (decoded.coded == 1)
-        self._errors += int(wrong[known].sum())
-        self._known += int(known.sum())
-        self._misses = 0 if decoded.l0 is not None else self._misses + 1
-        self._due = place + self._timing.span if self._misses <= MAX_MISSES else None
-        return ReceivedSuperframe(
-            decoded.l0,
-            decoded.l1,
-            self._timing.position_s(place),
-            soft.agreement,
-            float(wrong[known].mean()) if known.any() else 0.5,
-            soft.ratios,
-        )
-
-    def _watch(self) -> FloatArray:
-        """Agreement of each profile's pilots over the newest window."""
-        window = self._timing.window
-        if len(self._frames) < window:
-            return np.zeros(len(self._choices))
-        pilots = self._choices[0][1].pilots
-        newest = [self._frames[-1 - i][pilots] for i in range(window)]
-        mean = np.mean(newest, axis=0)
-        return np.array([abs(pilot_metric(mean, layout)) for _, layout, _ in self._choices])
-
-    def _is_peak(self) -> bool:
-        if len(self._agreement) < 2 * self._guard + 1:
-            return False
-        best = np.array([a.max() for a in self._agreement])
-        return bool(best[self._guard] >= THRESHOLD and best.argmax() == self._guard)
+    def _look_at(self, regions: list[Region]) -> None:
+        """Track these regions; those that are tracked already go on."""
+        gone = [t for region, t in self._trackers.items() if region not in regions]
+        self._errors += sum(t.errors for t in gone)
+        self._known += sum(t.known for t in gone)
+        self._since = self._frames
+        for region in regions:
+            if region not in self._trackers:
+                grid = Grid(*self._size, region=region)
+                self._trackers[region] = Tracker(grid, self._timing, **self._options)
+                self._starts[region] = self._frames
+        self._trackers = {r: t for r, t in self._trackers.items() if r in regions}
