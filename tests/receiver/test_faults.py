@@ -1,0 +1,128 @@
+"""Simulated hours of a bad line: nothing crashes, no key is shown that was not sent."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from codec.cueing import cue
+from codec.phonology import CONSONANTS, VOWELS
+from codec.score import Key, Phone, Score
+from codec.superframe import Superframe, SuperframeEncoder
+from codec.voice import load_voice
+from receiver.events import SUPERFRAME_S, KeysFound, MotionPiece
+from receiver.tracking import Tracker
+from tests.receiver.standin import make_motion
+
+VOICE = load_voice()
+POOL = 64
+TOLERANCE_S = 0.12
+"""Beside a loss the start of a key is known by a nominal length only."""
+
+
+@cache
+def programme() -> tuple[tuple[Superframe, ...], tuple[Key, ...]]:
+    """Forty-one seconds of seeded speech as 64 superframes, and its keys."""
+    rng = np.random.default_rng(11)
+    phones, time_s = [], 0.3
+    while time_s < POOL * SUPERFRAME_S + 1:
+        for _ in range(int(rng.integers(4, 14))):
+            kind = CONSONANTS if rng.random() < 0.55 else VOWELS
+            length = 0.02 * int(rng.integers(3, 9))
+            symbol = kind[int(rng.integers(len(kind)))]
+            phones.append(Phone(symbol, round(time_s, 2), round(time_s + length, 2)))
+            time_s = round(time_s + length, 2)
+        time_s = round(time_s + 0.02 * int(rng.integers(5, 45)), 2)
+    score = Score(tuple(phones), tuple(cue(phones)))
+    motion = replace(make_motion(VOICE, duration_s=POOL * SUPERFRAME_S + 2), score=score)
+    encoder = SuperframeEncoder(VOICE, l0_bytes=24, l1_bytes=24)
+    return tuple(encoder.encode(motion, index) for index in range(POOL)), score.keys
+
+
+def broken(data: bytes, rng: np.random.Generator) -> bytes:
+    """Change some bytes."""
+    changed = bytearray(data)
+    for _ in range(int(rng.integers(1, 6))):
+        changed[int(rng.integers(len(changed)))] ^= int(rng.integers(1, 256))
+    return bytes(changed)
+
+
+def bad_line(
+    count: int, rng: np.random.Generator
+) -> Iterator[tuple[bytes | None, bytes | None, float, int]]:
+    """Yield L0, L1, time on air, index; losses, garbage, repeats, splices, clock jumps."""
+    index, on_air_s = 0, 0.0
+    superframes, _ = programme()
+    lost = 0
+    for _ in range(count):
+        if index == POOL or rng.random() < 0.004:  # a splice, or the programme begins again
+            index = int(rng.integers(POOL - 4))
+            on_air_s += float(rng.uniform(0.15, 40.0))
+        superframe = superframes[index]
+        if lost == 0 and rng.random() < 0.03:
+            lost = int(rng.integers(1, 15)) if rng.random() < 0.3 else 1
+        jitter_s = float(rng.normal(0, 2e-4))
+        if lost:
+            lost -= 1
+            if rng.random() < 0.5:
+                yield None, None, on_air_s + jitter_s, index
+        elif rng.random() < 0.02:
+            yield broken(superframe.l0, rng), superframe.l1, on_air_s + jitter_s, index
+        elif rng.random() < 0.02:
+            yield superframe.l0, broken(superframe.l1, rng), on_air_s + jitter_s, index
+        else:
+            for _ in range(2 if rng.random() < 0.02 else 1):
+                yield superframe.l0, superframe.l1, on_air_s + jitter_s, index
+        index += 1
+        on_air_s += SUPERFRAME_S
+
+
+def watch(hours: float, seed: int) -> tuple[int, int, list[Key]]:
+    """Return superframes received, keys shown, and keys that were not sent."""
+    rng = np.random.default_rng(seed)
+    sent = programme()[1]
+    tracker = Tracker(VOICE)
+    received, shown = 0, 0
+    wrong: list[Key] = []
+    zeros: list[float] = []
+    for l0, l1, on_air_s, index in bad_line(round(hours * 3600 / SUPERFRAME_S), rng):
+        if rng.random() < 1e-3:
+            received += tracker.received
+            tracker = Tracker(VOICE)  # switched off and on
+        zero_s = on_air_s + 2 * SUPERFRAME_S - index * SUPERFRAME_S
+        zeros = [*zeros[-3:], zero_s] if not zeros or abs(zeros[-1] - zero_s) > 0.01 else zeros
+        for event in [*tracker.take(l0, l1, on_air_s), *tracker.advance(on_air_s + 0.7)]:
+            if isinstance(event, MotionPiece):
+                assert np.isfinite(event.params).all()
+            if isinstance(event, KeysFound) and event.final:
+                shown += len(event.keys)
+                wrong += [key for key in event.keys if not _was_sent(key, sent, zeros)]
+    return received + tracker.received, shown, wrong
+
+
+def _was_sent(key: Key, sent: tuple[Key, ...], zeros: list[float]) -> bool:
+    """Whether a key of these phones, shape and place was due near that time."""
+    return any(
+        (key.shape, key.placement) == (other.shape, other.placement)
+        and abs(key.start - zero_s - other.start) < TOLERANCE_S
+        for zero_s in zeros
+        for other in sent
+        if abs(other.start - (key.start - zero_s)) < 0.5
+    )
+
+
+def test_a_quarter_of_an_hour_of_faults() -> None:
+    received, shown, wrong = watch(0.25, seed=1)
+    assert received > 1000
+    assert shown > 2000
+    assert wrong == []
+
+
+@pytest.mark.slow
+def test_a_day_of_faults() -> None:
+    received, shown, wrong = watch(24.0, seed=2)
+    assert received > 100_000
+    assert shown > 200_000
+    assert wrong == []
