@@ -135,9 +135,10 @@ def plan_gestures(
         target = key.start + _lag(key, score, alignment)
         rested = previous is None or key.start - previous.end >= options.rest_gap_s
         if rested:
-            if previous is not None:
-                rows.append(_to_rest(previous, key.start - _FIRST_LEAD_S))
             lead = _FIRST_LEAD_S
+            if previous is not None:
+                lead = min(lead, 0.5 * (key.start - previous.end))
+                rows.append(_to_rest(previous, key.start - lead))
         else:
             assert previous is not None
             lead = float(np.clip(_LEAD_PART * (key.start - previous.start), *_LEAD_LIMITS_S))

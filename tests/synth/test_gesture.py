@@ -235,3 +235,10 @@ def test_the_wrist_moves_with_the_arm_not_with_the_fingers(cuer: GestureSynthesi
     early, late = (cuer.pose(LINE, at, 1).angles[0] for at in (between, plan.reach[1] + 0.01))
     assert np.abs(late[:3] - early[:3]).max() > 0.02
     assert np.abs(late[9:12] - early[9:12]).max() < 0.5
+
+
+def test_short_rests_do_not_make_the_hand_dart() -> None:
+    line = [Phone("a", 1.0, 1.3), Phone("i", 1.85, 2.2)]
+    plan = plan_gestures(Score(tuple(line), tuple(cue(line))))
+    assert plan.placement.tolist() == [0, 1, 0, 2, 0]
+    assert (plan.reach - plan.leave)[1:].min() > 0.15
