@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from pathlib import Path
 
 import numpy as np
 import soundfile
@@ -12,24 +13,64 @@ from codec.score import Score
 from codec.voice import Voice
 from cuecast.files import whole_file
 from cuecast.progress import count_bar
-from synth.archive import built_in_recordings
+from synth.archive import built_in_recordings, read_archive, write_archive
 from synth.body.anatomy import IDENTITIES
 from synth.concatenation import ConcatenativeSynthesiser, Performance
+from synth.gesture import GestureSynthesiser
+from synth.recording import Recording
+from synth.speaker import Refusal, read_transcripts, record_speaker
 
 
-def unit_synthesiser(voice: Voice) -> ConcatenativeSynthesiser:
-    """Return the dictionaries of `voice`, making its recordings on first use.
+def unit_synthesiser(voice: Voice, folder: str | None = None) -> ConcatenativeSynthesiser:
+    """Return the dictionaries of `voice`, or those that `record_folder` wrote.
+
+    The virtual cuer's own recordings are made on first use.
 
     Raises
     ------
     CueError
-        If no cuer of that name can be recorded.
+        If no cuer of that name can be recorded, or the folder holds another voice's recordings.
     """
-    if voice.name not in IDENTITIES:
-        raise CueError(f"voice {voice.name} has no recordings to take units from")
+    if folder is not None:
+        return ConcatenativeSynthesiser(read_archive(folder), voice)
+    _check_cuer(voice)
     with count_bar("recording the voice") as progress:
         recordings = built_in_recordings(voice, identity=voice.name, progress=progress)
     return ConcatenativeSynthesiser(recordings, voice)
+
+
+def record_folder(
+    source: str, target: str, voice: Voice, *, progress: Callable[[int, int], None]
+) -> list[str]:
+    """Make recordings of a speaker's sounds, write them, and say what was left out.
+
+    Raises
+    ------
+    CueError
+        If there are no sounds with transcripts, none of them can be used, or `target` exists.
+    """
+    _check_cuer(voice)
+    if Path(target).exists():
+        raise CueError(f"{target} exists already")
+    cuer = GestureSynthesiser(voice.name, alignment="paper")
+    utterances = read_transcripts(Path(source))
+    taken: list[Recording] = []
+    refused: list[str] = []
+    for done, item in enumerate(record_speaker(utterances, cuer, voice), 1):
+        if isinstance(item, Refusal):
+            refused.append(f"{item.path}: {item.reason}")
+        else:
+            taken.append(item)
+        progress(done, len(utterances))
+    if not taken:
+        raise CueError(f"{source}: none of {len(utterances)} sounds can be used: {refused[0]}")
+    write_archive(target, taken)
+    return refused
+
+
+def _check_cuer(voice: Voice) -> None:
+    if voice.name not in IDENTITIES:
+        raise CueError(f"voice {voice.name} is no virtual cuer's: nobody can be recorded")
 
 
 def perform(
@@ -37,6 +78,7 @@ def perform(
     voice: Voice,
     *,
     rate_hz: float,
+    units: str | None = None,
     speech: str | None = None,
     progress: Callable[[float], None] = lambda seconds: None,
 ) -> Motion:
@@ -49,12 +91,14 @@ def perform(
     voice : Voice
     rate_hz : float
         Frames per second of the motion.
+    units : str, optional
+        Folder of recordings; by default the virtual cuer's own.
     speech : str, optional
         Sound file to write, by its suffix WAV or FLAC.
     progress : callable
         Told how many seconds each passage brought.
     """
-    synthesiser = unit_synthesiser(voice)
+    synthesiser = unit_synthesiser(voice, units)
     params = []
     with ExitStack() as stack:
         write = _writer(stack, speech, synthesiser.fs)

@@ -36,6 +36,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--method", choices=("rules", "units"),
         help="gestures by rule, or joined from recorded units (the default with --speech)",
     )  # fmt: skip
+    parser.add_argument(
+        "--units", metavar="FOLDER", help="recordings that `voice build` made of a speaker"
+    )
     parser.add_argument("--rate", type=positive, default=50.0, metavar="HZ", help="of the motion")
     add_voice(parser)
     add_seed(parser)
@@ -43,8 +46,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the motion; 1 if nothing in the text is spoken."""
-    if args.speech and args.method == "rules":
-        note("cuecast synth: --speech needs --method units")
+    if args.method == "rules" and (args.speech or args.units):
+        note("cuecast synth: --speech and --units need --method units")
         return 2
     score = aligned_score_of(args, args.align) if args.align else score_of(args)
     if not score.keys:
@@ -55,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
 
     voice = load_voice(args.voice)
     end_s = score.phones[-1].end + _AFTER_S
-    units = args.speech or args.method == "units"
+    units = args.speech or args.units or args.method == "units"
     motion = (_by_units if units else _by_rules)(args, score, voice, end_s)
     save_motion(motion, args.output)
     if args.c3d:
@@ -77,4 +80,7 @@ def _by_units(args: argparse.Namespace, score: "Score", voice: "Voice", end_s: f
     from cuecast.performance import perform
 
     with seconds_bar(end_s, "synth") as advance:
-        return perform(score, voice, rate_hz=args.rate, speech=args.speech, progress=advance)
+        return perform(
+            score, voice, rate_hz=args.rate, units=args.units, speech=args.speech,
+            progress=advance,
+        )  # fmt: skip

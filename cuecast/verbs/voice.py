@@ -1,10 +1,12 @@
-"""Look at voices: the models and dictionaries of one cuer."""
+"""Make and look at voices: the models and dictionaries of one cuer."""
 
 import argparse
+from typing import Any
 
 from cuecast.arguments import add_json, print_json
+from cuecast.progress import count_bar, note
 
-SUMMARY = "look at voices"
+SUMMARY = "make and look at voices"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -13,21 +15,39 @@ def configure(parser: argparse.ArgumentParser) -> None:
     listing = actions.add_parser("list", help="names of the built-in voices")
     info = actions.add_parser("info", help="what a voice is made of")
     info.add_argument("voice", nargs="?", default="claire", metavar="V", help="name or file")
-    for action in (listing, info):
+    build = actions.add_parser(
+        "build", help="record the units of a voice: the virtual cuer's own, or a real speaker's"
+    )
+    build.add_argument("voice", nargs="?", default="claire", metavar="V", help="name or file")
+    build.add_argument(
+        "--recordings", metavar="DIR",
+        help="sounds of a speaker with transcripts: a .tsv with path and text, or .txt beside each",
+    )  # fmt: skip
+    build.add_argument("-o", "--output", metavar="FOLDER", help="where a speaker's units go")
+    for action in (listing, info, build):
         add_json(action)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print names, or the facts about one voice."""
-    from codec.voice import built_in_voices, load_voice
+    """Do what the action says."""
+    actions = {"list": _list, "info": _info, "build": _build}
+    return actions[args.action](args)
 
-    if args.action == "list":
-        names = built_in_voices()
-        if args.json:
-            print_json(list(names))
-        else:
-            print("\n".join(names))
-        return 0
+
+def _list(args: argparse.Namespace) -> int:
+    from codec.voice import built_in_voices
+
+    names = built_in_voices()
+    if args.json:
+        print_json(list(names))
+    else:
+        print("\n".join(names))
+    return 0
+
+
+def _info(args: argparse.Namespace) -> int:
+    from codec.voice import load_voice
+
     voice = load_voice(args.voice)
     facts = {
         "name": voice.name,
@@ -35,9 +55,44 @@ def run(args: argparse.Namespace) -> int:
         "parameters": len(voice.layout),
         "layout": list(voice.layout),
     }
+    _show(args, facts)
+    return 0
+
+
+def _build(args: argparse.Namespace) -> int:
+    from codec.voice import load_voice
+    from cuecast.performance import record_folder, unit_synthesiser
+
+    if bool(args.recordings) != bool(args.output):
+        note("cuecast voice build: --recordings and --output go together")
+        return 2
+    voice = load_voice(args.voice)
+    refused: list[str] = []
+    if args.recordings:
+        with count_bar("recording the voice") as progress:
+            refused = record_folder(args.recordings, args.output, voice, progress=progress)
+        for line in refused:
+            note(f"left out: {line}")
+    synthesiser = unit_synthesiser(voice, args.output)
+    facts: dict[str, Any] = {
+        "voice": voice.name,
+        "recordings": len(synthesiser.recordings),
+        "refused": len(refused),
+        "minutes": round(sum(r.duration_s for r in synthesiser.recordings) / 60, 1),
+        "sounds": len(synthesiser.sounds),
+        "kinds_of_sounds": len(synthesiser.sounds.names),
+        "dikeys": len(synthesiser.dikeys),
+        "kinds_of_dikeys": len(synthesiser.dikeys.names),
+    }
+    _show(args, facts)
+    return 0
+
+
+def _show(args: argparse.Namespace, facts: dict[str, Any]) -> None:
     if args.json:
         print_json(facts)
-    else:
-        for name, value in facts.items():
-            print(f"{name:>10}  {' '.join(value) if isinstance(value, list) else value}")
-    return 0
+        return
+    width = max(map(len, facts))
+    for name, value in facts.items():
+        shown = " ".join(value) if isinstance(value, list) else value
+        print(f"{name.replace('_', ' '):>{width}}  {shown}")
