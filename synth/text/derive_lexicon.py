@@ -53,11 +53,11 @@ def read_lexique(text: str) -> dict[str, Uses]:
 
 
 def mend(word: str, phones: str) -> str:
-    """Return the phones with four habits of Lexique undone.
+    """Return the phones with some habits of Lexique undone.
 
-    An e that Lexique gives as eu is schwa again, o before r is open, o written plainly before
-    the last syllable is open as dictionaries have it (soleil), and a mute e that ends a longer
-    word is left to the rules of `synth.text.pronounce`.
+    An e that Lexique gives as eu is schwa again; o before r, e before ks, and o that is written
+    plainly before the last syllable are open as dictionaries have them (soleil); a mute e that
+    ends a longer word is left to the rules of `synth.text.pronounce`.
 
     Examples
     --------
@@ -66,7 +66,7 @@ def mend(word: str, phones: str) -> str:
     """
     if len(phones) > 2 and not word.endswith("-que"):
         phones = phones.removesuffix("°")
-    phones = _open_o(word, phones.replace("oR", "OR"))
+    phones = _open_o(word, phones.replace("oR", "OR").replace("eks", "Eks"))
     if any(spelling in word for spelling in ("eu", "œu", "oeu", "eû", "ö", "oe", "œ")):
         return phones
     return phones.replace("2", "°")

@@ -44,7 +44,7 @@ def _plus(stretch: Sequence[Item], position: int) -> str:
 def _tous(stretch: Sequence[Item], position: int) -> str:
     """Return tu before what it determines, tus when it stands alone."""
     after = stretch[position + 1] if position + 1 < len(stretch) else None
-    if after is None:
+    if after is None or after.text == "ensemble":
         return "tus"
     if after.word_class in "DU" or after.text in ("ceux", "deux", "les", "leurs"):
         return "tu"

@@ -20,6 +20,9 @@ from synth.text.tagging import SUBJECT, tag
 from synth.text.words import Item, Word
 
 LIAISONS = ("obligatory", "none")
+SCALES = ("cent", "cents", "mille")
+"""Numerals that others count."""
+
 SCHWAS = ("none", "cluster", "cluster-pause", "all")
 
 FUTURE_ENDINGS = {
@@ -166,7 +169,7 @@ def _speak_together(stretch: Sequence[Item], style: Style) -> None:
     """Apply what neighbours do to each other: numerals, liaison, final schwa."""
     hyphen_before = False
     for left, right in itertools.pairwise(stretch):
-        if left.word_class == "U" and right.word_class in "NA":
+        if left.word_class == "U" and (right.word_class in "NA" or right.text in SCALES):
             left.phones = liaison.numeral_phones(left.text, left.phones, right.text, right.phones)
         if style.liaison != "none" and liaison.opens(right.text, right.phones):
             consonant = liaison.link(left, right, joined_left=hyphen_before)

@@ -12,6 +12,11 @@ BORDER = "#"
 SUBJECT = "S"
 """A subject pronoun; the lexicon writes O for every pronoun."""
 
+_TONIC = "T"
+"""Inside the search: a pronoun that does not lean on a verb (un, tout, celui)."""
+
+CLITICS = frozenset("me m' te t' se s' le la l' les lui leur y en nous vous".split())
+
 SUBJECT_PRONOUNS = frozenset(
     "je j' tu il elle on nous vous ils elles qui c' ce ça cela celui-ci celle-ci".split()
 )
@@ -22,6 +27,7 @@ AFFINITY: dict[str, Mapping[str, float]] = {
           BORDER: -6},
     "S": {"V": 3, "O": 2, "R": 1, "S": -2, "N": -5, "A": -4, "D": -3, "P": -2, "U": -3},
     "O": {"V": 2, "O": 0.5, "N": -4, "A": -2, "D": -1, "S": -1},
+    "T": {"V": 0.5, "P": 1, "N": -3, "A": -1, "D": -1},
     "P": {"D": 2, "N": 1, "O": 1, "U": 1, "P": -3, "C": -4, "S": -4, BORDER: -4},
     "N": {"A": 1, "V": 1, "P": 1.5, "C": 1, "N": -3, "D": -1, "U": -1},
     "A": {"N": 2, "P": 0.5, "C": 0.5, "V": -1, "D": -1},
@@ -39,6 +45,8 @@ WEIGHT = 0.5
 
 def _emissions(word: str, classes: Mapping[str, int]) -> dict[str, float]:
     scores = {letter: WEIGHT * (level - 9) for letter, level in classes.items()}
+    if "O" in scores and word not in CLITICS and word not in SUBJECT_PRONOUNS:
+        scores[_TONIC] = scores.pop("O")
     if word in SUBJECT_PRONOUNS and "O" in scores:
         scores[SUBJECT] = scores.pop("O")
         if word in ("nous", "vous", "elle", "elles"):
@@ -76,4 +84,4 @@ def tag(words: Sequence[str], classes: Sequence[Mapping[str, int]]) -> list[str]
             )
         best = reached
     ends = ((score + AFFINITY[last].get(BORDER, 0.0), path) for last, (score, path) in best.items())
-    return list(max(ends)[1])
+    return ["O" if letter == _TONIC else letter for letter in max(ends)[1]]
