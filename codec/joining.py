@@ -47,13 +47,15 @@ def join(parts: Mapping[int, ScorePart]) -> list[Sounding]:
     for index in sorted(parts):
         part = parts[index]
         begin = index * TICKS
-        if line and not line[-1].open_end:
+        hole = bool(line) and not line[-1].open_end
+        if hole:
             # Superframes between were lost: nothing is known to sound there.
-            line.append(Sounding(0, line[-1].end, begin, open_start=True, open_end=True))
-        if line and line[-1].number == part.first and line[-1].start < begin:
+            line.append(Sounding(0, line[-1].end, begin - 1, open_start=True, open_end=True))
+        same = bool(line) and line[-1].number == part.first and line[-1].start < begin
+        if same and not hole:
             line[-1] = replace(line[-1], end=begin + part.first_end, open_end=False)
         else:
-            if line:
+            if line and not hole:
                 line[-1] = replace(line[-1], end=begin - 1, open_end=False)
             line.append(Sounding(part.first, begin - 1, begin + part.first_end, open_start=True))
         ends = (*part.starts, TICKS)[1:]
@@ -141,11 +143,3 @@ def score_of(parts: Mapping[int, ScorePart]) -> Score:
     """Return the score that superframes tell together."""
     line = join(parts)
     return Score(tuple(phones_of(line)), tuple(keys_of(line, parts)))
-
-
-def gaps(line: list[Sounding]) -> Iterator[tuple[int, int]]:
-    """Yield the pauses of a line as pairs of ticks; neighbouring ones count as one."""
-    for silent, group in itertools.groupby(line, key=lambda s: s.number == 0):
-        if silent:
-            pauses = list(group)
-            yield pauses[0].start, pauses[-1].end

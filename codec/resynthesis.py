@@ -126,11 +126,15 @@ def movements(line: Sequence[Sounding], parts: Mapping[int, ScorePart]) -> Movem
     for key in keys_of(list(line), parts, unsure=True):
         tick = round(key.start / TICK_S)
         start, end = tick * PARTS, round(key.end / TICK_S) * PARTS
-        if before is None or start - before[1] >= gap:
+        rested = before is None or (
+            start - before[1] >= gap and not _untold(before[1], start, line)
+        )
+        if rested:
             if before is not None:
                 rows.append(_to_rest(before[1], start - _LEAD_FROM_REST))
             lead = _LEAD_FROM_REST
         else:
+            assert before is not None
             away = _LEAD_PERCENT * ((start - before[0]) // PARTS)
             lead = min(max(away, _LEAST_LEAD), _MOST_LEAD)
         lag = _LAG_PERCENT * length.get(tick, 0) if len(key.phones) == 2 else 0
@@ -146,6 +150,14 @@ def movements(line: Sequence[Sounding], parts: Mapping[int, ScorePart]) -> Movem
         leaves[g] = max(leaves[g], reaches[g - 1])
         reaches[g] = max(reaches[g], leaves[g] + 1)
     return Movements(keys, leaves, reaches)
+
+
+def _untold(begin: int, end: int, line: Sequence[Sounding]) -> bool:
+    """Return whether a superframe was lost between two times, so that silence is not known."""
+    return any(
+        s.open_start and s.open_end and begin <= PARTS * s.start and PARTS * s.end <= end
+        for s in line
+    )
 
 
 def _to_rest(end: int, before: int) -> tuple[int, int, int]:
