@@ -25,7 +25,7 @@ from synth.body.shapes import all_shapes
 from synth.body.skeleton import ANGLE_NUMBER, HAND_ANGLES
 from synth.coarticulation import PhoneLine, articulate
 from synth.life import Drift, normals_at
-from synth.movement import Gestures, plan_gestures, progress
+from synth.movement import Gestures, check_alignment, plan_gestures, progress
 from synth.movement import law as movement_law
 from synth.visemes import ARTICULATORS, UNITS_OF, viseme_table
 
@@ -41,8 +41,13 @@ _MEETS_HAND_DEG = {
 _TWIST_DEG = {"rest": -5.0, "side": 2.0, "mouth": 0.0, "chin": -1.0, "cheek": 3.0, "throat": -3.0}
 _HEAD_DRIFT = np.array([*np.radians([1.2, 0.8, 0.5]), 1.2, 1.0, 1.4])
 _OUTWARD_ARC = 0.07
+_FINGER_DRIFT_DEG = 0.8
+_WRIST_DRIFT_DEG = 1.5
+_ARM_DRIFT = np.array([0.008] * 3 + [1.0] * 3)  # rad, mm
 _FREE_WRIST_DEG = (16.0, 6.0, 9.0)
-_FREE_ARM = 25.0
+_FREE_ARM = 25.0  # times the usual drift
+_TURN_SCATTER = 0.02  # rad
+_ARCH_PER_FLEXION = 0.08
 _NATURAL_S = 0.25
 _UNIT_DRIFT = {
     "browInnerUp": 0.08, "browOuterUpLeft": 0.05, "browOuterUpRight": 0.05, "browDownLeft": 0.04,
@@ -72,6 +77,13 @@ class Labels:
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
+    """A score with the targets of its gestures, rest included; G of them.
+
+    `angles` (G, 31) and `forearm` (G, 6) are what the hand and arm go to, `target` (G, 3) the point
+    of the resting head that the tip goes to, `follows` (G,) how much of the head's motion the arm
+    takes over there, `meets` (G, 3) how the head turns towards the hand, rad.
+    """
+
     score: Score
     phones: PhoneLine
     gestures: Gestures
@@ -121,6 +133,7 @@ class GestureSynthesiser:
     ) -> None:
         if not 1 <= rate_hz <= 1000:
             raise CueError(f"rate {rate_hz} Hz is not within 1..1000")
+        check_alignment(alignment)
         self.body: Body = load_body(identity)
         self.rate_hz = rate_hz
         self._profile = movement_law(law)
@@ -133,11 +146,10 @@ class GestureSynthesiser:
         rng = np.random.default_rng([seed, 11])
         mobility = self.body.habits.head_mobility
         self._head_drift = Drift.seeded(_HEAD_DRIFT * mobility, rng)
-        angle_sizes = np.full(len(HAND_ANGLES), 0.8)
-        angle_sizes[:3] = _FREE_WRIST_DEG if free_space else 1.5
+        angle_sizes = np.full(len(HAND_ANGLES), _FINGER_DRIFT_DEG)
+        angle_sizes[:3] = _FREE_WRIST_DEG if free_space else _WRIST_DRIFT_DEG
         self._angle_drift = Drift.seeded(angle_sizes, rng)
-        arm_sizes = np.array([0.008] * 3 + [1.0] * 3)
-        self._arm_drift = Drift.seeded(arm_sizes * (_FREE_ARM if free_space else 1.0), rng)
+        self._arm_drift = Drift.seeded(_ARM_DRIFT * (_FREE_ARM if free_space else 1.0), rng)
         sizes = np.array([_UNIT_DRIFT.get(name, 0.0) for name in self.body.unit_names])
         self._unit_drift = Drift.seeded(sizes, rng, band_hz=(0.1, 1.5))
         self._unit_matrix = self._articulator_matrix()
@@ -256,7 +268,7 @@ class GestureSynthesiser:
         for number, moment in enumerate(gestures.reach):
             noise = normals_at(moment, len(HAND_ANGLES) + 6, self._seed)
             angles[number] += habits.scatter_deg * noise[6:]
-            forearm[number, :3] += 0.02 * noise[:3]
+            forearm[number, :3] += _TURN_SCATTER * noise[:3]
             forearm[number, 3:] += habits.scatter_mm * noise[3:6]
         self._undershoot(gestures, angles, forearm)
         meets = np.zeros((len(names), 3))
@@ -277,7 +289,7 @@ class GestureSynthesiser:
         angles[:, ANGLE_NUMBER["forearm_twist"]] += twist[placement]
         for finger in ("ring", "little"):
             flexion = angles[:, ANGLE_NUMBER[f"{finger}_mcp"]]
-            angles[:, ANGLE_NUMBER[f"arch_{finger}"]] += 0.08 * flexion
+            angles[:, ANGLE_NUMBER[f"arch_{finger}"]] += _ARCH_PER_FLEXION * flexion
         return angles, self._forearm[shape, placement].copy()
 
     def _undershoot(self, g: Gestures, angles: FloatArray, forearm: FloatArray) -> None:
@@ -317,8 +329,7 @@ class GestureSynthesiser:
         matrix = np.zeros((len(ARTICULATORS), len(self.body.unit_names)))
         for row, articulator in enumerate(ARTICULATORS):
             for unit in UNITS_OF[articulator]:
-                side = 0.0 if len(UNITS_OF[articulator]) == 1 else 1.0
-                side = -side if unit.endswith("Left") else side
+                side = 1.0 if unit.endswith("Right") else -1.0 if unit.endswith("Left") else 0.0
                 gain = habits.opening * (1.0 + side * habits.asymmetry)
                 matrix[row, self.body.unit_names.index(unit)] = gain
         return matrix

@@ -127,8 +127,7 @@ def plan_gestures(
     CueError
         If `alignment` is unknown.
     """
-    if alignment not in ALIGNMENTS:
-        raise CueError(f"unknown alignment {alignment!r}; known: {', '.join(ALIGNMENTS)}")
+    check_alignment(alignment)
     rows: list[tuple[int, int, float, float]] = [(0, 0, _LONG_AGO_S, _LONG_AGO_S)]
     previous: Key | None = None
     for key in score.keys:
@@ -149,6 +148,12 @@ def plan_gestures(
     if previous is not None:
         rows.append(_to_rest(previous, math.inf))
     return _assemble(rows)
+
+
+def check_alignment(name: str) -> None:
+    """Raise `CueError` if there is no such alignment."""
+    if name not in ALIGNMENTS:
+        raise CueError(f"unknown alignment {name!r}; known: {', '.join(ALIGNMENTS)}")
 
 
 def _to_rest(key: Key, before: float) -> tuple[int, int, float, float]:

@@ -196,6 +196,7 @@ def test_noise_of_moments_is_their_own() -> None:
     ("options", "message"),
     [
         ({"identity": "x"}, "unknown cuer 'x'"),
+        ({"alignment": "x"}, "unknown alignment 'x'"),
         ({"law": "x"}, "unknown movement law 'x'"),
         ({"rate_hz": 0.5}, "rate 0.5 Hz is not within 1..1000"),
     ],
