@@ -21,6 +21,8 @@ class EvaluateOptions:
         For files on the way; removed afterwards.
     say : callable
         Told what is being done, line by line.
+    out : Path or None
+        Where the results go: a kind may write further tables and pictures there.
     """
 
     clips: Path | None
@@ -28,3 +30,4 @@ class EvaluateOptions:
     seed: int
     folder: Path
     say: Callable[[str], None]
+    out: Path | None = None

@@ -43,6 +43,7 @@ def run(args: argparse.Namespace) -> int:
                 seed=args.seed,
                 folder=Path(folder),
                 say=note,
+                out=None if args.out is None else Path(args.out),
             )
         )
     if args.json:

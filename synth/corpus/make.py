@@ -153,7 +153,7 @@ def make_utterance(session: Session, utterance: Utterance) -> None:
             ghosts_per_s=studio.ghosts_per_s,
         )  # fmt: skip
     else:
-        samples, score = _spoken(utterance)
+        samples, score = spoken(utterance)
         soundfile.write(stem.with_suffix(".wav"), samples, RATE_HZ, subtype="PCM_16")
     recording = record(cuer, score, studio=studio, seed=utterance.seed)
     write_c3d(
@@ -164,7 +164,7 @@ def make_utterance(session: Session, utterance: Utterance) -> None:
     write_textgrid(stem.with_suffix(".TextGrid"), score, duration_s)
 
 
-def _spoken(utterance: Utterance) -> tuple[NDArray[np.float32], Score]:
+def spoken(utterance: Utterance) -> tuple[NDArray[np.float32], Score]:
     """Return sound and score of an utterance; in corpus 2 nothing is cued."""
     rendering = render(utterance.line, words_per_minute=_WORDS_PER_MINUTE)
     silence = np.zeros(round(_LEAD_S * RATE_HZ), dtype=np.float32)

@@ -1,0 +1,136 @@
+"""Material for the evaluation of the models: recorded utterances, one after another.
+
+The built-in material is performed by the virtual cuer on the spot, so that the truth of hidden
+markers is known. A folder of corpora (C3D with TextGrid, `synth.corpus.make`) takes its place;
+nothing is known there of what was hidden.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import soundfile
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from codec.score import Key, Score
+from synth.corpus.capture import record
+from synth.corpus.make import RATE_OF_CORPORA_HZ, Utterance, plan_corpora, read_utterance, spoken
+from synth.corpus.scores import shape_transitions
+from synth.corpus.sentences import read_sentences
+from synth.corpus.studio import Studio, surround
+from synth.gesture import GestureSynthesiser
+from synth.text.espeak import RATE_HZ
+
+_SHAPE_ROUNDS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Take:
+    """One recorded utterance.
+
+    Attributes
+    ----------
+    name : str
+    rate_hz : float
+    observed : ndarray of float32, shape (T, 113, 3)
+        Millimetres; NaN where hidden.
+    truth : ndarray of float32, shape (T, 113, 3), or None
+        Where the markers were, if known.
+    score : Score
+        On the clock of the first frame.
+    sound : ndarray of float32, shape (n,), or None
+    fs : int
+        Of the sound, Hz.
+    targets : tuple of (Key or None, float), or None
+        When the hand reached each key, or rest, in seconds; None if nobody knows.
+    """
+
+    name: str
+    rate_hz: float
+    observed: NDArray[np.float32]
+    truth: NDArray[np.float32] | None
+    score: Score
+    sound: NDArray[np.float32] | None
+    fs: int
+    targets: tuple[tuple[Key | None, float], ...] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Performed:
+    """Corpora performed by the virtual cuer.
+
+    Attributes
+    ----------
+    identity, law : str
+        As for `synth.gesture.GestureSynthesiser`.
+    utterances : tuple of Utterance
+    """
+
+    identity: str = "claire"
+    law: str = "minimum-jerk"
+    utterances: tuple[Utterance, ...] = ()
+
+    def __str__(self) -> str:
+        """Return what the figures were obtained on."""
+        return f"virtual cuer {self.identity}, {self.law}, 12 cameras, 120 Hz"
+
+    def takes(self, corpus: int) -> Iterator[Take]:
+        """Yield the utterances of corpus 1, 2 or 3 in order."""
+        for utterance in self.utterances:
+            if utterance.name.startswith(f"corpus{corpus}/"):
+                yield self._take(utterance)
+
+    def _take(self, utterance: Utterance) -> Take:
+        free = not utterance.line
+        cuer = GestureSynthesiser(
+            self.identity, law=self.law, rate_hz=RATE_OF_CORPORA_HZ, seed=utterance.seed,
+            free_space=free,
+        )  # fmt: skip
+        sound, score = (
+            (None, shape_transitions(rounds=_SHAPE_ROUNDS)) if free else spoken(utterance)
+        )
+        studio = Studio(surround()) if free else Studio()
+        made = record(cuer, score, studio=studio, seed=utterance.seed)
+        reached = tuple(cuer.target_times(score))
+        return Take(
+            utterance.name, cuer.rate_hz, made.observed, made.truth, score, sound, RATE_HZ, reached
+        )
+
+
+def performed(*, identity: str = "claire", law: str = "minimum-jerk") -> Performed:
+    """Return the three corpora of a virtual cuer, performed when they are asked for."""
+    return Performed(identity, law, tuple(plan_corpora(read_sentences())[0]))
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """Corpora in a folder: ``corpus1/`` to ``corpus3/`` with C3D, TextGrid and WAV."""
+
+    folder: Path
+
+    def __str__(self) -> str:
+        """Return what the figures were obtained on."""
+        return f"recordings in {self.folder.name}"
+
+    def takes(self, corpus: int) -> Iterator[Take]:
+        """Yield the utterances of corpus 1, 2 or 3 in order of their names.
+
+        Raises
+        ------
+        CueError
+            If there are none.
+        """
+        paths = sorted((self.folder / f"corpus{corpus}").glob("*.c3d"))
+        if not paths:
+            raise CueError(f"{self.folder}: no C3D files in corpus{corpus}")
+        for path in paths:
+            observed, rate_hz, score = read_utterance(path)
+            sound, fs = None, RATE_HZ
+            if path.with_suffix(".wav").exists():
+                sound, fs = soundfile.read(path.with_suffix(".wav"), dtype="float32")
+            yield Take(path.stem, rate_hz, observed, None, score, sound, fs, None)
+
+
+Material = Performed | Recorded
