@@ -22,6 +22,7 @@ _MUTE_H = re.compile(
 )
 _CLOSED = re.compile(r"(?:onz|oui$|ouis|ouat|uhl|ulul|week|yacht|yaou|yé|yog|yen|yo|ya|wh?|huit)")
 
+_PARTICIPLE = re.compile("(?:é|i|u)e?s?$")
 _VOWEL_SET = frozenset(VOWELS)
 
 DETERMINERS = frozenset(
@@ -89,13 +90,12 @@ def link(left: Item, right: Item, *, joined_left: bool = False) -> str:
     consonant = LINK_OF_LETTER.get(left.text[-1], "")
     if not consonant or left.text == "et":
         return ""
-    if left.hyphen:
-        linked = left.word_class == "V" and right.word_class in "SOR"
-    else:
-        linked = (left.text, right.text) in FIXED or (
-            not (joined_left and left.word_class in "SO") and _linked(left, right)
-        )
-    return consonant if linked else ""
+    if left.hyphen and left.word_class == "V":
+        return consonant if right.word_class in "SOR" else ""
+    if (left.text, right.text) in FIXED:
+        return consonant
+    inverted = joined_left and left.word_class in "SO"
+    return consonant if not inverted and _linked(left, right) else ""
 
 
 def _linked(left: Item, right: Item) -> bool:
@@ -111,8 +111,8 @@ def _linked(left: Item, right: Item) -> bool:
         return other in "VOR"
     if word in AUXILIARIES and own == "V":
         return other in "VA" or (word == "est" and other in "DPRSO")
-    if word in ADVERBS and own in "RDA":
-        return other in "AR" or (other == "V" and word in ("bien", "trop", "tout"))
+    if word in ADVERBS and own in "RDAN":
+        return other in "AR" or (other == "V" and bool(_PARTICIPLE.search(right.text)))
     if word in DETERMINERS and own in "DUA":
         return other in ("NAUO" if word == "un" else "NAUOVD")
     if word in PRENOMINAL and own in "AD":

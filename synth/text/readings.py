@@ -178,6 +178,11 @@ def spell(letters: str) -> str:
     return " ".join(LETTER_NAMES.get(letter, letter) for letter in letters.lower())
 
 
+_C, _V = "[bcçdfghjklmnpqrstvwxz]", "[aeiouyàâéèêëîïôùû]"
+_READABLE = re.compile(f"{_C}{{0,2}}{_V}{{1,2}}(?:{_C}{{1,2}}{_V}{{1,2}})*(?:[rlns]?{_C})?")
+"""Words that do not ask to be spelled: no long runs, no strange end."""
+
+
 def sigle(m: Match) -> str:
     """Read a word in capitals: as a word if it is one, else letter by letter."""
     letters = m[0].replace(".", "")
@@ -187,7 +192,7 @@ def sigle(m: Match) -> str:
         return f" {numbers.cardinal(numbers.roman(letters))} "
     if word in SPOKEN_SIGLES or (vowels and "." not in m[0] and lookup(word)):
         return word
-    if len(word) > 4 and vowels:
+    if len(word) > 3 and _READABLE.fullmatch(word):
         return word
     return f" {spell(word)} "
 
