@@ -72,6 +72,35 @@ def _logo(luma: Luma) -> Luma:
     return marked
 
 
+def _crop(luma: Luma) -> Luma:
+    """Cut 2 % off each side and enlarge the rest to the old size."""
+    return _resampled(luma, 0.02, 0.02)
+
+
+def _letterbox(luma: Luma) -> Luma:
+    """Squeeze the picture into three quarters of its height, between bars."""
+    return _resampled(luma, 0.0, -1 / 6)
+
+
+def _resampled(luma: Luma, across: float, down: float) -> Luma:
+    """Show the picture without these parts on each side (negative: with bars), linearly."""
+    rows, columns = (
+        (np.arange(n) + 0.5) * (1 - 2 * part) + n * part - 0.5
+        for n, part in zip(luma.shape, (down, across), strict=True)
+    )
+    x = np.clip(columns, 0, luma.shape[1] - 1)
+    y = np.clip(rows, 0, luma.shape[0] - 1)
+    left, above = (
+        np.minimum(x.astype(int), luma.shape[1] - 2),
+        np.minimum(y.astype(int), luma.shape[0] - 2),
+    )
+    wide = luma[:, left] * (1 - (x - left)) + luma[:, left + 1] * (x - left)
+    weight = (y - above)[:, None]
+    shown = wide[above] * (1 - weight) + wide[above + 1] * weight
+    shown[(rows < -0.5) | (rows > luma.shape[0] - 0.5)] = 16
+    return np.asarray(np.round(shown), dtype=luma.dtype)
+
+
 CHANNELS = {
     "none": PictureChannel(),
     "h264-4M": PictureChannel("libx264", 4_000_000),
@@ -84,6 +113,8 @@ CHANNELS = {
     "540p-h264-2M": PictureChannel("libx264", 2_000_000, scale=0.75),
     "contrast-h264-2M": PictureChannel("libx264", 2_000_000, change=_contrast),
     "logo-h264-2M": PictureChannel("libx264", 2_000_000, change=_logo),
+    "crop-h264-2M": PictureChannel("libx264", 2_000_000, change=_crop),
+    "letterbox-h264-2M": PictureChannel("libx264", 2_000_000, change=_letterbox),
     "twice-h264-2M": PictureChannel("libx264", 2_000_000, generations=2),
 }
 """Channels by name; rates are bits per second of the picture alone."""

@@ -39,7 +39,7 @@ PLACES = (
     _cropped(0.02),
     _cropped(0.005),
     _cropped(0.015),
-    Region(0, 0.125, 1, 0.75),  # 16:9 between bars in 4:3
+    Region(0, 0.125, 1, 0.75),  # between bars above and below: 16:9 in 4:3
     Region(0.125, 0, 0.75, 1),  # 4:3 between bars in 16:9
     Region(-1 / 6, 0, 4 / 3, 1),  # the middle of 16:9 in 4:3
     _cropped(0.025),
