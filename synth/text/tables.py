@@ -1,7 +1,7 @@
 """Tables of the French normaliser: abbreviations, units, currencies, sigles, letters, signs."""
 
 LETTER_NAMES = {
-    "a": "a", "b": "bé", "c": "cé", "d": "dé", "e": "eu", "f": "effe", "g": "gé", "h": "ache",
+    "a": "a", "b": "bé", "c": "cé", "d": "dé", "e": "e", "f": "effe", "g": "gé", "h": "ache",
     "i": "i", "j": "ji", "k": "ka", "l": "elle", "m": "emme", "n": "enne", "o": "o", "p": "pé",
     "q": "cu", "r": "erre", "s": "esse", "t": "té", "u": "u", "v": "vé", "w": "double vé",
     "x": "ixe", "y": "i grec", "z": "zède", "é": "é", "è": "è", "ç": "cé", "à": "a", "&": "et",
