@@ -20,6 +20,12 @@ BROWSER_PICTURE = {"h264": "avc1.640028", "hevc": "hvc1.1.6.L120.90"}
 """Picture codecs that browsers play out of MP4, with a name for them."""
 
 
+def playable(picture: Any) -> bool:
+    """Return whether browsers can play a picture stream, and its size is known."""
+    codec = picture.codec_context
+    return codec.name in BROWSER_PICTURE and codec.width > 0
+
+
 class BoxSplitter:
     """A writable file that cuts what is written into top-level boxes.
 

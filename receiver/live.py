@@ -20,7 +20,7 @@ from codec.voice import Voice
 from receiver.continuity import SteadyClock
 from receiver.engine import Receiver
 from receiver.events import Event, MotionPiece, State, StateChanged
-from receiver.fragments import BROWSER_PICTURE, Fragments, FragmentWriter
+from receiver.fragments import Fragments, FragmentWriter, playable
 from receiver.metrics import Metrics
 from receiver.sound import NATIVE_RATES
 
@@ -30,7 +30,7 @@ READ_TIMEOUT_S = 15.0
 _RETRY_S = (0.2, 0.5, 1.0, 2.0)
 _HOLE_S = 0.005
 _OVERLAP_S = 0.03
-_OPTIONS = {"analyzeduration": "600000", "probesize": "400000", "fflags": "nobuffer"}
+_OPTIONS = {"analyzeduration": "5000000", "probesize": "5000000"}
 _UDP_OPTIONS = {"overrun_nonfatal": "1", "fifo_size": "50000", "buffer_size": "1000000"}
 
 
@@ -123,7 +123,7 @@ class Broadcast:
             self.metrics.add("connections_total")
             sound = next(iter(container.streams.audio), None)
             picture = next(iter(container.streams.video), None)
-            if picture is not None and picture.codec_context.name not in BROWSER_PICTURE:
+            if picture is not None and not playable(picture):
                 picture = None
             self._open_writer(picture, sound)
             streams = [stream for stream in (sound, picture) if stream is not None]
@@ -188,19 +188,23 @@ class Broadcast:
         elif missing < -_OVERLAP_S * fs:
             block = block[-missing:]
         self._tell_all(self._receiver.process(block))
-        if self._writer is not None:
-            self._publish(self._writer.sound(block, self._sound_s))
+        self._write(lambda writer: writer.sound(block, self._sound_s))
         self._sound_s += len(block) / fs
         self._measure(len(block) / fs)
 
     def _take_picture(self, packet: Any) -> None:
         stamp_s = float(packet.pts * packet.time_base)
         place = self._clock.place("picture", stamp_s)
-        if self._writer is not None:
-            try:
-                self._publish(self._writer.picture(packet, place.time_s))
-            except (av.error.FFmpegError, ValueError):
-                self.metrics.add("damaged_packets_total")
+        self._write(lambda writer: writer.picture(packet, place.time_s))
+
+    def _write(self, make: Callable[[FragmentWriter], Fragments]) -> None:
+        """Make fragments; damage costs the viewer a piece of picture, never the cuer."""
+        if self._writer is None:
+            return
+        try:
+            self._publish(make(self._writer))
+        except (av.error.FFmpegError, ValueError):
+            self.metrics.add("damaged_packets_total")
 
     def _publish(self, made: Fragments) -> None:
         assert self._writer is not None
@@ -232,9 +236,8 @@ class Broadcast:
             self._tell(StateChanged(self._sound_s, state))
 
     def _close_writer(self) -> None:
-        if self._writer is not None:
-            self._publish(self._writer.close())
-            self._writer = None
+        self._write(FragmentWriter.close)
+        self._writer = None
 
     def _finish(self) -> None:
         self._close_writer()

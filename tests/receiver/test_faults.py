@@ -18,7 +18,7 @@ from tests.receiver.standin import make_motion
 
 VOICE = load_voice()
 POOL = 64
-TOLERANCE_S = 0.12
+TOLERANCE_S = 0.2
 """Beside a loss the start of a key is known by a nominal length only."""
 
 

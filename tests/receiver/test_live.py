@@ -7,10 +7,12 @@ import time
 from collections.abc import Iterator
 from functools import cache
 from io import BytesIO
+from pathlib import Path
 
 import av
 import numpy as np
 import pytest
+import soundfile
 
 from codec.errors import CueError
 from codec.voice import load_voice
@@ -151,6 +153,40 @@ def test_a_hole_of_five_seconds_is_told_and_over_soon() -> None:
     starts = motion_starts(happenings)
     assert starts[-1] > 9.0
     assert len(wrong_keys(happenings)) <= 2
+
+
+def test_joining_in_the_middle() -> None:
+    data = stream()
+    broadcast, happenings = receive(data[len(data) * 3 // 10 // PACKET * PACKET + 5 * PACKET :])
+    assert broadcast.metrics.document()["superframes_received_total"] >= 8
+    assert len(wrong_keys(happenings)) <= 1
+
+
+def test_hls_playlist(tmp_path: Path) -> None:
+    data = stream()
+    lines = ["#EXTM3U", "#EXT-X-VERSION:3", "#EXT-X-TARGETDURATION:4", "#EXT-X-MEDIA-SEQUENCE:0"]
+    size = (len(data) // 3 // PACKET + 1) * PACKET
+    for number, at in enumerate(range(0, len(data), size)):
+        (tmp_path / f"{number}.ts").write_bytes(data[at : at + size])
+        lines += ["#EXTINF:3.34,", f"{number}.ts"]
+    (tmp_path / "live.m3u8").write_text("\n".join([*lines, "#EXT-X-ENDLIST", ""]))
+    happenings: list[Happening] = []
+    broadcast = Broadcast(str(tmp_path / "live.m3u8"), VOICE, happenings.append, once=True)
+    broadcast.run()
+    assert broadcast.metrics.document()["superframes_received_total"] >= 14
+    assert broadcast.metrics.document()["superframes_lost_total"] == 0
+
+
+def test_sound_alone_through_a_pipe() -> None:
+    pipe = BytesIO()
+    soundfile.write(pipe, marked_noise(VOICE, MOTION, SECONDS), 48000, format="WAV")
+    happenings: list[Happening] = []
+    pipe.seek(0)
+    broadcast = Broadcast(pipe, VOICE, happenings.append, format="wav", once=True)
+    broadcast.run()
+    assert broadcast.metrics.document()["superframes_received_total"] >= 14
+    start = next(h for h in happenings if isinstance(h, MediaStart))
+    assert start.mime == 'video/mp4; codecs="mp4a.40.2"'
 
 
 @pytest.mark.parametrize("data", [b"", b"\x47" * 4000, bytes(range(256)) * 60])
