@@ -13,14 +13,14 @@ from codec.phonology import VOWELS
 from synth.text.words import Item
 
 _MUTE_H = re.compile(
-    "h(?:a(?:bi|gi|lein|lieu|lluc|log|lt[eè]r|meç|rmon|rusp)|eb|éb|éc|ect|éd|ég|él|ell|elv|ém|end|"
+    "h(?:a(?:bi|gi|lein|lieu|lluc|log|lt[eè]r|meç|rmon|rusp)|eb|éb|éc|ect|éd|ég|él(?!er|e$|ai|è)|elv|ém|end|"
     "épa|ept|éral|erb|ercul|érédi|érés|érét|érit|erma|ermé|ermi|éroï[nqs]|erp|ertz|ési|éta|été|"
     "eur(?!t)|évé|ex|iatu|iber|ibis|iém|ier(?!a)|ila|ind|ippiq|ippo|iron|irsu|ispa|ist|iver|oloc|"
     "olog|omél|omé|omi|omm|omo|onnê|onneu|onor|ôpit|orai|oriz|orlo|ormo|oro|orri|orre|ortens|ortic|"
     "osan|ospi|osti|ôte|uil|uiss|uîtr|umai|uman|umbl|umec|umér|umeu|umid|umil|umor|umou|umus|"
     "ya|yb|ydr|yèn|ygi|ym|yp|yst)"
 )
-_CLOSED = re.compile(r"(?:onz|oui$|ouis|ouat|uhl|ulul|week|yacht|yaou|yé|yog|yen|yo|ya|wh?|huit)")
+_CLOSED = re.compile(r"onz|oui$|ouis|ouais|ouah|ouat|oued|uhl|ulul|w|huit|y(?!$|eux|euse|onne|v)")
 
 _PARTICIPLE = re.compile("(?:é|i|u)e?s?$")
 _VOWEL_SET = frozenset(VOWELS)
