@@ -85,3 +85,9 @@ def test_pieces_of_a_stream_are_the_whole_score() -> None:
 def test_text_starts_where_asked() -> None:
     assert score_from_text("Oui.", start_s=1.009).phones[0].start == 1.0
     assert score_from_text("").phones == ()
+
+
+def test_endless_subtitles_are_streamed() -> None:
+    endless = (Subtitle(2.0 * i, 2.0 * i + 1.5, "Oui, non.") for i in itertools.count())
+    pieces = list(itertools.islice(stream_score(endless), 400))
+    assert pieces[-1].phones[0].start > 300
