@@ -22,8 +22,11 @@ from codec.voice import Voice
 
 ASSETS = Path(__file__).with_name("assets")
 _MAX_BYTES = 1 << 24
-_SHARE_UNIT = 252
-_OFFSET_UNIT = 256
+SHARE_UNIT = 252
+"""Shares are stored as whole parts of this, which 2, 3 and 4 divide."""
+
+OFFSET_UNIT = 256
+"""Offsets are stored as whole parts of a millimetre."""
 
 FloatArray = NDArray[np.float64]
 
@@ -228,8 +231,8 @@ def _surface(arrays: Mapping[str, NDArray[Any]], name: str, reference: NDArray[A
         a["markers"] @ turn + shift, a["rest"] @ turn + shift,
         np.einsum("kir,ij->kjr", coefficients, turn).reshape(-1, coefficients.shape[2]),
         a["basis"].astype(np.float64).reshape(-1, count, 3) @ turn,
-        a["sources"].astype(np.int64), a["shares"] / _SHARE_UNIT,
-        a["offsets"] @ turn / _OFFSET_UNIT, a["triangles"].astype(np.int64), a["colours"],
+        a["sources"].astype(np.int64), a["shares"] / SHARE_UNIT,
+        a["offsets"] @ turn / OFFSET_UNIT, a["triangles"].astype(np.int64), a["colours"],
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ name this host are answered (a page of another origin cannot read the programme 
 
 import asyncio
 import contextlib
+import gzip
 import json
 import mimetypes
 import os
@@ -64,7 +65,9 @@ class Channel:
         self.metrics = Metrics()
         self._live = live
         self._voice_json = json.dumps(voice_document(voice)).encode()
-        self._avatar = avatar_document(load_avatar(voice)) if has_avatar(voice) else None
+        self._avatar: bytes | None = None
+        if has_avatar(voice):
+            self._avatar = gzip.compress(avatar_document(load_avatar(voice)), mtime=0)
         self._host, self._port = host, port
         self._names: frozenset[str] = frozenset()
         self._sockets: set[web.WebSocketResponse] = set()
@@ -143,7 +146,10 @@ class Channel:
     async def _avatar_file(self, request: web.Request) -> web.StreamResponse:
         if self._avatar is None:
             raise web.HTTPNotFound(text="this voice has no avatar")
-        return web.Response(body=self._avatar, content_type="application/octet-stream")
+        return web.Response(
+            body=self._avatar, content_type="application/octet-stream",
+            headers={"Content-Encoding": "gzip"},
+        )  # fmt: skip
 
     async def _status(self, request: web.Request) -> web.StreamResponse:
         return web.json_response({"live": self._live, **self.metrics.document()})

@@ -7,7 +7,6 @@ The avatar: a JSON header and its arrays in one binary message (``page/avatar.js
 
 import base64
 import json
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -15,13 +14,14 @@ from numpy.typing import ArrayLike
 
 from codec.layout import MARKERS, N_FACE
 from codec.voice import Voice
-from receiver.avatar import Avatar, Surface
+from receiver.avatar import OFFSET_UNIT, SHARE_UNIT, Avatar, Surface
 from receiver.camera import ASPECT, Camera, frame_cuer
 
 _FACE_ARRAYS = ("mean", "directions", "pivot", "motion_mean", "motion_directions", "weights")
 _HAND_ARRAYS = (
     "angle_mean", "angle_directions", "regression", "pivot", "motion_mean", "motion_directions",
 )  # fmt: skip
+_BASIS_UNIT = 32767
 
 
 def _encode(array: ArrayLike) -> str:
@@ -92,10 +92,17 @@ def avatar_document(avatar: Avatar) -> bytes:
 
 
 def _surface_arrays(prefix: str, surface: Surface) -> dict[str, Any]:
-    kinds = {"sources": "<u2", "triangles": "<u2", "colours": "u1"}
-    return {
-        f"{prefix}_{item.name}": np.ascontiguousarray(
-            getattr(surface, item.name), dtype=kinds.get(item.name, "<f4")
-        )
-        for item in fields(surface)
+    """Return the arrays as they travel; the scale of the basis moves into the coefficients."""
+    scale = np.abs(surface.basis).max(axis=(1, 2)) / _BASIS_UNIT
+    arrays = {
+        "markers": surface.markers.astype("<f4"),
+        "rest": surface.rest.astype("<f4"),
+        "coefficients": (surface.coefficients * scale).astype("<f4"),
+        "basis": np.rint(surface.basis / scale[:, None, None]).astype("<i2"),
+        "sources": surface.sources.astype("<u2"),
+        "shares": np.rint(surface.shares * SHARE_UNIT).astype("u1"),
+        "offsets": np.rint(surface.offsets * OFFSET_UNIT).astype("<i2"),
+        "triangles": surface.triangles.astype("<u2"),
+        "colours": surface.colours,
     }
+    return {f"{prefix}_{name}": np.ascontiguousarray(array) for name, array in arrays.items()}

@@ -8,8 +8,9 @@
 
 import { fit } from "./points.js";
 
-const KINDS = { f4: Float32Array, u2: Uint16Array, u1: Uint8Array };
-const STILL_MM = 0.01;
+const KINDS = { f4: Float32Array, i2: Int16Array, u2: Uint16Array, u1: Uint8Array };
+const SHARE_UNIT = 252;
+const OFFSET_UNIT = 256;
 const ORIGIN = [0, 0, 0];
 
 const VERTEX = `
@@ -78,6 +79,8 @@ export class Surface {
     for (const name of ["markers", "rest", "coefficients", "basis", "sources", "shares", "offsets", "triangles", "colours"]) {
       this[name] = part(name);
     }
+    this.shares = Float32Array.from(this.shares, (share) => share / SHARE_UNIT);
+    this.offsets = Float32Array.from(this.offsets, (offset) => offset / OFFSET_UNIT);
     this.rank = this.coefficients.length / this.markers.length;
     this.count = this.sources.length / 3;
     this.control = Float32Array.from(this.rest);
@@ -94,7 +97,7 @@ export class Surface {
     const size = this.rest.length;
     const moves = new Uint8Array(size / 3);
     for (let r = 0; r < this.rank; r++) {
-      for (let i = 0; i < size; i++) if (Math.abs(this.basis[r * size + i]) > STILL_MM / 10) moves[(i / 3) | 0] = 1;
+      for (let i = 0; i < size; i++) if (Math.abs(this.basis[r * size + i]) > 2) moves[(i / 3) | 0] = 1;
     }
     if (prefix === "head") for (const vertex of arrays.blink_vertices) moves[vertex] = 1;
     this.movingControl = Uint32Array.from(moves.keys()).filter((i) => moves[i]);
