@@ -130,9 +130,10 @@ def movements(line: Sequence[Sounding], parts: Mapping[int, ScorePart]) -> Movem
             start - before[1] >= gap and not _untold(before[1], start, line)
         )
         if rested:
-            if before is not None:
-                rows.append(_to_rest(before[1], start - _LEAD_FROM_REST))
             lead = _LEAD_FROM_REST
+            if before is not None:
+                lead = min(lead, (start - before[1]) // 2)
+                rows.append(_to_rest(before[1], start - lead))
         else:
             assert before is not None
             away = _LEAD_PERCENT * ((start - before[0]) // PARTS)

@@ -47,6 +47,23 @@ def test_movements_follow_the_stated_times() -> None:
     assert moves.reach[1:].tolist() == [4000 + 96, 5200 + 96, 6400 + 96, 7600 + 400 + 2750]
 
 
+def test_the_hand_shares_a_silence_between_rest_and_return() -> None:
+    phones = [Phone("a", 0.2, 0.4), Phone("a", 1.0, 1.2)]
+    line = to_line(Score(tuple(phones), tuple(cue(phones))))
+    parts = {k: part_of(line, k) for k in range(3)}
+    moves = movements(join(parts), parts)
+    # Silence from tick 20 to 50: to rest from 24, back from 35 on.
+    assert moves.leave[1:4].tolist() == [1000 - 2250, 2400, 5000 - 1500]
+    assert moves.reach[2] == 3500
+
+
+def test_a_lost_superframe_is_no_silence() -> None:
+    parts = parts_of_phones(WORDS * 4, start_tick=10, length=5)
+    holed = {k: part for k, part in parts.items() if k != 2}
+    keys = movements(join(holed), holed).key.tolist()
+    assert 0 not in keys[1:-1]
+
+
 def test_weights_are_shares() -> None:
     parts = parts_of_phones(WORDS)
     line = join(parts)
