@@ -22,7 +22,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("programme", metavar="PROGRAMME", help="sound or video file; - is a pipe")
     parser.add_argument("-o", "--output", metavar="M.npz", help="the motion received")
-    parser.add_argument("--markers", metavar="M.c3d", help="its markers")
+    parser.add_argument("--markers", metavar="M.c3d", help="its markers: C3D, TRC, CSV, or GLB")
     parser.add_argument(
         "--start", type=not_negative, default=0.0, metavar="S", help="switch on at second S"
     )
@@ -52,6 +52,10 @@ def run(args: argparse.Namespace) -> int:
     summary = reception.summary
     if args.output is not None and reception.motion is not None:
         save_motion(reception.motion, args.output)
+    if args.markers is not None and reception.motion is not None:
+        from receiver.export.files import export_motion
+
+        export_motion(reception.motion, voice, args.markers)
     if args.json:
         print_json(summary)
     else:

@@ -1,9 +1,12 @@
 """Show a programme and its cuer on a page, in step, until interrupted."""
 
 import argparse
+import sys
 import tempfile
+from typing import Any
 
 from cuecast.arguments import add_key, add_voice, natural
+from cuecast.files import PIPE
 from cuecast.progress import note
 
 SUMMARY = "the TV page: programme and cuer together"
@@ -11,7 +14,9 @@ SUMMARY = "the TV page: programme and cuer together"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("programme", metavar="PROGRAMME", help="sound or video file")
+    parser.add_argument(
+        "programme", metavar="PROGRAMME", help="file, udp://..., playlist; - is a pipe"
+    )
     parser.add_argument("--port", type=natural, default=8080, metavar="N", help="0: any free one")
     parser.add_argument("--host", default="127.0.0.1", help="address to answer at")
     parser.add_argument("--motion", metavar="M.npz", help="show this motion, not what is received")
@@ -28,13 +33,19 @@ def run(args: argparse.Namespace) -> int:
     from receiver.tuner import MotionTuner, ProgrammeTuner, Tuner
 
     voice = load_voice(args.voice)
+    place: dict[str, Any] = {
+        "host": args.host, "port": args.port, "on_ready": lambda url: note(f"watch at {url}"),
+    }  # fmt: skip
+    if args.programme == PIPE or "://" in args.programme:
+        from receiver.live_server import serve_live
+
+        source = sys.stdin.buffer if args.programme == PIPE else args.programme
+        serve_live(source, voice, key=args.key, **place)
+        return 0
     with tempfile.TemporaryDirectory(prefix="cuecast-") as folder:
         media = playable(args.programme, folder)
         tuner: Tuner = ProgrammeTuner(args.programme, voice, key=args.key)
         if args.motion is not None:
             tuner = MotionTuner(load_motion(args.motion))
-        serve(
-            tuner, voice, media, host=args.host, port=args.port,
-            on_ready=lambda url: note(f"watch at {url}"),
-        )  # fmt: skip
+        serve(tuner, voice, media, **place)
     return 0

@@ -124,6 +124,15 @@ def test_from_a_pipe(folder: Path, run: Run, monkeypatch: pytest.MonkeyPatch) ->
     assert json.loads(out)["superframes"]["received"] >= 10
 
 
+@pytest.mark.parametrize("suffix", [".trc", ".csv", ".c3d"])
+def test_received_markers(folder: Path, run: Run, suffix: str) -> None:
+    if suffix == ".c3d":
+        pytest.importorskip("ezc3d", reason="needs the extra `c3d`")
+    target = folder / f"markers{suffix}"
+    assert run("receive", folder / "b.mkv", "--sound-only", "--markers", target)[0] == 0
+    assert target.stat().st_size > 10_000
+
+
 def test_dubbing_a_given_motion(folder: Path, run: Run) -> None:
     target = folder / "m.mkv"
     status, out, _ = run(
