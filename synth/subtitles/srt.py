@@ -14,7 +14,9 @@ from synth.subtitles.spoken import plain
 
 _CLOCK = r"(?:(\d{1,3})\s*:\s*)?(\d{1,2})\s*:\s*(\d{1,2})(?:\s*[.,:]\s*(\d{1,3}))?"
 _TIMES = re.compile(rf"\s*{_CLOCK}\s*-->\s*{_CLOCK}(?:\s.*)?$")
-_LIKE_TIMES = re.compile(r"\s*-?\d{1,3}\s*:\s*\d{1,2}\s*[:.,]\s*\d|.*--+>|.*-\s+->")
+_LIKE_TIMES = re.compile(
+    r"(?=.*\d\s*:\s*\d).*-+\s*>|\s*-?\d+:\d+:\d+[.,]\d+\W+\d+:\d+:\d+[.,]\d+\s*$"
+)
 
 
 def read_srt(text: str) -> Iterator[Subtitle]:

@@ -78,6 +78,7 @@ MALFORMED: dict[str, tuple[bytes, str]] = {
     "short arrow": (SRT.replace("-->", "->").encode(), "line 2: malformed times"),
     "broken arrow": (SRT.replace("-->", "-- >").encode(), "line 2: malformed times"),
     "long arrow": (SRT.replace("-->", "--->").encode(), "line 2: malformed times"),
+    "no arrow": (SRT.replace("-->", "").encode(), "line 2: malformed times"),
     "no end": (SRT.replace("00:00:02,500", "").encode(), "line 2: malformed times"),
     "no start": (b"1\n --> 00:00:02,500\nOui.\n", "line 2: malformed times"),
     "letters": (SRT.replace("01,000", "O1,000").encode(), "line 2: malformed times"),

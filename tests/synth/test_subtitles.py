@@ -37,6 +37,11 @@ def test_subtitles_are_sorted() -> None:
     assert [s.text for s in parse_subtitles(late_first.encode())] == ["A", "B"]
 
 
+def test_clocks_in_a_text_are_text() -> None:
+    text = "1\n00:00:01,000 --> 00:00:02,000\n12:45, 3 personnes\n- Il est 8:30:15.\n"
+    assert parse_subtitles(text.encode())[0].text.startswith("12:45, 3")
+
+
 def test_empty_lines_inside_a_text() -> None:
     text = "1\n00:00:01.0 --> 00:00:02.0 X1:0 X2:9\nun\n\ndeux\n\n2\n00:03 --> 00:04\ntrois"
     assert [s.text for s in parse_subtitles(text.encode())] == ["un\n\ndeux", "trois"]
