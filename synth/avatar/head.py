@@ -32,7 +32,7 @@ from synth.avatar.parts import (
 from synth.body.mesh import Mesh
 
 _LIFT_MM = 0.06
-_BUST_BOTTOM_MM = 430.0
+_BUST_BOTTOM_MM = 330.0
 _BUST_HALF_MM = 215.0
 _BROW_LINE = np.array([
     (14, 740), (19, 741.8), (25, 743.6), (31, 745), (37, 745.4), (42, 744), (47, 741), (51, 737.5),

@@ -1,5 +1,6 @@
 """The avatar: Python and page give the same vertices; the picture; the asset's errors."""
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from receiver._kernels import draw_triangles
 from receiver.avatar import eyes_closed, has_avatar, load_avatar, vertex_normals
 from receiver.portrait import LIGHT, draw_avatar
 from receiver.voice_document import avatar_document, neutral_camera, voice_document
-from tests.receiver.node import run_node
+from tests.receiver.node import PAGE, run_node
 from tests.receiver.standin import make_voice
 
 VOICE = load_voice()
@@ -55,6 +56,11 @@ def test_page_bends_the_same_skin(tmp_path: Path) -> None:
         unit /= np.maximum(np.linalg.norm(unit, axis=1, keepdims=True), 1e-9)
         cosine = (unit * vertex_normals(expected, AVATAR.head.triangles)).sum(axis=1)
         assert np.quantile(cosine, 0.001) > 0.98
+
+
+def test_page_and_avatar_stay_below_a_megabyte() -> None:
+    page = sum(file.stat().st_size for file in PAGE.iterdir())
+    assert page + len(gzip.compress(avatar_document(AVATAR))) < 1_000_000
 
 
 def test_skin_follows_its_markers() -> None:
