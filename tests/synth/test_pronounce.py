@@ -1,8 +1,11 @@
 """Pronunciation: worked examples of Cued Speech, traps of French, liaison, schwa."""
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from codec.errors import CueError
+from codec.phonology import PHONES
 from synth.score import score_from_text
 from synth.text.lexicon import read_user_lexicon
 from synth.text.pronounce import Style, phonemise
@@ -125,3 +128,11 @@ def test_user_lexicon(tmp_path: object) -> None:
 @pytest.mark.parametrize("text", ["", "...", "♪", "!?", "§§ 🙂", "1" * 400, "a" * 3000, "\x00"])
 def test_odd_text_does_not_fail(text: str) -> None:
     phonemise(text)
+
+
+@given(st.text(max_size=40) | st.text("aeiouyéèàçhlmnrstdpgx'- .,!?0123456789€°%MIXV", max_size=40))
+def test_any_text_gives_phones(text: str) -> None:
+    for word in phonemise(text):
+        assert word.phones
+        assert set(word.phones) <= set(PHONES[1:])
+        assert word.pause in ("", ",", ".")
