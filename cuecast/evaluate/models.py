@@ -28,7 +28,7 @@ from codec.models.inversion import (
 )
 from codec.phasing import Phase, extents, profiles, strokes
 from codec.recognise import Recogniser, fit_recogniser
-from codec.score import PLACEMENT_NUMBER
+from codec.score import PLACEMENT_NUMBER, PLACEMENTS
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.takes import Material, Recorded, Take, performed
 
@@ -112,18 +112,19 @@ def measure(
     seen = [explain(take, models.face, models.hand) for take in training]
     controls = _controls(models, training[:_CONTROL_TAKES])
     recogniser, accuracy = _recognition(training, seen)
-    unseen, phases, example = [], Phases(), None
+    unseen, phases, hidden, example = [], Phases(), Occlusion(), None
     options.say(f"inverting the next {n_test} sentences")
     for take in itertools.islice(sentences, n_test):
         fit = explain(take, models.face, models.hand)
         phases.add(take, fit, recogniser)
+        hidden.add(take, fit, recogniser)
         example = example or (take, fit)
         unseen.append(_without_markers(fit))
     if not unseen or example is None:
         raise CueError(f"{material}: more than {n_training} sentences are needed")
     if options.out is not None:
         models_figures.write_all(
-            options.out, str(material), seen, unseen, recogniser, example, phases
+            options.out, str(material), seen, unseen, recogniser, example, phases, hidden
         )
     return {
         **_errors(seen, unseen), **accuracy, **controls, **phases.summary(),
@@ -249,6 +250,40 @@ def _recognition(takes: list[Take], fits: list[Fit]) -> tuple[Recogniser, dict[s
         "placement_accuracy": round(float(right_place.mean()), 4),
         "targets": len(frames),
     }
+
+
+class Occlusion:
+    """Distances of the model from the truth of the hand, by recognised placement."""
+
+    def __init__(self) -> None:
+        self._count = np.zeros((len(PLACEMENTS), 2))
+        self._total_mm = np.zeros((len(PLACEMENTS), 2))
+
+    def add(self, take: Take, fit: Fit, recogniser: Recogniser) -> None:
+        """Count a take; nothing is known where there is no truth."""
+        if take.truth is None:
+            return
+        placement = recogniser.placement_posteriors(fit.markers).argmax(1)
+        off = np.linalg.norm(fit.markers - take.truth, axis=-1)[:, _HAND]
+        hidden = ~np.isfinite(take.observed[:, _HAND]).all(-1)
+        place = np.broadcast_to(placement[:, None], off.shape)
+        for column, chosen in enumerate((hidden, ~hidden)):
+            self._count[:, column] += np.bincount(place[chosen], minlength=len(PLACEMENTS))
+            self._total_mm[:, column] += np.bincount(place[chosen], off[chosen], len(PLACEMENTS))
+
+    def rows(self) -> list[tuple[str, float, float, float]]:
+        """Return placement, share hidden, error of hidden and of visible markers (mm)."""
+        mean = self._total_mm / np.maximum(self._count, 1)
+        share = self._count[:, 0] / np.maximum(self._count.sum(1), 1)
+        return [
+            (
+                name,
+                round(float(share[k]), 3),
+                round(float(mean[k, 0]), 3),
+                round(float(mean[k, 1]), 3),
+            )
+            for k, name in enumerate(PLACEMENTS)
+        ]
 
 
 class Phases:

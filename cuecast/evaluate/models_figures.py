@@ -15,7 +15,7 @@ from cuecast.evaluate.takes import Take
 from cuecast.files import whole_file
 
 if TYPE_CHECKING:
-    from cuecast.evaluate.models import Fit, Phases
+    from cuecast.evaluate.models import Fit, Occlusion, Phases
 
 ATTINA_MS = {"lead": 239, "lag": 37}
 """Begin before and end after the consonant's onset: Attina 2005, first experiment, CV keys."""
@@ -29,12 +29,17 @@ def write_all(
     recogniser: Recogniser,
     example: "tuple[Take, Fit]",
     phases: "Phases",
+    hidden: "Occlusion",
 ) -> None:
-    """Write figure3, figure4 and figure5 as CSV and PNG, and the phasing table."""
+    """Write figure3, figure4 and figure5 as CSV and PNG, and the table of hidden markers."""
     out.mkdir(parents=True, exist_ok=True)
     _figure_3(out, data, seen, unseen)
     _figure_4(out, data, recogniser, example)
     _figure_5(out, data, phases)
+    _write_csv(
+        out / "hidden.csv", data, ("placement", "hidden_share", "hidden_mm", "visible_mm"),
+        hidden.rows(),
+    )  # fmt: skip
 
 
 def _write_csv(path: Path, data: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
@@ -58,7 +63,7 @@ def _figure_3(out: Path, data: str, seen: "Sequence[Fit]", unseen: "Sequence[Fit
     )  # fmt: skip
 
     def draw(_: Any, figure: Any) -> None:
-        figure.suptitle(f"Reconstruction error of each sentence ({data})")
+        figure.suptitle(f"Reconstruction error of each sentence ({data})", fontsize=9)
         for axes, part, limit in zip(figure.subplots(2, 1), ("hand", "face"), (2, 1), strict=True):
             mean = np.array([getattr(f, f"{part}_mm") for _, f in fits])
             spread = np.array([getattr(f, f"{part}_sd_mm") for _, f in fits])
@@ -84,7 +89,7 @@ def _figure_4(out: Path, data: str, recogniser: Recogniser, example: "tuple[Take
     )  # fmt: skip
 
     def draw(_: Any, figure: Any) -> None:
-        figure.suptitle(f"Gestures recognised in {take.name} ({data})")
+        figure.suptitle(f"Gestures recognised in {take.name} ({data})", fontsize=9)
         top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 1))
         for axes, table, names in (
             (top, shape, [str(k) for k in range(9)]), (middle, placement, PLACEMENTS),
@@ -127,7 +132,7 @@ def _figure_5(out: Path, data: str, phases: "Phases") -> None:
 
     def draw(_: Any, figure: Any) -> None:
         axes = figure.subplots()
-        axes.set_title(f"Gestures against the acoustic onset of their keys ({data})")
+        axes.set_title(f"Gestures against the acoustic onset of their keys ({data})", fontsize=9)
         for place, (*_, lead, lead_sd, lag, lag_sd) in enumerate(rows):
             axes.barh(place, lead + lag, left=-lead, alpha=0.5)
             axes.errorbar([-lead, lag], [place] * 2, xerr=[lead_sd, lag_sd], fmt="k|", lw=0.8)
