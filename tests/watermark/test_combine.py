@@ -10,7 +10,7 @@ from watermark.profile import PROFILES as AUDIO_PROFILES
 from watermark.received import ReceivedSuperframe
 from watermark.video.profile import PROFILES as VIDEO_PROFILES
 
-AUDIO, VIDEO = AUDIO_PROFILES["standard"], VIDEO_PROFILES["standard"]
+AUDIO, VIDEO = AUDIO_PROFILES["standard"], VIDEO_PROFILES["twin"]
 
 
 def through_noise(

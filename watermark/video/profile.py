@@ -75,9 +75,13 @@ PROFILES: dict[str, VideoProfile] = {
         VideoProfile("robust", 0, 20, 28, 1984),
         VideoProfile("standard", 1, 20, 140, 1536),
         VideoProfile("high", 2, 20, 300, 1280),
+        VideoProfile("twin", 3, 20, 7, 1984),
     )
 }
-"""Profiles by name; a profile's number is its place."""
+"""Profiles by name; a profile's number is its place.
+
+`twin` carries the very superframes of the audio carrier's `standard`, to be combined with them.
+"""
 
 
 def find_profile(name: str) -> VideoProfile:
