@@ -33,7 +33,7 @@ def make_voice(seed: int = 0) -> Voice:
     weights[[FACE_MARKERS.index(name) for name in THROAT]] = 0.4
     face = FaceModel(
         _f32(_face_points()), _f32(rng.normal(0, 2, (7, len(FACE_MARKERS), 3))),
-        _f32([0, 690, 100]), _f32(np.zeros(6)),
+        _f32([3, 690, 100]), _f32(np.zeros(6)),
         _f32(rng.normal(0, 1, (N_HEAD, 6)) * [0.03, 0.03, 0.03, 3, 3, 3]), _f32(weights),
     )  # fmt: skip
     regression = rng.normal(0, 4, (1 + 2 * N_ANGLES, len(HAND_MARKERS), 3))
