@@ -181,10 +181,10 @@ def built_in_recordings(
     """
     from synth.corpus.sentences import choose_sentences, read_sentences
     from synth.gesture import GestureSynthesiser
-    from synth.rendered import record
+    from synth.rendered import RATES, record
 
     texts = read_sentences() if sentences is None else list(sentences)
-    key = json.dumps([FORMAT, voice.identity, identity, alignment, texts])
+    key = json.dumps([FORMAT, voice.identity, identity, alignment, RATES, texts])
     name = f"recordings-{hashlib.sha256(key.encode()).hexdigest()[:16]}"
     archive = (folder or cache_folder()) / name
     if archive.exists():
@@ -195,8 +195,8 @@ def built_in_recordings(
     cuer = GestureSynthesiser(identity, alignment=alignment)
     texts, _ = choose_sentences(texts)
     recordings: list[Recording] = []
-    for done, text in enumerate(texts, 1):
-        recordings += record([text], cuer, voice)
+    for done, recording in enumerate(record(texts, cuer, voice), 1):
+        recordings.append(recording)
         if progress is not None:
             progress(done, len(texts))
     write_archive(archive, recordings)

@@ -1,5 +1,6 @@
 """Recordings of the virtual cuer: espeak-ng's voice, exact labels, and her motion to them."""
 
+import itertools
 from collections.abc import Iterable, Iterator
 
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
@@ -13,8 +14,9 @@ from synth.text.espeak import RATE_HZ
 from synth.text.pronounce import phonemise
 
 _TAIL_S = 1.0
-_WORDS_PER_MINUTE = 100
-"""Slow enough for a hand: some four keys a second."""
+RATES = (90, 150)
+"""Words a minute, in turn: at a cuer's ease, some three and a half keys a second, and as fast as
+subtitles are read, so that units of either pace can be chosen."""
 
 
 def line_of(text: str) -> list[str]:
@@ -38,7 +40,7 @@ def record(
     *,
     options: CueingOptions = DEFAULT_OPTIONS,
 ) -> Iterator[Recording]:
-    """Yield one recording per text.
+    """Yield one recording per text, at the two `RATES` in turn.
 
     Parameters
     ----------
@@ -50,11 +52,11 @@ def record(
         What her motion is expressed in.
     options : CueingOptions
     """
-    for text in texts:
+    for text, words_per_minute in zip(texts, itertools.cycle(RATES), strict=False):
         line = line_of(text)
         if not any(symbol != PAUSE for symbol in line):
             continue
-        rendering = render(line, words_per_minute=_WORDS_PER_MINUTE)
+        rendering = render(line, words_per_minute=words_per_minute)
         score = Score(rendering.phones, tuple(cue(rendering.phones, options)))
         n_frames = round((len(rendering.samples) / RATE_HZ + 2 * _TAIL_S) * cuer.rate_hz)
         motion = cuer.motion(score, -_TAIL_S, n_frames, voice)

@@ -61,7 +61,7 @@ def evaluate(options: EvaluateOptions) -> dict[str, Any]:
         "keys": len(shape),
         "sentences": len(texts),
         "missing_dikeys": _share(np.array(missing)),
-        "speed_over_recorded": speed_ratio(motions, synthesiser.recordings, voice),
+        "joins_too_fast": joins_too_fast(motions, synthesiser.recordings, voice),
         "data": f"virtual cuer {voice.name}, {len(synthesiser.recordings)} recordings",
     }
 
@@ -126,15 +126,24 @@ def phase_errors(motions: Sequence[Motion], voice: Voice) -> dict[str, float | N
     return {"phase_error_ms": round(median, 1), "phase_error_p90_ms": round(high, 1)}
 
 
-def speed_ratio(motions: Sequence[Motion], recordings: Sequence[Recording], voice: Voice) -> float:
-    """Return the 99.9th percentile of the markers' speed over that of the recordings."""
+def joins_too_fast(
+    motions: Sequence[Motion], recordings: Sequence[Recording], voice: Voice
+) -> float:
+    """Return the share of joins at which a marker exceeds the recordings' 99.9th percentile."""
+    recorded = np.concatenate([_speeds(r.motion, voice).ravel() for r in recordings])
+    limit = float(np.percentile(recorded, _SPEED_PERCENTILE))
+    fast = []
+    for motion in motions:
+        speed = _speeds(motion, voice)
+        at = np.minimum(_frame(motion, _gestures(_score(motion)).reach[1:]), len(speed) - 1)
+        fast.append(np.maximum(speed[at].max(axis=1), speed[np.maximum(at - 1, 0)].max(axis=1)))
+    return _share(np.concatenate(fast) > limit)
 
-    def fastest(lines: Sequence[Motion]) -> float:
-        steps = [np.diff(voice.reconstruct(m.params), axis=0) * m.rate_hz for m in lines]
-        speeds = np.concatenate([np.linalg.norm(step, axis=2).max(axis=1) for step in steps])
-        return float(np.percentile(speeds, _SPEED_PERCENTILE))
 
-    return round(fastest(motions) / fastest([r.motion for r in recordings]), 3)
+def _speeds(motion: Motion, voice: Voice) -> NDArray[np.float32]:
+    """Return the speed of every marker between frames, mm/s, shape (T - 1, 113)."""
+    step = np.diff(voice.reconstruct(motion.params), axis=0) * np.float32(motion.rate_hz)
+    return np.asarray(np.linalg.norm(step, axis=2), dtype=np.float32)
 
 
 def _score(motion: Motion) -> Score:

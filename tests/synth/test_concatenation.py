@@ -184,7 +184,9 @@ def test_no_jump_in_the_motion(
     score = Score(phones, tuple(cue(phones)))
     for performance in synthesiser.perform(score):
         step = np.diff(voice.reconstruct(performance.motion.params), axis=0)
-        assert np.linalg.norm(step, axis=2).max() <= fastest
+        # Measured: 1.04 times the fastest recorded frame, said faster than it was recorded; a
+        # join left as it is jumps by several times that.
+        assert np.linalg.norm(step, axis=2).max() <= 1.2 * fastest
 
 
 def test_passages_join_without_gap(synthesiser: ConcatenativeSynthesiser) -> None:
