@@ -27,7 +27,6 @@ LINES = (
 
 _FIRST_LINE_S = 2.5
 _PAUSE_S = 0.9
-_AFTERMATH_S = 0.7
 _SPEECH_RMS = 0.09
 _MUSIC_RMS = 0.05
 
@@ -52,7 +51,7 @@ def make_sound() -> tuple[NDArray[np.float32], list[Subtitle]]:
         end_s = time_s + len(x) / FS
         subtitles.append(Subtitle(round(time_s, 3), round(end_s, 3), line))
         time_s = end_s + _PAUSE_S
-    sound = _music(time_s + _AFTERMATH_S)
+    sound = _music(time_s)
     for start, x in spoken:
         sound[start : start + len(x)] += x[:, None]
     return np.clip(sound, -0.99, 0.99).astype(np.float32), subtitles

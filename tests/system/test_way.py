@@ -56,7 +56,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "-o",
         path / "b.mkv",
         "--grade",
-        "-0.8",
+        "-1",
     ]
     assert main([*map(str, dub), "--report", str(path / "r.json")]) == 0
     return path
