@@ -1,6 +1,6 @@
 /**
- * The programme's clock as the viewer sees it: the media time of the picture that the next
- * refresh of the screen shows.
+ * The programme's clock as the viewer sees it: the media time of the picture that stands on the
+ * screen when what is drawn now appears there, one refresh later.
  *
  * While the video plays, presented frames tell their media time and the instant at which they
  * appear; between them the clock runs at the playback rate. Without such frames (paused, no
@@ -8,11 +8,15 @@
  */
 
 const STALE_MS = 250;
+const USUAL_REFRESH_MS = 1000 / 60;
+const FASTEST_REFRESH_MS = 4;
 
 export class ProgrammeClock {
   constructor(video) {
     this.video = video;
     this.frame = null;
+    this.refreshMs = USUAL_REFRESH_MS;
+    this.beforeMs = NaN;
     for (const name of ["seeking", "pause", "ratechange", "emptied"]) {
       video.addEventListener(name, () => { this.frame = null; });
     }
@@ -28,10 +32,15 @@ export class ProgrammeClock {
     });
   }
 
-  /** Media time in seconds at `nowMs` on the page's clock. */
+  /** Media time in seconds for what is drawn at `nowMs`, the page's time of this refresh. */
   at(nowMs) {
     const { video, frame } = this;
+    const step = nowMs - this.beforeMs;
+    this.beforeMs = nowMs;
+    // Late refreshes take several periods: only the shorter ones say what the period is.
+    if (step > FASTEST_REFRESH_MS && step < 1.5 * this.refreshMs) this.refreshMs += 0.1 * (step - this.refreshMs);
     if (!frame || video.paused || video.seeking || nowMs - frame.shownMs > STALE_MS) return video.currentTime;
-    return frame.mediaS + Math.max(0, nowMs - frame.shownMs) / 1000 * video.playbackRate;
+    const ahead = Math.max(0, nowMs + this.refreshMs - frame.shownMs);
+    return frame.mediaS + ahead / 1000 * video.playbackRate;
   }
 }

@@ -107,7 +107,8 @@ SAMPLE_WHILE_PLAYING = """new Promise((resolve) => {
     const look = (now, frame) => {
         const shown = cuecast.drawn;
         const due = frame.mediaTime
-            + (shown.nowMs - frame.expectedDisplayTime) / 1000 * video.playbackRate;
+            + (shown.nowMs + cuecast.clock.refreshMs - frame.expectedDisplayTime)
+            / 1000 * video.playbackRate;
         found.push([shown.timeS, due, ...cuecast.markers]);
         if (found.length < 40) video.requestVideoFrameCallback(look);
         else resolve(JSON.stringify(found));

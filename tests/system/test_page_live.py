@@ -48,7 +48,8 @@ SAMPLES = """new Promise((resolve) => {
     const found = [];
     const look = (now, frame) => {
         const shown = cuecast.drawn;
-        const due = frame.mediaTime + (shown.nowMs - frame.expectedDisplayTime) / 1000;
+        const laterMs = shown.nowMs + cuecast.clock.refreshMs - frame.expectedDisplayTime;
+        const due = frame.mediaTime + laterMs / 1000;
         if (shown.visibility == 1) found.push([shown.timeS, due]);
         if (found.length < 25) cuecast.video.requestVideoFrameCallback(look);
         else resolve(JSON.stringify(found));
