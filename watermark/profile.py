@@ -128,11 +128,11 @@ ROBUST = Profile(
     number=0,
     l0_bytes=7,
     l1_bytes=0,
-    l0_coded=832,
+    l0_coded=640,
     cell_bins=8,
-    last_bin=126,
-    alpha=0.65,
-    strength=1.5,
+    last_bin=102,
+    alpha=0.6,
+    strength=1.75,
 )
 
 STANDARD = Profile(

@@ -13,7 +13,7 @@ from functools import lru_cache
 HOP = 480
 FRAMES = 64
 PROFILES = {
-    "robust": (0, 8, 126, 1.5, 7, 0, 832),
+    "robust": (0, 8, 102, 1.75, 7, 0, 640),
     "standard": (1, 4, 158, 1.0, 20, 7, 1536),
     "high": (2, 2, 238, 0.75, 20, 36, 2816),
 }
