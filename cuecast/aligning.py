@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +26,11 @@ def aligned_score(
     *,
     track: int = 0,
     warn: Callable[[str], None],
+    **reading: Any,
 ) -> Score:
     """Return the score of subtitles as the voices of `programme` say it.
+
+    `reading` goes on to `synth.alignment.score.score_from_recording`.
 
     Raises
     ------
@@ -35,7 +39,7 @@ def aligned_score(
     """
     with ExitStack() as stack:
         voices = ProgrammeVoices(stack, programme, track=track)
-        return score_from_recording(subtitles, voices, warn=warn)
+        return score_from_recording(subtitles, voices, warn=warn, **reading)
 
 
 def text_as_subtitle(text: str, programme: str | os.PathLike[str]) -> Subtitle:

@@ -3,7 +3,7 @@
 import argparse
 import math
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cuecast.files import PIPE, read_bytes
 from cuecast.progress import note
@@ -45,13 +45,42 @@ def add_text(parser: argparse.ArgumentParser) -> None:
     source.add_argument("--file", metavar="SUBS", help="subtitles; - reads a pipe")
 
 
+def add_reading(parser: argparse.ArgumentParser) -> None:
+    """Add how French text is read and cued, where readers and charts differ."""
+    group = parser.add_argument_group("how the text is read and cued")
+    group.add_argument("--lexicon", metavar="FILE", help="words with their phones, one a line")
+    group.add_argument("--liaison", choices=("obligatory", "none"), default="obligatory")
+    group.add_argument(
+        "--final-schwa", choices=("none", "cluster", "cluster-pause", "all"), default="cluster",
+        help="when a final mute e is spoken",
+    )  # fmt: skip
+    for vowel, name in (("œ̃", "un"), ("pronounced ə", "schwa"), ("œ", "oe")):
+        group.add_argument(
+            f"--{name}", metavar="PLACEMENT", help=f"placement of {vowel}, such as cheek"
+        )
+
+
+def reading_of(args: argparse.Namespace) -> "dict[str, Any]":
+    """Return what `add_reading` read, as the keyword arguments of the score functions."""
+    from codec.cueing import CueingOptions
+    from synth.text.lexicon import read_user_lexicon
+    from synth.text.pronounce import Style
+
+    given = {"un": args.un, "schwa": args.schwa, "oe": args.oe}
+    return {
+        "options": CueingOptions(**{k: v for k, v in given.items() if v is not None}),
+        "style": Style(liaison=args.liaison, final_schwa=args.final_schwa),
+        "user_lexicon": read_user_lexicon(args.lexicon) if args.lexicon else None,
+    }
+
+
 def score_of(args: argparse.Namespace) -> "Score":
-    """Return the score of what `add_text` read."""
+    """Return the score of what `add_text` and `add_reading` read."""
     if args.text is not None:
         from synth.score import score_from_text
 
-        return score_from_text(args.text)
-    return score_of_subtitles(args.file)
+        return score_from_text(args.text, **reading_of(args))
+    return score_of_subtitles(args, args.file)
 
 
 def aligned_score_of(args: argparse.Namespace, recording: str) -> "Score":
@@ -62,14 +91,14 @@ def aligned_score_of(args: argparse.Namespace, recording: str) -> "Score":
         subtitles = [text_as_subtitle(args.text, recording)]
     else:
         subtitles = subtitles_of(args.file)
-    return aligned_score(subtitles, recording, warn=note)
+    return aligned_score(subtitles, recording, warn=note, **reading_of(args))
 
 
-def score_of_subtitles(path: str) -> "Score":
+def score_of_subtitles(args: argparse.Namespace, path: str) -> "Score":
     """Return the score of a subtitle file, or of the standard input for ``-``."""
     from synth.score import score_from_subtitles
 
-    return score_from_subtitles(subtitles_of(path), warn=note)
+    return score_from_subtitles(subtitles_of(path), warn=note, **reading_of(args))
 
 
 def subtitles_of(path: str) -> "list[Subtitle]":

@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from codec.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.errors import VoiceError
 from codec.motion import Motion
 from codec.score import Score
@@ -38,12 +39,20 @@ class SynthesisedMotion:
     """Motion that the gesture synthesiser makes for a score."""
 
     def __init__(
-        self, score: Score, voice: Voice, *, seed: int = 0, rate_hz: float = RATE_HZ
+        self,
+        score: Score,
+        voice: Voice,
+        *,
+        seed: int = 0,
+        rate_hz: float = RATE_HZ,
+        rest_gap_s: float = DEFAULT_OPTIONS.rest_gap_s,
     ) -> None:
         self.score = score
         self.rate_hz = rate_hz
         self._voice = voice
-        self._synthesiser = GestureSynthesiser(voice.name, rate_hz=rate_hz, seed=seed)
+        self._synthesiser = GestureSynthesiser(
+            voice.name, rate_hz=rate_hz, seed=seed, options=CueingOptions(rest_gap_s=rest_gap_s)
+        )
 
     def window(self, start_s: float, frames: int) -> Motion:
         """Return the motion from `start_s` on."""

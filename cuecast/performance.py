@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import soundfile
 
+from codec.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.errors import CueError
 from codec.motion import Motion
 from codec.score import Score
@@ -21,7 +22,9 @@ from synth.recording import Recording
 from synth.speaker import Refusal, read_transcripts, record_speaker
 
 
-def unit_synthesiser(voice: Voice, folder: str | None = None) -> ConcatenativeSynthesiser:
+def unit_synthesiser(
+    voice: Voice, folder: str | None = None, *, rest_gap_s: float = DEFAULT_OPTIONS.rest_gap_s
+) -> ConcatenativeSynthesiser:
     """Return the dictionaries of `voice`, or those that `record_folder` wrote.
 
     The virtual cuer's own recordings are made on first use.
@@ -31,12 +34,13 @@ def unit_synthesiser(voice: Voice, folder: str | None = None) -> ConcatenativeSy
     CueError
         If no cuer of that name can be recorded, or the folder holds another voice's recordings.
     """
+    options = CueingOptions(rest_gap_s=rest_gap_s)
     if folder is not None:
-        return ConcatenativeSynthesiser(read_archive(folder), voice)
+        return ConcatenativeSynthesiser(read_archive(folder), voice, options=options)
     _check_cuer(voice)
     with count_bar("recording the voice") as progress:
         recordings = built_in_recordings(voice, identity=voice.name, progress=progress)
-    return ConcatenativeSynthesiser(recordings, voice)
+    return ConcatenativeSynthesiser(recordings, voice, options=options)
 
 
 def record_folder(
@@ -80,6 +84,7 @@ def perform(
     rate_hz: float,
     units: str | None = None,
     speech: str | None = None,
+    rest_gap_s: float = DEFAULT_OPTIONS.rest_gap_s,
     progress: Callable[[float], None] = lambda seconds: None,
 ) -> Motion:
     """Return the motion of a score and write its speech, both from time 0 on.
@@ -95,10 +100,12 @@ def perform(
         Folder of recordings; by default the virtual cuer's own.
     speech : str, optional
         Sound file to write, by its suffix WAV or FLAC.
+    rest_gap_s : float
+        Silence after which the hand rests.
     progress : callable
         Told how many seconds each passage brought.
     """
-    synthesiser = unit_synthesiser(voice, units)
+    synthesiser = unit_synthesiser(voice, units, rest_gap_s=rest_gap_s)
     params = []
     with ExitStack() as stack:
         write = _writer(stack, speech, synthesiser.fs)

@@ -11,6 +11,7 @@ from cuecast.arguments import (
     CARRIERS,
     add_json,
     add_key,
+    add_reading,
     add_seed,
     add_voice,
     bit_rate,
@@ -18,6 +19,7 @@ from cuecast.arguments import (
     grade,
     natural,
     print_json,
+    reading_of,
     score_of_subtitles,
     subtitles_of,
 )
@@ -65,6 +67,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_voice(parser)
     add_seed(parser)
     add_key(parser)
+    add_reading(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -95,9 +98,11 @@ def run(args: argparse.Namespace) -> int:
             from cuecast.aligning import aligned_score
 
             subtitles = subtitles_of(args.subtitles)
-            score = aligned_score(subtitles, args.programme, track=args.track, warn=note)
+            score = aligned_score(
+                subtitles, args.programme, track=args.track, warn=note, **reading_of(args)
+            )
         else:
-            score = score_of_subtitles(args.subtitles)
+            score = score_of_subtitles(args, args.subtitles)
         motion = SynthesisedMotion(score, voice, seed=args.seed)
     options = DubOptions(
         carriers, profiles, args.key, args.track, args.audio_codec, args.audio_bitrate,

@@ -2,7 +2,7 @@
 
 import argparse
 
-from cuecast.arguments import add_json, add_text, print_json, score_of
+from cuecast.arguments import add_json, add_reading, add_text, print_json, score_of
 
 SUMMARY = "the cues of a text: phones, keys, times"
 
@@ -10,6 +10,7 @@ SUMMARY = "the cues of a text: phones, keys, times"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     add_text(parser)
+    add_reading(parser)
     add_json(parser)
 
 
@@ -19,10 +20,13 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json([key.as_dict() for key in keys])
     else:
-        print("  start     end  key  shape  placement  phones")
+        from synth.notation import as_taught
+
+        print("  start     end  key  taught  shape  placement  phones")
         for key in keys:
             print(
-                f"{key.start:7.3f} {key.end:7.3f}   {key}      {key.shape}  {key.placement:<9}  "
+                f"{key.start:7.3f} {key.end:7.3f}   {key}     {as_taught(key)}      {key.shape}  "
+                f"{key.placement:<9}  "
                 f"{' '.join(key.phones)}"
             )
     return 0 if keys else 1

@@ -4,10 +4,12 @@ import argparse
 from typing import TYPE_CHECKING
 
 from cuecast.arguments import (
+    add_reading,
     add_seed,
     add_text,
     add_voice,
     aligned_score_of,
+    not_negative,
     positive,
     score_of,
 )
@@ -40,8 +42,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--units", metavar="FOLDER", help="recordings that `voice build` made of a speaker"
     )
     parser.add_argument("--rate", type=positive, default=50.0, metavar="HZ", help="of the motion")
+    parser.add_argument(
+        "--rest-gap", type=not_negative, default=0.5, metavar="S",
+        help="silence after which the hand rests",
+    )  # fmt: skip
     add_voice(parser)
     add_seed(parser)
+    add_reading(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -71,7 +78,9 @@ def run(args: argparse.Namespace) -> int:
 def _by_rules(args: argparse.Namespace, score: "Score", voice: "Voice", end_s: float) -> "Motion":
     from cuecast.motions import SynthesisedMotion, whole_motion
 
-    source = SynthesisedMotion(score, voice, seed=args.seed, rate_hz=args.rate)
+    source = SynthesisedMotion(
+        score, voice, seed=args.seed, rate_hz=args.rate, rest_gap_s=args.rest_gap
+    )
     with seconds_bar(end_s, "synth") as advance:
         return whole_motion(source, end_s, progress=advance)
 
@@ -82,5 +91,5 @@ def _by_units(args: argparse.Namespace, score: "Score", voice: "Voice", end_s: f
     with seconds_bar(end_s, "synth") as advance:
         return perform(
             score, voice, rate_hz=args.rate, units=args.units, speech=args.speech,
-            progress=advance,
+            rest_gap_s=args.rest_gap, progress=advance,
         )  # fmt: skip
