@@ -58,7 +58,7 @@ SAMPLES = """new Promise((resolve) => {
 })"""
 
 
-@pytest.mark.parametrize("fps", [25, 50])
+@pytest.mark.parametrize("fps", [25, pytest.param(50, marks=pytest.mark.slow)])
 def test_a_broadcast_is_watched_lost_and_found(fps: int) -> None:
     data = transport_stream(marked_noise(VOICE, MOTION, SECONDS), fps=fps)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
