@@ -1,9 +1,7 @@
 """The audio embedder: a programme in blocks in, the same programme with its mark out.
 
-The mark is designed superframe by superframe on the mid of the programme, with a copy of the
-receiver inside: masking thresholds are derived again from the marked sound until they agree with
-those that the mark was made with (Baras, Moreau and Dymarski, IEEE TASLP 14(5), 2006).
-Specification: sections 3 to 5.
+The mark of each superframe is designed on the programme's mid, at the level that gives the wanted
+grade, and added to its front channels. Specification: sections 2 and 4.4.
 """
 
 import math
@@ -14,33 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.dither import mark_change, project
+from watermark.design import MarkDesigner
 from watermark.grade import LevelControl
-from watermark.layout import make_layout, make_pilots
-from watermark.link import Link
-from watermark.masking import make_masker
-from watermark.mdct import analyse, frames_of, synthesise
 from watermark.mix import add_mark, check_format, front_of, mid_of, side_of
 from watermark.profile import (
     FS,
     HOP,
-    PILOT_STEPS,
     SUPERFRAME,
     SUPERFRAME_S,
-    TIER_LEVELS,
-    Profile,
     find_profile,
 )
 from watermark.tape import Tape
 
-ITERATIONS = 3
-"""Rounds of deriving the mask again; further ones gain nothing at the receiver."""
-
 STRETCH = 4
 """Superframes that are graded together: the embedder looks this far ahead."""
-
-CARRYING = 0.35
-"""A superframe with a smaller share of living cells cannot carry and is left as it is."""
 
 Source = Callable[[int], tuple[bytes, bytes]]
 """Payloads (L0, L1) of the superframe on air from programme time k * 0.64 s."""
@@ -73,14 +58,6 @@ class EmbedReport:
 
 
 @dataclass(frozen=True, slots=True)
-class MarkedSuperframe:
-    """Mark of one superframe: samples, shape (SUPERFRAME + HOP,), and whether it is one."""
-
-    mark: NDArray[np.float64]
-    carries: bool
-
-
-@dataclass(frozen=True, slots=True)
 class _Stretch:
     """Some superframes written at one level.
 
@@ -104,79 +81,6 @@ class _Stretch:
     mark: NDArray[np.float64]
     tail: NDArray[np.float64]
     silent: tuple[bool, ...]
-
-
-class MarkDesigner:
-    """Designs the mark of one superframe after another, at the mark's own rate."""
-
-    def __init__(self, profile: Profile, key: int) -> None:
-        self._profile = profile
-        self._layout = make_layout(profile, key)
-        self._pilots = make_pilots(key)
-        self._announced = self._pilots.expected(profile.number)
-        self._masker = make_masker()
-        self._link = Link(profile)
-
-    def design(
-        self,
-        before: NDArray[np.float64],
-        host: NDArray[np.float64],
-        payload: tuple[bytes, bytes],
-        level: int,
-    ) -> MarkedSuperframe:
-        """Design a mark.
-
-        Parameters
-        ----------
-        before : ndarray of float64, shape (HOP,)
-            Finished samples just before the superframe.
-        host : ndarray of float64, shape (SUPERFRAME + HOP,)
-            The programme's mid with the tail of the mark before.
-        payload : tuple of (bytes, bytes)
-            L0 and L1.
-        level : int
-            Index into `LEVELS`.
-        """
-        wanted = self._layout.spread(1.0 - 2.0 * self._link.encode(*payload))
-        sound = np.concatenate([before, host])
-        spectra = analyse(frames_of(sound, HOP), HOP)
-        coefficients = spectra[1:].real
-        mark = np.zeros(host.size)
-        for _ in range(ITERATIONS):
-            threshold = self._masker.thresholds(np.abs(spectra) ** 2 / 2)
-            unit = self._masker.amplitudes(threshold[1:], threshold[:-1])
-            living = float(project(coefficients, unit, self._layout.cells)[1].mean())
-            if living < CARRYING:
-                return MarkedSuperframe(np.zeros(host.size), carries=False)
-            mark = synthesise(self._change(coefficients, unit, wanted, level), HOP)
-            sound[HOP:] = host + mark
-            spectra = analyse(frames_of(sound, HOP), HOP)
-        return MarkedSuperframe(mark, carries=True)
-
-    def _change(
-        self,
-        coefficients: NDArray[np.float64],
-        unit: NDArray[np.float64],
-        wanted: NDArray[np.float64],
-        level: int,
-    ) -> NDArray[np.float64]:
-        data = mark_change(
-            coefficients,
-            unit,
-            self._layout.cells,
-            wanted,
-            step=self._profile.step(level),
-            alpha=self._profile.alpha,
-        )
-        pilots = mark_change(
-            coefficients,
-            unit,
-            self._pilots.cells,
-            self._announced,
-            step=PILOT_STEPS[level // TIER_LEVELS],
-            alpha=self._profile.alpha,
-        )
-        return data + pilots
 
 
 class AudioEmbedder:

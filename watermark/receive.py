@@ -35,6 +35,9 @@ from watermark.tape import Tape
 TIER_ORDER = (1, 2, 0, 3)
 """Levels of a tier in the order in which they are tried."""
 
+CONVINCING = 6.0
+"""Score from which a candidate needs the check of the first class only."""
+
 MAX_MISSES = 6
 """Superframes in a row that may fail before the lock is given up."""
 
@@ -206,7 +209,8 @@ class AudioReceiver:
         for delay in (0.0, 0.5, -0.5):
             moved = replace(track, position=track.position + delay * self._nominal)
             reading = self._read(moved, levels)
-            if reading.decoded.l0 is not None:
+            # Unmarked sound has hundreds of weak candidates an hour: those need both checks.
+            if reading.decoded.l1 or (reading.decoded.l0 and candidate.score >= CONVINCING):
                 return [self._lock(moved, reading)]
         return []
 

@@ -1,0 +1,105 @@
+"""Design of one superframe's mark, with a copy of the receiver inside.
+
+In: the programme's mid, payloads and a level; out: the mark's samples. Masking thresholds are
+derived again from the marked sound until they agree with those that the mark was made with (Baras,
+Moreau and Dymarski, IEEE TASLP 14(5), 2006). Specification: sections 3 to 6.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.dither import mark_change, project
+from watermark.layout import make_layout, make_pilots
+from watermark.link import Link
+from watermark.masking import make_masker
+from watermark.mdct import analyse, frames_of, synthesise
+from watermark.profile import HOP, PILOT_STEPS, TIER_LEVELS, Profile
+
+ITERATIONS = 3
+"""Rounds of deriving the mask again; further ones gain nothing at the receiver."""
+
+CARRYING = 0.35
+"""A superframe with a smaller share of living cells cannot carry and is left as it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class MarkedSuperframe:
+    """Mark of one superframe: samples, shape (SUPERFRAME + HOP,), and whether it is one."""
+
+    mark: NDArray[np.float64]
+    carries: bool
+
+
+class MarkDesigner:
+    """Designs the mark of one superframe after another, at the mark's own rate."""
+
+    def __init__(self, profile: Profile, key: int) -> None:
+        self._profile = profile
+        self._layout = make_layout(profile, key)
+        self._pilots = make_pilots(key)
+        self._announced = self._pilots.expected(profile.number)
+        self._masker = make_masker()
+        self._link = Link(profile)
+
+    def design(
+        self,
+        before: NDArray[np.float64],
+        host: NDArray[np.float64],
+        payload: tuple[bytes, bytes],
+        level: int,
+    ) -> MarkedSuperframe:
+        """Design a mark.
+
+        Parameters
+        ----------
+        before : ndarray of float64, shape (HOP,)
+            Finished samples just before the superframe.
+        host : ndarray of float64, shape (SUPERFRAME + HOP,)
+            The programme's mid with the tail of the mark before.
+        payload : tuple of (bytes, bytes)
+            L0 and L1.
+        level : int
+            Index into `LEVELS`.
+        """
+        wanted = self._layout.spread(1.0 - 2.0 * self._link.encode(*payload))
+        sound = np.concatenate([before, host])
+        spectra = analyse(frames_of(sound, HOP), HOP)
+        coefficients = spectra[1:].real
+        mark = np.zeros(host.size)
+        for _ in range(ITERATIONS):
+            threshold = self._masker.thresholds(np.abs(spectra) ** 2 / 2)
+            unit = self._masker.amplitudes(threshold[1:], threshold[:-1])
+            living = float(project(coefficients, unit, self._layout.cells)[1].mean())
+            if living < CARRYING:
+                return MarkedSuperframe(np.zeros(host.size), carries=False)
+            mark = synthesise(self._change(coefficients, unit, wanted, level), HOP)
+            sound[HOP:] = host + mark
+            spectra = analyse(frames_of(sound, HOP), HOP)
+        return MarkedSuperframe(mark, carries=True)
+
+    def _change(
+        self,
+        coefficients: NDArray[np.float64],
+        unit: NDArray[np.float64],
+        wanted: NDArray[np.float64],
+        level: int,
+    ) -> NDArray[np.float64]:
+        data = mark_change(
+            coefficients,
+            unit,
+            self._layout.cells,
+            wanted,
+            step=self._profile.step(level),
+            alpha=self._profile.alpha,
+        )
+        pilots = mark_change(
+            coefficients,
+            unit,
+            self._pilots.cells,
+            self._announced,
+            step=PILOT_STEPS[level // TIER_LEVELS],
+            alpha=self._profile.alpha,
+        )
+        return data + pilots
