@@ -35,7 +35,7 @@ from watermark.tape import Tape
 TIER_ORDER = (1, 2, 0, 3)
 """Levels of a tier in the order in which they are tried."""
 
-CONVINCING = 6.0
+CONVINCING = 5.3
 """Score from which a candidate needs the check of the first class only."""
 
 MAX_MISSES = 6
