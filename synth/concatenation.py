@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.errors import CueError
@@ -33,6 +34,9 @@ _FADE_S = 0.005
 _BREAK_S = 0.01
 _RATIO_LIMITS = (0.4, 2.5)
 _LEAD_S = 1.0
+_HAND_SMOOTHING_S = 0.028
+"""Standard deviation of a Gaussian that leaves the hand what lies below 5 Hz, nearly all of a real
+cuer's motion: dikeys squeezed into keys of less than 0.1 s undershoot instead of racing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +193,10 @@ class ConcatenativeSynthesiser:
         params[:, self._face_columns] = _joined(self._face, sounds, times)
         gestures = plan_gestures(passage, alignment=self._alignment, options=self._options)
         dikeys = self.dikeys.select(cut_dikeys(gestures))
-        params[:, self._hand_columns] = _joined(self._hand, dikeys, times)
+        hand = _joined(self._hand, dikeys, times)
+        params[:, self._hand_columns] = gaussian_filter1d(
+            hand, _HAND_SMOOTHING_S * rate_hz, axis=0, mode="nearest"
+        )
         return Motion(
             params.astype(np.float32), rate_hz, start_s, self._voice.layout,
             self._voice.identity, passage,

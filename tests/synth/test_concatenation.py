@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from codec.cueing import cue
 from codec.errors import CueError
+from codec.layout import N_FACE
 from codec.motion import Motion
 from codec.phonology import PHONES
 from codec.score import Phone, Score
@@ -153,8 +154,10 @@ def test_a_recorded_sentence_comes_out_of_its_own_units(
     truth = voice.reconstruct(recording.motion.params)[offset:][: len(made)]
     error = np.linalg.norm(made[: len(truth)] - truth, axis=2)
     inside = slice(50, len(truth) - 50)
-    # Measured: 0.1 mm; the pauses at both ends are stretched and therefore left out.
-    assert np.sqrt((error[inside] ** 2).mean()) < 0.5
+    # Measured: face 0.04 mm; hand 3.1 mm, what smoothing takes from it. The pauses at both ends
+    # are stretched and therefore left out.
+    assert np.sqrt((error[inside, :N_FACE] ** 2).mean()) < 0.5
+    assert np.sqrt((error[inside, N_FACE:] ** 2).mean()) < 4.0
 
 
 def test_any_text_can_be_said_and_cued(synthesiser: ConcatenativeSynthesiser) -> None:
