@@ -46,10 +46,10 @@ def hand_markers(rng: np.random.Generator, frames: int) -> NDArray[np.float64]:
         place = turn_digit @ np.array([-18.0 * (3 - digit), 80.0, 8.0])
         put(f"K{digit}", place)
         for phalange, share in enumerate((0.3, 1.0, 1.8, 2.2)):
-            turn = turn_digit @ rigid.rotation_matrices(bend * [share, 0.0, 0.0])
+            bent = turn_digit @ rigid.rotation_matrices(bend * [share, 0.0, 0.0])
             if phalange == 1:
-                put(f"S{digit}", place + turn @ [7.0, 8.0, -3.0])
-            place = place + turn @ np.array([0.0, PHALANGES_MM[phalange], 0.0])
+                put(f"S{digit}", place + bent @ [7.0, 8.0, -3.0])
+            place = place + bent @ np.array([0.0, PHALANGES_MM[phalange], 0.0])
             put(f"F{digit}{'123T'[phalange]}", place)
     return points
 
