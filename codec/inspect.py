@@ -6,7 +6,7 @@ from codec.bits import MODES
 from codec.errors import BitstreamError
 from codec.joining import score_of
 from codec.payload import is_intact, read_beginning
-from codec.quantise import NO_RESIDUAL, step_width
+from codec.quantise import NO_RESIDUAL, width_mm
 from codec.score_coding import ScorePart
 from codec.stream import read_head, read_superframes
 from codec.superframe import Superframe
@@ -61,11 +61,12 @@ def _row(frame: Superframe) -> tuple[dict[str, Any], ScorePart | None]:
     if not row["intact"]:
         return row, None
     try:
-        header, step, part = read_beginning(frame.l0)
+        header, setting, part = read_beginning(frame.l0)
     except BitstreamError as error:
         return row | {"error": str(error)}, None
     row |= {"mode": MODES[header.mode], "sequence": header.sequence, "lead": header.lead}
-    row["step"] = None if step == NO_RESIDUAL else round(step_width(step) / 65536, 2)
+    row["step"] = None if setting.step == NO_RESIDUAL else round(width_mm(setting.step), 2)
+    row |= {"gain": setting.gain, "course": setting.course}
     if part is not None:
         score = score_of({frame.index: part})
         row["phones"] = [phone.symbol for phone in score.phones]

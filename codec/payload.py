@@ -1,6 +1,6 @@
 """The bytes of a superframe: its two parts written and read, without any model of motion.
 
-Indices, score and step go in, two byte strings come out, and back. Whatever is cut off at the
+Indices, score and setting go in, two byte strings come out, and back. Whatever is cut off at the
 end of a part are coefficients of least expected magnitude: the reader stops at the first one
 that its bytes do not determine. Specification: spec/bitstream.md, section 2.
 """
@@ -13,8 +13,15 @@ from numpy.typing import NDArray
 from codec import _kernels
 from codec.bits import HEADER_BYTES, Header, crc8, crc16, read_header
 from codec.errors import BitstreamError
-from codec.quantise import NO_RESIDUAL
-from codec.range_coder import FLIP, RangeDecoder, RangeEncoder, code_length, encode_intervals
+from codec.quantise import NO_RESIDUAL, NOTHING_SENT, Setting, raised
+from codec.range_coder import (
+    FLIP,
+    RangeDecoder,
+    RangeEncoder,
+    code_length,
+    cumulative,
+    encode_intervals,
+)
 from codec.score_coding import ScorePart, read_score, write_score
 from codec.tables import coefficient_tables, score_tables
 from codec.transform import Basis
@@ -28,6 +35,9 @@ MIN_L0_BYTES = HEADER_BYTES + CRC16_BYTES + 1
 SCORE, PLAIN, SCORE_ONLY = 0, 1, 2
 """Modes of `codec.bits.MODES`."""
 
+_CHOICES = cumulative([12, 2, 1, 1])
+"""Table of gain and course."""
+
 
 @dataclass(frozen=True, slots=True)
 class Content:
@@ -36,8 +46,7 @@ class Content:
     Attributes
     ----------
     header : Header
-    step : int
-        Step number, `NO_RESIDUAL` if no coefficient was sent.
+    setting : Setting
     part : ScorePart or None
         None in mode ``plain``.
     q : ndarray of int64, shape (32 P,)
@@ -45,45 +54,51 @@ class Content:
     """
 
     header: Header
-    step: int
+    setting: Setting
     part: ScorePart | None
     q: Ints
 
 
-def score_code(mode: int, step: int, part: ScorePart | None, *, even: bool) -> RangeEncoder:
-    """Return the beginning of L0's payload: the step, then the score."""
+def score_code(mode: int, setting: Setting, part: ScorePart | None, *, even: bool) -> RangeEncoder:
+    """Return the beginning of L0's payload: the setting, then the score."""
     encoder = RangeEncoder()
     if mode != SCORE_ONLY:
-        encoder.put_bits(step, STEP_BITS)
+        encoder.put_bits(setting.step, STEP_BITS)
+        if setting.step != NO_RESIDUAL:
+            encoder.put(setting.gain, _CHOICES)
+            if mode == SCORE:
+                encoder.put(setting.course, _CHOICES)
     if part is not None:
         write_score(encoder, part, score_tables(), even=even)
     return encoder
 
 
-def coefficient_code(q: Ints, first: int, step: int, basis: Basis) -> tuple[Ints, Ints, Ints]:
+def coefficient_code(
+    q: Ints, first: int, setting: Setting, basis: Basis
+) -> tuple[Ints, Ints, Ints]:
     """Return starts and widths of the intervals of ``q[first:]``, and where each one ends."""
-    size = 64 * q.size if step != NO_RESIDUAL else 0
+    size = 64 * q.size if setting.step != NO_RESIDUAL else 0
     starts, freqs = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64)
     ends = np.zeros(q.size, dtype=np.int64)
-    if step == NO_RESIDUAL:
+    if setting.step == NO_RESIDUAL:
         return starts, freqs, ends
     n = _kernels.encode_coefficients(
-        q, first, basis.scan_scales, basis.before, step, coefficient_tables().magnitude,
-        starts, freqs, ends,
+        q, first, raised(basis, setting), basis.before, setting.step,
+        coefficient_tables().magnitude, starts, freqs, ends,
     )  # fmt: skip
     return starts[:n], freqs[:n], ends
 
 
-def coefficient_bits(q: Ints, step: int, basis: Basis) -> float:
+def coefficient_bits(q: Ints, setting: Setting, basis: Basis) -> float:
     """Return the ideal length of all coefficients in bits."""
     bits: float = _kernels.coefficient_cost(
-        q, basis.scan_scales, basis.before, step, coefficient_tables().cost
+        q, raised(basis, setting), basis.before, setting.step, coefficient_tables().cost
     )
     return bits
 
 
 def write_l0(
-    header: Header, step: int, part: ScorePart | None, q: Ints, basis: Basis, size: int,
+    header: Header, setting: Setting, part: ScorePart | None, q: Ints, basis: Basis, size: int,
     *, even: bool = False,
 ) -> bytes | None:  # fmt: skip
     """Return an L0 part of `size` bytes, None if the score does not fit.
@@ -91,46 +106,46 @@ def write_l0(
     As many coefficients as fit follow the score.
     """
     room = size - HEADER_BYTES - CRC16_BYTES
-    payload = _l0_code(header.mode, step, part, q, basis, even=even)
-    if step != NO_RESIDUAL:
+    payload = _l0_code(header.mode, setting, part, q, basis, even=even)
+    if setting.step != NO_RESIDUAL:
         payload = payload[:room]
     if len(payload) > room:
         return None
     payload = payload.ljust(room, b"\0")
-    if not _agrees(RangeDecoder(payload), header.mode, step, part):
+    if not _agrees(RangeDecoder(payload), header.mode, setting, part):
         return None
     return _with_crc16(header.to_bytes() + payload)
 
 
 def write_l0_whole(
-    header: Header, step: int, part: ScorePart | None, q: Ints, basis: Basis
+    header: Header, setting: Setting, part: ScorePart | None, q: Ints, basis: Basis
 ) -> bytes:
     """Return the shortest L0 part that holds the score and all coefficients."""
-    payload = _l0_code(header.mode, step, part, q, basis, even=False)
+    payload = _l0_code(header.mode, setting, part, q, basis, even=False)
     head = header.to_bytes()
-    if step != NO_RESIDUAL:
+    if setting.step != NO_RESIDUAL:
         last = int(np.flatnonzero(q).max(initial=-1))
-        _, freqs, ends = coefficient_code(q, 0, step, basis)
-        bits = score_code(header.mode, step, part, even=False).bits
+        _, freqs, ends = coefficient_code(q, 0, setting, basis)
+        bits = score_code(header.mode, setting, part, even=False).bits
         bits += code_length(freqs[: ends[last]]) if last >= 0 else 0.0
         for length in range(max(1, int(bits) // 8), len(payload)):
             decoder = RangeDecoder(payload[:length])
             known = -1
-            if _agrees(decoder, header.mode, step, part):
-                known = _read_coefficients(decoder, np.zeros_like(q), 0, step, basis)
+            if _agrees(decoder, header.mode, setting, part):
+                known = _read_coefficients(decoder, np.zeros_like(q), 0, setting, basis)
             if known > last:
                 return _with_crc16(head + payload[:length])
     return _with_crc16(head + payload.ljust(1, b"\0"))
 
 
 def _l0_code(
-    mode: int, step: int, part: ScorePart | None, q: Ints, basis: Basis, *, even: bool
+    mode: int, setting: Setting, part: ScorePart | None, q: Ints, basis: Basis, *, even: bool
 ) -> bytes:
     """Return the whole code of L0's payload."""
-    starts, freqs = score_code(mode, step, part, even=even).intervals()
-    if step == NO_RESIDUAL:
+    starts, freqs = score_code(mode, setting, part, even=even).intervals()
+    if setting.step == NO_RESIDUAL:
         return encode_intervals(starts, freqs)
-    more_starts, more_freqs, _ = coefficient_code(q, 0, step, basis)
+    more_starts, more_freqs, _ = coefficient_code(q, 0, setting, basis)
     return encode_intervals(
         np.concatenate([starts, more_starts]), np.concatenate([freqs, more_freqs]), certain=True
     )
@@ -140,9 +155,9 @@ def _with_crc16(body: bytes) -> bytes:
     return body + crc16(body).to_bytes(CRC16_BYTES, "big")
 
 
-def _agrees(decoder: RangeDecoder, mode: int, step: int, part: ScorePart | None) -> bool:
-    """Return whether a payload cut to its room still says this step and score."""
-    if mode != SCORE_ONLY and decoder.get_bits(STEP_BITS) != step:
+def _agrees(decoder: RangeDecoder, mode: int, setting: Setting, part: ScorePart | None) -> bool:
+    """Return whether a payload cut to its room still says this setting and score."""
+    if _read_setting(decoder, mode) != setting:
         return False
     return part is None or read_score(decoder, score_tables()) == part
 
@@ -170,16 +185,16 @@ def read_l0(l0: bytes, basis: Basis) -> tuple[Content, int]:
         If the part is too short (H1), its checksum wrong (H6), its version unknown (H2) or its
         mode reserved (H3).
     """
-    header, step, part, decoder = _read_beginning(l0)
+    header, setting, part, decoder = _read_beginning(l0)
     q = np.zeros(basis.scan_scales.size, dtype=np.int64)
     known = q.size
-    if step != NO_RESIDUAL:
-        known = _read_coefficients(decoder, q, 0, step, basis)
-    return Content(header, step, part, q), known
+    if setting.step != NO_RESIDUAL:
+        known = _read_coefficients(decoder, q, 0, setting, basis)
+    return Content(header, setting, part, q), known
 
 
-def read_beginning(l0: bytes) -> tuple[Header, int, ScorePart | None]:
-    """Return header, step and score of an L0 part: all that needs no voice.
+def read_beginning(l0: bytes) -> tuple[Header, Setting, ScorePart | None]:
+    """Return header, setting and score of an L0 part: all that needs no voice.
 
     Raises
     ------
@@ -189,7 +204,7 @@ def read_beginning(l0: bytes) -> tuple[Header, int, ScorePart | None]:
     return _read_beginning(l0)[:3]
 
 
-def _read_beginning(l0: bytes) -> tuple[Header, int, ScorePart | None, RangeDecoder]:
+def _read_beginning(l0: bytes) -> tuple[Header, Setting, ScorePart | None, RangeDecoder]:
     if len(l0) < MIN_L0_BYTES:
         raise BitstreamError(f"L0 of {len(l0)} bytes, at least {MIN_L0_BYTES}", section="H1")
     body, check = l0[:-CRC16_BYTES], int.from_bytes(l0[-CRC16_BYTES:], "big")
@@ -199,22 +214,35 @@ def _read_beginning(l0: bytes) -> tuple[Header, int, ScorePart | None, RangeDeco
         )
     header = read_header(body)
     decoder = RangeDecoder(body[HEADER_BYTES:])
-    step = NO_RESIDUAL if header.mode == SCORE_ONLY else decoder.get_bits(STEP_BITS)
+    setting = _read_setting(decoder, header.mode)
     part = None if header.mode == PLAIN else read_score(decoder, score_tables())
-    return header, step, part, decoder
+    return header, setting, part, decoder
 
 
-def _read_coefficients(decoder: RangeDecoder, q: Ints, first: int, step: int, basis: Basis) -> int:
+def _read_setting(decoder: RangeDecoder, mode: int) -> Setting:
+    """Return the setting that a payload begins with (H8)."""
+    if mode == SCORE_ONLY:
+        return NOTHING_SENT
+    step = decoder.get_bits(STEP_BITS)
+    if step == NO_RESIDUAL:
+        return NOTHING_SENT
+    gain = decoder.get(_CHOICES)
+    return Setting(step, gain, decoder.get(_CHOICES) if mode == SCORE else 0)
+
+
+def _read_coefficients(
+    decoder: RangeDecoder, q: Ints, first: int, setting: Setting, basis: Basis
+) -> int:
     known: int = _kernels.decode_coefficients(
-        decoder.data, decoder.state, q, first, basis.scan_scales, basis.before, step,
-        coefficient_tables().magnitude, FLIP,
+        decoder.data, decoder.state, q, first, raised(basis, setting), basis.before,
+        setting.step, coefficient_tables().magnitude, FLIP,
     )  # fmt: skip
     return known
 
 
-def write_l1(l0: bytes, step: int, q: Ints, known: int, basis: Basis, size: int) -> bytes:
+def write_l1(l0: bytes, setting: Setting, q: Ints, known: int, basis: Basis, size: int) -> bytes:
     """Return an L1 part of `size` bytes with the coefficients from number `known` on."""
-    starts, freqs, _ = coefficient_code(q, known, step, basis)
+    starts, freqs, _ = coefficient_code(q, known, setting, basis)
     room = size - CRC8_BYTES
     body = encode_intervals(starts, freqs, certain=True)[:room].ljust(room, b"\0")
     return body + bytes([_l1_check(l0, body)])
@@ -237,9 +265,9 @@ def read_l1(l0: bytes, l1: bytes, content: Content, known: int, basis: Basis) ->
             section="H7", bit=8 * len(body),
         )  # fmt: skip
     q = content.q.copy()
-    if content.step != NO_RESIDUAL:
-        _read_coefficients(RangeDecoder(body), q, known, content.step, basis)
-    return Content(content.header, content.step, content.part, q)
+    if content.setting.step != NO_RESIDUAL:
+        _read_coefficients(RangeDecoder(body), q, known, content.setting, basis)
+    return Content(content.header, content.setting, content.part, q)
 
 
 def _l1_check(l0: bytes, body: bytes) -> int:

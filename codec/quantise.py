@@ -5,6 +5,8 @@ transform measures, a millimetre summed over markers. Specification: spec/bitstr
 paragraphs Q1 to Q4.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +18,12 @@ STEPS = 64
 NO_RESIDUAL = STEPS - 1
 """The step number that says that no coefficient follows."""
 
+GAINS = (0, 6, 12, 20)
+"""Quarter octaves by which a superframe can raise all scales, if it moves more than expected."""
+
+N_COURSES = 4
+"""Forms of movement of which a superframe names one (`codec.resynthesis.COURSES`)."""
+
 FRACTION_BITS = 16
 WEIGHT = 0.16
 """Squared steps per bit at which index decisions cost least overall, found by trial."""
@@ -24,6 +32,28 @@ _MANTISSAS = (65536, 77936, 92682, 110218)
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """How a superframe codes its residual.
+
+    Attributes
+    ----------
+    step : int
+        Step number, `NO_RESIDUAL` if no coefficient was sent.
+    gain : int
+        Index in `GAINS`.
+    course : int
+        Form of the hand's movements, 0..3.
+    """
+
+    step: int
+    gain: int = 0
+    course: int = 0
+
+
+NOTHING_SENT = Setting(NO_RESIDUAL)
 
 
 def step_width(step: int) -> int:
@@ -38,7 +68,12 @@ def step_width(step: int) -> int:
 
 
 def quantise_rd(
-    values: Array, step: int, basis: Basis, tables: CoefficientTables, *, weight: float = WEIGHT
+    values: Array,
+    setting: Setting,
+    basis: Basis,
+    tables: CoefficientTables,
+    *,
+    weight: float = WEIGHT,
 ) -> Ints:
     """Return indices that weigh error against bits.
 
@@ -46,8 +81,7 @@ def quantise_rd(
     ----------
     values : ndarray of float64, shape (n,)
         Coefficients in the scan order of `basis`.
-    step : int
-        Step number, 0..62.
+    setting : Setting
     basis : Basis
     tables : CoefficientTables
     weight : float
@@ -55,19 +89,31 @@ def quantise_rd(
     """
     q = np.empty(values.size, dtype=np.int64)
     _kernels.quantise_rd(
-        values, basis.scan_scales, basis.before, step, step_width(step) / (1 << FRACTION_BITS),
+        values, raised(basis, setting), basis.before, setting.step, width_mm(setting.step),
         weight, tables.cost, tables.inset, q,
     )  # fmt: skip
     return q
 
 
-def dequantise_integers(q: Ints, scales: Ints, step: int, tables: CoefficientTables) -> Ints:
+def raised(basis: Basis, setting: Setting) -> Ints:
+    """Return the scales of a basis in scan order, raised by the gain (Q6)."""
+    return basis.scan_scales + GAINS[setting.gain]
+
+
+def width_mm(step: int) -> float:
+    """Return the width of a step in millimetres."""
+    return step_width(step) / (1 << FRACTION_BITS)
+
+
+def dequantise_integers(q: Ints, setting: Setting, basis: Basis, tables: CoefficientTables) -> Ints:
     """Return the values of indices (Q3, Q4) in 2**-16 mm, shape (n,)."""
     out = np.empty_like(q)
-    _kernels.dequantise(q, scales, step, step_width(step), tables.inset, out)
+    _kernels.dequantise(
+        q, raised(basis, setting), setting.step, step_width(setting.step), tables.inset, out
+    )
     return out
 
 
-def dequantise(q: Ints, scales: Ints, step: int, tables: CoefficientTables) -> Array:
+def dequantise(q: Ints, setting: Setting, basis: Basis, tables: CoefficientTables) -> Array:
     """Return the values of indices in millimetres, shape (n,)."""
-    return dequantise_integers(q, scales, step, tables) / (1 << FRACTION_BITS)
+    return dequantise_integers(q, setting, basis, tables) / (1 << FRACTION_BITS)

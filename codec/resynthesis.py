@@ -43,6 +43,9 @@ _FINGERS_EARLIER = 150
 _NATURAL = 1250
 _UNDERSHOOT = 0.13
 
+COURSES = (1.0, 0.75, 0.55, 0.42)
+"""Powers to which the elapsed part of a movement is raised: below 1 its speed peaks early."""
+
 _REACH_TICKS = 22.5
 _RISE_TICKS = 2.5
 _SHARE_OF_LENGTH = 0.6
@@ -198,7 +201,7 @@ class KeyWeights:
     ends: Ints
 
 
-def key_weights(moves: Movements, first_tick: int, n_frames: int) -> KeyWeights:
+def key_weights(moves: Movements, first_tick: int, n_frames: int, *, course: int = 0) -> KeyWeights:
     """Return the weights of the keys' targets in frames at `first_tick` and after (P5, P6)."""
     times = PARTS * (first_tick + np.arange(n_frames, dtype=np.int64))
     held = np.zeros((len(moves.key), N_KEYS))
@@ -212,10 +215,11 @@ def key_weights(moves: Movements, first_tick: int, n_frames: int) -> KeyWeights:
     elapsed, duration = times - moves.leave[at], moves.reach[at] - moves.leave[at]
     sooner = np.maximum(duration - _FINGERS_EARLIER, duration / 2)
 
-    def course(length: Array | Ints) -> Array:
-        return minimum_jerk(np.where(at == 0, 1.0, elapsed / np.maximum(length, 1)))
+    def progress(length: Array | Ints) -> Array:
+        phase = np.clip(np.where(at == 0, 1.0, elapsed / np.maximum(length, 1)), 0.0, 1.0)
+        return minimum_jerk(phase ** COURSES[course])
 
-    part, fingers = course(duration), course(sooner)
+    part, fingers = progress(duration), progress(sooner)
     start, goal = held[before], held[at]
     return KeyWeights(
         start + fingers[:, None] * (goal - start),
@@ -254,6 +258,8 @@ def resynthesise(
     targets: Targets,
     first_tick: int,
     n_frames: int,
+    *,
+    course: int = 0,
 ) -> Array:
     """Return the parameters that a line implies (P4, P8).
 
@@ -267,13 +273,15 @@ def resynthesise(
         Of the voice.
     first_tick, n_frames : int
         Frame i lies at tick ``first_tick + i``.
+    course : int
+        Form of the hand's movements, index in `COURSES`.
 
     Returns
     -------
     ndarray of float64, shape (n_frames, P)
         Face, hand, head and forearm.
     """
-    keys = key_weights(movements(line, parts), first_tick, n_frames)
+    keys = key_weights(movements(line, parts), first_tick, n_frames, course=course)
     distances = np.linalg.norm(
         targets.forearm[keys.ends[:, 1]] - targets.forearm[keys.ends[:, 0]], axis=1
     )

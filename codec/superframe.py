@@ -36,7 +36,17 @@ from codec.payload import (
     write_l0_whole,
     write_l1,
 )
-from codec.quantise import NO_RESIDUAL, dequantise, quantise_rd
+from codec.quantise import (
+    GAINS,
+    N_COURSES,
+    NO_RESIDUAL,
+    NOTHING_SENT,
+    WEIGHT,
+    Setting,
+    dequantise,
+    quantise_rd,
+    width_mm,
+)
 from codec.resynthesis import resynthesise
 from codec.score import Key, Phone, Score
 from codec.score_coding import ScorePart, evenly, part_of
@@ -115,10 +125,10 @@ def block_at(motion: Motion, index: int) -> Array:
     return np.asarray((1 - share) * motion.params[below] + share * motion.params[above])
 
 
-def predict(coding: Coding, parts: Mapping[int, ScorePart], index: int) -> Array:
+def predict(coding: Coding, parts: Mapping[int, ScorePart], index: int, course: int = 0) -> Array:
     """Return what the scores of superframes `parts` say about superframe `index` (section 5)."""
     near = {k: parts[k] for k in (index - 1, index, index + 1) if k in parts}
-    return resynthesise(join(near), near, coding.targets, index * TICKS, TICKS)
+    return resynthesise(join(near), near, coding.targets, index * TICKS, TICKS, course=course)
 
 
 class SuperframeEncoder:
@@ -188,18 +198,17 @@ class SuperframeEncoder:
             Step number, 0 (finest) to 63 (no residual).
         """
         plan = self._analyse(motion, index)
-        q = plan.quantised(step) if step != NO_RESIDUAL else np.zeros_like(plan.values, int)
-        if not q.any():
-            step = NO_RESIDUAL
-        return Superframe(index, write_l0_whole(plan.header, step, plan.part, q, plan.basis), b"")
+        setting, q = plan.quantised(step)
+        l0 = write_l0_whole(plan.header, setting, plan.part, q, plan.basis)
+        return Superframe(index, l0, b"")
 
     def error_mm(self, motion: Motion, index: int, step: int) -> float:
         """Return the error of superframe `index` at a step: RMS over its markers and frames."""
         plan = self._analyse(motion, index)
+        setting, q = plan.quantised(step)
         error = plan.values
-        if step != NO_RESIDUAL:
-            q = plan.quantised(step)
-            error = error - dequantise(q, plan.basis.scan_scales, step, coefficient_tables())
+        if setting.step != NO_RESIDUAL:
+            error = error - dequantise(q, setting, plan.basis, coefficient_tables())
         return float(np.sqrt(np.square(error).sum() / (TICKS * len(MARKERS))))
 
     def _analyse(self, motion: Motion, index: int) -> "_Plan":
@@ -208,17 +217,25 @@ class SuperframeEncoder:
             raise VoiceError(
                 f"motion of voice {motion.voice}, the encoder has {self.voice.identity}"
             )
+        block = block_at(motion, index)
         if motion.score is None:
-            mode, part, even = PLAIN, None, False
-            basis, prediction = self._coding.plain, self._coding.mean
-        else:
-            mode = SCORE_ONLY if self._score_only else SCORE
-            around = {k: self._part(motion.score, k) for k in (index - 1, index, index + 1)}
-            part, even = around[index]
-            basis = self._coding.residual
-            prediction = predict(self._coding, {k: p for k, (p, _) in around.items()}, index)
-        values = basis.forward(block_at(motion, index) - prediction)
-        return _Plan(index, self._header(mode, index), part, even, basis, values)
+            values = self._coding.plain.forward(block - self._coding.mean)
+            header = self._header(PLAIN, index)
+            return _Plan(index, header, None, False, self._coding.plain, values, 0)
+        mode = SCORE_ONLY if self._score_only else SCORE
+        around = {k: self._part(motion.score, k) for k in (index - 1, index, index + 1)}
+        part, even = around[index]
+        known = {k: p for k, (p, _) in around.items()}
+        basis = self._coding.residual
+        tried = [
+            basis.forward(block - predict(self._coding, known, index, course))
+            for course in range(N_COURSES if mode == SCORE else 1)
+        ]
+        # The usual course costs least; another one has to explain clearly more.
+        energy = np.square(tried).sum(axis=1) * np.where(np.arange(len(tried)) == 0, 0.95, 1.0)
+        course = int(np.argmin(energy))
+        header = self._header(mode, index)
+        return _Plan(index, header, part, even, basis, tried[course], course)
 
     def _header(self, mode: int, index: int) -> Header:
         sequence = index % SEQUENCES
@@ -251,39 +268,45 @@ class SuperframeEncoder:
         basis = self._coding.residual
         nothing = np.zeros(basis.scan_scales.size, dtype=np.int64)
         return (
-            write_l0(header, NO_RESIDUAL, part, nothing, basis, self._sizes[0], even=even)
+            write_l0(header, NOTHING_SENT, part, nothing, basis, self._sizes[0], even=even)
             is not None
         )
 
     def _write(self, plan: "_Plan") -> Superframe:
         l0_bytes, l1_bytes = self._sizes
-        step, q = self._quantised(plan)
-        l0 = write_l0(plan.header, step, plan.part, q, plan.basis, l0_bytes, even=plan.even)
+        setting, q = self._fitting(plan)
+        l0 = write_l0(plan.header, setting, plan.part, q, plan.basis, l0_bytes, even=plan.even)
         if l0 is None:
-            step = NO_RESIDUAL
-            l0 = write_l0(plan.header, step, plan.part, q, plan.basis, l0_bytes, even=plan.even)
+            setting = NOTHING_SENT
+            l0 = write_l0(plan.header, setting, plan.part, q, plan.basis, l0_bytes, even=plan.even)
             assert l0 is not None, "a fitted score always fits"
         if l1_bytes == 0:
             return Superframe(plan.index, l0, b"")
         _, known = read_l0(l0, plan.basis)
-        return Superframe(plan.index, l0, write_l1(l0, step, q, known, plan.basis, l1_bytes))
+        return Superframe(plan.index, l0, write_l1(l0, setting, q, known, plan.basis, l1_bytes))
 
-    def _quantised(self, plan: "_Plan") -> tuple[int, Ints]:
-        """Return the finest step at which all coefficients fit, and their indices."""
-        nothing = np.zeros(plan.values.size, dtype=np.int64)
-        if plan.header.mode == SCORE_ONLY:
-            return NO_RESIDUAL, nothing
+    def _fitting(self, plan: "_Plan") -> tuple[Setting, Ints]:
+        """Return the finest setting at which all coefficients fit, and their indices."""
         l0_bytes, l1_bytes = self._sizes
         room = 8 * (l0_bytes - HEADER_BYTES - CRC16_BYTES + max(0, l1_bytes - CRC8_BYTES))
-        bits = room - score_code(plan.header.mode, 0, plan.part, even=plan.even).bits
+        used = score_code(plan.header.mode, Setting(0), plan.part, even=plan.even).bits
+        gain, step = 0, self._finest(plan, 0, room - used)
+        better = plan.gain(step)
+        if better != gain:
+            gain, step = better, self._finest(plan, better, room - used - 4)
+        return plan.quantised(step, gain)
+
+    @staticmethod
+    def _finest(plan: "_Plan", gain: int, bits: float) -> int:
         low, high = 0, NO_RESIDUAL
         while low < high:
             step = (low + high) // 2
-            if coefficient_bits(plan.quantised(step), step, plan.basis) <= bits:
+            setting, q = plan.quantised(step, gain)
+            if coefficient_bits(q, setting, plan.basis) <= bits:
                 high = step
             else:
                 low = step + 1
-        return low, nothing if low == NO_RESIDUAL else plan.quantised(low)
+        return low
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,9 +319,27 @@ class _Plan:
     even: bool
     basis: Basis
     values: Array
+    course: int
 
-    def quantised(self, step: int) -> Ints:
-        return quantise_rd(self.values, step, self.basis, coefficient_tables())
+    def quantised(self, step: int, gain: int | None = None) -> tuple[Setting, Ints]:
+        """Return the setting at a step, and the indices; without a gain, the best one."""
+        if step == NO_RESIDUAL or self.header.mode == SCORE_ONLY:
+            return NOTHING_SENT, np.zeros(self.values.size, dtype=np.int64)
+        chosen = self.gain(step) if gain is None else gain
+        setting = Setting(step, chosen, self.course)
+        return setting, quantise_rd(self.values, setting, self.basis, coefficient_tables())
+
+    def gain(self, step: int) -> int:
+        """Return the gain at which error and bits weigh least at a step."""
+        if step == NO_RESIDUAL or self.header.mode == SCORE_ONLY:
+            return 0
+        weights = []
+        for gain in range(len(GAINS)):
+            setting, q = self.quantised(step, gain)
+            error = self.values - dequantise(q, setting, self.basis, coefficient_tables())
+            bits = coefficient_bits(q, setting, self.basis) + (3 if gain else 0)
+            weights.append(np.square(error / width_mm(step)).sum() + WEIGHT * bits)
+        return int(np.argmin(weights))
 
 
 class SuperframeDecoder:
@@ -376,7 +417,8 @@ class SuperframeDecoder:
         parts = {k: part for k in near if (part := self._contents[k].part) is not None}
         content = self._contents.get(index)
         plain = content.header.mode == PLAIN if content else bool(near) and not parts
-        prediction = self._coding.mean if plain else predict(self._coding, parts, index)
+        course = content.setting.course if content else 0
+        prediction = self._coding.mean if plain else predict(self._coding, parts, index, course)
         residual = self._residual(content) if content else self._decaying(index)
         score = score_of(parts)
         begin, end = index * SUPERFRAME_S - 1e-6, (index + 1) * SUPERFRAME_S - 1e-6
@@ -398,10 +440,10 @@ class SuperframeDecoder:
 
     def _residual(self, content: Content) -> Array:
         basis = self._basis(content.header)
-        if content.step == NO_RESIDUAL:
+        if content.setting.step == NO_RESIDUAL:
             return np.zeros((TICKS, len(basis.matrix)))
         tables = coefficient_tables()
-        return basis.backward(dequantise(content.q, basis.scan_scales, content.step, tables))
+        return basis.backward(dequantise(content.q, content.setting, basis, tables))
 
     def _decaying(self, index: int) -> Array:
         """Return how the last known residual fades out over a lost superframe."""

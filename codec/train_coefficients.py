@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec import _kernels
-from codec.quantise import FRACTION_BITS, quantise_rd, step_width
+from codec.quantise import Setting, quantise_rd, width_mm
 from codec.range_coder import TOTAL, cumulative
 from codec.tables import CLASSES, CONTEXTS, CoefficientTables, coefficient_tables_of
 from codec.transform import Basis
@@ -50,8 +50,8 @@ def _counted(
         for values in blocks:
             for step in _STEPS:
                 _kernels.count_coefficients(
-                    values, quantise_rd(values, step, basis, tables), basis.scan_scales,
-                    basis.before, step, step_width(step) / (1 << FRACTION_BITS), counts, insets,
+                    values, quantise_rd(values, Setting(step), basis, tables), basis.scan_scales,
+                    basis.before, step, width_mm(step), counts, insets,
                 )  # fmt: skip
     weights = counts + _PRIOR * np.array(laplacian_tables()["magnitude"]) / TOTAL
     freqs = [[np.diff(cumulative(row)).tolist() for row in kind] for kind in weights]

@@ -14,6 +14,8 @@ TABLES: dict[str, Any] = json.loads(
     (Path(__file__).parents[2] / "codec" / "assets" / "tables.json").read_text(encoding="utf-8")
 )
 EQUAL = {9: [3648] + 8 * [3640], 6: [5463] + 5 * [5461]}
+CHOICES = [24576, 4096, 2048, 2048]
+GAINS = (0, 6, 12, 20)
 WIDTHS = (65536, 77936, 92682, 110218)
 
 
@@ -30,6 +32,8 @@ class Decoded:
     lead: int = 0
     voice: int = 0
     step: int = 63
+    gain: int = 0
+    course: int = 0
     score: dict[str, Any] | None = None
     indices: list[int] = field(default_factory=list)
     values: list[int] = field(default_factory=list)
@@ -68,9 +72,14 @@ def decode(l0: bytes, l1: bytes | None, scales: list[list[int]]) -> Decoded:
     decoder = RangeDecoder(body[2:])
     if out.mode != 2:
         out.step = decoder.bits(6)
+    if out.step != 63:
+        out.gain = decoder.symbol(CHOICES)[0]
+        if out.mode == 0:
+            out.course = decoder.symbol(CHOICES)[0]
     if out.mode != 1:
         out.score = score(decoder)
     scan = order(scales)
+    scales = [[scale + GAINS[out.gain] for scale in row] for row in scales]
     out.indices = [0] * len(scan)
     out.values = [0] * len(scan)
     if out.step == 63:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from codec import _kernels
 from codec.coding import coding_for
 from codec.payload import coefficient_bits, coefficient_code
-from codec.quantise import FRACTION_BITS, dequantise, quantise_rd, step_width
+from codec.quantise import Setting, dequantise, quantise_rd, step_width, width_mm
 from codec.range_coder import FLIP, RangeDecoder, code_length, encode_intervals
 from codec.tables import CLASSES, CONTEXTS, coefficient_tables
 from codec.transform import Basis, marker_metric
@@ -49,9 +49,9 @@ def test_coefficients_round_trip(step: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     scale = 2.0 ** (SMALL.scan_scales / 4)
     values = rng.standard_t(2, size=96) * scale
-    q = quantise_rd(values, step, SMALL, coefficient_tables())
-    starts, freqs, _ = coefficient_code(q, 0, step, SMALL)
-    assert code_length(freqs) == pytest.approx(coefficient_bits(q, step, SMALL), abs=1e-6)
+    q = quantise_rd(values, Setting(step), SMALL, coefficient_tables())
+    starts, freqs, _ = coefficient_code(q, 0, Setting(step), SMALL)
+    assert code_length(freqs) == pytest.approx(coefficient_bits(q, Setting(step), SMALL), abs=1e-6)
     data = encode_intervals(starts, freqs, certain=True)
     found = np.zeros_like(q)
     for decode in (_kernels.decode_coefficients, PYTHON["decode_coefficients"]):
@@ -62,9 +62,9 @@ def test_coefficients_round_trip(step: int, seed: int) -> None:
             coefficient_tables().magnitude, FLIP,
         )  # fmt: skip
         np.testing.assert_array_equal(found, q)
-    width = step_width(step) / (1 << FRACTION_BITS)
+    width = width_mm(step)
     coded = np.array([_kernels.coefficient_class(s, step)[0] >= 0 for s in SMALL.scan_scales])
-    error = np.abs(dequantise(q, SMALL.scan_scales, step, coefficient_tables()) - values)
+    error = np.abs(dequantise(q, Setting(step), SMALL, coefficient_tables()) - values)
     assert (error[coded] <= np.maximum(2.5 * width, 0.01 * np.abs(values[coded]))).all()
 
 
@@ -96,9 +96,9 @@ def test_kernels_agree_with_their_python() -> None:
 def test_weighing_bits_saves_them() -> None:
     rng = np.random.default_rng(2)
     values = rng.laplace(size=96) * 2.0 ** (SMALL.scan_scales / 4)
-    tables = coefficient_tables()
+    tables, at = coefficient_tables(), Setting(20)
     bits = [
-        coefficient_bits(quantise_rd(values, 20, SMALL, tables, weight=w), 20, SMALL)
+        coefficient_bits(quantise_rd(values, at, SMALL, tables, weight=w), at, SMALL)
         for w in (0.0, 0.1, 0.3)
     ]
     assert bits == sorted(bits, reverse=True)

@@ -54,8 +54,6 @@ def test_round_trip(toy_voice: Voice, make: MakeMotion, rate: float, start: floa
     # The grid of 50 Hz and the models' curvature add to the coder's own error.
     assert result.marker_rms_mm < 2.5
     assert result.keys_total == result.keys_correct > 10
-    # Measured up to 0.013 s: the movements are slow, the error is 2 mm.
-    assert abs(result.offset_s) < 0.02
 
 
 @pytest.mark.parametrize("rate_bps", [140, 337.5, 1000, 6000, 20000])

@@ -66,13 +66,11 @@ def decode_both(l0: bytes, l1: bytes, used: Basis) -> None:
         content = read_l1(l0, l1, content, known, used)
     header = content.header
     assert (header.mode, header.sequence, header.lead, header.voice) == astuple(expected)[:4]
-    assert content.step == expected.step
+    assert astuple(content.setting) == (expected.step, expected.gain, expected.course)
     assert as_reference(content.part) == expected.score
     assert content.q.tolist() == expected.indices
-    if content.step != NO_RESIDUAL:
-        values = dequantise_integers(
-            content.q, used.scan_scales, content.step, coefficient_tables()
-        )
+    if content.setting.step != NO_RESIDUAL:
+        values = dequantise_integers(content.q, content.setting, used, coefficient_tables())
         assert values.tolist() == expected.values
 
 
@@ -116,7 +114,7 @@ def test_vectors(case: dict[str, Any]) -> None:
         return
     decode_both(l0, l1, used)
     found = reference.decode(l0, l1, case["scales"])
-    assert found.step == case["step"]
+    assert [found.step, found.gain, found.course] == case["setting"]
     assert found.score == case["score"]
     assert {i: q for i, q in enumerate(found.indices) if q} == {
         int(i): q for i, q in case["indices"].items()
