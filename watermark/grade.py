@@ -26,8 +26,12 @@ GRADES_PER_LEVEL = 0.28
 LARGEST_RISE = 2
 """Levels by which the mark may grow between stretches, the first excepted."""
 
+LARGEST_FALL = 2
+"""Levels by which the mark may shrink for one stretch that is only a little too low: a mark of
+half the size is lost in coding, whereas the passage has time to make up for a poor grade."""
+
 GIVE_UP = 0.6
-"""A stretch that grades this much too low even at the lowest level is left unmarked."""
+"""A stretch that grades this much too low falls on, and at the lowest level is left unmarked."""
 
 TOLERANCE = 0.1
 """A stretch that grades this much too low is written one level lower."""
@@ -126,12 +130,15 @@ class LevelControl:
         move = min(round((grade - target) / GRADES_PER_LEVEL), self._largest)
         level = int(np.clip(self._level + move, 0, len(LEVELS) - 1))
         chosen, found = first, grade
+        floor = self._level - LARGEST_FALL
         while level != self._level:
             down = level < self._level
             self._level = level
             chosen = attempt(level)
             found = self._grade(chosen) or 0.0
             if not down or found >= target - TOLERANCE:
+                break
+            if level <= floor and found >= target - GIVE_UP:
                 break
             level = max(level - 1, 0)
         if self._level == 0 and found < target - GIVE_UP:
