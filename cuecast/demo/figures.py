@@ -1,5 +1,6 @@
 """Pictures of the demonstration: the screen over time, and the keys sent and received."""
 
+import textwrap
 from pathlib import Path
 
 import av
@@ -7,19 +8,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.motion import Motion
+from codec.phasing import hand_speed
 from codec.score import PLACEMENTS, Key
 from codec.voice import Voice
 from cuecast.files import whole_file
-from receiver.render import render_frames
+from receiver.render import render_frames, sample_params
+from synth.subtitles import Subtitle
 
-_FRAMES = 6
-_KEY_MIDDLE = 0.6
+_MOMENTS = 6
+_APPROACH_S = 0.06
+_LOOK_HZ = 100.0
+_LINE = 52
 _CUER_WIDTH = 310
 _HAND = slice(7, 19)
 
 
-def draw_strip(path: Path, programme: Path, motion: Motion, voice: Voice) -> None:
-    """Write a strip of screens, programme at the left and received cuer at the right of each.
+def draw_strip(
+    path: Path, programme: Path, subtitles: list[Subtitle], motion: Motion, voice: Voice
+) -> None:
+    """Draw six moments: the television with its cuer, and the markers that she is made of.
+
+    Needs matplotlib (extra ``plots``).
 
     Parameters
     ----------
@@ -27,22 +36,46 @@ def draw_strip(path: Path, programme: Path, motion: Motion, voice: Voice) -> Non
         PNG.
     programme : Path
         Film that the viewer sees.
+    subtitles : list of Subtitle
+        Those of the film.
     motion : Motion
         As received, with its score.
     voice : Voice
     """
+    import matplotlib.figure
+
     keys = motion.score.keys if motion.score else ()
-    chosen = [keys[i] for i in np.linspace(1, len(keys) - 2, _FRAMES).round().astype(int)]
-    times = np.array([key.start + _KEY_MIDDLE * (key.end - key.start) for key in chosen])
+    chosen = [keys[i] for i in np.linspace(1, len(keys) - 2, _MOMENTS).round().astype(int)]
+    times = np.array([_stillest(motion, voice, key) for key in chosen])
     screens = _pictures_at(programme, times)
-    height = screens[0].shape[0]
-    cuers = render_frames(motion, voice, times, size=(_CUER_WIDTH, height))
-    rows = [
-        np.concatenate([screen, cuer], axis=1) for screen, cuer in zip(screens, cuers, strict=True)
-    ]
-    half = _FRAMES // 2
-    columns = [np.concatenate(rows[:half]), np.concatenate(rows[half:])]
-    write_png(path, np.concatenate(columns, axis=1))
+    size = (_CUER_WIDTH, screens[0].shape[0])
+    markers = render_frames(motion, voice, times, size=size)
+    figure = matplotlib.figure.Figure(figsize=(16, 10), layout="constrained")
+    for axes, key, time_s, screen, points in zip(
+        figure.subplots(_MOMENTS // 2, 2).flat, chosen, times, screens, markers, strict=True
+    ):
+        corner = np.ascontiguousarray(screen[:, -_CUER_WIDTH:])
+        (cuer,) = render_frames(
+            motion, voice, np.array([time_s]), style="avatar", size=size, background=corner
+        )
+        axes.imshow(np.concatenate([screen[:, :-_CUER_WIDTH], cuer, points], axis=1))
+        axes.set_title(_caption(key, time_s))
+        axes.set_axis_off()
+        said = " ".join(s.text for s in subtitles if s.start_s <= time_s < s.end_s)
+        axes.text(12, 0.96 * size[1], textwrap.fill(said, _LINE), color="white", va="bottom")
+    with whole_file(path) as temporary:
+        figure.savefig(temporary, dpi=100)
+
+
+def _stillest(motion: Motion, voice: Voice, key: Key) -> float:
+    """Return the time at which the hand holds a key, between its approach and the key's middle."""
+    times = np.arange(key.start - _APPROACH_S, (key.start + key.end) / 2, 1 / _LOOK_HZ)
+    speed = hand_speed(voice.reconstruct(sample_params(motion, times)), _LOOK_HZ)
+    return float(times[np.argmin(speed)])
+
+
+def _caption(key: Key, time_s: float) -> str:
+    return f"{time_s:.2f} s: {''.join(key.phones)}, shape {key.shape} at the {key.placement}"
 
 
 def draw_keys(path: Path, sent: Motion, received: Motion) -> None:
@@ -89,10 +122,3 @@ def _pictures_at(programme: Path, times_s: NDArray[np.float64]) -> list[NDArray[
             while len(pictures) < len(times_s) and (frame.time or 0.0) >= times_s[len(pictures)]:
                 pictures.append(frame.to_ndarray(format="rgb24").astype(np.uint8))
     return pictures
-
-
-def write_png(path: Path, picture: NDArray[np.uint8]) -> None:
-    """Write a picture, (height, width, 3) red, green, blue."""
-    frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")
-    with whole_file(path) as temporary:
-        frame.save(temporary)

@@ -7,7 +7,7 @@ from typing import Any
 
 from codec.compare import Comparison, compare_motions
 from codec.motion import Motion, save_motion
-from codec.voice import Voice, load_voice
+from codec.voice import load_voice
 from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
 from cuecast.demo.figures import draw_keys, draw_strip
 from cuecast.dub import DubOptions, dub
@@ -101,7 +101,9 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Out
         say(f"4/5 received: {describe(outcomes[-1])}")
     if received is not None:
         say("5/5 drawing")
-        _draw(folder, sent, received, voice)
+        film = folder / BROADCASTS[0][1]
+        draw_strip(folder / "strip.png", film, subtitles, received, voice)
+        draw_keys(folder / "keys.png", sent, received)
     return outcomes
 
 
@@ -136,8 +138,3 @@ def as_srt(subtitles: list[Subtitle]) -> str:
 def _clock(time_s: float) -> str:
     seconds, milliseconds = divmod(round(time_s * 1000), 1000)
     return f"{seconds // 3600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d},{milliseconds:03d}"
-
-
-def _draw(folder: Path, sent: Motion, received: Motion, voice: Voice) -> None:
-    draw_strip(folder / "strip.png", folder / BROADCASTS[0][1], received, voice)
-    draw_keys(folder / "keys.png", sent, received)
