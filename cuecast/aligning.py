@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from codec.score import Score
-from cuecast.media.programme import open_programme
-from cuecast.media.sound import SoundDecoder, sound_blocks
+from receiver.media.programme import open_programme
+from receiver.media.sound import SoundDecoder, sound_blocks
 from synth.alignment.cepstra import FS, mono
 from synth.alignment.score import LONGEST_TEXT_S, score_from_recording
 from synth.subtitles import Subtitle

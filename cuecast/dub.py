@@ -3,28 +3,32 @@
 Motion -> superframes, each on air before it is due -> the carriers of sound and picture -> the
 programme's own container and codecs (`cuecast.media`).
 
-The sound may start before or after the picture. Superframes count from the first sample, scores
-and reports on the programme's clock; `_Delayed` stands between the two.
+Superframe k is on air from k * 0.64 s of the programme's clock on in every carrier, so that sound
+and picture bear the same ones. A sound that starts before or after the picture stays unmarked up to
+its first whole superframe.
 """
 
 import math
 import os
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from codec.errors import CueError
-from codec.motion import Motion
+from codec.nesting import nest
 from codec.superframe import SuperframeEncoder
 from codec.voice import Voice
 from cuecast.marking import MarkingStage
-from cuecast.media.programme import SoundFormat
-from cuecast.media.rewrite import rewrite_sound
+from cuecast.media.rewrite import Stage, rewrite_sound
 from cuecast.motions import RATE_HZ, MotionSource
 from cuecast.pictures import PictureOptions, dub_picture
-from watermark.profile import SUPERFRAME_S, find_profile
+from receiver.media.programme import SoundFormat
+from watermark.profile import STANDARD, SUPERFRAME_S, Profile, find_profile
 
 LEAD = 2
 """A superframe is on air this many superframes before its motion is due."""
@@ -33,6 +37,8 @@ FRAMES = 32
 """Frames of motion in a superframe."""
 
 assert FRAMES / RATE_HZ == SUPERFRAME_S
+
+Samples = NDArray[np.float32]
 
 PROFILES = {"audio": "standard", "video": "standard", "a335": "1x"}
 """Profile of each carrier unless told otherwise."""
@@ -107,6 +113,7 @@ def dub(
     if not options.carriers:
         raise CueError("no carrier: nothing to dub into")
     carriers: dict[str, dict[str, Any]] = {}
+    sound_profile = find_profile(options.profiles["audio"])
     picture = {name: options.profiles[name] for name in options.carriers if name != "audio"}
     report: dict[str, Any] = {}
     seconds: list[float] = []
@@ -124,7 +131,9 @@ def dub(
             )
         if picture:
             carriers |= dub_picture(
-                marked, lambda *sizes: superframe_source(motion, voice, *sizes), target,
+                marked,
+                lambda *sizes: superframe_source(motion, voice, *sizes, beside=sound_profile),
+                target,
                 PictureOptions(picture, options.key, options.video_codec, options.video_bit_rate),
                 progress=advance,
             )  # fmt: skip
@@ -146,18 +155,20 @@ def _dub_sound(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Mark the sound; return what the report says of the programme and of the carrier."""
     stages: list[MarkingStage] = []
+    begins_s: list[float] = []
     profile = find_profile(options.profiles["audio"])
 
-    def make_stage(sound: SoundFormat, start_s: float) -> MarkingStage:
-        delayed = _Delayed(motion, start_s)
-        source = superframe_source(delayed, voice, profile.l0_bytes, profile.l1_bytes)
+    def make_stage(sound: SoundFormat, start_s: float) -> Stage:
+        first = max(-LEAD, math.ceil(start_s / SUPERFRAME_S - 1e-6))
+        source = superframe_source(motion, voice, profile.l0_bytes, profile.l1_bytes, first=first)
         stages.append(
             MarkingStage(
                 sound, source, name=os.fspath(programme), profile=profile.name,
                 key=options.key, grade=options.grade, graded=options.graded,
             )
         )  # fmt: skip
-        return stages[-1]
+        begins_s.append(max(first * SUPERFRAME_S, start_s))
+        return _From(stages[-1], round((begins_s[0] - start_s) * sound.fs))
 
     written = rewrite_sound(
         programme, target, make_stage, track=options.track, codec=options.audio_codec,
@@ -169,7 +180,11 @@ def _dub_sound(
         "clipped_samples": written.clipped,
         "left_out": list(written.left_out),
     }
-    return report, stages[0].report()
+    figures = stages[0].report()
+    figures["silent_s"] = [
+        [round(t + begins_s[0], 3) for t in span] for span in figures["silent_s"]
+    ]
+    return report, figures
 
 
 def _picture_report(seconds: list[float]) -> dict[str, Any]:
@@ -179,32 +194,41 @@ def _picture_report(seconds: list[float]) -> dict[str, Any]:
 
 
 def superframe_source(
-    motion: MotionSource, voice: Voice, l0_bytes: int, l1_bytes: int
-) -> Callable[[int], tuple[bytes, bytes]]:
-    """Return the function that gives an embedder the payloads (L0, L1) on air in superframe k.
+    motion: MotionSource, voice: Voice, l0_bytes: int, l1_bytes: int, *, first: int = 0,
+    beside: Profile = STANDARD,
+) -> Callable[[int], tuple[bytes, bytes]]:  # fmt: skip
+    """Return the function that gives an embedder the payloads (L0, L1) of its superframe k.
 
-    Times of `motion` count from the beginning of what the carrier lies in.
+    That one is on air `first` + k superframes after the programme's clock's zero. Where L1 has room
+    for it, the superframe is a nested one (`codec.nesting`): its L0 is that of a sound with the
+    profile `beside`.
     """
-    encoder = SuperframeEncoder(voice, l0_bytes=l0_bytes, l1_bytes=l1_bytes, lead=LEAD)
+    nests = l0_bytes == beside.l0_bytes and l1_bytes >= 2 * (beside.l0_bytes + beside.l1_bytes)
+    fine_bytes = l1_bytes - l0_bytes if nests else l1_bytes
+    fine = SuperframeEncoder(voice, l0_bytes=l0_bytes, l1_bytes=fine_bytes, lead=LEAD)
+    coarse = SuperframeEncoder(voice, l0_bytes=l0_bytes, l1_bytes=beside.l1_bytes, lead=LEAD)
 
     def source(k: int) -> tuple[bytes, bytes]:
-        index = k + LEAD
-        superframe = encoder.encode(motion.window(index * SUPERFRAME_S, FRAMES), index)
-        return superframe.l0, superframe.l1
+        index = first + k + LEAD
+        window = motion.window(index * SUPERFRAME_S, FRAMES)
+        superframe = fine.encode(window, index)
+        if not nests:
+            return superframe.l0, superframe.l1
+        return nest(coarse.encode(window, index).l0, superframe.l0, superframe.l1)
 
     return source
 
 
-class _Delayed:
-    """A motion on the clock of a sound that starts at `start_s` on the programme's clock."""
+class _From:
+    """A stage that begins its work after some samples, which pass unchanged."""
 
-    def __init__(self, motion: MotionSource, start_s: float) -> None:
-        self._motion = motion
-        self._start_s = start_s
-        self.score = motion.score.shifted(-start_s)
-        self.rate_hz = motion.rate_hz
+    def __init__(self, stage: Stage, samples: int) -> None:
+        self._stage, self._left = stage, max(0, samples)
 
-    def window(self, start_s: float, frames: int) -> Motion:
-        """Return the motion from `start_s` of the sound on."""
-        motion = self._motion.window(start_s + self._start_s, frames)
-        return replace(motion, start_s=start_s, score=self.score)
+    def process(self, block: Samples) -> Samples:
+        passed, block = block[: self._left], block[self._left :]
+        self._left -= len(passed)
+        return np.concatenate([passed, self._stage.process(block)]) if len(block) else passed
+
+    def flush(self) -> Samples:
+        return self._stage.flush()

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.media.programme import SoundFormat
+from receiver.media.programme import SoundFormat
 from watermark.embed import AudioEmbedder, Source
 from watermark.mix import RATES
 from watermark.profile import SUPERFRAME_S

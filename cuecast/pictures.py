@@ -1,33 +1,20 @@
-"""The carriers of the picture: what `dub` does to luma, and what `receive` finds in it."""
+"""The carriers of the picture: what `dub` does to luma."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from itertools import chain, dropwhile, islice
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from codec.errors import CueError
-from cuecast.media.picture import (
-    Luma,
-    PictureFormat,
-    PictureStage,
-    picture_format,
-    read_lumas,
-    rewrite_picture,
-)
-from watermark.a335.carrier import A335Embedder, A335Receiver
+from cuecast.media.picture import PictureStage, rewrite_picture
+from receiver.media.picture import PictureFormat, picture_format
+from watermark.a335.carrier import A335Embedder
 from watermark.a335.carrier import find_profile as find_line_profile
-from watermark.profile import SUPERFRAME_S
-from watermark.received import ReceivedSuperframe
 from watermark.video.embed import VideoEmbedder
 from watermark.video.profile import find_profile as find_video_profile
-from watermark.video.receive import VideoReceiver
 
 CARRIERS = ("video", "a335")
 """In the order in which they are written: the line has to stay as it was written."""
 
-_TRIAL_S = 12.0
-"""If nothing is found in so much picture, there is nothing in it."""
 
 SourceOf = Callable[[int, int], Callable[[int], tuple[bytes, bytes]]]
 """Gives the source of payloads of superframe k for sizes of L0 and L1 in bytes."""
@@ -119,121 +106,3 @@ def _figures(name: str, embedder: Any, form: PictureFormat) -> dict[str, Any]:
         "gross_bps": round(8 * profile.body_bytes * float(form.fps), 1),
         "skipped_frames": embedder.skipped,
     }
-
-
-@dataclass(frozen=True, slots=True)
-class FoundInPicture:
-    """What a carrier of the picture held.
-
-    Attributes
-    ----------
-    superframes : tuple of ReceivedSuperframe
-        In order of time, their place counted from the first picture.
-    first_lock_s : float
-        When the carrier was found.
-    ber_estimate : float or None
-        Share of wrong bits before correction, where the carrier knows it.
-    """
-
-    superframes: tuple[ReceivedSuperframe, ...]
-    first_lock_s: float
-    ber_estimate: float | None
-
-
-def search_picture(
-    programme: str | os.PathLike[str], *, key: int = 0, start_s: float = 0.0
-) -> dict[str, FoundInPicture]:
-    """Find the carriers in the picture of a film; a film without them costs a short look.
-
-    Parameters
-    ----------
-    programme : path
-    key : int
-        Key of the invisible mark.
-    start_s : float
-        Second at which the receiver is switched on.
-
-    Raises
-    ------
-    CueError
-        If the picture is malformed.
-    """
-    form = picture_format(programme)
-    receivers = _receivers(form, key)
-    found: dict[str, list[ReceivedSuperframe]] = {name: [] for name in receivers}
-    shown: Iterator[tuple[float, Luma]] = dropwhile(
-        lambda pair: pair[0] < start_s, read_lumas(programme)
-    )
-    first = next(shown, None)
-    if first is None:
-        return {}
-    lumas = chain([first], shown)
-
-    def take(pairs: Iterator[tuple[float, Luma]]) -> None:
-        for _, luma in pairs:
-            for name, receiver in receivers.items():
-                found[name] += [moved(s, first[0]) for s in receiver.process(luma)]
-
-    take(islice(lumas, round(_TRIAL_S * form.fps)))
-    for name in list(receivers):
-        if not any(superframe.l0 for superframe in found[name]):
-            del receivers[name]
-    if receivers:
-        take(lumas)
-        for name, receiver in receivers.items():
-            if hasattr(receiver, "flush"):
-                found[name] += [moved(s, first[0]) for s in receiver.flush()]
-    return {
-        name: FoundInPicture(
-            tuple(s for s in found[name] if s.l0),
-            receiver.first_lock_s or 0.0,
-            getattr(receiver, "ber_estimate", None),
-        )
-        for name, receiver in receivers.items()
-    }
-
-
-def moved(superframe: ReceivedSuperframe, delay_s: float) -> ReceivedSuperframe:
-    """Return `superframe` that much later, without the ratios, which are large."""
-    return replace(superframe, position_s=superframe.position_s + delay_s, ratios=None)
-
-
-def _receivers(form: PictureFormat, key: int) -> dict[str, Any]:
-    """Return the receivers that serve a picture of this size."""
-    kinds: dict[str, Callable[[], Any]] = {
-        "video": lambda: VideoReceiver(
-            form.width, form.height, form.fps, key=key, depth=form.depth
-        ),
-        "a335": lambda: A335Receiver(form.width, form.height, form.fps, depth=form.depth),
-    }
-    receivers = {}
-    for name, make in kinds.items():
-        try:
-            receivers[name] = make()
-        except CueError:  # too small a picture: this carrier cannot be in it
-            continue
-    return receivers
-
-
-def richest(
-    superframes: Sequence[ReceivedSuperframe],
-) -> list[ReceivedSuperframe]:
-    """Choose from superframes of several carriers, for each time on air, the one that tells most.
-
-    Examples
-    --------
-    >>> poor = ReceivedSuperframe(b"a", None, 0.65, 1.0)
-    >>> rich = ReceivedSuperframe(b"a", b"b", 0.64, 1.0)
-    >>> richest([poor, rich]) == [rich]
-    True
-    """
-    best: dict[int, ReceivedSuperframe] = {}
-    for superframe in superframes:
-        slot = round(superframe.position_s / SUPERFRAME_S)
-        if slot not in best or _payload(superframe) > _payload(best[slot]):
-            best[slot] = superframe
-    return [best[slot] for slot in sorted(best)]
-
-
-def _payload(superframe: ReceivedSuperframe) -> int:
-    return len(superframe.l0 or b"") + len(superframe.l1 or b"")

@@ -2,23 +2,16 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
-import numpy as np
-from numpy.typing import NDArray
-
 from codec.motion import Motion
 from codec.voice import Voice
-from cuecast.media.programme import has_stream, open_programme
-from cuecast.media.sound import SoundDecoder, sound_blocks
-from cuecast.pictures import search_picture
-from cuecast.tuners import Hearing, JointTuner, SoundTuner
 from receiver.assemble import Assembler
 from receiver.events import Event, Unreadable
-
-Samples = NDArray[np.float32]
+from receiver.media.programme import open_programme
+from receiver.reception import ProgrammeReceiver
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +25,7 @@ class Reception:
     motion : Motion or None
         None if nothing was found, or not wanted.
     damaged : int
-        Packets of sound that could not be decoded.
+        Packets that could not be decoded.
     fault : str
         What is wrong with the file as a whole, or nothing.
     """
@@ -51,6 +44,7 @@ def receive(
     key: int = 0,
     track: int = 0,
     keep_motion: bool = True,
+    listen: bool = True,
     look: bool = True,
     progress: Callable[[float], None] = lambda seconds: None,
 ) -> Reception:
@@ -59,7 +53,7 @@ def receive(
     Parameters
     ----------
     source : path or binary file
-        The programme. In a pipe only the sound is received.
+        The programme.
     voice : Voice
         That of the receiver.
     start_s : float
@@ -70,10 +64,10 @@ def receive(
         Which of the programme's sounds, from 0.
     keep_motion : bool
         Whether to assemble the motion; memory grows with it.
-    look : bool
-        Whether to search the picture too.
+    listen, look : bool
+        Whether to use the sound, and the picture.
     progress : callable
-        Told how many seconds of sound each block brought.
+        Told how many seconds each piece of the programme brought.
 
     Raises
     ------
@@ -81,31 +75,22 @@ def receive(
         If the programme is malformed, or its sound of a kind that cannot carry a cuer.
     """
     began = time.perf_counter()
-    pictures = {}
-    if look and isinstance(source, (str, os.PathLike)) and has_stream(source, "video"):
-        pictures = search_picture(source, key=key, start_s=start_s)
     gathered = _Gathered(voice, keep_motion)
-    damaged, fault = 0, ""
-    tuner: SoundTuner | JointTuner
-    if pictures and not has_stream(str(source), "audio"):
-        tuner = JointTuner(pictures, None, voice, key, start_s)
-    else:
-        with open_programme(source, track=track) as programme:
-            decoder = SoundDecoder(programme, strict=False)
-            hearing = Hearing(programme)
-            tuner = SoundTuner(hearing, voice, key)
-            if pictures:
-                tuner = JointTuner(pictures, hearing, voice, key, start_s)
-            for position_s, block in _from(sound_blocks(decoder, programme), decoder, start_s):
-                gathered.take(tuner.process(position_s, block))
-                progress(len(block) / decoder.format.fs)
-            damaged, fault = decoder.damaged, programme.fault
-    gathered.take(tuner.flush())
-    summary = tuner.summary()
+    with open_programme(source, track=track) as programme:
+        reception = ProgrammeReceiver(
+            programme, voice, key=key, start_s=start_s, listen=listen, look=look
+        )
+        until_s = start_s
+        for reached in reception.progress():
+            gathered.take(reached.events)
+            progress(max(0.0, reached.until_s - until_s))
+            until_s = max(until_s, reached.until_s)
+        fault = programme.fault
+    summary = reception.receiver.summary()
     elapsed_s = time.perf_counter() - began
     summary["realtime_factor"] = round(summary["duration_s"] / elapsed_s, 2)
     motion = gathered.motion() if summary["superframes"]["received"] else None
-    return Reception(summary, motion, damaged, fault or gathered.unreadable)
+    return Reception(summary, motion, reception.damaged, fault or gathered.unreadable)
 
 
 class _Gathered:
@@ -115,7 +100,7 @@ class _Gathered:
         self._assembler = Assembler(voice) if keep_motion else None
         self.unreadable = ""
 
-    def take(self, events: list[Event]) -> None:
+    def take(self, events: Iterable[Event]) -> None:
         for event in events:
             if isinstance(event, Unreadable):
                 self.unreadable = self.unreadable or event.message
@@ -124,15 +109,3 @@ class _Gathered:
 
     def motion(self) -> Motion | None:
         return None if self._assembler is None else self._assembler.motion()
-
-
-def _from(
-    blocks: Iterator[Samples], decoder: SoundDecoder, start_s: float
-) -> Iterator[tuple[float, Samples]]:
-    """Yield blocks with the time of their first sample, what comes before `start_s` cut off."""
-    fs = decoder.format.fs
-    for block in blocks:
-        end_s = (decoder.start_s or 0.0) + decoder.samples / fs
-        early = max(0, round((start_s - end_s) * fs) + len(block))
-        if early < len(block):
-            yield end_s - (len(block) - early) / fs, block[early:]

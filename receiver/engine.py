@@ -1,38 +1,45 @@
-"""The receiver: sound in blocks of any size goes in, the cuer's motion and keys come out.
+"""The receiver: sound in blocks of any size and pictures in, the cuer's motion and keys out.
 
-`Receiver` joins the audio carrier (`watermark.receive.AudioReceiver`) and the timeline
-(`receiver.tracking.Tracker`). The events do not depend on how the samples are cut into blocks;
-memory does not grow, apart from the list of keys when asked for.
+`Receiver` joins the audio carrier (`watermark.receive.AudioReceiver`), those of the picture
+(`receiver.pictures`) and the timeline (`receiver.tracking.Tracker`). What arrived in several
+carriers is joined by `watermark.combine.Combiner`; any of them may begin or end at any time. The
+events do not depend on how the samples are cut into blocks; memory does not grow, apart from the
+list of keys when asked for.
 """
 
+from collections.abc import Iterable
+from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.nesting import unnest
 from codec.score import Key
 from codec.voice import Voice, load_voice
 from receiver.events import SUPERFRAME_S, Event, KeysFound, State
+from receiver.pictures import Found, PictureCarriers
 from receiver.tracking import Tracker
+from watermark.combine import Combiner
 from watermark.receive import AudioReceiver
-from watermark.received import ReceivedSuperframe
 
 
 class Receiver:
-    """Everything that a set-top box finds in a sound.
+    """Everything that a set-top box finds in a programme.
 
     Parameters
     ----------
     fs : int
-        Sampling rate in Hz: 32000, 44100 or 48000.
+        Sampling rate of the sound in Hz: 32000, 44100 or 48000; 0 if there is none yet.
     channels : int
-        1, 2 or 6.
+        1, 2 or 6; 0 if there is no sound yet.
     voice : Voice, optional
         The built-in one if left out.
     key : int
         Key of the watermark.
     start_s : float
-        Time of the first sample on the programme's clock.
+        Time on the programme's clock at which the receiver was switched on.
     keep_keys : bool
         Keep the keys for `summary`: some kilobytes a minute.
 
@@ -43,17 +50,22 @@ class Receiver:
     """
 
     def __init__(
-        self, fs: int, channels: int, *, voice: Voice | None = None, key: int = 0,
+        self, fs: int = 0, channels: int = 0, *, voice: Voice | None = None, key: int = 0,
         start_s: float = 0.0, keep_keys: bool = True,
     ) -> None:  # fmt: skip
         self.voice = load_voice() if voice is None else voice
-        self._carrier = AudioReceiver(fs, channels, key=key)
+        self._carrier: AudioReceiver | None = None
+        self._pictures: PictureCarriers | None = None
+        self._combiner = Combiner()
         self._tracker = Tracker(self.voice)
         self.fs, self.channels = fs, channels
-        self._start_s = start_s
-        self._samples = 0
-        self._first_s: float | None = None
+        self._key, self._start_s = key, start_s
+        self._sound_s, self._samples = start_s, 0
+        self._tuned_in_s: float | None = None
+        self._seen: dict[str, float | None] = {}
         self._keys: list[Key] | None = [] if keep_keys else None
+        if fs:
+            self.open_sound(fs, channels, start_s=start_s)
 
     @property
     def state(self) -> State:
@@ -62,13 +74,37 @@ class Receiver:
 
     @property
     def now_s(self) -> float:
-        """Time on the programme's clock up to which sound came in."""
-        return self._start_s + self._samples / self.fs
+        """Time on the programme's clock up to which sound came in; without sound, pictures."""
+        if self._carrier is None and self._pictures is not None:
+            return self._pictures.now_s
+        return self._sound_s + self._samples / (self.fs or 1)
 
     @property
     def ber_estimate(self) -> float | None:
-        """Share of wrong bits on the carrier before error correction; None before the first."""
-        return self._carrier.ber_estimate
+        """Share of wrong bits in the sound before error correction; None before the first."""
+        return None if self._carrier is None else self._carrier.ber_estimate
+
+    @property
+    def looking(self) -> bool:
+        """Whether pictures are worth decoding: a carrier was found in them, or may yet be."""
+        return self._pictures is not None and not self._pictures.hopeless
+
+    @property
+    def recovered(self) -> int:
+        """Superframes that neither sound nor picture had alone."""
+        return self._combiner.recovered
+
+    def open_sound(self, fs: int, channels: int, *, start_s: float) -> None:
+        """Listen to a sound of this format whose first sample is due at `start_s`.
+
+        Raises
+        ------
+        CueError
+            If the carrier does not exist at this rate or number of channels.
+        """
+        self._carrier = AudioReceiver(fs, channels, key=self._key)
+        self.fs, self.channels = fs, channels
+        self._sound_s, self._samples = start_s, 0
 
     def process(self, block: NDArray[np.float32]) -> list[Event]:
         """Take samples, shape (n, channels).
@@ -78,55 +114,97 @@ class Receiver:
         list of Event
             What the samples completed, in order of reception.
         """
+        assert self._carrier is not None, "a receiver without sound"
         self._samples += len(block)
-        events = self._take(self._carrier.process(block))
-        return events + self._kept(list(self._tracker.advance(self.now_s)))
+        return self._take(self._heard(self._carrier.process(block)))
+
+    def open_picture(
+        self, width: int, height: int, fps: Fraction | float, *, depth: int = 8,
+        start_s: float = 0.0,
+    ) -> None:  # fmt: skip
+        """Look at pictures of this format from `start_s` on; what went before has ended."""
+        self._remember()
+        self._pictures = PictureCarriers(
+            width, height, fps, depth=depth, key=self._key, start_s=start_s
+        )
+
+    def see(self, luma: NDArray[Any]) -> list[Event]:
+        """Take the next picture's luma, shape (height, width), as `process` takes sound."""
+        assert self._pictures is not None, "no picture was opened"
+        return self._take(self._pictures.process(luma))
 
     def flush(self) -> list[Event]:
-        """Return what the last samples still complete; the sound has ended."""
-        events = self._take(self._carrier.flush())
-        return events + self._kept(list(self._tracker.finish()))
-
-    def _take(self, superframes: list[ReceivedSuperframe]) -> list[Event]:
+        """Return what the last samples still complete; the programme has ended."""
         events: list[Event] = []
-        for received in superframes:
-            on_air_s = self._start_s + received.position_s
-            events += self._tracker.take(received.l0, received.l1, on_air_s)
-            if self._first_s is None and self._tracker.received:
-                self._first_s = on_air_s + SUPERFRAME_S
-        return self._kept(events)
+        if self._carrier is not None:
+            events += self._take(self._heard(self._carrier.flush()))
+        if self._pictures is not None:
+            events += self._take(self._pictures.flush())
+        return events + self._kept(self._tracker.finish())
 
-    def _kept(self, events: list[Event]) -> list[Event]:
+    def _heard(self, superframes: Iterable[Any]) -> list[Found]:
+        assert self._carrier is not None
+        profile = self._carrier.profile
+        return [
+            Found("audio", replace(s, position_s=self._sound_s + s.position_s), profile)
+            for s in superframes
+        ]
+
+    def _take(self, found: Iterable[Found]) -> list[Event]:
+        events: list[Event] = []
+        for item in found:
+            for joined in self._combiner.add(item.carrier, item.superframe, item.profile):
+                l0, l1 = unnest(joined.l0, joined.l1)
+                events += self._tracker.take(l0, l1, joined.position_s)
+                if self._tuned_in_s is None and self._tracker.received:
+                    self._tuned_in_s = max(joined.position_s + SUPERFRAME_S, self._locked_s())
+        return self._kept([*events, *self._tracker.advance(self.now_s)])
+
+    def _locked_s(self) -> float:
+        """Time at which the first carrier was found."""
+        times = [] if self._pictures is None else [self._pictures.first_lock_s]
+        if self._carrier is not None and self._carrier.first_lock_s is not None:
+            times.append(self._sound_s + self._carrier.first_lock_s)
+        return min((time for time in times if time is not None), default=0.0)
+
+    def _remember(self) -> None:
+        if self._pictures is not None:
+            self._seen |= self._pictures.ber_estimates
+
+    def _kept(self, events: Iterable[Event]) -> list[Event]:
+        told = list(events)
         if self._keys is not None:
-            for event in events:
+            for event in told:
                 if isinstance(event, KeysFound) and event.final:
                     self._keys += event.keys
-        return events
+        return told
 
     def summary(self) -> dict[str, Any]:
         """Return the fields of ``cuecast receive --json`` (``realtime_factor`` is the caller's).
 
-        ``tune_in_s`` counts from the first sample to the end of the first superframe that
-        arrived, or to the moment at which the carrier was found, whichever is later.
+        ``tune_in_s`` counts from the start to the end of the first superframe that arrived, or to
+        the moment at which its carrier was found, whichever is later.
         """
-        tracker, first_s = self._tracker, self._first_s
-        tune_in_s = None
-        if first_s is not None:
-            tune_in_s = max(first_s - self._start_s, self._carrier.first_lock_s or 0.0)
+        tracker = self._tracker
+        self._remember()
+        carriers: dict[str, dict[str, Any]] = {
+            name: {"locked": True, "ber_estimate": ber} for name, ber in self._seen.items()
+        }
+        if self._carrier is not None:
+            carriers["audio"] = {
+                "locked": self._carrier.first_lock_s is not None,
+                "ber_estimate": self._carrier.ber_estimate,
+            }
         return {
-            "duration_s": self._samples / self.fs,
-            "tune_in_s": tune_in_s,
+            "duration_s": self.now_s - self._start_s,
+            "tune_in_s": None if self._tuned_in_s is None else self._tuned_in_s - self._start_s,
             "superframes": {"received": tracker.received, "lost": tracker.lost},
             "layers": {
                 "L0": {"received": tracker.received},
                 "L1": {"received": tracker.received_l1},
             },
+            "recovered_together": self._combiner.recovered,
             "keys": [key.as_dict() for key in self._keys or []],
-            "carriers": {
-                "audio": {
-                    "locked": self._carrier.first_lock_s is not None,
-                    "ber_estimate": self._carrier.ber_estimate,
-                }
-            },
+            "carriers": carriers,
             "voice": self.voice.identity if tracker.received else None,
         }

@@ -22,7 +22,7 @@ from receiver.engine import Receiver
 from receiver.events import Event, MotionPiece, State, StateChanged
 from receiver.fragments import Fragments, FragmentWriter, playable
 from receiver.metrics import Metrics
-from receiver.sound import NATIVE_RATES
+from watermark.mix import RATES
 
 READ_TIMEOUT_S = 15.0
 """Silence on the line after which the source is opened again."""
@@ -143,7 +143,7 @@ class Broadcast:
         fs, channels = 0, 0
         if sound is not None:
             rate = sound.codec_context.sample_rate
-            fs, channels = rate if rate in NATIVE_RATES else 48000, sound.codec_context.channels
+            fs, channels = rate if rate in RATES else 48000, sound.codec_context.channels
             self._resampler = AudioResampler(format="fltp", layout=None, rate=fs)
             if self._receiver is None or self._format_of(self._receiver) != (fs, channels):
                 self._receiver = None

@@ -22,7 +22,8 @@ from codec.voice import Voice
 from receiver.avatar import has_avatar, load_avatar
 from receiver.metrics import Metrics
 from receiver.protocol import MAX_REQUEST_BYTES, Position, pack_event, parse_position
-from receiver.tuner import Progress, Tuner
+from receiver.reception import Progress
+from receiver.tuner import Tuner
 from receiver.voice_document import avatar_document, voice_document
 
 PAGE = Path(__file__).with_name("page")

@@ -82,6 +82,7 @@ class Tracker:
         self._epoch = 0
         self._foreign = False
         self._layers: dict[int, tuple[str, ...]] = {}
+        self._richness: dict[int, tuple[bool, int]] = {}
         self._recent: deque[bool] = deque(maxlen=_RECENT)
         self._last_s = 0.0
 
@@ -105,14 +106,16 @@ class Tracker:
                 return
             assert self._grid is not None
             index = self._grid.index_at(on_air_s)
+            richness = bool(l1), len(l0) + len(l1 or b"")
+            if richness <= self._richness.get(index, (False, 0)):
+                return
             decoded = self._decoder.push(l0, l1, index)
         except (VoiceError, BitstreamError) as error:
             self._foreign = True
             yield Unreadable(on_air_s, str(error))
             return
         yield from self._skipped(index)
-        if len(self._layers.get(index, ())) >= len(decoded.layers):
-            return
+        self._richness[index] = "L1" in decoded.layers, richness[1]
         self._grid = _Grid(index, on_air_s, header.lead * SUPERFRAME_S)
         self._last_s = max(self._last_s, on_air_s)
         yield from self._deliver(decoded)
@@ -143,6 +146,7 @@ class Tracker:
         self._decoder = SuperframeDecoder(self._voice)
         self._grid = _Grid(sequence, on_air_s, lead * SUPERFRAME_S)
         self._layers.clear()
+        self._richness.clear()
         self._recent.clear()
         self._foreign = False
 
@@ -174,10 +178,11 @@ class Tracker:
             self.received += 1
             self.lost -= known is not None
             self._recent.append(True)
-        self.received_l1 += "L1" in decoded.layers
+        self.received_l1 += "L1" in decoded.layers and "L1" not in (known or ())
         self._layers[index] = decoded.layers
         for old in [i for i in self._layers if i < index - SEQUENCES]:
             del self._layers[old]
+            self._richness.pop(old, None)
         for neighbour in (index - 1, index + 1):
             if neighbour in self._layers:
                 yield self._piece(self._decoder.render(neighbour))

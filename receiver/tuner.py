@@ -1,6 +1,6 @@
 """Tuners: a programme's cuer from any time on, as a stream of events.
 
-`ProgrammeTuner` receives what is on air in a file's sound; `MotionTuner` plays a known motion the
+`ProgrammeTuner` receives what is on air in a file; `MotionTuner` plays a known motion the
 same way (previews, tests). Both are read by `receiver.server` at the viewer's pace.
 """
 
@@ -12,20 +12,12 @@ from typing import Protocol
 from codec.motion import Motion
 from codec.score import Key
 from codec.voice import Voice
-from receiver.engine import Receiver
-from receiver.events import SUPERFRAME_S, Event, KeysFound, MotionPiece, StateChanged
-from receiver.sound import open_sound
+from receiver.events import SUPERFRAME_S, KeysFound, MotionPiece, StateChanged
+from receiver.media.programme import open_programme
+from receiver.reception import ProgrammeReceiver, Progress
 
 PREROLL_S = 3.2
 """How much earlier than the wanted time reception starts: acquisition plus the lead."""
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """Events of a stretch of programme that ends at `until_s`."""
-
-    until_s: float
-    events: tuple[Event, ...]
 
 
 class Tuner(Protocol):
@@ -38,7 +30,7 @@ class Tuner(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ProgrammeTuner:
-    """Receives the sound of a media file.
+    """Receives sound and picture of a media file; times are those of a player that shows it.
 
     Attributes
     ----------
@@ -55,19 +47,17 @@ class ProgrammeTuner:
 
     def tune(self, start_s: float) -> Iterator[Progress]:
         """Yield the events of reception that starts early enough to show `start_s`."""
-        with open_sound(self.path, start_s=max(0.0, start_s - PREROLL_S)) as sound:
-            receiver: Receiver | None = None
-            until_s = start_s
-            for time_s, block in sound.blocks():
-                if receiver is None:
-                    receiver = Receiver(
-                        sound.fs, sound.channels, voice=self.voice, key=self.key,
-                        start_s=time_s, keep_keys=False,
-                    )  # fmt: skip
-                until_s = time_s + len(block) / sound.fs
-                yield Progress(until_s, tuple(receiver.process(block)))
-            if receiver is not None:
-                yield Progress(until_s, tuple(receiver.flush()))
+        until_s = start_s
+        with open_programme(self.path) as programme:
+            begin_s = max(0.0, start_s - PREROLL_S - programme.player_s)
+            programme.seek(begin_s)
+            reception = ProgrammeReceiver(
+                programme, self.voice, key=self.key, start_s=begin_s, keep_keys=False,
+                clock_s=programme.player_s,
+            )  # fmt: skip
+            for progress in reception.progress():
+                until_s = progress.until_s
+                yield progress
         yield Progress(until_s, (StateChanged(until_s, "ended"),))
 
 

@@ -1,9 +1,9 @@
-"""Sound and picture together: the same superframe in two carriers is one codeword seen twice.
+"""Several carriers of one programme together: every superframe once, however it came.
 
-In: what the receivers of both carriers hand out, with the log-likelihood ratios of superframes that
-failed; out: superframes whose first class needed both. Both carriers use the same mother code for
-L0 (`watermark.polar`), so their ratios are folded onto it and add. Specification:
-spec/video-carrier.md, section 7.
+In: what the receivers of sound and picture hand out, placed on one clock; out: superframes for the
+viewer. The same superframe in two carriers is one codeword seen twice: both use the same mother
+code for L0 (`watermark.polar`), so where it failed in both, their ratios are folded onto that code
+and add. Specification: spec/video-carrier.md, section 7.
 """
 
 from collections import deque
@@ -14,109 +14,159 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from watermark.crc import crc_bits
-from watermark.link import L0_CHECK, Rates
+from watermark.link import L0_CHECK, Link, Rates
 from watermark.polar import PolarCode, make_code
+from watermark.profile import SUPERFRAME_S
 from watermark.received import ReceivedSuperframe
+
+CARRIERS = ("audio", "video", "a335")
+"""The first of those that are being received leads: its places count for all."""
 
 TOLERANCE_S = 0.2
 """Most that two carriers may differ about the start of the same superframe."""
 
 MEMORY_S = 2.0
-"""How long a superframe waits for its twin."""
+"""How long a superframe waits for its twin, and how long a carrier counts after its last one."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
+    carrier: str
     superframe: ReceivedSuperframe
-    profile: Rates
+    profile: Rates | None
 
 
 class Combiner:
-    """Add the ratios of two carriers.
-
-    Each receiver's superframes are put in as they come; those that could not be decoded alone are
-    tried again together with their twin from the other carrier.
+    """Joins the superframes of all carriers.
 
     Parameters
     ----------
-    offset_s : float
-        Start of the picture's clock on the sound's clock.
     list_size : int
-        Paths that the decoder follows.
+        Paths that the decoder of added ratios follows.
+
+    Attributes
+    ----------
+    recovered : int
+        Superframes that no carrier had alone.
 
     Examples
     --------
-    >>> Combiner().add("audio", ReceivedSuperframe(b"x", b"", 0.0, 1.0), None) is None
+    >>> whole = ReceivedSuperframe(b"x", b"", 0.0, 1.0)
+    >>> Combiner().add("audio", whole, None) == [whole]
     True
     """
 
-    def __init__(self, *, offset_s: float = 0.0, list_size: int = 8) -> None:
-        self._offset_s = {"audio": 0.0, "video": offset_s}
+    def __init__(self, *, list_size: int = 32) -> None:
         self._list_size = list_size
-        self._waiting: deque[tuple[str, _Seen]] = deque()
+        self._waiting: list[_Seen] = []
+        self._settled: deque[float] = deque(maxlen=8)
+        self._last: dict[str, float] = {}
         self.recovered = 0
 
     def add(
         self, carrier: str, superframe: ReceivedSuperframe, profile: Rates | None
-    ) -> ReceivedSuperframe | None:
-        """Take a superframe; return it with its L0 if only both carriers together have it.
+    ) -> list[ReceivedSuperframe]:
+        """Take a superframe; return what is to be handed on now.
+
+        A superframe that failed waits for its twin while another carrier is being received. What
+        arrived whole twice is handed on twice: the later one may tell more.
 
         Parameters
         ----------
         carrier : str
-            "audio" or "video".
+            One of `CARRIERS`.
         superframe : ReceivedSuperframe
-            As its receiver gave it.
+            As its receiver gave it, placed on the clock that all carriers share.
         profile : Rates or None
-            The receiver's profile.
+            The receiver's profile; without one its ratios are not used.
 
         Returns
         -------
-        ReceivedSuperframe or None
-            None where nothing was gained: the superframe was whole, or its twin is not there yet,
-            or both together are not enough.
+        list of ReceivedSuperframe
+            At most one; with l0 = None if no carrier has it.
 
         Raises
         ------
         CueError
             If the carrier's name is unknown.
         """
-        if carrier not in self._offset_s:
-            raise CueError(f"carrier {carrier!r}: must be one of {', '.join(self._offset_s)}")
-        if superframe.l0 is not None or superframe.ratios is None or profile is None:
-            return None
-        placed = replace(superframe, position_s=superframe.position_s + self._offset_s[carrier])
-        seen = _Seen(placed, profile)
-        for entry in list(self._waiting):
-            name, other = entry
-            if placed.position_s - other.superframe.position_s > MEMORY_S:
-                self._waiting.remove(entry)
-            elif name != carrier and _same_place(placed, other.superframe):
-                found = self._together(seen, other)
-                if found is not None:
-                    self._waiting.remove(entry)
-                return found
-        self._waiting.append((carrier, seen))
-        return None
+        if carrier not in CARRIERS:
+            raise CueError(f"carrier {carrier!r}: must be one of {', '.join(CARRIERS)}")
+        placed = self._placed(carrier, superframe)
+        if placed is None:
+            return []
+        self._last[carrier] = placed.position_s
+        now_s = max(self._last.values())
+        self._waiting = [
+            seen for seen in self._waiting if now_s - seen.superframe.position_s <= MEMORY_S
+        ]
+        if placed.l0 is not None:
+            return [self._settle(placed)]
+        return self._failed(_Seen(carrier, placed, profile))
+
+    def _placed(self, carrier: str, superframe: ReceivedSuperframe) -> ReceivedSuperframe | None:
+        """Put a superframe onto the leading carrier's grid; None if it belongs to another one."""
+        here_s = superframe.position_s
+        for leader in CARRIERS[: CARRIERS.index(carrier)]:
+            if abs(here_s - self._last.get(leader, -np.inf)) > MEMORY_S:
+                continue
+            steps = (here_s - self._last[leader]) / SUPERFRAME_S
+            error_s = (steps - round(steps)) * SUPERFRAME_S
+            if abs(error_s) > TOLERANCE_S:
+                return None
+            return replace(superframe, position_s=here_s - error_s)
+        return superframe
+
+    def _settle(self, superframe: ReceivedSuperframe) -> ReceivedSuperframe:
+        self._settled.append(superframe.position_s)
+        self._waiting = [s for s in self._waiting if not _same_place(s.superframe, superframe)]
+        return superframe
+
+    def _failed(self, seen: _Seen) -> list[ReceivedSuperframe]:
+        here_s = seen.superframe.position_s
+        if any(abs(here_s - settled_s) <= TOLERANCE_S for settled_s in self._settled):
+            return []
+        twins = [
+            other
+            for other in self._waiting
+            if other.carrier != seen.carrier and _same_place(other.superframe, seen.superframe)
+        ]
+        for twin in twins:
+            found = self._together(seen, twin)
+            if found is not None:
+                self.recovered += 1
+                return [self._settle(found)]
+        others = (
+            name
+            for name, last_s in self._last.items()
+            if name != seen.carrier and here_s - last_s <= MEMORY_S
+        )
+        if twins or not any(others):
+            return [self._settle(seen.superframe)]
+        self._waiting.append(seen)
+        return []
 
     def _together(self, a: _Seen, b: _Seen) -> ReceivedSuperframe | None:
-        codes = [_code(seen.profile) for seen in (a, b)]
-        if a.profile.l0_bytes != b.profile.l0_bytes or codes[0].frozen.size != codes[1].frozen.size:
+        if a.profile is None or b.profile is None or a.profile.l0_bytes != b.profile.l0_bytes:
             return None
-        folded = _fold(a, codes[0]) + _fold(b, codes[1])
+        codes = [_code(profile) for profile in (a.profile, b.profile)]
+        if codes[0].frozen.size != codes[1].frozen.size:
+            return None
+        folded = [_fold(s, code) for s, code in zip((a, b), codes, strict=True)]
         size = 8 * a.profile.l0_bytes
-        mother = PolarCode(codes[0].message, folded.size, codes[0].frozen)
+        mother = PolarCode(codes[0].message, codes[0].frozen.size, codes[0].frozen)
         message = mother.decode(
-            folded,
+            folded[0] + folded[1],
             accept=lambda m: bool(np.array_equal(crc_bits(m[:size], L0_CHECK), m[size:])),
             list_size=self._list_size,
         )
         if message is None:
             return None
-        self.recovered += 1
         l0 = np.packbits(message[:size].astype(np.uint8)).tobytes()
+        richer, poorer = sorted((a, b), key=lambda s: -(s.profile.l1_bytes if s.profile else 0))
+        l1 = _second(richer) or _second(poorer)
         confidence = max(a.superframe.confidence, b.superframe.confidence)
-        return replace(a.superframe, l0=l0, confidence=confidence)
+        return replace(richer.superframe, l0=l0, l1=l1, confidence=confidence)
 
 
 def _same_place(a: ReceivedSuperframe, b: ReceivedSuperframe) -> bool:
@@ -129,8 +179,16 @@ def _code(profile: Rates) -> PolarCode:
 
 def _fold(seen: _Seen, code: PolarCode) -> NDArray[np.float64]:
     """Ratios of the mother code's bits: those of repeated bits add."""
-    assert seen.superframe.ratios is not None
+    if seen.superframe.ratios is None:
+        return np.zeros(code.frozen.size)
     ratios = np.asarray(seen.superframe.ratios[: code.length], dtype=np.float64)
     folded = np.zeros(-(-ratios.size // code.frozen.size) * code.frozen.size)
     folded[: ratios.size] = np.clip(ratios, -20, 20)
     return np.asarray(folded.reshape(-1, code.frozen.size).sum(axis=0))
+
+
+def _second(seen: _Seen) -> bytes | None:
+    """L1 of a superframe whose L0 the carriers had only together."""
+    if seen.profile is None or seen.superframe.ratios is None:
+        return None
+    return Link(seen.profile).second(seen.superframe.ratios)

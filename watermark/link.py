@@ -131,7 +131,13 @@ class Link:
         if l0 is None:
             return Decoded(None, None, coded)
         coded[:cut] = self._first.encode(l0)
-        l1 = b"" if self._second is None else self._second.decode(llr[cut:], list_size)
+        l1 = self.second(llr, list_size=list_size)
         if self._second is not None and l1 is not None:
             coded[cut:] = self._second.encode(l1)
         return Decoded(l0, l1, coded)
+
+    def second(self, llr: NDArray[np.float64], *, list_size: int = 8) -> bytes | None:
+        """L1 behind the ratios of all data cells, where L0 is known already; None if it failed."""
+        if self._second is None:
+            return b""
+        return self._second.decode(llr[self._first.code.length :], list_size)

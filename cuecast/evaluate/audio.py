@@ -20,7 +20,7 @@ from cuecast.demo.content import FS, make_sound
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.sound_channels import Channel, Sound, find_channel
 from cuecast.evaluate.statistics import wilson_interval
-from cuecast.media.sound import read_sound
+from receiver.media.sound import read_sound
 from watermark.embed import AudioEmbedder
 from watermark.profile import SUPERFRAME_S, Profile, find_profile
 from watermark.quality import peaq

@@ -19,9 +19,9 @@ from cuecast.demo.content import FS, LINES, make_sound
 from cuecast.dub import DubOptions, dub
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.media.film import write_film
-from cuecast.media.sound import read_sound
 from cuecast.motions import SynthesisedMotion, whole_motion
 from cuecast.receive import receive
+from receiver.media.sound import read_sound
 from synth.score import score_from_subtitles
 from synth.subtitles import Subtitle, read_subtitles
 

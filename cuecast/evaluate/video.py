@@ -20,13 +20,8 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from cuecast.evaluate.options import EvaluateOptions
-from cuecast.media.picture import (
-    PictureFormat,
-    PictureStage,
-    picture_format,
-    read_lumas,
-    rewrite_picture,
-)
+from cuecast.media.picture import PictureStage, rewrite_picture
+from receiver.media.picture import PictureFormat, picture_format, read_lumas
 from watermark.profile import SUPERFRAME_S
 from watermark.quality.picture import PictureMeter, PictureQuality
 from watermark.video.embed import STEP, VideoEmbedder

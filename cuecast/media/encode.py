@@ -11,7 +11,7 @@ from av.container import OutputContainer
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.media.programme import SoundFormat, reason
+from receiver.media.programme import SoundFormat, reason
 
 _ENCODERS = {
     "mp3": "libmp3lame", "mp3float": "libmp3lame",

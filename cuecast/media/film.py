@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cuecast.files import whole_file
 from cuecast.media.encode import SoundEncoder, SoundTarget
-from cuecast.media.programme import SoundFormat
+from receiver.media.programme import SoundFormat
 
 _LAYOUTS = {1: "mono", 2: "stereo", 3: "2.1", 4: "4.0", 5: "5.0", 6: "5.1", 7: "6.1", 8: "7.1"}
 _BLOCK = 4096

@@ -1,26 +1,25 @@
-"""The picture of a programme: reading its luma, and writing it again with another luma.
+"""The picture of a programme written again with another luma.
 
 Chroma, sounds, subtitles and all times stay as they are; only luma passes through stages and is
-encoded again, by default with the programme's own codec and bit rate.
+encoded again, by default with the programme's own codec and bit rate. Pictures of a varying rate
+get a constant one: a frame that is shown for long is written several times.
 """
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from fractions import Fraction
+from itertools import chain
 from typing import Any, Protocol
 
 import av
 import numpy as np
-from numpy.typing import NDArray
 
 from codec.errors import CueError
 from cuecast.files import whole_file
-from cuecast.media.programme import reason
 from cuecast.media.rewrite import copy_labels, copy_tags
-
-Luma = NDArray[Any]
+from receiver.media.picture import Luma, PictureDecoder, PictureFormat, luma_of
+from receiver.media.programme import Programme, open_programme, reason
 
 _ENCODERS = {
     "h264": "libx264",
@@ -32,46 +31,10 @@ _ENCODERS = {
 }
 """Encoder of a codec where the names differ."""
 
-_LUMA_DEPTH = {
-    "yuv420p": 8, "yuvj420p": 8, "yuv422p": 8, "yuvj422p": 8, "yuv444p": 8, "yuvj444p": 8,
-    "nv12": 8, "gray": 8, "yuv420p10le": 10, "yuv422p10le": 10, "yuv444p10le": 10,
-    "gray10le": 10, "yuv420p12le": 12, "yuv422p12le": 12, "yuv444p12le": 12,
-}  # fmt: skip
-"""Bits of luma of the pixel formats whose first plane is luma; others are converted."""
-
-_CONVERTED = "yuv420p"
 _FALLBACK_BITS_PER_PIXEL = 0.12
+_SCANNED = 3000  # packets of a picture from which its rate is learnt
 _CLOCK = Fraction(1, 90_000)  # fine enough for the picture's place among the sounds
 _INTERLACED = 1 << 18 | 1 << 29  # AV_CODEC_FLAG_INTERLACED_DCT and _ME
-
-
-@dataclass(frozen=True, slots=True)
-class PictureFormat:
-    """What the picture of a programme is.
-
-    Attributes
-    ----------
-    codec : str
-        FFmpeg's name of the codec.
-    width, height : int
-        Pixels.
-    fps : Fraction
-        Frames per second.
-    pixel_format : str
-        FFmpeg's name, after conversion where the file's own has no luma plane.
-    depth : int
-        Bits of luma.
-    bit_rate : int
-        Bits per second, 0 where unknown.
-    """
-
-    codec: str
-    width: int
-    height: int
-    fps: Fraction
-    pixel_format: str
-    depth: int
-    bit_rate: int
 
 
 class PictureStage(Protocol):
@@ -82,45 +45,6 @@ class PictureStage(Protocol):
 
     def flush(self) -> list[Luma]:
         """Give the frames that were held back."""
-
-
-def picture_format(path: str | os.PathLike[str]) -> PictureFormat:
-    """Format of the picture in a file.
-
-    Raises
-    ------
-    CueError
-        If there is no picture.
-    """
-    with _open(path) as container:
-        return _format(container, path)
-
-
-def read_lumas(path: str | os.PathLike[str]) -> Iterator[tuple[float, Luma]]:
-    """Yield the time in seconds after the first frame and the luma of every frame of a file.
-
-    Damaged frames are left out, as a television would.
-
-    Raises
-    ------
-    CueError
-        If there is no picture.
-    """
-    with _open(path) as container:
-        pixel_format = _format(container, path).pixel_format
-        first: float | None = None
-        for frame in _frames(container):
-            time_s = float(frame.pts * frame.time_base)
-            first = time_s if first is None else first
-            yield time_s - first, luma_of(_converted(frame, pixel_format)).copy()
-
-
-def luma_of(frame: Any) -> Luma:
-    """Luma of a frame as a view, shape (height, width), uint8 or uint16."""
-    plane = frame.planes[0]
-    kind = np.dtype(np.uint8 if _LUMA_DEPTH[frame.format.name] == 8 else np.uint16)
-    rows = np.frombuffer(memoryview(plane), kind).reshape(-1, plane.line_size // kind.itemsize)
-    return rows[: frame.height, : frame.width]
 
 
 def with_luma(frame: Any, luma: Luma) -> Any:
@@ -177,18 +101,19 @@ def rewrite_picture(
     Raises
     ------
     CueError
-        If there is no picture, its frames do not come at a constant rate, or the output cannot be
+        If there is no picture, the programme is damaged as a whole, or the output cannot be
         written. No output is left behind then.
     """
-    with _open(source) as container, whole_file(target) as temporary:
-        form = _format(container, source)
+    with open_programme(source) as programme, whole_file(target) as temporary:
+        decoder = PictureDecoder(programme)
+        form = decoder.format
         try:
             with av.open(f"file:{temporary}", "w") as output:
-                writer = _Writer(container, output, form, _encoder(form, codec))
+                writer = _Writer(programme, decoder, output, _encoder(form, codec))
                 rate = bit_rate or _measured_bit_rate(source, form)
                 writer.configure(rate, gop, size or (form.width, form.height))
                 frames = None if duration_s is None else round(duration_s * form.fps)
-                writer.run(list(make_stages(form)), source, frames, progress)
+                writer.run(list(make_stages(form)), frames, progress)
         except (av.FFmpegError, ValueError) as error:
             raise CueError(f"{target}: cannot write: {reason(error)}") from error
     return form
@@ -197,13 +122,16 @@ def rewrite_picture(
 class _Writer:
     """The loop of `rewrite_picture`."""
 
-    def __init__(self, container: Any, output: Any, form: PictureFormat, encoder: str) -> None:
-        self._container, self._output, self._form = container, output, form
-        self._picture = container.streams.video[0]
+    def __init__(
+        self, programme: Programme, decoder: PictureDecoder, output: Any, encoder: str
+    ) -> None:
+        self._programme, self._decoder, self._output = programme, decoder, output
+        self._form, self._picture = decoder.format, programme.picture
+        container = programme.container
         self._copies: dict[int, Any] = {}
         for stream in container.streams:
             if stream is self._picture:
-                self._encoder = output.add_stream(encoder, rate=form.fps)
+                self._encoder = output.add_stream(encoder, rate=self._form.fps)
                 self._copies[stream.index] = self._encoder
             elif stream.type in ("audio", "subtitle"):
                 self._copies[stream.index] = output.add_stream_from_template(stream)
@@ -214,7 +142,6 @@ class _Writer:
         self._start_s = Fraction(container.start_time or 0, av.time_base)
         self._waiting: deque[Any] = deque()
         self._count = self._sent = 0
-        self._first_pts = 0
         self._times: dict[int, Fraction] = {}
 
     def configure(self, bit_rate: int, gop: int | None, size: tuple[int, int]) -> None:
@@ -239,43 +166,34 @@ class _Writer:
         self._encoder.options = limits
 
     def run(
-        self,
-        stages: list[PictureStage],
-        name: str | os.PathLike[str],
-        frames: int | None,
-        progress: Callable[[float], None],
+        self, stages: list[PictureStage], frames: int | None, progress: Callable[[float], None]
     ) -> None:
         """Copy, change, encode to the end or `frames`."""
-        for packet in self._container.demux(list(self._container.streams)):
-            if packet.stream is not self._picture:
+        for packet in chain(self._programme.packets(), [None]):
+            if packet is not None and packet.stream is not self._picture:
                 self._copy(packet)
                 continue
+            for place, frame in self._decoder.process(packet):
+                if frames is None or place < frames:
+                    self._change(stages, place, frame)
+                    progress(1 / float(self._form.fps))
             if frames is not None and self._count >= frames:
                 break
-            for frame in _decoded(packet):
-                self._check_rate(frame, name)
-                self._waiting.append(_converted(frame, self._form.pixel_format))
-                self._write(_through(stages, luma_of(self._waiting[-1]).copy()))
-                progress(1 / float(self._form.fps))
         if self._count == 0:
-            raise CueError(f"{name}: its picture is empty")
+            raise CueError(f"{self._programme.name}: its picture is empty")
+        if self._programme.fault and frames is None:
+            raise CueError(self._programme.fault)
         self._write(_rest(stages))
         self._mux(self._encoder.encode(None))
 
-    def _check_rate(self, frame: Any, name: str | os.PathLike[str]) -> None:
-        """Refuse pictures whose times the carriers would misread."""
-        if self._count == 0:
-            self._first_pts = frame.pts
-            if frame.interlaced_frame:
-                self._encoder.codec_context.flags |= _INTERLACED
-        place = (frame.pts - self._first_pts) * frame.time_base * self._form.fps
-        if abs(place - self._count) > 1:
-            raise CueError(
-                f"{name}: frame {self._count} comes at {float(place / self._form.fps):.3f} s: the "
-                f"picture's rate is not a constant {float(self._form.fps):g} per second"
-            )
-        self._times[self._count] = frame.pts * frame.time_base - self._start_s
+    def _change(self, stages: list[PictureStage], place: int, frame: Any) -> None:
+        """Pass a frame through the stages and write what comes out of them."""
+        if self._count == 0 and self._decoder.interlaced:
+            self._encoder.codec_context.flags |= _INTERLACED
+        self._times[place] = self._decoder.container_time(place) - self._start_s
         self._count += 1
+        self._waiting.append(frame)
+        self._write(_through(stages, luma_of(frame).copy()))
 
     def _write(self, lumas: list[Luma]) -> None:
         for luma in lumas:
@@ -330,53 +248,6 @@ def _rest(stages: list[PictureStage]) -> list[Luma]:
     return lumas
 
 
-def _open(path: str | os.PathLike[str]) -> Any:
-    try:
-        return av.open(f"file:{os.fspath(path)}", "r", metadata_errors="ignore")
-    except (av.FFmpegError, ValueError, OSError) as error:
-        raise CueError(f"{path}: not a video file: {reason(error)}") from error
-
-
-def _format(container: Any, path: str | os.PathLike[str]) -> PictureFormat:
-    if not container.streams.video:
-        raise CueError(f"{path}: no picture in it")
-    stream = container.streams.video[0]
-    context = stream.codec_context
-    rate = stream.average_rate or stream.guessed_rate
-    if context is None or not rate or not context.width or not context.height:
-        raise CueError(f"{path}: a picture in an unknown codec, size or rate")
-    pixel_format = context.pix_fmt if context.pix_fmt in _LUMA_DEPTH else _CONVERTED
-    return PictureFormat(
-        context.name,
-        context.width,
-        context.height,
-        Fraction(rate),
-        pixel_format,
-        _LUMA_DEPTH[pixel_format],
-        int(context.bit_rate or 0),
-    )
-
-
-def _frames(container: Any) -> Iterator[Any]:
-    for packet in container.demux(container.streams.video[0]):
-        yield from _decoded(packet)
-
-
-def _decoded(packet: Any) -> list[Any]:
-    try:
-        return [frame for frame in packet.decode() if frame.pts is not None]
-    except av.FFmpegError:
-        return []
-
-
-def _converted(frame: Any, pixel_format: str) -> Any:
-    if frame.format.name == pixel_format:
-        return frame
-    converted = frame.reformat(format=pixel_format)
-    converted.pts, converted.time_base = frame.pts, frame.time_base
-    return converted
-
-
 def _encoder(form: PictureFormat, codec: str | None) -> str:
     name = codec or form.codec
     name = _ENCODERS.get(name, name)
@@ -391,8 +262,9 @@ def _measured_bit_rate(path: str | os.PathLike[str], form: PictureFormat) -> int
     """Bit rate of the file's picture, by its packets if the header does not tell."""
     if form.bit_rate:
         return form.bit_rate
-    with _open(path) as container:
-        sizes = [packet.size for packet in container.demux(container.streams.video[0])]
+    with open_programme(path) as programme:
+        packets = programme.container.demux(programme.picture)
+        sizes = [packet.size for _, packet in zip(range(_SCANNED), packets, strict=False)]
     if sizes:
         return int(8 * sum(sizes) * form.fps / len(sizes))
     return int(_FALLBACK_BITS_PER_PIXEL * form.width * form.height * form.fps)

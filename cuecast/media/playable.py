@@ -8,8 +8,8 @@ import os
 from pathlib import Path
 
 from codec.errors import CueError
-from cuecast.media.programme import open_programme
 from cuecast.media.rewrite import Unchanged, rewrite_sound
+from receiver.media.programme import open_programme
 
 _CONTAINERS = {"mov", "mp4", "webm", "flac", "wav", "mp3", "ogg"}
 _PICTURES = {"h264", "vp8", "vp9", "av1"}

@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from cuecast.files import whole_file
 from cuecast.media.encode import SoundEncoder, choose_target
-from cuecast.media.programme import (
+from receiver.media.programme import (
     Programme,
     SoundFormat,
     measured_bit_rate,
     open_programme,
     reason,
 )
-from cuecast.media.sound import SoundDecoder
+from receiver.media.sound import SoundDecoder
 
 _FILE_TAGS = {
     "major_brand", "minor_version", "compatible_brands", "encoder", "duration", "handler_name",

@@ -76,8 +76,8 @@ def run(args: argparse.Namespace) -> int:
     from codec.motion import load_motion
     from codec.voice import load_voice
     from cuecast.dub import PROFILES, DubOptions, dub
-    from cuecast.media.programme import open_programme
     from cuecast.motions import GivenMotion, MotionSource, SynthesisedMotion
+    from receiver.media.programme import open_programme
 
     profiles = dict(PROFILES)
     for choice in args.profile:

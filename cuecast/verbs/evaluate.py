@@ -11,7 +11,7 @@ from cuecast.progress import note
 
 SUMMARY = "figures as CSV, JSON and plots"
 
-KINDS = ("codec", "audio", "video", "chain", "synthesis", "models")
+KINDS = ("codec", "audio", "video", "together", "chain", "synthesis", "models")
 
 
 def offered() -> tuple[str, ...]:

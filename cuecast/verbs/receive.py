@@ -26,7 +26,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--start", type=not_negative, default=0.0, metavar="S", help="switch on at second S"
     )
-    parser.add_argument("--sound-only", action="store_true", help="do not search the picture")
+    senses = parser.add_mutually_exclusive_group()
+    senses.add_argument("--sound-only", action="store_true", help="do not search the picture")
+    senses.add_argument("--picture-only", action="store_true", help="do not search the sound")
     parser.add_argument("--track", type=natural, default=0, metavar="N", help="which sound, from 0")
     add_json(parser)
     add_voice(parser)
@@ -45,10 +47,11 @@ def run(args: argparse.Namespace) -> int:
     with seconds_bar(None, "receive") as advance:
         reception = receive(
             source, voice, start_s=args.start, key=args.key, track=args.track,
-            keep_motion=wanted, look=not args.sound_only, progress=advance,
+            keep_motion=wanted, listen=not args.picture_only, look=not args.sound_only,
+            progress=advance,
         )  # fmt: skip
     if reception.damaged:
-        note(f"note: {args.programme}: {reception.damaged} damaged packets of sound")
+        note(f"note: {args.programme}: {reception.damaged} damaged packets")
     summary = reception.summary
     if args.output is not None and reception.motion is not None:
         save_motion(reception.motion, args.output)

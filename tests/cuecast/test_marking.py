@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from cuecast.marking import MarkingStage
-from cuecast.media.programme import SoundFormat
+from receiver.media.programme import SoundFormat
 from watermark.profile import find_profile
 
 STANDARD = find_profile("standard")

@@ -9,12 +9,8 @@ import numpy as np
 import pytest
 
 from codec.errors import CueError
-from cuecast.media.picture import (
-    PictureFormat,
-    picture_format,
-    read_lumas,
-    rewrite_picture,
-)
+from cuecast.media.picture import rewrite_picture
+from receiver.media.picture import PictureFormat, picture_format, read_lumas, steady_rate
 from watermark.a335.carrier import A335Embedder, A335Receiver
 from watermark.a335.profile import PROFILES as A335_PROFILES
 from watermark.video.embed import VideoEmbedder
@@ -115,18 +111,60 @@ def test_pictures_without_luma_are_converted(tmp_path: Path) -> None:
     assert next(read_lumas(programme))[1].shape == (HEIGHT, WIDTH)
 
 
-def test_variable_rate_is_refused(tmp_path: Path) -> None:
+def test_variable_rate_becomes_constant(tmp_path: Path) -> None:
+    """Held frames are written as often as they were shown, and the mark survives that."""
+    programme, marked = tmp_path / "in.mkv", tmp_path / "out.mkv"
+    times = [n if n < 10 else 10 + 2 * (n - 10) for n in range(FRAMES)]
+    write_programme(programme, times=times)
+    shown = [luma for _, luma in read_lumas(programme)]
+    assert len(shown) == times[-1] + 1
+    np.testing.assert_array_equal(shown[12], shown[13])
+    assert not np.array_equal(shown[11], shown[12])
+
+    def stages(form: PictureFormat) -> list[Any]:
+        give = payload(PROFILES, "robust")
+        return [VideoEmbedder(form.width, form.height, form.fps, give, profile="robust")]
+
+    form = rewrite_picture(programme, marked, stages)
+    assert form.fps == 25
+    frames = list(read_lumas(marked))
+    assert [time_s for time_s, _ in frames] == pytest.approx(np.arange(len(shown)) / 25, abs=0.001)
+    receiver = VideoReceiver(WIDTH, HEIGHT, 25)
+    seen = [s for _, luma in frames for s in receiver.process(luma)] + receiver.flush()
+    assert [(s.l0, s.l1) for s in seen] == [payload(PROFILES, "robust")(k) for k in range(5)]
+
+
+def test_lost_frames_keep_the_time(tmp_path: Path) -> None:
     programme = tmp_path / "in.mkv"
-    write_programme(programme, times=[n if n < 10 else 3 * n for n in range(FRAMES)])
-    with pytest.raises(CueError, match="the picture's rate is not a constant"):
-        rewrite_picture(programme, tmp_path / "out.mkv", lambda form: [])
-    assert not (tmp_path / "out.mkv").exists()
+    write_programme(programme, times=[n if n < 20 else n + 7 for n in range(FRAMES)])
+    shown = list(read_lumas(programme))
+    assert [t for t, _ in shown] == pytest.approx(np.arange(FRAMES + 7) / 25)
+    np.testing.assert_array_equal(shown[19][1], shown[26][1])
+
+
+@pytest.mark.parametrize(
+    ("average", "guessed", "rate"),
+    [
+        ("25", "25", "25"),
+        ("24.99", "25", "25"),
+        ("30000/1001", "30000/1001", "30000/1001"),
+        ("2997/100", "2997/100", "30000/1001"),
+        ("25", "50", "25"),  # fields that are coded as pictures
+        ("24.3", "30", "30"),
+        ("8", "60", "60"),
+        ("15", "15", "15"),
+        ("11.7", "1000", "24000/1001"),
+        ("1000", "1000", "50"),
+    ],
+)
+def test_rate_of_the_grid(average: str, guessed: str, rate: str) -> None:
+    assert steady_rate(Fraction(average), Fraction(guessed)) == Fraction(rate)
 
 
 def test_refusals(tmp_path: Path) -> None:
     nothing, target = tmp_path / "x.mkv", tmp_path / "out.mkv"
     nothing.write_bytes(b"not a film")
-    with pytest.raises(CueError, match="not a video file"):
+    with pytest.raises(CueError, match="not a sound or video file"):
         rewrite_picture(nothing, target, lambda form: [])
     sound = tmp_path / "sound.wav"
     with av.open(str(sound), "w") as container:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from cuecast.media.film import write_film
-from cuecast.media.programme import SoundFormat, open_programme
 from cuecast.media.rewrite import rewrite_sound
-from cuecast.media.sound import SoundDecoder, sound_blocks
+from receiver.media.programme import SoundFormat, open_programme
+from receiver.media.sound import SoundDecoder, sound_blocks
 
 FS = 48000
 Films = Callable[[str, str, int], Path]

@@ -10,8 +10,6 @@ from cuecast.cli import main
 from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
 from cuecast.demo.run import as_srt
 from cuecast.media.film import write_film
-from cuecast.pictures import richest
-from watermark.received import ReceivedSuperframe
 
 SECONDS = 7
 
@@ -59,12 +57,6 @@ def test_the_line_alone(folder: Path, capsys: pytest.CaptureFixture[str]) -> Non
 def test_hearing_only(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["receive", str(folder / "line.mkv"), "--sound-only", "--json"]) == 1
     assert set(json.loads(capsys.readouterr().out)["carriers"]) == {"audio"}
-
-
-def test_richest_takes_each_time_once() -> None:
-    heard = [ReceivedSuperframe(b"h", b"1", 0.64 * k + 0.01, 1.0) for k in range(4)]
-    seen = [ReceivedSuperframe(b"s", b"123", 0.64 * k, 1.0) for k in (1, 3)]
-    assert [s.l0 for s in richest([*heard, *seen])] == [b"h", b"s", b"h", b"s"]
 
 
 @pytest.mark.parametrize(

@@ -16,9 +16,10 @@ from codec.voice import Voice, load_voice
 from receiver.avatar import load_avatar
 from receiver.events import State, StateChanged
 from receiver.portrait import draw_avatar
+from receiver.reception import Progress
 from receiver.render import sample_params
 from receiver.server import Television
-from receiver.tuner import MotionTuner, Progress, Tuner
+from receiver.tuner import MotionTuner, Tuner
 from receiver.voice_document import neutral_camera
 from tests.chromium import Page, browse
 from tests.receiver.standin import make_motion, make_voice

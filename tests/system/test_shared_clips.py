@@ -16,7 +16,7 @@ from codec.motion import load_motion
 from codec.voice import load_voice
 from cuecast.cli import main
 from cuecast.media.film import write_film
-from cuecast.media.sound import read_sound
+from receiver.media.sound import read_sound
 from receiver.render import sample_params
 from tests.chromium import Page, browse
 

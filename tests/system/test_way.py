@@ -16,7 +16,7 @@ from cuecast.demo.content import make_sound
 from cuecast.demo.run import as_srt
 from cuecast.media.film import write_film
 from cuecast.media.rewrite import Unchanged, rewrite_sound
-from cuecast.media.sound import read_sound
+from receiver.media.sound import read_sound
 
 FS = 48000
 SECONDS = 13

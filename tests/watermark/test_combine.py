@@ -1,5 +1,7 @@
 """Sound and picture together: superframes that neither carrier has alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -27,21 +29,17 @@ def through_noise(
 def test_each_alone_loses_both_together_do_not() -> None:
     # Required: each alone loses over 20 %, together under 2 %. Here both lose most of 40.
     rng = np.random.default_rng(1)
-    combiner = Combiner(offset_s=10.0)
+    combiner = Combiner()
     lost = [0, 0, 0]
     for k in range(40):
         l0 = rng.bytes(AUDIO.l0_bytes)
-        heard = through_noise(AUDIO, l0, 2.55, 10 + 0.64 * k + 0.01, rng)
+        heard = through_noise(AUDIO, l0, 2.55, 0.64 * k + 0.01, rng)
         seen = through_noise(VIDEO, l0, 2.55, 0.64 * k, rng)
-        together = [
-            combiner.add("audio", heard, AUDIO),
-            combiner.add("video", seen, VIDEO),
-        ]
-        got = [s.l0 for s in (heard, seen, *together) if s is not None and s.l0 is not None]
+        told = combiner.add("audio", heard, AUDIO) + combiner.add("video", seen, VIDEO)
+        got = [s.l0 for s in told if s.l0 is not None]
         assert all(found == l0 for found in got)
         lost[0] += heard.l0 is None
         lost[1] += seen.l0 is None
-        # What one carrier had alone reaches the viewer without the combiner.
         lost[2] += not got
     assert lost[0] > 8
     assert lost[1] > 8
@@ -53,25 +51,53 @@ def test_the_twin_must_be_at_the_same_place() -> None:
     rng = np.random.default_rng(2)
     combiner = Combiner()
     l0 = bytes(AUDIO.l0_bytes)
+    seen = through_noise(VIDEO, l0, 3.0, 0.0, rng)
+    assert [s.l0 for s in combiner.add("video", seen, VIDEO)] == [None]
     heard = through_noise(AUDIO, l0, 3.0, 0.64, rng)
     assert heard.l0 is None
-    assert combiner.add("audio", heard, AUDIO) is None
-    for position_s in (0.0, 1.28):
-        seen = through_noise(VIDEO, l0, 2.8, position_s, rng)
-        assert combiner.add("video", seen, VIDEO) is None
+    assert combiner.add("audio", heard, AUDIO) == []
+    # 0.3 s is no place of the sound's grid: such pictures belong to something else.
+    assert combiner.add("video", replace(seen, position_s=0.94), VIDEO) == []
+    assert combiner.add("video", replace(seen, position_s=1.3), VIDEO) == []
     assert combiner.recovered == 0
 
 
-def test_whole_superframes_and_other_codes_pass_by() -> None:
+def test_the_sound_says_where() -> None:
+    combiner = Combiner()
+    heard = ReceivedSuperframe(b"a", b"", 0.64, 1.0)
+    assert combiner.add("audio", heard, None) == [heard]
+    (seen,) = combiner.add("video", ReceivedSuperframe(b"a", b"bc", 1.4, 1.0), None)
+    assert seen.position_s == pytest.approx(1.28)
+    late = ReceivedSuperframe(b"a", b"bc", 9.0, 1.0)
+    assert combiner.add("video", late, None) == [late]
+
+
+def test_a_failure_is_told_once_and_only_if_nobody_has_it() -> None:
+    rng = np.random.default_rng(4)
+    noise = [through_noise(AUDIO, bytes(20), 9.0, 0.64 * k, rng) for k in range(4)]
+    whole = [ReceivedSuperframe(bytes(20), b"", 0.64 * k, 1.0) for k in range(4)]
+    combiner = Combiner()
+    # Alone, a carrier's failures are told at once.
+    assert combiner.add("audio", noise[0], AUDIO) == [noise[0]]
+    assert combiner.add("video", whole[0], VIDEO) == [whole[0]]
+    # Beside another one, they wait for it.
+    assert combiner.add("audio", noise[1], AUDIO) == []
+    assert combiner.add("video", whole[1], VIDEO) == [whole[1]]
+    assert combiner.add("video", replace(noise[2], ratios=None), VIDEO) == []
+    told = combiner.add("audio", noise[2], AUDIO)
+    assert [s.l0 for s in told] == [None]
+    assert [s.l0 for s in combiner.add("video", whole[3], VIDEO)] == [bytes(20)]
+    assert combiner.add("audio", noise[3], AUDIO) == []
+
+
+def test_other_codes_pass_by() -> None:
     rng = np.random.default_rng(3)
     combiner = Combiner()
-    whole = through_noise(AUDIO, bytes(AUDIO.l0_bytes), 0.5, 0.0, rng)
-    assert whole.l0 is not None
-    assert combiner.add("audio", whole, AUDIO) is None
     robust = AUDIO_PROFILES["robust"]
-    heard = through_noise(robust, bytes(robust.l0_bytes), 9.0, 0.0, rng)
     seen = through_noise(VIDEO, bytes(VIDEO.l0_bytes), 9.0, 0.0, rng)
-    assert combiner.add("audio", heard, robust) is None
-    assert combiner.add("video", seen, VIDEO) is None
-    with pytest.raises(CueError, match="carrier 'smell': must be one of audio, video"):
-        combiner.add("smell", whole, AUDIO)
+    heard = through_noise(robust, bytes(robust.l0_bytes), 9.0, 0.0, rng)
+    assert combiner.add("video", seen, VIDEO) == [seen]
+    assert combiner.add("audio", heard, robust) == []
+    assert combiner.recovered == 0
+    with pytest.raises(CueError, match="carrier 'smell': must be one of audio, video, a335"):
+        combiner.add("smell", heard, AUDIO)

@@ -73,10 +73,15 @@ class Programme:
     cut_short : bool
         Whether the file is known to hold less than its headers tell.
 
+    Attributes
+    ----------
+    sound, picture : av.stream.Stream or None
+        The sound that is meant, and the picture.
+
     Raises
     ------
     CueError
-        If there is no such sound.
+        If there is no such sound, or neither sound nor picture.
     """
 
     def __init__(
@@ -87,14 +92,14 @@ class Programme:
         self._end_s = 0.0
         self._cut_short = cut_short
         sounds = container.streams.audio
-        if not sounds:
-            raise CueError(f"{name}: no sound in it")
-        if not 0 <= track < len(sounds):
-            raise CueError(f"{name}: no sound track {track}, it has {len(sounds)}")
-        self.sound = sounds[track]
-        self.picture = next(
+        self.picture: Any = next(
             (s for s in container.streams.video if not _is_attached_picture(s)), None
         )
+        if not sounds and self.picture is None:
+            raise CueError(f"{name}: no sound in it and no picture")
+        if sounds and not 0 <= track < len(sounds):
+            raise CueError(f"{name}: no sound track {track}, it has {len(sounds)}")
+        self.sound: Any = sounds[track] if sounds else None
 
     @property
     def format(self) -> SoundFormat:
@@ -103,8 +108,10 @@ class Programme:
         Raises
         ------
         CueError
-            If the container does not tell them.
+            If there is no sound, or the container does not tell them.
         """
+        if self.sound is None:
+            raise CueError(f"{self.name}: no sound in it")
         context = self.sound.codec_context
         if context is None:
             raise CueError(f"{self.name}: sound in an unknown codec")
@@ -119,8 +126,9 @@ class Programme:
     @property
     def duration_s(self) -> float | None:
         """Length of the programme that its headers tell, in seconds."""
-        if self.sound.duration is not None and self.sound.time_base is not None:
-            return float(self.sound.duration * self.sound.time_base)
+        sound = self.sound
+        if sound is not None and sound.duration is not None and sound.time_base is not None:
+            return float(sound.duration * sound.time_base)
         if self.container.duration is not None:
             return self.container.duration / 1e6
         return None
@@ -132,6 +140,21 @@ class Programme:
         if stream.start_time is None or stream.time_base is None:
             return 0.0
         return float(stream.start_time * stream.time_base)
+
+    @property
+    def player_s(self) -> float:
+        """Time of the programme's clock's zero on the clock of a player, seconds.
+
+        A player counts from the container's start, which may be that of a sound that begins
+        before the picture.
+        """
+        start = self.container.start_time
+        return 0.0 if start is None else self.origin_s - start / av.time_base
+
+    def seek(self, start_s: float) -> None:
+        """Go on reading at or before `start_s` on the programme's clock."""
+        if start_s > 0:
+            self.container.seek(int((self.origin_s + start_s) * av.time_base), backward=True)
 
     def packets(self) -> Iterator[Any]:
         """Yield the packets of all streams as they stand in the container.

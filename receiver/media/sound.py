@@ -14,13 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.media.programme import Programme, SoundFormat, open_programme, reason
+from receiver.media.programme import Programme, SoundFormat, open_programme, reason
+from watermark.mix import RATES, check_format
+from watermark.quality.resample import Resampler
 
 JITTER_S = 0.010
 """Timestamps that stray by less are rounding of the container (1 ms in Matroska)."""
 
 LONGEST_GAP_S = 10.0
 """A greater step is a new start of the container's clock, not a pause: the line goes on."""
+
+
+_CONVERTED_RATE = 48_000
+"""Rate in Hz to which sounds are brought whose own rate the carrier does not know."""
 
 
 class SoundDecoder:
@@ -146,6 +152,43 @@ def as_float(frame: av.AudioFrame) -> NDArray[np.float32]:
     if x.dtype.kind == "u":
         return ((x.astype(np.float32) - 128) / 128).astype(np.float32)
     return (x / float(1 << (8 * x.dtype.itemsize - 1))).astype(np.float32)
+
+
+class Hearing:
+    """The sound of a programme at a rate for which the carrier is defined.
+
+    Parameters
+    ----------
+    programme : Programme
+
+    Raises
+    ------
+    CueError
+        If the sound is of a kind that cannot carry a cuer.
+    """
+
+    def __init__(self, programme: Programme) -> None:
+        sound = programme.format
+        if sound.fs < min(RATES):
+            raise CueError(
+                f"{programme.name}: sound of {sound.fs} Hz cannot carry a cuer, at least "
+                f"{min(RATES)} Hz can"
+            )
+        self.rate = sound.fs if sound.fs in RATES else _CONVERTED_RATE
+        self.channels = sound.channels
+        try:
+            check_format(self.rate, self.channels)
+        except CueError as error:
+            raise CueError(f"{programme.name}: {error}") from error
+        self._resampler = Resampler(sound.fs, self.rate, sound.channels)
+
+    def process(self, block: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Take samples at the programme's rate, (n, channels); give them at `rate`."""
+        return self._resampler.process(block.astype(np.float64)).astype(np.float32)
+
+    def flush(self) -> NDArray[np.float32]:
+        """Give the rest."""
+        return self._resampler.flush().astype(np.float32)
 
 
 def sound_blocks(decoder: SoundDecoder, programme: Programme) -> Iterator[NDArray[np.float32]]:

@@ -1,0 +1,1 @@
+"""Reading programmes: containers to samples and luma on the programme's clock."""

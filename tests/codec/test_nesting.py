@@ -1,0 +1,22 @@
+"""A fine superframe inside a coarse one."""
+
+from codec.bits import Header, crc16
+from codec.nesting import nest, unnest
+
+
+def l0(sequence: int, fill: int) -> bytes:
+    body = Header(mode=0, sequence=sequence, lead=2, voice=1).to_bytes() + bytes([fill]) * 16
+    return body + crc16(body).to_bytes(2, "big")
+
+
+def test_round_trip() -> None:
+    coarse, fine = l0(5, 1), l0(5, 2)
+    assert unnest(*nest(coarse, fine, b"more")) == (fine, b"more")
+    assert unnest(*nest(coarse, fine, b"")) == (fine, b"")
+
+
+def test_what_is_not_nested_stays() -> None:
+    coarse = l0(5, 1)
+    for l1 in (None, b"", b"short", bytes(60), l0(6, 2) + b"more", l0(5, 2)[:-1] + b"xx"):
+        assert unnest(coarse, l1) == (coarse, l1)
+    assert unnest(None, None) == (None, None)
