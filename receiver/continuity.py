@@ -1,14 +1,17 @@
 """Time on a broadcast: time stamps that wrap, jump and leave holes, made one steady clock.
 
 Time stamps of a transport stream have 33 bits at 90 kHz (ISO/IEC 13818-1, section 2.4.3.7). The
-local clock starts at 0, goes on through wraps and splices, and tells holes that are worth filling
-from breaks after which reception has to start anew.
+local clock starts at `ORIGIN_S`, goes on through wraps and splices, and tells holes that are worth
+filling from breaks after which reception has to start anew.
 """
 
 from dataclasses import dataclass
 
 STAMP_PERIOD_S = (1 << 33) / 90_000
 """After this long the time stamps of a transport stream start again, about 26.5 hours."""
+
+ORIGIN_S = 1.0
+"""Local time of the first time stamp: what is decoded or shown before it has a place, too."""
 
 MAX_HOLE_S = 12.0
 """A longer step forwards is a splice, not a hole."""
@@ -38,9 +41,9 @@ class SteadyClock:
     --------
     >>> clock = SteadyClock()
     >>> clock.place("sound", 95443.7).time_s
-    0.0
+    1.0
     >>> round(clock.place("sound", 0.3).time_s, 2)
-    0.32
+    1.32
     >>> clock.place("sound", 5000.0).spliced
     True
     """
@@ -62,7 +65,7 @@ class SteadyClock:
             Length of what it stamps.
         """
         if self._offset_s is None:
-            self._offset_s = -stamp_s
+            self._offset_s = ORIGIN_S - stamp_s
         raw_s = stamp_s + self._offset_s
         before_s = self._last.get(stream, max(self._last.values(), default=raw_s))
         time_s = raw_s - STAMP_PERIOD_S * round((raw_s - before_s) / STAMP_PERIOD_S)

@@ -89,7 +89,11 @@ class FragmentWriter:
         self._splitter = BoxSplitter()
         self._container = av.open(
             self._splitter, "w", format="mp4",
-            options={"movflags": "frag_keyframe+empty_moov+default_base_moof+delay_moov"},
+            options={
+                "movflags": "frag_keyframe+empty_moov+default_base_moof+delay_moov+frag_discont",
+                "use_editlist": "0",
+                "avoid_negative_ts": "disabled",
+            },
         )  # fmt: skip
         self._picture = self._container.add_stream_from_template(picture) if picture else None
         self._sound = None

@@ -11,9 +11,6 @@ from dataclasses import dataclass
 from typing import IO, Any
 
 import av
-import numpy as np
-from av.audio.resampler import AudioResampler
-from numpy.typing import NDArray
 
 from codec.errors import CueError
 from codec.voice import Voice
@@ -22,14 +19,12 @@ from receiver.engine import Receiver
 from receiver.events import Event, MotionPiece, State, StateChanged
 from receiver.fragments import Fragments, FragmentWriter, playable
 from receiver.metrics import Metrics
-from watermark.mix import RATES
+from receiver.soundline import SoundBlock, SoundLine
 
 READ_TIMEOUT_S = 15.0
 """Silence on the line after which the source is opened again."""
 
 _RETRY_S = (0.2, 0.5, 1.0, 2.0)
-_HOLE_S = 0.005
-_OVERLAP_S = 0.03
 _OPTIONS = {"analyzeduration": "5000000", "probesize": "5000000"}
 _UDP_OPTIONS = {"overrun_nonfatal": "1", "fifo_size": "50000", "buffer_size": "1000000"}
 
@@ -79,11 +74,12 @@ class Broadcast:
         self._stop = threading.Event()
         self._clock = SteadyClock()
         self._receiver: Receiver | None = None
-        self._resampler: AudioResampler | None = None
         self._writer: FragmentWriter | None = None
-        self._sound_s = 0.0
+        self._picture: Any = None
+        self._counted = {"received": 0, "lost": 0}
         self._state: State = "searching"
         self.metrics = Metrics()
+        self._sound = SoundLine(self._clock, self.metrics)
 
     def stop(self) -> None:
         """Ask `run` to end."""
@@ -99,20 +95,22 @@ class Broadcast:
         """
         attempt = 0
         while not self._stop.is_set():
+            again = False
             try:
-                self._run_once()
+                again = self._run_once()
                 attempt = 0
             except (av.error.FFmpegError, OSError) as error:
-                if self._once and attempt == 0 and self._receiver is None:
+                if self._once and attempt == 0 and not self._sound.now_s:
                     raise CueError(f"{self._source}: cannot be received: {error}") from error
-            if self._once:
+            if self._once and not again:
                 break
             self._change("lost" if self._state in ("locked", "degraded") else self._state)
             self._stop.wait(_RETRY_S[min(attempt, len(_RETRY_S) - 1)])
             attempt += 1
         self._finish()
 
-    def _run_once(self) -> None:
+    def _run_once(self) -> bool:
+        """Receive from one connection; return whether what comes needs a new one."""
         options = dict(_OPTIONS)
         if isinstance(self._source, str) and self._source.startswith("udp:"):
             options |= _UDP_OPTIONS
@@ -123,74 +121,44 @@ class Broadcast:
             self.metrics.add("connections_total")
             sound = next(iter(container.streams.audio), None)
             picture = next(iter(container.streams.video), None)
-            if picture is not None and not playable(picture):
-                picture = None
-            self._open_writer(picture, sound)
-            streams = [stream for stream in (sound, picture) if stream is not None]
+            self._picture = picture if picture is not None and playable(picture) else None
+            if sound is not None:
+                self._sound.connect(sound)
+            streams = [stream for stream in (sound, self._picture) if stream is not None]
             if not streams:
                 raise CueError(f"{self._source}: neither sound nor picture")
+            if sound is None:
+                self._open_writer(0, 0)
             for packet in container.demux(streams):
                 if self._stop.is_set():
-                    return
+                    return False
                 if packet.stream is sound:
-                    self._take_sound(packet)
+                    for block in self._sound.take(packet):
+                        self._hear(block)
+                    if self._sound.is_mute:
+                        return True
                 elif packet.pts is not None:
                     self._take_picture(packet)
+        return False
 
-    def _open_writer(self, picture: Any, sound: Any) -> None:
+    def _open_writer(self, fs: int, channels: int) -> None:
         self._close_writer()
-        self._resampler = None
-        fs, channels = 0, 0
-        if sound is not None:
-            rate = sound.codec_context.sample_rate
-            fs, channels = rate if rate in RATES else 48000, sound.codec_context.channels
-            self._resampler = AudioResampler(format="fltp", layout=None, rate=fs)
-            if self._receiver is None or self._format_of(self._receiver) != (fs, channels):
-                self._receiver = None
-        if picture is not None or fs:
-            self._writer = FragmentWriter(picture, fs, channels)
+        self._writer = FragmentWriter(self._picture, fs, channels)
 
-    @staticmethod
-    def _format_of(receiver: Receiver) -> tuple[int, int]:
-        return receiver.fs, receiver.channels
-
-    def _take_sound(self, packet: Any) -> None:
-        assert self._resampler is not None
-        try:
-            frames = packet.decode()
-        except av.error.FFmpegError:
-            self.metrics.add("damaged_packets_total")
-            return
-        for frame in frames:
-            if frame.time is None:
-                continue
-            place = self._clock.place("sound", frame.time, frame.samples / frame.sample_rate)
-            for part in self._resampler.resample(frame):
-                block = np.ascontiguousarray(part.to_ndarray().T, dtype=np.float32)
-                self._hear(block, place.time_s, spliced=place.spliced)
-
-    def _hear(self, block: NDArray[np.float32], time_s: float, *, spliced: bool) -> None:
-        """Give sound to receiver and writer; fill holes so that sample counts stay true."""
-        assert self._resampler is not None
-        fs = int(self._resampler.rate)
-        if spliced:
-            self.metrics.add("splices_total")
-        if self._receiver is None:
+    def _hear(self, block: SoundBlock) -> None:
+        """Give sound to the receiver and to the viewers."""
+        samples = block.samples
+        if block.fresh or self._receiver is None:
+            self._end_receiver()
             self._receiver = Receiver(
-                fs, block.shape[1], voice=self._voice, key=self._key, start_s=time_s,
-                keep_keys=False,
+                block.fs, samples.shape[1], voice=self._voice, key=self._key,
+                start_s=block.time_s, keep_keys=False,
             )  # fmt: skip
-            self._sound_s = time_s
-        missing = round((time_s - self._sound_s) * fs)
-        if missing > _HOLE_S * fs:
-            self.metrics.add("holes_total")
-            block = np.concatenate([np.zeros((missing, block.shape[1]), np.float32), block])
-        elif missing < -_OVERLAP_S * fs:
-            block = block[-missing:]
-        self._tell_all(self._receiver.process(block))
-        self._write(lambda writer: writer.sound(block, self._sound_s))
-        self._sound_s += len(block) / fs
-        self._measure(len(block) / fs)
+        if block.fresh or self._writer is None:
+            self._open_writer(block.fs, samples.shape[1])
+        self._tell_all(self._receiver.process(samples))
+        self._write(lambda writer: writer.sound(samples, block.time_s))
+        self._measure(len(samples) / block.fs)
 
     def _take_picture(self, packet: Any) -> None:
         stamp_s = float(packet.pts * packet.time_base)
@@ -218,22 +186,32 @@ class Broadcast:
             if isinstance(event, StateChanged):
                 self._state = event.state
             elif isinstance(event, MotionPiece) and event.layers:
-                self.metrics.set("motion_margin_seconds", event.start_s - self._sound_s)
+                self.metrics.set("motion_margin_seconds", event.start_s - self._sound.now_s)
             self._tell(event)
 
     def _measure(self, seconds: float) -> None:
         assert self._receiver is not None
         summary = self._receiver.summary()
         self.metrics.add("sound_seconds_total", seconds)
-        self.metrics.set("superframes_received_total", summary["superframes"]["received"])
-        self.metrics.set("superframes_lost_total", summary["superframes"]["lost"])
+        for name, earlier in self._counted.items():
+            count = summary["superframes"][name]
+            self.metrics.set(f"superframes_{name}_total", earlier + count)
         self.metrics.set("bit_error_rate", self._receiver.ber_estimate or 0.0)
         self.metrics.set("locked", self._receiver.state in ("locked", "degraded"))
+
+    def _end_receiver(self) -> None:
+        """Let the receiver tell what it still holds; remember what it counted."""
+        if self._receiver is None:
+            return
+        self._tell_all(self._receiver.flush())
+        for name, count in self._receiver.summary()["superframes"].items():
+            self._counted[name] += count
+        self._receiver = None
 
     def _change(self, state: State) -> None:
         if state != self._state:
             self._state = state
-            self._tell(StateChanged(self._sound_s, state))
+            self._tell(StateChanged(self._sound.now_s, state))
 
     def _close_writer(self) -> None:
         self._write(FragmentWriter.close)
@@ -241,6 +219,5 @@ class Broadcast:
 
     def _finish(self) -> None:
         self._close_writer()
-        if self._receiver is not None:
-            self._tell_all(self._receiver.flush())
+        self._end_receiver()
         self._change("ended")

@@ -169,7 +169,9 @@ class Channel:
             raise web.HTTPForbidden(text="the feed is for the page of this television")
         if len(self._sockets) >= MAX_VIEWERS:
             raise web.HTTPServiceUnavailable(text=f"{MAX_VIEWERS} viewers are watching already")
-        socket = web.WebSocketResponse(max_msg_size=MAX_REQUEST_BYTES, heartbeat=20.0)
+        socket = web.WebSocketResponse(
+            max_msg_size=MAX_REQUEST_BYTES, heartbeat=20.0, compress=False
+        )  # media is compressed already
         await socket.prepare(request)
         self._sockets.add(socket)
         self.metrics.set("viewers", len(self._sockets))

@@ -3,8 +3,6 @@
 import asyncio
 import json
 import socket
-import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -15,32 +13,12 @@ from receiver.live_server import LiveTelevision
 from tests.chromium import Page, browse
 from tests.receiver.air import marked_noise, transport_stream
 from tests.receiver.standin import make_motion
+from tests.receiver.transmitter import Transmitter
 
 ARTEFACTS = Path(__file__).resolve().parents[2] / "artefacts" / "page"
 VOICE = load_voice()
 MOTION = make_motion(VOICE, duration_s=28.0)
 SECONDS = 24
-DATAGRAM = 7 * 188
-
-
-class Transmitter(threading.Thread):
-    """Sends a transport stream at its own pace; can be silenced."""
-
-    def __init__(self, data: bytes, port: int) -> None:
-        super().__init__(daemon=True)
-        self._data, self._port = data, port
-        self.silent = threading.Event()
-        self.over = threading.Event()
-
-    def run(self) -> None:
-        begin = time.monotonic()
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            for at in range(0, len(self._data), DATAGRAM):
-                due = begin + at / len(self._data) * SECONDS
-                if self.over.wait(max(0.0, due - time.monotonic())):
-                    return
-                if not self.silent.is_set():
-                    sender.sendto(self._data[at : at + DATAGRAM], ("127.0.0.1", self._port))
 
 
 STATUS = "document.getElementById('status').dataset.state"
@@ -64,7 +42,7 @@ def test_a_broadcast_is_watched_lost_and_found(fps: int) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    transmitter = Transmitter(data, port)
+    transmitter = Transmitter(data, port, SECONDS)
 
     async def visit(page: Page) -> None:
         await page.until("Boolean(window.cuecast)")
