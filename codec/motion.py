@@ -1,17 +1,25 @@
 """Motion: parameters of the cuer over time, in memory and in ``.npz`` files without pickle."""
 
+import json
 import os
-from dataclasses import dataclass
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from codec.npz import read_arrays, write_arrays
+from codec.npz import Parts, read_arrays, write_arrays
 from codec.score import Score
 
 MAX_FILE_BYTES = 1 << 31
 """Largest motion that `load_motion` accepts: four days of 31 parameters at 50 Hz."""
+
+_CHUNK_BYTES = 1 << 18
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,18 +72,135 @@ class Motion:
 
 def save_motion(motion: Motion, path: str | os.PathLike[str]) -> None:
     """Write `motion` to `path`, through a temporary name in the same folder."""
-    score = "" if motion.score is None else motion.score.to_json()
-    write_arrays(
-        path,
-        {
-            "params": motion.params,
-            "rate_hz": np.array(motion.rate_hz),
-            "start_s": np.array(motion.start_s),
-            "layout": np.array(motion.layout, dtype=np.str_),
-            "voice": np.array(motion.voice, dtype=np.str_),
-            "score": np.array(score, dtype=np.str_),
-        },
-    )
+    with MotionWriter(path) as writer:
+        writer.append(motion)
+
+
+class MotionWriter:
+    """A motion file that is written part by part, in constant memory.
+
+    The file appears when the block ends without an error: what came so far waits in unnamed
+    files of the same folder, because an array of a ``.npz`` opens with its length.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> part = Motion(np.zeros((2, 1)), 50.0, 0.0, ("face.1",), "v")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with MotionWriter(f"{folder}/m.npz") as writer:
+    ...         for start_s in (0.0, 0.04):
+    ...             writer.append(replace(part, start_s=start_s))
+    ...     len(load_motion(f"{folder}/m.npz").params)
+    4
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self._path = Path(path)
+        self._first: Motion | None = None
+        self._frames = 0
+        self._scored = False
+        self._stack = ExitStack()
+
+    def __enter__(self) -> "MotionWriter":
+        try:
+            self._params, phones, keys = self._spool(), self._spool(), self._spool()
+        except OSError as error:
+            self._stack.close()
+            raise CueError(f"{self._path}: cannot write: {error.strerror}") from error
+        self._phones, self._keys = _JsonList(phones), _JsonList(keys)
+        return self
+
+    def _spool(self) -> IO[bytes]:
+        return self._stack.enter_context(tempfile.TemporaryFile(dir=self._path.parent))
+
+    def append(self, motion: Motion) -> None:
+        """Add the next frames, and what is said in them.
+
+        Raises
+        ------
+        CueError
+            If they do not follow the frames before.
+        """
+        first = self._first = self._first or replace(motion, params=motion.params[:0], score=None)
+        if (motion.rate_hz, motion.layout, motion.voice) != (
+            first.rate_hz, first.layout, first.voice,
+        ):  # fmt: skip
+            raise CueError("parts of a motion differ in rate, layout or voice")
+        due_s = first.start_s + self._frames / first.rate_hz
+        if abs(motion.start_s - due_s) > 0.5 / first.rate_hz:
+            raise CueError(f"part of a motion starts at {motion.start_s} s, not at {due_s} s")
+        self._params.write(motion.params.tobytes())
+        self._frames += len(motion.params)
+        if motion.score is not None:
+            self._phones.extend(motion.score.phone_rows())
+            self._keys.extend(key.as_dict() for key in motion.score.keys)
+            self._scored = True
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        with self._stack:
+            if kind is None:
+                self._write()
+
+    def _write(self) -> None:
+        first = self._first
+        if first is None:
+            raise CueError(f"{self._path}: a motion without frames")
+        write_arrays(
+            self._path,
+            {
+                "params": Parts(
+                    np.dtype("<f4"), (self._frames, len(first.layout)), _chunks(self._params)
+                ),
+                "rate_hz": np.array(first.rate_hz),
+                "start_s": np.array(first.start_s),
+                "layout": np.array(first.layout, dtype=np.str_),
+                "voice": np.array(first.voice, dtype=np.str_),
+                "score": self._score() if self._scored else np.array("", dtype=np.str_),
+            },
+        )
+
+    def _score(self) -> Parts:
+        """Return the text of `Score.to_json` for all that was said."""
+        pieces: list[str | _JsonList] = ['{"phones": [', self._phones, '], "keys": [', self._keys]
+        pieces.append("]}")
+        length = sum(map(len, pieces))
+        chunks = (
+            text.encode("utf-32-le")
+            for piece in pieces
+            for text in ([piece] if isinstance(piece, str) else piece.texts())
+        )
+        return Parts(np.dtype(f"<U{length}"), (), chunks)
+
+
+class _JsonList:
+    """The inside of a JSON list, kept in a file; its length counts letters."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+        self._length = 0
+
+    def __len__(self) -> int:
+        return self._length
+
+    def extend(self, items: Iterable[Any]) -> None:
+        for item in items:
+            text = (", " if self._length else "") + json.dumps(item, ensure_ascii=False)
+            self._length += len(text)
+            self._file.write(text.encode("utf-32-le"))
+
+    def texts(self) -> Iterator[str]:
+        return (chunk.decode("utf-32-le") for chunk in _chunks(self._file))
+
+
+def _chunks(file: IO[bytes]) -> Iterator[bytes]:
+    """Yield the content of a file from its beginning."""
+    file.seek(0)
+    while chunk := file.read(_CHUNK_BYTES):
+        yield chunk
 
 
 def load_motion(path: str | os.PathLike[str]) -> Motion:

@@ -8,7 +8,8 @@ import os
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,15 +22,37 @@ from codec.errors import CueError
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
-def write_arrays(path: str | os.PathLike[str], arrays: Mapping[str, NDArray[Any]]) -> None:
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """An array that never is in memory as a whole.
+
+    Attributes
+    ----------
+    dtype : numpy.dtype
+    shape : tuple of int
+    chunks : iterable of bytes
+        Its content in C order; together as long as dtype and shape say.
+    """
+
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+    chunks: Iterable[bytes]
+
+
+def write_arrays(path: str | os.PathLike[str], arrays: Mapping[str, NDArray[Any] | Parts]) -> None:
     """Write named arrays, compressed, with fixed time stamps: same arrays, same bytes.
 
     Parameters
     ----------
     path : path-like
         Replaced only when the new file is complete.
-    arrays : mapping of str to ndarray
+    arrays : mapping of str to ndarray or Parts
         Arrays of numbers, booleans or strings.
+
+    Raises
+    ------
+    CueError
+        If the chunks of an array do not add up to it.
     """
     target = Path(path)
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
@@ -42,12 +65,28 @@ def write_arrays(path: str | os.PathLike[str], arrays: Mapping[str, NDArray[Any]
                 member = zipfile.ZipInfo(f"{key}.npy", date_time=(1980, 1, 1, 0, 0, 0))
                 member.compress_type = zipfile.ZIP_DEFLATED
                 with archive.open(member, "w", force_zip64=True) as stream:
-                    npy.write_array(stream, np.asarray(array), allow_pickle=False)
+                    if isinstance(array, Parts):
+                        _write_parts(stream, key, array)
+                    else:
+                        npy.write_array(stream, np.asarray(array), allow_pickle=False)
         Path(name).chmod(0o644)
         Path(name).replace(target)
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
+
+
+def _write_parts(stream: Any, key: str, array: Parts) -> None:
+    descr = npy.dtype_to_descr(array.dtype)
+    header = {"descr": descr, "fortran_order": False, "shape": array.shape}
+    npy.write_array_header_1_0(stream, header)
+    written = 0
+    for chunk in array.chunks:
+        stream.write(chunk)
+        written += len(chunk)
+    expected = array.dtype.itemsize * int(np.prod(array.shape, dtype=np.int64))
+    if written != expected:
+        raise CueError(f"array {key}: {written} bytes in its chunks, not {expected}")
 
 
 def read_arrays(path: str | os.PathLike[str], *, max_bytes: int) -> dict[str, NDArray[Any]]:

@@ -120,10 +120,12 @@ class Score:
 
     def to_json(self) -> str:
         """Return the JSON text that stands in a motion file."""
-        phones = [[p.symbol, round(p.start, 4), round(p.end, 4)] for p in self.phones]
-        return json.dumps(
-            {"phones": phones, "keys": [k.as_dict() for k in self.keys]}, ensure_ascii=False
-        )
+        keys = [k.as_dict() for k in self.keys]
+        return json.dumps({"phones": self.phone_rows(), "keys": keys}, ensure_ascii=False)
+
+    def phone_rows(self) -> list[list[str | float]]:
+        """Return symbol, start and end of the phones as they stand in the JSON text."""
+        return [[p.symbol, round(p.start, 4), round(p.end, 4)] for p in self.phones]
 
     @classmethod
     def from_json(cls, text: str) -> "Score":

@@ -8,12 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cueing import CueingOptions
 from codec.errors import CueError
 from codec.score import Score
 from receiver.media.programme import open_programme
 from receiver.media.sound import SoundDecoder, sound_blocks
 from synth.alignment.cepstra import FS, mono
-from synth.alignment.score import LONGEST_TEXT_S, score_from_recording
+from synth.alignment.score import (
+    LONGEST_TEXT_S,
+    phones_of_recording,
+    score_from_recording,
+)
+from synth.score import in_pieces
 from synth.subtitles import Subtitle
 
 _KEPT_S = 5.0
@@ -40,6 +46,21 @@ def aligned_score(
     with ExitStack() as stack:
         voices = ProgrammeVoices(stack, programme, track=track)
         return score_from_recording(subtitles, voices, warn=warn, **reading)
+
+
+def aligned_pieces(
+    subtitles: Sequence[Subtitle],
+    programme: str | os.PathLike[str],
+    *,
+    options: CueingOptions,
+    warn: Callable[[str], None],
+    **reading: Any,
+) -> Iterator[Score]:
+    """Yield what `aligned_score` returns in pieces, in constant memory."""
+    with ExitStack() as stack:
+        voices = ProgrammeVoices(stack, programme)
+        phones = phones_of_recording(subtitles, voices, warn=warn, **reading)
+        yield from in_pieces(phones, options)
 
 
 def text_as_subtitle(text: str, programme: str | os.PathLike[str]) -> Subtitle:

@@ -12,6 +12,8 @@ CARRIERS = ("audio", "video", "a335")
 """Ways to put a cuer into a programme."""
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from codec.score import Score
     from synth.subtitles import Subtitle
 
@@ -58,6 +60,31 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
         group.add_argument(
             f"--{name}", metavar="PLACEMENT", help=f"placement of {vowel}, such as cheek"
         )
+    group.add_argument(
+        "--rest-gap", type=not_negative, metavar="S",
+        help="silence after which the hand rests, 0.5 by default",
+    )  # fmt: skip
+
+
+def add_alignment(parser: argparse.ArgumentParser) -> None:
+    """Add ``--alignment``."""
+    parser.add_argument(
+        "--alignment", choices=("attina", "paper"), default="attina",
+        help="when the hand is on target: early in the consonant as Attina (2005) measured it, "
+        "or in its middle as Gibert, Bailly, Elisei (2004) chose",
+    )  # fmt: skip
+
+
+def add_motion(parser: argparse.ArgumentParser) -> None:
+    """Add how the cuer's motion is made."""
+    parser.add_argument(
+        "--method", choices=("rules", "units"),
+        help="gestures by rule, or joined from recorded units",
+    )  # fmt: skip
+    parser.add_argument(
+        "--units", metavar="FOLDER", help="recordings that `voice build` made of a speaker"
+    )
+    add_alignment(parser)
 
 
 def reading_of(args: argparse.Namespace) -> "dict[str, Any]":
@@ -66,7 +93,7 @@ def reading_of(args: argparse.Namespace) -> "dict[str, Any]":
     from synth.text.lexicon import read_user_lexicon
     from synth.text.pronounce import Style
 
-    given = {"un": args.un, "schwa": args.schwa, "oe": args.oe}
+    given = {"un": args.un, "schwa": args.schwa, "oe": args.oe, "rest_gap_s": args.rest_gap}
     return {
         "options": CueingOptions(**{k: v for k, v in given.items() if v is not None}),
         "style": Style(liaison=args.liaison, final_schwa=args.final_schwa),
@@ -83,15 +110,30 @@ def score_of(args: argparse.Namespace) -> "Score":
     return score_of_subtitles(args, args.file)
 
 
-def aligned_score_of(args: argparse.Namespace, recording: str) -> "Score":
-    """Return the score of what `add_text` read, timed by the voices of `recording`."""
-    from cuecast.aligning import aligned_score, text_as_subtitle
+def pieces_of(
+    args: argparse.Namespace, recording: str | None = None
+) -> "tuple[Iterator[Score], float | None]":
+    """Return the score of what `add_text` and `add_reading` read in pieces, and its length.
 
+    The length in seconds, where it is known, is for showing progress. With a recording the
+    score follows its voices.
+    """
+    from cuecast.aligning import aligned_pieces, text_as_subtitle
+    from synth.score import stream_score
+
+    if args.text is not None and recording is None:
+        score = score_of(args)
+        return iter([score]), score.phones[-1].end if score.phones else None
     if args.text is not None:
+        assert recording is not None
         subtitles = [text_as_subtitle(args.text, recording)]
     else:
         subtitles = subtitles_of(args.file)
-    return aligned_score(subtitles, recording, warn=note, **reading_of(args))
+    length_s = max((subtitle.end_s for subtitle in subtitles), default=None)
+    reading = reading_of(args)
+    if recording is None:
+        return stream_score(subtitles, warn=note, **reading), length_s
+    return aligned_pieces(subtitles, recording, warn=note, **reading), length_s
 
 
 def score_of_subtitles(args: argparse.Namespace, path: str) -> "Score":

@@ -1,18 +1,20 @@
 """Where the motion of a programme comes from: a score or a motion file, window by window."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions
-from codec.errors import VoiceError
+from codec.errors import CueError, VoiceError
 from codec.motion import Motion
 from codec.score import Score
 from codec.voice import Voice
 from receiver.render import sample_params
+from synth.concatenation import ConcatenativeSynthesiser
 from synth.gesture import GestureSynthesiser
+from synth.passages import passages
 
 RATE_HZ = 50.0
 """Frames per second of the motion inside superframes."""
@@ -44,19 +46,82 @@ class SynthesisedMotion:
         voice: Voice,
         *,
         seed: int = 0,
-        rate_hz: float = RATE_HZ,
-        rest_gap_s: float = DEFAULT_OPTIONS.rest_gap_s,
+        options: CueingOptions = DEFAULT_OPTIONS,
+        alignment: str = "attina",
     ) -> None:
         self.score = score
-        self.rate_hz = rate_hz
+        self.rate_hz = RATE_HZ
         self._voice = voice
         self._synthesiser = GestureSynthesiser(
-            voice.name, rate_hz=rate_hz, seed=seed, options=CueingOptions(rest_gap_s=rest_gap_s)
+            voice.name, rate_hz=RATE_HZ, seed=seed, options=options, alignment=alignment
         )
 
     def window(self, start_s: float, frames: int) -> Motion:
         """Return the motion from `start_s` on."""
         return self._synthesiser.motion(self.score, start_s, frames, self._voice)
+
+
+def ruled_motion(
+    pieces: Iterable[Score], cuer: GestureSynthesiser, voice: Voice
+) -> Iterator[Motion]:
+    """Yield the motion of a score from time 0 on, in constant memory.
+
+    Parameters
+    ----------
+    pieces : iterable of Score
+        In order of time; how the score is cut into pieces changes nothing.
+    cuer : GestureSynthesiser
+    voice : Voice
+        What her motion is expressed in.
+    """
+    at = 0
+    for passage in passages(pieces):
+        end = round(passage.end_s * cuer.rate_hz)
+        while at < end:
+            frames = min(_WINDOW, end - at)
+            part = cuer.motion(passage.around, at / cuer.rate_hz, frames, voice)
+            at += frames
+            yield replace(part, score=passage.score if at == end else Score((), ()))
+
+
+class JoinedMotion:
+    """Motion joined from recorded units, for windows that mostly move forward.
+
+    Raises
+    ------
+    CueError
+        If nothing is said in the score.
+    """
+
+    def __init__(self, score: Score, synthesiser: ConcatenativeSynthesiser) -> None:
+        self.score = score
+        self.rate_hz = RATE_HZ
+        self._synthesiser = synthesiser
+        self._restart()
+
+    def _restart(self) -> None:
+        self._coming = self._synthesiser.perform([self.score], rate_hz=RATE_HZ, start_s=0.0)
+        first = next(self._coming, None)
+        if first is None:
+            raise CueError("nothing is said: there is no motion to join")
+        self._kept = [first.motion]
+
+    def window(self, start_s: float, frames: int) -> Motion:
+        """Return the motion from `start_s` on; the cuer is still before and after the score."""
+        times = start_s + np.arange(frames) / RATE_HZ
+        if times[0] < self._kept[0].start_s > 0:
+            self._restart()
+        while times[-1] >= self._end_s and (part := next(self._coming, None)):
+            while len(self._kept) > 1 and self._kept[1].start_s <= times[0]:
+                self._kept.pop(0)
+            self._kept.append(part.motion)
+        params = np.concatenate([part.params for part in self._kept])
+        params = sample_params(replace(self._kept[0], params=params), times)
+        return replace(self._kept[0], params=params, start_s=start_s, score=self.score)
+
+    @property
+    def _end_s(self) -> float:
+        return self._kept[-1].start_s + (len(self._kept[-1].params) - 1) / RATE_HZ
 
 
 class GivenMotion:

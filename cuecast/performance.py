@@ -1,6 +1,6 @@
 """Speech and motion of a score from recorded units, passage by passage."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -16,14 +16,19 @@ from cuecast.files import whole_file
 from cuecast.progress import count_bar
 from synth.archive import built_in_recordings, read_archive, write_archive
 from synth.body.anatomy import IDENTITIES
-from synth.concatenation import ConcatenativeSynthesiser, Performance
+from synth.concatenation import ConcatenativeSynthesiser
 from synth.gesture import GestureSynthesiser
 from synth.recording import Recording
 from synth.speaker import Refusal, read_transcripts, record_speaker
 
 
 def unit_synthesiser(
-    voice: Voice, folder: str | None = None, *, rest_gap_s: float = DEFAULT_OPTIONS.rest_gap_s
+    voice: Voice,
+    folder: str | None = None,
+    *,
+    alignment: str = "paper",
+    options: CueingOptions = DEFAULT_OPTIONS,
+    seed: int = 0,
 ) -> ConcatenativeSynthesiser:
     """Return the dictionaries of `voice`, or those that `record_folder` wrote.
 
@@ -34,13 +39,15 @@ def unit_synthesiser(
     CueError
         If no cuer of that name can be recorded, or the folder holds another voice's recordings.
     """
-    options = CueingOptions(rest_gap_s=rest_gap_s)
     if folder is not None:
-        return ConcatenativeSynthesiser(read_archive(folder), voice, options=options)
-    _check_cuer(voice)
-    with count_bar("recording the voice") as progress:
-        recordings = built_in_recordings(voice, identity=voice.name, progress=progress)
-    return ConcatenativeSynthesiser(recordings, voice, options=options)
+        recordings = read_archive(folder)
+    else:
+        _check_cuer(voice)
+        with count_bar("recording the voice") as progress:
+            recordings = built_in_recordings(voice, identity=voice.name, progress=progress)
+    return ConcatenativeSynthesiser(
+        recordings, voice, alignment=alignment, options=options, seed=seed
+    )
 
 
 def record_folder(
@@ -78,42 +85,29 @@ def _check_cuer(voice: Voice) -> None:
 
 
 def perform(
-    score: Score,
-    voice: Voice,
+    pieces: Iterable[Score],
+    synthesiser: ConcatenativeSynthesiser,
     *,
     rate_hz: float,
-    units: str | None = None,
     speech: str | None = None,
-    rest_gap_s: float = DEFAULT_OPTIONS.rest_gap_s,
-    progress: Callable[[float], None] = lambda seconds: None,
-) -> Motion:
-    """Return the motion of a score and write its speech, both from time 0 on.
+) -> Iterator[Motion]:
+    """Yield the motion of a score part by part and write its speech, both from time 0 on.
 
     Parameters
     ----------
-    score : Score
-        With at least one phone, none before time 0.
-    voice : Voice
+    pieces : iterable of Score
+        In order of time.
+    synthesiser : ConcatenativeSynthesiser
     rate_hz : float
         Frames per second of the motion.
-    units : str, optional
-        Folder of recordings; by default the virtual cuer's own.
     speech : str, optional
-        Sound file to write, by its suffix WAV or FLAC.
-    rest_gap_s : float
-        Silence after which the hand rests.
-    progress : callable
-        Told how many seconds each passage brought.
+        Sound file to write, by its suffix WAV or FLAC; it appears when everything is said.
     """
-    synthesiser = unit_synthesiser(voice, units, rest_gap_s=rest_gap_s)
-    params = []
     with ExitStack() as stack:
         write = _writer(stack, speech, synthesiser.fs)
-        for part in _from_zero(synthesiser.perform(score, rate_hz=rate_hz), rate_hz):
+        for part in synthesiser.perform(pieces, rate_hz=rate_hz, start_s=0.0):
             write(part.sound)
-            params.append(part.motion.params)
-            progress(part.motion.duration_s)
-    return Motion(np.concatenate(params), rate_hz, 0.0, voice.layout, voice.identity, score)
+            yield part.motion
 
 
 def _writer(
@@ -128,21 +122,3 @@ def _writer(
     except (TypeError, ValueError, soundfile.SoundFileError) as error:
         raise CueError(f"{path}: cannot write this kind of sound file") from error
     return lambda sound: file.write(np.clip(sound, -1.0, 1.0))
-
-
-def _from_zero(parts: Iterator[Performance], rate_hz: float) -> Iterator[Performance]:
-    """Trim what comes before time 0, or hold the first frame and silence from there on."""
-    for number, part in enumerate(parts):
-        if number:
-            yield part
-            continue
-        frames = round(part.motion.start_s * rate_hz)
-        samples = round(part.motion.start_s * part.fs)
-        sound, params = part.sound[max(-samples, 0) :], part.motion.params[max(-frames, 0) :]
-        sound = np.pad(sound, (max(samples, 0), 0))
-        params = np.pad(params, ((max(frames, 0), 0), (0, 0)), mode="edge")
-        motion = part.motion
-        yield Performance(
-            sound, part.fs,
-            Motion(params, rate_hz, 0.0, motion.layout, motion.voice, motion.score),
-        )  # fmt: skip

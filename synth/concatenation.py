@@ -4,9 +4,8 @@ In: a score. Out: speech, and the motion of face, head, forearm and hand. Polyso
 and face, dikeys give hand and head (Gibert, Bailly, Elisei 2004, section 5.1).
 """
 
-import itertools
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +17,11 @@ from codec.motion import Motion
 from codec.score import Score
 from codec.voice import Voice
 from synth.dikeys import DikeyDictionary
+from synth.flow import Flow
+from synth.headmotion import HeadMotion
 from synth.melody import Melody, plan_melody
-from synth.movement import plan_gestures
+from synth.movement import Gestures, plan_gestures
+from synth.passages import Passage, passages
 from synth.recording import Recording
 from synth.sounds import Choice, SoundDictionary
 from synth.speech.marks import PitchMarks
@@ -28,15 +30,19 @@ from synth.speech.psola import Piece, modify_prosody
 from synth.trajectories import Trajectories, join_trajectories
 from synth.units import cut_dikeys, cut_sounds, with_pauses
 
-_PASSAGE_GAP_S = 1.0
 _MARGIN_S = 0.03
 _FADE_S = 0.005
 _BREAK_S = 0.01
 _RATIO_LIMITS = (0.4, 2.5)
 _LEAD_S = 1.0
+_SILENT = Score((), ())
 _HAND_SMOOTHING_S = 0.028
 """Standard deviation of a Gaussian that leaves the hand what lies below 5 Hz, nearly all of a real
 cuer's motion: dikeys squeezed into keys of less than 0.1 s undershoot instead of racing."""
+
+_HEAD_SMOOTHING_S = 0.045
+"""The same for the head, which is heavier: it meets the hand half-way, in no more of a hurry than
+it was recorded in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +76,8 @@ class ConcatenativeSynthesiser:
     alignment : str
         One of `synth.movement.ALIGNMENTS`: when a key's target is reached.
     options : CueingOptions
+    seed : int
+        Of the slow motion of the head.
 
     Raises
     ------
@@ -84,6 +92,7 @@ class ConcatenativeSynthesiser:
         *,
         alignment: str = "paper",
         options: CueingOptions = DEFAULT_OPTIONS,
+        seed: int = 0,
     ) -> None:
         if len({recording.fs for recording in recordings}) != 1:
             raise CueError("recordings differ in their sample rate, or there is none")
@@ -97,44 +106,84 @@ class ConcatenativeSynthesiser:
         columns = range(len(voice.layout))
         self._face_columns = [i for i in columns if voice.layout[i].startswith("face.")]
         self._hand_columns = [i for i in columns if i not in self._face_columns]
-        motions = [recording.motion for recording in recordings]
+        self._head_columns = [i for i in columns if voice.layout[i].startswith("head.")]
+        self._head = HeadMotion(voice, recordings, seed=seed)
+        motions = [
+            replace(recording.motion, params=self._head.without_slow_part(number, recording))
+            for number, recording in enumerate(recordings)
+        ]
         self._face = Trajectories(motions, self._face_columns)
         self._hand = Trajectories(motions, self._hand_columns)
         weights = _explained_variance(voice, self._hand)
         self.sounds = SoundDictionary(recordings)
         self.dikeys = DikeyDictionary(recordings, self._hand, weights)
 
-    def perform(self, score: Score, *, rate_hz: float = 50.0) -> Iterator[Performance]:
-        """Say and cue a score, passage by passage.
+    def perform(
+        self, pieces: Iterable[Score], *, rate_hz: float = 50.0, start_s: float | None = None
+    ) -> Iterator[Performance]:
+        """Say and cue a score, passage by passage, in constant memory.
 
         Parameters
         ----------
-        score : Score
+        pieces : iterable of Score
+            In order of time; a whole score is one piece. What is yielded does not depend on how
+            the score is cut into pieces.
         rate_hz : float
             Frames per second of the motion.
+        start_s : float, optional
+            When the first frame is due; by default one second before the first phone.
 
         Yields
         ------
         Performance
-            One per passage between silences of at least one second; together they cover the time
-            from one second before the first phone to one second after the last one.
+            Without gaps, until one second after the last phone.
         """
-        for start_s, end_s, passage in _passages(score, rate_hz):
-            sounds = self.sounds.select(cut_sounds(with_pauses(passage.phones, start_s, end_s)))
-            yield Performance(
-                self._say(sounds, plan_melody(passage.phones), start_s, end_s), self.fs,
-                self._move(sounds, passage, start_s, end_s, rate_hz),
-            )  # fmt: skip
+        start = None if start_s is None else round(start_s * rate_hz)
+        flow = Flow(rate_hz, self.fs, start)
+        for passage in passages(pieces):
+            first, last = (round(t * rate_hz) for t in (passage.start_s, passage.end_s))
+            gestures = plan_gestures(
+                passage.around, alignment=self._alignment, options=self._options
+            )
+            params, sound = self._make(passage, gestures, flow, first, last)
+            for at, frames, samples in flow.join(first, last, params, sound):
+                times = np.arange(at, at + len(frames)) / rate_hz
+                moving = self._head.added(frames, times, passage.around.phones, gestures)
+                score = passage.score if at + len(frames) == last else _SILENT
+                yield Performance(
+                    samples, self.fs,
+                    Motion(
+                        moving.astype(np.float32), rate_hz, at / rate_hz, self._voice.layout,
+                        self._voice.identity, score,
+                    ),
+                )  # fmt: skip
+
+    def _make(
+        self, passage: Passage, gestures: Gestures, flow: Flow, first: int, last: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+        """Return frames and samples of a passage, and of what follows it for a moment."""
+        around = passage.around
+        times = np.arange(first, last + flow.fade_frames) / flow.rate_hz
+        line = with_pauses(
+            around.phones, min(times[0], around.phones[0].start - _LEAD_S),
+            max(times[-1], around.phones[-1].end + _LEAD_S),
+        )  # fmt: skip
+        sounds = self.sounds.select(cut_sounds(line))
+        begin, end = flow.sample(first), flow.sample(last + flow.fade_frames)
+        sound = self._say(sounds, plan_melody(around.phones), begin, end)
+        return self._move(sounds, gestures, times, flow.rate_hz), sound
 
     def _say(
-        self, choices: Sequence[Choice], melody: Melody, start_s: float, end_s: float
+        self, choices: Sequence[Choice], melody: Melody, begin: int, end: int
     ) -> NDArray[np.float32]:
-        n = round((end_s - start_s) * self.fs)
-        sound = np.zeros(n, dtype=np.float32)
+        """Return the samples from `begin` to `end` of the programme."""
+        sound = np.zeros(end - begin, dtype=np.float32)
         for stretch in _stretches(choices):
+            first = round(stretch[0].target.edges_s[0] * self.fs) - begin
+            if first >= len(sound) or stretch[-1].target.edges_s[-1] * self.fs <= begin:
+                continue
             said = self._say_stretch(stretch, melody)
-            first = round((stretch[0].target.edges_s[0] - start_s) * self.fs)
-            said = said[max(-first, 0) : n - first]
+            said = said[max(-first, 0) : len(sound) - first]
             first = max(first, 0)
             sound[first : first + len(said)] += said.astype(np.float32)
         return sound
@@ -183,24 +232,22 @@ class ConcatenativeSynthesiser:
     def _move(
         self,
         sounds: Sequence[Choice],
-        passage: Score,
-        start_s: float,
-        end_s: float,
+        gestures: Gestures,
+        times: NDArray[np.float64],
         rate_hz: float,
-    ) -> Motion:
-        times = start_s + np.arange(round((end_s - start_s) * rate_hz)) / rate_hz
+    ) -> NDArray[np.float64]:
         params = np.zeros((len(times), len(self._voice.layout)))
         params[:, self._face_columns] = _joined(self._face, sounds, times)
-        gestures = plan_gestures(passage, alignment=self._alignment, options=self._options)
         dikeys = self.dikeys.select(cut_dikeys(gestures))
         hand = _joined(self._hand, dikeys, times)
-        params[:, self._hand_columns] = gaussian_filter1d(
-            hand, _HAND_SMOOTHING_S * rate_hz, axis=0, mode="nearest"
-        )
-        return Motion(
-            params.astype(np.float32), rate_hz, start_s, self._voice.layout,
-            self._voice.identity, passage,
-        )  # fmt: skip
+        params[:, self._hand_columns] = hand
+        for columns, width_s in (
+            (self._hand_columns, _HAND_SMOOTHING_S), (self._head_columns, _HEAD_SMOOTHING_S)
+        ):  # fmt: skip
+            params[:, columns] = gaussian_filter1d(
+                params[:, columns], width_s * rate_hz, axis=0, mode="nearest"
+            )
+        return params
 
 
 def _joined(
@@ -219,28 +266,6 @@ def _explained_variance(voice: Voice, motion: Trajectories) -> NDArray[np.float6
         neutral[row, column] = motion.deviation[row - 1]
     markers = voice.reconstruct(neutral).astype(np.float64)
     return np.asarray(((markers[1:] - markers[0]) ** 2).sum(axis=2).mean(axis=1))
-
-
-def _passages(score: Score, rate_hz: float) -> Iterator[tuple[float, float, Score]]:
-    """Yield start, end and score of each passage; starts stand on the frame grid."""
-    phones = [p for p in score.phones if p.symbol != "_"]
-    if not phones:
-        return
-    cuts = [0]
-    for i, (before, after) in enumerate(itertools.pairwise(phones), 1):
-        if after.start - before.end >= _PASSAGE_GAP_S:
-            cuts.append(i)
-    cuts.append(len(phones))
-    start = np.floor((phones[0].start - _LEAD_S) * rate_hz) / rate_hz
-    for first, last in itertools.pairwise(cuts):
-        group = phones[first:last]
-        end = group[-1].end + _LEAD_S
-        if last < len(phones):
-            end = (group[-1].end + phones[last].start) / 2
-        end = np.ceil(end * rate_hz) / rate_hz
-        keys = tuple(k for k in score.keys if group[0].start - 1e-6 <= k.start < group[-1].end)
-        yield float(start), float(end), Score(tuple(group), keys)
-        start = end
 
 
 def _stretches(choices: Sequence[Choice]) -> Iterator[list[Choice]]:

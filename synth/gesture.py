@@ -31,7 +31,9 @@ from synth.visemes import ARTICULATORS, UNITS_OF, viseme_table
 
 FloatArray = NDArray[np.float64]
 
-_FOLLOWS_HEAD = {"rest": 0.1, "side": 0.8, "mouth": 1.0, "chin": 1.0, "cheek": 1.0, "throat": 0.7}
+FOLLOWS_HEAD = {"rest": 0.1, "side": 0.8, "mouth": 1.0, "chin": 1.0, "cheek": 1.0, "throat": 0.7}
+"""How much of the head's motion the hand takes over where it is."""
+
 _MEETS_HAND_DEG = {
     "rest": (0.0, 0.0), "side": (0.1, -0.3), "mouth": (0.4, -0.8), "chin": (0.9, -0.5),
     "cheek": (0.3, -1.2), "throat": (-0.9, -0.4),
@@ -273,7 +275,7 @@ class GestureSynthesiser:
         self._undershoot(gestures, angles, forearm)
         meets = np.zeros((len(names), 3))
         meets[:, :2] = np.radians([_MEETS_HAND_DEG[name] for name in names])
-        follows = np.array([_FOLLOWS_HEAD[name] for name in names])
+        follows = np.array([FOLLOWS_HEAD[name] for name in names])
         return _Plan(
             score, PhoneLine.of(score), gestures, angles, forearm, self._targets[placement],
             follows, meets,

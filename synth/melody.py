@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.phonology import VOWELS
+from codec.phonology import PAUSE, VOWELS
 from codec.score import Phone
 
 _GROUP_GAP_S = 0.02
@@ -67,24 +67,68 @@ def plan_melody(
     >>> bool(melody.at(np.array([0.4]))[0] < melody.at(np.array([0.1]))[0])
     True
     """
-    spoken = [p for p in phones if p.symbol != "_"]
-    if not spoken:
+    found = accents(phones)
+    if not found:
         return Melody(np.zeros(1), np.full(1, f0_hz))
     times: list[NDArray[np.float64]] = []
     semitones: list[NDArray[np.float64]] = []
-    for sentence in _split(spoken, _SENTENCE_GAP_S):
-        origin = sentence[0].start
-        groups = _split(sentence, _GROUP_GAP_S)
-        for group in groups:
-            knots = np.arange(group[0].start, group[-1].end + _KNOT_S, _KNOT_S)
-            line = declination_st_per_s * 4.0 * np.tanh((knots - origin) / 4.0)
-            move = fall_st if group is groups[-1] else rise_st
-            line += move * _accent(group, knots)
-            times.append(knots)
-            semitones.append(line)
+    for accent in found:
+        knots = np.arange(accent.group_s, accent.after_s + _KNOT_S, _KNOT_S)
+        line = declination_st_per_s * 4.0 * np.tanh((knots - accent.sentence_s) / 4.0)
+        part = np.clip((knots - accent.start_s) / (accent.end_s - accent.start_s), 0.0, 1.0)
+        line += (fall_st if accent.final else rise_st) * part * part * (3 - 2 * part)
+        times.append(knots)
+        semitones.append(line)
     time = np.concatenate(times)
     order = np.argsort(time, kind="stable")
     return Melody(time[order], f0_hz * 2 ** (np.concatenate(semitones)[order] / 12))
+
+
+@dataclass(frozen=True, slots=True)
+class Accent:
+    """The last full syllable of a group.
+
+    Attributes
+    ----------
+    start_s, end_s : float
+        Its vowel, at least 1 ms.
+    final : bool
+        Whether the group ends a sentence.
+    sentence_s, group_s, after_s : float
+        Start of the sentence, start and end of the group.
+    """
+
+    start_s: float
+    end_s: float
+    final: bool
+    sentence_s: float
+    group_s: float
+    after_s: float
+
+
+def accents(phones: Sequence[Phone]) -> list[Accent]:
+    """Return the accents of a line of phones, one for each group.
+
+    Examples
+    --------
+    >>> line = [Phone("m", 0.0, 0.1), Phone("a", 0.1, 0.4), Phone("l", 0.4, 0.5)]
+    >>> [(accent.start_s, accent.final) for accent in accents(line)]
+    [(0.1, True)]
+    """
+    spoken = [p for p in phones if p.symbol != PAUSE]
+    found = []
+    for sentence in _split(spoken, _SENTENCE_GAP_S) if spoken else []:
+        groups = _split(sentence, _GROUP_GAP_S)
+        for group in groups:
+            full = [p for p in group if p.symbol in VOWELS and p.symbol != "ə"]
+            last = (full or group)[-1]
+            found.append(
+                Accent(
+                    last.start, max(last.end, last.start + 1e-3), group is groups[-1],
+                    sentence[0].start, group[0].start, group[-1].end,
+                )
+            )  # fmt: skip
+    return found
 
 
 def _split(phones: Sequence[Phone], gap_s: float) -> list[list[Phone]]:
@@ -95,12 +139,3 @@ def _split(phones: Sequence[Phone], gap_s: float) -> list[list[Phone]]:
             parts.append([])
         parts[-1].append(after)
     return parts
-
-
-def _accent(group: Sequence[Phone], times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the part, 0..1, of the final movement done at each time."""
-    full = [p for p in group if p.symbol in VOWELS and p.symbol != "ə"]
-    last = (full or list(group))[-1]
-    length = max(last.end - last.start, 1e-3)
-    s = np.clip((times - last.start) / length, 0.0, 1.0)
-    return np.asarray(s * s * (3 - 2 * s))

@@ -150,6 +150,18 @@ def plan_gestures(
     return _assemble(rows)
 
 
+def target_times(
+    score: Score, *, alignment: str = "attina", options: CueingOptions = DEFAULT_OPTIONS
+) -> list[float]:
+    """Return when the hand is on the target of each key, seconds, as in `plan_gestures`."""
+    gestures = plan_gestures(score, alignment=alignment, options=options)
+    return [
+        float(reach)
+        for placement, reach in zip(gestures.placement, gestures.reach, strict=True)
+        if placement
+    ]
+
+
 def check_alignment(name: str) -> None:
     """Raise `CueError` if there is no such alignment."""
     if name not in ALIGNMENTS:

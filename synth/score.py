@@ -99,8 +99,14 @@ def stream_score(
     >>> [len(piece.keys) for piece in stream_score(lines)]
     [1, 1]
     """
+    phones = phones_of_subtitles(subtitles, style=style, user_lexicon=user_lexicon, warn=warn)
+    return in_pieces(phones, options)
+
+
+def in_pieces(phones: Iterable[Phone], options: CueingOptions) -> Iterator[Score]:
+    """Yield the score of a line of phones in pieces, cut wherever nothing is said."""
     piece: list[Phone] = []
-    for phone in phones_of_subtitles(subtitles, style=style, user_lexicon=user_lexicon, warn=warn):
+    for phone in phones:
         if piece and phone.start > piece[-1].end:
             yield Score(tuple(piece), tuple(cue(piece, options)))
             piece = []

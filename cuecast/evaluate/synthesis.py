@@ -5,6 +5,7 @@ list that were not recorded. Data: the virtual cuer. Source: Gibert, Bailly, Eli
 sections 4 (recogniser) and 5.1 (the check of the synthesis by it).
 """
 
+import itertools
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -12,11 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.layout import MARKER_NUMBER
 from codec.motion import Motion
-from codec.phasing import strokes
+from codec.phasing import extents, strokes
 from codec.recognise import Recogniser, fit_recogniser
-from codec.score import Score
+from codec.score import Key, Score
 from codec.voice import Voice, load_voice
+from cuecast.evaluate.methods import compare_methods
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.performance import unit_synthesiser
 from synth.corpus.sentences import choose_sentences, read_sentences
@@ -27,6 +30,7 @@ from synth.score import score_from_text
 from synth.units import cut_dikeys
 
 ALIGNMENT = "paper"
+_COMPARED = 24
 _SPEED_PERCENTILE = 99.9
 
 
@@ -46,7 +50,7 @@ def evaluate(options: EvaluateOptions) -> dict[str, Any]:
     options.say(f"synthesising {len(texts)} sentences")
     scores = [score_from_text(text, start_s=1.5) for text in texts]
     started = time.process_time()
-    made = [list(synthesiser.perform(score)) for score in scores]
+    made = [list(synthesiser.perform([score])) for score in scores]
     spent_s = time.process_time() - started
     motions = [part.motion for parts in made for part in parts]
     spoken_s = sum(motion.duration_s for motion in motions)
@@ -56,12 +60,14 @@ def evaluate(options: EvaluateOptions) -> dict[str, Any]:
     return {
         "shape_accuracy": _share(shape),
         "placement_accuracy": _share(placement),
-        **phase_errors(motions, voice),
+        **phase_errors(motions, voice, recogniser),
         "realtime_factor": round(spoken_s / spent_s, 1),
         "keys": len(shape),
         "sentences": len(texts),
         "missing_dikeys": _share(np.array(missing)),
         "joins_too_fast": joins_too_fast(motions, synthesiser.recordings, voice),
+        **head_ratios(motions, synthesiser.recordings, voice),
+        "methods": compare_methods(texts[:_COMPARED], synthesiser.recordings, recogniser, voice),
         "data": f"virtual cuer {voice.name}, {len(synthesiser.recordings)} recordings",
     }
 
@@ -104,26 +110,74 @@ def recognised(
     return np.concatenate(shape), np.concatenate(placement)
 
 
-def phase_errors(motions: Sequence[Motion], voice: Voice) -> dict[str, float | None]:
+def phase_errors(
+    motions: Sequence[Motion], voice: Voice, recogniser: Recogniser
+) -> dict[str, float | None]:
     """Return how far the hand's arrivals lie from those of the rule: median, 90th percentile, ms.
 
-    Arrivals are measured alike on the synthesis and on the cuer who follows the rule, to a frame;
-    keys to which either hardly moves do not count.
+    Arrivals are measured alike on the synthesis and on the cuer who follows the rule, to a frame:
+    at placements where the hand stops, for shapes where they begin to be recognised. A key that
+    repeats the placement or shape before it has no arrival.
     """
     cuer = GestureSynthesiser(voice.name, alignment=ALIGNMENT)
-    errors = []
+    errors: dict[str, list[float]] = {"phase_error": [], "shape_phase_error": []}
     for motion in motions:
         score = _score(motion)
-        clock = {"rate_hz": motion.rate_hz, "start_s": motion.start_s}
-        rule = cuer.markers(score, motion.start_s, len(motion.params))
-        expected = {s.key: s.end_s for s in strokes(rule, score, **clock)}
-        for stroke in strokes(voice.reconstruct(motion.params), score, **clock):
-            if stroke.key in expected:
-                errors.append(abs(stroke.end_s - expected[stroke.key]))
-    if not errors:
-        return {"phase_error_ms": None, "phase_error_p90_ms": None}
-    median, high = 1000 * np.percentile(errors, (50, 90))
-    return {"phase_error_ms": round(median, 1), "phase_error_p90_ms": round(high, 1)}
+        rule = _arrivals(
+            cuer.markers(score, motion.start_s, len(motion.params)), motion, recogniser
+        )
+        made = _arrivals(voice.reconstruct(motion.params), motion, recogniser)
+        for name, found in made.items():
+            errors[name] += [abs(at - rule[name][k]) for k, at in found.items() if k in rule[name]]
+    result: dict[str, float | None] = {}
+    for name, values in errors.items():
+        middle, high = 1000 * np.percentile(values, (50, 90)) if values else (None, None)
+        result[f"{name}_ms"] = None if middle is None else round(float(middle), 1)
+        result[f"{name}_p90_ms"] = None if high is None else round(float(high), 1)
+    return result
+
+
+def _arrivals(
+    markers: NDArray[np.float32], motion: Motion, recogniser: Recogniser
+) -> dict[str, dict[Key, float]]:
+    """Return when the hand arrives at the placements and shapes of its keys, seconds."""
+    score, rate_hz, start_s = _score(motion), motion.rate_hz, motion.start_s
+    gestures = _gestures(score)
+    kept = itertools.pairwise(gestures.placement)
+    moved = [now != before for before, now in kept if now]
+    moving = {key for key, moves in zip(score.keys, moved, strict=True) if moves}
+    posteriors = recogniser.shape_posteriors(markers)
+    shapes = extents(posteriors, score, rate_hz=rate_hz, start_s=start_s)
+    placements = strokes(markers, score, rate_hz=rate_hz, start_s=start_s)
+    return {
+        "phase_error": {s.key: s.end_s for s in placements if s.key in moving},
+        "shape_phase_error": {s.key: s.start_s for s in shapes},
+    }
+
+
+def head_ratios(
+    motions: Sequence[Motion], recordings: Sequence[Recording], voice: Voice
+) -> dict[str, float]:
+    """Return how far and how fast the head moves, against the recordings.
+
+    Extent is the 99th percentile of the nose's distance from its median, speed the 99.9th
+    percentile of its speed.
+    """
+    nose = MARKER_NUMBER["NB"]
+
+    def figures(moving: Sequence[Motion]) -> NDArray[np.float64]:
+        paths = [voice.reconstruct(m.params)[:, nose].astype(np.float64) for m in moving]
+        away = np.concatenate(paths)
+        away = np.linalg.norm(away - np.median(away, axis=0), axis=1)
+        steps = [np.linalg.norm(np.diff(p, axis=0), axis=1) * moving[0].rate_hz for p in paths]
+        speed = np.percentile(np.concatenate(steps), _SPEED_PERCENTILE)
+        return np.array([np.percentile(away, 99), speed])
+
+    extent, speed = figures(motions) / figures([r.motion for r in recordings])
+    return {
+        "head_extent_ratio": round(float(extent), 3),
+        "head_speed_ratio": round(float(speed), 3),
+    }
 
 
 def joins_too_fast(

@@ -6,11 +6,13 @@ is copied as it stands.
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cuecast.arguments import (
     CARRIERS,
     add_json,
     add_key,
+    add_motion,
     add_reading,
     add_seed,
     add_voice,
@@ -26,6 +28,10 @@ from cuecast.arguments import (
 from cuecast.errors import UsageError
 from cuecast.files import write_json
 from cuecast.progress import note, seconds_bar
+
+if TYPE_CHECKING:
+    from codec.voice import Voice
+    from cuecast.motions import MotionSource
 
 SUMMARY = "the programme with its cuer inside"
 
@@ -67,6 +73,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_voice(parser)
     add_seed(parser)
     add_key(parser)
+    add_motion(parser)
     add_reading(parser)
 
 
@@ -76,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
     from codec.motion import load_motion
     from codec.voice import load_voice
     from cuecast.dub import PROFILES, DubOptions, dub
-    from cuecast.motions import GivenMotion, MotionSource, SynthesisedMotion
+    from cuecast.motions import GivenMotion, MotionSource
     from receiver.media.programme import open_programme
 
     profiles = dict(PROFILES)
@@ -94,16 +101,7 @@ def run(args: argparse.Namespace) -> int:
     if args.motion is not None:
         motion = GivenMotion(load_motion(args.motion), voice)
     else:
-        if args.align:
-            from cuecast.aligning import aligned_score
-
-            subtitles = subtitles_of(args.subtitles)
-            score = aligned_score(
-                subtitles, args.programme, track=args.track, warn=note, **reading_of(args)
-            )
-        else:
-            score = score_of_subtitles(args, args.subtitles)
-        motion = SynthesisedMotion(score, voice, seed=args.seed)
+        motion = _motion(args, voice)
     options = DubOptions(
         carriers, profiles, args.key, args.track, args.audio_codec, args.audio_bitrate,
         args.video_codec, args.video_bitrate, args.grade, not args.no_grade,
@@ -123,3 +121,29 @@ def run(args: argparse.Namespace) -> int:
             shown = {key: value for key, value in figures.items() if key != "silent_s"}
             note(f"{name}: " + ", ".join(f"{key} {value}" for key, value in shown.items()))
     return 0
+
+
+def _motion(args: argparse.Namespace, voice: "Voice") -> "MotionSource":
+    """Return the motion for the subtitles."""
+    from cuecast.motions import JoinedMotion, SynthesisedMotion
+
+    reading = reading_of(args)
+    if args.align:
+        from cuecast.aligning import aligned_score
+
+        subtitles = subtitles_of(args.subtitles)
+        score = aligned_score(subtitles, args.programme, track=args.track, warn=note, **reading)
+    else:
+        score = score_of_subtitles(args, args.subtitles)
+    options = reading["options"]
+    # Who has nothing to say rests: for that no units are needed.
+    if (args.units or args.method == "units") and score.keys:
+        from cuecast.performance import unit_synthesiser
+
+        units = unit_synthesiser(
+            voice, args.units, alignment=args.alignment, options=options, seed=args.seed
+        )
+        return JoinedMotion(score, units)
+    return SynthesisedMotion(
+        score, voice, seed=args.seed, options=options, alignment=args.alignment
+    )

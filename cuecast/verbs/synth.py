@@ -1,51 +1,44 @@
 """Make the motion of a cuer, and the sound of a speaker, from text or subtitles."""
 
 import argparse
+import itertools
 from typing import TYPE_CHECKING
 
 from cuecast.arguments import (
+    add_motion,
     add_reading,
     add_seed,
     add_text,
     add_voice,
-    aligned_score_of,
-    not_negative,
+    pieces_of,
     positive,
-    score_of,
+    reading_of,
 )
 from cuecast.progress import note, seconds_bar
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
     from codec.motion import Motion
     from codec.score import Score
     from codec.voice import Voice
 
 SUMMARY = "motion (and speech) from text"
 
-_AFTER_S = 1.0
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     add_text(parser)
     parser.add_argument("-o", "--output", required=True, metavar="M.npz", help="motion")
-    parser.add_argument("--speech", metavar="S.wav", help="what is said, spoken in step")
+    parser.add_argument(
+        "--speech", metavar="S.wav", help="what is said, spoken in step; asks for --method units"
+    )
     parser.add_argument(
         "--align", metavar="AUDIO", help="recording of the text: the cuer moves with its voice"
     )
     parser.add_argument("--c3d", metavar="M.c3d", help="markers of the motion")
-    parser.add_argument(
-        "--method", choices=("rules", "units"),
-        help="gestures by rule, or joined from recorded units (the default with --speech)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--units", metavar="FOLDER", help="recordings that `voice build` made of a speaker"
-    )
+    add_motion(parser)
     parser.add_argument("--rate", type=positive, default=50.0, metavar="HZ", help="of the motion")
-    parser.add_argument(
-        "--rest-gap", type=not_negative, default=0.5, metavar="S",
-        help="silence after which the hand rests",
-    )  # fmt: skip
     add_voice(parser)
     add_seed(parser)
     add_reading(parser)
@@ -56,40 +49,48 @@ def run(args: argparse.Namespace) -> int:
     if args.method == "rules" and (args.speech or args.units):
         note("cuecast synth: --speech and --units need --method units")
         return 2
-    score = aligned_score_of(args, args.align) if args.align else score_of(args)
-    if not score.keys:
-        note("nothing in the text is spoken")
-        return 1
-    from codec.motion import save_motion
+    from codec.motion import MotionWriter
     from codec.voice import load_voice
 
+    pieces, length_s = pieces_of(args, args.align)
+    first = next((piece for piece in pieces if piece.phones), None)
+    if first is None:
+        note("nothing in the text is spoken")
+        return 1
     voice = load_voice(args.voice)
-    end_s = score.phones[-1].end + _AFTER_S
-    units = args.speech or args.units or args.method == "units"
-    motion = (_by_units if units else _by_rules)(args, score, voice, end_s)
-    save_motion(motion, args.output)
+    parts = _motion(args, itertools.chain([first], pieces), voice)
+    with MotionWriter(args.output) as writer, seconds_bar(length_s, "synth") as advance:
+        for part in parts:
+            writer.append(part)
+            advance(part.duration_s)
     if args.c3d:
-        from synth.corpus.c3d import write_c3d
-
-        write_c3d(args.c3d, voice.reconstruct(motion.params), rate_hz=args.rate)
+        _write_c3d(args, voice)
     return 0
 
 
-def _by_rules(args: argparse.Namespace, score: "Score", voice: "Voice", end_s: float) -> "Motion":
-    from cuecast.motions import SynthesisedMotion, whole_motion
+def _motion(
+    args: argparse.Namespace, pieces: "Iterable[Score]", voice: "Voice"
+) -> "Iterator[Motion]":
+    options = reading_of(args)["options"]
+    if args.speech or args.units or args.method == "units":
+        from cuecast.performance import perform, unit_synthesiser
 
-    source = SynthesisedMotion(
-        score, voice, seed=args.seed, rate_hz=args.rate, rest_gap_s=args.rest_gap
+        units = unit_synthesiser(
+            voice, args.units, alignment=args.alignment, options=options, seed=args.seed
+        )
+        return perform(pieces, units, rate_hz=args.rate, speech=args.speech)
+    from cuecast.motions import ruled_motion
+    from synth.gesture import GestureSynthesiser
+
+    cuer = GestureSynthesiser(
+        voice.name, rate_hz=args.rate, seed=args.seed, alignment=args.alignment, options=options
     )
-    with seconds_bar(end_s, "synth") as advance:
-        return whole_motion(source, end_s, progress=advance)
+    return ruled_motion(pieces, cuer, voice)
 
 
-def _by_units(args: argparse.Namespace, score: "Score", voice: "Voice", end_s: float) -> "Motion":
-    from cuecast.performance import perform
+def _write_c3d(args: argparse.Namespace, voice: "Voice") -> None:
+    from codec.motion import load_motion
+    from synth.corpus.c3d import write_c3d
 
-    with seconds_bar(end_s, "synth") as advance:
-        return perform(
-            score, voice, rate_hz=args.rate, units=args.units, speech=args.speech,
-            rest_gap_s=args.rest_gap, progress=advance,
-        )  # fmt: skip
+    motion = load_motion(args.output)
+    write_c3d(args.c3d, voice.reconstruct(motion.params), rate_hz=args.rate)

@@ -7,7 +7,7 @@ subtitle's own interval is used as without a recording.
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -78,16 +78,32 @@ def score_from_recording(
     CueError
         If one subtitle spans more than `LONGEST_TEXT_S`.
     """
-    line: list[Phone] = []
-    batch: list[_Run] = []
-    for run in [*_runs(_said(subtitles)), None]:
-        if run is not None:
-            batch.append(run)
-        if len(batch) == PASSAGES_AT_ONCE or run is None:
-            line += _aligned(batch, sound, style, user_lexicon, warn)
-            batch = []
-    phones = tuple(on_grid(line))
+    phones = tuple(
+        phones_of_recording(subtitles, sound, style=style, user_lexicon=user_lexicon, warn=warn)
+    )
     return Score(phones, tuple(cue(phones, options)))
+
+
+def phones_of_recording(
+    subtitles: Iterable[Subtitle],
+    sound: Sound,
+    *,
+    style: Style = DEFAULT_STYLE,
+    user_lexicon: Lexicon | None = None,
+    warn: Warn = log_warning,
+) -> Iterator[Phone]:
+    """Yield the phones of `score_from_recording`, some passages at a time."""
+
+    def batches() -> Iterator[list[Phone]]:
+        batch: list[_Run] = []
+        for run in _runs(_said(subtitles)):
+            batch.append(run)
+            if len(batch) == PASSAGES_AT_ONCE:
+                yield _aligned(batch, sound, style, user_lexicon, warn)
+                batch = []
+        yield _aligned(batch, sound, style, user_lexicon, warn)
+
+    return on_grid(chain.from_iterable(batches()))
 
 
 @dataclass(frozen=True, slots=True)

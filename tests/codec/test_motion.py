@@ -1,5 +1,6 @@
 import io
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from numpy.lib import format as npy
 
 from codec.errors import CueError
-from codec.motion import Motion, load_motion, save_motion
+from codec.motion import Motion, MotionWriter, load_motion, save_motion
 from codec.npz import read_arrays, write_arrays
 from codec.score import Key, Phone, Score
 
@@ -105,3 +106,29 @@ def test_missing_file_and_folder(tmp_path: Path) -> None:
     for path in (tmp_path / "none.npz", tmp_path):
         with pytest.raises(CueError, match=str(path)):
             load_motion(path)
+
+
+def test_a_motion_written_in_parts_is_the_motion_written_at_once(tmp_path: Path) -> None:
+    whole = motion()
+    save_motion(whole, tmp_path / "whole.npz")
+    with MotionWriter(tmp_path / "parts.npz") as writer:
+        for first in range(0, len(whole.params), 3):
+            start_s = whole.start_s + first / whole.rate_hz
+            score = whole.score if first == 0 else Score((), ())
+            params = whole.params[first : first + 3]
+            writer.append(replace(whole, params=params, start_s=start_s, score=score))
+    assert (tmp_path / "parts.npz").read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
+def test_parts_of_a_motion_must_follow_each_other(tmp_path: Path) -> None:
+    part = motion()
+    with MotionWriter(tmp_path / "m.npz") as writer:
+        writer.append(part)
+        with pytest.raises(CueError, match="starts at"):
+            writer.append(replace(part, start_s=part.start_s + 100))
+        with pytest.raises(CueError, match="differ in rate, layout or voice"):
+            writer.append(replace(part, voice="another"))
+    (tmp_path / "m.npz").unlink()
+    with pytest.raises(CueError, match="without frames"), MotionWriter(tmp_path / "m.npz"):
+        pass
+    assert list(tmp_path.iterdir()) == []
