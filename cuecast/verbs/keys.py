@@ -1,9 +1,9 @@
 """Show the cues of a text: the phones, the hand shape and placement of every key, and when."""
 
 import argparse
+from typing import TYPE_CHECKING
 
 from cuecast.arguments import (
-    add_alignment,
     add_json,
     add_reading,
     add_text,
@@ -12,35 +12,51 @@ from cuecast.arguments import (
     score_of,
 )
 
+if TYPE_CHECKING:
+    from codec.score import Score
+
 SUMMARY = "the cues of a text: phones, keys, times"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     add_text(parser)
-    add_alignment(parser)
+    parser.add_argument(
+        "--alignment", choices=("attina", "paper"),
+        help="say when the hand is on target, by the rule that synth follows: early in the "
+        "consonant (Attina 2005) or in its middle (Gibert, Bailly, Elisei 2004)",
+    )  # fmt: skip
     add_reading(parser)
     add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the keys of the text; 1 if nothing in it is spoken."""
-    from synth.movement import target_times
-
     score = score_of(args)
-    options = reading_of(args)["options"]
-    targets = target_times(score, alignment=args.alignment, options=options)
+    targets = _targets(args, score)
     if args.json:
-        keys = zip(score.keys, targets, strict=True)
-        print_json([key.as_dict() | {"target": round(at, 4)} for key, at in keys])
+        rows = [key.as_dict() for key in score.keys]
+        print_json([row | target for row, target in zip(rows, targets, strict=True)])
     else:
         from synth.notation import as_taught
 
-        print("  start     end  target  key  taught  shape  placement  phones")
-        for key, at in zip(score.keys, targets, strict=True):
+        named = "  target" if args.alignment else ""
+        print(f"  start     end{named}  key  taught  shape  placement  phones")
+        for key, target in zip(score.keys, targets, strict=True):
+            times = [key.start, key.end, *target.values()]
             print(
-                f"{key.start:7.3f} {key.end:7.3f} {at:7.3f}   {key}     {as_taught(key)}      "
-                f"{key.shape}  {key.placement:<9}  "
-                f"{' '.join(key.phones)}"
+                f"{' '.join(f'{t:7.3f}' for t in times)}   {key}     {as_taught(key)}      "
+                f"{key.shape}  {key.placement:<9}  {' '.join(key.phones)}"
             )
     return 0 if score.keys else 1
+
+
+def _targets(args: argparse.Namespace, score: "Score") -> list[dict[str, float]]:
+    """Return when the hand is on the target of each key, if that was asked."""
+    if not args.alignment:
+        return [{} for _ in score.keys]
+    from synth.movement import target_times
+
+    options = reading_of(args)["options"]
+    times = target_times(score, alignment=args.alignment, options=options)
+    return [{"target": round(at, 4)} for at in times]

@@ -1,14 +1,23 @@
-"""Motion made window by window, against motion made at once."""
+"""Motion made window by window, against motion made at once; the options that choose it."""
+
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
+import soundfile as sf
 
 from codec.errors import CueError
+from codec.motion import load_motion
 from codec.score import Score
 from codec.voice import Voice, load_voice
+from cuecast import performance
+from cuecast.cli import main
 from cuecast.motions import JoinedMotion, ruled_motion
 from synth.concatenation import ConcatenativeSynthesiser
 from synth.gesture import GestureSynthesiser
+from synth.movement import ALIGNMENTS
+from synth.recording import Recording
 from synth.rendered import record
 from synth.score import score_from_subtitles, stream_score
 from synth.subtitles import Subtitle
@@ -36,11 +45,16 @@ def test_rules_make_the_same_motion_from_pieces_as_from_the_whole(voice: Voice) 
     assert len(made) / 50 == pytest.approx(score.phones[-1].end + 1.0, abs=0.03)
 
 
-def test_windows_of_joined_units_do_not_depend_on_their_order(voice: Voice) -> None:
+@pytest.fixture(scope="module")
+def recordings(voice: Voice) -> list[Recording]:
     texts = ("Le chat boit du lait, il a bien soif.", "Et toi, moi non plus !")
-    units = ConcatenativeSynthesiser(
-        list(record(texts, GestureSynthesiser(alignment="paper"), voice)), voice
-    )
+    return list(record(texts, GestureSynthesiser(alignment="paper"), voice))
+
+
+def test_windows_of_joined_units_do_not_depend_on_their_order(
+    recordings: list[Recording], voice: Voice
+) -> None:
+    units = ConcatenativeSynthesiser(recordings, voice)
     score = score_from_subtitles(LINES)
     whole = [part.motion for part in units.perform([score], start_s=0.0)]
     params = np.concatenate([part.params for part in whole])
@@ -52,3 +66,66 @@ def test_windows_of_joined_units_do_not_depend_on_their_order(voice: Voice) -> N
     np.testing.assert_allclose(late.params, np.repeat(params[-1:], 8, axis=0), atol=2e-4)
     with pytest.raises(CueError, match="nothing is said"):
         JoinedMotion(Score((), ()), units)
+
+
+def srt(path: Path) -> str:
+    blocks = [
+        f"{number}\n00:00:{s.start_s:06.3f} --> 00:00:{s.end_s:06.3f}\n{s.text}\n"
+        for number, s in enumerate(LINES, 1)
+    ]
+    path.write_text("\n".join(blocks).replace(".", ","), encoding="utf-8")
+    return str(path)
+
+
+def test_options_choose_method_and_alignment(
+    tmp_path: Path,
+    recordings: list[Recording],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(performance, "built_in_recordings", lambda *_, **__: recordings)
+    subtitles, speech = srt(tmp_path / "a.srt"), tmp_path / "s.wav"
+    made = {}
+    for name, options in {
+        "plain": [], "attina": ["--alignment", "attina"], "paper": ["--alignment", "paper"],
+        "rest": ["--rest-gap", "5"], "units": ["--speech", str(speech)],
+        "paper-units": ["--method", "units", "--alignment", "paper"],
+    }.items():  # fmt: skip
+        path = tmp_path / f"{name}.npz"
+        assert main(["synth", "--file", subtitles, "-o", str(path), *options]) == 0
+        made[name] = load_motion(path)
+    np.testing.assert_array_equal(made["plain"].params, made["attina"].params)
+    for name in ("paper", "rest", "units", "paper-units"):
+        n = min(len(made[name].params), len(made["plain"].params))
+        assert np.abs(made[name].params[:n] - made["plain"].params[:n]).max() > 0.05, name
+        assert made[name].score == made["plain"].score
+    assert sf.info(speech).duration == pytest.approx(made["units"].duration_s)
+    wrong = ["synth", "--file", subtitles, "-o", str(tmp_path / "x.npz"), "--method", "rules"]
+    assert main([*wrong, "--speech", str(tmp_path / "x.wav")]) == 2
+    capsys.readouterr()
+    targets = []
+    for alignment in ALIGNMENTS:
+        assert main(["keys", "--file", subtitles, "--json", "--alignment", alignment]) == 0
+        targets.append([key["target"] for key in json.loads(capsys.readouterr().out)])
+    assert all(a <= b for a, b in zip(*targets, strict=True))
+    assert targets[0] != targets[1]
+
+
+def test_a_programme_is_dubbed_with_units(
+    tmp_path: Path, recordings: list[Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(performance, "built_in_recordings", lambda *_, **__: recordings)
+    noise = np.random.default_rng(5).normal(0, 0.05, 48_000 * 11)
+    sf.write(tmp_path / "p.wav", noise, 48_000)
+    dub = ["dub", str(tmp_path / "p.wav"), "--subtitles", srt(tmp_path / "a.srt"), "--no-grade"]
+    received = {}
+    for method in ("rules", "units"):
+        out, found = tmp_path / f"{method}.wav", tmp_path / f"{method}.npz"
+        assert main([*dub, "-o", str(out), "--method", method]) == 0
+        assert main(["receive", str(out), "-o", str(found)]) == 0
+        received[method] = load_motion(found)
+    rules, units = received["rules"], received["units"]
+    assert rules.score is not None
+    assert units.score is not None
+    assert [str(k) for k in rules.score.keys] == [str(k) for k in units.score.keys]
+    assert np.abs(rules.params - units.params).max() > 0.05
