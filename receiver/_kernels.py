@@ -68,13 +68,63 @@ def draw_triangles(
                 half = max(0.0, nx * light[1, 0] + ny * light[1, 1] + nz * light[1, 2])
                 sky = 0.20 + 0.22 * (0.5 + 0.5 * ny)
                 shine = value[6] * 0.5 * half**28
-                rim = 0.18 * max(0.0, 1.0 - nz) ** 3
+                rim = 0.36 * max(0.0, 1.0 - nz) ** 3
                 for k in range(3):
                     wrap = light[2, k]
                     lit = min(1.0, max(0.0, (key + wrap) / (1.0 + wrap))) ** 1.3
-                    colour = value[3 + k] * (lit * light[3, k] + sky * (0.85 + 0.125 * k))
-                    colour += shine + rim * (0.5 + 0.15 * k)
+                    colour = lit * light[3, k] + sky * (0.85 + 0.125 * k)
+                    colour = value[3 + k] * (colour + rim * (0.8 + 0.1 * k)) + shine
                     old = picture[row, column, k]
                     picture[row, column, k] = colour * alpha + old * (1.0 - alpha)
                 old = picture[row, column, 3]
                 picture[row, column, 3] = alpha + old * (1.0 - alpha)
+
+
+@njit(cache=True)
+def cover_triangles(
+    points: NDArray[np.float64],
+    triangles: NDArray[np.int64],
+    opacity: NDArray[np.float64],
+    depth: NDArray[np.float64],
+    mask: NDArray[np.float64],
+) -> None:
+    """Note where triangles stand in front of a picture.
+
+    Parameters
+    ----------
+    points : (V, 3)
+        Pixels to the right, pixels down, nearness (larger is nearer).
+    triangles : (F, 3)
+        Those seen from behind are left out.
+    opacity : (V,)
+        0..1.
+    depth : (H, W)
+        Nearness of the picture.
+    mask : (H, W)
+        Raised to the opacity of what covers a pixel.
+    """
+    height, width = depth.shape
+    for f in range(triangles.shape[0]):
+        ia, ib, ic = triangles[f, 0], triangles[f, 1], triangles[f, 2]
+        ax, ay = points[ia, 0], points[ia, 1]
+        bx, by = points[ib, 0], points[ib, 1]
+        cx, cy = points[ic, 0], points[ic, 1]
+        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        if area > -1e-12:
+            continue
+        left = max(0, int(np.floor(min(ax, bx, cx) - 0.5)))
+        right = min(width - 1, int(np.ceil(max(ax, bx, cx) - 0.5)))
+        top = max(0, int(np.floor(min(ay, by, cy) - 0.5)))
+        bottom = min(height - 1, int(np.ceil(max(ay, by, cy) - 0.5)))
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                px, py = column + 0.5, row + 0.5
+                wb = ((px - ax) * (cy - ay) - (cx - ax) * (py - ay)) / area
+                wc = ((bx - ax) * (py - ay) - (px - ax) * (by - ay)) / area
+                wa = 1.0 - wb - wc
+                if wa < 0.0 or wb < 0.0 or wc < 0.0:
+                    continue
+                near = wa * points[ia, 2] + wb * points[ib, 2] + wc * points[ic, 2]
+                if near > depth[row, column]:
+                    alpha = wa * opacity[ia] + wb * opacity[ib] + wc * opacity[ic]
+                    mask[row, column] = max(mask[row, column], alpha)

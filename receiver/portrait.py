@@ -1,12 +1,14 @@
 """Portraits of the avatar in software: the page's picture without a browser.
 
-Vertices and a camera come in, a picture goes out. The light is that of ``page/avatar.js``.
+Vertices and a camera come in, a picture goes out. The light is that of ``page/avatar.js``. The
+hand throws a soft shadow on face and clothes: four silhouettes of it, one beside the other. It
+tells the hand from a face of the same colour, and how near they are.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from receiver._kernels import draw_triangles
+from receiver._kernels import cover_triangles, draw_triangles
 from receiver.avatar import Avatar, FloatArray, vertex_normals
 from receiver.camera import Camera
 
@@ -17,6 +19,12 @@ _KEY = np.array([-0.45, 0.55, 0.70]) / np.linalg.norm([-0.45, 0.55, 0.70])
 _HALF = (_KEY + _VIEWER) / np.linalg.norm(_KEY + _VIEWER)
 LIGHT = np.array([_KEY, _HALF, [0.50, 0.32, 0.25], [0.95, 0.912, 0.855]])
 """Direction of the key light, half way to the viewer, wrap and strength per colour."""
+
+SHADOWS_MM = ((2.0, -3.0), (5.0, -6.5), (8.0, -10.0), (11.0, -13.5))
+"""Where the shadows lie beside the hand: to the right and down."""
+
+SHADE = 0.1
+"""What each of them takes from the picture's brightness."""
 
 
 def draw_avatar(
@@ -36,21 +44,34 @@ def draw_avatar(
         Swap left and right, for a left-handed cuer.
     """
     height, width = (SUPERSAMPLING * side for side in picture.shape[:2])
-    triangles = avatar.triangles
-    normals = vertex_normals(vertices, triangles)
-    view = camera.project(vertices)
-    x, nearness = view[:, 0] * height, vertices[:, 2]
-    if mirror:
-        x, triangles = -x, triangles[:, ::-1]
-        normals = normals * [-1, 1, 1]
-    points = np.stack([width / 2 + x, height / 2 + view[:, 1] * height, nearness], axis=1)
-    colours = avatar.colours / 255.0
-    values = np.concatenate([normals, colours[:, :3] ** 2.2, colours[:, 3:]], axis=1)
+    turned = slice(None, None, -1) if mirror else slice(None)
+
+    def seen(places: FloatArray) -> FloatArray:
+        view = camera.project(places)
+        x = -view[:, 0] if mirror else view[:, 0]
+        return np.stack(
+            [width / 2 + x * height, height / 2 + view[:, 1] * height, places[:, 2]], axis=1
+        )
+
     depth = np.full((height, width), -np.inf)
     drawn = np.zeros((height, width, 4))
-    draw_triangles(
-        np.ascontiguousarray(points), np.ascontiguousarray(triangles), values, LIGHT, depth, drawn
-    )
+    start = len(avatar.head.sources)
+    for surface, places in ((avatar.head, vertices[:start]), (avatar.hand, vertices[start:])):
+        triangles = np.ascontiguousarray(surface.triangles[:, turned])
+        colours = surface.colours / 255.0
+        if surface is avatar.hand:
+            for right_mm, up_mm in SHADOWS_MM:
+                offset = np.array([-right_mm if mirror else right_mm, up_mm, 0.0])
+                moved = seen(places + offset)
+                mask = np.zeros((height, width))
+                opacity = np.ascontiguousarray(colours[:, 4])
+                cover_triangles(moved, triangles, opacity, depth, mask)
+                drawn[..., :3] *= ((1 - SHADE * mask) ** 2.2)[..., None]
+        normals = vertex_normals(places, surface.triangles)
+        if mirror:
+            normals = normals * [-1, 1, 1]
+        values = np.concatenate([normals, colours[:, :3] ** 2.2, colours[:, 3:]], axis=1)
+        draw_triangles(seen(places), triangles, values, LIGHT, depth, drawn)
     n = SUPERSAMPLING
     drawn = drawn.reshape(height // n, n, width // n, n, 4).mean(axis=(1, 3))
     alpha = drawn[..., 3:]

@@ -139,10 +139,10 @@ def render_motion(
         size = DEFAULT_SIZE if picture is None else (picture.shape[1], picture.shape[0])
     if len(motion.params) == 0:
         raise CueError("motion holds no frames to draw")
-    write = {".png": _write_picture, ".mp4": _write_film}.get(target.suffix.lower())
+    write = {".png": _write_still, ".mp4": _write_film}.get(target.suffix.lower())
     if write is None:
         raise CueError(f"{target.name}: a film ends in .mp4, a picture in .png")
-    if write is _write_picture:
+    if write is _write_still:
         middle = motion.start_s + motion.duration_s / 2
         times = np.array([middle if at_s is None else at_s])
     else:
@@ -169,16 +169,22 @@ def _counted(
             progress(done, total)
 
 
-def _write_picture(
+def write_picture(path: str | os.PathLike[str], picture: NDArray[np.uint8]) -> None:
+    """Write a picture (height, width, 3) as PNG; missing folders are made."""
+    codec = av.CodecContext.create("png", "w")
+    codec.height, codec.width = picture.shape[:2]
+    codec.pix_fmt = "rgb24"
+    codec.time_base = Fraction(1, 1)
+    frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")
+    target = Path(path)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_bytes(b"".join(map(bytes, [*codec.encode(frame), *codec.encode(None)])))
+
+
+def _write_still(
     name: str, frames: Iterator[NDArray[np.uint8]], size: tuple[int, int], fps: int
 ) -> None:
-    codec = av.CodecContext.create("png", "w")
-    codec.width, codec.height = size
-    codec.pix_fmt = "rgb24"
-    codec.time_base = Fraction(1, fps)
-    packets = [*codec.encode(av.VideoFrame.from_ndarray(next(frames), format="rgb24"))]
-    packets += codec.encode(None)
-    Path(name).write_bytes(b"".join(map(bytes, packets)))
+    write_picture(name, next(frames))
     next(frames, None)
 
 

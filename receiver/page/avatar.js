@@ -12,12 +12,15 @@ const KINDS = { f4: Float32Array, i2: Int16Array, u2: Uint16Array, u1: Uint8Arra
 const SHARE_UNIT = 252;
 const OFFSET_UNIT = 256;
 const ORIGIN = [0, 0, 0];
+/** Where the hand's shadows lie, and how dark each of them is: as in `receiver.portrait`. */
+const SHADOWS_MM = [[2, -3], [5, -6.5], [8, -10], [11, -13.5]];
+const SHADE = 0.1;
 
 const VERTEX = `
 attribute vec3 position, normal;
 attribute vec4 colour;
 attribute vec3 extra;
-uniform vec3 turn, shift, base, pivot, centre;
+uniform vec3 turn, shift, base, pivot, centre, beside;
 uniform vec3 frame;
 varying vec3 n;
 varying vec4 tint;
@@ -32,7 +35,7 @@ vec3 rotated(vec3 p, vec3 r) {
 }
 void main() {
   vec3 r = turn * extra.y;
-  vec3 p = rotated(position - base, r) + shift * extra.z + pivot - centre;
+  vec3 p = rotated(position - base, r) + shift * extra.z + pivot + beside - centre;
   n = rotated(normal, r);
   n.x *= frame.z;
   tint = colour;
@@ -46,7 +49,7 @@ precision mediump float;
 varying vec3 n;
 varying vec4 tint;
 varying float opacity;
-uniform float alpha;
+uniform float alpha, shade;
 const vec3 KEY = vec3(-0.45102, 0.55125, 0.70159);
 const vec3 HALF = vec3(-0.24449, 0.29882, 0.92245);
 void main() {
@@ -55,11 +58,15 @@ void main() {
   vec3 lit = pow(clamp((dot(m, KEY) + wrap) / (1.0 + wrap), 0.0, 1.0), vec3(1.3));
   float sky = 0.20 + 0.22 * (0.5 + 0.5 * m.y);
   vec3 base = pow(tint.rgb, vec3(2.2));
-  vec3 c = base * (lit * vec3(0.95, 0.912, 0.855) + sky * vec3(0.85, 0.975, 1.1));
+  vec3 rim = 0.36 * pow(max(1.0 - m.z, 0.0), 3.0) * vec3(0.8, 0.9, 1.0);
+  vec3 c = base * (lit * vec3(0.95, 0.912, 0.855) + sky * vec3(0.85, 0.975, 1.1) + rim);
   c += tint.a * 0.5 * pow(max(dot(m, HALF), 0.0), 28.0);
-  c += 0.18 * pow(max(1.0 - m.z, 0.0), 3.0) * vec3(0.5, 0.65, 0.8);
   float a = opacity * alpha;
   if (a < 0.004) discard;
+  if (shade > 0.0) {
+    gl_FragColor = vec4(0.0, 0.0, 0.0, shade * opacity);
+    return;
+  }
   gl_FragColor = vec4(pow(clamp(c, 0.0, 1.0), vec3(1.0 / 2.2)) * a, a);
 }`;
 
@@ -205,7 +212,7 @@ export class AvatarView {
     this.model = model;
     this.lids = arrays.blink_vertices;
     this.blink = arrays.blink;
-    this.gl = canvas.getContext("webgl", { alpha: true, antialias: true, premultipliedAlpha: true });
+    this.gl = canvas.getContext("webgl", { alpha: true, antialias: true, stencil: true, premultipliedAlpha: true });
     if (!this.gl) throw new Error("WebGL is missing");
     this.program = link(this.gl, VERTEX.replace("HEIGHT", model.camera.height_mm.toFixed(3)), FRAGMENT);
     this.head = this.upload(new Surface(arrays, "head"), arrays.head_weights);
@@ -259,12 +266,20 @@ export class AvatarView {
     const wide = 2 * canvas.height / canvas.width;
     gl.uniform3f(program.uniforms.frame, wide, model.camera.distance_mm, look.mirror ? -1 : 1);
     gl.uniform1f(program.uniforms.alpha, look.alpha);
+    gl.uniform3fv(program.uniforms.beside, ORIGIN);
+    gl.uniform1f(program.uniforms.shade, 0);
     // The face model keeps its points in the world, the hand model about its pivot.
-    if (!look.handOnly) this.drawPart(this.head, model.headMotion, model.face.pivot, model.face.pivot);
-    this.drawPart(this.hand, model.handMotion, ORIGIN, model.hand.pivot);
+    if (!look.handOnly) {
+      this.choosePart(this.head, model.headMotion, model.face.pivot, model.face.pivot);
+      this.drawPart(this.head);
+    }
+    this.choosePart(this.hand, model.handMotion, ORIGIN, model.hand.pivot);
+    if (!look.handOnly) this.castShadow(this.hand, look.mirror ? -1 : 1);
+    this.drawPart(this.hand);
   }
 
-  drawPart(part, motion, base, pivot) {
+  /** Set the part to be drawn: its place and its vertices. */
+  choosePart(part, motion, base, pivot) {
     const { gl, program } = this;
     gl.uniform3f(program.uniforms.turn, motion[0], motion[1], motion[2]);
     gl.uniform3f(program.uniforms.shift, motion[3], motion[4], motion[5]);
@@ -281,7 +296,32 @@ export class AvatarView {
     bind("colour", part.colour, 4, gl.UNSIGNED_BYTE, true);
     bind("extra", part.extra, 3, gl.FLOAT, false);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, part.index);
+  }
+
+  drawPart(part) {
+    const { gl } = this;
     gl.drawElements(gl.TRIANGLES, part.surface.triangles.length, gl.UNSIGNED_SHORT, 0);
+  }
+
+  /** Darken what lies behind silhouettes of the part: each pixel once per silhouette. */
+  castShadow(part, side) {
+    const { gl, program } = this;
+    gl.depthMask(false);
+    gl.enable(gl.STENCIL_TEST);
+    gl.stencilFunc(gl.EQUAL, 0, 0xff);
+    gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
+    gl.blendFuncSeparate(gl.ZERO, gl.ONE_MINUS_SRC_ALPHA, gl.ZERO, gl.ONE);
+    gl.uniform1f(program.uniforms.shade, SHADE);
+    for (const [x, y] of SHADOWS_MM) {
+      gl.clear(gl.STENCIL_BUFFER_BIT);
+      gl.uniform3f(program.uniforms.beside, side * x, y, 0);
+      this.drawPart(part);
+    }
+    gl.uniform3fv(program.uniforms.beside, ORIGIN);
+    gl.uniform1f(program.uniforms.shade, 0);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.disable(gl.STENCIL_TEST);
+    gl.depthMask(true);
   }
 }
 
@@ -304,6 +344,6 @@ function link(gl, vertex, fragment) {
   return {
     handle,
     attributes: names(["position", "normal", "colour", "extra"], gl.getAttribLocation),
-    uniforms: names(["turn", "shift", "base", "pivot", "centre", "frame", "alpha"], gl.getUniformLocation),
+    uniforms: names(["turn", "shift", "base", "pivot", "centre", "frame", "alpha", "beside", "shade"], gl.getUniformLocation),
   };
 }

@@ -42,7 +42,7 @@ export class Stage {
     this.inset.dataset.contrast = settings.get("contrast");
     this.inset.dataset.alone = alone;
     this.inset.dataset.place = whole ? "whole" : settings.get("place");
-    this.inset.style.setProperty("--backdrop", 0.72 * settings.get("opacity") / 100);
+    this.inset.style.setProperty("--backdrop", 0.82 * settings.get("opacity") / 100);
     this.inset.hidden = false;
   }
 

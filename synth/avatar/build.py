@@ -6,7 +6,7 @@ of its hand model (forearm at rest), because that is where the receiver finds th
 it moves them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from codec.layout import FACE_MARKERS, FOREARM, HAND_MARKERS, RIGID_FACE
 from codec.voice import Voice, load_voice
+from synth.avatar.arms import lower_arms
 from synth.avatar.hand import hand_part
 from synth.avatar.head import head_part, read_groups
 from synth.avatar.maps import MarkerMap, learn
@@ -66,7 +67,7 @@ class Limb:
             "coefficients": (self.map.coefficients * largest / 32767).astype(np.float32),
             "basis": np.rint(self.map.basis * 32767 / largest[:, None]).astype(np.int16),
             "sources": number[part.sources].astype(np.uint16),
-            "shares": np.rint(part.shares * 252).astype(np.uint8),
+            "shares": _whole_shares(part.shares),
             "offsets": np.rint(part.offsets * 256).astype(np.int16),
             "triangles": part.triangles.astype(np.uint16),
             "colours": part.colours,
@@ -115,6 +116,14 @@ class Avatar:
         }  # fmt: skip
 
 
+def _whole_shares(shares: FloatArray) -> NDArray[np.uint8]:
+    """Return shares in parts of 252 whose rows still sum to one."""
+    parts = np.rint(shares * 252).astype(np.int64)
+    largest = parts.argmax(axis=1)
+    parts[np.arange(len(parts)), largest] += 252 - parts.sum(axis=1)
+    return parts.astype(np.uint8)
+
+
 def error_mm(avatar: Avatar) -> dict[str, float]:
     """Return the errors of the maps on the sentence that they did not learn from."""
     return {
@@ -140,11 +149,12 @@ def build_avatar(folder: Path, cuer: str) -> Avatar:
     origin = 0.5 * (face[FACE_MARKERS.index("EAR_R")] + face[FACE_MARKERS.index("EAR_L")])
     hand = hand_places(mesh, surface, load_asset("hm08_markers")["arm_frames"]).of(mesh.vertices)
     arm = _arm_share(mesh)
-    head = _head(mesh, head_part(mesh, groups, face, arm), body, voice, origin)
+    posed = lower_arms(mesh)
+    head = _head(posed, head_part(posed, groups, face, arm), body, voice, origin)
     quads = groups["body"][(arm[groups["body"]] > 0.5).all(axis=1)]
     joints = np.array([mesh.joints["wrist.R"][0], mesh.joints["lowerarm01.R"][0]])
     part = hand_part(quads, mesh.vertices, hand, joints)
-    weights, blink = _weights_and_blink(mesh, head.control, body, voice)
+    weights, blink = _weights_and_blink(posed, head.control, body, voice)
     limb = _hand(mesh, part, body, voice, origin)
     return Avatar(head, limb, weights, blink, *_arkit_units(body, voice))
 
@@ -229,7 +239,14 @@ def _hand(mesh: Mesh, part: Part, body: Body, voice: Voice, origin: FloatArray) 
         params = voice.invert(body.markers(pose), rate_hz=_RATE_HZ).params
         return voice.hand.shape(params[:, voice.hand_columns[: voice.hand.n_shape]])
 
-    return Limb(part, control, *_fit(body, seen, decoded, reference, HAND_RANK))
+    found, errors = _fit(body, seen, decoded, reference, HAND_RANK)
+    # Only the sleeve stands off the skin: its way out turns with the forearm.
+    sleeve = np.isin(control, part.sources[np.abs(part.offsets).max(axis=1) > 0])
+    before, after = mesh.vertices[control][sleeve], found.rest[sleeve]
+    u, _, v = np.linalg.svd((before - before.mean(0)).T @ (after - after.mean(0)))
+    u[:, 2] *= np.sign(np.linalg.det(u @ v))
+    turned = replace(part, offsets=part.offsets @ (u @ v))
+    return Limb(turned, control, found, errors)
 
 
 def _fit(body: Body, seen: Any, decoded: Any, reference: FloatArray, rank: int) -> Any:

@@ -3,13 +3,24 @@
 import numpy as np
 
 from codec.layout import FINGERS, HAND_MARKERS
-from synth.avatar.head import blend, hollowness
-from synth.avatar.parts import CLOTH, SKIN, FloatArray, IntArray, Part, plain, take, triangulate
+from synth.avatar.head import blend, hollowness, vertex_normals
+from synth.avatar.parts import (
+    CLOTH,
+    HEM,
+    SKIN,
+    FloatArray,
+    IntArray,
+    Part,
+    cut,
+    join,
+    plain,
+    triangulate,
+)
 
 NAIL = (236, 186, 172)
 
-_SLEEVE_MM = (52.0, 60.0)
-_FADE_MM = (120.0, 175.0)
+_SLEEVE_MM, _HEM_MM = 54.0, 5.0
+_FADE_MM = (185.0, 222.0)
 
 
 def hand_part(quads: IntArray, points: FloatArray, markers: FloatArray, wrist: FloatArray) -> Part:
@@ -34,11 +45,28 @@ def hand_part(quads: IntArray, points: FloatArray, markers: FloatArray, wrist: F
         share = np.clip((7.0 - distance) / 2.5, 0, 1)
         blend(colours, NAIL, 0.8 * share)
         colours[:, 3] += 90 * share
-    colours[:, :3] *= (1 - hollowness(points, triangulate(quads)))[:, None]
+    triangles = triangulate(quads)
+    hollow = hollowness(points, triangles)
+    normals = vertex_normals(points, triangles)
     along = (wrist[1] - wrist[0]) / np.linalg.norm(wrist[1] - wrist[0])
-    up = (points - wrist[0]) @ along
-    sleeve = np.clip((up - _SLEEVE_MM[0]) / (_SLEEVE_MM[1] - _SLEEVE_MM[0]), 0, 1)
-    blend(colours, CLOTH, sleeve)
-    colours[:, 3] *= 1 - 0.85 * sleeve
-    colours[:, 4] = 255 * np.clip((_FADE_MM[1] - up) / (_FADE_MM[1] - _FADE_MM[0]), 0, 1)
-    return take(quads, np.clip(colours, 0, 255))
+
+    def up(places: FloatArray) -> FloatArray:
+        return np.asarray((places - wrist[0]) @ along)
+
+    parts = []
+    for level, lift_mm, colour in (
+        (lambda p: _SLEEVE_MM + 8 - up(p), 0.0, None),
+        (lambda p: up(p) - _SLEEVE_MM, 2.6, HEM),
+        (lambda p: up(p) - _SLEEVE_MM - _HEM_MM, 3.2, CLOTH),
+    ):  # fmt: skip
+        sources, shares, small = cut(triangles, points, level, division=2)
+        at = (points[sources] * shares[..., None]).sum(axis=1)
+        own = (colours[sources] * shares[..., None]).sum(axis=1)
+        if colour is not None:
+            own = plain(colour, 10, len(at))
+        own[:, :3] *= (1 - (hollow[sources] * shares).sum(axis=1))[:, None]
+        own[:, 4] = 255 * np.clip((_FADE_MM[1] - up(at)) / (_FADE_MM[1] - _FADE_MM[0]), 0, 1)
+        offsets = lift_mm * (normals[sources] * shares[..., None]).sum(axis=1)
+        painted = np.clip(own, 0, 255).astype(np.uint8)
+        parts.append(Part(sources, shares, offsets, small, painted))
+    return join(parts)

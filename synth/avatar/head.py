@@ -1,6 +1,7 @@
 """The avatar's head and bust out of the base mesh: which surfaces, in which colours."""
 
 from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from synth.avatar.parts import (
     BLUSH,
     CLOTH,
     HAIR,
+    HEM,
     LASHES,
     LIPS,
     MOUTH,
@@ -22,6 +24,7 @@ from synth.avatar.parts import (
     IntArray,
     Part,
     brow,
+    cut,
     eyeball,
     join,
     plain,
@@ -33,11 +36,12 @@ from synth.body.mesh import Mesh
 
 _LIFT_MM = 0.06
 _BUST_BOTTOM_MM = 330.0
-_BUST_HALF_MM = 215.0
+_BUST_HALF_MM = 290.0
 _BROW_LINE = np.array([
-    (14, 740), (19, 741.8), (25, 743.6), (31, 745), (37, 745.4), (42, 744), (47, 741), (51, 737.5),
+    (12, 742.2), (18, 743.4), (24, 744.8), (30, 745.8), (36, 746), (42, 744.6), (47, 742),
+    (52, 738),
 ])  # fmt: skip
-_BROW_WIDTH = np.array([3.6, 4.6, 4.6, 4.2, 3.6, 3.0, 2.2, 1.2])
+_BROW_WIDTH = np.array([5.0, 6.6, 7.0, 6.6, 5.8, 4.8, 3.6, 2.2])
 
 
 def read_groups(path: Path) -> dict[str, IntArray]:
@@ -86,21 +90,48 @@ def head_part(mesh: Mesh, groups: dict[str, IntArray], face: FloatArray, arm: Fl
         ball = np.unique(groups[f"helper-{letter}-eye"])
         parts.append(eyeball(points, ball))
         parts.append(brow(points, triangles, side, _BROW_LINE, _BROW_WIDTH))
-        lashes = plain(LASHES, 10, len(points))
-        lashes[:, 4] = 150
-        parts.append(take(groups[f"helper-{letter}-eyelashes-2"], lashes))
+        parts.append(_lashes(points, groups[f"helper-{letter}-eyelashes-2"], ball))
     for name, colour, gloss in (
-        ("helper-upper-teeth", TEETH, 160), ("helper-lower-teeth", TEETH, 160),
-        ("helper-tongue", TONGUE, 120),
+        ("helper-upper-teeth", TEETH, 110), ("helper-lower-teeth", TEETH, 90),
+        ("helper-tongue", TONGUE, 60),
     ):  # fmt: skip
-        parts.append(take(groups[name], plain(colour, gloss, len(points))))
-    parts.append(hair(points, triangles))
+        parts.append(_in_mouth(points, groups[name], colour, gloss))
+    parts += [hair(points, triangles), back_hair(points)]
     return join(parts)
+
+
+def _lashes(points: FloatArray, quads: IntArray, ball: IntArray) -> Part:
+    """Return the upper lashes: dark at their roots, fading towards their tips."""
+    used = np.unique(quads)
+    away = np.linalg.norm(points - points[ball].mean(axis=0), axis=1)
+    near, far = away[used].min(), away[used].max()
+    colours = plain(LASHES, 10, len(points))
+    colours[:, 4] = 235 * np.clip(1 - 1.6 * (away - near) / (far - near), 0, 1)
+    return take(quads, colours)
+
+
+def _in_mouth(
+    points: FloatArray, quads: IntArray, colour: tuple[int, int, int], gloss: int
+) -> Part:
+    """Return teeth or tongue: a little inside the lips, darker to the sides and to the throat."""
+    used = np.unique(quads)
+    x, _, z = points.T
+    colours = plain(colour, gloss, len(points))
+    side = np.clip((np.abs(x) - 8) / 16, 0, 1)
+    depth = np.clip((points[used, 2].max() - z) / 45, 0, 1)
+    light = (1 - 0.6 * side) * (1 - 0.8 * depth)
+    colours[:, :3] *= light[:, None]
+    colours[:, 3] *= light
+    part = take(quads, colours)
+    inwards = np.stack([-0.08 * x[used], 0 * x[used], -2.5 - 0.05 * np.abs(x[used])], axis=1)
+    if colour is TONGUE:  # at rest it lies behind the lower teeth, not between the lips
+        inwards += np.array([0, -3.0, -5.0])
+    return Part(part.sources, part.shares, part.offsets + inwards, part.triangles, part.colours)
 
 
 _HAIRLINE = np.array([
     (-60, 642), (-20, 646), (0, 656), (18, 690), (30, 742), (48, 750), (64, 740), (72, 716),
-    (80, 714), (90, 742), (104, 766), (122, 784), (140, 792), (175, 795),
+    (80, 714), (90, 742), (104, 762), (122, 778), (140, 786), (175, 789),
 ])  # fmt: skip
 """Height of the hairline over depth z: nape, behind and above the ear, temple, forehead."""
 
@@ -124,9 +155,9 @@ def hair(points: FloatArray, triangles: IntArray) -> Part:
         np.sin(across * rate + phase + 0.015 * at[:, 2])
         for rate, phase in ((0.9, 0.3), (1.7, 2.1), (3.1, 0.7), (4.3, 4.0))
     )
-    thickness = np.where(level > 0, 0.8 + 11 * (1 - np.exp(-np.maximum(level, 0) / 34)), level / 6)
+    thickness = np.where(level > 0, 0.8 + 13 * (1 - np.exp(-np.maximum(level, 0) / 34)), level / 6)
     thickness = thickness + 0.2 * np.clip(level / 10, 0, 1) * strands
-    colours = plain(HAIR, 50, len(at))
+    colours = plain(HAIR, 12, len(at))
     colours[:, :3] *= (1 + 0.07 * strands)[:, None] * (0.8 + 0.2 * np.clip(level / 12, 0, 1))[
         :, None
     ]
@@ -136,22 +167,75 @@ def hair(points: FloatArray, triangles: IntArray) -> Part:
     )
 
 
+_FALL = np.array([
+    (712, 70), (690, 80), (668, 87), (646, 91), (626, 93), (606, 94), (588, 93),
+])  # fmt: skip
+"""Half of the width of the hair behind the neck over its height."""
+
+_FALL_DEPTH_MM = 2.0
+
+
+def back_hair(points: FloatArray) -> Part:
+    """Return hair that falls behind ears and neck, as the viewer sees it: a panel, bulging."""
+    height = np.linspace(_FALL[0, 0], _FALL[-1, 0], 15)
+    half = np.interp(-height, -_FALL[:, 0], _FALL[:, 1])
+    across = np.linspace(-1, 1, 25)
+    x = (half[:, None] * across).ravel()
+    y = np.repeat(height, len(across)) - 5 * np.tile(across**2, len(height))
+    side = np.abs(np.tile(across, len(height)))
+    z = _FALL_DEPTH_MM + 12 * np.sqrt(np.clip(1 - side**4, 0, 1))
+    n = len(across)
+    i, j = np.meshgrid(np.arange(len(height) - 1), np.arange(n - 1), indexing="ij")
+    a = i * n + j
+    quads = np.stack([a, a + n, a + n + 1, a + 1], axis=-1).reshape(-1, 4)
+    strands = np.sin(23 * side + 0.6) + np.sin(41 * side + 1.9 + 0.01 * y) + np.sin(67 * side)
+    colours = plain(HAIR, 12, len(x))
+    # Behind the neck it is dark; what stands out at the sides catches the light.
+    colours[:, :3] *= (0.45 + 0.45 * side**2 + 0.05 * strands)[:, None]
+    colours[:, 4] = 255 * np.clip((y - _FALL[-1, 0] + 2 + 2.5 * strands) / 14, 0, 1)
+    place = np.stack([x, y, z], axis=1)
+    nape = int(np.argmin(np.linalg.norm(points - [0.0, 700.0, -60.0], axis=1)))
+    return Part(
+        np.full((len(x), 3), nape), np.full((len(x), 3), 1 / 3), place - points[nape],
+        triangulate(quads), np.clip(colours, 0, 255).astype(np.uint8),
+    )  # fmt: skip
+
+
 def _skin(mesh: Mesh, face: FloatArray, triangles: IntArray) -> Part:
-    """Return the skin, finer where its colour has an edge: lips and neckline."""
-    x, y, z = mesh.vertices.T
+    """Return the skin, finer at the lips, and the clothes over it."""
+    points = mesh.vertices
+    x, y, z = points.T
     lips = (np.abs(x) < 36) & (np.abs(y - 660) < 20) & (z > 125)
-    collar = (np.abs(_neckline(mesh.vertices) - y) < 26) & (z > 20) & (y > 506)
-    hollow = hollowness(mesh.vertices, triangles)
-    normals = vertex_normals(mesh.vertices, triangles)
+    hollow = hollowness(points, triangles)
+    hollow *= np.where(y < 650, 0.35, 1.0)  # a neck is no cave
+    normals = vertex_normals(points, triangles)
+
+    def above(line_mm: float) -> Callable[[FloatArray], FloatArray]:
+        return lambda p: p[:, 1] - _neckline(p) - line_mm
+
+    def below(line_mm: float) -> Callable[[FloatArray], FloatArray]:
+        return lambda p: _neckline(p) + line_mm - p[:, 1]
+
+    bare = cut(triangles, points, above(-9), division=1)
+    fine = tessellate(triangles[lips[triangles].any(axis=1)], 2)
+    shirt = cut(triangles, points, below(-5), division=3)
+    hem_some = cut(triangles, points, below(0.0), division=3)
     parts = []
-    for where, division in ((np.ones_like(lips), 1), (lips, 2), (collar, 4)):
-        some = triangles[where[triangles].any(axis=1)]
-        sources, shares, small = tessellate(some, division)
-        at = (mesh.vertices[sources] * shares[..., None]).sum(axis=1)
-        colours = _skin_colours(at, face, (hollow[sources] * shares).sum(axis=1))
-        # Finer skin lies over the coarse one, which closes the cracks along its edge.
-        lift = 0.0 if division == 1 else _LIFT_MM
-        offsets = lift * (normals[sources] * shares[..., None]).sum(axis=1)
+    for (sources, shares, small), lift_mm, colour in (
+        (bare, 0.0, None), (fine, _LIFT_MM, None), (shirt, 1.4, CLOTH), (hem_some, 0.9, HEM),
+    ):  # fmt: skip
+        at = (points[sources] * shares[..., None]).sum(axis=1)
+        shade = (hollow[sources] * shares).sum(axis=1)
+        if colour is None:
+            colours = _skin_colours(at, face, shade)
+        else:
+            colours = plain(colour, 10, len(at))
+            colours[:, :3] *= (1 - shade)[:, None]
+        edge = np.minimum(
+            (at[:, 1] - _BUST_BOTTOM_MM - 4) / 12, (_BUST_HALF_MM - 4 - np.abs(at[:, 0])) / 12
+        )
+        colours[:, 4] = 255 * np.clip(edge, 0, 1)
+        offsets = lift_mm * (normals[sources] * shares[..., None]).sum(axis=1)
         parts.append(Part(sources, shares, offsets, small, colours.astype(np.uint8)))
     return join(parts)
 
@@ -177,12 +261,7 @@ def _skin_colours(points: FloatArray, face: FloatArray, hollow: FloatArray) -> F
     colours[:, 3] += 60 * red
     cavity = (np.abs(x) < 34) & (y > 634) & (y < 684) & (z < 141 - 0.012 * x**2) & (z > 50)
     blend(colours, MOUTH, cavity.astype(float))
-    cloth = np.clip((_neckline(points) - y) / 4 + 0.5, 0, 1)
-    blend(colours, CLOTH, cloth)
-    colours[:, 3] *= 1 - 0.85 * cloth
     colours[:, :3] *= (1 - hollow)[:, None]
-    edge = np.minimum((y - _BUST_BOTTOM_MM - 12) / 60, (_BUST_HALF_MM - 12 - np.abs(x)) / 60)
-    colours[:, 4] = 255 * np.clip(edge, 0, 1)
     return colours
 
 

@@ -5,6 +5,7 @@ mean of three vertices of the base mesh plus an offset, so that whatever moves t
 Colours are painted here; all lengths are millimetres in the frame of the mesh.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,18 +17,19 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 SKIN = (226, 176, 150)
-LIPS = (187, 92, 90)
+LIPS = (194, 106, 100)
 BLUSH = (214, 138, 122)
-MOUTH = (74, 24, 26)
-TEETH = (232, 223, 208)
-TONGUE = (172, 84, 82)
+MOUTH = (58, 18, 20)
+TEETH = (222, 214, 200)
+TONGUE = (136, 62, 62)
 HAIR = (74, 45, 31)
-BROWS = (104, 72, 54)
+BROWS = (112, 78, 58)
 LASHES = (34, 24, 22)
 CLOTH = (40, 62, 92)
+HEM = (30, 47, 72)
 SCLERA = (232, 228, 222)
 LIMBUS = (52, 52, 48)
-IRIS = (94, 108, 84)
+IRIS = (98, 92, 62)
 PUPIL = (10, 9, 10)
 
 
@@ -122,6 +124,10 @@ def eyeball(vertices: FloatArray, ball: IntArray, *, gaze_deg: float = 0.0) -> P
     turn = np.radians(gaze_deg)
     look = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
     points = np.concatenate(ring) @ look.T + middle
+    painted = np.concatenate(colours)
+    # The upper lid and its lashes keep light from the top of the eye.
+    below_lid = np.clip((points[:, 1] - middle[1]) / radius - 0.12, 0, 0.5)
+    painted[:, :3] *= (1 - 1.1 * below_lid)[:, None]
     n = _EYE_SECTORS
     i, j = np.meshgrid(np.arange(len(_EYE_RINGS) - 1), np.arange(n), indexing="ij")
     a, b = i * n + j, i * n + (j + 1) % n
@@ -129,7 +135,7 @@ def eyeball(vertices: FloatArray, ball: IntArray, *, gaze_deg: float = 0.0) -> P
     anchor = np.full((len(points), 3), ball[0])
     return Part(
         anchor, np.full((len(points), 3), 1 / 3), points - vertices[ball[0]],
-        triangulate(quads), np.concatenate(colours).astype(np.uint8),
+        triangulate(quads), painted.astype(np.uint8),
     )  # fmt: skip
 
 
@@ -150,7 +156,7 @@ def brow(
     width : ndarray, shape (N,)
         Height of the brow along the line.
     """
-    rows = np.linspace(-0.5, 0.5, 4)
+    rows = np.linspace(-0.5, 0.5, 5)
     x = np.repeat(side * line[:, 0], len(rows))
     y = (line[:, 1, None] + width[:, None] * rows).ravel()
     corners, shares = on_skin(vertices, triangles, np.stack([x, y], axis=1))
@@ -162,8 +168,10 @@ def brow(
     if side < 0:
         quads = quads[:, ::-1]
     lift = np.tile([0.0, 0.0, 1.0], (len(points), 1))
-    edge = np.abs(np.tile(rows, len(line)))[:, None] > 0.4
-    colours = np.where(edge, plain(_mixed(BROWS, SKIN, 0.5), 20, len(x)), plain(BROWS, 20, len(x)))
+    colours = plain(BROWS, 20, len(x))
+    across = 1 - (np.abs(np.tile(rows, len(line))) / 0.5) ** 2
+    along = np.clip(np.repeat(np.arange(len(line)), n) / 2, 0.25, 1)
+    colours[:, 4] = 255 * np.clip(1.5 * across, 0, 1) * along
     return Part(corners, shares, lift, triangulate(quads), colours.astype(np.uint8))
 
 
@@ -199,9 +207,61 @@ def tessellate(triangles: IntArray, n: int) -> tuple[IntArray, FloatArray, IntAr
     return sources[first], shares[first] / n, inverse.reshape(-1)[fine]
 
 
-def _mixed(a: tuple[int, int, int], b: tuple[int, int, int], share: float) -> tuple[int, int, int]:
-    red, green, blue = (round(p + share * (q - p)) for p, q in zip(a, b, strict=True))
-    return red, green, blue
+def cut(
+    triangles: IntArray, vertices: FloatArray, level: Callable[[FloatArray], FloatArray],
+    *, division: int,
+) -> tuple[IntArray, FloatArray, IntArray]:  # fmt: skip
+    """Return the part of a surface where a level is positive, with a clean edge.
+
+    Parameters
+    ----------
+    triangles : ndarray of int, shape (F, 3)
+    vertices : ndarray, shape (M, 3)
+    level : callable
+        From points (N, 3) to (N,).
+    division : int
+        Triangles at the edge are divided this finely, so that the edge is as smooth.
+
+    Returns
+    -------
+    sources : ndarray of int, shape (V, 3)
+    shares : ndarray, shape (V, 3)
+    triangles : ndarray of int, shape (F', 3)
+    """
+    sides = level(vertices)[triangles] > 0
+    whole = triangles[sides.all(axis=1)]
+    crossed = triangles[sides.any(axis=1) & ~sides.all(axis=1)]
+    found: list[tuple[IntArray, FloatArray]] = []  # per triangle: its sources, shares of corners
+    steps = np.eye(3)
+    found += [(corners, steps) for corners in whole]
+    for parent in crossed:
+        _, shares, small = tessellate(np.arange(3)[None], division)
+        for corners in shares[small]:
+            points = corners @ vertices[parent]
+            found += [(parent, piece) for piece in _clipped(corners, level(points))]
+    sources = np.repeat([parent for parent, _ in found], 3, axis=0)
+    shares = np.concatenate([corners for _, corners in found])
+    shares = np.where(shares < 1e-9, 0, shares)
+    order = np.argsort(np.where(shares > 0, sources, -1), axis=1)
+    named = np.concatenate([
+        np.take_along_axis(np.where(shares > 0, sources, -1), order, axis=1),
+        np.take_along_axis(shares, order, axis=1).round(4),
+    ], axis=1)  # fmt: skip
+    _, first, inverse = np.unique(named, axis=0, return_index=True, return_inverse=True)
+    return sources[first], shares[first], inverse.reshape(-1, 3)
+
+
+def _clipped(corners: FloatArray, level: FloatArray) -> list[FloatArray]:
+    """Return what is left of a triangle (3, 3) where `level` (3,) of its corners is positive."""
+    kept: list[FloatArray] = []
+    for k in range(3):
+        a, b = level[k], level[(k + 1) % 3]
+        if a > 0:
+            kept.append(corners[k])
+        if (a > 0) != (b > 0):
+            share = a / (a - b)
+            kept.append(corners[k] + share * (corners[(k + 1) % 3] - corners[k]))
+    return [np.array([kept[0], kept[k], kept[k + 1]]) for k in range(1, len(kept) - 1)]
 
 
 def on_skin(

@@ -1,20 +1,24 @@
 """The avatar: Python and page give the same vertices; the picture; the asset's errors."""
 
 import gzip
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from codec.errors import CueError
+from codec.score import PLACEMENTS
 from codec.voice import load_voice
-from receiver._kernels import draw_triangles
+from receiver._kernels import cover_triangles, draw_triangles
 from receiver.avatar import eyes_closed, has_avatar, load_avatar, vertex_normals
 from receiver.portrait import LIGHT, draw_avatar
+from receiver.render import write_picture
 from receiver.voice_document import avatar_document, neutral_camera, voice_document
 from tests.receiver.node import PAGE, run_node
 from tests.receiver.standin import make_voice
 
+SHEET = Path(__file__).resolve().parents[2] / "artefacts" / "page" / "all-keys.png"
 VOICE = load_voice()
 AVATAR = load_avatar(VOICE)
 PARAMS = np.random.default_rng(3).normal(0, 0.7, (3, len(VOICE.layout))).astype(np.float32)
@@ -106,6 +110,21 @@ def test_kernel_equals_its_python() -> None:
     assert np.allclose(pictures[0], pictures[1], atol=1e-12)
 
 
+def test_kernel_of_shadows_equals_its_python() -> None:
+    rng = np.random.default_rng(4)
+    points = rng.uniform(0, 24, (30, 3))
+    triangles = rng.integers(0, 30, (40, 3))
+    opacity = rng.uniform(0, 1, 30)
+    depth = rng.uniform(0, 24, (20, 24))
+    masks = []
+    for function in (cover_triangles, cover_triangles.py_func):
+        mask = np.zeros((20, 24))
+        function(points, triangles, opacity, depth, mask)
+        masks.append(mask)
+    assert masks[0].any()
+    assert np.allclose(masks[0], masks[1], atol=1e-12)
+
+
 def test_nearer_triangle_hides_the_farther() -> None:
     corners = np.array([[0, 0], [0, 20], [20, 0]], dtype=float)
     points = np.concatenate([np.c_[corners, [5, 5, 5]], np.c_[corners, [9, 9, 9]]])
@@ -131,6 +150,38 @@ def test_portrait_has_a_face_in_the_middle() -> None:
     # The light stays where it is when the cuer is mirrored; her outline does not.
     outline = (picture.max(axis=2) > 60) != (mirrored[:, ::-1].max(axis=2) > 60)
     assert outline.mean() < 0.06
+
+
+def test_every_shape_can_be_told_at_every_placement() -> None:
+    """A sheet of all keys, to be looked at; no two hands have one outline."""
+    table, camera = VOICE.gestures, neutral_camera(VOICE)
+    start = len(AVATAR.head.sources)
+    rows = []
+    for place, name in enumerate(PLACEMENTS):
+        if name == "rest":
+            continue
+        tiles, outlines = [], []
+        for shape in range(1, 9):
+            params = np.concatenate([
+                np.zeros(7), table.shape_targets[shape], table.neutral_head,
+                table.placement_targets[shape, place],
+            ])  # fmt: skip
+            tile = np.full((210, 180, 3), 24, np.uint8)
+            vertices = AVATAR.place(params[None])[0]
+            draw_avatar(tile, AVATAR, vertices, camera)
+            tiles.append(tile)
+            hand = np.zeros(tile.shape[:2])
+            view = camera.project(vertices[start:])
+            points = np.stack([90 + 210 * view[:, 0], 105 + 210 * view[:, 1], view[:, 2]], axis=1)
+            opaque = np.ones(len(points))
+            nowhere = np.full(hand.shape, -np.inf)
+            cover_triangles(points, AVATAR.hand.triangles, opaque, nowhere, hand)
+            outlines.append(hand > 0)
+        rows.append(np.concatenate(tiles, axis=1))
+        for i, j in combinations(range(8), 2):
+            told = int((outlines[i] != outlines[j]).sum())
+            assert told > 110, (name, i + 1, j + 1)  # 151 and more; a thumb is 150 pixels
+    write_picture(SHEET, np.concatenate(rows))
 
 
 def test_voice_without_avatar() -> None:

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from codec.errors import CueError
+from synth.avatar.arms import lower_arms
 from synth.avatar.maps import learn
-from synth.avatar.parts import brow, eyeball, join, on_skin, plain, take, tessellate
+from synth.avatar.parts import brow, cut, eyeball, join, on_skin, plain, take, tessellate
+from synth.body.mesh import read_mesh
 
 MESH = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "hm08"
 
@@ -22,6 +24,33 @@ def test_map_recovers_a_linear_mesh() -> None:
         rest_markers=np.zeros((10, 3)), rest=np.zeros((20, 3)),
     )  # fmt: skip
     assert np.abs(found.vertices(markers) - vertices).max() < 1e-4
+
+
+@pytest.mark.parametrize("division", [1, 3])
+def test_cut_divides_a_surface_along_a_level(division: int) -> None:
+    """Both sides together have the whole area, and the edge lies on the level."""
+    x, y = np.meshgrid(np.arange(6.0), np.arange(5.0))
+    points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
+    i, j = np.meshgrid(np.arange(4), np.arange(5), indexing="ij")
+    a = (i * 6 + j).ravel()
+    triangles = np.concatenate([
+        np.stack([a, a + 1, a + 7], axis=1), np.stack([a, a + 7, a + 6], axis=1)
+    ])  # fmt: skip
+
+    def level(places: np.ndarray) -> np.ndarray:
+        return np.asarray(places[:, 1] - 0.3 * places[:, 0] - 1.23)
+
+    total = 0.0
+    for side in (level, lambda places: -level(places)):
+        sources, shares, small = cut(triangles, points, side, division=division)
+        at = (points[sources] * shares[..., None]).sum(axis=1)
+        corners = at[small]
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        assert (across[:, 2] > -1e-9).all()
+        assert side(at).min() > -1e-6
+        assert np.allclose(shares.sum(axis=1), 1)
+        total += across[:, 2].sum() / 2
+    assert total == pytest.approx(20.0, abs=1e-3)
 
 
 def test_ridge_keeps_noise_small() -> None:
@@ -96,3 +125,20 @@ def test_asset_is_near_the_true_mesh() -> None:
     assert avatar.head.error_mm["from parameters"] < 0.5  # 0.16 measured
     assert avatar.hand.error_mm["from true markers"] < 2.5  # 0.96 measured
     assert avatar.hand.error_mm["from parameters"] < 2.5  # 1.19 measured
+
+
+@pytest.mark.skipif(not MESH.is_dir(), reason="the base mesh is not beside the repository")
+def test_arms_hang_without_stretching() -> None:
+    mesh = read_mesh(MESH)
+    hanging = lower_arms(mesh)
+    for side in "LR":
+        share = sum(mesh.weights[f"{bone}.{side}"] for bone in ("upperarm02", "lowerarm01"))
+        arm = np.flatnonzero(np.asarray(share) > 0.98)[::23]
+        before, after = (
+            np.linalg.norm(v[arm][:, None] - v[arm][None], axis=-1)
+            for v in (mesh.vertices, hanging.vertices)
+        )
+        assert np.abs(before - after).max() < 3.0
+        assert hanging.vertices[arm, 1].mean() < mesh.vertices[arm, 1].mean() - 20
+    still = np.flatnonzero(mesh.weights["head"] > 0.9)
+    assert np.array_equal(hanging.vertices[still], mesh.vertices[still])
