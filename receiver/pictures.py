@@ -13,7 +13,7 @@ from watermark.link import Rates
 from watermark.received import ReceivedSuperframe
 from watermark.video.receive import VideoReceiver
 
-TRIAL_S = 12.0
+TRIAL_S = 8.0
 """If nothing is found in so much picture, it is not looked at for a while."""
 
 

@@ -21,7 +21,7 @@ from receiver.media.picture import PictureDecoder, luma_of
 from receiver.media.programme import Programme
 from receiver.media.sound import Hearing, SoundDecoder
 
-REST_S = 30.0
+REST_S = 60.0
 """How long a picture in which nothing was found is left alone."""
 
 

@@ -174,7 +174,7 @@ def _same_place(a: ReceivedSuperframe, b: ReceivedSuperframe) -> bool:
 
 
 def _code(profile: Rates) -> PolarCode:
-    return make_code(8 * profile.l0_bytes + L0_CHECK, profile.l0_coded)
+    return make_code(8 * profile.l0_bytes + L0_CHECK, profile.l0_coded, profile.l0_mother)
 
 
 def _fold(seen: _Seen, code: PolarCode) -> NDArray[np.float64]:

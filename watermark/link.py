@@ -39,6 +39,10 @@ class Rates(Protocol):
         """Coded bits of the first class."""
 
     @property
+    def l0_mother(self) -> int:
+        """Bits of the mother code of the first class."""
+
+    @property
     def l1_coded(self) -> int:
         """Coded bits of the second class."""
 
@@ -98,16 +102,18 @@ class Link:
 
     def __init__(self, profile: Rates) -> None:
         self.profile = profile
-        self._first = self._make_class("L0", profile.l0_bytes, L0_CHECK, profile.l0_coded)
-        self._second = (
-            self._make_class("L1", profile.l1_bytes, L1_CHECK, profile.l1_coded)
-            if profile.l1_bytes
-            else None
+        self._first = self._make_class(
+            "L0", profile.l0_bytes, L0_CHECK, profile.l0_coded, profile.l0_mother
         )
+        self._second = None
+        if profile.l1_bytes:
+            self._second = self._make_class("L1", profile.l1_bytes, L1_CHECK, profile.l1_coded)
 
     @staticmethod
-    def _make_class(name: str, size: int, check: int, length: int) -> _Class:
-        return _Class(name, size, check, make_code(8 * size + check, length))
+    def _make_class(
+        name: str, size: int, check: int, length: int, mother: int | None = None
+    ) -> _Class:
+        return _Class(name, size, check, make_code(8 * size + check, length, mother))
 
     def encode(self, l0: bytes, l1: bytes) -> NDArray[np.int64]:
         """Coded bits of a superframe, shape (data_cells,): first L0's, then L1's.

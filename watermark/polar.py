@@ -101,17 +101,24 @@ def polarisation_weight(size: int) -> NDArray[np.float64]:
     return weight
 
 
+def longest_mother(length: int) -> int:
+    """Return the greatest power of two up to `length`: the usual mother code."""
+    return 1 << (length.bit_length() - 1)
+
+
 @lru_cache(maxsize=16)
-def make_code(message: int, length: int) -> PolarCode:
-    """Construct the code of `message` bits in `length` bits.
+def make_code(message: int, length: int, mother: int | None = None) -> PolarCode:
+    """Construct the code of `message` bits in `length` bits from one of `mother` = 2**n bits.
+
+    Without `mother`, from the longest that `length` allows.
 
     Raises
     ------
     CueError
-        If the mother code is too short for the message.
+        If the mother code is too short for the message, or longer than the code.
     """
-    size = 1 << (length.bit_length() - 1)
-    if not 0 < message <= size:
+    size = longest_mother(length) if mother is None else mother
+    if not 0 < message <= size <= length or size & (size - 1):
         raise CueError(f"{message} message bits in a polar code of {size}")
     frozen = np.ones(size, dtype=np.int64)
     frozen[np.argsort(polarisation_weight(size), kind="stable")[size - message :]] = 0

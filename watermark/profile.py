@@ -8,6 +8,7 @@ receiver are handed the same profile; nothing is module state.
 from dataclasses import dataclass
 
 from codec.errors import CueError
+from watermark.polar import longest_mother
 
 FS = 48_000
 """Rate in Hz at which the mark is defined; other rates are converted to it."""
@@ -106,6 +107,11 @@ class Profile:
         """Cells of one superframe that carry coded bits."""
         pilots = PILOTS_PER_FRAME * PILOT_BINS // self.cell_bins
         return (self.groups - pilots) * FRAMES_PER_SUPERFRAME
+
+    @property
+    def l0_mother(self) -> int:
+        """Bits of the mother code of the first class."""
+        return longest_mother(self.l0_coded)
 
     @property
     def l1_coded(self) -> int:

@@ -24,7 +24,7 @@ from cuecast.media.picture import PictureStage, rewrite_picture
 from receiver.media.picture import PictureFormat, picture_format, read_lumas
 from watermark.profile import SUPERFRAME_S
 from watermark.quality.picture import PictureMeter, PictureQuality
-from watermark.video.embed import STEP, VideoEmbedder
+from watermark.video.embed import VideoEmbedder
 from watermark.video.profile import VideoProfile, find_profile
 from watermark.video.receive import VideoReceiver
 
@@ -212,7 +212,7 @@ def evaluate_video(
     *,
     profile: str = "standard",
     seconds: float = 6.0,
-    step: float = STEP,
+    strength: float = 1.0,
     seed: int = 0,
     folder: Path | None = None,
     progress: Callable[[VideoRow], None] = lambda row: None,
@@ -231,8 +231,8 @@ def evaluate_video(
         Profile of the carrier.
     seconds : float
         How much of each clip is used.
-    step : float
-        Strength of the mark.
+    strength : float
+        Factor of the profile's step.
     seed : int
         Of the payload.
     folder : Path, optional
@@ -253,7 +253,7 @@ def evaluate_video(
     rows = []
     for clip in clips:
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
-            trial = _Trial(Path(clip), Path(scratch), sizes, seconds, step, seed)
+            trial = _Trial(Path(clip), Path(scratch), sizes, seconds, strength, seed)
             for name in chosen:
                 rows.append(trial.run(name))
                 progress(rows[-1])
@@ -269,11 +269,11 @@ class _Trial:
         folder: Path,
         profile: VideoProfile,
         seconds: float,
-        step: float,
+        strength: float,
         seed: int,
     ) -> None:
         self._clip, self._folder, self._profile = clip, folder, profile
-        self._step, self._seed = step, seed
+        self._strength, self._seed = strength, seed
         original, self._marked = folder / "original.mkv", folder / "marked.mkv"
         timed: list[_Timed] = []
 
@@ -297,7 +297,7 @@ class _Trial:
             self._payload,
             profile=self._profile.name,
             depth=form.depth,
-            step=self._step,
+            strength=self._strength,
         )
 
     def _payload(self, k: int) -> tuple[bytes, bytes]:
@@ -309,7 +309,7 @@ class _Trial:
         coded = self._code(CHANNELS[name])
         form = picture_format(coded)
         receiver = VideoReceiver(
-            form.width, form.height, form.fps, depth=form.depth, step=self._step
+            form.width, form.height, form.fps, depth=form.depth, strength=self._strength
         )
         found = []
         elapsed_s, frames = 1e-9, 0

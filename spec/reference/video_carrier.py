@@ -1,34 +1,37 @@
-"""Sections 2, 3, 5 and the hard decisions of 6 of spec/video-carrier.md, from the text."""
+"""Sections 2 to 5 and the hard decisions of 6 of spec/video-carrier.md, from the text."""
 
 import hashlib
 import math
 
-STEP = 2.5
+STEPS = {0: (2.0, True), 1: (2.5, False), 2: (2.5, False), 3: (2.0, True), 4: (2.0, True)}
+"""(V2) Fine step of each profile, by number, and whether it has a coarse one."""
+
+COARSE, TEXTURE = 3, 3.5
 ROWS, COLUMNS = 45, 80
 VALUES = 2 * ROWS * COLUMNS
 PILOTS = 320
 
 
 def words(purpose: str, key: int, count: int) -> list[int]:
-    """(V13) Words of a stream."""
+    """(V15) Words of a stream."""
     raw = hashlib.shake_256(f"cuecast audio 1/{purpose}/{key}".encode("ascii")).digest(4 * count)
     return [int.from_bytes(raw[4 * i : 4 * i + 4], "little") for i in range(count)]
 
 
 def dither(key: int) -> list[float]:
-    """(V14) Dither of every value."""
+    """(V16) Dither of every value."""
     return [word / 2**32 for word in words("video dither", key, VALUES)]
 
 
 def positions(key: int) -> tuple[list[int], list[int]]:
-    """(V15) Values of the pilots and of the data."""
+    """(V17) Values of the pilots and of the data."""
     order = words("video positions", key, VALUES)
     ranked = sorted(range(VALUES), key=lambda i: (order[i], i))
     return sorted(ranked[:PILOTS]), ranked[PILOTS:]
 
 
 def pilot_bits(number: int, key: int, superframe: int) -> list[int]:
-    """(V16) Bits of the pilots of a superframe."""
+    """(V18) Bits of the pilots of a superframe."""
     return [(word ^ superframe) & 1 for word in words(f"video pilot bits {number}", key, PILOTS)]
 
 
@@ -69,7 +72,30 @@ def _places(size: int, cells: int, cell: int) -> dict[int, float]:
     return {x: u - cell for x, u in places.items() if int(u) == cell}
 
 
-def hard_bit(mean_amplitude: float, dither_of_value: float) -> int:
+def texture(luma: list[list[int]], row: int, column: int) -> float:
+    """(V13) Texture of a cell of a picture of 8 bits."""
+    rows = [list(_places(len(luma), 4 * ROWS, 4 * row + i)) for i in range(4)]
+    columns = [list(_places(len(luma[0]), 4 * COLUMNS, 4 * column + j)) for j in range(4)]
+    deviations = []
+    for i in (0, 2):
+        for j in (0, 2):
+            means = []
+            for down in rows[i : i + 2]:
+                for across in columns[j : j + 2]:
+                    values = [luma[y][x] for y in down for x in across]
+                    means.append(sum(values) / len(values))
+            mean = sum(means) / 4
+            deviations.append(math.sqrt(sum((m - mean) ** 2 for m in means) / 4))
+    return min(deviations)
+
+
+def step_of(number: int, texture_of_cell: float) -> tuple[float, int]:
+    """(V2, V13) Fine step of a profile, and how many of them the cell's lattice is wide."""
+    step, textured = STEPS[number]
+    return step, COARSE if textured and texture_of_cell > TEXTURE else 1
+
+
+def hard_bit(mean_amplitude: float, dither_of_value: float, step: float, width: int) -> int:
     """(V11) The bit whose lattice is nearer."""
-    place = (mean_amplitude / STEP - dither_of_value) * 2
+    place = (mean_amplitude / step - dither_of_value) * 2 / width
     return round(place) % 2

@@ -333,6 +333,36 @@ def test_long_message_survives_as_many_losses_as_its_grid_says(count: int) -> No
     assert parse_private(found[1], message_id=USER_PRIVATE_LONG)[0] == DOMAIN
 
 
+@pytest.mark.parametrize(("fps", "lost"), [(25, [1]), (50, [])])
+def test_lost_frame_of_a_shared_message(fps: int, lost: list[int]) -> None:
+    """At 25 frames a second a superframe is there once, at 50 twice."""
+    give = source("1x-max")
+    embedder = A335Embedder(1280, 8, fps, give, profile="1x-max")
+    receiver = A335Receiver(1280, 8, fps)
+    found = []
+    for n in range(8 * fps):
+        marked = one(embedder, grey())
+        found += receiver.process(grey() if n == fps else marked)
+    numbers = [round(s.position_s / 0.64) for s in found]
+    assert numbers == [k for k in range(12) if k not in lost]
+    assert [(s.l0, s.l1) for s in found] == [give(k) for k in numbers]
+
+
+def test_shared_message_is_an_ordinary_one_and_can_be_entered_anywhere() -> None:
+    give = source("1x-max")
+    embedder = A335Embedder(1280, 8, 25, give, profile="1x-max")
+    frames = [one(embedder, grey()) for _ in range(64)]
+    receiver, assembler = A335Receiver(1280, 8, 25), MessageAssembler()
+    found = [s for frame in frames[17:] for s in receiver.process(frame)]
+    assert [s.l0 for s in found] == [give(k)[0] for k in (2, 3)]
+    assert found[0].position_s == pytest.approx(2 * 0.64 - 17 / 25, abs=0.05)
+    whole = [assembler.add(block) for frame in frames for _, block in read_blocks(frame)][-1]
+    assert whole is not None
+    assert parse_private(whole[1], message_id=USER_PRIVATE_LONG)[0] == DOMAIN
+    with pytest.raises(CueError, match="62 frames hold no 4 superframes of 299 bytes"):
+        A335Embedder(1280, 8, 24, give, profile="1x-max")
+
+
 # --- the carrier ---
 
 
@@ -444,8 +474,11 @@ def test_second_line_helps() -> None:
 
 def test_rates_are_as_published() -> None:
     rates = {name: round(p.net_bps) for name, p in PROFILES.items()}
-    assert rates == {"1x": 738, "1x-high": 3000, "2x": 4112, "2x-high": 8250}
-    assert [p.body_bytes * 8 * 25 for p in PROFILES.values()] == [4200, 3800, 10200, 9800]
+    assert rates == {
+        "1x": 738, "1x-high": 3000, "1x-max": 3738, "2x": 4112, "2x-high": 8250, "2x-max": 9738,
+    }  # fmt: skip
+    gross = [p.body_bytes * 8 * 25 for p in PROFILES.values()]
+    assert gross == [4200, 3800, 3800, 10200, 9800, 9800]
 
 
 def test_frame_rates() -> None:

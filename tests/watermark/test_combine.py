@@ -27,22 +27,22 @@ def through_noise(
 
 
 def test_each_alone_loses_both_together_do_not() -> None:
-    # Required: each alone loses over 20 %, together under 2 %. Here both lose most of 40.
+    # Required: each alone loses over 20 %, together under 2 %. Here 77 % and 40 % of 60.
     rng = np.random.default_rng(1)
     combiner = Combiner()
     lost = [0, 0, 0]
-    for k in range(40):
+    for k in range(60):
         l0 = rng.bytes(AUDIO.l0_bytes)
-        heard = through_noise(AUDIO, l0, 2.55, 0.64 * k + 0.01, rng)
-        seen = through_noise(VIDEO, l0, 2.55, 0.64 * k, rng)
+        heard = through_noise(AUDIO, l0, 2.3, 0.64 * k + 0.01, rng)
+        seen = through_noise(VIDEO, l0, 3.8, 0.64 * k, rng)
         told = combiner.add("audio", heard, AUDIO) + combiner.add("video", seen, VIDEO)
         got = [s.l0 for s in told if s.l0 is not None]
         assert all(found == l0 for found in got)
         lost[0] += heard.l0 is None
         lost[1] += seen.l0 is None
         lost[2] += not got
-    assert lost[0] > 8
-    assert lost[1] > 8
+    assert lost[0] > 12
+    assert lost[1] > 12
     assert lost[2] == 0
     assert combiner.recovered > 4
 
@@ -51,7 +51,7 @@ def test_the_twin_must_be_at_the_same_place() -> None:
     rng = np.random.default_rng(2)
     combiner = Combiner()
     l0 = bytes(AUDIO.l0_bytes)
-    seen = through_noise(VIDEO, l0, 3.0, 0.0, rng)
+    seen = through_noise(VIDEO, l0, 6.0, 0.0, rng)
     assert [s.l0 for s in combiner.add("video", seen, VIDEO)] == [None]
     heard = through_noise(AUDIO, l0, 3.0, 0.64, rng)
     assert heard.l0 is None
@@ -94,7 +94,7 @@ def test_other_codes_pass_by() -> None:
     rng = np.random.default_rng(3)
     combiner = Combiner()
     robust = AUDIO_PROFILES["robust"]
-    seen = through_noise(VIDEO, bytes(VIDEO.l0_bytes), 9.0, 0.0, rng)
+    seen = through_noise(VIDEO, bytes(VIDEO.l0_bytes), 20.0, 0.0, rng)
     heard = through_noise(robust, bytes(robust.l0_bytes), 9.0, 0.0, rng)
     assert combiner.add("video", seen, VIDEO) == [seen]
     assert combiner.add("audio", heard, robust) == []

@@ -82,7 +82,8 @@ def test_round_trip(name: str) -> None:
     assert [s.position_s for s in found] == pytest.approx([0.64 * k for k in range(5)], abs=0.02)
     assert receiver.profile == PROFILES[name]
     assert receiver.locked
-    assert receiver.ber_estimate < 0.01
+    # Rounding to whole luma levels costs the finer step more in cells of eight pixels.
+    assert receiver.ber_estimate < (0.05 if PROFILES[name].textured else 0.01)
     report = embedder.report()
     assert (report.frames, report.superframes) == (80, 5)
     assert report.psnr_db == pytest.approx(psnr_db(frames, marked), abs=0.01)
@@ -267,11 +268,63 @@ def test_demodulation_of_exact_lattice_points() -> None:
     bits = np.random.default_rng(1).integers(0, 2, POSITIONS)
     bits[layout.pilots] = layout.pilot_bits ^ 1
     values = layout.dither + bits / 2 + np.random.default_rng(2).integers(-5, 5, POSITIONS)
-    soft = soft_bits(values, np.zeros(POSITIONS), layout)
+    fine = np.zeros(POSITIONS)
+    soft = soft_bits(values, np.zeros(POSITIONS), layout, fine)
     assert soft.parity == 1
     assert soft.agreement == pytest.approx(1)
     np.testing.assert_array_equal(soft.ratios < 0, bits[layout.data] == 1)
-    assert pilot_metric(values[layout.pilots], layout) == pytest.approx(-1)
+    assert pilot_metric(values[layout.pilots], layout, fine[:PILOTS]) == pytest.approx(-1)
+
+
+def test_coarse_lattice_lies_within_the_fine_one() -> None:
+    """Whatever the receiver thinks of a texture, the bit is right; knowing it defeats noise."""
+    layout = make_layout(find_profile("robust"), 3)
+    rng = np.random.default_rng(1)
+    bits = rng.integers(0, 2, POSITIONS)
+    bits[layout.pilots] = layout.pilot_bits
+    exact = layout.dither + 3 * bits / 2 + 3 * rng.integers(-5, 5, POSITIONS)
+    still = np.zeros(POSITIONS)
+    for share in (0.0, 0.5, 1.0):
+        soft = soft_bits(exact, still, layout, np.full(POSITIONS, share))
+        np.testing.assert_array_equal(soft.ratios < 0, bits[layout.data] == 1)
+    noisy = exact + rng.normal(0, 0.35, POSITIONS)
+    wrong = []
+    for share in (0.0, 0.9):
+        ratios = soft_bits(noisy, still, layout, np.full(POSITIONS, share)).ratios
+        wrong.append(float(((ratios < 0) != bits[layout.data]).mean()))
+    assert wrong[0] > 0.3  # measured 0.44
+    assert wrong[1] < 0.06  # measured 0.03
+
+
+def test_ratios_are_calibrated() -> None:
+    """A ratio r is right with probability 1 / (1 + exp(-r)) at any noise, so that ratios add."""
+    layout = make_layout(find_profile("robust"))
+    rng = np.random.default_rng(2)
+    coarse = (rng.uniform(size=POSITIONS) < 0.3).astype(float)
+    bits = rng.integers(0, 2, POSITIONS)
+    bits[layout.pilots] = layout.pilot_bits
+    width = np.where(coarse > 0, 3, 1)
+    for sigma in (0.1, 0.3, 0.6):
+        mean = layout.dither + width * (bits / 2 + rng.integers(-3, 3, POSITIONS))
+        mean += rng.normal(0, sigma, POSITIONS)
+        ratios = soft_bits(mean, np.zeros(POSITIONS), layout, coarse).ratios
+        right = (ratios < 0) == (bits[layout.data] == 1)
+        expected = 1 / (1 + np.exp(-np.abs(ratios)))
+        assert float(right.mean()) == pytest.approx(float(expected.mean()), abs=0.03)
+
+
+def test_texture_needs_all_quarters() -> None:
+    grid = Grid(1280, 720)
+    rng = np.random.default_rng(1)
+    noise = np.repeat(np.repeat(rng.integers(90, 160, (180, 320)), 4, 0), 4, 1).astype(np.uint8)
+    assert np.median(grid.texture(noise)) > 5
+    deep = Grid(1280, 720, 10).texture(noise.astype(np.uint16) * 4)
+    np.testing.assert_allclose(deep, grid.texture(noise))
+    edge = np.full((720, 1280), 60, dtype=np.uint8)
+    edge[:, 646:] = 200
+    assert grid.texture(edge).max() == 0
+    half = np.ascontiguousarray(noise[::2, ::2])
+    np.testing.assert_allclose(Grid(640, 360).texture(half), grid.texture(noise))
 
 
 def test_mother_code_is_that_of_the_audio_carrier() -> None:
@@ -303,6 +356,9 @@ def test_kernels_agree_with_their_python() -> None:
             rng.normal(size=(2, 3, 2)), across, down, columns, rows,
             np.empty((9, 11), dtype=np.float32),
         ),
+        "texture_into": (
+            luma, np.arange(9), np.minimum(np.arange(9), 8), np.empty((2, 2)),
+        ),
         "add_into": (
             luma, *rng.normal(size=(2, 9, 11)).astype(np.float32), 0.3, 255.0, np.empty_like(luma),
         ),
@@ -326,9 +382,9 @@ def test_refusals() -> None:
         VideoEmbedder(640, 360, 25, give, profile="x")
     with pytest.raises(CueError, match="luma of 4 bits"):
         VideoEmbedder(640, 360, 25, give, depth=4)
-    with pytest.raises(CueError, match=r"step 0: must be 0\.5\.\.20"):
-        VideoEmbedder(640, 360, 25, give, step=0)
-    with pytest.raises(CueError, match=r"512 coded bits of L0: must be 1024\.\.2047"):
+    with pytest.raises(CueError, match=r"strength 0: must be 0\.2\.\.8"):
+        VideoEmbedder(640, 360, 25, give, strength=0)
+    with pytest.raises(CueError, match=r"512 coded bits of L0: must be 1024\.\.6879"):
         VideoProfile("x", 9, 1, 1, 512)
     for end in (VideoEmbedder(640, 360, 25, give), VideoReceiver(640, 360, 25)):
         with pytest.raises(CueError, match=r"expected \(360, 640\)"):

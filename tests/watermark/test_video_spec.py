@@ -10,10 +10,10 @@ import pytest
 
 from spec.reference import video_carrier as reference
 from watermark.a335.profile import PROFILES as LINE_PROFILES
-from watermark.video.embed import STEP, VideoEmbedder
+from watermark.video.embed import VideoEmbedder
 from watermark.video.grid import Grid
 from watermark.video.layout import make_layout
-from watermark.video.profile import POSITIONS, PROFILES
+from watermark.video.profile import COARSE, POSITIONS, PROFILES, TEXTURE
 from watermark.video.timing import Timing
 
 ROOT = Path(__file__).parents[2]
@@ -21,7 +21,8 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.mark.vectors("video-carrier")
 def test_vectors(case: dict[str, Any]) -> None:
-    {"2": check_times, "3": check_amplitudes, "5": check_layout}[case["section"]](case)
+    checks = {"2": check_times, "3": check_amplitudes, "4": check_textures, "5": check_layout}
+    checks[case["section"]](case)
 
 
 def check_layout(case: dict[str, Any]) -> None:
@@ -46,19 +47,34 @@ def check_times(case: dict[str, Any]) -> None:
 
 
 def check_amplitudes(case: dict[str, Any]) -> None:
-    y, x = np.mgrid[: case["height"], : case["width"]]
-    luma = ((7 * x + 13 * y + x * y // 5) % 256).astype(np.uint8)
+    luma = ramps(case["width"], case["height"])
     found = Grid(case["width"], case["height"]).project(luma).reshape(-1)
     for value, amplitude in case["amplitudes"]:
         assert found[value] == pytest.approx(amplitude, abs=0.003)
 
 
-def test_reference_reads_what_is_embedded() -> None:
-    assert reference.STEP == STEP
+def check_textures(case: dict[str, Any]) -> None:
+    luma = ramps(case["width"], case["height"])
+    found = Grid(case["width"], case["height"]).texture(luma)
+    for row, column, texture in case["textures"]:
+        assert found[row, column] == pytest.approx(texture, abs=1e-6)
+
+
+def ramps(width: int, height: int) -> np.ndarray:
+    y, x = np.mgrid[:height, :width]
+    return np.asarray((7 * x + 13 * y + x * y // 5) % 256, dtype=np.uint8)
+
+
+@pytest.mark.parametrize("name", ["robust", "standard"])
+def test_reference_reads_what_is_embedded(name: str) -> None:
+    assert (reference.COARSE, reference.TEXTURE) == (COARSE, TEXTURE)
+    assert {p.number: (p.step, p.textured) for p in PROFILES.values()} == reference.STEPS
+    # Noise on the left, nothing on the right: both steps are in use.
     scene = np.random.default_rng(1).integers(40, 200, (360, 640)).astype(np.uint8)
-    profile = PROFILES["robust"]
+    scene[:, 320:] = 128
+    profile = PROFILES[name]
     embedder = VideoEmbedder(
-        640, 360, 25, lambda k: (bytes(20), bytes([k]) * 28), profile="robust", key=5
+        640, 360, 25, lambda k: (bytes(20), bytes([k]) * profile.l1_bytes), profile=name, key=5
     )
     frames = [out for _ in range(32) for out in embedder.process(scene)] + embedder.flush()
     dither = reference.dither(5)
@@ -69,14 +85,18 @@ def test_reference_reads_what_is_embedded() -> None:
         wrong = 0
         for value, bit in list(zip(pilots, bits, strict=True))[:24]:
             mean = sum(reference.amplitude(luma, value) for luma in shown) / len(shown)
-            wrong += reference.hard_bit(mean, dither[value]) != bit
+            texture = reference.texture(shown[0], value // 80 % 45, value % 80)
+            step = reference.step_of(profile.number, texture)
+            wrong += reference.hard_bit(mean, dither[value], *step) != bit
         assert wrong == 0
 
 
 def test_tables_of_the_specifications() -> None:
     text = (ROOT / "spec" / "video-carrier.md").read_text(encoding="utf-8")
     for p in PROFILES.values():
-        row = (p.number, p.name, p.l0_bytes, p.l1_bytes, p.l0_coded, p.l1_coded, round(p.net_bps))
+        step = f"{p.step:g}, {COARSE * p.step:g}" if p.textured else f"{p.step:g}"
+        row = (p.number, p.name, p.l0_bytes, p.l1_bytes, p.l0_coded, p.l1_coded, step)
+        row += (round(p.net_bps),)  # type: ignore[assignment]
         assert "| " + " | ".join(map(str, row)) + " |" in text
     assert sum((PROFILES["high"].l0_coded, PROFILES["high"].l1_coded, 320)) == POSITIONS
     line = (ROOT / "spec" / "a335-carrier.md").read_text(encoding="utf-8")

@@ -21,6 +21,9 @@ from watermark.a335.framing import (
     long_grid,
     pack_block,
     parse_short,
+    read_shared,
+    rooms,
+    shared_blocks,
     short_block,
 )
 from watermark.a335.line import LINES, RUN_IN, LineSystem, check_width, line_candidates, line_values
@@ -55,7 +58,7 @@ class A335Embedder:
     source : callable
         `source(k)` gives (l0, l1) of the superframe that goes on air at k * 0.64 s.
     profile : str
-        "1x", "1x-high", "2x" or "2x-high".
+        "1x", "1x-high", "1x-max", or the same with 2x.
     system : LineSystem, optional
         The profile's modulation with other levels.
     depth : int
@@ -105,7 +108,9 @@ class A335Embedder:
         self._long: list[Block] = []
         self.skipped = 0
         self._system.levels_at(depth)
-        if self._profile.message_id == USER_PRIVATE_LONG:
+        if self._profile.superframes > 1:
+            rooms(self._profile, self._frames_of(0)[1], domain)
+        elif self._profile.message_id == USER_PRIVATE_LONG:
             long_grid(self._profile, self._frames_of(0)[1], domain)
 
     @property
@@ -129,10 +134,11 @@ class A335Embedder:
         if luma.shape != self._shape:
             raise CueError(f"frame of shape {luma.shape}: expected {self._shape}")
         k = self._frame // (_SPAN * self._fps)
+        k -= k % self._profile.superframes
         first, count = self._frames_of(k)
         if k != self._superframe:
             self._superframe = k
-            self._start_superframe(k, count)
+            self._start_message(k, count)
         part = self._frame - first
         self._frame += 1
         if not self._overwrite and is_foreign(luma, self._domain, self._depth):
@@ -149,7 +155,17 @@ class A335Embedder:
         """Return nothing: this carrier holds no frame back."""
         return []
 
-    def _start_superframe(self, k: int, count: int) -> None:
+    def _start_message(self, k: int, count: int) -> None:
+        if self._profile.superframes > 1:
+            self._long = shared_blocks(
+                [self._source(k + j) for j in range(self._profile.superframes)],
+                self._profile,
+                count=count,
+                version=k // self._profile.superframes & 15,
+                domain=self._domain,
+                convention=self._convention,
+            )
+            return
         self._block = pack_block(*self._source(k), self._profile)
         if self._profile.message_id == USER_PRIVATE_LONG:
             self._long = long_blocks(
@@ -175,9 +191,9 @@ class A335Embedder:
         )
 
     def _frames_of(self, k: int) -> tuple[int, int]:
-        """First frame of superframe k and the number of its frames."""
+        """First frame of superframe k and the number of frames of its message."""
         span = _SPAN * self._fps
-        first, end = -(-k * span // 1), -(-(k + 1) * span // 1)
+        first, end = -(-k * span // 1), -(-(k + self._profile.superframes) * span // 1)
         return int(first), int(end - first)
 
 
@@ -192,6 +208,7 @@ class _Collection:
     last: int
     parts: dict[int, bytes] = field(default_factory=dict)
     done: bool = False
+    given: set[int] = field(default_factory=set)
 
 
 class A335Receiver:
@@ -277,13 +294,10 @@ class A335Receiver:
         self, system: LineSystem, block: Block
     ) -> tuple[A335Profile, tuple[int, int], int, bytes] | None:
         """Profile, tag of the superframe, part number and data of one of our blocks."""
+        frames = block.last_fragment + 1
+        known = PROFILES.values()
         profile = next(
-            (
-                p
-                for p in PROFILES.values()
-                if p.message_id == block.message_id and p.system.name == system.name
-            ),
-            None,
+            (p for p in known if p.fills(system, block.message_id, frames, float(self._fps))), None
         )
         if profile is None:
             return None
@@ -299,12 +313,14 @@ class A335Receiver:
         if (
             current is None
             or (current.profile, current.tag) != (profile, tag)
-            or self.frames - current.last > _SPAN * self._fps
+            or self.frames - current.last > _SPAN * self._fps * profile.superframes
         ):
             current = _Collection(profile, tag, part, self.frames, self.frames)
             self._open = current
         current.last = self.frames
         current.parts[part] = data
+        if profile.superframes > 1:
+            return self._shared(current)
         if current.done:
             return []
         if profile.message_id == USER_PRIVATE_LONG:
@@ -314,12 +330,31 @@ class A335Receiver:
         if classes is None:
             return []
         current.done = True
-        self.profile = profile
+        return [self._found(current, classes, 0)]
+
+    def _shared(self, current: _Collection) -> list[ReceivedSuperframe]:
+        """Superframes of a message of several that the last fragment completed."""
+        found = []
+        for number in range(current.profile.superframes):
+            if number not in current.given:
+                classes = read_shared(
+                    current.parts, current.profile, count=current.tag[1], number=number,
+                    domain=self._domain,
+                )  # fmt: skip
+                if classes is not None:
+                    current.given.add(number)
+                    found.append(self._found(current, classes, number))
+        return found
+
+    def _found(
+        self, current: _Collection, classes: tuple[bytes, bytes], number: int
+    ) -> ReceivedSuperframe:
+        self.profile = current.profile
         if self.first_lock_s is None:
             self.first_lock_s = float((self.frames + 1) / self._fps)
-        position_s = float((current.started - current.first_part) / self._fps)
+        position_s = float((current.started - current.first_part) / self._fps + number * _SPAN)
         confidence = len(current.parts) / (self.frames - current.started + 1)
-        return [ReceivedSuperframe(*classes, position_s, min(1.0, confidence))]
+        return ReceivedSuperframe(*classes, position_s, min(1.0, confidence))
 
 
 def frame_rate(fps: Fraction | float) -> Fraction:

@@ -5,8 +5,9 @@ sufficient set of blocks. Specification: spec/a335-carrier.md, sections 3 and 4.
 """
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -168,21 +169,24 @@ def long_blocks(
         body[members, column] = [encode_part(codeword, p)[0] for p in range(members.size)]
         used += k
     payload = body.tobytes()[grid.head : count * grid.size - MESSAGE_CHECK_BYTES]
+    return _fragments(payload, profile, count, version, domain, convention)
+
+
+def _fragments(
+    payload: bytes, profile: A335Profile, count: int, version: int, domain: str,
+    convention: Convention,
+) -> list[Block]:  # fmt: skip
+    """Cut a message with this payload into `count` blocks that are as long as fits."""
     message = pack_private(domain, payload, message_id=USER_PRIVATE_LONG)
     check = checksum(bytes([profile.message_id]) + message, convention)
-    cuts = [message[i * grid.size : (i + 1) * grid.size] for i in range(count)]
+    size = profile.body_bytes
     return [
         Block(
-            profile.message_id,
-            version,
-            i,
-            count - 1,
-            part,
-            check if i == count - 1 else None,
-            convention,
+            profile.message_id, version, i, count - 1, message[i * size : (i + 1) * size],
+            check if i == count - 1 else None, convention,
         )
-        for i, part in enumerate(cuts)
-    ]
+        for i in range(count)
+    ]  # fmt: skip
 
 
 def join_long(
@@ -206,3 +210,62 @@ def join_long(
             return None
         data += decoded.tobytes()
     return unpack_block(bytes(data), profile)
+
+
+# --- several superframes in one message (0xFF), without redundancy ---
+
+
+def rooms(profile: A335Profile, count: int, domain: str) -> list[range]:
+    """Bytes of a message of `count` fragments that belong to each of its superframes.
+
+    Raises
+    ------
+    CueError
+        If they do not hold the profile's classes.
+    """
+    head = profile.overhead(domain)
+    length = count * profile.body_bytes - MESSAGE_CHECK_BYTES - head
+    cuts = [head + j * length // profile.superframes for j in range(profile.superframes + 1)]
+    needed = profile.l0_bytes + profile.l1_bytes
+    if min(b - a for a, b in pairwise(cuts)) < needed:
+        raise CueError(
+            f"{count} frames hold no {profile.superframes} superframes of {needed} bytes, which "
+            f"profile {profile.name} has"
+        )
+    return [range(a, b) for a, b in pairwise(cuts)]
+
+
+def shared_blocks(
+    payloads: Sequence[tuple[bytes, bytes]],
+    profile: A335Profile,
+    *,
+    count: int,
+    version: int,
+    domain: str,
+    convention: Convention,
+) -> list[Block]:
+    """Fragments of the message that carries several superframes; room left over repeats them."""
+    payload = b""
+    for (l0, l1), room in zip(payloads, rooms(profile, count, domain), strict=True):
+        data = l0 + l1
+        payload += (data * -(-len(room) // len(data)))[: len(room)]
+    return _fragments(payload, profile, count, version, domain, convention)
+
+
+def read_shared(
+    bodies: Mapping[int, bytes], profile: A335Profile, *, count: int, number: int, domain: str
+) -> tuple[bytes, bytes] | None:
+    """Classes of superframe `number` of a message, None while a byte of them is missing."""
+    try:
+        room = rooms(profile, count, domain)[number]
+    except CueError:
+        return None
+    size = profile.body_bytes
+    data = bytearray()
+    for i in range(profile.l0_bytes + profile.l1_bytes):
+        places = (room[j] for j in range(i, len(room), profile.l0_bytes + profile.l1_bytes))
+        known = next((p for p in places if p % size < len(bodies.get(p // size, b""))), None)
+        if known is None:
+            return None
+        data.append(bodies[known // size][known % size])
+    return bytes(data[: profile.l0_bytes]), bytes(data[profile.l0_bytes :])

@@ -35,6 +35,8 @@ class A335Profile:
         0xFF: one message of as many fragments as the superframe has frames; more bytes.
     l0_bytes, l1_bytes : int
         Payload of the two classes per superframe.
+    superframes : int
+        Superframes of one message. Several share its overhead and have no redundancy.
     """
 
     name: str
@@ -42,6 +44,7 @@ class A335Profile:
     message_id: int
     l0_bytes: int
     l1_bytes: int
+    superframes: int = 1
 
     @property
     def block_bytes(self) -> int:
@@ -58,6 +61,13 @@ class A335Profile:
         """Payload of both classes in bit/s."""
         return 8 * (self.l0_bytes + self.l1_bytes) / SUPERFRAME_S
 
+    def fills(self, system: LineSystem, message_id: int, frames: int, fps: float) -> bool:
+        """Whether a message of so many frames, as seen on air, is one of this profile."""
+        if (self.system.name, self.message_id) != (system.name, message_id):
+            return False
+        several = frames > 2 * SUPERFRAME_S * fps
+        return message_id == USER_PRIVATE_SHORT or several == (self.superframes > 1)
+
     def overhead(self, domain: str) -> int:
         """Bytes of a message before its payload."""
         return private_overhead(domain, self.message_id)
@@ -68,7 +78,9 @@ PROFILES = {
     for profile in (
         A335Profile("1x", SYSTEM_1X, USER_PRIVATE_SHORT, 20, 39),
         A335Profile("1x-high", SYSTEM_1X, USER_PRIVATE_LONG, 20, 220),
+        A335Profile("1x-max", SYSTEM_1X, USER_PRIVATE_LONG, 20, 279, superframes=4),
         A335Profile("2x", SYSTEM_2X, USER_PRIVATE_SHORT, 20, 309),
         A335Profile("2x-high", SYSTEM_2X, USER_PRIVATE_LONG, 20, 640),
+        A335Profile("2x-max", SYSTEM_2X, USER_PRIVATE_LONG, 20, 759, superframes=4),
     )
 }

@@ -80,3 +80,34 @@ def add_into(
         for x in range(luma.shape[1]):
             value = np.float32(luma[y, x]) + w0 * first[y, x] + w1 * second[y, x] + half
             out[y, x] = int(min(max(value, np.float32(0.0)), top))
+
+
+@njit(cache=True)
+def texture_into(
+    luma: NDArray[Any], column_start: IntArray, row_start: IntArray, out: FloatArray
+) -> None:
+    """Least standard deviation of the four means in a quarter of each cell; out : (rows, columns).
+
+    column_start : (4 * columns + 1,), row_start : (4 * rows + 1,), borders of sixteenths of cells.
+    A cell with an empty sixteenth has none.
+    """
+    means = np.empty((4, 4))
+    for r in range(out.shape[0]):
+        for c in range(out.shape[1]):
+            empty = False
+            for i in range(4):
+                y0, y1 = row_start[4 * r + i], row_start[4 * r + i + 1]
+                for j in range(4):
+                    x0, x1 = column_start[4 * c + j], column_start[4 * c + j + 1]
+                    total = 0
+                    for y in range(y0, y1):
+                        for x in range(x0, x1):
+                            total += luma[y, x]
+                    count = (y1 - y0) * (x1 - x0)
+                    empty = empty or count == 0
+                    means[i, j] = total / max(1, count)
+            least = np.inf
+            for i in range(0, 4, 2):
+                for j in range(0, 4, 2):
+                    least = min(least, means[i : i + 2, j : j + 2].std())
+            out[r, c] = 0.0 if empty else least

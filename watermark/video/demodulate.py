@@ -1,7 +1,9 @@
 """From a window's mean amplitudes to one log-likelihood ratio per coded bit.
 
-Values that moved during the window are trusted less; how much is scaled by the pilots, whose bits
-are known. Specification: spec/video-carrier.md, section 6.
+A value lies near a point of its bit's lattice: the fine one, or in a textured cell the coarse one.
+What the receiver sees of the texture is not exactly what the embedder saw, so both count, each with
+its probability. Values that moved during the window are trusted less; how much noise there is, the
+pilots tell, whose bits are known. Specification: spec/video-carrier.md, section 6.
 """
 
 from dataclasses import dataclass
@@ -10,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.video.layout import VideoLayout
+from watermark.video.profile import COARSE, TEXTURE
 
 FloatArray = NDArray[np.float64]
 
@@ -19,8 +22,14 @@ MOTION_WEIGHT, MOTION_LIMIT = 0.15, 4.0
 Measured through H.264: motion predicts errors only weakly, so the weight is small.
 """
 
-FLOOR = 0.004
-"""Least variance of a value in squared steps: a lattice is never trusted blindly."""
+NOISES = tuple(0.06 * 1.25**n for n in range(13))
+"""Standard deviations in steps among which the pilots choose; at the last one the fine lattice
+tells nothing any more."""
+
+BLUR = 0.15
+"""Uncertainty of a cell's texture, as a part of it; coding also lowers it a little."""
+
+CENTRE = TEXTURE * 0.93
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +51,19 @@ class Soft:
     agreement: float
 
 
-def pilot_metric(values: FloatArray, layout: VideoLayout) -> float:
+def coarse_share(texture: FloatArray) -> FloatArray:
+    """Probability that cells of this texture, in luma of 8 bits, have the coarse step.
+
+    Examples
+    --------
+    >>> coarse_share(np.array([0.0, 3.3, 9.0])).round(1).tolist()
+    [0.0, 0.5, 1.0]
+    """
+    place = np.log(np.maximum(texture, 1e-3) / CENTRE) / BLUR
+    return np.asarray(1 / (1 + np.exp(-np.clip(place, -30, 30))))
+
+
+def pilot_metric(values: FloatArray, layout: VideoLayout, coarse: FloatArray) -> float:
     """Agreement of the pilots with an even superframe, -1 (odd) to 1; 0 for noise.
 
     Parameters
@@ -51,12 +72,18 @@ def pilot_metric(values: FloatArray, layout: VideoLayout) -> float:
         Mean amplitudes at the pilots' positions in steps.
     layout : VideoLayout
         Where the pilots are and what they hold.
+    coarse : ndarray of float64, shape (PILOTS,)
+        Probability of the coarse step.
     """
-    place = values - layout.dither[layout.pilots] - layout.pilot_bits / 2
-    return float(np.cos(2 * np.pi * place).mean())
+    turn = 2 * np.pi * (values - layout.dither[layout.pilots])
+    half = np.pi * layout.pilot_bits
+    agreement = (1 - coarse) * np.cos(turn - half) + coarse * np.cos(turn / COARSE - half)
+    return float(agreement.mean())
 
 
-def soft_bits(mean: FloatArray, variance: FloatArray, layout: VideoLayout) -> Soft:
+def soft_bits(
+    mean: FloatArray, variance: FloatArray, layout: VideoLayout, coarse: FloatArray
+) -> Soft:
     """Demodulate a window.
 
     Parameters
@@ -65,15 +92,36 @@ def soft_bits(mean: FloatArray, variance: FloatArray, layout: VideoLayout) -> So
         Mean of each amplitude over the window and variance of the frames around it, in steps.
     layout : VideoLayout
         The layout of the profile in question.
+    coarse : ndarray of float64, shape (POSITIONS,)
+        Probability of the coarse step.
     """
-    metric = pilot_metric(mean[layout.pilots], layout)
+    place = mean - layout.dither
+    spread = np.sqrt(1 + MOTION_WEIGHT * np.minimum(variance, MOTION_LIMIT))
+    pilots, data = layout.pilots, layout.data
+    metric = pilot_metric(mean[pilots], layout, coarse[pilots])
     parity = int(metric < 0)
-    noise = 1 + MOTION_WEIGHT * np.minimum(variance, MOTION_LIMIT)
-    error = mean[layout.pilots] - layout.dither[layout.pilots] - (layout.pilot_bits ^ parity) / 2
-    error -= np.round(error)
-    noise *= max(FLOOR, float(np.mean(error**2 / noise[layout.pilots])))
-    place = mean[layout.data] - layout.dither[layout.data]
-    to_zero = place - np.round(place)
-    to_one = place - 0.5 - np.round(place - 0.5)
-    ratios = (to_one**2 - to_zero**2) / (2 * noise[layout.data])
-    return Soft(ratios, parity, abs(metric))
+    known = layout.pilot_bits ^ parity
+    noise = max(
+        NOISES,
+        key=lambda sigma: float(
+            _likelihood(place[pilots], known, sigma * spread[pilots], coarse[pilots]).sum()
+        ),
+    )
+    ratios = [_likelihood(place[data], bit, noise * spread[data], coarse[data]) for bit in (0, 1)]
+    return Soft(ratios[0] - ratios[1], parity, abs(metric))
+
+
+def _likelihood(
+    place: FloatArray, bit: NDArray[np.int64] | int, sigma: FloatArray, coarse: FloatArray
+) -> FloatArray:
+    """Logarithm of the density of amplitudes, less the dither, around the lattice of a bit."""
+    total = np.full(place.shape, 1e-4)
+    for period, share in ((1, 1 - coarse), (COARSE, coarse)):
+        away = place - period * np.asarray(bit) / 2
+        away -= period * np.round(away / period)
+        density = np.zeros(place.shape)
+        for neighbour in (-1, 0, 1):
+            density += np.exp(-0.5 * ((away + neighbour * period) / sigma) ** 2)
+        # All points of a lattice together weigh the same, however few they are.
+        total += share * period * density / sigma
+    return np.asarray(np.log(total))

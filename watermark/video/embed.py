@@ -20,18 +20,20 @@ from watermark.video import _kernels
 from watermark.video.grid import Grid
 from watermark.video.layout import make_layout
 from watermark.video.profile import (
+    COARSE,
     COLUMNS,
     FADE,
     POSITIONS,
     ROWS,
     TEMPLATES,
+    TEXTURE,
     VideoProfile,
     find_profile,
 )
 from watermark.video.timing import Timing
 
-STEP = 2.5
-"""Step of the quantisers in luma of 8 bits: no template moves a pixel by more than half of it."""
+TEXTURE_EVERY = 4
+"""Frames between those whose texture is measured."""
 
 Luma = NDArray[Any]
 FloatArray = NDArray[np.float64]
@@ -76,13 +78,13 @@ class VideoEmbedder:
         Secret seed; both ends must agree.
     depth : int
         Bits per sample.
-    step : float
-        Strength; see `STEP`.
+    strength : float
+        Factor of the profile's step.
 
     Raises
     ------
     CueError
-        If size, rate, depth, step, profile or key are out of range.
+        If size, rate, depth, strength, profile or key are out of range.
     """
 
     def __init__(
@@ -95,19 +97,20 @@ class VideoEmbedder:
         profile: str = "standard",
         key: int = 0,
         depth: int = 8,
-        step: float = STEP,
+        strength: float = 1.0,
     ) -> None:
-        if not 0.5 <= step <= 20:
-            raise CueError(f"step {step}: must be 0.5..20")
+        if not 0.2 <= strength <= 8:
+            raise CueError(f"strength {strength}: must be 0.2..8")
         self._grid = Grid(width, height, depth)
         self._timing = Timing(Fraction(fps))
         self._profile = find_profile(profile)
         self._layout = make_layout(self._profile, key)
         self._link = Link(self._profile)
-        self._source, self._step = source, step
+        self._source, self._step = source, strength * self._profile.step
         self._waiting: deque[Luma] = deque()
         self._received = self._sent = self._superframes = 0
         self._sum = np.zeros((TEMPLATES, ROWS, COLUMNS))
+        self._textures: list[FloatArray] = []
         nothing = np.zeros((height, width), dtype=np.float32)
         self._patterns: deque[NDArray[np.float32]] = deque([nothing])
         self._nothing = nothing
@@ -138,11 +141,14 @@ class VideoEmbedder:
         start = self._timing.window_start(k)
         if start <= self._received < start + self._timing.window:
             self._sum += self._grid.project(luma)
+            if self._profile.textured and self._received % TEXTURE_EVERY == 0:
+                self._textures.append(self._grid.texture(luma))
         self._waiting.append(luma)
         self._received += 1
         if self._received == start + self._timing.window:
             self._patterns.append(self._pattern(k, self._sum / self._timing.window))
             self._sum[:] = 0
+            self._textures.clear()
             self._superframes += 1
         return self._put_out(self._first_pattern + len(self._patterns))
 
@@ -164,9 +170,12 @@ class VideoEmbedder:
         bits = np.empty(POSITIONS, dtype=np.int64)
         bits[self._layout.pilots] = self._layout.pilot_bits ^ (k & 1)
         bits[self._layout.data] = self._link.encode(*self._source(k))
-        offset = (self._layout.dither + bits / 2).reshape(host.shape)
-        place = host / self._step - offset
-        move = (np.round(place) - place) * self._step
+        spread = np.ones((ROWS, COLUMNS))
+        if self._textures:
+            spread[np.mean(self._textures, axis=0) > TEXTURE] = COARSE
+        offset = self._layout.dither.reshape(host.shape) + spread * bits.reshape(host.shape) / 2
+        place = (host / self._step - offset) / spread
+        move = (np.round(place) - place) * spread * self._step
         pattern = self._grid.paint(move)
         # Rounding to whole luma levels bends the pattern; one correction brings most of it back.
         missing = move - self._grid.project(np.round(pattern))

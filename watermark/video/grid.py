@@ -82,6 +82,8 @@ class Grid:
         self._unit = 2.0 ** (depth - 8)
         self._columns, across, across_norm = _axis(width, COLUMNS, region.left, region.width)
         self._rows, down, down_norm = _axis(height, ROWS, region.top, region.height)
+        self._quarter_columns = _borders(width, 4 * COLUMNS, region.left, region.width)
+        self._quarter_rows = _borders(height, 4 * ROWS, region.top, region.height)
         nominal = (across_norm.max(axis=1), down_norm.max(axis=1))
         whole = [
             n > _MOST * m[:, None] for n, m in zip((across_norm, down_norm), nominal, strict=True)
@@ -100,6 +102,17 @@ class Grid:
         out /= self._norm * self._unit
         return out
 
+    def texture(self, luma: NDArray[Any]) -> FloatArray:
+        """Texture of each cell in luma of 8 bits, shape (45, 80).
+
+        A sixteenth of a cell has a mean, a quarter the standard deviation of four of them. The
+        least of the four quarters counts, so that a lone edge in a flat cell does not.
+        """
+        out = np.empty((ROWS, COLUMNS))
+        _kernels.texture_into(luma, self._quarter_columns, self._quarter_rows, out)
+        out /= self._unit
+        return out
+
     def paint(self, amplitude: FloatArray) -> NDArray[np.float32]:
         """Pattern, shape (height, width), with these amplitudes, shape (2, 45, 80)."""
         out = np.empty(self.shape, dtype=np.float32)
@@ -112,10 +125,9 @@ def _axis(
     size: int, cells: int, start: float, length: float
 ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
     """Cell borders, the factors dipole and hump per pixel, their squared norms per cell."""
-    place = ((np.arange(size) + 0.5) / size - start) / length * cells
-    cell = np.floor(place).astype(np.int64)
-    border = np.searchsorted(cell, np.arange(cells + 1)).astype(np.int64)
-    inside = place - cell
+    place = _places(size, cells, start, length)
+    border = _borders(size, cells, start, length)
+    inside = place - np.floor(place)
     factors = np.stack([np.sin(2 * np.pi * inside), np.sin(np.pi * inside) ** 2])
     norm = np.zeros((2, cells))
     for c in range(cells):
@@ -125,3 +137,14 @@ def _axis(
             factors[0, pixels] -= factors[0, pixels].mean()
             norm[:, c] = np.sum(factors[:, pixels] ** 2, axis=1)
     return border, factors, norm
+
+
+def _places(size: int, cells: int, start: float, length: float) -> FloatArray:
+    """Place of each pixel in units of cells."""
+    return np.asarray(((np.arange(size) + 0.5) / size - start) / length * cells)
+
+
+def _borders(size: int, cells: int, start: float, length: float) -> NDArray[np.int64]:
+    """First pixel of each cell, and the end of the last one."""
+    cell = np.floor(_places(size, cells, start, length)).astype(np.int64)
+    return np.searchsorted(cell, np.arange(cells + 1)).astype(np.int64)

@@ -6,7 +6,7 @@ Specification: spec/video-carrier.md, sections 1 and 2.
 from dataclasses import dataclass
 
 from codec.errors import CueError
-from watermark.profile import SUPERFRAME_S
+from watermark.profile import STANDARD, SUPERFRAME_S
 
 ROWS, COLUMNS = 45, 80
 """Cells of the picture, whatever its size."""
@@ -19,6 +19,13 @@ POSITIONS = TEMPLATES * ROWS * COLUMNS
 
 PILOTS = 320
 DATA = POSITIONS - PILOTS
+
+COARSE = 3
+"""Ratio of the two steps of a profile that distinguishes textured cells: odd, so that a coarse
+lattice lies within the fine one of the same bit."""
+
+TEXTURE = 3.5
+"""Texture in luma of 8 bits from which a cell has the coarse step."""
 
 FADE = 0.25
 """Part of a superframe during which one pattern gives way to the next, half of it on each side."""
@@ -39,8 +46,12 @@ class VideoProfile:
     l0_bytes, l1_bytes : int
         Payload of the two protection classes per superframe.
     l0_coded : int
-        Coded bits of the first class; 1024..2047, so that its mother code is that of the audio
-        carrier and the ratios of both can be added.
+        Coded bits of the first class. Its mother code is that of the audio carrier's `standard`, so
+        that the ratios of both can be added.
+    step : float
+        Step of the lattices in luma of 8 bits.
+    textured : bool
+        Whether textured cells have a step `COARSE` times as wide.
     """
 
     name: str
@@ -48,10 +59,19 @@ class VideoProfile:
     l0_bytes: int
     l1_bytes: int
     l0_coded: int
+    step: float = 2.5
+    textured: bool = False
 
     def __post_init__(self) -> None:
-        if not 1024 <= self.l0_coded < 2048:
-            raise CueError(f"{self.l0_coded} coded bits of L0: must be 1024..2047")
+        if not self.l0_mother <= self.l0_coded < DATA:
+            raise CueError(
+                f"{self.l0_coded} coded bits of L0: must be {self.l0_mother}..{DATA - 1}"
+            )
+
+    @property
+    def l0_mother(self) -> int:
+        """Bits of the mother code of the first class."""
+        return STANDARD.l0_mother
 
     @property
     def l1_coded(self) -> int:
@@ -72,10 +92,11 @@ class VideoProfile:
 PROFILES: dict[str, VideoProfile] = {
     profile.name: profile
     for profile in (
-        VideoProfile("robust", 0, 20, 28, 1984),
-        VideoProfile("standard", 1, 20, 140, 1536),
+        VideoProfile("robust", 0, 20, 28, 3328, 2.0, textured=True),
+        VideoProfile("standard", 1, 20, 140, 2048),
         VideoProfile("high", 2, 20, 300, 1280),
-        VideoProfile("twin", 3, 20, 7, 1984),
+        VideoProfile("twin", 3, 20, 7, 4864, 2.0, textured=True),
+        VideoProfile("busy", 4, 20, 140, 2048, 2.0, textured=True),
     )
 }
 """Profiles by name; a profile's number is its place.

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from watermark.received import ReceivedSuperframe
-from watermark.video.embed import STEP
 from watermark.video.grid import WHOLE, Grid, Region
 from watermark.video.profile import VideoProfile
 from watermark.video.timing import Timing
@@ -64,8 +63,8 @@ class VideoReceiver:
         Secret seed.
     depth : int
         Bits per sample.
-    step : float
-        Strength that the embedder used.
+    strength : float
+        As the embedder's.
 
     Attributes
     ----------
@@ -88,11 +87,11 @@ class VideoReceiver:
         *,
         key: int = 0,
         depth: int = 8,
-        step: float = STEP,
+        strength: float = 1.0,
     ) -> None:
         self._size = width, height, depth
         self._timing = Timing(Fraction(fps))
-        self._options: dict[str, Any] = {"key": key, "step": step}
+        self._options: dict[str, Any] = {"key": key, "strength": strength}
         self._frames = 0
         self._errors = self._known = 0
         self._trackers: dict[Region, Tracker] = {}

@@ -5,6 +5,7 @@ and is decoded. Once locked, superframes are also read where they are due. Speci
 spec/video-carrier.md, section 6.
 """
 
+import math
 from collections import deque
 from typing import Any
 
@@ -13,11 +14,11 @@ from numpy.typing import NDArray
 
 from watermark.link import Decoded, Link
 from watermark.received import ReceivedSuperframe
-from watermark.video.demodulate import Soft, pilot_metric, soft_bits
-from watermark.video.embed import STEP
+from watermark.video.demodulate import Soft, coarse_share, pilot_metric, soft_bits
+from watermark.video.embed import TEXTURE_EVERY
 from watermark.video.grid import Grid
 from watermark.video.layout import make_layout
-from watermark.video.profile import PROFILES, VideoProfile
+from watermark.video.profile import COLUMNS, PROFILES, ROWS, TEMPLATES, VideoProfile
 from watermark.video.timing import Timing
 
 Luma = NDArray[Any]
@@ -44,8 +45,8 @@ class Tracker:
         Its frame rate.
     key : int
         Secret seed.
-    step : float
-        Strength that the embedder used.
+    strength : float
+        As the embedder's.
 
     Attributes
     ----------
@@ -55,16 +56,22 @@ class Tracker:
         Wrong and all coded bits of the superframes decoded.
     """
 
-    def __init__(self, grid: Grid, timing: Timing, *, key: int = 0, step: float = STEP) -> None:
+    def __init__(self, grid: Grid, timing: Timing, *, key: int = 0, strength: float = 1.0) -> None:
         self._grid, self._timing = grid, timing
         self._seen = grid.seen.reshape(-1)
-        self._step = step
+        self._strength = strength
         self._choices = [(Link(p), make_layout(p, key), p) for p in PROFILES.values()]
         self._guard = max(1, round(self._timing.span / 6))
-        self._frames: deque[FloatArray] = deque(maxlen=self._timing.window + 2 * self._guard)
+        self._kept = self._timing.window + 2 * self._guard + math.ceil(self._timing.span)
+        self._frames: deque[FloatArray] = deque(maxlen=self._kept)
+        self._textures: deque[tuple[int, FloatArray]] = deque(
+            maxlen=self._kept // TEXTURE_EVERY + 1
+        )
         self._agreement: deque[FloatArray] = deque(maxlen=2 * self._guard + 1)
+        self._nowhere = np.zeros(TEMPLATES * ROWS * COLUMNS)
         self._count = 0
         self._due: float | None = None
+        self._last = -math.inf
         self._misses = 0
         self._choice = 0
         self.errors = self.known = 0
@@ -80,7 +87,9 @@ class Tracker:
 
         While locked, a superframe that could not be decoded is given with l0 = None.
         """
-        return self._advance(self._grid.project(luma).reshape(-1) / self._step)
+        if self._count % TEXTURE_EVERY == 0:
+            self._textures.append((self._count, self._grid.texture(luma)))
+        return self._advance(self._grid.project(luma).reshape(-1))
 
     def flush(self) -> list[ReceivedSuperframe]:
         """Return what the last frames still hold."""
@@ -111,7 +120,16 @@ class Tracker:
             return []
         self.profile = self._choices[best][2]
         self._choice = best
-        return [self._deliver(float(start), soft, decoded)]
+        before = self._before(start) if self._due is None else []
+        return [*before, self._deliver(float(start), soft, decoded)]
+
+    def _before(self, start: int) -> list[ReceivedSuperframe]:
+        """Decode the superframe before the first one: its pilots alone may have been too weak."""
+        place = start - self._timing.span
+        if place < max(self._count - len(self._frames), self._last + self._timing.span / 2):
+            return []
+        soft, decoded = self._decode(round(place), self._choice)
+        return [] if decoded.l0 is None else [self._deliver(place, soft, decoded)]
 
     def _follow(self, start: int) -> ReceivedSuperframe:
         """Decode the superframe that is due, a few frames off if its pilots say so."""
@@ -126,10 +144,13 @@ class Tracker:
         return self._deliver(self._due + (offset if jump else nudge), soft, decoded)
 
     def _decode(self, start: int, choice: int) -> tuple[Soft, Decoded]:
-        link, layout, _ = self._choices[choice]
+        link, layout, profile = self._choices[choice]
         first = start - (self._count - len(self._frames))
         values = np.array([self._frames[first + i] for i in range(self._timing.window)])
-        soft = soft_bits(values.mean(axis=0), values.var(axis=0), layout)
+        step = self._strength * profile.step
+        mean, variance = values.mean(axis=0) / step, values.var(axis=0) / step**2
+        coarse = self._coarse(start) if profile.textured else self._nowhere
+        soft = soft_bits(mean, variance, layout, coarse)
         soft.ratios[~self._seen[layout.data]] = 0.0
         return soft, link.decode(soft.ratios)
 
@@ -140,6 +161,7 @@ class Tracker:
         self.errors += int(wrong[known].sum())
         self.known += int(known.sum())
         self._misses = 0 if decoded.l0 is not None else self._misses + 1
+        self._last = place
         self._due = place + self._timing.span if self._misses <= MAX_MISSES else None
         return ReceivedSuperframe(
             decoded.l0,
@@ -156,9 +178,23 @@ class Tracker:
         if len(self._frames) < window:
             return np.zeros(len(self._choices))
         pilots = self._choices[0][1].pilots
+        coarse = {False: self._nowhere, True: self._coarse(self._count - window)}
         newest = [self._frames[-1 - i][pilots] for i in range(window)]
-        mean = np.mean(newest, axis=0)
-        return np.array([abs(pilot_metric(mean, layout)) for _, layout, _ in self._choices])
+        mean = np.mean(newest, axis=0) / self._strength
+        return np.array(
+            [
+                abs(pilot_metric(mean / profile.step, layout, coarse[profile.textured][pilots]))
+                for _, layout, profile in self._choices
+            ]
+        )
+
+    def _coarse(self, start: int) -> FloatArray:
+        """Probability of the coarse step for all positions, from the textures in a window."""
+        window = range(start, start + self._timing.window)
+        seen = [texture for count, texture in self._textures if count in window]
+        if not seen:
+            return np.zeros(TEMPLATES * ROWS * COLUMNS)
+        return np.tile(coarse_share(np.mean(seen, axis=0)).reshape(-1), TEMPLATES)
 
     def _is_peak(self) -> bool:
         if len(self._agreement) < 2 * self._guard + 1:
