@@ -165,6 +165,20 @@ def natural(text: str) -> int:
     return value
 
 
+def size(text: str) -> tuple[int, int]:
+    """Read width and height of a picture.
+
+    Examples
+    --------
+    >>> size("1280x720")
+    (1280, 720)
+    """
+    width, cross, height = text.lower().partition("x")
+    if not (cross and width.isdecimal() and height.isdecimal()):
+        raise argparse.ArgumentTypeError(f"{text} is not WIDTHxHEIGHT")
+    return int(width), int(height)
+
+
 def count(text: str) -> int:
     """Read an integer from 1 up."""
     value = natural(text)

@@ -2,7 +2,7 @@
 
 import argparse
 
-from cuecast.arguments import add_voice, natural, not_negative
+from cuecast.arguments import add_voice, natural, not_negative, size
 from cuecast.progress import seconds_bar
 
 SUMMARY = "a film or a picture of the cuer"
@@ -16,6 +16,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rate", type=natural, default=25, metavar="FPS", help="of a film")
     parser.add_argument("--at", type=not_negative, metavar="S", help="second that a PNG shows")
     parser.add_argument("--background", metavar="PICTURE", help="picture behind the cuer")
+    parser.add_argument(
+        "--size", type=size, metavar="WxH", help="pixels; 620x720, or the picture's"
+    )
+    parser.add_argument("--mirror", action="store_true", help="a left-handed cuer")
     add_voice(parser)
 
 
@@ -36,6 +40,6 @@ def run(args: argparse.Namespace) -> int:
 
         render_motion(
             motion, voice, args.output, style=args.style, fps=args.rate, at_s=args.at,
-            background=args.background, progress=progress,
+            background=args.background, size=args.size, mirror=args.mirror, progress=progress,
         )  # fmt: skip
     return 0

@@ -89,8 +89,8 @@ def _motion(
 
 
 def _write_c3d(args: argparse.Namespace, voice: "Voice") -> None:
+    from codec.c3d import write_c3d
     from codec.motion import load_motion
-    from synth.corpus.c3d import write_c3d
 
     motion = load_motion(args.output)
     write_c3d(args.c3d, voice.reconstruct(motion.params), rate_hz=args.rate)

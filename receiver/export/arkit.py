@@ -1,8 +1,9 @@
 """ARKit's face weights from the markers, so that other avatars can replace ours.
 
 Markers of the face (head at rest) come in, the 52 weights go out: non-negative least squares on
-the displacements that each unit gives the markers, with a small preference for few and small
-weights (Lawson and Hanson 1974, chapter 23). The asset of the avatar holds the units. Eyes are
+the displacements that each unit gives the markers, with a preference for small weights that are
+alike on both sides: many units move the same few markers (Lawson and Hanson 1974, chapter 23). The
+asset of the avatar holds the units. Eyes are
 not measured by the markers: their lids follow the avatar's blinking, the rest stays zero.
 """
 
@@ -38,7 +39,8 @@ ARKIT_NAMES = (
 
 assert len(ARKIT_NAMES) == len(set(ARKIT_NAMES)) == 52
 
-_FIRMNESS_MM = 0.3
+_FIRMNESS_MM = 0.8
+_LIKENESS_MM = 8.0
 
 
 def arkit_weights(motion: Motion, avatar: Avatar) -> NDArray[np.float64]:
@@ -53,17 +55,30 @@ def arkit_weights(motion: Motion, avatar: Avatar) -> NDArray[np.float64]:
     voice = avatar.voice
     columns = [ARKIT_NAMES.index(name) for name in avatar.unit_names]
     units = avatar.units.reshape(len(columns), -1).T
-    system = np.vstack([units, _FIRMNESS_MM * np.eye(len(columns))])
+    alike = _LIKENESS_MM * _pairs(avatar.unit_names)
+    system = np.vstack([units, _FIRMNESS_MM * np.eye(len(columns)), alike])
     shapes = voice.face.shape(motion.params[:, voice.face_columns[:7]])
     moved = (shapes - avatar.unit_rest).reshape(len(shapes), -1)
     weights = np.zeros((len(shapes), len(ARKIT_NAMES)))
-    zeros = np.zeros(len(columns))
+    zeros = np.zeros(len(columns) + len(alike))
     for row, target in zip(weights, moved, strict=True):
         row[columns] = np.minimum(nnls(system, np.concatenate([target, zeros]))[0], 1.0)
     closed = eyes_closed(motion.times_s)
     for side in _SIDES:
         weights[:, ARKIT_NAMES.index(f"eyeBlink{side}")] = closed
     return weights
+
+
+def _pairs(names: tuple[str, ...]) -> NDArray[np.float64]:
+    """Return a row for each unit that has a twin: the one's weight minus the other's."""
+    rows = []
+    for number, name in enumerate(names):
+        twin = name.removesuffix("Left") + "Right"
+        # The jaw and the mouth as a whole go to one side or the other.
+        if name.endswith("Left") and name not in ("jawLeft", "mouthLeft") and twin in names:
+            rows.append(np.zeros(len(names)))
+            rows[-1][number], rows[-1][names.index(twin)] = 1, -1
+    return np.array(rows).reshape(-1, len(names))
 
 
 def live_link_csv(motion: Motion, voice: Voice, avatar: Avatar) -> str:

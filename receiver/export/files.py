@@ -4,13 +4,14 @@ import os
 import tempfile
 from pathlib import Path
 
+from codec.c3d import write_c3d
 from codec.errors import CueError, VoiceError
 from codec.motion import Motion
 from codec.voice import Voice
 from receiver.avatar import load_avatar
 from receiver.export.arkit import live_link_csv
 from receiver.export.gltf import glb
-from receiver.export.markers import marker_csv, trc, write_c3d
+from receiver.export.markers import marker_csv, trc
 
 EXPORT_SUFFIXES = (".c3d", ".trc", ".csv", ".glb", ".arkit.csv")
 """Endings of file names that `export_motion` knows."""
@@ -56,7 +57,10 @@ def export_motion(motion: Motion, voice: Voice, path: str | os.PathLike[str]) ->
 def _write(motion: Motion, voice: Voice, path: str, suffix: str, name: str) -> None:
     match suffix:
         case ".c3d":
-            write_c3d(path, voice.reconstruct(motion.params), motion.rate_hz)
+            write_c3d(
+                path, voice.reconstruct(motion.params), rate_hz=motion.rate_hz,
+                start_s=motion.start_s,
+            )  # fmt: skip
         case ".trc":
             text = trc(voice.reconstruct(motion.params), motion.rate_hz, name)
             Path(path).write_text(text, encoding="utf-8")

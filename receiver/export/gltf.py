@@ -1,8 +1,9 @@
 """The avatar in motion as a binary glTF 2.0 file, for Blender, three.js and others.
 
 Head and hand are meshes whose shape lies in morph targets (the directions of the avatar's map);
-the head turns as a joint that the neck follows by its weights, the hand as a node. Everything is
-animated over time. Khronos, glTF 2.0 specification, sections 3.6, 3.7, 3.11 and 4.4.
+the hand moves as a node. The neck follows the head by shares of its turn and shift, which blending
+two matrices gives badly: joints stand at several shares, each vertex lies between two of them.
+Everything is animated over time. Khronos, glTF 2.0 specification, sections 3.6, 3.7, 3.11 and 4.4.
 """
 
 import json
@@ -16,8 +17,14 @@ from scipy.spatial.transform import Rotation
 from codec.motion import Motion
 from receiver.avatar import Avatar, Surface, eyes_closed, vertex_normals
 
+_HEAD, _HAND, _FIRST_JOINT = 1, 2, 3
+"""Numbers of the nodes."""
+
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 _KINDS = {"f4": 5126, "u2": 5123, "u1": 5121}
+_SHARES = np.linspace(0, 1, 6)
+"""Shares of the head's turn at which joints stand: the chest, the neck, the head."""
+
 _ARRAY_BUFFER, _INDEX_BUFFER = 34962, 34963
 
 
@@ -67,13 +74,16 @@ def _mesh(
     rgba = np.concatenate([colours[:, :3] ** 2.2, colours[:, 4:]], axis=1)
     attributes = {
         "POSITION": build.add(rest, target=_ARRAY_BUFFER, bounds=True),
-        "NORMAL": build.add(vertex_normals(rest, surface.triangles), target=_ARRAY_BUFFER),
+        "NORMAL": build.add(_unit_normals(rest, surface.triangles), target=_ARRAY_BUFFER),
         "COLOR_0": build.add(np.rint(rgba * 255), "u1", target=_ARRAY_BUFFER, normalised=True),
     }
     if weights is not None:
-        pairs = np.stack([1 - weights, weights, 0 * weights, 0 * weights], axis=1)
+        place = weights * (len(_SHARES) - 1)
+        below = np.minimum(place.astype(int), len(_SHARES) - 2)
+        none = np.zeros_like(weights)
+        pairs = np.stack([np.maximum(0, below + 1 - place), place - below, none, none], axis=1)
         attributes["WEIGHTS_0"] = build.add(pairs, target=_ARRAY_BUFFER)
-        joints = np.tile([0, 1, 0, 0], (len(weights), 1))
+        joints = np.stack([below, below + 1, none, none], axis=1) * (pairs > 0)
         attributes["JOINTS_0"] = build.add(joints, "u1", target=_ARRAY_BUFFER)
     return {
         "name": name,
@@ -86,6 +96,13 @@ def _mesh(
         }],
         "weights": [0.0] * len(targets),
     }  # fmt: skip
+
+
+def _unit_normals(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return normals that all have a length, also where triangles have no area."""
+    normals = vertex_normals(points, triangles)
+    normals[np.linalg.norm(normals, axis=1) < 0.5] = [0.0, 0.0, 1.0]
+    return normals
 
 
 def _directions(surface: Surface) -> NDArray[np.float64]:
@@ -132,27 +149,36 @@ def glb(motion: Motion, avatar: Avatar) -> bytes:
 
     head = voice.face.motion(params[:, voice.face_columns[7:]])
     forearm = voice.hand.motion(params[:, voice.hand_columns[12:]])
-    for node, moved, pivot in ((2, head, voice.face.pivot), (4, forearm, voice.hand.pivot)):
+    order = np.argsort(avatar.head_weights[:, 0])
+    shifts = np.interp(_SHARES, *avatar.head_weights[order].T)
+    carried = [
+        (_FIRST_JOINT + k, head * np.repeat([turn, shift], 3), voice.face.pivot)
+        for k, (turn, shift) in enumerate(zip(_SHARES, shifts, strict=True))
+    ]
+    for node, moved, pivot in (*carried, (_HAND, forearm, voice.hand.pivot)):
         animate(node, "rotation", Rotation.from_rotvec(moved[:, :3]).as_quat())
         animate(node, "translation", moved[:, 3:] + pivot)
-    animate(3, "weights", head_weights)
-    animate(4, "weights", hand_weights)
-    bind = np.tile(np.eye(4), (2, 1, 1))
-    bind[1, :3, 3] = -voice.face.pivot
+    animate(_HEAD, "weights", head_weights)
+    animate(_HAND, "weights", hand_weights)
+    bind = np.tile(np.eye(4), (len(_SHARES), 1, 1))
+    bind[:, :3, 3] = -voice.face.pivot
+    joints = [_FIRST_JOINT + k for k in range(len(_SHARES))]
     document = {
         "asset": {"version": "2.0", "generator": "cuecast"},
         "scene": 0,
-        "scenes": [{"nodes": [0]}],
+        "scenes": [{"nodes": [0, _HEAD]}],
         "nodes": [
-            {"name": voice.name, "children": [1, 2, 3, 4], "scale": [0.001] * 3},
-            {"name": "chest"},
-            {"name": "head joint", "translation": voice.face.pivot.tolist()},
+            {"name": voice.name, "children": [_HAND, *joints], "scale": [0.001] * 3},
             {"name": "head", "mesh": 0, "skin": 0},
             {"name": "hand", "mesh": 1},
+            *(
+                {"name": f"neck {share:.1f}", "translation": voice.face.pivot.tolist()}
+                for share in _SHARES
+            ),
         ],
         "skins": [{
-            "joints": [1, 2],
-            "inverseBindMatrices": build.add(bind.transpose(0, 2, 1).reshape(2, 16)),
+            "joints": joints,
+            "inverseBindMatrices": build.add(bind.transpose(0, 2, 1).reshape(-1, 16)),
         }],
         "meshes": meshes,
         "materials": [{

@@ -1,4 +1,4 @@
-"""Markers over time as C3D, TRC and CSV."""
+"""Markers over time as TRC and CSV; C3D is `codec.c3d`."""
 
 import csv
 import io
@@ -6,7 +6,6 @@ import io
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.errors import CueError
 from codec.layout import MARKERS
 
 FloatArray = NDArray[np.floating]
@@ -49,30 +48,3 @@ def marker_csv(markers: FloatArray, times_s: FloatArray) -> str:
             [f"{time_s:.6f}", *("" if np.isnan(v) else f"{v:.4f}" for v in frame.ravel())]
         )
     return text.getvalue()
-
-
-def write_c3d(path: str, markers: FloatArray, rate_hz: float) -> None:
-    """Write a C3D file; hidden markers (NaN) get the residual -1.
-
-    Raises
-    ------
-    CueError
-        If the library for C3D is not installed (``pip install cuecast[c3d]``).
-    """
-    try:
-        import ezc3d
-    except ImportError as error:
-        raise CueError("C3D needs the package ezc3d: pip install cuecast[c3d]") from error
-    points = np.ones((4, len(MARKERS), len(markers)))
-    points[:3] = np.transpose(markers, (2, 1, 0))
-    file = ezc3d.c3d()
-    file["parameters"]["POINT"]["RATE"]["value"] = [rate_hz]
-    file["parameters"]["POINT"]["LABELS"]["value"] = list(MARKERS)
-    file["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
-    file["data"]["points"] = points
-    hidden = np.isnan(points[0])
-    file["data"]["meta_points"] = {
-        "residuals": np.where(hidden, -1.0, 0.0)[None],
-        "camera_masks": np.zeros((7, *hidden.shape), dtype=bool),
-    }
-    file.write(path)

@@ -17,10 +17,10 @@ import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
+from codec.c3d import read_c3d, write_c3d
 from codec.cueing import cue
 from codec.phonology import CONSONANTS, PAUSE, VOWELS
 from codec.score import Score
-from synth.corpus.c3d import read_c3d, write_c3d
 from synth.corpus.capture import record
 from synth.corpus.choice import Coverage
 from synth.corpus.scores import shape_transitions

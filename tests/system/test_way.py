@@ -17,6 +17,7 @@ from cuecast.demo.run import as_srt
 from cuecast.media.film import write_film
 from cuecast.media.rewrite import Unchanged, rewrite_sound
 from receiver.media.sound import read_sound
+from receiver.render import read_picture
 
 FS = 48000
 SECONDS = 13
@@ -131,6 +132,20 @@ def test_received_markers(folder: Path, run: Run, suffix: str) -> None:
     target = folder / f"markers{suffix}"
     assert run("receive", folder / "b.mkv", "--sound-only", "--markers", target)[0] == 0
     assert target.stat().st_size > 10_000
+
+
+def test_picture_of_a_chosen_size_and_side(folder: Path, run: Run) -> None:
+    pictures = []
+    for name, options in (("right", ()), ("left", ("--mirror",))):
+        target = folder / f"{name}.png"
+        assert run(
+            "render", folder / "sent.npz", "-o", target, "--size", "160x180", *options
+        )[0] == 0  # fmt: skip
+        pictures.append(read_picture(target).astype(int))
+    assert pictures[0].shape == (180, 160, 3)
+    assert np.array_equal(pictures[0], pictures[1][:, ::-1])
+    assert not np.array_equal(pictures[0], pictures[1])
+    assert run("render", folder / "sent.npz", "-o", folder / "x.png", "--size", "big")[0] == 2
 
 
 def test_dubbing_a_given_motion(folder: Path, run: Run) -> None:
