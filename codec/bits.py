@@ -12,14 +12,22 @@ from bitstring import Bits, Reader, pack
 
 from codec.errors import BitstreamError
 
-VERSION = 1
+VERSION = 2
 """Version of the bitstream that this package writes."""
 
-MODES = ("score", "plain", "score-only")
-"""Names of the modes 0, 1 and 2: score with residual, residual alone, score alone."""
+MODES = ("score", "plain", "compact")
+"""Names of the modes: score with residual, residual alone, score alone in few bytes."""
+
+SCORE, PLAIN, COMPACT = range(len(MODES))
 
 HEADER_FIELDS = {"version": 2, "mode": 2, "sequence": 6, "lead": 2, "voice": 4}
 """The header of L0: names and widths in bits, first field in the highest bits."""
+
+COMPACT_FIELDS = {"version": 2, "mode": 2, "sequence": 4}
+"""The header of L0 in compact mode."""
+
+COMPACT_LEAD = 2
+"""Superframes by which compact ones are always on air ahead of their time."""
 
 FILE_FIELDS = {
     "magic": 32, "version": 8, "voice": 64, "first_tick": 32, "ticks": 32, "l0": 12, "l1": 12,
@@ -32,11 +40,14 @@ RECORD_FIELDS = {"l0": 12, "l1": 12}
 MAGIC = int.from_bytes(b"CUES", "big")
 
 HEADER_BYTES = 2
+COMPACT_HEADER_BYTES = 1
 FILE_BYTES = 24
 RECORD_BYTES = 3
 SEQUENCES = 64
+COMPACT_SEQUENCES = 16
 
 assert sum(HEADER_FIELDS.values()) == 8 * HEADER_BYTES
+assert sum(COMPACT_FIELDS.values()) == 8 * COMPACT_HEADER_BYTES
 assert sum(FILE_FIELDS.values()) == 8 * FILE_BYTES
 assert sum(RECORD_FIELDS.values()) == 8 * RECORD_BYTES
 
@@ -70,18 +81,19 @@ def unpack_fields(layout: Mapping[str, int], data: bytes) -> dict[str, int]:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What the first two bytes of L0 say.
+    """What the first bytes of L0 say.
 
     Attributes
     ----------
     mode : int
         Index in `MODES`.
     sequence : int
-        Number of the superframe modulo 64.
+        Number of the superframe modulo `sequences`.
     lead : int
         Superframes between the time on air and the time of presentation, 0..3.
     voice : int
-        Hexadecimal digit number ``sequence % 16`` of the voice's identity.
+        Hexadecimal digit number ``sequence % 16`` of the voice's identity; 0 in compact mode,
+        whose payload begins with one bit of it.
     version : int
         Version of the bitstream.
     """
@@ -92,9 +104,15 @@ class Header:
     voice: int
     version: int = VERSION
 
+    @property
+    def sequences(self) -> int:
+        """Number of sequence numbers: 64, or 16 in compact mode."""
+        return COMPACT_SEQUENCES if self.mode == COMPACT else SEQUENCES
+
     def to_bytes(self) -> bytes:
-        """Return the two bytes."""
-        return pack_fields(HEADER_FIELDS, {name: getattr(self, name) for name in HEADER_FIELDS})
+        """Return the two bytes, or the one of compact mode."""
+        fields = COMPACT_FIELDS if self.mode == COMPACT else HEADER_FIELDS
+        return pack_fields(fields, {name: getattr(self, name) for name in fields})
 
 
 def read_header(l0: bytes) -> Header:
@@ -110,7 +128,11 @@ def read_header(l0: bytes) -> Header:
     >>> read_header(Header(mode=0, sequence=5, lead=2, voice=10).to_bytes()).sequence
     5
     """
-    header = Header(**unpack_fields(HEADER_FIELDS, l0))
+    fields = unpack_fields(COMPACT_FIELDS, l0)
+    if fields["mode"] == COMPACT:
+        header = Header(**fields, lead=COMPACT_LEAD, voice=0)
+    else:
+        header = Header(**unpack_fields(HEADER_FIELDS, l0))
     if header.version != VERSION:
         raise BitstreamError(f"version {header.version} is not {VERSION}", section="H2", bit=0)
     if header.mode >= len(MODES):
@@ -127,6 +149,17 @@ def voice_digit(identity: str, sequence: int) -> int:
     10
     """
     return int(identity[sequence % 16], 16)
+
+
+def voice_bit(identity: str, sequence: int) -> int:
+    """Return the bit of a voice's identity that compact superframe `sequence` carries (M2).
+
+    Examples
+    --------
+    >>> [voice_bit("c0123456789abcde", k) for k in range(4)]
+    [1, 1, 0, 0]
+    """
+    return int(identity[:4], 16) >> (15 - sequence % COMPACT_SEQUENCES) & 1
 
 
 def crc16(data: bytes) -> int:
@@ -161,14 +194,3 @@ def _crc8_of(byte: int) -> int:
 
 
 _CRC8 = tuple(_crc8_of(byte) for byte in range(256))
-
-
-def nearest_index(sequence: int, near: int) -> int:
-    """Return the superframe number with this `sequence` that lies closest to `near`.
-
-    Examples
-    --------
-    >>> nearest_index(2, 63), nearest_index(62, 64)
-    (66, 62)
-    """
-    return near + (sequence - near + SEQUENCES // 2) % SEQUENCES - SEQUENCES // 2

@@ -7,10 +7,12 @@ from codec.errors import BitstreamError
 from codec.joining import score_of
 from codec.payload import is_intact, read_beginning
 from codec.quantise import NO_RESIDUAL, width_mm
+from codec.resynthesis import SHIFTS
 from codec.score_coding import ScorePart
 from codec.stream import read_head, read_superframes
 from codec.superframe import Superframe
 from codec.timeline import SUPERFRAME_S, TICK_S
+from codec.window import Window
 
 
 def inspect_stream(data: bytes) -> dict[str, Any]:
@@ -32,7 +34,7 @@ def inspect_stream(data: bytes) -> dict[str, Any]:
         If the file breaks a rule; a wrong checksum of a superframe is reported in its place.
     """
     head = read_head(data)
-    parts: dict[int, ScorePart] = {}
+    parts: dict[int, ScorePart | Window] = {}
     rows = []
     for frame in read_superframes(data):
         row, part = _row(frame)
@@ -50,7 +52,7 @@ def inspect_stream(data: bytes) -> dict[str, Any]:
     }
 
 
-def _row(frame: Superframe) -> tuple[dict[str, Any], ScorePart | None]:
+def _row(frame: Superframe) -> tuple[dict[str, Any], ScorePart | Window | None]:
     row: dict[str, Any] = {
         "index": frame.index,
         "start_s": round(frame.index * SUPERFRAME_S, 2),
@@ -61,12 +63,14 @@ def _row(frame: Superframe) -> tuple[dict[str, Any], ScorePart | None]:
     if not row["intact"]:
         return row, None
     try:
-        header, setting, part = read_beginning(frame.l0)
+        content = read_beginning(frame.l0)
     except BitstreamError as error:
         return row | {"error": str(error)}, None
+    header, setting, part = content.header, content.setting, content.part
     row |= {"mode": MODES[header.mode], "sequence": header.sequence, "lead": header.lead}
     row["step"] = None if setting.step == NO_RESIDUAL else round(width_mm(setting.step), 2)
-    row |= {"gain": setting.gain, "course": setting.course}
+    row |= {"gain": setting.gain, "course": setting.course, "shift_ticks": SHIFTS[setting.shift]}
+    row["previews"] = sorted(frame.index + distance for distance in content.previews)
     if part is not None:
         score = score_of({frame.index: part})
         row["phones"] = [phone.symbol for phone in score.phones]

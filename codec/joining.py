@@ -7,87 +7,105 @@ wrong one. Specification: spec/bitstream.md, section 4.
 """
 
 import itertools
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
 from codec.phonology import PHONE_NUMBER, PHONES
 from codec.score import PLACEMENTS, Key, Phone, Score
-from codec.score_coding import N_VOWELS, ScorePart
-from codec.timeline import TICK_S, TICKS
+from codec.score_coding import N_VOWELS, ScorePart, is_consonant, is_vowel
+from codec.timeline import TICK_S, TICKS, Sounding
+from codec.window import Window, join_windows
 
 NOMINAL_TICKS = 4
 """Length of a phone of which only the beginning is known."""
 
 
-@dataclass(frozen=True, slots=True)
-class Sounding:
-    """A phone on the grid.
-
-    Attributes
-    ----------
-    number : int
-        Phone number, 0 for a pause.
-    start, end : int
-        Ticks on the programme's clock.
-    open_start, open_end : bool
-        Whether the true start lies earlier, or the true end elsewhere.
-    """
-
-    number: int
-    start: int
-    end: int
-    open_start: bool = False
-    open_end: bool = False
+Parts = Mapping[int, ScorePart | Window]
+"""Scores by the number of their superframe; windows count alone where there are any."""
 
 
-def join(parts: Mapping[int, ScorePart]) -> list[Sounding]:
+def join(parts: Parts) -> list[Sounding]:
     """Return the phones of the superframes `parts`, pauses included, in order of time."""
+    windows = {k: part for k, part in parts.items() if isinstance(part, Window)}
+    if windows:
+        return join_windows(windows)
     line: list[Sounding] = []
-    for index in sorted(parts):
-        part = parts[index]
-        begin = index * TICKS
-        hole = bool(line) and not line[-1].open_end
-        if hole:
+    known = {k: part for k, part in parts.items() if isinstance(part, ScorePart)}
+    for index in sorted(known):
+        part, begin = known[index], index * TICKS
+        if line and not line[-1].open_end:
             # Superframes between were lost: nothing is known to sound there.
             line.append(Sounding(0, line[-1].end, begin - 1, open_start=True, open_end=True))
-        same = bool(line) and line[-1].number == part.first and line[-1].start < begin
-        if same and not hole:
-            line[-1] = replace(line[-1], end=begin + part.first_end, open_end=False)
-        else:
-            if line and not hole:
-                line[-1] = replace(line[-1], end=begin - 1, open_end=False)
-            line.append(Sounding(part.first, begin - 1, begin + part.first_end, open_start=True))
+        _begin(line, part, known.get(index - 1), begin)
         ends = (*part.starts, TICKS)[1:]
         for number, start, end in zip(part.numbers, part.starts, ends, strict=True):
             line.append(Sounding(number, begin + start, begin + end))
-        line[-1] = replace(line[-1], open_end=True)
-        if index + 1 not in parts:
-            line += _completed(line.pop(), part, begin + TICKS)
+        if line:
+            line[-1] = replace(line[-1], open_end=True)
+            if index + 1 not in known:
+                line += _completed(line.pop(), part, begin + TICKS)
     return line
 
 
-def _completed(last: Sounding, part: ScorePart, end: int) -> Iterator[Sounding]:
-    """End the last phone, of which the next superframe was to tell more, by nominal lengths."""
-    if last.number == 0:
-        yield replace(last, end=end, open_end=False)
+def _begin(line: list[Sounding], part: ScorePart, before: ScorePart | None, begin: int) -> None:
+    """Append what sounds as a superframe begins, or prolong it (J1, J2, J8)."""
+    end = begin + part.first_end
+    if part.coarse:
+        if before is not None and line:
+            line += _completed(line.pop(), before, end, exact=True)
         return
-    reach = max(end, last.start + NOMINAL_TICKS)
+    if before is not None and before.coarse and line and part.first and line[-1].number:
+        _continue_coarse(line, part.first, end)
+        return
+    hole = before is None
+    if not hole and line and line[-1].number == part.first and line[-1].start < begin:
+        line[-1] = replace(line[-1], end=end, open_end=False)
+        return
+    if line and not hole:
+        line[-1] = replace(line[-1], end=max(begin - 1, line[-1].start), open_end=False)
+    line.append(Sounding(part.first, begin - 1, end, open_start=True))
+
+
+def _continue_coarse(line: list[Sounding], number: int, end: int) -> None:
+    """Let the phone that sounds after a preview be the last one that the preview implies."""
+    if is_consonant(number) and is_vowel(line[-1].number) and len(line) > 1:
+        line.pop()
+    last = line.pop()
+    if is_vowel(number) and is_consonant(last.number):
+        middle = (last.start + end) // 2
+        line.append(replace(last, end=middle, open_end=False))
+        line.append(Sounding(number, middle, end))
+    else:
+        line.append(replace(last, number=number, end=end, open_end=False))
+
+
+def _completed(
+    last: Sounding, part: ScorePart, end: int, *, exact: bool = False
+) -> Iterator[Sounding]:
+    """End the last phone, of which the next superframe was to tell more, by nominal lengths.
+
+    If `exact`, it and the vowel that completes its key end at `end`.
+    """
+    if last.number == 0 or (exact and not part.ahead):
+        yield replace(last, end=max(end, last.start), open_end=False)
+        return
+    reach = (last.start + end) // 2 if exact else max(end, last.start + NOMINAL_TICKS)
     yield replace(last, end=reach, open_end=False)
     if part.ahead:
-        yield Sounding(part.ahead, reach, reach + NOMINAL_TICKS)
+        yield Sounding(part.ahead, reach, end if exact else reach + NOMINAL_TICKS)
 
 
 def keys_of(
-    line: list[Sounding], parts: Mapping[int, ScorePart], *, unsure: bool = False
+    line: Sequence[Sounding], parts: Parts, *, unsure: bool = False
 ) -> list[Key]:
     """Return the keys of a joined line, in order of time.
 
     Parameters
     ----------
-    line : list of Sounding
+    line : sequence of Sounding
         From `join`.
-    parts : mapping of int to ScorePart
+    parts : mapping of int to ScorePart or Window
         The same parts: their options and overrides apply to the keys that start in them.
     unsure : bool
         Whether to list keys whose consonant may have been lost, as vowels alone.
@@ -97,6 +115,7 @@ def keys_of(
     list of Key
     """
     open_starts = {s.start for s in line if s.open_start and s.number}
+    unfinished = {s.start for s in line if s.open_end and is_consonant(s.number)}
     phones = phones_of(line)
     keys: list[Key] = []
     for options in {part.options for part in parts.values()} or {DEFAULT_OPTIONS}:
@@ -110,7 +129,9 @@ def keys_of(
     return [
         key
         for before, key in itertools.pairwise([None, *keys])
-        if key and not (round(key.start / TICK_S) in open_starts and _doubtful(key, before))
+        if key
+        and not (round(key.start / TICK_S) in open_starts and _doubtful(key, before))
+        and not (round(key.start / TICK_S) in unfinished and len(key.phones) == 1)
     ]
 
 
@@ -121,12 +142,15 @@ def _doubtful(key: Key, before: Key | None) -> bool:
     )
 
 
-def _options_at(tick: int, parts: Mapping[int, ScorePart]) -> CueingOptions:
-    part = parts.get(tick // TICKS) or parts.get(tick // TICKS + 1)
-    return DEFAULT_OPTIONS if part is None else part.options
+def _options_at(tick: int, parts: Parts) -> CueingOptions:
+    """Return the options of the superframe nearest to a tick."""
+    if not parts:
+        return DEFAULT_OPTIONS
+    at = tick // TICKS
+    return parts[min(parts, key=lambda k: (abs(k - at), -k))].options
 
 
-def _overridden(key: Key, tick: int, parts: Mapping[int, ScorePart]) -> Key:
+def _overridden(key: Key, tick: int, parts: Parts) -> Key:
     part = parts.get(tick // TICKS)
     change = None if part is None else part.overrides.get(tick % TICKS)
     if change is None:
@@ -134,12 +158,25 @@ def _overridden(key: Key, tick: int, parts: Mapping[int, ScorePart]) -> Key:
     return replace(key, shape=change[0], placement=PLACEMENTS[change[1]])
 
 
-def phones_of(line: list[Sounding]) -> list[Phone]:
+def phones_of(line: Sequence[Sounding]) -> list[Phone]:
     """Return the phones of a joined line without its pauses."""
     return [Phone(PHONES[s.number], s.start * TICK_S, s.end * TICK_S) for s in line if s.number]
 
 
-def score_of(parts: Mapping[int, ScorePart]) -> Score:
-    """Return the score that superframes tell together."""
+def score_of(parts: Parts) -> Score:
+    """Return the score that superframes tell together.
+
+    Keys that are known from previews only have no phones.
+    """
     line = join(parts)
-    return Score(tuple(phones_of(line)), tuple(keys_of(line, parts)))
+    coarse = {k for k, part in parts.items() if isinstance(part, ScorePart) and part.coarse}
+    keys = keys_of(line, parts)
+    if not coarse:
+        return Score(tuple(phones_of(line)), tuple(keys))
+    return Score(
+        tuple(phones_of([s for s in line if s.start // TICKS not in coarse])),
+        tuple(
+            replace(key, phones=()) if round(key.start / TICK_S) // TICKS in coarse else key
+            for key in keys
+        ),
+    )

@@ -7,6 +7,7 @@ from codec.score import Key, Score
 from codec.score_coding import ScorePart
 from codec.superframe import DecodedSuperframe
 from codec.timeline import SUPERFRAME_S, TICK_S
+from codec.window import Window
 
 
 def merge_scores(superframes: Iterable[DecodedSuperframe]) -> Score:
@@ -25,11 +26,15 @@ def merge_scores(superframes: Iterable[DecodedSuperframe]) -> Score:
     return score_of({s.index: s.part for s in superframes if s.part is not None})
 
 
+_REACH = 4
+"""Superframes before one that can tell keys of it, or how far a loss reaches."""
+
+
 class ScoreMerger:
     """Keys of superframes that arrive in order of time, each given out once and complete."""
 
     def __init__(self) -> None:
-        self._parts: dict[int, ScorePart] = {}
+        self._parts: dict[int, ScorePart | Window] = {}
         self._settled: int | None = None
 
     def add(self, superframe: DecodedSuperframe) -> list[Key]:
@@ -48,5 +53,5 @@ class ScoreMerger:
         begin, end = (k * SUPERFRAME_S - 0.5 * TICK_S for k in (first, index))
         keys = [key for key in score_of(self._parts).keys if begin <= key.start < end]
         self._settled = max(first, index)
-        self._parts = {k: part for k, part in self._parts.items() if k >= index - 2}
+        self._parts = {k: part for k, part in self._parts.items() if k >= index - _REACH}
         return keys

@@ -5,14 +5,15 @@ end of a part are coefficients of least expected magnitude: the reader stops at 
 that its bytes do not determine. Specification: spec/bitstream.md, section 2.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec import _kernels
-from codec.bits import HEADER_BYTES, Header, crc8, crc16, read_header
+from codec.bits import COMPACT, HEADER_BYTES, PLAIN, SCORE, Header, crc8, crc16, read_header
 from codec.errors import BitstreamError
+from codec.preview import Preview, read_previews, write_previews
 from codec.quantise import NO_RESIDUAL, NOTHING_SENT, Setting, raised
 from codec.range_coder import (
     FLIP,
@@ -25,6 +26,7 @@ from codec.range_coder import (
 from codec.score_coding import ScorePart, read_score, write_score
 from codec.tables import coefficient_tables, score_tables
 from codec.transform import Basis
+from codec.window import MAX_BYTES, MIN_BYTES, Window, read_window
 
 Ints = NDArray[np.int64]
 
@@ -32,11 +34,11 @@ CRC16_BYTES = 2
 CRC8_BYTES = 1
 STEP_BITS = 6
 MIN_L0_BYTES = HEADER_BYTES + CRC16_BYTES + 1
-SCORE, PLAIN, SCORE_ONLY = 0, 1, 2
-"""Modes of `codec.bits.MODES`."""
-
 _CHOICES = cumulative([12, 2, 1, 1])
 """Table of gain and course."""
+
+_SHIFTS = cumulative([10, 2, 2, 1, 1])
+_MODE_SHIFT = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,29 +49,36 @@ class Content:
     ----------
     header : Header
     setting : Setting
-    part : ScorePart or None
-        None in mode ``plain``.
+    part : ScorePart or Window or None
+        None in mode ``plain``, a window in mode ``compact``.
     q : ndarray of int64, shape (32 P,)
         Quantised coefficients in scan order.
+    previews : dict of int to Preview
+        By distance, in mode ``score``.
+    voice_bit : int
+        Bit of the voice's identity, in mode ``compact``.
     """
 
     header: Header
     setting: Setting
-    part: ScorePart | None
+    part: ScorePart | Window | None
     q: Ints
+    previews: dict[int, Preview] = field(default_factory=dict)
+    voice_bit: int = 0
 
 
-def score_code(mode: int, setting: Setting, part: ScorePart | None, *, even: bool) -> RangeEncoder:
-    """Return the beginning of L0's payload: the setting, then the score."""
-    encoder = RangeEncoder()
-    if mode != SCORE_ONLY:
-        encoder.put_bits(setting.step, STEP_BITS)
-        if setting.step != NO_RESIDUAL:
-            encoder.put(setting.gain, _CHOICES)
-            if mode == SCORE:
-                encoder.put(setting.course, _CHOICES)
-    if part is not None:
-        write_score(encoder, part, score_tables(), even=even)
+def score_code(content: Content, *, even: bool) -> RangeEncoder:
+    """Return the beginning of L0's payload: setting, score and previews (H8)."""
+    encoder, setting = RangeEncoder(), content.setting
+    encoder.put_bits(setting.step, STEP_BITS)
+    if setting.step != NO_RESIDUAL:
+        encoder.put(setting.gain, _CHOICES)
+        if content.header.mode == SCORE:
+            encoder.put(setting.course, _CHOICES)
+            encoder.put(setting.shift, _SHIFTS)
+    if isinstance(content.part, ScorePart):
+        write_score(encoder, content.part, score_tables(), even=even)
+        write_previews(encoder, content.previews, score_tables())
     return encoder
 
 
@@ -97,55 +106,48 @@ def coefficient_bits(q: Ints, setting: Setting, basis: Basis) -> float:
     return bits
 
 
-def write_l0(
-    header: Header, setting: Setting, part: ScorePart | None, q: Ints, basis: Basis, size: int,
-    *, even: bool = False,
-) -> bytes | None:  # fmt: skip
+def write_l0(content: Content, basis: Basis, size: int, *, even: bool = False) -> bytes | None:
     """Return an L0 part of `size` bytes, None if the score does not fit.
 
     As many coefficients as fit follow the score.
     """
     room = size - HEADER_BYTES - CRC16_BYTES
-    payload = _l0_code(header.mode, setting, part, q, basis, even=even)
-    if setting.step != NO_RESIDUAL:
+    payload = _l0_code(content, basis, even=even)
+    if content.setting.step != NO_RESIDUAL:
         payload = payload[:room]
     if len(payload) > room:
         return None
     payload = payload.ljust(room, b"\0")
-    if not _agrees(RangeDecoder(payload), header.mode, setting, part):
+    if not _agrees(RangeDecoder(payload), content):
         return None
-    return _with_crc16(header.to_bytes() + payload)
+    return _with_crc16(content.header.to_bytes() + payload)
 
 
-def write_l0_whole(
-    header: Header, setting: Setting, part: ScorePart | None, q: Ints, basis: Basis
-) -> bytes:
+def write_l0_whole(content: Content, basis: Basis) -> bytes:
     """Return the shortest L0 part that holds the score and all coefficients."""
-    payload = _l0_code(header.mode, setting, part, q, basis, even=False)
-    head = header.to_bytes()
-    if setting.step != NO_RESIDUAL:
+    payload = _l0_code(content, basis, even=False)
+    head, q = content.header.to_bytes(), content.q
+    if content.setting.step != NO_RESIDUAL:
         last = int(np.flatnonzero(q).max(initial=-1))
-        _, freqs, ends = coefficient_code(q, 0, setting, basis)
-        bits = score_code(header.mode, setting, part, even=False).bits
+        _, freqs, ends = coefficient_code(q, 0, content.setting, basis)
+        bits = score_code(content, even=False).bits
         bits += code_length(freqs[: ends[last]]) if last >= 0 else 0.0
         for length in range(max(1, int(bits) // 8), len(payload)):
             decoder = RangeDecoder(payload[:length])
             known = -1
-            if _agrees(decoder, header.mode, setting, part):
-                known = _read_coefficients(decoder, np.zeros_like(q), 0, setting, basis)
+            if _agrees(decoder, content):
+                known = _read_coefficients(decoder, np.zeros_like(q), 0, content.setting, basis)
             if known > last:
                 return _with_crc16(head + payload[:length])
     return _with_crc16(head + payload.ljust(1, b"\0"))
 
 
-def _l0_code(
-    mode: int, setting: Setting, part: ScorePart | None, q: Ints, basis: Basis, *, even: bool
-) -> bytes:
+def _l0_code(content: Content, basis: Basis, *, even: bool) -> bytes:
     """Return the whole code of L0's payload."""
-    starts, freqs = score_code(mode, setting, part, even=even).intervals()
-    if setting.step == NO_RESIDUAL:
+    starts, freqs = score_code(content, even=even).intervals()
+    if content.setting.step == NO_RESIDUAL:
         return encode_intervals(starts, freqs)
-    more_starts, more_freqs, _ = coefficient_code(q, 0, setting, basis)
+    more_starts, more_freqs, _ = coefficient_code(content.q, 0, content.setting, basis)
     return encode_intervals(
         np.concatenate([starts, more_starts]), np.concatenate([freqs, more_freqs]), certain=True
     )
@@ -155,18 +157,30 @@ def _with_crc16(body: bytes) -> bytes:
     return body + crc16(body).to_bytes(CRC16_BYTES, "big")
 
 
-def _agrees(decoder: RangeDecoder, mode: int, setting: Setting, part: ScorePart | None) -> bool:
-    """Return whether a payload cut to its room still says this setting and score."""
-    if _read_setting(decoder, mode) != setting:
+def _agrees(decoder: RangeDecoder, content: Content) -> bool:
+    """Return whether a payload cut to its room still says this setting, score and previews."""
+    if _read_setting(decoder, content.header.mode) != content.setting:
         return False
-    return part is None or read_score(decoder, score_tables()) == part
+    return content.part is None or (
+        read_score(decoder, score_tables()) == content.part
+        and read_previews(decoder, score_tables()) == content.previews
+    )
 
 
 def is_intact(l0: bytes) -> bool:
-    """Return whether an L0 part has its length and its checksum (H1, H6)."""
+    """Return whether an L0 part has a possible length and its checksum (H1, H6).
+
+    A compact part has none: what carries it has to check it.
+    """
+    if _is_compact(l0):
+        return MIN_BYTES <= len(l0) <= MAX_BYTES
     return len(l0) >= MIN_L0_BYTES and crc16(l0[:-CRC16_BYTES]) == int.from_bytes(
         l0[-CRC16_BYTES:], "big"
     )
+
+
+def _is_compact(l0: bytes) -> bool:
+    return len(l0) > 0 and l0[0] >> _MODE_SHIFT & 3 == COMPACT
 
 
 def read_l0(l0: bytes, basis: Basis) -> tuple[Content, int]:
@@ -182,29 +196,38 @@ def read_l0(l0: bytes, basis: Basis) -> tuple[Content, int]:
     Raises
     ------
     BitstreamError
-        If the part is too short (H1), its checksum wrong (H6), its version unknown (H2) or its
+        If the part has a wrong length (H1) or checksum (H6), its version is unknown (H2) or its
         mode reserved (H3).
     """
-    header, setting, part, decoder = _read_beginning(l0)
+    content, decoder = _read_beginning(l0)
     q = np.zeros(basis.scan_scales.size, dtype=np.int64)
     known = q.size
-    if setting.step != NO_RESIDUAL:
-        known = _read_coefficients(decoder, q, 0, setting, basis)
-    return Content(header, setting, part, q), known
+    if decoder is not None and content.setting.step != NO_RESIDUAL:
+        known = _read_coefficients(decoder, q, 0, content.setting, basis)
+    return replace(content, q=q), known
 
 
-def read_beginning(l0: bytes) -> tuple[Header, Setting, ScorePart | None]:
-    """Return header, setting and score of an L0 part: all that needs no voice.
+def read_beginning(l0: bytes) -> Content:
+    """Return header, setting, score and previews of an L0 part: all that needs no voice.
 
     Raises
     ------
     BitstreamError
         As `read_l0`.
     """
-    return _read_beginning(l0)[:3]
+    return _read_beginning(l0)[0]
 
 
-def _read_beginning(l0: bytes) -> tuple[Header, Setting, ScorePart | None, RangeDecoder]:
+def _read_beginning(l0: bytes) -> tuple[Content, RangeDecoder | None]:
+    nothing = np.zeros(0, dtype=np.int64)
+    if _is_compact(l0):
+        header = read_header(l0)
+        if not MIN_BYTES <= len(l0) <= MAX_BYTES:
+            raise BitstreamError(
+                f"compact L0 of {len(l0)} bytes, {MIN_BYTES}..{MAX_BYTES}", section="H1"
+            )
+        bit, window = read_window(l0)
+        return Content(header, NOTHING_SENT, window, nothing, {}, bit), None
     if len(l0) < MIN_L0_BYTES:
         raise BitstreamError(f"L0 of {len(l0)} bytes, at least {MIN_L0_BYTES}", section="H1")
     body, check = l0[:-CRC16_BYTES], int.from_bytes(l0[-CRC16_BYTES:], "big")
@@ -215,19 +238,23 @@ def _read_beginning(l0: bytes) -> tuple[Header, Setting, ScorePart | None, Range
     header = read_header(body)
     decoder = RangeDecoder(body[HEADER_BYTES:])
     setting = _read_setting(decoder, header.mode)
-    part = None if header.mode == PLAIN else read_score(decoder, score_tables())
-    return header, setting, part, decoder
+    if header.mode == PLAIN:
+        return Content(header, setting, None, nothing), decoder
+    part = read_score(decoder, score_tables())
+    previews = read_previews(decoder, score_tables())
+    return Content(header, setting, part, nothing, previews), decoder
 
 
 def _read_setting(decoder: RangeDecoder, mode: int) -> Setting:
     """Return the setting that a payload begins with (H8)."""
-    if mode == SCORE_ONLY:
-        return NOTHING_SENT
     step = decoder.get_bits(STEP_BITS)
     if step == NO_RESIDUAL:
         return NOTHING_SENT
     gain = decoder.get(_CHOICES)
-    return Setting(step, gain, decoder.get(_CHOICES) if mode == SCORE else 0)
+    if mode == PLAIN:
+        return Setting(step, gain)
+    course = decoder.get(_CHOICES)
+    return Setting(step, gain, course, decoder.get(_SHIFTS))
 
 
 def _read_coefficients(
@@ -267,7 +294,7 @@ def read_l1(l0: bytes, l1: bytes, content: Content, known: int, basis: Basis) ->
     q = content.q.copy()
     if content.setting.step != NO_RESIDUAL:
         _read_coefficients(RangeDecoder(body), q, known, content.setting, basis)
-    return Content(content.header, content.setting, content.part, q)
+    return replace(content, q=q)
 
 
 def _l1_check(l0: bytes, body: bytes) -> int:

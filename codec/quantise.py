@@ -46,11 +46,14 @@ class Setting:
         Index in `GAINS`.
     course : int
         Form of the hand's movements, 0..3.
+    shift : int
+        Index in `codec.resynthesis.SHIFTS`.
     """
 
     step: int
     gain: int = 0
     course: int = 0
+    shift: int = 0
 
 
 NOTHING_SENT = Setting(NO_RESIDUAL)

@@ -149,6 +149,11 @@ class RangeDecoder:
         last = len(cdf) - 2 if limit is None else limit
         return int(_kernels.decode_symbol(self.data, self.state, cdf, last, False))
 
+    def get_certain(self, cdf: NDArray[np.int64], limit: int | None = None) -> int:
+        """Return the next symbol if the data determine it, else -1 (R6)."""
+        last = len(cdf) - 2 if limit is None else limit
+        return int(_kernels.decode_symbol(self.data, self.state, cdf, last, True))
+
     def get_bits(self, width: int) -> int:
         """Return a number of `width` bits."""
         value = 0

@@ -10,7 +10,7 @@ function of the line: sender and receiver compute the same prediction.
 Specification: spec/bitstream.md, section 5.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -19,11 +19,10 @@ from numpy.typing import NDArray
 from codec.cueing import DEFAULT_OPTIONS
 from codec.errors import VoiceError
 from codec.gestures import GestureTable
-from codec.joining import Sounding, keys_of
+from codec.joining import Parts, keys_of
 from codec.phonology import PHONES
 from codec.score import PLACEMENT_NUMBER, PLACEMENTS, SHAPES
-from codec.score_coding import ScorePart
-from codec.timeline import TICK_S
+from codec.timeline import TICK_S, Sounding
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -45,6 +44,9 @@ _UNDERSHOOT = 0.13
 
 COURSES = (1.0, 0.75, 0.55, 0.42)
 """Powers to which the elapsed part of a movement is raised: below 1 its speed peaks early."""
+
+SHIFTS = (0, 3, -3, 6, -6)
+"""Ticks by which the hand can be earlier than the rule says."""
 
 _REACH_TICKS = 22.5
 _RISE_TICKS = 2.5
@@ -111,14 +113,14 @@ class Movements:
     reach: Ints
 
 
-def movements(line: Sequence[Sounding], parts: Mapping[int, ScorePart]) -> Movements:
+def movements(line: Sequence[Sounding], parts: Parts) -> Movements:
     """Return the movements of the hand that a line implies (P1 to P3).
 
     Parameters
     ----------
     line : sequence of Sounding
         From `codec.joining.join`.
-    parts : mapping of int to ScorePart
+    parts : mapping of int to ScorePart or Window
         The parts that were joined.
     """
     options = next(iter(parts.values())).options if parts else DEFAULT_OPTIONS
@@ -201,9 +203,11 @@ class KeyWeights:
     ends: Ints
 
 
-def key_weights(moves: Movements, first_tick: int, n_frames: int, *, course: int = 0) -> KeyWeights:
+def key_weights(
+    moves: Movements, first_tick: int, n_frames: int, *, course: int = 0, shift: int = 0
+) -> KeyWeights:
     """Return the weights of the keys' targets in frames at `first_tick` and after (P5, P6)."""
-    times = PARTS * (first_tick + np.arange(n_frames, dtype=np.int64))
+    times = PARTS * (first_tick + SHIFTS[shift] + np.arange(n_frames, dtype=np.int64))
     held = np.zeros((len(moves.key), N_KEYS))
     held[np.arange(len(moves.key)), moves.key] = 1.0
     until = np.append(moves.leave[1:], 1 << 40)
@@ -252,41 +256,48 @@ def phone_weights(line: Sequence[Sounding], first_tick: int, n_frames: int) -> A
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
-def resynthesise(
-    line: Sequence[Sounding],
-    parts: Mapping[int, ScorePart],
-    targets: Targets,
-    first_tick: int,
-    n_frames: int,
-    *,
-    course: int = 0,
-) -> Array:
-    """Return the parameters that a line implies (P4, P8).
+class Resynthesis:
+    """The movements that a line implies in some frames, in any form that a superframe can name.
 
     Parameters
     ----------
     line : sequence of Sounding
         Joined phones around the wanted frames.
-    parts : mapping of int to ScorePart
+    parts : mapping of int to ScorePart or Window
         The parts that were joined.
     targets : Targets
         Of the voice.
     first_tick, n_frames : int
         Frame i lies at tick ``first_tick + i``.
-    course : int
-        Form of the hand's movements, index in `COURSES`.
-
-    Returns
-    -------
-    ndarray of float64, shape (n_frames, P)
-        Face, hand, head and forearm.
     """
-    keys = key_weights(movements(line, parts), first_tick, n_frames, course=course)
-    distances = np.linalg.norm(
-        targets.forearm[keys.ends[:, 1]] - targets.forearm[keys.ends[:, 0]], axis=1
-    )
-    forearm = keys.carrier @ targets.forearm + np.outer(keys.bend * distances, targets.arc)
-    face = phone_weights(line, first_tick, n_frames) @ targets.face
-    return np.concatenate(
-        [face, keys.fingers @ targets.hand, keys.carrier @ targets.head, forearm], axis=1
-    )
+
+    def __init__(
+        self,
+        line: Sequence[Sounding],
+        parts: Parts,
+        targets: Targets,
+        first_tick: int,
+        n_frames: int,
+    ) -> None:
+        self._moves = movements(line, parts)
+        self._face = phone_weights(line, first_tick, n_frames) @ targets.face
+        self._targets = targets
+        self._frames = first_tick, n_frames
+
+    def params(self, *, course: int = 0, shift: int = 0) -> Array:
+        """Return face, hand, head and forearm (P4, P8), shape (n_frames, P).
+
+        Parameters
+        ----------
+        course, shift : int
+            Form of the hand's movements, index in `COURSES`, and their time, index in `SHIFTS`.
+        """
+        targets = self._targets
+        keys = key_weights(self._moves, *self._frames, course=course, shift=shift)
+        distances = np.linalg.norm(
+            targets.forearm[keys.ends[:, 1]] - targets.forearm[keys.ends[:, 0]], axis=1
+        )
+        forearm = keys.carrier @ targets.forearm + np.outer(keys.bend * distances, targets.arc)
+        return np.concatenate(
+            [self._face, keys.fingers @ targets.hand, keys.carrier @ targets.head, forearm], axis=1
+        )

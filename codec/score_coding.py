@@ -43,7 +43,8 @@ def letter_of(number: int) -> int:
     return (number - 1) % len(PHONES)
 
 
-def _number(letter: int) -> int:
+def number_of(letter: int) -> int:
+    """Return the phone number of a symbol in the tables (S3)."""
     return (letter + 1) % len(PHONES)
 
 
@@ -66,6 +67,8 @@ class ScorePart:
         Under which keys that start here follow from the phones.
     overrides : dict of int to (int, int)
         Shape and placement number of keys that do not follow the rule, by their start.
+    coarse : bool
+        Whether it is known from a preview only: keys are right, phones and times are not.
     """
 
     first: int
@@ -75,6 +78,7 @@ class ScorePart:
     ahead: int = 0
     options: CueingOptions = DEFAULT_OPTIONS
     overrides: dict[int, tuple[int, int]] = field(default_factory=dict)
+    coarse: bool = False
 
     def without_last(self) -> "ScorePart":
         """Return the part without its last phone."""
@@ -158,7 +162,7 @@ def read_score(decoder: RangeDecoder, tables: ScoreTables) -> ScorePart:
     """Read what `write_score` wrote; any code is a valid score."""
     even = decoder.get(_TIMING) == _EVEN
     special = decoder.get(_PLAIN_OR_SPECIAL) == 1
-    first = _number(decoder.get(tables.first))
+    first = number_of(decoder.get(tables.first))
     if even:
         first_end, numbers, starts = 0, *_read_even(decoder, tables, first)
     else:
@@ -179,7 +183,7 @@ def _read_even(
     n = decoder.get_bits(5) + 1
     numbers = []
     for _ in range(n):
-        before = _number(decoder.get(tables.next[before]))
+        before = number_of(decoder.get(tables.next[before]))
         numbers.append(before)
     return numbers, [TICKS * i // n for i in range(n)]
 
@@ -189,7 +193,7 @@ def _read_on_grid(
 ) -> tuple[list[int], list[int]]:
     numbers, starts, length = [], [], 0
     while start < TICKS:
-        number = _number(decoder.get(tables.next[before]))
+        number = number_of(decoder.get(tables.next[before]))
         context = tables.tempo(length)
         length = decoder.get(tables.length[number, context], TICKS - start - 1) + 1
         numbers.append(number)
@@ -200,13 +204,28 @@ def _read_on_grid(
     return numbers, starts
 
 
-def _write_special(encoder: RangeEncoder, part: ScorePart) -> None:
-    options = part.options
+def write_options(encoder: RangeEncoder, options: CueingOptions) -> None:
+    """Append the options of cueing (S9)."""
     encoder.put_bits(options.un == "cheek", 1)
     encoder.put_bits(options.schwa == "cheek", 1)
     encoder.put_bits(options.oe == "cheek", 1)
     gap = min(range(4), key=lambda i: abs(REST_GAPS_S[i] - options.rest_gap_s))
     encoder.put_bits(gap, 2)
+
+
+def read_options(decoder: RangeDecoder) -> CueingOptions:
+    """Read what `write_options` wrote."""
+    un, schwa, oe = (decoder.get_bits(1) for _ in range(3))
+    return CueingOptions(
+        un="cheek" if un else "throat",
+        schwa="cheek" if schwa else "side",
+        oe="cheek" if oe else "side",
+        rest_gap_s=REST_GAPS_S[decoder.get_bits(2)],
+    )
+
+
+def _write_special(encoder: RangeEncoder, part: ScorePart) -> None:
+    write_options(encoder, part.options)
     for start in part.key_starts():
         override = part.overrides.get(start)
         encoder.put(int(override is not None), _AS_RULED)
@@ -216,13 +235,7 @@ def _write_special(encoder: RangeEncoder, part: ScorePart) -> None:
 
 
 def _read_special(decoder: RangeDecoder, part: ScorePart) -> ScorePart:
-    un, schwa, oe = (decoder.get_bits(1) for _ in range(3))
-    options = CueingOptions(
-        un="cheek" if un else "throat",
-        schwa="cheek" if schwa else "side",
-        oe="cheek" if oe else "side",
-        rest_gap_s=REST_GAPS_S[decoder.get_bits(2)],
-    )
+    options = read_options(decoder)
     overrides = {
         start: (decoder.get(_SHAPES), decoder.get(_PLACEMENTS))
         for start in part.key_starts()

@@ -31,7 +31,7 @@ from codec.timeline import SUPERFRAME_S, TICK_S, TICKS, to_ticks
 from codec.voice import Voice
 
 RATE_HZ = 50.0
-MIN_RATE_BPS = 140
+MIN_RATE_BPS = 60
 MAX_RATE_BPS = 20_000
 _CRC_BYTES = 2
 _MAX_TICKS = 24 * 3600 * 50
@@ -81,7 +81,8 @@ def encode_stream(
         Of this voice, from time 0 on.
     voice : Voice
     rate_bps : float, optional
-        Constant rate of the superframes, checksums included, 140..20000 bit/s.
+        Constant rate of the superframes, checksums included, 60..20000 bit/s. Up to 150 bit/s
+        they are compact: without a residual, and without a checksum each.
     error_mm : float, optional
         Greatest error instead: RMS over all markers and frames, which the whole file keeps.
         Default without either: 2 mm.

@@ -6,26 +6,32 @@ the neighbours that it knows, and conceals what is missing: without L1 the coars
 without L0 the hand finishes its key and goes to rest. Specification: spec/bitstream.md, section 2.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bits import HEADER_BYTES, SEQUENCES, Header, read_header, voice_digit
+from codec.bits import (
+    COMPACT,
+    COMPACT_LEAD,
+    HEADER_BYTES,
+    PLAIN,
+    SCORE,
+    SEQUENCES,
+    Header,
+    read_header,
+    voice_bit,
+    voice_digit,
+)
 from codec.coding import Coding, coding_for
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.errors import BitstreamError, CueError, VoiceError
-from codec.joining import join, score_of
+from codec.joining import Parts, join, score_of
 from codec.layout import MARKERS
 from codec.motion import Motion
 from codec.payload import (
     CRC8_BYTES,
     CRC16_BYTES,
-    MIN_L0_BYTES,
-    PLAIN,
-    SCORE,
-    SCORE_ONLY,
     Content,
     coefficient_bits,
     is_intact,
@@ -36,6 +42,7 @@ from codec.payload import (
     write_l0_whole,
     write_l1,
 )
+from codec.preview import AHEAD, EXACT, Preview, part_of_preview, preview_of
 from codec.quantise import (
     GAINS,
     N_COURSES,
@@ -47,19 +54,21 @@ from codec.quantise import (
     quantise_rd,
     width_mm,
 )
-from codec.resynthesis import resynthesise
+from codec.resynthesis import SHIFTS, Resynthesis, minimum_jerk
 from codec.score import Key, Phone, Score
 from codec.score_coding import ScorePart, evenly, part_of
 from codec.tables import coefficient_tables
-from codec.timeline import SUPERFRAME_S, TICK_S, TICKS, Line, to_line
+from codec.timeline import SUPERFRAME_S, TICK_S, TICKS, to_line
 from codec.transform import Basis
 from codec.voice import Voice
+from codec.window import MAX_BYTES, MIN_BYTES, Window, WindowWriter
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _HISTORY = 8
-_FADE_FRAMES = 8.0
+_WINDOWS = 3
+"""Superframes before one whose windows can reach into it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,8 +100,8 @@ class DecodedSuperframe:
         The parts that arrived: ``L0``, ``L1``.
     concealed : bool
         Whether L0 is missing and the motion invented.
-    part : ScorePart or None
-        The score as sent; None if it is missing.
+    part : ScorePart or Window or None
+        The score as sent, or as previewed if L0 is missing; None if neither arrived.
     lead : int
         Superframes by which it was on air ahead of its time, -1 if L0 is missing.
     sequence : int
@@ -106,7 +115,7 @@ class DecodedSuperframe:
     keys: tuple[Key, ...]
     layers: tuple[str, ...]
     concealed: bool
-    part: ScorePart | None
+    part: ScorePart | Window | None
     lead: int
     sequence: int
 
@@ -125,10 +134,13 @@ def block_at(motion: Motion, index: int) -> Array:
     return np.asarray((1 - share) * motion.params[below] + share * motion.params[above])
 
 
-def predict(coding: Coding, parts: Mapping[int, ScorePart], index: int, course: int = 0) -> Array:
+def resynthesis_of(coding: Coding, parts: Parts, index: int) -> Resynthesis:
     """Return what the scores of superframes `parts` say about superframe `index` (section 5)."""
-    near = {k: parts[k] for k in (index - 1, index, index + 1) if k in parts}
-    return resynthesise(join(near), near, coding.targets, index * TICKS, TICKS, course=course)
+    reach = range(index - _WINDOWS, index + 2)
+    near: Parts = {k: p for k in reach if isinstance(p := parts.get(k), Window)}
+    if not near:
+        near = {k: p for k in reach[-3:] if isinstance(p := parts.get(k), ScorePart)}
+    return Resynthesis(join(near), near, coding.targets, index * TICKS, TICKS)
 
 
 class SuperframeEncoder:
@@ -142,13 +154,14 @@ class SuperframeEncoder:
     voice : Voice
         Of the motion.
     l0_bytes, l1_bytes : int
-        Sizes of the parts, at least 10 and 0; checksums and header count.
+        Sizes of the parts, at least 4 and 0; checksums and header count. An L0 of up to 12 bytes
+        is compact: it holds the score alone, and L1 has to be 0.
     lead : int
-        Superframes by which they will be on air ahead of their time, 0..3.
+        Superframes by which they will be on air ahead of their time, 0..3; 2 if L0 is compact.
     options : CueingOptions
         Under which the receiver derives keys from phones.
-    score_only : bool
-        Send no residual.
+    protected : bool
+        Send previews of later superframes, if L0 is not compact.
 
     Raises
     ------
@@ -162,20 +175,25 @@ class SuperframeEncoder:
         *,
         l0_bytes: int,
         l1_bytes: int,
-        lead: int = 2,
+        lead: int = COMPACT_LEAD,
         options: CueingOptions = DEFAULT_OPTIONS,
-        score_only: bool = False,
+        protected: bool = False,
     ) -> None:
-        if l0_bytes < MIN_L0_BYTES + 5 or l1_bytes < 0 or not 0 <= lead <= 3:
+        self._compact = l0_bytes <= MAX_BYTES
+        if l0_bytes < MIN_BYTES or l1_bytes < 0 or not 0 <= lead <= 3:
             raise CueError(f"superframe of {l0_bytes} + {l1_bytes} bytes, lead {lead}")
+        if self._compact and l1_bytes:
+            raise CueError(f"an L0 of {l0_bytes} bytes is compact, its L1 has {l1_bytes} bytes")
         self.voice = voice
         self._coding = coding_for(voice)
         self._sizes = l0_bytes, l1_bytes
         self._lead = lead
         self._options = options
-        self._score_only = score_only
-        self._line: tuple[Score | None, Line] = (None, to_line(None))
+        self._protected = protected
+        self._score: Score | None = None
+        self._line = to_line(None)
         self._fitted: dict[int, tuple[ScorePart, bool]] = {}
+        self._writer: WindowWriter | None = None
 
     def encode(self, motion: Motion, index: int) -> Superframe:
         """Return superframe `index` of `motion`, of the encoder's size.
@@ -184,7 +202,12 @@ class SuperframeEncoder:
         ------
         VoiceError
             If the motion was made with another voice.
+        CueError
+            If L0 is compact and the motion has no score.
         """
+        if self._compact:
+            self._check_voice(motion)
+            return Superframe(index, self._windows(motion.score).l0(index), b"")
         return self._write(self._analyse(motion, index))
 
     def encode_at(self, motion: Motion, index: int, step: int) -> Superframe:
@@ -198,8 +221,7 @@ class SuperframeEncoder:
             Step number, 0 (finest) to 63 (no residual).
         """
         plan = self._analyse(motion, index)
-        setting, q = plan.quantised(step)
-        l0 = write_l0_whole(plan.header, setting, plan.part, q, plan.basis)
+        l0 = write_l0_whole(plan.content(step), plan.basis)
         return Superframe(index, l0, b"")
 
     def error_mm(self, motion: Motion, index: int, step: int) -> float:
@@ -211,45 +233,72 @@ class SuperframeEncoder:
             error = error - dequantise(q, setting, plan.basis, coefficient_tables())
         return float(np.sqrt(np.square(error).sum() / (TICKS * len(MARKERS))))
 
-    def _analyse(self, motion: Motion, index: int) -> "_Plan":
-        """Return what is to be sent of superframe `index`."""
+    def _check_voice(self, motion: Motion) -> None:
         if motion.voice != self.voice.identity:
             raise VoiceError(
                 f"motion of voice {motion.voice}, the encoder has {self.voice.identity}"
             )
+
+    def _windows(self, score: Score | None) -> WindowWriter:
+        if score is None:
+            raise CueError(f"an L0 of {self._sizes[0]} bytes holds a score, the motion has none")
+        self._take(score)
+        if self._writer is None:
+            self._writer = WindowWriter(
+                self._line, self._options, self.voice.identity, self._sizes[0]
+            )
+        return self._writer
+
+    def _take(self, score: Score) -> None:
+        """Put a score on the grid, unless it is there."""
+        if self._score is not score:
+            self._score, self._line = score, to_line(score, self._options)
+            self._fitted.clear()
+            self._writer = None
+
+    def _analyse(self, motion: Motion, index: int) -> "_Plan":
+        """Return what is to be sent of superframe `index`."""
+        self._check_voice(motion)
         block = block_at(motion, index)
         if motion.score is None:
             values = self._coding.plain.forward(block - self._coding.mean)
             header = self._header(PLAIN, index)
-            return _Plan(index, header, None, False, self._coding.plain, values, 0)
-        mode = SCORE_ONLY if self._score_only else SCORE
+            return _Plan(index, header, None, {}, False, self._coding.plain, values, 0, 0)
         around = {k: self._part(motion.score, k) for k in (index - 1, index, index + 1)}
         part, even = around[index]
-        known = {k: p for k, (p, _) in around.items()}
+        resynthesis = resynthesis_of(self._coding, {k: p for k, (p, _) in around.items()}, index)
         basis = self._coding.residual
-        tried = [
-            basis.forward(block - predict(self._coding, known, index, course))
-            for course in range(N_COURSES if mode == SCORE else 1)
-        ]
-        # The usual course costs least; another one has to explain clearly more.
-        energy = np.square(tried).sum(axis=1) * np.where(np.arange(len(tried)) == 0, 0.95, 1.0)
-        course = int(np.argmin(energy))
-        header = self._header(mode, index)
-        return _Plan(index, header, part, even, basis, tried[course], course)
+
+        def energy(course: int, shift: int) -> float:
+            gap = (block - resynthesis.params(course=course, shift=shift)) @ basis.matrix
+            # The usual form costs least; another one has to explain clearly more.
+            return float(np.square(gap).sum()) * (1.0 if course or shift else 0.95)
+
+        course = min(range(N_COURSES), key=lambda c: energy(c, 0))
+        shift = min(range(len(SHIFTS)), key=lambda s: energy(course, s))
+        values = basis.forward(block - resynthesis.params(course=course, shift=shift))
+        header = self._header(SCORE, index)
+        previews = self._previews(motion.score, index) if self._protected else {}
+        return _Plan(index, header, part, previews, even, basis, values, course, shift)
 
     def _header(self, mode: int, index: int) -> Header:
         sequence = index % SEQUENCES
         return Header(mode, sequence, self._lead, voice_digit(self.voice.identity, sequence))
 
+    def _previews(self, score: Score, index: int) -> dict[int, Preview]:
+        self._take(score)
+        return {
+            distance: preview_of(part_of(self._line, index + distance, self._options), distance)
+            for distance in AHEAD
+        }
+
     def _part(self, score: Score, index: int) -> tuple[ScorePart, bool]:
         """Return the score of a superframe as far as it fits into L0, and whether evenly."""
-        if self._line[0] is not score:
-            self._line = (score, to_line(score, self._options))
-            self._fitted.clear()
+        self._take(score)
         if index not in self._fitted:
             if len(self._fitted) > _HISTORY:
                 self._fitted.clear()
-            self._fitted[index] = self._fit(part_of(self._line[1], index, self._options), index)
+            self._fitted[index] = self._fit(part_of(self._line, index, self._options), index)
         return self._fitted[index]
 
     def _fit(self, part: ScorePart, index: int) -> tuple[ScorePart, bool]:
@@ -263,38 +312,44 @@ class SuperframeEncoder:
             part = part.without_last()
 
     def _fits(self, part: ScorePart, index: int, *, even: bool) -> bool:
-        mode = SCORE_ONLY if self._score_only else SCORE
-        header = self._header(mode, index)
-        basis = self._coding.residual
-        nothing = np.zeros(basis.scan_scales.size, dtype=np.int64)
-        return (
-            write_l0(header, NOTHING_SENT, part, nothing, basis, self._sizes[0], even=even)
-            is not None
-        )
+        nothing = np.zeros(self._coding.residual.scan_scales.size, dtype=np.int64)
+        content = Content(self._header(SCORE, index), NOTHING_SENT, part, nothing)
+        return write_l0(content, self._coding.residual, self._sizes[0], even=even) is not None
 
     def _write(self, plan: "_Plan") -> Superframe:
         l0_bytes, l1_bytes = self._sizes
-        setting, q = self._fitting(plan)
-        l0 = write_l0(plan.header, setting, plan.part, q, plan.basis, l0_bytes, even=plan.even)
-        if l0 is None:
-            setting = NOTHING_SENT
-            l0 = write_l0(plan.header, setting, plan.part, q, plan.basis, l0_bytes, even=plan.even)
+        # Where the score leaves no room, the farther preview goes first, then both, then the
+        # residual.
+        nearest = {k: p for k, p in plan.previews.items() if k == EXACT}
+        without = replace(plan, previews={})
+        for tried in (plan, replace(plan, previews=nearest), without):
+            content = tried.content(*self._fitting(tried))
+            l0 = write_l0(content, plan.basis, l0_bytes, even=plan.even)
+            if l0 is not None:
+                break
+        else:
+            content = without.content(NO_RESIDUAL)
+            l0 = write_l0(content, plan.basis, l0_bytes, even=plan.even)
             assert l0 is not None, "a fitted score always fits"
         if l1_bytes == 0:
             return Superframe(plan.index, l0, b"")
         _, known = read_l0(l0, plan.basis)
-        return Superframe(plan.index, l0, write_l1(l0, setting, q, known, plan.basis, l1_bytes))
+        l1 = write_l1(l0, content.setting, content.q, known, plan.basis, l1_bytes)
+        return Superframe(plan.index, l0, l1)
 
-    def _fitting(self, plan: "_Plan") -> tuple[Setting, Ints]:
-        """Return the finest setting at which all coefficients fit, and their indices."""
+    def _fitting(self, plan: "_Plan") -> tuple[int, int]:
+        """Return the finest step and its gain at which all coefficients fit."""
         l0_bytes, l1_bytes = self._sizes
         room = 8 * (l0_bytes - HEADER_BYTES - CRC16_BYTES + max(0, l1_bytes - CRC8_BYTES))
-        used = score_code(plan.header.mode, Setting(0), plan.part, even=plan.even).bits
+        nothing = np.zeros(0, dtype=np.int64)
+        setting = Setting(0, 0, plan.course, plan.shift)
+        content = Content(plan.header, setting, plan.part, nothing, plan.previews)
+        used = score_code(content, even=plan.even).bits
         gain, step = 0, self._finest(plan, 0, room - used)
         better = plan.gain(step)
         if better != gain:
             gain, step = better, self._finest(plan, better, room - used - 4)
-        return plan.quantised(step, gain)
+        return step, gain
 
     @staticmethod
     def _finest(plan: "_Plan", gain: int, bits: float) -> int:
@@ -316,22 +371,29 @@ class _Plan:
     index: int
     header: Header
     part: ScorePart | None
+    previews: dict[int, Preview]
     even: bool
     basis: Basis
     values: Array
     course: int
+    shift: int
+
+    def content(self, step: int, gain: int | None = None) -> Content:
+        """Return what is said at a step; without a gain, with the best one."""
+        setting, q = self.quantised(step, gain)
+        return Content(self.header, setting, self.part, q, self.previews)
 
     def quantised(self, step: int, gain: int | None = None) -> tuple[Setting, Ints]:
         """Return the setting at a step, and the indices; without a gain, the best one."""
-        if step == NO_RESIDUAL or self.header.mode == SCORE_ONLY:
+        if step == NO_RESIDUAL:
             return NOTHING_SENT, np.zeros(self.values.size, dtype=np.int64)
         chosen = self.gain(step) if gain is None else gain
-        setting = Setting(step, chosen, self.course)
+        setting = Setting(step, chosen, self.course, self.shift)
         return setting, quantise_rd(self.values, setting, self.basis, coefficient_tables())
 
     def gain(self, step: int) -> int:
         """Return the gain at which error and bits weigh least at a step."""
-        if step == NO_RESIDUAL or self.header.mode == SCORE_ONLY:
+        if step == NO_RESIDUAL:
             return 0
         weights = []
         for gain in range(len(GAINS)):
@@ -354,6 +416,7 @@ class SuperframeDecoder:
         self._coding = coding_for(voice)
         self._contents: dict[int, Content] = {}
         self._layers: dict[int, tuple[str, ...]] = {}
+        self._previewed: dict[int, Preview] = {}
 
     def push(self, l0: bytes | None, l1: bytes | None, index: int) -> DecodedSuperframe:
         """Take the parts of superframe `index` and return what they say now.
@@ -363,7 +426,7 @@ class SuperframeDecoder:
         l0, l1 : bytes or None
             None is a part that did not arrive; a part whose checksum is wrong counts as such.
         index : int
-            Any number that is congruent to the header's sequence modulo 64.
+            Any number that is congruent to the header's sequence.
 
         Raises
         ------
@@ -376,11 +439,15 @@ class SuperframeDecoder:
         content, layers = self._read(l0, l1, index)
         if content is not None:
             self._contents[index], self._layers[index] = content, layers
+            for distance, preview in content.previews.items():
+                self._previewed[index + distance] = preview
         return self.render(index)
 
     def _forget(self, index: int) -> None:
         for old in [k for k in self._contents if abs(k - index) > _HISTORY]:
             del self._contents[old], self._layers[old]
+        for old in [k for k in self._previewed if abs(k - index) > _HISTORY]:
+            del self._previewed[old]
 
     def _read(
         self, l0: bytes | None, l1: bytes | None, index: int
@@ -388,67 +455,129 @@ class SuperframeDecoder:
         if l0 is None or not is_intact(l0):
             return None, ()
         header = read_header(l0)
-        if header.sequence != index % SEQUENCES:
+        if header.sequence != index % header.sequences:
             raise BitstreamError(
-                f"sequence number {header.sequence}, superframe {index} has {index % SEQUENCES}",
+                f"sequence number {header.sequence}, superframe {index} has "
+                f"{index % header.sequences}",
                 section="H4", bit=4,
             )  # fmt: skip
-        digit = voice_digit(self.voice.identity, header.sequence)
-        if header.voice != digit:
-            raise VoiceError(
-                f"digit {header.sequence % 16} of the stream's voice is {header.voice:x}, "
-                f"voice {self.voice.name} has {digit:x}"
-            )
-        basis = self._basis(header)
-        content, known = read_l0(l0, basis)
+        content, known = read_l0(l0, self._basis(header))
+        self._check_voice(content)
         if l1:
             try:
-                return read_l1(l0, l1, content, known, basis), ("L0", "L1")
+                whole = read_l1(l0, l1, content, known, self._basis(header))
             except BitstreamError:
                 return content, ("L0",)
+            return whole, ("L0", "L1")
         return content, ("L0",)
+
+    def _check_voice(self, content: Content) -> None:
+        """Compare what a superframe tells of the voice's identity (H5, M2)."""
+        header, identity = content.header, self.voice.identity
+        if header.mode == COMPACT:
+            what, stated = "bit", content.voice_bit
+            own = voice_bit(identity, header.sequence)
+        else:
+            what, stated = "digit", header.voice
+            own = voice_digit(identity, header.sequence)
+        if stated != own:
+            raise VoiceError(
+                f"{what} {header.sequence % 16} of the stream's voice is {stated:x}, "
+                f"voice {self.voice.name} has {own:x}"
+            )
 
     def render(self, index: int) -> DecodedSuperframe:
         """Return superframe `index` from all that has arrived by now.
 
         Called when its time comes, the neighbours are known and the motion is the best possible.
         """
-        near = [k for k in (index - 1, index, index + 1) if k in self._contents]
-        parts = {k: part for k in near if (part := self._contents[k].part) is not None}
+        parts = self._parts(index)
         content = self._contents.get(index)
-        plain = content.header.mode == PLAIN if content else bool(near) and not parts
-        course = content.setting.course if content else 0
-        prediction = self._coding.mean if plain else predict(self._coding, parts, index, course)
-        residual = self._residual(content) if content else self._decaying(index)
         score = score_of(parts)
         begin, end = index * SUPERFRAME_S - 1e-6, (index + 1) * SUPERFRAME_S - 1e-6
+        params = self._told(index, parts) if self._tells(index) else self._untold(index, parts)
         return DecodedSuperframe(
             index,
             index * SUPERFRAME_S,
-            (prediction + residual).astype(np.float32),
+            params.astype(np.float32),
             tuple(p for p in score.phones if begin <= p.start < end),
             tuple(k for k in score.keys if begin <= k.start < end),
             self._layers.get(index, ()),
             content is None,
-            content.part if content else None,
+            parts.get(index),
             content.header.lead if content else -1,
             index % SEQUENCES,
         )
 
+    def _parts(self, index: int) -> Parts:
+        """Return the scores around a superframe, from previews where it was lost."""
+        reach = range(index - _WINDOWS, index + 2)
+        contents = {k: self._contents[k].part for k in reach if k in self._contents}
+        windows = {k: part for k, part in contents.items() if isinstance(part, Window)}
+        if windows:
+            return windows
+        parts = {k: p for k in reach[-3:] if isinstance(p := contents.get(k), ScorePart)}
+        for k in reach[-3:]:
+            if k not in contents and k in self._previewed:
+                parts[k] = part_of_preview(self._previewed[k])
+        return parts
+
+    def _tells(self, index: int) -> bool:
+        """Return whether anything is known about a superframe."""
+        return index in self._contents or index in self._previewed
+
+    def _told(self, index: int, parts: Parts) -> Array:
+        """Return the parameters of a superframe that arrived, or was previewed."""
+        content = self._contents.get(index)
+        if content is not None:
+            return self._prediction(content, index, parts) + self._sent(content)
+        known = [self._contents.get(k) for k in (index - 1, index + 1)]
+        before, after = (
+            self._sent(c) if c is not None and c.header.mode == SCORE else None for c in known
+        )
+        prediction = resynthesis_of(self._coding, parts, index).params()
+        return prediction + self._coding.residual.between(before, after)
+
+    def _untold(self, index: int, parts: Parts) -> Array:
+        """Return likely parameters of a superframe of which nothing is known.
+
+        The hand finishes what it does and, if the loss lasts, goes to rest.
+        """
+        rest = resynthesis_of(self._coding, {}, index).params()
+        if any(isinstance(part, Window) for part in parts.values()):
+            return resynthesis_of(self._coding, parts, index).params()
+        sides = [
+            [k for k in range(index + side, index + side * _HISTORY, side) if self._tells(k)][:1]
+            for side in (-1, 1)
+        ]
+        frames = np.arange(TICKS)
+        distance = np.full(TICKS, 2 * TICKS)
+        for found, place in zip(sides, (frames + 1, TICKS - frames), strict=True):
+            for k in found:
+                distance = np.minimum(distance, TICKS * (abs(k - index) - 1) + place)
+        mean = self._coding.mean
+        resting = minimum_jerk((distance - TICKS) / TICKS)[:, None]
+        before, after = (
+            self._told(k, self._parts(k)) - mean if self._tells(k) else None
+            for k in (index - 1, index + 1)
+        )
+        likely = self._coding.plain.between(before, after)
+        return mean + resting * (rest - mean) + (1 - resting) * likely
+
+    def _prediction(self, content: Content, index: int, parts: Parts) -> Array:
+        if content.header.mode == PLAIN:
+            return self._coding.mean
+        setting = content.setting
+        resynthesis = resynthesis_of(self._coding, parts, index)
+        return resynthesis.params(course=setting.course, shift=setting.shift)
+
     def _basis(self, header: Header) -> Basis:
         return self._coding.plain if header.mode == PLAIN else self._coding.residual
 
-    def _residual(self, content: Content) -> Array:
+    def _sent(self, content: Content) -> Array:
+        """Return the residual that a superframe says."""
         basis = self._basis(content.header)
         if content.setting.step == NO_RESIDUAL:
             return np.zeros((TICKS, len(basis.matrix)))
         tables = coefficient_tables()
         return basis.backward(dequantise(content.q, content.setting, basis, tables))
-
-    def _decaying(self, index: int) -> Array:
-        """Return how the last known residual fades out over a lost superframe."""
-        before = self._contents.get(index - 1)
-        if before is None:
-            return np.zeros((TICKS, len(self.voice.layout)))
-        fade: Array = np.exp(-(np.arange(TICKS) + 1.0) / _FADE_FRAMES)
-        return np.outer(fade, self._residual(before)[-1])

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.range_coder import TOTAL
+from codec.timeline import TICKS
 
 CLASSES = 25
 """Classes of coefficients by expected magnitude against the step."""
@@ -23,6 +24,10 @@ CONTEXTS = 4
 
 TEMPOS = 4
 """Contexts of a length: after a pause, after a short, a middling and a long phone."""
+
+
+COARSE_LENGTHS = TICKS // 2 + 1
+"""Lengths in units of two ticks that a table tells apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,12 +44,27 @@ class ScoreTables:
         Ticks that the first phone still lasts, by its number.
     length : ndarray of int64, shape (38, 4, 34)
         Length of a phone less one, by its number and tempo context.
+    opening : ndarray of int64, shape (39,)
+        The phone that begins a compact superframe.
+    coarse : ndarray of int64, shape (38, 4, 17)
+        As `length`, in units of two ticks.
+    usual : ndarray of int64, shape (38,)
+        Mean length of a phone, in sixteenths of a tick.
+    key : ndarray of int64, shape (42,)
+        A key or a silence in a preview.
+    gap : ndarray of int64, shape (42, 17)
+        Cells between two starts in a preview less one, by the symbol of the former.
     """
 
     first: NDArray[np.int64]
     next: NDArray[np.int64]
     left: NDArray[np.int64]
     length: NDArray[np.int64]
+    opening: NDArray[np.int64]
+    coarse: NDArray[np.int64]
+    usual: NDArray[np.int64]
+    key: NDArray[np.int64]
+    gap: NDArray[np.int64]
 
     @staticmethod
     def tempo(length: int) -> int:
@@ -94,8 +114,9 @@ def _document() -> dict[str, Any]:
 @functools.cache
 def score_tables() -> ScoreTables:
     """Return the tables of phones and lengths."""
-    tables = _document()["score"]
-    return ScoreTables(**{name: _cdf(tables[name]) for name in ("first", "next", "left", "length")})
+    tables = dict(_document()["score"])
+    usual = np.array(tables.pop("usual"), dtype=np.int64)
+    return ScoreTables(**{name: _cdf(rows) for name, rows in tables.items()}, usual=usual)
 
 
 @functools.cache

@@ -49,6 +49,27 @@ class Line:
         return bisect.bisect_left(self.starts, tick)
 
 
+@dataclass(frozen=True, slots=True)
+class Sounding:
+    """A phone on the grid.
+
+    Attributes
+    ----------
+    number : int
+        Phone number, 0 for a pause.
+    start, end : int
+        Ticks on the programme's clock.
+    open_start, open_end : bool
+        Whether the true start lies earlier, or the true end elsewhere.
+    """
+
+    number: int
+    start: int
+    end: int
+    open_start: bool = False
+    open_end: bool = False
+
+
 def to_ticks(time_s: float) -> int:
     """Return the tick nearest to a time, halves upwards."""
     return int((time_s * _TICKS_PER_S + 0.5) // 1)

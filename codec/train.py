@@ -13,7 +13,7 @@ from typing import Any
 from codec.coding import Coding
 from codec.motion import Motion
 from codec.score import Score
-from codec.superframe import predict
+from codec.superframe import resynthesis_of
 from codec.train_coefficients import train_coefficients
 from codec.train_score import train_score
 from codec.train_voice import blocks_of, parts_of
@@ -50,7 +50,8 @@ def format_tables(
         blocks = blocks_of(motion)
         parts = parts_of(motion, len(blocks))
         for k, block in enumerate(blocks):
-            residual.append(coding.residual.forward(block - predict(coding, parts, k)))
+            prediction = resynthesis_of(coding, parts, k).params()
+            residual.append(coding.residual.forward(block - prediction))
             plain.append(coding.plain.forward(block - coding.mean))
     coefficient = train_coefficients([(coding.residual, residual), (coding.plain, plain)])
     return {"score": train_score(scores), "coefficient": coefficient}

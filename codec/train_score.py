@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.phonology import PHONES
+from codec.preview import BEGINNING, CELL, SILENCE, preview_of
 from codec.range_coder import cumulative
 from codec.score import Score
 from codec.score_coding import is_consonant, is_vowel, letter_of, part_of
-from codec.tables import TEMPOS, ScoreTables
-from codec.timeline import TICKS, to_line
+from codec.tables import COARSE_LENGTHS, TEMPOS, ScoreTables
+from codec.timeline import TICKS, Line, to_line
 
 N = len(PHONES)
 _PHASES = 8
@@ -23,7 +24,7 @@ Counts = NDArray[np.float64]
 
 
 def train_score(scores: Iterable[Score]) -> dict[str, list[object]]:
-    """Return the tables ``first``, ``next``, ``left`` and ``length`` as nested lists of integers.
+    """Return the tables of `codec.tables.ScoreTables` as nested lists of integers.
 
     Parameters
     ----------
@@ -37,15 +38,70 @@ def train_score(scores: Iterable[Score]) -> dict[str, list[object]]:
     """
     first, following = np.zeros(N), np.zeros((N, N))
     left, length = np.zeros((N, TICKS + 1)), np.zeros((N, TEMPOS, TICKS + 1))
+    whole, keys = _Whole(), _Keys()
     for score in scores:
+        line = to_line(score)
+        whole.count(line)
         for phase in range(_PHASES):
             _count(score.shifted(phase * 0.08), first, following, left, length)
+            keys.count(to_line(score.shifted(phase * 0.08)))
     return {
         "first": _rows(first + 1),
         "next": _rows(_back_off(following, following.sum(axis=0) + 1, 20.0)),
         "left": _rows(_by_kind(left, 100.0)),
         "length": _rows(_lengths(length)),
+        "opening": _rows(whole.opening + 1),
+        "coarse": _rows(_lengths(whole.coarse)),
+        "usual": whole.usual(),
+        "key": _rows(keys.key + 0.5),
+        "gap": _rows(_back_off(keys.gap, _blurred(keys.gap.sum(axis=0)) + 0.5, 20.0)),
     }
+
+
+class _Whole:
+    """Counts of whole phones, as compact superframes tell them."""
+
+    def __init__(self) -> None:
+        self.opening = np.zeros(N)
+        self.coarse = np.zeros((N, TEMPOS, COARSE_LENGTHS))
+        self._ticks, self._phones = np.zeros(N), np.zeros(N)
+
+    def count(self, line: Line) -> None:
+        last = 0
+        for k in range(1, len(line.starts) - 1):
+            number, ticks = line.numbers[k], line.starts[k + 1] - line.starts[k]
+            if number and not (is_vowel(number) and is_consonant(line.numbers[k - 1])):
+                self.opening[letter_of(number)] += 1
+            units = min((ticks + line.starts[k] % 2) // 2, COARSE_LENGTHS - 1)
+            self.coarse[number, ScoreTables.tempo(last), max(units, 1) - 1] += 1
+            self._ticks[number] += ticks
+            self._phones[number] += 1
+            last = ticks if number else 0
+
+    def usual(self) -> list[object]:
+        """Return the mean lengths in sixteenths of a tick."""
+        mean = self._ticks.sum() / self._phones.sum()
+        ticks = (self._ticks + mean) / (self._phones + 1)
+        rounded: list[object] = np.rint(16 * ticks).astype(int).tolist()
+        return rounded
+
+
+class _Keys:
+    """Counts of keys and silences, as previews tell them."""
+
+    def __init__(self) -> None:
+        self.key, self.gap = np.zeros(SILENCE + 2), np.zeros((SILENCE + 2, TICKS // CELL + 1))
+
+    def count(self, line: Line) -> None:
+        for index in range(line.starts[-1] // TICKS + 1):
+            cell, before = -1, BEGINNING
+            for tick, symbol in preview_of(part_of(line, index)):
+                self.gap[before, tick // CELL - cell - 1] += 1
+                self.key[symbol] += 1
+                cell, before = tick // CELL, symbol
+            # What the superframe's end hides counts by how gaps go on elsewhere.
+            rest = self.gap[before, TICKS // CELL - 1 - cell :]
+            rest += (rest + 0.01) / (rest + 0.01).sum()
 
 
 def _count(score: Score, first: Counts, following: Counts, left: Counts, length: Counts) -> None:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from codec.coding import Coding
 from codec.errors import CueError
-from codec.joining import Sounding, join
+from codec.joining import join
 from codec.motion import Motion
-from codec.resynthesis import Targets, key_weights, movements, phone_weights, resynthesise
+from codec.resynthesis import Resynthesis, Targets, key_weights, movements, phone_weights
 from codec.score_coding import ScorePart, part_of
-from codec.timeline import TICKS, to_line
+from codec.timeline import TICKS, Sounding, to_line
 from codec.transform import Basis, klt, marker_metric, scales_of
 from codec.voice import Voice
 
@@ -58,7 +58,7 @@ def train_coding(voice: Voice, motions: Sequence[Motion]) -> Coding:
     frames = np.concatenate([b.reshape(-1, b.shape[-1]) for b in blocks])
     metric = marker_metric(voice, frames[::_EVERY])
     residual = np.concatenate([
-        block - resynthesise(join(near), near, targets, k * TICKS, TICKS)[None]
+        block - Resynthesis(join(near), near, targets, k * TICKS, TICKS).params()[None]
         for b, known in zip(blocks, parts, strict=True)
         for k, block in enumerate(np.split(b, len(b)))
         for near in [{i: known[i] for i in (k - 1, k, k + 1)}]

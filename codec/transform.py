@@ -66,6 +66,47 @@ class Basis:
         return np.asarray(channels @ self.inverse)
 
 
+    def between(self, before: Array | None, after: Array | None) -> Array:
+        """Return the likeliest block between two others, of which one may be unknown.
+
+        Linear estimation (Wiener 1949), channel by channel, from the spectra that the scales tell.
+
+        Parameters
+        ----------
+        before, after : ndarray of float64, shape (32, P), or None
+        """
+        known = [block for block in (before, after) if block is not None]
+        if not known:
+            return np.zeros((TICKS, len(self.matrix)))
+        times = np.concatenate([
+            np.arange(TICKS) + shift
+            for block, shift in ((before, -TICKS), (after, TICKS)) if block is not None
+        ])  # fmt: skip
+        channels = np.concatenate(known) @ self.matrix
+        lags_in = np.abs(times[:, None] - times)
+        lags_out = np.abs(np.arange(TICKS)[:, None] - times)
+        guess = np.empty((TICKS, len(self.matrix)))
+        for c, correlation in enumerate(_correlations(self.scales)):
+            square = correlation[lags_in] + _NOISE * correlation[0] * np.eye(len(times))
+            guess[:, c] = correlation[lags_out] @ np.linalg.solve(square, channels[:, c])
+        return np.asarray(guess @ self.inverse)
+
+
+_NOISE = 0.02
+"""Share of a channel's variance that is taken for error of what is known."""
+
+_LAGS = 3 * TICKS
+
+
+def _correlations(scales: Ints) -> Array:
+    """Return the covariance of each channel by lag in frames, shape (P, 96)."""
+    power = 2.0 ** (scales / 2)
+    fine = np.arange(16 * TICKS) / 16
+    spectrum = np.stack([np.interp(fine, np.arange(TICKS), row) for row in power])
+    waves = np.cos(np.pi * np.outer(fine, np.arange(_LAGS)) / TICKS)
+    return np.asarray(spectrum @ waves / len(fine))
+
+
 def _neighbours(rank: Ints, channel: Ints, frequency: Ints) -> Ints:
     """Return for each coefficient the scan numbers of three others coded before it, or -1.
 
