@@ -22,13 +22,13 @@ NOMINAL_TICKS = 4
 
 
 Parts = Mapping[int, ScorePart | Window]
-"""Scores by the number of their superframe; windows count alone where there are any."""
+"""Scores by the number of their superframe; the kind that is rarer counts as missing."""
 
 
 def join(parts: Parts) -> list[Sounding]:
     """Return the phones of the superframes `parts`, pauses included, in order of time."""
     windows = {k: part for k, part in parts.items() if isinstance(part, Window)}
-    if windows:
+    if 2 * len(windows) > len(parts):
         return join_windows(windows)
     line: list[Sounding] = []
     known = {k: part for k, part in parts.items() if isinstance(part, ScorePart)}
@@ -96,9 +96,7 @@ def _completed(
         yield Sounding(part.ahead, reach, end if exact else reach + NOMINAL_TICKS)
 
 
-def keys_of(
-    line: Sequence[Sounding], parts: Parts, *, unsure: bool = False
-) -> list[Key]:
+def keys_of(line: Sequence[Sounding], parts: Parts, *, unsure: bool = False) -> list[Key]:
     """Return the keys of a joined line, in order of time.
 
     Parameters

@@ -142,7 +142,7 @@ def _read_preview(decoder: RangeDecoder, tables: ScoreTables, distance: int) -> 
             break
         cell += gap + 1
         tick = CELL * cell + (decoder.get_bits(1) if distance == EXACT else CELL // 2)
-        before = decoder.get(tables.key)
+        before = min(decoder.get(tables.key), SILENCE)
         found.append((tick, before))
     return tuple(found)
 

@@ -101,7 +101,9 @@ def encode_stream(
         if not MIN_RATE_BPS <= rate_bps <= MAX_RATE_BPS:
             raise CueError(f"rate {rate_bps} bit/s is not within {MIN_RATE_BPS}..{MAX_RATE_BPS}")
         size = int(rate_bps * SUPERFRAME_S / 8)
-        encoder = SuperframeEncoder(voice, l0_bytes=size, l1_bytes=0, lead=0, options=options)
+        encoder = SuperframeEncoder(
+            voice, l0_bytes=size, l1_bytes=0, lead=0, options=options, first=head.indices.start
+        )
         head = replace(head, l0=size)
         body = b"".join(encoder.encode(motion, index).l0 for index in head.indices)
     else:

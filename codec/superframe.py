@@ -162,6 +162,8 @@ class SuperframeEncoder:
         Under which the receiver derives keys from phones.
     protected : bool
         Send previews of later superframes, if L0 is not compact.
+    first : int
+        Number of the first superframe that will be on air; compact ones lean on earlier ones.
 
     Raises
     ------
@@ -178,6 +180,7 @@ class SuperframeEncoder:
         lead: int = COMPACT_LEAD,
         options: CueingOptions = DEFAULT_OPTIONS,
         protected: bool = False,
+        first: int = 0,
     ) -> None:
         self._compact = l0_bytes <= MAX_BYTES
         if l0_bytes < MIN_BYTES or l1_bytes < 0 or not 0 <= lead <= 3:
@@ -190,6 +193,7 @@ class SuperframeEncoder:
         self._lead = lead
         self._options = options
         self._protected = protected
+        self._first = first
         self._score: Score | None = None
         self._line = to_line(None)
         self._fitted: dict[int, tuple[ScorePart, bool]] = {}
@@ -245,7 +249,7 @@ class SuperframeEncoder:
         self._take(score)
         if self._writer is None:
             self._writer = WindowWriter(
-                self._line, self._options, self.voice.identity, self._sizes[0]
+                self._line, self._options, self.voice.identity, self._sizes[0], first=self._first
             )
         return self._writer
 
@@ -514,7 +518,7 @@ class SuperframeDecoder:
         reach = range(index - _WINDOWS, index + 2)
         contents = {k: self._contents[k].part for k in reach if k in self._contents}
         windows = {k: part for k, part in contents.items() if isinstance(part, Window)}
-        if windows:
+        if windows and not isinstance(contents.get(index), ScorePart):
             return windows
         parts = {k: p for k in reach[-3:] if isinstance(p := contents.get(k), ScorePart)}
         for k in reach[-3:]:

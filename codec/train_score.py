@@ -20,6 +20,9 @@ N = len(PHONES)
 _PHASES = 8
 """Every score is cut into superframes at so many different places."""
 
+_PAUSE_FIRST = 0.02
+"""Share of compact superframes that begin with a pause (their writer decides)."""
+
 Counts = NDArray[np.float64]
 
 
@@ -50,12 +53,17 @@ def train_score(scores: Iterable[Score]) -> dict[str, list[object]]:
         "next": _rows(_back_off(following, following.sum(axis=0) + 1, 20.0)),
         "left": _rows(_by_kind(left, 100.0)),
         "length": _rows(_lengths(length)),
-        "opening": _rows(whole.opening + 1),
+        "opening": _rows(whole.opening + _PAUSE_FIRST * whole.opening.sum() * _is_pause()),
         "coarse": _rows(_lengths(whole.coarse)),
         "usual": whole.usual(),
         "key": _rows(keys.key + 0.5),
         "gap": _rows(_back_off(keys.gap, _blurred(keys.gap.sum(axis=0)) + 0.5, 20.0)),
     }
+
+
+def _is_pause() -> Counts:
+    """Return 1 for the letter of a pause, and a little for all."""
+    return np.where(np.arange(N) == letter_of(0), 1.0, 0.01)
 
 
 class _Whole:
@@ -141,6 +149,10 @@ def _by_kind(counts: Counts, weight: float) -> Counts:
     result = np.empty_like(counts)
     for kind in _kinds():
         prior = _blurred(counts[kind].sum(axis=0)) + 0.5
+        if kind == [0]:
+            # The examples' silences have a few lengths, those of speakers any.
+            prior += prior.mean()
+            weight = float(counts[0].sum()) + weight
         result[kind] = _back_off(counts[kind], prior, weight)
     return result
 

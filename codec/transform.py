@@ -65,7 +65,6 @@ class Basis:
         channels = idct(grid.reshape(-1, TICKS).T, axis=0, norm="ortho")
         return np.asarray(channels @ self.inverse)
 
-
     def between(self, before: Array | None, after: Array | None) -> Array:
         """Return the likeliest block between two others, of which one may be unknown.
 

@@ -164,14 +164,18 @@ class WindowWriter:
         Of the voice.
     size : int
         Bytes of L0.
+    first : int
+        Number of the first superframe that will be on air.
     """
 
-    def __init__(self, line: Line, options: CueingOptions, identity: str, size: int) -> None:
+    def __init__(
+        self, line: Line, options: CueingOptions, identity: str, size: int, *, first: int = 0
+    ) -> None:
         self._line = line
         self._options = options
         self._identity = identity
         self._room = size - COMPACT_HEADER_BYTES
-        self._first = line.starts[1] // TICKS - 2 if len(line.starts) > 1 else 0
+        self._first = max(first, line.starts[1] // TICKS if len(line.starts) > 1 else 0)
         self._payloads: list[bytes] = []
         self._next = 1
 
@@ -198,11 +202,12 @@ class WindowWriter:
                 self._next += 1
         if self._next == len(line.starts) or line.starts[self._next] > begin + LAST:
             return self._empty(index)
-        best = self._next, b""
+        start = self._next - self._needs_pause(self._next)
+        best = start, b""
         for length in (_Length(FINE), _Length(COARSE), self._ruled()):
-            payload = self._code(index, self._next, length)
+            payload = self._code(index, start, length)
             window = read_window(bytes(COMPACT_HEADER_BYTES) + payload)[1]
-            reached = self._next + len(window.numbers)
+            reached = start + len(window.numbers)
             best = max(best, (reached, payload), key=lambda pair: pair[0])
             rest = [k for k in range(reached, len(line.starts)) if line.numbers[k]][:1]
             ahead = line.starts[rest[0]] - begin - TICKS if rest else TICKS
@@ -211,6 +216,18 @@ class WindowWriter:
                 break
         self._next = best[0]
         return best[1]
+
+    def _needs_pause(self, k: int) -> bool:
+        """Return whether a window that begins with a phone has to tell the pause before it.
+
+        It could be taken for the vowel of a consonant in the window before, or in a lost one.
+        """
+        numbers = self._line.numbers
+        return (
+            is_vowel(numbers[k])
+            and numbers[k - 1] == 0
+            and (not self._payloads or is_consonant(numbers[k - 2]))
+        )
 
     def _starts_key(self, k: int) -> bool:
         numbers = self._line.numbers
@@ -255,6 +272,8 @@ class WindowWriter:
         """Return the code of the phones from number `first` on, cut off at its room."""
         line, tables = self._line, score_tables()
         tick = line.starts[first] - index * TICKS
+        if line.numbers[first] == 0:
+            tick = line.starts[first + 1] - index * TICKS - _BEGIN_UNIT
         tick -= (tick - EARLIEST) % _BEGIN_UNIT
         encoder = self._opened(index, tick, length)
         before, spoken = -1, 0
@@ -283,7 +302,7 @@ class WindowWriter:
 def join_windows(windows: Mapping[int, Window]) -> list[Sounding]:
     """Return the phones of windows and the silences between them (J6, J7)."""
     line = list[Sounding]()
-    hole, before = True, min(windows, default=0) - 1
+    hole, before = False, min(windows, default=0) - 1
     for index in sorted(windows):
         window, base = windows[index], index * TICKS
         hole, before = hole or index != before + 1, index
@@ -304,18 +323,14 @@ def join_windows(windows: Mapping[int, Window]) -> list[Sounding]:
             Sounding(number, base + start, base + end)
             for number, start, end in zip(window.numbers, window.starts, ends, strict=True)
         ]
-        if hole and is_vowel(window.numbers[0]):
+        if index - 1 not in windows and is_vowel(window.numbers[0]):
             at = len(line) - len(window.numbers)
             line[at] = replace(line[at], open_start=True)
         hole = False
-    if line and before not in _silent(windows) and is_consonant(line[-1].number):
+    told = max((k for k, window in windows.items() if window.numbers), default=0)
+    if line and told + 1 not in windows and is_consonant(line[-1].number):
         line[-1] = replace(line[-1], open_end=True)
     return line
-
-
-def _silent(windows: Mapping[int, Window]) -> set[int]:
-    """Return the numbers of the superframes in which nothing begins."""
-    return {index for index, window in windows.items() if not window.numbers}
 
 
 def _squeeze(line: list[Sounding], end: int) -> None:

@@ -205,8 +205,14 @@ def superframe_source(
     """
     nests = l0_bytes == beside.l0_bytes and l1_bytes >= 2 * (beside.l0_bytes + beside.l1_bytes)
     fine_bytes = l1_bytes - l0_bytes if nests else l1_bytes
-    fine = SuperframeEncoder(voice, l0_bytes=l0_bytes, l1_bytes=fine_bytes, lead=LEAD)
-    coarse = SuperframeEncoder(voice, l0_bytes=l0_bytes, l1_bytes=beside.l1_bytes, lead=LEAD)
+    fine = SuperframeEncoder(
+        voice, l0_bytes=l0_bytes, l1_bytes=fine_bytes, lead=LEAD, protected=True,
+        first=first + LEAD,
+    )  # fmt: skip
+    coarse = SuperframeEncoder(
+        voice, l0_bytes=l0_bytes, l1_bytes=beside.l1_bytes if nests else 0, lead=LEAD,
+        protected=True,
+    )  # fmt: skip
 
     def source(k: int) -> tuple[bytes, bytes]:
         index = first + k + LEAD

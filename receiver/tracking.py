@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from codec.bits import SEQUENCES, read_header
+from codec.bits import SEQUENCES, Header, read_header
 from codec.errors import BitstreamError, VoiceError
 from codec.merge import ScoreMerger
 from codec.payload import is_intact
@@ -100,7 +100,7 @@ class Tracker:
             return
         try:
             header = read_header(l0)
-            if not self._continues(header.sequence, on_air_s):
+            if not self._continues(header, on_air_s):
                 yield from self._start_epoch(header.sequence, on_air_s, header.lead)
             if self._foreign:
                 return
@@ -130,12 +130,12 @@ class Tracker:
         yield from self._settled(self._merger.flush())
         self._merger = ScoreMerger()
 
-    def _continues(self, sequence: int, on_air_s: float) -> bool:
+    def _continues(self, header: Header, on_air_s: float) -> bool:
         grid = self._grid
         return (
             grid is not None
             and abs(grid.error_s(on_air_s)) < _SPLICE_S
-            and (grid.index_at(on_air_s) - sequence) % SEQUENCES == 0
+            and (grid.index_at(on_air_s) - header.sequence) % header.sequences == 0
         )
 
     def _start_epoch(self, sequence: int, on_air_s: float, lead: int) -> Iterator[Event]:
@@ -170,6 +170,7 @@ class Tracker:
         decoded = self._decoder.render(index)
         yield SuperframeLost(decoded.start_s + self._shift_s())
         yield self._piece(decoded)
+        yield from self._tell_keys(decoded)
 
     def _deliver(self, decoded: DecodedSuperframe) -> Iterator[Event]:
         index = decoded.index
@@ -187,6 +188,10 @@ class Tracker:
             if neighbour in self._layers:
                 yield self._piece(self._decoder.render(neighbour))
         yield self._piece(decoded)
+        yield from self._tell_keys(decoded)
+
+    def _tell_keys(self, decoded: DecodedSuperframe) -> Iterator[Event]:
+        """Tell what a superframe settles, and what it says itself; a lost one by its previews."""
         yield from self._settled(self._merger.add(decoded))
         if decoded.keys:
             yield KeysFound(self._placed(decoded.keys), final=False)

@@ -5,7 +5,8 @@ motions (``*.npz``) of a folder. Rates of the codec count every byte of its supe
 checksums and terminations too.
 """
 
-from collections.abc import Iterator
+import bisect
+from collections.abc import Iterator, Sequence, Set
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from codec.layout import N_FACE
 from codec.merge import merge_scores
 from codec.motion import Motion, load_motion
-from codec.quantise import NO_RESIDUAL
+from codec.score import Key
 from codec.superframe import Superframe, SuperframeDecoder, SuperframeEncoder
 from codec.timeline import SUPERFRAME_S, TICKS
 from codec.voice import Voice, load_voice
@@ -29,10 +30,18 @@ Row = dict[str, Any]
 RATES_BPS = (150, 200, 250, 337.5, 450, 600, 900, 1500, 3000, 6000)
 STEPS_MM = (4.0, 6.0, 9.0, 13.0, 19.0, 28.0)
 LOSSES = (0.05, 0.1, 0.2)
+KEY_TOLERANCE_S = 0.101
+"""How much too early or late a key may be: what a viewer does not take for wrong."""
+
 STANDARD_BYTES = (20, 7)
 """Parts of a superframe in the standard profile of the sound carrier."""
 
-_SCORE_ONLY_BYTES = 24
+COMPACT_BYTES = (5, 6, 7, 9, 12)
+"""Sizes of compact superframes; 7 is that of the sound carrier's robust profile."""
+
+REPEATS = 5
+"""Patterns of losses over which the error is averaged."""
+
 _TRAINING_SENTENCES = 60
 
 
@@ -61,10 +70,10 @@ def _material(voice: Voice, options: EvaluateOptions) -> list[Motion]:
 
 def _codec_rows(voice: Voice, motion: Motion, options: EvaluateOptions) -> Iterator[Row]:
     count = len(motion.params) // TICKS
-    options.say("score alone")
-    alone = SuperframeEncoder(voice, l0_bytes=_SCORE_ONLY_BYTES, l1_bytes=0, score_only=True)
-    frames = [alone.encode_at(motion, k, NO_RESIDUAL) for k in range(count)]
-    yield _row("cuecast-score-only", *_decoded(voice, motion, frames, set()))
+    if motion.score is not None:
+        for size in COMPACT_BYTES:
+            options.say(f"cuecast in {size} bytes")
+            yield _row("cuecast-compact", *_coded(voice, motion, count, size))
     for rate in RATES_BPS:
         options.say(f"cuecast at {rate} bit/s")
         yield _row("cuecast", *_coded(voice, motion, count, int(rate * SUPERFRAME_S / 8)))
@@ -72,46 +81,88 @@ def _codec_rows(voice: Voice, motion: Motion, options: EvaluateOptions) -> Itera
     for rate in RATES_BPS[3:]:
         options.say(f"cuecast without a score at {rate} bit/s")
         yield _row("cuecast-plain", *_coded(voice, plain, count, int(rate * SUPERFRAME_S / 8)))
-    encoder = SuperframeEncoder(voice, l0_bytes=STANDARD_BYTES[0], l1_bytes=STANDARD_BYTES[1])
+    for protected in (True, False):
+        yield from _loss_rows(voice, motion, count, options, protected=protected)
+
+
+def _loss_rows(
+    voice: Voice, motion: Motion, count: int, options: EvaluateOptions, *, protected: bool
+) -> Iterator[Row]:
+    """Yield the rows of losses of parts: each L0 and each L1 is lost for itself."""
+    l0, l1 = STANDARD_BYTES
+    encoder = SuperframeEncoder(voice, l0_bytes=l0, l1_bytes=l1, protected=protected)
     frames = [encoder.encode(motion, k) for k in range(count)]
+    name = "cuecast-protected" if protected else "cuecast-unprotected"
+    yield _row(name, *_decoded(voice, motion, frames))
     for burst in (1, 2):
-        for loss in (0.0, *LOSSES) if burst == 1 else LOSSES:
-            lost = losses(count, loss, burst=burst, seed=options.seed)
-            name = "cuecast-standard" if burst == 1 else "cuecast-standard-bursts"
-            yield _row(name, *_decoded(voice, motion, frames, lost)) | {"loss": loss}
+        for loss in LOSSES:
+            options.say(f"{name} with losses of {loss:.0%} in runs of {burst}")
+            tries = [
+                _decoded(voice, motion, frames, *(
+                    losses(count, loss, burst=burst, seed=[options.seed, repeat, part])
+                    for part in (0, 1)
+                ))
+                for repeat in range(REPEATS)
+            ]  # fmt: skip
+            squares = np.concatenate([squares for _, squares, _, _, _ in tries])
+            sent, right, wrong = (sum(one[i] for one in tries) for i in (2, 3, 4))
+            row = _row(name if burst == 1 else f"{name}-bursts", tries[0][0], squares)
+            keys = {"keys_total": sent, "keys_correct": right, "keys_wrong": wrong}
+            yield row | keys | {"loss": loss}
 
 
-def losses(count: int, share: float, *, burst: int, seed: int) -> set[int]:
+def losses(count: int, share: float, *, burst: int, seed: list[int]) -> set[int]:
     """Return the numbers of lost superframes: runs of `burst`, `share` of all in the mean."""
-    rng = np.random.default_rng([seed, burst, round(1000 * share)])
-    starts = np.flatnonzero(rng.random(count) < share / burst)
+    rng = np.random.default_rng([*seed, burst, round(1000 * share)])
+    # Runs overlap: the share of those that begin is less than the quotient.
+    begin = 1.0 - (1.0 - share) ** (1.0 / burst)
+    starts = np.flatnonzero(rng.random(count) < begin)
     return {int(k) + i for k in starts for i in range(burst)}
 
 
-def _coded(voice: Voice, motion: Motion, count: int, size: int) -> tuple[float, Array, int, int]:
+Outcome = tuple[float, Array, int, int, int]
+"""Rate, squared distances (T, 113), keys sent, received right, and received that were not sent."""
+
+
+def _coded(voice: Voice, motion: Motion, count: int, size: int) -> Outcome:
     encoder = SuperframeEncoder(voice, l0_bytes=size, l1_bytes=0)
-    return _decoded(voice, motion, [encoder.encode(motion, k) for k in range(count)], set())
+    return _decoded(voice, motion, [encoder.encode(motion, k) for k in range(count)])
 
 
 def _decoded(
-    voice: Voice, motion: Motion, frames: list[Superframe], lost: set[int]
-) -> tuple[float, Array, int, int]:
-    """Return rate, squared distances (T, 113), keys sent and keys received right."""
+    voice: Voice,
+    motion: Motion,
+    frames: list[Superframe],
+    lost: Set[int] = frozenset(),
+    lost_l1: Set[int] = frozenset(),
+) -> Outcome:
     decoder = SuperframeDecoder(voice)
     done = []
     for frame in frames:
-        arrived = frame.index not in lost
-        decoder.push(frame.l0 if arrived else None, frame.l1 if arrived else None, frame.index)
+        l0 = frame.l0 if frame.index not in lost else None
+        l1 = frame.l1 if frame.index not in lost_l1 else None
+        decoder.push(l0, l1, frame.index)
         if frame.index > 0:
             done.append(decoder.render(frame.index - 1))
     done.append(decoder.render(frames[-1].index))
     squares = _squares(voice, motion.params, np.concatenate([frame.params for frame in done]))
     end = len(frames) * SUPERFRAME_S
-    sent = [k for k in motion.score.keys if k.start < end] if motion.score else []
-    got = {(round(k.start, 2), str(k)) for k in merge_scores(done).keys}
-    right = sum((round(k.start, 2), str(k)) in got for k in sent)
+    sent = [key for key in motion.score.keys if key.start < end] if motion.score else []
+    got = list(merge_scores(done).keys)
+    right = _matched(sent, got)
     size = sum(len(frame.l0) + len(frame.l1) for frame in frames)
-    return 8 * size / end, squares, len(sent), right
+    return 8 * size / end, squares, len(sent), right, len(got) - _matched(got, sent)
+
+
+def _matched(keys: Sequence[Key], others: Sequence[Key]) -> int:
+    """Return how many keys have their like among others, at most `KEY_TOLERANCE_S` away."""
+    times = [key.start for key in others]
+    matched = 0
+    for key in keys:
+        first = bisect.bisect_left(times, key.start - KEY_TOLERANCE_S)
+        last = bisect.bisect_right(times, key.start + KEY_TOLERANCE_S)
+        matched += any(str(other) == str(key) for other in others[first:last])
+    return matched
 
 
 def _squares(voice: Voice, a: Array | NDArray[np.float32], b: Array | NDArray[np.float32]) -> Array:
@@ -121,14 +172,16 @@ def _squares(voice: Voice, a: Array | NDArray[np.float32], b: Array | NDArray[np
     return squares
 
 
-def _row(name: str, bps: float, squares: Array, sent: int = 0, right: int = 0) -> Row:
+def _row(
+    name: str, bps: float, squares: Array, sent: int = 0, right: int = 0, wrong: int = 0
+) -> Row:
     def rms(part: Array) -> float:
         return round(float(np.sqrt(part.mean())), 3)
 
     return {
         "codec": name, "bps": round(bps, 1), "marker_rms_mm": rms(squares),
         "hand_rms_mm": rms(squares[:, N_FACE:]), "face_rms_mm": rms(squares[:, :N_FACE]),
-        "keys_total": sent, "keys_correct": right, "loss": 0.0,
+        "keys_total": sent, "keys_correct": right, "keys_wrong": wrong, "loss": 0.0,
     }  # fmt: skip
 
 

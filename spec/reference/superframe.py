@@ -15,6 +15,8 @@ TABLES: dict[str, Any] = json.loads(
 )
 EQUAL = {9: [3648] + 8 * [3640], 6: [5463] + 5 * [5461]}
 CHOICES = [24576, 4096, 2048, 2048]
+SHIFTS = [20480, 4096, 4096, 2048, 2048]
+SPECIAL = [32512, 256]
 GAINS = (0, 6, 12, 20)
 WIDTHS = (65536, 77936, 92682, 110218)
 
@@ -34,7 +36,9 @@ class Decoded:
     step: int = 63
     gain: int = 0
     course: int = 0
+    shift: int = 0
     score: dict[str, Any] | None = None
+    previews: dict[str, list[list[int]]] = field(default_factory=dict)
     indices: list[int] = field(default_factory=list)
     values: list[int] = field(default_factory=list)
 
@@ -58,26 +62,29 @@ def decode(l0: bytes, l1: bytes | None, scales: list[list[int]]) -> Decoded:
     `scales` are those of the basis, one list of 32 per channel. An L1 that does not fit is
     left out.
     """
+    if l0 and l0[0] >> 4 & 3 == 2:
+        return compact(l0, scales)
     if len(l0) < 5:
         raise MalformedError("H1")
     body, check = l0[:-2], l0[-2:]
     if crc(body, 16, 0x1021, 0xFFFF) != int.from_bytes(check, "big"):
         raise MalformedError("H6")
     head = int.from_bytes(body[:2], "big")
-    if head >> 14 != 1:
+    if head >> 14 != 2:
         raise MalformedError("H2")
     out = Decoded(head >> 12 & 3, head >> 6 & 63, head >> 4 & 3, head & 15)
     if out.mode == 3:
         raise MalformedError("H3")
     decoder = RangeDecoder(body[2:])
-    if out.mode != 2:
-        out.step = decoder.bits(6)
+    out.step = decoder.bits(6)
     if out.step != 63:
         out.gain = decoder.symbol(CHOICES)[0]
         if out.mode == 0:
             out.course = decoder.symbol(CHOICES)[0]
-    if out.mode != 1:
+            out.shift = decoder.symbol(SHIFTS)[0]
+    if out.mode == 0:
         out.score = score(decoder)
+        out.previews = previews(decoder)
     scan = order(scales)
     scales = [[scale + GAINS[out.gain] for scale in row] for row in scales]
     out.indices = [0] * len(scan)
@@ -92,6 +99,80 @@ def decode(l0: bytes, l1: bytes | None, scales: list[list[int]]) -> Decoded:
         value(q, scales[c][f], out.step) for q, (c, f) in zip(out.indices, scan, strict=True)
     ]
     return out
+
+
+def compact(l0: bytes, scales: list[list[int]]) -> Decoded:
+    """(H11, M1, M2, M3, M4) Return what a compact superframe says; `voice` is its bit."""
+    if l0[0] >> 6 != 2:
+        raise MalformedError("H2")
+    if not 4 <= len(l0) <= 12:
+        raise MalformedError("H1")
+    decoder = RangeDecoder(l0[1:])
+    out = Decoded(2, l0[0] & 15, 2, decoder.bits(1))
+    out.score = {"cheek": [0, 0, 0], "rest_gap": 1}
+    if decoder.symbol(SPECIAL)[0]:
+        out.score["cheek"] = [decoder.bits(1) for _ in range(3)]
+        out.score["rest_gap"] = decoder.bits(2)
+    begin = 2 * decoder.bits(5) - 16
+    timing = decoder.symbol([8192, 16384, 8192])[0]
+    pace = decoder.bits(3) if timing == 2 else 0
+    phones = window(decoder, begin, timing, pace)
+    while phones and phones[-1][0] == 0:
+        phones.pop()
+    starts = [begin]
+    for _, length in phones:
+        starts.append(starts[-1] + length)
+    out.score |= {"begin": begin, "numbers": [number for number, _ in phones]}
+    out.score |= {"end": starts.pop(), "starts": starts}
+    out.indices = [0] * 32 * len(scales)
+    out.values = [0] * 32 * len(scales)
+    return out
+
+
+def window(decoder: RangeDecoder, tick: int, timing: int, pace: int) -> list[tuple[int, int]]:
+    """(M5, M6) Return number and length of the phones that are determined."""
+    tables = TABLES["score"]
+    phones: list[tuple[int, int]] = []
+    spoken = 0
+    while tick <= 46:
+        row = tables["next"][phones[-1][0]] if phones else tables["opening"]
+        letter, determined = decoder.symbol(row)
+        if not determined:
+            break
+        this = number(letter)
+        if this and timing == 2:
+            length = min(max((tables["usual"][this] * (4 + pace) + 64) // 128, 1), 32)
+        else:
+            unit, limit = (1, 31) if timing == 0 else (2, 15)
+            rows = tables["length" if timing == 0 else "coarse"][this]
+            symbol, determined = decoder.symbol(rows[tempo(spoken)], limit)
+            if not determined or (this == 0 and symbol == limit):
+                break
+            length = unit * (symbol + 1)
+        phones.append((this, length))
+        spoken = length if this else 0
+        tick += length
+    return phones
+
+
+def previews(decoder: RangeDecoder) -> dict[str, list[list[int]]]:
+    """(V1, V2) Return tick and symbol of what starts, by distance."""
+    tables = TABLES["score"]
+    result: dict[str, list[list[int]]] = {}
+    which = decoder.symbol([24576, 2048, 2048, 4096])[0]
+    for distance in ([], [2], [4], [2, 4])[which]:
+        found = []
+        cell, last = -1, 41
+        while cell < 15:
+            gap = decoder.symbol(tables["gap"][last], 15 - cell)[0]
+            if gap == 15 - cell:
+                break
+            cell += 1 + gap
+            tick = 2 * cell + (decoder.bits(1) if distance == 2 else 1)
+            last = min(decoder.symbol(tables["key"])[0], 40)
+            found.append([tick, last])
+        result[str(distance)] = found
+    return result
 
 
 def score(decoder: RangeDecoder) -> dict[str, Any]:

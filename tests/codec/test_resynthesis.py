@@ -12,11 +12,11 @@ from codec.motion import Motion
 from codec.resynthesis import (
     N_KEYS,
     PARTS,
+    Resynthesis,
     Targets,
     key_weights,
     movements,
     phone_weights,
-    resynthesise,
 )
 from codec.score import Phone, Score
 from codec.score_coding import ScorePart, part_of
@@ -86,10 +86,10 @@ def test_the_past_does_not_depend_on_the_future() -> None:
         np.random.default_rng(1).normal(size=(N_KEYS, 3)), np.array([0.1, 0.0, 0.2]),
         np.random.default_rng(2).normal(size=(38, 7)),
     )  # fmt: skip
-    whole = resynthesise(join(parts), parts, table, 0, 5 * TICKS)
+    whole = Resynthesis(join(parts), parts, table, 0, 5 * TICKS).params()
     for k in range(1, 4):
         near = {i: parts[i] for i in (k - 1, k, k + 1)}
-        block = resynthesise(join(near), near, table, k * TICKS, TICKS)
+        block = Resynthesis(join(near), near, table, k * TICKS, TICKS).params()
         np.testing.assert_allclose(block, whole[k * TICKS : (k + 1) * TICKS], atol=1e-3)
 
 
@@ -116,12 +116,12 @@ def test_trained_tables_predict_better_than_derived_ones(toy_voice: Voice) -> No
     score = Score(tuple(phones), tuple(cue(phones)))
     line = to_line(score)
     known = {k: part_of(line, k) for k in range(-1, 50)}
-    params = resynthesise(join(known), known, other, 0, 48 * TICKS)
+    params = Resynthesis(join(known), known, other, 0, 48 * TICKS).params()
     params += 0.02 * rng.normal(size=params.shape)
     motion = Motion(params.astype(np.float32), 50, 0.0, toy_voice.layout, toy_voice.identity, score)
     trained = train_coding(toy_voice, [motion])
     errors = [
-        np.abs(resynthesise(join(known), known, targets, 0, 48 * TICKS) - params).mean()
+        np.abs(Resynthesis(join(known), known, targets, 0, 48 * TICKS).params() - params).mean()
         for targets in (hidden, trained.targets)
     ]
     # Measured: 0.31 and 0.04.

@@ -150,7 +150,7 @@ def _keep(toy_voice: Voice, make: MakeMotion) -> None:
 def test_impossible_wishes(toy_voice: Voice, make: MakeMotion) -> None:
     motion = make(1.0)
     for wish, message in (
-        ({"rate_bps": 100}, r"rate 100 bit/s is not within 140\.\.20000"),
+        ({"rate_bps": 50}, r"rate 50 bit/s is not within 60\.\.20000"),
         ({"error_mm": 0.0}, r"error 0\.0 mm is not within"),
         ({"rate_bps": 300, "error_mm": 2}, "a rate and an error cannot both be given"),
     ):

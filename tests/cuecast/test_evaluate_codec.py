@@ -65,9 +65,9 @@ def test_code_length_counts_escapes() -> None:
 
 
 def test_losses_have_their_share_and_length() -> None:
-    lost = evaluation.losses(20000, 0.1, burst=2, seed=1)
+    lost = evaluation.losses(20000, 0.1, burst=2, seed=[1])
     assert len({k for k in lost if k < 20000}) / 20000 == pytest.approx(0.1, abs=0.01)
-    assert not evaluation.losses(1000, 0.0, burst=1, seed=1)
+    assert not evaluation.losses(1000, 0.0, burst=1, seed=[1])
 
 
 def test_a_superframe_stream_is_measured(voice: Voice) -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec.bits import crc8, crc16
+from codec.bits import COMPACT, crc8, crc16
 from codec.errors import BitstreamError
 from codec.payload import read_l0, read_l1
 from codec.quantise import NO_RESIDUAL, dequantise_integers, step_width
@@ -17,6 +17,7 @@ from codec.range_coder import RangeDecoder
 from codec.score_coding import REST_GAPS_S, ScorePart
 from codec.tables import coefficient_tables
 from codec.transform import Basis
+from codec.window import Window
 from spec.reference import superframe as reference
 from spec.reference.range_decoder import RangeDecoder as ReferenceDecoder
 
@@ -30,10 +31,16 @@ def basis(top: int) -> Basis:
     return Basis(np.eye(CHANNELS), scales.astype(np.int64))
 
 
-def as_reference(part: ScorePart | None) -> dict[str, Any] | None:
+def as_reference(part: ScorePart | Window | None) -> dict[str, Any] | None:
     if part is None:
         return None
     cheek = [part.options.un, part.options.schwa, part.options.oe]
+    if isinstance(part, Window):
+        return {
+            "begin": part.begin, "end": part.end, "numbers": list(part.numbers),
+            "starts": list(part.starts), "cheek": [int(name == "cheek") for name in cheek],
+            "rest_gap": REST_GAPS_S.index(part.options.rest_gap_s),
+        }  # fmt: skip
     return {
         "first": part.first, "first_end": part.first_end, "numbers": list(part.numbers),
         "starts": list(part.starts), "ahead": part.ahead,
@@ -51,6 +58,10 @@ def broken_rule(l0: bytes, scales: list[list[int]]) -> str:
     return ""
 
 
+def setting_of(decoded: reference.Decoded) -> list[int]:
+    return [decoded.step, decoded.gain, decoded.course, decoded.shift]
+
+
 def decode_both(l0: bytes, l1: bytes, used: Basis) -> None:
     """Compare everything that both decoders say about two parts."""
     scales = used.scales.tolist()
@@ -65,8 +76,13 @@ def decode_both(l0: bytes, l1: bytes, used: Basis) -> None:
     with contextlib.suppress(BitstreamError):
         content = read_l1(l0, l1, content, known, used)
     header = content.header
-    assert (header.mode, header.sequence, header.lead, header.voice) == astuple(expected)[:4]
-    assert astuple(content.setting) == (expected.step, expected.gain, expected.course)
+    told = content.voice_bit if header.mode == COMPACT else header.voice
+    assert (header.mode, header.sequence, header.lead, told) == astuple(expected)[:4]
+    assert list(astuple(content.setting)) == setting_of(expected)
+    assert {
+        str(distance): [list(item) for item in preview]
+        for distance, preview in content.previews.items()
+    } == expected.previews
     assert as_reference(content.part) == expected.score
     assert content.q.tolist() == expected.indices
     if content.setting.step != NO_RESIDUAL:
@@ -75,8 +91,10 @@ def decode_both(l0: bytes, l1: bytes, used: Basis) -> None:
 
 
 def with_checks(body: bytes, more: bytes) -> tuple[bytes, bytes]:
-    """Give arbitrary bytes a valid version and valid checks."""
-    body = bytes([0x40 | body[0] & 0x3F]) + body[1:]
+    """Give arbitrary bytes a valid version and valid checks, or the length of a compact part."""
+    body = bytes([0x80 | body[0] & 0x3F]) + body[1:]
+    if body[0] >> 4 & 3 == COMPACT:
+        return (body + bytes(4))[: max(4, len(body) % 13)], more
     l0 = body + crc16(body).to_bytes(2, "big")
     return l0, more + bytes([crc8(l0[-2:] + more)])
 
@@ -114,7 +132,8 @@ def test_vectors(case: dict[str, Any]) -> None:
         return
     decode_both(l0, l1, used)
     found = reference.decode(l0, l1, case["scales"])
-    assert [found.step, found.gain, found.course] == case["setting"]
+    assert setting_of(found) == case["setting"]
+    assert found.previews == case["previews"]
     assert found.score == case["score"]
     assert {i: q for i, q in enumerate(found.indices) if q} == {
         int(i): q for i, q in case["indices"].items()

@@ -1,0 +1,190 @@
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codec.bits import COMPACT, Header, read_header, voice_bit
+from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
+from codec.errors import BitstreamError, CueError, VoiceError
+from codec.joining import score_of
+from codec.merge import ScoreMerger, merge_scores
+from codec.motion import Motion
+from codec.payload import is_intact, read_beginning
+from codec.phonology import CONSONANTS, VOWELS
+from codec.score import Key, Phone, Score
+from codec.superframe import SuperframeDecoder, SuperframeEncoder
+from codec.timeline import TICK_S, TICKS, to_line
+from codec.voice import Voice
+from codec.window import EARLIEST, LAST, MAX_BYTES, MIN_BYTES, Window, WindowWriter, read_window
+
+IDENTITY = "0123456789abcdef"
+SENTENCE = "b ɔ̃ ʒ u ʁ _ l ə k ɔ d a ʒ e f ɛ t u ʒ u ʁ v i t _ _ _ _ _ _ _ s u b l ɛ m ɑ̃".split()
+
+
+def spoken(symbols: list[str], length_s: float = 0.1, start_s: float = 0.5) -> Score:
+    phones = [
+        Phone(s, round(start_s + i * length_s, 2), round(start_s + (i + 1) * length_s, 2))
+        for i, s in enumerate(symbols)
+        if s != "_"
+    ]
+    return Score(tuple(phones), tuple(cue(phones)))
+
+
+def windows_of(
+    score: Score, size: int, options: CueingOptions = DEFAULT_OPTIONS
+) -> dict[int, Window]:
+    line = to_line(score, options)
+    writer = WindowWriter(line, options, IDENTITY, size)
+    last = line.starts[-1] // TICKS
+    return {k: read_window(writer.l0(k))[1] for k in range(-1, last + 2)}
+
+
+@st.composite
+def lines(draw: st.DrawFn) -> Score:
+    """Syllables of any sounds, at the pace of slow speech, with and without gaps."""
+    tick, phones = draw(st.integers(0, 50)), []
+    for _ in range(draw(st.integers(1, 12))):
+        tick += draw(st.sampled_from([0, 0, 0, 0, 6, 30, 90]))
+        for symbol in draw(st.tuples(st.sampled_from(CONSONANTS), st.sampled_from(VOWELS))):
+            end = tick + draw(st.integers(6, 30))
+            phones.append(Phone(symbol, tick * TICK_S, end * TICK_S))
+            tick = end
+    phones = phones[draw(st.integers(0, 1)) :]
+    return Score(tuple(phones), tuple(cue(phones)))
+
+
+def names(score: Score) -> list[tuple[tuple[str, ...], str]]:
+    return [(key.phones, str(key)) for key in score.keys]
+
+
+@settings(deadline=None, max_examples=60)
+@given(lines())
+def test_twelve_bytes_keep_every_key_and_its_time(score: Score) -> None:
+    windows = windows_of(score, 12)
+    got = score_of(windows)
+    assert names(got) == names(score)
+    for sent, found in zip(score.keys, got.keys, strict=True):
+        # At most a unit of two ticks early or late, and what a begin lacks.
+        assert abs(sent.start - found.start) < 0.07
+
+
+@pytest.mark.parametrize("size", [7, 9, 12])
+def test_usual_speech_fits(size: int) -> None:
+    score = spoken(4 * SENTENCE)
+    assert names(score_of(windows_of(score, size))) == names(score)
+
+
+def test_a_window_begins_and_ends_within_its_limits() -> None:
+    for size in range(MIN_BYTES, MAX_BYTES + 1):
+        for window in windows_of(spoken(6 * SENTENCE, 0.06), size).values():
+            if window.numbers:
+                assert EARLIEST <= window.begin <= LAST
+                assert window.starts[-1] <= LAST
+                assert window.end <= LAST + TICKS
+
+
+def test_options_travel() -> None:
+    options = CueingOptions(un="cheek", schwa="cheek")
+    phones = [Phone("l", 1.0, 1.1), Phone("ə", 1.1, 1.2), Phone("œ̃", 1.2, 1.3)]
+    score = Score(tuple(phones), tuple(cue(phones, options)))
+    got = score_of(windows_of(score, 7, options))
+    assert [key.placement for key in got.keys] == ["cheek", "cheek"]
+
+
+def test_writers_give_the_same_in_any_order() -> None:
+    line = to_line(spoken(4 * SENTENCE))
+    one, other = (WindowWriter(line, DEFAULT_OPTIONS, IDENTITY, 7) for _ in range(2))
+    numbers = range(-3, 25)
+    assert {k: one.l0(k) for k in numbers} == {k: other.l0(k) for k in reversed(numbers)}
+
+
+def test_a_lost_window_makes_no_key_wrong() -> None:
+    score = spoken(6 * SENTENCE)
+    windows = windows_of(score, 7)
+    for lost in [k for k, window in windows.items() if window.numbers]:
+        got = names(score_of({k: w for k, w in windows.items() if k != lost}))
+        sent = iter(names(score))
+        assert all(key in sent for key in got)
+        assert len(got) < len(score.keys)
+
+
+@settings(deadline=None)
+@given(st.binary(min_size=MIN_BYTES - 1, max_size=MAX_BYTES - 1), st.integers(0, 15))
+def test_any_bytes_are_a_window(payload: bytes, sequence: int) -> None:
+    l0 = Header(COMPACT, sequence, 0, 0).to_bytes() + payload
+    assert is_intact(l0)
+    content = read_beginning(l0)
+    assert isinstance(content.part, Window)
+    starts = (*content.part.starts, content.part.end)
+    assert list(starts) == sorted(set(starts))
+    assert score_of({sequence: content.part}).keys is not None
+
+
+@pytest.mark.parametrize("size", [MIN_BYTES - 1, MAX_BYTES + 1])
+def test_other_sizes_are_malformed(size: int) -> None:
+    l0 = Header(COMPACT, 3, 0, 0).to_bytes() + bytes(size - 1)
+    assert not is_intact(l0)
+    with pytest.raises(BitstreamError, match=f"compact L0 of {size} bytes") as caught:
+        read_beginning(l0)
+    assert caught.value.section == "H1"
+
+
+Resting = Callable[[Score | None], Motion]
+
+
+@pytest.fixture
+def motion(resting: Resting) -> Motion:
+    return resting(spoken(SENTENCE))
+
+
+@pytest.fixture
+def resting(toy_voice: Voice) -> Resting:
+    def make(score: Score | None) -> Motion:
+        blank = np.zeros((256, len(toy_voice.layout)), np.float32)
+        return Motion(blank, 50, 0.0, toy_voice.layout, toy_voice.identity, score)
+
+    return make
+
+
+def test_keys_pass_through_encoder_and_decoder(toy_voice: Voice, motion: Motion) -> None:
+    encoder, decoder = (
+        SuperframeEncoder(toy_voice, l0_bytes=7, l1_bytes=0),
+        SuperframeDecoder(toy_voice),
+    )
+    decoded = [decoder.push(encoder.encode(motion, k).l0, None, k) for k in range(8)]
+    assert motion.score is not None
+    assert names(merge_scores(decoded)) == names(motion.score)
+    assert {frame.lead for frame in decoded} == {2}
+    merger, keys = ScoreMerger(), list[Key]()
+    for frame in decoded:
+        keys += merger.add(frame)
+    keys += merger.flush()
+    assert [str(key) for key in keys] == [str(key) for key in motion.score.keys]
+
+
+def test_the_voice_is_told_bit_by_bit(toy_voice: Voice, motion: Motion) -> None:
+    encoder = SuperframeEncoder(toy_voice, l0_bytes=7, l1_bytes=0)
+    told = [read_beginning(encoder.encode(motion, k).l0).voice_bit for k in range(16)]
+    assert told == [voice_bit(toy_voice.identity, k) for k in range(16)]
+    assert int("".join(map(str, told)), 2) == int(toy_voice.identity[:4], 16)
+    l0 = encoder.encode(motion, 1).l0
+    with pytest.raises(VoiceError, match="bit 1 of the stream's voice is"):
+        SuperframeDecoder(toy_voice).push(l0[:1] + bytes([l0[1] ^ 0x80]) + l0[2:], None, 1)
+
+
+def test_numbers_count_modulo_sixteen(toy_voice: Voice, motion: Motion) -> None:
+    l0 = SuperframeEncoder(toy_voice, l0_bytes=7, l1_bytes=0).encode(motion, 18).l0
+    assert read_header(l0).sequence == 2
+    assert SuperframeDecoder(toy_voice).push(l0, None, 34).sequence == 34
+    with pytest.raises(BitstreamError, match="sequence number 2, superframe 19 has 3"):
+        SuperframeDecoder(toy_voice).push(l0, None, 19)
+
+
+def test_what_cannot_be_compact_is_refused(toy_voice: Voice, resting: Resting) -> None:
+    with pytest.raises(CueError, match="an L0 of 7 bytes is compact, its L1 has 3 bytes"):
+        SuperframeEncoder(toy_voice, l0_bytes=7, l1_bytes=3)
+    encoder = SuperframeEncoder(toy_voice, l0_bytes=7, l1_bytes=0)
+    with pytest.raises(CueError, match="an L0 of 7 bytes holds a score, the motion has none"):
+        encoder.encode(resting(None), 0)
