@@ -11,13 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.align import View
-from watermark.layout import make_layout
+from watermark.layout import make_layout, make_pilots
 from watermark.link import Decoded, Link
-from watermark.profile import LEVELS, Profile
+from watermark.profile import LEVELS, PILOT_STEPS, Profile
 from watermark.reliability import Reliability
 
 LIST_SIZE, LONG_LIST_SIZE = 8, 32
 """Paths that the decoder follows at first, and when that found nothing."""
+
+TRIED_LEVELS = 8
+"""Levels at which a superframe is tried: those of the two tiers whose pilots fit best."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +56,17 @@ class Demodulator:
         self.layout = make_layout(profile, key)
         self.link = Link(profile)
         self.reliability = Reliability(profile.groups)
+        self._pilots = make_pilots(key)
+        self._announced = self._pilots.expected(profile.number)
+
+    def likely_levels(self, view: View, last: int) -> list[int]:
+        """Levels to try, best first: by how well their pilots fit, then by nearness to `last`."""
+        tiers: dict[int, float] = {}
+        for tier, step in enumerate(PILOT_STEPS):
+            levels = self.profile.levels_of(tier)
+            score = float((view.soft(self._pilots.cells, step) * self._announced).sum())
+            tiers.update(dict.fromkeys(levels, score))
+        return sorted(tiers, key=lambda level: (-tiers[level], abs(level - last)))[:TRIED_LEVELS]
 
     def read(self, view: View, levels: list[int]) -> Reading:
         """Read at the first of `levels` that the link accepts; else at the first of all.

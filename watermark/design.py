@@ -15,7 +15,8 @@ from watermark.layout import make_layout, make_pilots
 from watermark.link import Link
 from watermark.masking import make_masker
 from watermark.mdct import analyse, frames_of, synthesise
-from watermark.profile import HOP, PILOT_STEPS, TIER_LEVELS, Profile
+from watermark.profile import HOP, Profile
+from watermark.strain import coder_noise, needed_level
 
 ITERATIONS = 3
 """Rounds of deriving the mask again; further ones gain nothing at the receiver."""
@@ -79,6 +80,28 @@ class MarkDesigner:
             spectra = analyse(frames_of(sound, HOP), HOP)
         return MarkedSuperframe(mark, carries=True)
 
+    def need(
+        self, before: NDArray[np.float64], mid: NDArray[np.float64], side: NDArray[np.float64]
+    ) -> float:
+        """Level that the superframe needs in a coder short of bits, see `watermark.strain`.
+
+        Parameters
+        ----------
+        before : ndarray of float64, shape (HOP,)
+            Finished samples just before the superframe.
+        mid, side : ndarray of float64, shape (SUPERFRAME + HOP,)
+            The programme; `side` is silence where there is none.
+        """
+        sound = np.concatenate([before, mid])
+        spectra = analyse(frames_of(sound, HOP), HOP)
+        threshold = self._masker.thresholds(np.abs(spectra) ** 2 / 2)
+        unit = self._masker.amplitudes(threshold[1:], threshold[:-1])
+        coded = [spectra[1:]]
+        if side.any():
+            coded.append(analyse(frames_of(side, HOP), HOP))
+        noise = coder_noise(coded, self._masker, self._profile.coder_bits)
+        return needed_level(noise, unit, self._masker, self._layout.cells, self._profile)
+
     def _change(
         self,
         coefficients: NDArray[np.float64],
@@ -99,7 +122,7 @@ class MarkDesigner:
             unit,
             self._pilots.cells,
             self._announced,
-            step=PILOT_STEPS[level // TIER_LEVELS],
+            step=self._profile.pilot_step(level),
             alpha=self._profile.alpha,
         )
         return data + pilots

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.layout import Cells
-from watermark.profile import FIRST_BIN
 
 
 def _cut(values: NDArray[np.float64], cells: Cells) -> NDArray[np.float64]:
     """Bins of the cells, shape (T, groups, bins)."""
-    return values[:, FIRST_BIN : cells.last_bin].reshape(-1, cells.dither.size, cells.bins)
+    return values[:, cells.first_bin : cells.last_bin].reshape(-1, cells.dither.size, cells.bins)
 
 
 def project(

@@ -18,6 +18,7 @@ from watermark.mix import add_mark, check_format, front_of, mid_of, side_of
 from watermark.profile import (
     FS,
     HOP,
+    LEVELS,
     SUPERFRAME,
     SUPERFRAME_S,
     find_profile,
@@ -26,6 +27,12 @@ from watermark.tape import Tape
 
 STRETCH = 4
 """Superframes that are graded together: the embedder looks this far ahead."""
+
+EQUALISATION = 0.8
+"""Part of the differences in need that the levels follow; the need is an estimate."""
+
+NEUTRAL_NEED = 5.0
+"""Need of a superframe that is written at the base level."""
 
 Source = Callable[[int], tuple[bytes, bytes]]
 """Payloads (L0, L1) of the superframe on air from programme time k * 0.64 s."""
@@ -192,13 +199,18 @@ class AudioEmbedder:
         ratio = self._fs / FS
         start = self._next * SUPERFRAME * ratio
         host = self._host.read(start, ratio, count * SUPERFRAME + HOP)
-        side = self._side.read(start, ratio, count * SUPERFRAME)
+        side = self._side.read(start, ratio, count * SUPERFRAME + HOP)
         payloads = [self._source(k) for k in numbers]
+        if self._control is None:
+            made = self._stretch(host, side[:-HOP], payloads, [self._level] * count)
+        else:
+            needs = self._needs(host, side)
 
-        def attempt(level: int | None) -> _Stretch:
-            return self._stretch(host, side, payloads, level)
+            def attempt(base: float | None) -> _Stretch:
+                levels = None if base is None else [_level(base, need) for need in needs]
+                return self._stretch(host, side[:-HOP], payloads, levels)
 
-        made = attempt(self._level) if self._control is None else self._control.settle(attempt)
+            made = self._control.settle(attempt)
         self._before, self._tail = made.mid[-HOP:], made.tail
         self._mark.append(made.mark)
         self._silent += [k for k, silent in zip(numbers, made.silent, strict=True) if silent]
@@ -206,19 +218,28 @@ class AudioEmbedder:
         for tape in (self._host, self._side):
             tape.forget(int(self._next * SUPERFRAME * ratio) - 2 * tape.reach(ratio))
 
+    def _needs(self, host: NDArray[np.float64], side: NDArray[np.float64]) -> list[float]:
+        """Level that each superframe of a stretch needs."""
+        needs, before = [], self._before
+        for start in range(0, host.size - HOP, SUPERFRAME):
+            span = slice(start, start + SUPERFRAME + HOP)
+            needs.append(self._designer.need(before, host[span], side[span]))
+            before = host[start + SUPERFRAME - HOP : start + SUPERFRAME]
+        return needs
+
     def _stretch(
         self,
         host: NDArray[np.float64],
         side: NDArray[np.float64],
         payloads: list[tuple[bytes, bytes]],
-        level: int | None,
+        levels: list[int] | None,
     ) -> _Stretch:
         """Write superframes into `host`, shape (superframes * SUPERFRAME + HOP,), or none."""
         marked = host.copy()
         marked[:HOP] += self._tail
         before, silent = self._before, [True] * len(payloads)
-        if level is not None:
-            for i, payload in enumerate(payloads):
+        if levels is not None:
+            for i, (payload, level) in enumerate(zip(payloads, levels, strict=True)):
                 span = slice(i * SUPERFRAME, (i + 1) * SUPERFRAME + HOP)
                 made = self._designer.design(before, marked[span], payload, level)
                 marked[span] += made.mark
@@ -250,6 +271,12 @@ class AudioEmbedder:
         self._given += count
         self._mark.forget(int(self._given * ratio) - 2 * self._mark.reach(ratio))
         return add_mark(x, mark).astype(np.float32)
+
+
+def _level(base: float, need: float) -> int:
+    """Level of a superframe at a base level."""
+    level = round(base + EQUALISATION * (need - NEUTRAL_NEED))
+    return min(max(level, 0), len(LEVELS) - 1)
 
 
 def _spans(superframes: list[int]) -> tuple[tuple[float, float], ...]:

@@ -1,10 +1,10 @@
 """Closed loop from the graded quality to the level of the mark.
 
-In: what a stretch of the programme sounds like at any level; out: the level at which it has
-the wanted grade. Each stretch is graded by itself, after a superframe of what came before. A long
-passage grades better or worse than its stretches: what it has to spare is given to the next one.
-The loop forgets, and its memory is constant. Specification: none, an embedder may choose levels
-freely.
+In: what a stretch of the programme sounds like at any base level; out: the stretch at the base
+level that gives the programme the wanted grade. Superframes stand above or below the base by what
+they need to come through, so stretches differ in grade: it is the running passage that has the
+wanted one. A stretch that would be much worse is written more softly or not at all. The loop
+forgets, and its memory is constant. Specification: none, an embedder may choose levels freely.
 """
 
 from collections.abc import Callable
@@ -17,24 +17,27 @@ from codec.errors import CueError
 from watermark.profile import FS, LEVELS, SUPERFRAME
 from watermark.quality import PeaqMeter
 
-START_LEVEL = 6
-"""Level that is tried first."""
+START_BASE = 8.0
+"""Base level that is tried first."""
 
 GRADES_PER_LEVEL = 0.28
 """Loss of grade that one level (1.5 dB) costs near the grades of interest."""
 
-LARGEST_RISE = 2
-"""Levels by which the mark may grow between stretches, the first excepted."""
+TRIALS = 5
+"""Attempts at one stretch."""
 
-LARGEST_FALL = 2
-"""Levels by which the mark may shrink for one stretch that is only a little too low: a mark of
-half the size is lost in coding, whereas the passage has time to make up for a poor grade."""
+CLOSE_ENOUGH = 0.08
+"""Error of the grade that the first stretch may keep."""
 
 GIVE_UP = 0.6
-"""A stretch that grades this much too low falls on, and at the lowest level is left unmarked."""
+"""A stretch that grades this much too low is written more softly, and left unmarked if that does
+not help at the lowest level."""
 
-TOLERANCE = 0.1
-"""A stretch that grades this much too low is written one level lower."""
+BASE_LIMITS = (-4.0, len(LEVELS) + 3.0)
+"""Beyond these all superframes have the lowest or the highest level."""
+
+MOVE_LIMITS = (-1.5, 1.5)
+"""Levels by which the base may change between stretches."""
 
 
 class Attempt(Protocol):
@@ -54,38 +57,39 @@ T = TypeVar("T", bound=Attempt)
 PASSAGE = 16
 """Stretches of a passage: 41 s."""
 
-SPARE_LIMITS = (-0.2, 0.35)
-"""Grades that a passage may take from, or give to, one stretch."""
+MAKE_GOOD = 0.7
+"""Part of a passage's error of grade that the next stretch makes good beyond its own share."""
 
 
 class _Passage:
-    """Running grade of the last half to whole passage."""
+    """Running grade and mean base of the last half to whole passage."""
 
     def __init__(self, channels: int) -> None:
         self._channels = channels
         self._meters = [PeaqMeter(FS, channels), PeaqMeter(FS, channels)]
+        self._bases: list[list[float]] = [[], []]
         self._count = 0
 
-    def spare(self, target: float) -> float:
-        """Grades above the target, within `SPARE_LIMITS`; 0 while nothing is known."""
-        older = (self._count // (PASSAGE // 2)) % 2
-        try:
-            return float(np.clip(self._meters[older].result().odg - target, *SPARE_LIMITS))
-        except CueError:
-            return 0.0
-
-    def add(self, attempt: Attempt) -> None:
-        """Take the stretch that was chosen."""
-        for meter in self._meters:
+    def add(self, attempt: Attempt, base: float) -> float | None:
+        """Take the stretch that was chosen; return the passage's grade, None for silence."""
+        for meter, bases in zip(self._meters, self._bases, strict=True):
             meter.process(attempt.clean, attempt.marked)
+            bases.append(base)
+        older = (self._count // (PASSAGE // 2)) % 2
+        self.mean_base = float(np.mean(self._bases[older]))
+        try:
+            grade = float(self._meters[older].result().odg)
+        except CueError:
+            grade = None
         self._count += 1
         if self._count % (PASSAGE // 2) == 0:
-            younger = (self._count // (PASSAGE // 2) + 1) % 2
-            self._meters[younger] = PeaqMeter(FS, self._channels)
+            self._meters[older] = PeaqMeter(FS, self._channels)
+            self._bases[older] = []
+        return grade
 
 
 class LevelControl:
-    """Chooses the level that keeps a grade.
+    """Chooses the base level that keeps a grade.
 
     Parameters
     ----------
@@ -99,51 +103,68 @@ class LevelControl:
         if not -4 < target < 0:
             raise CueError(f"grade {target} to aim at is not within -4..0")
         self._target = target
-        self._level = START_LEVEL
-        self._largest = len(LEVELS)
+        self._base = START_BASE
         self._channels = channels
         self._clean = self._marked = np.zeros((0, channels))
         self._passage = _Passage(channels)
+        self._started = False
 
-    def settle(self, attempt: Callable[[int | None], T]) -> T:
-        """Return the attempt that has the wanted grade.
+    def settle(self, attempt: Callable[[float | None], T]) -> T:
+        """Return the attempt that serves the wanted grade.
 
         Parameters
         ----------
         attempt : callable
-            Gives the stretch at a level, and unmarked for None.
+            Gives the stretch at a base level, and unmarked for None.
         """
-        chosen = attempt(self._level)
+        chosen = attempt(self._base)
         grade = self._grade(chosen)
         if grade is not None:
-            target = self._target - self._passage.spare(self._target)
-            chosen = self._adjust(attempt, chosen, grade, target)
-            self._largest = LARGEST_RISE
-        self._passage.add(chosen)
+            if not self._started:
+                chosen, self._base = self._begin(attempt, chosen, grade)
+            elif grade < self._target - GIVE_UP:
+                chosen = self._soften(attempt, chosen, grade)
+            self._started = True
+        passage = self._passage.add(chosen, self._base)
+        if passage is not None and grade is not None:
+            self._learn(passage)
         self._clean = chosen.clean[-SUPERFRAME:]
         self._marked = chosen.marked[-SUPERFRAME:]
         return chosen
 
-    def _adjust(
-        self, attempt: Callable[[int | None], T], first: T, grade: float, target: float
-    ) -> T:
-        move = min(round((grade - target) / GRADES_PER_LEVEL), self._largest)
-        level = int(np.clip(self._level + move, 0, len(LEVELS) - 1))
-        chosen, found = first, grade
-        floor = self._level - LARGEST_FALL
-        while level != self._level:
-            down = level < self._level
-            self._level = level
-            chosen = attempt(level)
-            found = self._grade(chosen) or 0.0
-            if not down or found >= target - TOLERANCE:
-                break
-            if level <= floor and found >= target - GIVE_UP:
-                break
-            level = max(level - 1, 0)
-        if self._level == 0 and found < target - GIVE_UP:
-            return attempt(None)
-        return chosen
+    def _learn(self, passage: float) -> None:
+        """Set the base so that the passage comes to its grade."""
+        error = (passage - self._target) / GRADES_PER_LEVEL
+        wanted = self._passage.mean_base + (1 + MAKE_GOOD) * error
+        move = np.clip(wanted - self._base, *MOVE_LIMITS)
+        self._base = float(np.clip(self._base + move, *BASE_LIMITS))
+
+    def _begin(
+        self, attempt: Callable[[float | None], T], first: T, grade: float
+    ) -> tuple[T, float]:
+        """Find the base of the first stretch."""
+        chosen, base = first, self._base
+        for _ in range(TRIALS):
+            error = grade - self._target
+            if abs(error) < CLOSE_ENOUGH or (error > 0 and base == BASE_LIMITS[1]):
+                return chosen, base
+            base = float(np.clip(base + error / GRADES_PER_LEVEL, *BASE_LIMITS))
+            chosen = attempt(base)
+            grade = self._grade(chosen) or 0.0
+        if grade < self._target - GIVE_UP:
+            return attempt(None), base
+        return chosen, base
+
+    def _soften(self, attempt: Callable[[float | None], T], first: T, grade: float) -> T:
+        """Write a stretch that grades far too low at a lower base, or not at all."""
+        chosen, base = first, self._base
+        for _ in range(TRIALS):
+            base -= max(1.0, (self._target - GIVE_UP / 2 - grade) / GRADES_PER_LEVEL)
+            chosen = attempt(base)
+            grade = self._grade(chosen) or 0.0
+            if grade >= self._target - GIVE_UP:
+                return chosen
+        return attempt(None)
 
     def _grade(self, attempt: Attempt) -> float | None:
         """Grade of an attempt, None for silence."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from watermark.profile import (
-    FIRST_BIN,
+    FIRST_PILOT_BIN,
     FRAMES_PER_SUPERFRAME,
     PILOT_BINS,
     PILOT_SLOTS,
@@ -29,10 +29,12 @@ MAX_KEY = 2**64
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """Cells of a frame that lie side by side from `FIRST_BIN` on.
+    """Cells of a frame that lie side by side.
 
     Attributes
     ----------
+    first_bin : int
+        Lowest bin of the lowest cell.
     bins : int
         Bins of each cell.
     signs : ndarray of float64, shape (groups * bins,)
@@ -41,6 +43,7 @@ class Cells:
         Offset of each cell's quantiser in steps, 0 to 1.
     """
 
+    first_bin: int
     bins: int
     signs: NDArray[np.float64]
     dither: NDArray[np.float64]
@@ -48,7 +51,7 @@ class Cells:
     @property
     def last_bin(self) -> int:
         """First bin above the cells."""
-        return FIRST_BIN + self.signs.size
+        return self.first_bin + self.signs.size
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,10 +129,10 @@ def _signs(words: NDArray[np.int64]) -> NDArray[np.float64]:
     return np.where(words & 1, -1.0, 1.0)
 
 
-def _cells(purpose: str, key: int, bins: int, groups: int) -> Cells:
+def _cells(purpose: str, key: int, first_bin: int, bins: int, groups: int) -> Cells:
     """Draw the signs and dither of `groups` cells."""
     signs = _signs(stream_words(f"{purpose} signs", key, groups * bins))
-    return Cells(bins, signs, stream_words(f"{purpose} dither", key, groups) / 2.0**32)
+    return Cells(first_bin, bins, signs, stream_words(f"{purpose} dither", key, groups) / 2.0**32)
 
 
 @lru_cache(maxsize=16)
@@ -143,7 +146,7 @@ def make_pilots(key: int) -> Pilots:
     for profile in PROFILES.values():
         announcement = stream_words(f"announcement {profile.number}", key, frames)
         signs[profile.number, :, 1] = _signs(announcement)
-    cells = _cells("pilot", key, PILOT_BINS, PILOT_SLOTS)
+    cells = _cells("pilot", key, FIRST_PILOT_BIN, PILOT_BINS, PILOT_SLOTS)
     return Pilots(cells, np.ascontiguousarray(slots, dtype=np.int64), signs)
 
 
@@ -151,12 +154,13 @@ def make_pilots(key: int) -> Pilots:
 def make_layout(profile: Profile, key: int) -> Layout:
     """Draw the data cells of a profile and key."""
     name = f"data {profile.number}"
-    cells = _cells(name, key, profile.cell_bins, profile.groups)
+    cells = _cells(name, key, profile.first_bin, profile.cell_bins, profile.groups)
     per_slot = PILOT_BINS // profile.cell_bins
     free = np.ones((FRAMES_PER_SUPERFRAME, profile.groups), dtype=bool)
     open_slots = np.ones((FRAMES_PER_SUPERFRAME, PILOT_SLOTS), dtype=bool)
     np.put_along_axis(open_slots, make_pilots(key).slots, False, axis=1)
-    free[:, : PILOT_SLOTS * per_slot] = np.repeat(open_slots, per_slot, axis=1)
+    low = (FIRST_PILOT_BIN - profile.first_bin) // profile.cell_bins
+    free[:, low : low + PILOT_SLOTS * per_slot] = np.repeat(open_slots, per_slot, axis=1)
     usable = np.flatnonzero(free)
     words = stream_words(f"{name} interleaver", key, usable.size)
     return Layout(cells, usable[np.argsort(words, kind="stable")].astype(np.int64))

@@ -28,8 +28,8 @@ SUPERFRAME_S = SUPERFRAME / FS
 SLOT_FRAMES = 8
 """Frames of one slot: 0.08 s, the unit that a channel may lose."""
 
-FIRST_BIN = 6
-"""Lowest bin that carries a cell: 300 Hz; a bin is 50 Hz wide."""
+FIRST_PILOT_BIN = 6
+"""Lowest bin of the pilots: 300 Hz; a bin is 50 Hz wide."""
 
 PILOT_SLOTS = 6
 """Lowest stretches of `PILOT_BINS` bins; the pilots take two of them in each frame."""
@@ -47,8 +47,8 @@ for each superframe. The receiver finds out; a change of gain looks like a chang
 TIER_LEVELS = 4
 """Levels that share one step of the pilots."""
 
-PILOT_STEPS = tuple(2.0 * 2 ** ((4 * tier + 3.5) / 4) for tier in range(3))
-"""Quantiser step of the pilots in each tier of levels."""
+PILOT_STEPS = tuple(2.0 * 2 ** ((4 * tier + 3.5) / 4) for tier in range(4))
+"""Quantiser steps of pilots; which of them goes with a level is the profile's affair."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +67,16 @@ class Profile:
         Coded bits of the first class; the second class takes all other data cells.
     cell_bins : int
         Bins of a data cell, the spreading: 2, 4 or 8.
-    last_bin : int
-        No cell reaches beyond this bin.
+    first_bin, last_bin : int
+        The lowest cell begins at the first. No cell reaches beyond this bin.
     alpha : float
         Part of the quantisation error that the embedder removes, 0 to 1 (Costa's parameter).
     strength : float
         Factor of `LEVELS` for data cells: long cells need wider steps for the same loudness.
+    lowest_tier : int
+        Place in `PILOT_STEPS` of the pilots' step at the lowest levels.
+    coder_bits : float
+        Bits per frame of 10 ms of the coder that the embedder has in mind.
     """
 
     name: str
@@ -81,13 +85,18 @@ class Profile:
     l1_bytes: int
     l0_coded: int
     cell_bins: int
+    first_bin: int
     last_bin: int
     alpha: float
     strength: float
+    lowest_tier: int
+    coder_bits: float
 
     def __post_init__(self) -> None:
         if PILOT_BINS % self.cell_bins:
             raise CueError(f"cells of {self.cell_bins} bins do not divide {PILOT_BINS}")
+        if (FIRST_PILOT_BIN - self.first_bin) % self.cell_bins:
+            raise CueError(f"cells from bin {self.first_bin} on lie across pilots")
         if not 0 < self.l0_coded <= self.data_cells:
             raise CueError(f"{self.l0_coded} coded bits of L0, limit {self.data_cells}")
         if (self.l1_bytes > 0) != (self.l1_coded > 0):
@@ -97,10 +106,24 @@ class Profile:
         """Quantiser step of data cells at a level."""
         return self.strength * LEVELS[level]
 
+    def pilot_step(self, level: int) -> float:
+        """Quantiser step of the pilots at a level."""
+        return PILOT_STEPS[self.lowest_tier + level // TIER_LEVELS]
+
+    def levels_of(self, tier: int) -> range:
+        """Levels whose pilots have the step of a tier; none if the profile lacks it."""
+        first = (tier - self.lowest_tier) * TIER_LEVELS
+        return range(max(first, 0), max(min(first + TIER_LEVELS, len(LEVELS)), 0))
+
+    @property
+    def message_bits(self) -> int:
+        """Bits of both classes, without their checks."""
+        return 8 * (self.l0_bytes + self.l1_bytes)
+
     @property
     def groups(self) -> int:
         """Data cells of a frame without pilots."""
-        return (self.last_bin - FIRST_BIN) // self.cell_bins
+        return (self.last_bin - self.first_bin) // self.cell_bins
 
     @property
     def data_cells(self) -> int:
@@ -121,7 +144,7 @@ class Profile:
     @property
     def net_bps(self) -> float:
         """Payload of both classes in bit/s."""
-        return 8 * (self.l0_bytes + self.l1_bytes) / SUPERFRAME_S
+        return self.message_bits / SUPERFRAME_S
 
     @property
     def gross_bps(self) -> float:
@@ -134,11 +157,14 @@ ROBUST = Profile(
     number=0,
     l0_bytes=7,
     l1_bytes=0,
-    l0_coded=640,
-    cell_bins=8,
+    l0_coded=1344,
+    cell_bins=4,
+    first_bin=2,
     last_bin=102,
     alpha=0.6,
     strength=1.75,
+    lowest_tier=1,
+    coder_bits=350.0,
 )
 
 STANDARD = Profile(
@@ -148,9 +174,12 @@ STANDARD = Profile(
     l1_bytes=7,
     l0_coded=1536,
     cell_bins=4,
+    first_bin=6,
     last_bin=158,
-    alpha=0.75,
+    alpha=0.6,
     strength=1.0,
+    lowest_tier=0,
+    coder_bits=500.0,
 )
 
 HIGH = Profile(
@@ -160,12 +189,32 @@ HIGH = Profile(
     l1_bytes=36,
     l0_coded=2816,
     cell_bins=2,
+    first_bin=6,
     last_bin=238,
-    alpha=0.75,
+    alpha=0.65,
     strength=0.75,
+    lowest_tier=0,
+    coder_bits=500.0,
 )
 
-PROFILES: dict[str, Profile] = {profile.name: profile for profile in (ROBUST, STANDARD, HIGH)}
+DISCREET = Profile(
+    name="discreet",
+    number=3,
+    l0_bytes=12,
+    l1_bytes=0,
+    l0_coded=1856,
+    cell_bins=4,
+    first_bin=2,
+    last_bin=134,
+    alpha=0.6,
+    strength=1.0,
+    lowest_tier=0,
+    coder_bits=500.0,
+)
+
+PROFILES: dict[str, Profile] = {
+    profile.name: profile for profile in (ROBUST, STANDARD, HIGH, DISCREET)
+}
 """Profiles by name; a profile's number is its place."""
 
 

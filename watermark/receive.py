@@ -26,14 +26,10 @@ from watermark.profile import (
     PROFILES,
     SLOT_FRAMES,
     SUPERFRAME,
-    TIER_LEVELS,
     Profile,
 )
 from watermark.received import ReceivedSuperframe
 from watermark.tape import Tape
-
-TIER_ORDER = (1, 2, 0, 3)
-"""Levels of a tier in the order in which they are tried."""
 
 CONVINCING = 5.3
 """Score from which a candidate needs the check of the first class only."""
@@ -202,10 +198,11 @@ class AudioReceiver:
             return []
         demodulator = self._demodulator(candidate.profile)
         ratio = self._nominal * (1 + candidate.clock_ppm * 1e-6)
-        track = _Track(position, ratio, demodulator, candidate.tier * TIER_LEVELS)
+        profile = demodulator.profile
+        own = profile.levels_of(candidate.tier)
+        track = _Track(position, ratio, demodulator, own.start + 1)
         self._pull_in(track, candidate)
-        levels = [track.level + i for i in TIER_ORDER]
-        levels += [level for level in range(len(LEVELS)) if level not in levels]
+        levels = sorted(range(len(LEVELS)), key=lambda level: abs(level - own.start - 1.4))
         for delay in (0.0, 0.5, -0.5):
             moved = replace(track, position=track.position + delay * self._nominal)
             reading = self._read(moved, levels)
@@ -255,8 +252,9 @@ class AudioReceiver:
 
     def _follow(self, track: _Track) -> list[ReceivedSuperframe]:
         """Read the superframe that is due; note whether it arrived."""
-        near = [track.level + i for i in (0, -1, 1, -2, 2)]
-        reading = self._read(track, [level for level in near if 0 <= level < len(LEVELS)])
+        view = read_view(self._tape, track.position, track.ratio, self._masker)
+        levels = track.demodulator.likely_levels(view, track.level)
+        reading = track.demodulator.read(view, levels)
         if reading.decoded.l0 is not None:
             self._search = None
             self._correct(track, reading)

@@ -13,11 +13,12 @@ from functools import lru_cache
 HOP = 480
 FRAMES = 64
 PROFILES = {
-    "robust": (0, 8, 102, 1.75, 7, 0, 640),
-    "standard": (1, 4, 158, 1.0, 20, 7, 1536),
-    "high": (2, 2, 238, 0.75, 20, 36, 2816),
+    "robust": (0, 4, 2, 102, 1.75, 7, 0, 1344),
+    "standard": (1, 4, 6, 158, 1.0, 20, 7, 1536),
+    "high": (2, 2, 6, 238, 0.75, 20, 36, 2816),
+    "discreet": (3, 4, 2, 134, 1.0, 12, 0, 1856),
 }
-"""(W39) Number, bins of a cell, last bin, strength, bytes of L0 and L1, coded bits of L0."""
+"""(W39) Number, bins of a cell, first and last bin, strength, bytes of L0 and L1, coded L0."""
 
 
 def words(purpose: str, key: int, count: int) -> list[int]:
@@ -44,13 +45,13 @@ def pilot_slots(key: int) -> list[list[int]]:
 
 def data_cells(profile: str, key: int) -> list[tuple[int, int]]:
     """(W16, W17) Frame and cell of each coded bit."""
-    number, bins, last = PROFILES[profile][:3]
+    number, bins, first, last = PROFILES[profile][:4]
     slots = pilot_slots(key)
     usable = [
         (f, g)
         for f in range(FRAMES)
-        for g in range((last - 6) // bins)
-        if g * bins // 8 not in slots[f]
+        for g in range((last - first) // bins)
+        if (first + g * bins - 6) // 8 not in slots[f]
     ]
     return [usable[i] for i in order(words(f"data {number} interleaver", key, len(usable)))]
 
@@ -140,8 +141,8 @@ def soft_values(samples: list[float], profile: str, key: int, level: int) -> lis
 
     `samples`, 31680 of them, begin one hop before the superframe.
     """
-    number, bins, last, strength = PROFILES[profile][:4]
-    groups = (last - 6) // bins
+    number, bins, first, last, strength = PROFILES[profile][:5]
+    groups = (last - first) // bins
     sign = signs(f"data {number} signs", key, groups * bins)
     dither = [word / 2**32 for word in words(f"data {number} dither", key, groups)]
     step = strength * 2 ** (1.5 + level / 4)
@@ -153,9 +154,9 @@ def soft_values(samples: list[float], profile: str, key: int, level: int) -> lis
         p = 0.0
         silent = False
         for i in range(g * bins, (g + 1) * bins):
-            m = unit[f][6 + i]
+            m = unit[f][first + i]
             silent = silent or m == 0
-            p += 0.0 if silent else sign[i] * spectra[f + 1][6 + i].real / m
+            p += 0.0 if silent else sign[i] * spectra[f + 1][first + i].real / m
         phase = p / math.sqrt(bins) / step - dither[g]
         out.append(0.0 if silent else math.cos(2 * math.pi * phase))
     return out
@@ -244,7 +245,7 @@ def decode_superframe(
     samples: list[float], profile: str, key: int, level: int
 ) -> tuple[bytes | None, bytes | None]:
     """(W29, W34) Payloads L0 and L1 of the superframe that begins at sample 480 of `samples`."""
-    _, _, _, _, l0_bytes, l1_bytes, l0_coded = PROFILES[profile]
+    l0_bytes, l1_bytes, l0_coded = PROFILES[profile][5:]
     soft = soft_values(samples, profile, key, level)
     l0 = decode(soft[:l0_coded], l0_bytes, 24)
     if l0 is None:

@@ -30,7 +30,7 @@ def test_layout(case: dict[str, Any]) -> None:
     pilots = make_pilots(key)
     assert pilots.cells.signs[:16].tolist() == case["pilot_signs"]
     assert pilots.slots[:8].tolist() == case["pilot_slots"]
-    for name in ("standard", "robust"):
+    for name in ("standard", "robust", "discreet"):
         layout = make_layout(PROFILES[name], key)
         cells = np.stack(np.divmod(layout.order[:16], layout.cells.dither.size), axis=1)
         assert cells.tolist() == case[f"{name}_cells"]
@@ -77,14 +77,15 @@ def test_sound(case: dict[str, Any]) -> None:
 def test_bands_and_code_are_the_reference_s() -> None:
     assert band_edges().tolist() == reference.bands()
     np.testing.assert_allclose(make_masker().matrix.T, reference.spread_matrix(), rtol=1e-9)
-    for message, length in ((184, 1536), (72, 640), (304, 4096), (80, 640)):
+    for message, length in ((184, 1536), (72, 640), (304, 4096), (80, 1344), (120, 1856)):
         free = np.flatnonzero(make_code(message, length).frozen == 0).tolist()
         assert free == reference.information(message, length)
 
 
 def test_profile_table_is_the_code_s() -> None:
     for p in PROFILES.values():
-        row = (p.name, p.number, p.cell_bins, p.last_bin, f"{p.strength:g}", f"{p.alpha:g}")
+        row = (p.name, p.number, p.cell_bins, p.first_bin, p.last_bin)
+        row += (f"{p.strength:g}", p.lowest_tier, f"{p.alpha:g}")  # type: ignore[assignment]
         row += (p.l0_bytes, p.l1_bytes, p.l0_coded, p.l1_coded, f"{p.net_bps:g}")  # type: ignore[assignment]
         assert "| " + " | ".join(map(str, row)) + " |" in TEXT
     assert STANDARD.data_cells == len(reference.data_cells("standard", 0))
