@@ -114,16 +114,22 @@ def fit_gaussians(
     CueError
         If a class has fewer than two frames; `what` names the classes.
     """
-    means, covariances = [], []
-    for label in range(classes):
-        own = x[labels == label]
-        own = own[np.isfinite(own).all(1)]
+    finite = np.isfinite(x).all(1)
+    groups = [x[finite & (labels == label)] for label in range(classes)]
+    for label, own in enumerate(groups):
         if len(own) < 2:
             raise CueError(f"{what} {label}: {len(own)} targets to learn from, 2 needed")
-        means.append(own.mean(0))
-        # The floor is about a marker's own error: no class is surer than that.
-        covariances.append(np.cov(own.T) + _SPREAD_FLOOR_MM**2 * np.eye(x.shape[1]))
-    return Gaussians(np.array(means), np.array(covariances))
+    scatters = [(own - own.mean(0)).T @ (own - own.mean(0)) for own in groups]
+    size = np.array([len(own) for own in groups])
+    common = sum(scatters, start=np.zeros((x.shape[1],) * 2)) / size.sum()
+    # Few targets do not tell a covariance: that of all classes stands in for what is missing. The
+    # floor is about a marker's own error: no class is surer than that.
+    prior = float(x.shape[1])
+    covariances = [
+        (scatter + prior * common) / (count + prior) + _SPREAD_FLOOR_MM**2 * np.eye(x.shape[1])
+        for scatter, count in zip(scatters, size, strict=True)
+    ]
+    return Gaussians(np.array([own.mean(0) for own in groups]), np.array(covariances))
 
 
 @dataclass(frozen=True, slots=True)

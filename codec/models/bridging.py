@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
-from codec.models.inversion import MarkerModel, marker_weights, normal_equations
+from codec.models.inversion import Confidence, MarkerModel, marker_weights, normal_equations
 
 STIFFNESS_MM2_S3 = 1.7e-3
 """Price of acceleration: mm² of marker error per (unit / s²)² and second."""
@@ -23,7 +23,7 @@ _MARGIN = 96
 def bridge(
     model: MarkerModel,
     markers: NDArray[np.float64],
-    visible: NDArray[np.bool_],
+    visible: Confidence,
     parameters: NDArray[np.float64],
     *,
     rate_hz: float,
@@ -37,7 +37,8 @@ def bridge(
     model : FaceModel or HandModel
     markers : ndarray of float64, shape (T, K, 3)
         Consecutive frames, millimetres; hidden markers may hold anything finite.
-    visible : ndarray of bool, shape (T, K)
+    visible : ndarray of bool or float, shape (T, K)
+        As for `codec.models.inversion.invert`.
     parameters : ndarray of float64, shape (T, P)
         Result of `codec.models.inversion.invert`.
     rate_hz : float
@@ -61,7 +62,7 @@ def bridge(
 def _passage(
     model: MarkerModel,
     markers: NDArray[np.float64],
-    visible: NDArray[np.bool_],
+    visible: Confidence,
     parameters: NDArray[np.float64],
     stiffness: float,
 ) -> NDArray[np.float64]:
@@ -69,7 +70,7 @@ def _passage(
     residual = model.residual(parameters, markers)
     weights = marker_weights(residual, visible, robust=True)
     projection, normal = normal_equations(model, parameters, weights, model.deviations)
-    residual[~visible] = 0.0
+    residual[visible == 0] = 0.0
     explained = (projection @ residual.reshape(frames, -1, 1).astype(np.float32))[..., 0]
     right = explained + (normal @ parameters[..., None])[..., 0]
     banded = _banded(normal + _PULL_MM2 * np.eye(n), stiffness)

@@ -21,6 +21,8 @@ from codec.models.hand import HandModel
 RIGID_FACE_COLUMNS = np.array([layout.FACE_MARKERS.index(name) for name in layout.RIGID_FACE])
 FOREARM_COLUMNS = np.array([layout.HAND_MARKERS.index(name) for name in layout.FOREARM])
 
+Confidence = NDArray[np.bool_] | NDArray[np.float64]
+
 _BLOCK = 256
 _STEPS = 6
 _PLAIN_STEPS = 1
@@ -53,7 +55,7 @@ class MarkerModel(Protocol):
 def invert(
     model: MarkerModel,
     markers: NDArray[np.float64],
-    visible: NDArray[np.bool_],
+    visible: Confidence,
     start: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Return the parameters that explain the visible markers best.
@@ -63,7 +65,8 @@ def invert(
     model : FaceModel or HandModel
     markers : ndarray of float64, shape (T, K, 3)
         Millimetres; hidden markers may hold anything finite.
-    visible : ndarray of bool, shape (T, K)
+    visible : ndarray of bool or float, shape (T, K)
+        How much each marker is to be trusted, 0 (hidden) to 1.
     start : ndarray of float64, shape (T, P)
         First guess, for example from `starting_motion`.
 
@@ -72,15 +75,17 @@ def invert(
     ndarray of float64, shape (T, P)
     """
     out = np.array(start, dtype=np.float64)
-    deviations = model.deviations if not visible.all() else model.deviations[:0]
-    for begin in range(0, len(out), _BLOCK):
-        block = slice(begin, begin + _BLOCK)
-        _solve(model, markers[block], visible[block], out[block], deviations)
+    whole = visible.all(1)
+    for kind, deviations in ((whole, model.deviations[:0]), (~whole, model.deviations)):
+        frames = np.flatnonzero(kind)
+        for begin in range(0, len(frames), _BLOCK):
+            block = frames[begin : begin + _BLOCK]
+            out[block] = _solve(model, markers[block], visible[block], out[block], deviations)
     return out
 
 
 def invert_face(
-    model: FaceModel, markers: NDArray[np.float64], visible: NDArray[np.bool_]
+    model: FaceModel, markers: NDArray[np.float64], visible: Confidence
 ) -> NDArray[np.float64]:
     """Return face and head parameters (T, 7 + nmF) of face markers (T, 63, 3)."""
     start = np.zeros((len(markers), model.n_parameters))
@@ -95,7 +100,7 @@ def invert_face(
 
 
 def invert_hand(
-    model: HandModel, markers: NDArray[np.float64], visible: NDArray[np.bool_]
+    model: HandModel, markers: NDArray[np.float64], visible: Confidence
 ) -> NDArray[np.float64]:
     """Return hand and forearm parameters (T, naH + nmH) of hand markers (T, 50, 3)."""
     start = np.zeros((len(markers), model.n_parameters))
@@ -112,7 +117,7 @@ def invert_hand(
 def starting_motion(
     reference: NDArray[np.float64],
     markers: NDArray[np.float64],
-    visible: NDArray[np.bool_],
+    visible: Confidence,
     mean: NDArray[np.float32],
     directions: NDArray[np.float32],
 ) -> NDArray[np.float64]:
@@ -149,11 +154,11 @@ def starting_motion(
 def _solve(
     model: MarkerModel,
     markers: NDArray[np.float64],
-    visible: NDArray[np.bool_],
+    visible: Confidence,
     parameters: NDArray[np.float64],
     deviations: NDArray[np.float32],
-) -> None:
-    """Improve `parameters` in place until no frame moves by more than the tolerance.
+) -> NDArray[np.float64]:
+    """Return better `parameters`, until no frame moves by more than the tolerance.
 
     Slopes are costly and change slowly: each serves for two steps (the chord method).
     """
@@ -175,7 +180,8 @@ def _solve(
         # Outliers are told from the model's own error only after the plain steps.
         active = active[moving] if step >= _PLAIN_STEPS else active
         if not len(active):
-            return
+            break
+    return parameters
 
 
 def normal_equations(
@@ -215,7 +221,7 @@ def normal_equations(
 
 
 def marker_weights(
-    residual: NDArray[np.float64], visible: NDArray[np.bool_], *, robust: bool
+    residual: NDArray[np.float64], visible: Confidence, *, robust: bool
 ) -> NDArray[np.float32]:
     """Return how much each marker counts, shape (T, K): 0 if hidden, little if far off."""
     weight = visible.astype(np.float32)

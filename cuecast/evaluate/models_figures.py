@@ -3,19 +3,17 @@
 import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from codec.phasing import profiles
 from codec.recognise import Recogniser
 from codec.score import PLACEMENTS
+from cuecast.evaluate.models_fits import Fit, Occlusion, Phases
 from cuecast.evaluate.tables import write_plot
 from cuecast.evaluate.takes import Take
 from cuecast.files import whole_file
-
-if TYPE_CHECKING:
-    from cuecast.evaluate.models import Fit, Occlusion, Phases
 
 ATTINA_MS = {"lead": 239, "lag": 37}
 """Begin before and end after the consonant's onset: Attina 2005, first experiment, CV keys."""
@@ -24,22 +22,21 @@ ATTINA_MS = {"lead": 239, "lag": 37}
 def write_all(
     out: Path,
     data: str,
-    seen: "Sequence[Fit]",
-    unseen: "Sequence[Fit]",
+    seen: Sequence[Fit],
+    unseen: Sequence[Fit],
     recogniser: Recogniser,
-    example: "tuple[Take, Fit]",
-    phases: "Phases",
-    hidden: "Occlusion",
+    example: tuple[Take, Fit],
+    phases: Phases,
+    hidden: Occlusion,
 ) -> None:
     """Write figure3, figure4 and figure5 as CSV and PNG, and the table of hidden markers."""
     out.mkdir(parents=True, exist_ok=True)
     _figure_3(out, data, seen, unseen)
     _figure_4(out, data, recogniser, example)
     _figure_5(out, data, phases)
-    _write_csv(
-        out / "hidden.csv", data, ("placement", "hidden_share", "hidden_mm", "visible_mm"),
-        hidden.rows(),
-    )  # fmt: skip
+    rows = list(hidden.rows())
+    names = tuple(rows[0]) if rows else ("by", "group")
+    _write_csv(out / "hidden.csv", data, names, [tuple(row.values()) for row in rows])
 
 
 def _write_csv(path: Path, data: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
@@ -49,7 +46,7 @@ def _write_csv(path: Path, data: str, header: Sequence[str], rows: Iterable[Sequ
         writer.writerows([*row, data] for row in rows)
 
 
-def _figure_3(out: Path, data: str, seen: "Sequence[Fit]", unseen: "Sequence[Fit]") -> None:
+def _figure_3(out: Path, data: str, seen: Sequence[Fit], unseen: Sequence[Fit]) -> None:
     """Mean and standard deviation of the error of each sentence."""
     fits = [("training", fit) for fit in seen] + [("test", fit) for fit in unseen]
     _write_csv(
@@ -76,7 +73,7 @@ def _figure_3(out: Path, data: str, seen: "Sequence[Fit]", unseen: "Sequence[Fit
     write_plot(out / "figure3.png", [], draw)
 
 
-def _figure_4(out: Path, data: str, recogniser: Recogniser, example: "tuple[Take, Fit]") -> None:
+def _figure_4(out: Path, data: str, recogniser: Recogniser, example: tuple[Take, Fit]) -> None:
     """Probabilities of shapes and placements over one utterance, with its sound."""
     take, fit = example
     shape = recogniser.shape_posteriors(fit.markers)
@@ -108,7 +105,7 @@ def _figure_4(out: Path, data: str, recogniser: Recogniser, example: "tuple[Take
     write_plot(out / "figure4.png", [], draw)
 
 
-def _figure_5(out: Path, data: str, phases: "Phases") -> None:
+def _figure_5(out: Path, data: str, phases: Phases) -> None:
     """Begin and end of gestures against the acoustic onset of their keys."""
     groups = {
         "shape extent": phases.shapes,

@@ -23,6 +23,11 @@ class EvaluateOptions:
         Told what is being done, line by line.
     out : Path or None
         Where the results go: a kind may write further tables and pictures there.
+    cuers : tuple of str or None
+        Virtual cuers, for kinds that measure one: ``identity``, ``identity/law`` or ``all``; None
+        means the usual one.
+    jobs : int
+        Processes at work, where a kind has parts that are independent.
     """
 
     clips: Path | None
@@ -31,3 +36,5 @@ class EvaluateOptions:
     folder: Path
     say: Callable[[str], None]
     out: Path | None = None
+    cuers: tuple[str, ...] | None = None
+    jobs: int = 1

@@ -16,14 +16,19 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from codec.score import Key, Score
 from synth.corpus.capture import record
-from synth.corpus.make import RATE_OF_CORPORA_HZ, Utterance, plan_corpora, read_utterance, spoken
+from synth.corpus.make import (
+    RATE_OF_CORPORA_HZ,
+    ROUNDS_OF_SHAPES,
+    Utterance,
+    plan_corpora,
+    read_utterance,
+    spoken,
+)
 from synth.corpus.scores import shape_transitions
 from synth.corpus.sentences import read_sentences
 from synth.corpus.studio import Studio, surround
 from synth.gesture import GestureSynthesiser
 from synth.text.espeak import RATE_HZ
-
-_SHAPE_ROUNDS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +94,7 @@ class Performed:
             free_space=free,
         )  # fmt: skip
         sound, score = (
-            (None, shape_transitions(rounds=_SHAPE_ROUNDS)) if free else spoken(utterance)
+            (None, shape_transitions(rounds=ROUNDS_OF_SHAPES)) if free else spoken(utterance)
         )
         studio = Studio(surround()) if free else Studio()
         made = record(cuer, score, studio=studio, seed=utterance.seed)

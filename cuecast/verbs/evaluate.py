@@ -3,6 +3,7 @@
 import argparse
 import importlib
 import importlib.util
+import os
 import tempfile
 from pathlib import Path
 
@@ -24,6 +25,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("kind", choices=offered(), metavar="KIND", help=" | ".join(offered()))
     parser.add_argument("--clips", metavar="DIR", help="material; default: built-in")
     parser.add_argument("--channels", metavar="LIST", help="names, separated by commas")
+    parser.add_argument(
+        "--cuers", metavar="LIST", help="of models: virtual cuers as identity/law, or all"
+    )
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes at work"
+    )
     parser.add_argument("--out", metavar="DIR", help="folder for CSV, JSON and plot")
     add_json(parser)
     add_seed(parser)
@@ -44,6 +51,8 @@ def run(args: argparse.Namespace) -> int:
                 folder=Path(folder),
                 say=note,
                 out=None if args.out is None else Path(args.out),
+                cuers=tuple(args.cuers.split(",")) if args.cuers else None,
+                jobs=max(1, args.jobs),
             )
         )
     if args.json:

@@ -34,8 +34,10 @@ from synth.textgrid import read_textgrid, write_textgrid
 
 RATE_OF_CORPORA_HZ = 120.0
 
+ROUNDS_OF_SHAPES = 8
+"""How often corpus 1 goes through all transitions: folded fingers need many examples."""
+
 _LEAD_S = 0.8
-_ROUNDS = 4
 _WORDS_PER_MINUTE = 80  # cueing slows speech down: Attina 2005 measured 2.5 to 4 syllables/s
 
 
@@ -146,7 +148,7 @@ def make_utterance(session: Session, utterance: Utterance) -> None:
     stem = session.out / utterance.name
     studio = session.studio
     if free:
-        score = shape_transitions(rounds=_ROUNDS)
+        score = shape_transitions(rounds=ROUNDS_OF_SHAPES)
         studio = Studio(
             surround(), noise_mm=studio.noise_mm, bias_mm=studio.bias_mm,
             dropouts_per_s=studio.dropouts_per_s, swaps_per_s=studio.swaps_per_s,
