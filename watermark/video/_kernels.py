@@ -99,7 +99,7 @@ def texture_into(
                 y0, y1 = row_start[4 * r + i], row_start[4 * r + i + 1]
                 for j in range(4):
                     x0, x1 = column_start[4 * c + j], column_start[4 * c + j + 1]
-                    total = 0
+                    total = 0.0
                     for y in range(y0, y1):
                         for x in range(x0, x1):
                             total += luma[y, x]
@@ -109,5 +109,24 @@ def texture_into(
             least = np.inf
             for i in range(0, 4, 2):
                 for j in range(0, 4, 2):
-                    least = min(least, means[i : i + 2, j : j + 2].std())
-            out[r, c] = 0.0 if empty else least
+                    centre = 0.0
+                    for k in range(4):
+                        centre += means[i + k // 2, j + k % 2] / 4
+                    variance = 0.0
+                    for k in range(4):
+                        variance += (means[i + k // 2, j + k % 2] - centre) ** 2 / 4
+                    least = min(least, variance)
+            out[r, c] = 0.0 if empty else np.sqrt(least)
+
+
+@njit(cache=True)
+def reduce_into(luma: NDArray[Any], factor: int, out: PixelArray) -> None:
+    """Mean of each square of factor x factor pixels; out : (height // factor, width // factor)."""
+    scale = np.float32(1.0 / (factor * factor))
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            total = 0.0
+            for i in range(factor):
+                for j in range(factor):
+                    total += luma[factor * y + i, factor * x + j]
+            out[y, x] = total * scale

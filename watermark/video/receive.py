@@ -1,30 +1,32 @@
 """Find superframes in a picture: frames in, superframes out.
 
-A picture that was scaled keeps its cells. If nothing is found in it as it stands, it may have been
-cropped or put between bars: some such places are tried a few at a time, until one locks.
-Specification: spec/video-carrier.md, section 6.
+A picture that was scaled keeps its cells. But it may have been cropped, or put between bars: such
+places are watched too, in a smaller picture, until one locks. Specification:
+spec/video-carrier.md, section 6.
 """
 
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
 from watermark.received import ReceivedSuperframe
+from watermark.video import _kernels
 from watermark.video.grid import WHOLE, Grid, Region
-from watermark.video.profile import VideoProfile
+from watermark.video.profile import MIN_HEIGHT, MIN_WIDTH, VideoProfile
 from watermark.video.timing import Timing
 from watermark.video.track import Tracker
 
 Luma = NDArray[Any]
 
-PATIENCE_S = 2.0
-"""How long places are tried before others."""
+DOUBT_FRAMES = 3
+"""How long a place that locked waits for one whose pilots agree better."""
 
-AT_ONCE = 4
-"""Places tried beside the whole picture."""
+SMALL_HEIGHT = 360
+"""Least height to which a picture is reduced for watching other places than the whole."""
 
 
 def _cropped(part: float) -> Region:
@@ -90,17 +92,20 @@ class VideoReceiver:
         strength: float = 1.0,
     ) -> None:
         self._size = width, height, depth
+        self._factor = max(1, min(height // SMALL_HEIGHT, width // MIN_WIDTH, height // MIN_HEIGHT))
+        self._small = np.zeros((height // self._factor, width // self._factor), dtype=np.float32)
         self._timing = Timing(Fraction(fps))
         self._options: dict[str, Any] = {"key": key, "strength": strength}
         self._frames = 0
         self._errors = self._known = 0
         self._trackers: dict[Region, Tracker] = {}
         self._starts: dict[Region, int] = {}
-        self._tried = 0
+        self._locked: dict[Region, list[ReceivedSuperframe]] = {}
+        self._doubt = 0
         self.region: Region | None = None
         self.profile: VideoProfile | None = None
         self.first_lock_s: float | None = None
-        self._look_at([WHOLE])
+        self._look_at([WHOLE, *PLACES])
 
     @property
     def locked(self) -> bool:
@@ -110,8 +115,11 @@ class VideoReceiver:
     @property
     def ber_estimate(self) -> float:
         """Share of wrong coded bits before correction, of all superframes decoded."""
-        known = self._known + sum(t.known for t in self._trackers.values())
-        return (self._errors + sum(t.errors for t in self._trackers.values())) / max(1, known)
+        errors, known = self._errors, self._known
+        if self.region is not None:
+            tracker = self._trackers[self.region]
+            errors, known = errors + tracker.errors, known + tracker.known
+        return errors / max(1, known)
 
     def process(self, luma: Luma) -> list[ReceivedSuperframe]:
         """Take the next frame; return the superframes found, about 0.2 s after their last frame.
@@ -126,8 +134,10 @@ class VideoReceiver:
         if luma.shape != self._size[1::-1]:
             raise CueError(f"frame of shape {luma.shape}: expected {self._size[1::-1]}")
         self._frames += 1
+        if any(region != WHOLE for region in self._trackers):
+            _kernels.reduce_into(luma, self._factor, self._small)
         found = {
-            region: self._placed(tracker.process(luma), region)
+            region: self._placed(tracker.process(luma if region == WHOLE else self._small), region)
             for region, tracker in self._trackers.items()
         }
         if self.region is None:
@@ -138,12 +148,11 @@ class VideoReceiver:
 
     def flush(self) -> list[ReceivedSuperframe]:
         """Return what the last frames still hold."""
-        found = []
-        for region, tracker in self._trackers.items():
-            found += self._placed(tracker.flush(), region)
-            if found:
-                break
-        return found
+        last = {region: self._placed(t.flush(), region) for region, t in self._trackers.items()}
+        if self.region is None:
+            self._doubt = DOUBT_FRAMES
+            return self._choose(last)
+        return last[self.region]
 
     def _placed(self, found: list[ReceivedSuperframe], region: Region) -> list[ReceivedSuperframe]:
         """Count positions from the receiver's first frame, not from the tracker's."""
@@ -153,40 +162,50 @@ class VideoReceiver:
         return [replace(s, position_s=s.position_s + shift_s) for s in found]
 
     def _choose(self, found: dict[Region, list[ReceivedSuperframe]]) -> list[ReceivedSuperframe]:
-        """Lock to the place whose pilots agree best, if any superframe was found."""
-        locked = {region: each for region, each in found.items() if each}
-        if not locked:
-            if self._frames - self._since >= PATIENCE_S * self._timing.fps:
-                self._look_elsewhere()
+        """Lock to the place whose pilots agree best, a moment after the first one was found."""
+        for region, superframes in found.items():
+            if superframes:
+                self._locked.setdefault(region, []).extend(superframes)
+        if not self._locked or self._doubt < DOUBT_FRAMES:
+            self._doubt += bool(self._locked)
             return []
-        best = max(locked, key=lambda region: locked[region][0].confidence)
+        best = max(self._locked, key=lambda region: self._locked[region][-1].confidence)
+        told, self._locked, self._doubt = self._locked[best], {}, 0
         self.region = best
         self._look_at([best])
         if self.first_lock_s is None:
             self.first_lock_s = self._frames / float(self._timing.fps)
-        return locked[best]
+        return told
 
     def _restart(self) -> None:
-        """Look again, first where the picture was."""
+        """Look again, here and everywhere."""
         assert self.region is not None
-        regions = [self.region, WHOLE]
-        self._tried, self.region = 0, None
-        self._look_at(regions)
-
-    def _look_elsewhere(self) -> None:
-        chosen = [PLACES[(self._tried + i) % len(PLACES)] for i in range(AT_ONCE)]
-        self._tried += AT_ONCE
-        self._look_at([WHOLE, *chosen])
+        tracker = self._trackers[self.region]
+        self._errors += tracker.errors
+        self._known += tracker.known
+        tracker.errors = tracker.known = 0
+        self.region = None
+        self._look_at([WHOLE, *PLACES])
 
     def _look_at(self, regions: list[Region]) -> None:
         """Track these regions; those that are tracked already go on."""
-        gone = [t for region, t in self._trackers.items() if region not in regions]
-        self._errors += sum(t.errors for t in gone)
-        self._known += sum(t.known for t in gone)
-        self._since = self._frames
         for region in regions:
             if region not in self._trackers:
-                grid = Grid(*self._size, region=region)
+                grid = self._grid(region)
                 self._trackers[region] = Tracker(grid, self._timing, **self._options)
                 self._starts[region] = self._frames
         self._trackers = {r: t for r, t in self._trackers.items() if r in regions}
+
+    def _grid(self, region: Region) -> Grid:
+        """Cells of a place; those of the whole at full size, the others in the reduced picture."""
+        width, height, depth = self._size
+        if region == WHOLE:
+            return Grid(width, height, depth)
+        rows, columns = self._small.shape
+        factor = self._factor
+        # What a whole number of squares does not cover is cut off at the right and the bottom.
+        across, down = width / (columns * factor), height / (rows * factor)
+        moved = Region(
+            region.left * across, region.top * down, region.width * across, region.height * down
+        )
+        return Grid(columns, rows, depth, region=moved)
