@@ -1,7 +1,7 @@
 """A broadcast as it comes: transport stream over UDP, HLS, pipe or file, at its own pace.
 
 `Broadcast` runs in a thread of its own: it opens the source, puts sound and picture on one steady
-clock (`receiver.continuity`), receives the cuer from the sound, makes fragments for the browser,
+clock (`receiver.continuity`), receives the cuer from both, makes fragments for the browser,
 and opens the source again when it fails. What happens goes to one callback as values.
 """
 
@@ -19,6 +19,7 @@ from receiver.engine import Receiver
 from receiver.events import Event, MotionPiece, State, StateChanged
 from receiver.fragments import Fragments, FragmentWriter, playable
 from receiver.metrics import Metrics
+from receiver.pictureline import PictureLine
 from receiver.soundline import SoundBlock, SoundLine
 
 READ_TIMEOUT_S = 15.0
@@ -80,6 +81,7 @@ class Broadcast:
         self._state: State = "searching"
         self.metrics = Metrics()
         self._sound = SoundLine(self._clock, self.metrics)
+        self._looks = PictureLine(self.metrics)
 
     def stop(self) -> None:
         """Ask `run` to end."""
@@ -122,6 +124,7 @@ class Broadcast:
             sound = next(iter(container.streams.audio), None)
             picture = next(iter(container.streams.video), None)
             self._picture = picture if picture is not None and playable(picture) else None
+            self._looks.connect(picture)
             if sound is not None:
                 self._sound.connect(sound)
             streams = [stream for stream in (sound, self._picture) if stream is not None]
@@ -129,6 +132,8 @@ class Broadcast:
                 raise CueError(f"{self._source}: neither sound nor picture")
             if sound is None:
                 self._open_writer(0, 0)
+                if self._receiver is None:
+                    self._receiver = Receiver(voice=self._voice, key=self._key, keep_keys=False)
             for packet in container.demux(streams):
                 if self._stop.is_set():
                     return False
@@ -154,6 +159,7 @@ class Broadcast:
                 block.fs, samples.shape[1], voice=self._voice, key=self._key,
                 start_s=block.time_s, keep_keys=False,
             )  # fmt: skip
+            self._looks.restart()
         if block.fresh or self._writer is None:
             self._open_writer(block.fs, samples.shape[1])
         self._tell_all(self._receiver.process(samples))
@@ -164,6 +170,22 @@ class Broadcast:
         stamp_s = float(packet.pts * packet.time_base)
         place = self._clock.place("picture", stamp_s)
         self._write(lambda writer: writer.picture(packet, place.time_s))
+        self._look(packet, place.time_s)
+
+    def _look(self, packet: Any, time_s: float) -> None:
+        """Give the picture to the receiver, as long as something may be found in it."""
+        receiver, form = self._receiver, self._looks.format
+        if receiver is None or form is None:
+            return
+        for seen in self._looks.take(packet, time_s):
+            if seen.fresh:
+                receiver.open_picture(
+                    form.width, form.height, form.fps, depth=form.depth, start_s=seen.time_s
+                )
+            self._tell_all(receiver.see(seen.luma))
+            if not receiver.looking:
+                self._looks.rest(time_s)
+                break
 
     def _write(self, make: Callable[[FragmentWriter], Fragments]) -> None:
         """Make fragments; damage costs the viewer a piece of picture, never the cuer."""

@@ -190,7 +190,7 @@ class _Writer:
         """Pass a frame through the stages and write what comes out of them."""
         if self._count == 0 and self._decoder.interlaced:
             self._encoder.codec_context.flags |= _INTERLACED
-        self._times[place] = self._decoder.container_time(place) - self._start_s
+        self._times[place] = self._decoder.grid.source_time(place) - self._start_s
         self._count += 1
         self._waiting.append(frame)
         self._write(_through(stages, luma_of(frame).copy()))

@@ -81,13 +81,23 @@ def format_of(programme: Programme) -> PictureFormat:
     CueError
         If there is no picture, or its headers do not tell what it is.
     """
-    stream = programme.picture
-    if stream is None:
+    if programme.picture is None:
         raise CueError(f"{programme.name}: no picture in it")
+    return stream_format(programme.picture, programme.name)
+
+
+def stream_format(stream: Any, name: str) -> PictureFormat:
+    """Format of a picture's stream in a container called `name`.
+
+    Raises
+    ------
+    CueError
+        If its headers do not tell what it is.
+    """
     context = stream.codec_context
     fps = steady_rate(stream.average_rate, stream.guessed_rate)
     if context is None or fps is None or not context.width or not context.height:
-        raise CueError(f"{programme.name}: a picture in an unknown codec, size or rate")
+        raise CueError(f"{name}: a picture in an unknown codec, size or rate")
     pixel_format = context.pix_fmt if context.pix_fmt in LUMA_DEPTH else _CONVERTED
     return PictureFormat(
         context.name, context.width, context.height, fps, pixel_format,
@@ -129,6 +139,68 @@ def luma_of(frame: Any) -> Luma:
     return rows[: frame.height, : frame.width]
 
 
+class SteadyGrid:
+    """Frames with times in, frames on the places of a grid out.
+
+    Parameters
+    ----------
+    fps : Fraction
+        Places per second.
+
+    Attributes
+    ----------
+    repeated, dropped : int
+        Places that a frame before had to fill, and frames without a place of their own.
+    """
+
+    def __init__(self, fps: Fraction) -> None:
+        self._fps = fps
+        self.repeated = self.dropped = 0
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what was before a jump: the next frame has place 0."""
+        self._held: Any = None
+        self._next = self._offset = 0
+        self._first = Fraction(0)
+
+    @property
+    def empty(self) -> bool:
+        """Whether no frame has come since the start."""
+        return self._held is None
+
+    def put(self, frame: Any, time: Fraction) -> Iterator[tuple[int, Any]]:
+        """Take a frame due at `time` seconds; yield the places up to its own, and what they show.
+
+        After a hole the frame before it stands for several places. After a jump of the times by
+        more than `LONGEST_HOLD_S` the grid goes on as if there had been none.
+        """
+        if self._held is None:
+            self._first = time
+        due = round((time - self._first) * self._fps) + self._offset
+        if abs(due - self._next) > LONGEST_HOLD_S * self._fps:
+            self._offset += self._next - due
+            due = self._next
+        if due < self._next:
+            self.dropped += 1
+            return
+        while self._next < due:
+            self.repeated += 1
+            self._next += 1
+            yield self._next - 1, self._held
+        self._held = frame
+        self._next += 1
+        yield due, frame
+
+    def source_time(self, place: int) -> Fraction:
+        """Time in seconds, as the source counts, of the place that was given last."""
+        return self._first + (place - self._offset) / self._fps
+
+    def steady_time(self, place: int) -> Fraction:
+        """Time in seconds of a place, as if the source's clock had never jumped."""
+        return self._first + place / self._fps
+
+
 class PictureDecoder:
     """Decoder of a programme's picture, on its grid.
 
@@ -141,10 +213,9 @@ class PictureDecoder:
     ----------
     format : PictureFormat
         Of the frames that come out; those of another size are scaled to it.
+    grid : SteadyGrid
     damaged : int
         Packets that could not be decoded.
-    repeated, dropped : int
-        Places that a frame before had to fill, and frames without a place of their own.
     interlaced : bool
         Whether the first frame consists of two fields.
 
@@ -157,12 +228,9 @@ class PictureDecoder:
     def __init__(self, programme: Programme) -> None:
         self._programme = programme
         self.format = format_of(programme)
-        self.damaged = self.repeated = self.dropped = 0
+        self.grid = SteadyGrid(self.format.fps)
+        self.damaged = 0
         self.interlaced = False
-        self._held: Any = None
-        self._place = 0
-        self._first = Fraction(0)
-        self._offset = 0
 
     def process(self, packet: Any) -> Iterator[tuple[int, Any]]:
         """Decode one packet (None: what is left in the decoder).
@@ -172,57 +240,36 @@ class PictureDecoder:
         int
             Place on the grid, counted from the first frame.
         av.VideoFrame
-            Of the announced size and pixel format; one after a hole stands for several places.
+            Of the announced size and pixel format.
         """
         try:
             frames = self._programme.picture.decode(packet)
-        except av.FFmpegError:
+        except (av.FFmpegError, ValueError):
             self.damaged += 1
             frames = []
         for frame in frames:
             if frame.pts is not None:
-                self.interlaced |= self._held is None and frame.interlaced_frame
+                self.interlaced |= self.grid.empty and frame.interlaced_frame
                 unit = frame.time_base or self._programme.picture.time_base
-                yield from self._placed(self._converted(frame), frame.pts * unit)
-
-    def container_time(self, place: int) -> Fraction:
-        """Time in seconds, as the container counts, of the place that was given last."""
-        return self._first + (place - self._offset) / self.format.fps
+                yield from self.grid.put(converted(frame, self.format), frame.pts * unit)
 
     def time_s(self, place: int) -> float:
         """Time of a place of the grid on the programme's clock."""
-        return float(self._first + place / self.format.fps) - self._programme.origin_s
+        return float(self.grid.steady_time(place)) - self._programme.origin_s
 
     def restart(self) -> None:
         """Forget the frames before a jump: decoding goes on at a packet that needs no other."""
         self._programme.picture.codec_context.flush_buffers()
-        self._held = None
+        self.grid.restart()
 
-    def _placed(self, frame: Any, time: Fraction) -> Iterator[tuple[int, Any]]:
-        if self._held is None:
-            self._first, self._place, self._offset = time, 0, 0
-        due = round((time - self._first) * self.format.fps) + self._offset
-        if abs(due - self._place) > LONGEST_HOLD_S * self.format.fps:
-            self._offset += self._place - due
-            due = self._place
-        if due < self._place:
-            self.dropped += 1
-            return
-        while self._place < due:
-            self.repeated += 1
-            yield self._place, self._held
-            self._place += 1
-        self._held = frame
-        yield self._place, frame
-        self._place += 1
 
-    def _converted(self, frame: Any) -> Any:
-        form = self.format
-        if (frame.format.name, frame.width, frame.height) == (
-            form.pixel_format, form.width, form.height,
-        ):  # fmt: skip
-            return frame
-        return frame.reformat(form.width, form.height, format=form.pixel_format)
+def converted(frame: Any, form: PictureFormat) -> Any:
+    """Return a frame in this size and pixel format."""
+    if (frame.format.name, frame.width, frame.height) == (
+        form.pixel_format, form.width, form.height,
+    ):  # fmt: skip
+        return frame
+    return frame.reformat(form.width, form.height, format=form.pixel_format)
 
 
 def picture_format(path: str | os.PathLike[str]) -> PictureFormat:
