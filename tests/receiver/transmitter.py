@@ -4,11 +4,13 @@ import socket
 import threading
 import time
 
+import numpy as np
+
 DATAGRAM = 7 * 188
 
 
 class Transmitter(threading.Thread):
-    """Sends `data` to a port in `seconds`; can be silenced and ended.
+    """Sends `data` to a port in `seconds`; loses datagrams, can be silenced and ended.
 
     Attributes
     ----------
@@ -18,8 +20,12 @@ class Transmitter(threading.Thread):
         Set it to end.
     """
 
-    def __init__(self, data: bytes, port: int, seconds: float) -> None:
+    def __init__(
+        self, data: bytes, port: int, seconds: float,
+        *, loss: float = 0.0, rng: np.random.Generator | None = None,
+    ) -> None:  # fmt: skip
         super().__init__(daemon=True)
+        self._loss, self._rng = loss, rng or np.random.default_rng(0)
         self._data, self._port, self._seconds = data, port, seconds
         self.silent = threading.Event()
         self.over = threading.Event()
@@ -31,5 +37,5 @@ class Transmitter(threading.Thread):
                 due = begin + at / len(self._data) * self._seconds
                 if self.over.wait(max(0.0, due - time.monotonic())):
                     return
-                if not self.silent.is_set():
+                if not self.silent.is_set() and self._rng.random() >= self._loss:
                     sender.sendto(self._data[at : at + DATAGRAM], ("127.0.0.1", self._port))
