@@ -1,6 +1,7 @@
 """Fragmented MP4 for the browser, made while the programme runs.
 
-Packets of picture (copied) and blocks of sound (coded to AAC) go in, boxes come out: first the
+Packets of picture (copied) or frames (coded to H.264) and blocks of sound (coded to AAC) go in,
+boxes come out: first the
 initialisation (``ftyp``, ``moov``), then fragments (``moof``, ``mdat``) that start with a picture
 that needs no other. ISO/IEC 14496-12, section 8.8.
 """
@@ -13,6 +14,8 @@ from typing import Any
 import av
 import numpy as np
 from numpy.typing import NDArray
+
+from receiver.recode import PictureDecoder
 
 _CLOCK = 90_000
 _SOUND_BPS = 160_000
@@ -78,8 +81,8 @@ class FragmentWriter:
 
     Parameters
     ----------
-    picture : av stream, optional
-        Template of the picture; its codec has to be one of `BROWSER_PICTURE`.
+    picture : av stream or PictureDecoder, optional
+        Template of the picture, whose codec is one of `BROWSER_PICTURE`, or what gives frames.
     fs : int
         Sampling rate of the sound; 0 if there is none.
     channels : int
@@ -95,7 +98,7 @@ class FragmentWriter:
                 "avoid_negative_ts": "disabled",
             },
         )  # fmt: skip
-        self._picture = self._container.add_stream_from_template(picture) if picture else None
+        codec = self._add_picture(picture)
         self._sound = None
         if fs:
             self._sound = self._container.add_stream("aac", rate=fs)
@@ -106,8 +109,35 @@ class FragmentWriter:
         self._written = 0
         self._start: list[bytes] = []
         self._head = b""
-        names = [BROWSER_PICTURE[picture.codec_context.name]] if picture else []
+        names = [BROWSER_PICTURE[codec]] if codec else []
         self.mime = 'video/mp4; codecs="{}"'.format(", ".join([*names, *["mp4a.40.2"] * (fs > 0)]))
+
+    def _add_picture(self, picture: Any) -> str:
+        """Add the stream of the picture; return the name of its codec."""
+        self._picture: Any = None
+        self._recodes = False
+        if picture is None:
+            return ""
+        if not isinstance(picture, PictureDecoder):
+            self._picture = self._container.add_stream_from_template(picture)
+            return str(picture.codec_context.name)
+        self._recodes = True
+        self._picture = self._container.add_stream("libx264", rate=picture.rate)
+        self._picture.width, self._picture.height = picture.width, picture.height
+        self._picture.pix_fmt = "yuv420p"
+        self._picture.codec_context.time_base = Fraction(1, _CLOCK)
+        self._picture.options = {
+            "preset": "ultrafast", "tune": "zerolatency", "crf": "21",
+            "g": str(max(1, round(picture.rate / 2))), "threads": "1",
+        }  # fmt: skip
+        return "h264"
+
+    def frame(self, frame: Any, time_s: float) -> Fragments:
+        """Code a frame to be shown at `time_s`."""
+        frame.time_base, frame.pts = Fraction(1, _CLOCK), round(time_s * _CLOCK)
+        frame.pict_type = 0
+        self._container.mux(self._picture.encode(frame))
+        return self._take()
 
     def picture(self, packet: Any, time_s: float) -> Fragments:
         """Take a coded picture to be shown at `time_s`."""
@@ -140,6 +170,8 @@ class FragmentWriter:
         """Return what is left."""
         if self._sound is not None and self._written:
             self._container.mux(self._sound.encode(None))
+        if self._recodes:
+            self._container.mux(self._picture.encode(None))
         self._container.close()
         return self._take()
 

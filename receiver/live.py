@@ -8,6 +8,7 @@ and opens the source again when it fails. What happens goes to one callback as v
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import IO, Any
 
 import av
@@ -20,6 +21,7 @@ from receiver.events import Event, MotionPiece, State, StateChanged
 from receiver.fragments import Fragments, FragmentWriter, playable
 from receiver.metrics import Metrics
 from receiver.pictureline import PictureLine
+from receiver.recode import PictureDecoder, recodable
 from receiver.soundline import SoundBlock, SoundLine
 
 READ_TIMEOUT_S = 15.0
@@ -32,10 +34,16 @@ _UDP_OPTIONS = {"overrun_nonfatal": "1", "fifo_size": "50000", "buffer_size": "1
 
 @dataclass(frozen=True, slots=True)
 class MediaStart:
-    """A new run of media: what the browser needs before its fragments."""
+    """A new run of media: what the browser needs before its fragments.
+
+    `recoded` names the codec of the broadcast if the picture had to be coded anew, `unseen` one
+    that can be neither played nor recoded.
+    """
 
     mime: str
     data: bytes
+    recoded: str = ""
+    unseen: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +85,7 @@ class Broadcast:
         self._receiver: Receiver | None = None
         self._writer: FragmentWriter | None = None
         self._picture: Any = None
+        self._unseen = ""
         self._counted = {"received": 0, "lost": 0}
         self._state: State = "searching"
         self.metrics = Metrics()
@@ -123,11 +132,12 @@ class Broadcast:
             self.metrics.add("connections_total")
             sound = next(iter(container.streams.audio), None)
             picture = next(iter(container.streams.video), None)
-            self._picture = picture if picture is not None and playable(picture) else None
+            self._choose_picture(picture)
             self._looks.connect(picture)
             if sound is not None:
                 self._sound.connect(sound)
-            streams = [stream for stream in (sound, self._picture) if stream is not None]
+            seen = None if self._picture is None else picture
+            streams = [stream for stream in (sound, seen) if stream is not None]
             if not streams:
                 raise CueError(f"{self._source}: neither sound nor picture")
             if sound is None:
@@ -145,6 +155,19 @@ class Broadcast:
                 elif packet.pts is not None:
                     self._take_picture(packet)
         return False
+
+    def _choose_picture(self, stream: Any) -> None:
+        """Pass on what browsers play, recode what they do not; note what neither can."""
+        self._close_writer()
+        self._picture, self._unseen = None, ""
+        if stream is None:
+            return
+        if playable(stream):
+            self._picture = stream
+        elif recodable(stream):
+            self._picture = PictureDecoder(stream)
+        else:
+            self._unseen = str(stream.codec_context.name)
 
     def _open_writer(self, fs: int, channels: int) -> None:
         self._close_writer()
@@ -169,8 +192,11 @@ class Broadcast:
     def _take_picture(self, packet: Any) -> None:
         stamp_s = float(packet.pts * packet.time_base)
         place = self._clock.place("picture", stamp_s)
-        self._write(lambda writer: writer.picture(packet, place.time_s))
         self._look(packet, place.time_s)
+        if isinstance(self._picture, PictureDecoder):
+            self._recode(self._picture, packet, place.time_s)
+        else:
+            self._write(lambda writer: writer.picture(packet, place.time_s))
 
     def _look(self, packet: Any, time_s: float) -> None:
         """Give the picture to the receiver, as long as something may be found in it."""
@@ -187,6 +213,15 @@ class Broadcast:
                 self._looks.rest(time_s)
                 break
 
+    def _recode(self, decoder: PictureDecoder, packet: Any, time_s: float) -> None:
+        try:
+            frames = list(decoder.take(packet, time_s))
+        except (av.error.FFmpegError, ValueError):
+            self.metrics.add("damaged_packets_total")
+            return
+        for frame, shown_s in frames:
+            self._write(partial(FragmentWriter.frame, frame=frame, time_s=shown_s))
+
     def _write(self, make: Callable[[FragmentWriter], Fragments]) -> None:
         """Make fragments; damage costs the viewer a piece of picture, never the cuer."""
         if self._writer is None:
@@ -199,7 +234,8 @@ class Broadcast:
     def _publish(self, made: Fragments) -> None:
         assert self._writer is not None
         if made.start:
-            self._tell(MediaStart(self._writer.mime, made.start))
+            recoded = self._picture.name if isinstance(self._picture, PictureDecoder) else ""
+            self._tell(MediaStart(self._writer.mime, made.start, recoded, self._unseen))
         for fragment in made.fragments:
             self._tell(MediaFragment(fragment))
 

@@ -88,8 +88,9 @@ class LiveTelevision(Channel):
         assert self._loop is not None
         self._last_news_s = self._loop.time()
         match happening:
-            case MediaStart(mime, data):
-                self._start = [json.dumps({"type": "start", "mime": mime}), data]
+            case MediaStart(mime, data, recoded, unseen):
+                start = {"type": "start", "mime": mime, "recoded": recoded, "unseen": unseen}
+                self._start = [json.dumps(start), data]
                 self._fragments.clear()
                 for message in self._start:
                     self._send("media", message)

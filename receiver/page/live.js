@@ -14,7 +14,9 @@ const LOOK_MS = 250;
 const PATIENCE_MS = 3000;
 
 export class LiveProgramme {
-  constructor(video, url) {
+  /** `tell(start)` hears of each new run of media: `{recoded, unseen}`, names of codecs or empty. */
+  constructor(video, url, tell) {
+    this.tell = tell;
     this.video = video;
     this.url = url;
     this.waiting = [];
@@ -60,6 +62,7 @@ export class LiveProgramme {
     if (next instanceof ArrayBuffer) this.buffer.appendBuffer(next);
     else {
       this.prepare(next.mime);
+      this.tell(next);
       this.append();
     }
   }

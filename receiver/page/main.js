@@ -44,7 +44,7 @@ class Page {
     });
     this.listen();
     this.apply();
-    if (live) this.programme = new LiveProgramme(this.video, `ws://${location.host}/media`);
+    if (live) this.programme = new LiveProgramme(this.video, `ws://${location.host}/media`, (start) => this.tellCodec(start));
     else this.video.src = "/programme";
     requestAnimationFrame((now) => this.tick(now));
   }
@@ -102,6 +102,12 @@ class Page {
     if (message.type === "status") this.timeline.insertState(message);
     else if (message.type === "line") this.quiet = message.quiet;
     else if (message.type === "keys") this.timeline.insertKeys(message.keys);
+  }
+
+  /** Say that the picture was coded anew for the browser, or cannot be shown. */
+  tellCodec({ recoded, unseen }) {
+    if (recoded) this.stage.say(`${this.words().recoded} (${recoded})`);
+    if (unseen) this.stage.say(`${this.words().unseen} (${unseen})`);
   }
 
   report(jumped) {

@@ -34,14 +34,20 @@ def marked_noise(voice: Voice, motion: Motion, seconds: int) -> NDArray[np.float
 
 
 def transport_stream(
-    sound: NDArray[np.float32], *, fps: int = 25, codec: str = "aac", start_s: float = 0.0
-) -> bytes:
+    sound: NDArray[np.float32],
+    *, fps: int = 25, codec: str = "aac", start_s: float = 0.0, picture_codec: str = "libx264",
+    interlaced: bool = False, container: str = "mpegts",
+) -> bytes:  # fmt: skip
     """An MPEG transport stream of a walking bar and `sound` (n, 1), coded at 192 kbit/s."""
     file = BytesIO()
-    with av.open(file, "w", format="mpegts") as out:
-        picture = out.add_stream("libx264", rate=fps)
+    with av.open(file, "w", format=container) as out:
+        picture: Any = out.add_stream(picture_codec, rate=fps)
         picture.width, picture.height, picture.pix_fmt = 320, 180, "yuv420p"
         picture.options = {"preset": "ultrafast", "g": str(fps // 2), "tune": "zerolatency"}
+        if picture_codec != "libx264":
+            flags = {"flags": "+ildct+ilme"} if interlaced else {}
+            picture.options = {"g": "12", "bf": "2", **flags} if container == "mpegts" else {}
+            picture.bit_rate = 3_000_000
         voice: Any = out.add_stream(codec, rate=FS)
         voice.bit_rate, voice.layout = 192_000, "mono"
         per_picture = FS // fps

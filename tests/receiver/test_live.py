@@ -35,9 +35,9 @@ def stream(codec: str = "aac", fps: int = 25, start_s: float = 0.0) -> bytes:
     )
 
 
-def receive(data: bytes) -> tuple[Broadcast, list[Happening]]:
+def receive(data: bytes, form: str = "mpegts") -> tuple[Broadcast, list[Happening]]:
     happenings: list[Happening] = []
-    broadcast = Broadcast(BytesIO(data), VOICE, happenings.append, format="mpegts", once=True)
+    broadcast = Broadcast(BytesIO(data), VOICE, happenings.append, format=form, once=True)
     broadcast.run()
     return broadcast, happenings
 
@@ -103,6 +103,43 @@ def test_fragments_play_from_each_picture_that_needs_no_other() -> None:
     assert len(fragments) >= 18
     assert len(list(pictures_of(start.data + b"".join(fragments)))) == 25 * SECONDS
     assert next(pictures_of(start.data + fragments[7])).key_frame
+
+
+def bar_at(frame: av.VideoFrame) -> int:
+    line = frame.to_ndarray(format="rgb24")[90, :, 0].astype(int)
+    return int(np.argmax(line > 110)) if (line > 110).any() else -1
+
+
+@pytest.mark.parametrize("interlaced", [False, True])
+def test_mpeg2_is_recoded_in_step(interlaced: bool) -> None:
+    """Browsers cannot play it: they get H.264 at the same times, and are told."""
+    data = transport_stream(
+        marked_noise(VOICE, MOTION, 4), picture_codec="mpeg2video", interlaced=interlaced
+    )
+    _, happenings = receive(data)
+    start = next(h for h in happenings if isinstance(h, MediaStart))
+    assert (start.recoded, start.unseen) == ("mpeg2video", "")
+    assert start.mime.startswith('video/mp4; codecs="avc1.')
+    media = start.data + b"".join(h.data for h in happenings if isinstance(h, MediaFragment))
+    shown = list(pictures_of(media))
+    assert len(shown) >= 90
+    with av.open(BytesIO(data), "r") as container:
+        zero_s = next(container.decode(video=0)).time or 0.0
+    sound_s = min(h.start_s for h in happenings if isinstance(h, MotionPiece)) % 0.64
+    numbers = np.array([bar_at(frame) // 2 for frame in shown])
+    times = np.array([frame.time for frame in shown], dtype=float)
+    assert (numbers >= 0).mean() > 0.95
+    lag_s = np.median(times - numbers / 25)
+    assert abs((sound_s - lag_s + 0.32) % 0.64 - 0.32) < 0.025, (zero_s, lag_s, sound_s)
+
+
+def test_a_picture_that_nothing_plays_is_told() -> None:
+    sound = marked_noise(VOICE, MOTION, 3)
+    data = transport_stream(sound, picture_codec="ffv1", container="matroska")
+    _, happenings = receive(data, "matroska")
+    start = next(h for h in happenings if isinstance(h, MediaStart))
+    assert (start.unseen, start.recoded) == ("ffv1", "")
+    assert start.mime == 'video/mp4; codecs="mp4a.40.2"'
 
 
 def test_time_stamps_that_wrap_are_not_noticed() -> None:
