@@ -206,30 +206,88 @@ def interpolate(
 
 
 @njit(cache=True)
-def pilot_scores(
-    soft: NDArray[np.float32],
+def pilot_soft(
+    spectra: NDArray[np.complex64],
+    turn: NDArray[np.complex64],
+    amplitudes: NDArray[np.float32],
     first: int,
+    signs: NDArray[np.float32],
+    dither: NDArray[np.float32],
+    steps: NDArray[np.float32],
+    soft: NDArray[np.float32],
+) -> None:
+    """soft[s, g, i * turns + t] = soft value of cell g in spectrum i, turned by turn[t], at step s.
+
+    The cells are dither.size stretches of equal length from bin `first` on; see watermark.dither.
+    """
+    turns = turn.shape[0]
+    bins = signs.size // dither.size
+    scale = np.float32(1 / math.sqrt(bins))
+    one, half, nothing = np.float32(1), np.float32(0.5), np.float32(0)
+    c = np.empty(6, dtype=np.float32)
+    term = 1.0
+    for n in range(6):
+        term *= -((2 * math.pi) ** 2) / ((2 * n + 1) * (2 * n + 2))
+        c[n] = term
+    for i in range(spectra.shape[0]):
+        for g in range(dither.size):
+            for t in range(turns):
+                total = np.float32(0)
+                alive = True
+                for b in range(bins):
+                    k = first + g * bins + b
+                    unit = amplitudes[i, k]
+                    if unit <= 0:
+                        alive = False
+                        break
+                    y = spectra[i, k]
+                    z = turn[t, k]
+                    total += signs[g * bins + b] * (y.real * z.real - y.imag * z.imag) / unit
+                for s in range(steps.size):
+                    phase = total * scale / steps[s] - dither[g]
+                    phase -= np.float32(math.floor(phase + half))
+                    # Taylor's series of cos(2 pi phase), within 2e-4: a search needs no more.
+                    u = phase * phase
+                    value = c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * (c[4] + u * c[5]))))
+                    soft[s, g, i * turns + t] = one + u * value if alive else nothing
+
+
+@njit(cache=True)
+def pilot_sums(
+    soft: NDArray[np.float32],
     hop: int,
-    drift: NDArray[np.int64],
+    segment: int,
     group: NDArray[np.int64],
     sign: NDArray[np.float32],
-    scores: NDArray[np.float32],
+    sums: NDArray[np.float32],
 ) -> None:
-    """scores[d, i] += correlation of pilots for a superframe whose first frame has row first + i.
+    """sums[s, i] += correlation of the pilots of segment s for a superframe that starts at row i.
 
-    soft[g] holds the soft value at position g for each start of a frame; drift[d, f] is the extra
-    delay of frame f, in rows.
+    soft[g] holds the soft value at position g for each start of a frame; a segment is `segment`
+    frames, which lie `hop` rows apart.
     """
+    places = sums.shape[1]
+    for f in range(group.size):
+        total = sums[f // segment]
+        # Slices let the compiler see that no index is negative, and vectorise.
+        values = soft[group[f], hop * f : hop * f + places]
+        if sign[f] > 0:
+            for i in range(places):
+                total[i] += values[i]
+        else:
+            for i in range(places):
+                total[i] -= values[i]
+
+
+@njit(cache=True)
+def drift_scores(
+    sums: NDArray[np.float32], shift: NDArray[np.int64], scores: NDArray[np.float32]
+) -> None:
+    """scores[d, i] += sum over segments s of sums[s, i + shift[d, s]]."""
     places = scores.shape[1]
-    for d in range(drift.shape[0]):
+    for d in range(shift.shape[0]):
         total = scores[d]
-        for f in range(group.size):
-            row = first + hop * f + drift[d, f]
-            # Slices let the compiler see that no index is negative, and vectorise.
-            values = soft[group[f], row : row + places]
-            if sign[f] > 0:
-                for i in range(places):
-                    total[i] += values[i]
-            else:
-                for i in range(places):
-                    total[i] -= values[i]
+        for s in range(shift.shape[1]):
+            values = sums[s, shift[d, s] : shift[d, s] + places]
+            for i in range(places):
+                total[i] += values[i]

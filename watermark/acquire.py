@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.dither import project, soft_values
 from watermark.layout import make_pilots
 from watermark.masking import make_masker
 from watermark.mdct import analyse
@@ -39,11 +38,16 @@ ROW_HOP = SEARCH_HOP * TURNS
 QUANTUM = SLOT_FRAMES * SEARCH_HOP
 """Samples that the search takes at once: 0.08 s."""
 
-CLOCK_ERRORS_PPM = np.array([0.0, -80.0, 80.0, -160.0, 160.0])
-"""Clock errors tried; between them the ends of a superframe are at most 0.6 samples off."""
+CLOCK_ERRORS_PPM = np.concatenate(
+    [[0.0], *([-ppm, ppm] for ppm in np.arange(120.0, 1561.0, 120.0))]
+)
+"""Clock errors tried; between them the ends of a superframe are at most 0.9 samples off."""
 
-CLOCK_PENALTY = 0.05
-"""Correlation that a clock error must be worth per ppm: most programmes have none."""
+SEGMENT_FRAMES = 8
+"""Frames whose pilots are summed as if the clock were right: 3 samples off at the largest error."""
+
+CLOCK_PENALTY, LARGEST_PENALTY = 0.05, 8.0
+"""Correlation that a clock error must be worth, per ppm and at most: most programmes have none."""
 
 THRESHOLD = 4.8
 """Least score of a candidate in standard deviations of unmarked sound."""
@@ -91,10 +95,11 @@ class PilotSearch:
         self._signs = self._pilots.signs.astype(np.float32)
         self._masker = make_masker(self._pilots.cells.last_bin)
         frame = np.arange(FRAMES_PER_SUPERFRAME)
-        drift = CLOCK_ERRORS_PPM[:, np.newaxis] * 1e-6 * frame * ROW_HOP
-        self._drift = np.round(drift).astype(np.int64)
+        middle = frame.reshape(-1, SEGMENT_FRAMES).mean(axis=1)
+        drift = np.round(CLOCK_ERRORS_PPM[:, np.newaxis] * 1e-6 * middle * ROW_HOP)
+        self._slack = int(np.abs(drift).max())
+        self._shift = np.ascontiguousarray(drift + self._slack, dtype=np.int64)
         self._span = (FRAMES_PER_SUPERFRAME - 1) * ROW_HOP
-        self._slack = int(np.abs(self._drift).max())
         turn = np.arange(TURNS)[:, np.newaxis] / TURNS
         bins = np.arange(self._masker.edges[-1])
         turns = np.sqrt(DECIMATION) * np.exp(1j * np.pi / SEARCH_HOP * turn * (bins + 0.5))
@@ -133,14 +138,17 @@ class PilotSearch:
     def _correlate(self) -> NDArray[np.float32]:
         """Score of each tier, profile, clock error and start."""
         errors, places = CLOCK_ERRORS_PPM.size, QUANTUM * TURNS
-        penalty = (CLOCK_PENALTY * np.abs(CLOCK_ERRORS_PPM)).astype(np.float32)
-        scores = np.zeros((len(PILOT_STEPS), len(PROFILES), errors, places), dtype=np.float32)
+        penalty = np.minimum(CLOCK_PENALTY * np.abs(CLOCK_ERRORS_PPM), LARGEST_PENALTY)
+        shape = (len(PILOT_STEPS), len(PROFILES), errors, places)
+        scores = np.full(shape, -np.inf, dtype=np.float32)
         for tier, soft in enumerate(self._soft):
-            scores[tier, 0] = -penalty[:, np.newaxis]
-            self._add(soft, 0, self._signs[0, :, 0], scores[tier, 0])
-            scores[tier, 1:] = scores[tier, 0]
-            for profile in range(len(PROFILES)):
-                self._add(soft, 1, self._signs[profile, :, 1], scores[tier, profile])
+            common = np.repeat(-penalty[:, np.newaxis].astype(np.float32), places, axis=1)
+            self._add(soft, 0, self._signs[0, :, 0], common)
+            for profile in PROFILES.values():
+                if profile.levels_of(tier):
+                    scores[tier, profile.number] = common
+                    announced = self._signs[profile.number, :, 1]
+                    self._add(soft, 1, announced, scores[tier, profile.number])
         return scores
 
     def _add(
@@ -153,23 +161,27 @@ class PilotSearch:
         from watermark import _kernels
 
         group = np.ascontiguousarray(self._pilots.slots[:, pilot])
+        segments = FRAMES_PER_SUPERFRAME // SEGMENT_FRAMES
+        sums = np.zeros((segments, scores.shape[1] + 2 * self._slack), dtype=np.float32)
         sign = np.ascontiguousarray(signs)
-        _kernels.pilot_scores(soft, self._slack, ROW_HOP, self._drift, group, sign, scores)
+        _kernels.pilot_sums(soft, ROW_HOP, SEGMENT_FRAMES, group, sign, sums)
+        _kernels.drift_scores(sums, self._shift, scores)
 
     def _observe(self) -> NDArray[np.float32]:
         """Soft values of the pilots' positions, shape (tiers, PILOT_SLOTS, QUANTUM * TURNS)."""
+        from watermark import _kernels
+
         frames = np.lib.stride_tricks.sliding_window_view(self._sound, 2 * SEARCH_HOP)
         spectra = analyse(frames, SEARCH_HOP)[:, : self._masker.edges[-1]]
         threshold = self._masker.thresholds(np.abs(spectra) ** 2 * (DECIMATION / 2))
         before = np.concatenate([self._before, threshold[:-SEARCH_HOP]])
         self._before = threshold[-SEARCH_HOP:]
-        amplitudes = self._masker.amplitudes(threshold, before)
-        shape = (len(PILOT_STEPS), PILOT_SLOTS, QUANTUM, TURNS)
-        soft = np.empty(shape, dtype=np.float32)
-        for turn in range(TURNS):
-            coefficients = (spectra * self._turn[turn]).real
-            projections, alive = project(coefficients, amplitudes, self._pilots.cells)
-            for tier, step in enumerate(PILOT_STEPS):
-                values = soft_values(projections, alive, self._pilots.cells, step)
-                soft[tier, :, :, turn] = values.T
-        return soft.reshape(len(PILOT_STEPS), PILOT_SLOTS, -1)
+        amplitudes = self._masker.amplitudes(threshold, before).astype(np.float32)
+        cells = self._pilots.cells
+        soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, QUANTUM * TURNS), dtype=np.float32)
+        _kernels.pilot_soft(
+            np.ascontiguousarray(spectra), self._turn, amplitudes, cells.first_bin,
+            cells.signs.astype(np.float32), cells.dither.astype(np.float32),
+            np.array(PILOT_STEPS, dtype=np.float32), soft,
+        )  # fmt: skip
+        return soft

@@ -37,6 +37,9 @@ CONVINCING = 5.3
 MAX_MISSES = 6
 """Superframes in a row that may fail before the lock is given up."""
 
+POLARITY_S = {1: 4.0, -1: 2.0}
+"""How long the sound is searched as it is and with all its signs turned, in turn."""
+
 HISTORY_S = 2.0
 """Sound that is kept, enough to search again from a superframe that failed."""
 
@@ -120,6 +123,7 @@ class AudioReceiver:
         self._demodulators: dict[int, Demodulator] = {}
         self._masker = make_masker()
         self._tape = Tape()
+        self._polarity = 1
         self._now = 0
         self._track: _Track | None = None
         self._search: PilotSearch | None = PilotSearch(key)
@@ -150,7 +154,7 @@ class AudioReceiver:
         x = np.asarray(block, dtype=np.float64)
         if x.ndim != 2 or x.shape[1] != self._channels:
             raise CueError(f"block of shape {x.shape}, expected (n, {self._channels})")
-        self._tape.append(mid_of(x))
+        self._tape.append(self._polarity * mid_of(x))
         found: list[ReceivedSuperframe] = []
         while self._now + self._quantum <= self._tape.end:
             self._now += self._quantum
@@ -168,6 +172,8 @@ class AudioReceiver:
             found += self._try(candidate)
         while self._track is not None and self._complete(self._track):
             found += self._follow(self._track)
+        if self._track is None and self._searched_s > POLARITY_S[self._polarity]:
+            self._turn()
         self._tape.forget(self._now - int(HISTORY_S * self._fs))
         return found
 
@@ -190,6 +196,16 @@ class AudioReceiver:
     def _start_search(self, origin: float) -> None:
         self._search = PilotSearch(self._key)
         self._origin, self._searched = origin, 0
+
+    @property
+    def _searched_s(self) -> float:
+        return self._searched * DECIMATION / FS
+
+    def _turn(self) -> None:
+        """Look for a sound whose polarity was inverted on its way, or no longer for one."""
+        self._polarity = -self._polarity
+        self._tape.samples = -self._tape.samples
+        self._start_search(self._now - SUPERFRAME * self._nominal)
 
     def _try(self, candidate: Candidate) -> list[ReceivedSuperframe]:
         """Decode at a candidate's place, and lock there if the check accepts it."""

@@ -9,6 +9,7 @@ from watermark.embed import AudioEmbedder
 from watermark.profile import SUPERFRAME_S
 from watermark.receive import AudioReceiver
 from watermark.received import ReceivedSuperframe
+from watermark.tape import Tape
 
 Sound = NDArray[np.float32]
 CLIP = Path(__file__).resolve().parents[3] / "shared" / "data" / "audio" / "film_mix.flac"
@@ -77,6 +78,17 @@ def test_blocks_do_not_matter(block: int) -> None:
     for a, b in zip(receive(whole), receive(whole, block=block), strict=True):
         assert (a.l0, a.l1, a.position_s) == (b.l0, b.l1, b.position_s)
         np.testing.assert_array_equal(a.ratios, b.ratios)
+
+
+def test_another_clock_and_a_turned_polarity_are_found() -> None:
+    y = embed(host(8.0, channels=1))
+    tape = Tape()
+    tape.append(y[:, 0].astype(np.float64))
+    fast = tape.read(0.0, 1.001, int(len(y) / 1.001) - 40)[:, np.newaxis].astype(np.float32)
+    assert [(s.l0, s.l1) for s in receive(fast)] == [payload(k) for k in range(12)]
+    turned = receive(-y)
+    assert len(turned) >= 5  # the turned sound is tried after 4 s
+    check(turned)
 
 
 def test_another_key_hears_nothing() -> None:

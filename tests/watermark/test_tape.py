@@ -3,6 +3,8 @@ import pytest
 
 from codec.errors import CueError
 from watermark import _kernels
+from watermark.dither import project, soft_values
+from watermark.layout import make_pilots
 from watermark.tape import Tape, impulse_responses
 
 
@@ -41,17 +43,43 @@ def test_kernels_agree_with_their_python() -> None:
     np.testing.assert_allclose(out, expected, rtol=0, atol=1e-12)
 
 
-def test_pilot_scores_kernel() -> None:
+def test_pilot_kernels() -> None:
     rng = np.random.default_rng(1)
     soft = rng.standard_normal((3, 60)).astype(np.float32)
-    drift = np.array([[0, 0, 0, 0], [0, 0, 1, 1]])
+    shift = np.array([[1, 1], [0, 2]])
     group = rng.integers(0, 3, 4)
     sign = rng.choice([-1.0, 1.0], 4).astype(np.float32)
-    compiled, plain = np.ones((2, 7), dtype=np.float32), np.ones((2, 7), dtype=np.float32)
-    _kernels.pilot_scores(soft, 2, 10, drift, group, sign, compiled)
-    python = getattr(_kernels.pilot_scores, "py_func", _kernels.pilot_scores)
-    python(soft, 2, 10, drift, group, sign, plain)
-    np.testing.assert_allclose(compiled, plain, rtol=1e-6)
-    rows = 2 + np.arange(7) + 10 * np.arange(4)[:, np.newaxis] + drift[1][:, np.newaxis]
+    results = []
+    for plain in (False, True):
+        add, drift = _kernels.pilot_sums, _kernels.drift_scores
+        if plain:
+            add, drift = getattr(add, "py_func", add), getattr(drift, "py_func", drift)
+        sums, scores = np.zeros((2, 9), dtype=np.float32), np.ones((2, 7), dtype=np.float32)
+        add(soft, 10, 2, group, sign, sums)
+        drift(sums, shift, scores)
+        results.append(scores)
+    np.testing.assert_allclose(results[0], results[1], rtol=1e-6)
+    rows = np.arange(7) + 10 * np.arange(4)[:, np.newaxis] + np.repeat(shift[1], 2)[:, np.newaxis]
     direct = 1 + (sign[:, np.newaxis] * soft[group[:, np.newaxis], rows]).sum(axis=0)
-    np.testing.assert_allclose(compiled[1], direct, rtol=1e-5)
+    np.testing.assert_allclose(results[0][1], direct, rtol=1e-5)
+
+
+def test_soft_values_of_the_search_are_the_receiver_s() -> None:
+    rng, cells = np.random.default_rng(2), make_pilots(0).cells
+    spectra = (rng.normal(size=(3, 60)) + 1j * rng.normal(size=(3, 60))).astype(np.complex64)
+    amplitudes = rng.uniform(0.05, 0.2, (3, 60)).astype(np.float32)
+    amplitudes[1, 20] = 0.0
+    turn = np.exp(1j * rng.uniform(0, 6, (2, 60))).astype(np.complex64)
+    steps = np.array([3.0, 7.0], dtype=np.float32)
+    tables = cells.signs.astype(np.float32), cells.dither.astype(np.float32), steps
+    for kernel in (_kernels.pilot_soft, getattr(_kernels.pilot_soft, "py_func", None)):
+        if kernel is None:
+            continue
+        soft = np.empty((2, 6, 6), dtype=np.float32)
+        kernel(spectra, turn, amplitudes, cells.first_bin, *tables, soft)
+        for t in range(2):
+            turned = (spectra * turn[t]).real.astype(np.float64)
+            projections, alive = project(turned, amplitudes.astype(np.float64), cells)
+            for s, step in enumerate(steps):
+                expected = soft_values(projections, alive, cells, float(step))
+                np.testing.assert_allclose(soft[s, :, t::2].T, expected, atol=5e-4)
