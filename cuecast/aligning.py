@@ -8,22 +8,53 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.cueing import CueingOptions
 from codec.errors import CueError
 from codec.score import Score
 from receiver.media.programme import open_programme
 from receiver.media.sound import SoundDecoder, sound_blocks
 from synth.alignment.cepstra import FS, mono
-from synth.alignment.score import (
-    LONGEST_TEXT_S,
-    phones_of_recording,
-    score_from_recording,
-)
-from synth.score import in_pieces
+from synth.alignment.runs import LONGEST_TEXT_S
+from synth.alignment.score import Judged, Judgement, phones_of_recording, score_from_recording
+from synth.score import PLAIN, Reading, in_pieces
 from synth.subtitles import Subtitle
 
-_KEPT_S = 5.0
+_KEPT_S = 7.0
 """Sound before the last stretch that stays in memory: stretches overlap by less."""
+
+
+class Confidence:
+    """How sure the times of a programme's subtitles are, for reports."""
+
+    def __init__(self) -> None:
+        self._judged: list[Judgement] = []
+
+    def __call__(self, judgement: Judgement) -> None:
+        """Remember what was found of one subtitle."""
+        self._judged.append(judgement)
+
+    def report(self) -> dict[str, Any]:
+        """Return the offset, the median confidence and that of every subtitle."""
+        sure = [item.confidence for item in self._judged]
+        offsets = [item.offset_s for item in self._judged if item.confidence > 0]
+        return {
+            "offset_s": round(float(np.median(offsets)), 2) if offsets else 0.0,
+            "confidence": round(float(np.median(sure)), 2) if sure else 0.0,
+            "subtitles": [
+                {
+                    "start": item.subtitle.start_s, "line": item.subtitle.line,
+                    "confidence": round(item.confidence, 2),
+                }
+                for item in self._judged
+            ],
+        }  # fmt: skip
+
+    def __str__(self) -> str:
+        """Return one line for the reader of the command line."""
+        aligned = sum(item.confidence > 0 for item in self._judged)
+        return (
+            f"aligned: {aligned} of {len(self._judged)} subtitles, "
+            f"median confidence {self.report()['confidence']:.2f}"
+        )
 
 
 def aligned_score(
@@ -31,12 +62,21 @@ def aligned_score(
     programme: str | os.PathLike[str],
     *,
     track: int = 0,
+    reading: Reading = PLAIN,
     warn: Callable[[str], None],
-    **reading: Any,
+    judged: Judged,
 ) -> Score:
     """Return the score of subtitles as the voices of `programme` say it.
 
-    `reading` goes on to `synth.alignment.score.score_from_recording`.
+    Parameters
+    ----------
+    subtitles : sequence of Subtitle
+    programme : path-like
+    track : int
+        Which of its sounds, from 0.
+    reading : Reading
+    warn, judged : callable
+        As in `synth.alignment.score.score_from_recording`.
 
     Raises
     ------
@@ -45,22 +85,22 @@ def aligned_score(
     """
     with ExitStack() as stack:
         voices = ProgrammeVoices(stack, programme, track=track)
-        return score_from_recording(subtitles, voices, warn=warn, **reading)
+        return score_from_recording(subtitles, voices, reading=reading, warn=warn, judged=judged)
 
 
 def aligned_pieces(
     subtitles: Sequence[Subtitle],
     programme: str | os.PathLike[str],
     *,
-    options: CueingOptions,
+    reading: Reading = PLAIN,
     warn: Callable[[str], None],
-    **reading: Any,
+    judged: Judged,
 ) -> Iterator[Score]:
     """Yield what `aligned_score` returns in pieces, in constant memory."""
     with ExitStack() as stack:
         voices = ProgrammeVoices(stack, programme)
-        phones = phones_of_recording(subtitles, voices, warn=warn, **reading)
-        yield from in_pieces(phones, options)
+        phones = phones_of_recording(subtitles, voices, reading=reading, warn=warn, judged=judged)
+        yield from in_pieces(phones, reading)
 
 
 def text_as_subtitle(text: str, programme: str | os.PathLike[str]) -> Subtitle:
@@ -107,7 +147,7 @@ class ProgrammeVoices:
         Raises
         ------
         CueError
-            If `start_s` lies more than five seconds before that of an earlier stretch.
+            If `start_s` lies more than seven seconds before that of an earlier stretch.
         """
         fs = self._decoder.format.fs
         self._read_until(end_s)

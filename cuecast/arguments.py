@@ -3,7 +3,7 @@
 import argparse
 import math
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from cuecast.files import PIPE, read_bytes
 from cuecast.progress import note
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from codec.score import Score
+    from synth.alignment.score import Judged
+    from synth.score import Reading
     from synth.subtitles import Subtitle
 
 
@@ -87,18 +89,19 @@ def add_motion(parser: argparse.ArgumentParser) -> None:
     add_alignment(parser)
 
 
-def reading_of(args: argparse.Namespace) -> "dict[str, Any]":
-    """Return what `add_reading` read, as the keyword arguments of the score functions."""
+def reading_of(args: argparse.Namespace) -> "Reading":
+    """Return what `add_reading` read."""
     from codec.cueing import CueingOptions
+    from synth.score import Reading
     from synth.text.lexicon import read_user_lexicon
     from synth.text.pronounce import Style
 
     given = {"un": args.un, "schwa": args.schwa, "oe": args.oe, "rest_gap_s": args.rest_gap}
-    return {
-        "options": CueingOptions(**{k: v for k, v in given.items() if v is not None}),
-        "style": Style(liaison=args.liaison, final_schwa=args.final_schwa),
-        "user_lexicon": read_user_lexicon(args.lexicon) if args.lexicon else None,
-    }
+    return Reading(
+        CueingOptions(**{k: v for k, v in given.items() if v is not None}),
+        Style(liaison=args.liaison, final_schwa=args.final_schwa),
+        read_user_lexicon(args.lexicon) if args.lexicon else {},
+    )
 
 
 def score_of(args: argparse.Namespace) -> "Score":
@@ -106,17 +109,17 @@ def score_of(args: argparse.Namespace) -> "Score":
     if args.text is not None:
         from synth.score import score_from_text
 
-        return score_from_text(args.text, **reading_of(args))
+        return score_from_text(args.text, reading=reading_of(args))
     return score_of_subtitles(args, args.file)
 
 
 def pieces_of(
-    args: argparse.Namespace, recording: str | None = None
+    args: argparse.Namespace, recording: str | None, judged: "Judged"
 ) -> "tuple[Iterator[Score], float | None]":
     """Return the score of what `add_text` and `add_reading` read in pieces, and its length.
 
     The length in seconds, where it is known, is for showing progress. With a recording the
-    score follows its voices.
+    score follows its voices, and `judged` is told how surely.
     """
     from cuecast.aligning import aligned_pieces, text_as_subtitle
     from synth.score import stream_score
@@ -132,15 +135,15 @@ def pieces_of(
     length_s = max((subtitle.end_s for subtitle in subtitles), default=None)
     reading = reading_of(args)
     if recording is None:
-        return stream_score(subtitles, warn=note, **reading), length_s
-    return aligned_pieces(subtitles, recording, warn=note, **reading), length_s
+        return stream_score(subtitles, reading=reading, warn=note), length_s
+    return aligned_pieces(subtitles, recording, reading=reading, warn=note, judged=judged), length_s
 
 
 def score_of_subtitles(args: argparse.Namespace, path: str) -> "Score":
     """Return the score of a subtitle file, or of the standard input for ``-``."""
     from synth.score import score_from_subtitles
 
-    return score_from_subtitles(subtitles_of(path), warn=note, **reading_of(args))
+    return score_from_subtitles(subtitles_of(path), warn=note, reading=reading_of(args))
 
 
 def subtitles_of(path: str) -> "list[Subtitle]":

@@ -2,29 +2,59 @@
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
 from codec.score import Phone, Score
 from synth.subtitles import Subtitle, spoken
 from synth.text.lexicon import Variant
 from synth.text.pronounce import DEFAULT_STYLE, Style, phonemise
+from synth.text.words import Word
 from synth.timing import FASTEST, Fit, fit, on_grid, speak
 
-Lexicon = Mapping[str, tuple[Variant, ...]]
 Warn = Callable[[str], None]
 
 log_warning: Warn = logging.getLogger(__name__).warning
 """Where warnings go when the caller says nothing else."""
 
 
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """How French text is read and cued.
+
+    Attributes
+    ----------
+    options : CueingOptions
+        Where charts of the code differ.
+    style : Style
+        How the text is spoken where French leaves a choice.
+    lexicon : mapping of str to tuple of Variant
+        The user's words, from `synth.text.lexicon.read_user_lexicon`.
+    """
+
+    options: CueingOptions = DEFAULT_OPTIONS
+    style: Style = DEFAULT_STYLE
+    lexicon: Mapping[str, tuple[Variant, ...]] = field(default_factory=dict)
+
+    def words(self, text: str) -> tuple[Word, ...]:
+        """Return the words of a text with their phones."""
+        return tuple(phonemise(text, style=self.style, user_lexicon=self.lexicon))
+
+    def score(self, phones: Iterable[Phone]) -> Score:
+        """Return phones with the keys that cue them."""
+        line = tuple(phones)
+        return Score(line, tuple(cue(line, self.options)))
+
+
+PLAIN = Reading()
+"""Every choice as by default."""
+
+
 def score_from_text(
     text: str,
     *,
     start_s: float = 0.0,
-    options: CueingOptions = DEFAULT_OPTIONS,
-    style: Style = DEFAULT_STYLE,
-    user_lexicon: Lexicon | None = None,
+    reading: Reading = PLAIN,
 ) -> Score:
     """Return the score of a text spoken at its natural rate.
 
@@ -34,28 +64,20 @@ def score_from_text(
         Written French.
     start_s : float
         When the first phone starts, rounded to the grid of `synth.timing`.
-    options : CueingOptions
-    style : Style
-        How the text is spoken where French leaves a choice.
-    user_lexicon : mapping, optional
-        From `synth.text.lexicon.read_user_lexicon`.
+    reading : Reading
 
     Examples
     --------
     >>> [(key.shape, key.placement) for key in score_from_text("Bonjour").keys]
     [(4, 'mouth'), (1, 'chin'), (3, 'side')]
     """
-    words = phonemise(text, style=style, user_lexicon=user_lexicon)
-    phones = speak(words, on_grid(start_s)).phones
-    return Score(phones, tuple(cue(phones, options)))
+    return reading.score(speak(reading.words(text), on_grid(start_s)).phones)
 
 
 def score_from_subtitles(
     subtitles: Iterable[Subtitle],
     *,
-    options: CueingOptions = DEFAULT_OPTIONS,
-    style: Style = DEFAULT_STYLE,
-    user_lexicon: Lexicon | None = None,
+    reading: Reading = PLAIN,
     warn: Warn = log_warning,
 ) -> Score:
     """Return the score of a programme's subtitles, each spoken in its interval.
@@ -64,9 +86,7 @@ def score_from_subtitles(
     ----------
     subtitles : iterable of Subtitle
         Sorted by start, as `synth.subtitles.read_subtitles` returns them.
-    options : CueingOptions
-    style : Style
-    user_lexicon : mapping, optional
+    reading : Reading
     warn : callable
         Called with one line for each subtitle whose text had to be hurried or cut.
 
@@ -76,19 +96,13 @@ def score_from_subtitles(
     >>> score.phones[0].start, len(score.keys)
     (1.0, 3)
     """
-    spoken_phones = phones_of_subtitles(
-        subtitles, style=style, user_lexicon=user_lexicon, warn=warn
-    )
-    phones = tuple(spoken_phones)
-    return Score(phones, tuple(cue(phones, options)))
+    return reading.score(phones_of_subtitles(subtitles, reading=reading, warn=warn))
 
 
 def stream_score(
     subtitles: Iterable[Subtitle],
     *,
-    options: CueingOptions = DEFAULT_OPTIONS,
-    style: Style = DEFAULT_STYLE,
-    user_lexicon: Lexicon | None = None,
+    reading: Reading = PLAIN,
     warn: Warn = log_warning,
 ) -> Iterator[Score]:
     """Yield the score of `score_from_subtitles` in pieces between pauses, in constant memory.
@@ -99,27 +113,25 @@ def stream_score(
     >>> [len(piece.keys) for piece in stream_score(lines)]
     [1, 1]
     """
-    phones = phones_of_subtitles(subtitles, style=style, user_lexicon=user_lexicon, warn=warn)
-    return in_pieces(phones, options)
+    return in_pieces(phones_of_subtitles(subtitles, reading=reading, warn=warn), reading)
 
 
-def in_pieces(phones: Iterable[Phone], options: CueingOptions) -> Iterator[Score]:
+def in_pieces(phones: Iterable[Phone], reading: Reading) -> Iterator[Score]:
     """Yield the score of a line of phones in pieces, cut wherever nothing is said."""
     piece: list[Phone] = []
     for phone in phones:
         if piece and phone.start > piece[-1].end:
-            yield Score(tuple(piece), tuple(cue(piece, options)))
+            yield reading.score(piece)
             piece = []
         piece.append(phone)
     if piece:
-        yield Score(tuple(piece), tuple(cue(piece, options)))
+        yield reading.score(piece)
 
 
 def phones_of_subtitles(
     subtitles: Iterable[Subtitle],
     *,
-    style: Style = DEFAULT_STYLE,
-    user_lexicon: Lexicon | None = None,
+    reading: Reading = PLAIN,
     warn: Warn = log_warning,
 ) -> Iterator[Phone]:
     """Yield the phones of subtitles that are sorted by start, none before its predecessor's end.
@@ -129,7 +141,7 @@ def phones_of_subtitles(
     """
     free_s = 0.0
     for subtitle, next_start_s in _turns(subtitles):
-        words = phonemise(subtitle.text, style=style, user_lexicon=user_lexicon)
+        words = reading.words(subtitle.text)
         if not words:
             continue
         start_s = on_grid(max(subtitle.start_s, free_s))

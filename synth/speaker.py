@@ -148,8 +148,8 @@ def _recorded(
             continue
         passages.append(Passage(words, cepstra.mono(sound, FS)))
         kept.append((utterance, sound))
-    for (utterance, sound), phones in zip(kept, align(passages), strict=True):
-        recording = _cued(sound, phones, cuer, voice, options)
+    for (utterance, sound), found in zip(kept, align(passages), strict=True):
+        recording = _cued(sound, found.phones, cuer, voice, options)
         share = voiced_share(recording)
         if share < _LEAST_VOICED:
             yield Refusal(utterance.path, f"only {share:.0%} of the vowels are voiced")

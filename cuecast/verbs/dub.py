@@ -31,6 +31,7 @@ from cuecast.progress import note, seconds_bar
 
 if TYPE_CHECKING:
     from codec.voice import Voice
+    from cuecast.aligning import Confidence
     from cuecast.motions import MotionSource
 
 SUMMARY = "the programme with its cuer inside"
@@ -82,6 +83,7 @@ def run(args: argparse.Namespace) -> int:
     carriers = args.carriers
     from codec.motion import load_motion
     from codec.voice import load_voice
+    from cuecast.aligning import Confidence
     from cuecast.dub import PROFILES, DubOptions, dub
     from cuecast.motions import GivenMotion, MotionSource
     from receiver.media.programme import open_programme
@@ -97,11 +99,12 @@ def run(args: argparse.Namespace) -> int:
         with open_programme(args.programme, track=args.track) as programme:
             duration_s = programme.duration_s
     voice = load_voice(args.voice)
+    confidence = Confidence()
     motion: MotionSource
     if args.motion is not None:
         motion = GivenMotion(load_motion(args.motion), voice)
     else:
-        motion = _motion(args, voice)
+        motion = _motion(args, voice, confidence)
     options = DubOptions(
         carriers, profiles, args.key, args.track, args.audio_codec, args.audio_bitrate,
         args.video_codec, args.video_bitrate, args.grade, not args.no_grade,
@@ -109,6 +112,8 @@ def run(args: argparse.Namespace) -> int:
     passes = 1 + (len(carriers) > 1)
     with seconds_bar(duration_s and passes * duration_s, Path(args.programme).name) as advance:
         report = dub(args.programme, motion, voice, args.output, options, progress=advance)
+    if args.align and args.motion is None:
+        report["alignment"] = confidence.report()
     for stream in report["left_out"]:
         note(f"left out: {stream}")
     if args.report is not None:
@@ -123,7 +128,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _motion(args: argparse.Namespace, voice: "Voice") -> "MotionSource":
+def _motion(args: argparse.Namespace, voice: "Voice", confidence: "Confidence") -> "MotionSource":
     """Return the motion for the subtitles."""
     from cuecast.motions import JoinedMotion, SynthesisedMotion
 
@@ -132,10 +137,14 @@ def _motion(args: argparse.Namespace, voice: "Voice") -> "MotionSource":
         from cuecast.aligning import aligned_score
 
         subtitles = subtitles_of(args.subtitles)
-        score = aligned_score(subtitles, args.programme, track=args.track, warn=note, **reading)
+        score = aligned_score(
+            subtitles, args.programme, track=args.track, reading=reading, warn=note,
+            judged=confidence,
+        )  # fmt: skip
+        note(str(confidence))
     else:
         score = score_of_subtitles(args, args.subtitles)
-    options = reading["options"]
+    options = reading.options
     # Who has nothing to say rests: for that no units are needed.
     if (args.units or args.method == "units") and score.keys:
         from cuecast.performance import unit_synthesiser

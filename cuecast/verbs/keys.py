@@ -57,6 +57,6 @@ def _targets(args: argparse.Namespace, score: "Score") -> list[dict[str, float]]
         return [{} for _ in score.keys]
     from synth.movement import target_times
 
-    options = reading_of(args)["options"]
+    options = reading_of(args).options
     times = target_times(score, alignment=args.alignment, options=options)
     return [{"target": round(at, 4)} for at in times]

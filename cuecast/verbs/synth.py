@@ -14,6 +14,7 @@ from cuecast.arguments import (
     positive,
     reading_of,
 )
+from cuecast.files import write_json
 from cuecast.progress import note, seconds_bar
 
 if TYPE_CHECKING:
@@ -36,6 +37,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--align", metavar="AUDIO", help="recording of the text: the cuer moves with its voice"
     )
+    parser.add_argument(
+        "--report", metavar="R.json", help="how sure the times of each subtitle are, with --align"
+    )
     parser.add_argument("--c3d", metavar="M.c3d", help="markers of the motion")
     add_motion(parser)
     parser.add_argument("--rate", type=positive, default=50.0, metavar="HZ", help="of the motion")
@@ -46,13 +50,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the motion; 1 if nothing in the text is spoken."""
+    if args.report and not args.align:
+        note("cuecast synth: --report tells of --align")
+        return 2
     if args.method == "rules" and (args.speech or args.units):
         note("cuecast synth: --speech and --units need --method units")
         return 2
     from codec.motion import MotionWriter
     from codec.voice import load_voice
+    from cuecast.aligning import Confidence
 
-    pieces, length_s = pieces_of(args, args.align)
+    confidence = Confidence()
+    pieces, length_s = pieces_of(args, args.align, confidence)
     first = next((piece for piece in pieces if piece.phones), None)
     if first is None:
         note("nothing in the text is spoken")
@@ -63,6 +72,10 @@ def run(args: argparse.Namespace) -> int:
         for part in parts:
             writer.append(part)
             advance(part.duration_s)
+    if args.align:
+        note(str(confidence))
+    if args.report:
+        write_json(args.report, {"alignment": confidence.report()})
     if args.c3d:
         _write_c3d(args, voice)
     return 0
@@ -71,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
 def _motion(
     args: argparse.Namespace, pieces: "Iterable[Score]", voice: "Voice"
 ) -> "Iterator[Motion]":
-    options = reading_of(args)["options"]
+    options = reading_of(args).options
     if args.speech or args.units or args.method == "units":
         from cuecast.performance import perform, unit_synthesiser
 

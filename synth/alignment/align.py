@@ -23,7 +23,7 @@ from codec.phonology import PAUSE, PHONE_NUMBER
 from codec.score import Phone
 from synth.alignment import _kernels
 from synth.alignment.cepstra import FRAME_RATE, FS, cepstra, mono
-from synth.alignment.models import PhoneModels, Unit, estimate
+from synth.alignment.models import PARTS, PhoneModels, Unit, estimate
 from synth.duration import predict_durations
 from synth.speech.espeak_voice import render
 from synth.text.espeak import RATE_HZ
@@ -68,6 +68,11 @@ class Passage:
         """What the phones need at least, in seconds."""
         return SHORTEST_FRAMES * sum(len(word.phones) for word in self.words) / FRAME_RATE
 
+    @property
+    def long_enough(self) -> bool:
+        """Whether the phones have room in the sound."""
+        return len(self.samples) > self.shortest_s * FS
+
 
 @dataclass(slots=True)
 class _Row:
@@ -83,7 +88,25 @@ class _Row:
         return [(s, a, b) for s, (a, b) in zip(self.symbols, bounds, strict=True)]
 
 
-def align(passages: Sequence[Passage]) -> list[tuple[Phone, ...]]:
+@dataclass(frozen=True, slots=True)
+class Aligned:
+    """Where the phones of a passage were found.
+
+    Attributes
+    ----------
+    phones : tuple of Phone
+        On the programme's clock.
+    fits : ndarray of float64, shape (words,)
+        How much likelier the frames of each word are under its own phones than under the median
+        phone, in the logarithm per frame. What the figure is worth only a comparison with other
+        words on the same sound tells (`synth.alignment.trust`): models fit to anything.
+    """
+
+    phones: tuple[Phone, ...]
+    fits: NDArray[np.float64]
+
+
+def align(passages: Sequence[Passage]) -> list[Aligned]:
     """Return the phones of each passage with their times on the programme's clock.
 
     Parameters
@@ -101,13 +124,13 @@ def align(passages: Sequence[Passage]) -> list[tuple[Phone, ...]]:
     >>> from synth.text.pronounce import phonemise
     >>> words = tuple(phonemise("Bonjour à tous."))
     >>> spoken = render([s for word in words for s in word.phones])
-    >>> found = align([Passage(words, mono(spoken.samples, RATE_HZ))])[0]
+    >>> found = align([Passage(words, mono(spoken.samples, RATE_HZ))])[0].phones
     >>> max(abs(a.start - b.start) for a, b in zip(found, spoken.phones)) < 0.04
     True
     """
     filled = [passage for passage in passages if passage.words]
     if not filled:
-        return [() for _ in passages]
+        return [Aligned((), np.zeros(0)) for _ in passages]
     models = estimate(*_gathered([_rendered(passage.words) for passage in filled]))
     rows = [_row(passage) for passage in filled]
     for _ in range(ROUNDS):
@@ -117,7 +140,8 @@ def align(passages: Sequence[Passage]) -> list[tuple[Phone, ...]]:
     for row in rows:
         _cut(row, models)
     found = iter(zip(filled, rows, strict=True))
-    return [_phones(*next(found)) if passage.words else () for passage in passages]
+    return [_aligned(*next(found), models) if p.words else Aligned((), np.zeros(0))
+            for p in passages]  # fmt: skip
 
 
 def _symbols(words: Sequence[Word]) -> list[str]:
@@ -153,10 +177,9 @@ def _row(passage: Passage) -> _Row:
     """Return a passage with its phones at their usual durations from the first frame on."""
     symbols = _symbols(passage.words)
     features = cepstra(passage.samples)
-    length_s = len(passage.samples) / FS
-    if length_s <= passage.shortest_s:
+    if not passage.long_enough:
         raise CueError(
-            f"passage at {passage.start_s:.2f} s has {length_s:.2f} s of sound "
+            f"passage at {passage.start_s:.2f} s has {len(passage.samples) / FS:.2f} s of sound "
             f"for phones that need {passage.shortest_s:.2f} s"
         )
     ends = np.cumsum(predict_durations(symbols)) * FRAME_RATE
@@ -187,9 +210,26 @@ def _length_costs(row: _Row) -> NDArray[np.float64]:
     return np.ascontiguousarray(_LENGTH_WEIGHT * deviation**2 / 2)
 
 
-def _phones(passage: Passage, row: _Row) -> tuple[Phone, ...]:
-    return tuple(
-        Phone(symbol, passage.start_s + a / FRAME_RATE, passage.start_s + b / FRAME_RATE)
-        for symbol, a, b in row.units()
-        if symbol != PAUSE
-    )
+def _aligned(passage: Passage, row: _Row, models: PhoneModels) -> Aligned:
+    units = row.units()
+    costs = models.costs(row.features)
+    phones, fits = [], np.zeros(len(passage.words))
+    spoken = iter([unit for unit in units if unit[0] != PAUSE])
+    for number, word in enumerate(passage.words):
+        own = [next(spoken) for _ in word.phones]
+        fits[number] = np.mean([_fit(unit, costs) for unit in own])
+        phones += [
+            Phone(symbol, passage.start_s + a / FRAME_RATE, passage.start_s + b / FRAME_RATE)
+            for symbol, a, b in own
+        ]
+    return Aligned(tuple(phones), fits)
+
+
+def _fit(unit: Unit, costs: NDArray[np.float64]) -> float:
+    """Return how much less a phone costs per frame than the median phone in its place."""
+    symbol, first, end = unit
+    cuts = [first + (part * (end - first)) // PARTS for part in range(PARTS + 1)]
+    pieces = [costs[:, p, cuts[p + 1]] - costs[:, p, cuts[p]] for p in range(PARTS)]
+    every = np.sum(pieces, axis=0)
+    number = PHONE_NUMBER[symbol]
+    return float((np.median(np.delete(every, PHONE_NUMBER[PAUSE])) - every[number]) / (end - first))

@@ -1,41 +1,64 @@
 """Subtitles and the sound of their programme to a score: the cuer moves with the actor.
 
-Subtitles that follow each other closely are aligned as one passage, so that speech may begin
-before its subtitle appears and run on after it. Where the sound does not fit the text the
-subtitle's own interval is used as without a recording.
+Where the sound does not belong to the text, where it is too short for it, and where a passage
+fits no better than any other words would, the subtitles' own intervals are used as without a
+recording. Subtitles that are all early or late are moved as the sound asks.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from itertools import chain, pairwise
+from dataclasses import dataclass
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
-from codec.errors import CueError
 from codec.score import Phone, Score
-from synth.alignment.align import Passage, align
+from synth.alignment.align import Aligned, Passage, align
 from synth.alignment.cepstra import FS, mono
-from synth.score import Lexicon, Warn, log_warning, phones_of_subtitles
-from synth.subtitles import Subtitle, spoken
-from synth.text.pronounce import DEFAULT_STYLE, Style, phonemise
+from synth.alignment.runs import Run, runs_of, said_in
+from synth.alignment.trust import FEWEST_WORDS, LEAST_EVIDENCE, Trust, trust
+from synth.score import PLAIN, Reading, Warn, log_warning, phones_of_subtitles
+from synth.subtitles import Subtitle
+from synth.text.words import Word
 from synth.timing import GRID_HZ
 
 Sound = Callable[[float, float], NDArray[np.float64]]
 """Gives the programme's sound from one time to another, mono at `synth.alignment.cepstra.FS`."""
 
-LONGEST_PASSAGE_S = 25.0
-"""Subtitles are aligned together up to this length."""
-
-LONGEST_TEXT_S = 120.0
-"""Limit of the sound that one subtitle, or a text without times, may span."""
-
 PASSAGES_AT_ONCE = 12
 """Passages that share their models: some minutes, mostly of the same speakers."""
 
-_CLOSE_S = 0.8
-_MARGIN_S = 0.4
+LARGEST_OFFSET_S = 4.5
+"""Subtitles may be early or late by this much."""
+
+_OFFSET_STEP_S = 1.5
+_OFFSET_SOUND_S = 30.0
+"""So much of the programme's beginning shows whether its subtitles are early or late."""
+
+_BETTER = 0.05
+_LEAST_OFFSET_S = 0.5
+_LEAST_CONFIDENCE = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """How sure the times of one subtitle are.
+
+    Attributes
+    ----------
+    subtitle : Subtitle
+    confidence : float
+        From 0, no better than any other words in its place, to 1, as good as its neighbours.
+    offset_s : float
+        How much later than the subtitles say the voices were looked for.
+    """
+
+    subtitle: Subtitle
+    confidence: float
+    offset_s: float
+
+
+Judged = Callable[[Judgement], None]
 
 
 def sound_of(samples: ArrayLike, fs: int) -> Sound:
@@ -54,10 +77,9 @@ def score_from_recording(
     subtitles: Iterable[Subtitle],
     sound: Sound,
     *,
-    options: CueingOptions = DEFAULT_OPTIONS,
-    style: Style = DEFAULT_STYLE,
-    user_lexicon: Lexicon | None = None,
+    reading: Reading = PLAIN,
     warn: Warn = log_warning,
+    judged: Judged = lambda judgement: None,
 ) -> Score:
     """Return the score of subtitles timed by the voices of their programme.
 
@@ -67,128 +89,174 @@ def score_from_recording(
         Sorted by start. For a text without times: one subtitle as long as the sound.
     sound : callable
         `sound_of` an array, or a function that reads the programme piece by piece.
-    options : CueingOptions
-    style : Style
-    user_lexicon : mapping, optional
+    reading : Reading
     warn : callable
         Called with one line for each passage that the sound does not fit.
+    judged : callable
+        Told how sure the times of each subtitle are.
 
     Raises
     ------
     CueError
-        If one subtitle spans more than `LONGEST_TEXT_S`.
+        If one subtitle spans more than `synth.alignment.runs.LONGEST_TEXT_S`.
     """
-    phones = tuple(
-        phones_of_recording(subtitles, sound, style=style, user_lexicon=user_lexicon, warn=warn)
+    return reading.score(
+        phones_of_recording(subtitles, sound, reading=reading, warn=warn, judged=judged)
     )
-    return Score(phones, tuple(cue(phones, options)))
 
 
 def phones_of_recording(
     subtitles: Iterable[Subtitle],
     sound: Sound,
     *,
-    style: Style = DEFAULT_STYLE,
-    user_lexicon: Lexicon | None = None,
+    reading: Reading = PLAIN,
     warn: Warn = log_warning,
+    judged: Judged = lambda judgement: None,
 ) -> Iterator[Phone]:
     """Yield the phones of `score_from_recording`, some passages at a time."""
 
     def batches() -> Iterator[list[Phone]]:
-        batch: list[_Run] = []
-        for run in _runs(_said(subtitles)):
-            batch.append(run)
-            if len(batch) == PASSAGES_AT_ONCE:
-                yield _aligned(batch, sound, style, user_lexicon, warn)
-                batch = []
-        yield _aligned(batch, sound, style, user_lexicon, warn)
+        runs = runs_of(said_in(subtitles))
+        offset_s: float | None = None
+        while batch := list(islice(runs, PASSAGES_AT_ONCE)):
+            around_s = LARGEST_OFFSET_S + 1.0 if offset_s is None else 0.0
+            heard = [_Heard.of(run, sound, reading, around_s, offset_s or 0.0) for run in batch]
+            moved_s = _offset(_beginning(heard)) if offset_s is None else offset_s
+            timed = _Timed.of(heard, moved_s)
+            if timed.verdict.holds and offset_s is None:
+                offset_s = moved_s
+                if offset_s:
+                    side = "after" if offset_s > 0 else "before"
+                    warn(f"the voices come {abs(offset_s):.1f} s {side} their subtitles: moved")
+            yield timed.phones(reading, warn, judged)
 
     return on_grid(chain.from_iterable(batches()))
 
 
 @dataclass(frozen=True, slots=True)
-class _Run:
-    """Subtitles that are aligned together, and the stretch of sound in which to look."""
+class _Heard:
+    """A run, its words, how many each subtitle has, and the sound around it."""
 
-    subtitles: tuple[Subtitle, ...]
+    run: Run
+    words: tuple[Word, ...]
+    counts: tuple[int, ...]
+    samples: NDArray[np.float64]
     start_s: float
-    end_s: float
+
+    @classmethod
+    def of(
+        cls, run: Run, sound: Sound, reading: Reading, around_s: float, offset_s: float
+    ) -> "_Heard":
+        words = reading.words(" ".join(subtitle.text for subtitle in run.subtitles))
+        counts = tuple(len(reading.words(subtitle.text)) for subtitle in run.subtitles)
+        start_s = max(0.0, run.start_s + offset_s - around_s)
+        end_s = run.end_s + offset_s + around_s
+        return cls(run, words, counts, sound(start_s, max(end_s, start_s)), start_s)
+
+    def passage(self, offset_s: float) -> Passage:
+        """Return the words and the sound where they are expected."""
+        start_s = max(self.run.start_s + offset_s, self.start_s)
+        first = round((start_s - self.start_s) * FS)
+        last = max(first, round((self.run.end_s + offset_s - self.start_s) * FS))
+        return Passage(self.words, self.samples[first:last], start_s)
+
+    def by_subtitle(self, values: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Split values of the words among the subtitles."""
+        return np.split(values, np.cumsum(self.counts)[:-1])
 
 
-def _said(subtitles: Iterable[Subtitle]) -> list[Subtitle]:
-    """Return the subtitles in which something is said, as it is said."""
-    said = [replace(s, text=text) for s in subtitles if (text := spoken(s.text))]
-    for subtitle in said:
-        if subtitle.end_s - subtitle.start_s > LONGEST_TEXT_S:
-            raise CueError(
-                f"line {subtitle.line}: text spans {subtitle.end_s - subtitle.start_s:.0f} s, "
-                f"more than the {LONGEST_TEXT_S:.0f} s that can be aligned"
+def _beginning(heard: Sequence[_Heard]) -> Sequence[_Heard]:
+    lengths = np.cumsum([item.run.end_s - item.run.start_s for item in heard])
+    return heard[: int(np.searchsorted(lengths, _OFFSET_SOUND_S)) + 1]
+
+
+def _offset(heard: Sequence[_Heard]) -> float:
+    """Return how much later than their subtitles the voices are, from some runs."""
+    if sum(len(item.words) for item in heard) < 2 * FEWEST_WORDS:
+        return 0.0
+    here = _look(heard, 0.0)
+    found = {
+        0.0: _fit(here),
+        **{d: _fit(_look(heard, d)) for d in (-_OFFSET_STEP_S, _OFFSET_STEP_S)},
+    }
+    if max(found, key=found.__getitem__) == 0.0 and trust(*here).holds:
+        return 0.0
+    steps = np.arange(-LARGEST_OFFSET_S, LARGEST_OFFSET_S + 0.1, _OFFSET_STEP_S).tolist()
+    found |= {step: _fit(_look(heard, step)) for step in steps if step not in found}
+    best = max(found, key=found.__getitem__)
+    if found[best] < found[0.0] + _BETTER * abs(found[0.0]):
+        return 0.0
+    offset = best + _lag(heard, best)
+    return offset if abs(offset) >= _LEAST_OFFSET_S else 0.0
+
+
+def _look(heard: Sequence[_Heard], offset_s: float) -> tuple[list[Passage], list[Aligned]]:
+    """Return the passages that have room where they are expected, and what is found in them."""
+    passages = [passage for item in heard if (passage := item.passage(offset_s)).long_enough]
+    return passages, align(passages)
+
+
+def _fit(looked: tuple[list[Passage], list[Aligned]]) -> float:
+    """Return how well the words fit, in the mean."""
+    fits = np.concatenate([np.zeros(0), *(item.fits for item in looked[1])])
+    return float(fits.mean()) if len(fits) else -np.inf
+
+
+def _lag(heard: Sequence[_Heard], offset_s: float) -> float:
+    """Return by how much subtitles are still early, in the median over their first words."""
+    kept = [item for item in heard if item.passage(offset_s).long_enough]
+    lags = []
+    for item, found in zip(kept, align([item.passage(offset_s) for item in kept]), strict=True):
+        starts = np.cumsum([0, *(len(word.phones) for word in item.words)])
+        for subtitle, first in zip(item.run.subtitles, np.cumsum([0, *item.counts]), strict=False):
+            if first < len(item.words):
+                lags.append(found.phones[starts[first]].start - subtitle.start_s - offset_s)
+    return float(np.median(lags))
+
+
+@dataclass(frozen=True, slots=True)
+class _Timed:
+    """Some runs, aligned where they are long enough, and what that is worth."""
+
+    heard: Sequence[_Heard]
+    found: Sequence[Aligned | None]
+    verdict: Trust
+    offset_s: float
+
+    @classmethod
+    def of(cls, heard: Sequence[_Heard], offset_s: float) -> "_Timed":
+        passages = [item.passage(offset_s) for item in heard]
+        fitting = [passage for passage in passages if passage.long_enough]
+        aligned = align(fitting)
+        rest = iter(aligned)
+        found = [next(rest) if passage.long_enough else None for passage in passages]
+        return cls(heard, found, trust(fitting, aligned), offset_s)
+
+    def phones(self, reading: Reading, warn: Warn, judged: Judged) -> list[Phone]:
+        """Return the phones, those of runs that do not fit by their subtitles."""
+        if not self.verdict.holds:
+            first, last = self.heard[0].run.subtitles[0], self.heard[-1].run.subtitles[-1]
+            warn(
+                f"subtitles from {first.start_s:.2f} to {last.end_s:.2f} s: their text is not what "
+                f"is said (evidence {self.verdict.evidence:.1f} of {LEAST_EVIDENCE:.0f}), timed by "
+                "themselves"
             )
-    return said
-
-
-def _runs(said: Sequence[Subtitle]) -> Iterator[_Run]:
-    """Yield runs of subtitles, cut at their widest gaps until none is longer than the limit."""
-    if not said:
-        return
-    cuts = [0, *_cuts(said), len(said)]
-    for first, end in pairwise(cuts):
-        before = said[first].start_s - said[first - 1].end_s if first else 2 * _MARGIN_S
-        after = said[end].start_s - said[end - 1].end_s if end < len(said) else 2 * _MARGIN_S
-        yield _Run(
-            tuple(said[first:end]),
-            max(0.0, said[first].start_s - _margin(before)),
-            said[end - 1].end_s + _margin(after),
-        )
-
-
-def _margin(gap_s: float) -> float:
-    """Return how far a run may look into the gap beside it: neighbours must not overlap."""
-    return min(_MARGIN_S, max(0.0, gap_s / 2))
-
-
-def _cuts(said: Sequence[Subtitle]) -> list[int]:
-    """Return the indices of the subtitles that open a run, the first excepted."""
-    cuts = []
-    waiting = [(0, len(said))]
-    while waiting:
-        first, end = waiting.pop()
-        if end - first < 2:
-            continue
-        gaps = [(said[i].start_s - said[i - 1].end_s, i) for i in range(first + 1, end)]
-        middle = (first + end) / 2
-        gap, cut = max(gaps, key=lambda g: (g[0], -abs(g[1] - middle)))
-        if gap > _CLOSE_S or said[end - 1].end_s - said[first].start_s > LONGEST_PASSAGE_S:
-            cuts.append(cut)
-            waiting += [(first, cut), (cut, end)]
-    return sorted(cuts)
-
-
-def _aligned(
-    batch: Sequence[_Run],
-    sound: Sound,
-    style: Style,
-    user_lexicon: Lexicon | None,
-    warn: Warn,
-) -> list[Phone]:
-    """Return the phones of some runs, each aligned or else fitted to its subtitles."""
-    passages = []
-    for run in batch:
-        text = " ".join(subtitle.text for subtitle in run.subtitles)
-        words = tuple(phonemise(text, style=style, user_lexicon=user_lexicon))
-        passages.append(Passage(words, sound(run.start_s, run.end_s), run.start_s))
-    fitting = [len(passage.samples) > passage.shortest_s * FS for passage in passages]
-    found = iter(align([p for p, fits in zip(passages, fitting, strict=True) if fits]))
-    line: list[Phone] = []
-    for run, fits in zip(batch, fitting, strict=True):
-        if fits:
-            line += next(found)
-            continue
-        warn(f"subtitle at {run.start_s:.2f} s: too little sound to align, timed by itself")
-        line += phones_of_subtitles(
-            run.subtitles, style=style, user_lexicon=user_lexicon, warn=warn
-        )
-    return line
+        line: list[Phone] = []
+        for item, found in zip(self.heard, self.found, strict=True):
+            sure = [0.0] * len(item.counts)
+            if found is not None:
+                sure = [self.verdict.confidence(fits) for fits in item.by_subtitle(found.fits)]
+            for subtitle, confidence in zip(item.run.subtitles, sure, strict=True):
+                judged(Judgement(subtitle, confidence, self.offset_s))
+            if found is not None and self.verdict.confidence(found.fits) >= _LEAST_CONFIDENCE:
+                line += found.phones
+                continue
+            if self.verdict.holds:
+                what = "too little sound to align" if found is None else "not what is said"
+                warn(f"subtitle at {item.run.start_s:.2f} s: {what}, timed by itself")
+            subtitles = item.run.subtitles
+            line += phones_of_subtitles(subtitles, reading=reading, warn=warn)
+        return line
 
 
 def on_grid(phones: Iterable[Phone]) -> Iterator[Phone]:
