@@ -11,6 +11,7 @@ from codec.phasing import profiles
 from codec.recognise import Recogniser
 from codec.score import PLACEMENTS
 from cuecast.evaluate.models_fits import Fit, Occlusion, Phases
+from cuecast.evaluate.segmentation import write_page
 from cuecast.evaluate.tables import write_plot
 from cuecast.evaluate.takes import Take
 from cuecast.files import whole_file
@@ -29,11 +30,12 @@ def write_all(
     phases: Phases,
     hidden: Occlusion,
 ) -> None:
-    """Write figure3, figure4 and figure5 as CSV and PNG, and the table of hidden markers."""
+    """Write figures 3 to 5 as CSV and PNG, the table of hidden markers, a page of an example."""
     out.mkdir(parents=True, exist_ok=True)
     _figure_3(out, data, seen, unseen)
     _figure_4(out, data, recogniser, example)
     _figure_5(out, data, phases)
+    write_page(out / "segmentation.html", data, *example, recogniser)
     rows = list(hidden.rows())
     names = tuple(rows[0]) if rows else ("by", "group")
     _write_csv(out / "hidden.csv", data, names, [tuple(row.values()) for row in rows])
