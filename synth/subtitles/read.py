@@ -6,6 +6,7 @@ from pathlib import Path
 from codec.errors import CueError
 from synth.subtitles.encoding import decode
 from synth.subtitles.model import Subtitle
+from synth.subtitles.rollup import unrolled
 from synth.subtitles.srt import read_srt
 from synth.subtitles.stl import looks_like_stl, read_stl
 from synth.subtitles.ttml import read_ttml
@@ -57,7 +58,7 @@ def parse_subtitles(data: bytes) -> list[Subtitle]:
     """
     if not data.strip():
         raise CueError("line 1: the file is empty")
-    return sorted(_parse(data), key=lambda s: (s.start_s, s.line))
+    return list(unrolled(sorted(_parse(data), key=lambda s: (s.start_s, s.line))))
 
 
 def _parse(data: bytes) -> Iterator[Subtitle]:

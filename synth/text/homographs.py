@@ -34,6 +34,9 @@ def _plus(stretch: Sequence[Item], position: int) -> str:
     before, after = _text(stretch, position - 1), _text(stretch, position + 1)
     if any(item.text in _NEGATIONS or item.text == "plus" for item in stretch[:position]):
         return "ply"
+    if after in ("que", "qu'") and before not in ("de", "d'", "pas"):
+        # One says more than: a quantity, unless something is denied.
+        return "plys"
     numeral = position + 1 < len(stretch) and stretch[position + 1].word_class == "U"
     adds = numeral and position > 0 and stretch[position - 1].word_class == "U"
     if adds or (not after and before not in ("de", "non", "")) or before in ("en", "signe"):

@@ -8,7 +8,7 @@ names, loanwords and names that Lexique lacks or gives otherwise), and Lexique 3
 
 import functools
 import lzma
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -98,6 +98,12 @@ def parse_variants(field: str) -> tuple[Variant, ...]:
         classes = {tags[i]: int(tags[i + 1]) for i in range(0, len(tags), 2)}
         variants.append(Variant(decode(code), classes or {"N": 9}))
     return tuple(variants)
+
+
+def known_words() -> Iterator[str]:
+    """Yield every word that `lookup` knows."""
+    yield from _supplement()
+    yield from _lexique()
 
 
 @functools.lru_cache(maxsize=20_000)

@@ -51,9 +51,6 @@ FIXED = frozenset(
 LINK_OF_LETTER = {"s": "z", "x": "z", "z": "z", "t": "t", "d": "t", "n": "n", "r": "ʁ", "p": "p"}
 _DENASALISED = (("ein", "ɛ"), ("ain", "ɛ"), ("ien", "ɛ"), ("yen", "ɛ"), ("on", "ɔ"), ("in", "i"))
 
-_CARDINALS_LOSING = {"cinq": ("s", "ɛ̃", "k"), "six": ("s", "i"), "huit": ("ɥ", "i"),
-                     "dix": ("d", "i")}  # fmt: skip
-
 
 def opens(word: str, phones: Sequence[str]) -> bool:
     """Whether `word` begins with a vowel sound that takes liaison and elision.
@@ -90,6 +87,8 @@ def link(left: Item, right: Item, *, joined_left: bool = False) -> str:
     consonant = LINK_OF_LETTER.get(left.text[-1], "")
     if not consonant or left.text == "et":
         return ""
+    if right.text in ("un", "une") and _tail(left) in ("cent", "cents", "vingts", "mille"):
+        return ""
     if left.hyphen and left.word_class == "V":
         return consonant if right.word_class in "SOR" else ""
     if (left.text, right.text) in FIXED:
@@ -100,7 +99,7 @@ def link(left: Item, right: Item, *, joined_left: bool = False) -> str:
 
 def _linked(left: Item, right: Item) -> bool:
     """Whether the classes of two words without a hyphen ask for a link."""
-    word, own, other = left.text, left.word_class, right.word_class
+    word, own, other = _tail(left), left.word_class, right.word_class
     if other == "C" or right.text in ("et", "ou", "où"):
         return False
     if right.text in ("à", "au", "aux"):
@@ -118,6 +117,11 @@ def _linked(left: Item, right: Item) -> bool:
     if word in PRENOMINAL and own in "AD":
         return other in "NA"
     return own == "A" and other == "N" and word[-1] in "sx"
+
+
+def _tail(item: Item) -> str:
+    """Return what decides about a link: the last part of a compound numeral."""
+    return item.text.rsplit("-", 1)[-1] if item.word_class == "U" else item.text
 
 
 def linked_phones(left: str, phones: Sequence[str], consonant: str) -> tuple[str, ...]:
@@ -148,14 +152,17 @@ def numeral_phones(
     --------
     >>> numeral_phones("six", ("s", "i", "s"), "francs", ("f", "ʁ", "ɑ̃"))
     ('s', 'i')
+    >>> numeral_phones("trente-six", ("t", "ʁ", "ɑ̃", "t", "s", "i", "s"), "ans", ("ɑ̃",))
+    ('t', 'ʁ', 'ɑ̃', 't', 's', 'i', 'z')
     >>> numeral_phones("neuf", ("n", "œ", "f"), "heures", ("œ", "ʁ"))
     ('n', 'œ', 'v')
     """
     vowel = opens(following, following_phones)
-    if word == "neuf" and following in ("ans", "heures", "autres", "hommes"):
+    last = word.rsplit("-", 1)[-1]
+    if last == "neuf" and following in ("ans", "heures", "autres", "hommes"):
         return (*phones[:-1], "v")
-    if word in ("six", "dix") and vowel:
-        return (*_CARDINALS_LOSING[word], "z")
-    if word in ("six", "dix", "huit") and not vowel:
-        return _CARDINALS_LOSING[word]
+    if last in ("six", "dix") and vowel:
+        return (*phones[:-1], "z")
+    if last in ("six", "dix", "huit") and not vowel:
+        return tuple(phones[:-1])
     return tuple(phones)

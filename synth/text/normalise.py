@@ -8,6 +8,7 @@ marks ``,`` (a short pause) and ``.`` (a long one).
 import re
 import unicodedata
 
+from synth.text.capitals import accented, without_accents
 from synth.text.lexicon import lookup
 from synth.text.readings import RULES
 
@@ -52,10 +53,14 @@ def normalise(text: str) -> list[str]:
 
 
 def _lower_shouting(line: str) -> str:
-    """Return a line in capitals in lower case: its capitals do not mark sigles."""
+    """Return a line in capitals in lower case: its capitals do not mark sigles.
+
+    Where no capital bears an accent, they are missing.
+    """
     words = re.findall(r"[^\W\d_]{2,}", line)
     if len(words) > 1 and all(word.isupper() for word in words):
-        return line.lower()
+        lower = line.lower()
+        return lower if without_accents(lower) != lower else accented(lower)
     return line
 
 

@@ -13,6 +13,7 @@ MONTHS = (
 
 ABBREVIATIONS = (
     (r"\bMM\.(?= )", "messieurs"),
+    (r"\bM\.(?= et (?:M\.|Mme|Mlle))", "monsieur"),
     (r"\bM\.(?= ?[A-ZÉÈÀÂÎ])(?! ?[A-Z]\.)|\bMr\b\.?", "monsieur"),
     (r"\bMmes\b\.?", "mesdames"),
     (r"\bMme\b\.?", "madame"),

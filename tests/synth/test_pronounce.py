@@ -136,3 +136,29 @@ def test_any_text_gives_phones(text: str) -> None:
         assert word.phones
         assert set(word.phones) <= set(PHONES[1:])
         assert word.pause in ("", ",", ".")
+
+
+@pytest.mark.parametrize(
+    ("written", "phones"),
+    [
+        ("22 ans", "vɛ̃tdø zɑ̃"),
+        ("80 ans", "katʁəvɛ̃ zɑ̃"),
+        ("36 ans", "tʁɑ̃tsiz ɑ̃"),
+        ("36 jours", "tʁɑ̃tsi ʒuʁ"),
+        ("90 ans", "katʁəvɛ̃diz ɑ̃"),
+        ("88 francs", "katʁəvɛ̃ɥi fʁɑ̃"),
+        ("101 ans", "sɑ̃ œ̃ nɑ̃"),
+        ("quatre-vingt-un ans", "katʁəvɛ̃œ̃ nɑ̃"),
+        ("Il en a plus que moi.", "il ɑ̃ na plys kə mwa"),
+        ("Il n'y a plus que moi.", "il n i a ply kə mwa"),
+        ("M. et Mme Martin", "məsjø e madam maʁtɛ̃"),
+        ("L'ETE DERNIER, IL A ETE PRESIDENT", "l ete dɛʁnje il a ete pʁezidɑ̃"),
+        ("LE BEBE A MANGE SA PUREE", "lə bebe a mɑ̃ʒe sa pyʁe"),
+        ("LE BEBE MANGE", "lə bebe mɑ̃ʒ"),
+        ("JE SUIS DEJA ALLE A LA FETE", "ʒə sɥi deʒa ale a la fɛt"),
+        ("LES ELEVES ONT TRAVAILLE", "le zelɛv ɔ̃ tʁavaje"),
+        ("IL MANGE DÉJÀ", "il mɑ̃ʒ deʒa"),
+    ],
+)
+def test_numerals_capitals_and_plus(written: str, phones: str) -> None:
+    assert " ".join("".join(word.phones) for word in phonemise(written)) == phones

@@ -90,3 +90,43 @@ def test_malformed(data: bytes, message: str) -> None:
 def test_missing_file(tmp_path: Path) -> None:
     with pytest.raises(CueError, match="cannot read subtitles: No such file"):
         read_subtitles(tmp_path / "none.srt")
+
+
+@pytest.mark.parametrize(
+    ("shown", "said"),
+    [
+        ("Jean : Tu viens ?", "Tu viens ?"),
+        ("- Paul: Non.\n- Marie (off) : Si !", "Non. Si !"),
+        ("Jean-Pierre :\nOui", "Oui"),
+        ("Voix de femme : Entrez !", "Entrez !"),
+        ("Homme 1 : Stop !", "Stop !"),
+        ("GARÇON 2 :\nViens !", "Viens !"),
+        ("Le docteur Martin : Il ira mieux.", "Le docteur Martin : Il ira mieux."),
+        ("Attention : Danger !", "Attention : Danger !"),
+        ("Il m'a dit : Viens ici.", "Il m'a dit : Viens ici."),
+        ("Mon ami Paul : un génie.", "Mon ami Paul : un génie."),
+        ("* Il rit *", ""),
+        ("- *Sonnerie*\n- Allô ?", "Allô ?"),
+        ("On *adore* ça", "On *adore* ça"),
+        ("Je ne com-\nprends pas", "Je ne comprends pas"),
+        ("Donne-\nmoi ça", "Donne-moi ça"),
+        ("Il vient -\nje crois", "Il vient - je crois"),
+    ],
+)
+def test_labels_sounds_and_broken_words(shown: str, said: str) -> None:
+    assert spoken(shown) == said
+
+
+def test_what_stays_on_the_screen_is_said_once() -> None:
+    def srt(*cues: tuple[float, float, str]) -> bytes:
+        blocks = [f"00:{a:06.3f} --> 00:{b:06.3f}\n{text}\n" for a, b, text in cues]
+        return "\n".join(blocks).encode()
+
+    rolling = srt((0, 2, "Bonjour"), (2, 4, "Bonjour\ncher ami"), (4, 6, "cher ami\net vous ?"))
+    assert [s.text for s in parse_subtitles(rolling)] == ["Bonjour", "cher ami", "et vous ?"]
+    growing = srt((0, 1, "Je"), (1, 2, "Je viens"), (2, 3, "Je viens demain"))
+    assert [s.text for s in parse_subtitles(growing)] == ["Je", "viens", "demain"]
+    twice = parse_subtitles(srt((0, 1, "Oui."), (1, 2, "Oui."), (4, 5, "Oui.")))
+    assert [(s.start_s, s.end_s) for s in twice] == [(0, 2), (4, 5)]
+    apart = srt((0, 2, "Non."), (2.5, 4, "Non.\nJamais."))
+    assert [s.text for s in parse_subtitles(apart)] == ["Non.", "Non.\nJamais."]
