@@ -18,6 +18,10 @@ from watermark.profile import FRAMES_PER_SUPERFRAME, HOP, SUPERFRAME
 from watermark.tape import Tape
 
 
+LOUDEST = 5.0
+"""Largest deviation of a loudness from its mean that counts, natural logarithm of power."""
+
+
 @dataclass(frozen=True, slots=True)
 class Fit:
     """Where known bits fit best.
@@ -61,6 +65,21 @@ class View:
 
     spectra: NDArray[np.complex128]
     amplitudes: NDArray[np.float64]
+
+    def loudness(self, cells: Cells) -> NDArray[np.float64]:
+        """Logarithms of the power of each cell's unit and of its frame, less their means.
+
+        Returns
+        -------
+        ndarray of float64, shape (2, 64, groups)
+            Less the mean over the frames at each cell position; no farther than `LOUDEST` from it.
+        """
+        unit = self.amplitudes[:, cells.first_bin : cells.last_bin]
+        unit = unit.reshape(-1, cells.dither.size, cells.bins).mean(axis=2)
+        cell = 2 * np.log(np.maximum(unit, 1e-7))
+        frame = np.log((np.abs(self.spectra) ** 2).sum(axis=1) + 1e-12)
+        both = np.stack([cell, np.repeat(frame[:, np.newaxis], cell.shape[1], axis=1)])
+        return np.clip(both - both.mean(axis=1, keepdims=True), -LOUDEST, LOUDEST)
 
     def soft(
         self, cells: Cells, step: float, *, delay: NDArray[np.float64] | None = None

@@ -14,7 +14,7 @@ from watermark.align import View
 from watermark.layout import make_layout, make_pilots
 from watermark.link import Decoded, Link
 from watermark.profile import LEVELS, PILOT_STEPS, Profile
-from watermark.reliability import Reliability
+from watermark.reliability import NOISY, Reliability
 
 LIST_SIZE, LONG_LIST_SIZE = 8, 32
 """Paths that the decoder follows at first, and when that found nothing."""
@@ -71,23 +71,30 @@ class Demodulator:
     def read(self, view: View, levels: list[int]) -> Reading:
         """Read at the first of `levels` that the link accepts; else at the first of all.
 
-        What fails everywhere is tried again at the first level with a longer list.
+        What fails everywhere is tried again at the first level with a longer list, then as sound
+        to which noise was added.
         """
+        loudness = view.loudness(self.layout.cells)
+        learnt = self.reliability.weights(loudness)
+        noisy = self.reliability.weights(loudness, exponents=NOISY)
         attempts = itertools.chain(
-            ((level, LIST_SIZE) for level in levels), [(levels[0], LONG_LIST_SIZE)]
+            ((level, learnt, LIST_SIZE) for level in levels),
+            [(levels[0], learnt, LONG_LIST_SIZE), (levels[0], noisy, LONG_LIST_SIZE)],
         )
-        for level, list_size in attempts:
-            reading = self._read_at(view, level, list_size)
+        for level, weights, list_size in attempts:
+            reading = self._read_at(view, level, weights, list_size)
             if reading.decoded.l0 is not None:
-                return self._settle(reading)
+                return self._settle(reading, weights)
         return reading
 
-    def _read_at(self, view: View, level: int, list_size: int) -> Reading:
+    def _read_at(
+        self, view: View, level: int, weights: NDArray[np.float64], list_size: int
+    ) -> Reading:
         soft = view.soft(self.layout.cells, self.profile.step(level))
-        llr = self.layout.gather(self.reliability.weigh(soft))
+        llr = self.layout.gather(soft * weights)
         return Reading(view, level, soft, llr, self.link.decode(llr, list_size=list_size))
 
-    def _settle(self, reading: Reading) -> Reading:
+    def _settle(self, reading: Reading, weights: NDArray[np.float64]) -> Reading:
         """Move to the level at which the decoded bits fit best: L0 survives a wrong one."""
         expected = self.expected(reading.decoded)
 
@@ -99,8 +106,13 @@ class Demodulator:
         best = max(near, key=fit)
         if best == reading.level:
             return reading
-        again = self._read_at(reading.view, best, LIST_SIZE)
+        again = self._read_at(reading.view, best, weights, LIST_SIZE)
         return reading if again.decoded.l0 is None else again
+
+    def learn(self, reading: Reading) -> None:
+        """Let a decoded superframe teach how far cells can be trusted."""
+        loudness = reading.view.loudness(self.layout.cells)
+        self.reliability.learn(reading.soft, self.expected(reading.decoded), loudness)
 
     def expected(self, decoded: Decoded) -> NDArray[np.float64]:
         """Soft values that decoded bits ask for; 0 where unknown, shape (64, groups)."""

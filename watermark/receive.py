@@ -288,7 +288,8 @@ class AudioReceiver:
         demodulator = track.demodulator
         expected = demodulator.expected(reading.decoded)
         cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
-        weighted = expected * demodulator.reliability.weights
+        loudness = reading.view.loudness(cells)
+        weighted = expected * demodulator.reliability.weights(loudness)
         if wide:
             for grid in LOCK_IN:
                 view = read_view(self._tape, track.position, track.ratio, self._masker)
@@ -298,7 +299,7 @@ class AudioReceiver:
             pace = PACE_GAIN * fit.delay / SUPERFRAME * 1e6
             drift = DRIFT_GAIN * fit.drift_ppm + pace
             self._move(track, Fit(DELAY_GAIN * fit.delay, drift, fit.pivot))
-        demodulator.reliability.learn(reading.soft, expected)
+        demodulator.learn(reading)
         self._errors += int(((reading.soft * expected) < 0).sum())
         self._counted += int((expected != 0).sum())
         track.level, track.misses = reading.level, 0

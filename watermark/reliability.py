@@ -1,8 +1,10 @@
-"""How far each cell position can be trusted, learnt from the superframes that were decoded.
+"""How far each cell can be trusted, learnt from the superframes that were decoded.
 
 In: soft values and the bits they should have had; out: weights that turn soft values into
 log-likelihood ratios. A soft value is the cosine of a phase; with von Mises noise of concentration
-kappa the ratio of a cosine c is 2 kappa c, and kappa follows from the mean resultant length.
+kappa the ratio of a cosine c is 2 kappa c, and kappa follows from the mean resultant length. Within
+a superframe the weights follow the strength of each cell and of its frame, upwards where noise was
+added and downwards where a coder was short of bits: two exponents, learnt by logistic regression.
 Source: Mardia and Jupp, "Directional Statistics", 2000, section 5.3. Specification: section 7.3.
 """
 
@@ -19,9 +21,18 @@ MEMORY = 0.7
 LIMITS = (0.02, 0.95)
 """A resultant outside is an accident of few cells."""
 
+PACE, RIDGE = 0.3, 20.0
+"""Part of a Newton step by which the exponents move, and curvature added for the sake of calm."""
+
+LARGEST_EXPONENT = 1.0
+"""Exponents of power stay within this."""
+
+NOISY = np.array([0.5, 0.0])
+"""Exponents to be tried where the learnt ones fail: noise was added, and covers the soft cells."""
+
 
 class Reliability:
-    """Weights of the cell positions of a frame.
+    """Weights of the cells of a superframe.
 
     Parameters
     ----------
@@ -31,29 +42,48 @@ class Reliability:
     Examples
     --------
     >>> reliability = Reliability(2)
-    >>> bits = np.tile([1.0, -1.0], (64, 1))
-    >>> reliability.learn(bits * [0.9, 0.1], bits)
-    >>> bool(reliability.weights[0] > reliability.weights[1])
+    >>> bits, level = np.tile([1.0, -1.0], (64, 1)), np.zeros((2, 64, 2))
+    >>> reliability.learn(bits * [0.9, 0.1], bits, level)
+    >>> weights = reliability.weights(level)
+    >>> bool(weights[0, 0] > weights[0, 1])
     True
     """
 
     def __init__(self, groups: int) -> None:
         self._resultant = np.linspace(PRIOR_LOW, PRIOR_HIGH, groups)
+        self._exponents = np.zeros(2)
 
-    @property
-    def weights(self) -> NDArray[np.float64]:
-        """Log-likelihood ratio of a soft value of 1 at each cell position, shape (groups,)."""
+    def weights(
+        self, level: NDArray[np.float64], *, exponents: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """Log-likelihood ratio of a soft value of 1 in each cell, shape (64, groups).
+
+        Parameters
+        ----------
+        level : ndarray of float64, shape (2, 64, groups)
+            Logarithms of the power of each cell's unit and of its frame, less their means.
+        exponents : ndarray of float64, shape (2,), optional
+            To be used instead of the learnt ones.
+        """
         r = self._resultant
-        return np.asarray(2 * r * (2 - r**2) / (1 - r**2))
+        used = self._exponents if exponents is None else exponents
+        return np.asarray(2 * r * (2 - r**2) / (1 - r**2) * np.exp(np.tensordot(used, level, 1)))
 
-    def weigh(self, soft: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Log-likelihood ratios of soft values, shape (64, groups)."""
-        return soft * self.weights
-
-    def learn(self, soft: NDArray[np.float64], expected: NDArray[np.float64]) -> None:
+    def learn(
+        self,
+        soft: NDArray[np.float64],
+        expected: NDArray[np.float64],
+        level: NDArray[np.float64],
+    ) -> None:
         """Take a superframe's soft values and their true signs (0 unknown), shape (64, groups)."""
         known = (np.abs(expected) * (soft != 0)).sum(axis=0)
         seen = known > 8
         mean = (soft * expected).sum(axis=0)[seen] / known[seen]
         old = self._resultant[seen]
         self._resultant[seen] = np.clip(MEMORY * old + (1 - MEMORY) * mean, *LIMITS)
+        ratio = self.weights(level) * soft * expected
+        slope = ratio / (1 + np.exp(np.clip(ratio, -30, 30)))
+        gradient = (level * slope).sum(axis=(1, 2)) - RIDGE * self._exponents
+        curvature = (level**2 * np.abs(slope)).sum(axis=(1, 2)) + RIDGE
+        moved = self._exponents + PACE * gradient / curvature
+        self._exponents = np.clip(moved, -LARGEST_EXPONENT, LARGEST_EXPONENT)
