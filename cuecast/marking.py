@@ -5,7 +5,7 @@ Sounds above 48 kHz are marked at 48 kHz: only the mark is brought to their rate
 that the programme itself is never resampled.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from watermark.mix import RATES
 from watermark.profile import SUPERFRAME_S
 from watermark.quality import PeaqMeter
 from watermark.quality.resample import Resampler
+from watermark.rehearsal import Rehearsal
 
 _MARKED_RATE = 48_000
 _GRADED_CHANNELS = 2
@@ -45,6 +46,8 @@ class MarkingStage:
         Objective difference grade (ITU-R BS.1387) that the mark aims at.
     graded : bool
         Whether to run the quality meter alongside.
+    rehearsal, shortages : optional
+        See `AudioEmbedder`.
 
     Raises
     ------
@@ -55,6 +58,7 @@ class MarkingStage:
     def __init__(
         self, sound: SoundFormat, source: Source, *, name: str, profile: str = "standard",
         key: int = 0, grade: float = -0.4, graded: bool = True,
+        rehearsal: Rehearsal | None = None, shortages: Mapping[int, float] | None = None,
     ) -> None:  # fmt: skip
         if sound.fs < min(RATES):
             raise CueError(
@@ -65,7 +69,14 @@ class MarkingStage:
         rate = sound.fs if sound.fs in RATES else _MARKED_RATE
         try:
             self._embedder = AudioEmbedder(
-                rate, sound.channels, source, profile=profile, key=key, grade=grade
+                rate,
+                sound.channels,
+                source,
+                profile=profile,
+                key=key,
+                grade=grade,
+                rehearsal=rehearsal,
+                shortages=shortages,
             )
         except CueError as error:
             raise CueError(f"{name}: {error}") from error

@@ -17,7 +17,6 @@ from watermark.mdct import analyse, frames_of
 from watermark.profile import FRAMES_PER_SUPERFRAME, HOP, SUPERFRAME
 from watermark.tape import Tape
 
-
 LOUDEST = 5.0
 """Largest deviation of a loudness from its mean that counts, natural logarithm of power."""
 
@@ -79,7 +78,7 @@ class View:
         cell = 2 * np.log(np.maximum(unit, 1e-7))
         frame = np.log((np.abs(self.spectra) ** 2).sum(axis=1) + 1e-12)
         both = np.stack([cell, np.repeat(frame[:, np.newaxis], cell.shape[1], axis=1)])
-        return np.clip(both - both.mean(axis=1, keepdims=True), -LOUDEST, LOUDEST)
+        return np.asarray(np.clip(both - both.mean(axis=1, keepdims=True), -LOUDEST, LOUDEST))
 
     def soft(
         self, cells: Cells, step: float, *, delay: NDArray[np.float64] | None = None

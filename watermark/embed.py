@@ -5,7 +5,7 @@ grade, and added to its front channels. Specification: sections 2 and 4.4.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,7 @@ from watermark.profile import (
     SUPERFRAME_S,
     find_profile,
 )
+from watermark.rehearsal import Rehearsal
 from watermark.tape import Tape
 
 STRETCH = 4
@@ -80,6 +81,8 @@ class _Stretch:
         Part of the last superframe's mark that lies beyond.
     silent : tuple of bool
         For each superframe, whether it cannot carry.
+    levels : list of int, or None
+        Level of each superframe; None where nothing was to be written.
     """
 
     mid: NDArray[np.float64]
@@ -88,6 +91,7 @@ class _Stretch:
     mark: NDArray[np.float64]
     tail: NDArray[np.float64]
     silent: tuple[bool, ...]
+    levels: list[int] | None
 
 
 class AudioEmbedder:
@@ -112,6 +116,10 @@ class AudioEmbedder:
         Fixed level instead, see `watermark.profile.LEVELS`.
     key : int
         Seed of the layout, 0 to 2**64 - 1; the receiver needs the same.
+    rehearsal : Rehearsal, optional
+        Is shown what was marked, of profile and key as here.
+    shortages : mapping of int to float, optional
+        Levels to be added to the needs of superframes, by number, see `Rehearsal.shortages`.
 
     Raises
     ------
@@ -137,6 +145,8 @@ class AudioEmbedder:
         grade: float = -0.45,
         level: int | None = None,
         key: int = 0,
+        rehearsal: Rehearsal | None = None,
+        shortages: Mapping[int, float] | None = None,
     ) -> None:
         check_format(fs, channels)
         self._fs, self._channels, self._source = fs, channels, source
@@ -144,6 +154,8 @@ class AudioEmbedder:
         self._designer = MarkDesigner(self._profile, key)
         self._front = min(channels, 2)
         self._control = LevelControl(grade, self._front) if level is None else None
+        self._rehearsal = rehearsal
+        self._shortages = shortages or {}
         self._level = level or 0
         self._programme = np.zeros((0, channels))
         self._given = 0
@@ -211,6 +223,8 @@ class AudioEmbedder:
                 return self._stretch(host, side[:-HOP], payloads, levels)
 
             made = self._control.settle(attempt)
+            if self._rehearsal is not None:
+                self._rehearsal.send(made.marked, payloads, _written(made))
         self._before, self._tail = made.mid[-HOP:], made.tail
         self._mark.append(made.mark)
         self._silent += [k for k, silent in zip(numbers, made.silent, strict=True) if silent]
@@ -221,9 +235,10 @@ class AudioEmbedder:
     def _needs(self, host: NDArray[np.float64], side: NDArray[np.float64]) -> list[float]:
         """Level that each superframe of a stretch needs."""
         needs, before = [], self._before
-        for start in range(0, host.size - HOP, SUPERFRAME):
+        for i, start in enumerate(range(0, host.size - HOP, SUPERFRAME)):
             span = slice(start, start + SUPERFRAME + HOP)
-            needs.append(self._designer.need(before, host[span], side[span]))
+            short = self._shortages.get(self._next + i, 0.0) / EQUALISATION
+            needs.append(short + self._designer.need(before, host[span], side[span]))
             before = host[start + SUPERFRAME - HOP : start + SUPERFRAME]
         return needs
 
@@ -253,6 +268,7 @@ class AudioEmbedder:
             mark=mark[:-HOP],
             tail=mark[-HOP:],
             silent=tuple(silent),
+            levels=levels,
         )
 
     def _finished(self) -> int:
@@ -271,6 +287,12 @@ class AudioEmbedder:
         self._given += count
         self._mark.forget(int(self._given * ratio) - 2 * self._mark.reach(ratio))
         return add_mark(x, mark).astype(np.float32)
+
+
+def _written(made: _Stretch) -> list[int | None]:
+    """Level of each superframe that bears a mark, None for the others."""
+    levels = made.levels or [0] * len(made.silent)
+    return [None if silent else level for silent, level in zip(made.silent, levels, strict=True)]
 
 
 def _level(base: float, need: float) -> int:

@@ -102,8 +102,28 @@ def _other_rate(x: Sound, fs: int) -> Sound:
     return np.asarray(scipy.signal.resample_poly(there, down, up, axis=0), dtype=np.float32)
 
 
-def _gain(x: Sound, fs: int) -> Sound:
-    return x * np.float32(0.5)
+def _gain(x: Sound, fs: int, *, gain_db: float) -> Sound:
+    """Louder or softer, clipped at full scale."""
+    return np.asarray(np.clip(x * np.float32(10 ** (gain_db / 20)), -1.0, 1.0))
+
+
+def _invert(x: Sound, fs: int) -> Sound:
+    return -x
+
+
+def _room(x: Sound, fs: int) -> Sound:
+    """Play in a simulated room before one microphone.
+
+    0.4 s of decaying noise, the direct sound 3 dB above it, and noise 30 dB below the programme.
+    """
+    rng = np.random.default_rng(1)
+    tail = rng.normal(size=round(0.4 * fs)) * 10 ** (-3 * np.arange(round(0.4 * fs)) / (0.4 * fs))
+    tail[: round(0.004 * fs)] = 0.0
+    response = tail * 10 ** (-3 / 20) / np.sqrt((tail**2).sum())
+    response[0] = 1.0
+    mono = x.astype(np.float64).mean(axis=1)
+    heard = scipy.signal.fftconvolve(mono, response)[: len(x)]
+    return _noise((heard / 2)[:, np.newaxis].astype(np.float32), fs)
 
 
 def _noise(x: Sound, fs: int) -> Sound:
@@ -160,7 +180,13 @@ CHANNELS: dict[str, Channel] = {
     "clock_plus_100ppm": partial(at_other_speed, ppm=100.0),
     "clock_minus_100ppm": partial(at_other_speed, ppm=-100.0),
     "stretch_1000ppm": partial(at_other_speed, ppm=1000.0),
-    "gain_minus_6db": _gain,
+    "clock_plus_200ppm": partial(at_other_speed, ppm=200.0),
+    "clock_minus_200ppm": partial(at_other_speed, ppm=-200.0),
+    "gain_minus_6db": partial(_gain, gain_db=-6.0),
+    "gain_minus_20db": partial(_gain, gain_db=-20.0),
+    "gain_plus_10db": partial(_gain, gain_db=10.0),
+    "inverted": _invert,
+    "room": _room,
     "noise_30db": _noise,
     "crop": _crop,
     "compress": _compress,

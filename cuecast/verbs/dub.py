@@ -69,6 +69,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--grade", type=grade, default=-0.4, metavar="ODG",
         help="how much of the mark a listener may notice, from 0 (nothing) to -4 (BS.1387)",
     )  # fmt: skip
+    parser.add_argument(
+        "--through", metavar="CODER",
+        help="the broadcaster's coder, such as aac:64k: the mark is rehearsed through it",
+    )  # fmt: skip
     parser.add_argument("--no-grade", action="store_true", help="do not run the quality meter")
     add_json(parser)
     add_voice(parser)
@@ -108,6 +112,7 @@ def run(args: argparse.Namespace) -> int:
     options = DubOptions(
         carriers, profiles, args.key, args.track, args.audio_codec, args.audio_bitrate,
         args.video_codec, args.video_bitrate, args.grade, not args.no_grade,
+        args.through,
     )  # fmt: skip
     passes = 1 + (len(carriers) > 1)
     with seconds_bar(duration_s and passes * duration_s, Path(args.programme).name) as advance:

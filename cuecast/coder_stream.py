@@ -1,0 +1,95 @@
+"""A coder and its decoder as one stream: what listeners at home will hear of a programme.
+
+In: samples at 48 kHz; out: the samples that came through, later by the coder's delay. It serves
+`dub --through`, where the embedder rehearses the broadcast. Codecs are those of PyAV.
+"""
+
+import re
+from typing import Any
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+
+FS = 48_000
+
+_ENCODERS = {
+    "aac": "aac",
+    "mp2": "mp2",
+    "mp3": "libmp3lame",
+    "ac3": "ac3",
+    "eac3": "eac3",
+    "opus": "libopus",
+}
+"""Encoder of each name."""
+
+Samples = NDArray[np.float32]
+
+
+class CoderStream:
+    """Code and decode without end, in stereo.
+
+    Parameters
+    ----------
+    coder : str
+        Name and bit rate, such as ``aac:128k``.
+
+    Raises
+    ------
+    CueError
+        If there is no such coder, or not at this rate.
+
+    Examples
+    --------
+    >>> stream = CoderStream("mp2:192k")
+    >>> stream.process(np.zeros((48000, 2), dtype=np.float32)).shape[1]
+    2
+    """
+
+    def __init__(self, coder: str) -> None:
+        match = re.fullmatch(r"(\w+):(\d+)k", coder)
+        if match is None or match[1] not in _ENCODERS:
+            known = ", ".join(_ENCODERS)
+            raise CueError(f"coder {coder!r}: say it as aac:128k, known: {known}")
+        name = _ENCODERS[match[1]]
+        encoder: Any = av.CodecContext.create(name, "w")
+        encoder.sample_rate, encoder.bit_rate = FS, int(match[2]) * 1000
+        encoder.layout, encoder.format = "stereo", _format_of(encoder)
+        try:
+            encoder.open()
+        except av.FFmpegError as error:
+            raise CueError(f"coder {coder!r}: {error.strerror}") from error
+        self._encoder = encoder
+        self._decoder: Any = av.CodecContext.create(_decoder_of(match[1]), "r")
+        self._decoder.extradata = encoder.extradata
+        self._towards = av.AudioResampler(
+            encoder.format, "stereo", FS, frame_size=encoder.frame_size or 1024
+        )
+        self._back = av.AudioResampler("fltp", "stereo", FS)
+        self._time = 0
+
+    def process(self, sound: Samples) -> Samples:
+        """Take samples, shape (n, 1 or 2); return what is decoded by now, shape (m, 2)."""
+        pair = np.repeat(sound, 2, axis=1) if sound.shape[1] == 1 else sound
+        words = np.round(np.clip(pair, -1.0, 32767 / 32768) * 32768).astype(np.int16)
+        frame = av.AudioFrame.from_ndarray(words.reshape(1, -1), format="s16", layout="stereo")
+        frame.sample_rate, frame.pts = FS, self._time
+        self._time += len(words)
+        parts: list[NDArray[Any]] = [np.zeros((2, 0), dtype=np.float32)]
+        for whole in self._towards.resample(frame):
+            for packet in self._encoder.encode(whole):
+                for heard in self._decoder.decode(packet):
+                    parts += [part.to_ndarray() for part in self._back.resample(heard)]
+        return np.ascontiguousarray(np.concatenate(parts, axis=1).T, dtype=np.float32)
+
+
+def _format_of(encoder: Any) -> str:
+    """Sample format that an encoder takes, the plainest first."""
+    offered = [form.name for form in encoder.codec.audio_formats]
+    return next((name for name in ("s16", "s16p", "fltp", "flt") if name in offered), offered[0])
+
+
+def _decoder_of(name: str) -> str:
+    return "libopus" if name == "opus" else name
