@@ -15,6 +15,7 @@ from synth.text.tables import (
     FEMININE_NOUNS,
     LETTER_NAMES,
     MONTHS,
+    SPELLED_SIGLES,
     SPOKEN_SIGLES,
     SYMBOLS,
     UNITS,
@@ -124,6 +125,34 @@ def ordinal(m: Match) -> str:
     return f" {numbers.ordinal(n, feminine=suffix.startswith(('re', 'ère')))}{plural} "
 
 
+def short_date(m: Match) -> str:
+    """Read a day and a month in figures after its article: le 11/09, du 1/5."""
+    day, month = int(m[2]), int(m[3])
+    if not (1 <= day <= 31 and 1 <= month <= 12):
+        return str(m[0])
+    name = "premier" if day == 1 else numbers.cardinal(day)
+    return f"{m[1]} {name} {MONTHS[month - 1]} "
+
+
+def free_call(m: Match) -> str:
+    """Read a telephone number by threes, with pauses: 0 800 123 456."""
+    plain = re.sub(r"\D", "", m[0])
+    groups = [f"zéro {numbers.cardinal(int(plain[1:4]))}", *re.findall(r"\d{3}", plain[4:])]
+    return f" {' , '.join([groups[0], *map(say_integer, groups[1:])])} "
+
+
+def height(m: Match) -> str:
+    """Read a length in metres and centimetres: 1m80, 1 m 80."""
+    n = _integer(m[1])
+    return f" {numbers.cardinal(n)} {'mètre' if n < 2 else 'mètres'} {say_integer(m[2])} "
+
+
+def mixed(m: Match) -> str:
+    """Read letters and figures in one word: M6, 3D, H1N1, CO2."""
+    pieces = re.findall(r"[^\W\d_]+|\d+", m[0])
+    return f" {' '.join(say_integer(p) if p.isdigit() else spell(p) for p in pieces)} "
+
+
 def regnal(m: Match) -> str:
     """Read a Roman numeral after a name or the part of a book: Louis XIV, chapitre IV."""
     n = numbers.roman(m[2])
@@ -185,11 +214,13 @@ _READABLE = re.compile(f"{_C}{{0,2}}{_V}{{1,2}}(?:{_C}{{1,2}}{_V}{{1,2}})*(?:[rl
 
 def sigle(m: Match) -> str:
     """Read a word in capitals: as a word if it is one, else letter by letter."""
-    letters = m[0].replace(".", "")
+    letters = re.sub("[.-]", "", m[0])
     word = letters.lower()
     vowels = re.search("[aeiouyàâéèêëîïôùû]", word)
     if set(letters) <= set("IVX") and numbers.roman(letters):
         return f" {numbers.cardinal(numbers.roman(letters))} "
+    if word in SPELLED_SIGLES:
+        return f" {spell(word)} "
     if word in SPOKEN_SIGLES or (vowels and "." not in m[0] and lookup(word)):
         return word
     if len(word) > 3 and _READABLE.fullmatch(word):
@@ -214,6 +245,13 @@ _PATTERNS: list[tuple[str, Reading]] = [
     (r"(?:https?://|www\.)[\w./-]*[\w/]|[\w.+-]+@[\w-]+(?:\.[\w-]+)+", address),
     (r"\b[\w-]+\.(?:fr|com|org|net|tv|eu)\b(?!\.\w)", address),
     (r"(?<!\d)(?:\+33 ?\d|0\d)(?:[ .]?\d\d){4}(?!\d)", telephone),
+    (r"(?<![\d,.] )(?<!\d)0 ?8\d\d(?: \d{3}){2}(?!\d)", free_call),
+    (r"(?<!\d)(\d{1,2}) ?[hH] ?/ ?(\d{1,2})(?![\w/])",
+     lambda m: f" {numbers.cardinal(int(m[1]), feminine=True)} heures sur {say_integer(m[2])} "),
+    (r"(?<!\d)(\d) ?j(?:ours?)? ?/ ?(\d)(?![\w/])",
+     lambda m: f" {say_integer(m[1])} jours sur {say_integer(m[2])} "),
+    (r"(?<![\d,.])(\d) ?m ?(\d\d)(?![\w,.]\d|\w)", height),
+    (r"\b([Ll]e|[Dd]u|[Aa]u) (\d{1,2})/(\d{1,2})(?![\d/])", short_date),
     *((pattern, _fixed(said)) for pattern, said in ABBREVIATIONS),
     (r"(?<![\d,])(\d{1,2}) ?[hH] ?(\d\d)(?:(?: ?m| ?mn| ?min)? ?(\d\d) ?s)?(?: ?min| ?mn)?(?!\w)",
      hour),
@@ -230,12 +268,14 @@ _PATTERNS: list[tuple[str, Reading]] = [
     (r"(?<![\w/])(\d+)/(\d+)(?![\w/])", fraction),
     (r"\b([A-ZÉ][\w-]+|chapitre|tome|acte|scène|livre|siècle) ([IVXLCDM]+)\b", regnal),
     (r"(?<=\d) ?[x×] ?(?=\d)", _fixed("fois")),
+    (r"(?<![\w-])(?:[A-Z]{1,3}\d+(?:[A-Z]{1,2}\d*)*|\d[A-Z](?:\d[A-Z])*)(?![\w%°])", mixed),
     (r"(?<=\d)-(?=\d)", _fixed("")),
     (rf"{_N}(?P<w> ?[^\W\d_]+)?", plain_number),
     (r"\d+", lambda m: f" {say_integer(m[0])} "),
     *((re.escape(sign), _fixed(said)) for sign, said in SYMBOLS.items()),
-    (r"\b(?:[A-ZÉ]\.){2,}", sigle),
+    (r"\b(?:[A-ZÉ]\.-?){2,}", sigle),
     (r"(?<![\w-])[A-ZÀ-Ý]{2,}(?!\w)", sigle),
+    (r"(?<![\w'’-])[B-DF-HJ-NP-TV-XZ](?![\w'’-])\.?", lambda m: f" {spell(m[0][0])} "),
 ]  # fmt: skip
 
 RULES = [(re.compile(pattern), reading) for pattern, reading in _PATTERNS]

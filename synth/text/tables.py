@@ -111,9 +111,12 @@ SYMBOLS = {
 SPOKEN_SIGLES = frozenset(
     "onu otan unesco unicef nasa sida ovni pacs smic urssaf opep insee inserm ena enarque cnil "
     "fnac ikea fifa uefa feder erasmus laser radar sonar zep zac sicav sacem assedic benelux "
-    "oulipo inra ademe cedex capes crous deug bac fac imax".split()
+    "oulipo inra ademe cedex capes crous deug bac fac imax cac led medef samu".split()
 )
 """Sigles that are said as words; the others of at most four letters are spelled."""
+
+SPELLED_SIGLES = frozenset("usa anpe eelv".split())
+"""Sigles that look like words and are spelled all the same."""
 
 FEMININE_NOUNS = frozenset(
     "heure heures minute minutes seconde secondes livre livres tonne tonnes personne personnes "

@@ -126,6 +126,22 @@ CASES = {
     "quatre-vingt-neuf",
     "+33 6 12 34 56 78": "plus trente-trois six , douze , trente-quatre , cinquante-six , "
     "soixante-dix-huit",
+    # letters and figures in one word, single letters
+    "M6": "emme six",
+    "la N7": "la enne sept",
+    "le G20": "le gé vingt",
+    "la 3D": "la trois dé",
+    "H1N1": "ache un enne un",
+    "le CO2": "le cé o deux",
+    "le plan B": "le plan bé",
+    "J. K. Rowling": "ji ka rowling",
+    "24h/24, 7j/7": "vingt-quatre heures sur vingt-quatre , sept jours sur sept",
+    "1m80": "un mètre quatre-vingts",
+    "le 11/09": "le onze septembre",
+    "0 800 123 456": "zéro huit cents , cent vingt-trois , quatre cent cinquante-six",
+    "les USA": "les u esse a",
+    "le K.-O.": "le ka o",
+    "C'est l'an 2": "c' est l' an deux",
     # sigles, addresses, signs
     "la SNCF": "la esse enne cé effe",
     "S.N.C.F.": "esse enne cé effe",

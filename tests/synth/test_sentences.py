@@ -49,16 +49,22 @@ def distance(a: list[str], b: list[str]) -> int:
     return row[-1]
 
 
-def test_phone_error_rate() -> None:
+@pytest.mark.parametrize(
+    ("part", "limit"),
+    # Measured: 2.99 %, and 3.32 % on the 801 that nobody has looked at; most of that are faults of
+    # the labels (un, c'est read letter by letter).
+    [(slice(200), 0.030), pytest.param(slice(200, None), 0.035, marks=pytest.mark.slow)],
+)
+def test_phone_error_rate(part: slice, limit: float) -> None:
     errors = total = 0
-    for text, labels in sentences()[:200]:
+    for text, labels in sentences()[part]:
         spoken = [p for word in phonemise(text, style=STYLE) for p in word.phones]
         ours = [MERGED.get(q, q) for p in spoken for q in SPLIT.get(p, (p,))]
         reference = [MERGED.get(p, p) for p in labels]
         errors += distance(reference, ours)
         total += len(reference)
     assert total > 11_000
-    assert errors / total <= 0.030  # measured: 2.99 %; most of the rest are faults of the labels
+    assert errors / total <= limit
 
 
 @pytest.mark.parametrize("every", [10, pytest.param(1, marks=pytest.mark.slow)])
