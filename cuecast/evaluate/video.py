@@ -41,19 +41,19 @@ class PictureChannel:
         FFmpeg's name of the encoder; ffv1 for none.
     bit_rate : int
         Bits per second.
-    scale : float
-        Size of what is coded, relative to the programme's; it is received at that size.
+    scales : tuple of float
+        Size relative to the programme's, for each time that it is coded, one after the other.
     change : callable, optional
         Applied to every luma frame before coding.
-    generations : int
-        How often it is coded.
+    fps_factor : int
+        How often each frame is shown.
     """
 
     codec: str = "ffv1"
     bit_rate: int = 1_000_000
-    scale: float = 1.0
+    scales: tuple[float, ...] = (1.0,)
     change: Callable[[Luma], Luma] | None = None
-    generations: int = 1
+    fps_factor: int = 1
 
 
 def _contrast(luma: Luma) -> Luma:
@@ -105,12 +105,14 @@ CHANNELS = {
     "hevc-1M": PictureChannel("libx265", 1_000_000),
     "mpeg2-4M": PictureChannel("mpeg2video", 4_000_000),
     "av1-1M": PictureChannel("libsvtav1", 1_000_000),
-    "540p-h264-2M": PictureChannel("libx264", 2_000_000, scale=0.75),
+    "540p-h264-2M": PictureChannel("libx264", 2_000_000, scales=(0.75,)),
+    "540p-and-back-h264-2M": PictureChannel("libx264", 2_000_000, scales=(0.75, 1.0)),
+    "50p-h264-2M": PictureChannel("libx264", 2_000_000, fps_factor=2),
     "contrast-h264-2M": PictureChannel("libx264", 2_000_000, change=_contrast),
     "logo-h264-2M": PictureChannel("libx264", 2_000_000, change=_logo),
     "crop-h264-2M": PictureChannel("libx264", 2_000_000, change=_crop),
     "letterbox-h264-2M": PictureChannel("libx264", 2_000_000, change=_letterbox),
-    "twice-h264-2M": PictureChannel("libx264", 2_000_000, generations=2),
+    "twice-h264-2M": PictureChannel("libx264", 2_000_000, scales=(1.0, 1.0)),
 }
 """Channels by name; rates are bits per second of the picture alone."""
 
@@ -353,30 +355,19 @@ class _Trial:
 
     def _code(self, channel: PictureChannel) -> Path:
         source = self._marked
-        for generation in range(channel.generations):
+        for generation, scale in enumerate(channel.scales):
             target = self._folder / f"coded{generation}.mkv"
-            self._code_once(source, target, channel, channel.change if generation == 0 else None)
+            width, height = (
+                2 * round(n * scale / 2) for n in (self._form.width, self._form.height)
+            )
+            change = channel.change if generation == 0 else None
+            rewrite_picture(
+                source, target, _stages(change), codec=channel.codec,
+                bit_rate=channel.bit_rate, size=(width, height),
+                fps=self._form.fps * channel.fps_factor,
+            )  # fmt: skip
             source = target
         return source
-
-    def _code_once(
-        self,
-        source: Path,
-        target: Path,
-        channel: PictureChannel,
-        change: Callable[[Luma], Luma] | None,
-    ) -> None:
-        width, height = (
-            2 * round(n * channel.scale / 2) for n in (self._form.width, self._form.height)
-        )
-        rewrite_picture(
-            source,
-            target,
-            lambda form: [] if change is None else [_Change(change)],
-            codec=channel.codec,
-            bit_rate=channel.bit_rate,
-            size=(width, height),
-        )
 
 
 class _Timed:
@@ -394,6 +385,12 @@ class _Timed:
 
     def flush(self) -> list[Luma]:
         return self.stage.flush()
+
+
+def _stages(change: Callable[[Luma], Luma] | None) -> Callable[[PictureFormat], list[PictureStage]]:
+    """Return what makes the stages of a coding: one that changes every frame, or none."""
+    stages: list[PictureStage] = [] if change is None else [_Change(change)]
+    return lambda form: stages
 
 
 class _Change:

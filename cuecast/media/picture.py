@@ -71,6 +71,7 @@ def rewrite_picture(
     bit_rate: int | None = None,
     gop: int | None = None,
     size: tuple[int, int] | None = None,
+    fps: Fraction | None = None,
     duration_s: float | None = None,
     progress: Callable[[float], None] = lambda seconds: None,
 ) -> PictureFormat:
@@ -88,6 +89,8 @@ def rewrite_picture(
         Most frames between two that stand alone; by default one second's.
     size : tuple of int, optional
         Width and height of the output.
+    fps : Fraction, optional
+        Frames per second of the output: frames are repeated or left out.
     duration_s : float, optional
         Seconds of picture after which to stop.
     progress : callable
@@ -105,7 +108,7 @@ def rewrite_picture(
         written. No output is left behind then.
     """
     with open_programme(source) as programme, whole_file(target) as temporary:
-        decoder = PictureDecoder(programme)
+        decoder = PictureDecoder(programme, fps=fps)
         form = decoder.format
         try:
             with av.open(f"file:{temporary}", "w") as output:

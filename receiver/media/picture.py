@@ -7,7 +7,7 @@ one place the first counts. A steady source passes unchanged.
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain
 from typing import Any
@@ -208,6 +208,8 @@ class PictureDecoder:
     ----------
     programme : Programme
         Its `picture` is decoded.
+    fps : Fraction, optional
+        Rate of the grid, if not the programme's own.
 
     Attributes
     ----------
@@ -225,9 +227,11 @@ class PictureDecoder:
         If there is no picture, or its headers do not tell what it is.
     """
 
-    def __init__(self, programme: Programme) -> None:
+    def __init__(self, programme: Programme, *, fps: Fraction | None = None) -> None:
         self._programme = programme
         self.format = format_of(programme)
+        if fps is not None:
+            self.format = replace(self.format, fps=fps)
         self.grid = SteadyGrid(self.format.fps)
         self.damaged = 0
         self.interlaced = False
