@@ -27,7 +27,7 @@ FORMS = {
     "a.mp4": ("libx264", "aac"), "a.mkv": ("libx264", "flac"), "a.ts": ("mpeg2video", "mp2"),
     "a.wav": (None, "pcm_s16le"), "b.mp4": ("mpeg4", None), "a.ogg": (None, "libopus"),
 }  # fmt: skip
-LONGEST_S = 60
+LONGEST_S = 300
 MOST_MEMORY_KB = 1_500_000
 
 
