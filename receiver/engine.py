@@ -7,6 +7,7 @@ events do not depend on how the samples are cut into blocks; memory does not gro
 list of keys when asked for.
 """
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from fractions import Fraction
@@ -22,7 +23,13 @@ from receiver.events import SUPERFRAME_S, Event, KeysFound, State
 from receiver.pictures import Found, PictureCarriers
 from receiver.tracking import Tracker
 from watermark.combine import Combiner
-from watermark.receive import AudioReceiver
+from watermark.receive import MAX_MISSES, AudioReceiver
+
+_COMPANY_S = 5.0
+"""So long after its last superframe a carrier still counts as company for the other."""
+
+_PATIENCE = 40
+"""Superframes in a row that may fail in a carrier that has company."""
 
 
 class Receiver:
@@ -63,6 +70,7 @@ class Receiver:
         self._sound_s, self._samples = start_s, 0
         self._tuned_in_s: float | None = None
         self._seen: dict[str, float | None] = {}
+        self._brought: dict[str, float] = {}
         self._keys: list[Key] | None = [] if keep_keys else None
         if fs:
             self.open_sound(fs, channels, start_s=start_s)
@@ -153,12 +161,29 @@ class Receiver:
     def _take(self, found: Iterable[Found]) -> list[Event]:
         events: list[Event] = []
         for item in found:
+            if item.superframe.l0 is not None:
+                self._encourage(item)
             for joined in self._combiner.add(item.carrier, item.superframe, item.profile):
                 l0, l1 = unnest(joined.l0, joined.l1)
                 events += self._tracker.take(l0, l1, joined.position_s)
                 if self._tuned_in_s is None and self._tracker.received:
                     self._tuned_in_s = max(joined.position_s + SUPERFRAME_S, self._locked_s())
         return self._kept([*events, *self._tracker.advance(self.now_s)])
+
+    def _encourage(self, found: Found) -> None:
+        """Let a carrier that fails stay locked while another one brings superframes.
+
+        Both are on the same grid, and what fails in one may help the other.
+        """
+        self._brought[found.carrier] = found.superframe.position_s
+        for name in ("audio", "video"):
+            others = (at_s for carrier, at_s in self._brought.items() if carrier != name)
+            alone = max(others, default=-math.inf) < found.superframe.position_s - _COMPANY_S
+            patience = MAX_MISSES if alone else _PATIENCE
+            if name == "video" and self._pictures is not None:
+                self._pictures.wait(patience)
+            elif name == "audio" and self._carrier is not None:
+                self._carrier.patience = patience
 
     def _locked_s(self) -> float:
         """Time at which the first carrier was found."""

@@ -97,6 +97,11 @@ class PictureCarriers:
             f for name, r in self._receivers.items() for f in self._named(name, r.process(luma))
         ]
 
+    def wait(self, misses: int) -> None:
+        """Let the invisible carrier give up its lock after so many failures in a row."""
+        if "video" in self._receivers:
+            self._receivers["video"].wait(misses)
+
     def flush(self) -> list[Found]:
         """Return what the last frames still hold."""
         receiver = self._receivers.get("video")

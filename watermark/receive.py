@@ -35,7 +35,7 @@ CONVINCING = 5.3
 """Score from which a candidate needs the check of the first class only."""
 
 MAX_MISSES = 6
-"""Superframes in a row that may fail before the lock is given up."""
+"""Superframes in a row that may fail before the lock of a lone carrier is given up."""
 
 POLARITY_S = {1: 4.0, -1: 2.0}
 """How long the sound is searched as it is and with all its signs turned, in turn."""
@@ -101,6 +101,12 @@ class AudioReceiver:
     key : int
         Seed of the layout that the embedder used.
 
+    Attributes
+    ----------
+    patience : int
+        Superframes in a row that may fail before the lock is given up; more pay where another
+        carrier bears the same ones.
+
     Raises
     ------
     CueError
@@ -133,6 +139,7 @@ class AudioReceiver:
         self._errors = self._counted = 0
         self._profile: Profile | None = None
         self.first_lock_s: float | None = None
+        self.patience = MAX_MISSES
 
     @property
     def locked(self) -> bool:
@@ -278,7 +285,7 @@ class AudioReceiver:
         track.misses += 1
         if self._search is None:
             self._start_search(track.position)
-        if track.misses > MAX_MISSES:
+        if track.misses > self.patience:
             self._track = None
             return []
         return [self._deliver(track, reading)]

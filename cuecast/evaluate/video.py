@@ -116,7 +116,10 @@ CHANNELS = {
 }
 """Channels by name; rates are bits per second of the picture alone."""
 
-USUAL = ("none", "h264-2M", "h264-1M", "hevc-2M", "mpeg2-4M", "540p-h264-2M")
+USUAL = (
+    "h264-2M", "hevc-2M", "mpeg2-4M", "540p-h264-2M", "crop-h264-2M", "letterbox-h264-2M",
+    "robust:h264-2M", "robust:h264-1M", "busy:h264-2M",
+)  # fmt: skip
 
 _FILMS = {".mp4", ".mkv", ".mov", ".ts", ".webm", ".avi", ".mpg"}
 
@@ -147,7 +150,8 @@ class VideoRow:
 def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
     """Rows of `evaluate video`: every clip of a folder through every channel.
 
-    The built-in material is a synthetic scene.
+    A channel's name may begin with a profile's, as in ``robust:h264-1M``. The
+    built-in material is a synthetic scene.
 
     Raises
     ------
@@ -155,16 +159,35 @@ def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
         If a channel is unknown or the folder holds no films.
     """
     clips = films_of(options.clips) if options.clips else [_built_in(options.folder)]
-    rows = evaluate_video(
-        clips,
-        options.channels or USUAL,
-        seed=options.seed,
-        folder=options.folder,
-        progress=lambda row: options.say(
-            f"{row.clip} {row.channel}: {row.superframes_lost} of {row.superframes_sent} lost"
-        ),
-    )
+    rows = []
+    for profile, names in _by_profile(options.channels or USUAL).items():
+        rows += evaluate_video(
+            clips,
+            names,
+            profile=profile,
+            seed=options.seed,
+            folder=options.folder,
+            progress=lambda row: options.say(
+                f"{row.clip} {row.profile}:{row.channel}: {row.superframes_lost} of "
+                f"{row.superframes_sent} lost"
+            ),
+        )
     return [asdict(row) for row in rows]
+
+
+def _by_profile(channels: Iterable[str]) -> dict[str, list[str]]:
+    """Sort channels by the profile that some of them name: ``robust:h264-1M``.
+
+    Examples
+    --------
+    >>> _by_profile(["h264-2M", "robust:h264-1M", "none"])
+    {'standard': ['h264-2M', 'none'], 'robust': ['h264-1M']}
+    """
+    groups: dict[str, list[str]] = {}
+    for name in channels:
+        profile, colon, channel = name.rpartition(":")
+        groups.setdefault(profile if colon else "standard", []).append(channel)
+    return groups
 
 
 def plot(results: list[dict[str, Any]], figure: Any) -> None:
@@ -210,7 +233,7 @@ def _built_in(folder: Path) -> Path:
 
 def evaluate_video(
     clips: Iterable[str | Path],
-    channels: Iterable[str] = USUAL,
+    channels: Iterable[str],
     *,
     profile: str = "standard",
     seconds: float = 6.0,

@@ -161,6 +161,7 @@ class _Writer:
         limits = {"maxrate": str(bit_rate), "bufsize": str(bit_rate)}
         if self._encoder.codec.name == "libsvtav1":
             limits = {}
+            os.environ.setdefault("SVT_LOG", "1")  # it would tell its life on the standard error
         if self._encoder.codec.name == "libx265":
             kilobits = bit_rate // 1000
             limits = {

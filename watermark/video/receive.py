@@ -146,6 +146,11 @@ class VideoReceiver:
             self._restart()
         return [superframe for each in found.values() for superframe in each]
 
+    def wait(self, misses: int) -> None:
+        """Give up the lock after so many superframes in a row that failed."""
+        for tracker in self._trackers.values():
+            tracker.patience = misses
+
     def flush(self) -> list[ReceivedSuperframe]:
         """Return what the last frames still hold."""
         last = {region: self._placed(t.flush(), region) for region, t in self._trackers.items()}

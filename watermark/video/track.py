@@ -28,7 +28,7 @@ THRESHOLD = 0.16
 """Least agreement of the pilots that is worth decoding: four standard deviations of noise."""
 
 MAX_MISSES = 6
-"""Superframes in a row without L0 after which the lock is given up."""
+"""Superframes in a row without L0 after which the lock of a lone carrier is given up."""
 
 TRACKING = 2.0
 """Frames that the clock moves for a full difference between the flanks of a peak."""
@@ -54,6 +54,8 @@ class Tracker:
         Profile of the last superframe found.
     errors, known : int
         Wrong and all coded bits of the superframes decoded.
+    patience : int
+        Superframes in a row without L0 after which the lock is given up.
     """
 
     def __init__(self, grid: Grid, timing: Timing, *, key: int = 0, strength: float = 1.0) -> None:
@@ -75,6 +77,7 @@ class Tracker:
         self._misses = 0
         self._choice = 0
         self.errors = self.known = 0
+        self.patience = MAX_MISSES
         self.profile: VideoProfile | None = None
 
     @property
@@ -162,7 +165,7 @@ class Tracker:
         self.known += int(known.sum())
         self._misses = 0 if decoded.l0 is not None else self._misses + 1
         self._last = place
-        self._due = place + self._timing.span if self._misses <= MAX_MISSES else None
+        self._due = place + self._timing.span if self._misses <= self.patience else None
         return ReceivedSuperframe(
             decoded.l0,
             decoded.l1,
