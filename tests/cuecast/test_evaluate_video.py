@@ -66,7 +66,7 @@ def test_rows_of_the_verb(tmp_path: Path) -> None:
     figure = pytest.importorskip("matplotlib.figure", reason="plots are optional").Figure()
     plot([row], figure)
     assert figure.axes[0].patches[0].get_width() == 100
-    assert said == ["clip.mkv none: 0 of 2 lost"]
+    assert said == ["clip.mkv standard:none: 0 of 2 lost"]
     with pytest.raises(CueError, match="no films in it"):
         films_of(tmp_path / "nowhere")
 
