@@ -7,10 +7,13 @@ from cuecast.arguments import (
     add_json,
     add_reading,
     add_text,
+    pieces_of,
     print_json,
     reading_of,
     score_of,
 )
+from cuecast.files import whole_file
+from cuecast.progress import note
 
 if TYPE_CHECKING:
     from codec.score import Score
@@ -26,14 +29,25 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="say when the hand is on target, by the rule that synth follows: early in the "
         "consonant (Attina 2005) or in its middle (Gibert, Bailly, Elisei 2004)",
     )  # fmt: skip
+    parser.add_argument(
+        "--align", metavar="AUDIO", help="recording of the text: times are those of its voice"
+    )
+    parser.add_argument(
+        "--textgrid", metavar="T.TextGrid", help="phones and keys as two tiers for Praat"
+    )
     add_reading(parser)
     add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the keys of the text; 1 if nothing in it is spoken."""
-    score = score_of(args)
+    score = _score(args)
     targets = _targets(args, score)
+    if args.textgrid and score.phones:
+        from synth.textgrid import write_textgrid
+
+        with whole_file(args.textgrid) as path:
+            write_textgrid(path, score, score.phones[-1].end)
     if args.json:
         rows = [key.as_dict() for key in score.keys]
         print_json([row | target for row, target in zip(rows, targets, strict=True)])
@@ -49,6 +63,21 @@ def run(args: argparse.Namespace) -> int:
                 f"{key.shape}  {key.placement:<9}  {' '.join(key.phones)}"
             )
     return 0 if score.keys else 1
+
+
+def _score(args: argparse.Namespace) -> "Score":
+    if args.align is None:
+        return score_of(args)
+    from codec.score import Score
+    from cuecast.aligning import Confidence
+
+    confidence = Confidence()
+    pieces = list(pieces_of(args, args.align, confidence)[0])
+    note(str(confidence))
+    return Score(
+        tuple(phone for piece in pieces for phone in piece.phones),
+        tuple(key for piece in pieces for key in piece.keys),
+    )
 
 
 def _targets(args: argparse.Namespace, score: "Score") -> list[dict[str, float]]:

@@ -20,7 +20,11 @@ from synth.movement import ALIGNMENTS
 from synth.recording import Recording
 from synth.rendered import record
 from synth.score import score_from_subtitles, stream_score
+from synth.speech.espeak_voice import render
 from synth.subtitles import Subtitle
+from synth.text.espeak import RATE_HZ
+from synth.text.pronounce import phonemise
+from synth.textgrid import read_textgrid
 
 LINES = (
     Subtitle(0.6, 2.0, "Le chat boit du lait."),
@@ -129,3 +133,21 @@ def test_a_programme_is_dubbed_with_units(
     assert units.score is not None
     assert [str(k) for k in rules.score.keys] == [str(k) for k in units.score.keys]
     assert np.abs(rules.params - units.params).max() > 0.05
+
+
+def test_keys_of_a_recording_as_a_textgrid(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = "Le chat boit du lait, il a bien soif, et toi, tu viens demain ?"
+    line = [s for w in phonemise(text) for s in (*w.phones, *(["_"] if w.pause else []))]
+    spoken = render(line)
+    sf.write(tmp_path / "a.wav", spoken.samples, RATE_HZ)
+    grid = tmp_path / "a.TextGrid"
+    aligned = ["--align", str(tmp_path / "a.wav"), "--textgrid", str(grid), "--json"]
+    assert main(["keys", text, *aligned]) == 0
+    out, notes = capsys.readouterr()
+    assert "aligned: 1 of 1 subtitles" in notes
+    found = read_textgrid(grid)
+    assert [key.as_dict() for key in found.keys] == json.loads(out)
+    errors = [abs(a.start - b.start) for a, b in zip(found.phones, spoken.phones, strict=True)]
+    assert np.median(errors) < 0.02  # the grid is 20 ms
