@@ -1,14 +1,12 @@
 """The fixed fields of superframes and stream files, and their checksums.
 
-The one door to bitstring. Every layout is one table of names and widths, used by the writer, the
+Every layout is one table of names and widths, used by the writer, the
 reader and the printer; its total is asserted. Specification: spec/bitstream.md, sections 2 and 6.
 """
 
 import binascii
 from collections.abc import Mapping
 from dataclasses import dataclass
-
-from bitstring import Bits, Reader, pack
 
 from codec.errors import BitstreamError
 
@@ -60,8 +58,13 @@ def pack_fields(layout: Mapping[str, int], values: Mapping[str, int]) -> bytes:
     >>> pack_fields({"a": 3, "b": 5}, {"a": 5, "b": 1}).hex()
     'a1'
     """
-    widths = ", ".join(f"u:{width}" for width in layout.values())
-    return bytes(pack(widths, *(values[name] for name in layout)).bytes)
+    number = 0
+    for name, width in layout.items():
+        assert 0 <= values[name] < 1 << width, f"{name} {values[name]} in {width} bits"
+        number = number << width | values[name]
+    total = sum(layout.values())
+    size = -(-total // 8)
+    return (number << 8 * size - total).to_bytes(size, "big")
 
 
 def unpack_fields(layout: Mapping[str, int], data: bytes) -> dict[str, int]:
@@ -75,8 +78,12 @@ def unpack_fields(layout: Mapping[str, int], data: bytes) -> dict[str, int]:
     total = sum(layout.values())
     if 8 * len(data) < total:
         raise BitstreamError(f"{len(data)} bytes cannot hold {total} bits", section="H1")
-    reader = Reader(Bits.from_bytes(data))
-    return {name: reader.read_bits(width).u for name, width in layout.items()}
+    left = 8 * len(data)
+    number, values = int.from_bytes(data, "big"), {}
+    for name, width in layout.items():
+        left -= width
+        values[name] = number >> left & (1 << width) - 1
+    return values
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,11 +135,11 @@ def read_header(l0: bytes) -> Header:
     >>> read_header(Header(mode=0, sequence=5, lead=2, voice=10).to_bytes()).sequence
     5
     """
-    fields = unpack_fields(COMPACT_FIELDS, l0)
+    fields = unpack_fields(COMPACT_FIELDS, l0[:COMPACT_HEADER_BYTES])
     if fields["mode"] == COMPACT:
         header = Header(**fields, lead=COMPACT_LEAD, voice=0)
     else:
-        header = Header(**unpack_fields(HEADER_FIELDS, l0))
+        header = Header(**unpack_fields(HEADER_FIELDS, l0[:HEADER_BYTES]))
     if header.version != VERSION:
         raise BitstreamError(f"version {header.version} is not {VERSION}", section="H2", bit=0)
     if header.mode >= len(MODES):

@@ -60,11 +60,15 @@ def _begin(line: list[Sounding], part: ScorePart, before: ScorePart | None, begi
         return
     hole = before is None
     if not hole and line and line[-1].number == part.first and line[-1].start < begin:
-        line[-1] = replace(line[-1], end=end, open_end=False)
+        line[-1] = _ended(line[-1], end)
         return
     if line and not hole:
-        line[-1] = replace(line[-1], end=max(begin - 1, line[-1].start), open_end=False)
+        line[-1] = _ended(line[-1], max(begin - 1, line[-1].start))
     line.append(Sounding(part.first, begin - 1, end, open_start=True))
+
+
+def _ended(sounding: Sounding, end: int) -> Sounding:
+    return Sounding(sounding.number, sounding.start, end, open_start=sounding.open_start)
 
 
 def _continue_coarse(line: list[Sounding], number: int, end: int) -> None:
@@ -74,7 +78,7 @@ def _continue_coarse(line: list[Sounding], number: int, end: int) -> None:
     last = line.pop()
     if is_vowel(number) and is_consonant(last.number):
         middle = (last.start + end) // 2
-        line.append(replace(last, end=middle, open_end=False))
+        line.append(_ended(last, middle))
         line.append(Sounding(number, middle, end))
     else:
         line.append(replace(last, number=number, end=end, open_end=False))
@@ -88,10 +92,10 @@ def _completed(
     If `exact`, it and the vowel that completes its key end at `end`.
     """
     if last.number == 0 or (exact and not part.ahead):
-        yield replace(last, end=max(end, last.start), open_end=False)
+        yield _ended(last, max(end, last.start))
         return
     reach = (last.start + end) // 2 if exact else max(end, last.start + NOMINAL_TICKS)
-    yield replace(last, end=reach, open_end=False)
+    yield _ended(last, reach)
     if part.ahead:
         yield Sounding(part.ahead, reach, end if exact else reach + NOMINAL_TICKS)
 
@@ -115,12 +119,14 @@ def keys_of(line: Sequence[Sounding], parts: Parts, *, unsure: bool = False) -> 
     open_starts = {s.start for s in line if s.open_start and s.number}
     unfinished = {s.start for s in line if s.open_end and is_consonant(s.number)}
     phones = phones_of(line)
-    keys: list[Key] = []
-    for options in {part.options for part in parts.values()} or {DEFAULT_OPTIONS}:
-        for key in cue(phones, options):
-            tick = round(key.start / TICK_S)
-            if _options_at(tick, parts) == options:
-                keys.append(_overridden(key, tick, parts))
+    every = {part.options for part in parts.values()} or {DEFAULT_OPTIONS}
+    keys = [
+        _overridden(key, tick, parts)
+        for options in every
+        for key in cue(phones, options)
+        for tick in (round(key.start / TICK_S),)
+        if len(every) == 1 or _options_at(tick, parts) == options
+    ]
     keys.sort(key=lambda key: key.start)
     if unsure:
         return keys
@@ -161,12 +167,18 @@ def phones_of(line: Sequence[Sounding]) -> list[Phone]:
     return [Phone(PHONES[s.number], s.start * TICK_S, s.end * TICK_S) for s in line if s.number]
 
 
-def score_of(parts: Parts) -> Score:
+def score_of(parts: Parts, line: Sequence[Sounding] | None = None) -> Score:
     """Return the score that superframes tell together.
 
     Keys that are known from previews only have no phones.
+
+    Parameters
+    ----------
+    parts : mapping of int to ScorePart or Window
+    line : sequence of Sounding, optional
+        The same, joined, if that has been done.
     """
-    line = join(parts)
+    line = join(parts) if line is None else line
     coarse = {k for k, part in parts.items() if isinstance(part, ScorePart) and part.coarse}
     keys = keys_of(line, parts)
     if not coarse:

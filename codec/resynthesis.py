@@ -179,7 +179,7 @@ def minimum_jerk(phase: Array) -> Array:
     >>> minimum_jerk(np.array([-1.0, 0.5, 2.0])).tolist()
     [0.0, 0.5, 1.0]
     """
-    u = np.clip(phase, 0.0, 1.0)
+    u = np.minimum(np.maximum(phase, 0.0), 1.0)
     return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
 
 
@@ -203,34 +203,55 @@ class KeyWeights:
     ends: Ints
 
 
-def key_weights(
-    moves: Movements, first_tick: int, n_frames: int, *, course: int = 0, shift: int = 0
-) -> KeyWeights:
+def key_weights(moves: Movements, first_tick: int, n_frames: int) -> KeyWeights:
     """Return the weights of the keys' targets in frames at `first_tick` and after (P5, P6)."""
-    times = PARTS * (first_tick + SHIFTS[shift] + np.arange(n_frames, dtype=np.int64))
+    held = _held(moves)
+    at = _Place.of(moves, PARTS * (first_tick + np.arange(n_frames, dtype=np.int64)))
+    fingers, part = at.progress(0)
+    start, goal = held[at.before], held[at.number]
+    return KeyWeights(
+        start + fingers[:, None] * (goal - start),
+        start + part[:, None] * (goal - start),
+        4.0 * part * (1.0 - part),
+        np.stack([moves.key[at.before], moves.key[at.number]], axis=1),
+    )
+
+
+def _held(moves: Movements) -> Array:
+    """Return what is held at the end of each movement, as shares of the keys' targets (P6)."""
     held = np.zeros((len(moves.key), N_KEYS))
     held[np.arange(len(moves.key)), moves.key] = 1.0
     until = np.append(moves.leave[1:], 1 << 40)
     hurry = np.clip((_NATURAL - (until - moves.leave)) / (0.5 * _NATURAL), 0.0, 1.5)
     for g in np.flatnonzero(hurry > 0):
         held[g] += _UNDERSHOOT * hurry[g] * (held[g - 1] - held[g])
-    at = np.searchsorted(moves.leave, times, side="right") - 1
-    before = np.maximum(at - 1, 0)
-    elapsed, duration = times - moves.leave[at], moves.reach[at] - moves.leave[at]
-    sooner = np.maximum(duration - _FINGERS_EARLIER, duration / 2)
+    return held
 
-    def progress(length: Array | Ints) -> Array:
-        phase = np.clip(np.where(at == 0, 1.0, elapsed / np.maximum(length, 1)), 0.0, 1.0)
-        return minimum_jerk(phase ** COURSES[course])
 
-    part, fingers = progress(duration), progress(sooner)
-    start, goal = held[before], held[at]
-    return KeyWeights(
-        start + fingers[:, None] * (goal - start),
-        start + part[:, None] * (goal - start),
-        4.0 * part * (1.0 - part),
-        np.stack([moves.key[before], moves.key[at]], axis=1),
-    )
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where some frames lie among movements: under way from one's end to the next one's."""
+
+    number: Ints
+    before: Ints
+    carried: Array
+    fingered: Array
+
+    @classmethod
+    def of(cls, moves: Movements, times: Ints) -> "_Place":
+        number = np.searchsorted(moves.leave, times, side="right") - 1
+        elapsed, duration = times - moves.leave[number], (moves.reach - moves.leave)[number]
+        sooner = np.maximum(duration - _FINGERS_EARLIER, duration / 2)
+        arrived = number == 0
+        carried = np.where(arrived, 1.0, np.minimum(elapsed / np.maximum(duration, 1), 1.0))
+        fingered = np.where(arrived, 1.0, np.minimum(elapsed / np.maximum(sooner, 1), 1.0))
+        return cls(number, np.maximum(number - 1, 0), carried, fingered)
+
+    def progress(self, course: int) -> tuple[Array, Array]:
+        """Return the progress of fingers and carrier (P5)."""
+        phase = np.concatenate([self.fingered, self.carried])
+        done = minimum_jerk(phase ** COURSES[course] if course else phase)
+        return done[: len(done) // 2], done[len(done) // 2 :]
 
 
 def phone_weights(line: Sequence[Sounding], first_tick: int, n_frames: int) -> Array:
@@ -281,23 +302,31 @@ class Resynthesis:
     ) -> None:
         self._moves = movements(line, parts)
         self._face = phone_weights(line, first_tick, n_frames) @ targets.face
-        self._targets = targets
-        self._frames = first_tick, n_frames
+        carried = np.concatenate([targets.head, targets.forearm], axis=1)
+        held = _held(self._moves)
+        self._hand, self._carried = held @ targets.hand, held @ carried
+        # The arc of a movement is that between its exact targets.
+        exact = targets.forearm[self._moves.key]
+        self._distance = np.sqrt(np.square(np.diff(exact, axis=0, prepend=exact[:1])).sum(axis=1))
+        self._arc = np.concatenate([np.zeros(targets.head.shape[1]), targets.arc])
+        self._times = PARTS * (first_tick + np.arange(n_frames, dtype=np.int64))
+        self._places: dict[int, _Place] = {}
 
     def params(self, *, course: int = 0, shift: int = 0) -> Array:
-        """Return face, hand, head and forearm (P4, P8), shape (n_frames, P).
+        """Return face, hand, head and forearm (P4, P8, P9), shape (n_frames, P).
 
         Parameters
         ----------
         course, shift : int
             Form of the hand's movements, index in `COURSES`, and their time, index in `SHIFTS`.
         """
-        targets = self._targets
-        keys = key_weights(self._moves, *self._frames, course=course, shift=shift)
-        distances = np.linalg.norm(
-            targets.forearm[keys.ends[:, 1]] - targets.forearm[keys.ends[:, 0]], axis=1
-        )
-        forearm = keys.carrier @ targets.forearm + np.outer(keys.bend * distances, targets.arc)
-        return np.concatenate(
-            [self._face, keys.fingers @ targets.hand, keys.carrier @ targets.head, forearm], axis=1
-        )
+        if shift not in self._places:
+            self._places[shift] = _Place.of(self._moves, self._times + PARTS * SHIFTS[shift])
+        at = self._places[shift]
+        fingers, part = at.progress(course)
+        start, goal = self._hand[at.before], self._hand[at.number]
+        hand = start + fingers[:, None] * (goal - start)
+        start, goal = self._carried[at.before], self._carried[at.number]
+        bend = 4.0 * part * (1.0 - part) * self._distance[at.number]
+        carried = start + part[:, None] * (goal - start) + bend[:, None] * self._arc
+        return np.concatenate([self._face, hand, carried], axis=1)

@@ -165,7 +165,7 @@ def read_head(data: bytes) -> StreamHead:
     """
     if len(data) < FILE_BYTES + _CRC_BYTES:
         raise BitstreamError(f"{len(data)} bytes are no head of a stream file", section="F1")
-    fields = unpack_fields(FILE_FIELDS, data)
+    fields = unpack_fields(FILE_FIELDS, data[:FILE_BYTES])
     if fields["magic"] != MAGIC:
         raise BitstreamError(f"magic {fields['magic']:08x} is not a stream's", section="F2", bit=0)
     if fields["version"] != VERSION:

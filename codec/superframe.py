@@ -137,9 +137,11 @@ def block_at(motion: Motion, index: int) -> Array:
 def resynthesis_of(coding: Coding, parts: Parts, index: int) -> Resynthesis:
     """Return what the scores of superframes `parts` say about superframe `index` (section 5)."""
     reach = range(index - _WINDOWS, index + 2)
-    near: Parts = {k: p for k in reach if isinstance(p := parts.get(k), Window)}
-    if not near:
-        near = {k: p for k in reach[-3:] if isinstance(p := parts.get(k), ScorePart)}
+    near = {
+        k: parts[k]
+        for k in reach
+        if k in parts and (k >= index - 1 or isinstance(parts[k], Window))
+    }
     return Resynthesis(join(near), near, coding.targets, index * TICKS, TICKS)
 
 
@@ -497,7 +499,8 @@ class SuperframeDecoder:
         """
         parts = self._parts(index)
         content = self._contents.get(index)
-        score = score_of(parts)
+        line = join(parts)
+        score = score_of(parts, line)
         begin, end = index * SUPERFRAME_S - 1e-6, (index + 1) * SUPERFRAME_S - 1e-6
         params = self._told(index, parts) if self._tells(index) else self._untold(index, parts)
         return DecodedSuperframe(

@@ -1,0 +1,53 @@
+"""What the fuzzer does with bytes: superframes and stream files, decoded whatever they are.
+
+Any exception but the errors that the codec promises is a finding, and so are parameters that are
+not finite.
+"""
+
+import contextlib
+
+import numpy as np
+
+from codec.bits import COMPACT, HEADER_BYTES, crc8, crc16, voice_bit, voice_digit
+from codec.errors import BitstreamError, VoiceError
+from codec.inspect import inspect_stream
+from codec.merge import merge_scores
+from codec.superframe import SuperframeDecoder
+from codec.timeline import TICKS
+from codec.voice import Voice, load_voice
+
+_VOICE: list[Voice] = []
+
+
+def _parts(data: bytes, identity: str, index: int) -> tuple[bytes, bytes]:
+    """Return parts with a valid version, number, voice and checks, for the rest to be read."""
+    mode, size = data[0] & 3, data[1] % 64
+    body, more = data[2 : 2 + size], data[2 + size :][:64]
+    if mode == COMPACT:
+        bit = voice_bit(identity, index) << 7
+        head = bytes([0x80 | COMPACT << 4 | index % 16])
+        return head + bytes([bit | (body[:1] or b"\0")[0] & 0x7F]) + body[1:], b""
+    fields = 2 << 14 | mode << 12 | index % 64 << 6 | 2 << 4 | voice_digit(identity, index % 64)
+    l0 = fields.to_bytes(HEADER_BYTES, "big") + body
+    l0 += crc16(l0).to_bytes(2, "big")
+    return l0, more + bytes([crc8(l0[-2:] + more)])
+
+
+def consume(data: bytes) -> None:
+    """Decode what some bytes say, as superframes that follow one another and as a file."""
+    if not _VOICE:
+        _VOICE.append(load_voice())
+    voice = _VOICE[0]
+    with contextlib.suppress(BitstreamError):
+        inspect_stream(data)
+    decoder, done, index = SuperframeDecoder(voice), [], 3
+    while len(data) > 2 and index < 8:
+        l0, l1 = _parts(data, voice.identity, index)
+        data = data[2 + data[1] % 64 + 64 :]
+        with contextlib.suppress(BitstreamError, VoiceError):
+            done.append(decoder.push(l0, l1, index))
+        index += 1 + len(data) % 2
+    for frame in [*done, *(decoder.render(k) for k in range(3, index + 1))]:
+        assert frame.params.shape == (TICKS, len(voice.layout))
+        assert np.isfinite(frame.params).all()
+    merge_scores(done)
