@@ -7,7 +7,7 @@ complete. Both ends of a stream need the same tables. Specification: spec/bitstr
 
 import functools
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +17,16 @@ from codec.errors import VoiceError
 from codec.npz import read_arrays, write_arrays
 from codec.resynthesis import Targets
 from codec.timeline import TICKS
-from codec.transform import Basis, klt, marker_metric, scales_of
+from codec.transform import Bases, Basis, klt, marker_metric, scales_of
 from codec.voice import Voice
 
 Array = NDArray[np.float64]
 
 FOLDER = Path(__file__).parent / "assets" / "coding"
 _MAX_BYTES = 1 << 20
+_WIDER = 10
+"""Quarter octaves by which the second basis of motion without a score expects more."""
+
 _TARGETS = ("hand", "head", "forearm", "arc", "face")
 
 
@@ -39,6 +42,8 @@ class Coding:
         Of the resynthesis.
     residual : Basis
         Of what the resynthesis lacks.
+    loose : Basis
+        The same for a cuer who does not keep to the score's times.
     mean : ndarray of float64, shape (P,)
         Parameters that stand for a motion without a score.
     plain : Basis
@@ -48,8 +53,16 @@ class Coding:
     voice: str
     targets: Targets
     residual: Basis
+    loose: Basis
     mean: Array
     plain: Basis
+    of_score: Bases = field(init=False)
+    of_motion: Bases = field(init=False)
+
+    def __post_init__(self) -> None:
+        wide = Basis(self.plain.matrix, self.plain.scales + _WIDER)
+        object.__setattr__(self, "of_score", (self.residual, self.loose))
+        object.__setattr__(self, "of_motion", (self.plain, wide))
 
 
 def coding_for(voice: Voice) -> Coding:
@@ -72,8 +85,18 @@ class _ByIdentity:
 
 @functools.lru_cache(maxsize=8)
 def _cached(key: _ByIdentity) -> Coding:
-    path = FOLDER / f"{key.voice.identity}.npz"
-    return load_coding(path, key.voice) if path.exists() else derive_coding(key.voice)
+    if is_trained(key.voice):
+        return load_coding(_path(key.voice), key.voice)
+    return derive_coding(key.voice)
+
+
+def is_trained(voice: Voice) -> bool:
+    """Return whether the package has coding tables that were trained for a voice."""
+    return _path(voice).exists()
+
+
+def _path(voice: Voice) -> Path:
+    return FOLDER / f"{voice.identity}.npz"
 
 
 def save_coding(coding: Coding, path: str | os.PathLike[str]) -> None:
@@ -81,7 +104,11 @@ def save_coding(coding: Coding, path: str | os.PathLike[str]) -> None:
     arrays: dict[str, NDArray[np.generic]] = {
         f"targets.{name}": getattr(coding.targets, name).astype(np.float32) for name in _TARGETS
     }
-    for name, basis in (("residual", coding.residual), ("plain", coding.plain)):
+    for name, basis in (
+        ("residual", coding.residual),
+        ("loose", coding.loose),
+        ("plain", coding.plain),
+    ):
         arrays[f"{name}.matrix"] = basis.matrix.astype(np.float32)
         arrays[f"{name}.scales"] = basis.scales.astype(np.int16)
     arrays["mean"] = coding.mean.astype(np.float32)
@@ -101,11 +128,12 @@ def load_coding(path: str | os.PathLike[str], voice: Voice) -> Coding:
     try:
         stated = str(arrays["voice"])
         targets = Targets(**{name: arrays[f"targets.{name}"] for name in _TARGETS})
-        residual, plain = (
+        residual, loose, plain = (
             Basis(arrays[f"{n}.matrix"].astype(np.float64), arrays[f"{n}.scales"].astype(np.int64))
-            for n in ("residual", "plain")
+            for n in ("residual", "loose", "plain")
         )
-        coding = Coding(stated, targets, residual, arrays["mean"].astype(np.float64), plain)
+        mean = arrays["mean"].astype(np.float64)
+        coding = Coding(stated, targets, residual, loose, mean, plain)
     except KeyError as error:
         raise VoiceError(f"{path}: coding tables without {error.args[0]}") from error
     if stated != voice.identity or len(coding.mean) != len(voice.layout):
@@ -141,10 +169,11 @@ def derive_coding(voice: Voice) -> Coding:
     size = max(float(np.trace(metric[head, head])), 1e-9)
     unit = np.eye(targets.head.shape[1]) * 113 * _HEAD_MM**2 / size
     bases = []
-    for share in (_UNEXPLAINED, 1.0):
+    for share in (_UNEXPLAINED, 2 * _UNEXPLAINED, 1.0):
         spread = share * covariance
         spread[head, head] = unit
         matrix = klt(metric, spread)
         variance = np.einsum("pc,pq,qc->c", matrix, spread, matrix)
         bases.append(Basis(matrix, scales_of(np.outer(variance, _SPECTRUM / _SPECTRUM.mean()))))
-    return Coding(voice.identity, targets, bases[0], poses.mean(axis=0), bases[1])
+    tight, loose, plain = bases
+    return Coding(voice.identity, targets, tight, loose, poses.mean(axis=0), plain)

@@ -14,7 +14,7 @@ from codec import _kernels
 from codec.bits import COMPACT, HEADER_BYTES, PLAIN, SCORE, Header, crc8, crc16, read_header
 from codec.errors import BitstreamError
 from codec.preview import Preview, read_previews, write_previews
-from codec.quantise import NO_RESIDUAL, NOTHING_SENT, Setting, raised
+from codec.quantise import NO_RESIDUAL, NOTHING_SENT, Setting, basis_of, raised
 from codec.range_coder import (
     FLIP,
     RangeDecoder,
@@ -25,7 +25,7 @@ from codec.range_coder import (
 )
 from codec.score_coding import ScorePart, read_score, write_score
 from codec.tables import coefficient_tables, score_tables
-from codec.transform import Basis
+from codec.transform import Bases, Basis
 from codec.window import MAX_BYTES, MIN_BYTES, Window, read_window
 
 Ints = NDArray[np.int64]
@@ -106,13 +106,13 @@ def coefficient_bits(q: Ints, setting: Setting, basis: Basis) -> float:
     return bits
 
 
-def write_l0(content: Content, basis: Basis, size: int, *, even: bool = False) -> bytes | None:
+def write_l0(content: Content, bases: Bases, size: int, *, even: bool = False) -> bytes | None:
     """Return an L0 part of `size` bytes, None if the score does not fit.
 
     As many coefficients as fit follow the score.
     """
     room = size - HEADER_BYTES - CRC16_BYTES
-    payload = _l0_code(content, basis, even=even)
+    payload = _l0_code(content, bases, even=even)
     if content.setting.step != NO_RESIDUAL:
         payload = payload[:room]
     if len(payload) > room:
@@ -123,9 +123,10 @@ def write_l0(content: Content, basis: Basis, size: int, *, even: bool = False) -
     return _with_crc16(content.header.to_bytes() + payload)
 
 
-def write_l0_whole(content: Content, basis: Basis) -> bytes:
+def write_l0_whole(content: Content, bases: Bases) -> bytes:
     """Return the shortest L0 part that holds the score and all coefficients."""
-    payload = _l0_code(content, basis, even=False)
+    basis = basis_of(bases, content.setting)
+    payload = _l0_code(content, bases, even=False)
     head, q = content.header.to_bytes(), content.q
     if content.setting.step != NO_RESIDUAL:
         last = int(np.flatnonzero(q).max(initial=-1))
@@ -142,11 +143,12 @@ def write_l0_whole(content: Content, basis: Basis) -> bytes:
     return _with_crc16(head + payload.ljust(1, b"\0"))
 
 
-def _l0_code(content: Content, basis: Basis, *, even: bool) -> bytes:
+def _l0_code(content: Content, bases: Bases, *, even: bool) -> bytes:
     """Return the whole code of L0's payload."""
     starts, freqs = score_code(content, even=even).intervals()
     if content.setting.step == NO_RESIDUAL:
         return encode_intervals(starts, freqs)
+    basis = basis_of(bases, content.setting)
     more_starts, more_freqs, _ = coefficient_code(content.q, 0, content.setting, basis)
     return encode_intervals(
         np.concatenate([starts, more_starts]), np.concatenate([freqs, more_freqs]), certain=True
@@ -183,7 +185,7 @@ def _is_compact(l0: bytes) -> bool:
     return len(l0) > 0 and l0[0] >> _MODE_SHIFT & 3 == COMPACT
 
 
-def read_l0(l0: bytes, basis: Basis) -> tuple[Content, int]:
+def read_l0(l0: bytes, bases: Bases) -> tuple[Content, int]:
     """Read an L0 part.
 
     Returns
@@ -200,6 +202,7 @@ def read_l0(l0: bytes, basis: Basis) -> tuple[Content, int]:
         mode reserved (H3).
     """
     content, decoder = _read_beginning(l0)
+    basis = basis_of(bases, content.setting)
     q = np.zeros(basis.scan_scales.size, dtype=np.int64)
     known = q.size
     if decoder is not None and content.setting.step != NO_RESIDUAL:
@@ -267,15 +270,15 @@ def _read_coefficients(
     return known
 
 
-def write_l1(l0: bytes, setting: Setting, q: Ints, known: int, basis: Basis, size: int) -> bytes:
+def write_l1(l0: bytes, setting: Setting, q: Ints, known: int, bases: Bases, size: int) -> bytes:
     """Return an L1 part of `size` bytes with the coefficients from number `known` on."""
-    starts, freqs, _ = coefficient_code(q, known, setting, basis)
+    starts, freqs, _ = coefficient_code(q, known, setting, basis_of(bases, setting))
     room = size - CRC8_BYTES
     body = encode_intervals(starts, freqs, certain=True)[:room].ljust(room, b"\0")
     return body + bytes([_l1_check(l0, body)])
 
 
-def read_l1(l0: bytes, l1: bytes, content: Content, known: int, basis: Basis) -> Content:
+def read_l1(l0: bytes, l1: bytes, content: Content, known: int, bases: Bases) -> Content:
     """Return `content` with the coefficients of L1 added.
 
     Raises
@@ -293,6 +296,7 @@ def read_l1(l0: bytes, l1: bytes, content: Content, known: int, basis: Basis) ->
         )  # fmt: skip
     q = content.q.copy()
     if content.setting.step != NO_RESIDUAL:
+        basis = basis_of(bases, content.setting)
         _read_coefficients(RangeDecoder(body), q, known, content.setting, basis)
     return replace(content, q=q)
 

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 
 from codec import _kernels
 from codec.tables import CoefficientTables
-from codec.transform import Basis
+from codec.transform import Bases, Basis
 
 STEPS = 64
 NO_RESIDUAL = STEPS - 1
 """The step number that says that no coefficient follows."""
 
-GAINS = (0, 6, 12, 20)
-"""Quarter octaves by which a superframe can raise all scales, if it moves more than expected."""
+GAINS = (0, 6, 0, 10)
+"""Quarter octaves by which a superframe can raise all scales, if it moves more than expected; the
+first two gains belong to the first basis, the others to the second (Q6)."""
 
 N_COURSES = 4
 """Forms of movement of which a superframe names one (`codec.resynthesis.COURSES`)."""
@@ -96,6 +97,11 @@ def quantise_rd(
         weight, tables.cost, tables.inset, q,
     )  # fmt: skip
     return q
+
+
+def basis_of(bases: Bases, setting: Setting) -> Basis:
+    """Return the basis that a superframe names (Q6)."""
+    return bases[setting.gain // 2]
 
 
 def raised(basis: Basis, setting: Setting) -> Ints:

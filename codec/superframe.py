@@ -50,6 +50,7 @@ from codec.quantise import (
     NOTHING_SENT,
     WEIGHT,
     Setting,
+    basis_of,
     dequantise,
     quantise_rd,
     width_mm,
@@ -59,7 +60,7 @@ from codec.score import Key, Phone, Score
 from codec.score_coding import ScorePart, evenly, part_of
 from codec.tables import coefficient_tables
 from codec.timeline import SUPERFRAME_S, TICK_S, TICKS, to_line
-from codec.transform import Basis
+from codec.transform import Bases
 from codec.voice import Voice
 from codec.window import MAX_BYTES, MIN_BYTES, Window, WindowWriter
 
@@ -227,16 +228,17 @@ class SuperframeEncoder:
             Step number, 0 (finest) to 63 (no residual).
         """
         plan = self._analyse(motion, index)
-        l0 = write_l0_whole(plan.content(step), plan.basis)
+        l0 = write_l0_whole(plan.content(step), plan.bases)
         return Superframe(index, l0, b"")
 
     def error_mm(self, motion: Motion, index: int, step: int) -> float:
         """Return the error of superframe `index` at a step: RMS over its markers and frames."""
         plan = self._analyse(motion, index)
         setting, q = plan.quantised(step)
-        error = plan.values
+        error = plan.values[setting.gain // 2]
         if setting.step != NO_RESIDUAL:
-            error = error - dequantise(q, setting, plan.basis, coefficient_tables())
+            basis = basis_of(plan.bases, setting)
+            error = error - dequantise(q, setting, basis, coefficient_tables())
         return float(np.sqrt(np.square(error).sum() / (TICKS * len(MARKERS))))
 
     def _check_voice(self, motion: Motion) -> None:
@@ -267,25 +269,28 @@ class SuperframeEncoder:
         self._check_voice(motion)
         block = block_at(motion, index)
         if motion.score is None:
-            values = self._coding.plain.forward(block - self._coding.mean)
+            bases = self._coding.of_motion
+            moved = self._coding.plain.forward(block - self._coding.mean)
             header = self._header(PLAIN, index)
-            return _Plan(index, header, None, {}, False, self._coding.plain, values, 0, 0)
+            # The second basis is the first one with other scales, in the same order.
+            return _Plan(index, header, None, {}, False, bases, (moved, moved), 0, 0)
         around = {k: self._part(motion.score, k) for k in (index - 1, index, index + 1)}
         part, even = around[index]
         resynthesis = resynthesis_of(self._coding, {k: p for k, (p, _) in around.items()}, index)
-        basis = self._coding.residual
+        bases = self._coding.of_score
 
         def energy(course: int, shift: int) -> float:
-            gap = (block - resynthesis.params(course=course, shift=shift)) @ basis.matrix
+            gap = (block - resynthesis.params(course=course, shift=shift)) @ bases[0].matrix
             # The usual form costs least; another one has to explain clearly more.
             return float(np.square(gap).sum()) * (1.0 if course or shift else 0.95)
 
         course = min(range(N_COURSES), key=lambda c: energy(c, 0))
         shift = min(range(len(SHIFTS)), key=lambda s: energy(course, s))
-        values = basis.forward(block - resynthesis.params(course=course, shift=shift))
+        lacking = block - resynthesis.params(course=course, shift=shift)
+        values = bases[0].forward(lacking), bases[1].forward(lacking)
         header = self._header(SCORE, index)
         previews = self._previews(motion.score, index) if self._protected else {}
-        return _Plan(index, header, part, previews, even, basis, values, course, shift)
+        return _Plan(index, header, part, previews, even, bases, values, course, shift)
 
     def _header(self, mode: int, index: int) -> Header:
         sequence = index % SEQUENCES
@@ -320,7 +325,7 @@ class SuperframeEncoder:
     def _fits(self, part: ScorePart, index: int, *, even: bool) -> bool:
         nothing = np.zeros(self._coding.residual.scan_scales.size, dtype=np.int64)
         content = Content(self._header(SCORE, index), NOTHING_SENT, part, nothing)
-        return write_l0(content, self._coding.residual, self._sizes[0], even=even) is not None
+        return write_l0(content, self._coding.of_score, self._sizes[0], even=even) is not None
 
     def _write(self, plan: "_Plan") -> Superframe:
         l0_bytes, l1_bytes = self._sizes
@@ -330,17 +335,17 @@ class SuperframeEncoder:
         without = replace(plan, previews={})
         for tried in (plan, replace(plan, previews=nearest), without):
             content = tried.content(*self._fitting(tried))
-            l0 = write_l0(content, plan.basis, l0_bytes, even=plan.even)
+            l0 = write_l0(content, plan.bases, l0_bytes, even=plan.even)
             if l0 is not None:
                 break
         else:
             content = without.content(NO_RESIDUAL)
-            l0 = write_l0(content, plan.basis, l0_bytes, even=plan.even)
+            l0 = write_l0(content, plan.bases, l0_bytes, even=plan.even)
             assert l0 is not None, "a fitted score always fits"
         if l1_bytes == 0:
             return Superframe(plan.index, l0, b"")
-        _, known = read_l0(l0, plan.basis)
-        l1 = write_l1(l0, content.setting, content.q, known, plan.basis, l1_bytes)
+        _, known = read_l0(l0, plan.bases)
+        l1 = write_l1(l0, content.setting, content.q, known, plan.bases, l1_bytes)
         return Superframe(plan.index, l0, l1)
 
     def _fitting(self, plan: "_Plan") -> tuple[int, int]:
@@ -363,7 +368,7 @@ class SuperframeEncoder:
         while low < high:
             step = (low + high) // 2
             setting, q = plan.quantised(step, gain)
-            if coefficient_bits(q, setting, plan.basis) <= bits:
+            if coefficient_bits(q, setting, basis_of(plan.bases, setting)) <= bits:
                 high = step
             else:
                 low = step + 1
@@ -379,8 +384,8 @@ class _Plan:
     part: ScorePart | None
     previews: dict[int, Preview]
     even: bool
-    basis: Basis
-    values: Array
+    bases: Bases
+    values: tuple[Array, Array]
     course: int
     shift: int
 
@@ -392,10 +397,12 @@ class _Plan:
     def quantised(self, step: int, gain: int | None = None) -> tuple[Setting, Ints]:
         """Return the setting at a step, and the indices; without a gain, the best one."""
         if step == NO_RESIDUAL:
-            return NOTHING_SENT, np.zeros(self.values.size, dtype=np.int64)
+            return NOTHING_SENT, np.zeros(self.values[0].size, dtype=np.int64)
         chosen = self.gain(step) if gain is None else gain
         setting = Setting(step, chosen, self.course, self.shift)
-        return setting, quantise_rd(self.values, setting, self.basis, coefficient_tables())
+        basis = basis_of(self.bases, setting)
+        values = self.values[chosen // 2]
+        return setting, quantise_rd(values, setting, basis, coefficient_tables())
 
     def gain(self, step: int) -> int:
         """Return the gain at which error and bits weigh least at a step."""
@@ -404,8 +411,9 @@ class _Plan:
         weights = []
         for gain in range(len(GAINS)):
             setting, q = self.quantised(step, gain)
-            error = self.values - dequantise(q, setting, self.basis, coefficient_tables())
-            bits = coefficient_bits(q, setting, self.basis) + (3 if gain else 0)
+            basis = basis_of(self.bases, setting)
+            error = self.values[gain // 2] - dequantise(q, setting, basis, coefficient_tables())
+            bits = coefficient_bits(q, setting, basis) + (3 if gain else 0)
             weights.append(np.square(error / width_mm(step)).sum() + WEIGHT * bits)
         return int(np.argmin(weights))
 
@@ -467,11 +475,11 @@ class SuperframeDecoder:
                 f"{index % header.sequences}",
                 section="H4", bit=4,
             )  # fmt: skip
-        content, known = read_l0(l0, self._basis(header))
+        content, known = read_l0(l0, self._bases(header))
         self._check_voice(content)
         if l1:
             try:
-                whole = read_l1(l0, l1, content, known, self._basis(header))
+                whole = read_l1(l0, l1, content, known, self._bases(header))
             except BitstreamError:
                 return content, ("L0",)
             return whole, ("L0", "L1")
@@ -578,12 +586,12 @@ class SuperframeDecoder:
         resynthesis = resynthesis_of(self._coding, parts, index)
         return resynthesis.params(course=setting.course, shift=setting.shift)
 
-    def _basis(self, header: Header) -> Basis:
-        return self._coding.plain if header.mode == PLAIN else self._coding.residual
+    def _bases(self, header: Header) -> Bases:
+        return self._coding.of_motion if header.mode == PLAIN else self._coding.of_score
 
     def _sent(self, content: Content) -> Array:
         """Return the residual that a superframe says."""
-        basis = self._basis(content.header)
+        basis = basis_of(self._bases(content.header), content.setting)
         if content.setting.step == NO_RESIDUAL:
             return np.zeros((TICKS, len(basis.matrix)))
         tables = coefficient_tables()

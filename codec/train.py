@@ -10,6 +10,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from codec.coding import Coding
 from codec.motion import Motion
 from codec.score import Score
@@ -17,6 +20,8 @@ from codec.superframe import resynthesis_of
 from codec.train_coefficients import train_coefficients
 from codec.train_score import train_score
 from codec.train_voice import blocks_of, parts_of
+
+Array = NDArray[np.float64]
 
 TABLES = Path(__file__).parent / "assets" / "tables.json"
 
@@ -32,7 +37,10 @@ def write_tables(document: dict[str, Any], path: Path = TABLES) -> None:
 
 
 def format_tables(
-    coding: Coding, motions: Sequence[Motion], scores: Sequence[Score]
+    coding: Coding,
+    motions: Sequence[Motion],
+    imprecise: Sequence[Motion],
+    scores: Sequence[Score],
 ) -> dict[str, Any]:
     """Return the document of the format's tables.
 
@@ -40,18 +48,23 @@ def format_tables(
     ----------
     coding : Coding
         Of the motions' voice.
-    motions : sequence of Motion
-        Give the coefficients.
+    motions, imprecise : sequence of Motion
+        Give the coefficients; the latter those of the loose basis.
     scores : sequence of Score
         Give phones and lengths.
     """
-    residual, plain = [], []
-    for motion in motions:
-        blocks = blocks_of(motion)
-        parts = parts_of(motion, len(blocks))
-        for k, block in enumerate(blocks):
-            prediction = resynthesis_of(coding, parts, k).params()
-            residual.append(coding.residual.forward(block - prediction))
-            plain.append(coding.plain.forward(block - coding.mean))
-    coefficient = train_coefficients([(coding.residual, residual), (coding.plain, plain)])
+    residual, loose, plain = list[Array](), list[Array](), list[Array]()
+    for basis, examples, found in (
+        (coding.residual, motions, residual), (coding.loose, imprecise, loose)
+    ):  # fmt: skip
+        for motion in examples:
+            blocks = blocks_of(motion)
+            parts = parts_of(motion, len(blocks))
+            for k, block in enumerate(blocks):
+                prediction = resynthesis_of(coding, parts, k).params()
+                found.append(basis.forward(block - prediction))
+                plain.append(coding.plain.forward(block - coding.mean))
+    coefficient = train_coefficients([
+        (coding.residual, residual), (coding.loose, loose), (coding.plain, plain)
+    ])  # fmt: skip
     return {"score": train_score(scores), "coefficient": coefficient}

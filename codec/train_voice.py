@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 _PRIOR_FRAMES = 5.0
 """Weight of the voice's gesture table against the frames of a target."""
 
+_LOOSER = 6
+"""Quarter octaves by which an underived loose basis expects more than the other one."""
+
 _EVERY = 97
 """The metric is the mean over every so many frames."""
 
@@ -43,7 +46,9 @@ def parts_of(motion: Motion, count: int) -> dict[int, ScorePart]:
     return {k: part_of(line, k) for k in range(-1, count + 1)}
 
 
-def train_coding(voice: Voice, motions: Sequence[Motion]) -> Coding:
+def train_coding(
+    voice: Voice, motions: Sequence[Motion], imprecise: Sequence[Motion] = ()
+) -> Coding:
     """Return coding tables of a voice.
 
     Parameters
@@ -51,23 +56,36 @@ def train_coding(voice: Voice, motions: Sequence[Motion]) -> Coding:
     voice : Voice
     motions : sequence of Motion
         Of this voice, with scores, at 50 Hz from time 0.
+    imprecise : sequence of Motion
+        The same by a cuer who keeps less well to scores, for the loose basis; without any, it is
+        derived from the other one.
     """
     blocks = [blocks_of(motion) for motion in motions]
     parts = [parts_of(motion, len(b)) for motion, b in zip(motions, blocks, strict=True)]
     targets = _targets(voice, blocks, parts)
     frames = np.concatenate([b.reshape(-1, b.shape[-1]) for b in blocks])
     metric = marker_metric(voice, frames[::_EVERY])
-    residual = np.concatenate([
+    tight = _basis(metric, _lacking(targets, blocks, parts))
+    loose = Basis(tight.matrix, tight.scales + _LOOSER)
+    if imprecise:
+        others = [blocks_of(motion) for motion in imprecise]
+        known = [parts_of(motion, len(b)) for motion, b in zip(imprecise, others, strict=True)]
+        loose = _basis(metric, _lacking(targets, others, known))
+    mean = frames.mean(axis=0)
+    plain = _basis(metric, np.concatenate(blocks) - mean)
+    return Coding(voice.identity, targets, tight, loose, mean, plain)
+
+
+def _lacking(
+    targets: Targets, blocks: Sequence[Array], parts: Sequence[dict[int, ScorePart]]
+) -> Array:
+    """Return what resynthesis lacks in each superframe, shape (N, 32, P)."""
+    return np.concatenate([
         block - Resynthesis(join(near), near, targets, k * TICKS, TICKS).params()[None]
         for b, known in zip(blocks, parts, strict=True)
         for k, block in enumerate(np.split(b, len(b)))
         for near in [{i: known[i] for i in (k - 1, k, k + 1)}]
     ])  # fmt: skip
-    mean = frames.mean(axis=0)
-    return Coding(
-        voice.identity, targets, _basis(metric, residual),
-        mean, _basis(metric, np.concatenate(blocks) - mean),
-    )  # fmt: skip
 
 
 def _basis(metric: Array, blocks: Array) -> Basis:

@@ -91,6 +91,10 @@ class Basis:
         return np.asarray(guess @ self.inverse)
 
 
+Bases = tuple[Basis, Basis]
+"""Two bases of which a superframe names one by its gain (Q6)."""
+
+
 _NOISE = 0.02
 """Share of a channel's variance that is taken for error of what is known."""
 

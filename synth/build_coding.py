@@ -9,12 +9,16 @@ import argparse
 import itertools
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from importlib import resources
 
 import numpy as np
+from numpy.typing import NDArray
 
 from codec.coding import FOLDER, save_coding
+from codec.cueing import cue
 from codec.errors import CueError
+from codec.layout import N_FACE, N_HAND
 from codec.motion import Motion
 from codec.score import Phone, Score
 from codec.train import format_tables, write_tables
@@ -37,6 +41,17 @@ _UNEVENNESS = 0.4
 """Standard deviation of the logarithm of a phone's length about its prediction, read speech."""
 
 _TAIL_S = 1.5
+
+N_FACE_PARAMS = 7
+_BOUNDARY_S = 0.03
+_LEAD_DRIFT_S = 0.03
+_DRIFT_PERIODS_S = (3.1, 7.3)
+_LEAST_S = 0.02
+_NOISE_MM = 0.5
+_HIDDEN_SHARE = 0.1
+_HIDDEN_FRAMES = 15
+"""Of imprecise performances: errors of sounds' boundaries (standard deviation) and of the hand's
+lead (two slow waves), noise of markers, share of hidden ones and for how many frames."""
 
 
 def sentences(*, held_out: bool = False) -> list[str]:
@@ -64,6 +79,54 @@ def perform(voice: Voice, score: Score, *, seed: int = 0, law: str = "minimum-je
     return cuer.motion(score, 0.0, int(50 * (score.phones[-1].end + _TAIL_S)), voice)
 
 
+def imprecise(voice: Voice, score: Score, *, seed: int = 0, law: str = "minimum-jerk") -> Motion:
+    """Return a performance that keeps to its score less well, as a recorded cuer's does.
+
+    Face and hand each follow sounds whose boundaries lie elsewhere than the score says (labels of
+    recordings are not exact, and cuers are not), the hand besides earlier or later for seconds on
+    end; the markers are seen with noise, those of the hand hidden at times.
+
+    Parameters
+    ----------
+    voice : Voice
+    score : Score
+        What the motion says that it performs.
+    seed, law
+        As for `synth.gesture.GestureSynthesiser`.
+    """
+    rng = np.random.default_rng([seed, 73])
+    cuer = GestureSynthesiser(voice.name, law=law, seed=seed)
+    n_frames = int(50 * (score.phones[-1].end + _TAIL_S))
+    face, hand = (
+        _seen(voice, cuer.markers(_misplaced(score, rng, drift_s), 0.0, n_frames), rng)
+        for drift_s in (0.0, _LEAD_DRIFT_S)
+    )
+    params = np.concatenate([face.params[:, :N_FACE_PARAMS], hand.params[:, N_FACE_PARAMS:]], 1)
+    return replace(hand, params=params, score=score)
+
+
+def _misplaced(score: Score, rng: np.random.Generator, drift_s: float) -> Score:
+    """Return a score whose sounds begin and end elsewhere."""
+    times = np.unique([edge for phone in score.phones for edge in (phone.start, phone.end)])
+    phase = rng.uniform(0, 2 * np.pi, len(_DRIFT_PERIODS_S))
+    drift = np.sin(np.divide.outer(2 * np.pi * times, _DRIFT_PERIODS_S) + phase).sum(axis=1)
+    moved = times + _BOUNDARY_S * rng.normal(size=times.size) + drift_s * drift
+    for i in range(1, len(moved)):
+        moved[i] = max(moved[i], moved[i - 1] + _LEAST_S)
+    at = dict(zip(times.tolist(), moved.tolist(), strict=True))
+    phones = tuple(Phone(p.symbol, at[p.start], at[p.end]) for p in score.phones)
+    return Score(phones, tuple(cue(phones)))
+
+
+def _seen(voice: Voice, markers: NDArray[np.float32], rng: np.random.Generator) -> Motion:
+    """Return the motion that a voice finds for noisy markers, some of the hand's hidden."""
+    seen = markers + _NOISE_MM * rng.normal(size=markers.shape)
+    hidden = rng.random((len(markers) // _HIDDEN_FRAMES + 1, N_HAND)) < _HIDDEN_SHARE
+    rows, columns = np.nonzero(np.repeat(hidden, _HIDDEN_FRAMES, axis=0)[: len(markers)])
+    seen[rows, N_FACE + columns] = np.nan
+    return voice.invert(seen, rate_hz=50.0)
+
+
 def paced(score: Score, *, seed: int = 0) -> Iterator[Score]:
     """Yield the phones of a score at other paces, with lengths as uneven as real speakers'."""
     rng = np.random.default_rng([seed, 72])
@@ -87,11 +150,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         voice = load_voice(args.identity)
         score = recital(sentences())
         motions = [perform(voice, score, seed=3)]
-        coding = train_coding(voice, motions)
+        others = [imprecise(voice, recital(sentences()[1::4], seed=2), seed=7, law="lognormal")]
+        coding = train_coding(voice, motions, others)
         FOLDER.mkdir(exist_ok=True)
         save_coding(coding, FOLDER / f"{voice.identity}.npz")
         if args.format:
-            write_tables(format_tables(coding, motions, [score, *paced(score)]))
+            write_tables(format_tables(coding, motions, others, [score, *paced(score)]))
     except (CueError, OSError) as error:
         print(f"synth.build_coding: {error}", file=sys.stderr)
         return 3

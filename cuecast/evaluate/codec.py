@@ -6,14 +6,17 @@ checksums and terminations too.
 """
 
 import bisect
+import itertools
 from collections.abc import Iterator, Sequence, Set
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from codec import layout
 from codec.layout import N_FACE
 from codec.merge import merge_scores
+from codec.models import rigid
 from codec.motion import Motion, load_motion
 from codec.score import Key
 from codec.superframe import Superframe, SuperframeDecoder, SuperframeEncoder
@@ -22,7 +25,8 @@ from codec.voice import Voice, load_voice
 from cuecast.evaluate.baselines import BASELINES, Material
 from cuecast.evaluate.bound import bound_of
 from cuecast.evaluate.options import EvaluateOptions
-from synth.build_coding import perform, recital, sentences
+from synth.build_coding import imprecise, perform, recital, sentences
+from synth.movement import LAWS
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -30,6 +34,8 @@ Row = dict[str, Any]
 RATES_BPS = (150, 200, 250, 337.5, 450, 600, 900, 1500, 3000, 6000)
 STEPS_MM = (4.0, 6.0, 9.0, 13.0, 19.0, 28.0)
 LOSSES = (0.05, 0.1, 0.2)
+_SKULL = layout.marker_indices(layout.RIGID_FACE)
+
 KEY_TOLERANCE_S = 0.101
 """How much too early or late a key may be: what a viewer does not take for wrong."""
 
@@ -43,29 +49,54 @@ REPEATS = 5
 """Patterns of losses over which the error is averaged."""
 
 _TRAINING_SENTENCES = 60
+_FEW = 20
+_LONG = 10_000
+"""Frames of a motion from which losses tell anything."""
+
+BUILT_IN = "minimum-jerk"
+"""Name of the data that the baselines are measured on as well."""
 
 
 def evaluate(options: EvaluateOptions) -> list[Row]:
     """Return one row per codec and rate, and per loss of superframes."""
     voice = load_voice()
-    motions = _material(voice, options)
-    options.say(f"{sum(len(m.params) for m in motions) / 50:.0f} s of motion")
     training = recital(sentences()[:_TRAINING_SENTENCES], seed=options.seed)
     train = perform(voice, training, seed=options.seed + 1).params.astype(np.float64)
     rows: list[Row] = []
-    for motion in motions:
+    for name, motion in _material(voice, options):
+        options.say(f"{name}: {len(motion.params) / motion.rate_hz:.0f} s of motion")
         test = motion.params[: len(motion.params) // TICKS * TICKS].astype(np.float64)
         bound = bound_of(test, voice)
-        for row in [*_codec_rows(voice, motion, options), *_others(voice, train, test)]:
-            rows.append(row | {"bound_bps": round(bound.rate_bps(row["marker_rms_mm"]), 1)})
+        found = _codec_rows(voice, motion, options)
+        if name in (BUILT_IN, *_clips(options)):
+            found = itertools.chain(found, _others(voice, train, test))
+        for row in found:
+            bps = bound.rate_bps(row["marker_rms_mm"])
+            rows.append(row | {"data": name, "bound_bps": round(bps, 1)})
     return rows
 
 
-def _material(voice: Voice, options: EvaluateOptions) -> list[Motion]:
+def _clips(options: EvaluateOptions) -> list[str]:
+    return [path.stem for path in sorted(options.clips.glob("*.npz"))] if options.clips else []
+
+
+def _material(voice: Voice, options: EvaluateOptions) -> Iterator[tuple[str, Motion]]:
+    """Yield motions with their names.
+
+    The built-in cuer performs sentences that were kept from training, exactly and, fewer of
+    them, by other laws of movement and imprecisely.
+    """
     if options.clips is not None:
-        return [load_motion(path) for path in sorted(options.clips.glob("*.npz"))]
-    score = recital(sentences(held_out=True), seed=options.seed)
-    return [perform(voice, score, seed=options.seed)]
+        for name in _clips(options):
+            yield name, load_motion(options.clips / f"{name}.npz")
+        return
+    kept = sentences(held_out=True)
+    yield BUILT_IN, perform(voice, recital(kept, seed=options.seed), seed=options.seed)
+    score = recital(kept[:_FEW], seed=options.seed + 1)
+    for law in LAWS:
+        if law != "minimum-jerk":
+            yield law, perform(voice, score, seed=options.seed, law=law)
+        yield f"imprecise {law}", imprecise(voice, score, seed=options.seed, law=law)
 
 
 def _codec_rows(voice: Voice, motion: Motion, options: EvaluateOptions) -> Iterator[Row]:
@@ -81,7 +112,7 @@ def _codec_rows(voice: Voice, motion: Motion, options: EvaluateOptions) -> Itera
     for rate in RATES_BPS[3:]:
         options.say(f"cuecast without a score at {rate} bit/s")
         yield _row("cuecast-plain", *_coded(voice, plain, count, int(rate * SUPERFRAME_S / 8)))
-    for protected in (True, False):
+    for protected in (True, False) if len(motion.params) > _LONG else ():
         yield from _loss_rows(voice, motion, count, options, protected=protected)
 
 
@@ -104,7 +135,7 @@ def _loss_rows(
                 ))
                 for repeat in range(REPEATS)
             ]  # fmt: skip
-            squares = np.concatenate([squares for _, squares, _, _, _ in tries])
+            squares = np.concatenate([one[1] for one in tries])
             sent, right, wrong = (sum(one[i] for one in tries) for i in (2, 3, 4))
             row = _row(name if burst == 1 else f"{name}-bursts", tries[0][0], squares)
             keys = {"keys_total": sent, "keys_correct": right, "keys_wrong": wrong}
@@ -120,8 +151,9 @@ def losses(count: int, share: float, *, burst: int, seed: list[int]) -> set[int]
     return {int(k) + i for k in starts for i in range(burst)}
 
 
-Outcome = tuple[float, Array, int, int, int]
-"""Rate, squared distances (T, 113), keys sent, received right, and received that were not sent."""
+Outcome = tuple[float, Array, int, int, int, float]
+"""Rate, squared distances (T, 113), keys sent, received right, and received that were not sent, and
+the face's error in the head's frame, mm."""
 
 
 def _coded(voice: Voice, motion: Motion, count: int, size: int) -> Outcome:
@@ -145,13 +177,15 @@ def _decoded(
         if frame.index > 0:
             done.append(decoder.render(frame.index - 1))
     done.append(decoder.render(frames[-1].index))
-    squares = _squares(voice, motion.params, np.concatenate([frame.params for frame in done]))
+    got_params = np.concatenate([frame.params for frame in done])
+    squares = _squares(voice, motion.params, got_params)
+    face_mm = _articulation_mm(voice, motion.params, got_params)
     end = len(frames) * SUPERFRAME_S
     sent = [key for key in motion.score.keys if key.start < end] if motion.score else []
     got = list(merge_scores(done).keys)
     right = _matched(sent, got)
     size = sum(len(frame.l0) + len(frame.l1) for frame in frames)
-    return 8 * size / end, squares, len(sent), right, len(got) - _matched(got, sent)
+    return 8 * size / end, squares, len(sent), right, len(got) - _matched(got, sent), face_mm
 
 
 def _matched(keys: Sequence[Key], others: Sequence[Key]) -> int:
@@ -172,15 +206,29 @@ def _squares(voice: Voice, a: Array | NDArray[np.float32], b: Array | NDArray[np
     return squares
 
 
+def _articulation_mm(voice: Voice, a: NDArray[np.float32], b: NDArray[np.float32]) -> float:
+    """Return the RMS distance of two faces, each moved to where its skull is at rest."""
+    n = min(len(a), len(b))
+    rest = voice.face.mean[_SKULL].astype(np.float64)
+    faces = []
+    for params in (a[:n], b[:n]):
+        face = voice.reconstruct(params)[:, :N_FACE].astype(np.float64)
+        motion, _ = rigid.estimate_motion(rest, face[:, _SKULL])
+        faces.append(rigid.inverse_rigid_motion(face, motion))
+    return float(np.sqrt(np.square(faces[0] - faces[1]).sum(axis=-1).mean()))
+
+
 def _row(
-    name: str, bps: float, squares: Array, sent: int = 0, right: int = 0, wrong: int = 0
-) -> Row:
+    name: str, bps: float, squares: Array, sent: int = 0, right: int = 0, wrong: int = 0,
+    articulation_mm: float | None = None,
+) -> Row:  # fmt: skip
     def rms(part: Array) -> float:
         return round(float(np.sqrt(part.mean())), 3)
 
     return {
         "codec": name, "bps": round(bps, 1), "marker_rms_mm": rms(squares),
         "hand_rms_mm": rms(squares[:, N_FACE:]), "face_rms_mm": rms(squares[:, :N_FACE]),
+        "articulation_rms_mm": None if articulation_mm is None else round(articulation_mm, 3),
         "keys_total": sent, "keys_correct": right, "keys_wrong": wrong, "loss": 0.0,
     }  # fmt: skip
 
@@ -196,21 +244,28 @@ def _others(voice: Voice, train: Array, test: Array) -> Iterator[Row]:
 def plot(results: list[Row], figure: Any) -> None:
     """Draw rate against error into a matplotlib figure."""
     axes = figure.subplots()
-    names = dict.fromkeys(row["codec"] for row in results if not row["loss"])
-    for name in names:
+    loss_free = [row for row in results if not row["loss"]]
+    first = loss_free[0].get("data")
+    for data, name in dict.fromkeys((row.get("data"), row["codec"]) for row in loss_free):
+        if data != first and name != "cuecast":
+            continue
         rows = sorted(
-            (row for row in results if row["codec"] == name and not row["loss"]),
+            (row for row in loss_free if (row.get("data"), row["codec"]) == (data, name)),
             key=lambda row: row["bps"],
         )
         axes.loglog(
-            [row["marker_rms_mm"] for row in rows], [row["bps"] for row in rows], ".-", label=name
-        )
-    rows = sorted(results, key=lambda row: row["marker_rms_mm"])
+            [row["marker_rms_mm"] for row in rows], [row["bps"] for row in rows],
+            ".-" if data == first else ".:", label=name if data == first else f"{name}, {data}",
+        )  # fmt: skip
+    rows = sorted(
+        (row for row in results if row.get("data") == first), key=lambda row: row["marker_rms_mm"]
+    )
     axes.loglog(
         [row["marker_rms_mm"] for row in rows], [max(row["bound_bps"], 1.0) for row in rows],
         "k--", label="Gaussian bound",
     )  # fmt: skip
+    axes.set_ylim(bottom=40.0)
     axes.set_xlabel("marker error, mm RMS")
     axes.set_ylabel("rate, bit/s")
-    axes.legend()
+    axes.legend(fontsize="x-small")
     axes.grid(True, which="both", alpha=0.3)

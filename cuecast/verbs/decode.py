@@ -19,7 +19,7 @@ def run(args: argparse.Namespace) -> int:
     """Write the motion."""
     from codec.motion import save_motion
     from codec.stream import decode_stream
-    from codec.voice import load_voice
+    from cuecast.voices import coding_voice
 
-    save_motion(decode_stream(read_bytes(args.stream), load_voice(args.voice)), args.output)
+    save_motion(decode_stream(read_bytes(args.stream), coding_voice(args.voice)), args.output)
     return 0

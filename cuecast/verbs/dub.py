@@ -86,10 +86,10 @@ def run(args: argparse.Namespace) -> int:
     """Write the programme and the report."""
     carriers = args.carriers
     from codec.motion import load_motion
-    from codec.voice import load_voice
     from cuecast.aligning import Confidence
     from cuecast.dub import PROFILES, DubOptions, dub
     from cuecast.motions import GivenMotion, MotionSource
+    from cuecast.voices import coding_voice
     from receiver.media.programme import open_programme
 
     profiles = dict(PROFILES)
@@ -102,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
     if "audio" in carriers:
         with open_programme(args.programme, track=args.track) as programme:
             duration_s = programme.duration_s
-    voice = load_voice(args.voice)
+    voice = coding_voice(args.voice)
     confidence = Confidence()
     motion: MotionSource
     if args.motion is not None:

@@ -22,8 +22,8 @@ def run(args: argparse.Namespace) -> int:
     """Write the stream."""
     from codec.motion import load_motion
     from codec.stream import encode_stream
-    from codec.voice import load_voice
+    from cuecast.voices import coding_voice
 
-    motion, voice = load_motion(args.motion), load_voice(args.voice)
+    motion, voice = load_motion(args.motion), coding_voice(args.voice)
     write_bytes(args.output, encode_stream(motion, voice, rate_bps=args.rate, error_mm=args.error))
     return 0

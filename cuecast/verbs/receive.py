@@ -38,12 +38,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print what was found; 1 if nothing was."""
     from codec.motion import save_motion
-    from codec.voice import load_voice
     from cuecast.receive import receive
+    from cuecast.voices import coding_voice
 
     source = sys.stdin.buffer if args.programme == PIPE else args.programme
     wanted = args.output is not None or args.markers is not None
-    voice = load_voice(args.voice)
+    voice = coding_voice(args.voice)
     with seconds_bar(None, "receive") as advance:
         reception = receive(
             source, voice, start_s=args.start, key=args.key, track=args.track,

@@ -46,6 +46,7 @@ def _list(args: argparse.Namespace) -> int:
 
 
 def _info(args: argparse.Namespace) -> int:
+    from codec.coding import is_trained
     from codec.voice import load_voice
 
     voice = load_voice(args.voice)
@@ -54,6 +55,7 @@ def _info(args: argparse.Namespace) -> int:
         "identity": voice.identity,
         "parameters": len(voice.layout),
         "layout": list(voice.layout),
+        "coding": "trained" if is_trained(voice) else "derived",
     }
     _show(args, facts)
     return 0

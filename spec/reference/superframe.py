@@ -17,7 +17,7 @@ EQUAL = {9: [3648] + 8 * [3640], 6: [5463] + 5 * [5461]}
 CHOICES = [24576, 4096, 2048, 2048]
 SHIFTS = [20480, 4096, 4096, 2048, 2048]
 SPECIAL = [32512, 256]
-GAINS = (0, 6, 12, 20)
+GAINS = (0, 6, 0, 10)
 WIDTHS = (65536, 77936, 92682, 110218)
 
 
@@ -56,11 +56,13 @@ def crc(data: bytes, width: int, polynomial: int, preset: int) -> int:
     return register
 
 
-def decode(l0: bytes, l1: bytes | None, scales: list[list[int]]) -> Decoded:
+def decode(
+    l0: bytes, l1: bytes | None, scales: list[list[int]], second: list[list[int]] | None = None
+) -> Decoded:
     """Return what a superframe says.
 
-    `scales` are those of the basis, one list of 32 per channel. An L1 that does not fit is
-    left out.
+    `scales` are those of the first basis, one list of 32 per channel, `second` those of the
+    other one (Q6), the same unless given. An L1 that does not fit is left out.
     """
     if l0 and l0[0] >> 4 & 3 == 2:
         return compact(l0, scales)
@@ -85,6 +87,8 @@ def decode(l0: bytes, l1: bytes | None, scales: list[list[int]]) -> Decoded:
     if out.mode == 0:
         out.score = score(decoder)
         out.previews = previews(decoder)
+    if out.gain >= 2 and second is not None:
+        scales = second
     scan = order(scales)
     scales = [[scale + GAINS[out.gain] for scale in row] for row in scales]
     out.indices = [0] * len(scan)

@@ -192,13 +192,13 @@ def test_l1_cut_anywhere_degrades_step_by_step(
     """The coefficients of a shorter L1 are those of a longer one, as far as they go."""
     motion = perform(spoken(SENTENCE), 3)
     frame = SuperframeEncoder(toy_voice, l0_bytes=24, l1_bytes=60).encode(motion, 1)
-    basis = coding_for(toy_voice).residual
-    content, known = read_l0(frame.l0, basis)
-    whole = read_l1(frame.l0, frame.l1, content, known, basis).q
+    bases = coding_for(toy_voice).of_score
+    content, known = read_l0(frame.l0, bases)
+    whole = read_l1(frame.l0, frame.l1, content, known, bases).q
     before = known
     for size in range(0, 60, 6):
         body = frame.l1[:size]
-        q = read_l1(frame.l0, body + bytes([crc8(frame.l0[-2:] + body)]), content, known, basis).q
+        q = read_l1(frame.l0, body + bytes([crc8(frame.l0[-2:] + body)]), content, known, bases).q
         differ = np.flatnonzero(q != whole)
         end = int(differ[0]) if differ.size else q.size
         assert not q[end:].any()

@@ -1,7 +1,7 @@
 """Fuzz the decoder of superframes and stream files with coverage feedback (atheris, libFuzzer).
 
 ``pip install --group fuzz`` first, then
-``python tests/fuzz/superframes.py -max_total_time=600 tests/fuzz/corpus``;
+``python -m tests.fuzz.superframes -max_total_time=600 tests/fuzz/corpus``;
 ``tests/codec/test_fuzz_corpus.py`` replays the corpus. Kernels run as plain Python here: their
 branches are seen and their indices checked.
 """
@@ -14,7 +14,7 @@ os.environ["NUMBA_DISABLE_JIT"] = "1"
 import atheris
 
 with atheris.instrument_imports(include=["codec"]):
-    from consume import consume
+    from tests.fuzz.consume import consume
 
 
 def main() -> None:

@@ -68,13 +68,13 @@ def decode_both(l0: bytes, l1: bytes, used: Basis) -> None:
     broken = broken_rule(l0, scales)
     if broken:
         with pytest.raises(BitstreamError) as caught:
-            read_l0(l0, used)
+            read_l0(l0, (used, used))
         assert caught.value.section == broken
         return
     expected = reference.decode(l0, l1, scales)
-    content, known = read_l0(l0, used)
+    content, known = read_l0(l0, (used, used))
     with contextlib.suppress(BitstreamError):
-        content = read_l1(l0, l1, content, known, used)
+        content = read_l1(l0, l1, content, known, (used, used))
     header = content.header
     told = content.voice_bit if header.mode == COMPACT else header.voice
     assert (header.mode, header.sequence, header.lead, told) == astuple(expected)[:4]
@@ -111,6 +111,20 @@ def test_raw_bytes_are_refused_by_the_same_rule(l0: bytes, l1: bytes) -> None:
     decode_both(l0, l1, basis(40))
 
 
+@settings(deadline=None, max_examples=100)
+@given(st.binary(min_size=12, max_size=40), st.integers(0, 60), st.integers(0, 60))
+def test_the_gain_names_one_of_two_bases(body: bytes, top: int, other: int) -> None:
+    l0 = with_checks(bytes([body[0] & 0xCF | 0x10]) + body[1:], b"")[0]
+    first, second = basis(top), Basis(np.eye(CHANNELS), basis(other).scales[::-1].copy())
+    expected = reference.decode(l0, None, first.scales.tolist(), second.scales.tolist())
+    content, _ = read_l0(l0, (first, second))
+    assert content.q.tolist() == expected.indices
+    if content.setting.step != NO_RESIDUAL:
+        used = (first, second)[content.setting.gain // 2]
+        values = dequantise_integers(content.q, content.setting, used, coefficient_tables())
+        assert values.tolist() == expected.values
+
+
 @pytest.mark.slow
 def test_ten_thousand_random_superframes() -> None:
     rng = np.random.default_rng(20)
@@ -125,7 +139,7 @@ def test_vectors(case: dict[str, Any]) -> None:
     used = Basis(np.eye(len(case["scales"])), np.array(case["scales"], dtype=np.int64))
     if not case["valid"]:
         with pytest.raises(BitstreamError) as caught:
-            read_l0(l0, used)
+            read_l0(l0, (used, used))
         assert caught.value.section == case["section"]
         with pytest.raises(reference.MalformedError, match=case["section"]):
             reference.decode(l0, l1, case["scales"])
