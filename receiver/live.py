@@ -136,7 +136,8 @@ class Broadcast:
             self._looks.connect(picture)
             if sound is not None:
                 self._sound.connect(sound)
-            seen = None if self._picture is None else picture
+            used = self._picture is not None or self._looks.format is not None
+            seen = picture if used else None
             streams = [stream for stream in (sound, seen) if stream is not None]
             if not streams:
                 raise CueError(f"{self._source}: neither sound nor picture")
@@ -195,7 +196,7 @@ class Broadcast:
         self._look(packet, place.time_s)
         if isinstance(self._picture, PictureDecoder):
             self._recode(self._picture, packet, place.time_s)
-        else:
+        elif self._picture is not None:
             self._write(lambda writer: writer.picture(packet, place.time_s))
 
     def _look(self, packet: Any, time_s: float) -> None:

@@ -71,7 +71,7 @@ class Page:
             await asyncio.sleep(0.05)
 
     async def press(self, key: str, code: int = 0) -> None:
-        text = {"text": key} if len(key) == 1 else {}
+        text = {"text": "\r" if key == "Enter" else key} if len(key) == 1 or key == "Enter" else {}
         for kind in ("keyDown", "keyUp"):
             extra = text if kind == "keyDown" else {}
             await self.call(

@@ -96,7 +96,7 @@ export class Surface {
     this.weight = new Float64Array(this.rank);
     this.findMoving(arrays, prefix);
     this.refine(Array.from({ length: this.count }, (_, i) => i));
-    this.turnNormals(this.triangles, () => true);
+    this.turnNormals(this.triangles, new Uint8Array(this.count).fill(1));
   }
 
   /** Note which vertices the map moves at all; the others and their triangles are computed once. */
@@ -148,7 +148,7 @@ export class Surface {
       }
     }
     this.refine(this.moving);
-    this.turnNormals(this.movingTriangles, (i) => this.isMoving[i]);
+    this.turnNormals(this.movingTriangles, this.isMoving);
   }
 
   /** Place the vertices of the surface over the coarse mesh. */
@@ -168,29 +168,45 @@ export class Surface {
     }
   }
 
-  /** Sum the area vectors of `triangles` at their corners that are `wanted`. */
+  /** Sum the area vectors of `triangles` at those of their corners that are `wanted` (1 or 0). */
   turnNormals(triangles, wanted) {
     const { position: p, normal } = this;
-    for (let i = 0; i < this.count; i++) if (wanted(i)) normal[3 * i] = normal[3 * i + 1] = normal[3 * i + 2] = 0;
+    for (let i = 0, j = 0; j < normal.length; i++, j += 3) {
+      if (wanted[i] === 1) normal[j] = normal[j + 1] = normal[j + 2] = 0;
+    }
     for (let t = 0; t < triangles.length; t += 3) {
-      const a = 3 * triangles[t];
-      const b = 3 * triangles[t + 1];
-      const c = 3 * triangles[t + 2];
-      const ux = p[b] - p[a];
-      const uy = p[b + 1] - p[a + 1];
-      const uz = p[b + 2] - p[a + 2];
-      const vx = p[c] - p[a];
-      const vy = p[c + 1] - p[a + 1];
-      const vz = p[c + 2] - p[a + 2];
+      const i = triangles[t];
+      const j = triangles[t + 1];
+      const k = triangles[t + 2];
+      const a = 3 * i;
+      const b = 3 * j;
+      const c = 3 * k;
+      const ax = p[a];
+      const ay = p[a + 1];
+      const az = p[a + 2];
+      const ux = p[b] - ax;
+      const uy = p[b + 1] - ay;
+      const uz = p[b + 2] - az;
+      const vx = p[c] - ax;
+      const vy = p[c + 1] - ay;
+      const vz = p[c + 2] - az;
       const nx = uy * vz - uz * vy;
       const ny = uz * vx - ux * vz;
       const nz = ux * vy - uy * vx;
-      for (let k = 0; k < 3; k++) {
-        const i = triangles[t + k];
-        if (!wanted(i)) continue;
-        normal[3 * i] += nx;
-        normal[3 * i + 1] += ny;
-        normal[3 * i + 2] += nz;
+      if (wanted[i] === 1) {
+        normal[a] += nx;
+        normal[a + 1] += ny;
+        normal[a + 2] += nz;
+      }
+      if (wanted[j] === 1) {
+        normal[b] += nx;
+        normal[b + 1] += ny;
+        normal[b + 2] += nz;
+      }
+      if (wanted[k] === 1) {
+        normal[c] += nx;
+        normal[c + 1] += ny;
+        normal[c + 2] += nz;
       }
     }
   }

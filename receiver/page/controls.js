@@ -1,5 +1,7 @@
 /** Buttons, keyboard and remote control: every way to the same commands. */
 
+import { navigate } from "./focus.js";
+
 const SPEEDS = [0.25, 0.5, 0.75, 1, 1.25, 1.5, 2];
 const QUIET_MS = 3000;
 
@@ -20,7 +22,7 @@ const BY_CODE = {
 export const HELP = [
   ["␣", "help-play"], ["← →", "help-seek"], [", .", "help-step"], ["[ ]", "help-speed"],
   ["A", "help-style", "green"], ["H", "help-hand", "red"], ["P", "help-place", "yellow"], ["S", "help-size", "blue"],
-  ["M", "help-mirror"], ["C", "help-keys"], ["F", "help-full"], ["L", "help-language"], ["? · R", "help-settings"],
+  ["▲ ▼ OK", "help-focus"], ["M", "help-mirror"], ["C", "help-keys"], ["F", "help-full"], ["L", "help-language"], ["? · R", "help-settings"],
 ];
 
 export class Controls {
@@ -56,12 +58,15 @@ export class Controls {
 
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (navigate(this.document, event)) {
+      event.preventDefault();
+      return;
+    }
     const target = event.target;
-    const typing = /^(SELECT|INPUT)$/.test(target.tagName) && event.key !== "Escape";
-    const pressing = target.tagName === "BUTTON" && (event.key === " " || event.key === "Enter");
-    if (typing || pressing) return;
     const command = BY_KEY[event.key] || BY_KEY[event.key.toLowerCase()] || BY_CODE[event.keyCode];
-    if (!command) return;
+    const typing = /^(SELECT|INPUT)$/.test(target.tagName) && command !== "close";
+    const pressing = target.tagName === "BUTTON" && (event.key === " " || event.key === "Enter");
+    if (!command || typing || pressing) return;
     event.preventDefault();
     this.run(command);
   }
@@ -118,7 +123,11 @@ export class Controls {
     this.openPanel(this.find("panel").hidden);
   }
 
+  /** Leave the panel, then the bar. */
   close() {
+    if (this.find("panel").hidden && this.find("bar").contains(this.document.activeElement)) {
+      this.document.activeElement.blur();
+    }
     this.openPanel(false);
   }
 

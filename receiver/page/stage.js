@@ -56,7 +56,7 @@ export class Stage {
       const item = document.createElement("li");
       const phones = document.createElement("b");
       const code = document.createElement("small");
-      phones.textContent = key.phones.join("");
+      phones.textContent = key.phones.join("") || "·";
       code.textContent = `${PLACEMENT_NUMBER[key.placement]}${key.shape} ${words[key.placement]}`;
       if (index === now) item.className = "now";
       item.append(phones, code);

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 from collections.abc import Awaitable, Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -22,6 +23,7 @@ from receiver.server import Television
 from receiver.tuner import MotionTuner, Tuner
 from receiver.voice_document import neutral_camera
 from tests.chromium import Page, browse
+from tests.receiver.node import PAGE
 from tests.receiver.standin import make_motion, make_voice
 
 ARTEFACTS = Path(__file__).resolve().parents[2] / "artefacts" / "page"
@@ -183,9 +185,86 @@ def test_choices_by_keyboard_and_remote_control_are_remembered(programme: Path) 
     watch(programme, visit)
 
 
+FOCUS = "(document.activeElement.id || document.activeElement.tagName)"
+
+
+def test_remote_control_of_four_arrows_reaches_everything(programme: Path) -> None:
+    async def visit(page: Page) -> None:
+        async def pressed(key: str) -> str:
+            await page.press(key)
+            return str(await page.evaluate(FOCUS))
+
+        assert await pressed("ArrowUp") == "play"
+        assert [await pressed("ArrowRight") for _ in range(3)] == ["back", "forward", "speed"]
+        ring = "getComputedStyle(document.activeElement).outlineStyle"
+        assert await page.evaluate(ring) == "solid"
+        assert await pressed("ArrowUp") == "seek"
+        assert await pressed("ArrowDown") == "play"
+        while await pressed("ArrowRight") != "settings":
+            pass
+        await page.press("Enter", 13)
+        await page.until("!document.getElementById('panel').hidden")
+        assert await page.evaluate(FOCUS) == "set-style"
+        assert await pressed("ArrowDown") == "set-place"
+        await page.press("ArrowRight")
+        assert await page.evaluate("cuecast.settings.get('place')") == "bottom-left"
+        while await pressed("ArrowDown") != "set-mirror":
+            pass
+        await page.press("Enter", 13)
+        assert await page.evaluate("cuecast.settings.get('mirror')") is True
+        assert await pressed("GoBack") == "settings"
+        assert await page.evaluate("document.getElementById('panel').hidden")
+        assert await pressed("GoBack") == "BODY"
+        before = await page.evaluate("cuecast.video.currentTime")
+        await page.press("ArrowRight")
+        await page.until(f"cuecast.video.currentTime > {before} + 4.9")
+
+    watch(programme, visit)
+
+
 NAMELESS = """JSON.stringify([...document.querySelectorAll('button, input, select, [role]')]
     .filter((e) => !(e.getAttribute('aria-label') || (e.labels && e.labels.length)
         || e.textContent.trim() || e.getAttribute('role') === 'status')).map((e) => e.outerHTML))"""
+
+
+def contrast(ink: tuple[float, ...], ground: tuple[float, ...]) -> float:
+    """The ratio of WCAG 2.2, section 1.4.3, of two sRGB colours (0..255)."""
+    light = []
+    for colour in (ink, ground):
+        c = np.array(colour) / 255
+        linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+        light.append(float(linear @ [0.2126, 0.7152, 0.0722]) + 0.05)
+    return max(light) / min(light)
+
+
+def test_words_stand_out_over_any_picture() -> None:
+    """Text on glass, over black and over white: at least 4.5 to 1."""
+    style = (PAGE / "style.css").read_text()
+    inks = [
+        tuple(int(found[i : i + 2], 16) for i in (0, 2, 4))
+        for name in ("ink", "soft")
+        for found in re.findall(rf"--{name}: #([0-9a-f]{{6}})", style)
+    ]
+    red, green, blue, share = map(
+        float, re.findall(r"--glass: rgba\((\d+), (\d+), (\d+), ([.\d]+)\)", style)[0]
+    )
+    for behind in (0, 255):
+        ground = tuple(share * c + (1 - share) * behind for c in (red, green, blue))
+        assert all(contrast(ink, ground) >= 4.5 for ink in inks)
+    assert len(inks) == 2
+
+
+def test_page_asks_nobody_else(programme: Path) -> None:
+    async def visit(page: Page) -> None:
+        await page.evaluate("cuecast.video.play()")
+        await page.until("cuecast.video.currentTime > 0.5")
+        names = "performance.getEntriesByType('resource').map((entry) => entry.name)"
+        asked = json.loads(await page.evaluate(f"JSON.stringify({names})"))
+        origin = await page.evaluate("location.origin")
+        assert len(asked) > 10
+        assert [name for name in asked if not name.startswith((origin, "data:"))] == []
+
+    watch(programme, visit)
 
 
 def test_every_control_has_a_name(programme: Path) -> None:
