@@ -6,7 +6,7 @@ and opens the source again when it fails. What happens goes to one callback as v
 """
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import IO, Any
@@ -26,6 +26,11 @@ from receiver.soundline import SoundBlock, SoundLine
 
 READ_TIMEOUT_S = 15.0
 """Silence on the line after which the source is opened again."""
+
+_PICTURES_ALONE = 150
+"""After so many pictures without sound it may have another address: open the line again."""
+
+_STRANGERS = 1000
 
 _RETRY_S = (0.2, 0.5, 1.0, 2.0)
 _OPTIONS = {"analyzeduration": "5000000", "probesize": "5000000"}
@@ -92,6 +97,11 @@ class Broadcast:
         self._sound = SoundLine(self._clock, self.metrics)
         self._looks = PictureLine(self.metrics)
 
+    @property
+    def _is_line(self) -> bool:
+        """Whether the source goes on from where it is when it is opened again."""
+        return isinstance(self._source, str) and self._source.startswith("udp:")
+
     def stop(self) -> None:
         """Ask `run` to end."""
         self._stop.set()
@@ -106,24 +116,23 @@ class Broadcast:
         """
         attempt = 0
         while not self._stop.is_set():
-            again = False
             try:
-                again = self._run_once()
+                self._run_once()
                 attempt = 0
             except (av.error.FFmpegError, OSError) as error:
                 if self._once and attempt == 0 and not self._sound.now_s:
                     raise CueError(f"{self._source}: cannot be received: {error}") from error
-            if self._once and not again:
+            if self._once:
                 break
             self._change("lost" if self._state in ("locked", "degraded") else self._state)
             self._stop.wait(_RETRY_S[min(attempt, len(_RETRY_S) - 1)])
             attempt += 1
         self._finish()
 
-    def _run_once(self) -> bool:
-        """Receive from one connection; return whether what comes needs a new one."""
+    def _run_once(self) -> None:
+        """Receive from one connection, until it ends or the programme has changed its form."""
         options = dict(_OPTIONS)
-        if isinstance(self._source, str) and self._source.startswith("udp:"):
+        if self._is_line:
             options |= _UDP_OPTIONS
         with av.open(
             self._source, "r", format=self._format, options=options,
@@ -145,17 +154,38 @@ class Broadcast:
                 self._open_writer(0, 0)
                 if self._receiver is None:
                     self._receiver = Receiver(voice=self._voice, key=self._key, keep_keys=False)
-            for packet in container.demux(streams):
+            without_sound = 0
+            for packet in self._packets(container, streams):
                 if self._stop.is_set():
-                    return False
+                    return
                 if packet.stream is sound:
+                    without_sound = 0
                     for block in self._sound.take(packet):
                         self._hear(block)
-                    if self._sound.is_mute:
-                        return True
                 elif packet.pts is not None:
+                    without_sound += 1
                     self._take_picture(packet)
-        return False
+                if sound is not None and without_sound > _PICTURES_ALONE and self._is_line:
+                    return
+
+    def _packets(self, container: Any, streams: list[Any]) -> Iterator[Any]:
+        """Yield the packets of some streams, until there are none.
+
+        A damaged table of programmes, or a new one, brings forth streams that the library cannot
+        name: their packets end its iteration, not ours. A line on which nothing else comes is
+        opened again.
+        """
+        strangers = 0
+        while strangers < _STRANGERS:
+            packets = container.demux(streams)
+            try:
+                for packet in packets:
+                    strangers = 0
+                    yield packet
+                return
+            except IndexError:
+                strangers += 1
+                self.metrics.add("damaged_packets_total")
 
     def _choose_picture(self, stream: Any) -> None:
         """Pass on what browsers play, recode what they do not; note what neither can."""

@@ -19,8 +19,10 @@ from receiver.continuity import SteadyClock
 from receiver.metrics import Metrics
 from watermark.mix import RATES
 
-MUTE_PACKETS = 150
-"""After so many packets in a row without a sound the decoder is not the right one any more."""
+CODECS = ("aac", "mp2float", "ac3", "eac3", "aac_latm")
+"""Sounds of broadcasting: a programme can go on in another one at the same address."""
+
+_MUTE_PACKETS = 40
 
 _CHANNELS = (1, 2, 6)
 _HOLE_S = 0.005
@@ -76,31 +78,36 @@ class SoundLine:
         """Time up to which sound came out."""
         return self._next_s
 
-    @property
-    def is_mute(self) -> bool:
-        """Whether packets come, but no sound."""
-        return self._mute >= MUTE_PACKETS
-
     def connect(self, stream: Any) -> None:
         """Expect the packets of a new audio stream, perhaps of another form."""
         self._announced = stream.codec_context
-        self._renew()
+        self._renew(self._announced.name)
         self._resampler = None
         self._others = _FRAMES_OF_CHANGE
         self._mute = 0
 
-    def _renew(self) -> None:
-        """Begin with a new decoder for the stream."""
+    def _renew(self, codec: str) -> None:
+        """Begin with a new decoder."""
         like = self._announced
-        self._decoder = av.CodecContext.create(like.name, "r")
+        self._decoder = av.CodecContext.create(codec, "r")
+        if codec != like.name:
+            return
         if like.sample_rate and like.layout.nb_channels:
             self._decoder.sample_rate, self._decoder.layout = like.sample_rate, like.layout
         if like.extradata:
             self._decoder.extradata = like.extradata
 
+    def _try_another(self) -> None:
+        """After many packets without a sound: expect the next of the known codecs."""
+        known = self._decoder.name
+        at = CODECS.index(known) if known in CODECS else -1
+        self._renew(CODECS[(at + 1) % len(CODECS)])
+
     def take(self, packet: Any) -> Iterator[SoundBlock]:
         """Decode a packet."""
         self._mute += 1
+        if self._mute % _MUTE_PACKETS == 0:
+            self._try_another()
         try:
             frames = self._decoder.decode(packet)
         except (av.error.FFmpegError, ValueError):
@@ -122,7 +129,7 @@ class SoundLine:
             return True
         self._others += 1
         if form != self._form and self._others == _FRAMES_OF_DOUBT:
-            self._renew()
+            self._renew(self._decoder.name)
         if form != self._form and self._others < _FRAMES_OF_CHANGE:
             self._metrics.add("damaged_packets_total")
             return False

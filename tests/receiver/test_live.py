@@ -163,6 +163,20 @@ def test_a_splice_goes_on_with_the_new_programme() -> None:
     assert starts[-1] < 20.0
 
 
+@pytest.mark.parametrize(
+    "order", [("aac", "mp2"), pytest.param(("mp2", "aac"), marks=pytest.mark.slow)]
+)
+def test_the_sound_goes_on_in_another_codec(order: tuple[str, str]) -> None:
+    """At the same address, as at the border of two programmes; found within two seconds."""
+    first, second = (stream(codec, start_s=30.0 * i) for i, codec in enumerate(order))
+    broadcast, happenings = receive(first + second)
+    figures = broadcast.metrics.document()
+    assert figures["connections_total"] == 1
+    assert figures["superframes_received_total"] >= 23
+    starts = motion_starts(happenings)
+    assert any(start > 18.0 for start in starts)
+
+
 def damaged(data: bytes, share: float, seed: int) -> bytes:
     """Leave out transport packets at random, a datagram of seven at a time."""
     rng = np.random.default_rng(seed)
@@ -212,6 +226,51 @@ def test_hls_playlist(tmp_path: Path) -> None:
     broadcast.run()
     assert broadcast.metrics.document()["superframes_received_total"] >= 14
     assert broadcast.metrics.document()["superframes_lost_total"] == 0
+
+
+def test_hls_with_a_discontinuity(tmp_path: Path) -> None:
+    """Two programmes in one playlist, each with its own clock."""
+    lines = ["#EXTM3U", "#EXT-X-VERSION:3", "#EXT-X-TARGETDURATION:10"]
+    for number, start_s in enumerate((0.0, 4000.0)):
+        (tmp_path / f"{number}.ts").write_bytes(stream(start_s=start_s))
+        lines += ["#EXTINF:10.0,", f"{number}.ts", "#EXT-X-DISCONTINUITY"]
+    (tmp_path / "two.m3u8").write_text("\n".join([*lines[:-1], "#EXT-X-ENDLIST", ""]))
+    happenings: list[Happening] = []
+    broadcast = Broadcast(str(tmp_path / "two.m3u8"), VOICE, happenings.append, once=True)
+    broadcast.run()
+    figures = broadcast.metrics.document()
+    assert figures["superframes_received_total"] >= 27
+    assert motion_starts(happenings)[-1] > 18.0
+
+
+def test_hls_window_that_slides(tmp_path: Path) -> None:
+    """A live playlist of three pieces: the oldest leaves when the next one comes."""
+    data = stream()
+    size = (len(data) // 10 // PACKET + 1) * PACKET
+    pieces = [data[at : at + size] for at in range(0, len(data), size)]
+
+    def publish(last: int, end: bool) -> None:
+        first = max(0, last - 2)
+        lines = ["#EXTM3U", "#EXT-X-VERSION:3", "#EXT-X-TARGETDURATION:1"]
+        lines.append(f"#EXT-X-MEDIA-SEQUENCE:{first}")
+        for number in range(first, last + 1):
+            (tmp_path / f"{number}.ts").write_bytes(pieces[number])
+            lines += ["#EXTINF:1.0,", f"{number}.ts"]
+        text = "\n".join([*lines, *(["#EXT-X-ENDLIST"] if end else []), ""])
+        (tmp_path / "new").write_text(text)
+        (tmp_path / "new").replace(tmp_path / "live.m3u8")
+
+    publish(2, end=False)
+    happenings: list[Happening] = []
+    broadcast = Broadcast(str(tmp_path / "live.m3u8"), VOICE, happenings.append, once=True)
+    thread = threading.Thread(target=broadcast.run)
+    thread.start()
+    for last in range(3, len(pieces)):
+        time.sleep(0.9)
+        publish(last, end=last == len(pieces) - 1)
+    thread.join(20)
+    assert not thread.is_alive()
+    assert broadcast.metrics.document()["superframes_received_total"] >= 12
 
 
 def test_sound_alone_through_a_pipe() -> None:
