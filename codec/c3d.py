@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from codec.errors import CueError
 from codec.layout import MARKERS
 
-_METRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+_MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 
 def write_c3d(
@@ -86,26 +86,36 @@ def read_c3d(path: str | os.PathLike[str]) -> tuple[NDArray[np.float32], float, 
     Raises
     ------
     CueError
-        If ezc3d is not installed, the file is no C3D, or a marker's name is missing.
+        If ezc3d is not installed, the file is no C3D, its unit or rate is strange, or a marker's
+        name is missing or stands there twice.
     """
     try:
         c3d = _ezc3d().c3d(str(path))
         point = c3d["parameters"]["POINT"]
         labels = [str(label).strip() for label in point["LABELS"]["value"]]
         rate_hz = float(point["RATE"]["value"][0])
-        scale = _METRES[str((point["UNITS"]["value"] or ["mm"])[0]).strip() or "mm"]
+        unit = str((point["UNITS"]["value"] or ["mm"])[0]).strip().lower() or "mm"
         points = np.array(c3d["data"]["points"][:3])
         residuals = np.array(c3d["data"]["meta_points"]["residuals"])[0]
         first_frame = int(c3d["header"]["points"]["first_frame"])
     except (OSError, RuntimeError, ValueError, KeyError, IndexError) as error:
         raise CueError(f"{path}: not a C3D file: {error}") from error
-    column = {label.split(":")[-1]: number for number, label in enumerate(labels)}
+    if unit not in _MILLIMETRES:
+        raise CueError(f"{path}: unit {unit!r} is not one of {', '.join(_MILLIMETRES)}")
+    if not rate_hz > 0:
+        raise CueError(f"{path}: rate {rate_hz} Hz is not positive")
+    bare = [label.split(":")[-1] for label in labels]
+    twice = [name for name in MARKERS if bare.count(name) > 1]
+    if twice:
+        raise CueError(f"{path}: marker {twice[0]} stands there {bare.count(twice[0])} times")
+    column = {label: number for number, label in enumerate(bare)}
     missing = [name for name in MARKERS if name not in column]
     if missing:
         raise CueError(f"{path}: {len(missing)} markers are missing, the first is {missing[0]}")
     columns = [column[name] for name in MARKERS]
-    markers = scale * points[:, columns].transpose(2, 1, 0)
-    markers[residuals[columns].T < 0] = np.nan
+    markers = _MILLIMETRES[unit] * points[:, columns].transpose(2, 1, 0)
+    # Some systems leave the origin where a marker is hidden, and say no more about it.
+    markers[(residuals[columns].T < 0) | (markers == 0).all(-1)] = np.nan
     return markers.astype(np.float32), rate_hz, first_frame / rate_hz
 
 

@@ -40,11 +40,16 @@ def evaluate(options: EvaluateOptions) -> dict[str, Any] | list[dict[str, Any]]:
     Parameters
     ----------
     options : EvaluateOptions
-        ``clips`` may name a folder of corpora as `synth.corpus.make` writes it; ``cuers`` names
+        ``clips`` may name a folder of corpora as `synth.corpus.make` writes it (of fewer sentences
+        than the paper's the same share is for training); ``cuers`` names
         virtual cuers as ``identity/law``, or ``all``: one row of figures each, and one folder.
     """
     if options.clips is not None:
-        return measure(Recorded(options.clips), options)
+        material = Recorded(options.clips)
+        share = N_TRAINING / (N_TRAINING + N_TEST)
+        return measure(
+            material, options, n_training=min(N_TRAINING, max(1, round(share * material.sentences)))
+        )
     if options.cuers is None:
         return measure(performed(), options)
     names = _cuers(options.cuers)

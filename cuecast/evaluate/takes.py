@@ -13,9 +13,11 @@ import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
+from codec.c3d import read_c3d
 from codec.errors import CueError
 from codec.score import Key, Score
 from synth.corpus.capture import record
+from synth.corpus.framing import Framing, find_framing
 from synth.corpus.make import (
     RATE_OF_CORPORA_HZ,
     ROUNDS_OF_SHAPES,
@@ -29,6 +31,8 @@ from synth.corpus.sentences import read_sentences
 from synth.corpus.studio import Studio, surround
 from synth.gesture import GestureSynthesiser
 from synth.text.espeak import RATE_HZ
+
+_FRAMING_TAKES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +115,10 @@ def performed(*, identity: str = "claire", law: str = "minimum-jerk") -> Perform
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """Corpora in a folder: ``corpus1/`` to ``corpus3/`` with C3D, TextGrid and WAV."""
+    """Corpora in a folder: ``corpus1/`` to ``corpus3/`` with C3D, TextGrid and WAV.
+
+    Axes and the cueing hand are found from the first sentences of corpus 3.
+    """
 
     folder: Path
 
@@ -127,15 +134,32 @@ class Recorded:
         CueError
             If there are none.
         """
-        paths = sorted((self.folder / f"corpus{corpus}").glob("*.c3d"))
-        if not paths:
-            raise CueError(f"{self.folder}: no C3D files in corpus{corpus}")
-        for path in paths:
+        framing = self._framing()
+        for path in self._paths(corpus):
             observed, rate_hz, score = read_utterance(path)
+            observed = framing.apply(observed)
             sound, fs = None, RATE_HZ
             if path.with_suffix(".wav").exists():
                 sound, fs = soundfile.read(path.with_suffix(".wav"), dtype="float32")
             yield Take(path.stem, rate_hz, observed, None, score, sound, fs, None)
+
+    @property
+    def sentences(self) -> int:
+        """Number of utterances of corpus 3."""
+        return len(self._paths(3))
+
+    def _paths(self, corpus: int) -> list[Path]:
+        paths = sorted((self.folder / f"corpus{corpus}").glob("*.c3d"))
+        if not paths:
+            raise CueError(f"{self.folder}: no C3D files in corpus{corpus}")
+        return paths
+
+    def _framing(self) -> Framing:
+        first = self._paths(3)[:_FRAMING_TAKES]
+        try:
+            return find_framing(np.concatenate([read_c3d(path)[0] for path in first]))
+        except CueError as error:
+            raise CueError(f"{first[0].parent}: {error}") from error
 
 
 Material = Performed | Recorded

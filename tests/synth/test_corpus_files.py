@@ -1,5 +1,6 @@
 """C3D files and TextGrids of the corpora."""
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +74,44 @@ def test_a_missing_marker_is_named(tmp_path: Path) -> None:
     c3d.write(str(tmp_path / "c.c3d"))
     with pytest.raises(CueError, match="112 markers are missing, the first is FH1_R"):
         read_c3d(tmp_path / "c.c3d")
+
+
+def foreign_c3d(path: Path, labels: list[str], unit: str, rate_hz: float, at: float = 1.0) -> None:
+    c3d = ezc3d.c3d()
+    c3d["parameters"]["POINT"]["LABELS"]["value"] = labels
+    c3d["parameters"]["POINT"]["UNITS"]["value"] = [unit]
+    c3d["parameters"]["POINT"]["RATE"]["value"] = [rate_hz]
+    c3d["data"]["points"] = np.full((4, len(labels), 3), at)
+    c3d.write(str(path))
+
+
+@pytest.mark.parametrize(
+    ("labels", "unit", "rate_hz", "message"),
+    [
+        ([*MARKERS], "inch", 100.0, "unit 'inch' is not one of mm, cm, m"),
+        ([*MARKERS, "B:K3"], "mm", 100.0, "marker K3 stands there 2 times"),
+    ],
+)
+def test_strange_recordings_are_refused(
+    tmp_path: Path, labels: list[str], unit: str, rate_hz: float, message: str
+) -> None:
+    foreign_c3d(tmp_path / "d.c3d", labels, unit, rate_hz)
+    with pytest.raises(CueError, match=message):
+        read_c3d(tmp_path / "d.c3d")
+
+
+def test_a_rate_of_zero_is_refused(tmp_path: Path) -> None:
+    write_c3d(tmp_path / "r.c3d", some_markers(), rate_hz=100.0)
+    content = (tmp_path / "r.c3d").read_bytes()
+    patched = content.replace(struct.pack("<f", 100.0), struct.pack("<f", 0.0))
+    (tmp_path / "r.c3d").write_bytes(patched)
+    with pytest.raises(CueError, match=r"rate 0\.0 Hz is not positive"):
+        read_c3d(tmp_path / "r.c3d")
+
+
+def test_markers_left_at_the_origin_are_hidden(tmp_path: Path) -> None:
+    foreign_c3d(tmp_path / "e.c3d", [*MARKERS], "MM", 100.0, at=0.0)
+    assert np.isnan(read_c3d(tmp_path / "e.c3d")[0]).all()
 
 
 @pytest.mark.parametrize("content", [b"", b"not a c3d file at all", b"\x02\x50" + bytes(600)])
