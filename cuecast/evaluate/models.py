@@ -119,6 +119,10 @@ def measure(
     return {
         **_errors(seen, unseen), **hidden.summary(), **accuracy,
         **_few(training, seen), **controls, **phases.summary(),
+        "fit_cpu_s": round(models.cpu_s, 1),
+        "inversion_realtime_factor": round(
+            sum(fit.duration_s for fit in unseen) / sum(fit.cpu_s for fit in unseen), 1
+        ),
         "training_sentences": len(seen), "test_sentences": len(unseen),
         "hand_frames": len(models.hand_frames), "face_frames": models.n_face_frames,
         "head_parameters": models.face.n_motion, "forearm_parameters": models.hand.n_motion,

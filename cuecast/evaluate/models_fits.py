@@ -5,6 +5,7 @@ of hidden markers is known, with the truth: by placement, by how much of the han
 part of the hand.
 """
 
+import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -48,6 +49,8 @@ class Models:
     hand_frames: NDArray[np.float64] = field(repr=False)
     forearm_frames: NDArray[np.float64] = field(repr=False)
     n_face_frames: int
+    cpu_s: float
+    """What fitting took, without the performance."""
 
     def control(self, *, n_parameters: int = 12, regress_on: Regressors = "angles") -> "Models":
         """Return the models with a hand of another kind, learnt from the same frames."""
@@ -71,6 +74,8 @@ class Fit:
         The models' markers.
     recovered : ndarray of float32, shape (T, 50, 3)
         The hand as it was seen, its hidden markers recovered.
+    duration_s, cpu_s : float
+        Of the take, and what its inversion took on one core.
     """
 
     name: str
@@ -80,6 +85,8 @@ class Fit:
     face_sd_mm: float
     markers: NDArray[np.float32] = field(repr=False)
     recovered: NDArray[np.float32] = field(repr=False)
+    duration_s: float
+    cpu_s: float
 
     def without_markers(self) -> "Fit":
         """Return the figures alone."""
@@ -97,9 +104,11 @@ def learn(material: Material, training: Iterable[Take]) -> Models:
     # Sentences last long and show few folded fingers: they must not outweigh corpus 1.
     folding = np.concatenate([shapes[:, _HAND], lines[::_COMPLETION_STRIDE, _HAND]])
     forearm = _complete(lines[:, layout.N_FACE + FOREARM_COLUMNS])
+    begun = time.process_time()
     face = fit_face(faces, _complete(lines[:, RIGID_FACE_COLUMNS]))
-    hand = fit_hand(hands, forearm)
-    return Models(face, hand, fit_completion(folding), hands, forearm, len(faces))
+    hand, completion = fit_hand(hands, forearm), fit_completion(folding)
+    taken = time.process_time() - begun
+    return Models(face, hand, completion, hands, forearm, len(faces), taken)
 
 
 def _thinned(take: Take) -> NDArray[np.float64]:
@@ -116,19 +125,21 @@ def explain(take: Take, models: Models) -> Fit:
     world = np.where(visible[..., None], take.observed, 0.0).astype(np.float64)
     markers = np.empty_like(take.observed)
     of_face, of_hand = visible[:, _FACE], visible[:, _HAND]
-    found = invert_face(models.face, world[:, _FACE], of_face)
-    found = bridge(models.face, world[:, _FACE], of_face, found, rate_hz=take.rate_hz)
-    markers[:, _FACE] = models.face.reconstruct(found)
-    found, recovered = recover_hand(
+    begun = time.process_time()
+    face = invert_face(models.face, world[:, _FACE], of_face)
+    face = bridge(models.face, world[:, _FACE], of_face, face, rate_hz=take.rate_hz)
+    hand, recovered = recover_hand(
         models.hand, models.completion, world[:, _HAND], of_hand, rate_hz=take.rate_hz
     )
-    markers[:, _HAND] = models.hand.reconstruct(found)
+    taken = time.process_time() - begun
+    markers[:, _FACE] = models.face.reconstruct(face)
+    markers[:, _HAND] = models.hand.reconstruct(hand)
     distance = np.linalg.norm(markers - world, axis=-1)
     on_hand, on_face = distance[:, _HAND][of_hand], distance[:, _FACE][of_face]
     return Fit(
         take.name,
         float(on_hand.mean()), float(on_hand.std()), float(on_face.mean()), float(on_face.std()),
-        markers, recovered.astype(np.float32),
+        markers, recovered.astype(np.float32), len(world) / take.rate_hz, taken,
     )  # fmt: skip
 
 

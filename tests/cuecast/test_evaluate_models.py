@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from codec.errors import CueError
-from cuecast.evaluate.models import measure, targets
+from cuecast.evaluate.models import _covering, _cuers, measure, targets
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.takes import Performed, Recorded, Take, performed
 from synth.corpus.capture import record
@@ -62,6 +62,7 @@ def test_figures_of_the_paper_hold_on_drill_lines(
     assert found["control_six_parameters_mm"] > 1.5 * found["control_reference_mm"]
     assert found["shape_accuracy"] > 0.9  # few targets a class: measured 0.98
     assert found["placement_accuracy"] > 0.9
+    assert found["hidden_hand_mae_mm"] < 0.8 * found["hidden_hand_model_mm"]
     assert result["data"] == "drill"
 
 
@@ -107,3 +108,16 @@ def test_an_empty_folder_is_refused(tmp_path: Path) -> None:
 def test_performed_material_names_itself() -> None:
     assert str(Performed("agathe", "lognormal")).startswith("virtual cuer agathe, lognormal")
     assert len(performed().utterances) > 200
+
+
+def test_cuers_are_chosen_by_name_identity_or_all() -> None:
+    assert len(_cuers(["all"])) == 6
+    assert _cuers(["agathe/damped", "agathe"])[0] == "agathe/damped"
+    assert len(_cuers(["agathe/damped", "agathe"])) == 3
+    with pytest.raises(CueError, match="unknown cuer 'zoe'; known: all, claire/minimum-jerk"):
+        _cuers(["zoe"])
+
+
+def test_ten_sentences_are_chosen_for_their_rare_keys() -> None:
+    common, rare = [(0, 5, 1)] * 8, [(0, 5, 1), (0, 7, 4)]
+    assert _covering([common, common, rare, common], 2) == [0, 2]

@@ -39,7 +39,7 @@ def page(tmp_path: Path) -> Path:
     observed[10:20, 70] = np.nan
     sound = rng.normal(0, 0.1, 16000 * 2).astype(np.float32)
     take = Take("corpus3/s<1>", RATE_HZ, observed, None, SCORE, sound, 16000, None)
-    fit = Fit(take.name, 1.0, 1.0, 1.0, 1.0, markers, markers[:, 63:])
+    fit = Fit(take.name, 1.0, 1.0, 1.0, 1.0, markers, markers[:, 63:], 2.0, 0.1)
     write_page(tmp_path / "page.html", "tests </script>", take, fit, Even())  # type: ignore[arg-type]
     return tmp_path / "page.html"
 
