@@ -139,19 +139,26 @@ def pieces_of(
     return aligned_pieces(subtitles, recording, reading=reading, warn=note, judged=judged), length_s
 
 
-def score_of_subtitles(args: argparse.Namespace, path: str) -> "Score":
-    """Return the score of a subtitle file, or of the standard input for ``-``."""
+def score_of_subtitles(
+    args: argparse.Namespace, path: str, stream_s: float | None = None
+) -> "Score":
+    """Return the score of what `subtitles_of` reads."""
     from synth.score import score_from_subtitles
 
-    return score_from_subtitles(subtitles_of(path), warn=note, reading=reading_of(args))
+    return score_from_subtitles(subtitles_of(path, stream_s), warn=note, reading=reading_of(args))
 
 
-def subtitles_of(path: str) -> "list[Subtitle]":
-    """Return the subtitles of a file, or of the standard input for ``-``."""
+def subtitles_of(path: str, stream_s: float | None = None) -> "list[Subtitle]":
+    """Return the subtitles of a file, or of the standard input for ``-``.
+
+    `stream_s` is the MPEG-2 time at which their programme begins, if it has one.
+    """
     from synth.subtitles import read_subtitles
     from synth.subtitles.read import parse_subtitles
 
-    return parse_subtitles(read_bytes(PIPE)) if path == PIPE else read_subtitles(path)
+    if path == PIPE:
+        return parse_subtitles(read_bytes(PIPE), stream_s=stream_s)
+    return read_subtitles(path, stream_s=stream_s)
 
 
 def natural(text: str) -> int:

@@ -136,19 +136,23 @@ def run(args: argparse.Namespace) -> int:
 def _motion(args: argparse.Namespace, voice: "Voice", confidence: "Confidence") -> "MotionSource":
     """Return the motion for the subtitles."""
     from cuecast.motions import JoinedMotion, SynthesisedMotion
+    from receiver.media.programme import open_programme
 
     reading = reading_of(args)
+    with open_programme(args.programme, track=args.track) as programme:
+        # Elsewhere the times of packets have nothing to do with those of MPEG-2.
+        stream_s = programme.origin_s if programme.container.format.name == "mpegts" else None
     if args.align:
         from cuecast.aligning import aligned_score
 
-        subtitles = subtitles_of(args.subtitles)
+        subtitles = subtitles_of(args.subtitles, stream_s)
         score = aligned_score(
             subtitles, args.programme, track=args.track, reading=reading, warn=note,
             judged=confidence,
         )  # fmt: skip
         note(str(confidence))
     else:
-        score = score_of_subtitles(args, args.subtitles)
+        score = score_of_subtitles(args, args.subtitles, stream_s)
     options = reading.options
     # Who has nothing to say rests: for that no units are needed.
     if (args.units or args.method == "units") and score.keys:

@@ -16,13 +16,15 @@ LARGEST_BYTES = 64 * 1024 * 1024
 """Limit of a subtitle file; a week of programme stays far below."""
 
 
-def read_subtitles(path: str | Path) -> list[Subtitle]:
+def read_subtitles(path: str | Path, *, stream_s: float | None = None) -> list[Subtitle]:
     """Return the subtitles of a file, sorted by their start.
 
     Parameters
     ----------
     path : path
         The format is told by the content, not by the name.
+    stream_s : float, optional
+        As in `synth.subtitles.vtt.read_vtt`.
 
     Raises
     ------
@@ -38,12 +40,12 @@ def read_subtitles(path: str | Path) -> list[Subtitle]:
     if size > LARGEST_BYTES:
         raise CueError(f"{path}: {size} bytes of subtitles, more than {LARGEST_BYTES}")
     try:
-        return parse_subtitles(data)
+        return parse_subtitles(data, stream_s=stream_s)
     except CueError as error:
         raise CueError(f"{path}: {error}") from error
 
 
-def parse_subtitles(data: bytes) -> list[Subtitle]:
+def parse_subtitles(data: bytes, *, stream_s: float | None = None) -> list[Subtitle]:
     r"""Return the subtitles of the bytes of a file, sorted by their start.
 
     Raises
@@ -58,14 +60,16 @@ def parse_subtitles(data: bytes) -> list[Subtitle]:
     """
     if not data.strip():
         raise CueError("line 1: the file is empty")
-    return list(unrolled(sorted(_parse(data), key=lambda s: (s.start_s, s.line))))
+    return list(unrolled(sorted(_parse(data, stream_s), key=lambda s: (s.start_s, s.line))))
 
 
-def _parse(data: bytes) -> Iterator[Subtitle]:
+def _parse(data: bytes, stream_s: float | None) -> Iterator[Subtitle]:
     if looks_like_stl(data):
         return read_stl(data)
     text = decode(data)
     opening = text.lstrip()
     if opening.startswith("<"):
         return read_ttml(data)
-    return read_vtt(text) if opening.startswith("WEBVTT") else read_srt(text)
+    if opening.startswith("WEBVTT"):
+        return read_vtt(text, stream_s=stream_s)
+    return read_srt(text)

@@ -10,18 +10,28 @@ from synth.subtitles.srt import clock_s
 
 _CLOCK = r"(?:(\d{2,}):)?(\d{1,2}):(\d{1,2})[.,](\d{1,3})"
 _TIMES = re.compile(rf"\s*{_CLOCK}\s*-->\s*{_CLOCK}(?:\s.*)?$")
+_MAP = re.compile(r"X-TIMESTAMP-MAP=(\S+)")
+_TICKS_HZ, _TICKS = 90_000, 1 << 33
+"""MPEG-2 times count ticks of 1/90000 s and begin anew after 33 bits."""
+
 _BLOCK = re.compile(r"(?:NOTE|STYLE|REGION)(?:\s|$)")
 
 
-def read_vtt(text: str) -> Iterator[Subtitle]:
+def read_vtt(text: str, *, stream_s: float | None = None) -> Iterator[Subtitle]:
     r"""Yield the subtitles of the text of a WebVTT file, in the order of the file.
 
-    The header's X-TIMESTAMP-MAP is not applied: times are those of the file itself.
+    Parameters
+    ----------
+    text : str
+    stream_s : float, optional
+        MPEG-2 time of the programme's clock's zero in seconds: the header's X-TIMESTAMP-MAP
+        (RFC 8216, section 3.5) then moves the subtitles; what ends before the programme starts is
+        left out. Without it times are those of the file itself.
 
     Raises
     ------
     CueError
-        If the header or a line of times is malformed; the message gives its line.
+        If the header, its map or a line of times is malformed; the message gives its line.
 
     Examples
     --------
@@ -32,6 +42,7 @@ def read_vtt(text: str) -> Iterator[Subtitle]:
     if not lines or not re.match(r"WEBVTT(?:\s|$)", lines[0]):
         raise CueError(f"line 1: {lines[0][:40] if lines else ''!r} is not the header WEBVTT")
     found = False
+    moved_s = 0.0 if stream_s is None else _moved_s(lines, stream_s)
     for number, block in _blocks(lines):
         if _BLOCK.match(block[0]) or (number == 1 and "-->" not in "".join(block)):
             continue
@@ -42,12 +53,32 @@ def read_vtt(text: str) -> Iterator[Subtitle]:
         if not match:
             raise CueError(f"line {number + head}: malformed times {block[head].strip()[:40]!r}")
         found = True
-        yield Subtitle(
-            clock_s(match.groups()[:4], number + head), clock_s(match.groups()[4:], number + head),
-            plain("\n".join(block[head + 1 :])).strip(), number + head,
-        )  # fmt: skip
+        start_s = clock_s(match.groups()[:4], number + head) + moved_s
+        end_s = clock_s(match.groups()[4:], number + head) + moved_s
+        if moved_s and end_s <= 0:
+            continue
+        text = plain("\n".join(block[head + 1 :])).strip()
+        yield Subtitle(max(start_s, 0.0) if moved_s else start_s, end_s, text, number + head)
     if not found:
         raise CueError(f"line {len(lines)}: the file has no subtitles")
+
+
+def _moved_s(lines: list[str], stream_s: float) -> float:
+    """Return how much later on the programme's clock the subtitles are than they say."""
+    for number, line in enumerate(lines, 1):
+        if not line.strip():
+            break
+        if mapped := _MAP.match(line.strip()):
+            fields = dict(part.partition(":")[::2] for part in mapped[1].split(","))
+            local = re.fullmatch(_CLOCK, fields.get("LOCAL", "00:00.000"))
+            ticks = fields.get("MPEGTS", "0")
+            if local is None or not (ticks.isascii() and ticks.isdigit()):
+                raise CueError(f"line {number}: malformed {line.strip()[:40]!r}")
+            since = int(ticks) - round(stream_s * _TICKS_HZ)
+            # The shorter way round: the programme may lie across the end of the count.
+            since = (since + _TICKS // 2) % _TICKS - _TICKS // 2
+            return since / _TICKS_HZ - clock_s(local.groups(), number)
+    return 0.0
 
 
 def _blocks(lines: list[str]) -> Iterator[tuple[int, list[str]]]:

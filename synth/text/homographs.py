@@ -34,7 +34,7 @@ def _plus(stretch: Sequence[Item], position: int) -> str:
     before, after = _text(stretch, position - 1), _text(stretch, position + 1)
     if any(item.text in _NEGATIONS or item.text == "plus" for item in stretch[:position]):
         return "ply"
-    if after in ("que", "qu'") and before not in ("de", "d'", "pas"):
+    if after in ("que", "qu'") and before not in ("", "de", "d'", "pas"):
         # One says more than: a quantity, unless something is denied.
         return "plys"
     numeral = position + 1 < len(stretch) and stretch[position + 1].word_class == "U"

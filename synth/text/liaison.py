@@ -44,7 +44,8 @@ FIXED = frozenset(
      ("quand", "on"), ("quand", "ils"), ("quand", "elles"), ("quand", "un"), ("quand", "une"),
      ("dont", "il"), ("dont", "elle"), ("dont", "on"), ("comment", "allez"), ("bout", "à"),
      ("face", "à"), ("états", "unis"), ("nations", "unies"), ("arts", "et"), ("cent", "ans"),
-     ("vingt", "et"), ("champs", "élysées"), ("jeux", "olympiques"), ("tout", "à")}
+     ("vingt", "et"), ("champs", "élysées"), ("jeux", "olympiques"), ("tout", "à"),
+     ("rien", "à"), ("quant", "à"), ("quant", "au"), ("quant", "aux")}
 )  # fmt: skip
 """Pairs that are linked whatever their classes."""
 

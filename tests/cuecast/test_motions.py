@@ -13,7 +13,9 @@ from codec.score import Score
 from codec.voice import Voice, load_voice
 from cuecast import performance
 from cuecast.cli import main
+from cuecast.media.film import write_film
 from cuecast.motions import JoinedMotion, ruled_motion
+from receiver.media.programme import open_programme
 from synth.concatenation import ConcatenativeSynthesiser
 from synth.gesture import GestureSynthesiser
 from synth.movement import ALIGNMENTS
@@ -151,3 +153,23 @@ def test_keys_of_a_recording_as_a_textgrid(
     assert [key.as_dict() for key in found.keys] == json.loads(out)
     errors = [abs(a.start - b.start) for a, b in zip(found.phones, spoken.phones, strict=True)]
     assert np.median(errors) < 0.02  # the grid is 20 ms
+
+
+def test_the_map_of_a_transport_stream_is_followed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    noise = np.random.default_rng(5).normal(0, 0.05, (48_000 * 6, 1)).astype(np.float32)
+    write_film(tmp_path / "p.ts", noise, 48_000, encoder="aac")
+    with open_programme(tmp_path / "p.ts") as programme:
+        ticks = round((programme.origin_s + 2.0) * 90_000)
+    vtt = tmp_path / "a.vtt"
+    head = f"WEBVTT\nX-TIMESTAMP-MAP=MPEGTS:{ticks},LOCAL:00:00.000"
+    vtt.write_text(f"{head}\n\n00:01.000 --> 00:02.000\nOui.\n", encoding="utf-8")
+    starts = []
+    for name in ("p.ts", "p.mkv"):
+        if name == "p.mkv":
+            write_film(tmp_path / name, noise, 48_000, encoder="flac")
+        dub = ["dub", str(tmp_path / name), "--subtitles", str(vtt), "--no-grade", "--json"]
+        assert main([*dub, "-o", str(tmp_path / f"d{name}")]) == 0
+        starts.append(json.loads(capsys.readouterr().out)["keys"][0]["start"])
+    assert starts == [pytest.approx(3.0, abs=0.02), 1.0]

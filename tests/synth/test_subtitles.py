@@ -130,3 +130,24 @@ def test_what_stays_on_the_screen_is_said_once() -> None:
     assert [(s.start_s, s.end_s) for s in twice] == [(0, 2), (4, 5)]
     apart = srt((0, 2, "Non."), (2.5, 4, "Non.\nJamais."))
     assert [s.text for s in parse_subtitles(apart)] == ["Non.", "Non.\nJamais."]
+
+
+def test_the_map_of_a_stream_moves_its_subtitles() -> None:
+    body = "\n\n00:05.000 --> 00:06.000\nOui.\n\n00:20.000 --> 00:21.000\nNon.\n"
+
+    def starts(header: str, stream_s: float | None) -> list[float]:
+        data = f"WEBVTT\n{header}{body}".encode()
+        return [round(s.start_s, 3) for s in parse_subtitles(data, stream_s=stream_s)]
+
+    header = "X-TIMESTAMP-MAP=LOCAL:00:00:04.000,MPEGTS:900000"
+    assert starts(header, None) == [5.0, 20.0]
+    assert starts(header, 10.0) == [1.0, 16.0]
+    assert starts(header, 1.4) == [9.6, 24.6]
+    # What is over when the programme begins is left out, what is under way is cut.
+    assert starts(header, 11.5) == [0.0, 14.5]
+    assert starts(header, 20.0) == [6.0]
+    # The count of 33 bits begins anew between the map and the programme.
+    wrapped = f"X-TIMESTAMP-MAP=MPEGTS:{(1 << 33) - 90_000},LOCAL:00:00.000"
+    assert starts(wrapped, 0.5) == [3.5, 18.5]
+    with pytest.raises(CueError, match="line 2: malformed 'X-TIMESTAMP-MAP=MPEGTS:x'"):
+        starts("X-TIMESTAMP-MAP=MPEGTS:x", 0.0)
