@@ -1,5 +1,6 @@
 """The invisible video carrier: round trips, sizes and rates, tuning in, streaming, refusals."""
 
+import resource
 from fractions import Fraction
 from typing import Any
 
@@ -342,6 +343,21 @@ def test_timing() -> None:
     assert [timing.window_start(k) for k in (0, 1)] == [2, 18]
     assert timing.phase(16) == (1, 1 / 32)
     assert timing.position_s(18) == pytest.approx(0.64)
+
+
+@pytest.mark.slow
+def test_an_hour_of_1080p_needs_no_more_memory_than_a_minute() -> None:
+    """Without a picture codec, whose memory is its own: embedder into receiver, loss-free."""
+    scene = [picture(n, 1920, 1080) for n in range(24)]
+    embedder, receiver = VideoEmbedder(1920, 1080, 25, source()), VideoReceiver(1920, 1080, 25)
+    found, memory_kb = 0, []
+    for n in range(3600 * 25):
+        for luma in embedder.process(scene[n % 24]):
+            found += sum(s.l0 is not None for s in receiver.process(luma))
+        if n % 1500 == 1499:
+            memory_kb.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    assert found >= 3600 / 0.64 - 3
+    assert memory_kb[-1] <= 1.02 * memory_kb[0]
 
 
 def test_kernels_agree_with_their_python() -> None:
