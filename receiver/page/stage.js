@@ -48,7 +48,7 @@ export class Stage {
 
   /** Show the keys around the present one: phones above, placement and shape as the paper prints them. */
   showKeys({ keys, now }, words) {
-    const line = keys.map((key) => `${key.start}`).join() + now;
+    const line = keys.map((key) => `${key.start}`).join() + now + words.rest;
     if (line === this.shownKeys) return;
     this.shownKeys = line;
     this.keysLine.textContent = "";

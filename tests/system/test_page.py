@@ -172,6 +172,9 @@ def test_choices_by_keyboard_and_remote_control_are_remembered(programme: Path) 
         language = await page.evaluate("document.documentElement.lang")
         await page.press("l")
         await page.until(f"document.documentElement.lang != '{language}'")
+        await page.until(
+            "document.getElementById('keys').textContent.includes(cuecast.words().side)"
+        )
         await page.press("r")
         await page.until("!document.getElementById('panel').hidden")
         await page.screenshot(ARTEFACTS / "settings.png")
