@@ -6,6 +6,7 @@ or PROFILE:NAME, as in ``robust:aac_64``; the profile is `standard` unless told.
 in the profile's place rehearses the mark through a coder first.
 """
 
+import importlib.util
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -25,7 +26,8 @@ from cuecast.evaluate.statistics import wilson_interval
 from receiver.media.sound import read_sound
 from watermark.embed import AudioEmbedder
 from watermark.profile import SUPERFRAME_S, Profile, find_profile
-from watermark.quality import peaq
+from watermark.quality import peaq, pesq_wb, segmental_snr_db
+from watermark.quality.loudness import loudness_lufs
 from watermark.receive import AudioReceiver
 from watermark.rehearsal import Rehearsal
 
@@ -73,6 +75,12 @@ class AudioRow:
         Superframes accepted with a payload that was never sent.
     odg, snr_db : float
         Objective difference grade of the marked clip before the channel, and mid over mark.
+    segmental_snr_db : float
+        Sound over mark, mean of short segments.
+    pesq : float or None
+        PESQ-WB of the marked clip, 4.64 at best; only of speech, which a name with "speech" is.
+    loudness_change_lu : float
+        What marking adds to the programme loudness (EBU R 128).
     tune_in_median_s, tune_in_p95_s : float
         From the first sample to the first superframe, over random starts; None if none were tried.
     embed_xrt, receive_xrt : float
@@ -91,6 +99,9 @@ class AudioRow:
     wrong: int
     odg: float
     snr_db: float
+    segmental_snr_db: float
+    pesq: float | None
+    loudness_change_lu: float
     tune_in_median_s: float | None
     tune_in_p95_s: float | None
     embed_xrt: float
@@ -109,6 +120,9 @@ class Marked:
     payloads: tuple[tuple[bytes, bytes], ...]
     odg: float
     snr_db: float
+    segmental_snr_db: float
+    pesq: float | None
+    loudness_change_lu: float
     xrt: float
 
 
@@ -141,7 +155,21 @@ def mark_clip(
     odg = peaq(sound[:, front], marked[:, front], fs).odg
     if snr_db is None:
         raise CueError(f"{path.name} cannot carry: nothing was marked")
-    return Marked(path.stem, fs, profile, chosen, marked, payloads, odg, snr_db, xrt)
+    speech = "speech" in path.stem and importlib.util.find_spec("pesq") is not None
+    return Marked(
+        clip=path.stem,
+        fs=fs,
+        setting=profile,
+        profile=chosen,
+        sound=marked,
+        payloads=payloads,
+        odg=odg,
+        snr_db=snr_db,
+        segmental_snr_db=segmental_snr_db(sound.mean(axis=1), marked.mean(axis=1), fs),
+        pesq=pesq_wb(sound.mean(axis=1), marked.mean(axis=1), fs) if speech else None,
+        loudness_change_lu=loudness_lufs(marked, fs) - loudness_lufs(sound, fs),
+        xrt=xrt,
+    )
 
 
 def _embed(
@@ -191,6 +219,9 @@ def measure(
         wrong=wrong,
         odg=marked.odg,
         snr_db=marked.snr_db,
+        segmental_snr_db=marked.segmental_snr_db,
+        pesq=marked.pesq,
+        loudness_change_lu=marked.loudness_change_lu,
         tune_in_median_s=float(np.median(waits)) if waits else None,
         tune_in_p95_s=float(np.quantile(waits, 0.95)) if waits else None,
         embed_xrt=marked.xrt,

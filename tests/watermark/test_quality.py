@@ -13,6 +13,7 @@ from codec.errors import CueError
 from watermark.quality import PeaqMeter, _kernels, peaq, pesq_wb, segmental_snr_db, snr_db
 from watermark.quality.ear import BANDS, FRAME_RATE, band_edges, ear_tables
 from watermark.quality.harmonics import harmonic_structure
+from watermark.quality.loudness import loudness_lufs
 from watermark.quality.resample import Resampler
 
 GIVEN = Path(__file__).parents[3] / "shared" / "data" / "quality"
@@ -263,3 +264,21 @@ def test_pesq_is_optional(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pesq", None)
     with pytest.raises(CueError, match="pip install pesq"):
         pesq_wb(np.ones(FS), np.ones(FS), FS)
+
+
+def test_loudness_of_the_standard_s_tone_and_of_its_gates() -> None:
+    t = np.arange(4 * 48000) / 48000
+    tone = np.sin(2 * np.pi * 997 * t)
+    assert loudness_lufs(np.stack([tone, tone], axis=1) * 0.1, 48000) == pytest.approx(
+        -20, abs=0.05
+    )
+    for fs in (32000, 44100):
+        at_rate = np.sin(2 * np.pi * 997 * np.arange(4 * fs) / fs)[:, np.newaxis]
+        assert loudness_lufs(at_rate, fs) == pytest.approx(-3.01, abs=0.03)
+    paused = np.concatenate([tone, 0.001 * tone])[:, np.newaxis]
+    # Three blocks reach across the edge and are partly loud: 0.2 LU.
+    assert loudness_lufs(paused, 48000) == pytest.approx(-3.01, abs=0.3)
+    with pytest.raises(CueError, match=r"^loudness: nothing"):
+        loudness_lufs(np.zeros((48000, 1)), 48000)
+    with pytest.raises(CueError, match=r"^loudness of shape"):
+        loudness_lufs(np.zeros(48000), 48000)
