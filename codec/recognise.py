@@ -81,11 +81,17 @@ class Gaussians:
     Attributes
     ----------
     means : ndarray of float64, shape (C, D)
+        NaN for a class of which there was no example: it is never recognised.
     covariances : ndarray of float64, shape (C, D, D)
     """
 
     means: NDArray[np.float64]
     covariances: NDArray[np.float64]
+
+    @property
+    def missing(self) -> tuple[int, ...]:
+        """Classes of which there was no example."""
+        return tuple(np.flatnonzero(np.isnan(self.means).any(1)).tolist())
 
     def posteriors(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the probability of each class, equal priors, shape (T, C); rows sum to 1.
@@ -93,12 +99,14 @@ class Gaussians:
         Frames that are not finite get equal probabilities: nothing is known of them.
         """
         known = np.asarray(np.isfinite(x).all(1))
-        deviation = np.where(known[:, None], x, 0.0)[:, None] - self.means
+        learnt = np.isfinite(self.means).all(1)
+        deviation = np.where(known[:, None], x, 0.0)[:, None] - np.nan_to_num(self.means)
         precision = np.linalg.inv(self.covariances)
         _, volume = np.linalg.slogdet(self.covariances)
         log_density = -0.5 * (
             np.einsum("tci,cij,tcj->tc", deviation, precision, deviation, optimize=True) + volume
         )
+        log_density[:, ~learnt] = -np.inf
         log_density[~known] = 0.0
         density = np.exp(log_density - log_density.max(1, keepdims=True))
         return np.asarray(density / density.sum(1, keepdims=True))
@@ -109,17 +117,20 @@ def fit_gaussians(
 ) -> Gaussians:
     """Estimate one Gaussian per class.
 
+    A class of few examples borrows the spread of all; one of none is `Gaussians.missing`.
+
     Raises
     ------
     CueError
-        If a class has fewer than two frames; `what` names the classes.
+        If fewer than two classes have examples, or none has two; `what` names the classes.
     """
     finite = np.isfinite(x).all(1)
     groups = [x[finite & (labels == label)] for label in range(classes)]
-    for label, own in enumerate(groups):
-        if len(own) < 2:
-            raise CueError(f"{what} {label}: {len(own)} targets to learn from, 2 needed")
-    scatters = [(own - own.mean(0)).T @ (own - own.mean(0)) for own in groups]
+    if sum(len(own) > 0 for own in groups) < 2 or max(map(len, groups)) < 2:
+        counts = ", ".join(f"{label}: {len(own)}" for label, own in enumerate(groups))
+        raise CueError(f"too few targets to tell one {what} from another ({counts})")
+    means = np.array([own.mean(0) if len(own) else np.full(x.shape[1], np.nan) for own in groups])
+    scatters = [(own - mean).T @ (own - mean) for own, mean in zip(groups, means, strict=True)]
     size = np.array([len(own) for own in groups])
     common = sum(scatters, start=np.zeros((x.shape[1],) * 2)) / size.sum()
     # Few targets do not tell a covariance: that of all classes stands in for what is missing. The
@@ -129,7 +140,7 @@ def fit_gaussians(
         (scatter + prior * common) / (count + prior) + _SPREAD_FLOOR_MM**2 * np.eye(x.shape[1])
         for scatter, count in zip(scatters, size, strict=True)
     ]
-    return Gaussians(np.array([own.mean(0) for own in groups]), np.array(covariances))
+    return Gaussians(means, np.array(covariances))
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +197,7 @@ def fit_recogniser(
     Raises
     ------
     CueError
-        If a class has fewer than two targets.
+        If no frame shows the head, or there are too few targets to tell classes apart.
     """
     skull = np.asarray(markers[:, _RIGID_FACE], dtype=np.float64)
     seen = np.isfinite(skull).all((1, 2))

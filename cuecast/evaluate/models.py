@@ -103,7 +103,7 @@ def measure(
     controls = _controls(models, training[:_CONTROL_TAKES])
     recogniser, accuracy = _recognition(training, seen)
     unseen, phases, hidden, example = [], Phases(), Occlusion(), None
-    options.say(f"inverting the next {n_test} sentences")
+    options.say(f"inverting the next sentences, {n_test} at most")
     for take in itertools.islice(sentences, n_test):
         fit = explain(take, models)
         phases.add(take, fit, recogniser)
@@ -191,13 +191,22 @@ def _accuracy(recogniser: Recogniser, labelled: Labelled) -> tuple[float, float]
 
 
 def _recognition(takes: Sequence[Take], fits: Sequence[Fit]) -> tuple[Recogniser, dict[str, Any]]:
-    """Learn the recogniser from one half of the targets and try it on the other."""
+    """Learn the recogniser from one half of the targets and try it on the other.
+
+    What the half that is learnt from does not show is named; it counts as not recognised.
+    """
     markers, shape, placement = _labelled(takes, fits)
     recogniser = fit_recogniser(markers[::2], shape[::2], placement[::2])
     right = _accuracy(recogniser, (markers[1::2], shape[1::2], placement[1::2]))
     return recogniser, {
         "shape_accuracy": right[0], "placement_accuracy": right[1], "targets": len(markers),
+        "shapes_not_learnt": _named(recogniser.shapes.missing, range(len(SHAPES))),
+        "placements_not_learnt": _named(recogniser.placements.missing, PLACEMENTS),
     }  # fmt: skip
+
+
+def _named(classes: Sequence[int], names: Sequence[object]) -> str | None:
+    return " ".join(str(names[label]) for label in classes) or None
 
 
 def _few(takes: Sequence[Take], fits: Sequence[Fit]) -> dict[str, Any]:

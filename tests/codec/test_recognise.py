@@ -63,9 +63,32 @@ def test_separate_classes_are_told_apart() -> None:
     assert (learnt.posteriors(x[200:]).argmax(1) == label[200:]).mean() > 0.99
 
 
-def test_a_class_without_targets_is_named() -> None:
-    with pytest.raises(CueError, match="placement 2: 1 targets to learn from, 2 needed"):
-        fit_gaussians(np.zeros((5, 3)), np.array([0, 0, 1, 1, 2]), 3, what="placement")
+def test_a_class_of_one_example_borrows_the_spread_of_the_others() -> None:
+    rng = np.random.default_rng(0)
+    label = np.concatenate([np.arange(200) % 3, [3]])
+    x = rng.normal(size=(201, 3)) + 8 * label[:, None]
+    learnt = fit_gaussians(x, label, 4, what="class")
+    assert learnt.missing == ()
+    again = rng.normal(size=(50, 3)) + 24
+    assert (learnt.posteriors(again).argmax(1) == 3).mean() > 0.95
+
+
+def test_a_class_without_examples_is_told_and_never_recognised() -> None:
+    rng = np.random.default_rng(0)
+    label = np.array([0, 2, 3] * 60)
+    x = rng.normal(size=(180, 3)) + 8 * label[:, None]
+    learnt = fit_gaussians(x, label, 4, what="class")
+    assert learnt.missing == (1,)
+    found = learnt.posteriors(x)
+    assert (found[:, 1] == 0).all()
+    assert (found.argmax(1) == label).mean() > 0.99
+
+
+@pytest.mark.parametrize("label", [[0, 0, 0, 0], [0, 1, 2], []])
+def test_too_few_examples_to_tell_classes_apart_are_refused(label: list[int]) -> None:
+    labels = np.array(label, dtype=int)
+    with pytest.raises(CueError, match=r"too few targets to tell one placement .*0: \d"):
+        fit_gaussians(np.zeros((len(label), 3)), labels, 3, what="placement")
 
 
 def test_training_without_a_head_is_refused() -> None:
