@@ -7,12 +7,11 @@ stays a distribution.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.vq import kmeans2
-from scipy.linalg import cho_solve, solve_triangular
 
 from codec.errors import CueError
 
@@ -24,6 +23,7 @@ _SHRINK_ROWS = 20.0
 _FLOOR = 0.03
 _GLOBAL_ROUNDS = 4
 _ROWS_PER_COMPONENT = 150
+_BLOCK = 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +36,21 @@ class Mixture:
         Sum to one.
     means : ndarray of float64, shape (K, D)
     covariances : ndarray of float64, shape (K, D, D)
+    precisions : ndarray of float64, shape (K, D, D)
+        Their inverses.
+    log_volumes : ndarray of float64, shape (K,)
+        Logarithms of their determinants.
     """
 
     shares: FloatArray
     means: FloatArray
     covariances: FloatArray
+    precisions: FloatArray = field(init=False, repr=False)
+    log_volumes: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "precisions", np.linalg.inv(self.covariances))
+        object.__setattr__(self, "log_volumes", np.linalg.slogdet(self.covariances)[1])
 
     def responsibilities(self, values: FloatArray, known: BoolArray) -> FloatArray:
         """Return how likely each component is, given the known values.
@@ -57,13 +67,10 @@ class Mixture:
             Rows sum to one; the unlikely components are set to zero.
         """
         log_share = np.empty((len(values), len(self.shares)))
-        for shown, rows in _alike(known):
-            for k, mean in enumerate(self.means):
-                factor = np.linalg.cholesky(self.covariances[k][np.ix_(shown, shown)])
-                away = (values[np.ix_(rows, shown)] - mean[shown]).T
-                white = solve_triangular(factor, away, lower=True, check_finite=False)
-                volume = np.log(np.diag(factor)).sum()
-                log_share[rows, k] = np.log(self.shares[k]) - 0.5 * (white**2).sum(0) - volume
+        for begin in range(0, len(values), _BLOCK):
+            block = slice(begin, begin + _BLOCK)
+            log_share[block] = self._log_densities(values[block], known[block])
+        log_share += np.log(self.shares)
         share = np.exp(log_share - log_share.max(1, keepdims=True))
         share /= share.sum(1, keepdims=True)
         share[share < _LEAST_SHARE] = 0.0
@@ -90,22 +97,48 @@ class Mixture:
         completed, surprise = np.zeros_like(values), np.zeros_like(values)
         for shown, rows in _alike(known):
             for k in np.flatnonzero(share[rows].max(0) > 0).tolist():
-                weight = share[rows, k, None]
-                away = values[np.ix_(rows, shown)] - self.means[k][shown]
-                precision, slope = self._given(k, shown)
+                weight, precision = share[rows, k, None], self.precisions[k]
+                _, slope = self._given(k, shown)
+                away = (values[rows] - self.means[k])[:, shown]
+                expected = away @ slope
                 filled = values[rows]
-                filled[:, ~shown] = self.means[k][~shown] + away @ slope
+                filled[:, ~shown] = self.means[k][~shown] + expected
                 completed[rows] += weight * filled
-                alone = away @ precision / np.diag(precision)
-                surprise[np.ix_(rows, shown)] += weight * alone
+                across = precision[np.ix_(~shown, shown)]
+                pull = away @ precision[np.ix_(shown, shown)] + expected @ across
+                alone = np.diag(precision)[shown] + (slope.T * across).sum(0)
+                surprise[np.ix_(rows, shown)] += weight * (pull / alone)
         return completed, surprise
 
+    def _log_densities(self, values: FloatArray, known: BoolArray) -> FloatArray:
+        """Return the logarithm of each component's density at the known values, up to a constant.
+
+        With P the precision, H the unknown values and a the distances from the mean, 0 where
+        unknown, the known values' own distance is aᵀPa - (Pa)ₕᵀ Pₕₕ⁻¹ (Pa)ₕ and the determinant
+        of their covariance that of all times that of Pₕₕ: few values are unknown, so that this is
+        much less than to factorise the covariance of the known ones.
+        """
+        away = np.where(known, values - self.means[:, None], 0.0)
+        pull = away @ self.precisions
+        distance = (away * pull).sum(-1) + self.log_volumes[:, None]
+        for shown, rows in _alike(known):
+            unknown = np.flatnonzero(~shown)
+            if not len(unknown):
+                continue
+            inner = self.precisions[:, unknown[:, None], unknown]
+            open_pull = pull[:, rows[:, None], unknown]
+            factor = np.linalg.cholesky(inner)
+            solved = np.linalg.solve(inner, np.swapaxes(open_pull, 1, 2))
+            volume = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(1)
+            distance[:, rows] += 2 * volume[:, None]
+            distance[:, rows] -= (np.swapaxes(open_pull, 1, 2) * solved).sum(1)
+        return np.asarray(-0.5 * distance.T)
+
     def _given(self, k: int, shown: BoolArray) -> tuple[FloatArray, FloatArray]:
-        """Return the precision of the shown values and the regression of the others on them."""
-        covariance = self.covariances[k]
-        factor = np.linalg.cholesky(covariance[np.ix_(shown, shown)])
-        precision = cho_solve((factor, True), np.eye(len(factor)), check_finite=False)
-        return precision, precision @ covariance[np.ix_(shown, ~shown)]
+        """Return what the shown values leave of the others' covariance, and their regression."""
+        precision = self.precisions[k]
+        left = np.linalg.inv(precision[np.ix_(~shown, ~shown)])
+        return left, -(precision[np.ix_(shown, ~shown)] @ left)
 
 
 def _alike(known: BoolArray) -> Iterator[tuple[BoolArray, NDArray[np.intp]]]:
@@ -201,12 +234,9 @@ def _maximised(model: Mixture, values: FloatArray, known: BoolArray, share: Floa
             weight = share[rows, j]
             away = values[rows] - model.means[j]
             if not shown.all():
-                _, slope = model._given(j, shown)
+                left, slope = model._given(j, shown)
                 away[:, ~shown] = away[:, shown] @ slope
-                hidden = np.ix_(~shown, ~shown)
-                left = model.covariances[j][hidden]
-                left = left - model.covariances[j][np.ix_(~shown, shown)] @ slope
-                second[j][hidden] += weight.sum() * left
+                second[j][np.ix_(~shown, ~shown)] += weight.sum() * left
             total[j] += weight.sum()
             first[j] += weight @ away
             second[j] += (away * weight[:, None]).T @ away
