@@ -34,3 +34,26 @@ def prune_into(
             kept[count] = t
             count += 1
     return count
+
+
+@njit(cache=True)
+def turn_into(
+    points: NDArray[np.float64],
+    turn: NDArray[np.float64],
+    shift: NDArray[np.float64],
+    out: NDArray[np.float32],
+) -> None:
+    """Fill `out` (T, n, K, 3) with turn × point + shift.
+
+    points is (T, K, 3); turn and shift are (T, K or 1, 3, n): a vector per point or for all.
+    """
+    each = 1 if turn.shape[1] > 1 else 0
+    for t in range(points.shape[0]):
+        for i in range(turn.shape[3]):
+            for k in range(points.shape[1]):
+                x, y, z = points[t, k, 0], points[t, k, 1], points[t, k, 2]
+                m = k * each
+                u, v, w = turn[t, m, 0, i], turn[t, m, 1, i], turn[t, m, 2, i]
+                out[t, i, k, 0] = v * z - w * y + shift[t, m, 0, i]
+                out[t, i, k, 1] = w * x - u * z + shift[t, m, 1, i]
+                out[t, i, k, 2] = u * y - v * x + shift[t, m, 2, i]

@@ -79,7 +79,7 @@ def right_jacobians(rotation_vectors: NDArray[np.float64]) -> NDArray[np.float64
 
 def motion_slopes(
     points: NDArray[np.float64], motion: NDArray[np.float64], directions: NDArray[Any]
-) -> NDArray[np.float64]:
+) -> NDArray[np.float32]:
     """Return how moved points change with the parameters of their motion, in the resting frame.
 
     Parameters
@@ -92,18 +92,17 @@ def motion_slopes(
 
     Returns
     -------
-    ndarray of float64, shape (T, n, K, 3)
+    ndarray of float32, shape (T, n, K, 3)
         d(R p + t) / d parameter, turned back by R.
     """
+    from codec.models import _kernels
+
     back = np.swapaxes(rotation_matrices(motion[..., :3]), -1, -2)
     by_direction = np.moveaxis(directions.astype(np.float64), 0, -1)
-    turn = np.moveaxis(right_jacobians(motion[..., :3]) @ by_direction[:, :3], -1, 1)
-    shift = np.moveaxis(back @ by_direction[:, 3:], -1, 1)
-    p = points[:, None]
-    out = np.empty((len(points), len(directions), *points.shape[1:]))
-    out[..., 0] = turn[..., 1] * p[..., 2] - turn[..., 2] * p[..., 1] + shift[..., 0]
-    out[..., 1] = turn[..., 2] * p[..., 0] - turn[..., 0] * p[..., 2] + shift[..., 1]
-    out[..., 2] = turn[..., 0] * p[..., 1] - turn[..., 1] * p[..., 0] + shift[..., 2]
+    turn = right_jacobians(motion[..., :3]) @ by_direction[:, :3]
+    shift = back @ by_direction[:, 3:]
+    out = np.empty((len(points), len(directions), *points.shape[1:]), dtype=np.float32)
+    _kernels.turn_into(np.ascontiguousarray(points), turn, shift, out)
     return out
 
 

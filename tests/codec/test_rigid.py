@@ -6,7 +6,7 @@ from hypothesis.extra import numpy as hnp
 from scipy.spatial.transform import Rotation
 
 from codec.errors import CueError
-from codec.models import rigid
+from codec.models import _kernels, rigid
 
 BODY = np.random.default_rng(0).normal(size=(10, 3)) * 50
 
@@ -76,6 +76,19 @@ def test_motion_slopes_are_derivatives() -> None:
         behind = rigid.weighted_rigid_motion(points, motion - step * direction)
         turned = rigid.weighted_rigid_motion((ahead - behind) / (2 * step), back)
         np.testing.assert_allclose(slopes[:, n], turned, atol=1e-5)
+
+
+@pytest.mark.parametrize("turns", [1, 4])
+def test_compiled_slopes_are_those_of_python(turns: int) -> None:
+    rng = np.random.default_rng(1)
+    points = rng.normal(size=(3, 4, 3))
+    turn, shift = rng.normal(size=(2, 3, turns, 3, 5))
+    found, expected = np.zeros((2, 3, 5, 4, 3), dtype=np.float32)
+    _kernels.turn_into(points, turn, shift, found)
+    _kernels.turn_into.py_func(points, turn, shift, expected)
+    np.testing.assert_array_equal(found, expected)
+    last = np.cross(turn[2, -1, :, 3], points[2, 3]) + shift[2, -1, :, 3]
+    np.testing.assert_allclose(found[2, 3, 3], last, atol=1e-5)
 
 
 def test_reflection_is_refused() -> None:
