@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
+from watermark.centre import CentreShare
 from watermark.design import MarkDesigner
 from watermark.grade import LevelControl
 from watermark.mix import add_mark, check_format, front_of, mid_of, side_of
@@ -162,6 +163,8 @@ class AudioEmbedder:
         self._host = Tape()
         self._side = Tape()
         self._mark = Tape()
+        self._centre = CentreShare(channels)
+        self._taken = Tape()
         self._before = np.zeros(HOP)
         self._tail = np.zeros(HOP)
         self._next = 0
@@ -176,6 +179,7 @@ class AudioEmbedder:
         self._programme = np.concatenate([self._programme, x])
         self._host.append(mid_of(x))
         self._side.append(side_of(x))
+        self._centre.append(x)
         ratio = self._fs / FS
         margin = self._host.reach(ratio)
         while ((self._next + STRETCH) * SUPERFRAME + HOP) * ratio + margin <= self._host.end:
@@ -188,7 +192,8 @@ class AudioEmbedder:
         needed = math.ceil(total / self._fs / SUPERFRAME_S)
         while self._next < needed:
             self._write_next(min(STRETCH, needed - self._next))
-        self._mark.append(np.zeros(FS // 10))
+        for tape in (self._mark, self._taken):
+            tape.append(np.zeros(FS // 10))
         return self._take(self._programme.shape[0])
 
     def report(self) -> EmbedReport:
@@ -227,10 +232,14 @@ class AudioEmbedder:
                 self._rehearsal.send(made.marked, payloads, _written(made))
         self._before, self._tail = made.mid[-HOP:], made.tail
         self._mark.append(made.mark)
+        whole = np.concatenate([made.mark, made.tail])
+        self._taken.append(self._centre.take(whole, start, ratio))
         self._silent += [k for k, silent in zip(numbers, made.silent, strict=True) if silent]
         self._next += count
+        done = int(self._next * SUPERFRAME * ratio) - 2 * self._host.reach(ratio)
         for tape in (self._host, self._side):
-            tape.forget(int(self._next * SUPERFRAME * ratio) - 2 * tape.reach(ratio))
+            tape.forget(done)
+        self._centre.forget(done - HOP)
 
     def _needs(self, host: NDArray[np.float64], side: NDArray[np.float64]) -> list[float]:
         """Level that each superframe of a stretch needs."""
@@ -281,12 +290,14 @@ class AudioEmbedder:
         count = min(count, self._programme.shape[0])
         ratio = FS / self._fs
         mark = self._mark.read(self._given * ratio, ratio, count)
+        taken = self._taken.read(self._given * ratio, ratio, count)
         x, self._programme = self._programme[:count], self._programme[count:]
         self._host_power += float((mid_of(x) ** 2).sum())
         self._mark_power += float((mark**2).sum())
         self._given += count
-        self._mark.forget(int(self._given * ratio) - 2 * self._mark.reach(ratio))
-        return add_mark(x, mark).astype(np.float32)
+        for tape in (self._mark, self._taken):
+            tape.forget(int(self._given * ratio) - 2 * tape.reach(ratio))
+        return add_mark(x, mark, taken).astype(np.float32)
 
 
 def _written(made: _Stretch) -> list[int | None]:

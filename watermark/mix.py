@@ -1,7 +1,7 @@
 """Channels of a programme to the one signal that is marked, and the mark back into the channels.
 
-Specification: section 2. The mark goes equally into the two front channels, so it stands
-unattenuated in the mid of stereo, in a mono downmix and in the stereo downmix of 5.1.
+Specification: section 2. The mark goes equally into left and right, so it stands unattenuated in
+the mid of stereo and in a mono downmix. What a centre takes of it comes back in the downmix.
 """
 
 import numpy as np
@@ -61,8 +61,17 @@ def front_of(
     return np.stack(pair, axis=1)
 
 
-def add_mark(x: NDArray[np.float64], mark: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Programme with the mark in its front channels."""
+def has_centre(channels: int) -> bool:
+    """Whether the third channel of that many is the centre."""
+    return channels in (3, 5, 6)
+
+
+def add_mark(
+    x: NDArray[np.float64], mark: NDArray[np.float64], taken: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Programme with the mark in left and right, but for what the centre has taken."""
     out = x.copy()
-    out[:, :2] += mark[:, np.newaxis]
+    out[:, :2] += (mark - taken)[:, np.newaxis]
+    if has_centre(x.shape[1]):
+        out[:, 2] += np.sqrt(2) * taken
     return out

@@ -351,4 +351,4 @@ def plot(results: list[dict[str, Any]], figure: Any) -> None:
         axes.errorbar(at + shift, 100 * share, bars, fmt="o", capsize=2, label=label)
     axes.set_xticks(range(len(names)), names, rotation=60, ha="right", fontsize=8)
     axes.set_ylabel("superframes lost, per cent")
-    axes.legend(fontsize=7)
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=7)

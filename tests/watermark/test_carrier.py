@@ -100,6 +100,22 @@ def test_unmarked_sound_gives_nothing() -> None:
     assert receive(host(5.0)) == []
 
 
+def test_centre_takes_its_share() -> None:
+    x = host(4.0, channels=6)
+    x[:96000, :2] = 0.0
+    x[96000:, 2] = 0.0
+    y = embed(x, block=7000)
+    added = (y - x).astype(np.float64)
+    early, late = added[9600:86400], added[105600:182400]
+    # What a loud centre or a loud pair masks alone goes there alone.
+    assert np.abs(early[:, :2]).max() < 1e-6 < early[:, 2].std()
+    assert np.abs(late[:, 2]).max() < 1e-6 < late[:, 0].std()
+    assert not added[:, 3:].any()
+    check(receive(y))
+    assert len(receive(y)) == 6
+    np.testing.assert_array_equal(embed(x), y)
+
+
 def test_silence_comes_out_unharmed() -> None:
     x = np.zeros((3 * 48000, 2), dtype=np.float32)
     embedder = AudioEmbedder(48000, 2, payload)

@@ -1,0 +1,106 @@
+"""Hours of unmarked sound to the receiver: how often does it believe to hear a superframe?
+
+In: sound files, each played again and again at other speeds and paces, so that no passage comes
+twice alike; out: a line of figures as the hours pass. Run: ``python tests/bench/false_locks.py``.
+"""
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import soundfile
+from numpy.typing import NDArray
+
+from watermark.profile import FS, PROFILES
+from watermark.receive import AudioReceiver
+from watermark.tape import Tape
+
+FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data" / "audio"
+
+SPEEDS, PACES = (0.7, 1.4), (0.8, 1.25)
+"""Factors of pitch and pace together, and of pace alone."""
+
+PIECE, OVERLAP, SLACK = 2400, 480, 480
+"""Samples of a piece whose pace is kept, of its fade, and by which its start is adapted."""
+
+Sound = NDArray[np.float64]
+
+
+@dataclass(slots=True)
+class Heard:
+    """What a receiver made of unmarked sound; superframes are those with a class accepted."""
+
+    hours: float = 0.0
+    locks: int = 0
+    superframes: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.hours:.2f} h, {self.locks} locks, {self.superframes} superframes"
+
+
+def at_pace(x: Sound, pace: float) -> Sound:
+    """Sound in another time at its old pitch, by overlapping pieces where they fit best.
+
+    Source: synchronised overlap-add, Roucos and Wilgus, ICASSP 1985.
+    """
+    fade = np.linspace(0.0, 1.0, OVERLAP)
+    out, at = [x[:PIECE]], 0.0
+    end = PIECE
+    while True:
+        at += PIECE * pace
+        start = int(at)
+        if start + SLACK + PIECE + OVERLAP > x.size or end + OVERLAP > x.size:
+            return np.concatenate(out)
+        tail = x[end : end + OVERLAP]
+        fit = np.correlate(x[start : start + SLACK + OVERLAP], tail, "valid")
+        start += int(np.argmax(fit))
+        piece = x[start : start + PIECE].copy()
+        piece[:OVERLAP] = fade * piece[:OVERLAP] + (1 - fade) * tail
+        out.append(piece)
+        end = start + PIECE
+
+
+def passages(paths: list[Path], rng: np.random.Generator) -> Iterator[Sound]:
+    """Yield the mids of sounds, one after another without end, each time altered anew."""
+    sounds = []
+    for path in paths:
+        sound, fs = soundfile.read(path, always_2d=True)
+        sounds.append((sound.mean(axis=1), fs / FS))
+    while True:
+        for mid, ratio in sounds:
+            paced, tape = at_pace(mid, rng.uniform(*PACES)), Tape()
+            tape.append(paced)
+            speed = ratio * rng.uniform(*SPEEDS)
+            yield rng.uniform(0.3, 1.0) * tape.read(0.0, speed, int(paced.size / speed))
+
+
+def listen(paths: list[Path], seed: int) -> Iterator[Heard]:
+    """Let one receiver hear it all; yield the figures so far after each passage."""
+    receiver, heard = AudioReceiver(FS, 1), Heard()
+    for sound in passages(paths, np.random.default_rng(seed)):
+        for i in range(0, sound.size, FS):
+            before = receiver.locked
+            found = receiver.process(sound[i : i + FS, np.newaxis].astype(np.float32))
+            heard.superframes += sum(s.l0 is not None for s in found)
+            heard.locks += bool(found) and not before
+        heard.hours += sound.size / FS / 3600
+        yield heard
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--clips", type=Path, default=FOLDER, help="folder of FLAC files")
+    parser.add_argument("--hours", type=float, default=10.0)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    print(f"profiles searched: {', '.join(PROFILES)}")
+    for heard in listen(sorted(options.clips.glob("*.flac")), options.seed):
+        print(heard, flush=True)
+        if heard.hours >= options.hours:
+            return
+
+
+if __name__ == "__main__":
+    main()
