@@ -11,6 +11,9 @@ from cuecast.progress import note
 CARRIERS = ("audio", "video", "a335")
 """Ways to put a cuer into a programme."""
 
+REST_S = 0.5
+"""Rest before a plain text: the hand sets out a quarter of a second before the first phone."""
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -45,8 +48,15 @@ def add_key(parser: argparse.ArgumentParser) -> None:
 def add_text(parser: argparse.ArgumentParser) -> None:
     """Add the choice between a text and a file of subtitles."""
     source = parser.add_mutually_exclusive_group(required=True)
-    source.add_argument("text", nargs="?", metavar="TEXT", help="French text")
-    source.add_argument("--file", metavar="SUBS", help="subtitles; - reads a pipe")
+    source.add_argument(
+        "text", nargs="?", metavar="TEXT",
+        help=f"French text; {REST_S:g} s of rest come first, in which the hand rises",
+    )  # fmt: skip
+    source.add_argument(
+        "--file", metavar="SUBS",
+        help="subtitles; - reads a pipe; an X-TIMESTAMP-MAP of WebVTT is of the programme's clock "
+        "and followed beside the programme alone, by dub",
+    )  # fmt: skip
 
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
@@ -109,7 +119,7 @@ def score_of(args: argparse.Namespace) -> "Score":
     if args.text is not None:
         from synth.score import score_from_text
 
-        return score_from_text(args.text, reading=reading_of(args))
+        return score_from_text(args.text, start_s=REST_S, reading=reading_of(args))
     return score_of_subtitles(args, args.file)
 
 

@@ -8,10 +8,12 @@ import pytest
 import soundfile as sf
 
 from codec.errors import CueError
+from codec.layout import N_FACE
 from codec.motion import load_motion
 from codec.score import Score
 from codec.voice import Voice, load_voice
 from cuecast import performance
+from cuecast.arguments import REST_S
 from cuecast.cli import main
 from cuecast.media.film import write_film
 from cuecast.motions import JoinedMotion, ruled_motion
@@ -115,6 +117,22 @@ def test_options_choose_method_and_alignment(
         targets.append([key["target"] for key in json.loads(capsys.readouterr().out)])
     assert all(a <= b for a, b in zip(*targets, strict=True))
     assert targets[0] != targets[1]
+
+
+def test_a_plain_text_begins_at_rest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["synth", "Bonjour à tous.", "-o", str(tmp_path / "m.npz")]) == 0
+    motion = load_motion(tmp_path / "m.npz")
+    assert motion.score is not None
+    assert motion.score.phones[0].start == pytest.approx(REST_S, abs=0.02)
+    hand = load_voice().reconstruct(motion.params)[:, N_FACE:]
+    moved = np.linalg.norm(hand - hand[0], axis=-1).mean(1)
+    first = round(REST_S * motion.rate_hz)
+    assert moved[first // 4] < 5.0  # measured 3.5
+    assert moved[first] > 50.0  # measured 145
+    capsys.readouterr()
+    assert main(["keys", "Bonjour à tous.", "--json"]) == 0
+    keys = json.loads(capsys.readouterr().out)
+    assert keys == [key.as_dict() for key in motion.score.keys]
 
 
 def test_a_programme_is_dubbed_with_units(
