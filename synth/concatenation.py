@@ -16,6 +16,7 @@ from codec.errors import CueError
 from codec.motion import Motion
 from codec.score import Score
 from codec.voice import Voice
+from synth.calming import calm_joins, quickest
 from synth.dikeys import DikeyDictionary
 from synth.flow import Flow
 from synth.headmotion import HeadMotion
@@ -114,6 +115,7 @@ class ConcatenativeSynthesiser:
         ]
         self._face = Trajectories(motions, self._face_columns)
         self._hand = Trajectories(motions, self._hand_columns)
+        self._quickest_mm_s = quickest((recording.motion for recording in recordings), voice)
         weights = _explained_variance(voice, self._hand)
         self.sounds = SoundDictionary(recordings)
         self.dikeys = DikeyDictionary(recordings, self._hand, weights)
@@ -247,7 +249,11 @@ class ConcatenativeSynthesiser:
             params[:, columns] = gaussian_filter1d(
                 params[:, columns], width_s * rate_hz, axis=0, mode="nearest"
             )
-        return params
+        reached = np.rint((gestures.reach[1:] - times[0]) * rate_hz).astype(np.int64)
+        return calm_joins(
+            params, self._hand_columns, reached, self._voice,
+            limit_mm_s=self._quickest_mm_s, rate_hz=rate_hz,
+        )  # fmt: skip
 
 
 def _joined(
