@@ -114,7 +114,7 @@ def describe(outcome: Outcome) -> str:
         return "nothing"
     return (
         f"{frames['received']} superframes, {frames['lost']} lost, tuned in after "
-        f"{outcome.summary['tune_in_s']} s, {c.keys_correct} of {c.keys_total} keys, "
+        f"{outcome.summary['tune_in_s']:.2f} s, {c.keys_correct} of {c.keys_total} keys, "
         f"markers {c.marker_rms_mm:.2f} mm"
     )
 
