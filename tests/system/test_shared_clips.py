@@ -131,7 +131,11 @@ def test_watch_shows_talker_and_cuer_in_step(talker: Path, television: str) -> N
         assert await page.evaluate("cuecast.video.videoWidth") == 1280
         for number, time_s in enumerate((3.3, 5.1, 7.0)):
             await page.evaluate(f"cuecast.seekTo({time_s})")
+            # The next superframe as well: it has a say in how this one ends.
+            await page.until(f"cuecast.timeline.knownFrom({time_s}) > 0.7")
+            arrived = await page.evaluate("performance.now()")
             await page.until(
+                f"cuecast.drawn.nowMs > {arrived} && "
                 "!cuecast.video.seeking && cuecast.drawn.visibility == 1"
                 f" && Math.abs(cuecast.drawn.timeS - {time_s}) < 0.03"
             )
