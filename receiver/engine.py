@@ -212,6 +212,9 @@ class Receiver:
         """
         tracker = self._tracker
         self._remember()
+        tuned_in_s = self._tuned_in_s
+        if tuned_in_s is not None:
+            tuned_in_s = round(tuned_in_s - self._start_s, 6)
         carriers: dict[str, dict[str, Any]] = {
             name: {"locked": True, "ber_estimate": ber} for name, ber in self._seen.items()
         }
@@ -221,8 +224,8 @@ class Receiver:
                 "ber_estimate": self._carrier.ber_estimate,
             }
         return {
-            "duration_s": self.now_s - self._start_s,
-            "tune_in_s": None if self._tuned_in_s is None else self._tuned_in_s - self._start_s,
+            "duration_s": round(self.now_s - self._start_s, 6),
+            "tune_in_s": tuned_in_s,
             "superframes": {"received": tracker.received, "lost": tracker.lost},
             "layers": {
                 "L0": {"received": tracker.received},
