@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from receiver.media.programme import SoundFormat
 from watermark.embed import AudioEmbedder, Source
-from watermark.mix import RATES
+from watermark.mix import RATES, has_centre
 from watermark.profile import SUPERFRAME_S
 from watermark.quality import PeaqMeter
 from watermark.quality.resample import Resampler
@@ -22,7 +22,9 @@ from watermark.rehearsal import Rehearsal
 
 _MARKED_RATE = 48_000
 _GRADED_CHANNELS = 2
-"""Channels that the quality meter takes: the front pair, which bears the mark."""
+"""Channels that the quality meter takes: left and right, with their part of a centre."""
+_CENTRE_PART = 2**-0.5
+"""Of the centre in either channel of a stereo downmix: ITU-R BS.775-4, annex 4."""
 
 Samples = NDArray[np.float32]
 
@@ -134,10 +136,16 @@ class MarkingStage:
     def _grade(self, block: Samples, marked: Samples) -> None:
         if self._meter is None:
             return
-        self._waiting = np.concatenate([self._waiting, block[:, : self._graded_channels]])
+        self._waiting = np.concatenate([self._waiting, self._heard(block)])
         count = len(marked)
-        self._meter.process(self._waiting[:count], marked[:, : self._graded_channels])
+        self._meter.process(self._waiting[:count], self._heard(marked))
         self._waiting = self._waiting[count:]
+
+    def _heard(self, x: Samples) -> Samples:
+        front = x[:, : self._graded_channels]
+        if has_centre(x.shape[1]):
+            front = front + np.float32(_CENTRE_PART) * x[:, 2:3]
+        return front
 
 
 class _AboveRate:
