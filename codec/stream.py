@@ -22,11 +22,13 @@ from codec.bits import (
     unpack_fields,
 )
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.decoder import SuperframeDecoder
+from codec.encoder import SuperframeEncoder
 from codec.errors import BitstreamError, CueError, VoiceError
 from codec.merge import merge_scores
 from codec.motion import Motion
 from codec.quantise import NO_RESIDUAL
-from codec.superframe import Superframe, SuperframeDecoder, SuperframeEncoder
+from codec.superframe import Superframe
 from codec.timeline import SUPERFRAME_S, TICK_S, TICKS, to_ticks
 from codec.voice import Voice
 

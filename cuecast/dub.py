@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.encoder import SuperframeEncoder
 from codec.errors import CueError
 from codec.nesting import nest
-from codec.superframe import SuperframeEncoder
 from codec.voice import Voice
 from cuecast.coder_stream import CoderStream
 from cuecast.marking import MarkingStage

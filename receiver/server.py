@@ -11,6 +11,7 @@ import gzip
 import json
 import mimetypes
 import os
+from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -47,7 +48,7 @@ _HEADERS = {
 _Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
-class Channel:
+class Channel(ABC):
     """What every television serves: page, voice, avatar, figures, and a feed of its own kind.
 
     Parameters
@@ -182,13 +183,13 @@ class Channel:
             self.metrics.set("viewers", len(self._sockets))
         return socket
 
+    @abstractmethod
     def _routes(self) -> list[web.RouteDef]:
         """Return what this kind of television serves beside the common things."""
-        raise NotImplementedError
 
+    @abstractmethod
     async def _tell(self, socket: web.WebSocketResponse) -> None:
         """Serve one viewer's feed until it is closed."""
-        raise NotImplementedError
 
 
 class Television(Channel):

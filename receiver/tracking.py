@@ -12,11 +12,12 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from codec.bits import SEQUENCES, Header, read_header
+from codec.decoder import SuperframeDecoder
 from codec.errors import BitstreamError, VoiceError
 from codec.merge import ScoreMerger
 from codec.payload import is_intact
 from codec.score import Key, Phone
-from codec.superframe import DecodedSuperframe, SuperframeDecoder
+from codec.superframe import DecodedSuperframe
 from codec.timeline import TICK_S
 from codec.voice import Voice
 from receiver.events import (

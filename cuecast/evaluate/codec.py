@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec import layout
+from codec.decoder import SuperframeDecoder
+from codec.encoder import SuperframeEncoder
 from codec.layout import N_FACE
 from codec.merge import merge_scores
 from codec.models import rigid
 from codec.motion import Motion, load_motion
 from codec.score import Key
-from codec.superframe import Superframe, SuperframeDecoder, SuperframeEncoder
+from codec.superframe import Superframe
 from codec.timeline import SUPERFRAME_S, TICKS
 from codec.voice import Voice, load_voice
 from cuecast.evaluate.baselines import BASELINES, Material

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.decoder import SuperframeDecoder
+from codec.encoder import SuperframeEncoder
 from codec.layout import N_FACE
 from codec.motion import Motion
 from codec.recognise import Recogniser
 from codec.score import Key, Phone, Score
-from codec.superframe import SuperframeDecoder, SuperframeEncoder
 from codec.voice import Voice
 from cuecast.motions import ruled_motion
 from synth.concatenation import ConcatenativeSynthesiser

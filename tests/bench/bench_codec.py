@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from codec.decoder import SuperframeDecoder
+from codec.encoder import SuperframeEncoder
 from codec.motion import Motion
-from codec.superframe import Superframe, SuperframeDecoder, SuperframeEncoder
+from codec.superframe import Superframe
 from codec.voice import Voice, load_voice
 from synth.build_coding import perform, recital, sentences
 

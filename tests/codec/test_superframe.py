@@ -8,19 +8,14 @@ from hypothesis import strategies as st
 from codec.bits import SEQUENCES, Header, crc8, crc16, read_header
 from codec.coding import coding_for
 from codec.cueing import cue
+from codec.decoder import SuperframeDecoder
+from codec.encoder import SuperframeEncoder, block_at
 from codec.errors import BitstreamError, CueError, VoiceError
 from codec.merge import ScoreMerger, merge_scores
 from codec.motion import Motion
 from codec.payload import read_l0, read_l1
 from codec.score import Key, Phone, Score
-from codec.superframe import (
-    DecodedSuperframe,
-    Superframe,
-    SuperframeDecoder,
-    SuperframeEncoder,
-    block_at,
-    resynthesis_of,
-)
+from codec.superframe import DecodedSuperframe, Superframe, resynthesis_of
 from codec.timeline import SUPERFRAME_S, TICKS
 from codec.train_voice import parts_of
 from codec.voice import Voice

@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 
 from codec.bits import COMPACT, Header, read_header, voice_bit
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
+from codec.decoder import SuperframeDecoder
+from codec.encoder import SuperframeEncoder
 from codec.errors import BitstreamError, CueError, VoiceError
 from codec.joining import score_of
 from codec.merge import ScoreMerger, merge_scores
@@ -14,7 +16,6 @@ from codec.motion import Motion
 from codec.payload import is_intact, read_beginning
 from codec.phonology import CONSONANTS, VOWELS
 from codec.score import Key, Phone, Score
-from codec.superframe import SuperframeDecoder, SuperframeEncoder
 from codec.timeline import TICK_S, TICKS, to_line
 from codec.voice import Voice
 from codec.window import EARLIEST, LAST, MAX_BYTES, MIN_BYTES, Window, WindowWriter, read_window

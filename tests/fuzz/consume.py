@@ -9,10 +9,10 @@ import contextlib
 import numpy as np
 
 from codec.bits import COMPACT, HEADER_BYTES, crc8, crc16, voice_bit, voice_digit
+from codec.decoder import SuperframeDecoder
 from codec.errors import BitstreamError, VoiceError
 from codec.inspect import inspect_stream
 from codec.merge import merge_scores
-from codec.superframe import SuperframeDecoder
 from codec.timeline import TICKS
 from codec.voice import Voice, load_voice
 

@@ -8,8 +8,8 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.encoder import SuperframeEncoder
 from codec.motion import Motion
-from codec.superframe import SuperframeEncoder
 from codec.voice import Voice
 from watermark.embed import AudioEmbedder
 from watermark.profile import STANDARD

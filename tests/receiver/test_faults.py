@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from codec.cueing import cue
+from codec.encoder import SuperframeEncoder
 from codec.phonology import CONSONANTS, VOWELS
 from codec.score import Key, Phone, Score
-from codec.superframe import Superframe, SuperframeEncoder
+from codec.superframe import Superframe
 from codec.voice import load_voice
 from receiver.events import SUPERFRAME_S, KeysFound, MotionPiece
 from receiver.tracking import Tracker

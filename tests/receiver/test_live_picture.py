@@ -9,7 +9,7 @@ import av
 import numpy as np
 import pytest
 
-from codec.superframe import SuperframeEncoder
+from codec.encoder import SuperframeEncoder
 from codec.voice import load_voice
 from receiver.engine import Receiver
 from receiver.events import Event, MotionPiece

@@ -28,7 +28,7 @@ def cited() -> dict[str, set[str]]:
 
 def test_every_citation_exists() -> None:
     found = cited()
-    assert {"payload.py", "bits.py", "stream.py", "quantise.py", "superframe.py"} <= set(found)
+    assert {"payload.py", "bits.py", "stream.py", "quantise.py", "decoder.py"} <= set(found)
     for name, paragraphs in found.items():
         assert paragraphs <= PARAGRAPHS, f"{name} cites {paragraphs - PARAGRAPHS}"
 

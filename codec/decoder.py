@@ -1,0 +1,228 @@
+"""Decoding of superframes, in any order and with holes.
+
+The decoder predicts from the neighbours that it knows, and conceals what is missing: without L1
+the coarse residual stays, without L0 the hand finishes its key and goes to rest. Specification:
+spec/bitstream.md, section 2.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.bits import (
+    COMPACT,
+    PLAIN,
+    SCORE,
+    SEQUENCES,
+    Header,
+    read_header,
+    voice_bit,
+    voice_digit,
+)
+from codec.coding import coding_for
+from codec.errors import BitstreamError, VoiceError
+from codec.joining import Parts, join, score_of
+from codec.payload import (
+    Content,
+    is_intact,
+    read_l0,
+    read_l1,
+)
+from codec.preview import Preview, part_of_preview
+from codec.quantise import (
+    NO_RESIDUAL,
+    basis_of,
+    dequantise,
+)
+from codec.resynthesis import minimum_jerk
+from codec.score_coding import ScorePart
+from codec.superframe import WINDOWS, DecodedSuperframe, resynthesis_of
+from codec.tables import coefficient_tables
+from codec.timeline import SUPERFRAME_S, TICKS
+from codec.transform import Bases
+from codec.voice import Voice
+from codec.window import Window
+
+Array = NDArray[np.float64]
+
+_HISTORY = 8
+"""Superframes to either side that are remembered."""
+
+
+class SuperframeDecoder:
+    """Decoder of superframes in any order, with holes.
+
+    It remembers a few superframes to predict from; results of other numbers do not depend on
+    the order in which parts arrive once the neighbours are known (`render`).
+    """
+
+    def __init__(self, voice: Voice) -> None:
+        self.voice = voice
+        self._coding = coding_for(voice)
+        self._contents: dict[int, Content] = {}
+        self._layers: dict[int, tuple[str, ...]] = {}
+        self._previewed: dict[int, Preview] = {}
+
+    def push(self, l0: bytes | None, l1: bytes | None, index: int) -> DecodedSuperframe:
+        """Take the parts of superframe `index` and return what they say now.
+
+        Parameters
+        ----------
+        l0, l1 : bytes or None
+            None is a part that did not arrive; a part whose checksum is wrong counts as such.
+        index : int
+            Any number that is congruent to the header's sequence.
+
+        Raises
+        ------
+        VoiceError
+            If the stream was made with another voice.
+        BitstreamError
+            If L0 is intact and breaks a rule: version (H2), mode (H3), sequence (H4).
+        """
+        self._forget(index)
+        content, layers = self._read(l0, l1, index)
+        if content is not None:
+            self._contents[index], self._layers[index] = content, layers
+            for distance, preview in content.previews.items():
+                self._previewed[index + distance] = preview
+        return self.render(index)
+
+    def _forget(self, index: int) -> None:
+        for old in [k for k in self._contents if abs(k - index) > _HISTORY]:
+            del self._contents[old], self._layers[old]
+        for old in [k for k in self._previewed if abs(k - index) > _HISTORY]:
+            del self._previewed[old]
+
+    def _read(
+        self, l0: bytes | None, l1: bytes | None, index: int
+    ) -> tuple[Content | None, tuple[str, ...]]:
+        if l0 is None or not is_intact(l0):
+            return None, ()
+        header = read_header(l0)
+        if header.sequence != index % header.sequences:
+            raise BitstreamError(
+                f"sequence number {header.sequence}, superframe {index} has "
+                f"{index % header.sequences}",
+                section="H4", bit=4,
+            )  # fmt: skip
+        content, known = read_l0(l0, self._bases(header))
+        self._check_voice(content)
+        if l1:
+            try:
+                whole = read_l1(l0, l1, content, known, self._bases(header))
+            except BitstreamError:
+                return content, ("L0",)
+            return whole, ("L0", "L1")
+        return content, ("L0",)
+
+    def _check_voice(self, content: Content) -> None:
+        """Compare what a superframe tells of the voice's identity (H5, M2)."""
+        header, identity = content.header, self.voice.identity
+        if header.mode == COMPACT:
+            what, stated = "bit", content.voice_bit
+            own = voice_bit(identity, header.sequence)
+        else:
+            what, stated = "digit", header.voice
+            own = voice_digit(identity, header.sequence)
+        if stated != own:
+            raise VoiceError(
+                f"{what} {header.sequence % 16} of the stream's voice is {stated:x}, "
+                f"voice {self.voice.name} has {own:x}"
+            )
+
+    def render(self, index: int) -> DecodedSuperframe:
+        """Return superframe `index` from all that has arrived by now.
+
+        Called when its time comes, the neighbours are known and the motion is the best possible.
+        """
+        parts = self._parts(index)
+        content = self._contents.get(index)
+        line = join(parts)
+        score = score_of(parts, line)
+        begin, end = index * SUPERFRAME_S - 1e-6, (index + 1) * SUPERFRAME_S - 1e-6
+        params = self._told(index, parts) if self._tells(index) else self._untold(index, parts)
+        return DecodedSuperframe(
+            index,
+            index * SUPERFRAME_S,
+            params.astype(np.float32),
+            tuple(p for p in score.phones if begin <= p.start < end),
+            tuple(k for k in score.keys if begin <= k.start < end),
+            self._layers.get(index, ()),
+            content is None,
+            parts.get(index),
+            content.header.lead if content else -1,
+            index % SEQUENCES,
+        )
+
+    def _parts(self, index: int) -> Parts:
+        """Return the scores around a superframe, from previews where it was lost."""
+        reach = range(index - WINDOWS, index + 2)
+        contents = {k: self._contents[k].part for k in reach if k in self._contents}
+        windows = {k: part for k, part in contents.items() if isinstance(part, Window)}
+        if windows and not isinstance(contents.get(index), ScorePart):
+            return windows
+        parts = {k: p for k in reach[-3:] if isinstance(p := contents.get(k), ScorePart)}
+        for k in reach[-3:]:
+            if k not in contents and k in self._previewed:
+                parts[k] = part_of_preview(self._previewed[k])
+        return parts
+
+    def _tells(self, index: int) -> bool:
+        """Return whether anything is known about a superframe."""
+        return index in self._contents or index in self._previewed
+
+    def _told(self, index: int, parts: Parts) -> Array:
+        """Return the parameters of a superframe that arrived, or was previewed."""
+        content = self._contents.get(index)
+        if content is not None:
+            return self._prediction(content, index, parts) + self._sent(content)
+        known = [self._contents.get(k) for k in (index - 1, index + 1)]
+        before, after = (
+            self._sent(c) if c is not None and c.header.mode == SCORE else None for c in known
+        )
+        prediction = resynthesis_of(self._coding, parts, index).params()
+        return prediction + self._coding.residual.between(before, after)
+
+    def _untold(self, index: int, parts: Parts) -> Array:
+        """Return likely parameters of a superframe of which nothing is known.
+
+        The hand finishes what it does and, if the loss lasts, goes to rest.
+        """
+        rest = resynthesis_of(self._coding, {}, index).params()
+        if any(isinstance(part, Window) for part in parts.values()):
+            return resynthesis_of(self._coding, parts, index).params()
+        sides = [
+            [k for k in range(index + side, index + side * _HISTORY, side) if self._tells(k)][:1]
+            for side in (-1, 1)
+        ]
+        frames = np.arange(TICKS)
+        distance = np.full(TICKS, 2 * TICKS)
+        for found, place in zip(sides, (frames + 1, TICKS - frames), strict=True):
+            for k in found:
+                distance = np.minimum(distance, TICKS * (abs(k - index) - 1) + place)
+        mean = self._coding.mean
+        resting = minimum_jerk((distance - TICKS) / TICKS)[:, None]
+        before, after = (
+            self._told(k, self._parts(k)) - mean if self._tells(k) else None
+            for k in (index - 1, index + 1)
+        )
+        likely = self._coding.plain.between(before, after)
+        return mean + resting * (rest - mean) + (1 - resting) * likely
+
+    def _prediction(self, content: Content, index: int, parts: Parts) -> Array:
+        if content.header.mode == PLAIN:
+            return self._coding.mean
+        setting = content.setting
+        resynthesis = resynthesis_of(self._coding, parts, index)
+        return resynthesis.params(course=setting.course, shift=setting.shift)
+
+    def _bases(self, header: Header) -> Bases:
+        return self._coding.of_motion if header.mode == PLAIN else self._coding.of_score
+
+    def _sent(self, content: Content) -> Array:
+        """Return the residual that a superframe says."""
+        basis = basis_of(self._bases(content.header), content.setting)
+        if content.setting.step == NO_RESIDUAL:
+            return np.zeros((TICKS, len(basis.matrix)))
+        tables = coefficient_tables()
+        return basis.backward(dequantise(content.q, content.setting, basis, tables))
