@@ -17,12 +17,11 @@ from typing import Any
 import av
 import numpy as np
 
-from codec.cueing import cue
-from codec.phonology import CONSONANTS, VOWELS
-from codec.score import Key, Phone, Score
+from codec.score import Score
 from codec.voice import load_voice
 from receiver.events import SUPERFRAME_S
 from tests.receiver.air import FS, marked_noise
+from tests.receiver.seeded import seeded_speech
 from tests.receiver.standin import make_motion
 
 PACKET = 188
@@ -35,18 +34,8 @@ _CHUNK = 7 * PACKET
 
 @cache
 def speech() -> Score:
-    """Seeded speech without sense and its keys: as long as the pool."""
-    rng = np.random.default_rng(11)
-    phones, time_s = [], 0.3
-    while time_s < POOL_S - 1:
-        for _ in range(int(rng.integers(4, 14))):
-            kind = CONSONANTS if rng.random() < 0.55 else VOWELS
-            length = 0.02 * int(rng.integers(3, 9))
-            symbol = kind[int(rng.integers(len(kind)))]
-            phones.append(Phone(symbol, round(time_s, 2), round(time_s + length, 2)))
-            time_s = round(time_s + length, 2)
-        time_s = round(time_s + 0.02 * int(rng.integers(5, 45)), 2)
-    return Score(tuple(phones), tuple(cue(phones)))
+    """What the pool says."""
+    return seeded_speech(POOL_S - 1)
 
 
 _pools: dict[str, bytes] = {}
@@ -216,23 +205,3 @@ class BadLine:
             if stretch.first_s <= time_s <= stretch.last_s:
                 found.append(time_s)
         return found
-
-
-def was_sent(key: Key, zeros: list[float], tolerance_s: float) -> bool:
-    """Whether a key of this shape and placement was due near that time.
-
-    Parameters
-    ----------
-    key : Key
-        On the receiver's clock.
-    zeros : list of float
-        Times on the receiver's clock at which the pool may have begun.
-    tolerance_s : float
-        Beside a loss the start of a key is known by a nominal length only.
-    """
-    return any(
-        (key.shape, key.placement) == (other.shape, other.placement)
-        and abs(key.start - zero_s - other.start) < tolerance_s
-        for zero_s in zeros
-        for other in speech().keys
-    )

@@ -7,14 +7,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from codec.cueing import cue
 from codec.encoder import SuperframeEncoder
-from codec.phonology import CONSONANTS, VOWELS
-from codec.score import Key, Phone, Score
+from codec.score import Key
 from codec.superframe import Superframe
 from codec.voice import load_voice
 from receiver.events import SUPERFRAME_S, KeysFound, MotionPiece
 from receiver.tracking import Tracker
+from tests.receiver.seeded import seeded_speech, was_sent
 from tests.receiver.standin import make_motion
 
 VOICE = load_voice()
@@ -26,17 +25,7 @@ TOLERANCE_S = 0.2
 @cache
 def programme() -> tuple[tuple[Superframe, ...], tuple[Key, ...]]:
     """Forty-one seconds of seeded speech as 64 superframes, and its keys."""
-    rng = np.random.default_rng(11)
-    phones, time_s = [], 0.3
-    while time_s < POOL * SUPERFRAME_S + 1:
-        for _ in range(int(rng.integers(4, 14))):
-            kind = CONSONANTS if rng.random() < 0.55 else VOWELS
-            length = 0.02 * int(rng.integers(3, 9))
-            symbol = kind[int(rng.integers(len(kind)))]
-            phones.append(Phone(symbol, round(time_s, 2), round(time_s + length, 2)))
-            time_s = round(time_s + length, 2)
-        time_s = round(time_s + 0.02 * int(rng.integers(5, 45)), 2)
-    score = Score(tuple(phones), tuple(cue(phones)))
+    score = seeded_speech(POOL * SUPERFRAME_S + 1)
     motion = replace(make_motion(VOICE, duration_s=POOL * SUPERFRAME_S + 2), score=score)
     encoder = SuperframeEncoder(VOICE, l0_bytes=24, l1_bytes=24)
     return tuple(encoder.encode(motion, index) for index in range(POOL)), score.keys
@@ -99,19 +88,8 @@ def watch(hours: float, seed: int) -> tuple[int, int, list[Key]]:
                 assert np.isfinite(event.params).all()
             if isinstance(event, KeysFound) and event.final:
                 shown += len(event.keys)
-                wrong += [key for key in event.keys if not _was_sent(key, sent, zeros)]
+                wrong += [key for key in event.keys if not was_sent(key, sent, zeros, TOLERANCE_S)]
     return received + tracker.received, shown, wrong
-
-
-def _was_sent(key: Key, sent: tuple[Key, ...], zeros: list[float]) -> bool:
-    """Whether a key of these phones, shape and place was due near that time."""
-    return any(
-        (key.shape, key.placement) == (other.shape, other.placement)
-        and abs(key.start - zero_s - other.start) < TOLERANCE_S
-        for zero_s in zeros
-        for other in sent
-        if abs(other.start - (key.start - zero_s)) < 0.5
-    )
 
 
 def test_a_quarter_of_an_hour_of_faults() -> None:
