@@ -1,9 +1,9 @@
 """Fragmented MP4 for the browser, made while the programme runs.
 
 Packets of picture (copied) or frames (coded to H.264) and blocks of sound (coded to AAC) go in,
-boxes come out: first the
-initialisation (``ftyp``, ``moov``), then fragments (``moof``, ``mdat``) that start with a picture
-that needs no other. ISO/IEC 14496-12, section 8.8.
+boxes come out: first the initialisation (``ftyp``, ``moov``), then fragments (``moof``, ``mdat``)
+that start with a picture that needs no other, as long as such pictures come often enough.
+ISO/IEC 14496-12, section 8.8.
 """
 
 import struct
@@ -19,6 +19,10 @@ from receiver.recode import PictureDecoder
 
 _CLOCK = 90_000
 _SOUND_BPS = 160_000
+_LONGEST_S = {"sound": 0.5, "picture": 4.0}
+"""A fragment is out after this long: sound alone has nothing else to cut it, and some programmes
+refresh their picture bit by bit."""
+
 BROWSER_PICTURE = {"h264": "avc1.640028", "hevc": "hvc1.1.6.L120.90"}
 """Picture codecs that browsers play out of MP4, with a name for them."""
 
@@ -90,10 +94,12 @@ class FragmentWriter:
 
     def __init__(self, picture: Any, fs: int, channels: int) -> None:
         self._splitter = BoxSplitter()
+        longest_s = _LONGEST_S["sound" if picture is None else "picture"]
         self._container = av.open(
             self._splitter, "w", format="mp4",
             options={
                 "movflags": "frag_keyframe+empty_moov+default_base_moof+delay_moov+frag_discont",
+                "frag_duration": str(round(1e6 * longest_s)),
                 "use_editlist": "0",
                 "avoid_negative_ts": "disabled",
             },

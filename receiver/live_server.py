@@ -17,6 +17,7 @@ from aiohttp import WSMsgType, web
 from codec.voice import Voice
 from receiver.events import KeysFound, MotionPiece, StateChanged
 from receiver.live import Broadcast, Happening, MediaFragment, MediaStart
+from receiver.memory import give_back_large_blocks
 from receiver.protocol import pack_event
 from receiver.server import Channel
 
@@ -194,5 +195,6 @@ def serve_live(
             on_ready(address)
             await asyncio.Event().wait()
 
+    give_back_large_blocks()
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(run())

@@ -4,7 +4,6 @@ No key is shown that was not sent at that time, and memory stays where it is.
 """
 
 from concurrent.futures import ProcessPoolExecutor
-from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -25,7 +24,7 @@ def test_a_day_of_a_bad_line() -> None:
     report = Path(__file__).resolve().parents[2] / "artefacts" / "line" / "day.txt"
     report.parent.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as viewer:
-        seen = viewer.submit(partial(watch, 24.0, 4, report, media=False)).result()
+        seen = viewer.submit(watch, 24.0, 4, report).result()
     assert seen.runs > 40
     assert seen.superframes > 60_000
     assert seen.shown > 80_000

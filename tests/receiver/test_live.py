@@ -283,6 +283,9 @@ def test_sound_alone_through_a_pipe() -> None:
     assert broadcast.metrics.document()["superframes_received_total"] >= 14
     start = next(h for h in happenings if isinstance(h, MediaStart))
     assert start.mime == 'video/mp4; codecs="mp4a.40.2"'
+    fragments = [h.data for h in happenings if isinstance(h, MediaFragment)]
+    assert len(fragments) >= 2 * (SECONDS - 1)
+    assert max(map(len, fragments)) < 20_000
 
 
 @pytest.mark.parametrize("data", [b"", b"\x47" * 4000, bytes(range(256)) * 60])

@@ -14,8 +14,8 @@ from codec.score import Key
 from receiver import live
 from receiver.continuity import Place, SteadyClock
 from receiver.events import KeysFound, MotionPiece
-from receiver.fragments import Fragments, FragmentWriter
 from receiver.live import Broadcast, Happening
+from receiver.memory import give_back_large_blocks
 from tests.receiver.badair import VOICE, BadLine, speech
 from tests.receiver.seeded import was_sent
 
@@ -39,21 +39,6 @@ class Watched:
     peak_mb: float = 0.0
 
 
-class NoMedia:
-    """Stands for the writer of the viewers' media, which takes a quarter of the time."""
-
-    mime = ""
-
-    def __init__(self, *_: object) -> None:
-        pass
-
-    def sound(self, *_: object) -> Fragments:
-        return Fragments()
-
-    def close(self) -> Fragments:
-        return Fragments()
-
-
 class Witness(SteadyClock):
     """The receiver's clock, watched: which time of the programme lies where on it."""
 
@@ -69,15 +54,15 @@ class Witness(SteadyClock):
         return place
 
 
-def memory_mb() -> tuple[float, float]:
-    """Return the memory that this process has resident now, and at its highest."""
-    lines = Path("/proc/self/status").read_text().splitlines()
+def memory_mb(pid: int | None = None) -> tuple[float, float]:
+    """Return the memory that a process (this one) has resident now, and at its highest."""
+    lines = Path(f"/proc/{pid or 'self'}/status").read_text().splitlines()
     sizes = {name: rest for name, _, rest in (line.partition(":") for line in lines)}
     now, peak = (1.024e-3 * int(sizes[name].split()[0]) for name in ("VmRSS", "VmHWM"))
     return round(now, 1), round(peak, 1)
 
 
-def watch(hours: float, seed: int, report: Path | None = None, *, media: bool = True) -> Watched:
+def watch(hours: float, seed: int, report: Path | None = None) -> Watched:
     """Watch a bad line and compare what is shown with what was sent.
 
     Parameters
@@ -87,13 +72,11 @@ def watch(hours: float, seed: int, report: Path | None = None, *, media: bool = 
     seed : int
     report : Path, optional
         File to which the figures so far are written after each run.
-    media : bool
-        Whether sound and picture are wrapped up for viewers as well.
     """
+    give_back_large_blocks()
     rng = np.random.default_rng(seed)
     seen = Watched()
-    writer = FragmentWriter if media else NoMedia
-    with patch.object(live, "SteadyClock", Witness), patch.object(live, "FragmentWriter", writer):
+    with patch.object(live, "SteadyClock", Witness):
         while seen.hours < hours:
             seconds = min(float(rng.exponential(RUN_S)) + 20, 3600 * (hours - seen.hours))
             _watch_one(seen, BadLine(rng, ("aac", "mp2")[int(rng.integers(2))], seconds))

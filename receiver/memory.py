@@ -1,0 +1,30 @@
+"""Memory of a receiver that runs for weeks."""
+
+import ctypes
+
+_M_MMAP_THRESHOLD = -3
+"""Parameter of mallopt (glibc, malloc.h)."""
+
+
+def give_back_large_blocks(threshold: int = 256 * 1024) -> bool:
+    """Let the C library return every large block to the system as soon as it is freed.
+
+    By itself glibc raises the size from which blocks have pages of their own up to that of the
+    largest that was freed; arrays of some megabytes then come from the heap, which small objects
+    among them keep from shrinking.
+
+    Parameters
+    ----------
+    threshold : int
+        Size in bytes from which a block has its own pages.
+
+    Returns
+    -------
+    bool
+        False if the C library has no such choice: nothing has changed.
+    """
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (AttributeError, OSError, TypeError):
+        return False
+    return bool(mallopt(_M_MMAP_THRESHOLD, threshold))
