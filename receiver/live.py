@@ -19,22 +19,17 @@ from receiver.continuity import SteadyClock
 from receiver.engine import Receiver
 from receiver.events import Event, MotionPiece, State, StateChanged
 from receiver.fragments import Fragments, FragmentWriter, playable
+from receiver.line import READ_TIMEOUT_S, DatagramLine, Line, Pipe
 from receiver.metrics import Metrics
 from receiver.pictureline import PictureLine
 from receiver.recode import PictureDecoder, recodable
 from receiver.soundline import SoundBlock, SoundLine
 
-READ_TIMEOUT_S = 15.0
-"""Silence on the line after which the source is opened again."""
-
 _PICTURES_ALONE = 150
 """After so many pictures without sound it may have another address: open the line again."""
 
-_STRANGERS = 1000
-
 _RETRY_S = (0.2, 0.5, 1.0, 2.0)
 _OPTIONS = {"analyzeduration": "5000000", "probesize": "5000000"}
-_UDP_OPTIONS = {"overrun_nonfatal": "1", "fifo_size": "50000", "buffer_size": "1000000"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +62,8 @@ class Broadcast:
     Parameters
     ----------
     source : str or binary file
-        ``udp://127.0.0.1:5004``, address or path of an HLS playlist, path, or a pipe.
+        ``udp://127.0.0.1:5004`` (see `receiver.line.DatagramLine`), address or path of an HLS
+        playlist, path, or a pipe.
     voice : Voice
     tell : callable
         Gets every `Happening`, in the thread of `run`.
@@ -77,6 +73,11 @@ class Broadcast:
         Of a pipe: ``mpegts``, ``wav``, ...
     once : bool
         Do not open the source again at its end.
+
+    Raises
+    ------
+    CueError
+        If nothing can be listened to at an address of datagrams.
     """
 
     def __init__(
@@ -85,6 +86,11 @@ class Broadcast:
     ) -> None:  # fmt: skip
         self._source, self._voice, self._tell = source, voice, tell
         self._key, self._format, self._once = key, format, once
+        self._line: Line | None = None
+        if not isinstance(source, str):
+            self._line = Pipe(source)
+        elif source.startswith("udp:"):
+            self._line, self._format = DatagramLine(source), format or "mpegts"
         self._stop = threading.Event()
         self._clock = SteadyClock()
         self._receiver: Receiver | None = None
@@ -97,14 +103,11 @@ class Broadcast:
         self._sound = SoundLine(self._clock, self.metrics)
         self._looks = PictureLine(self.metrics)
 
-    @property
-    def _is_line(self) -> bool:
-        """Whether the source goes on from where it is when it is opened again."""
-        return isinstance(self._source, str) and self._source.startswith("udp:")
-
     def stop(self) -> None:
         """Ask `run` to end."""
         self._stop.set()
+        if self._line is not None:
+            self._line.stop()
 
     def run(self) -> None:
         """Receive until the source ends for good or `stop` is called.
@@ -122,7 +125,7 @@ class Broadcast:
             except (av.error.FFmpegError, OSError) as error:
                 if self._once and attempt == 0 and not self._sound.now_s:
                     raise CueError(f"{self._source}: cannot be received: {error}") from error
-            if self._once:
+            if self._once and (self._line is None or self._line.over):
                 break
             self._change("lost" if self._state in ("locked", "degraded") else self._state)
             self._stop.wait(_RETRY_S[min(attempt, len(_RETRY_S) - 1)])
@@ -131,11 +134,10 @@ class Broadcast:
 
     def _run_once(self) -> None:
         """Receive from one connection, until it ends or the programme has changed its form."""
-        options = dict(_OPTIONS)
-        if self._is_line:
-            options |= _UDP_OPTIONS
+        if self._line is not None:
+            self._line.connect()
         with av.open(
-            self._source, "r", format=self._format, options=options,
+            self._line or self._source, "r", format=self._format, options=_OPTIONS,
             timeout=(READ_TIMEOUT_S, READ_TIMEOUT_S), metadata_errors="ignore",
         ) as container:  # fmt: skip
             self.metrics.add("connections_total")
@@ -165,27 +167,22 @@ class Broadcast:
                 elif packet.pts is not None:
                     without_sound += 1
                     self._take_picture(packet)
-                if sound is not None and without_sound > _PICTURES_ALONE and self._is_line:
+                if sound is not None and without_sound > _PICTURES_ALONE and self._line:
                     return
 
     def _packets(self, container: Any, streams: list[Any]) -> Iterator[Any]:
         """Yield the packets of some streams, until there are none.
 
         A damaged table of programmes, or a new one, brings forth streams that the library cannot
-        name: their packets end its iteration, not ours. A line on which nothing else comes is
-        opened again.
+        name, which it cannot end.
         """
-        strangers = 0
-        while strangers < _STRANGERS:
-            packets = container.demux(streams)
-            try:
-                for packet in packets:
-                    strangers = 0
-                    yield packet
-                return
-            except IndexError:
-                strangers += 1
-                self.metrics.add("damaged_packets_total")
+        try:
+            for packet in container.demux(streams):
+                if self._line is not None and packet.size:
+                    self._line.useful()
+                yield packet
+        except IndexError:
+            self.metrics.add("damaged_packets_total")
 
     def _choose_picture(self, stream: Any) -> None:
         """Pass on what browsers play, recode what they do not; note what neither can."""
