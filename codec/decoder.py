@@ -60,7 +60,7 @@ class SuperframeDecoder:
         self._coding = coding_for(voice)
         self._contents: dict[int, Content] = {}
         self._layers: dict[int, tuple[str, ...]] = {}
-        self._previewed: dict[int, Preview] = {}
+        self._previewed: dict[int, tuple[int, Preview]] = {}
 
     def push(self, l0: bytes | None, l1: bytes | None, index: int) -> DecodedSuperframe:
         """Take the parts of superframe `index` and return what they say now.
@@ -84,7 +84,10 @@ class SuperframeDecoder:
         if content is not None:
             self._contents[index], self._layers[index] = content, layers
             for distance, preview in content.previews.items():
-                self._previewed[index + distance] = preview
+                # The nearest preview is the best one.
+                known = self._previewed.get(index + distance)
+                if known is None or distance <= known[0]:
+                    self._previewed[index + distance] = distance, preview
         return self.render(index)
 
     def _forget(self, index: int) -> None:
@@ -164,7 +167,7 @@ class SuperframeDecoder:
         parts = {k: p for k in reach[-3:] if isinstance(p := contents.get(k), ScorePart)}
         for k in reach[-3:]:
             if k not in contents and k in self._previewed:
-                parts[k] = part_of_preview(self._previewed[k])
+                parts[k] = part_of_preview(self._previewed[k][1])
         return parts
 
     def _tells(self, index: int) -> bool:

@@ -4,6 +4,7 @@ The encoder predicts from the scores of a superframe and its two neighbours, as 
 decoded, and codes what the prediction lacks. Specification: spec/bitstream.md, section 2.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,7 +35,7 @@ from codec.payload import (
     write_l0_whole,
     write_l1,
 )
-from codec.preview import AHEAD, EXACT, Preview, preview_of
+from codec.preview import AHEAD, CHOICES, Preview, preview_of, thinned
 from codec.quantise import (
     GAINS,
     N_COURSES,
@@ -59,6 +60,12 @@ from codec.window import MAX_BYTES, MIN_BYTES, WindowWriter
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+_SAYS_LITTLE = 0.42
+"""Share of a superframe that score and previews may take for a third preview."""
+
+_FEWEST = 2
+"""Starts to which a preview is thinned at most."""
 
 _HISTORY = 8
 """Superframes whose fitted scores are remembered."""
@@ -261,17 +268,14 @@ class SuperframeEncoder:
 
     def _write(self, plan: "_Plan") -> Superframe:
         l0_bytes, l1_bytes = self._sizes
-        # Where the score leaves no room, the farther preview goes first, then both, then the
-        # residual.
-        nearest = {k: p for k, p in plan.previews.items() if k == EXACT}
-        without = replace(plan, previews={})
-        for tried in (plan, replace(plan, previews=nearest), without):
+        for previews in self._affordable(plan):
+            tried = replace(plan, previews=previews)
             content = tried.content(*self._fitting(tried))
             l0 = write_l0(content, plan.bases, l0_bytes, even=plan.even)
             if l0 is not None:
                 break
         else:
-            content = without.content(NO_RESIDUAL)
+            content = replace(plan, previews={}).content(NO_RESIDUAL)
             l0 = write_l0(content, plan.bases, l0_bytes, even=plan.even)
             assert l0 is not None, "a fitted score always fits"
         if l1_bytes == 0:
@@ -280,14 +284,39 @@ class SuperframeEncoder:
         l1 = write_l1(l0, content.setting, content.q, known, plan.bases, l1_bytes)
         return Superframe(plan.index, l0, l1)
 
+    def _affordable(self, plan: "_Plan") -> Iterator[dict[int, Preview]]:
+        """Yield previews that L0 may have room for, as many as possible first.
+
+        The farthest is for superframes that say little; where too much is said, the farther of
+        two becomes sparse, then goes, then the nearer one.
+        """
+        l0_bytes, l1_bytes = self._sizes
+        room = 8 * (l0_bytes - HEADER_BYTES - CRC16_BYTES)
+        for choice in reversed(CHOICES) if plan.previews else ():
+            previews = {distance: plan.previews[distance] for distance in choice}
+            most = _SAYS_LITTLE * 8 * (l0_bytes + l1_bytes) if len(choice) == len(AHEAD) else room
+            while (bits := self._bits(replace(plan, previews=previews))) > most:
+                farthest = max(previews, default=0)
+                if len(choice) != 2 or len(previews[farthest]) <= _FEWEST:
+                    break
+                previews[farthest] = thinned(previews[farthest])
+            if previews and bits <= most:
+                yield previews
+        yield {}
+
+    @staticmethod
+    def _bits(plan: "_Plan") -> float:
+        """Return the bits of what precedes the coefficients."""
+        setting = Setting(0, 0, plan.course, plan.shift)
+        nothing = np.zeros(0, dtype=np.int64)
+        content = Content(plan.header, setting, plan.part, nothing, plan.previews)
+        return score_code(content, even=plan.even).bits
+
     def _fitting(self, plan: "_Plan") -> tuple[int, int]:
         """Return the finest step and its gain at which all coefficients fit."""
         l0_bytes, l1_bytes = self._sizes
         room = 8 * (l0_bytes - HEADER_BYTES - CRC16_BYTES + max(0, l1_bytes - CRC8_BYTES))
-        nothing = np.zeros(0, dtype=np.int64)
-        setting = Setting(0, 0, plan.course, plan.shift)
-        content = Content(plan.header, setting, plan.part, nothing, plan.previews)
-        used = score_code(content, even=plan.even).bits
+        used = self._bits(plan)
         gain, step = 0, self._finest(plan, 0, room - used)
         better = plan.gain(step)
         if better != gain:

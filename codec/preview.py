@@ -1,12 +1,14 @@
 """Previews: the keys of a superframe to come, in few bits, against its loss.
 
-A superframe says which keys start in the second and the fourth one after it: shape, placement
-and start, and where silences begin, but not the phones. If such a superframe is lost, its keys
-are known all the same, unless both that spoke of it are lost too. The distances are even so that
-no run of two losses takes two of the three; the nearer preview, which serves nearly always, tells
-times to a tick, the farther one to two.
+A superframe says which keys start in the second and the fourth one after it, and in the sixth
+where little is said: shape, placement and start, and where silences begin, but not the phones. If
+such a superframe is lost, its keys are known all the same, unless all that spoke of it are lost
+too. The distances are even so that no run of two losses takes two of them; the nearest preview,
+which serves nearly always, tells times to a tick, the others to two.
 Specification: spec/bitstream.md, section 3.2.
 """
+
+import itertools
 
 from codec.cueing import NO_CONSONANT_SHAPE, NO_VOWEL_PLACEMENT, SHAPE_OF
 from codec.phonology import PHONE_NUMBER, PHONES
@@ -16,17 +18,17 @@ from codec.score_coding import ScorePart, is_consonant, is_vowel
 from codec.tables import ScoreTables
 from codec.timeline import TICKS
 
-AHEAD = (2, 4)
+AHEAD = (2, 4, 6)
 """Distances of the superframes that a superframe can preview."""
 
-CHOICES: tuple[tuple[int, ...], ...] = ((), (2,), (4,), (2, 4))
+CHOICES: tuple[tuple[int, ...], ...] = ((), (2,), (4,), (2, 4), (2, 4, 6))
 """Which of them it does, by symbol."""
 
 EXACT = 2
 """Distance of the preview that tells times to a tick."""
 
 CELL = 2
-"""Ticks to which the other one tells them."""
+"""Ticks to which the others tell them."""
 
 SILENCE = 40
 """Symbol of a silence; those of keys are 5 (shape - 1) + placement - 1."""
@@ -35,7 +37,7 @@ BEGINNING = 41
 """Context of a preview's first start: the superframe's beginning."""
 
 _CELLS = TICKS // CELL
-_WHICH = cumulative([12, 1, 1, 2])
+_WHICH = cumulative([16, 1, 1, 12, 2])
 _CONSONANT_PERCENT = 40
 """Share of a key's length that is its consonant."""
 
@@ -68,6 +70,21 @@ def preview_of(part: ScorePart, distance: int = EXACT) -> Preview:
                 found.append((tick if distance == EXACT else CELL * least - 1, symbol))
         before = number
     return tuple(found)
+
+
+def thinned(preview: Preview) -> Preview:
+    """Return a preview without what lasts least in it.
+
+    The last start stays, for the superframe after goes on from it.
+
+    Examples
+    --------
+    >>> thinned(((5, 16), (9, 3), (20, 40)))
+    ((9, 3), (20, 40))
+    """
+    lengths = [after[0] - start[0] for start, after in itertools.pairwise(preview)]
+    least = lengths.index(min(lengths)) if lengths else len(preview)
+    return preview[:least] + preview[least + 1 :]
 
 
 def _symbol(part: ScorePart, number: int, after: int, start: int) -> int:
@@ -119,7 +136,7 @@ def write_previews(
             encoder.put(tick // CELL - cell - 1, tables.gap[before], _CELLS - 1 - cell)
             if distance == EXACT:
                 encoder.put_bits(tick % CELL, 1)
-            encoder.put(symbol, tables.key)
+            encoder.put(symbol, tables.key[before])
             cell, before = tick // CELL, symbol
         if cell < _CELLS - 1:
             encoder.put(_CELLS - 1 - cell, tables.gap[before], _CELLS - 1 - cell)
@@ -142,7 +159,7 @@ def _read_preview(decoder: RangeDecoder, tables: ScoreTables, distance: int) -> 
             break
         cell += gap + 1
         tick = CELL * cell + (decoder.get_bits(1) if distance == EXACT else CELL // 2)
-        before = min(decoder.get(tables.key), SILENCE)
+        before = min(decoder.get(tables.key[before]), SILENCE)
         found.append((tick, before))
     return tuple(found)
 

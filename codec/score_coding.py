@@ -17,6 +17,9 @@ from codec.tables import ScoreTables
 from codec.timeline import TICKS, Line
 
 N_VOWELS = len(VOWELS)
+NOTHING = len(PHONES)
+"""Context of a phone of which only the one before it is known."""
+
 REST_GAPS_S = (0.25, 0.5, 1.0, 1.8)
 """Silences after which the hand rests that a superframe can name."""
 
@@ -139,21 +142,21 @@ def write_score(
     special = part.options != DEFAULT_OPTIONS or bool(part.overrides)
     encoder.put(int(special), _PLAIN_OR_SPECIAL)
     encoder.put(letter_of(part.first), tables.first)
-    before, length = part.first, 0
+    context, length = (NOTHING, part.first), 0
     if even:
         encoder.put_bits(len(part.numbers) - 1, 5)
     else:
         encoder.put(part.first_end, tables.left[part.first], TICKS)
     for i, (number, start) in enumerate(zip(part.numbers, part.starts, strict=True)):
-        encoder.put(letter_of(number), tables.next[before])
+        encoder.put(letter_of(number), tables.next[context])
         if not even:
             end = part.starts[i + 1] if i + 1 < len(part.starts) else TICKS
-            context = tables.tempo(length)
-            encoder.put(end - start - 1, tables.length[number, context], TICKS - start - 1)
+            row = tables.length[number, tables.tempo(length)]
+            encoder.put(end - start - 1, row, TICKS - start - 1)
             length = end - start if number else 0
-        before = number
-    if is_consonant(before):
-        encoder.put(part.ahead - 1 if part.ahead else N_VOWELS, tables.next[before], N_VOWELS)
+        context = context[1], number
+    if is_consonant(context[1]):
+        encoder.put(part.ahead - 1 if part.ahead else N_VOWELS, tables.next[context], N_VOWELS)
     if special:
         _write_special(encoder, part)
 
@@ -169,38 +172,38 @@ def read_score(decoder: RangeDecoder, tables: ScoreTables) -> ScorePart:
         first_end = decoder.get(tables.left[first], TICKS)
         numbers, starts = _read_on_grid(decoder, tables, first, first_end)
     ahead = 0
-    last = numbers[-1] if numbers else first
-    if is_consonant(last):
-        letter = decoder.get(tables.next[last], N_VOWELS)
+    context = (NOTHING, first, *numbers)[-2:]
+    if is_consonant(context[1]):
+        letter = decoder.get(tables.next[context], N_VOWELS)
         ahead = letter + 1 if letter < N_VOWELS else 0
     part = ScorePart(first, first_end, tuple(numbers), tuple(starts), ahead)
     return _read_special(decoder, part) if special else part
 
 
 def _read_even(
-    decoder: RangeDecoder, tables: ScoreTables, before: int
+    decoder: RangeDecoder, tables: ScoreTables, first: int
 ) -> tuple[list[int], list[int]]:
     n = decoder.get_bits(5) + 1
-    numbers = []
+    numbers, context = [], (NOTHING, first)
     for _ in range(n):
-        before = number_of(decoder.get(tables.next[before]))
-        numbers.append(before)
+        context = context[1], number_of(decoder.get(tables.next[context]))
+        numbers.append(context[1])
     return numbers, [TICKS * i // n for i in range(n)]
 
 
 def _read_on_grid(
-    decoder: RangeDecoder, tables: ScoreTables, before: int, start: int
+    decoder: RangeDecoder, tables: ScoreTables, first: int, start: int
 ) -> tuple[list[int], list[int]]:
-    numbers, starts, length = [], [], 0
+    numbers, starts, length, context = [], [], 0, (NOTHING, first)
     while start < TICKS:
-        number = number_of(decoder.get(tables.next[before]))
-        context = tables.tempo(length)
-        length = decoder.get(tables.length[number, context], TICKS - start - 1) + 1
+        number = number_of(decoder.get(tables.next[context]))
+        row = tables.length[number, tables.tempo(length)]
+        length = decoder.get(row, TICKS - start - 1) + 1
         numbers.append(number)
         starts.append(start)
         start += length
         length = length if number else 0
-        before = number
+        context = context[1], number
     return numbers, starts
 
 

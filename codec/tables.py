@@ -38,8 +38,8 @@ class ScoreTables:
     ----------
     first : ndarray of int64, shape (39,)
         The phone that sounds as a superframe begins.
-    next : ndarray of int64, shape (38, 39)
-        A phone after another, by number of the one before.
+    next : ndarray of int64, shape (39, 38, 39)
+        A phone after two others, by their numbers; 38 if the earlier one is not known.
     left : ndarray of int64, shape (38, 34)
         Ticks that the first phone still lasts, by its number.
     length : ndarray of int64, shape (38, 4, 34)
@@ -50,8 +50,8 @@ class ScoreTables:
         As `length`, in units of two ticks.
     usual : ndarray of int64, shape (38,)
         Mean length of a phone, in sixteenths of a tick.
-    key : ndarray of int64, shape (42,)
-        A key or a silence in a preview.
+    key : ndarray of int64, shape (42, 43)
+        A key or a silence in a preview, by the symbol before.
     gap : ndarray of int64, shape (42, 17)
         Cells between two starts in a preview less one, by the symbol of the former.
     """

@@ -12,7 +12,7 @@ from codec.phonology import PHONES
 from codec.preview import BEGINNING, CELL, SILENCE, preview_of
 from codec.range_coder import cumulative
 from codec.score import Score
-from codec.score_coding import is_consonant, is_vowel, letter_of, part_of
+from codec.score_coding import NOTHING, is_consonant, is_vowel, letter_of, part_of
 from codec.tables import COARSE_LENGTHS, TEMPOS, ScoreTables
 from codec.timeline import TICKS, Line, to_line
 
@@ -22,6 +22,9 @@ _PHASES = 8
 
 _PAUSE_FIRST = 0.02
 """Share of compact superframes that begin with a pause (their writer decides)."""
+
+_OF_NONE, _OF_ONE = 640.0, 960.0
+"""Examples that phones count for whatever stands before, and those after one, against two."""
 
 Counts = NDArray[np.float64]
 
@@ -39,7 +42,7 @@ def train_score(scores: Iterable[Score]) -> dict[str, list[object]]:
     dict of nested lists
         Frequencies that sum to 2**15 in every row.
     """
-    first, following = np.zeros(N), np.zeros((N, N))
+    first, following = np.zeros(N), np.zeros((N + 1, N, N))
     left, length = np.zeros((N, TICKS + 1)), np.zeros((N, TEMPOS, TICKS + 1))
     whole, keys = _Whole(), _Keys()
     for score in scores:
@@ -50,13 +53,13 @@ def train_score(scores: Iterable[Score]) -> dict[str, list[object]]:
             keys.count(to_line(score.shifted(phase * 0.08)))
     return {
         "first": _rows(first + 1),
-        "next": _rows(_back_off(following, following.sum(axis=0) + 1, 20.0)),
+        "next": _rows(_after_two(following)),
         "left": _rows(_by_kind(left, 100.0)),
         "length": _rows(_lengths(length)),
         "opening": _rows(whole.opening + _PAUSE_FIRST * whole.opening.sum() * _is_pause()),
         "coarse": _rows(_lengths(whole.coarse)),
         "usual": whole.usual(),
-        "key": _rows(keys.key + 0.5),
+        "key": _rows(_back_off(keys.key, keys.key.sum(axis=0) + 0.5, _OF_NONE)),
         "gap": _rows(_back_off(keys.gap, _blurred(keys.gap.sum(axis=0)) + 0.5, 20.0)),
     }
 
@@ -98,14 +101,15 @@ class _Keys:
     """Counts of keys and silences, as previews tell them."""
 
     def __init__(self) -> None:
-        self.key, self.gap = np.zeros(SILENCE + 2), np.zeros((SILENCE + 2, TICKS // CELL + 1))
+        self.key = np.zeros((SILENCE + 2, SILENCE + 2))
+        self.gap = np.zeros((SILENCE + 2, TICKS // CELL + 1))
 
     def count(self, line: Line) -> None:
         for index in range(line.starts[-1] // TICKS + 1):
             cell, before = -1, BEGINNING
             for tick, symbol in preview_of(part_of(line, index)):
                 self.gap[before, tick // CELL - cell - 1] += 1
-                self.key[symbol] += 1
+                self.key[before, symbol] += 1
                 cell, before = tick // CELL, symbol
             # What the superframe's end hides counts by how gaps go on elsewhere.
             rest = self.gap[before, TICKS // CELL - 1 - cell :]
@@ -118,10 +122,10 @@ def _count(score: Score, first: Counts, following: Counts, left: Counts, length:
         part = part_of(line, index)
         first[letter_of(part.first)] += 1
         left[part.first, part.first_end] += 1
-        before, last = part.first, 0
+        context, last = (NOTHING, part.first), 0
         ends = (*part.starts, TICKS)[1:]
         for number, start, end in zip(part.numbers, part.starts, ends, strict=True):
-            following[before, letter_of(number)] += 1
+            following[context][letter_of(number)] += 1
             if end < TICKS:
                 length[number, ScoreTables.tempo(last), end - start - 1] += 1
             else:
@@ -130,7 +134,17 @@ def _count(score: Score, first: Counts, following: Counts, left: Counts, length:
                 if rest.sum() > 0:
                     rest += rest / rest.sum()
             last = end - start if number else 0
-            before = number
+            context = context[1], number
+
+
+def _after_two(counts: Counts) -> Counts:
+    """Smooth the rows of phones after two others by those after the later one alone."""
+    single = counts.sum(axis=0)
+    later = _back_off(single, single.sum(axis=0) + 1, _OF_NONE)
+    prior = later / later.sum(axis=1, keepdims=True)
+    rows: Counts = counts + _OF_ONE * prior
+    rows[NOTHING] = later
+    return rows
 
 
 def _kinds() -> list[list[int]]:

@@ -7,7 +7,9 @@ Lengths are told to 20 ms, to 40 ms or by rule, whichever keeps up with speech.
 Specification: spec/bitstream.md, section 3.1.
 """
 
+import bisect
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -16,8 +18,9 @@ from numpy.typing import NDArray
 
 from codec.bits import COMPACT, COMPACT_HEADER_BYTES, COMPACT_SEQUENCES, Header, voice_bit
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions
-from codec.range_coder import RangeDecoder, RangeEncoder, cumulative
+from codec.range_coder import TOTAL, RangeDecoder, RangeEncoder, cumulative
 from codec.score_coding import (
+    NOTHING,
     is_consonant,
     is_vowel,
     letter_of,
@@ -34,14 +37,19 @@ MIN_BYTES, MAX_BYTES = 4, 12
 EARLIEST = -16
 """Earliest tick at which a window can begin, from its superframe's beginning."""
 
-LAST = TICKS + 14
+LAST = 2 * TICKS + 14
 """Last tick at which a phone of a window starts: the next window can begin with the one after."""
 
-_BEGIN_BITS, _BEGIN_UNIT, _PACE_BITS = 5, 2, 3
+_BEGIN_CELL = 8
+_BEGIN = cumulative([1, 2, 4, 6, 8, 8, 4, 2, 1, 1, 1, 1])
+"""Table of the cells in which a window begins."""
+
 FINE, COARSE, RULED = range(3)
-_TIMING = cumulative([1, 2, 1])
+_TIMING = cumulative([1, 1, 2])
+_PACE = cumulative([2, 6, 10, 6, 4, 2, 1, 1])
 _PLAIN_OR_SPECIAL = cumulative([127, 1])
 _UNIT = (1, 2, 2)
+_BEGIN_UNIT = (2, 2, 4)
 _UNITS = (32, 16, 16)
 """Greatest length by timing, in units; a pause of that length lasts until the next window."""
 
@@ -87,14 +95,23 @@ class _Length:
         return min(max(int(tables.usual[number]) * (4 + self.pace) + 64 >> 7, 1), TICKS)
 
 
-_PACES = tuple(_Length(RULED, pace) for pace in range(1 << _PACE_BITS))
+_PACES = tuple(_Length(RULED, pace) for pace in range(len(_PACE) - 1))
 _PACED = 8
 """Phones by whose lengths the pace is chosen."""
 
 _BEYOND = 40
 """Bits beyond its room up to which a code is written, before it is cut off."""
 
-_GAP = 4
+_HORIZON = 16
+"""Windows over which a writer looks ahead."""
+
+_PAUSE_BITS = 3.0
+"""Bits of a pause's length, about."""
+
+_RULED_BITS = 18.0
+"""Bits of a window with timing by rule that are not phones, about."""
+
+_GAP = 6
 """Most ticks between two windows that are not a silence."""
 
 
@@ -108,9 +125,10 @@ def read_window(l0: bytes) -> tuple[int, Window]:
     options = DEFAULT_OPTIONS
     if decoder.get(_PLAIN_OR_SPECIAL):
         options = read_options(decoder)
-    begin = _BEGIN_UNIT * decoder.get_bits(_BEGIN_BITS) + EARLIEST
     timing = decoder.get(_TIMING)
-    length = _Length(timing, decoder.get_bits(_PACE_BITS) if timing == RULED else 0)
+    begin = EARLIEST + _BEGIN_CELL * decoder.get(_BEGIN)
+    begin += _BEGIN_UNIT[timing] * decoder.get_bits(_begin_bits(timing))
+    length = _Length(timing, decoder.get(_PACE) if timing == RULED else 0)
     numbers, lengths = _read_phones(decoder, begin, length, tables)
     while numbers and numbers[-1] == 0:
         numbers.pop()
@@ -123,9 +141,9 @@ def _read_phones(
 ) -> tuple[list[int], list[int]]:
     """Return numbers and lengths of the phones, as far as they are determined."""
     numbers, lengths = list[int](), list[int]()
-    before, spoken = -1, 0
+    context, spoken = (NOTHING, NOTHING), 0
     while tick <= LAST:
-        letter = decoder.get_certain(tables.opening if before < 0 else tables.next[before])
+        letter = decoder.get_certain(tables.next[context] if numbers else tables.opening)
         if letter < 0:
             break
         number = number_of(letter)
@@ -139,9 +157,13 @@ def _read_phones(
             ticks = _UNIT[length.timing] * (units + 1)
         numbers.append(number)
         lengths.append(ticks)
-        before, spoken = number, ticks if number else 0
+        context, spoken = (context[1], number), ticks if number else 0
         tick += ticks
     return numbers, lengths
+
+
+def _begin_bits(timing: int) -> int:
+    return (_BEGIN_CELL // _BEGIN_UNIT[timing]).bit_length() - 1
 
 
 def _row(
@@ -178,6 +200,7 @@ class WindowWriter:
         self._first = max(first, line.starts[1] // TICKS if len(line.starts) > 1 else 0)
         self._payloads: list[bytes] = []
         self._next = 1
+        self._spent, self._silence = _spent(line), _silences(line)
 
     def l0(self, index: int) -> bytes:
         """Return the L0 part of superframe `index`."""
@@ -203,7 +226,7 @@ class WindowWriter:
         if self._next == len(line.starts) or line.starts[self._next] > begin + LAST:
             return self._empty(index)
         start = self._next - self._needs_pause(self._next)
-        best = start, b""
+        best = start, self._empty(index)
         for length in (_Length(FINE), _Length(COARSE), self._ruled()):
             payload = self._code(index, start, length)
             window = read_window(bytes(COMPACT_HEADER_BYTES) + payload)[1]
@@ -211,11 +234,32 @@ class WindowWriter:
             best = max(best, (reached, payload), key=lambda pair: pair[0])
             rest = [k for k in range(reached, len(line.starts)) if line.numbers[k]][:1]
             ahead = line.starts[rest[0]] - begin - TICKS if rest else TICKS
-            if ahead >= _KEEPS_UP[length.timing]:
+            if ahead >= _KEEPS_UP[length.timing] and self._keeps_up(index + 1, reached):
                 best = reached, payload
                 break
         self._next = best[0]
         return best[1]
+
+    def _keeps_up(self, index: int, k: int) -> bool:
+        """Return whether windows from `index` on keep up with speech from phone `k` on.
+
+        It is tried with timing by rule, which takes least, over a few windows to come.
+        """
+        starts, numbers = self._line.starts, self._line.numbers
+        for tick in range(index * TICKS, (index + _HORIZON) * TICKS, TICKS):
+            while k < len(starts) and not numbers[k]:
+                k += 1
+            if k == len(starts) or starts[k] > tick + LAST:
+                continue
+            if starts[k] < tick + EARLIEST:
+                return False
+            full = self._spent[k] + 8 * self._room - _RULED_BITS
+            k = min(
+                max(bisect.bisect_right(self._spent, full) - 1, k + 1),
+                bisect.bisect_right(starts, tick + LAST),
+                self._silence[k],
+            )
+        return True
 
     def _needs_pause(self, k: int) -> bool:
         """Return whether a window that begins with a phone has to tell the pause before it.
@@ -262,24 +306,29 @@ class WindowWriter:
         encoder.put(int(special), _PLAIN_OR_SPECIAL)
         if special:
             write_options(encoder, self._options)
-        encoder.put_bits((begin - EARLIEST) // _BEGIN_UNIT, _BEGIN_BITS)
-        encoder.put(length.timing, _TIMING)
-        if length.timing == RULED:
-            encoder.put_bits(length.pace, _PACE_BITS)
+        timing = length.timing
+        cell, rest = divmod(begin - EARLIEST, _BEGIN_CELL)
+        encoder.put(timing, _TIMING)
+        encoder.put(cell, _BEGIN)
+        encoder.put_bits(rest // _BEGIN_UNIT[timing], _begin_bits(timing))
+        if timing == RULED:
+            encoder.put(length.pace, _PACE)
         return encoder
 
     def _code(self, index: int, first: int, length: _Length) -> bytes:
         """Return the code of the phones from number `first` on, cut off at its room."""
         line, tables = self._line, score_tables()
+        unit = _BEGIN_UNIT[length.timing]
         tick = line.starts[first] - index * TICKS
         if line.numbers[first] == 0:
-            tick = line.starts[first + 1] - index * TICKS - _BEGIN_UNIT
-        tick -= (tick - EARLIEST) % _BEGIN_UNIT
+            tick = line.starts[first + 1] - index * TICKS - unit
+        tick = min(tick + unit // 4, LAST) - EARLIEST
+        tick += EARLIEST - tick % unit
         encoder = self._opened(index, tick, length)
-        before, spoken = -1, 0
+        context, spoken = (NOTHING, NOTHING), 0
         for k in range(first, len(line.starts)):
             number = line.numbers[k]
-            encoder.put(letter_of(number), tables.opening if before < 0 else tables.next[before])
+            encoder.put(letter_of(number), tables.opening if k == first else tables.next[context])
             if number and length.timing == RULED:
                 ticks = length.ruled(number, tables)
             else:
@@ -292,11 +341,35 @@ class WindowWriter:
                 if number == 0 and units > limit:
                     break
                 ticks = unit * units
-            before, spoken = number, ticks if number else 0
+            context, spoken = (context[1], number), ticks if number else 0
             tick += ticks
             if tick > LAST or encoder.bits > 8 * self._room + _BEYOND:
                 break
         return encoder.finish(certain=True)[: self._room].ljust(self._room, b"\0")
+
+
+def _spent(line: Line) -> list[float]:
+    """Return the bits of all phones before each one, timed by rule, and of all at last."""
+    tables = score_tables()
+    bits, context = [0.0], (NOTHING, NOTHING)
+    for number in line.numbers:
+        row, letter = tables.next[context[0], context[1] % NOTHING], letter_of(number)
+        bits.append(bits[-1] - math.log2((row[letter + 1] - row[letter]) / TOTAL))
+        if not number:
+            bits[-1] += _PAUSE_BITS
+        context = context[1], number
+    return bits
+
+
+def _silences(line: Line) -> list[int]:
+    """Return the number of the next pause that ends a window, for each phone."""
+    after, found = len(line.starts), list[int]()
+    for k in range(len(line.starts) - 1, -1, -1):
+        end = line.starts[k + 1] if k + 1 < len(line.starts) else line.starts[k] + TICKS
+        if not line.numbers[k] and end - line.starts[k] >= TICKS:
+            after = k
+        found.append(after)
+    return found[::-1]
 
 
 def join_windows(windows: Mapping[int, Window]) -> list[Sounding]:

@@ -2,7 +2,8 @@
 
 ``python -m synth.build_coding [--identity claire] [--format]`` writes the tables of the built-in
 voice under its present identity; run it after `synth.build_voice`. With ``--format`` the tables
-of the bitstream are trained too, which changes the format.
+of the bitstream are trained too, which changes the format; those that come with the package have
+seen the 1001 sentences of enst-camille besides (``--labels``, needs PyYAML).
 """
 
 import argparse
@@ -11,6 +12,8 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from importlib import resources
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +62,14 @@ def sentences(*, held_out: bool = False) -> list[str]:
     text = resources.files("synth").joinpath("assets/sentences.txt").read_text(encoding="utf-8")
     lines = [line for line in text.splitlines() if line and not line.startswith("#")]
     return [line for i, line in enumerate(lines) if (i % HELD_OUT_EVERY == 0) == held_out]
+
+
+def labelled(path: Path) -> list[str]:
+    """Return the sentences of a labelled reading, as `synth.train_durations` takes it."""
+    import yaml
+
+    document: list[dict[str, Any]] = yaml.load(path.read_text("utf-8"), Loader=yaml.CSafeLoader)
+    return [str(item["text"]) for item in document]
 
 
 def recital(texts: Sequence[str], *, seed: int = 0, start_s: float = 1.0) -> Score:
@@ -145,6 +156,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m synth.build_coding", description=__doc__)
     parser.add_argument("--identity", choices=sorted(IDENTITIES), default="claire")
     parser.add_argument("--format", action="store_true", help="train the format's tables too")
+    parser.add_argument("--labels", type=Path, help="with --format: further sentences, as YAML")
     args = parser.parse_args(argv)
     try:
         voice = load_voice(args.identity)
@@ -155,7 +167,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         FOLDER.mkdir(exist_ok=True)
         save_coding(coding, FOLDER / f"{voice.identity}.npz")
         if args.format:
-            write_tables(format_tables(coding, motions, others, [score, *paced(score)]))
+            said = recital([*sentences(), *labelled(args.labels)]) if args.labels else score
+            write_tables(format_tables(coding, motions, others, [said, *paced(said)]))
     except (CueError, OSError) as error:
         print(f"synth.build_coding: {error}", file=sys.stderr)
         return 3

@@ -17,6 +17,8 @@ EQUAL = {9: [3648] + 8 * [3640], 6: [5463] + 5 * [5461]}
 CHOICES = [24576, 4096, 2048, 2048]
 SHIFTS = [20480, 4096, 4096, 2048, 2048]
 SPECIAL = [32512, 256]
+BEGIN = [840, 1680, 3360, 5041, 6726, 6721, 3360, 1680, 840, 840, 840, 840]
+PACE = [2048, 6144, 10240, 6144, 4096, 2048, 1024, 1024]
 GAINS = (0, 6, 0, 10)
 WIDTHS = (65536, 77936, 92682, 110218)
 
@@ -117,9 +119,10 @@ def compact(l0: bytes, scales: list[list[int]]) -> Decoded:
     if decoder.symbol(SPECIAL)[0]:
         out.score["cheek"] = [decoder.bits(1) for _ in range(3)]
         out.score["rest_gap"] = decoder.bits(2)
-    begin = 2 * decoder.bits(5) - 16
-    timing = decoder.symbol([8192, 16384, 8192])[0]
-    pace = decoder.bits(3) if timing == 2 else 0
+    timing = decoder.symbol([8192, 8192, 16384])[0]
+    begin = 8 * decoder.symbol(BEGIN)[0] - 16
+    begin += 4 * decoder.bits(1) if timing == 2 else 2 * decoder.bits(2)
+    pace = decoder.symbol(PACE)[0] if timing == 2 else 0
     phones = window(decoder, begin, timing, pace)
     while phones and phones[-1][0] == 0:
         phones.pop()
@@ -138,8 +141,9 @@ def window(decoder: RangeDecoder, tick: int, timing: int, pace: int) -> list[tup
     tables = TABLES["score"]
     phones: list[tuple[int, int]] = []
     spoken = 0
-    while tick <= 46:
-        row = tables["next"][phones[-1][0]] if phones else tables["opening"]
+    while tick <= 78:
+        before = [38, 38, *(number for number, _ in phones)]
+        row = tables["next"][before[-2]][before[-1]] if phones else tables["opening"]
         letter, determined = decoder.symbol(row)
         if not determined:
             break
@@ -163,8 +167,8 @@ def previews(decoder: RangeDecoder) -> dict[str, list[list[int]]]:
     """(V1, V2) Return tick and symbol of what starts, by distance."""
     tables = TABLES["score"]
     result: dict[str, list[list[int]]] = {}
-    which = decoder.symbol([24576, 2048, 2048, 4096])[0]
-    for distance in ([], [2], [4], [2, 4])[which]:
+    which = decoder.symbol([16384, 1024, 1024, 12288, 2048])[0]
+    for distance in ([], [2], [4], [2, 4], [2, 4, 6])[which]:
         found = []
         cell, last = -1, 41
         while cell < 15:
@@ -173,7 +177,7 @@ def previews(decoder: RangeDecoder) -> dict[str, list[list[int]]]:
                 break
             cell += 1 + gap
             tick = 2 * cell + (decoder.bits(1) if distance == 2 else 1)
-            last = min(decoder.symbol(tables["key"])[0], 40)
+            last = min(decoder.symbol(tables["key"][last])[0], 40)
             found.append([tick, last])
         result[str(distance)] = found
     return result
@@ -186,19 +190,21 @@ def score(decoder: RangeDecoder) -> dict[str, Any]:
     special = decoder.symbol([32512, 256])[0]
     first = number(decoder.symbol(tables["first"])[0])
     numbers, starts = [], []
-    before = first
+    earlier, before = 38, first
     if even:
         first_end = 0
         n = decoder.bits(5) + 1
         for i in range(n):
-            before = number(decoder.symbol(tables["next"][before])[0])
+            letter = decoder.symbol(tables["next"][earlier][before])[0]
+            earlier, before = before, number(letter)
             numbers.append(before)
             starts.append(32 * i // n)
     else:
         first_end = start = decoder.symbol(tables["left"][first], 32)[0]
         length = 0
         while start < 32:
-            before = number(decoder.symbol(tables["next"][before])[0])
+            letter = decoder.symbol(tables["next"][earlier][before])[0]
+            earlier, before = before, number(letter)
             row = tables["length"][before][tempo(length)]
             length = decoder.symbol(row, 31 - start)[0] + 1
             numbers.append(before)
@@ -208,7 +214,7 @@ def score(decoder: RangeDecoder) -> dict[str, Any]:
                 length = 0
     ahead = 0
     if before > 16:
-        letter = decoder.symbol(tables["next"][before], 16)[0]
+        letter = decoder.symbol(tables["next"][earlier][before], 16)[0]
         ahead = letter + 1 if letter < 16 else 0
     result: dict[str, Any] = {
         "first": first, "first_end": first_end, "numbers": numbers, "starts": starts,

@@ -84,7 +84,7 @@ def parts() -> Iterator[tuple[str, str, bytes, bytes]]:
     for shift in (1, 2, 3, 4):
         l0 = found(lambda: full(rng, 0, 20, 24), lambda out, shift=shift: out.shift == shift)  # type: ignore[misc]
         yield f"shift-{shift}", "H8", l0, b""
-    for which in (["2"], ["4"], ["2", "4"]):
+    for which in (["2"], ["4"], ["2", "4"], ["2", "4", "6"]):
         l0 = found(lambda: full(rng, 0, 30, 24), lambda out, w=which: [*out.previews] == w)  # type: ignore[misc]
         yield "preview-" + "-".join(which), "V1, V2", l0, b""
     l0, other = full(rng, 1, 5, 24), full(rng, 1, 5, 24)

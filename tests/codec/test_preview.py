@@ -7,6 +7,7 @@ from codec.joining import score_of
 from codec.phonology import PHONES
 from codec.preview import (
     AHEAD,
+    CHOICES,
     EXACT,
     SILENCE,
     part_of_preview,
@@ -33,7 +34,7 @@ def lines(draw: st.DrawFn) -> Score:
 
 
 @settings(deadline=None)
-@given(lines(), st.sampled_from([(), (2,), (4,), (2, 4)]))
+@given(lines(), st.sampled_from(CHOICES))
 def test_previews_round_trip(score: Score, distances: tuple[int, ...]) -> None:
     line = to_line(score)
     for index in range(line.starts[-1] // TICKS + 1):

@@ -148,7 +148,7 @@ def test_silence_costs_little() -> None:
 def test_tables_are_of_the_stated_shapes() -> None:
     tables = score_tables()
     assert tables.first.shape == (39,)
-    assert tables.next.shape == (38, 39)
+    assert tables.next.shape == (39, 38, 39)
     assert tables.left.shape == (38, 34)
     assert tables.length.shape == (38, 4, 34)
     assert len(PLACEMENTS) == 6
