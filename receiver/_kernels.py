@@ -4,6 +4,36 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+Point = NDArray[np.float64]
+
+
+@njit(cache=True)
+def _front(
+    a: Point, b: Point, c: Point, width: int, height: int
+) -> tuple[float, int, int, int, int]:
+    """Twice the area of a triangle, and first and last column and row of its pixels.
+
+    A triangle seen from behind has no rows. With y downwards a front has a negative area.
+    """
+    area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
+    if area > -1e-12:
+        return 1.0, 0, -1, 0, -1
+    left = max(0, int(np.floor(min(a[0], b[0], c[0]) - 0.5)))
+    right = min(width - 1, int(np.ceil(max(a[0], b[0], c[0]) - 0.5)))
+    top = max(0, int(np.floor(min(a[1], b[1], c[1]) - 0.5)))
+    bottom = min(height - 1, int(np.ceil(max(a[1], b[1], c[1]) - 0.5)))
+    return area, left, right, top, bottom
+
+
+@njit(cache=True)
+def _weights(
+    a: Point, b: Point, c: Point, area: float, x: float, y: float
+) -> tuple[float, float, float]:
+    """Barycentric coordinates of a place in the picture."""
+    wb = ((x - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (y - a[1])) / area
+    wc = ((b[0] - a[0]) * (y - a[1]) - (x - a[0]) * (b[1] - a[1])) / area
+    return 1.0 - wb - wc, wb, wc
+
 
 @njit(cache=True)
 def draw_triangles(
@@ -35,25 +65,14 @@ def draw_triangles(
     value = np.empty(8)
     for f in range(triangles.shape[0]):
         ia, ib, ic = triangles[f, 0], triangles[f, 1], triangles[f, 2]
-        ax, ay = points[ia, 0], points[ia, 1]
-        bx, by = points[ib, 0], points[ib, 1]
-        cx, cy = points[ic, 0], points[ic, 1]
-        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
-        if area > -1e-12:  # y points down: a front has a negative area
-            continue
-        left = max(0, int(np.floor(min(ax, bx, cx) - 0.5)))
-        right = min(width - 1, int(np.ceil(max(ax, bx, cx) - 0.5)))
-        top = max(0, int(np.floor(min(ay, by, cy) - 0.5)))
-        bottom = min(height - 1, int(np.ceil(max(ay, by, cy) - 0.5)))
+        a, b, c = points[ia], points[ib], points[ic]
+        area, left, right, top, bottom = _front(a, b, c, width, height)
         for row in range(top, bottom + 1):
             for column in range(left, right + 1):
-                px, py = column + 0.5, row + 0.5
-                wb = ((px - ax) * (cy - ay) - (cx - ax) * (py - ay)) / area
-                wc = ((bx - ax) * (py - ay) - (px - ax) * (by - ay)) / area
-                wa = 1.0 - wb - wc
+                wa, wb, wc = _weights(a, b, c, area, column + 0.5, row + 0.5)
                 if wa < 0.0 or wb < 0.0 or wc < 0.0:
                     continue
-                near = wa * points[ia, 2] + wb * points[ib, 2] + wc * points[ic, 2]
+                near = wa * a[2] + wb * b[2] + wc * c[2]
                 if near <= depth[row, column]:
                     continue
                 for k in range(8):
@@ -106,25 +125,14 @@ def cover_triangles(
     height, width = depth.shape
     for f in range(triangles.shape[0]):
         ia, ib, ic = triangles[f, 0], triangles[f, 1], triangles[f, 2]
-        ax, ay = points[ia, 0], points[ia, 1]
-        bx, by = points[ib, 0], points[ib, 1]
-        cx, cy = points[ic, 0], points[ic, 1]
-        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
-        if area > -1e-12:
-            continue
-        left = max(0, int(np.floor(min(ax, bx, cx) - 0.5)))
-        right = min(width - 1, int(np.ceil(max(ax, bx, cx) - 0.5)))
-        top = max(0, int(np.floor(min(ay, by, cy) - 0.5)))
-        bottom = min(height - 1, int(np.ceil(max(ay, by, cy) - 0.5)))
+        a, b, c = points[ia], points[ib], points[ic]
+        area, left, right, top, bottom = _front(a, b, c, width, height)
         for row in range(top, bottom + 1):
             for column in range(left, right + 1):
-                px, py = column + 0.5, row + 0.5
-                wb = ((px - ax) * (cy - ay) - (cx - ax) * (py - ay)) / area
-                wc = ((bx - ax) * (py - ay) - (px - ax) * (by - ay)) / area
-                wa = 1.0 - wb - wc
+                wa, wb, wc = _weights(a, b, c, area, column + 0.5, row + 0.5)
                 if wa < 0.0 or wb < 0.0 or wc < 0.0:
                     continue
-                near = wa * points[ia, 2] + wb * points[ib, 2] + wc * points[ic, 2]
+                near = wa * a[2] + wb * b[2] + wc * c[2]
                 if near > depth[row, column]:
                     alpha = wa * opacity[ia] + wb * opacity[ib] + wc * opacity[ic]
                     mask[row, column] = max(mask[row, column], alpha)
