@@ -272,6 +272,8 @@ class Broadcast:
             if isinstance(event, StateChanged):
                 self._state = event.state
             elif isinstance(event, MotionPiece) and event.layers:
+                if self._state == "lost" and self._receiver is not None:
+                    self._change(self._receiver.state)  # the line was lost, and the receiver waited
                 self.metrics.set("motion_margin_seconds", event.start_s - self._sound.now_s)
             self._tell(event)
 

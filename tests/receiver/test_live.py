@@ -206,6 +206,35 @@ def test_a_hole_of_five_seconds_is_told_and_over_soon() -> None:
     assert len(wrong_keys(happenings)) <= 2
 
 
+class Stumbling(BytesIO):
+    """A pipe that fails once, after half of what it has."""
+
+    failed = False
+
+    def read1(self, size: int | None = -1, /) -> bytes:
+        if not self.failed and self.tell() > len(self.getbuffer()) // 2:
+            self.failed = True
+            raise OSError("no route")
+        return super().read1(size)
+
+
+def test_a_line_that_fails_is_opened_again_and_told_found() -> None:
+    happenings: list[Happening] = []
+    broadcast = Broadcast(
+        Stumbling(stream()), VOICE, happenings.append, format="mpegts", once=True
+    )  # fmt: skip
+    broadcast.run()
+    figures = broadcast.metrics.document()
+    assert figures["connections_total"] == 2
+    assert figures["superframes_received_total"] >= 13
+    states = [h.state for h in happenings if isinstance(h, StateChanged)]
+    assert "lost" in states
+    assert states[states.index("lost") + 1 :] in (
+        ["locked", "ended"],
+        ["degraded", "locked", "ended"],
+    )
+
+
 def test_joining_in_the_middle() -> None:
     data = stream()
     broadcast, happenings = receive(data[len(data) * 3 // 10 // PACKET * PACKET + 5 * PACKET :])
