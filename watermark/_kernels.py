@@ -207,9 +207,9 @@ def interpolate(
 
 @njit(cache=True)
 def pilot_soft(
-    spectra: NDArray[np.complex64],
+    spectra: NDArray[np.float32],
+    units: NDArray[np.float32],
     turn: NDArray[np.complex64],
-    amplitudes: NDArray[np.float32],
     first: int,
     signs: NDArray[np.float32],
     dither: NDArray[np.float32],
@@ -218,9 +218,11 @@ def pilot_soft(
 ) -> None:
     """soft[s, g, i * turns + t] = soft value of cell g in spectrum i, turned by turn[t], at step s.
 
-    The cells are dither.size stretches of equal length from bin `first` on; see watermark.dither.
+    spectra holds the real parts of each bin of all spectra, then the imaginary parts; units the
+    mark's unit of each bin. The cells are dither.size stretches of equal length from bin `first`
+    on; see watermark.dither.
     """
-    turns = turn.shape[0]
+    turns, count = turn.shape[0], units.shape[1]
     bins = signs.size // dither.size
     scale = np.float32(1 / math.sqrt(bins))
     one, half, nothing = np.float32(1), np.float32(0.5), np.float32(0)
@@ -229,27 +231,36 @@ def pilot_soft(
     for n in range(6):
         term *= -((2 * math.pi) ** 2) / ((2 * n + 1) * (2 * n + 2))
         c[n] = term
-    for i in range(spectra.shape[0]):
-        for g in range(dither.size):
-            for t in range(turns):
-                total = np.float32(0)
-                alive = True
-                for b in range(bins):
-                    k = first + g * bins + b
-                    unit = amplitudes[i, k]
-                    if unit <= 0:
-                        alive = False
-                        break
-                    y = spectra[i, k]
-                    z = turn[t, k]
-                    total += signs[g * bins + b] * (y.real * z.real - y.imag * z.imag) / unit
-                for s in range(steps.size):
-                    phase = total * scale / steps[s] - dither[g]
-                    phase -= np.float32(math.floor(phase + half))
+    inverse = np.empty((bins, count), dtype=np.float32)
+    total = np.empty(count, dtype=np.float32)
+    alive = np.empty(count, dtype=np.float32)
+    # The innermost loops run over spectra: each is alike for all of them, and vectorised.
+    for g in range(dither.size):
+        alive[:] = one
+        for b in range(bins):
+            unit = units[first + g * bins + b]
+            for i in range(count):
+                living = unit[i] > 0
+                inverse[b, i] = scale * signs[g * bins + b] / (unit[i] if living else one)
+                alive[i] = alive[i] if living else nothing
+        for t in range(turns):
+            total[:] = nothing
+            for b in range(bins):
+                k = first + g * bins + b
+                real, imaginary = spectra[k], spectra[spectra.shape[0] // 2 + k]
+                a, z = turn[t, k].real, turn[t, k].imag
+                for i in range(count):
+                    total[i] += inverse[b, i] * (real[i] * a - imaginary[i] * z)
+            for s in range(steps.size):
+                out = soft[s, g]
+                pace, offset = one / steps[s], dither[g]
+                for i in range(count):
+                    phase = total[i] * pace - offset
+                    phase -= np.floor(phase + half)
                     # Taylor's series of cos(2 pi phase), within 2e-4: a search needs no more.
                     u = phase * phase
                     value = c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * (c[4] + u * c[5]))))
-                    soft[s, g, i * turns + t] = one + u * value if alive else nothing
+                    out[i * turns + t] = alive[i] * (one + u * value)
 
 
 @njit(cache=True)
@@ -280,14 +291,26 @@ def pilot_sums(
 
 
 @njit(cache=True)
-def drift_scores(
-    sums: NDArray[np.float32], shift: NDArray[np.int64], scores: NDArray[np.float32]
-) -> None:
-    """scores[d, i] += sum over segments s of sums[s, i + shift[d, s]]."""
-    places = scores.shape[1]
+def best_drift(
+    sums: NDArray[np.float32], shift: NDArray[np.int64], penalty: NDArray[np.float32], places: int
+) -> tuple[float, int, int]:
+    """Return the largest score and its d and i.
+
+    The score is the sum over segments s of sums[s, i + shift[d, s]], less penalty[d]; i is below
+    `places`.
+    """
+    total = np.empty(places, dtype=np.float32)
+    peak = np.full(places, -np.inf, dtype=np.float32)
+    drift = np.zeros(places, dtype=np.int32)
     for d in range(shift.shape[0]):
-        total = scores[d]
+        total[:] = -penalty[d]
         for s in range(shift.shape[1]):
             values = sums[s, shift[d, s] : shift[d, s] + places]
             for i in range(places):
                 total[i] += values[i]
+        for i in range(places):
+            better = total[i] > peak[i]
+            drift[i] = d if better else drift[i]
+            peak[i] = total[i] if better else peak[i]
+    best = int(np.argmax(peak))
+    return float(peak[best]), int(drift[best]), best

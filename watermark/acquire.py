@@ -5,6 +5,7 @@ levels. Pilots lie below 2.8 kHz, so a rate of 12 kHz serves; every second sampl
 as a start. Specification: section 7.1.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,14 +30,23 @@ DECIMATION = 4
 SEARCH_HOP = HOP // DECIMATION
 """Samples between frames at the search's rate."""
 
-TURNS = 2
-"""Places tried per sample at the search's rate, by turning phases: one in 2 samples at 48 kHz."""
+STRIDE = 2
+"""Samples at the search's rate between transforms; the places between are reached by turning."""
 
-ROW_HOP = SEARCH_HOP * TURNS
+TURNS = np.array([-0.5, 0.0, 0.5, 1.0])
+"""Samples at the search's rate by which each transform's phases are turned on."""
+
+PLACE = DECIMATION * STRIDE / TURNS.size
+"""Distance of the places tried: 2 samples at 48 kHz."""
+
+ROW_HOP = SEARCH_HOP // STRIDE * TURNS.size
 """Places tried per frame."""
 
 QUANTUM = SLOT_FRAMES * SEARCH_HOP
 """Samples that the search takes at once: 0.08 s."""
+
+PLACES = SLOT_FRAMES * ROW_HOP
+"""Places that this completes."""
 
 CLOCK_ERRORS_PPM = np.concatenate(
     [[0.0], *([-ppm, ppm] for ppm in np.arange(120.0, 1561.0, 120.0))]
@@ -92,23 +102,38 @@ class PilotSearch:
 
     def __init__(self, key: int) -> None:
         self._pilots = make_pilots(key)
-        self._signs = self._pilots.signs.astype(np.float32)
-        self._masker = make_masker(self._pilots.cells.last_bin)
+        slots = np.ascontiguousarray(self._pilots.slots.T)
+        signs = np.ascontiguousarray(self._pilots.signs.transpose(2, 0, 1), dtype=np.float32)
+        self._common = slots[0], signs[0, 0]
+        self._announced = [
+            [(p.number, slots[1], signs[1, p.number]) for p in PROFILES.values() if p.levels_of(t)]
+            for t in range(len(PILOT_STEPS))
+        ]
+        cells = self._pilots.cells
+        self._masker = make_masker(cells.last_bin)
         frame = np.arange(FRAMES_PER_SUPERFRAME)
         middle = frame.reshape(-1, SEGMENT_FRAMES).mean(axis=1)
         drift = np.round(CLOCK_ERRORS_PPM[:, np.newaxis] * 1e-6 * middle * ROW_HOP)
         self._slack = int(np.abs(drift).max())
         self._shift = np.ascontiguousarray(drift + self._slack, dtype=np.int64)
         self._span = (FRAMES_PER_SUPERFRAME - 1) * ROW_HOP
-        turn = np.arange(TURNS)[:, np.newaxis] / TURNS
-        bins = np.arange(self._masker.edges[-1])
-        turns = np.sqrt(DECIMATION) * np.exp(1j * np.pi / SEARCH_HOP * turn * (bins + 0.5))
-        self._turn = turns.astype(np.complex64)
+        self._penalty = np.minimum(
+            CLOCK_PENALTY * np.abs(CLOCK_ERRORS_PPM), LARGEST_PENALTY
+        ).astype(np.float32)
+        bins = int(self._masker.edges[-1])
+        identity = np.eye(2 * SEARCH_HOP)
+        transform = np.sqrt(DECIMATION) * analyse(identity, SEARCH_HOP)[:, :bins]
+        parts = np.concatenate([transform.real, transform.imag], axis=1)
+        self._transform = np.ascontiguousarray(parts.T, dtype=np.float32)
+        frequency = np.pi / SEARCH_HOP * (np.arange(bins) + 0.5)
+        self._turn = np.exp(1j * np.outer(TURNS, frequency)).astype(np.complex64)
+        self._signs, self._dither = cells.signs.astype(np.float32), cells.dither.astype(np.float32)
+        self._steps = np.array(PILOT_STEPS, dtype=np.float32)
         # Silence stands before the first sample: a superframe cut by the start is found too.
         self._history = self._span + 2 * self._slack
         shape = (len(PILOT_STEPS), PILOT_SLOTS, self._history)
         self._soft = np.zeros(shape, dtype=np.float32)
-        self._before = np.zeros((SEARCH_HOP, self._masker.edges.size - 1))
+        self._before = np.zeros((SEARCH_HOP // STRIDE, self._masker.edges.size - 1))
         self._sound = np.zeros(0, dtype=np.float32)
         self._row = 0
 
@@ -123,65 +148,45 @@ class PilotSearch:
         recent = self._soft[:, :, -self._history :]
         self._soft = np.concatenate([recent, self._observe()], axis=2)
         self._sound = self._sound[QUANTUM:]
-        scores = self._correlate()
         first = self._row - self._span - self._slack
-        self._row += QUANTUM * TURNS
-        tier, profile, error, i = np.unravel_index(int(scores.argmax()), scores.shape)
+        self._row += PLACES
+        best, tier, profile, error, i = max(self._correlate(), key=lambda found: found[0])
         deviation = np.sqrt(0.5 * PILOTS_PER_FRAME * FRAMES_PER_SUPERFRAME)
-        score = float(scores[tier, profile, error, i] / deviation)
+        score = float(best / deviation)
         if score < THRESHOLD:
             return None
-        start = DECIMATION / TURNS * (first + float(i)) - CENTRE
-        clock_ppm = float(CLOCK_ERRORS_PPM[error])
-        return Candidate(start, clock_ppm, int(profile), int(tier), score)
+        start = PLACE * (first + float(i)) + DECIMATION * TURNS[0] - CENTRE
+        return Candidate(start, float(CLOCK_ERRORS_PPM[error]), profile, tier, score)
 
-    def _correlate(self) -> NDArray[np.float32]:
-        """Score of each tier, profile, clock error and start."""
-        errors, places = CLOCK_ERRORS_PPM.size, QUANTUM * TURNS
-        penalty = np.minimum(CLOCK_PENALTY * np.abs(CLOCK_ERRORS_PPM), LARGEST_PENALTY)
-        shape = (len(PILOT_STEPS), len(PROFILES), errors, places)
-        scores = np.full(shape, -np.inf, dtype=np.float32)
-        for tier, soft in enumerate(self._soft):
-            common = np.repeat(-penalty[:, np.newaxis].astype(np.float32), places, axis=1)
-            self._add(soft, 0, self._signs[0, :, 0], common)
-            for profile in PROFILES.values():
-                if profile.levels_of(tier):
-                    scores[tier, profile.number] = common
-                    announced = self._signs[profile.number, :, 1]
-                    self._add(soft, 1, announced, scores[tier, profile.number])
-        return scores
-
-    def _add(
-        self,
-        soft: NDArray[np.float32],
-        pilot: int,
-        signs: NDArray[np.float32],
-        scores: NDArray[np.float32],
-    ) -> None:
+    def _correlate(self) -> Iterator[tuple[float, int, int, int, int]]:
+        """Best score of each tier and profile, with tier, profile, clock error and start."""
         from watermark import _kernels
 
-        group = np.ascontiguousarray(self._pilots.slots[:, pilot])
-        segments = FRAMES_PER_SUPERFRAME // SEGMENT_FRAMES
-        sums = np.zeros((segments, scores.shape[1] + 2 * self._slack), dtype=np.float32)
-        sign = np.ascontiguousarray(signs)
-        _kernels.pilot_sums(soft, ROW_HOP, SEGMENT_FRAMES, group, sign, sums)
-        _kernels.drift_scores(sums, self._shift, scores)
+        shape = FRAMES_PER_SUPERFRAME // SEGMENT_FRAMES, PLACES + 2 * self._slack
+        for tier, soft in enumerate(self._soft):
+            common = np.zeros(shape, dtype=np.float32)
+            _kernels.pilot_sums(soft, ROW_HOP, SEGMENT_FRAMES, *self._common, common)
+            for profile, slots, signs in self._announced[tier]:
+                sums = common.copy()
+                _kernels.pilot_sums(soft, ROW_HOP, SEGMENT_FRAMES, slots, signs, sums)
+                best, error, i = _kernels.best_drift(sums, self._shift, self._penalty, PLACES)
+                yield best, tier, profile, error, i
 
     def _observe(self) -> NDArray[np.float32]:
-        """Soft values of the pilots' positions, shape (tiers, PILOT_SLOTS, QUANTUM * TURNS)."""
+        """Soft values of the pilots' positions, shape (tiers, PILOT_SLOTS, PLACES)."""
         from watermark import _kernels
 
-        frames = np.lib.stride_tricks.sliding_window_view(self._sound, 2 * SEARCH_HOP)
-        spectra = analyse(frames, SEARCH_HOP)[:, : self._masker.edges[-1]]
-        threshold = self._masker.thresholds(np.abs(spectra) ** 2 * (DECIMATION / 2))
-        before = np.concatenate([self._before, threshold[:-SEARCH_HOP]])
-        self._before = threshold[-SEARCH_HOP:]
-        amplitudes = self._masker.amplitudes(threshold, before).astype(np.float32)
-        cells = self._pilots.cells
-        soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, QUANTUM * TURNS), dtype=np.float32)
+        frames = np.lib.stride_tricks.sliding_window_view(self._sound, 2 * SEARCH_HOP)[::STRIDE]
+        spectra = self._transform @ np.ascontiguousarray(frames.T)
+        bins = spectra.shape[0] // 2
+        power = (spectra[:bins] ** 2 + spectra[bins:] ** 2) / 2
+        threshold = self._masker.thresholds(power.T)
+        before = np.concatenate([self._before, threshold])[: len(threshold)]
+        self._before = threshold[-SEARCH_HOP // STRIDE :]
+        units = self._masker.amplitudes(threshold, before).T
+        soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, PLACES), dtype=np.float32)
         _kernels.pilot_soft(
-            np.ascontiguousarray(spectra), self._turn, amplitudes, cells.first_bin,
-            cells.signs.astype(np.float32), cells.dither.astype(np.float32),
-            np.array(PILOT_STEPS, dtype=np.float32), soft,
+            spectra, np.ascontiguousarray(units, dtype=np.float32), self._turn,
+            self._pilots.cells.first_bin, self._signs, self._dither, self._steps, soft,
         )  # fmt: skip
         return soft

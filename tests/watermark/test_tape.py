@@ -47,28 +47,30 @@ def test_pilot_kernels() -> None:
     rng = np.random.default_rng(1)
     soft = rng.standard_normal((3, 60)).astype(np.float32)
     shift = np.array([[1, 1], [0, 2]])
+    penalty = np.array([0.5, 0.0], dtype=np.float32)
     group = rng.integers(0, 3, 4)
     sign = rng.choice([-1.0, 1.0], 4).astype(np.float32)
-    results = []
+    rows = np.arange(7) + 10 * np.arange(4)[:, np.newaxis] + np.repeat(shift, 2, axis=1)[..., None]
+    pilots = sign[:, np.newaxis] * soft[group[:, np.newaxis], rows]
+    direct = pilots.sum(axis=1) - penalty[:, np.newaxis]
     for plain in (False, True):
-        add, drift = _kernels.pilot_sums, _kernels.drift_scores
+        add, find = _kernels.pilot_sums, _kernels.best_drift
         if plain:
-            add, drift = getattr(add, "py_func", add), getattr(drift, "py_func", drift)
-        sums, scores = np.zeros((2, 9), dtype=np.float32), np.ones((2, 7), dtype=np.float32)
+            add, find = getattr(add, "py_func", add), getattr(find, "py_func", find)
+        sums = np.zeros((2, 9), dtype=np.float32)
         add(soft, 10, 2, group, sign, sums)
-        drift(sums, shift, scores)
-        results.append(scores)
-    np.testing.assert_allclose(results[0], results[1], rtol=1e-6)
-    rows = np.arange(7) + 10 * np.arange(4)[:, np.newaxis] + np.repeat(shift[1], 2)[:, np.newaxis]
-    direct = 1 + (sign[:, np.newaxis] * soft[group[:, np.newaxis], rows]).sum(axis=0)
-    np.testing.assert_allclose(results[0][1], direct, rtol=1e-5)
+        best, drift, place = find(sums, shift, penalty, 7)
+        assert 7 * drift + place == direct.argmax()
+        assert best == pytest.approx(direct.max(), rel=1e-5)
 
 
 def test_soft_values_of_the_search_are_the_receiver_s() -> None:
     rng, cells = np.random.default_rng(2), make_pilots(0).cells
     spectra = (rng.normal(size=(3, 60)) + 1j * rng.normal(size=(3, 60))).astype(np.complex64)
+    parts = np.concatenate([spectra.real.T, spectra.imag.T])
     amplitudes = rng.uniform(0.05, 0.2, (3, 60)).astype(np.float32)
     amplitudes[1, 20] = 0.0
+    units = np.ascontiguousarray(amplitudes.T)
     turn = np.exp(1j * rng.uniform(0, 6, (2, 60))).astype(np.complex64)
     steps = np.array([3.0, 7.0], dtype=np.float32)
     tables = cells.signs.astype(np.float32), cells.dither.astype(np.float32), steps
@@ -76,7 +78,7 @@ def test_soft_values_of_the_search_are_the_receiver_s() -> None:
         if kernel is None:
             continue
         soft = np.empty((2, 6, 6), dtype=np.float32)
-        kernel(spectra, turn, amplitudes, cells.first_bin, *tables, soft)
+        kernel(parts, units, turn, cells.first_bin, *tables, soft)
         for t in range(2):
             turned = (spectra * turn[t]).real.astype(np.float64)
             projections, alive = project(turned, amplitudes.astype(np.float64), cells)
