@@ -172,7 +172,7 @@ def scl_decode(
     return paths
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath={"reassoc", "contract"})
 def interpolate(
     x: NDArray[np.float64],
     start: float,
@@ -291,17 +291,20 @@ def pilot_sums(
 
 
 @njit(cache=True)
-def best_drift(
-    sums: NDArray[np.float32], shift: NDArray[np.int64], penalty: NDArray[np.float32], places: int
-) -> tuple[float, int, int]:
-    """Return the largest score and its d and i.
+def drift_peaks(
+    sums: NDArray[np.float32],
+    shift: NDArray[np.int64],
+    penalty: NDArray[np.float32],
+    peak: NDArray[np.float32],
+    drift: NDArray[np.int64],
+) -> None:
+    """peak[i] = largest score of start i, and drift[i] = its d.
 
-    The score is the sum over segments s of sums[s, i + shift[d, s]], less penalty[d]; i is below
-    `places`.
+    The score is the sum over segments s of sums[s, i + shift[d, s]], less penalty[d].
     """
+    places = peak.size
     total = np.empty(places, dtype=np.float32)
-    peak = np.full(places, -np.inf, dtype=np.float32)
-    drift = np.zeros(places, dtype=np.int32)
+    peak[:] = -np.inf
     for d in range(shift.shape[0]):
         total[:] = -penalty[d]
         for s in range(shift.shape[1]):
@@ -312,5 +315,27 @@ def best_drift(
             better = total[i] > peak[i]
             drift[i] = d if better else drift[i]
             peak[i] = total[i] if better else peak[i]
-    best = int(np.argmax(peak))
-    return float(peak[best]), int(drift[best]), best
+
+
+@njit(cache=True)
+def add_priors(
+    peak: NDArray[np.float32],
+    lag: NDArray[np.int64],
+    past: NDArray[np.float32],
+    weights: NDArray[np.float32],
+    score: NDArray[np.float32],
+) -> None:
+    """score[i] = largest of peak[i] and its weighted sums with the one, two, ... peaks before.
+
+    The peak before lies lag[i] places back, the next one twice as far, each at the best of places
+    nearby; past ends where peak begins.
+    """
+    for i in range(peak.size):
+        total = score[i] = peak[i]
+        for back in range(1, weights.size + 1):
+            place = past.size + i - back * lag[i]
+            nearby = past[place - back]
+            for shift in range(1 - back, back + 1):
+                nearby = max(nearby, past[place + shift])
+            total += nearby
+            score[i] = max(score[i], weights[back - 1] * total)

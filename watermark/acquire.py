@@ -2,7 +2,8 @@
 
 In: the programme's mid; out: candidates: a superframe's start, clock error, profile and tier of
 levels. Pilots lie below 2.8 kHz, so a rate of 12 kHz serves; every second sample at 48 kHz is tried
-as a start. Specification: section 7.1.
+as a start. Scores of up to three superframes in a row are added, for weak pilots.
+Specification: section 7.1.
 """
 
 from collections.abc import Iterator
@@ -42,6 +43,9 @@ PLACE = DECIMATION * STRIDE / TURNS.size
 ROW_HOP = SEARCH_HOP // STRIDE * TURNS.size
 """Places tried per frame."""
 
+PERIOD = FRAMES_PER_SUPERFRAME * ROW_HOP
+"""Places of a superframe."""
+
 QUANTUM = SLOT_FRAMES * SEARCH_HOP
 """Samples that the search takes at once: 0.08 s."""
 
@@ -62,6 +66,10 @@ CLOCK_PENALTY, LARGEST_PENALTY = 0.05, 8.0
 THRESHOLD = 4.8
 """Least score of a candidate in standard deviations of unmarked sound."""
 
+WEIGHTS = (0.66, 0.507)
+"""Weights of the scores of a superframe summed with that of the one before, and of the two before:
+they are as rare then in unmarked sound as a score by itself."""
+
 CENTRE = (DECIMATION - 1) / 2
 """A search frame's samples lie this much later than the mark's frame begins (48 kHz samples)."""
 
@@ -80,15 +88,12 @@ class Candidate:
         Number of the profile that the pilots announce.
     tier : int
         Tier of levels of the pilots.
-    score : float
-        Correlation of the pilots in standard deviations.
     """
 
     start: float
     clock_ppm: float
     profile: int
     tier: int
-    score: float
 
 
 class PilotSearch:
@@ -129,6 +134,10 @@ class PilotSearch:
         self._turn = np.exp(1j * np.outer(TURNS, frequency)).astype(np.complex64)
         self._signs, self._dither = cells.signs.astype(np.float32), cells.dither.astype(np.float32)
         self._steps = np.array(PILOT_STEPS, dtype=np.float32)
+        self._lag = PERIOD + np.round(CLOCK_ERRORS_PPM * 1e-6 * PERIOD).astype(np.int64)
+        self._weights = np.array(WEIGHTS, dtype=np.float32)
+        oldest = len(WEIGHTS) * (int(self._lag.max()) + 1)
+        self._past = np.zeros((len(PILOT_STEPS), len(PROFILES), oldest), dtype=np.float32)
         # Silence stands before the first sample: a superframe cut by the start is found too.
         self._history = self._span + 2 * self._slack
         shape = (len(PILOT_STEPS), PILOT_SLOTS, self._history)
@@ -151,26 +160,31 @@ class PilotSearch:
         first = self._row - self._span - self._slack
         self._row += PLACES
         best, tier, profile, error, i = max(self._correlate(), key=lambda found: found[0])
-        deviation = np.sqrt(0.5 * PILOTS_PER_FRAME * FRAMES_PER_SUPERFRAME)
-        score = float(best / deviation)
-        if score < THRESHOLD:
+        if best < THRESHOLD * np.sqrt(0.5 * PILOTS_PER_FRAME * FRAMES_PER_SUPERFRAME):
             return None
         start = PLACE * (first + float(i)) + DECIMATION * TURNS[0] - CENTRE
-        return Candidate(start, float(CLOCK_ERRORS_PPM[error]), profile, tier, score)
+        return Candidate(start, float(CLOCK_ERRORS_PPM[error]), profile, tier)
 
     def _correlate(self) -> Iterator[tuple[float, int, int, int, int]]:
         """Best score of each tier and profile, with tier, profile, clock error and start."""
         from watermark import _kernels
 
         shape = FRAMES_PER_SUPERFRAME // SEGMENT_FRAMES, PLACES + 2 * self._slack
+        peak, score = np.empty((2, PLACES), dtype=np.float32)
+        error = np.empty(PLACES, dtype=np.int64)
         for tier, soft in enumerate(self._soft):
             common = np.zeros(shape, dtype=np.float32)
             _kernels.pilot_sums(soft, ROW_HOP, SEGMENT_FRAMES, *self._common, common)
             for profile, slots, signs in self._announced[tier]:
                 sums = common.copy()
                 _kernels.pilot_sums(soft, ROW_HOP, SEGMENT_FRAMES, slots, signs, sums)
-                best, error, i = _kernels.best_drift(sums, self._shift, self._penalty, PLACES)
-                yield best, tier, profile, error, i
+                _kernels.drift_peaks(sums, self._shift, self._penalty, peak, error)
+                past = self._past[tier, profile]
+                _kernels.add_priors(peak, self._lag[error], past, self._weights, score)
+                past[:-PLACES] = past[PLACES:]
+                past[-PLACES:] = peak
+                i = int(score.argmax())
+                yield float(score[i]), tier, profile, int(error[i]), i
 
     def _observe(self) -> NDArray[np.float32]:
         """Soft values of the pilots' positions, shape (tiers, PILOT_SLOTS, PLACES)."""

@@ -80,29 +80,10 @@ class View:
         both = np.stack([cell, np.repeat(frame[:, np.newaxis], cell.shape[1], axis=1)])
         return np.asarray(np.clip(both - both.mean(axis=1, keepdims=True), -LOUDEST, LOUDEST))
 
-    def soft(
-        self, cells: Cells, step: float, *, delay: NDArray[np.float64] | None = None
-    ) -> NDArray[np.float64]:
-        """Soft values of cells.
-
-        Parameters
-        ----------
-        cells : Cells
-            Which cells of each frame.
-        step : float
-            Quantiser step.
-        delay : ndarray of float64, shape (64,), optional
-            Samples by which each frame comes later than it was read.
-
-        Returns
-        -------
-        ndarray of float64, shape (64, groups)
-        """
-        spectra = self.spectra[:, : cells.last_bin]
-        if delay is not None:
-            frequency = np.pi / HOP * (np.arange(cells.last_bin) + 0.5)
-            spectra = spectra * np.exp(1j * np.outer(delay, frequency))
-        projections, alive = project(spectra.real, self.amplitudes[:, : cells.last_bin], cells)
+    def soft(self, cells: Cells, step: float) -> NDArray[np.float64]:
+        """Soft values of cells at a quantiser step, shape (64, groups)."""
+        amplitudes = self.amplitudes[:, : cells.last_bin]
+        projections, alive = project(self.spectra[:, : cells.last_bin].real, amplitudes, cells)
         return soft_values(projections, alive, cells, step)
 
 
@@ -127,27 +108,19 @@ def search_fit(
     """
     score = _Score(view, cells, step, expected)
     delay_grid, drift_grid = grid
-    scores = np.array([[score(d, r) for r in drift_grid] for d in delay_grid])
+    scores = np.stack([score(delay_grid, drift) for drift in drift_grid], axis=1)
     i, j = np.unravel_index(int(scores.argmax()), scores.shape)
     delay = _peak(delay_grid, scores[:, j], int(i))
     return Fit(delay, _peak(drift_grid, scores[i], int(j)), score.pivot)
 
 
-def follow_fit(
-    view: View, cells: Cells, step: float, expected: NDArray[np.float64], reach: tuple[float, float]
-) -> Fit:
-    """Like `search_fit` for a place that is nearly right: three delays, three drifts."""
-    score = _Score(view, cells, step, expected)
-    here = score(0.0, 0.0)
-    delay, drift = reach
-    across = np.array([score(-delay, 0.0), here, score(delay, 0.0)])
-    along = np.array([score(0.0, -drift), here, score(0.0, drift)])
-    grid = np.array([-1.0, 0.0, 1.0])
-    return Fit(
-        delay * _peak(grid, across, int(across.argmax())),
-        drift * _peak(grid, along, int(along.argmax())),
-        score.pivot,
-    )
+def find_delay(
+    view: View, cells: Cells, step: float, expected: NDArray[np.float64], reach: float
+) -> float:
+    """Delay, at most `reach` samples, of a place that is nearly right: by a parabola."""
+    grid = np.array([-reach, 0.0, reach])
+    scores = _Score(view, cells, step, expected)(grid, 0.0)
+    return _peak(grid, scores, int(scores.argmax()))
 
 
 class _Score:
@@ -156,15 +129,30 @@ class _Score:
     def __init__(
         self, view: View, cells: Cells, step: float, expected: NDArray[np.float64]
     ) -> None:
-        self._view, self._cells, self._step, self._expected = view, cells, step, expected
         seen = np.abs(expected * view.soft(cells, step)).sum(axis=1)
         self.pivot = float((np.arange(seen.size) * seen).sum() / max(seen.sum(), 1e-9))
+        bins = slice(cells.first_bin, cells.last_bin)
+        unit = view.amplitudes[:, bins]
+        dead = unit <= 0
+        # Projections at delay d are the real parts of sums of these, turned by d.
+        self._terms = np.where(dead, 0.0, view.spectra[:, bins] * cells.signs)
+        self._terms /= np.where(dead, 1.0, unit) * (step * np.sqrt(cells.bins))
+        self._frequency = np.pi / HOP * (np.arange(cells.first_bin, cells.last_bin) + 0.5)
+        self._dither = cells.dither[:, np.newaxis, np.newaxis]
+        alive = ~dead.reshape(len(unit), -1, cells.bins).any(axis=2)
+        self._expected = (expected * alive).T
 
-    def __call__(self, delay: float, drift_ppm: float) -> float:
-        delays = Fit(delay, drift_ppm, self.pivot).delays()
-        return float(
-            (self._view.soft(self._cells, self._step, delay=delays) * self._expected).sum()
-        )
+    def __call__(self, delays: NDArray[np.float64], drift_ppm: float) -> NDArray[np.float64]:
+        """Scores of some delays at one drift."""
+        terms = self._terms
+        if drift_ppm:
+            frames = Fit(0.0, drift_ppm, self.pivot).delays()
+            terms = terms * np.exp(1j * np.outer(frames, self._frequency))
+        groups = len(self._expected)
+        turn = np.exp(1j * np.outer(self._frequency, delays)).reshape(groups, -1, delays.size)
+        cells = terms.reshape(len(terms), groups, -1).transpose(1, 0, 2)
+        soft = np.cos(2 * np.pi * ((cells @ turn).real - self._dither))
+        return np.asarray(np.einsum("gtd,gt->d", soft, self._expected))
 
 
 def _peak(grid: NDArray[np.float64], values: NDArray[np.float64], i: int) -> float:

@@ -1,6 +1,7 @@
 """Cyclic redundancy checks of the link layer. Specification: section 6.2."""
 
 from collections.abc import Iterable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +31,32 @@ def crc_bits(bits: Iterable[int], width: int) -> NDArray[np.int64]:
     >>> hex(int("".join(map(str, crc_bits(message, 16))), 2))
     '0x29b1'
     """
-    polynomial, mask = POLYNOMIALS[width], (1 << width) - 1
-    register = mask
-    for bit in bits:
-        feedback = (register >> (width - 1)) ^ int(bit)
-        register = ((register << 1) & mask) ^ (polynomial if feedback else 0)
+    message = np.fromiter(bits, dtype=np.int64)
+    register = _start(message.size, width)
+    register ^= int(np.bitwise_xor.reduce(_weights(message.size, width)[message != 0]))
     return (register >> np.arange(width - 1, -1, -1)) & 1
+
+
+def _shift(register: int, width: int) -> int:
+    """Return the register times x, modulo the polynomial."""
+    shifted = (register << 1) & ((1 << width) - 1)
+    return shifted ^ POLYNOMIALS[width] if register >> (width - 1) else shifted
+
+
+@lru_cache(maxsize=16)
+def _start(count: int, width: int) -> int:
+    """Return the check of `count` zeros."""
+    register = (1 << width) - 1
+    for _ in range(count):
+        register = _shift(register, width)
+    return register
+
+
+@lru_cache(maxsize=16)
+def _weights(count: int, width: int) -> NDArray[np.int64]:
+    """Return what each one of `count` bits changes in the check, which is linear."""
+    weights, register = np.empty(count, dtype=np.int64), POLYNOMIALS[width]
+    for i in range(count - 1, -1, -1):
+        weights[i] = register
+        register = _shift(register, width)
+    return weights

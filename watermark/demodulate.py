@@ -68,18 +68,18 @@ class Demodulator:
             tiers.update(dict.fromkeys(levels, score))
         return sorted(tiers, key=lambda level: (-tiers[level], abs(level - last)))[:TRIED_LEVELS]
 
-    def read(self, view: View, levels: list[int]) -> Reading:
+    def read(self, view: View, levels: list[int], *, thorough: bool = True) -> Reading:
         """Read at the first of `levels` that the link accepts; else at the first of all.
 
-        What fails everywhere is tried again at the first level with a longer list, then as sound
-        to which noise was added.
+        What fails everywhere is tried again, unless thorough is False, at the first level with a
+        longer list, then as sound to which noise was added.
         """
         loudness = view.loudness(self.layout.cells)
         learnt = self.reliability.weights(loudness)
         noisy = self.reliability.weights(loudness, exponents=NOISY)
+        last = [(levels[0], learnt, LONG_LIST_SIZE), (levels[0], noisy, LONG_LIST_SIZE)]
         attempts = itertools.chain(
-            ((level, learnt, LIST_SIZE) for level in levels),
-            [(levels[0], learnt, LONG_LIST_SIZE), (levels[0], noisy, LONG_LIST_SIZE)],
+            ((level, learnt, LIST_SIZE) for level in levels), last if thorough else []
         )
         for level, weights, list_size in attempts:
             reading = self._read_at(view, level, weights, list_size)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from watermark.acquire import DECIMATION, Candidate, PilotSearch
-from watermark.align import Fit, follow_fit, read_view, search_fit
+from watermark.align import Fit, find_delay, read_view, search_fit
 from watermark.demodulate import Demodulator, Reading
 from watermark.layout import make_pilots
 from watermark.masking import make_masker
@@ -31,11 +31,15 @@ from watermark.profile import (
 from watermark.received import ReceivedSuperframe
 from watermark.tape import Tape
 
-CONVINCING = 5.3
-"""Score from which a candidate needs the check of the first class only."""
+TRIED_LEVELS = 6
+"""Levels at which a candidate is tried: those of its tier and one on either side."""
 
 MAX_MISSES = 6
 """Superframes in a row that may fail before the lock of a lone carrier is given up."""
+
+REMEMBERED = 16
+"""Failed superframes after which a lock that was given up is forgotten: while the sound is too poor
+for the search, a superframe at the old place may still be read."""
 
 POLARITY_S = {1: 4.0, -1: 2.0}
 """How long the sound is searched as it is and with all its signs turned, in turn."""
@@ -56,12 +60,14 @@ LOCK_IN = (
 )
 """Delays and drifts tried with the decoded bits of the first superframe, from coarse to fine."""
 
-FOLLOW = (0.2, 10.0)
-"""Delay and drift tried on either side with the decoded bits of each following superframe."""
+FOLLOW = 0.3
+"""Delay tried on either side with the decoded bits of each following superframe, samples."""
 
-DELAY_GAIN, DRIFT_GAIN, PACE_GAIN = 0.6, 0.2, 0.15
-"""Parts of a measured delay and drift by which the place is corrected, and part of the delay per
-superframe by which the clock is: a loop of second order."""
+SAME_PLACE = 1.0
+"""A search that ends within so many samples of the place expected has found nothing new."""
+
+LEAST_DELAY_GAIN, LEAST_PACE_GAIN = 0.2, 0.02
+"""Parts of a measured delay by which an old lock corrects place and, per superframe, clock."""
 
 
 @dataclass(slots=True)
@@ -80,6 +86,8 @@ class _Track:
         Level of the superframe before.
     misses : int
         Superframes in a row that failed.
+    age : int
+        Superframes that corrected the place after the first.
     """
 
     position: float
@@ -87,6 +95,18 @@ class _Track:
     demodulator: Demodulator
     level: int
     misses: int = 0
+    age: int = 0
+
+    def gains(self) -> tuple[float, float]:
+        """Parts of the next delay by which place and clock are corrected.
+
+        Those of a line through all places so far, until the loop is narrow enough: its memory then
+        bridges superframes that fail. Source: expanding-memory filter, Morrison, "Introduction to
+        Sequential Smoothing and Prediction", 1969.
+        """
+        n = self.age + 2
+        place, pace = 2 * (2 * n - 1) / (n * (n + 1)), 6 / (n * (n + 1))
+        return max(place, LEAST_DELAY_GAIN), max(pace, LEAST_PACE_GAIN)
 
 
 class AudioReceiver:
@@ -144,7 +164,7 @@ class AudioReceiver:
     @property
     def locked(self) -> bool:
         """Whether superframes are being followed."""
-        return self._track is not None
+        return self._track is not None and self._track.misses <= self.patience
 
     @property
     def profile(self) -> Profile | None:
@@ -226,16 +246,25 @@ class AudioReceiver:
         track = _Track(position, ratio, demodulator, own.start + 1)
         self._pull_in(track, candidate)
         levels = sorted(range(len(LEVELS)), key=lambda level: abs(level - own.start - 1.4))
+        levels = levels[:TRIED_LEVELS]
         for delay in (0.0, 0.5, -0.5):
             moved = replace(track, position=track.position + delay * self._nominal)
-            reading = self._read(moved, levels)
-            # Unmarked sound has hundreds of weak candidates an hour: those need both checks.
-            if reading.decoded.l1 or (reading.decoded.l0 and candidate.score >= CONVINCING):
+            reading = self._read(moved, levels, thorough=not delay)
+            if reading.decoded.l0 is not None:
                 return [self._lock(moved, reading)]
         return []
 
     def _lock(self, track: _Track, reading: Reading) -> ReceivedSuperframe:
+        """Take a track that was found; where it agrees with the one before, that one goes on."""
         self._correct(track, reading, wide=True)
+        known = self._track
+        if known is not None and known.demodulator is track.demodulator:
+            steps = round((track.position - known.position) / (SUPERFRAME * known.ratio))
+            due = known.position + steps * SUPERFRAME * known.ratio
+            delay = (track.position - due) / self._nominal
+            if abs(delay) <= SAME_PLACE:
+                track = replace(known, position=due, level=track.level, misses=0)
+                self._nudge(track, delay)
         self._search = None
         self._track = track
         self._profile = track.demodulator.profile
@@ -263,15 +292,22 @@ class AudioReceiver:
         track.position += fit.start_delay * self._nominal
         track.ratio *= 1 + fit.drift_ppm * 1e-6
 
+    def _nudge(self, track: _Track, delay: float) -> None:
+        """Correct a track by the delay that a superframe had, samples at 48 kHz."""
+        place, pace = track.gains()
+        track.position += place * delay * self._nominal
+        track.ratio *= 1 + pace * delay / SUPERFRAME
+        track.age += 1
+
     # Following
 
     def _complete(self, track: _Track) -> bool:
         end = track.position + (SUPERFRAME + HOP) * track.ratio + self._tape.reach(track.ratio)
         return end <= self._now
 
-    def _read(self, track: _Track, levels: list[int]) -> Reading:
+    def _read(self, track: _Track, levels: list[int], *, thorough: bool) -> Reading:
         view = read_view(self._tape, track.position, track.ratio, self._masker)
-        return track.demodulator.read(view, levels)
+        return track.demodulator.read(view, levels, thorough=thorough)
 
     def _follow(self, track: _Track) -> list[ReceivedSuperframe]:
         """Read the superframe that is due; note whether it arrived."""
@@ -285,10 +321,10 @@ class AudioReceiver:
         track.misses += 1
         if self._search is None:
             self._start_search(track.position)
-        if track.misses > self.patience:
+        failed = self._deliver(track, reading)
+        if track.misses > max(self.patience, REMEMBERED):
             self._track = None
-            return []
-        return [self._deliver(track, reading)]
+        return [failed] if track.misses <= self.patience else []
 
     def _correct(self, track: _Track, reading: Reading, *, wide: bool = False) -> None:
         """Let the decoded bits correct the clock, the level and the cells' reliabilities."""
@@ -302,10 +338,8 @@ class AudioReceiver:
                 view = read_view(self._tape, track.position, track.ratio, self._masker)
                 self._move(track, search_fit(view, cells, step, weighted, grid))
         else:
-            fit = follow_fit(reading.view, cells, step, weighted, FOLLOW)
-            pace = PACE_GAIN * fit.delay / SUPERFRAME * 1e6
-            drift = DRIFT_GAIN * fit.drift_ppm + pace
-            self._move(track, Fit(DELAY_GAIN * fit.delay, drift, fit.pivot))
+            delay = find_delay(reading.view, cells, step, weighted, FOLLOW)
+            self._nudge(track, delay)
         demodulator.learn(reading)
         self._errors += int(((reading.soft * expected) < 0).sum())
         self._counted += int((expected != 0).sum())

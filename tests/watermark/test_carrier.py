@@ -5,9 +5,10 @@ import pytest
 from numpy.typing import NDArray
 
 from codec.errors import CueError
+from watermark.acquire import PilotSearch
 from watermark.embed import AudioEmbedder
 from watermark.profile import SUPERFRAME_S
-from watermark.receive import AudioReceiver
+from watermark.receive import MAX_MISSES, AudioReceiver
 from watermark.received import ReceivedSuperframe
 from watermark.tape import Tape
 
@@ -89,6 +90,21 @@ def test_another_clock_and_a_turned_polarity_are_found() -> None:
     turned = receive(-y)
     assert len(turned) >= 5  # the turned sound is tried after 4 s
     check(turned)
+
+
+def test_a_lock_outlives_what_cannot_be_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    tape = Tape()
+    tape.append(embed(host(10.5, channels=1))[:, 0].astype(np.float64))
+    y = tape.read(0.0, 1 + 40e-6, 10 * 48000)[:, np.newaxis].astype(np.float32)
+    y[2 * 48000 : 8 * 48000] = 0.0
+    receiver = AudioReceiver(48000, 1)
+    found = receiver.process(y[: 2 * 48000])
+    monkeypatch.setattr(PilotSearch, "process", lambda search, sound: None)
+    later = receiver.process(y[2 * 48000 :])
+    assert [s.l0 for s in found] == [payload(k)[0] for k in range(3)]
+    # What fails is handed on for a while; the place is known after 6 s without a sample.
+    assert [s.l0 for s in later] == [None] * MAX_MISSES + [payload(k)[0] for k in (12, 13, 14)]
+    assert later[-1].position_s == pytest.approx(14 * 0.64 / (1 + 40e-6), abs=3e-5)
 
 
 def test_another_key_hears_nothing() -> None:

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -43,6 +45,11 @@ def test_kernels_agree_with_their_python() -> None:
     np.testing.assert_allclose(out, expected, rtol=0, atol=1e-12)
 
 
+def versions(kernel: Any) -> list[Any]:
+    """Return a kernel as compiled and as Python."""
+    return list(dict.fromkeys([kernel, getattr(kernel, "py_func", kernel)]))
+
+
 def test_pilot_kernels() -> None:
     rng = np.random.default_rng(1)
     soft = rng.standard_normal((3, 60)).astype(np.float32)
@@ -53,15 +60,27 @@ def test_pilot_kernels() -> None:
     rows = np.arange(7) + 10 * np.arange(4)[:, np.newaxis] + np.repeat(shift, 2, axis=1)[..., None]
     pilots = sign[:, np.newaxis] * soft[group[:, np.newaxis], rows]
     direct = pilots.sum(axis=1) - penalty[:, np.newaxis]
-    for plain in (False, True):
-        add, find = _kernels.pilot_sums, _kernels.best_drift
-        if plain:
-            add, find = getattr(add, "py_func", add), getattr(find, "py_func", find)
+    for add in versions(_kernels.pilot_sums):
         sums = np.zeros((2, 9), dtype=np.float32)
         add(soft, 10, 2, group, sign, sums)
-        best, drift, place = find(sums, shift, penalty, 7)
-        assert 7 * drift + place == direct.argmax()
-        assert best == pytest.approx(direct.max(), rel=1e-5)
+        for find in versions(_kernels.drift_peaks):
+            peak, drift = np.empty(7, dtype=np.float32), np.empty(7, dtype=np.int64)
+            find(sums, shift, penalty, peak, drift)
+            np.testing.assert_array_equal(drift, direct.argmax(axis=0))
+            np.testing.assert_allclose(peak, direct.max(axis=0), rtol=1e-5)
+
+
+def test_superframes_before_are_added() -> None:
+    rng = np.random.default_rng(3)
+    past, peak = rng.normal(size=30).astype(np.float32), rng.normal(size=5).astype(np.float32)
+    lag, weights = rng.integers(9, 13, 5), np.array([0.7, 0.5], dtype=np.float32)
+    for add in versions(_kernels.add_priors):
+        score = np.empty(5, dtype=np.float32)
+        add(peak, lag, past, weights, score)
+        for i in range(5):
+            one = peak[i] + max(past[30 + i - lag[i] + d] for d in (-1, 0, 1))
+            two = one + max(past[30 + i - 2 * lag[i] + d] for d in (-2, -1, 0, 1, 2))
+            assert score[i] == pytest.approx(max(peak[i], 0.7 * one, 0.5 * two), rel=1e-5)
 
 
 def test_soft_values_of_the_search_are_the_receiver_s() -> None:
@@ -74,9 +93,7 @@ def test_soft_values_of_the_search_are_the_receiver_s() -> None:
     turn = np.exp(1j * rng.uniform(0, 6, (2, 60))).astype(np.complex64)
     steps = np.array([3.0, 7.0], dtype=np.float32)
     tables = cells.signs.astype(np.float32), cells.dither.astype(np.float32), steps
-    for kernel in (_kernels.pilot_soft, getattr(_kernels.pilot_soft, "py_func", None)):
-        if kernel is None:
-            continue
+    for kernel in versions(_kernels.pilot_soft):
         soft = np.empty((2, 6, 6), dtype=np.float32)
         kernel(parts, units, turn, cells.first_bin, *tables, soft)
         for t in range(2):
