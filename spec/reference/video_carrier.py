@@ -3,8 +3,11 @@
 import hashlib
 import math
 
-STEPS = {0: (2.0, True), 1: (2.5, False), 2: (2.5, False), 3: (2.0, True), 4: (2.0, True)}
+STEPS = {0: (1.9, True), 1: (2.35, False), 2: (2.35, False), 3: (1.9, True), 4: (2.0, True)}
 """(V2) Fine step of each profile, by number, and whether it has a coarse one."""
+
+OPENING_STEPS = {0: 2.6, 3: 2.6, 4: 2.6}
+"""(V2) Fine step of superframe 0 where it is another one."""
 
 COARSE, TEXTURE = 3, 3.5
 ROWS, COLUMNS = 45, 80
@@ -32,13 +35,16 @@ def positions(key: int) -> tuple[list[int], list[int]]:
 
 def pilot_bits(number: int, key: int, superframe: int) -> list[int]:
     """(V18) Bits of the pilots of a superframe."""
-    return [(word ^ superframe) & 1 for word in words(f"video pilot bits {number}", key, PILOTS)]
+    stream = number + 8 if superframe == 0 and number in OPENING_STEPS else number
+    return [(word ^ superframe) & 1 for word in words(f"video pilot bits {stream}", key, PILOTS)]
 
 
 def share(frame: int, fps: float) -> tuple[int, float]:
     """(V3, V4) Superframe of a frame and the part of its pattern that the frame bears."""
     time = (frame + 0.5) / fps / 0.64
     superframe, phase = int(time), time - int(time)
+    if superframe == 0 and phase < 0.5:
+        return 0, 1.0
     return superframe, min(1.0, 0.5 + 4 * min(phase, 1 - phase))
 
 
@@ -89,9 +95,11 @@ def texture(luma: list[list[int]], row: int, column: int) -> float:
     return min(deviations)
 
 
-def step_of(number: int, texture_of_cell: float) -> tuple[float, int]:
-    """(V2, V13) Fine step of a profile, and how many of them the cell's lattice is wide."""
+def step_of(number: int, superframe: int, texture_of_cell: float) -> tuple[float, int]:
+    """(V2, V13) Fine step of a superframe, and how many of them the cell's lattice is wide."""
     step, textured = STEPS[number]
+    if superframe == 0:
+        step = OPENING_STEPS.get(number, step)
     return step, COARSE if textured and texture_of_cell > TEXTURE else 1
 
 

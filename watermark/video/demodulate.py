@@ -63,22 +63,25 @@ def coarse_share(texture: FloatArray) -> FloatArray:
     return np.asarray(1 / (1 + np.exp(-np.clip(place, -30, 30))))
 
 
-def pilot_metric(values: FloatArray, layout: VideoLayout, coarse: FloatArray) -> float:
-    """Agreement of the pilots with an even superframe, -1 (odd) to 1; 0 for noise.
+def pilot_waves(place: FloatArray, coarse: FloatArray | None) -> FloatArray:
+    """How far pilots speak for bit 0, from 1 down to -1 for bit 1; 0 on average for noise.
 
     Parameters
     ----------
-    values : ndarray of float64, shape (PILOTS,)
-        Mean amplitudes at the pilots' positions in steps.
-    layout : VideoLayout
-        Where the pilots are and what they hold.
-    coarse : ndarray of float64, shape (PILOTS,)
-        Probability of the coarse step.
+    place : ndarray of float64, shape (PILOTS,)
+        Mean amplitudes less the dither, in steps.
+    coarse : ndarray of float64, shape (PILOTS,), or None
+        Probability of the coarse step, if the profile has one.
+
+    Examples
+    --------
+    >>> pilot_waves(np.array([0.0, 0.5, 1.25]), None).round(6).tolist()
+    [1.0, -1.0, 0.0]
     """
-    turn = 2 * np.pi * (values - layout.dither[layout.pilots])
-    half = np.pi * layout.pilot_bits
-    agreement = (1 - coarse) * np.cos(turn - half) + coarse * np.cos(turn / COARSE - half)
-    return float(agreement.mean())
+    turn = 2 * np.pi * place
+    if coarse is None:
+        return np.asarray(np.cos(turn))
+    return np.asarray((1 - coarse) * np.cos(turn) + coarse * np.cos(turn / COARSE))
 
 
 def soft_bits(
@@ -98,7 +101,8 @@ def soft_bits(
     place = mean - layout.dither
     spread = np.sqrt(1 + MOTION_WEIGHT * np.minimum(variance, MOTION_LIMIT))
     pilots, data = layout.pilots, layout.data
-    metric = pilot_metric(mean[pilots], layout, coarse[pilots])
+    waves = pilot_waves(place[pilots], coarse[pilots])
+    metric = float(np.mean((1 - 2 * layout.pilot_bits) * waves))
     parity = int(metric < 0)
     known = layout.pilot_bits ^ parity
     noise = max(

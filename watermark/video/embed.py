@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.link import Link
 from watermark.video import _kernels
 from watermark.video.grid import Grid
-from watermark.video.layout import make_layout
+from watermark.video.modes import make_modes
 from watermark.video.profile import (
     COARSE,
     COLUMNS,
@@ -34,6 +33,9 @@ from watermark.video.timing import Timing
 
 TEXTURE_EVERY = 4
 """Frames between those whose texture is measured."""
+
+CORRECTIONS = (0.3, 0.6, 1.0)
+"""Parts of what rounding took away that are tried for each cell."""
 
 Luma = NDArray[Any]
 FloatArray = NDArray[np.float64]
@@ -104,9 +106,8 @@ class VideoEmbedder:
         self._grid = Grid(width, height, depth)
         self._timing = Timing(Fraction(fps))
         self._profile = find_profile(profile)
-        self._layout = make_layout(self._profile, key)
-        self._link = Link(self._profile)
-        self._source, self._step = source, strength * self._profile.step
+        self._modes = make_modes(self._profile, key, strength)
+        self._source = source
         self._waiting: deque[Luma] = deque()
         self._received = self._sent = self._superframes = 0
         self._sum = np.zeros((TEMPLATES, ROWS, COLUMNS))
@@ -147,6 +148,9 @@ class VideoEmbedder:
         self._received += 1
         if self._received == start + self._timing.window:
             self._patterns.append(self._pattern(k, self._sum / self._timing.window))
+            if k == 0:
+                # Nothing to fade from, and much is predicted from a programme's first frame.
+                self._patterns[0] = self._patterns[1]
             self._sum[:] = 0
             self._textures.clear()
             self._superframes += 1
@@ -167,19 +171,34 @@ class VideoEmbedder:
 
     def _pattern(self, k: int, host: FloatArray) -> NDArray[np.float32]:
         """Pattern that moves the mean amplitudes `host` onto superframe k's lattice points."""
+        mode = self._modes[-1 if k == 0 else 0]
+        layout = mode.layout
         bits = np.empty(POSITIONS, dtype=np.int64)
-        bits[self._layout.pilots] = self._layout.pilot_bits ^ (k & 1)
-        bits[self._layout.data] = self._link.encode(*self._source(k))
+        bits[layout.pilots] = layout.pilot_bits ^ (k & 1)
+        bits[layout.data] = mode.link.encode(*self._source(k))
         spread = np.ones((ROWS, COLUMNS))
         if self._textures:
             spread[np.mean(self._textures, axis=0) > TEXTURE] = COARSE
-        offset = self._layout.dither.reshape(host.shape) + spread * bits.reshape(host.shape) / 2
-        place = (host / self._step - offset) / spread
-        move = (np.round(place) - place) * spread * self._step
-        pattern = self._grid.paint(move)
-        # Rounding to whole luma levels bends the pattern; one correction brings most of it back.
-        missing = move - self._grid.project(np.round(pattern))
-        return self._grid.paint(move + missing)
+        offset = layout.dither.reshape(host.shape) + spread * bits.reshape(host.shape) / 2
+        place = (host / mode.step - offset) / spread
+        move = (np.round(place) - place) * spread * mode.step
+        return self._grid.paint(self._rounded_well(move))
+
+    def _rounded_well(self, move: FloatArray) -> FloatArray:
+        """Amplitudes near `move` whose pattern, rounded to whole luma levels, has those of `move`.
+
+        Rounding takes most of a weak pattern away. What is missing, or a part of it, is added in
+        the cells where that helps.
+        """
+        missing = move - self._grid.project(np.round(self._grid.paint(move)))
+        best, least = move.copy(), (missing**2).sum(axis=0)
+        for part in CORRECTIONS:
+            trial = move + part * missing
+            left = move - self._grid.project(np.round(self._grid.paint(trial)))
+            error = (left**2).sum(axis=0)
+            better = error < least
+            best[:, better], least[better] = trial[:, better], error[better]
+        return best
 
     def _put_out(self, known: int) -> list[Luma]:
         """Mark the waiting frames whose patterns up to superframe `known` - 1 exist."""

@@ -30,6 +30,9 @@ TEXTURE = 3.5
 FADE = 0.25
 """Part of a superframe during which one pattern gives way to the next, half of it on each side."""
 
+OPENING = 8
+"""What the pilots of a wider first superframe add to the number of the profile."""
+
 MIN_WIDTH, MIN_HEIGHT = 4 * COLUMNS, 4 * ROWS
 
 
@@ -52,6 +55,9 @@ class VideoProfile:
         Step of the lattices in luma of 8 bits.
     textured : bool
         Whether textured cells have a step `COARSE` times as wide.
+    opening_step : float
+        Step of the first superframe of a programme, 0 if it is no other: the rate control of
+        coders starts poor.
     """
 
     name: str
@@ -59,8 +65,9 @@ class VideoProfile:
     l0_bytes: int
     l1_bytes: int
     l0_coded: int
-    step: float = 2.5
+    step: float = 2.35
     textured: bool = False
+    opening_step: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.l0_mother <= self.l0_coded < DATA:
@@ -92,11 +99,11 @@ class VideoProfile:
 PROFILES: dict[str, VideoProfile] = {
     profile.name: profile
     for profile in (
-        VideoProfile("robust", 0, 20, 28, 3328, 2.0, textured=True),
+        VideoProfile("robust", 0, 20, 28, 3328, 1.9, True, 2.6),
         VideoProfile("standard", 1, 20, 140, 2048),
         VideoProfile("high", 2, 20, 300, 1280),
-        VideoProfile("twin", 3, 20, 7, 4864, 2.0, textured=True),
-        VideoProfile("busy", 4, 20, 140, 2048, 2.0, textured=True),
+        VideoProfile("twin", 3, 20, 7, 4864, 1.9, True, 2.6),
+        VideoProfile("busy", 4, 20, 140, 2048, 2.0, True, 2.6),
     )
 }
 """Profiles by name; a profile's number is its place.

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.link import Decoded, Link
+from watermark.link import Decoded
 from watermark.received import ReceivedSuperframe
-from watermark.video.demodulate import Soft, coarse_share, pilot_metric, soft_bits
+from watermark.video.demodulate import Soft, coarse_share, soft_bits
 from watermark.video.embed import TEXTURE_EVERY
 from watermark.video.grid import Grid
-from watermark.video.layout import make_layout
-from watermark.video.profile import COLUMNS, PROFILES, ROWS, TEMPLATES, VideoProfile
+from watermark.video.modes import PilotWatch
+from watermark.video.profile import COLUMNS, ROWS, TEMPLATES, VideoProfile
 from watermark.video.timing import Timing
 
 Luma = NDArray[Any]
@@ -32,6 +32,13 @@ MAX_MISSES = 6
 
 TRACKING = 2.0
 """Frames that the clock moves for a full difference between the flanks of a peak."""
+
+UNEVEN = 0.25
+"""Difference between the flanks that tells nothing where there is no agreement: noise, and coders
+that repeat cells. With full agreement every difference tells something."""
+
+ATTEMPTS = 4
+"""Windows that are tried for one superframe: weak pilots are often wrong by a frame or two."""
 
 
 class Tracker:
@@ -61,8 +68,7 @@ class Tracker:
     def __init__(self, grid: Grid, timing: Timing, *, key: int = 0, strength: float = 1.0) -> None:
         self._grid, self._timing = grid, timing
         self._seen = grid.seen.reshape(-1)
-        self._strength = strength
-        self._choices = [(Link(p), make_layout(p, key), p) for p in PROFILES.values()]
+        self._watch = PilotWatch(key, strength)
         self._guard = max(1, round(self._timing.span / 6))
         self._kept = self._timing.window + 2 * self._guard + math.ceil(self._timing.span)
         self._frames: deque[FloatArray] = deque(maxlen=self._kept)
@@ -75,7 +81,7 @@ class Tracker:
         self._due: float | None = None
         self._last = -math.inf
         self._misses = 0
-        self._choice = 0
+        self._mode = 0
         self.errors = self.known = 0
         self.patience = MAX_MISSES
         self.profile: VideoProfile | None = None
@@ -104,7 +110,7 @@ class Tracker:
     def _advance(self, values: FloatArray) -> list[ReceivedSuperframe]:
         self._frames.append(values)
         self._count += 1
-        self._agreement.append(self._watch())
+        self._agreement.append(self._newest_agreement())
         # The window in question ended `guard` frames ago, so that its neighbours are known too.
         start = self._count - self._guard - self._timing.window
         if start < 0:
@@ -117,45 +123,80 @@ class Tracker:
 
     def _search(self, start: int) -> list[ReceivedSuperframe]:
         """Try to decode where the pilots agree; lock on success."""
-        best = int(self._agreement[-1 - self._guard].argmax())
-        soft, decoded = self._decode(start, best)
+        mode = int(self._agreement[-1 - self._guard].argmax())
+        offset, soft, decoded = self._attempt(start, mode)
         if decoded.l0 is None:
             return []
-        self.profile = self._choices[best][2]
-        self._choice = best
-        before = self._before(start) if self._due is None else []
-        return [*before, self._deliver(float(start), soft, decoded)]
+        self._mode = mode
+        before = self._before(start + offset) if self._due is None else []
+        return [*before, self._deliver(float(start + offset), soft, decoded)]
 
     def _before(self, start: int) -> list[ReceivedSuperframe]:
         """Decode the superframe before the first one: its pilots alone may have been too weak."""
         place = start - self._timing.span
         if place < max(self._count - len(self._frames), self._last + self._timing.span / 2):
             return []
-        soft, decoded = self._decode(round(place), self._choice)
+        now = self._watch.modes[self._mode]
+        tries = [
+            self._decode(round(place), n)
+            for n, mode in enumerate(self._watch.modes)
+            if mode.profile is now.profile
+        ]
+        soft, decoded = max(tries, key=lambda each: each[0].agreement)
         return [] if decoded.l0 is None else [self._deliver(place, soft, decoded)]
 
     def _follow(self, start: int) -> ReceivedSuperframe:
         """Decode the superframe that is due, a few frames off if its pilots say so."""
-        nearby = [float(agreement[self._choice]) for agreement in self._agreement]
-        centre = nearby[self._guard]
-        offset = int(np.argmax(nearby)) - self._guard
-        jump = max(nearby) > max(THRESHOLD, 1.1 * centre)
-        soft, decoded = self._decode(start + (offset if jump else 0), self._choice)
+        agreement = np.array(self._agreement)
+        other = int(agreement[self._guard].argmax())
+        sure = agreement[self._guard, other] > max(
+            THRESHOLD, 2 * agreement[self._guard, self._mode]
+        )
+        mode = other if sure else self._mode
+        offset, soft, decoded = self._attempt(start, mode)
+        if decoded.l0 is not None:
+            self._mode = mode
         assert self._due is not None
-        # A peak may be flat (a still picture); its flanks then tell where its middle is.
-        nudge = TRACKING * (nearby[-1] - nearby[0]) / max(centre, THRESHOLD)
-        return self._deliver(self._due + (offset if jump else nudge), soft, decoded)
+        if offset == 0:
+            # A peak may be flat (a still picture); its flanks then tell where its middle is.
+            flanks = float(agreement[-1, mode] - agreement[0, mode])
+            centre = float(agreement[self._guard, mode])
+            surplus = float(np.sign(flanks)) * max(0.0, abs(flanks) - UNEVEN * (1 - centre))
+            nudge = TRACKING * surplus / max(centre, THRESHOLD)
+            return self._deliver(self._due + nudge, soft, decoded)
+        return self._deliver(self._due + offset, soft, decoded)
 
-    def _decode(self, start: int, choice: int) -> tuple[Soft, Decoded]:
-        link, layout, profile = self._choices[choice]
+    def _attempt(self, start: int, mode: int) -> tuple[int, Soft, Decoded]:
+        """Decode the window that starts here, or if that fails one close by.
+
+        Returns
+        -------
+        int
+            By how many frames the window is off.
+        Soft
+        Decoded
+            With l0 = None if no window would do.
+        """
+        nearby = np.array([agreement[mode] for agreement in self._agreement])
+        nearby[self._guard] = np.inf
+        found = []
+        for place in np.argsort(-nearby, kind="stable")[:ATTEMPTS]:
+            offset = int(place) - self._guard
+            soft, decoded = self._decode(start + offset, mode)
+            found.append((offset, soft, decoded))
+            if decoded.l1 is not None:
+                return found[-1]
+        return max(found, key=lambda each: each[2].l0 is not None)
+
+    def _decode(self, start: int, number: int) -> tuple[Soft, Decoded]:
+        mode = self._watch.modes[number]
         first = start - (self._count - len(self._frames))
         values = np.array([self._frames[first + i] for i in range(self._timing.window)])
-        step = self._strength * profile.step
-        mean, variance = values.mean(axis=0) / step, values.var(axis=0) / step**2
-        coarse = self._coarse(start) if profile.textured else self._nowhere
-        soft = soft_bits(mean, variance, layout, coarse)
-        soft.ratios[~self._seen[layout.data]] = 0.0
-        return soft, link.decode(soft.ratios)
+        mean, variance = values.mean(axis=0) / mode.step, values.var(axis=0) / mode.step**2
+        coarse = self._coarse(start) if mode.profile.textured else self._nowhere
+        soft = soft_bits(mean, variance, mode.layout, coarse)
+        soft.ratios[~self._seen[mode.layout.data]] = 0.0
+        return soft, mode.link.decode(soft.ratios)
 
     def _deliver(self, place: float, soft: Soft, decoded: Decoded) -> ReceivedSuperframe:
         """Hand a superframe out and note when the next one is due."""
@@ -163,6 +204,7 @@ class Tracker:
         wrong = (soft.ratios < 0) != (decoded.coded == 1)
         self.errors += int(wrong[known].sum())
         self.known += int(known.sum())
+        self.profile = self._watch.modes[self._mode].profile
         self._misses = 0 if decoded.l0 is not None else self._misses + 1
         self._last = place
         self._due = place + self._timing.span if self._misses <= self.patience else None
@@ -175,21 +217,14 @@ class Tracker:
             soft.ratios,
         )
 
-    def _watch(self) -> FloatArray:
-        """Agreement of each profile's pilots over the newest window."""
+    def _newest_agreement(self) -> FloatArray:
+        """Agreement of each mode's pilots over the newest window."""
         window = self._timing.window
         if len(self._frames) < window:
-            return np.zeros(len(self._choices))
-        pilots = self._choices[0][1].pilots
-        coarse = {False: self._nowhere, True: self._coarse(self._count - window)}
-        newest = [self._frames[-1 - i][pilots] for i in range(window)]
-        mean = np.mean(newest, axis=0) / self._strength
-        return np.array(
-            [
-                abs(pilot_metric(mean / profile.step, layout, coarse[profile.textured][pilots]))
-                for _, layout, profile in self._choices
-            ]
-        )
+            return np.zeros(len(self._watch.modes))
+        pilots = self._watch.positions
+        mean = np.mean([self._frames[-1 - i][pilots] for i in range(window)], axis=0)
+        return self._watch.agreement(mean, self._coarse(self._count - window)[pilots])
 
     def _coarse(self, start: int) -> FloatArray:
         """Probability of the coarse step for all positions, from the textures in a window."""
