@@ -1,12 +1,10 @@
 """What the invisible video carrier achieves: clips marked, coded as on air, received, compared.
 
-Rows come out with the fields of `evaluate video --json`. Everything passes through files, so a clip
-of any length needs constant memory.
+Rows come out with the fields of `evaluate video --json`. Payloads are pseudorandom, so a superframe
+that comes back identifies itself, and a wrong one is noticed. Everything passes through files, so a
+clip of any length needs constant memory.
 """
 
-import importlib
-import json
-import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterable
@@ -16,105 +14,19 @@ from typing import Any
 
 import av
 import numpy as np
-from numpy.typing import NDArray
 
 from codec.errors import CueError
+from cuecast.evaluate.late import LONGEST_TUNE_IN_S, LateReceivers
+from cuecast.evaluate.likeness import compare, vmaf
 from cuecast.evaluate.options import EvaluateOptions
+from cuecast.evaluate.picture_channels import Luma, find_channel, send
+from cuecast.evaluate.statistics import wilson_interval
 from cuecast.media.picture import PictureStage, rewrite_picture
 from receiver.media.picture import PictureFormat, picture_format, read_lumas
 from watermark.profile import SUPERFRAME_S
-from watermark.quality.picture import PictureMeter, PictureQuality
 from watermark.video.embed import VideoEmbedder
 from watermark.video.profile import VideoProfile, find_profile
 from watermark.video.receive import VideoReceiver
-
-Luma = NDArray[Any]
-
-
-@dataclass(frozen=True, slots=True)
-class PictureChannel:
-    """What happens to a marked picture on its way.
-
-    Attributes
-    ----------
-    codec : str
-        FFmpeg's name of the encoder; ffv1 for none.
-    bit_rate : int
-        Bits per second.
-    scales : tuple of float
-        Size relative to the programme's, for each time that it is coded, one after the other.
-    change : callable, optional
-        Applied to every luma frame before coding.
-    fps_factor : int
-        How often each frame is shown.
-    """
-
-    codec: str = "ffv1"
-    bit_rate: int = 1_000_000
-    scales: tuple[float, ...] = (1.0,)
-    change: Callable[[Luma], Luma] | None = None
-    fps_factor: int = 1
-
-
-def _contrast(luma: Luma) -> Luma:
-    return np.asarray(np.clip(luma * 0.97 + 5.5, 0, 255), dtype=luma.dtype)
-
-
-def _logo(luma: Luma) -> Luma:
-    marked = luma.copy()
-    height, width = luma.shape
-    marked[height // 20 : height // 7, width * 5 // 6 : width * 19 // 20] = 200
-    return marked
-
-
-def _crop(luma: Luma) -> Luma:
-    """Cut 2 % off each side and enlarge the rest to the old size."""
-    return _resampled(luma, 0.02, 0.02)
-
-
-def _letterbox(luma: Luma) -> Luma:
-    """Squeeze the picture into three quarters of its height, between bars."""
-    return _resampled(luma, 0.0, -1 / 6)
-
-
-def _resampled(luma: Luma, across: float, down: float) -> Luma:
-    """Show the picture without these parts on each side (negative: with bars), linearly."""
-    rows, columns = (
-        (np.arange(n) + 0.5) * (1 - 2 * part) + n * part - 0.5
-        for n, part in zip(luma.shape, (down, across), strict=True)
-    )
-    x = np.clip(columns, 0, luma.shape[1] - 1)
-    y = np.clip(rows, 0, luma.shape[0] - 1)
-    left, above = (
-        np.minimum(x.astype(int), luma.shape[1] - 2),
-        np.minimum(y.astype(int), luma.shape[0] - 2),
-    )
-    wide = luma[:, left] * (1 - (x - left)) + luma[:, left + 1] * (x - left)
-    weight = (y - above)[:, None]
-    shown = wide[above] * (1 - weight) + wide[above + 1] * weight
-    shown[(rows < -0.5) | (rows > luma.shape[0] - 0.5)] = 16
-    return np.asarray(np.round(shown), dtype=luma.dtype)
-
-
-CHANNELS = {
-    "none": PictureChannel(),
-    "h264-4M": PictureChannel("libx264", 4_000_000),
-    "h264-2M": PictureChannel("libx264", 2_000_000),
-    "h264-1M": PictureChannel("libx264", 1_000_000),
-    "hevc-2M": PictureChannel("libx265", 2_000_000),
-    "hevc-1M": PictureChannel("libx265", 1_000_000),
-    "mpeg2-4M": PictureChannel("mpeg2video", 4_000_000),
-    "av1-1M": PictureChannel("libsvtav1", 1_000_000),
-    "540p-h264-2M": PictureChannel("libx264", 2_000_000, scales=(0.75,)),
-    "540p-and-back-h264-2M": PictureChannel("libx264", 2_000_000, scales=(0.75, 1.0)),
-    "50p-h264-2M": PictureChannel("libx264", 2_000_000, fps_factor=2),
-    "contrast-h264-2M": PictureChannel("libx264", 2_000_000, change=_contrast),
-    "logo-h264-2M": PictureChannel("libx264", 2_000_000, change=_logo),
-    "crop-h264-2M": PictureChannel("libx264", 2_000_000, change=_crop),
-    "letterbox-h264-2M": PictureChannel("libx264", 2_000_000, change=_letterbox),
-    "twice-h264-2M": PictureChannel("libx264", 2_000_000, scales=(1.0, 1.0)),
-}
-"""Channels by name; rates are bits per second of the picture alone."""
 
 USUAL = (
     "h264-2M", "hevc-2M", "mpeg2-4M", "540p-h264-2M", "crop-h264-2M", "letterbox-h264-2M",
@@ -126,7 +38,30 @@ _FILMS = {".mp4", ".mkv", ".mov", ".ts", ".webm", ".avi", ".mpg"}
 
 @dataclass(frozen=True, slots=True)
 class VideoRow:
-    """One clip through one channel; fields as in `evaluate video --json`."""
+    """One clip through one channel; fields as in `evaluate video --json`.
+
+    Attributes
+    ----------
+    clip, channel, profile : str
+    net_bps : float
+        Payload in bit/s.
+    superframes_sent, superframes_lost : int
+        Lost are those that did not arrive whole, tuning in included.
+    lost_low, lost_high : float
+        Wilson's interval of the share lost, 95 %.
+    l0_lost, wrong : int
+        Superframes of which not even L0 arrived; those that arrived with wrong bytes.
+    tune_in_median_s, tune_in_p95_s : float
+        Time to the first superframe from random frames of what arrives.
+    ber : float
+        Wrong bits before correction.
+    psnr_db, ssim, vmaf : float
+        Of the marked picture against the original, before the channel.
+    flicker, own_noise : float
+        Change of the mark from frame to frame, and of the picture's own quietest parts.
+    embed_xrt, receive_xrt : float
+        Speed in multiples of real time, without the picture codec.
+    """
 
     clip: str
     channel: str
@@ -134,9 +69,12 @@ class VideoRow:
     net_bps: float
     superframes_sent: int
     superframes_lost: int
-    l1_lost: int
-    superframes_wrong: int
-    tune_in_s: float | None
+    lost_low: float
+    lost_high: float
+    l0_lost: int
+    wrong: int
+    tune_in_median_s: float
+    tune_in_p95_s: float
     ber: float
     psnr_db: float
     ssim: float
@@ -236,8 +174,9 @@ def evaluate_video(
     channels: Iterable[str],
     *,
     profile: str = "standard",
-    seconds: float = 6.0,
+    seconds: float = 10.0,
     strength: float = 1.0,
+    starts: int = 8,
     seed: int = 0,
     folder: Path | None = None,
     progress: Callable[[VideoRow], None] = lambda row: None,
@@ -258,8 +197,10 @@ def evaluate_video(
         How much of each clip is used.
     strength : float
         Factor of the profile's step.
+    starts : int
+        Random starts of reception per row.
     seed : int
-        Of the payload.
+        Of payloads and starts.
     folder : Path, optional
         For files on the way.
     progress : callable
@@ -272,15 +213,14 @@ def evaluate_video(
     """
     chosen = list(channels)
     for name in chosen:
-        if name not in CHANNELS:
-            raise CueError(f"unknown channel {name!r}, known: {', '.join(CHANNELS)}")
+        find_channel(name)
     sizes = find_profile(profile)
     rows = []
     for clip in clips:
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
             trial = _Trial(Path(clip), Path(scratch), sizes, seconds, strength, seed)
             for name in chosen:
-                rows.append(trial.run(name))
+                rows.append(trial.run(name, starts))
                 progress(rows[-1])
     return rows
 
@@ -311,7 +251,7 @@ class _Trial:
         report = timed[0].stage.report()
         self._sent = report.superframes
         self._embed_xrt = report.frames / float(self._form.fps) / timed[0].elapsed_s
-        self._quality = _compare(original, self._marked, self._form.depth)
+        self._quality = compare(original, self._marked, self._form.depth)
         self._vmaf = vmaf(original, self._marked)
 
     def _embedder(self, form: PictureFormat) -> VideoEmbedder:
@@ -329,20 +269,23 @@ class _Trial:
         rng = np.random.default_rng([self._seed, k])
         return rng.bytes(self._profile.l0_bytes), rng.bytes(self._profile.l1_bytes)
 
-    def run(self, name: str) -> VideoRow:
-        """Send the marked clip through a channel."""
-        coded = self._code(CHANNELS[name])
-        form = picture_format(coded)
-        receiver = VideoReceiver(
-            form.width, form.height, form.fps, depth=form.depth, strength=self._strength
-        )
-        found = []
-        elapsed_s, frames = 1e-9, 0
-        for _, luma in read_lumas(coded):
-            began = time.process_time()
-            found += receiver.process(luma)
-            elapsed_s += time.process_time() - began
+    def run(self, name: str, starts: int) -> VideoRow:
+        """Send the marked clip through a channel; receive it, from `starts` random frames too."""
+        arrived = send(self._marked, self._form, find_channel(name))
+        form = picture_format(arrived)
+
+        def tuned() -> VideoReceiver:
+            return VideoReceiver(
+                form.width, form.height, form.fps, depth=form.depth, strength=self._strength
+            )
+
+        receiver, found = _Timed(tuned()), []
+        late = LateReceivers(tuned, self._late_starts(starts), float(form.fps))
+        frames = 0
+        for _, luma in read_lumas(arrived):
             frames += 1
+            found += receiver.process(luma)
+            late.process(luma)
         found += receiver.flush()
         right: set[int] = set()
         whole: set[int] = set()
@@ -355,6 +298,9 @@ class _Trial:
                 if superframe.l1 == l1:
                     whole.add(k)
             wrong += superframe.l0 not in (None, l0) or superframe.l1 not in (None, l1)
+        lost = self._sent - len(whole)
+        low, high = wilson_interval(lost, self._sent)
+        waits_s = late.waits_s or [LONGEST_TUNE_IN_S]
         quality = self._quality
         return VideoRow(
             clip=self._clip.name,
@@ -362,92 +308,41 @@ class _Trial:
             profile=self._profile.name,
             net_bps=self._profile.net_bps,
             superframes_sent=self._sent,
-            superframes_lost=self._sent - len(right),
-            l1_lost=self._sent - len(whole),
-            superframes_wrong=wrong,
-            tune_in_s=receiver.first_lock_s,
-            ber=receiver.ber_estimate,
+            superframes_lost=lost,
+            lost_low=low,
+            lost_high=high,
+            l0_lost=self._sent - len(right),
+            wrong=wrong,
+            tune_in_median_s=float(np.median(waits_s)),
+            tune_in_p95_s=float(np.quantile(waits_s, 0.95)),
+            ber=receiver.stage.ber_estimate,
             psnr_db=quality.psnr_db,
             ssim=quality.ssim,
             vmaf=self._vmaf,
             flicker=quality.flicker,
             own_noise=quality.own_noise,
             embed_xrt=self._embed_xrt,
-            receive_xrt=frames / float(form.fps) / elapsed_s,
+            receive_xrt=frames / float(form.fps) / receiver.elapsed_s,
         )
 
-    def _code(self, channel: PictureChannel) -> Path:
-        source = self._marked
-        for generation, scale in enumerate(channel.scales):
-            target = self._folder / f"coded{generation}.mkv"
-            width, height = (
-                2 * round(n * scale / 2) for n in (self._form.width, self._form.height)
-            )
-            change = channel.change if generation == 0 else None
-            rewrite_picture(
-                source, target, _stages(change), codec=channel.codec,
-                bit_rate=channel.bit_rate, size=(width, height),
-                fps=self._form.fps * channel.fps_factor,
-            )  # fmt: skip
-            source = target
-        return source
+    def _late_starts(self, count: int) -> list[float]:
+        """Draw times at which receivers are switched on, with two seconds of picture to come."""
+        longest = max(0.0, self._sent * SUPERFRAME_S - 2.0)
+        return list(np.random.default_rng([self._seed, 1 << 32]).uniform(0, longest, count))
 
 
 class _Timed:
-    """The embedder with a stop-watch."""
+    """An embedder or a receiver with a stop-watch."""
 
-    def __init__(self, stage: VideoEmbedder) -> None:
+    def __init__(self, stage: Any) -> None:
         self.stage = stage
         self.elapsed_s = 1e-9
 
-    def process(self, luma: Luma) -> list[Luma]:
+    def process(self, luma: Luma) -> Any:
         began = time.process_time()
         out = self.stage.process(luma)
         self.elapsed_s += time.process_time() - began
         return out
 
-    def flush(self) -> list[Luma]:
+    def flush(self) -> Any:
         return self.stage.flush()
-
-
-def _stages(change: Callable[[Luma], Luma] | None) -> Callable[[PictureFormat], list[PictureStage]]:
-    """Return what makes the stages of a coding: one that changes every frame, or none."""
-    stages: list[PictureStage] = [] if change is None else [_Change(change)]
-    return lambda form: stages
-
-
-class _Change:
-    """A change of every frame by itself, as a stage."""
-
-    def __init__(self, change: Callable[[Luma], Luma]) -> None:
-        self._change = change
-
-    def process(self, luma: Luma) -> list[Luma]:
-        return [self._change(luma)]
-
-    def flush(self) -> list[Luma]:
-        return []
-
-
-def _compare(original: Path, marked: Path, depth: int) -> PictureQuality:
-    meter = PictureMeter(depth)
-    for (_, before), (_, after) in zip(read_lumas(original), read_lumas(marked), strict=True):
-        meter.process(before, after)
-    return meter.result()
-
-
-def vmaf(original: Path, marked: Path) -> float | None:
-    """Mean VMAF of a film against its original; None without imageio-ffmpeg's FFmpeg."""
-    try:
-        imageio_ffmpeg = importlib.import_module("imageio_ffmpeg")
-    except ImportError:
-        return None
-    with tempfile.TemporaryDirectory() as folder:
-        report = Path(folder) / "vmaf.json"
-        comparison = f"libvmaf=log_fmt=json:log_path={report}"
-        command = [imageio_ffmpeg.get_ffmpeg_exe(), "-nostdin", "-v", "error", "-i", str(marked)]
-        command += ["-i", str(original), "-lavfi", comparison, "-f", "null", "-"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            return None
-        return float(json.loads(report.read_text())["pooled_metrics"]["vmaf"]["mean"])
