@@ -20,7 +20,7 @@ from codec.nesting import unnest
 from codec.score import Key
 from codec.voice import Voice, load_voice
 from receiver.events import SUPERFRAME_S, Event, KeysFound, State
-from receiver.pictures import Found, PictureCarriers
+from receiver.pictures import AGAIN_S, TRIAL_S, Found, PictureCarriers
 from receiver.tracking import Tracker
 from watermark.combine import Combiner
 from watermark.receive import MAX_MISSES, AudioReceiver
@@ -132,9 +132,11 @@ class Receiver:
     ) -> None:  # fmt: skip
         """Look at pictures of this format from `start_s` on; what went before has ended."""
         self._remember()
+        in_vain = self._pictures is not None and self._pictures.first_lock_s is None
         self._pictures = PictureCarriers(
-            width, height, fps, depth=depth, key=self._key, start_s=start_s
-        )
+            width, height, fps, depth=depth, key=self._key, start_s=start_s,
+            trial_s=AGAIN_S if in_vain else TRIAL_S,
+        )  # fmt: skip
 
     def see(self, luma: NDArray[Any]) -> list[Event]:
         """Take the next picture's luma, shape (height, width), as `process` takes sound."""

@@ -16,6 +16,9 @@ from watermark.video.receive import VideoReceiver
 TRIAL_S = 8.0
 """If nothing is found in so much picture, it is not looked at for a while."""
 
+AGAIN_S = 3.0
+"""The same for a picture in which nothing was found before: twice what tuning in takes."""
+
 
 @dataclass(frozen=True, slots=True)
 class Found:
@@ -41,6 +44,8 @@ class PictureCarriers:
         Key of the invisible mark.
     start_s : float
         Time of the first frame.
+    trial_s : float
+        How long to look where nothing is found.
 
     Attributes
     ----------
@@ -50,7 +55,7 @@ class PictureCarriers:
 
     def __init__(
         self, width: int, height: int, fps: Fraction | float, *, depth: int = 8, key: int = 0,
-        start_s: float = 0.0,
+        start_s: float = 0.0, trial_s: float = TRIAL_S,
     ) -> None:  # fmt: skip
         kinds: dict[str, Callable[[], Any]] = {
             "video": lambda: VideoReceiver(width, height, fps, key=key, depth=depth),
@@ -62,13 +67,13 @@ class PictureCarriers:
                 self._receivers[name] = make()
             except CueError:  # too small a picture or too strange a rate: it cannot be in there
                 continue
-        self._fps, self._start_s = float(fps), start_s
+        self._fps, self._start_s, self._trial_s = float(fps), start_s, trial_s
         self._frames = self._last_found = 0
 
     @property
     def hopeless(self) -> bool:
         """Whether nothing was found for so long that looking on hardly pays."""
-        return self._frames - self._last_found > TRIAL_S * self._fps or not self._receivers
+        return self._frames - self._last_found > self._trial_s * self._fps or not self._receivers
 
     @property
     def now_s(self) -> float:

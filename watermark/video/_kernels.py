@@ -123,10 +123,15 @@ def texture_into(
 def reduce_into(luma: NDArray[Any], factor: int, out: PixelArray) -> None:
     """Mean of each square of factor x factor pixels; out : (height // factor, width // factor)."""
     scale = np.float32(1.0 / (factor * factor))
+    width = factor * out.shape[1]
+    sums = np.empty(width, dtype=np.int32)
     for y in range(out.shape[0]):
+        sums[:] = 0
+        for i in range(factor):
+            for x in range(width):
+                sums[x] += luma[factor * y + i, x]
         for x in range(out.shape[1]):
-            total = 0.0
-            for i in range(factor):
-                for j in range(factor):
-                    total += luma[factor * y + i, factor * x + j]
-            out[y, x] = total * scale
+            total = np.int32(0)
+            for j in range(factor):
+                total += sums[factor * x + j]
+            out[y, x] = np.float32(total) * scale

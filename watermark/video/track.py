@@ -76,6 +76,8 @@ class Tracker:
             maxlen=self._kept // TEXTURE_EVERY + 1
         )
         self._agreement: deque[FloatArray] = deque(maxlen=2 * self._guard + 1)
+        self._pilots: deque[FloatArray] = deque(maxlen=self._timing.window)
+        self._pilot_cells = self._watch.positions % (ROWS * COLUMNS)
         self._nowhere = np.zeros(TEMPLATES * ROWS * COLUMNS)
         self._count = 0
         self._due: float | None = None
@@ -97,7 +99,7 @@ class Tracker:
         While locked, a superframe that could not be decoded is given with l0 = None.
         """
         if self._count % TEXTURE_EVERY == 0:
-            self._textures.append((self._count, self._grid.texture(luma)))
+            self._textures.append((self._count, self._grid.texture(luma).reshape(-1)))
         return self._advance(self._grid.project(luma).reshape(-1))
 
     def flush(self) -> list[ReceivedSuperframe]:
@@ -109,6 +111,7 @@ class Tracker:
 
     def _advance(self, values: FloatArray) -> list[ReceivedSuperframe]:
         self._frames.append(values)
+        self._pilots.append(values[self._watch.positions])
         self._count += 1
         self._agreement.append(self._newest_agreement())
         # The window in question ended `guard` frames ago, so that its neighbours are known too.
@@ -193,7 +196,9 @@ class Tracker:
         first = start - (self._count - len(self._frames))
         values = np.array([self._frames[first + i] for i in range(self._timing.window)])
         mean, variance = values.mean(axis=0) / mode.step, values.var(axis=0) / mode.step**2
-        coarse = self._coarse(start) if mode.profile.textured else self._nowhere
+        coarse = self._nowhere
+        if mode.profile.textured:
+            coarse = np.tile(coarse_share(self._texture(start)), TEMPLATES)
         soft = soft_bits(mean, variance, mode.layout, coarse)
         soft.ratios[~self._seen[mode.layout.data]] = 0.0
         return soft, mode.link.decode(soft.ratios)
@@ -220,19 +225,16 @@ class Tracker:
     def _newest_agreement(self) -> FloatArray:
         """Agreement of each mode's pilots over the newest window."""
         window = self._timing.window
-        if len(self._frames) < window:
+        if len(self._pilots) < window:
             return np.zeros(len(self._watch.modes))
-        pilots = self._watch.positions
-        mean = np.mean([self._frames[-1 - i][pilots] for i in range(window)], axis=0)
-        return self._watch.agreement(mean, self._coarse(self._count - window)[pilots])
+        texture = self._texture(self._count - window)[self._pilot_cells]
+        return self._watch.agreement(np.mean(self._pilots, axis=0), coarse_share(texture))
 
-    def _coarse(self, start: int) -> FloatArray:
-        """Probability of the coarse step for all positions, from the textures in a window."""
+    def _texture(self, start: int) -> FloatArray:
+        """Texture of each cell in a window, shape (ROWS * COLUMNS,)."""
         window = range(start, start + self._timing.window)
         seen = [texture for count, texture in self._textures if count in window]
-        if not seen:
-            return np.zeros(TEMPLATES * ROWS * COLUMNS)
-        return np.tile(coarse_share(np.mean(seen, axis=0)).reshape(-1), TEMPLATES)
+        return np.mean(seen, axis=0) if seen else self._nowhere[: ROWS * COLUMNS]
 
     def _is_peak(self) -> bool:
         if len(self._agreement) < 2 * self._guard + 1:
