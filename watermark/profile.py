@@ -5,10 +5,14 @@ bins, cells), how it is written and how many bytes of each class a superframe ca
 receiver are handed the same profile; nothing is module state.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 from codec.errors import CueError
 from watermark.polar import longest_mother
+
+T = TypeVar("T")
 
 FS = 48_000
 """Rate in Hz at which the mark is defined; other rates are converted to it."""
@@ -218,6 +222,25 @@ PROFILES: dict[str, Profile] = {
 """Profiles by name; a profile's number is its place."""
 
 
+def find_named(choices: Mapping[str, T], name: str, kind: str) -> T:
+    """Return the choice called `name`; `kind` says what it is, in the words of the user.
+
+    Raises
+    ------
+    CueError
+        If there is none.
+
+    Examples
+    --------
+    >>> find_named({"one": 1, "two": 2}, "two", "number")
+    2
+    """
+    try:
+        return choices[name]
+    except KeyError:
+        raise CueError(f"unknown {kind} {name!r}, known: {', '.join(choices)}") from None
+
+
 def find_profile(name: str) -> Profile:
     """Return the profile called `name`.
 
@@ -231,8 +254,4 @@ def find_profile(name: str) -> Profile:
     >>> find_profile("standard").net_bps
     337.5
     """
-    try:
-        return PROFILES[name]
-    except KeyError:
-        known = ", ".join(PROFILES)
-        raise CueError(f"unknown profile {name!r}, known: {known}") from None
+    return find_named(PROFILES, name, "profile")

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.errors import CueError
 from cuecast.media.picture import PictureStage, rewrite_picture
 from receiver.media.picture import PictureFormat
+from watermark.profile import find_named
 
 Luma = NDArray[Any]
 
@@ -113,10 +113,7 @@ def find_channel(name: str) -> PictureChannel:
     CueError
         If there is none.
     """
-    try:
-        return CHANNELS[name]
-    except KeyError:
-        raise CueError(f"unknown channel {name!r}, known: {', '.join(CHANNELS)}") from None
+    return find_named(CHANNELS, name, "channel")
 
 
 def send(marked: Path, form: PictureFormat, channel: PictureChannel) -> Path:

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.signal
 from numpy.typing import NDArray
 
-from codec.errors import CueError
+from watermark.profile import find_named
 from watermark.tape import Tape
 
 Sound = NDArray[np.float32]
@@ -202,7 +202,4 @@ def find_channel(name: str) -> Channel:
     CueError
         If there is none.
     """
-    try:
-        return CHANNELS[name]
-    except KeyError:
-        raise CueError(f"unknown channel {name!r}, known: {', '.join(CHANNELS)}") from None
+    return find_named(CHANNELS, name, "channel")

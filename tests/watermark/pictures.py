@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.watermark.payloads import payloads
 from watermark.received import ReceivedSuperframe
 from watermark.video.embed import VideoEmbedder
 from watermark.video.profile import PROFILES
@@ -15,12 +16,7 @@ WIDTH, HEIGHT = 640, 360
 
 def source(name: str = "standard") -> Any:
     profile = PROFILES[name]
-
-    def give(k: int) -> tuple[bytes, bytes]:
-        rng = np.random.default_rng(k)
-        return rng.bytes(profile.l0_bytes), rng.bytes(profile.l1_bytes)
-
-    return give
+    return payloads(profile.l0_bytes, profile.l1_bytes)
 
 
 @lru_cache(maxsize=256)

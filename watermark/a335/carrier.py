@@ -36,8 +36,9 @@ from watermark.a335.messages import (
     Convention,
     parse_blocks,
 )
-from watermark.a335.profile import DOMAIN, PROFILES, SUPERFRAME_S, A335Profile
+from watermark.a335.profile import DOMAIN, PROFILES, A335Profile
 from watermark.a335.vp1 import Vp1, parse_vp1
+from watermark.profile import SUPERFRAME_S, find_named
 from watermark.received import ReceivedSuperframe
 
 Luma = NDArray[Any]
@@ -386,9 +387,7 @@ def find_profile(name: str) -> A335Profile:
     CueError
         If there is none.
     """
-    if name not in PROFILES:
-        raise CueError(f"unknown A/335 profile {name!r}, known: {', '.join(PROFILES)}")
-    return PROFILES[name]
+    return find_named(PROFILES, name, "A/335 profile")
 
 
 def read_blocks(luma: Luma, depth: int = 8) -> list[tuple[LineSystem, Block]]:

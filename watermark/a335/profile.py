@@ -13,8 +13,8 @@ from watermark.a335.messages import (
     body_capacity,
     private_overhead,
 )
+from watermark.profile import SUPERFRAME_S
 
-SUPERFRAME_S = 0.64
 CHECK_BYTES = 4
 DOMAIN = "cue.tv,2026"
 """Tagging entity of the messages; a broadcaster puts a name of its own here."""

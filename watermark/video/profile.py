@@ -6,7 +6,7 @@ Specification: spec/video-carrier.md, sections 1 and 2.
 from dataclasses import dataclass
 
 from codec.errors import CueError
-from watermark.profile import STANDARD, SUPERFRAME_S
+from watermark.profile import STANDARD, SUPERFRAME_S, find_named
 
 ROWS, COLUMNS = 45, 80
 """Cells of the picture, whatever its size."""
@@ -125,8 +125,4 @@ def find_profile(name: str) -> VideoProfile:
     >>> find_profile("standard").net_bps
     2000.0
     """
-    try:
-        return PROFILES[name]
-    except KeyError:
-        known = ", ".join(PROFILES)
-        raise CueError(f"unknown video profile {name!r}, known: {known}") from None
+    return find_named(PROFILES, name, "video profile")
