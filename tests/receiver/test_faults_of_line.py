@@ -4,6 +4,7 @@ No key is shown that was not sent at that time, and memory stays where it is.
 """
 
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -24,10 +25,10 @@ def test_a_day_of_a_bad_line() -> None:
     report = Path(__file__).resolve().parents[2] / "artefacts" / "line" / "day.txt"
     report.parent.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as viewer:
-        seen = viewer.submit(watch, 24.0, 4, report).result()
+        seen = viewer.submit(partial(watch, 24.0, 4, report, media=False)).result()
     assert seen.runs > 40
     assert seen.superframes > 60_000
     assert seen.shown > 80_000
     assert seen.wrong == []
-    assert seen.peak_mb < 300
+    assert max(seen.resident_mb) < 300
     assert max(seen.resident_mb[-10:]) < max(seen.resident_mb[:10]) + 30

@@ -14,6 +14,7 @@ from codec.score import Key
 from receiver import live
 from receiver.continuity import Place, SteadyClock
 from receiver.events import KeysFound, MotionPiece
+from receiver.fragments import Fragments, FragmentWriter
 from receiver.live import Broadcast, Happening
 from receiver.memory import give_back_large_blocks
 from tests.receiver.badair import VOICE, BadLine, speech
@@ -39,6 +40,21 @@ class Watched:
     peak_mb: float = 0.0
 
 
+class NoMedia:
+    """Stands for the writer of the viewers' media, which takes a quarter of the time."""
+
+    mime = ""
+
+    def __init__(self, *_: object) -> None:
+        pass
+
+    def sound(self, *_: object) -> Fragments:
+        return Fragments()
+
+    def close(self) -> Fragments:
+        return Fragments()
+
+
 class Witness(SteadyClock):
     """The receiver's clock, watched: which time of the programme lies where on it."""
 
@@ -62,7 +78,7 @@ def memory_mb(pid: int | None = None) -> tuple[float, float]:
     return round(now, 1), round(peak, 1)
 
 
-def watch(hours: float, seed: int, report: Path | None = None) -> Watched:
+def watch(hours: float, seed: int, report: Path | None = None, *, media: bool = True) -> Watched:
     """Watch a bad line and compare what is shown with what was sent.
 
     Parameters
@@ -72,11 +88,14 @@ def watch(hours: float, seed: int, report: Path | None = None) -> Watched:
     seed : int
     report : Path, optional
         File to which the figures so far are written after each run.
+    media : bool
+        Whether what viewers play is written, too.
     """
     give_back_large_blocks()
     rng = np.random.default_rng(seed)
     seen = Watched()
-    with patch.object(live, "SteadyClock", Witness):
+    writer = FragmentWriter if media else NoMedia
+    with patch.object(live, "SteadyClock", Witness), patch.object(live, "FragmentWriter", writer):
         while seen.hours < hours:
             seconds = min(float(rng.exponential(RUN_S)) + 20, 3600 * (hours - seen.hours))
             _watch_one(seen, BadLine(rng, ("aac", "mp2")[int(rng.integers(2))], seconds))
