@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from codec.errors import VoiceError
 from codec.npz import read_arrays, write_arrays
-from codec.resynthesis import Targets
+from codec.resynthesis.targets import Targets
 from codec.timeline import TICKS
 from codec.transform import Bases, Basis, klt, marker_metric, scales_of
 from codec.voice import Voice

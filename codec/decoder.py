@@ -20,7 +20,7 @@ from codec.bits import (
 )
 from codec.coding import coding_for
 from codec.errors import BitstreamError, VoiceError
-from codec.joining import Parts, join, score_of
+from codec.joining import Joined, Parts, join
 from codec.payload import (
     Content,
     is_intact,
@@ -33,7 +33,7 @@ from codec.quantise import (
     basis_of,
     dequantise,
 )
-from codec.resynthesis import minimum_jerk
+from codec.resynthesis.course import minimum_jerk
 from codec.score_coding import ScorePart
 from codec.superframe import WINDOWS, DecodedSuperframe, resynthesis_of
 from codec.tables import coefficient_tables
@@ -140,10 +140,10 @@ class SuperframeDecoder:
         """
         parts = self._parts(index)
         content = self._contents.get(index)
-        line = join(parts)
-        score = score_of(parts, line)
+        joined = join(parts)
+        score = joined.score()
         begin, end = index * SUPERFRAME_S - 1e-6, (index + 1) * SUPERFRAME_S - 1e-6
-        params = self._told(index, parts) if self._tells(index) else self._untold(index, parts)
+        params = self._told(index, joined) if self._tells(index) else self._untold(index, joined)
         return DecodedSuperframe(
             index,
             index * SUPERFRAME_S,
@@ -174,26 +174,26 @@ class SuperframeDecoder:
         """Return whether anything is known about a superframe."""
         return index in self._contents or index in self._previewed
 
-    def _told(self, index: int, parts: Parts) -> Array:
+    def _told(self, index: int, joined: Joined) -> Array:
         """Return the parameters of a superframe that arrived, or was previewed."""
         content = self._contents.get(index)
         if content is not None:
-            return self._prediction(content, index, parts) + self._sent(content)
+            return self._prediction(content, index, joined) + self._sent(content)
         known = [self._contents.get(k) for k in (index - 1, index + 1)]
         before, after = (
             self._sent(c) if c is not None and c.header.mode == SCORE else None for c in known
         )
-        prediction = resynthesis_of(self._coding, parts, index).params()
+        prediction = resynthesis_of(self._coding, joined, index).params()
         return prediction + self._coding.residual.between(before, after)
 
-    def _untold(self, index: int, parts: Parts) -> Array:
+    def _untold(self, index: int, joined: Joined) -> Array:
         """Return likely parameters of a superframe of which nothing is known.
 
         The hand finishes what it does and, if the loss lasts, goes to rest.
         """
-        rest = resynthesis_of(self._coding, {}, index).params()
-        if any(isinstance(part, Window) for part in parts.values()):
-            return resynthesis_of(self._coding, parts, index).params()
+        if any(isinstance(part, Window) for part in joined.parts.values()):
+            return resynthesis_of(self._coding, joined, index).params()
+        rest = resynthesis_of(self._coding, join({}), index).params()
         sides = [
             [k for k in range(index + side, index + side * _HISTORY, side) if self._tells(k)][:1]
             for side in (-1, 1)
@@ -206,17 +206,17 @@ class SuperframeDecoder:
         mean = self._coding.mean
         resting = minimum_jerk((distance - TICKS) / TICKS)[:, None]
         before, after = (
-            self._told(k, self._parts(k)) - mean if self._tells(k) else None
+            self._told(k, join(self._parts(k))) - mean if self._tells(k) else None
             for k in (index - 1, index + 1)
         )
         likely = self._coding.plain.between(before, after)
         return mean + resting * (rest - mean) + (1 - resting) * likely
 
-    def _prediction(self, content: Content, index: int, parts: Parts) -> Array:
+    def _prediction(self, content: Content, index: int, joined: Joined) -> Array:
         if content.header.mode == PLAIN:
             return self._coding.mean
         setting = content.setting
-        resynthesis = resynthesis_of(self._coding, parts, index)
+        resynthesis = resynthesis_of(self._coding, joined, index)
         return resynthesis.params(course=setting.course, shift=setting.shift)
 
     def _bases(self, header: Header) -> Bases:

@@ -22,6 +22,7 @@ from codec.bits import (
 from codec.coding import coding_for
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.errors import CueError, VoiceError
+from codec.joining import join
 from codec.layout import MARKERS
 from codec.motion import Motion
 from codec.payload import (
@@ -48,7 +49,7 @@ from codec.quantise import (
     quantise_rd,
     width_mm,
 )
-from codec.resynthesis import SHIFTS
+from codec.resynthesis.course import SHIFTS
 from codec.score import Score
 from codec.score_coding import ScorePart, evenly, part_of
 from codec.superframe import Superframe, resynthesis_of
@@ -215,7 +216,9 @@ class SuperframeEncoder:
             return _Plan(index, header, None, {}, False, bases, (moved, moved), 0, 0)
         around = {k: self._part(motion.score, k) for k in (index - 1, index, index + 1)}
         part, even = around[index]
-        resynthesis = resynthesis_of(self._coding, {k: p for k, (p, _) in around.items()}, index)
+        resynthesis = resynthesis_of(
+            self._coding, join({k: p for k, (p, _) in around.items()}), index
+        )
         bases = self._coding.of_score
 
         def energy(course: int, shift: int) -> float:

@@ -7,7 +7,7 @@ from codec.errors import BitstreamError
 from codec.joining import score_of
 from codec.payload import is_intact, read_beginning
 from codec.quantise import NO_RESIDUAL, width_mm
-from codec.resynthesis import SHIFTS
+from codec.resynthesis.course import SHIFTS
 from codec.score_coding import ScorePart
 from codec.stream import read_head, read_superframes
 from codec.superframe import Superframe

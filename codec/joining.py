@@ -8,7 +8,7 @@ wrong one. Specification: spec/bitstream.md, section 4.
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
 from codec.phonology import PHONE_NUMBER, PHONES
@@ -25,8 +25,67 @@ Parts = Mapping[int, ScorePart | Window]
 """Scores by the number of their superframe; the kind that is rarer counts as missing."""
 
 
-def join(parts: Parts) -> list[Sounding]:
-    """Return the phones of the superframes `parts`, pauses included, in order of time."""
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """The scores of superframes as one.
+
+    Attributes
+    ----------
+    parts : mapping of int to ScorePart or Window
+        What was joined.
+    line : list of Sounding
+        Phones, pauses included, in order of time.
+    every : list of Key
+        Keys in order of time, with those whose consonant may have been lost, as vowels alone.
+    """
+
+    parts: Parts
+    line: list[Sounding]
+    every: list[Key]
+
+    def keys(self) -> list[Key]:
+        """Return the keys that are certain (J5, J7)."""
+        opened = {s.start for s in self.line if s.open_start and s.number}
+        unfinished = {s.start for s in self.line if s.open_end and is_consonant(s.number)}
+        if not opened and not unfinished:
+            return self.every
+        return [
+            key
+            for before, key in itertools.pairwise([None, *self.every])
+            if key
+            and not (round(key.start / TICK_S) in opened and _doubtful(key, before))
+            and not (round(key.start / TICK_S) in unfinished and len(key.phones) == 1)
+        ]
+
+    def score(self) -> Score:
+        """Return phones and keys; those that are known from previews only have no phones."""
+        coarse = {
+            k for k, part in self.parts.items() if isinstance(part, ScorePart) and part.coarse
+        }
+        if not coarse:
+            return Score(tuple(phones_of(self.line)), tuple(self.keys()))
+        return Score(
+            tuple(phones_of([s for s in self.line if s.start // TICKS not in coarse])),
+            tuple(
+                replace(key, phones=()) if round(key.start / TICK_S) // TICKS in coarse else key
+                for key in self.keys()
+            ),
+        )
+
+
+def join(parts: Parts) -> Joined:
+    """Join the scores of superframes."""
+    line = _line_of(parts)
+    return Joined(parts, line, _keys_of(line, parts))
+
+
+def score_of(parts: Parts) -> Score:
+    """Return the score that superframes tell together."""
+    return join(parts).score()
+
+
+def _line_of(parts: Parts) -> list[Sounding]:
+    """Return the phones of superframes, pauses included, in order of time."""
     windows = {k: part for k, part in parts.items() if isinstance(part, Window)}
     if 2 * len(windows) > len(parts):
         return join_windows(windows)
@@ -100,26 +159,12 @@ def _completed(
         yield Sounding(part.ahead, reach, end if exact else reach + NOMINAL_TICKS)
 
 
-def keys_of(line: Sequence[Sounding], parts: Parts, *, unsure: bool = False) -> list[Key]:
-    """Return the keys of a joined line, in order of time.
-
-    Parameters
-    ----------
-    line : sequence of Sounding
-        From `join`.
-    parts : mapping of int to ScorePart or Window
-        The same parts: their options and overrides apply to the keys that start in them.
-    unsure : bool
-        Whether to list keys whose consonant may have been lost, as vowels alone.
-
-    Returns
-    -------
-    list of Key
-    """
-    open_starts = {s.start for s in line if s.open_start and s.number}
-    unfinished = {s.start for s in line if s.open_end and is_consonant(s.number)}
+def _keys_of(line: Sequence[Sounding], parts: Parts) -> list[Key]:
+    """Return the keys of a line under the options and overrides where they start."""
     phones = phones_of(line)
     every = {part.options for part in parts.values()} or {DEFAULT_OPTIONS}
+    if len(every) == 1 and not any(part.overrides for part in parts.values()):
+        return list(cue(phones, *every))
     keys = [
         _overridden(key, tick, parts)
         for options in every
@@ -127,16 +172,7 @@ def keys_of(line: Sequence[Sounding], parts: Parts, *, unsure: bool = False) -> 
         for tick in (round(key.start / TICK_S),)
         if len(every) == 1 or _options_at(tick, parts) == options
     ]
-    keys.sort(key=lambda key: key.start)
-    if unsure:
-        return keys
-    return [
-        key
-        for before, key in itertools.pairwise([None, *keys])
-        if key
-        and not (round(key.start / TICK_S) in open_starts and _doubtful(key, before))
-        and not (round(key.start / TICK_S) in unfinished and len(key.phones) == 1)
-    ]
+    return sorted(keys, key=lambda key: key.start)
 
 
 def _doubtful(key: Key, before: Key | None) -> bool:
@@ -165,28 +201,3 @@ def _overridden(key: Key, tick: int, parts: Parts) -> Key:
 def phones_of(line: Sequence[Sounding]) -> list[Phone]:
     """Return the phones of a joined line without its pauses."""
     return [Phone(PHONES[s.number], s.start * TICK_S, s.end * TICK_S) for s in line if s.number]
-
-
-def score_of(parts: Parts, line: Sequence[Sounding] | None = None) -> Score:
-    """Return the score that superframes tell together.
-
-    Keys that are known from previews only have no phones.
-
-    Parameters
-    ----------
-    parts : mapping of int to ScorePart or Window
-    line : sequence of Sounding, optional
-        The same, joined, if that has been done.
-    """
-    line = join(parts) if line is None else line
-    coarse = {k for k, part in parts.items() if isinstance(part, ScorePart) and part.coarse}
-    keys = keys_of(line, parts)
-    if not coarse:
-        return Score(tuple(phones_of(line)), tuple(keys))
-    return Score(
-        tuple(phones_of([s for s in line if s.start // TICKS not in coarse])),
-        tuple(
-            replace(key, phones=()) if round(key.start / TICK_S) // TICKS in coarse else key
-            for key in keys
-        ),
-    )

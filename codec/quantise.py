@@ -23,7 +23,7 @@ GAINS = (0, 6, 0, 10)
 first two gains belong to the first basis, the others to the second (Q6)."""
 
 N_COURSES = 4
-"""Forms of movement of which a superframe names one (`codec.resynthesis.COURSES`)."""
+"""Forms of movement of which a superframe names one (`codec.resynthesis.course.COURSES`)."""
 
 FRACTION_BITS = 16
 WEIGHT = 0.16
@@ -48,7 +48,7 @@ class Setting:
     course : int
         Form of the hand's movements, 0..3.
     shift : int
-        Index in `codec.resynthesis.SHIFTS`.
+        Index in `codec.resynthesis.course.SHIFTS`.
     """
 
     step: int

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.coding import Coding
-from codec.joining import Parts, join
-from codec.resynthesis import Resynthesis
+from codec.joining import Joined
+from codec.resynthesis.course import Resynthesis
 from codec.score import Key, Phone
 from codec.score_coding import ScorePart
 from codec.timeline import TICKS
@@ -72,12 +72,6 @@ class DecodedSuperframe:
     sequence: int
 
 
-def resynthesis_of(coding: Coding, parts: Parts, index: int) -> Resynthesis:
-    """Return what the scores of superframes `parts` say about superframe `index` (section 5)."""
-    reach = range(index - WINDOWS, index + 2)
-    near = {
-        k: parts[k]
-        for k in reach
-        if k in parts and (k >= index - 1 or isinstance(parts[k], Window))
-    }
-    return Resynthesis(join(near), near, coding.targets, index * TICKS, TICKS)
+def resynthesis_of(coding: Coding, joined: Joined, index: int) -> Resynthesis:
+    """Return what the scores about superframe `index` say of it (section 5)."""
+    return Resynthesis(joined, coding.targets, index * TICKS, TICKS)

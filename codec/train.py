@@ -19,7 +19,7 @@ from codec.score import Score
 from codec.superframe import resynthesis_of
 from codec.train_coefficients import train_coefficients
 from codec.train_score import train_score
-from codec.train_voice import blocks_of, parts_of
+from codec.train_voice import blocks_of, near, parts_of
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def format_tables(
             blocks = blocks_of(motion)
             parts = parts_of(motion, len(blocks))
             for k, block in enumerate(blocks):
-                prediction = resynthesis_of(coding, parts, k).params()
+                prediction = resynthesis_of(coding, near(parts, k), k).params()
                 found.append(basis.forward(block - prediction))
                 plain.append(coding.plain.forward(block - coding.mean))
     coefficient = train_coefficients([

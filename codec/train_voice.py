@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from codec.coding import Coding
 from codec.errors import CueError
-from codec.joining import join
+from codec.joining import Joined, join
 from codec.motion import Motion
-from codec.resynthesis import Resynthesis, Targets, key_weights, movements, phone_weights
+from codec.resynthesis.course import Resynthesis, key_weights, phone_weights
+from codec.resynthesis.movements import movements
+from codec.resynthesis.targets import Targets
 from codec.score_coding import ScorePart, part_of
-from codec.timeline import TICKS, Sounding, to_line
+from codec.timeline import TICKS, to_line
 from codec.transform import Basis, klt, marker_metric, scales_of
 from codec.voice import Voice
 
@@ -44,6 +46,11 @@ def parts_of(motion: Motion, count: int) -> dict[int, ScorePart]:
     """Return the score of a motion as parts of superframes -1 to `count`."""
     line = to_line(motion.score)
     return {k: part_of(line, k) for k in range(-1, count + 1)}
+
+
+def near(parts: dict[int, ScorePart], k: int) -> Joined:
+    """Return a superframe's score joined with its neighbours'."""
+    return join({i: parts[i] for i in (k - 1, k, k + 1)})
 
 
 def train_coding(
@@ -81,10 +88,9 @@ def _lacking(
 ) -> Array:
     """Return what resynthesis lacks in each superframe, shape (N, 32, P)."""
     return np.concatenate([
-        block - Resynthesis(join(near), near, targets, k * TICKS, TICKS).params()[None]
+        block - Resynthesis(near(known, k), targets, k * TICKS, TICKS).params()[None]
         for b, known in zip(blocks, parts, strict=True)
         for k, block in enumerate(np.split(b, len(b)))
-        for near in [{i: known[i] for i in (k - 1, k, k + 1)}]
     ])  # fmt: skip
 
 
@@ -105,10 +111,10 @@ def _targets(
     groups = np.cumsum([7, prior.hand.shape[1], prior.head.shape[1]])
     rows = []
     for block, known in zip(blocks, parts, strict=True):
-        line: list[Sounding] = join(known)
+        joined = join(known)
         n_frames = block.shape[0] * TICKS
-        keys = key_weights(movements(line, known), 0, n_frames)
-        faces = [phone_weights(line, k * TICKS, TICKS) for k in range(len(block))]
+        keys = key_weights(movements(joined), 0, n_frames)
+        faces = [phone_weights(joined.line, k * TICKS, TICKS) for k in range(len(block))]
         rows.append((keys, np.concatenate(faces), np.split(block.reshape(n_frames, -1), groups, 1)))
     fingers = np.concatenate([keys.fingers for keys, _, _ in rows])
     carrier = np.concatenate([keys.carrier for keys, _, _ in rows])

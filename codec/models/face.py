@@ -114,12 +114,7 @@ class FaceModel:
         p = np.asarray(parameters, dtype=np.float64)
         motion = self.motion(p[:, N_FACE_PARAMETERS:])
         points = self.shape(p[:, :N_FACE_PARAMETERS]) - self.pivot
-        out = np.empty_like(points)
-        out[:, HEAD_COLUMNS] = rigid.rigid_motion(points[:, HEAD_COLUMNS], motion)
-        out[:, THROAT_COLUMNS] = rigid.weighted_rigid_motion(
-            points[:, THROAT_COLUMNS], motion[:, None] * self.weights[THROAT_COLUMNS]
-        )
-        return out + self.pivot
+        return rigid.shared_motion(points, motion, self.weights, self.pivot)
 
     def residual(
         self, parameters: NDArray[np.float64], markers: NDArray[np.float64]

@@ -117,7 +117,8 @@ class HandModel:
         """
         p = np.asarray(parameters, dtype=np.float64)
         motion = self.motion(p[:, self.n_shape :])
-        return rigid.rigid_motion(self.shape(p[:, : self.n_shape]), motion) + self.pivot
+        whole = np.ones((layout.N_HAND, 6))
+        return rigid.shared_motion(self.shape(p[:, : self.n_shape]), motion, whole, self.pivot)
 
     def residual(
         self, parameters: NDArray[np.float64], markers: NDArray[np.float64]

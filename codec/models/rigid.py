@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from codec.errors import CueError
+from codec.models import _kernels
 
 OUTLIER_MM = 3.0
 """A marker farther than this from the rigid fit does not belong to the rigid body."""
@@ -179,6 +180,37 @@ def weighted_rigid_motion(points: ArrayLike, motion: ArrayLike) -> NDArray[np.fl
     a, b, _ = _rotation_factors((r * r).sum(-1))
     once = np.cross(r, p)
     return np.asarray(p + a[..., None] * once + b[..., None] * np.cross(r, once) + m[..., 3:])
+
+
+def shared_motion(
+    points: NDArray[np.float64], motion: ArrayLike, shares: ArrayLike, pivot: ArrayLike
+) -> NDArray[np.float64]:
+    """Move points about a pivot, each by its share of a motion that all have in common.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (T, K, 3)
+        From the pivot.
+    motion : array_like, shape (T, 6)
+    shares : array_like, shape (K, 6)
+        Factors of rotation vector and translation.
+    pivot : array_like, shape (3,)
+
+    Returns
+    -------
+    ndarray of float64, shape (T, K, 3)
+        From the origin.
+
+    Examples
+    --------
+    >>> turn = [[0, 0, np.pi, 0, 0, 4]]
+    >>> shared_motion(np.array([[[1.0, 0, 0]]]), turn, 0.5 * np.ones((1, 6)), [0, 0, 1]).round(6)
+    array([[[0., 1., 3.]]])
+    """
+    out = np.empty_like(points)
+    moved, factors, centre = (np.asarray(a, dtype=np.float64) for a in (motion, shares, pivot))
+    _kernels.move_into(np.ascontiguousarray(points), moved, factors, centre, out)
+    return out
 
 
 def inverse_rigid_motion(points: ArrayLike, motion: ArrayLike) -> NDArray[np.float64]:

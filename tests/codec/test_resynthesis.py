@@ -9,15 +9,10 @@ from codec.cueing import cue
 from codec.errors import VoiceError
 from codec.joining import join
 from codec.motion import Motion
-from codec.resynthesis import (
-    N_KEYS,
-    PARTS,
-    Resynthesis,
-    Targets,
-    key_weights,
-    movements,
-    phone_weights,
-)
+from codec.resynthesis import _kernels
+from codec.resynthesis.course import Resynthesis, key_weights, phone_weights
+from codec.resynthesis.movements import PARTS, movements
+from codec.resynthesis.targets import N_KEYS, Targets
 from codec.score import Phone, Score
 from codec.score_coding import ScorePart, part_of
 from codec.timeline import TICKS, to_line
@@ -40,7 +35,7 @@ def parts_of_phones(
 
 def test_movements_follow_the_stated_times() -> None:
     parts = parts_of_phones(WORDS)
-    moves = movements(join(parts), parts)
+    moves = movements(join(parts))
     # Rest, three keys of 12 ticks, rest: paragraphs P1 to P3 by hand.
     assert moves.key.tolist() == [0, 6 * 4 + 1, 6 * 6 + 2, 6 * 3 + 3, 0]
     assert moves.leave[1:].tolist() == [4000 - 2250, 5200 - 744, 6400 - 744, 7600 + 400]
@@ -51,7 +46,7 @@ def test_the_hand_shares_a_silence_between_rest_and_return() -> None:
     phones = [Phone("a", 0.2, 0.4), Phone("a", 1.0, 1.2)]
     line = to_line(Score(tuple(phones), tuple(cue(phones))))
     parts = {k: part_of(line, k) for k in range(3)}
-    moves = movements(join(parts), parts)
+    moves = movements(join(parts))
     # Silence from tick 20 to 50: to rest from 24, back from 35 on.
     assert moves.leave[1:4].tolist() == [1000 - 2250, 2400, 5000 - 1500]
     assert moves.reach[2] == 3500
@@ -60,15 +55,15 @@ def test_the_hand_shares_a_silence_between_rest_and_return() -> None:
 def test_a_lost_superframe_is_no_silence() -> None:
     parts = parts_of_phones(WORDS * 4, start_tick=10, length=5)
     holed = {k: part for k, part in parts.items() if k != 2}
-    keys = movements(join(holed), holed).key.tolist()
+    keys = movements(join(holed)).key.tolist()
     assert 0 not in keys[1:-1]
 
 
 def test_weights_are_shares() -> None:
     parts = parts_of_phones(WORDS)
-    line = join(parts)
-    weights = key_weights(movements(line, parts), 0, 160)
-    for rows in (weights.fingers, weights.carrier, phone_weights(line, 0, 160)):
+    joined = join(parts)
+    weights = key_weights(movements(joined), 0, 160)
+    for rows in (weights.fingers, weights.carrier, phone_weights(joined.line, 0, 160)):
         assert rows.min() >= -1e-12
         np.testing.assert_allclose(rows.sum(axis=1), 1)
     # At rest before, on the second key while it is held, at rest long after.
@@ -86,15 +81,15 @@ def test_the_past_does_not_depend_on_the_future() -> None:
         np.random.default_rng(1).normal(size=(N_KEYS, 3)), np.array([0.1, 0.0, 0.2]),
         np.random.default_rng(2).normal(size=(38, 7)),
     )  # fmt: skip
-    whole = Resynthesis(join(parts), parts, table, 0, 5 * TICKS).params()
+    whole = Resynthesis(join(parts), table, 0, 5 * TICKS).params()
     for k in range(1, 4):
         near = {i: parts[i] for i in (k - 1, k, k + 1)}
-        block = Resynthesis(join(near), near, table, k * TICKS, TICKS).params()
+        block = Resynthesis(join(near), table, k * TICKS, TICKS).params()
         np.testing.assert_allclose(block, whole[k * TICKS : (k + 1) * TICKS], atol=1e-3)
 
 
 def test_silence_is_rest() -> None:
-    moves = movements([], {})
+    moves = movements(join({}))
     assert moves.key.tolist() == [0]
     assert key_weights(moves, 0, 3).carrier[:, 0].tolist() == [1, 1, 1]
     assert phone_weights([], 0, 3)[:, 0].tolist() == [1, 1, 1]
@@ -116,12 +111,12 @@ def test_trained_tables_predict_better_than_derived_ones(toy_voice: Voice) -> No
     score = Score(tuple(phones), tuple(cue(phones)))
     line = to_line(score)
     known = {k: part_of(line, k) for k in range(-1, 50)}
-    params = Resynthesis(join(known), known, other, 0, 48 * TICKS).params()
+    params = Resynthesis(join(known), other, 0, 48 * TICKS).params()
     params += 0.02 * rng.normal(size=params.shape)
     motion = Motion(params.astype(np.float32), 50, 0.0, toy_voice.layout, toy_voice.identity, score)
     trained = train_coding(toy_voice, [motion])
     errors = [
-        np.abs(Resynthesis(join(known), known, targets, 0, 48 * TICKS).params() - params).mean()
+        np.abs(Resynthesis(join(known), targets, 0, 48 * TICKS).params() - params).mean()
         for targets in (hidden, trained.targets)
     ]
     # Measured: 0.31 and 0.04.
@@ -143,3 +138,23 @@ def test_tables_of_another_voice_are_refused(toy_voice: Voice, tmp_path: Path) -
     save_coding(replace(coding_for(toy_voice), voice="0" * 16), path)
     with pytest.raises(VoiceError, match="coding tables of voice 0000000000000000"):
         load_coding(path, toy_voice)
+
+
+def test_compiled_loops_are_those_of_python() -> None:
+    rng = np.random.default_rng(3)
+    sounds = np.array([[1, 3, 9], [0, 9, 12], [20, 12, 60]], dtype=np.int64)
+    weights = np.full((2, 40, 38), 0.05)
+    _kernels.pull_into(sounds, 5, 22.5, 2.5, 0.6, weights[0])
+    _kernels.pull_into.py_func(sounds, 5, 22.5, 2.5, 0.6, weights[1])
+    leave, reach = np.array([[-9999, 300, 900], [-9999, 850, 901]], dtype=np.int64)
+    number, progress = np.zeros((2, 20), dtype=np.int64), np.zeros((2, 20, 2))
+    hand, carried = rng.normal(size=(3, 4)), rng.normal(size=(3, 2))
+    out, distance, arc = np.zeros((2, 20, 6)), np.array([0.0, 1.5, 2.0]), np.array([0.1, -0.2])
+    for i, which in enumerate(("__call__", "py_func")):
+        kernels = (getattr(k, which) for k in (_kernels.progress_into, _kernels.course_into))
+        progress_into, course_into = kernels
+        progress_into(leave, reach, 100, 100, 150.0, 0.55, number[i], progress[i])
+        course_into(number[i], progress[i], hand, carried, distance, arc, out[i])
+    for found in (weights, number, progress, out):
+        np.testing.assert_allclose(found[0], found[1], atol=1e-12)
+    np.testing.assert_allclose(out[0, [0, -1], :4], hand[[0, 2]])

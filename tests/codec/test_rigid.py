@@ -91,6 +91,19 @@ def test_compiled_slopes_are_those_of_python(turns: int) -> None:
     np.testing.assert_allclose(found[2, 3, 3], last, atol=1e-5)
 
 
+def test_points_move_by_their_shares() -> None:
+    rng = np.random.default_rng(2)
+    points, motion = rng.normal(size=(5, 4, 3)), rng.normal(size=(5, 6))
+    motion[0, :3] = 1e-6
+    shares = np.repeat(rng.uniform(size=(2, 6)), 2, axis=0)
+    pivot = rng.normal(size=3)
+    expected = rigid.weighted_rigid_motion(points, motion[:, None] * shares) + pivot
+    found = rigid.shared_motion(points, motion, shares, pivot)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    _kernels.move_into.py_func(points, motion, shares, pivot, found)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
 def test_reflection_is_refused() -> None:
     found, _ = rigid.estimate_motion(BODY, (BODY * [-1, 1, 1])[None])
     assert np.linalg.det(rigid.rotation_matrices(found[0, :3])) == pytest.approx(1)

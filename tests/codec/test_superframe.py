@@ -17,7 +17,7 @@ from codec.payload import read_l0, read_l1
 from codec.score import Key, Phone, Score
 from codec.superframe import DecodedSuperframe, Superframe, resynthesis_of
 from codec.timeline import SUPERFRAME_S, TICKS
-from codec.train_voice import parts_of
+from codec.train_voice import near, parts_of
 from codec.voice import Voice
 
 SENTENCE = "b ɔ̃ ʒ u ʁ _ l ə k ɔ d a ʒ e f ɛ t u ʒ u ʁ v i t _ _ _ _ _ _ _ s u b l ɛ m ɑ̃".split()
@@ -43,7 +43,8 @@ def perform(toy_voice: Voice) -> Callable[[Score, int], Motion]:
         )  # fmt: skip
         parts = parts_of(motion, superframes)
         params = [
-            resynthesis_of(coding_for(toy_voice), parts, k).params() for k in range(superframes)
+            resynthesis_of(coding_for(toy_voice), near(parts, k), k).params()
+            for k in range(superframes)
         ]
         rng = np.random.default_rng(seed)
         drift = np.cumsum(rng.normal(0, 0.03, (superframes * TICKS, params[0].shape[1])), axis=0)

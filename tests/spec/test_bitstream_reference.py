@@ -1,7 +1,10 @@
 """The codec against the plain decoder that was written from the specification."""
 
 import contextlib
+import json
+from collections.abc import Sequence
 from dataclasses import astuple
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from codec import _kernels
 from codec.bits import COMPACT, crc8, crc16
 from codec.errors import BitstreamError
 from codec.payload import read_l0, read_l1
@@ -21,6 +25,7 @@ from codec.window import Window
 from spec.reference import superframe as reference
 from spec.reference.range_decoder import RangeDecoder as ReferenceDecoder
 
+VECTORS = Path(__file__).parents[2] / "spec" / "vectors"
 CHANNELS = 6
 DECAY = np.arange(32)
 
@@ -125,12 +130,42 @@ def test_the_gain_names_one_of_two_bases(body: bytes, top: int, other: int) -> N
         assert values.tolist() == expected.values
 
 
+def fuzzed(rng: np.random.Generator, parts: Sequence[bytes]) -> list[bytes]:
+    """Change, cut off or append a few bytes of valid parts."""
+    changed = []
+    for part in parts:
+        data = bytearray(part)
+        for _ in range(int(rng.integers(0, 4))):
+            kind, at = int(rng.integers(0, 8)), int(rng.integers(0, len(data) + 1))
+            if kind == 0:
+                del data[at:]
+            elif kind == 1:
+                data[at:at] = rng.bytes(int(rng.integers(1, 6)))
+            elif at < len(data):
+                data[at] ^= 1 << int(rng.integers(0, 8))
+        changed.append(bytes(data))
+    return changed
+
+
 @pytest.mark.slow
-def test_ten_thousand_random_superframes() -> None:
+def test_ten_thousand_random_and_fuzzed_superframes() -> None:
+    """Kernels, the same as plain Python, and the reference: all the same, errors too."""
     rng = np.random.default_rng(20)
-    for _ in range(10_000):
+    cases = json.loads((VECTORS / "superframe.json").read_text(encoding="utf-8"))["cases"]
+    valid = [(bytes.fromhex(c["l0"]), bytes.fromhex(c["l1"])) for c in cases if c["valid"]]
+    for number in range(10_000):
         body, more = rng.bytes(int(rng.integers(3, 60))), rng.bytes(int(rng.integers(0, 60)))
-        decode_both(*with_checks(body, more), basis(int(rng.integers(0, 60))))
+        if number % 2:
+            l0, l1 = valid[int(rng.integers(len(valid)))]
+            compact = l0[0] >> 4 & 3 == COMPACT
+            body, more = fuzzed(rng, (l0 if compact else l0[:-2], l1[:-1]))
+            body = body.ljust(3, b"\0")
+        parts, used = with_checks(body, more), basis(int(rng.integers(0, 60)))
+        decode_both(*parts, used)
+        with pytest.MonkeyPatch.context() as patch:
+            for name in ("start_decoding", "decode_symbol", "decode_coefficients", "dequantise"):
+                patch.setattr(_kernels, name, getattr(_kernels, name).py_func)
+            decode_both(*parts, used)
 
 
 @pytest.mark.vectors("superframe")
