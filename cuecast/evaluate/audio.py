@@ -317,6 +317,9 @@ def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
             f"{row.superframes_lost} of {row.superframes_sent} lost at grade {row.odg:.2f}"
         ),
     )
+    sent = sum(row.superframes_sent for row in rows)
+    wrong = sum(row.wrong for row in rows)
+    options.say(f"{sent} superframes sent after tune-in, {wrong} accepted wrong")
     return [asdict(row) for row in rows]
 
 
