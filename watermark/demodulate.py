@@ -16,8 +16,8 @@ from watermark.link import Decoded, Link
 from watermark.profile import LEVELS, PILOT_STEPS, Profile
 from watermark.reliability import NOISY, Reliability
 
-LIST_SIZE, LONG_LIST_SIZE = 8, 32
-"""Paths that the decoder follows at first, and when that found nothing."""
+LIST_SIZE, LONG_LIST_SIZE, LONGEST_LIST_SIZE = 8, 32, 128
+"""Paths that the decoder follows at first, when that found nothing, and where one is due."""
 
 TRIED_LEVELS = 8
 """Levels at which a superframe is tried: those of the two tiers whose pilots fit best."""
@@ -68,18 +68,18 @@ class Demodulator:
             tiers.update(dict.fromkeys(levels, score))
         return sorted(tiers, key=lambda level: (-tiers[level], abs(level - last)))[:TRIED_LEVELS]
 
-    def read(self, view: View, levels: list[int], *, thorough: bool = True) -> Reading:
+    def read(self, view: View, levels: list[int], *, longest: int = LONGEST_LIST_SIZE) -> Reading:
         """Read at the first of `levels` that the link accepts; else at the first of all.
 
-        What fails everywhere is tried again, unless thorough is False, at the first level with a
-        longer list, then as sound to which noise was added.
+        What fails everywhere is tried again at the first level with a list of the longest size,
+        then as sound to which noise was added.
         """
         loudness = view.loudness(self.layout.cells)
         learnt = self.reliability.weights(loudness)
         noisy = self.reliability.weights(loudness, exponents=NOISY)
-        last = [(levels[0], learnt, LONG_LIST_SIZE), (levels[0], noisy, LONG_LIST_SIZE)]
+        last = [(levels[0], learnt, longest), (levels[0], noisy, longest)]
         attempts = itertools.chain(
-            ((level, learnt, LIST_SIZE) for level in levels), last if thorough else []
+            ((level, learnt, LIST_SIZE) for level in levels), last if longest > LIST_SIZE else []
         )
         for level, weights, list_size in attempts:
             reading = self._read_at(view, level, weights, list_size)

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.centre import CentreShare
 from watermark.design import MarkDesigner
 from watermark.grade import LevelControl
 from watermark.mix import add_mark, check_format, front_of, mid_of, side_of
@@ -25,6 +24,7 @@ from watermark.profile import (
     find_profile,
 )
 from watermark.rehearsal import Rehearsal
+from watermark.share import MarkShares
 from watermark.tape import Tape
 
 STRETCH = 4
@@ -77,9 +77,11 @@ class _Stretch:
     clean, marked : ndarray of float64, shape (n, 1 or 2)
         The programme's front without and with marks, for grading.
     mark : ndarray of float64, shape (n,)
-        What was added.
+        What was added to the mid.
     tail : ndarray of float64, shape (HOP,)
         Part of the last superframe's mark that lies beyond.
+    divided : ndarray of float64, shape (2, n + HOP)
+        See `MarkShares.divide`.
     silent : tuple of bool
         For each superframe, whether it cannot carry.
     levels : list of int, or None
@@ -91,6 +93,7 @@ class _Stretch:
     marked: NDArray[np.float64]
     mark: NDArray[np.float64]
     tail: NDArray[np.float64]
+    divided: NDArray[np.float64]
     silent: tuple[bool, ...]
     levels: list[int] | None
 
@@ -163,8 +166,8 @@ class AudioEmbedder:
         self._host = Tape()
         self._side = Tape()
         self._mark = Tape()
-        self._centre = CentreShare(channels)
-        self._taken = Tape()
+        self._shares = MarkShares(channels)
+        self._across, self._taken = Tape(), Tape()
         self._before = np.zeros(HOP)
         self._tail = np.zeros(HOP)
         self._next = 0
@@ -179,7 +182,7 @@ class AudioEmbedder:
         self._programme = np.concatenate([self._programme, x])
         self._host.append(mid_of(x))
         self._side.append(side_of(x))
-        self._centre.append(x)
+        self._shares.append(x)
         ratio = self._fs / FS
         margin = self._host.reach(ratio)
         while ((self._next + STRETCH) * SUPERFRAME + HOP) * ratio + margin <= self._host.end:
@@ -192,7 +195,7 @@ class AudioEmbedder:
         needed = math.ceil(total / self._fs / SUPERFRAME_S)
         while self._next < needed:
             self._write_next(min(STRETCH, needed - self._next))
-        for tape in (self._mark, self._taken):
+        for tape in (self._mark, self._across, self._taken):
             tape.append(np.zeros(FS // 10))
         return self._take(self._programme.shape[0])
 
@@ -217,6 +220,7 @@ class AudioEmbedder:
         start = self._next * SUPERFRAME * ratio
         host = self._host.read(start, ratio, count * SUPERFRAME + HOP)
         side = self._side.read(start, ratio, count * SUPERFRAME + HOP)
+        self._shares.begin(start, ratio, count * SUPERFRAME)
         payloads = [self._source(k) for k in numbers]
         if self._control is None:
             made = self._stretch(host, side[:-HOP], payloads, [self._level] * count)
@@ -232,14 +236,15 @@ class AudioEmbedder:
                 self._rehearsal.send(made.marked, payloads, _written(made))
         self._before, self._tail = made.mid[-HOP:], made.tail
         self._mark.append(made.mark)
-        whole = np.concatenate([made.mark, made.tail])
-        self._taken.append(self._centre.take(whole, start, ratio))
+        across, taken = self._shares.settle(made.divided)
+        self._across.append(across)
+        self._taken.append(taken)
         self._silent += [k for k, silent in zip(numbers, made.silent, strict=True) if silent]
         self._next += count
         done = int(self._next * SUPERFRAME * ratio) - 2 * self._host.reach(ratio)
         for tape in (self._host, self._side):
             tape.forget(done)
-        self._centre.forget(done - HOP)
+        self._shares.forget(done - HOP)
 
     def _needs(self, host: NDArray[np.float64], side: NDArray[np.float64]) -> list[float]:
         """Level that each superframe of a stretch needs."""
@@ -270,12 +275,14 @@ class AudioEmbedder:
                 before = marked[(i + 1) * SUPERFRAME - HOP : (i + 1) * SUPERFRAME]
                 silent[i] = not made.carries
         mark = marked - host
+        divided = self._shares.divide(mark)
         return _Stretch(
             mid=marked[:-HOP],
             clean=front_of(host[:-HOP], side, self._front),
-            marked=front_of(marked[:-HOP], side, self._front),
+            marked=front_of(marked[:-HOP], side + divided[0, :-HOP], self._front),
             mark=mark[:-HOP],
             tail=mark[-HOP:],
+            divided=divided,
             silent=tuple(silent),
             levels=levels,
         )
@@ -290,14 +297,15 @@ class AudioEmbedder:
         count = min(count, self._programme.shape[0])
         ratio = FS / self._fs
         mark = self._mark.read(self._given * ratio, ratio, count)
+        across = self._across.read(self._given * ratio, ratio, count)
         taken = self._taken.read(self._given * ratio, ratio, count)
         x, self._programme = self._programme[:count], self._programme[count:]
         self._host_power += float((mid_of(x) ** 2).sum())
         self._mark_power += float((mark**2).sum())
         self._given += count
-        for tape in (self._mark, self._taken):
+        for tape in (self._mark, self._across, self._taken):
             tape.forget(int(self._given * ratio) - 2 * tape.reach(ratio))
-        return add_mark(x, mark, taken).astype(np.float32)
+        return add_mark(x, mark, across, taken).astype(np.float32)
 
 
 def _written(made: _Stretch) -> list[int | None]:

@@ -1,7 +1,7 @@
 """Channels of a programme to the one signal that is marked, and the mark back into the channels.
 
-Specification: section 2. The mark goes equally into left and right, so it stands unattenuated in
-the mid of stereo and in a mono downmix. What a centre takes of it comes back in the downmix.
+Specification: section 2. What left takes more of the mark right takes less, so it stands
+unattenuated in the mid of stereo and in a mono downmix. What a centre takes comes back there too.
 """
 
 import numpy as np
@@ -67,11 +67,17 @@ def has_centre(channels: int) -> bool:
 
 
 def add_mark(
-    x: NDArray[np.float64], mark: NDArray[np.float64], taken: NDArray[np.float64]
+    x: NDArray[np.float64],
+    mark: NDArray[np.float64],
+    across: NDArray[np.float64],
+    taken: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Programme with the mark in left and right, but for what the centre has taken."""
+    """Programme with its mark: left has `across` more than right less, the centre what it takes."""
     out = x.copy()
     out[:, :2] += (mark - taken)[:, np.newaxis]
+    if x.shape[1] > 1:
+        out[:, 0] += across
+        out[:, 1] -= across
     if has_centre(x.shape[1]):
         out[:, 2] += np.sqrt(2) * taken
     return out

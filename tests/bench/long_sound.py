@@ -1,7 +1,8 @@
 """Hours of marked sound without a break: memory, losses, clocks that are not the studio's.
 
 In: a sound file, played again and again; out: lines of figures as the hours pass, for the receiver
-or, with ``--embed``, for the embedder. Linux only. Run: ``python tests/bench/long_sound.py --ppm 100``.
+or, with ``--embed``, for the embedder. Linux only. Run:
+``python tests/bench/long_sound.py --ppm 100``.
 """
 
 import argparse

@@ -132,6 +132,16 @@ def test_centre_takes_its_share() -> None:
     np.testing.assert_array_equal(embed(x), y)
 
 
+@pytest.mark.parametrize("silent", [0, 1])
+def test_a_silent_channel_stays_silent(silent: int) -> None:
+    x = host(4.0)
+    x[:, silent] = 0.0
+    y = embed(x, block=7000)
+    assert np.abs(y[:, silent]).max() < 1e-6 < (y - x)[:, 1 - silent].std()
+    assert len(receive(y)) == 6
+    check(receive(y))
+
+
 def test_silence_comes_out_unharmed() -> None:
     x = np.zeros((3 * 48000, 2), dtype=np.float32)
     embedder = AudioEmbedder(48000, 2, payload)
