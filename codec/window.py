@@ -322,7 +322,7 @@ class WindowWriter:
         tick = line.starts[first] - index * TICKS
         if line.numbers[first] == 0:
             tick = line.starts[first + 1] - index * TICKS - unit
-        tick = min(tick + unit // 4, LAST) - EARLIEST
+        tick = min(max(tick + unit // 4, EARLIEST), LAST) - EARLIEST
         tick += EARLIEST - tick % unit
         encoder = self._opened(index, tick, length)
         context, spoken = (NOTHING, NOTHING), 0

@@ -47,8 +47,8 @@ STANDARD_BYTES = (20, 7)
 COMPACT_BYTES = (5, 6, 7, 9, 12)
 """Sizes of compact superframes; 7 is that of the sound carrier's robust profile."""
 
-REPEATS = 5
-"""Patterns of losses over which the error is averaged."""
+REPEATS = 12
+"""Patterns of losses over which the error is averaged; two without previews."""
 
 _TRAINING_SENTENCES = 60
 _FEW = 20
@@ -135,7 +135,7 @@ def _loss_rows(
                     losses(count, loss, burst=burst, seed=[options.seed, repeat, part])
                     for part in (0, 1)
                 ))
-                for repeat in range(REPEATS)
+                for repeat in range(REPEATS if protected else 2)
             ]  # fmt: skip
             squares = np.concatenate([one[1] for one in tries])
             sent, right, wrong = (sum(one[i] for one in tries) for i in (2, 3, 4))

@@ -13,6 +13,7 @@ from codec.preview import (
     part_of_preview,
     preview_of,
     read_previews,
+    thinned,
     write_previews,
 )
 from codec.range_coder import RangeDecoder, RangeEncoder
@@ -77,3 +78,13 @@ def test_a_previewed_superframe_keeps_every_key(score: Score, place: int, distan
 def test_placements_are_those_of_the_options(options: CueingOptions, symbol: int) -> None:
     line = to_line(Score((Phone("l", 0.1, 0.2), Phone("ə", 0.2, 0.3)), ()), options)
     assert preview_of(part_of(line, 0, options)) == ((5, symbol), (15, SILENCE))
+
+
+def test_a_thin_preview_keeps_the_last_start() -> None:
+    preview = ((3, 7), (5, 8), (20, 40), (25, 9))
+    thin = [preview]
+    while len(thin[-1]) > 1:
+        thin.append(thinned(thin[-1]))
+    assert [p[-1] for p in thin] == [(25, 9)] * 4
+    assert thin[1] == ((5, 8), (20, 40), (25, 9))
+    assert thinned(thin[-1]) == thin[-1]

@@ -7,29 +7,18 @@ from hypothesis import strategies as st
 
 from codec.bits import SEQUENCES, Header, crc8, crc16, read_header
 from codec.coding import coding_for
-from codec.cueing import cue
 from codec.decoder import SuperframeDecoder
 from codec.encoder import SuperframeEncoder, block_at
 from codec.errors import BitstreamError, CueError, VoiceError
 from codec.merge import ScoreMerger, merge_scores
 from codec.motion import Motion
 from codec.payload import read_l0, read_l1
-from codec.score import Key, Phone, Score
+from codec.score import Key, Score
 from codec.superframe import DecodedSuperframe, Superframe, resynthesis_of
 from codec.timeline import SUPERFRAME_S, TICKS
 from codec.train_voice import near, parts_of
 from codec.voice import Voice
-
-SENTENCE = "b ɔ̃ ʒ u ʁ _ l ə k ɔ d a ʒ e f ɛ t u ʒ u ʁ v i t _ _ _ _ _ _ _ s u b l ɛ m ɑ̃".split()
-
-
-def spoken(symbols: list[str], length_s: float = 0.1, start_s: float = 0.5) -> Score:
-    phones = [
-        Phone(s, round(start_s + i * length_s, 2), round(start_s + (i + 1) * length_s, 2))
-        for i, s in enumerate(symbols)
-        if s != "_"
-    ]
-    return Score(tuple(phones), tuple(cue(phones)))
+from tests.codec.speech import SENTENCE, spoken
 
 
 @pytest.fixture(scope="module")

@@ -19,18 +19,9 @@ from codec.score import Key, Phone, Score
 from codec.timeline import TICK_S, TICKS, to_line
 from codec.voice import Voice
 from codec.window import EARLIEST, LAST, MAX_BYTES, MIN_BYTES, Window, WindowWriter, read_window
+from tests.codec.speech import SENTENCE, spoken
 
 IDENTITY = "0123456789abcdef"
-SENTENCE = "b ɔ̃ ʒ u ʁ _ l ə k ɔ d a ʒ e f ɛ t u ʒ u ʁ v i t _ _ _ _ _ _ _ s u b l ɛ m ɑ̃".split()
-
-
-def spoken(symbols: list[str], length_s: float = 0.1, start_s: float = 0.5) -> Score:
-    phones = [
-        Phone(s, round(start_s + i * length_s, 2), round(start_s + (i + 1) * length_s, 2))
-        for i, s in enumerate(symbols)
-        if s != "_"
-    ]
-    return Score(tuple(phones), tuple(cue(phones)))
 
 
 def windows_of(
@@ -189,3 +180,29 @@ def test_what_cannot_be_compact_is_refused(toy_voice: Voice, resting: Resting) -
     encoder = SuperframeEncoder(toy_voice, l0_bytes=7, l1_bytes=0)
     with pytest.raises(CueError, match="an L0 of 7 bytes holds a score, the motion has none"):
         encoder.encode(resting(None), 0)
+
+
+def test_fast_speech_keeps_its_keys_at_six_bytes_because_windows_run_ahead() -> None:
+    """Ten superframes of eleven phones a second amid slow speech: 75 bit/s."""
+    symbols = [s for s in SENTENCE if s != "_"]
+    fast = spoken(3 * symbols, 0.09, 3.0)
+    slow = spoken(symbols, 0.16, fast.phones[-1].end + 1.0)
+    score = Score(fast.phones + slow.phones, fast.keys + slow.keys)
+    windows = windows_of(score, 6)
+    assert names(score_of(windows)) == names(score)
+    assert max(window.begin for window in windows.values()) > TICKS
+
+
+@settings(deadline=None, max_examples=60)
+@given(lines(), st.integers(MIN_BYTES, 7), st.sampled_from([0.2, 0.4, 1.0]))
+def test_speech_of_any_pace_gives_parts_of_the_size(score: Score, size: int, pace: float) -> None:
+    phones = tuple(Phone(p.symbol, pace * p.start, pace * p.end) for p in score.phones)
+    writer = WindowWriter(to_line(Score(phones, ())), DEFAULT_OPTIONS, IDENTITY, size)
+    assert {len(writer.l0(k)) for k in range(30)} == {size}
+
+
+def test_a_window_that_holds_no_phone_is_empty() -> None:
+    """Sounds that four bytes cannot hold: the parts still have their size."""
+    score = spoken(["ŋ"] * 12, 0.4)
+    writer = WindowWriter(to_line(score), DEFAULT_OPTIONS, IDENTITY, MIN_BYTES)
+    assert {len(writer.l0(k)) for k in range(12)} == {MIN_BYTES}

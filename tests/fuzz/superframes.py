@@ -2,16 +2,22 @@
 
 ``pip install --group fuzz`` first, then
 ``python -m tests.fuzz.superframes -max_total_time=600 tests/fuzz/corpus``;
-``tests/codec/test_fuzz_corpus.py`` replays the corpus. Kernels run as plain Python here: their
-branches are seen and their indices checked.
+``tests/codec/test_fuzz_corpus.py`` replays the corpus. The kernels that read bytes run as plain
+Python here: their branches are seen and their indices checked.
 """
 
-import os
 import sys
 
-os.environ["NUMBA_DISABLE_JIT"] = "1"
-
 import atheris
+from numba import config
+
+config.DISABLE_JIT = True
+with atheris.instrument_imports(include=["codec"]):
+    import codec._kernels
+config.DISABLE_JIT = False
+# The others are compiled, which needs their code as it is.
+import codec.models._kernels  # noqa: E402
+import codec.resynthesis._kernels  # noqa: E402, F401
 
 with atheris.instrument_imports(include=["codec"]):
     from tests.fuzz.consume import consume
