@@ -15,7 +15,7 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from receiver.recode import PictureDecoder
+from receiver.recode import PlainPictures
 
 _CLOCK = 90_000
 _SOUND_BPS = 160_000
@@ -85,7 +85,7 @@ class FragmentWriter:
 
     Parameters
     ----------
-    picture : av stream or PictureDecoder, optional
+    picture : av stream or PlainPictures, optional
         Template of the picture, whose codec is one of `BROWSER_PICTURE`, or what gives frames.
     fs : int
         Sampling rate of the sound; 0 if there is none.
@@ -124,7 +124,7 @@ class FragmentWriter:
         self._recodes = False
         if picture is None:
             return ""
-        if not isinstance(picture, PictureDecoder):
+        if not isinstance(picture, PlainPictures):
             self._picture = self._container.add_stream_from_template(picture)
             return str(picture.codec_context.name)
         self._recodes = True

@@ -22,7 +22,7 @@ from receiver.fragments import Fragments, FragmentWriter, playable
 from receiver.line import READ_TIMEOUT_S, DatagramLine, Line, Pipe
 from receiver.metrics import Metrics
 from receiver.pictureline import PictureLine
-from receiver.recode import PictureDecoder, recodable
+from receiver.recode import PlainPictures, recodable
 from receiver.soundline import SoundBlock, SoundLine
 
 _PICTURES_ALONE = 150
@@ -193,7 +193,7 @@ class Broadcast:
         if playable(stream):
             self._picture = stream
         elif recodable(stream):
-            self._picture = PictureDecoder(stream)
+            self._picture = PlainPictures(stream)
         else:
             self._unseen = str(stream.codec_context.name)
 
@@ -221,7 +221,7 @@ class Broadcast:
         stamp_s = float(packet.pts * packet.time_base)
         place = self._clock.place("picture", stamp_s)
         self._look(packet, place.time_s)
-        if isinstance(self._picture, PictureDecoder):
+        if isinstance(self._picture, PlainPictures):
             self._recode(self._picture, packet, place.time_s)
         elif self._picture is not None:
             self._write(lambda writer: writer.picture(packet, place.time_s))
@@ -241,7 +241,7 @@ class Broadcast:
                 self._looks.rest(time_s)
                 break
 
-    def _recode(self, decoder: PictureDecoder, packet: Any, time_s: float) -> None:
+    def _recode(self, decoder: PlainPictures, packet: Any, time_s: float) -> None:
         try:
             frames = list(decoder.take(packet, time_s))
         except (av.error.FFmpegError, ValueError):
@@ -262,7 +262,7 @@ class Broadcast:
     def _publish(self, made: Fragments) -> None:
         assert self._writer is not None
         if made.start:
-            recoded = self._picture.name if isinstance(self._picture, PictureDecoder) else ""
+            recoded = self._picture.name if isinstance(self._picture, PlainPictures) else ""
             self._tell(MediaStart(self._writer.mime, made.start, recoded, self._unseen))
         for fragment in made.fragments:
             self._tell(MediaFragment(fragment))

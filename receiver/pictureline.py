@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from receiver.media.picture import PictureFormat, SteadyGrid, converted, luma_of, stream_format
+from receiver.media.timed import TimedDecoder
 from receiver.metrics import Metrics
 
 REST_S = 60.0
 """How long a picture in which nothing was found is left alone."""
-
-_MOST_TIMES = 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +56,7 @@ class PictureLine:
         self._metrics = metrics
         self.format: PictureFormat | None = None
         self._grid: SteadyGrid | None = None
-        self._decoder: Any = None
-        self._times: dict[int, float] = {}
+        self._decoder: TimedDecoder | None = None
         self._rests_until_s: float | None = None
         self._waits = True
 
@@ -71,20 +69,16 @@ class PictureLine:
             self.format = stream_format(stream, "broadcast")
         except CueError:  # nothing is lost but the mark in it
             return
-        context = stream.codec_context
-        self._decoder = av.CodecContext.create(context.name, "r")
-        if context.extradata:
-            self._decoder.extradata = context.extradata
+        self._decoder = TimedDecoder(stream.codec_context)
         self._grid = SteadyGrid(self.format.fps)
         self.restart()
 
     def restart(self) -> None:
         """Begin a new run at the next picture that needs no other."""
         self._waits = True
-        self._times.clear()
-        if self._grid is not None:
+        if self._grid is not None and self._decoder is not None:
             self._grid.restart()
-            self._decoder.flush_buffers()
+            self._decoder.restart()
 
     def rest(self, now_s: float) -> None:
         """Leave the picture alone for a while."""
@@ -93,23 +87,18 @@ class PictureLine:
 
     def take(self, packet: Any, time_s: float) -> Iterator[Seen]:
         """Decode a packet that the steady clock has placed at `time_s`."""
-        if self._grid is None or self.format is None or not self._begins(packet, time_s):
+        grid, decoder, form = self._grid, self._decoder, self.format
+        if grid is None or decoder is None or form is None or not self._begins(packet, time_s):
             return
-        if len(self._times) > _MOST_TIMES:
-            self._times.clear()
-        self._times[packet.pts] = time_s
         try:
-            frames = self._decoder.decode(packet)
+            frames = list(decoder.take(packet, time_s))
         except (av.error.FFmpegError, ValueError):
             self._metrics.add("damaged_packets_total")
             return
-        for frame in frames:
-            place_s = self._times.pop(frame.pts, None)
-            if place_s is None:
-                continue
-            shown = converted(frame, self.format)
-            for place, held in self._grid.put(shown, Fraction(round(place_s * 90_000), 90_000)):
-                yield Seen(luma_of(held), float(self._grid.steady_time(place)), place == 0)
+        for frame, place_s in frames:
+            shown = converted(frame, form)
+            for place, held in grid.put(shown, Fraction(round(place_s * 90_000), 90_000)):
+                yield Seen(luma_of(held), float(grid.steady_time(place)), place == 0)
 
     def _begins(self, packet: Any, time_s: float) -> bool:
         """Whether a packet is to be decoded: not during a rest, nor before a new beginning."""

@@ -4,17 +4,19 @@ Packets go in, frames with square pixels and without interlacing come out; `rece
 codes them as H.264. Meant for standard definition on one core; larger pictures are made smaller.
 """
 
+from collections import deque
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
 import av
 
+from receiver.media.timed import TimedDecoder
+
 RECODED = ("mpeg2video", "mpeg1video", "mpeg4", "vc1", "theora")
 """Picture codecs that are recoded."""
 
 _MAX_WIDTH, _MAX_HEIGHT = 1280, 720
-_MOST_TIMES = 256
 
 
 def recodable(picture: Any) -> bool:
@@ -23,8 +25,8 @@ def recodable(picture: Any) -> bool:
     return codec.name in RECODED and codec.width > 0
 
 
-class PictureDecoder:
-    """Decodes one picture stream.
+class PlainPictures:
+    """Frames of one picture stream as browsers can be given them.
 
     Parameters
     ----------
@@ -49,12 +51,10 @@ class PictureDecoder:
         self.width = 2 * round(codec.width * aspect * shrunk / 2)
         self.height = 2 * round(codec.height * shrunk / 2)
         self.rate = stream.average_rate or stream.guessed_rate
-        self._decoder = av.CodecContext.create(codec.name, "r")
-        if codec.extradata:
-            self._decoder.extradata = codec.extradata
-        self._times: dict[int, float] = {}
+        self._decoder = TimedDecoder(codec)
         self._graph: Any = None
         self._form: tuple[int, int, str] = (0, 0, "")
+        self._inside: deque[float] = deque()  # times of the frames that the filters hold
 
     def take(self, packet: Any, time_s: float) -> Iterator[tuple[Any, float]]:
         """Decode a packet to be shown at `time_s`; yield frames and their times.
@@ -64,26 +64,22 @@ class PictureDecoder:
         av.error.FFmpegError
             If the packet is damaged.
         """
-        if len(self._times) > _MOST_TIMES:
-            self._times.clear()
-        self._times[packet.pts] = time_s
-        for frame in self._decoder.decode(packet):
-            if frame.pts not in self._times or frame.is_corrupt:
+        for frame, shown_s in self._decoder.take(packet, time_s):
+            if frame.is_corrupt:
                 continue
             form = (frame.width, frame.height, frame.format.name)
             if self._graph is None or form != self._form:
                 self._form = form
                 self._graph = self._filters(frame)
+                self._inside.clear()
             self._graph.push(frame)
-            while True:
+            self._inside.append(shown_s)
+            while self._inside:
                 try:
                     out = self._graph.pull()
                 except (av.error.BlockingIOError, av.error.EOFError):
                     break
-                # The filter that deinterlaces counts in halves.
-                stamp = round(out.pts * out.time_base / packet.time_base)
-                if stamp in self._times:
-                    yield out, self._times.pop(stamp)
+                yield out, self._inside.popleft()
 
     def _filters(self, frame: Any) -> Any:
         """Return a graph that deinterlaces what is interlaced and scales to square pixels."""
