@@ -14,6 +14,7 @@ from typing import Any, Protocol
 
 import av
 import numpy as np
+from av.sidedata.sidedata import Type as SideDataType
 
 from codec.errors import CueError
 from cuecast.files import whole_file
@@ -47,19 +48,11 @@ class PictureStage(Protocol):
         """Give the frames that were held back."""
 
 
-def with_luma(frame: Any, luma: Luma) -> Any:
-    """Return a new frame with this luma and everything else of `frame`."""
-    # A decoder may still predict from its frame, so that one is never written to.
-    copy = av.VideoFrame(frame.width, frame.height, frame.format.name)
-    for source, target in zip(frame.planes, copy.planes, strict=True):
-        lines = min(source.height, target.height)
-        pitch = min(source.line_size, target.line_size)
-        given = np.frombuffer(memoryview(source), np.uint8).reshape(-1, source.line_size)
-        taken = np.frombuffer(memoryview(target), np.uint8).reshape(-1, target.line_size)
-        taken[:lines, :pitch] = given[:lines, :pitch]
-    luma_of(copy)[:] = luma
-    copy.colorspace, copy.color_range = frame.colorspace, frame.color_range
-    return copy
+def put_luma(frame: Any, luma: Luma) -> None:
+    """Give a frame this luma; all else of it stays: chroma, fields and their order, captions."""
+    frame.make_writable()  # the decoder may still predict from what it holds of the frame
+    luma_of(frame)[:] = luma
+    frame.pict_type = 0  # the encoder decides anew which frames stand alone
 
 
 def rewrite_picture(
@@ -113,6 +106,7 @@ def rewrite_picture(
         try:
             with av.open(f"file:{temporary}", "w") as output:
                 writer = _Writer(programme, decoder, output, _encoder(form, codec))
+                writer.be_like(_first_frame(source))
                 rate = bit_rate or _measured_bit_rate(source, form)
                 writer.configure(rate, gop, size or (form.width, form.height))
                 frames = None if duration_s is None else round(duration_s * form.fps)
@@ -146,6 +140,21 @@ class _Writer:
         self._waiting: deque[Any] = deque()
         self._count = self._sent = 0
         self._times: dict[int, Fraction] = {}
+        self._original: tuple[Any, Luma] | None = None
+
+    def be_like(self, frame: Any) -> None:
+        """Code fields as fields, and have the picture turned, if this frame is; None tells nothing.
+
+        Encoders are opened by the first packet of anything, so this has to be known before.
+        """
+        if frame is None:
+            return
+        if frame.interlaced_frame:
+            self._encoder.codec_context.flags |= _INTERLACED
+        for data in frame.side_data:
+            if data.type == SideDataType.DISPLAYMATRIX:
+                matrix = np.frombuffer(bytes(data), dtype=np.int32)
+                self._encoder.set_display_matrix(matrix.tolist())
 
     def configure(self, bit_rate: int, gop: int | None, size: tuple[int, int]) -> None:
         """Set the encoder's parameters; its rate is limited over one second, as on air."""
@@ -192,16 +201,18 @@ class _Writer:
 
     def _change(self, stages: list[PictureStage], place: int, frame: Any) -> None:
         """Pass a frame through the stages and write what comes out of them."""
-        if self._count == 0 and self._decoder.interlaced:
-            self._encoder.codec_context.flags |= _INTERLACED
         self._times[place] = self._decoder.grid.source_time(place) - self._start_s
         self._count += 1
         self._waiting.append(frame)
-        self._write(_through(stages, luma_of(frame).copy()))
+        # A frame that is shown again may have been given its new luma by now.
+        if self._original is None or self._original[0] is not frame:
+            self._original = frame, luma_of(frame).copy()
+        self._write(_through(stages, self._original[1].copy()))
 
     def _write(self, lumas: list[Luma]) -> None:
         for luma in lumas:
-            frame = with_luma(self._waiting.popleft(), luma)
+            frame = self._waiting.popleft()
+            put_luma(frame, luma)
             if (frame.width, frame.height) != (self._encoder.width, self._encoder.height):
                 frame = frame.reformat(
                     self._encoder.width, self._encoder.height, interpolation="BICUBIC"
@@ -260,6 +271,15 @@ def _encoder(form: PictureFormat, codec: str | None) -> str:
     except (av.FFmpegError, ValueError) as error:
         raise CueError(f"picture codec {name!r}: cannot be written") from error
     return name
+
+
+def _first_frame(path: str | os.PathLike[str]) -> Any:
+    """Return the first frame of a file's picture, None if it cannot be decoded."""
+    with open_programme(path) as programme:
+        try:
+            return next(iter(programme.container.decode(programme.picture)), None)
+        except (av.FFmpegError, ValueError):
+            return None
 
 
 def _measured_bit_rate(path: str | os.PathLike[str], form: PictureFormat) -> int:

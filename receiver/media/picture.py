@@ -164,11 +164,6 @@ class SteadyGrid:
         self._next = self._offset = 0
         self._first = Fraction(0)
 
-    @property
-    def empty(self) -> bool:
-        """Whether no frame has come since the start."""
-        return self._held is None
-
     def put(self, frame: Any, time: Fraction) -> Iterator[tuple[int, Any]]:
         """Take a frame due at `time` seconds; yield the places up to its own, and what they show.
 
@@ -218,8 +213,6 @@ class PictureDecoder:
     grid : SteadyGrid
     damaged : int
         Packets that could not be decoded.
-    interlaced : bool
-        Whether the first frame consists of two fields.
 
     Raises
     ------
@@ -234,7 +227,6 @@ class PictureDecoder:
             self.format = replace(self.format, fps=fps)
         self.grid = SteadyGrid(self.format.fps)
         self.damaged = 0
-        self.interlaced = False
 
     def process(self, packet: Any) -> Iterator[tuple[int, Any]]:
         """Decode one packet (None: what is left in the decoder).
@@ -253,7 +245,6 @@ class PictureDecoder:
             frames = []
         for frame in frames:
             if frame.pts is not None:
-                self.interlaced |= self.grid.empty and frame.interlaced_frame
                 unit = frame.time_base or self._programme.picture.time_base
                 yield from self.grid.put(converted(frame, self.format), frame.pts * unit)
 

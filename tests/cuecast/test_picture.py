@@ -134,6 +134,79 @@ def test_variable_rate_becomes_constant(tmp_path: Path) -> None:
     assert [(s.l0, s.l1) for s in seen] == [payload(PROFILES, "robust")(k) for k in range(5)]
 
 
+def field_order(path: Path) -> str:
+    """Which field of the first frame is shown first."""
+    graph = av.filter.Graph()
+    with av.open(str(path)) as container:
+        source = graph.add_buffer(template=container.streams.video[0])
+        parted, sink = graph.add("separatefields"), graph.add("buffersink")
+        source.link_to(parted)
+        parted.link_to(sink)
+        graph.configure()
+        frame = next(container.decode(video=0))
+        whole = frame.to_ndarray()[:HEIGHT]
+        graph.push(frame)
+        field = graph.pull().to_ndarray()[: HEIGHT // 2]
+    return "tff" if np.array_equal(field, whole[::2]) else "bff"
+
+
+@pytest.mark.parametrize("codec", ["libx264", "mpeg2video"])
+@pytest.mark.parametrize("top", [True, False])
+def test_fields_keep_their_order(tmp_path: Path, codec: str, top: bool) -> None:
+    """Also where the first packet is one of sound, with which all encoders open."""
+    source, target = tmp_path / "fields.ts", tmp_path / "out.ts"
+    noise = np.random.default_rng(1).integers(0, 255, (HEIGHT // 8, WIDTH)).astype(np.uint8)
+    blocks = np.repeat(np.repeat(noise[:, ::8], 8, 0), 8, 1)
+    first = 0 if top else 1
+    graph = av.filter.Graph()
+    pushed = graph.add("buffer", f"video_size={WIDTH}x{HEIGHT}:pix_fmt=yuv420p:time_base=1/25")
+    told, pulled = graph.add("setfield", "tff" if top else "bff"), graph.add("buffersink")
+    pushed.link_to(told)
+    told.link_to(pulled)
+    graph.configure()
+    with av.open(str(source), "w") as container:
+        sound: Any = container.add_stream("mp2", rate=48_000)
+        stream: Any = container.add_stream(codec, rate=25)
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        stream.codec_context.flags |= 1 << 18 | 1 << 29
+        stream.codec_context.bit_rate = 4_000_000
+        block = av.AudioFrame.from_ndarray(np.zeros((1, 24_000), np.int16), "s16", "mono")
+        block.sample_rate, block.pts = 48_000, 0
+        container.mux(sound.encode(block))
+        for n in range(12):
+            luma = np.empty((HEIGHT, WIDTH), np.uint8)
+            for field in (0, 1):
+                luma[first ^ field :: 2] = np.roll(blocks, 6 * (2 * n + field), 1)[field::2]
+            frame = av.VideoFrame.from_ndarray(luma, format="gray").reformat(format="yuv420p")
+            frame.pts, frame.time_base = n, Fraction(1, 25)
+            graph.push(frame)
+            container.mux(stream.encode(graph.pull()))
+        container.mux([*stream.encode(None), *sound.encode(None)])
+    order = "tff" if top else "bff"
+    assert field_order(source) == order
+    rewrite_picture(source, target, lambda form: [])
+    assert field_order(target) == order
+    with av.open(str(target)) as container:
+        assert all(frame.interlaced_frame for frame in container.decode(video=0))
+
+
+def test_a_turned_picture_stays_turned(tmp_path: Path) -> None:
+    upright, turned, target = (tmp_path / f"{name}.mp4" for name in ("upright", "turned", "out"))
+    write_programme(tmp_path / "film.mkv")
+    rewrite_picture(tmp_path / "film.mkv", upright, lambda form: [], codec="mpeg4")
+    with av.open(str(upright)) as given, av.open(str(turned), "w") as container:
+        stream = container.add_stream_from_template(given.streams.video[0])
+        stream.set_display_rotation(90)
+        for packet in given.demux(given.streams.video[0]):
+            if packet.dts is not None:
+                packet.stream = stream
+                container.mux(packet)
+    rewrite_picture(turned, target, lambda form: [])
+    for path in (turned, target):
+        with av.open(str(path)) as container:
+            assert next(container.decode(video=0)).rotation == 90
+
+
 def test_lost_frames_keep_the_time(tmp_path: Path) -> None:
     programme = tmp_path / "in.mkv"
     write_programme(programme, times=[n if n < 20 else n + 7 for n in range(FRAMES)])
