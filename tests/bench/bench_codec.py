@@ -45,6 +45,11 @@ def test_encode(benchmark: Any, voice: Voice, motion: Motion) -> None:
     report(benchmark, lambda: [encoder.encode(motion, k) for k in range(SUPERFRAMES)])
 
 
+def test_encode_with_previews(benchmark: Any, voice: Voice, motion: Motion) -> None:
+    encoder = SuperframeEncoder(voice, l0_bytes=20, l1_bytes=7, protected=True)
+    report(benchmark, lambda: [encoder.encode(motion, k) for k in range(SUPERFRAMES)])
+
+
 def test_decode(benchmark: Any, voice: Voice, frames: list[Superframe]) -> None:
     def run() -> None:
         decoder = SuperframeDecoder(voice)
