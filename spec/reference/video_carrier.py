@@ -3,7 +3,7 @@
 import hashlib
 import math
 
-STEPS = {0: (1.9, True), 1: (2.35, False), 2: (2.35, False), 3: (1.9, True), 4: (2.0, True)}
+STEPS = {0: (1.9, True), 1: (2.35, False), 2: (2.35, False), 3: (2.0, True), 4: (2.0, True)}
 """(V2) Fine step of each profile, by number, and whether it has a coarse one."""
 
 OPENING_STEPS = {0: 2.6, 3: 2.6, 4: 2.6}

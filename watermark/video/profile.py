@@ -102,7 +102,7 @@ PROFILES: dict[str, VideoProfile] = {
         VideoProfile("robust", 0, 20, 28, 3328, 1.9, True, 2.6),
         VideoProfile("standard", 1, 20, 140, 2048),
         VideoProfile("high", 2, 20, 300, 1280),
-        VideoProfile("twin", 3, 20, 7, 4864, 1.9, True, 2.6),
+        VideoProfile("twin", 3, 20, 7, 4864, 2.0, True, 2.6),
         VideoProfile("busy", 4, 20, 140, 2048, 2.0, True, 2.6),
     )
 }
