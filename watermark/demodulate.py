@@ -16,7 +16,7 @@ from watermark.link import Decoded, Link
 from watermark.profile import LEVELS, PILOT_STEPS, Profile
 from watermark.reliability import NOISY, Reliability
 
-LIST_SIZE, LONG_LIST_SIZE, LONGEST_LIST_SIZE = 8, 32, 128
+LIST_SIZE, LONG_LIST_SIZE, LONGEST_LIST_SIZE = 8, 32, 64
 """Paths that the decoder follows at first, when that found nothing, and where one is due."""
 
 TRIED_LEVELS = 8
@@ -72,12 +72,12 @@ class Demodulator:
         """Read at the first of `levels` that the link accepts; else at the first of all.
 
         What fails everywhere is tried again at the first level with a list of the longest size,
-        then as sound to which noise was added.
+        then as sound to which noise was added; unless the longest is that of all.
         """
         loudness = view.loudness(self.layout.cells)
         learnt = self.reliability.weights(loudness)
         noisy = self.reliability.weights(loudness, exponents=NOISY)
-        last = [(levels[0], learnt, longest), (levels[0], noisy, longest)]
+        last = [(levels[0], learnt, longest), (levels[0], noisy, LONG_LIST_SIZE)]
         attempts = itertools.chain(
             ((level, learnt, LIST_SIZE) for level in levels), last if longest > LIST_SIZE else []
         )
