@@ -105,3 +105,243 @@ def move_into(
             for i in range(3):
                 moved = matrix[i, 0] * x + matrix[i, 1] * y + matrix[i, 2] * z
                 out[t, k, i] = moved + matrix[i, 3] + pivot[i]
+
+
+@njit(cache=True)
+def densities_into(
+    values: NDArray[np.float64],
+    known: NDArray[np.bool_],
+    means: NDArray[np.float64],
+    precisions: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> None:
+    """Fill `out` (T, K) with the known values' distances and log determinants.
+
+    values and known are (T, D), means (K, D), precisions (K, D, D). With P the precision, H the
+    unknown values and a the distances from the mean, 0 where unknown, the known values' own
+    distance is aᵀPa - (Pa)ₕᵀ Pₕₕ⁻¹ (Pa)ₕ and the determinant of their covariance that of all times
+    that of Pₕₕ: few values are unknown, so that this is much less than to factorise the covariance
+    of the known ones. The determinant of all is left out.
+    """
+    away, pull = np.empty(values.shape[1]), np.empty(values.shape[1])
+    hidden = np.empty(values.shape[1], np.int64)
+    factor, shift = np.empty((values.shape[1], values.shape[1])), np.empty(values.shape[1])
+    for k in range(means.shape[0]):
+        count, volume = 0, 0.0
+        for t in range(values.shape[0]):
+            if t == 0 or (known[t] != known[t - 1]).any():
+                count = _factorise(precisions[k], known[t], hidden, factor)
+                volume = 0.0
+                for i in range(count):
+                    volume += 2.0 * np.log(factor[i, i])
+            _pull(values[t], known[t], means[k], precisions[k], away, pull)
+            _solve(factor, hidden, count, pull, shift)
+            distance = volume
+            for i in range(values.shape[1]):
+                distance += away[i] * pull[i]
+            for i in range(count):
+                distance -= shift[i] * pull[hidden[i]]
+            out[t, k] = distance
+
+
+@njit(cache=True)
+def expect_into(
+    values: NDArray[np.float64],
+    known: NDArray[np.bool_],
+    share: NDArray[np.float64],
+    means: NDArray[np.float64],
+    precisions: NDArray[np.float64],
+    completed: NDArray[np.float64],
+    surprise: NDArray[np.float64],
+) -> None:
+    """Add to `completed` and `surprise` (T, D) what each component with a share makes expect.
+
+    Unknown values: their expectation. Known ones: how far they lie from what the other known ones
+    make expect, which is (P'a)ₛ / P'ₛₛ with P' the precision of the known values alone.
+    """
+    size = values.shape[1]
+    away, pull, alone = np.empty(size), np.empty(size), np.empty(size)
+    hidden, shift, column = np.empty(size, np.int64), np.empty(size), np.empty(size)
+    factor = np.empty((size, size))
+    for k in range(means.shape[0]):
+        precision, count, last = precisions[k], 0, -1
+        for t in range(values.shape[0]):
+            weight = share[t, k]
+            if weight == 0.0:
+                continue
+            if last < 0 or (known[t] != known[last]).any():
+                count = _factorise(precision, known[t], hidden, factor)
+                for s in range(size):
+                    for i in range(count):
+                        column[hidden[i]] = precision[hidden[i], s]
+                    _forward(factor, hidden, count, column, shift)
+                    alone[s] = precision[s, s]
+                    for i in range(count):
+                        alone[s] -= shift[i] * shift[i]
+            last = t
+            _pull(values[t], known[t], means[k], precision, away, pull)
+            _solve(factor, hidden, count, pull, shift)
+            for i in range(count):
+                completed[t, hidden[i]] += weight * (means[k, hidden[i]] - shift[i])
+            for s in range(size):
+                if known[t, s]:
+                    left = pull[s]
+                    for i in range(count):
+                        left -= precision[hidden[i], s] * shift[i]
+                    surprise[t, s] += weight * left / alone[s]
+
+
+@njit(cache=True)
+def gather_into(
+    values: NDArray[np.float64],
+    known: NDArray[np.bool_],
+    share: NDArray[np.float64],
+    means: NDArray[np.float64],
+    precisions: NDArray[np.float64],
+    total: NDArray[np.float64],
+    first: NDArray[np.float64],
+    second: NDArray[np.float64],
+) -> None:
+    """Add the expected moments about the means to `total` (K,), `first` (K, D), `second` (K, D, D).
+
+    Unknown values count with their expectation and its covariance Pₕₕ⁻¹. Only the lower triangle
+    of `second` is filled.
+    """
+    size = values.shape[1]
+    away, pull, shift = np.empty(size), np.empty(size), np.empty(size)
+    hidden, factor = np.empty(size, np.int64), np.empty((size, size))
+    for k in range(means.shape[0]):
+        count, last = 0, -1
+        for t in range(values.shape[0]):
+            weight = share[t, k]
+            if weight == 0.0:
+                continue
+            if last < 0 or (known[t] != known[last]).any():
+                count = _factorise(precisions[k], known[t], hidden, factor)
+            last = t
+            _pull(values[t], known[t], means[k], precisions[k], away, pull)
+            _solve(factor, hidden, count, pull, shift)
+            for i in range(count):
+                away[hidden[i]] = -shift[i]
+            total[k] += weight
+            for i in range(size):
+                first[k, i] += weight * away[i]
+                for j in range(i + 1):
+                    second[k, i, j] += weight * away[i] * away[j]
+            for j in range(count):
+                pull[:] = 0.0
+                pull[hidden[j]] = 1.0
+                _solve(factor, hidden, count, pull, shift)
+                for i in range(j, count):
+                    second[k, hidden[i], hidden[j]] += weight * shift[i]
+
+
+@njit(cache=True)
+def blend_into(
+    excess: NDArray[np.float64],
+    pinned: NDArray[np.bool_],
+    stiffness: float,
+    scratch: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> None:
+    """Fill `out` (T, K, C) with the c of least Σ (c[t + 1] - c[t] + excess[t])² + stiffness Σ c².
+
+    c is zero where pinned (T, K); excess is (T - 1, K, C), scratch (T,). Normal equations by
+    Thomas's algorithm, marker by marker.
+    """
+    frames = out.shape[0]
+    for k in range(out.shape[1]):
+        for c in range(out.shape[2]):
+            before, slope = 0.0, 0.0
+            for t in range(frames):
+                diagonal, right = 1.0, 0.0
+                if not pinned[t, k]:
+                    diagonal = stiffness
+                    if t > 0:
+                        diagonal += 1.0 + slope
+                        right += before - excess[t - 1, k, c]
+                    if t < frames - 1:
+                        diagonal += 1.0
+                        right += excess[t, k, c]
+                # c[t] = before - slope * c[t + 1], slope never positive.
+                before = right / diagonal
+                slope = 0.0 if pinned[t, k] else -1.0 / diagonal
+                scratch[t] = slope
+                out[t, k, c] = before
+            for back in range(1, frames):
+                t = frames - 1 - back
+                out[t, k, c] -= scratch[t] * out[t + 1, k, c]
+
+
+@njit(cache=True)
+def _pull(
+    row: NDArray[np.float64],
+    known: NDArray[np.bool_],
+    mean: NDArray[np.float64],
+    precision: NDArray[np.float64],
+    away: NDArray[np.float64],
+    pull: NDArray[np.float64],
+) -> None:
+    """Fill `away` with the distances from the mean, 0 where unknown, `pull` with P times them."""
+    pull[:] = 0.0
+    for i in range(row.shape[0]):
+        away[i] = 0.0
+        if known[i]:
+            away[i] = row[i] - mean[i]
+            for j in range(row.shape[0]):
+                pull[j] += precision[i, j] * away[i]
+
+
+@njit(cache=True)
+def _factorise(
+    precision: NDArray[np.float64],
+    known: NDArray[np.bool_],
+    hidden: NDArray[np.int64],
+    factor: NDArray[np.float64],
+) -> int:
+    """Fill `hidden` with the unknown columns, `factor` with Cholesky's of Pₕₕ; return how many."""
+    count = 0
+    for i in range(known.shape[0]):
+        if not known[i]:
+            hidden[count] = i
+            count += 1
+    for i in range(count):
+        for j in range(i + 1):
+            left = precision[hidden[i], hidden[j]]
+            for m in range(j):
+                left -= factor[i, m] * factor[j, m]
+            factor[i, j] = np.sqrt(left) if i == j else left / factor[j, j]
+    return count
+
+
+@njit(cache=True)
+def _forward(
+    factor: NDArray[np.float64],
+    hidden: NDArray[np.int64],
+    count: int,
+    right: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> None:
+    for i in range(count):
+        left = right[hidden[i]]
+        for j in range(i):
+            left -= factor[i, j] * out[j]
+        out[i] = left / factor[i, i]
+
+
+@njit(cache=True)
+def _solve(
+    factor: NDArray[np.float64],
+    hidden: NDArray[np.int64],
+    count: int,
+    right: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> None:
+    """Fill `out` with Pₕₕ⁻¹ times the unknown columns of `right`."""
+    _forward(factor, hidden, count, right, out)
+    for back in range(count):
+        i = count - 1 - back
+        left = out[i]
+        for j in range(i + 1, count):
+            left -= factor[j, i] * out[j]
+        out[i] = left / factor[i, i]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from codec.models.inversion import Confidence, MarkerModel, marker_weights, normal_equations
+from codec.models.threads import one_thread
 
 STIFFNESS_MM2_S3 = 1.7e-3
 """Price of acceleration: mm² of marker error per (unit / s²)² and second."""
@@ -20,6 +21,7 @@ _PASSAGE = 1024
 _MARGIN = 96
 
 
+@one_thread
 def bridge(
     model: MarkerModel,
     markers: NDArray[np.float64],

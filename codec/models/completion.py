@@ -2,10 +2,12 @@
 
 A folded finger turns its markers away from the cameras for as long as the shape is held; no path
 between the moments before and after tells how far it is folded. What does tell is how this hand
-folds: seen from the palm, the markers of all fingers follow a mixture of normal distributions,
+folds: seen from the palm, the markers of each digit follow a mixture of normal distributions,
 learnt from frames of shapes and their transitions (corpus 1 shows nearly every marker) and from
-sentences. Hidden markers are its expectation, given the visible ones. Twelve parameters drive
-the markers afterwards (`codec.models.inversion`); completion itself is not bound to them.
+sentences. Digits are learnt one by one, for a folded finger is folded alike in many shapes: all of
+them are examples for it. Hidden markers are the expectation, given the visible ones; where markers
+come and go it is blended over time (`codec.models.blending`). Twelve parameters drive the markers
+afterwards (`codec.models.inversion`); completion itself is not bound to them.
 """
 
 from dataclasses import dataclass
@@ -18,6 +20,7 @@ from scipy.signal import savgol_filter
 from codec import layout
 from codec.errors import CueError
 from codec.models import rigid
+from codec.models.blending import blend
 from codec.models.bridging import bridge
 from codec.models.hand import HandModel
 from codec.models.inversion import invert_hand
@@ -28,8 +31,7 @@ CONFIDENCE = 0.3
 
 _SMOOTHED_S = 0.025
 _SUSPECT_MM = 12.0
-_COMPONENTS = 28
-_THINNED_S = 0.03
+_COMPONENTS = 12
 _LEAST_FRAMES = 200
 
 
@@ -40,10 +42,23 @@ def _columns(names: tuple[str, ...]) -> NDArray[np.intp]:
 PALM_COLUMNS = _columns((*layout.PALM, *layout.KNUCKLES[1:]))
 """Markers that carry the fingers."""
 
-COMPLETED_COLUMNS = np.setdiff1d(
-    np.arange(layout.N_HAND), _columns((*layout.WRIST, *layout.FOREARM))
-)
+DIGIT_COLUMNS = tuple(
+    _columns(
+        (
+            *layout.FINGERS[digit - 1], f"S{digit}", f"K{digit}",
+            *((f"P{digit}",) if digit > 1 else ()),
+        )
+    )
+    for digit in range(1, 6)
+)  # fmt: skip
+"""Markers that are completed with each digit: its own and those of the palm at its root."""
+
+COMPLETED_COLUMNS = np.sort(np.concatenate(DIGIT_COLUMNS))
 """Fingers, knuckles and palm: the markers that are completed."""
+
+_CONSIDERED_COLUMNS = tuple(
+    np.concatenate([own, np.setdiff1d(PALM_COLUMNS, own)]) for own in DIGIT_COLUMNS
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +69,13 @@ class HandCompletion:
     ----------
     palm : ndarray of float64, shape (8, 3)
         The palm's markers about their centre, millimetres.
-    fingers : Mixture
-        Of the coordinates of `COMPLETED_COLUMNS` in the palm's frame.
+    digits : tuple of Mixture
+        Per digit, of the coordinates of its own markers (`DIGIT_COLUMNS`), then of the rest of the
+        palm, in the palm's frame.
     """
 
     palm: NDArray[np.float64]
-    fingers: Mixture
+    digits: tuple[Mixture, ...]
 
     def complete(
         self, markers: NDArray[np.float64], visible: NDArray[np.bool_], *, rate_hz: float
@@ -83,44 +99,72 @@ class HandCompletion:
             1 where a marker was seen, `CONFIDENCE` where it was completed, 0 where it stays
             unknown: on wrist and forearm, and where the palm itself is hidden.
         """
-        calm = _smoothed(markers, visible, rate_hz)
-        motion, solved = _palm_motion(self.palm, calm, visible)
-        local = rigid.inverse_rigid_motion(calm, motion)[:, COMPLETED_COLUMNS]
-        seen = visible[:, COMPLETED_COLUMNS] & solved[:, None]
-        values = local.reshape(len(local), -1)
-        share = self._share(values, np.repeat(seen, 3, axis=1), rate_hz)
-        filled, surprise = self.fingers.complete(values, np.repeat(seen, 3, axis=1), share)
-        off = np.linalg.norm(surprise.reshape(local.shape), axis=-1)
+        local, motion, solved = _in_palm(
+            self.palm, smoothed(markers, visible, rate_hz=rate_hz), visible
+        )
+        seen = visible & solved[:, None]
+        filled, surprise = self._expected(local, seen)
+        off = np.linalg.norm(surprise, axis=-1)
         # Only the worst of a frame is surely wrong: it makes its neighbours look wrong too.
         wrong = (off > _SUSPECT_MM) & (off >= 0.7 * off.max(1, keepdims=True))
-        again = wrong.any(1)
-        if again.any():
-            seen = seen & ~wrong
-            known = np.repeat(seen[again], 3, axis=1)
-            share = self.fingers.responsibilities(values[again], known)
-            filled[again], _ = self.fingers.complete(values[again], known, share)
-        world = rigid.rigid_motion(filled.reshape(local.shape), motion)
+        if wrong.any():
+            seen &= ~wrong
+            again = wrong.any(1)
+            filled[again], _ = self._expected(local[again], seen[again])
+        filled += blend(self._steps(local, filled, seen), seen, rate_hz=rate_hz)
+        columns = COMPLETED_COLUMNS
         out, confidence = markers.copy(), visible.astype(np.float64)
-        kept = np.where(seen[..., None], markers[:, COMPLETED_COLUMNS], world)
-        use = solved[:, None] & np.ones_like(seen)
-        out[:, COMPLETED_COLUMNS] = np.where(use[..., None], kept, markers[:, COMPLETED_COLUMNS])
-        confidence[:, COMPLETED_COLUMNS] = np.where(
-            use, np.where(seen, 1.0, CONFIDENCE), visible[:, COMPLETED_COLUMNS]
-        )
+        use = solved[:, None] & ~seen[:, columns]
+        world = rigid.rigid_motion(filled[:, columns], motion)
+        out[:, columns] = np.where(use[..., None], world, markers[:, columns])
+        confidence[:, columns] = np.where(use, CONFIDENCE, confidence[:, columns])
         return out, confidence
 
-    def _share(
-        self, values: NDArray[np.float64], known: NDArray[np.bool_], rate_hz: float
+    def _expected(
+        self, local: NDArray[np.float64], seen: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the markers with hidden ones expected, and how far seen ones are off, (T, 50, 3).
+
+        Both in the palm's frame.
+        """
+        filled, surprise = local.copy(), np.zeros_like(local)
+        for digit, own in enumerate(DIGIT_COLUMNS):
+            filled[:, own], surprise[:, own] = self._expected_digit(digit, local, seen)
+        return filled, surprise
+
+    def _steps(
+        self, local: NDArray[np.float64], filled: NDArray[np.float64], seen: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
-        """Return the responsibilities of each frame; between frames apart they change evenly."""
-        step = max(1, round(_THINNED_S * rate_hz))
-        at = np.unique(np.append(np.arange(0, len(values), step), len(values) - 1))
-        share = self.fingers.responsibilities(values[at], known[at])
-        place = np.interp(np.arange(len(values)), at, np.arange(len(at)))
-        before = place.astype(int)
-        after = np.minimum(before + 1, len(at) - 1)
-        part = (place - before)[:, None]
-        return np.asarray((1 - part) * share[before] + part * share[after])
+        """Return how `filled` (T, 50, 3) steps where the markers that are seen change.
+
+        What the markers seen on both sides of the step account for is subtracted.
+        """
+        both, change = seen[1:] & seen[:-1], seen[1:] != seen[:-1]
+        steps = np.zeros((len(both), *local.shape[1:]))
+        for digit, own in enumerate(DIGIT_COLUMNS):
+            at = np.flatnonzero(change[:, _CONSIDERED_COLUMNS[digit]].any(1))
+            for side, sign in ((0, -1.0), (1, 1.0)):
+                expected, _ = self._expected_digit(digit, local[at + side], both[at])
+                steps[np.ix_(at, own)] += sign * (filled[np.ix_(at + side, own)] - expected)
+        return steps
+
+    def _expected_digit(
+        self, digit: int, local: NDArray[np.float64], seen: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the same for the markers of a digit, shape (T, number of markers, 3)."""
+        mixture, own = self.digits[digit], len(DIGIT_COLUMNS[digit])
+        values, known = _rows(local, seen, _CONSIDERED_COLUMNS[digit])
+        filled, surprise = mixture.complete(values, known, mixture.responsibilities(values, known))
+        shape = (len(local), own, 3)
+        return filled[:, : 3 * own].reshape(shape), surprise[:, : 3 * own].reshape(shape)
+
+
+def _rows(
+    local: NDArray[np.float64], seen: NDArray[np.bool_], columns: NDArray[np.intp]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the coordinates of some markers in rows (T, 3 n), and which are known."""
+    values = local[:, columns].reshape(len(local), 3 * len(columns))
+    return values, np.repeat(seen[:, columns], 3, axis=1)
 
 
 def fit_completion(markers: NDArray[np.float64]) -> HandCompletion:
@@ -129,8 +173,9 @@ def fit_completion(markers: NDArray[np.float64]) -> HandCompletion:
     Parameters
     ----------
     markers : ndarray of float64, shape (N, 50, 3)
-        World coordinates, millimetres; NaN where hidden. Any frames, better of many shapes; every
-        marker of fingers and palm has to be seen in some.
+        World coordinates, millimetres; NaN where hidden. Any frames, better of many shapes, and
+        `smoothed`, as they are when markers are completed; every marker of fingers and palm has to
+        be seen in some.
 
     Raises
     ------
@@ -143,11 +188,13 @@ def fit_completion(markers: NDArray[np.float64]) -> HandCompletion:
     if whole.sum() < _LEAST_FRAMES:
         raise CueError(f"{whole.sum()} frames show the whole palm, {_LEAST_FRAMES} needed")
     palm, _ = rigid.mean_body(x[whole][:, PALM_COLUMNS])
-    motion, solved = _palm_motion(palm, x, visible)
-    local = rigid.inverse_rigid_motion(x, motion)[solved][:, COMPLETED_COLUMNS]
-    known = np.repeat(visible[solved][:, COMPLETED_COLUMNS], 3, axis=1)
-    values = np.where(known, local.reshape(len(local), -1), 0.0)
-    return HandCompletion(palm, fit_mixture(values, known, components=_COMPONENTS))
+    local, _, solved = _in_palm(palm, x, visible)
+    local, visible = local[solved], visible[solved]
+    digits = []
+    for columns in _CONSIDERED_COLUMNS:
+        values, known = _rows(local, visible, columns)
+        digits.append(fit_mixture(np.where(known, values, 0.0), known, components=_COMPONENTS))
+    return HandCompletion(palm, tuple(digits))
 
 
 def recover_hand(
@@ -184,19 +231,18 @@ def recover_hand(
     return found, completed
 
 
-def _palm_motion(
-    palm: NDArray[np.float64], markers: NDArray[np.float64], visible: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    return rigid.estimate_motion(palm, markers[:, PALM_COLUMNS], visible[:, PALM_COLUMNS])
-
-
-def _smoothed(
-    markers: NDArray[np.float64], visible: NDArray[np.bool_], rate_hz: float
+def smoothed(
+    markers: NDArray[np.float64], visible: NDArray[np.bool_], *, rate_hz: float
 ) -> NDArray[np.float64]:
     """Return the markers without the noise of single frames, where enough frames show them.
 
     Parabolas over 50 ms follow the quickest gesture (Savitzky and Golay 1964); a far marker of a
     finger is expected from near ones, and their noise would grow with the lever.
+
+    Parameters
+    ----------
+    markers, visible, rate_hz
+        As for `HandCompletion.complete`.
     """
     window = 2 * round(_SMOOTHED_S * rate_hz) + 1
     if window <= 3 or len(markers) < window:
@@ -204,3 +250,11 @@ def _smoothed(
     smooth = savgol_filter(markers, window, 2, axis=0)
     shown = minimum_filter1d(visible.astype(np.int8), window, axis=0, mode="constant") > 0
     return np.where(shown[..., None], smooth, markers)
+
+
+def _in_palm(
+    palm: NDArray[np.float64], markers: NDArray[np.float64], visible: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the markers in the palm's frame, its motion, and where that is known."""
+    motion, solved = rigid.estimate_motion(palm, markers[:, PALM_COLUMNS], visible[:, PALM_COLUMNS])
+    return rigid.inverse_rigid_motion(markers, motion), motion, solved

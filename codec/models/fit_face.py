@@ -16,6 +16,7 @@ from codec.models.face import THROAT_COLUMNS, FaceModel
 from codec.models.inversion import RIGID_FACE_COLUMNS
 from codec.models.pca import guided_components, motion_components, single
 from codec.models.pruning import prune
+from codec.models.threads import one_thread
 
 _MAX_WEIGHT = 0.99
 _THROAT_FRAMES = 1500
@@ -41,6 +42,7 @@ GUIDES = [
 lip, upper lip, corners, throat, and what is left."""
 
 
+@one_thread
 def fit_face(markers: NDArray[np.float64], skull: NDArray[np.float64]) -> FaceModel:
     """Learn a face model.
 

@@ -26,6 +26,7 @@ from codec.models.pca import (
     single,
 )
 from codec.models.pruning import prune
+from codec.models.threads import one_thread
 
 Regressors = Literal["angles", "parameters", "linear"]
 LEAST_FRAMES = 200
@@ -35,6 +36,7 @@ _LINEAR_ANGLE = 1e-3
 _PARAMETER_ANGLE = 0.5
 
 
+@one_thread
 def fit_hand(
     markers: NDArray[np.float64],
     forearm: NDArray[np.float64],

@@ -17,6 +17,7 @@ from codec import layout
 from codec.models import rigid
 from codec.models.face import N_FACE_PARAMETERS, FaceModel
 from codec.models.hand import HandModel
+from codec.models.threads import one_thread
 
 RIGID_FACE_COLUMNS = np.array([layout.FACE_MARKERS.index(name) for name in layout.RIGID_FACE])
 FOREARM_COLUMNS = np.array([layout.HAND_MARKERS.index(name) for name in layout.FOREARM])
@@ -52,6 +53,7 @@ class MarkerModel(Protocol):
         """Return the model's derivatives in resting frames, shape (T, P, K, 3)."""
 
 
+@one_thread
 def invert(
     model: MarkerModel,
     markers: NDArray[np.float64],

@@ -1,12 +1,10 @@
 """A mixture of normal distributions that learns from, and completes, rows with unknown values.
 
-Rows with the same values known are treated together: what is costly depends only on which values
-are known. Expectation and maximisation with unknown values after Ghahramani and Jordan 1994. The
+Expectation and maximisation with unknown values after Ghahramani and Jordan 1994. The
 covariance of each component is drawn towards the mean of all, so that a component of few rows
 stays a distribution.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,16 +12,16 @@ from numpy.typing import NDArray
 from scipy.cluster.vq import kmeans2
 
 from codec.errors import CueError
+from codec.models.threads import one_thread
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 _LEAST_SHARE = 0.02
-_SHRINK_ROWS = 20.0
-_FLOOR = 0.03
+_SHRINK_ROWS = 6.0
+_FLOOR = 0.01
 _GLOBAL_ROUNDS = 4
 _ROWS_PER_COMPONENT = 150
-_BLOCK = 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +64,11 @@ class Mixture:
         ndarray of float64, shape (T, K)
             Rows sum to one; the unlikely components are set to zero.
         """
-        log_share = np.empty((len(values), len(self.shares)))
-        for begin in range(0, len(values), _BLOCK):
-            block = slice(begin, begin + _BLOCK)
-            log_share[block] = self._log_densities(values[block], known[block])
-        log_share += np.log(self.shares)
+        from codec.models import _kernels
+
+        distance = np.empty((len(values), len(self.shares)))
+        _kernels.densities_into(*_rows(values, known), self.means, self.precisions, distance)
+        log_share = np.log(self.shares) - 0.5 * (distance + self.log_volumes)
         share = np.exp(log_share - log_share.max(1, keepdims=True))
         share /= share.sum(1, keepdims=True)
         share[share < _LEAST_SHARE] = 0.0
@@ -94,64 +92,21 @@ class Mixture:
         surprise : ndarray of float64, shape (T, D)
             How far each known value lies from what the other known ones make expect; 0 if unknown.
         """
-        completed, surprise = np.zeros_like(values), np.zeros_like(values)
-        for shown, rows in _alike(known):
-            for k in np.flatnonzero(share[rows].max(0) > 0).tolist():
-                weight, precision = share[rows, k, None], self.precisions[k]
-                _, slope = self._given(k, shown)
-                away = (values[rows] - self.means[k])[:, shown]
-                expected = away @ slope
-                filled = values[rows]
-                filled[:, ~shown] = self.means[k][~shown] + expected
-                completed[rows] += weight * filled
-                across = precision[np.ix_(~shown, shown)]
-                pull = away @ precision[np.ix_(shown, shown)] + expected @ across
-                alone = np.diag(precision)[shown] + (slope.T * across).sum(0)
-                surprise[np.ix_(rows, shown)] += weight * (pull / alone)
+        from codec.models import _kernels
+
+        completed, surprise = np.where(known, values, 0.0), np.zeros(values.shape)
+        _kernels.expect_into(
+            *_rows(values, known), np.ascontiguousarray(share), self.means, self.precisions,
+            completed, surprise,
+        )  # fmt: skip
         return completed, surprise
 
-    def _log_densities(self, values: FloatArray, known: BoolArray) -> FloatArray:
-        """Return the logarithm of each component's density at the known values, up to a constant.
 
-        With P the precision, H the unknown values and a the distances from the mean, 0 where
-        unknown, the known values' own distance is aᵀPa - (Pa)ₕᵀ Pₕₕ⁻¹ (Pa)ₕ and the determinant
-        of their covariance that of all times that of Pₕₕ: few values are unknown, so that this is
-        much less than to factorise the covariance of the known ones.
-        """
-        away = np.where(known, values - self.means[:, None], 0.0)
-        pull = away @ self.precisions
-        distance = (away * pull).sum(-1) + self.log_volumes[:, None]
-        for shown, rows in _alike(known):
-            unknown = np.flatnonzero(~shown)
-            if not len(unknown):
-                continue
-            inner = self.precisions[:, unknown[:, None], unknown]
-            open_pull = pull[:, rows[:, None], unknown]
-            factor = np.linalg.cholesky(inner)
-            solved = np.linalg.solve(inner, np.swapaxes(open_pull, 1, 2))
-            volume = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(1)
-            distance[:, rows] += 2 * volume[:, None]
-            distance[:, rows] -= (np.swapaxes(open_pull, 1, 2) * solved).sum(1)
-        return np.asarray(-0.5 * distance.T)
-
-    def _given(self, k: int, shown: BoolArray) -> tuple[FloatArray, FloatArray]:
-        """Return what the shown values leave of the others' covariance, and their regression."""
-        precision = self.precisions[k]
-        left = np.linalg.inv(precision[np.ix_(~shown, ~shown)])
-        return left, -(precision[np.ix_(shown, ~shown)] @ left)
+def _rows(values: FloatArray, known: BoolArray) -> tuple[FloatArray, BoolArray]:
+    return np.ascontiguousarray(values, dtype=np.float64), np.ascontiguousarray(known)
 
 
-def _alike(known: BoolArray) -> Iterator[tuple[BoolArray, NDArray[np.intp]]]:
-    """Yield each set of known columns, and the rows that have just these."""
-    _, first, kind = np.unique(
-        np.packbits(known, axis=1), axis=0, return_index=True, return_inverse=True
-    )
-    order = np.argsort(kind.ravel(), kind="stable")
-    ends = np.cumsum(np.bincount(kind.ravel()))[:-1]
-    for row, rows in zip(first, np.split(order, ends), strict=True):
-        yield known[row], rows
-
-
+@one_thread
 def fit_mixture(
     values: FloatArray, known: BoolArray, *, components: int, rounds: int = 5
 ) -> Mixture:
@@ -227,19 +182,14 @@ def _clusters(rows: FloatArray, count: int) -> FloatArray:
 
 def _maximised(model: Mixture, values: FloatArray, known: BoolArray, share: FloatArray) -> Mixture:
     """Return the mixture of greatest expected likelihood under the responsibilities `share`."""
+    from codec.models import _kernels
+
     k, d = model.means.shape
     total, first, second = np.full(k, 1e-9), np.zeros((k, d)), np.zeros((k, d, d))
-    for shown, rows in _alike(known):
-        for j in np.flatnonzero(share[rows].max(0) > 0).tolist():
-            weight = share[rows, j]
-            away = values[rows] - model.means[j]
-            if not shown.all():
-                left, slope = model._given(j, shown)
-                away[:, ~shown] = away[:, shown] @ slope
-                second[j][np.ix_(~shown, ~shown)] += weight.sum() * left
-            total[j] += weight.sum()
-            first[j] += weight @ away
-            second[j] += (away * weight[:, None]).T @ away
+    _kernels.gather_into(
+        *_rows(values, known), share, model.means, model.precisions, total, first, second
+    )
+    second += np.swapaxes(np.tril(second, -1), 1, 2)
     shift = first / total[:, None]
     scatter = second - total[:, None, None] * shift[:, :, None] * shift[:, None]
     common = scatter.sum(0) / total.sum()

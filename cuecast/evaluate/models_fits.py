@@ -6,7 +6,7 @@ part of the hand.
 """
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from codec import layout
 from codec.models.bridging import bridge
-from codec.models.completion import HandCompletion, fit_completion, recover_hand
+from codec.models.completion import HandCompletion, fit_completion, recover_hand, smoothed
 from codec.models.face import FaceModel
 from codec.models.fit_face import fit_face
 from codec.models.fit_hand import Regressors, fit_hand
@@ -94,15 +94,19 @@ class Fit:
         return replace(self, markers=empty, recovered=empty)
 
 
-def learn(material: Material, training: Iterable[Take]) -> Models:
+def learn(material: Material, training: Sequence[Take]) -> Models:
     """Fit face and hand as the paper does: corpora 1 and 2, then jointly with sentences."""
     lines = np.concatenate([_thinned(take) for take in training])
     sounds = np.concatenate([_thinned(take) for take in material.takes(2)])
-    shapes = np.concatenate([_thinned(take) for take in material.takes(1)])
+    of_shapes = list(material.takes(1))
+    shapes = np.concatenate([_thinned(take) for take in of_shapes])
     faces = np.concatenate([_complete(sounds[:, _FACE]), _complete(lines[:, _FACE])])
     hands = np.concatenate([shapes[:, _HAND], lines[:, _HAND]])
     # Sentences last long and show few folded fingers: they must not outweigh corpus 1.
-    folding = np.concatenate([shapes[:, _HAND], lines[::_COMPLETION_STRIDE, _HAND]])
+    folding = np.concatenate(
+        [*(_calm_hand(take, 1) for take in of_shapes),
+         *(_calm_hand(take, _COMPLETION_STRIDE) for take in training)]
+    )  # fmt: skip
     forearm = _complete(lines[:, layout.N_FACE + FOREARM_COLUMNS])
     begun = time.process_time()
     face = fit_face(faces, _complete(lines[:, RIGID_FACE_COLUMNS]))
@@ -112,7 +116,19 @@ def learn(material: Material, training: Iterable[Take]) -> Models:
 
 
 def _thinned(take: Take) -> NDArray[np.float64]:
-    return take.observed[:: max(1, round(take.rate_hz / _TRAINING_HZ))].astype(np.float64)
+    return take.observed[:: _step(take)].astype(np.float64)
+
+
+def _calm_hand(take: Take, stride: int) -> NDArray[np.float64]:
+    """Return every `stride`-th of the thinned frames of the hand, smoothed."""
+    observed = take.observed[:, _HAND].astype(np.float64)
+    visible = np.asarray(np.isfinite(observed).all(-1))
+    calm = smoothed(np.where(visible[..., None], observed, 0.0), visible, rate_hz=take.rate_hz)
+    return np.where(visible[..., None], calm, np.nan)[:: stride * _step(take)]
+
+
+def _step(take: Take) -> int:
+    return max(1, round(take.rate_hz / _TRAINING_HZ))
 
 
 def _complete(frames: NDArray[np.float64]) -> NDArray[np.float64]:

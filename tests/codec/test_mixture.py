@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from codec.errors import CueError
+from codec.models import _kernels
 from codec.models.mixture import Mixture, fit_mixture
 
 
@@ -14,14 +15,14 @@ def curve(rows: int, seed: int) -> np.ndarray:
 
 
 def test_a_mixture_follows_what_one_component_cannot() -> None:
-    known = np.ones((1500, 5), dtype=bool)
+    known = np.ones((900, 5), dtype=bool)
     rng = np.random.default_rng(5)
     known[rng.random(known.shape) < 0.2] = False
     test = curve(400, 2)
     shown = np.tile([True, True, True, False, False], (400, 1))
     errors = []
-    for components in (1, 10):
-        model = fit_mixture(curve(1500, 1), known, components=components)
+    for components in (1, 6):
+        model = fit_mixture(curve(900, 1), known, components=components)
         share = model.responsibilities(test, shown)
         completed, _ = model.complete(np.where(shown, test, 0.0), shown, share)
         np.testing.assert_allclose(completed[:, :3], test[:, :3])
@@ -62,3 +63,54 @@ def test_learning_is_deterministic() -> None:
     first, second = (fit_mixture(curve(900, 4), known, components=6) for _ in range(2))
     np.testing.assert_array_equal(first.means, second.means)
     np.testing.assert_array_equal(first.covariances, second.covariances)
+
+
+def gaps() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return rows, what is known of them, responsibilities, means and precisions."""
+    rng = np.random.default_rng(6)
+    root = rng.normal(size=(2, 4, 4))
+    known = np.repeat(rng.random((4, 4)) < 0.6, 2, axis=0)
+    known[4:6] = False
+    share = rng.dirichlet([1.0, 1.0], size=8)
+    share[2] = [0.0, 1.0]
+    precisions = root @ np.swapaxes(root, 1, 2) + np.eye(4)
+    return rng.normal(size=(8, 4)), known, share, rng.normal(size=(2, 4)), precisions
+
+
+def test_compiled_sums_are_those_of_python() -> None:
+    values, known, share, means, precisions = gaps()
+    for kernel, head, shapes in (
+        (_kernels.densities_into, (values, known, means, precisions), [(8, 2)]),
+        (_kernels.expect_into, (values, known, share, means, precisions), [(8, 4)] * 2),
+        (_kernels.gather_into, (values, known, share, means, precisions), [2, (2, 4), (2, 4, 4)]),
+    ):
+        found, plain = [np.zeros(n) for n in shapes], [np.zeros(n) for n in shapes]
+        kernel(*head, *found)
+        kernel.py_func(*head, *plain)
+        for one, other in zip(found, plain, strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-12)
+
+
+def test_densities_and_moments_are_those_of_the_known_values() -> None:
+    values, known, share, means, precisions = gaps()
+    distance, total = np.zeros((8, 2)), np.zeros(2)
+    first, second = np.zeros((2, 4)), np.zeros((2, 4, 4))
+    _kernels.densities_into(values, known, means, precisions, distance)
+    _kernels.gather_into(values, known, share, means, precisions, total, first, second)
+    moments = np.zeros((2, 4, 4))
+    for k in range(2):
+        covariance = np.linalg.inv(precisions[k])
+        whole = np.linalg.slogdet(covariance)[1]
+        for t in range(8):
+            s, h = np.flatnonzero(known[t]), np.flatnonzero(~known[t])
+            a, inner = (values[t] - means[k])[s], covariance[np.ix_(s, s)]
+            expected = a @ np.linalg.solve(inner, a) + np.linalg.slogdet(inner)[1] - whole
+            assert distance[t, k] == pytest.approx(expected)
+            slope = np.linalg.solve(inner, covariance[np.ix_(s, h)])
+            away = np.zeros(4)
+            away[s], away[h] = a, a @ slope
+            moment = np.outer(away, away)
+            moment[np.ix_(h, h)] += covariance[np.ix_(h, h)] - covariance[np.ix_(h, s)] @ slope
+            moments[k] += share[t, k] * moment
+    np.testing.assert_allclose(total, share.sum(0))
+    np.testing.assert_allclose(np.tril(second), np.tril(moments), atol=1e-12)
