@@ -10,6 +10,7 @@ from codec.preview import (
     CHOICES,
     EXACT,
     SILENCE,
+    Preview,
     part_of_preview,
     preview_of,
     read_previews,
@@ -82,7 +83,7 @@ def test_placements_are_those_of_the_options(options: CueingOptions, symbol: int
 
 def test_a_thin_preview_keeps_the_last_start() -> None:
     preview = ((3, 7), (5, 8), (20, 40), (25, 9))
-    thin = [preview]
+    thin: list[Preview] = [preview]
     while len(thin[-1]) > 1:
         thin.append(thinned(thin[-1]))
     assert [p[-1] for p in thin] == [(25, 9)] * 4

@@ -7,10 +7,12 @@ Python here: their branches are seen and their indices checked.
 """
 
 import sys
+from typing import Any
 
 import atheris
-from numba import config
+import numba
 
+config: Any = numba.config
 config.DISABLE_JIT = True
 with atheris.instrument_imports(include=["codec"]):
     import codec._kernels
