@@ -51,19 +51,27 @@ def test_a_programme_at_other_addresses_is_found(monkeypatch: pytest.MonkeyPatch
     broadcast = Broadcast(f"udp://127.0.0.1:{port}", voice, happenings.append)
     thread = threading.Thread(target=broadcast.run)
     thread.start()
+
+    def found_again() -> bool:
+        starts = [h.start_s for h in happenings if isinstance(h, MotionPiece) and h.layers]
+        return max(starts, default=0.0) > SECONDS + 1
+
     try:
-        for data in (first, at_other_addresses(second)):
-            transmitter = Transmitter(data, port, SECONDS / FAST)
+        transmitter = Transmitter(first, port, SECONDS / FAST)
+        transmitter.start()
+        transmitter.join()
+        for _ in range(6):  # a busy machine lags behind
+            transmitter = Transmitter(at_other_addresses(second), port, SECONDS / FAST)
             transmitter.start()
             transmitter.join()
+            if found_again():
+                break
     finally:
         broadcast.stop()
         thread.join(20)
     assert not thread.is_alive()
-    figures = broadcast.metrics.document()
-    assert figures["connections_total"] >= 2
-    starts = [h.start_s for h in happenings if isinstance(h, MotionPiece) and h.layers]
-    assert max(starts) > SECONDS + 1
+    assert found_again()
+    assert broadcast.metrics.document()["connections_total"] >= 2
 
 
 @pytest.mark.parametrize(
