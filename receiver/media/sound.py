@@ -37,7 +37,9 @@ class SoundDecoder:
     programme : Programme
         Its `sound` is decoded.
     strict : bool
-        Whether a damaged packet is an error; otherwise it counts in `damaged` and is a gap.
+        Whether a damaged packet within the sound is an error; otherwise it counts in `damaged`
+        and is a gap. Packets before the first whole one always do: a recording that was cut out
+        of a broadcast begins in the middle of a frame.
 
     Attributes
     ----------
@@ -75,17 +77,19 @@ class SoundDecoder:
         Raises
         ------
         CueError
-            If the packet is damaged and the decoder is strict.
+            If the decoder is strict and the packet is damaged, or was the last and none was whole.
         """
+        name = self._programme.name
         try:
             frames = self._programme.sound.decode(packet)
         except av.FFmpegError as error:
-            if self._strict:
+            if self._strict and self.samples:
                 at = self.samples / self.format.fs
-                name = self._programme.name
                 raise CueError(f"{name}: damaged sound at {at:.2f} s: {reason(error)}") from error
             self.damaged += 1
             frames = []
+        if packet is None and self._strict and self.damaged and not self.samples and not frames:
+            raise CueError(f"{name}: damaged sound: none of it could be decoded")
         blocks = [self._placed(frame) for frame in frames if frame.samples]
         if not blocks:
             return np.zeros((0, self.format.channels), np.float32)

@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -265,3 +266,31 @@ def test_gap_in_the_sound_is_filled(make_film: Films, tmp_path: Path) -> None:
     assert abs(shift) <= 24
     assert correlation(x, y, 2 * FS, 3 * FS, shift) > 0.9
     assert not y[round(1.1 * FS) : round(1.4 * FS)].any()
+
+
+def broken(source: Path, target: Path, *, every: bool) -> None:
+    """Copy the sound with the first half of its first packet (or of each) gone."""
+    with av.open(str(source)) as a, av.open(str(target), "w") as out:
+        copy = out.add_stream_from_template(a.streams.audio[0])
+        for number, packet in enumerate(p for p in a.demux(a.streams.audio[0]) if p.size):
+            cut: av.Packet[Any] = packet
+            if every or not number:
+                cut = av.Packet(bytes(packet)[packet.size // 2 :])
+                cut.pts, cut.dts, cut.time_base = packet.pts, packet.dts, packet.time_base
+            cut.stream = copy
+            out.mux(cut)
+
+
+def test_recording_that_begins_within_a_frame(make_film: Films, tmp_path: Path) -> None:
+    source, target = make_film(".mkv", "ac3", 192000), tmp_path / "cut.mkv"
+    broken(source, target, every=False)
+    x, _ = read_sound(source)
+    y, _ = read_sound(target)
+    assert len(x) - len(y) == 1536
+    assert correlation(x[1536:], y, FS, 2 * FS, 0) > 0.99
+
+
+def test_sound_of_which_nothing_can_be_decoded(make_film: Films, tmp_path: Path) -> None:
+    broken(make_film(".mkv", "ac3", 192000), tmp_path / "broken.mkv", every=True)
+    with pytest.raises(CueError, match="none of it could be decoded"):
+        read_sound(tmp_path / "broken.mkv")
