@@ -1,4 +1,4 @@
-"""Labelled C3D files of the 113 markers, through ezc3d (the optional extra ``c3d``).
+"""Labelled C3D files of the 113 markers; they are written by ezc3d (the optional extra ``c3d``).
 
 Points are in millimetres. A hidden marker is NaN here and has residual -1 in the file. Points
 that are no marker are labelled ``*1``, ``*2``, ... and any file with the markers' names can be
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from codec.c3d_points import open_c3d
 from codec.errors import CueError
 from codec.layout import MARKERS
 
@@ -86,25 +87,14 @@ def read_c3d(path: str | os.PathLike[str]) -> tuple[NDArray[np.float32], float, 
     Raises
     ------
     CueError
-        If ezc3d is not installed, the file is no C3D, its unit or rate is strange, or a marker's
-        name is missing or stands there twice.
+        If the file is no C3D, its unit is strange, or a marker's name is missing or stands there
+        twice.
     """
-    try:
-        c3d = _ezc3d().c3d(str(path))
-        point = c3d["parameters"]["POINT"]
-        labels = [str(label).strip() for label in point["LABELS"]["value"]]
-        rate_hz = float(point["RATE"]["value"][0])
-        unit = str((point["UNITS"]["value"] or ["mm"])[0]).strip().lower() or "mm"
-        points = np.array(c3d["data"]["points"][:3])
-        residuals = np.array(c3d["data"]["meta_points"]["residuals"])[0]
-        first_frame = int(c3d["header"]["points"]["first_frame"])
-    except (OSError, RuntimeError, ValueError, KeyError, IndexError) as error:
-        raise CueError(f"{path}: not a C3D file: {error}") from error
+    file = open_c3d(path)
+    unit = file.unit or "mm"
     if unit not in _MILLIMETRES:
         raise CueError(f"{path}: unit {unit!r} is not one of {', '.join(_MILLIMETRES)}")
-    if not rate_hz > 0:
-        raise CueError(f"{path}: rate {rate_hz} Hz is not positive")
-    bare = [label.split(":")[-1] for label in labels]
+    bare = [label.split(":")[-1] for label in file.labels]
     twice = [name for name in MARKERS if bare.count(name) > 1]
     if twice:
         raise CueError(f"{path}: marker {twice[0]} stands there {bare.count(twice[0])} times")
@@ -113,10 +103,8 @@ def read_c3d(path: str | os.PathLike[str]) -> tuple[NDArray[np.float32], float, 
     if missing:
         raise CueError(f"{path}: {len(missing)} markers are missing, the first is {missing[0]}")
     columns = [column[name] for name in MARKERS]
-    markers = _MILLIMETRES[unit] * points[:, columns].transpose(2, 1, 0)
-    # Some systems leave the origin where a marker is hidden, and say no more about it.
-    markers[(residuals[columns].T < 0) | (markers == 0).all(-1)] = np.nan
-    return markers.astype(np.float32), rate_hz, first_frame / rate_hz
+    markers = np.float32(_MILLIMETRES[unit]) * file.frames(0, file.n_frames)[:, columns]
+    return markers, file.rate_hz, file.start_s
 
 
 def _ezc3d() -> Any:

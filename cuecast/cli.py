@@ -23,8 +23,8 @@ from codec.errors import CueError
 from cuecast.errors import UsageError
 
 VERBS = (
-    "demo", "keys", "synth", "encode", "decode", "inspect", "dub", "receive", "watch", "render",
-    "compare", "evaluate", "batch", "voice",
+    "demo", "keys", "synth", "capture", "encode", "decode", "inspect", "dub", "receive", "watch",
+    "render", "compare", "evaluate", "batch", "voice",
 )  # fmt: skip
 """Verbs in the order of the help page; each is a module of `cuecast.verbs`."""
 

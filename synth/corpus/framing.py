@@ -6,6 +6,7 @@ axes, the way the fingers bend tells the hand. A left-handed cuer is mirrored, n
 """
 
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from codec.models import rigid
 from codec.voice import load_voice
 
 FloatArray = NDArray[np.float64]
+F = TypeVar("F", bound=np.floating[Any])
 
 _SKULL = layout.marker_indices(layout.RIGID_FACE)
 _EARS = layout.marker_indices(layout.EARS)
@@ -97,7 +99,7 @@ def find_framing(markers: NDArray[np.float32]) -> Framing:
     return Framing(left_handed, np.concatenate([turn[0, :3], shift]))
 
 
-def mirrored(markers: NDArray[np.float32]) -> NDArray[np.float32]:
+def mirrored(markers: NDArray[F]) -> NDArray[F]:
     """Return the mirror image: right is left, in space and in the markers' names."""
     out = markers[:, _MIRROR].copy()
     out[..., 0] *= -1.0

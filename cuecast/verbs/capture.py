@@ -1,0 +1,121 @@
+"""Make the motion of a cuer from a recording of a real one.
+
+Markers as C3D, TRC, Qualisys TSV or CSV; face weights of Live Link Face; landmarks of an image
+tracker as CSV; or a video, if a tracker is installed. Speakers of any size and left-handed ones are
+brought to the voice; keys are recognised, so that the motion can be coded and dubbed.
+"""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cuecast.arguments import add_json, add_voice, positive, print_json
+from cuecast.files import write_json
+from cuecast.progress import note, seconds_bar
+
+if TYPE_CHECKING:
+    from synth.capture.options import CaptureOptions
+
+SUMMARY = "motion from motion capture, landmarks or a video of an interpreter"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("input", metavar="IN", help="recording of a cuer")
+    parser.add_argument("-o", "--output", required=True, metavar="M.npz", help="motion")
+    parser.add_argument("--rate", type=positive, default=50.0, metavar="HZ", help="of the motion")
+    parser.add_argument(
+        "--start", type=float, metavar="S",
+        help="time of the first frame on the programme's clock, if not as the file says",
+    )  # fmt: skip
+    parser.add_argument("--report", metavar="R.json", help="how well it went; - prints it")
+    parser.add_argument("--plot", metavar="P.png", help="a picture of the same")
+    markers = parser.add_argument_group("markers")
+    markers.add_argument(
+        "--map", metavar="FILE",
+        help="labels and our markers: CSV with two columns, or JSON; others go by name",
+    )  # fmt: skip
+    markers.add_argument("--subject", metavar="NAME", help="only labels such as NAME:FH0")
+    markers.add_argument(
+        "--calibration", metavar="TAKE", help="the same speaker and markers, her face at rest"
+    )
+    keys = parser.add_argument_group("keys").add_mutually_exclusive_group()
+    keys.add_argument("--score", metavar="T.TextGrid", help="what was said, if that is known")
+    keys.add_argument("--no-keys", action="store_true", help="do not recognise keys")
+    add_json(parser)
+    add_voice(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the motion and what is to be said of it."""
+    from codec.motion import save_motion
+    from codec.voice import load_voice
+    from synth.capture.capture import capture
+
+    voice = load_voice(args.voice)
+    with seconds_bar(None, Path(args.input).name) as advance:
+        captured = capture(args.input, voice, _options(args, advance))
+    if args.plot:
+        from cuecast.capture_plot import plot_capture
+        from cuecast.evaluate.tables import write_plot
+
+        write_plot(Path(args.plot), captured.report, plot_capture)
+    save_motion(captured.motion, args.output)
+    if args.report:
+        write_json(args.report, captured.report)
+    if args.json:
+        print_json(captured.report)
+    else:
+        for line in told(captured.report):
+            note(line)
+    return 0
+
+
+def _options(args: argparse.Namespace, advance: Any) -> "CaptureOptions":
+    from synth.capture.labels import read_map
+    from synth.capture.options import CaptureOptions
+    from synth.textgrid import read_textgrid
+
+    return CaptureOptions(
+        rate_hz=args.rate,
+        start_s=args.start,
+        mapping=read_map(args.map) if args.map else {},
+        subject=args.subject,
+        calibration=Path(args.calibration) if args.calibration else None,
+        score=read_textgrid(args.score) if args.score else None,
+        keys=not args.no_keys,
+        progress=advance,
+    )
+
+
+def told(report: dict[str, Any]) -> list[str]:
+    """Return a report in a few lines."""
+    source = report["input"]
+    lines = [
+        f"{source['file']}: {source['kind']}, {source['duration_s']:.2f} s, "
+        f"{source['rate_hz']:g} frames/s"
+    ]
+    if "markers" in report:
+        lines += _of_markers(report)
+    errors = {part: mm for part, mm in report.get("residual_mm", {}).items() if mm is not None}
+    if errors:
+        lines.append("residual, mm: " + ", ".join(f"{k} {v:.2f}" for k, v in errors.items()))
+    keys = report.get("keys", {})
+    if keys.get("recognised"):
+        lines.append(f"{keys['recognised']} keys recognised, confidence {keys['confidence']:.2f}")
+    elif "given" in keys:
+        lines.append(f"{keys['given']} keys given")
+    return [*lines, *report["notes"]]
+
+
+def _of_markers(report: dict[str, Any]) -> list[str]:
+    found, gaps, repairs = report["markers"], report["gaps"], report["repairs"]
+    return [
+        f"{found['found']} of 113 markers ({found['of_face']} face, {found['of_hand']} hand), "
+        f"{len(found['unused'])} other labels, {found['unnamed']} unnamed",
+        f"head {report['place']['head_size']:.3f} and hand {report['speaker']['hand_size']:.3f} "
+        "times the voice's",
+        f"hidden {100 * gaps['hidden_share']:.1f} %, longest gap {gaps['longest_s']:.2f} s; "
+        f"{repairs['renamed']} renamed, {repairs['recovered']} recovered, "
+        f"{repairs['dropped']} dropped",
+    ]

@@ -1,0 +1,30 @@
+"""Capturing: a file goes in, a motion of a voice and a report come out."""
+
+import os
+from pathlib import Path
+
+from codec.voice import Voice
+from synth.capture.markers import capture_markers
+from synth.capture.options import DEFAULTS, Captured, CaptureOptions
+from synth.capture.sniff import kind_of
+
+
+def capture(
+    path: str | os.PathLike[str], voice: Voice, options: CaptureOptions = DEFAULTS
+) -> Captured:
+    """Return the motion that a recording shows.
+
+    Parameters
+    ----------
+    path : path-like
+        Any of the kinds of `synth.capture.sniff.KINDS`.
+    voice : Voice
+        Whose parameters are wanted.
+    options : CaptureOptions
+
+    Raises
+    ------
+    CueError
+        If the file is missing, malformed, or shows too little of the cuer.
+    """
+    return capture_markers(Path(path), kind_of(path), voice, options)

@@ -1,0 +1,71 @@
+"""What a capture is told, and what it gives."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from codec.motion import Motion
+from codec.score import Score
+
+
+def _silent(_: float) -> None:
+    """Show no progress."""
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureOptions:
+    """Choices of a capture.
+
+    Attributes
+    ----------
+    rate_hz : float
+        Of the motion.
+    start_s : float, optional
+        Time of the recording's first frame on the programme's clock; default: as the file says.
+    mapping : mapping of str to str
+        From labels to markers.
+    subject : str, optional
+        Prefix of the labels that count, where several people are recorded.
+    calibration : Path, optional
+        A recording of the same speaker and session, her face at rest.
+    score : Score, optional
+        What was said, on the recording's clock; default: what is recognised.
+    keys : bool
+        Recognise keys where no score is given.
+    frame_rate_hz : float, optional
+        Of landmarks whose table holds frame numbers and no times.
+    aspect : float, optional
+        Width of the picture over its height, for landmarks in parts of width and height.
+    progress : callable
+        Told how many seconds of the recording have been worked on.
+    """
+
+    rate_hz: float = 50.0
+    start_s: float | None = None
+    mapping: Mapping[str, str] = field(default_factory=dict)
+    subject: str | None = None
+    calibration: Path | None = None
+    score: Score | None = None
+    keys: bool = True
+    frame_rate_hz: float | None = None
+    aspect: float | None = None
+    progress: Callable[[float], None] = _silent
+
+
+DEFAULTS = CaptureOptions()
+
+
+@dataclass(frozen=True, slots=True)
+class Captured:
+    """A captured motion and what is to be said of it.
+
+    Attributes
+    ----------
+    motion : Motion
+    report : dict
+        For JSON; `notes` in it are sentences.
+    """
+
+    motion: Motion
+    report: dict[str, Any]

@@ -1,0 +1,136 @@
+"""A score for what was recognised: phones whose keys are those of the hand, chosen by the lips.
+
+A key leaves open which of its consonants and which of its vowels was spoken; that is what lips are
+for. Each key takes the phones whose visemes the face comes closest to. Times follow from the hand:
+it arrives in the first part of a key's consonant (Attina 2005).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.cueing import DEFAULT_OPTIONS, NO_CONSONANT_SHAPE, NO_VOWEL_PLACEMENT, SHAPE_OF
+from codec.phonology import PHONE_NUMBER, VOWELS
+from codec.score import PLACEMENTS, Key, Phone, Score
+from codec.voice import Voice
+from synth.capture.keys import Held
+
+FloatArray = NDArray[np.float64]
+
+_LAG_S = 0.016
+_TO_REST_DELAY_S = 0.08
+_LEAST_KEY_S = 0.06
+_LONGEST_KEY_S = 0.6
+_CONSONANT_PART, _LONGEST_CONSONANT_S = 0.4, 0.14
+_LIPS_MM = 1.5
+_ALONE = 1.0
+"""Cost of a key of one phone: they are rarer than keys of two."""
+
+_UNSURE = 0.5
+
+LEAST_SURE = 0.6
+"""Share of keys that have to be sure for a score to help more than it misleads."""
+
+
+def score_of(
+    held: Sequence[Held], voice: Voice, params: FloatArray, *, rate_hz: float, start_s: float
+) -> Score:
+    """Return phones and keys for what the hand held.
+
+    Parameters
+    ----------
+    held : sequence of Held
+        From `synth.capture.keys.recognise_keys` on the same parameters.
+    voice : Voice
+    params : ndarray, shape (T, P)
+    rate_hz, start_s : float
+        Clock of the frames.
+    """
+    spans = _spans(held)
+    face = params[:, voice.face_columns[: voice.gestures.viseme_targets.shape[1]]]
+    costs = _Visemes(voice, face, rate_hz)
+    phones: list[Phone] = []
+    keys: list[Key] = []
+    lonely_until = -1.0
+    for one, (begin, end) in zip([h for h in held if h.shape], spans, strict=True):
+        middle = begin + min(_CONSONANT_PART * (end - begin), _LONGEST_CONSONANT_S)
+        joined = abs(lonely_until - begin) < 1e-6
+        chosen = _chosen(one, costs, begin, middle, end, after_consonant=joined)
+        cuts = (begin, middle, end) if len(chosen) == 2 else (begin, end)
+        for symbol, a, b in zip(chosen, cuts[:-1], cuts[1:], strict=True):
+            phones.append(Phone(symbol, start_s + a, start_s + b))
+        place = PLACEMENTS[one.placement]
+        keys.append(Key(start_s + begin, start_s + end, chosen, one.shape, place))
+        lonely_until = end if chosen[-1] in SHAPE_OF else -1.0
+    return Score(tuple(phones), tuple(keys))
+
+
+def is_sure(held: Sequence[Held]) -> bool:
+    """Return whether enough of the keys are sure."""
+    keys = [one.confidence > _UNSURE for one in held if one.shape]
+    return bool(keys) and sum(keys) >= LEAST_SURE * len(keys)
+
+
+def _spans(held: Sequence[Held]) -> list[tuple[float, float]]:
+    """Return start and end of each key's sound, seconds from the first frame."""
+    spans: list[tuple[float, float]] = []
+    for number, one in enumerate(held):
+        if not one.shape:
+            continue
+        begin = max(one.reach_s - _LAG_S, 0.0)
+        if spans:
+            begin = max(begin, spans[-1][0] + _LEAST_KEY_S)
+            spans[-1] = (spans[-1][0], min(spans[-1][1], begin))
+        after = held[number + 1] if number + 1 < len(held) else None
+        if after is None or not after.shape:
+            end = one.leave_s - _TO_REST_DELAY_S
+        else:
+            # A hand that waits in the air says nothing; but a longer silence would mean rest.
+            silent = DEFAULT_OPTIONS.rest_gap_s - _LEAST_KEY_S
+            following = after.reach_s - _LAG_S
+            end = following
+            if following - begin > _LONGEST_KEY_S:
+                end = max(begin + _LONGEST_KEY_S, following - silent)
+        spans.append((begin, max(end, begin + _LEAST_KEY_S)))
+    return spans
+
+
+class _Visemes:
+    """How far the face is from each phone's viseme over some time, in squared deviations."""
+
+    def __init__(self, voice: Voice, face: FloatArray, rate_hz: float) -> None:
+        weight = np.square(voice.face.directions.astype(np.float64)).sum(-1).mean(1)
+        gap = face[:, None] - voice.gestures.viseme_targets[None].astype(np.float64)
+        squares = (gap**2 @ weight) / _LIPS_MM**2
+        self._sums = np.concatenate([np.zeros((1, squares.shape[1])), squares.cumsum(0)])
+        self._rate_hz = rate_hz
+
+    def cost(self, symbol: str, begin: float, end: float) -> float:
+        """Return the mean cost of a phone between two times."""
+        last = len(self._sums) - 1
+        a = int(np.clip(round(begin * self._rate_hz), 0, last - 1))
+        b = int(np.clip(round(end * self._rate_hz), a + 1, last))
+        column = PHONE_NUMBER[symbol]
+        return float(self._sums[b, column] - self._sums[a, column]) / (b - a)
+
+
+def _chosen(
+    one: Held, visemes: _Visemes, begin: float, middle: float, end: float, *, after_consonant: bool
+) -> tuple[str, ...]:
+    """Return the one or two phones of a key that the face shows best."""
+    place = PLACEMENTS[one.placement]
+    consonants = [c for c, shape in SHAPE_OF.items() if shape == one.shape]
+    vowels = [v for v in VOWELS if DEFAULT_OPTIONS.placement(v) == place]
+    # Both halves count alike, however long they are.
+    first = {c: visemes.cost(c, begin, middle) for c in consonants}
+    second = {v: visemes.cost(v, middle, end) for v in vowels}
+    choices: list[tuple[float, tuple[str, ...]]] = [
+        (first[c] + second[v], (c, v)) for c in consonants for v in vowels
+    ]
+    if place == NO_VOWEL_PLACEMENT:
+        choices += [(2 * visemes.cost(c, begin, end) + _ALONE, (c,)) for c in consonants]
+    # A vowel directly after a lone consonant would share the consonant's key.
+    if one.shape == NO_CONSONANT_SHAPE and not after_consonant:
+        choices += [(2 * visemes.cost(v, begin, end) + _ALONE, (v,)) for v in vowels]
+    return min(choices)[1]
