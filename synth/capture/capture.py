@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from codec.voice import Voice
+from synth.capture.livelink import capture_live_link
 from synth.capture.markers import capture_markers
 from synth.capture.options import DEFAULTS, Captured, CaptureOptions
 from synth.capture.sniff import kind_of
@@ -27,4 +28,7 @@ def capture(
     CueError
         If the file is missing, malformed, or shows too little of the cuer.
     """
-    return capture_markers(Path(path), kind_of(path), voice, options)
+    source, kind = Path(path), kind_of(path)
+    if kind == "livelink":
+        return capture_live_link(source, voice, options)
+    return capture_markers(source, kind, voice, options)
