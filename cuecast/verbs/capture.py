@@ -39,6 +39,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     markers.add_argument(
         "--calibration", metavar="TAKE", help="the same speaker and markers, her face at rest"
     )
+    landmarks = parser.add_argument_group("landmarks")
+    landmarks.add_argument(
+        "--frame-rate", type=positive, metavar="HZ", help="of frames that are numbered, not timed"
+    )
+    landmarks.add_argument(
+        "--aspect", type=positive, metavar="W/H", help="width of the picture over its height"
+    )
     keys = parser.add_argument_group("keys").add_mutually_exclusive_group()
     keys.add_argument("--score", metavar="T.TextGrid", help="what was said, if that is known")
     keys.add_argument("--no-keys", action="store_true", help="do not recognise keys")
@@ -84,6 +91,8 @@ def _options(args: argparse.Namespace, advance: Any) -> "CaptureOptions":
         calibration=Path(args.calibration) if args.calibration else None,
         score=read_textgrid(args.score) if args.score else None,
         keys=not args.no_keys,
+        frame_rate_hz=args.frame_rate,
+        aspect=args.aspect,
         progress=advance,
     )
 

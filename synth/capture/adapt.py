@@ -158,16 +158,16 @@ def _adapt_hand(model: HandModel, x: FloatArray, seen: BoolArray) -> tuple[HandM
     if _error(model, x, seen) < _SAME_HAND_MM:
         return model, 1.0, 0.0
     few = slice(None, None, max(1, len(x) // _SIZE_FRAMES))
-    errors = [_error(_resized(model, size), x[few], seen[few]) for size in _SIZES]
-    size = _lowest(_SIZES, np.array(errors))
-    adapted, offsets = _resized(model, size), np.zeros((layout.N_HAND, 3))
+    errors = [_error(resized(model, size), x[few], seen[few]) for size in _SIZES]
+    size = lowest(_SIZES, np.array(errors))
+    adapted, offsets = resized(model, size), np.zeros((layout.N_HAND, 3))
     for _ in range(_HAND_ROUNDS):
         found = invert_hand(adapted, x, seen)
         residual = adapted.residual(found, x)
         frames = local_frames(model, found[:, : model.n_shape])
         turned = np.einsum("tkij,tki->tkj", frames, residual)
         offsets += _shrunk(turned, seen)
-        adapted = _displaced(_resized(model, size), offsets, found[:, : model.n_shape])
+        adapted = _displaced(resized(model, size), offsets, found[:, : model.n_shape])
     viewed = seen.sum(0) >= _LEAST_VIEWS
     return adapted, size, float(np.linalg.norm(offsets[viewed], axis=1).mean())
 
@@ -179,7 +179,7 @@ def _error(model: HandModel, x: FloatArray, seen: BoolArray) -> float:
     return float(np.median(gap[seen]))
 
 
-def _lowest(at: FloatArray, values: FloatArray) -> float:
+def lowest(at: FloatArray, values: FloatArray) -> float:
     """Return where the parabola through the least value and its neighbours is least."""
     i = int(np.clip(values.argmin(), 1, len(at) - 2))
     left, least, right = values[i - 1 : i + 2]
@@ -188,7 +188,8 @@ def _lowest(at: FloatArray, values: FloatArray) -> float:
     return float(at[i] + np.clip(step, -1, 1) * (at[1] - at[0]))
 
 
-def _resized(model: HandModel, size: float) -> HandModel:
+def resized(model: HandModel, size: float) -> HandModel:
+    """Return the model of a hand `size` times as large."""
     return replace(model, regression=(size * model.regression).astype(np.float32))
 
 

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from codec.voice import Voice
+from synth.capture.landmarks import capture_landmarks
 from synth.capture.livelink import capture_live_link
 from synth.capture.markers import capture_markers
 from synth.capture.options import DEFAULTS, Captured, CaptureOptions
@@ -31,4 +32,6 @@ def capture(
     source, kind = Path(path), kind_of(path)
     if kind == "livelink":
         return capture_live_link(source, voice, options)
+    if kind == "landmarks":
+        return capture_landmarks(source, voice, options)
     return capture_markers(source, kind, voice, options)

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from codec.errors import CueError
+from synth.capture.landmark_table import is_landmark_table
 
 KINDS = ("c3d", "trc", "tsv", "points", "livelink", "landmarks", "video")
 """What `kind_of` returns."""
@@ -51,7 +52,7 @@ def _text_kind(text: str) -> str | None:
         return "tsv"
     if "blendshapecount" in fields or "eyeblinkleft" in fields:
         return "livelink"
-    if {"part", "index"} <= fields or {"hand_x0", "hand_y0"} <= fields:
+    if is_landmark_table(fields):
         return "landmarks"
     if any(field.endswith((".x", "_x", " x")) for field in fields):
         return "points"
