@@ -46,6 +46,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     landmarks.add_argument(
         "--aspect", type=positive, metavar="W/H", help="width of the picture over its height"
     )
+    landmarks.add_argument(
+        "--tracker", metavar="PYTHON", help="of an environment with MediaPipe 0.10.21, for a video"
+    )
     keys = parser.add_argument_group("keys").add_mutually_exclusive_group()
     keys.add_argument("--score", metavar="T.TextGrid", help="what was said, if that is known")
     keys.add_argument("--no-keys", action="store_true", help="do not recognise keys")
@@ -93,6 +96,7 @@ def _options(args: argparse.Namespace, advance: Any) -> "CaptureOptions":
         keys=not args.no_keys,
         frame_rate_hz=args.frame_rate,
         aspect=args.aspect,
+        tracker=args.tracker,
         progress=advance,
     )
 

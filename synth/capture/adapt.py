@@ -9,7 +9,7 @@ still face says where the face's rest is; without one the middle of the take cou
 of the voice.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ from codec.models.face import N_FACE_PARAMETERS, FaceModel
 from codec.models.hand import HandModel, regressors
 from codec.models.inversion import RIGID_FACE_COLUMNS, invert_hand, starting_motion
 from codec.voice import Voice
+from synth.capture.contact import NO_CONTACT, Contact
+from synth.capture.speaker import Speaker
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -36,56 +38,6 @@ _NEIGHBOURS = 4
 _RIDGE = 1e-4
 _LEAST_SPREAD = 0.5
 
-_TIPS = [layout.HAND_MARKERS.index(name) for name in ("F2T", "F3T")]
-_WRIST = [layout.HAND_MARKERS.index(name) for name in layout.WRIST]
-_LONGEST_MM = 8.0
-
-
-@dataclass(frozen=True, slots=True)
-class Speaker:
-    """Models of one speaker whose parameters are those of a voice.
-
-    Attributes
-    ----------
-    voice : Voice
-    face : FaceModel
-    hand : HandModel
-    hand_size : float
-        Against the voice's, after the head has been brought to the voice's size.
-    face_offset_mm, hand_offset_mm : float
-        Mean displacement of the markers that was found.
-    """
-
-    voice: Voice
-    face: FaceModel
-    hand: HandModel
-    hand_size: float = 1.0
-    face_offset_mm: float = 0.0
-    hand_offset_mm: float = 0.0
-
-    def to_voice(self, hand: FloatArray) -> FloatArray:
-        """Return the parameters with which the voice's fingertip is where the speaker's is.
-
-        Parameters
-        ----------
-        hand : ndarray of float64, shape (T, naH + nmH)
-            Of the speaker's model.
-        """
-        if self.hand is self.voice.hand:
-            return hand
-        own, others = self.hand.reconstruct(hand), self.voice.hand.reconstruct(hand)
-        # What touches the face is the longest finger; which one that is changes smoothly.
-        length = np.linalg.norm(others[:, _TIPS] - others[:, _WRIST].mean(1)[:, None], axis=-1)
-        share = np.exp((length - length.max(1, keepdims=True)) / _LONGEST_MM)
-        share /= share.sum(1, keepdims=True)
-        gap = (share[..., None] * (own - others)[:, _TIPS]).sum(1)
-        directions = self.voice.hand.motion_directions.astype(np.float64)
-        shift = np.concatenate([np.zeros_like(gap), gap], axis=1)
-        scale = np.array([100.0] * 3 + [1.0] * 3)
-        out = hand.copy()
-        out[:, self.voice.hand.n_shape :] += (shift * scale) @ np.linalg.pinv(directions * scale)
-        return out
-
 
 def adapt(voice: Voice, markers: FloatArray, *, still: FloatArray | None = None) -> Speaker:
     """Return the speaker's models.
@@ -100,11 +52,12 @@ def adapt(voice: Voice, markers: FloatArray, *, still: FloatArray | None = None)
     """
     x, seen = _filled(markers)
     faces, shown = _filled(markers if still is None else still)
-    face, moved = _adapt_face(
+    face, contact = _adapt_face(
         voice, faces[:, : layout.N_FACE], shown[:, : layout.N_FACE], still=still is not None
     )
     hand, size, off = _adapt_hand(voice.hand, x[:, layout.N_FACE :], seen[:, layout.N_FACE :])
-    return Speaker(voice, face, hand, size, moved, off)
+    moved = float(np.linalg.norm(contact.gap, axis=1).mean()) if len(contact.gap) else 0.0
+    return Speaker(voice, face, hand, contact, size, moved, off)
 
 
 def _filled(markers: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -115,7 +68,7 @@ def _filled(markers: FloatArray) -> tuple[FloatArray, BoolArray]:
 
 def _adapt_face(
     voice: Voice, x: FloatArray, seen: BoolArray, *, still: bool
-) -> tuple[FaceModel, float]:
+) -> tuple[FaceModel, Contact]:
     model = voice.face
     expected = np.zeros(model.n_parameters)
     if still:
@@ -134,9 +87,9 @@ def _adapt_face(
         if step == 0 and not still:
             firm = RIGID_FACE_COLUMNS[viewed[RIGID_FACE_COLUMNS]]
             if np.sqrt((offset[firm] ** 2).sum(-1).mean()) < _SAME_FACE_MM:
-                return model, 0.0
+                return model, NO_CONTACT
     adapted = replace(model, mean=(model.mean + offset).astype(np.float32))
-    return adapted, float(np.linalg.norm(offset[viewed], axis=1).mean())
+    return adapted, Contact(adapted.mean[viewed].astype(np.float64), offset[viewed])
 
 
 def _middle(residual: FloatArray, seen: BoolArray, viewed: BoolArray) -> FloatArray:

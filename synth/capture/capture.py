@@ -34,4 +34,8 @@ def capture(
         return capture_live_link(source, voice, options)
     if kind == "landmarks":
         return capture_landmarks(source, voice, options)
+    if kind == "video":
+        from synth.capture.video import capture_video
+
+        return capture_video(source, voice, options)
     return capture_markers(source, kind, voice, options)

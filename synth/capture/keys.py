@@ -18,13 +18,14 @@ from codec import layout
 from codec.models import rigid
 from codec.models.face import N_FACE_PARAMETERS
 from codec.models.hand import N_HAND_PARAMETERS
-from codec.recognise import Gaussians, characteristic_distances, pointing_tip
+from codec.recognise import Gaussians, pointing_tip
 from codec.score import PLACEMENTS, SHAPES
 from codec.voice import Voice
+from synth.capture.closure import N_FEATURES, closures
 
 FloatArray = NDArray[np.float64]
 
-_DISTANCE_SD_MM = 8.0
+_CLOSURE_SD = 0.2
 _PLACEMENT_SD_MM = {
     "rest": 60.0,
     "side": 20.0,
@@ -36,11 +37,14 @@ _PLACEMENT_SD_MM = {
 """How far the tip lies from its target, per axis: two cuers of French, and a little more."""
 
 _STILL_MM_S = 160.0
-_ON_THE_WAY_SD = (30.0, 70.0)
+_ON_THE_WAY_SD = (0.7, 70.0)
 _CORRELATED = 0.4
 """Neighbouring frames tell the same: each counts as this part of an observation at 50 Hz."""
 
 _CHANGE = 2.0
+_CLOSURE_MM = 30.0
+"""Way of a finger that opens and closes, as it counts beside that of the hand."""
+
 _LEARNING_ROUNDS = 2
 _BELIEF = 4.0
 _SMOOTHING_S = 0.06
@@ -81,11 +85,11 @@ class Held:
 class Seen:
     """What keys are told from, frame by frame.
 
-    `distances` (T, 7) of the fingers, `tips` (T, 2, 3) of index and middle finger against the
-    head, `speed` (T,) of hand and fingers, mm and mm/s.
+    `fingers` (T, 6) how far they are closed, `tips` (T, 2, 3) of index and middle finger against
+    the head, mm, `speed` (T,) of hand and fingers, mm/s.
     """
 
-    distances: FloatArray
+    fingers: FloatArray
     tips: FloatArray
     speed: FloatArray
 
@@ -100,10 +104,9 @@ def observe(voice: Voice, params: FloatArray, *, rate_hz: float) -> Seen:
     rate_hz : float
     """
     head = _resting_head(voice)
-    distances, tips, knuckles = [], [], []
+    tips, knuckles = [], []
     for begin in range(0, len(params), _PIECE):
         markers = voice.reconstruct(params[begin : begin + _PIECE])
-        distances.append(characteristic_distances(markers))
         every = np.zeros(len(markers), dtype=np.int64)
         tips.append(
             np.stack([pointing_tip(markers, every + shape, head) for shape in (1, 5)], axis=1)
@@ -111,8 +114,8 @@ def observe(voice: Voice, params: FloatArray, *, rate_hz: float) -> Seen:
         motion, _ = rigid.estimate_motion(head, markers[:, _RIGID_FACE])
         hand = rigid.inverse_rigid_motion(markers[:, _KNUCKLES], motion)
         knuckles.append(hand.mean(1))
-    fingers = np.concatenate(distances)
-    carried = np.concatenate([np.concatenate(knuckles), 0.5 * fingers], axis=1)
+    fingers = closures(voice, params[:, voice.hand_columns[:N_HAND_PARAMETERS]])
+    carried = np.concatenate([np.concatenate(knuckles), _CLOSURE_MM * fingers], axis=1)
     speed = np.linalg.norm(_velocity(carried, rate_hz), axis=1)
     return Seen(fingers, np.concatenate(tips), speed)
 
@@ -138,13 +141,14 @@ def _targets(voice: Voice) -> tuple[Gaussians, Gaussians]:
     rows[:, voice.hand_columns[:N_HAND_PARAMETERS]] = table.shape_targets[_SHAPE]
     rows[:, voice.hand_columns[N_HAND_PARAMETERS:]] = table.placement_targets[_SHAPE, _PLACE]
     markers = voice.reconstruct(rows)
-    distances = characteristic_distances(markers)
     tips = pointing_tip(markers, _SHAPE, _resting_head(voice))
-    shapes = np.array([distances[s == _SHAPE].mean(0) for s in SHAPES])
     places = np.array([tips[p == _PLACE].mean(0) for p in range(len(PLACEMENTS))])
     spread = np.array([_PLACEMENT_SD_MM[name] for name in PLACEMENTS])
     return (
-        Gaussians(shapes, np.tile(_DISTANCE_SD_MM**2 * np.eye(7), (len(SHAPES), 1, 1))),
+        Gaussians(
+            closures(voice, table.shape_targets),
+            np.tile(_CLOSURE_SD**2 * np.eye(N_FEATURES), (len(SHAPES), 1, 1)),
+        ),
         Gaussians(places, spread[:, None, None] ** 2 * np.eye(3)),
     )
 
@@ -182,7 +186,7 @@ def recognise_keys(voice: Voice, params: FloatArray, *, rate_hz: float) -> list[
 
 def _log_densities(seen: Seen, shapes: Gaussians, places: Gaussians) -> FloatArray:
     """Return the log density of each key in each frame, shape (T, 41)."""
-    of_shape = _log_normal(seen.distances, shapes)
+    of_shape = _log_normal(seen.fingers, shapes)
     by_tip = np.stack([_log_normal(seen.tips[:, tip], places) for tip in range(2)], axis=1)
     tip = np.array([layout.longest_finger_tip(shape) != "F2T" for shape in _SHAPE], dtype=int)
     return np.asarray(of_shape[:, _SHAPE] + by_tip[:, tip, _PLACE])
@@ -203,7 +207,7 @@ def _likeliest(
     count = _CORRELATED * 50.0 / rate_hz
     hold = _log_densities(seen, shapes, places) - 0.5 * (seen.speed / _STILL_MM_S)[:, None] ** 2
     away = np.log(_ON_THE_WAY_SD)
-    transit = -7.0 * away[0] - 3.0 * away[1] - 2.0
+    transit = -N_FEATURES * away[0] - 3.0 * away[1] - 2.0
     score = np.concatenate([count * hold, np.full((len(hold), 1), count * transit)], axis=1)
     way = len(KEYS)
     total, back = score[0].copy(), np.empty((len(score), way + 1), dtype=np.int16)
@@ -248,7 +252,7 @@ def _learnt(
         still = begin + int(seen.speed[begin:end].argmin())
         tip = int(layout.longest_finger_tip(shape) != "F2T")
         for k, (label, value) in enumerate(
-            ((shape, seen.distances[still]), (place, seen.tips[still, tip]))
+            ((shape, seen.fingers[still]), (place, seen.tips[still, tip]))
         ):
             sums[k][label] += value
             counts[k][label] += 1

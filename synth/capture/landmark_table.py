@@ -160,6 +160,8 @@ def _read_long(
         part = _PARTS.get(fields[at[0]].strip().strip('"').casefold())
         index = numbers([fields[at[1]]])[0]
         if part is None or not 0 <= index < MOST_FACE_LANDMARKS:
+            # A frame that shows nothing known is a frame all the same.
+            yield fields, []
             continue
         values = numbers([fields[n] if n >= 0 else "nan" for n in at[2:]])
         yield (

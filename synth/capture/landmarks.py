@@ -16,9 +16,11 @@ from scipy.ndimage import label
 
 from codec.errors import CueError
 from codec.models.bridging import bridge
+from codec.models.hand import HandModel
 from codec.models.inversion import invert
 from codec.voice import Voice
-from synth.capture.adapt import Speaker, lowest, resized
+from synth.capture.adapt import lowest, resized
+from synth.capture.closure import rescaled
 from synth.capture.finish import finish
 from synth.capture.landmark_maps import FACE_LANDMARKS, hand_map
 from synth.capture.landmark_model import FACE_TRUST, HAND_TRUST, LandmarkModel
@@ -27,6 +29,7 @@ from synth.capture.options import Captured, CaptureOptions
 from synth.capture.picture import Picture, find_picture
 from synth.capture.resample import evenly
 from synth.capture.solve import resting
+from synth.capture.speaker import Speaker, moved_by
 from synth.movement import law
 
 FloatArray = NDArray[np.float64]
@@ -63,7 +66,9 @@ def capture_landmarks(path: Path, voice: Voice, options: CaptureOptions) -> Capt
     gap = np.nanmedian((head.landmarks(still[:1]) - face[told])[..., 2], axis=1, keepdims=True)
     face[told, :, 2] += gap
     params[:, voice.face_columns] = _solved(head, face, still, rate_hz)
-    fit = _fit_hand(voice, hand, rate_hz) if hand is not None else None
+    fit = None
+    if hand is not None:
+        fit = _fit_hand(voice, hand, params[:, voice.face_columns], rate_hz)
     if fit is not None:
         params[:, voice.hand_columns] = _resting_when_away(
             fit.parameters, fit.shown, rest[voice.hand_columns], rate_hz
@@ -104,21 +109,18 @@ class _HandFit:
     error_mm: float
 
 
-def _fit_hand(voice: Voice, x: FloatArray, rate_hz: float) -> _HandFit | None:
+def _fit_hand(voice: Voice, x: FloatArray, face: FloatArray, rate_hz: float) -> _HandFit | None:
     """Return the hand's parameters for landmarks (T, 21, 3), or None if it is hardly seen."""
     shown = np.isfinite(x).all(-1).sum(1) >= _LEAST_HAND
     if shown.sum() < 2:
         return None
-    table = voice.gestures
-    shapes = np.repeat(table.shape_targets, table.placement_targets.shape[1], axis=0)
-    places = table.placement_targets.reshape(len(shapes), -1)
-    likely = np.concatenate([shapes, places], axis=1).astype(np.float64)
+    likely = likely_postures(voice)
     plain = LandmarkModel(voice.hand, hand_map(), np.zeros((x.shape[1], 3)), HAND_TRUST)
     step = max(1, int(shown.sum()) // _SIZE_FRAMES)
     size = _hand_size(plain, voice, x[shown][::step], likely)
     model = replace(plain, model=resized(voice.hand, size))
     start = np.zeros((len(x), model.n_parameters))
-    start[shown] = _begun(model, x[shown], likely)
+    start[shown] = started(model, x[shown], likely)
     frames = np.arange(len(x))
     start = np.stack(
         [np.interp(frames, frames[shown], column[shown]) for column in start.T], axis=1
@@ -127,8 +129,18 @@ def _fit_hand(voice: Voice, x: FloatArray, rate_hz: float) -> _HandFit | None:
     # Depth is told against the wrist alone: where that is, the likeliest posture says.
     only[..., 2] += (model.landmarks(start)[:, :1] - only[:, :1])[..., 2]
     found = _solved(model, only, start, rate_hz)
-    speaker = Speaker(voice, voice.face, resized(voice.hand, size), size)
-    return _HandFit(speaker.to_voice(found), shown, size, _error(model, x[shown], found[shown]))
+    error = _error(model, x[shown], found[shown])
+    found[:, : model.n_shape] = rescaled(voice, found[:, : model.n_shape], shown)
+    speaker = Speaker(voice, voice.face, resized(voice.hand, size), hand_size=size)
+    return _HandFit(speaker.to_voice(found, face), shown, size, error)
+
+
+def likely_postures(voice: Voice) -> FloatArray:
+    """Return the hand's parameters at all shapes and placements, shape (54, naH + nmH)."""
+    table = voice.gestures
+    shapes = np.repeat(table.shape_targets, table.placement_targets.shape[1], axis=0)
+    places = table.placement_targets.reshape(len(shapes), -1)
+    return np.concatenate([shapes, places], axis=1).astype(np.float64)
 
 
 def _hand_size(plain: LandmarkModel, voice: Voice, x: FloatArray, likely: FloatArray) -> float:
@@ -136,7 +148,7 @@ def _hand_size(plain: LandmarkModel, voice: Voice, x: FloatArray, likely: FloatA
     errors = []
     for size in _SIZES:
         model = replace(plain, model=resized(voice.hand, float(size)))
-        found = invert(model, *_masked(x), _begun(model, x, likely))
+        found = invert(model, *_masked(x), started(model, x, likely))
         errors.append(_error(model, x, found))
     return lowest(_SIZES, np.array(errors))
 
@@ -146,7 +158,7 @@ def _masked(x: FloatArray) -> tuple[FloatArray, BoolArray]:
     return np.where(seen[..., None], x, 0.0), seen
 
 
-def _begun(model: LandmarkModel, x: FloatArray, likely: FloatArray) -> FloatArray:
+def started(model: LandmarkModel, x: FloatArray, likely: FloatArray) -> FloatArray:
     """Return a start for each frame: the likely posture that looks most like it, moved there."""
     candidates = model.landmarks(likely)[..., :2]
     filled, seen = _masked(x)
@@ -163,11 +175,9 @@ def _begun(model: LandmarkModel, x: FloatArray, likely: FloatArray) -> FloatArra
         better = error < best
         best[better], chosen[better], shift[better] = error[better], number, middle[better]
     start = likely[chosen].copy()
-    directions = model.model.motion_directions.astype(np.float64)
-    moved = np.concatenate([np.zeros((len(x), 3)), shift, np.zeros((len(x), 1))], axis=1)
-    scale = np.array([100.0] * 3 + [1.0] * 3)
-    start[:, model.n_shape :] += (moved * scale) @ np.linalg.pinv(directions * scale)
-    return start
+    moved = np.concatenate([shift, np.zeros((len(x), 1))], axis=1)
+    assert isinstance(model.model, HandModel)
+    return moved_by(model.model, start, moved)
 
 
 def _error(model: LandmarkModel, x: FloatArray, found: FloatArray) -> float:

@@ -19,12 +19,12 @@ from codec.models.inversion import invert_face
 from codec.voice import Voice
 from synth.body.anatomy import IDENTITIES
 from synth.body.body import Body, load_body
-from synth.capture.adapt import Speaker
 from synth.capture.finish import finish
 from synth.capture.options import Captured, CaptureOptions
 from synth.capture.recording import numbers, text_lines
 from synth.capture.resample import evenly
 from synth.capture.solve import resting
+from synth.capture.speaker import Speaker
 
 FloatArray = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from codec import layout
 from codec.errors import CueError
 from codec.voice import Voice
-from synth.capture.adapt import Speaker, adapt
+from synth.capture.adapt import adapt
 from synth.capture.finish import finish
 from synth.capture.labels import Naming, find_names
 from synth.capture.options import Captured, CaptureOptions
@@ -16,6 +16,7 @@ from synth.capture.place import LEAST_HEAD_MARKERS, Place, find_place
 from synth.capture.readers import read_points
 from synth.capture.recording import Recording
 from synth.capture.solve import HAND, LEAST_HAND_MARKERS, Quality, solve
+from synth.capture.speaker import Speaker
 
 _SAMPLED_FRAMES = 400
 _LISTED = 8

@@ -37,6 +37,8 @@ class CaptureOptions:
         Of landmarks whose table holds frame numbers and no times.
     aspect : float, optional
         Width of the picture over its height, for landmarks in parts of width and height.
+    tracker : str, optional
+        Interpreter with the image tracker, for films.
     progress : callable
         Told how many seconds of the recording have been worked on.
     """
@@ -50,6 +52,7 @@ class CaptureOptions:
     keys: bool = True
     frame_rate_hz: float | None = None
     aspect: float | None = None
+    tracker: str | None = None
     progress: Callable[[float], None] = _silent
 
 

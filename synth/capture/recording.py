@@ -153,9 +153,9 @@ def numbers(fields: list[str]) -> NDArray[np.float32]:
     [1.5, nan, nan, 2.5]
     """
     try:
-        return np.array(fields, dtype=np.float64).astype(np.float32)
+        return _narrow(np.array(fields, dtype=np.float64))
     except (ValueError, OverflowError):
-        return np.array([_number(text) for text in fields], dtype=np.float64).astype(np.float32)
+        return _narrow(np.array([_number(text) for text in fields], dtype=np.float64))
 
 
 def _number(text: str) -> float:
@@ -164,3 +164,9 @@ def _number(text: str) -> float:
     with suppress(ValueError):
         return float(text.replace(",", "."))
     return float("nan")
+
+
+def _narrow(values: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return the values in single precision, infinite where they are too large for it."""
+    with np.errstate(over="ignore"):
+        return values.astype(np.float32)

@@ -16,11 +16,11 @@ from codec.models.bridging import bridge
 from codec.models.face import FaceModel
 from codec.models.hand import HandModel
 from codec.models.inversion import invert_face, invert_hand
-from synth.capture.adapt import Speaker
 from synth.capture.labels import Naming
 from synth.capture.place import Place
 from synth.capture.recording import Recording
 from synth.capture.relabel import Repairs, relabel
+from synth.capture.speaker import Speaker
 
 FloatArray = NDArray[np.float64]
 
@@ -160,7 +160,7 @@ def _window(
     quality.count(markers[own], model_markers[own])
     params[:, voice.face_columns] = found[FACE.start]
     if has_hand:
-        params[:, voice.hand_columns] = speaker.to_voice(found[HAND.start])
+        params[:, voice.hand_columns] = speaker.to_voice(found[HAND.start], found[FACE.start])
     return params
 
 

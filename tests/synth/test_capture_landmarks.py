@@ -186,7 +186,7 @@ def test_a_face_alone_and_a_hand_alone(tmp_path: Path) -> None:
         ("frame,hand_x0,hand_y0\n", "0 frames of landmarks"),
         ("frame,hand_x0,hand_y0\n1,2,3\n1,2,3\n", "1 frames of landmarks"),
         ("frame,hand_x0,hand_y0\n1,,\n2,,\n", "no landmarks of face or hand"),
-        ("frame,part,index,x,y\n1,foot,0,1,2\n2,foot,0,1,2\n", "0 frames of landmarks"),
+        ("frame,part,index,x,y\n1,foot,0,1,2\n2,foot,0,1,2\n", "no landmarks of face or hand"),
     ],
 )
 def test_what_is_wrong_is_told(tmp_path: Path, text: str, message: str) -> None:

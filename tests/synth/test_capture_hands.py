@@ -1,0 +1,57 @@
+"""Real hands: landmarks that a tracker found in photographs of six people's hand shapes."""
+
+import json
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from codec.models.inversion import invert
+from codec.voice import load_voice
+from synth.capture.closure import closures, rescaled
+from synth.capture.landmark_maps import hand_map
+from synth.capture.landmark_model import HAND_TRUST, LandmarkModel
+from synth.capture.landmarks import likely_postures, started
+
+SHARED = Path(__file__).parents[3] / "shared" / "data" / "hand" / "handshapes_mediapipe_angles.json"
+VOICE = load_voice()
+SLOPE = np.radians(75.0)
+
+
+def photographs() -> dict[str, dict[int, np.ndarray]]:
+    """Return landmarks (21, 3) by person and shape, the hand turned as in cueing, mm."""
+    found: dict[str, dict[int, np.ndarray]] = defaultdict(dict)
+    for name, entry in json.loads(SHARED.read_text(encoding="utf-8")).items():
+        person, _, shape = name.removesuffix(".png").rpartition("_")
+        if entry and entry.get("world") and shape.isdigit():
+            x = np.array(entry["world"]) * [1.0, -1.0, -1.0]
+            along = x[9] - x[0]
+            turn = SLOPE - np.arctan2(along[1], along[0])
+            c, s = np.cos(turn), np.sin(turn)
+            x = x @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+            found[person][int(shape)] = x + np.array([-60.0, -150.0, 120.0])
+    return found
+
+
+@pytest.mark.skipif(not SHARED.is_file(), reason="no ../shared/data beside the project")
+def test_shapes_of_six_people() -> None:
+    model = LandmarkModel(VOICE.hand, hand_map(), np.zeros((21, 3)), HAND_TRUST)
+    targets = closures(VOICE, VOICE.gestures.shape_targets)
+    plain = scaled = total = 0
+    for shapes in photographs().values():
+        x = np.array(list(shapes.values()))
+        begun = started(model, x, likely_postures(VOICE))
+        x[..., 2] += (model.landmarks(begun)[:, :1] - x[:, :1])[..., 2]
+        found = invert(model, x, np.ones(x.shape[:2], dtype=bool), begun)[:, : model.n_shape]
+        # Each photograph stands for some frames of a take.
+        often = np.tile(found, (10, 1))
+        better = rescaled(VOICE, often, np.ones(len(often), dtype=bool))[: len(found)]
+        for name, hands in (("plain", found), ("scaled", better)):
+            gap = closures(VOICE, hands)[:, None] - targets
+            right = int(((gap**2).sum(-1).argmin(1) == list(shapes)).sum())
+            plain, scaled = (plain + right, scaled) if name == "plain" else (plain, scaled + right)
+        total += len(x)
+    assert total >= 50
+    assert plain >= 0.75 * total
+    assert scaled >= 0.9 * total
