@@ -15,10 +15,17 @@ from watermark.layout import Cells
 from watermark.masking import Masker
 from watermark.mdct import analyse, frames_of
 from watermark.profile import FRAMES_PER_SUPERFRAME, HOP, SUPERFRAME
+from watermark.strain import coder_noise
 from watermark.tape import Tape
 
-LOUDEST = 5.0
-"""Largest deviation of a loudness from its mean that counts, natural logarithm of power."""
+CLUES = 3
+"""What may tell how far a cell can be trusted: its strength, its frame's, and a coder's noise."""
+
+CLUE_LIMIT = 5.0
+"""Largest deviation of a clue from its mean that counts, natural logarithm of power."""
+
+CODER_BITS = 200.0
+"""Bits per frame of the coder that is thought to have pressed the sound; 150 to 350 do as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,20 +72,25 @@ class View:
     spectra: NDArray[np.complex128]
     amplitudes: NDArray[np.float64]
 
-    def loudness(self, cells: Cells) -> NDArray[np.float64]:
-        """Logarithms of the power of each cell's unit and of its frame, less their means.
+    def clues(self, cells: Cells, masker: Masker) -> NDArray[np.float64]:
+        """Logarithms of the power of each cell's unit, of its frame and of a coder's noise.
 
         Returns
         -------
-        ndarray of float64, shape (2, 64, groups)
-            Less the mean over the frames at each cell position; no farther than `LOUDEST` from it.
+        ndarray of float64, shape (CLUES, 64, groups)
+            The noise in units of the cell's; all less the mean over the frames at each cell
+            position, and no farther than `CLUE_LIMIT` from it.
         """
-        unit = self.amplitudes[:, cells.first_bin : cells.last_bin]
-        unit = unit.reshape(-1, cells.dither.size, cells.bins).mean(axis=2)
-        cell = 2 * np.log(np.maximum(unit, 1e-7))
+        cut, shape = slice(cells.first_bin, cells.last_bin), (-1, cells.dither.size, cells.bins)
+        unit = self.amplitudes[:, cut].reshape(shape).mean(axis=2)
+        strength = 2 * np.log(np.maximum(unit, 1e-7))
         frame = np.log((np.abs(self.spectra) ** 2).sum(axis=1) + 1e-12)
-        both = np.stack([cell, np.repeat(frame[:, np.newaxis], cell.shape[1], axis=1)])
-        return np.asarray(np.clip(both - both.mean(axis=1, keepdims=True), -LOUDEST, LOUDEST))
+        noise = coder_noise([self.spectra], masker, CODER_BITS)
+        pressed = np.repeat(noise, np.diff(masker.edges), axis=1)[:, cut]
+        pressed = np.log(pressed.reshape(shape).mean(axis=2)) - strength
+        clues = np.stack([strength, np.broadcast_to(frame[:, np.newaxis], unit.shape), pressed])
+        clues -= clues.mean(axis=1, keepdims=True)
+        return np.asarray(np.clip(clues, -CLUE_LIMIT, CLUE_LIMIT))
 
     def soft(self, cells: Cells, step: float) -> NDArray[np.float64]:
         """Soft values of cells at a quantiser step, shape (64, groups)."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from watermark.align import View
 from watermark.layout import make_layout, make_pilots
 from watermark.link import Decoded, Link
+from watermark.masking import make_masker
 from watermark.profile import LEVELS, PILOT_STEPS, Profile
 from watermark.reliability import NOISY, Reliability
 
@@ -21,6 +22,9 @@ LIST_SIZE, LONG_LIST_SIZE, LONGEST_LIST_SIZE = 8, 32, 64
 
 TRIED_LEVELS = 8
 """Levels at which a superframe is tried: those of the two tiers whose pilots fit best."""
+
+LONG_LEVELS = 4
+"""Levels at which the longest list is tried: those of the tier whose pilots fit best."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +37,8 @@ class Reading:
         Where it was read.
     level : int
         Level that was assumed.
+    clues : ndarray of float64, shape (3, 64, groups)
+        See `View.clues`.
     soft : ndarray of float64, shape (64, groups)
         Soft values.
     llr : ndarray of float64, shape (data_cells,)
@@ -43,6 +49,7 @@ class Reading:
 
     view: View
     level: int
+    clues: NDArray[np.float64]
     soft: NDArray[np.float64]
     llr: NDArray[np.float64]
     decoded: Decoded
@@ -57,6 +64,7 @@ class Demodulator:
         self.link = Link(profile)
         self.reliability = Reliability(profile.groups)
         self._pilots = make_pilots(key)
+        self._masker = make_masker()
         self._announced = self._pilots.expected(profile.number)
 
     def likely_levels(self, view: View, last: int) -> list[int]:
@@ -71,28 +79,35 @@ class Demodulator:
     def read(self, view: View, levels: list[int], *, longest: int = LONGEST_LIST_SIZE) -> Reading:
         """Read at the first of `levels` that the link accepts; else at the first of all.
 
-        What fails everywhere is tried again at the first level with a list of the longest size,
-        then as sound to which noise was added; unless the longest is that of all.
+        What fails everywhere is tried again at the first `LONG_LEVELS` with a list of the longest
+        size, and at the first as sound to which noise was added; unless the longest is that of all.
         """
-        loudness = view.loudness(self.layout.cells)
-        learnt = self.reliability.weights(loudness)
-        noisy = self.reliability.weights(loudness, exponents=NOISY)
-        last = [(levels[0], learnt, longest), (levels[0], noisy, LONG_LIST_SIZE)]
+        clues = view.clues(self.layout.cells, self._masker)
+        learnt = self.reliability.weights(clues)
+        noisy = self.reliability.weights(clues, exponents=NOISY)
+        last = [(level, learnt, longest) for level in levels[:LONG_LEVELS]]
+        last.append((levels[0], noisy, LONG_LIST_SIZE))
         attempts = itertools.chain(
             ((level, learnt, LIST_SIZE) for level in levels), last if longest > LIST_SIZE else []
         )
         for level, weights, list_size in attempts:
-            reading = self._read_at(view, level, weights, list_size)
+            reading = self._read_at(view, clues, level, weights, list_size)
             if reading.decoded.l0 is not None:
                 return self._settle(reading, weights)
         return reading
 
     def _read_at(
-        self, view: View, level: int, weights: NDArray[np.float64], list_size: int
+        self,
+        view: View,
+        clues: NDArray[np.float64],
+        level: int,
+        weights: NDArray[np.float64],
+        list_size: int,
     ) -> Reading:
         soft = view.soft(self.layout.cells, self.profile.step(level))
         llr = self.layout.gather(soft * weights)
-        return Reading(view, level, soft, llr, self.link.decode(llr, list_size=list_size))
+        decoded = self.link.decode(llr, list_size=list_size)
+        return Reading(view, level, clues, soft, llr, decoded)
 
     def _settle(self, reading: Reading, weights: NDArray[np.float64]) -> Reading:
         """Move to the level at which the decoded bits fit best: L0 survives a wrong one."""
@@ -106,13 +121,12 @@ class Demodulator:
         best = max(near, key=fit)
         if best == reading.level:
             return reading
-        again = self._read_at(reading.view, best, weights, LIST_SIZE)
+        again = self._read_at(reading.view, reading.clues, best, weights, LIST_SIZE)
         return reading if again.decoded.l0 is None else again
 
     def learn(self, reading: Reading) -> None:
         """Let a decoded superframe teach how far cells can be trusted."""
-        loudness = reading.view.loudness(self.layout.cells)
-        self.reliability.learn(reading.soft, self.expected(reading.decoded), loudness)
+        self.reliability.learn(reading.soft, self.expected(reading.decoded), reading.clues)
 
     def expected(self, decoded: Decoded) -> NDArray[np.float64]:
         """Soft values that decoded bits ask for; 0 where unknown, shape (64, groups)."""

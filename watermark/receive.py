@@ -331,8 +331,7 @@ class AudioReceiver:
         demodulator = track.demodulator
         expected = demodulator.expected(reading.decoded)
         cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
-        loudness = reading.view.loudness(cells)
-        weighted = expected * demodulator.reliability.weights(loudness)
+        weighted = expected * demodulator.reliability.weights(reading.clues)
         if wide:
             for grid in LOCK_IN:
                 view = read_view(self._tape, track.position, track.ratio, self._masker)

@@ -4,7 +4,8 @@ In: soft values and the bits they should have had; out: weights that turn soft v
 log-likelihood ratios. A soft value is the cosine of a phase; with von Mises noise of concentration
 kappa the ratio of a cosine c is 2 kappa c, and kappa follows from the mean resultant length. Within
 a superframe the weights follow the strength of each cell and of its frame, upwards where noise was
-added and downwards where a coder was short of bits: two exponents, learnt by logistic regression.
+added and downwards where a coder was short of bits, and the noise that a coder would have left
+there: three exponents, learnt by logistic regression.
 Source: Mardia and Jupp, "Directional Statistics", 2000, section 5.3. Specification: section 7.3.
 """
 
@@ -27,7 +28,10 @@ PACE, RIDGE = 0.3, 20.0
 LARGEST_EXPONENT = 1.0
 """Exponents of power stay within this."""
 
-NOISY = np.array([0.5, 0.0])
+PRIOR_EXPONENTS = (0.0, 0.0, -0.3)
+"""Exponents before anything was decoded: codecs teach -0.2 to -0.5 for their noise."""
+
+NOISY = np.array([0.5, 0.0, 0.0])
 """Exponents to be tried where the learnt ones fail: noise was added, and covers the soft cells."""
 
 
@@ -42,38 +46,38 @@ class Reliability:
     Examples
     --------
     >>> reliability = Reliability(2)
-    >>> bits, level = np.tile([1.0, -1.0], (64, 1)), np.zeros((2, 64, 2))
-    >>> reliability.learn(bits * [0.9, 0.1], bits, level)
-    >>> weights = reliability.weights(level)
+    >>> bits, clues = np.tile([1.0, -1.0], (64, 1)), np.zeros((3, 64, 2))
+    >>> reliability.learn(bits * [0.9, 0.1], bits, clues)
+    >>> weights = reliability.weights(clues)
     >>> bool(weights[0, 0] > weights[0, 1])
     True
     """
 
     def __init__(self, groups: int) -> None:
         self._resultant = np.linspace(PRIOR_LOW, PRIOR_HIGH, groups)
-        self._exponents = np.zeros(2)
+        self._exponents = np.array(PRIOR_EXPONENTS)
 
     def weights(
-        self, level: NDArray[np.float64], *, exponents: NDArray[np.float64] | None = None
+        self, clues: NDArray[np.float64], *, exponents: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
         """Log-likelihood ratio of a soft value of 1 in each cell, shape (64, groups).
 
         Parameters
         ----------
-        level : ndarray of float64, shape (2, 64, groups)
-            Logarithms of the power of each cell's unit and of its frame, less their means.
-        exponents : ndarray of float64, shape (2,), optional
+        clues : ndarray of float64, shape (3, 64, groups)
+            See `watermark.align.View.clues`.
+        exponents : ndarray of float64, shape (3,), optional
             To be used instead of the learnt ones.
         """
         r = self._resultant
         used = self._exponents if exponents is None else exponents
-        return np.asarray(2 * r * (2 - r**2) / (1 - r**2) * np.exp(np.tensordot(used, level, 1)))
+        return np.asarray(2 * r * (2 - r**2) / (1 - r**2) * np.exp(np.tensordot(used, clues, 1)))
 
     def learn(
         self,
         soft: NDArray[np.float64],
         expected: NDArray[np.float64],
-        level: NDArray[np.float64],
+        clues: NDArray[np.float64],
     ) -> None:
         """Take a superframe's soft values and their true signs (0 unknown), shape (64, groups)."""
         known = (np.abs(expected) * (soft != 0)).sum(axis=0)
@@ -81,9 +85,9 @@ class Reliability:
         mean = (soft * expected).sum(axis=0)[seen] / known[seen]
         old = self._resultant[seen]
         self._resultant[seen] = np.clip(MEMORY * old + (1 - MEMORY) * mean, *LIMITS)
-        ratio = self.weights(level) * soft * expected
+        ratio = self.weights(clues) * soft * expected
         slope = ratio / (1 + np.exp(np.clip(ratio, -30, 30)))
-        gradient = (level * slope).sum(axis=(1, 2)) - RIDGE * self._exponents
-        curvature = (level**2 * np.abs(slope)).sum(axis=(1, 2)) + RIDGE
+        gradient = (clues * slope).sum(axis=(1, 2)) - RIDGE * self._exponents
+        curvature = (clues**2 * np.abs(slope)).sum(axis=(1, 2)) + RIDGE
         moved = self._exponents + PACE * gradient / curvature
         self._exponents = np.clip(moved, -LARGEST_EXPONENT, LARGEST_EXPONENT)

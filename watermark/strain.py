@@ -13,13 +13,16 @@ from numpy.typing import NDArray
 
 from watermark.layout import Cells
 from watermark.masking import Masker
-from watermark.profile import FRAMES_PER_SUPERFRAME, LEVELS, SLOT_FRAMES, Profile
+from watermark.profile import FRAMES_PER_SUPERFRAME, LEVELS, Profile
 
 CODED_BINS = 300
 """A coder spends its bits below 15 kHz."""
 
 EXPONENT, REFERENCE = 0.7, 10 ** (-9.0)
 """Noise of a coder grows with the spread power to this exponent; REFERENCE fixes the scale only."""
+
+BLOCK_FRAMES = 4
+"""Frames of 10 ms for which a coder's bits must suffice: its reservoir."""
 
 QUIETEST = 10 ** (-12.0)
 """Power below which nothing is coded."""
@@ -55,7 +58,7 @@ def coder_noise(
     Returns
     -------
     ndarray of float64, shape (64, bands)
-        One multiple of the shaped threshold per slot of 8 frames.
+        One multiple of the shaped threshold per block of `BLOCK_FRAMES`.
     """
     widths = np.diff(masker.edges)
     excess, shaped = [], []
@@ -67,14 +70,15 @@ def coder_noise(
         shape = np.repeat(shaped[-1], widths, axis=1)[:, :CODED_BINS]
         excess.append((power[:, :CODED_BINS] + 1e-14) / shape)
     ratio = np.concatenate(excess, axis=1)
-    ratio = ratio.reshape(FRAMES_PER_SUPERFRAME // SLOT_FRAMES, -1)
-    low, high = np.full((len(ratio), 1), -8.0), np.full((len(ratio), 1), 12.0)
+    ratio = ratio.reshape(FRAMES_PER_SUPERFRAME // BLOCK_FRAMES, BLOCK_FRAMES, -1)
+    low, high = np.full(len(ratio), -8.0), np.full(len(ratio), 12.0)
     for _ in range(ROUNDS):
         middle = (low + high) / 2
-        spent = np.log2(1 + ratio * np.exp(-middle)).sum(axis=1, keepdims=True) / 2
-        affordable = spent <= bits * SLOT_FRAMES
+        # One logarithm for the product of a block: each factor is below 2^60.
+        grown = (1 + ratio * np.exp(-middle)[:, np.newaxis, np.newaxis]).prod(axis=1)
+        affordable = np.log2(grown).sum(axis=1) / 2 <= bits * BLOCK_FRAMES
         low, high = np.where(affordable, low, middle), np.where(affordable, middle, high)
-    return np.asarray(shaped[0] * np.repeat(np.exp(high), SLOT_FRAMES, axis=0))
+    return np.asarray(shaped[0] * np.repeat(np.exp(high), BLOCK_FRAMES)[:, np.newaxis])
 
 
 def needed_level(
