@@ -7,14 +7,16 @@ wanted one. A stretch that would be much worse is written more softly or not at 
 forgets, and its memory is constant. Specification: none, an embedder may choose levels freely.
 """
 
+import copy
 from collections.abc import Callable
-from typing import Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.profile import FS, LEVELS, SUPERFRAME
+from watermark.profile import FS, LEVELS
 from watermark.quality import PeaqMeter
 
 START_BASE = 8.0
@@ -54,38 +56,62 @@ class Attempt(Protocol):
 
 T = TypeVar("T", bound=Attempt)
 
+
+@dataclass(frozen=True, slots=True)
+class _Heard(Generic[T]):
+    """An attempt, the meter that has heard it, and its own grade, None for silence."""
+
+    made: T
+    meter: PeaqMeter
+    grade: float | None
+
+
 PASSAGE = 16
 """Stretches of a passage: 41 s."""
+
+HALVES, OWN = ("even", "odd"), "own"
+"""Names of the meter's averages: two that begin half a passage apart, and a stretch's own."""
 
 MAKE_GOOD = 0.7
 """Part of a passage's error of grade that the next stretch makes good beyond its own share."""
 
 
 class _Passage:
-    """Running grade and mean base of the last half to whole passage."""
+    """Running grade and mean base of the last half to whole passage, by one meter that runs on."""
 
     def __init__(self, channels: int) -> None:
-        self._channels = channels
-        self._meters = [PeaqMeter(FS, channels), PeaqMeter(FS, channels)]
-        self._bases: list[list[float]] = [[], []]
+        self._meter = PeaqMeter(FS, channels)
+        self._meter.end()
+        for name in HALVES:
+            self._meter.begin(name)
+        self._bases: dict[str, list[float]] = {name: [] for name in HALVES}
         self._count = 0
 
-    def add(self, attempt: Attempt, base: float) -> float | None:
-        """Take the stretch that was chosen; return the passage's grade, None for silence."""
-        for meter, bases in zip(self._meters, self._bases, strict=True):
-            meter.process(attempt.clean, attempt.marked)
+    def tried(self, attempt: Attempt) -> tuple[PeaqMeter, float | None]:
+        """Let a copy of the meter hear an attempt; give it and the attempt's own grade."""
+        meter = copy.deepcopy(self._meter)
+        meter.begin(OWN)
+        meter.process(attempt.clean, attempt.marked)
+        return meter, _odg(meter, OWN)
+
+    def add(self, meter: PeaqMeter, base: float) -> float | None:
+        """Go on from the attempt that was chosen; return the passage's grade, None for silence."""
+        self._meter = meter
+        for bases in self._bases.values():
             bases.append(base)
-        older = (self._count // (PASSAGE // 2)) % 2
+        older = HALVES[(self._count // (PASSAGE // 2)) % 2]
         self.mean_base = float(np.mean(self._bases[older]))
-        try:
-            grade = float(self._meters[older].result().odg)
-        except CueError:
-            grade = None
+        grade = _odg(meter, older)
         self._count += 1
         if self._count % (PASSAGE // 2) == 0:
-            self._meters[older] = PeaqMeter(FS, self._channels)
+            meter.begin(older)
             self._bases[older] = []
         return grade
+
+
+def _odg(meter: PeaqMeter, name: str) -> float | None:
+    result = meter.grade(name)
+    return None if result is None else float(result.odg)
 
 
 class LevelControl:
@@ -97,15 +123,18 @@ class LevelControl:
         Objective difference grade to aim at, -4 to 0.
     channels : int
         1 or 2 channels that are listened to.
+
+    Attributes
+    ----------
+    base : float
+        Base level of the next stretch.
     """
 
     def __init__(self, target: float, channels: int) -> None:
         if not -4 < target < 0:
             raise CueError(f"grade {target} to aim at is not within -4..0")
         self._target = target
-        self._base = START_BASE
-        self._channels = channels
-        self._clean = self._marked = np.zeros((0, channels))
+        self.base = START_BASE
         self._passage = _Passage(channels)
         self._started = False
 
@@ -117,62 +146,50 @@ class LevelControl:
         attempt : callable
             Gives the stretch at a base level, and unmarked for None.
         """
-        chosen = attempt(self._base)
-        grade = self._grade(chosen)
-        if grade is not None:
+
+        def hear(base: float | None) -> _Heard[T]:
+            made = attempt(base)
+            return _Heard(made, *self._passage.tried(made))
+
+        chosen = hear(self.base)
+        if (grade := chosen.grade) is not None:
             if not self._started:
-                chosen, self._base = self._begin(attempt, chosen, grade)
+                chosen = self._begin(hear, chosen, grade)
             elif grade < self._target - GIVE_UP:
-                chosen = self._soften(attempt, chosen, grade)
+                chosen = self._soften(hear, grade)
             self._started = True
-        passage = self._passage.add(chosen, self._base)
+        passage = self._passage.add(chosen.meter, self.base)
         if passage is not None and grade is not None:
             self._learn(passage)
-        self._clean = chosen.clean[-SUPERFRAME:]
-        self._marked = chosen.marked[-SUPERFRAME:]
-        return chosen
+        return chosen.made
 
     def _learn(self, passage: float) -> None:
         """Set the base so that the passage comes to its grade."""
         error = (passage - self._target) / GRADES_PER_LEVEL
         wanted = self._passage.mean_base + (1 + MAKE_GOOD) * error
-        move = np.clip(wanted - self._base, *MOVE_LIMITS)
-        self._base = float(np.clip(self._base + move, *BASE_LIMITS))
+        move = np.clip(wanted - self.base, *MOVE_LIMITS)
+        self.base = float(np.clip(self.base + move, *BASE_LIMITS))
 
     def _begin(
-        self, attempt: Callable[[float | None], T], first: T, grade: float
-    ) -> tuple[T, float]:
+        self, hear: Callable[[float | None], _Heard[T]], chosen: _Heard[T], grade: float
+    ) -> _Heard[T]:
         """Find the base of the first stretch."""
-        chosen, base = first, self._base
         for _ in range(TRIALS):
             error = grade - self._target
-            if abs(error) < CLOSE_ENOUGH or (error > 0 and base == BASE_LIMITS[1]):
-                return chosen, base
-            base = float(np.clip(base + error / GRADES_PER_LEVEL, *BASE_LIMITS))
-            chosen = attempt(base)
-            grade = self._grade(chosen) or 0.0
-        if grade < self._target - GIVE_UP:
-            return attempt(None), base
-        return chosen, base
+            if abs(error) < CLOSE_ENOUGH or (error > 0 and self.base == BASE_LIMITS[1]):
+                return chosen
+            self.base = float(np.clip(self.base + error / GRADES_PER_LEVEL, *BASE_LIMITS))
+            chosen = hear(self.base)
+            grade = chosen.grade or 0.0
+        return hear(None) if grade < self._target - GIVE_UP else chosen
 
-    def _soften(self, attempt: Callable[[float | None], T], first: T, grade: float) -> T:
+    def _soften(self, hear: Callable[[float | None], _Heard[T]], grade: float) -> _Heard[T]:
         """Write a stretch that grades far too low at a lower base, or not at all."""
-        chosen, base = first, self._base
+        base = self.base
         for _ in range(TRIALS):
             base -= max(1.0, (self._target - GIVE_UP / 2 - grade) / GRADES_PER_LEVEL)
-            chosen = attempt(base)
-            grade = self._grade(chosen) or 0.0
+            chosen = hear(base)
+            grade = chosen.grade or 0.0
             if grade >= self._target - GIVE_UP:
                 return chosen
-        return attempt(None)
-
-    def _grade(self, attempt: Attempt) -> float | None:
-        """Grade of an attempt, None for silence."""
-        clean = np.concatenate([self._clean, attempt.clean])
-        marked = np.concatenate([self._marked, attempt.marked])
-        meter = PeaqMeter(FS, self._channels)
-        try:
-            meter.process(clean, marked)
-            return float(meter.result().odg)
-        except CueError:
-            return None
+        return hear(None)

@@ -57,6 +57,10 @@ class PeaqResult:
     end_s: float
 
 
+WHOLE, SEGMENT = "whole", "segment"
+"""Names of the averages that the meter keeps by itself."""
+
+
 class PeaqMeter:
     """Grade a stream in constant memory.
 
@@ -95,8 +99,9 @@ class PeaqMeter:
         self._state = np.zeros((channels, 14, BANDS))
         self._frame = 0
         self._audible_from: int | None = None
-        self._whole = _Bounded(channels)
-        self._segment = _Bounded(channels)
+        self._averages = {WHOLE: _Bounded(channels)}
+        if self._segment_frames:
+            self._averages[SEGMENT] = _Bounded(channels)
 
     def process(self, reference: ArrayLike, test: ArrayLike) -> list[PeaqResult]:
         """Take the next samples of both signals.
@@ -122,6 +127,18 @@ class PeaqMeter:
         self._append([r.process(x) for r, x in zip(self._resamplers, blocks, strict=True)])
         return self._drain()
 
+    def begin(self, name: str) -> None:
+        """Average from here on under a name of the caller's, see `grade`; from scratch if known."""
+        self._averages[name] = _Bounded(self._channels)
+
+    def end(self, name: str = WHOLE) -> None:
+        """Average no longer under a name; by default, no longer for `result`."""
+        del self._averages[name]
+
+    def grade(self, name: str) -> PeaqResult | None:
+        """Grade of the whole frames since `begin`, None for silence."""
+        return self._averages[name].grade()
+
     def result(self) -> PeaqResult:
         """Grade everything so far, as if the programme ended here; more may follow.
 
@@ -137,7 +154,7 @@ class PeaqMeter:
         if left >= HOP or (left > 0 and rest._frame == 0):
             rest._append([np.zeros((FRAME - left, rest._channels))] * 2)
             rest._drain()
-        grade = rest._whole.grade()
+        grade = rest.grade(WHOLE)
         if grade is None:
             raise CueError("nothing to grade: the reference is silent")
         return grade
@@ -198,13 +215,13 @@ class PeaqMeter:
             self._audible_from is not None
             and self._frame >= self._audible_from + AUDIBLE_DELAY_FRAMES
         )
-        for averages in (self._whole, self._segment):
+        for averages in self._averages.values():
             averages.add(frame, self._frame, active=active, settled=settled, audible=audible)
         self._frame += 1
         if not self._segment_frames or self._frame % self._segment_frames:
             return []
-        grade = self._segment.grade()
-        self._segment = _Bounded(self._channels)
+        grade = self.grade(SEGMENT)
+        self.begin(SEGMENT)
         return [] if grade is None else [grade]
 
 
