@@ -240,6 +240,10 @@ def not_negative(text: str) -> float:
     return value
 
 
+USUAL_GRADE = -0.44
+"""That of `watermark.profile`, said again because help and errors load no arithmetic."""
+
+
 def grade(text: str) -> float:
     """Read an objective difference grade."""
     value = float(text)

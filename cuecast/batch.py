@@ -20,6 +20,7 @@ from typing import Any
 
 from codec.errors import CueError
 from cuecast.files import whole_file, write_json
+from watermark.profile import USUAL_GRADE
 
 SUMMARY = "summary.csv"
 FIELDS = (
@@ -52,7 +53,7 @@ class Task:
     motion: str
     voice: str = "claire"
     carriers: tuple[str, ...] = ("audio",)
-    grade: float = -0.4
+    grade: float = USUAL_GRADE
     seed: int = 0
     key: int = 0
 

@@ -1,7 +1,7 @@
 """A coder and its decoder as one stream: what listeners at home will hear of a programme.
 
-In: samples at 48 kHz; out: the samples that came through, later by the coder's delay. It serves
-`dub --through`, where the embedder rehearses the broadcast. Codecs are those of PyAV.
+In: samples at 48 kHz; out: the samples that came through, later by the coder's delay. On it the
+embedder rehearses the broadcast. Codecs are those of PyAV.
 """
 
 import re
@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
+from watermark.profile import Profile
+from watermark.rehearsal import Rehearsal
 
 FS = 48_000
 
@@ -24,6 +26,9 @@ _ENCODERS = {
     "opus": "libopus",
 }
 """Encoder of each name."""
+
+USUAL = {"robust": "aac:64k"}
+"""Coder on which a profile is rehearsed unless told otherwise."""
 
 Samples = NDArray[np.float32]
 
@@ -83,6 +88,27 @@ class CoderStream:
                 for heard in self._decoder.decode(packet):
                     parts += [part.to_ndarray() for part in self._back.resample(heard)]
         return np.ascontiguousarray(np.concatenate(parts, axis=1).T, dtype=np.float32)
+
+
+def make_rehearsal(profile: Profile, key: int, coder: str | None) -> Rehearsal | None:
+    """Prepare the rehearsal of a mark.
+
+    Parameters
+    ----------
+    profile : Profile
+        Of the mark.
+    key : int
+        Its key.
+    coder : str or None
+        See `CoderStream`; ``none`` for no rehearsal, None for what the profile is `USUAL`ly given.
+
+    Raises
+    ------
+    CueError
+        If there is no such coder.
+    """
+    coder = coder or USUAL.get(profile.name, "none")
+    return None if coder == "none" else Rehearsal(profile, key, CoderStream(coder))
 
 
 def _format_of(encoder: Any) -> str:

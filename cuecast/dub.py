@@ -23,15 +23,13 @@ from codec.encoder import SuperframeEncoder
 from codec.errors import CueError
 from codec.nesting import nest
 from codec.voice import Voice
-from cuecast.coder_stream import CoderStream
+from cuecast.coder_stream import make_rehearsal
 from cuecast.marking import MarkingStage
 from cuecast.media.rewrite import Stage, rewrite_sound
 from cuecast.motions import RATE_HZ, MotionSource
 from cuecast.pictures import PictureOptions, dub_picture
-from receiver.media.programme import SoundFormat, open_programme
-from receiver.media.sound import SoundDecoder, sound_blocks
-from watermark.profile import STANDARD, SUPERFRAME_S, Profile, find_profile
-from watermark.rehearsal import Rehearsal
+from receiver.media.programme import SoundFormat
+from watermark.profile import STANDARD, SUPERFRAME_S, USUAL_GRADE, Profile, find_profile
 
 LEAD = 2
 """A superframe is on air this many superframes before its motion is due."""
@@ -68,7 +66,7 @@ class DubOptions:
     graded : bool
         Whether to grade the marked sound with the quality meter.
     through : str, optional
-        Coder of the broadcast, such as ``aac:64k``: the mark is rehearsed through it first.
+        Coder of the broadcast, see `cuecast.coder_stream.make_rehearsal`.
     """
 
     carriers: tuple[str, ...] = ("audio",)
@@ -79,7 +77,7 @@ class DubOptions:
     audio_bit_rate: int | None = None
     video_codec: str | None = None
     video_bit_rate: int | None = None
-    grade: float = -0.4
+    grade: float = USUAL_GRADE
     graded: bool = True
     through: str | None = None
 
@@ -164,7 +162,7 @@ def _dub_sound(
     begins_s: list[float] = []
     profile = find_profile(options.profiles["audio"])
 
-    shortages = _rehearse(programme, options) if options.through else None
+    rehearsal = make_rehearsal(profile, options.key, options.through)
 
     def make_stage(sound: SoundFormat, start_s: float) -> Stage:
         first = max(-LEAD, math.ceil(start_s / SUPERFRAME_S - 1e-6))
@@ -173,7 +171,7 @@ def _dub_sound(
             MarkingStage(
                 sound, source, name=os.fspath(programme), profile=profile.name,
                 key=options.key, grade=options.grade, graded=options.graded,
-                shortages=shortages,
+                rehearsal=rehearsal,
             )
         )  # fmt: skip
         begins_s.append(max(first * SUPERFRAME_S, start_s))
@@ -194,34 +192,6 @@ def _dub_sound(
         [round(t + begins_s[0], 3) for t in span] for span in figures["silent_s"]
     ]
     return report, figures
-
-
-def _rehearse(programme: str | os.PathLike[str], options: DubOptions) -> dict[int, float]:
-    """Mark the sound for the coder's ears only; return what its superframes fell short of."""
-    profile = find_profile(options.profiles["audio"])
-    rehearsal = Rehearsal(profile, options.key, CoderStream(options.through or ""))
-
-    def anything(k: int) -> tuple[bytes, bytes]:
-        rng = np.random.default_rng(k)
-        return rng.bytes(profile.l0_bytes), rng.bytes(profile.l1_bytes)
-
-    stage: Stage | None = None
-    with open_programme(programme, track=options.track) as opened:
-        decoder = SoundDecoder(opened, strict=True)
-        for block in sound_blocks(decoder, opened):
-            if stage is None:
-                start_s = decoder.start_s or 0.0
-                first = max(-LEAD, math.ceil(start_s / SUPERFRAME_S - 1e-6))
-                marking = MarkingStage(
-                    decoder.format, anything, name=os.fspath(programme), profile=profile.name,
-                    key=options.key, grade=options.grade, graded=False, rehearsal=rehearsal,
-                )  # fmt: skip
-                begin_s = max(first * SUPERFRAME_S, start_s)
-                stage = _From(marking, round((begin_s - start_s) * decoder.format.fs))
-            stage.process(block)
-    if stage is not None:
-        stage.flush()
-    return rehearsal.shortages()
 
 
 def _picture_report(seconds: list[float]) -> dict[str, Any]:

@@ -5,7 +5,7 @@ Sounds above 48 kHz are marked at 48 kHz: only the mark is brought to their rate
 that the programme itself is never resampled.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from codec.errors import CueError
 from receiver.media.programme import SoundFormat
 from watermark.embed import AudioEmbedder, Source
 from watermark.mix import RATES, has_centre
-from watermark.profile import SUPERFRAME_S
+from watermark.profile import SUPERFRAME_S, USUAL_GRADE
 from watermark.quality import PeaqMeter
 from watermark.quality.resample import Resampler
 from watermark.rehearsal import Rehearsal
@@ -48,7 +48,7 @@ class MarkingStage:
         Objective difference grade (ITU-R BS.1387) that the mark aims at.
     graded : bool
         Whether to run the quality meter alongside.
-    rehearsal, shortages : optional
+    rehearsal : Rehearsal, optional
         See `AudioEmbedder`.
 
     Raises
@@ -59,8 +59,8 @@ class MarkingStage:
 
     def __init__(
         self, sound: SoundFormat, source: Source, *, name: str, profile: str = "standard",
-        key: int = 0, grade: float = -0.4, graded: bool = True,
-        rehearsal: Rehearsal | None = None, shortages: Mapping[int, float] | None = None,
+        key: int = 0, grade: float = USUAL_GRADE, graded: bool = True,
+        rehearsal: Rehearsal | None = None,
     ) -> None:  # fmt: skip
         if sound.fs < min(RATES):
             raise CueError(
@@ -78,7 +78,6 @@ class MarkingStage:
                 key=key,
                 grade=grade,
                 rehearsal=rehearsal,
-                shortages=shortages,
             )
         except CueError as error:
             raise CueError(f"{name}: {error}") from error

@@ -18,13 +18,14 @@ from watermark.profile import LEVELS, PILOT_STEPS, Profile
 from watermark.reliability import NOISY, Reliability
 
 LIST_SIZE, LONG_LIST_SIZE, LONGEST_LIST_SIZE = 8, 32, 64
-"""Paths that the decoder follows at first, when that found nothing, and where one is due."""
+"""Paths that the decoder follows at first, then at a candidate, and where a superframe is due."""
 
 TRIED_LEVELS = 8
 """Levels at which a superframe is tried: those of the two tiers whose pilots fit best."""
 
-LONG_LEVELS = 4
-"""Levels at which the longest list is tried: those of the tier whose pilots fit best."""
+LONG_LEVELS, DUE_LEVELS = 2, 4
+"""Levels at which a longer list is tried: the likeliest at a candidate, all of the tier whose
+pilots fit best where a superframe is due."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,20 +77,19 @@ class Demodulator:
             tiers.update(dict.fromkeys(levels, score))
         return sorted(tiers, key=lambda level: (-tiers[level], abs(level - last)))[:TRIED_LEVELS]
 
-    def read(self, view: View, levels: list[int], *, longest: int = LONGEST_LIST_SIZE) -> Reading:
+    def read(self, view: View, levels: list[int], *, due: bool = True) -> Reading:
         """Read at the first of `levels` that the link accepts; else at the first of all.
 
-        What fails everywhere is tried again at the first `LONG_LEVELS` with a list of the longest
-        size, and at the first as sound to which noise was added; unless the longest is that of all.
+        What fails everywhere is tried again at the first few with a longer list, and at the first
+        as sound to which noise was added: harder where a superframe is due.
         """
         clues = view.clues(self.layout.cells, self._masker)
         learnt = self.reliability.weights(clues)
         noisy = self.reliability.weights(clues, exponents=NOISY)
-        last = [(level, learnt, longest) for level in levels[:LONG_LEVELS]]
+        count, longer = (DUE_LEVELS, LONGEST_LIST_SIZE) if due else (LONG_LEVELS, LONG_LIST_SIZE)
+        last = [(level, learnt, longer) for level in levels[:count]]
         last.append((levels[0], noisy, LONG_LIST_SIZE))
-        attempts = itertools.chain(
-            ((level, learnt, LIST_SIZE) for level in levels), last if longest > LIST_SIZE else []
-        )
+        attempts = itertools.chain(((level, learnt, LIST_SIZE) for level in levels), last)
         for level, weights, list_size in attempts:
             reading = self._read_at(view, clues, level, weights, list_size)
             if reading.decoded.l0 is not None:

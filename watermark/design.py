@@ -15,7 +15,7 @@ from watermark.layout import make_layout, make_pilots
 from watermark.link import Link
 from watermark.masking import make_masker
 from watermark.mdct import analyse, frames_of, synthesise
-from watermark.profile import HOP, Profile
+from watermark.profile import HOP, PILOT_ALPHA, Profile
 from watermark.strain import coder_noise, needed_level
 
 ITERATIONS = 3
@@ -40,6 +40,7 @@ class MarkDesigner:
         self._profile = profile
         self._layout = make_layout(profile, key)
         self._pilots = make_pilots(key)
+        self._alpha = np.linspace(*profile.alphas, profile.groups)
         self._announced = self._pilots.expected(profile.number)
         self._masker = make_masker()
         self._link = Link(profile)
@@ -49,7 +50,9 @@ class MarkDesigner:
         before: NDArray[np.float64],
         host: NDArray[np.float64],
         payload: tuple[bytes, bytes],
-        level: int,
+        level: float,
+        *,
+        rounds: int = ITERATIONS,
     ) -> MarkedSuperframe:
         """Design a mark.
 
@@ -61,15 +64,18 @@ class MarkDesigner:
             The programme's mid with the tail of the mark before.
         payload : tuple of (bytes, bytes)
             L0 and L1.
-        level : int
-            Index into `LEVELS`.
+        level : float
+            Index into `LEVELS`; what lies between two of them has the step of the nearer one and a
+            part of the quantisation error that makes up for it.
+        rounds : int
+            How often the mask is derived.
         """
         wanted = self._layout.spread(1.0 - 2.0 * self._link.encode(*payload))
         sound = np.concatenate([before, host])
         spectra = analyse(frames_of(sound, HOP), HOP)
         coefficients = spectra[1:].real
         mark = np.zeros(host.size)
-        for _ in range(ITERATIONS):
+        for _ in range(rounds):
             threshold = self._masker.thresholds(np.abs(spectra) ** 2 / 2)
             unit = self._masker.amplitudes(threshold[1:], threshold[:-1])
             living = float(project(coefficients, unit, self._layout.cells)[1].mean())
@@ -107,22 +113,24 @@ class MarkDesigner:
         coefficients: NDArray[np.float64],
         unit: NDArray[np.float64],
         wanted: NDArray[np.float64],
-        level: int,
+        level: float,
     ) -> NDArray[np.float64]:
+        nearest = round(level)
+        share = 2 ** ((level - nearest) / 4)
         data = mark_change(
             coefficients,
             unit,
             self._layout.cells,
             wanted,
-            step=self._profile.step(level),
-            alpha=self._profile.alpha,
+            step=self._profile.step(nearest),
+            alpha=self._alpha * share,
         )
         pilots = mark_change(
             coefficients,
             unit,
             self._pilots.cells,
             self._announced,
-            step=self._profile.pilot_step(level),
-            alpha=self._profile.alpha,
+            step=self._profile.pilot_step(nearest),
+            alpha=PILOT_ALPHA * share,
         )
         return data + pilots

@@ -8,7 +8,7 @@ Costa, IEEE Trans. IT 29(3), 1983. Specification: section 4.
 """
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from watermark.layout import Cells
 
@@ -58,7 +58,7 @@ def mark_change(
     wanted: NDArray[np.float64],
     *,
     step: float,
-    alpha: float,
+    alpha: ArrayLike,
 ) -> NDArray[np.float64]:
     """Change of the coefficients that brings cells towards wanted soft values.
 
@@ -72,7 +72,7 @@ def mark_change(
         +1 for bit 0, -1 for bit 1, 0 where the cell must stay as it is.
     step : float
         Quantiser step in units of the mask's amplitude.
-    alpha : float
+    alpha : array_like of float, shape () or (groups,)
         Part of the quantisation error to remove.
 
     Returns
@@ -82,7 +82,7 @@ def mark_change(
     projections, alive = project(coefficients, amplitudes, cells)
     error = (cells.dither + (1 - wanted) / 4) * step - projections
     error -= step * np.round(error / step)
-    move = np.where(alive & (wanted != 0), alpha * error, 0.0) / np.sqrt(cells.bins)
+    move = np.where(alive & (wanted != 0), np.asarray(alpha) * error, 0.0) / np.sqrt(cells.bins)
     change = np.zeros_like(coefficients)
     spread = cells.signs.reshape(-1, cells.bins) * move[:, :, np.newaxis]
     _cut(change, cells)[:] = spread * _cut(amplitudes, cells)

@@ -5,7 +5,7 @@ grade, and added to its front channels. Specification: sections 2 and 4.4.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,7 @@ from watermark.profile import (
     LEVELS,
     SUPERFRAME,
     SUPERFRAME_S,
+    USUAL_GRADE,
     find_profile,
 )
 from watermark.rehearsal import Rehearsal
@@ -84,8 +85,6 @@ class _Stretch:
         See `MarkShares.divide`.
     silent : tuple of bool
         For each superframe, whether it cannot carry.
-    levels : list of int, or None
-        Level of each superframe; None where nothing was to be written.
     """
 
     mid: NDArray[np.float64]
@@ -95,13 +94,13 @@ class _Stretch:
     tail: NDArray[np.float64]
     divided: NDArray[np.float64]
     silent: tuple[bool, ...]
-    levels: list[int] | None
 
 
 class AudioEmbedder:
     """Writes superframes into a programme, block by block.
 
-    Samples come out 2.57 s to 5.13 s after they went in, in their old places.
+    Samples come out 2.57 s to 5.13 s after they went in, in their old places; 2.56 s later with a
+    rehearsal.
 
     Parameters
     ----------
@@ -121,9 +120,8 @@ class AudioEmbedder:
     key : int
         Seed of the layout, 0 to 2**64 - 1; the receiver needs the same.
     rehearsal : Rehearsal, optional
-        Is shown what was marked, of profile and key as here.
-    shortages : mapping of int to float, optional
-        Levels to be added to the needs of superframes, by number, see `Rehearsal.shortages`.
+        A coder on which superframes are tried first, of profile and key as here; not at a fixed
+        level.
 
     Raises
     ------
@@ -146,11 +144,10 @@ class AudioEmbedder:
         source: Source,
         *,
         profile: str = "standard",
-        grade: float = -0.45,
+        grade: float = USUAL_GRADE,
         level: int | None = None,
         key: int = 0,
         rehearsal: Rehearsal | None = None,
-        shortages: Mapping[int, float] | None = None,
     ) -> None:
         check_format(fs, channels)
         self._fs, self._channels, self._source = fs, channels, source
@@ -158,8 +155,9 @@ class AudioEmbedder:
         self._designer = MarkDesigner(self._profile, key)
         self._front = min(channels, 2)
         self._control = LevelControl(grade, self._front) if level is None else None
-        self._rehearsal = rehearsal
-        self._shortages = shortages or {}
+        self._rehearsal = rehearsal if level is None else None
+        self._ahead = STRETCH if self._rehearsal else 0
+        self._needs: dict[int, float] = {}
         self._level = level or 0
         self._programme = np.zeros((0, channels))
         self._given = 0
@@ -185,7 +183,9 @@ class AudioEmbedder:
         self._shares.append(x)
         ratio = self._fs / FS
         margin = self._host.reach(ratio)
-        while ((self._next + STRETCH) * SUPERFRAME + HOP) * ratio + margin <= self._host.end:
+        wanted = (STRETCH + self._ahead) * SUPERFRAME + HOP
+        while (self._next * SUPERFRAME + wanted) * ratio + margin <= self._host.end:
+            self._rehearse(self._next + self._ahead + STRETCH)
             self._write_next(STRETCH)
         return self._take(self._finished())
 
@@ -193,6 +193,9 @@ class AudioEmbedder:
         """Return the rest, so that as many samples have come out as went in."""
         total = self._given + self._programme.shape[0]
         needed = math.ceil(total / self._fs / SUPERFRAME_S)
+        self._rehearse(needed)
+        if self._rehearsal is not None:
+            self._rehearsal.end()
         while self._next < needed:
             self._write_next(min(STRETCH, needed - self._next))
         for tape in (self._mark, self._across, self._taken):
@@ -218,22 +221,22 @@ class AudioEmbedder:
         numbers = range(self._next, self._next + count)
         ratio = self._fs / FS
         start = self._next * SUPERFRAME * ratio
-        host = self._host.read(start, ratio, count * SUPERFRAME + HOP)
-        side = self._side.read(start, ratio, count * SUPERFRAME + HOP)
+        host, side = self._sound(self._next, count)
         self._shares.begin(start, ratio, count * SUPERFRAME)
         payloads = [self._source(k) for k in numbers]
         if self._control is None:
             made = self._stretch(host, side[:-HOP], payloads, [self._level] * count)
         else:
-            needs = self._needs(host, side)
+            needs = [self._need(k) for k in numbers]
+            if self._rehearsal is not None:
+                short = [self._rehearsal.shortage(k) for k in numbers]
+                needs = [a + b / EQUALISATION for a, b in zip(needs, short, strict=True)]
 
             def attempt(base: float | None) -> _Stretch:
                 levels = None if base is None else [_level(base, need) for need in needs]
                 return self._stretch(host, side[:-HOP], payloads, levels)
 
             made = self._control.settle(attempt)
-            if self._rehearsal is not None:
-                self._rehearsal.send(made.marked, payloads, _written(made))
         self._before, self._tail = made.mid[-HOP:], made.tail
         self._mark.append(made.mark)
         across, taken = self._shares.settle(made.divided)
@@ -241,27 +244,43 @@ class AudioEmbedder:
         self._taken.append(taken)
         self._silent += [k for k, silent in zip(numbers, made.silent, strict=True) if silent]
         self._next += count
-        done = int(self._next * SUPERFRAME * ratio) - 2 * self._host.reach(ratio)
+        done = int((self._next * SUPERFRAME - HOP) * ratio) - 2 * self._host.reach(ratio)
         for tape in (self._host, self._side):
             tape.forget(done)
-        self._shares.forget(done - HOP)
+        self._shares.forget(done)
 
-    def _needs(self, host: NDArray[np.float64], side: NDArray[np.float64]) -> list[float]:
-        """Level that each superframe of a stretch needs."""
-        needs, before = [], self._before
-        for i, start in enumerate(range(0, host.size - HOP, SUPERFRAME)):
-            span = slice(start, start + SUPERFRAME + HOP)
-            short = self._shortages.get(self._next + i, 0.0) / EQUALISATION
-            needs.append(short + self._designer.need(before, host[span], side[span]))
-            before = host[start + SUPERFRAME - HOP : start + SUPERFRAME]
-        return needs
+    def _rehearse(self, end: int) -> None:
+        """Try the superframes up to a number on the coder."""
+        if self._rehearsal is None or self._control is None:
+            return
+        while (first := self._rehearsal.count) < end:
+            count = min(STRETCH, end - first)
+            needs = [self._need(k) for k in range(first, first + count)]
+            levels = [_level(self._control.base, need) for need in needs]
+            self._rehearsal.send(*self._sound(first, count), levels)
+            self._needs |= dict(zip(range(first, first + count), needs, strict=True))
+
+    def _need(self, number: int) -> float:
+        """Level that a superframe needs."""
+        if number in self._needs:
+            return self._needs.pop(number)
+        mid, side = self._sound(number, 1, before=HOP)
+        return self._designer.need(mid[:HOP], mid[HOP:], side[HOP:])
+
+    def _sound(
+        self, first: int, count: int, *, before: int = 0
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Mid and side of some superframes, the `HOP` samples after and `before` them included."""
+        ratio = self._fs / FS
+        start, length = (first * SUPERFRAME - before) * ratio, before + count * SUPERFRAME + HOP
+        return self._host.read(start, ratio, length), self._side.read(start, ratio, length)
 
     def _stretch(
         self,
         host: NDArray[np.float64],
         side: NDArray[np.float64],
         payloads: list[tuple[bytes, bytes]],
-        levels: list[int] | None,
+        levels: list[float] | None,
     ) -> _Stretch:
         """Write superframes into `host`, shape (superframes * SUPERFRAME + HOP,), or none."""
         marked = host.copy()
@@ -284,7 +303,6 @@ class AudioEmbedder:
             tail=mark[-HOP:],
             divided=divided,
             silent=tuple(silent),
-            levels=levels,
         )
 
     def _finished(self) -> int:
@@ -308,16 +326,10 @@ class AudioEmbedder:
         return add_mark(x, mark, across, taken).astype(np.float32)
 
 
-def _written(made: _Stretch) -> list[int | None]:
-    """Level of each superframe that bears a mark, None for the others."""
-    levels = made.levels or [0] * len(made.silent)
-    return [None if silent else level for silent, level in zip(made.silent, levels, strict=True)]
-
-
-def _level(base: float, need: float) -> int:
+def _level(base: float, need: float) -> float:
     """Level of a superframe at a base level."""
-    level = round(base + EQUALISATION * (need - NEUTRAL_NEED))
-    return min(max(level, 0), len(LEVELS) - 1)
+    level = base + EQUALISATION * (need - NEUTRAL_NEED)
+    return min(max(level, 0.0), len(LEVELS) - 1.0)
 
 
 def _spans(superframes: list[int]) -> tuple[tuple[float, float], ...]:

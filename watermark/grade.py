@@ -19,7 +19,7 @@ from codec.errors import CueError
 from watermark.profile import FS, LEVELS
 from watermark.quality import PeaqMeter
 
-START_BASE = 8.0
+START_BASE = 7.5
 """Base level that is tried first."""
 
 GRADES_PER_LEVEL = 0.28
@@ -72,8 +72,17 @@ PASSAGE = 16
 HALVES, OWN = ("even", "odd"), "own"
 """Names of the meter's averages: two that begin half a passage apart, and a stretch's own."""
 
-MAKE_GOOD = 0.7
-"""Part of a passage's error of grade that the next stretch makes good beyond its own share."""
+MAKE_GOOD = 4.0
+"""How many times a passage's error of grade the next stretch makes good beyond its own share, once
+half a passage has been heard; before, less by the square of what is missing."""
+
+
+SPOILT = 0.03
+"""Loss of a whole passage's grade by a single stretch that has it written more softly: the grade
+counts the worst moment by itself."""
+
+SOFTER, SOFTER_TRIALS = 0.75, 3
+"""Levels by which that is tried, and how often."""
 
 
 class _Passage:
@@ -86,6 +95,19 @@ class _Passage:
             self._meter.begin(name)
         self._bases: dict[str, list[float]] = {name: [] for name in HALVES}
         self._count = 0
+        self.last: float | None = None
+        self.maturity = 0.0
+
+    @property
+    def _older(self) -> str:
+        return HALVES[(self._count // (PASSAGE // 2)) % 2]
+
+    def spoilt(self, meter: PeaqMeter) -> bool:
+        """Whether what a meter heard last has cost a passage more than a stretch may."""
+        grade = _odg(meter, self._older)
+        if self.maturity < 1 or self.last is None or grade is None:
+            return False
+        return grade < self.last - SPOILT
 
     def tried(self, attempt: Attempt) -> tuple[PeaqMeter, float | None]:
         """Let a copy of the meter hear an attempt; give it and the attempt's own grade."""
@@ -99,13 +121,15 @@ class _Passage:
         self._meter = meter
         for bases in self._bases.values():
             bases.append(base)
-        older = HALVES[(self._count // (PASSAGE // 2)) % 2]
+        older = self._older
         self.mean_base = float(np.mean(self._bases[older]))
-        grade = _odg(meter, older)
+        self.maturity = min(1.0, len(self._bases[older]) / (PASSAGE // 2)) ** 2
+        self.last = grade = _odg(meter, older)
         self._count += 1
         if self._count % (PASSAGE // 2) == 0:
             meter.begin(older)
             self._bases[older] = []
+            self.last = _odg(meter, self._older)
         return grade
 
 
@@ -158,15 +182,24 @@ class LevelControl:
             elif grade < self._target - GIVE_UP:
                 chosen = self._soften(hear, grade)
             self._started = True
+            base = self.base
+            while self._spoils(chosen) and base > self.base - SOFTER * SOFTER_TRIALS:
+                base -= SOFTER
+                chosen = hear(base)
         passage = self._passage.add(chosen.meter, self.base)
         if passage is not None and grade is not None:
             self._learn(passage)
         return chosen.made
 
+    def _spoils(self, heard: _Heard[T]) -> bool:
+        """Whether a stretch drags the passage below its grade by itself."""
+        low = heard.grade is not None and heard.grade < self._target
+        return low and self._passage.spoilt(heard.meter)
+
     def _learn(self, passage: float) -> None:
         """Set the base so that the passage comes to its grade."""
         error = (passage - self._target) / GRADES_PER_LEVEL
-        wanted = self._passage.mean_base + (1 + MAKE_GOOD) * error
+        wanted = self._passage.mean_base + (1 + MAKE_GOOD * self._passage.maturity) * error
         move = np.clip(wanted - self.base, *MOVE_LIMITS)
         self.base = float(np.clip(self.base + move, *BASE_LIMITS))
 

@@ -32,6 +32,12 @@ SUPERFRAME_S = SUPERFRAME / FS
 SLOT_FRAMES = 8
 """Frames of one slot: 0.08 s, the unit that a channel may lose."""
 
+USUAL_GRADE = -0.44
+"""Grade to aim at unless told otherwise: what the loop misses it by leaves clips above -0.5."""
+
+PILOT_ALPHA = 0.5
+"""Part of the quantisation error that the embedder removes in pilots."""
+
 FIRST_PILOT_BIN = 6
 """Lowest bin of the pilots: 300 Hz; a bin is 50 Hz wide."""
 
@@ -73,8 +79,9 @@ class Profile:
         Bins of a data cell, the spreading: 2, 4 or 8.
     first_bin, last_bin : int
         The lowest cell begins at the first. No cell reaches beyond this bin.
-    alpha : float
-        Part of the quantisation error that the embedder removes, 0 to 1 (Costa's parameter).
+    alphas : tuple of float
+        Part of the quantisation error that the embedder removes in the lowest and in the highest
+        cell, 0 to 1 (Costa's parameter); linear between them.
     strength : float
         Factor of `LEVELS` for data cells: long cells need wider steps for the same loudness.
     lowest_tier : int
@@ -91,7 +98,7 @@ class Profile:
     cell_bins: int
     first_bin: int
     last_bin: int
-    alpha: float
+    alphas: tuple[float, float]
     strength: float
     lowest_tier: int
     coder_bits: float
@@ -165,7 +172,7 @@ ROBUST = Profile(
     cell_bins=4,
     first_bin=2,
     last_bin=102,
-    alpha=0.5,
+    alphas=(0.65, 0.35),
     strength=1.75,
     lowest_tier=1,
     coder_bits=350.0,
@@ -180,7 +187,7 @@ STANDARD = Profile(
     cell_bins=4,
     first_bin=6,
     last_bin=158,
-    alpha=0.6,
+    alphas=(0.6, 0.6),
     strength=1.0,
     lowest_tier=0,
     coder_bits=500.0,
@@ -195,7 +202,7 @@ HIGH = Profile(
     cell_bins=2,
     first_bin=6,
     last_bin=238,
-    alpha=0.65,
+    alphas=(0.65, 0.65),
     strength=0.75,
     lowest_tier=0,
     coder_bits=500.0,
@@ -210,7 +217,7 @@ DISCREET = Profile(
     cell_bins=4,
     first_bin=2,
     last_bin=134,
-    alpha=0.6,
+    alphas=(0.6, 0.6),
     strength=1.0,
     lowest_tier=0,
     coder_bits=500.0,

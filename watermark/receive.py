@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from watermark.acquire import DECIMATION, Candidate, PilotSearch
 from watermark.align import Fit, find_delay, read_view, search_fit
-from watermark.demodulate import LIST_SIZE, LONG_LIST_SIZE, Demodulator, Reading
+from watermark.demodulate import Demodulator, Reading
 from watermark.layout import make_pilots
 from watermark.masking import make_masker
 from watermark.mix import check_format, mid_of
@@ -249,7 +249,7 @@ class AudioReceiver:
         levels = levels[:TRIED_LEVELS]
         for delay in (0.0, 0.5, -0.5):
             moved = replace(track, position=track.position + delay * self._nominal)
-            reading = self._read(moved, levels, LIST_SIZE if delay else LONG_LIST_SIZE)
+            reading = self._read(moved, levels, due=False)
             if reading.decoded.l0 is not None:
                 return [self._lock(moved, reading)]
         return []
@@ -305,9 +305,9 @@ class AudioReceiver:
         end = track.position + (SUPERFRAME + HOP) * track.ratio + self._tape.reach(track.ratio)
         return end <= self._now
 
-    def _read(self, track: _Track, levels: list[int], longest: int) -> Reading:
+    def _read(self, track: _Track, levels: list[int], *, due: bool) -> Reading:
         view = read_view(self._tape, track.position, track.ratio, self._masker)
-        return track.demodulator.read(view, levels, longest=longest)
+        return track.demodulator.read(view, levels, due=due)
 
     def _follow(self, track: _Track) -> list[ReceivedSuperframe]:
         """Read the superframe that is due; note whether it arrived."""

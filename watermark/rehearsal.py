@@ -1,10 +1,10 @@
-"""The broadcaster's own coder inside the embedder: what was marked is sent through it and read.
+"""The broadcaster's own coder inside the embedder: what is to be marked is tried on it first.
 
-In: marked stretches and what they carry; out: by how many levels superframes fell short of, or
-exceeded, what the others bear: the next performance can make good for it. The coder runs on as one
-stream, for its rate control has a long memory. Source: the copy of the receiver inside the emitter
-of Baras, Moreau and Dymarski, IEEE TASLP 14(5), 2006, with the channel between them.
-Specification: none.
+In: the programme some seconds ahead, and the levels that it is to have; out: by how many levels
+superframes would fall short of, or exceed, what the others bear. The coder runs on as one stream,
+for its rate control has a long memory; its superframes carry anything. Source: the copy of the
+receiver inside the emitter of Baras, Moreau and Dymarski, IEEE TASLP 14(5), 2006, with the channel
+between them. Specification: none.
 """
 
 from collections import deque
@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from watermark.align import read_view
 from watermark.demodulate import Demodulator
+from watermark.design import MarkDesigner
 from watermark.masking import make_masker
+from watermark.mix import front_of
 from watermark.profile import FS, HOP, SUPERFRAME, Profile
 from watermark.tape import Tape
 
@@ -30,13 +32,16 @@ LEVELS_PER_DOUBLING = 2.0
 """Levels that double a superframe's information, about."""
 
 TRUST = 0.7
-"""Part of a measured shortage that the next performance makes good: coders are capricious."""
+"""Part of a measured shortage that the performance makes good: coders are capricious."""
 
-LIMITS = (-3.0, 5.0)
-"""Levels that experience may add to a need."""
+LIMITS = (-1.5, 5.0)
+"""Levels that experience may add to a need: what is too strong today may not be so tomorrow."""
 
 LEAST = 4.0
 """Information below which one measurement does not tell how little there was, bits."""
+
+REMEMBERED = 64
+"""Superframes whose median information is what is usual: 41 s, as long as a passage."""
 
 
 class Through(Protocol):
@@ -55,7 +60,7 @@ class _Sent:
 
 
 class Rehearsal:
-    """Sends marked sound through a coder and compares what comes back with what was meant.
+    """Sends superframes through a coder and compares what comes back with what was meant.
 
     Parameters
     ----------
@@ -69,47 +74,62 @@ class Rehearsal:
 
     def __init__(self, profile: Profile, key: int, through: Through) -> None:
         self._through = through
+        self._designer = MarkDesigner(profile, key)
         self._demodulator = Demodulator(profile, key)
         self._masker = make_masker()
+        self._before, self._tail = np.zeros(HOP), np.zeros(HOP)
         self._sent, self._heard = Tape(), Tape()
         self._delay: int | None = None
         self._waiting: deque[_Sent] = deque()
-        self._count = 0
         self._doublings: dict[int, float] = {}
+        self.count = 0
 
-    def shortages(self) -> dict[int, float]:
-        """Levels by which superframes should stand higher, by number; their median is 0."""
-        if not self._doublings:
-            return {}
+    def shortage(self, number: int) -> float:
+        """Levels by which a superframe should stand higher than its need says, 0 if unknown."""
+        if number not in self._doublings:
+            return 0.0
         usual = float(np.median(list(self._doublings.values())))
-        return {
-            number: float(np.clip(TRUST * LEVELS_PER_DOUBLING * (usual - held), *LIMITS))
-            for number, held in self._doublings.items()
-        }
+        short = TRUST * LEVELS_PER_DOUBLING * (usual - self._doublings[number])
+        return float(np.clip(short, *LIMITS))
 
     def send(
-        self,
-        marked: NDArray[np.float64],
-        payloads: list[tuple[bytes, bytes]],
-        levels: list[int | None],
+        self, mid: NDArray[np.float64], side: NDArray[np.float64], levels: list[float]
     ) -> None:
-        """Take the next stretch, shape (superframes * SUPERFRAME, 1 or 2), and learn from it.
+        """Try the next superframes, and learn from what has come back by now.
 
         Parameters
         ----------
-        marked : ndarray of float64
-            Front of the programme with its mark.
-        payloads : list of (bytes, bytes)
-            What its superframes carry.
-        levels : list of int or None
-            At which level; None where nothing was written.
+        mid, side : ndarray of float64, shape (superframes * SUPERFRAME + HOP,)
+            The programme; `side` is silence where there is none.
+        levels : list of float
+            Level of each superframe, see `MarkDesigner.design`.
         """
-        for i, (payload, level) in enumerate(zip(payloads, levels, strict=True)):
-            if level is not None:
+        marked = mid.copy()
+        marked[:HOP] += self._tail
+        for i, level in enumerate(levels):
+            span = slice(i * SUPERFRAME, (i + 1) * SUPERFRAME + HOP)
+            payload = self._anything()
+            made = self._designer.design(self._before, marked[span], payload, level, rounds=1)
+            marked[span] += made.mark
+            self._before = marked[(i + 1) * SUPERFRAME - HOP : (i + 1) * SUPERFRAME]
+            if made.carries:
                 start = self._sent.end + i * SUPERFRAME
-                self._waiting.append(_Sent(self._count + i, start, payload, level))
-        self._count += len(payloads)
-        self._sent.append(marked.mean(axis=1))
+                self._waiting.append(_Sent(self.count, start, payload, round(level)))
+            self.count += 1
+        self._tail = (marked - mid)[-HOP:]
+        self._sent.append(marked[:-HOP])
+        self._listen(front_of(marked, side, 2 if side.any() else 1)[:-HOP])
+
+    def end(self) -> None:
+        """Let the coder say the rest."""
+        self._listen(np.zeros((2 * LONGEST_DELAY, 1)))
+
+    def _anything(self) -> tuple[bytes, bytes]:
+        rng, profile = np.random.default_rng(self.count), self._demodulator.profile
+        return rng.bytes(profile.l0_bytes), rng.bytes(profile.l1_bytes)
+
+    def _listen(self, marked: NDArray[np.float64]) -> None:
+        """Send marked sound, and learn from what comes back."""
         self._heard.append(self._through.process(marked.astype(np.float32)).mean(axis=1))
         if self._delay is None and self._heard.end >= LEARNING_S * FS + LONGEST_DELAY:
             self._delay = self._find_delay()
@@ -117,6 +137,8 @@ class Rehearsal:
             return
         while self._waiting and self._arrived(self._waiting[0], self._delay):
             self._learn(self._waiting.popleft(), self._delay)
+        for number in sorted(self._doublings)[:-REMEMBERED]:
+            del self._doublings[number]
         for tape in (self._sent, self._heard):
             tape.forget(tape.end - 8 * SUPERFRAME)
 

@@ -12,7 +12,7 @@ Source: Mardia and Jupp, "Directional Statistics", 2000, section 5.3. Specificat
 import numpy as np
 from numpy.typing import NDArray
 
-PRIOR_LOW, PRIOR_HIGH = 0.5, 0.2
+PRIOR_LOW, PRIOR_HIGH = 0.5, 0.08
 """Mean resultant length assumed at the lowest and at the highest bin before anything was decoded:
 codecs treat high bands worst."""
 
@@ -54,7 +54,7 @@ class Reliability:
     """
 
     def __init__(self, groups: int) -> None:
-        self._resultant = np.linspace(PRIOR_LOW, PRIOR_HIGH, groups)
+        self._resultant = np.geomspace(PRIOR_LOW, PRIOR_HIGH, groups)
         self._exponents = np.array(PRIOR_EXPONENTS)
 
     def weights(

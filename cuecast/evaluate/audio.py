@@ -2,8 +2,9 @@
 
 In: sound files and names of channels; out: one row per pair. Payloads are pseudorandom, so a
 superframe that comes back identifies itself, and a wrong one is noticed. A channel is written NAME
-or PROFILE:NAME, as in ``robust:aac_64``; the profile is `standard` unless told. ``robust+aac:64k``
-in the profile's place rehearses the mark through a coder first, ``discreet@-0.1`` aims at a grade.
+or PROFILE:NAME, as in ``robust:aac_64``; the profile is `standard` unless told. ``high+mp2:192k``
+in the profile's place rehearses the mark through a coder, ``robust+none`` through none (it is
+otherwise done as `dub` does it), ``discreet@-0.1`` aims at a grade.
 """
 
 import importlib.util
@@ -18,18 +19,17 @@ import soundfile
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.coder_stream import CoderStream
+from cuecast.coder_stream import make_rehearsal
 from cuecast.demo.content import FS, make_sound
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.sound_channels import Channel, Sound, find_channel
 from cuecast.evaluate.statistics import wilson_interval
 from receiver.media.sound import read_sound
 from watermark.embed import AudioEmbedder
-from watermark.profile import SUPERFRAME_S, Profile, find_profile
+from watermark.profile import SUPERFRAME_S, USUAL_GRADE, Profile, find_profile
 from watermark.quality import peaq, pesq_wb, segmental_snr_db
 from watermark.quality.loudness import loudness_lufs
 from watermark.receive import AudioReceiver
-from watermark.rehearsal import Rehearsal
 
 USUAL = (
     "none",
@@ -146,12 +146,7 @@ def mark_clip(
     count = int(len(sound) / fs / SUPERFRAME_S) + 2
     payloads = tuple((rng.bytes(chosen.l0_bytes), rng.bytes(chosen.l1_bytes)) for _ in range(count))
     begin = time.process_time()
-    shortages: dict[int, float] = {}
-    if coder:
-        rehearsal = Rehearsal(chosen, 0, CoderStream(coder))
-        _embed(sound, fs, payloads, name, grade, rehearsal=rehearsal)
-        shortages = rehearsal.shortages()
-    marked, snr_db = _embed(sound, fs, payloads, name, grade, shortages=shortages)
+    marked, snr_db = _embed(sound, fs, payloads, chosen, grade, coder or None)
     xrt = len(sound) / fs / (time.process_time() - begin)
     front = slice(None, 2)
     odg = peaq(sound[:, front], marked[:, front], fs).odg
@@ -182,13 +177,13 @@ def _grade(text: str) -> float:
 
 
 def _embed(
-    sound: Sound, fs: int, payloads: Sequence[tuple[bytes, bytes]], name: str, grade: float,
-    *, rehearsal: Rehearsal | None = None, shortages: dict[int, float] | None = None,
+    sound: Sound, fs: int, payloads: Sequence[tuple[bytes, bytes]], profile: Profile, grade: float,
+    coder: str | None,
 ) -> tuple[Sound, float | None]:  # fmt: skip
     """Mark a whole sound; return it and mid over mark in dB."""
     embedder = AudioEmbedder(
-        fs, sound.shape[1], payloads.__getitem__, profile=name, grade=grade,
-        rehearsal=rehearsal, shortages=shortages,
+        fs, sound.shape[1], payloads.__getitem__, profile=profile.name, grade=grade,
+        rehearsal=make_rehearsal(profile, 0, coder),
     )  # fmt: skip
     blocks = [embedder.process(sound[i : i + BLOCK]) for i in range(0, len(sound), BLOCK)]
     return np.concatenate([*blocks, embedder.flush()]), embedder.report().snr_db
@@ -254,7 +249,7 @@ def evaluate_audio(
     clips: Sequence[Path],
     channels: Sequence[str],
     *,
-    grade: float = -0.42,
+    grade: float = USUAL_GRADE,
     starts: int = 8,
     limit_s: float | None = None,
     seed: int = 0,

@@ -7,6 +7,7 @@ import argparse
 from pathlib import Path
 
 from cuecast.arguments import (
+    USUAL_GRADE,
     add_json,
     add_key,
     add_seed,
@@ -28,7 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=count, default=1, metavar="N", help="programmes at once")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler that spreads them")
     parser.add_argument("--carriers", type=carrier_list, default=("audio",), metavar="LIST")
-    parser.add_argument("--grade", type=grade, default=-0.4, metavar="ODG", help="see dub")
+    parser.add_argument("--grade", type=grade, default=USUAL_GRADE, metavar="ODG", help="see dub")
     add_json(parser)
     add_voice(parser)
     add_seed(parser)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from cuecast.arguments import (
     CARRIERS,
+    USUAL_GRADE,
     add_json,
     add_key,
     add_motion,
@@ -66,12 +67,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
             f"--{kind}-bitrate", type=bit_rate, metavar="BPS", help=f"such as {example}"
         )
     parser.add_argument(
-        "--grade", type=grade, default=-0.4, metavar="ODG",
+        "--grade", type=grade, default=USUAL_GRADE, metavar="ODG",
         help="how much of the mark a listener may notice, from 0 (nothing) to -4 (BS.1387)",
     )  # fmt: skip
     parser.add_argument(
         "--through", metavar="CODER",
-        help="the broadcaster's coder, such as aac:64k: the mark is rehearsed through it",
+        help="the broadcaster's coder, such as aac:64k: the mark is rehearsed through it; or none "
+        "(default: aac:64k for robust, else none)",
     )  # fmt: skip
     parser.add_argument("--no-grade", action="store_true", help="do not run the quality meter")
     add_json(parser)

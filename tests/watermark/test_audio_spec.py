@@ -85,7 +85,7 @@ def test_bands_and_code_are_the_reference_s() -> None:
 def test_profile_table_is_the_code_s() -> None:
     for p in PROFILES.values():
         row = (p.name, p.number, p.cell_bins, p.first_bin, p.last_bin)
-        row += (f"{p.strength:g}", p.lowest_tier, f"{p.alpha:g}")  # type: ignore[assignment]
+        row += (f"{p.strength:g}", p.lowest_tier, f"{p.alphas[0]:g} to {p.alphas[1]:g}")  # type: ignore[assignment]
         row += (p.l0_bytes, p.l1_bytes, p.l0_coded, p.l1_coded, f"{p.net_bps:g}")  # type: ignore[assignment]
         assert "| " + " | ".join(map(str, row)) + " |" in TEXT
     assert STANDARD.data_cells == len(reference.data_cells("standard", 0))

@@ -5,9 +5,9 @@ import pytest
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.coder_stream import CoderStream
+from cuecast.coder_stream import CoderStream, make_rehearsal
 from watermark.embed import AudioEmbedder
-from watermark.profile import FS, ROBUST
+from watermark.profile import FS, ROBUST, STANDARD
 from watermark.rehearsal import Rehearsal
 
 Sound = NDArray[np.float32]
@@ -33,23 +33,37 @@ def payload(k: int) -> tuple[bytes, bytes]:
     return np.random.default_rng(k).bytes(7), b""
 
 
-def test_superframes_that_drown_are_asked_to_stand_higher() -> None:
-    rng = np.random.default_rng(1)
-    x = (rng.normal(0, 0.05, (12 * FS, 1))).astype(np.float32)
+def marked(x: Sound, rehearsal: Rehearsal | None) -> Sound:
+    embedder = AudioEmbedder(FS, 1, payload, profile="robust", rehearsal=rehearsal)
+    blocks = [embedder.process(x[i : i + 5000]) for i in range(0, len(x), 5000)]
+    return np.concatenate([*blocks, embedder.flush()])
+
+
+def test_superframes_that_drown_stand_higher() -> None:
+    x = np.random.default_rng(1).normal(0, 0.05, (12 * FS, 1)).astype(np.float32)
+    rehearsal = Rehearsal(ROBUST, 0, Drowning())
+    y, plain = marked(x, rehearsal), marked(x, None)
+    assert len(y) == len(x)
+    assert np.median([rehearsal.shortage(k) for k in (9, 10, 11)]) > 2
+    assert abs(np.median([rehearsal.shortage(k) for k in range(6)])) < 1
+    assert rehearsal.shortage(100) == 0.0
+    span = slice(round(6.0 * FS), round(7.5 * FS))
+    power = [float(((z - x)[span] ** 2).sum()) for z in (y, plain)]
+    assert power[0] > 1.2 * power[1]
+
+
+def test_a_fixed_level_is_not_rehearsed() -> None:
     rehearsal = Rehearsal(ROBUST, 0, Drowning())
     embedder = AudioEmbedder(FS, 1, payload, profile="robust", level=6, rehearsal=rehearsal)
-    embedder.process(x)
-    assert rehearsal.shortages() == {}  # a fixed level is not rehearsed
-    embedder = AudioEmbedder(FS, 1, payload, profile="robust", rehearsal=rehearsal)
-    embedder.process(x)
-    short = rehearsal.shortages()
-    assert np.median([short[k] for k in (9, 10, 11)]) > 2
-    assert abs(np.median([short[k] for k in range(6)])) < 1
-    again = AudioEmbedder(FS, 1, payload, profile="robust", shortages=short)
-    plain = AudioEmbedder(FS, 1, payload, profile="robust")
-    span = slice(round(6.0 * FS), round(7.5 * FS))
-    power = [float(((e.process(x)[: 8 * FS][span] - x[span]) ** 2).sum()) for e in (again, plain)]
-    assert power[0] > 1.2 * power[1]
+    embedder.process(np.full((6 * FS, 1), 0.1, dtype=np.float32))
+    assert rehearsal.count == 0
+
+
+def test_robust_is_rehearsed_unless_told_otherwise() -> None:
+    assert make_rehearsal(ROBUST, 0, None) is not None
+    assert make_rehearsal(ROBUST, 0, "none") is None
+    assert make_rehearsal(STANDARD, 0, None) is None
+    assert make_rehearsal(STANDARD, 0, "mp2:192k") is not None
 
 
 @pytest.mark.parametrize("coder", ["aac:64k", "mp3:64k", "opus:64k", "mp2:192k", "ac3:192k"])
