@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from codec.errors import BitstreamError
 
-VERSION = 2
+VERSION = 3
 """Version of the bitstream that this package writes."""
 
 MODES = ("score", "plain", "compact")
@@ -21,14 +21,15 @@ SCORE, PLAIN, COMPACT = range(len(MODES))
 HEADER_FIELDS = {"version": 2, "mode": 2, "sequence": 6, "lead": 2, "voice": 4}
 """The header of L0: names and widths in bits, first field in the highest bits."""
 
-COMPACT_FIELDS = {"version": 2, "mode": 2, "sequence": 4}
-"""The header of L0 in compact mode."""
+COMPACT_FIELDS = {"version": 2, "compact": 1, "voice": 1, "sequence": 4}
+"""The header of L0 in compact mode: the lower bit of the mode is one of the voice's."""
 
 COMPACT_LEAD = 2
 """Superframes by which compact ones are always on air ahead of their time."""
 
 FILE_FIELDS = {
-    "magic": 32, "version": 8, "voice": 64, "first_tick": 32, "ticks": 32, "l0": 12, "l1": 12,
+    "magic": 32, "version": 8, "voice": 64, "coding": 64, "first_tick": 32, "ticks": 32,
+    "l0": 12, "l1": 12,
 }  # fmt: skip
 """The head of a stream file, before its checksum."""
 
@@ -39,7 +40,7 @@ MAGIC = int.from_bytes(b"CUES", "big")
 
 HEADER_BYTES = 2
 COMPACT_HEADER_BYTES = 1
-FILE_BYTES = 24
+FILE_BYTES = 32
 RECORD_BYTES = 3
 SEQUENCES = 64
 COMPACT_SEQUENCES = 16
@@ -99,8 +100,8 @@ class Header:
     lead : int
         Superframes between the time on air and the time of presentation, 0..3.
     voice : int
-        Hexadecimal digit number ``sequence % 16`` of the voice's identity; 0 in compact mode,
-        whose payload begins with one bit of it.
+        Hexadecimal digit number ``sequence % 16`` of the coding's identity; in compact mode bit
+        number ``sequence`` of it.
     version : int
         Version of the bitstream.
     """
@@ -119,7 +120,9 @@ class Header:
     def to_bytes(self) -> bytes:
         """Return the two bytes, or the one of compact mode."""
         fields = COMPACT_FIELDS if self.mode == COMPACT else HEADER_FIELDS
-        return pack_fields(fields, {name: getattr(self, name) for name in fields})
+        values = {"version": self.version, "mode": self.mode, "compact": 1}
+        values |= {"sequence": self.sequence, "lead": self.lead, "voice": self.voice}
+        return pack_fields(fields, values)
 
 
 def read_header(l0: bytes) -> Header:
@@ -128,7 +131,7 @@ def read_header(l0: bytes) -> Header:
     Raises
     ------
     BitstreamError
-        If the part is too short (H1), its version unknown (H2) or its mode reserved (H3).
+        If the part is too short (H1) or its version unknown (H2).
 
     Examples
     --------
@@ -136,19 +139,17 @@ def read_header(l0: bytes) -> Header:
     5
     """
     fields = unpack_fields(COMPACT_FIELDS, l0[:COMPACT_HEADER_BYTES])
-    if fields["mode"] == COMPACT:
-        header = Header(**fields, lead=COMPACT_LEAD, voice=0)
+    if fields.pop("compact"):
+        header = Header(**fields, mode=COMPACT, lead=COMPACT_LEAD)
     else:
         header = Header(**unpack_fields(HEADER_FIELDS, l0[:HEADER_BYTES]))
     if header.version != VERSION:
         raise BitstreamError(f"version {header.version} is not {VERSION}", section="H2", bit=0)
-    if header.mode >= len(MODES):
-        raise BitstreamError(f"mode {header.mode} is reserved", section="H3", bit=2)
     return header
 
 
 def voice_digit(identity: str, sequence: int) -> int:
-    """Return the digit of a voice's identity that superframe `sequence` carries (H5).
+    """Return the digit of a coding's identity that superframe `sequence` carries (H5).
 
     Examples
     --------
@@ -159,7 +160,7 @@ def voice_digit(identity: str, sequence: int) -> int:
 
 
 def voice_bit(identity: str, sequence: int) -> int:
-    """Return the bit of a voice's identity that compact superframe `sequence` carries (M2).
+    """Return the bit of a coding's identity that compact superframe `sequence` carries (M2).
 
     Examples
     --------

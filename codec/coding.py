@@ -1,12 +1,15 @@
 """The coding tables of a voice: targets of resynthesis, bases of the residual.
 
-They are trained on motions of the voice (`codec.train`) and stored under its identity; those of
-a voice that nobody has trained are derived from its models and gesture table, less efficient but
-complete. Both ends of a stream need the same tables. Specification: spec/bitstream.md, section 6.
+They are trained on motions of the voice (`codec.train_voice`) and stored under its identity, in
+the package or in the user's folder; those of a voice that nobody has trained are derived from its
+models and gesture table, less efficient but complete. Both ends of a stream need the same tables:
+streams name them by the coding's identity. Specification: spec/bitstream.md, sections 6 and 6.5.
 """
 
 import functools
+import hashlib
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,6 +19,7 @@ from numpy.typing import NDArray
 from codec.errors import VoiceError
 from codec.npz import read_arrays, write_arrays
 from codec.resynthesis.targets import Targets
+from codec.tables import tables_digest
 from codec.timeline import TICKS
 from codec.transform import Bases, Basis, klt, marker_metric, scales_of
 from codec.voice import Voice
@@ -23,11 +27,13 @@ from codec.voice import Voice
 Array = NDArray[np.float64]
 
 FOLDER = Path(__file__).parent / "assets" / "coding"
+FORMAT = "cuecast-coding-1"
 _MAX_BYTES = 1 << 20
 _WIDER = 10
 """Quarter octaves by which the second basis of motion without a score expects more."""
 
 _TARGETS = ("hand", "head", "forearm", "arc", "face")
+_BASES = ("residual", "loose", "plain")
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +54,11 @@ class Coding:
         Parameters that stand for a motion without a score.
     plain : Basis
         Of motion about that mean.
+    trained : bool
+        Whether they were trained; else they are derived from the voice, at each end anew.
+    identity : str
+        Sixteen hexadecimal digits, a hash of the voice's identity, of the format's tables and of
+        these (I1).
     """
 
     voice: str
@@ -56,10 +67,18 @@ class Coding:
     loose: Basis
     mean: Array
     plain: Basis
+    trained: bool = True
     of_score: Bases = field(init=False)
     of_motion: Bases = field(init=False)
+    identity: str = field(init=False)
 
     def __post_init__(self) -> None:
+        digest = hashlib.sha256(f"{FORMAT}{self.voice}".encode() + tables_digest())
+        for name, array in _arrays(self):
+            # What is derived may differ in its last bits from machine to machine.
+            if self.trained or array.dtype.kind == "i":
+                digest.update(f"{name}{array.shape}".encode() + array.tobytes())
+        object.__setattr__(self, "identity", digest.hexdigest()[:16])
         wide = Basis(self.plain.matrix, self.plain.scales + _WIDER)
         object.__setattr__(self, "of_score", (self.residual, self.loose))
         object.__setattr__(self, "of_motion", (self.plain, wide))
@@ -85,35 +104,46 @@ class _ByIdentity:
 
 @functools.lru_cache(maxsize=8)
 def _cached(key: _ByIdentity) -> Coding:
-    if is_trained(key.voice):
-        return load_coding(_path(key.voice), key.voice)
-    return derive_coding(key.voice)
+    path = trained_path(key.voice)
+    return derive_coding(key.voice) if path is None else load_coding(path, key.voice)
 
 
-def is_trained(voice: Voice) -> bool:
-    """Return whether the package has coding tables that were trained for a voice."""
-    return _path(voice).exists()
+def user_folder() -> Path:
+    """Return the folder of the tables that a user trained: ``$XDG_DATA_HOME/cuecast/coding``."""
+    base = os.environ.get("XDG_DATA_HOME") or str(Path.home() / ".local" / "share")
+    return Path(base) / "cuecast" / "coding"
 
 
-def _path(voice: Voice) -> Path:
-    return FOLDER / f"{voice.identity}.npz"
+def trained_path(voice: Voice) -> Path | None:
+    """Return the file of the tables that were trained for a voice, None if there is none."""
+    paths = (folder / f"{voice.identity}.npz" for folder in (FOLDER, user_folder()))
+    return next((path for path in paths if path.exists()), None)
+
+
+def keep_coding(coding: Coding, folder: Path | None = None) -> Path:
+    """Write tables where `coding_for` finds them, the user's folder by default."""
+    target = user_folder() if folder is None else folder
+    target.mkdir(parents=True, exist_ok=True)
+    path = target / f"{coding.voice}.npz"
+    save_coding(coding, path)
+    _cached.cache_clear()
+    return path
+
+
+def _arrays(coding: Coding) -> Iterator[tuple[str, NDArray[np.generic]]]:
+    """Yield all numbers of a coding as they are stored."""
+    for name in _TARGETS:
+        yield f"targets.{name}", getattr(coding.targets, name).astype("<f4")
+    for name in _BASES:
+        basis = getattr(coding, name)
+        yield f"{name}.matrix", basis.matrix.astype("<f4")
+        yield f"{name}.scales", basis.scales.astype("<i2")
+    yield "mean", coding.mean.astype("<f4")
 
 
 def save_coding(coding: Coding, path: str | os.PathLike[str]) -> None:
     """Write tables as float32 and int16 arrays."""
-    arrays: dict[str, NDArray[np.generic]] = {
-        f"targets.{name}": getattr(coding.targets, name).astype(np.float32) for name in _TARGETS
-    }
-    for name, basis in (
-        ("residual", coding.residual),
-        ("loose", coding.loose),
-        ("plain", coding.plain),
-    ):
-        arrays[f"{name}.matrix"] = basis.matrix.astype(np.float32)
-        arrays[f"{name}.scales"] = basis.scales.astype(np.int16)
-    arrays["mean"] = coding.mean.astype(np.float32)
-    arrays["voice"] = np.array(coding.voice, dtype=np.str_)
-    write_arrays(path, arrays)
+    write_arrays(path, dict(_arrays(coding)) | {"voice": np.array(coding.voice, dtype=np.str_)})
 
 
 def load_coding(path: str | os.PathLike[str], voice: Voice) -> Coding:
@@ -130,7 +160,7 @@ def load_coding(path: str | os.PathLike[str], voice: Voice) -> Coding:
         targets = Targets(**{name: arrays[f"targets.{name}"] for name in _TARGETS})
         residual, loose, plain = (
             Basis(arrays[f"{n}.matrix"].astype(np.float64), arrays[f"{n}.scales"].astype(np.int64))
-            for n in ("residual", "loose", "plain")
+            for n in _BASES
         )
         mean = arrays["mean"].astype(np.float64)
         coding = Coding(stated, targets, residual, loose, mean, plain)
@@ -176,4 +206,6 @@ def derive_coding(voice: Voice) -> Coding:
         variance = np.einsum("pc,pq,qc->c", matrix, spread, matrix)
         bases.append(Basis(matrix, scales_of(np.outer(variance, _SPECTRUM / _SPECTRUM.mean()))))
     tight, loose, plain = bases
-    return Coding(voice.identity, targets, tight, loose, poses.mean(axis=0), plain)
+    return Coding(
+        voice.identity, targets, tight, loose, poses.mean(axis=0), plain, trained=False
+    )  # fmt: skip

@@ -75,9 +75,9 @@ class SuperframeDecoder:
         Raises
         ------
         VoiceError
-            If the stream was made with another voice.
+            If the stream was made with another voice or other coding tables.
         BitstreamError
-            If L0 is intact and breaks a rule: version (H2), mode (H3), sequence (H4).
+            If L0 is intact and breaks a rule: version (H2), sequence (H4).
         """
         self._forget(index)
         content, layers = self._read(l0, l1, index)
@@ -108,8 +108,8 @@ class SuperframeDecoder:
                 f"{index % header.sequences}",
                 section="H4", bit=4,
             )  # fmt: skip
+        self._check_coding(header)
         content, known = read_l0(l0, self._bases(header))
-        self._check_voice(content)
         if l1:
             try:
                 whole = read_l1(l0, l1, content, known, self._bases(header))
@@ -118,19 +118,16 @@ class SuperframeDecoder:
             return whole, ("L0", "L1")
         return content, ("L0",)
 
-    def _check_voice(self, content: Content) -> None:
-        """Compare what a superframe tells of the voice's identity (H5, M2)."""
-        header, identity = content.header, self.voice.identity
-        if header.mode == COMPACT:
-            what, stated = "bit", content.voice_bit
-            own = voice_bit(identity, header.sequence)
-        else:
-            what, stated = "digit", header.voice
-            own = voice_digit(identity, header.sequence)
-        if stated != own:
+    def _check_coding(self, header: Header) -> None:
+        """Compare what a superframe tells of voice and tables with one's own (H5, M2)."""
+        digit = voice_bit if header.mode == COMPACT else voice_digit
+        own = digit(self._coding.identity, header.sequence)
+        if header.voice != own:
+            what = "bit" if header.mode == COMPACT else "digit"
             raise VoiceError(
-                f"{what} {header.sequence % 16} of the stream's voice is {stated:x}, "
-                f"voice {self.voice.name} has {own:x}"
+                f"another voice, or other coding tables: {what} {header.sequence % 16} of the "
+                f"stream's identity is {header.voice:x}, that of voice {self.voice.name} "
+                f"({self._coding.identity}) has {own:x}"
             )
 
     def render(self, index: int) -> DecodedSuperframe:

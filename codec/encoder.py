@@ -57,16 +57,17 @@ from codec.tables import coefficient_tables
 from codec.timeline import SUPERFRAME_S, TICK_S, TICKS, to_line
 from codec.transform import Bases
 from codec.voice import Voice
-from codec.window import MAX_BYTES, MIN_BYTES, WindowWriter
+from codec.window import MAX_BYTES, MIN_BYTES
+from codec.window_writer import WindowWriter
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_SAYS_LITTLE = 0.42
+_SAYS_LITTLE = 0.5
 """Share of a superframe that score and previews may take for a third preview."""
 
 _FEWEST = 2
-"""Starts to which a preview is thinned at most."""
+"""Starts to which a preview is thinned at most, and a third one always."""
 
 _HISTORY = 8
 """Superframes whose fitted scores are remembered."""
@@ -193,7 +194,7 @@ class SuperframeEncoder:
         self._take(score)
         if self._writer is None:
             self._writer = WindowWriter(
-                self._line, self._options, self.voice.identity, self._sizes[0], first=self._first
+                self._line, self._options, self._coding.identity, self._sizes[0], first=self._first
             )
         return self._writer
 
@@ -236,7 +237,7 @@ class SuperframeEncoder:
 
     def _header(self, mode: int, index: int) -> Header:
         sequence = index % SEQUENCES
-        return Header(mode, sequence, self._lead, voice_digit(self.voice.identity, sequence))
+        return Header(mode, sequence, self._lead, voice_digit(self._coding.identity, sequence))
 
     def _previews(self, score: Score, index: int) -> dict[int, Preview]:
         self._take(score)
@@ -290,14 +291,18 @@ class SuperframeEncoder:
     def _affordable(self, plan: "_Plan") -> Iterator[dict[int, Preview]]:
         """Yield previews that L0 may have room for, as many as possible first.
 
-        The farthest is for superframes that say little; where too much is said, the farther of
-        two becomes sparse, then goes, then the nearer one.
+        The farthest is sparse, and for superframes that say little; where too much is said, the
+        farther of two becomes sparse, then goes, then the nearer one.
         """
         l0_bytes, l1_bytes = self._sizes
-        room = 8 * (l0_bytes - HEADER_BYTES - CRC16_BYTES)
+        room = 8.0 * (l0_bytes - HEADER_BYTES - CRC16_BYTES)
         for choice in reversed(CHOICES) if plan.previews else ():
             previews = {distance: plan.previews[distance] for distance in choice}
-            most = _SAYS_LITTLE * 8 * (l0_bytes + l1_bytes) if len(choice) == len(AHEAD) else room
+            most = room
+            if len(choice) == len(AHEAD):
+                most = min(room, _SAYS_LITTLE * 8 * (l0_bytes + l1_bytes))
+                while len(previews[AHEAD[-1]]) > _FEWEST:
+                    previews[AHEAD[-1]] = thinned(previews[AHEAD[-1]])
             while (bits := self._bits(replace(plan, previews=previews))) > most:
                 farthest = max(previews, default=0)
                 if len(choice) != 2 or len(previews[farthest]) <= _FEWEST:

@@ -25,8 +25,8 @@ def inspect_stream(data: bytes) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``voice``, ``start_s``, ``duration_s``, ``rate_bps`` (all bytes counted), ``superframes``
-        (one dict each) and ``keys``; ready for JSON.
+        ``voice``, ``coding``, ``start_s``, ``duration_s``, ``rate_bps`` (all bytes counted),
+        ``superframes`` (one dict each) and ``keys``; ready for JSON.
 
     Raises
     ------
@@ -44,6 +44,7 @@ def inspect_stream(data: bytes) -> dict[str, Any]:
     duration_s = head.ticks * TICK_S
     return {
         "voice": head.voice,
+        "coding": head.coding,
         "start_s": round(head.first_tick * TICK_S, 2),
         "duration_s": round(duration_s, 2),
         "rate_bps": round(8 * len(data) / duration_s, 1),

@@ -26,7 +26,7 @@ def merge_scores(superframes: Iterable[DecodedSuperframe]) -> Score:
     return score_of({s.index: s.part for s in superframes if s.part is not None})
 
 
-_REACH = 4
+_REACH = 5
 """Superframes before one that can tell keys of it, or how far a loss reaches."""
 
 

@@ -6,6 +6,7 @@ than the caller allows; writing goes through a temporary name in the same folder
 
 import os
 import tempfile
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterable, Mapping
@@ -124,7 +125,7 @@ def read_arrays(path: str | os.PathLike[str], *, max_bytes: int) -> dict[str, ND
         raise CueError(f"{path}: {error.strerror or error}") from error
     except (
         ValueError, TypeError, EOFError, KeyError, NotImplementedError, RuntimeError, SyntaxError,
-        zipfile.BadZipFile, zlib.error,
+        tokenize.TokenError, zipfile.BadZipFile, zlib.error,
     ) as error:  # fmt: skip
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise CueError(f"{path}: damaged or foreign file: {reason}") from error

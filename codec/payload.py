@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec import _kernels
-from codec.bits import COMPACT, HEADER_BYTES, PLAIN, SCORE, Header, crc8, crc16, read_header
+from codec.bits import HEADER_BYTES, PLAIN, SCORE, Header, crc8, crc16, read_header
 from codec.errors import BitstreamError
 from codec.preview import Preview, read_previews, write_previews
 from codec.quantise import NO_RESIDUAL, NOTHING_SENT, Setting, basis_of, raised
@@ -38,7 +38,7 @@ _CHOICES = cumulative([12, 2, 1, 1])
 """Table of gain and course."""
 
 _SHIFTS = cumulative([10, 2, 2, 1, 1])
-_MODE_SHIFT = 4
+_COMPACT_BIT = 0x20
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +55,6 @@ class Content:
         Quantised coefficients in scan order.
     previews : dict of int to Preview
         By distance, in mode ``score``.
-    voice_bit : int
-        Bit of the voice's identity, in mode ``compact``.
     """
 
     header: Header
@@ -64,7 +62,6 @@ class Content:
     part: ScorePart | Window | None
     q: Ints
     previews: dict[int, Preview] = field(default_factory=dict)
-    voice_bit: int = 0
 
 
 def score_code(content: Content, *, even: bool) -> RangeEncoder:
@@ -182,7 +179,7 @@ def is_intact(l0: bytes) -> bool:
 
 
 def _is_compact(l0: bytes) -> bool:
-    return len(l0) > 0 and l0[0] >> _MODE_SHIFT & 3 == COMPACT
+    return len(l0) > 0 and l0[0] & _COMPACT_BIT > 0
 
 
 def read_l0(l0: bytes, bases: Bases) -> tuple[Content, int]:
@@ -198,8 +195,7 @@ def read_l0(l0: bytes, bases: Bases) -> tuple[Content, int]:
     Raises
     ------
     BitstreamError
-        If the part has a wrong length (H1) or checksum (H6), its version is unknown (H2) or its
-        mode reserved (H3).
+        If the part has a wrong length (H1) or checksum (H6), or its version is unknown (H2).
     """
     content, decoder = _read_beginning(l0)
     basis = basis_of(bases, content.setting)
@@ -229,8 +225,7 @@ def _read_beginning(l0: bytes) -> tuple[Content, RangeDecoder | None]:
             raise BitstreamError(
                 f"compact L0 of {len(l0)} bytes, {MIN_BYTES}..{MAX_BYTES}", section="H1"
             )
-        bit, window = read_window(l0)
-        return Content(header, NOTHING_SENT, window, nothing, {}, bit), None
+        return Content(header, NOTHING_SENT, read_window(l0), nothing), None
     if len(l0) < MIN_L0_BYTES:
         raise BitstreamError(f"L0 of {len(l0)} bytes, at least {MIN_L0_BYTES}", section="H1")
     body, check = l0[:-CRC16_BYTES], int.from_bytes(l0[-CRC16_BYTES:], "big")

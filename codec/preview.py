@@ -37,7 +37,7 @@ BEGINNING = 41
 """Context of a preview's first start: the superframe's beginning."""
 
 _CELLS = TICKS // CELL
-_WHICH = cumulative([16, 1, 1, 12, 2])
+_WHICH = cumulative([12, 1, 1, 4, 14])
 _CONSONANT_PERCENT = 40
 """Share of a key's length that is its consonant."""
 

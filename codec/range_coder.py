@@ -99,6 +99,10 @@ class RangeEncoder:
         for bit in range(width - 1, -1, -1):
             self.put(value >> bit & 1, FLIP)
 
+    def __len__(self) -> int:
+        """Return the number of symbols so far."""
+        return len(self._starts)
+
     @property
     def bits(self) -> float:
         """Ideal length so far, in bits."""

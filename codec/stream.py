@@ -21,6 +21,7 @@ from codec.bits import (
     pack_fields,
     unpack_fields,
 )
+from codec.coding import Coding, coding_for
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.decoder import SuperframeDecoder
 from codec.encoder import SuperframeEncoder
@@ -46,8 +47,8 @@ class StreamHead:
 
     Attributes
     ----------
-    voice : str
-        Identity of the voice.
+    voice, coding : str
+        Identities of the voice and of its coding.
     first_tick, ticks : int
         Ticks of 20 ms that the motion covers.
     l0, l1 : int
@@ -55,6 +56,7 @@ class StreamHead:
     """
 
     voice: str
+    coding: str
     first_tick: int
     ticks: int
     l0: int = 0
@@ -96,7 +98,7 @@ def encode_stream(
     CueError
         If both or an impossible value is given, or the motion is empty or begins before 0.
     """
-    head = _head_of(motion)
+    head = _head_of(motion, coding_for(voice))
     if rate_bps is not None and error_mm is not None:
         raise CueError("a rate and an error cannot both be given")
     if rate_bps is not None:
@@ -116,14 +118,14 @@ def encode_stream(
     return _head_bytes(head) + body
 
 
-def _head_of(motion: Motion) -> StreamHead:
+def _head_of(motion: Motion, coding: Coding) -> StreamHead:
     first, ticks = to_ticks(motion.start_s), to_ticks(motion.duration_s)
     if first < 0 or not 0 < ticks <= _MAX_TICKS or first > _MAX_TICKS:
         raise CueError(
             f"motion of {motion.duration_s} s from {motion.start_s} s does not fit into a stream: "
             f"0.02..86400 s, from 0..86400 s"
         )
-    return StreamHead(motion.voice, first, ticks)
+    return StreamHead(motion.voice, coding.identity, first, ticks)
 
 
 def _within(
@@ -145,7 +147,8 @@ def _within(
 def _head_bytes(head: StreamHead) -> bytes:
     fields = {
         "magic": MAGIC, "version": VERSION, "voice": int(head.voice, 16),
-        "first_tick": head.first_tick, "ticks": head.ticks, "l0": head.l0, "l1": head.l1,
+        "coding": int(head.coding, 16), "first_tick": head.first_tick, "ticks": head.ticks,
+        "l0": head.l0, "l1": head.l1,
     }  # fmt: skip
     body = pack_fields(FILE_FIELDS, fields)
     return body + crc16(body).to_bytes(_CRC_BYTES, "big")
@@ -175,11 +178,12 @@ def read_head(data: bytes) -> StreamHead:
     check = data[FILE_BYTES : FILE_BYTES + _CRC_BYTES]
     if crc16(data[:FILE_BYTES]).to_bytes(_CRC_BYTES, "big") != check:
         raise BitstreamError("checksum of the head", section="F4", bit=8 * FILE_BYTES)
+    voice, coding = (f"{fields[name]:016x}" for name in ("voice", "coding"))
     head = StreamHead(
-        f"{fields['voice']:016x}", fields["first_tick"], fields["ticks"], fields["l0"], fields["l1"]
+        voice, coding, fields["first_tick"], fields["ticks"], fields["l0"], fields["l1"]
     )
     if not 0 < head.ticks <= _MAX_TICKS or head.first_tick > _MAX_TICKS:
-        raise BitstreamError(f"{head.ticks} ticks from {head.first_tick}", section="F5", bit=104)
+        raise BitstreamError(f"{head.ticks} ticks from {head.first_tick}", section="F5", bit=168)
     return head
 
 
@@ -220,11 +224,16 @@ def decode_stream(data: bytes, voice: Voice) -> Motion:
     BitstreamError
         If the file breaks a rule.
     VoiceError
-        If it was made with another voice.
+        If it was made with another voice or with other coding tables.
     """
     head = read_head(data)
     if head.voice != voice.identity:
         raise VoiceError(f"stream of voice {head.voice}, voice {voice.name} is {voice.identity}")
+    if head.coding != coding_for(voice).identity:
+        raise VoiceError(
+            f"stream coded with tables {head.coding}, those of voice {voice.name} here are "
+            f"{coding_for(voice).identity}"
+        )
     decoder, done, previous = SuperframeDecoder(voice), [], None
     for frame in read_superframes(data):
         decoder.push(frame.l0, frame.l1, frame.index)

@@ -19,7 +19,7 @@ from codec.window import Window
 
 Array = NDArray[np.float64]
 
-WINDOWS = 3
+WINDOWS = 4
 """Superframes before one whose windows can reach into it."""
 
 

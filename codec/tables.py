@@ -5,6 +5,7 @@ part of the format's version and are the same for every voice (spec/bitstream.md
 """
 
 import functools
+import hashlib
 import json
 from dataclasses import dataclass, field
 from importlib import resources
@@ -26,8 +27,8 @@ TEMPOS = 4
 """Contexts of a length: after a pause, after a short, a middling and a long phone."""
 
 
-COARSE_LENGTHS = TICKS // 2 + 1
-"""Lengths in units of two ticks that a table tells apart."""
+PAUSE_LENGTHS = TICKS // 2 + 1
+"""Lengths of pauses, in units of two ticks, that a table tells apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +47,8 @@ class ScoreTables:
         Length of a phone less one, by its number and tempo context.
     opening : ndarray of int64, shape (39,)
         The phone that begins a compact superframe.
-    coarse : ndarray of int64, shape (38, 4, 17)
-        As `length`, in units of two ticks.
+    pause : ndarray of int64, shape (18,)
+        Length of a pause in units of two ticks less one, in compact superframes.
     usual : ndarray of int64, shape (38,)
         Mean length of a phone, in sixteenths of a tick.
     key : ndarray of int64, shape (42, 43)
@@ -61,7 +62,7 @@ class ScoreTables:
     left: NDArray[np.int64]
     length: NDArray[np.int64]
     opening: NDArray[np.int64]
-    coarse: NDArray[np.int64]
+    pause: NDArray[np.int64]
     usual: NDArray[np.int64]
     key: NDArray[np.int64]
     gap: NDArray[np.int64]
@@ -105,10 +106,19 @@ def _cdf(freqs: Any) -> NDArray[np.int64]:
 
 
 @functools.cache
+def _content() -> bytes:
+    return resources.files("codec").joinpath("assets/tables.json").read_bytes()
+
+
+@functools.cache
 def _document() -> dict[str, Any]:
-    text = resources.files("codec").joinpath("assets/tables.json").read_text(encoding="utf-8")
-    document: dict[str, Any] = json.loads(text)
+    document: dict[str, Any] = json.loads(_content())
     return document
+
+
+def tables_digest() -> bytes:
+    """Return the SHA-256 of the file of the tables (I1)."""
+    return hashlib.sha256(_content()).digest()
 
 
 @functools.cache

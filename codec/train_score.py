@@ -12,19 +12,22 @@ from codec.phonology import PHONES
 from codec.preview import BEGINNING, CELL, SILENCE, preview_of
 from codec.range_coder import cumulative
 from codec.score import Score
-from codec.score_coding import NOTHING, is_consonant, is_vowel, letter_of, part_of
-from codec.tables import COARSE_LENGTHS, TEMPOS, ScoreTables
+from codec.score_coding import is_consonant, is_vowel, letter_of, part_of
+from codec.tables import PAUSE_LENGTHS, TEMPOS, ScoreTables
 from codec.timeline import TICKS, Line, to_line
 
 N = len(PHONES)
 _PHASES = 8
 """Every score is cut into superframes at so many different places."""
 
-_PAUSE_FIRST = 0.02
+_PAUSE_FIRST = 0.05
 """Share of compact superframes that begin with a pause (their writer decides)."""
 
-_OF_NONE, _OF_ONE = 640.0, 960.0
-"""Examples that phones count for whatever stands before, and those after one, against two."""
+_UNSEEN = (1.0, 2.0, 3.0)
+"""Examples that the rest counts for, per kind of phone found after none, one and two others."""
+
+_OF_ANY = 640.0
+"""Examples that keys count for whatever stands before."""
 
 Counts = NDArray[np.float64]
 
@@ -42,24 +45,24 @@ def train_score(scores: Iterable[Score]) -> dict[str, list[object]]:
     dict of nested lists
         Frequencies that sum to 2**15 in every row.
     """
-    first, following = np.zeros(N), np.zeros((N + 1, N, N))
+    first = np.zeros(N)
     left, length = np.zeros((N, TICKS + 1)), np.zeros((N, TEMPOS, TICKS + 1))
     whole, keys = _Whole(), _Keys()
     for score in scores:
         line = to_line(score)
         whole.count(line)
         for phase in range(_PHASES):
-            _count(score.shifted(phase * 0.08), first, following, left, length)
+            _count(score.shifted(phase * 0.08), first, left, length)
             keys.count(to_line(score.shifted(phase * 0.08)))
     return {
         "first": _rows(first + 1),
-        "next": _rows(_after_two(following)),
+        "next": _rows(_after_two(whole.following)),
         "left": _rows(_by_kind(left, 100.0)),
         "length": _rows(_lengths(length)),
         "opening": _rows(whole.opening + _PAUSE_FIRST * whole.opening.sum() * _is_pause()),
-        "coarse": _rows(_lengths(whole.coarse)),
+        "pause": _rows(_widened(whole.pause, 300.0)),
         "usual": whole.usual(),
-        "key": _rows(_back_off(keys.key, keys.key.sum(axis=0) + 0.5, _OF_NONE)),
+        "key": _rows(_backed(keys.key / _PHASES, _shares(keys.key.sum(axis=0)), _UNSEEN[1])),
         "gap": _rows(_back_off(keys.gap, _blurred(keys.gap.sum(axis=0)) + 0.5, 20.0)),
     }
 
@@ -74,20 +77,24 @@ class _Whole:
 
     def __init__(self) -> None:
         self.opening = np.zeros(N)
-        self.coarse = np.zeros((N, TEMPOS, COARSE_LENGTHS))
+        self.following = np.zeros((N, N, N))
+        self.pause = np.zeros(PAUSE_LENGTHS)
         self._ticks, self._phones = np.zeros(N), np.zeros(N)
 
     def count(self, line: Line) -> None:
-        last = 0
+        context = 0, 0
+        for k in range(1, len(line.starts)):
+            self.following[context][letter_of(line.numbers[k])] += 1
+            context = context[1], line.numbers[k]
         for k in range(1, len(line.starts) - 1):
             number, ticks = line.numbers[k], line.starts[k + 1] - line.starts[k]
-            if number and not (is_vowel(number) and is_consonant(line.numbers[k - 1])):
-                self.opening[letter_of(number)] += 1
-            units = min((ticks + line.starts[k] % 2) // 2, COARSE_LENGTHS - 1)
-            self.coarse[number, ScoreTables.tempo(last), max(units, 1) - 1] += 1
+            if number == 0:
+                units = min((ticks + line.starts[k] % 2) // 2, PAUSE_LENGTHS - 1)
+                self.pause[max(units, 1) - 1] += 1
+                continue
+            self.opening[letter_of(number)] += 1
             self._ticks[number] += ticks
             self._phones[number] += 1
-            last = ticks if number else 0
 
     def usual(self) -> list[object]:
         """Return the mean lengths in sixteenths of a tick."""
@@ -116,16 +123,15 @@ class _Keys:
             rest += (rest + 0.01) / (rest + 0.01).sum()
 
 
-def _count(score: Score, first: Counts, following: Counts, left: Counts, length: Counts) -> None:
+def _count(score: Score, first: Counts, left: Counts, length: Counts) -> None:
     line = to_line(score)
     for index in range(line.starts[-1] // TICKS + 1):
         part = part_of(line, index)
         first[letter_of(part.first)] += 1
         left[part.first, part.first_end] += 1
-        context, last = (NOTHING, part.first), 0
+        last = 0
         ends = (*part.starts, TICKS)[1:]
         for number, start, end in zip(part.numbers, part.starts, ends, strict=True):
-            following[context][letter_of(number)] += 1
             if end < TICKS:
                 length[number, ScoreTables.tempo(last), end - start - 1] += 1
             else:
@@ -134,17 +140,31 @@ def _count(score: Score, first: Counts, following: Counts, left: Counts, length:
                 if rest.sum() > 0:
                     rest += rest / rest.sum()
             last = end - start if number else 0
-            context = context[1], number
 
 
 def _after_two(counts: Counts) -> Counts:
-    """Smooth the rows of phones after two others by those after the later one alone."""
+    """Return the rows of phones after two others, 38 for the earlier one if it is not known.
+
+    Each is smoothed by what follows the later one alone, and that by what there is at all, the
+    more the more kinds of phones were found (Witten and Bell 1991).
+    """
     single = counts.sum(axis=0)
-    later = _back_off(single, single.sum(axis=0) + 1, _OF_NONE)
-    prior = later / later.sum(axis=1, keepdims=True)
-    rows: Counts = counts + _OF_ONE * prior
-    rows[NOTHING] = later
-    return rows
+    every = _backed(single.sum(axis=0), np.full(N, 1.0 / N), _UNSEEN[0])
+    later = _backed(single, every, _UNSEEN[1])
+    both = _backed(counts, later, _UNSEEN[2])
+    return np.concatenate([both, later[None]])
+
+
+def _shares(counts: Counts) -> Counts:
+    shares: Counts = (counts + 0.5) / (counts + 0.5).sum()
+    return shares
+
+
+def _backed(counts: Counts, prior: Counts, unseen: float) -> Counts:
+    """Return shares: counts, and as many examples of `prior` as there are kinds, or more."""
+    kinds = np.maximum(unseen * (counts > 0).sum(axis=-1, keepdims=True), 1.0)
+    shares: Counts = (counts + kinds * prior) / (counts.sum(axis=-1, keepdims=True) + kinds)
+    return shares
 
 
 def _kinds() -> list[list[int]]:
@@ -163,12 +183,15 @@ def _by_kind(counts: Counts, weight: float) -> Counts:
     result = np.empty_like(counts)
     for kind in _kinds():
         prior = _blurred(counts[kind].sum(axis=0)) + 0.5
-        if kind == [0]:
-            # The examples' silences have a few lengths, those of speakers any.
-            prior += prior.mean()
-            weight = float(counts[0].sum()) + weight
         result[kind] = _back_off(counts[kind], prior, weight)
+    result[0] = _widened(counts[0], weight)
     return result
+
+
+def _widened(counts: Counts, weight: float) -> Counts:
+    """Smooth lengths of pauses: the examples' have a few lengths, those of speakers any."""
+    prior = _blurred(counts) + 0.5
+    return _back_off(counts, prior + prior.mean(), float(counts.sum()) + weight)
 
 
 def _lengths(counts: Counts) -> Counts:

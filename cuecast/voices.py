@@ -1,6 +1,8 @@
 """Voices for coding: loaded by name or file, with a word if their coding tables are missing."""
 
-from codec.coding import is_trained
+from collections.abc import Callable
+
+from codec.coding import keep_coding, trained_path
 from codec.voice import Voice, load_voice
 from cuecast.progress import note
 
@@ -14,10 +16,41 @@ def coding_voice(name: str) -> Voice:
         If there is no such voice.
     """
     voice = load_voice(name)
-    if not is_trained(voice):
+    if trained_path(voice) is None:
         note(
-            f"voice {voice.name} has no trained coding tables: derived ones are used, which cost "
-            "more bits and have to be the same at both ends "
-            "(python -m synth.build_coding trains them)"
+            f"voice {voice.name} has no trained coding tables: those derived from it are used, "
+            "which cost more bits; receivers with trained ones refuse the stream "
+            "(cuecast voice build trains them)"
         )
     return voice
+
+
+def train_voice(voice: Voice, *, progress: Callable[[int, int], None]) -> None:
+    """Train the coding tables of a virtual cuer's voice into the user's folder, if there are none.
+
+    Parameters
+    ----------
+    voice : Voice
+    progress : callable
+        Called after every step with what is done and what there is to do.
+
+    Raises
+    ------
+    CueError
+        If the voice is no virtual cuer's.
+    """
+    from codec.train_voice import train_coding
+    from synth.build_coding import examples
+
+    if trained_path(voice) is not None:
+        return
+    motions = []
+    progress(0, _STEPS)
+    for motion in examples(voice):
+        motions.append(motion)
+        progress(len(motions), _STEPS)
+    keep_coding(train_coding(voice, motions[:1], motions[1:]))
+    progress(_STEPS, _STEPS)
+
+
+_STEPS = 3

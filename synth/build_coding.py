@@ -1,7 +1,8 @@
 """Build coding tables: the virtual cuer performs sentences, and the codec is trained on them.
 
 ``python -m synth.build_coding [--identity claire] [--format]`` writes the tables of the built-in
-voice under its present identity; run it after `synth.build_voice`. With ``--format`` the tables
+voice under its present identity; run it after `synth.build_voice`; ``cuecast voice build`` trains
+those of other voices. With ``--format`` the tables
 of the bitstream are trained too, which changes the format; those that come with the package have
 seen the 1001 sentences of enst-camille besides (``--labels``, needs PyYAML).
 """
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.coding import FOLDER, save_coding
+from codec.coding import FOLDER, keep_coding
 from codec.cueing import cue
 from codec.errors import CueError
 from codec.layout import N_FACE, N_HAND
@@ -151,6 +152,18 @@ def paced(score: Score, *, seed: int = 0) -> Iterator[Score]:
         yield Score(tuple(phones), ())
 
 
+def examples(voice: Voice) -> Iterator[Motion]:
+    """Yield the performances of a voice's cuer that its tables are trained on, the exact one first.
+
+    Raises
+    ------
+    CueError
+        If the voice is no virtual cuer's.
+    """
+    yield perform(voice, recital(sentences()), seed=3)
+    yield imprecise(voice, recital(sentences()[1::4], seed=2), seed=7, law="lognormal")
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; return its exit status."""
     parser = argparse.ArgumentParser(prog="python -m synth.build_coding", description=__doc__)
@@ -160,15 +173,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser.parse_args(argv)
     try:
         voice = load_voice(args.identity)
-        score = recital(sentences())
-        motions = [perform(voice, score, seed=3)]
-        others = [imprecise(voice, recital(sentences()[1::4], seed=2), seed=7, law="lognormal")]
-        coding = train_coding(voice, motions, others)
-        FOLDER.mkdir(exist_ok=True)
-        save_coding(coding, FOLDER / f"{voice.identity}.npz")
+        exact, loose = examples(voice)
+        coding = train_coding(voice, [exact], [loose])
+        keep_coding(coding, FOLDER)
         if args.format:
-            said = recital([*sentences(), *labelled(args.labels)]) if args.labels else score
-            write_tables(format_tables(coding, motions, others, [said, *paced(said)]))
+            said = recital([*sentences(), *(labelled(args.labels) if args.labels else ())])
+            write_tables(format_tables(coding, [exact], [loose], [said, *paced(said)]))
     except (CueError, OSError) as error:
         print(f"synth.build_coding: {error}", file=sys.stderr)
         return 3

@@ -16,7 +16,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     info = actions.add_parser("info", help="what a voice is made of")
     info.add_argument("voice", nargs="?", default="claire", metavar="V", help="name or file")
     build = actions.add_parser(
-        "build", help="record the units of a voice: the virtual cuer's own, or a real speaker's"
+        "build",
+        help="record the units of a voice, the virtual cuer's own or a real speaker's, and train "
+        "its coding tables",
     )
     build.add_argument("voice", nargs="?", default="claire", metavar="V", help="name or file")
     build.add_argument(
@@ -46,7 +48,7 @@ def _list(args: argparse.Namespace) -> int:
 
 
 def _info(args: argparse.Namespace) -> int:
-    from codec.coding import is_trained
+    from codec.coding import coding_for, trained_path
     from codec.voice import load_voice
 
     voice = load_voice(args.voice)
@@ -55,15 +57,18 @@ def _info(args: argparse.Namespace) -> int:
         "identity": voice.identity,
         "parameters": len(voice.layout),
         "layout": list(voice.layout),
-        "coding": "trained" if is_trained(voice) else "derived",
+        "coding": coding_for(voice).identity,
+        "tables": str(trained_path(voice) or "derived"),
     }
     _show(args, facts)
     return 0
 
 
 def _build(args: argparse.Namespace) -> int:
+    from codec.coding import coding_for
     from codec.voice import load_voice
     from cuecast.performance import record_folder, unit_synthesiser
+    from cuecast.voices import train_voice
 
     if bool(args.recordings) != bool(args.output):
         note("cuecast voice build: --recordings and --output go together")
@@ -76,8 +81,11 @@ def _build(args: argparse.Namespace) -> int:
         for line in refused:
             note(f"left out: {line}")
     synthesiser = unit_synthesiser(voice, args.output)
+    with count_bar("training the codec") as progress:
+        train_voice(voice, progress=progress)
     facts: dict[str, Any] = {
         "voice": voice.name,
+        "coding": coding_for(voice).identity,
         "recordings": len(synthesiser.recordings),
         "refused": len(refused),
         "minutes": round(sum(r.duration_s for r in synthesiser.recordings) / 60, 1),

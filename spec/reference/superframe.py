@@ -17,8 +17,11 @@ EQUAL = {9: [3648] + 8 * [3640], 6: [5463] + 5 * [5461]}
 CHOICES = [24576, 4096, 2048, 2048]
 SHIFTS = [20480, 4096, 4096, 2048, 2048]
 SPECIAL = [32512, 256]
-BEGIN = [840, 1680, 3360, 5041, 6726, 6721, 3360, 1680, 840, 840, 840, 840]
-PACE = [2048, 6144, 10240, 6144, 4096, 2048, 1024, 1024]
+BEGIN = [512 * n for n in (3, 4, 5, 6, 7, 7, 6, 5, 4, 4, 3, 3, 2, 2, 2, 1)]
+PACE = [2048, 7168, 8192, 6144, 4096, 2560, 1536, 1024]
+PACES = (3, 4, 5, 6, 7, 8, 10, 13)
+CORRECTION = [22528, 2560, 2048, 1536, 1536, 512, 1024, 1024]
+CORRECTIONS = (0, -2, 2, -4, 4, -7, 7, 12)
 GAINS = (0, 6, 0, 10)
 WIDTHS = (65536, 77936, 92682, 110218)
 
@@ -66,7 +69,7 @@ def decode(
     `scales` are those of the first basis, one list of 32 per channel, `second` those of the
     other one (Q6), the same unless given. An L1 that does not fit is left out.
     """
-    if l0 and l0[0] >> 4 & 3 == 2:
+    if l0 and l0[0] & 0x20:
         return compact(l0, scales)
     if len(l0) < 5:
         raise MalformedError("H1")
@@ -74,11 +77,9 @@ def decode(
     if crc(body, 16, 0x1021, 0xFFFF) != int.from_bytes(check, "big"):
         raise MalformedError("H6")
     head = int.from_bytes(body[:2], "big")
-    if head >> 14 != 2:
+    if head >> 14 != 3:
         raise MalformedError("H2")
     out = Decoded(head >> 12 & 3, head >> 6 & 63, head >> 4 & 3, head & 15)
-    if out.mode == 3:
-        raise MalformedError("H3")
     decoder = RangeDecoder(body[2:])
     out.step = decoder.bits(6)
     if out.step != 63:
@@ -108,21 +109,21 @@ def decode(
 
 
 def compact(l0: bytes, scales: list[list[int]]) -> Decoded:
-    """(H11, M1, M2, M3, M4) Return what a compact superframe says; `voice` is its bit."""
-    if l0[0] >> 6 != 2:
+    """(H3, H11, M1 to M4) Return what a compact superframe says; `voice` is its bit."""
+    if l0[0] >> 6 != 3:
         raise MalformedError("H2")
     if not 4 <= len(l0) <= 12:
         raise MalformedError("H1")
     decoder = RangeDecoder(l0[1:])
-    out = Decoded(2, l0[0] & 15, 2, decoder.bits(1))
+    out = Decoded(2, l0[0] & 15, 2, l0[0] >> 4 & 1)
     out.score = {"cheek": [0, 0, 0], "rest_gap": 1}
     if decoder.symbol(SPECIAL)[0]:
         out.score["cheek"] = [decoder.bits(1) for _ in range(3)]
         out.score["rest_gap"] = decoder.bits(2)
-    timing = decoder.symbol([8192, 8192, 16384])[0]
+    timing = decoder.symbol([8192, 24576])[0]
     begin = 8 * decoder.symbol(BEGIN)[0] - 16
-    begin += 4 * decoder.bits(1) if timing == 2 else 2 * decoder.bits(2)
-    pace = decoder.symbol(PACE)[0] if timing == 2 else 0
+    begin += 4 * decoder.bits(1) if timing == 1 else 2 * decoder.bits(2)
+    pace = decoder.symbol(PACE)[0] if timing == 1 else 0
     phones = window(decoder, begin, timing, pace)
     while phones and phones[-1][0] == 0:
         phones.pop()
@@ -137,23 +138,30 @@ def compact(l0: bytes, scales: list[list[int]]) -> Decoded:
 
 
 def window(decoder: RangeDecoder, tick: int, timing: int, pace: int) -> list[tuple[int, int]]:
-    """(M5, M6) Return number and length of the phones that are determined."""
+    """(M5, M6, M7) Return number and length of the phones that are determined."""
     tables = TABLES["score"]
     phones: list[tuple[int, int]] = []
     spoken = 0
-    while tick <= 78:
+    told = True
+    while tick <= 110 and told:
         before = [38, 38, *(number for number, _ in phones)]
         row = tables["next"][before[-2]][before[-1]] if phones else tables["opening"]
         letter, determined = decoder.symbol(row)
         if not determined:
             break
         this = number(letter)
-        if this and timing == 2:
-            length = min(max((tables["usual"][this] * (4 + pace) + 64) // 128, 1), 32)
+        if not phones and this == 0:
+            length = (2, 4)[timing]
+        elif this and timing == 1:
+            length = (tables["usual"][this] * PACES[pace] + 64) // 128
+            if this <= 16:
+                symbol, told = decoder.symbol(CORRECTION)
+                length += CORRECTIONS[symbol] if told else 0
+            length = min(max(length, 1), 32)
         else:
-            unit, limit = (1, 31) if timing == 0 else (2, 15)
-            rows = tables["length" if timing == 0 else "coarse"][this]
-            symbol, determined = decoder.symbol(rows[tempo(spoken)], limit)
+            unit, limit = ((1, 31), (2, 15))[timing]
+            row = tables["length"][this][tempo(spoken)] if timing == 0 else tables["pause"]
+            symbol, determined = decoder.symbol(row, limit)
             if not determined or (this == 0 and symbol == limit):
                 break
             length = unit * (symbol + 1)
@@ -167,7 +175,7 @@ def previews(decoder: RangeDecoder) -> dict[str, list[list[int]]]:
     """(V1, V2) Return tick and symbol of what starts, by distance."""
     tables = TABLES["score"]
     result: dict[str, list[list[int]]] = {}
-    which = decoder.symbol([16384, 1024, 1024, 12288, 2048])[0]
+    which = decoder.symbol([12288, 1024, 1024, 4096, 14336])[0]
     for distance in ([], [2], [4], [2, 4], [2, 4, 6])[which]:
         found = []
         cell, last = -1, 41

@@ -33,7 +33,7 @@ def l1_of(l0: bytes, body: bytes) -> bytes:
 
 def full(rng: random.Random, mode: int, size: int, step: int | None = None) -> bytes:
     """Return an L0 part of modes 0 or 1 with a random payload, its step chosen or random."""
-    head = bytes([0x80 | mode << 4 | rng.randrange(16), rng.randrange(256)])
+    head = bytes([0xC0 | mode << 4 | rng.randrange(16), rng.randrange(256)])
     payload = bytearray(rng.randbytes(size))
     if step is not None:
         payload[0] = step << 2 | payload[0] & 3
@@ -42,7 +42,7 @@ def full(rng: random.Random, mode: int, size: int, step: int | None = None) -> b
 
 def compact(rng: random.Random, size: int) -> bytes:
     """Return a compact L0 part with a random payload."""
-    return bytes([0xA0 | rng.randrange(16)]) + rng.randbytes(size - 1)
+    return bytes([0xE0 | rng.randrange(32)]) + rng.randbytes(size - 1)
 
 
 def found(make: Callable[[], bytes], wanted: Callable[[Decoded], bool]) -> bytes:
@@ -63,8 +63,8 @@ def is_even(out: Decoded) -> bool:
 def parts() -> Iterator[tuple[str, str, bytes, bytes]]:
     """Yield identifier, section, L0 and L1 of the valid vectors."""
     rng = random.Random(2)
-    yield "score-of-zeros", "3", with_check(bytes([0x80, 0x5A, 0xFC] + 9 * [0])), b""
-    ones = with_check(bytes([0x81, 0x20] + 8 * [255]))
+    yield "score-of-zeros", "3", with_check(bytes([0xC0, 0x5A, 0xFC] + 9 * [0])), b""
+    ones = with_check(bytes([0xC1, 0x20] + 8 * [255]))
     yield "step-63-all-ones", "H10", ones, l1_of(ones, b"\xff\xff")
     for i in range(6):
         l0 = full(rng, i % 2, rng.randrange(8, 40))
@@ -91,10 +91,14 @@ def parts() -> Iterator[tuple[str, str, bytes, bytes]]:
     yield "l1-of-another-l0", "H7", l0, l1_of(other, rng.randbytes(12))
     yield "l1-continues", "H9", l0, l1_of(l0, rng.randbytes(12))
     for size in (4, 7, 12):
-        yield f"compact-zeros-{size}", "3.1", bytes([0xA3] + (size - 1) * [0]), b""
-        yield f"compact-ones-{size}", "3.1", bytes([0xAF] + (size - 1) * [255]), b""
+        yield f"compact-zeros-{size}", "3.1", bytes([0xE3] + (size - 1) * [0]), b""
+        yield f"compact-ones-{size}", "3.1", bytes([0xFF] + (size - 1) * [255]), b""
     for i in range(8):
         yield f"compact-random-{i}", "M1 to M6", compact(rng, 5 + i), b""
+    l0 = found(lambda: compact(rng, 7), lambda out: _score(out)["numbers"][:1] == [0])
+    yield "compact-pause-first", "M7", l0, b""
+    l0 = found(lambda: compact(rng, 7), lambda out: not _score(out)["numbers"])
+    yield "compact-silent", "M5", l0, b""
     yield (
         "compact-special", "M1, S9",
         found(lambda: compact(rng, 7), lambda out: any(_score(out)["cheek"])), b"",
@@ -107,13 +111,13 @@ def _score(out: Decoded) -> dict[str, Any]:
 
 def invalid() -> Iterator[tuple[str, str, bytes]]:
     """Yield identifier, the paragraph that is broken, and L0."""
-    yield "too-short", "H1", bytes([0x81, 0, 0, 0])
-    yield "compact-too-short", "H1", bytes([0xA1, 0, 0])
-    yield "compact-too-long", "H1", bytes([0xA1] + 12 * [0])
+    yield "too-short", "H1", bytes([0xC1, 0, 0, 0])
+    yield "compact-too-short", "H1", bytes([0xE1, 0, 0])
+    yield "compact-too-long", "H1", bytes([0xE1] + 12 * [0])
     yield "version-1", "H2", with_check(bytes([0x41, 0, 0]))
-    yield "compact-version-3", "H2", bytes([0xE1, 0, 0, 0])
-    yield "mode-3", "H3", with_check(bytes([0xB1, 0, 0]))
-    yield "wrong-check", "H6", with_check(bytes([0x81, 0, 0]))[:-1] + b"\0"
+    yield "version-2", "H2", with_check(bytes([0x81, 0, 0]))
+    yield "compact-version-2", "H2", bytes([0xA1, 0, 0, 0])
+    yield "wrong-check", "H6", with_check(bytes([0xC1, 0, 0]))[:-1] + b"\0"
 
 
 def case_of(name: str, section: str, l0: bytes, l1: bytes) -> Case:

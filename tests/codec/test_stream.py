@@ -98,7 +98,7 @@ def test_inspection_needs_no_voice(toy_voice: Voice, make: MakeMotion) -> None:
 
 def test_damage_is_concealed_and_reported(toy_voice: Voice, make: MakeMotion) -> None:
     data = bytearray(encode_stream(make(2.0), toy_voice, rate_bps=400))
-    data[26 + 32 + 5] ^= 1
+    data[34 + 32 + 5] ^= 1
     assert len(decode_stream(bytes(data), toy_voice).params) == 100
     document = inspect_stream(bytes(data))
     assert [row["intact"] for row in document["superframes"]] == [True, False, True, True]

@@ -1,4 +1,6 @@
 import dataclasses
+import re
+import zipfile
 from pathlib import Path
 from types import ModuleType
 
@@ -127,3 +129,13 @@ def test_training_needs_complete_frames_and_labels(toy: ModuleType) -> None:
         fit_voice("x", hand=empty, face=empty, joint=empty)
     with pytest.raises(CueError, match=r"training labels shape do not fit 300 frames"):
         TrainingSet(good.markers, np.full(300, 9))
+
+
+def test_a_header_of_an_array_that_never_ends_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "voice.npz"
+    text = b"{'descr': '<f4', 'fortran_order': False, 'shape': (157, 50 (), }"
+    header = b"\x93NUMPY\x01\x00" + (len(text) + 1).to_bytes(2, "little") + text + b"\n"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("format.npy", header)
+    with pytest.raises(VoiceError, match=re.escape(str(path))):
+        load_voice(path)

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
+from codec import _kernels
 from codec.bits import COMPACT, Header, read_header, voice_bit
+from codec.coding import coding_for
 from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
 from codec.decoder import SuperframeDecoder
 from codec.encoder import SuperframeEncoder
@@ -18,10 +21,12 @@ from codec.phonology import CONSONANTS, VOWELS
 from codec.score import Key, Phone, Score
 from codec.timeline import TICK_S, TICKS, to_line
 from codec.voice import Voice
-from codec.window import EARLIEST, LAST, MAX_BYTES, MIN_BYTES, Window, WindowWriter, read_window
+from codec.window import CORRECTIONS, EARLIEST, LAST, MAX_BYTES, MIN_BYTES, Window, read_window
+from codec.window_writer import WindowWriter
 from tests.codec.speech import SENTENCE, spoken
 
 IDENTITY = "0123456789abcdef"
+Ints = NDArray[np.int64]
 
 
 def windows_of(
@@ -30,7 +35,7 @@ def windows_of(
     line = to_line(score, options)
     writer = WindowWriter(line, options, IDENTITY, size)
     last = line.starts[-1] // TICKS
-    return {k: read_window(writer.l0(k))[1] for k in range(-1, last + 2)}
+    return {k: read_window(writer.l0(k)) for k in range(-1, last + 2)}
 
 
 @st.composite
@@ -58,8 +63,7 @@ def test_twelve_bytes_keep_every_key_and_its_time(score: Score) -> None:
     got = score_of(windows)
     assert names(got) == names(score)
     for sent, found in zip(score.keys, got.keys, strict=True):
-        # At most a unit of two ticks early or late, and what a begin lacks.
-        assert abs(sent.start - found.start) < 0.07
+        assert abs(sent.start - found.start) < 0.101
 
 
 @pytest.mark.parametrize("size", [7, 9, 12])
@@ -158,12 +162,13 @@ def test_keys_pass_through_encoder_and_decoder(toy_voice: Voice, motion: Motion)
 
 def test_the_voice_is_told_bit_by_bit(toy_voice: Voice, motion: Motion) -> None:
     encoder = SuperframeEncoder(toy_voice, l0_bytes=7, l1_bytes=0)
-    told = [read_beginning(encoder.encode(motion, k).l0).voice_bit for k in range(16)]
-    assert told == [voice_bit(toy_voice.identity, k) for k in range(16)]
-    assert int("".join(map(str, told)), 2) == int(toy_voice.identity[:4], 16)
+    told = [read_header(encoder.encode(motion, k).l0).voice for k in range(16)]
+    identity = coding_for(toy_voice).identity
+    assert told == [voice_bit(identity, k) for k in range(16)]
+    assert int("".join(map(str, told)), 2) == int(identity[:4], 16)
     l0 = encoder.encode(motion, 1).l0
-    with pytest.raises(VoiceError, match="bit 1 of the stream's voice is"):
-        SuperframeDecoder(toy_voice).push(l0[:1] + bytes([l0[1] ^ 0x80]) + l0[2:], None, 1)
+    with pytest.raises(VoiceError, match="bit 1 of the stream's identity is"):
+        SuperframeDecoder(toy_voice).push(bytes([l0[0] ^ 0x10]) + l0[1:], None, 1)
 
 
 def test_numbers_count_modulo_sixteen(toy_voice: Voice, motion: Motion) -> None:
@@ -206,3 +211,74 @@ def test_a_window_that_holds_no_phone_is_empty() -> None:
     score = spoken(["ŋ"] * 12, 0.4)
     writer = WindowWriter(to_line(score), DEFAULT_OPTIONS, IDENTITY, MIN_BYTES)
     assert {len(writer.l0(k)) for k in range(12)} == {MIN_BYTES}
+
+
+def test_a_long_consonant_keeps_its_vowel_in_the_next_window() -> None:
+    """A consonant of half a second may end a window: its vowel, no pause being told, goes on."""
+    lengths = (0.06, 0.08, 0.5, 0.1)
+    phones, time_s = list[Phone](), 1.0
+    for symbol, length_s in zip(12 * ("t", "a", "k", "u"), 12 * lengths, strict=True):
+        phones.append(Phone(symbol, time_s, time_s + length_s))
+        time_s += length_s
+    score = Score(tuple(phones), tuple(cue(phones)))
+    for size in (5, 6, 7):
+        assert names(score_of(windows_of(score, size))) == names(score)
+
+
+def test_a_long_vowel_does_not_draw_the_next_key_near() -> None:
+    phones = [
+        Phone("m", 1.0, 1.1),
+        Phone("a", 1.1, 2.6),
+        Phone("l", 2.6, 2.7),
+        Phone("i", 2.7, 2.8),
+    ]
+    score = Score(tuple(phones), tuple(cue(phones)))
+    got = score_of(windows_of(score, 7)).keys
+    assert [round(key.start, 1) for key in got] == [1.0, 2.6]
+
+
+@pytest.mark.parametrize("pace", [0.75, 0.9, 1.0, 1.3, 1.8])
+def test_seven_bytes_keep_uneven_speech_in_time(pace: float) -> None:
+    """Lengths by rule are corrected before a key starts a tenth of a second early or late."""
+    rng = np.random.default_rng([round(100 * pace), 1])
+    phones, time_s = list[Phone](), 1.0
+    for phone in spoken(8 * SENTENCE).phones:
+        length_s = pace * (phone.end - phone.start) * float(np.exp(0.4 * rng.normal()))
+        phones.append(Phone(phone.symbol, time_s, time_s + length_s))
+        time_s += length_s + 0.6 * (rng.random() < 0.05)
+    score = Score(tuple(phones), tuple(cue(phones)))
+    got = score_of(windows_of(score, 7))
+    assert names(got) == names(score)
+    late = [abs(a.start - b.start) for a, b in zip(score.keys, got.keys, strict=True)]
+    assert max(late) < 0.101
+
+
+def test_steering_agrees_with_its_python_and_stays_near() -> None:
+    rng = np.random.default_rng(4)
+    n = 40
+    usual, true = rng.integers(2, 9, n), rng.integers(1, 12, n)
+    kinds = rng.choice([0, 1, 2], n, p=[0.1, 0.4, 0.5])
+    values, costs = np.array(CORRECTIONS), np.arange(1.0, 9.0)
+    weights, limits = np.full(n, 0.2), np.full(n, 1.0)
+    chosen, plain = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    total = _kernels.steer(usual, true, kinds, weights, limits, 2, values, costs, chosen)
+    again = _kernels.steer.py_func(usual, true, kinds, weights, limits, 2, values, costs, plain)
+    assert total == again
+    np.testing.assert_array_equal(chosen, plain)
+    # Its cost is that of its choice, and less than that of no correction and of the nearest one.
+    assert total == pytest.approx(_cost(usual, true, kinds, chosen, values, costs))
+    for other in (np.zeros(n, np.int64), rng.integers(0, 8, n)):
+        assert total < _cost(usual, true, kinds, other, values, costs)
+
+
+def _cost(
+    usual: Ints, true: Ints, kinds: Ints, chosen: Ints, values: Ints, costs: NDArray[np.float64]
+) -> float:
+    total, late = 0.0, 2
+    for k, kind in enumerate(kinds):
+        length = usual[k] + (values[chosen[k]] if kind == 2 else 0)
+        late = 0 if kind == 0 else late + min(max(length, 1), 32) - true[k]
+        total += costs[chosen[k]] if kind == 2 else 0.0
+        total += 0.2 * late**2 + max(abs(late) - _kernels.STEADY, 0)
+        late = min(max(late, -16), 16)
+    return total

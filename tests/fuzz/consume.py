@@ -8,7 +8,8 @@ import contextlib
 
 import numpy as np
 
-from codec.bits import COMPACT, HEADER_BYTES, crc8, crc16, voice_bit, voice_digit
+from codec.bits import COMPACT, HEADER_BYTES, VERSION, crc8, crc16, voice_bit, voice_digit
+from codec.coding import coding_for
 from codec.decoder import SuperframeDecoder
 from codec.errors import BitstreamError, VoiceError
 from codec.inspect import inspect_stream
@@ -21,13 +22,13 @@ _VOICE: list[Voice] = []
 
 def _parts(data: bytes, identity: str, index: int) -> tuple[bytes, bytes]:
     """Return parts with a valid version, number, voice and checks, for the rest to be read."""
-    mode, size = data[0] & 3, data[1] % 64
+    mode, size = data[0] % 3, data[1] % 64
     body, more = data[2 : 2 + size], data[2 + size :][:64]
     if mode == COMPACT:
-        bit = voice_bit(identity, index) << 7
-        head = bytes([0x80 | COMPACT << 4 | index % 16])
-        return head + bytes([bit | (body[:1] or b"\0")[0] & 0x7F]) + body[1:], b""
-    fields = 2 << 14 | mode << 12 | index % 64 << 6 | 2 << 4 | voice_digit(identity, index % 64)
+        bit = voice_bit(identity, index) << 4
+        return bytes([VERSION << 6 | 0x20 | bit | index % 16]) + body, b""
+    fields = VERSION << 14 | mode << 12 | index % 64 << 6 | 2 << 4
+    fields |= voice_digit(identity, index % 64)
     l0 = fields.to_bytes(HEADER_BYTES, "big") + body
     l0 += crc16(l0).to_bytes(2, "big")
     return l0, more + bytes([crc8(l0[-2:] + more)])
@@ -42,7 +43,7 @@ def consume(data: bytes) -> None:
         inspect_stream(data)
     decoder, done, index = SuperframeDecoder(voice), [], 3
     while len(data) > 2 and index < 8:
-        l0, l1 = _parts(data, voice.identity, index)
+        l0, l1 = _parts(data, coding_for(voice).identity, index)
         data = data[2 + data[1] % 64 + 64 :]
         with contextlib.suppress(BitstreamError, VoiceError):
             done.append(decoder.push(l0, l1, index))
