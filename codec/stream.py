@@ -5,10 +5,12 @@ the head states no lengths, every superframe is preceded by its own.
 Specification: spec/bitstream.md, section 8.
 """
 
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from codec.bits import (
     FILE_BYTES,
@@ -39,6 +41,7 @@ MAX_RATE_BPS = 20_000
 _CRC_BYTES = 2
 _MAX_TICKS = 24 * 3600 * 50
 _OPEN_BYTES = 4000
+_GOLDEN = (5**0.5 - 1) / 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,17 +134,34 @@ def _head_of(motion: Motion, coding: Coding) -> StreamHead:
 def _within(
     error_mm: float, motion: Motion, voice: Voice, head: StreamHead, options: CueingOptions
 ) -> list[Superframe]:
-    """Return superframes at the widest step at which the error stays within its limit."""
+    """Return superframes at the widest steps at which the error stays within its limit.
+
+    They are one step and, for as many superframes as the limit allows, the next wider one.
+    """
     encoder = SuperframeEncoder(voice, l0_bytes=_OPEN_BYTES, l1_bytes=0, lead=0, options=options)
+
+    @functools.cache
+    def squares(step: int) -> NDArray[np.float64]:
+        return np.square([encoder.error_mm(motion, index, step) for index in head.indices])
+
     low, high = 0, NO_RESIDUAL
     while low < high:
         step = (low + high + 1) // 2
-        errors = [encoder.error_mm(motion, index, step) for index in head.indices]
-        if np.sqrt(np.mean(np.square(errors))) <= error_mm:
+        if squares(step).mean() <= error_mm**2:
             low = step
         else:
             high = step - 1
-    return [encoder.encode_at(motion, index, low) for index in head.indices]
+    steps = np.full(len(head.indices), low)
+    if low < NO_RESIDUAL:
+        # Spread evenly by the golden section, in whatever number.
+        order = np.argsort(np.arange(len(steps)) * _GOLDEN % 1.0)
+        more = np.cumsum((squares(low + 1) - squares(low))[order]) + squares(low).sum()
+        within = np.flatnonzero(more <= len(steps) * error_mm**2)
+        steps[order[: within.max(initial=-1) + 1]] += 1
+    return [
+        encoder.encode_at(motion, index, int(step))
+        for index, step in zip(head.indices, steps, strict=True)
+    ]
 
 
 def _head_bytes(head: StreamHead) -> bytes:

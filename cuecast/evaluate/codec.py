@@ -1,45 +1,58 @@
 """Evaluation of the codec: rate and error beside other codecs and the Gaussian bound.
 
-The material are sentences that were kept from training, performed by the built-in cuer, or the
-motions (``*.npz``) of a folder. Rates of the codec count every byte of its superframes: headers,
-checksums and terminations too.
+The material are sentences that were kept from training, performed by the voice's virtual cuer, or
+the motions (``*.npz``) of a folder. Rates of the codec count every byte of its superframes:
+headers, checksums and terminations too.
+
+Two bounds go with each rate: that of a Gaussian process with the motion's spectra, which knows
+nothing of what is said, and, for superframes with a score, that of what the score leaves over
+(`residual_bound_bps`, to be compared with `residual_bps`, the bits of the coefficients).
 """
 
-import bisect
 import itertools
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from codec import layout
-from codec.decoder import SuperframeDecoder
+from codec.cueing import DEFAULT_OPTIONS, cue
 from codec.encoder import SuperframeEncoder
-from codec.layout import N_FACE
-from codec.merge import merge_scores
-from codec.models import rigid
+from codec.joining import score_of
 from codec.motion import Motion, load_motion
-from codec.score import Key
-from codec.superframe import Superframe
-from codec.timeline import SUPERFRAME_S, TICKS
-from codec.voice import Voice, load_voice
+from codec.score import Score
+from codec.stream import RATE_HZ
+from codec.timeline import SUPERFRAME_S, TICKS, to_line
+from codec.voice import Voice
+from codec.window import read_window
+from codec.window_writer import WindowWriter
 from cuecast.evaluate.baselines import BASELINES, Material
-from cuecast.evaluate.bound import bound_of
+from cuecast.evaluate.bound import Bound, bound_of
+from cuecast.evaluate.coded import (
+    Outcome,
+    Row,
+    coded,
+    coded_within,
+    counted,
+    decoded,
+    lacking,
+    row_of,
+    squares_of,
+)
 from cuecast.evaluate.options import EvaluateOptions
-from synth.build_coding import imprecise, perform, recital, sentences
+from cuecast.voices import coding_voice
+from synth.build_coding import PACES, imprecise, paced, perform, recital, sentences
 from synth.movement import LAWS
 
 Array = NDArray[np.float64]
-Row = dict[str, Any]
 
 RATES_BPS = (150, 200, 250, 337.5, 450, 600, 900, 1500, 3000, 6000)
+ERRORS_MM = (1.0, 2.0, 4.0)
+"""Errors that files are made to keep."""
+
 STEPS_MM = (4.0, 6.0, 9.0, 13.0, 19.0, 28.0)
 LOSSES = (0.05, 0.1, 0.2)
-_SKULL = layout.marker_indices(layout.RIGID_FACE)
-
-KEY_TOLERANCE_S = 0.101
-"""How much too early or late a key may be: what a viewer does not take for wrong."""
 
 STANDARD_BYTES = (20, 7)
 """Parts of a superframe in the standard profile of the sound carrier."""
@@ -47,8 +60,14 @@ STANDARD_BYTES = (20, 7)
 COMPACT_BYTES = (5, 6, 7, 9, 12)
 """Sizes of compact superframes; 7 is that of the sound carrier's robust profile."""
 
-REPEATS = 12
+REPEATS = 40
 """Patterns of losses over which the error is averaged; two without previews."""
+
+TUNED_IN = 6
+"""Superframes that a receiver has before it loses any: those whose previews it needs."""
+
+HURRIED_BYTES = (6, 7)
+"""Sizes of compact superframes whose keys are counted at other paces of speech."""
 
 _TRAINING_SENTENCES = 60
 _FEW = 20
@@ -61,21 +80,33 @@ BUILT_IN = "minimum-jerk"
 
 def evaluate(options: EvaluateOptions) -> list[Row]:
     """Return one row per codec and rate, and per loss of superframes."""
-    voice = load_voice()
+    voice = coding_voice(options.voice)
     training = recital(sentences()[:_TRAINING_SENTENCES], seed=options.seed)
     train = perform(voice, training, seed=options.seed + 1).params.astype(np.float64)
     rows: list[Row] = []
     for name, motion in _material(voice, options):
         options.say(f"{name}: {len(motion.params) / motion.rate_hz:.0f} s of motion")
         test = motion.params[: len(motion.params) // TICKS * TICKS].astype(np.float64)
-        bound = bound_of(test, voice)
+        bounds = {"bound_bps": bound_of(test, voice)}
+        if motion.score is not None and motion.start_s == 0 and motion.rate_hz == RATE_HZ:
+            bounds["residual_bound_bps"] = bound_of(lacking(voice, motion), voice)
         found = _codec_rows(voice, motion, options)
         if name in (BUILT_IN, *_clips(options)):
             found = itertools.chain(found, _others(voice, train, test))
         for row in found:
-            bps = bound.rate_bps(row["marker_rms_mm"])
-            rows.append(row | {"data": name, "bound_bps": round(bps, 1)})
+            rows.append(row | {"data": name} | _bounds(row, bounds))
+        if name == BUILT_IN:
+            rows += _hurried_rows(motion.score, options)
     return rows
+
+
+def _bounds(row: Row, bounds: dict[str, Bound]) -> Row:
+    """Return the bounds at a row's error."""
+    return {
+        key: None if key == "residual_bound_bps" and row.get("residual_bps") is None
+        else round(bound.rate_bps(row["marker_rms_mm"]), 1)
+        for key, bound in bounds.items()
+    }  # fmt: skip
 
 
 def _clips(options: EvaluateOptions) -> list[str]:
@@ -106,14 +137,18 @@ def _codec_rows(voice: Voice, motion: Motion, options: EvaluateOptions) -> Itera
     if motion.score is not None:
         for size in COMPACT_BYTES:
             options.say(f"cuecast in {size} bytes")
-            yield _row("cuecast-compact", *_coded(voice, motion, count, size))
+            yield row_of("cuecast-compact", coded(voice, motion, count, size))
     for rate in RATES_BPS:
         options.say(f"cuecast at {rate} bit/s")
-        yield _row("cuecast", *_coded(voice, motion, count, int(rate * SUPERFRAME_S / 8)))
+        yield row_of("cuecast", coded(voice, motion, count, int(rate * SUPERFRAME_S / 8)))
     plain = Motion(motion.params, motion.rate_hz, motion.start_s, motion.layout, motion.voice)
     for rate in RATES_BPS[3:]:
         options.say(f"cuecast without a score at {rate} bit/s")
-        yield _row("cuecast-plain", *_coded(voice, plain, count, int(rate * SUPERFRAME_S / 8)))
+        yield row_of("cuecast-plain", coded(voice, plain, count, int(rate * SUPERFRAME_S / 8)))
+    whole = replace(motion, params=motion.params[: count * TICKS])
+    for error in ERRORS_MM:
+        options.say(f"cuecast within {error} mm")
+        yield row_of("cuecast-error", coded_within(voice, whole, error))
     for protected in (True, False) if len(motion.params) > _LONG else ():
         yield from _loss_rows(voice, motion, count, options, protected=protected)
 
@@ -126,113 +161,50 @@ def _loss_rows(
     encoder = SuperframeEncoder(voice, l0_bytes=l0, l1_bytes=l1, protected=protected)
     frames = [encoder.encode(motion, k) for k in range(count)]
     name = "cuecast-protected" if protected else "cuecast-unprotected"
-    yield _row(name, *_decoded(voice, motion, frames))
+    yield row_of(name, decoded(voice, motion, frames))
     for burst in (1, 2):
         for loss in LOSSES:
             options.say(f"{name} with losses of {loss:.0%} in runs of {burst}")
             tries = [
-                _decoded(voice, motion, frames, *(
+                decoded(voice, motion, frames, *(
                     losses(count, loss, burst=burst, seed=[options.seed, repeat, part])
                     for part in (0, 1)
                 ))
                 for repeat in range(REPEATS if protected else 2)
             ]  # fmt: skip
-            squares = np.concatenate([one[1] for one in tries])
-            sent, right, wrong = (sum(one[i] for one in tries) for i in (2, 3, 4))
-            row = _row(name if burst == 1 else f"{name}-bursts", tries[0][0], squares)
-            keys = {"keys_total": sent, "keys_correct": right, "keys_wrong": wrong}
-            yield row | keys | {"loss": loss}
+            yield row_of(name if burst == 1 else f"{name}-bursts", *tries) | {"loss": loss}
 
 
 def losses(count: int, share: float, *, burst: int, seed: list[int]) -> set[int]:
-    """Return the numbers of lost superframes: runs of `burst`, `share` of all in the mean."""
+    """Return the numbers of lost superframes: runs of `burst`, `share` of all in the mean.
+
+    None of the first `TUNED_IN` is lost.
+    """
     rng = np.random.default_rng([*seed, burst, round(1000 * share)])
     # Runs overlap: the share of those that begin is less than the quotient.
     begin = 1.0 - (1.0 - share) ** (1.0 / burst)
     starts = np.flatnonzero(rng.random(count) < begin)
-    return {int(k) + i for k in starts for i in range(burst)}
+    lost = {int(k) + i for k in starts for i in range(burst)}
+    return {k for k in lost if k >= TUNED_IN}
 
 
-Outcome = tuple[float, Array, int, int, int, float]
-"""Rate, squared distances (T, 113), keys sent, received right, and received that were not sent, and
-the face's error in the head's frame, mm."""
-
-
-def _coded(voice: Voice, motion: Motion, count: int, size: int) -> Outcome:
-    encoder = SuperframeEncoder(voice, l0_bytes=size, l1_bytes=0)
-    return _decoded(voice, motion, [encoder.encode(motion, k) for k in range(count)])
-
-
-def _decoded(
-    voice: Voice,
-    motion: Motion,
-    frames: list[Superframe],
-    lost: Set[int] = frozenset(),
-    lost_l1: Set[int] = frozenset(),
-) -> Outcome:
-    decoder = SuperframeDecoder(voice)
-    done = []
-    for frame in frames:
-        l0 = frame.l0 if frame.index not in lost else None
-        l1 = frame.l1 if frame.index not in lost_l1 else None
-        decoder.push(l0, l1, frame.index)
-        if frame.index > 0:
-            done.append(decoder.render(frame.index - 1))
-    done.append(decoder.render(frames[-1].index))
-    got_params = np.concatenate([frame.params for frame in done])
-    squares = _squares(voice, motion.params, got_params)
-    face_mm = _articulation_mm(voice, motion.params, got_params)
-    end = len(frames) * SUPERFRAME_S
-    sent = [key for key in motion.score.keys if key.start < end] if motion.score else []
-    got = list(merge_scores(done).keys)
-    right = _matched(sent, got)
-    size = sum(len(frame.l0) + len(frame.l1) for frame in frames)
-    return 8 * size / end, squares, len(sent), right, len(got) - _matched(got, sent), face_mm
-
-
-def _matched(keys: Sequence[Key], others: Sequence[Key]) -> int:
-    """Return how many keys have their like among others, at most `KEY_TOLERANCE_S` away."""
-    times = [key.start for key in others]
-    matched = 0
-    for key in keys:
-        first = bisect.bisect_left(times, key.start - KEY_TOLERANCE_S)
-        last = bisect.bisect_right(times, key.start + KEY_TOLERANCE_S)
-        matched += any(str(other) == str(key) for other in others[first:last])
-    return matched
-
-
-def _squares(voice: Voice, a: Array | NDArray[np.float32], b: Array | NDArray[np.float32]) -> Array:
-    n = min(len(a), len(b))
-    gap = voice.reconstruct(a[:n]).astype(np.float64) - voice.reconstruct(b[:n])
-    squares: Array = np.square(gap).sum(axis=-1)
-    return squares
-
-
-def _articulation_mm(voice: Voice, a: NDArray[np.float32], b: NDArray[np.float32]) -> float:
-    """Return the RMS distance of two faces, each moved to where its skull is at rest."""
-    n = min(len(a), len(b))
-    rest = voice.face.mean[_SKULL].astype(np.float64)
-    faces = []
-    for params in (a[:n], b[:n]):
-        face = voice.reconstruct(params)[:, :N_FACE].astype(np.float64)
-        motion, _ = rigid.estimate_motion(rest, face[:, _SKULL])
-        faces.append(rigid.inverse_rigid_motion(face, motion))
-    return float(np.sqrt(np.square(faces[0] - faces[1]).sum(axis=-1).mean()))
-
-
-def _row(
-    name: str, bps: float, squares: Array, sent: int = 0, right: int = 0, wrong: int = 0,
-    articulation_mm: float | None = None,
-) -> Row:  # fmt: skip
-    def rms(part: Array) -> float:
-        return round(float(np.sqrt(part.mean())), 3)
-
-    return {
-        "codec": name, "bps": round(bps, 1), "marker_rms_mm": rms(squares),
-        "hand_rms_mm": rms(squares[:, N_FACE:]), "face_rms_mm": rms(squares[:, :N_FACE]),
-        "articulation_rms_mm": None if articulation_mm is None else round(articulation_mm, 3),
-        "keys_total": sent, "keys_correct": right, "keys_wrong": wrong, "loss": 0.0,
-    }  # fmt: skip
+def _hurried_rows(score: Score | None, options: EvaluateOptions) -> Iterator[Row]:
+    """Yield how many keys compact superframes keep where speech is uneven, faster or slower."""
+    assert score is not None
+    for pace, other in zip(PACES, paced(score), strict=True):
+        sent = list(cue(other.phones))
+        line = to_line(other)
+        count = line.starts[-1] // TICKS + 2
+        for size in HURRIED_BYTES:
+            options.say(f"keys at {pace} times their lengths in {size} bytes")
+            writer = WindowWriter(line, DEFAULT_OPTIONS, "0" * 16, size)
+            got = score_of({k: read_window(writer.l0(k)) for k in range(count)}).keys
+            total, right, wrong = counted(sent, got)
+            yield {
+                "codec": "cuecast-compact", "bps": 8 * size / SUPERFRAME_S, "loss": 0.0,
+                "keys_total": total, "keys_correct": right, "keys_wrong": wrong,
+                "data": f"uneven, {pace} times as long",
+            }  # fmt: skip
 
 
 def _others(voice: Voice, train: Array, test: Array) -> Iterator[Row]:
@@ -240,13 +212,14 @@ def _others(voice: Voice, train: Array, test: Array) -> Iterator[Row]:
     for name, code in BASELINES.items():
         for step in STEPS_MM if name != "raw-8bit" else STEPS_MM[:1]:
             bps, decoded = code(material, step)
-            yield _row(name, bps, _squares(voice, test, decoded))
+            yield row_of(name, Outcome(bps, squares_of(voice, test, decoded)))
 
 
 def plot(results: list[Row], figure: Any) -> None:
     """Draw rate against error into a matplotlib figure."""
     axes = figure.subplots()
-    loss_free = [row for row in results if not row["loss"]]
+    drawn = [row for row in results if "marker_rms_mm" in row]
+    loss_free = [row for row in drawn if not row["loss"]]
     first = loss_free[0].get("data")
     for data, name in dict.fromkeys((row.get("data"), row["codec"]) for row in loss_free):
         if data != first and name != "cuecast":
@@ -260,7 +233,7 @@ def plot(results: list[Row], figure: Any) -> None:
             ".-" if data == first else ".:", label=name if data == first else f"{name}, {data}",
         )  # fmt: skip
     rows = sorted(
-        (row for row in results if row.get("data") == first), key=lambda row: row["marker_rms_mm"]
+        (row for row in drawn if row.get("data") == first), key=lambda row: row["marker_rms_mm"]
     )
     axes.loglog(
         [row["marker_rms_mm"] for row in rows], [max(row["bound_bps"], 1.0) for row in rows],

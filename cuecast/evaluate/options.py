@@ -28,6 +28,8 @@ class EvaluateOptions:
         means the usual one.
     jobs : int
         Processes at work, where a kind has parts that are independent.
+    voice : str
+        Name or file of the voice, for kinds that measure what is coded with one.
     """
 
     clips: Path | None
@@ -38,3 +40,4 @@ class EvaluateOptions:
     out: Path | None = None
     cuers: tuple[str, ...] | None = None
     jobs: int = 1
+    voice: str = "claire"

@@ -29,6 +29,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--cuers", metavar="LIST", help="of models: virtual cuers as identity/law, or all"
     )
     parser.add_argument(
+        "--voice", default="claire", metavar="V", help="of codec: voice by name or file"
+    )
+    parser.add_argument(
         "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes at work"
     )
     parser.add_argument("--out", metavar="DIR", help="folder for CSV, JSON and plot")
@@ -53,6 +56,7 @@ def run(args: argparse.Namespace) -> int:
                 out=None if args.out is None else Path(args.out),
                 cuers=tuple(args.cuers.split(",")) if args.cuers else None,
                 jobs=max(1, args.jobs),
+                voice=args.voice,
             )
         )
     if args.json:

@@ -1,5 +1,8 @@
 """The measures of `cuecast evaluate codec`, on small inputs."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,6 +12,9 @@ from codec.voice import Voice, load_voice
 from cuecast.evaluate import codec as evaluation
 from cuecast.evaluate.baselines import BASELINES, Material, code_length
 from cuecast.evaluate.bound import Bound, bound_of
+from cuecast.evaluate.coded import Outcome, coded, lacking, row_of
+from cuecast.evaluate.options import EvaluateOptions
+from synth.build_coding import perform, recital, sentences
 
 
 @pytest.fixture(scope="module")
@@ -67,11 +73,52 @@ def test_code_length_counts_escapes() -> None:
 def test_losses_have_their_share_and_length() -> None:
     lost = evaluation.losses(20000, 0.1, burst=2, seed=[1])
     assert len({k for k in lost if k < 20000}) / 20000 == pytest.approx(0.1, abs=0.01)
+    assert min(lost) >= evaluation.TUNED_IN
     assert not evaluation.losses(1000, 0.0, burst=1, seed=[1])
 
 
 def test_a_superframe_stream_is_measured(voice: Voice) -> None:
     motion = Motion(smooth(voice, 320, 3).astype(np.float32), 50, 0.0, voice.layout, voice.identity)
-    rows = [evaluation._row("x", *evaluation._coded(voice, motion, 10, size)) for size in (40, 200)]
+    rows = [row_of("x", coded(voice, motion, 10, size)) for size in (40, 200)]
     assert [row["bps"] for row in rows] == [500.0, 2500.0]
     assert rows[0]["marker_rms_mm"] > rows[1]["marker_rms_mm"]
+
+
+def test_a_score_s_share_of_the_rate_is_told(voice: Voice) -> None:
+    motion = perform(voice, recital(sentences(held_out=True)[:3]), seed=1)
+    count = len(motion.params) // 32
+    short, long = (coded(voice, motion, count, size) for size in (30, 60))
+    assert short.residual_bps is not None
+    assert long.residual_bps is not None
+    # The same headers and scores; the rest is residual.
+    assert long.residual_bps - short.residual_bps == pytest.approx(8 * 30 / 0.64)
+    assert 100 < short.bps - short.residual_bps < 200
+    plain = replace(motion, score=None)
+    assert coded(voice, plain, count, 30).residual_bps is None
+
+
+def test_what_resynthesis_lacks_is_less_than_the_motion(voice: Voice) -> None:
+    motion = perform(voice, recital(sentences(held_out=True)[:3]), seed=1)
+    left = lacking(voice, motion)
+    moving = motion.params[: len(left)] - motion.params.mean(axis=0)
+    assert left.shape == moving.shape
+    # Measured: 0.29.
+    assert np.square(left[:, 7:19]).sum() < 0.4 * np.square(moving[:, 7:19]).sum()
+
+
+def test_outcomes_of_one_motion_count_together() -> None:
+    one, other = (Outcome(100.0, np.full(113, s), 10, 9, w) for s, w in ((4.0, 0), (12.0, 1)))
+    row = row_of("x", one, other)
+    assert row["marker_rms_mm"] == pytest.approx(8**0.5, abs=1e-3)
+    assert (row["keys_total"], row["keys_correct"], row["keys_wrong"]) == (20, 18, 1)
+
+
+def test_keys_of_uneven_speech_are_counted(tmp_path: Path) -> None:
+    options = EvaluateOptions(None, None, 0, tmp_path, lambda text: None)
+    score = recital(sentences(held_out=True)[:4])
+    rows = list(evaluation._hurried_rows(score, options))
+    assert [row["bps"] for row in rows[:2]] == [75.0, 87.5]
+    for row in rows:
+        assert row["keys_total"] == len(score.keys)
+        assert row["keys_correct"] + row["keys_wrong"] <= row["keys_total"]
+    assert all(row["keys_correct"] == row["keys_total"] for row in rows[1::2])
