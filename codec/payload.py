@@ -19,7 +19,6 @@ from codec.range_coder import (
     FLIP,
     RangeDecoder,
     RangeEncoder,
-    code_length,
     cumulative,
     encode_intervals,
 )
@@ -121,35 +120,42 @@ def write_l0(content: Content, bases: Bases, size: int, *, even: bool = False) -
 
 
 def write_l0_whole(content: Content, bases: Bases) -> bytes:
-    """Return the shortest L0 part that holds the score and all coefficients."""
-    basis = basis_of(bases, content.setting)
-    payload = _l0_code(content, bases, even=False)
-    head, q = content.header.to_bytes(), content.q
+    """Return the shortest L0 part that holds the score and all coefficients.
+
+    The code ends with the last coefficient that is not zero, if its last bits do not by chance
+    tell another one; else it is cut off behind that coefficient.
+    """
+    last = int(np.flatnonzero(content.q).max(initial=-1))
+    ending = _l0_code(content, bases, even=False, last=last).ljust(1, b"\0")
+    whole = _l0_code(content, bases, even=False)
+    cut = (whole[:length] for length in range(len(ending), len(whole)))
+    shortest = next(code for code in (ending, *cut, whole) if _tells(code, content, bases))
+    return _with_crc16(content.header.to_bytes() + shortest)
+
+
+def _tells(payload: bytes, content: Content, bases: Bases) -> bool:
+    """Return whether a payload says what is meant, neither less nor more."""
+    decoder, q = RangeDecoder(payload), np.zeros_like(content.q)
+    if not _agrees(decoder, content):
+        return False
     if content.setting.step != NO_RESIDUAL:
-        last = int(np.flatnonzero(q).max(initial=-1))
-        _, freqs, ends = coefficient_code(q, 0, content.setting, basis)
-        bits = score_code(content, even=False).bits
-        bits += code_length(freqs[: ends[last]]) if last >= 0 else 0.0
-        for length in range(max(1, int(bits) // 8), len(payload)):
-            decoder = RangeDecoder(payload[:length])
-            known = -1
-            if _agrees(decoder, content):
-                known = _read_coefficients(decoder, np.zeros_like(q), 0, content.setting, basis)
-            if known > last:
-                return _with_crc16(head + payload[:length])
-    return _with_crc16(head + payload.ljust(1, b"\0"))
+        basis = basis_of(bases, content.setting)
+        _read_coefficients(decoder, q, 0, content.setting, basis)
+    return bool(np.array_equal(q, content.q))
 
 
-def _l0_code(content: Content, bases: Bases, *, even: bool) -> bytes:
-    """Return the whole code of L0's payload."""
+def _l0_code(content: Content, bases: Bases, *, even: bool, last: int | None = None) -> bytes:
+    """Return the code of L0's payload, whole or up to coefficient number `last`."""
     starts, freqs = score_code(content, even=even).intervals()
-    if content.setting.step == NO_RESIDUAL:
+    if content.setting.step == NO_RESIDUAL or last == -1:
         return encode_intervals(starts, freqs)
     basis = basis_of(bases, content.setting)
-    more_starts, more_freqs, _ = coefficient_code(content.q, 0, content.setting, basis)
+    more_starts, more_freqs, ends = coefficient_code(content.q, 0, content.setting, basis)
+    end = None if last is None else int(ends[last])
     return encode_intervals(
-        np.concatenate([starts, more_starts]), np.concatenate([freqs, more_freqs]), certain=True
-    )
+        np.concatenate([starts, more_starts[:end]]), np.concatenate([freqs, more_freqs[:end]]),
+        certain=True,
+    )  # fmt: skip
 
 
 def _with_crc16(body: bytes) -> bytes:

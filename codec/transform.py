@@ -6,6 +6,7 @@ the largest expected first. The basis belongs to a voice (`codec.coding`).
 Specification: spec/bitstream.md, section 6.
 """
 
+import functools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -85,7 +86,7 @@ class Basis:
         lags_in = np.abs(times[:, None] - times)
         lags_out = np.abs(np.arange(TICKS)[:, None] - times)
         guess = np.empty((TICKS, len(self.matrix)))
-        for c, correlation in enumerate(_correlations(self.scales)):
+        for c, correlation in enumerate(_correlations(self.scales.tobytes())):
             square = correlation[lags_in] + _NOISE * correlation[0] * np.eye(len(times))
             guess[:, c] = correlation[lags_out] @ np.linalg.solve(square, channels[:, c])
         return np.asarray(guess @ self.inverse)
@@ -101,9 +102,10 @@ _NOISE = 0.02
 _LAGS = 3 * TICKS
 
 
-def _correlations(scales: Ints) -> Array:
-    """Return the covariance of each channel by lag in frames, shape (P, 96)."""
-    power = 2.0 ** (scales / 2)
+@functools.lru_cache(maxsize=8)
+def _correlations(scales: bytes) -> Array:
+    """Return the covariance of each channel by lag in frames, shape (P, 96), from its scales."""
+    power = 2.0 ** (np.frombuffer(scales, dtype=np.int64).reshape(-1, TICKS) / 2)
     fine = np.arange(16 * TICKS) / 16
     spectrum = np.stack([np.interp(fine, np.arange(TICKS), row) for row in power])
     waves = np.cos(np.pi * np.outer(fine, np.arange(_LAGS)) / TICKS)

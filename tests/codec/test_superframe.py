@@ -1,18 +1,21 @@
 from collections.abc import Callable
 
+import constriction
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec.bits import SEQUENCES, Header, crc8, crc16, read_header
+from codec.bits import HEADER_BYTES, SEQUENCES, Header, crc8, crc16, read_header
 from codec.coding import coding_for
 from codec.decoder import SuperframeDecoder
 from codec.encoder import SuperframeEncoder, block_at
 from codec.errors import BitstreamError, CueError, VoiceError
 from codec.merge import ScoreMerger, merge_scores
 from codec.motion import Motion
-from codec.payload import read_l0, read_l1
+from codec.payload import CRC16_BYTES, coefficient_code, read_l0, read_l1, score_code
+from codec.quantise import basis_of
+from codec.range_coder import TOTAL, code_length
 from codec.score import Key, Score
 from codec.superframe import DecodedSuperframe, Superframe, resynthesis_of
 from codec.timeline import SUPERFRAME_S, TICKS
@@ -270,3 +273,35 @@ def test_blocks_of_any_frame_rate_join_seamlessly(toy_voice: Voice, rate: float)
     blocks = np.concatenate([block_at(motion, k) for k in range(1, 5)])
     expected = 5 * (SUPERFRAME_S + 0.02 * np.arange(len(blocks)))
     np.testing.assert_allclose(blocks[:, 0], expected, atol=1e-4)
+
+
+def test_superframes_take_their_ideal_length_and_end_within_a_byte(
+    toy_voice: Voice, perform: Callable[..., Motion]
+) -> None:
+    """An independent range coder with the same probabilities takes more, in words of 32 bits."""
+    motion = perform(spoken(3 * SENTENCE), 12)
+    encoder = SuperframeEncoder(toy_voice, l0_bytes=4000, l1_bytes=0)
+    bases = coding_for(toy_voice).of_score
+    for step in (4, 12, 20):
+        ideal = ours = theirs = 0.0
+        for k in range(12):
+            l0 = encoder.encode_at(motion, k, step).l0
+            content, _ = read_l0(l0, bases)
+            last = int(np.flatnonzero(content.q).max(initial=-1))
+            _, freqs, ends = coefficient_code(
+                content.q, 0, content.setting, basis_of(bases, content.setting)
+            )
+            _, told = score_code(content, even=False).intervals()
+            every = np.concatenate([told, freqs[: ends[last]] if last >= 0 else freqs[:0]])
+            other = constriction.stream.queue.RangeEncoder()
+            for share in every[every < TOTAL] / TOTAL:
+                model = constriction.stream.model.Categorical(
+                    np.array([share, 1 - share]), perfect=True
+                )
+                other.encode(0, model)
+            ideal += code_length(every)
+            ours += 8 * (len(l0) - HEADER_BYTES - CRC16_BYTES)
+            theirs += 32 * len(other.get_compressed())
+        # Measured: 4 to 6 bits each, half a byte and what a certain end takes.
+        assert ideal < ours < ideal + 12 * 8
+        assert ours < theirs
