@@ -52,7 +52,7 @@ def evaluate(options: EvaluateOptions) -> dict[str, Any] | list[dict[str, Any]]:
         )
     if options.cuers is None:
         return measure(performed(), options)
-    names = _cuers(options.cuers)
+    names = cuers_named(options.cuers)
     folders = [options.out and options.out / name.replace("/", "-") for name in names]
     # A lambda of the command line cannot travel to another process.
     told = replace(options, say=_silent)
@@ -65,7 +65,7 @@ def evaluate(options: EvaluateOptions) -> dict[str, Any] | list[dict[str, Any]]:
     return rows
 
 
-def _cuers(chosen: Sequence[str]) -> list[str]:
+def cuers_named(chosen: Sequence[str]) -> list[str]:
     """Return the names ``identity/law`` that are meant; a name without a law means all laws."""
     known = [f"{identity}/{law}" for identity in IDENTITIES for law in LAWS]
     names = []

@@ -12,7 +12,7 @@ from cuecast.progress import note
 
 SUMMARY = "figures as CSV, JSON and plots"
 
-KINDS = ("codec", "audio", "video", "together", "chain", "synthesis", "models")
+KINDS = ("codec", "audio", "video", "together", "chain", "synthesis", "models", "capture")
 
 
 def offered() -> tuple[str, ...]:
@@ -26,7 +26,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--clips", metavar="DIR", help="material; default: built-in")
     parser.add_argument("--channels", metavar="LIST", help="names, separated by commas")
     parser.add_argument(
-        "--cuers", metavar="LIST", help="of models: virtual cuers as identity/law, or all"
+        "--cuers",
+        metavar="LIST",
+        help="of models and capture: virtual cuers as identity/law, or all",
     )
     parser.add_argument(
         "--voice", default="claire", metavar="V", help="of codec: voice by name or file"

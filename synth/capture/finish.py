@@ -23,6 +23,7 @@ def finish(
     report: dict[str, Any],
     *,
     has_hand: bool,
+    depth: bool = True,
 ) -> Captured:
     """Return the motion of parameters at the recording's rate.
 
@@ -37,6 +38,8 @@ def finish(
         What has been found; keys and notes are added.
     has_hand : bool
         Whether there is a hand to recognise keys of.
+    depth : bool
+        Whether depth was measured.
     """
     start_s = file_start_s if options.start_s is None else options.start_s
     duration_s = len(params) / rate_hz
@@ -47,7 +50,7 @@ def finish(
         score = options.score.shifted(start_s - file_start_s)
         report["keys"] = {"given": len(score.keys)}
     elif options.keys and has_hand:
-        held = recognise_keys(voice, even, rate_hz=options.rate_hz)
+        held = recognise_keys(voice, even, rate_hz=options.rate_hz, depth=depth)
         report["keys"] = _told(held)
         if is_sure(held):
             score = score_of(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 from scipy.signal import savgol_filter
 
 from codec import layout
@@ -22,6 +23,7 @@ from codec.recognise import Gaussians, pointing_tip
 from codec.score import PLACEMENTS, SHAPES
 from codec.voice import Voice
 from synth.capture.closure import N_FEATURES, closures
+from synth.capture.placing import fit_placements
 
 FloatArray = NDArray[np.float64]
 
@@ -36,6 +38,7 @@ _PLACEMENT_SD_MM = {
 }
 """How far the tip lies from its target, per axis: two cuers of French, and a little more."""
 
+_NO_DEPTH_MM = 100.0
 _STILL_MM_S = 160.0
 _ON_THE_WAY_SD = (0.7, 70.0)
 _CORRELATED = 0.4
@@ -48,8 +51,9 @@ _CLOSURE_MM = 30.0
 _LEARNING_ROUNDS = 2
 _BELIEF = 4.0
 _SMOOTHING_S = 0.06
+_APART_S = 0.08
 _PIECE = 4096
-_ARRIVED = 0.08
+_ARRIVED = 0.03
 
 KEYS = ((0, 0), *((s, p) for s in SHAPES[1:] for p in range(1, len(PLACEMENTS))))
 """Shape and placement of each state; the first is rest."""
@@ -153,7 +157,9 @@ def _targets(voice: Voice) -> tuple[Gaussians, Gaussians]:
     )
 
 
-def recognise_keys(voice: Voice, params: FloatArray, *, rate_hz: float) -> list[Held]:
+def recognise_keys(
+    voice: Voice, params: FloatArray, *, rate_hz: float, depth: bool = True
+) -> list[Held]:
     """Return the keys that the hand holds, rests too, in order of time.
 
     Parameters
@@ -162,9 +168,14 @@ def recognise_keys(voice: Voice, params: FloatArray, *, rate_hz: float) -> list[
     params : ndarray, shape (T, P)
         Columns as in `Voice.layout`.
     rate_hz : float
+    depth : bool
+        Whether depth was measured; a single camera guesses it.
     """
     seen = observe(voice, params, rate_hz=rate_hz)
     shapes, places = _targets(voice)
+    if not depth:
+        places = Gaussians(places.means, places.covariances + np.diag([0.0, 0.0, _NO_DEPTH_MM**2]))
+    places = fit_placements(_holds(seen, shapes, rate_hz), places)
     first = shapes, places
     for _ in range(_LEARNING_ROUNDS):
         held = _runs(_likeliest(seen, shapes, places, rate_hz))
@@ -182,6 +193,17 @@ def recognise_keys(voice: Voice, params: FloatArray, *, rate_hz: float) -> list[
         shape, place = KEYS[state]
         keys.append(Held(shape, place, reach / rate_hz, (end - 1) / rate_hz, confidence))
     return keys
+
+
+def _holds(seen: Seen, shapes: Gaussians, rate_hz: float) -> FloatArray:
+    """Return where the pointing finger is when the hand is slowest, shape (N, 3)."""
+    apart = max(1, round(_APART_S * rate_hz))
+    slowest = seen.speed <= minimum_filter1d(seen.speed, 2 * apart + 1)
+    at = np.flatnonzero(slowest & (seen.speed < 2 * _STILL_MM_S))
+    shape = _log_normal(seen.fingers[at], shapes).argmax(1)
+    tip = np.array([layout.longest_finger_tip(s) != "F2T" for s in SHAPES], dtype=int)[shape]
+    # A hand at rest lasts long and would count as many keys.
+    return np.asarray(seen.tips[at, tip])
 
 
 def _log_densities(seen: Seen, shapes: Gaussians, places: Gaussians) -> FloatArray:

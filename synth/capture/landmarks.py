@@ -75,7 +75,9 @@ def capture_landmarks(path: Path, voice: Voice, options: CaptureOptions) -> Capt
         )
     options.progress(len(face) / rate_hz)
     report = _report(path, table, picture, face, head, params, voice, fit, rate_hz)
-    return finish(voice, params, rate_hz, 0.0, options, report, has_hand=fit is not None)
+    return finish(
+        voice, params, rate_hz, 0.0, options, report, has_hand=fit is not None, depth=False
+    )
 
 
 def _steady(

@@ -29,10 +29,13 @@ from synth.capture.speaker import Speaker
 FloatArray = NDArray[np.float64]
 
 _TIME_CODE = re.compile(r"^\s*(\d+):(\d+):(\d+)[:;](\d+(?:\.\d+)?)")
-_BASES = (24, 25, 30, 48, 50, 60, 120)
+_BASES = (24, 25, 30, 48, 50, 60, 120, 1000)
 _DAY_S = 86_400.0
 _TURNS = ("headyaw", "headpitch", "headroll")
 _MOST_WEIGHT = 1.5
+_MOST_TURN_RAD = 1.75
+"""Heads do not turn farther: greater numbers are degrees."""
+
 _PIECE = 4096
 _LEAST_UNITS = 3
 _HANDLESS = "the table shows no hand: it rests"
@@ -143,6 +146,9 @@ def read_live_link(path: Path) -> FaceTable:
     for number, name in enumerate(_TURNS):
         if name in titles:
             turns[:, number] = table[:, titles.index(name)]
+    if np.abs(turns).max() > _MOST_TURN_RAD:
+        turns = np.radians(turns)
+        notes.append("the head's rotations are taken for degrees")
     weights = np.clip(table[:, columns], 0.0, _MOST_WEIGHT)
     times = _seconds(np.array(codes))
     both, rate_hz = evenly(times, np.concatenate([weights, turns], axis=1), name=str(path))
@@ -172,7 +178,7 @@ def _seconds(codes: FloatArray) -> FloatArray:
     """Return seconds of time codes (hours, minutes, seconds, frames), shape (T,).
 
     The frames' base is the least usual one above all of them that holds the rows of a second;
-    midnight is passed.
+    some programs write milliseconds there. Midnight is passed.
 
     Examples
     --------

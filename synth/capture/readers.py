@@ -79,27 +79,34 @@ def _read_tsv(path: str) -> Recording:
     """Read what Qualisys Track Manager exports: lines of facts, then a column per coordinate."""
     facts: dict[str, list[str]] = {}
     lines = text_lines(path)
-    data: Iterator[str] = iter(())
+    first = ""
     for _, line in zip(range(_HEADER_LINES), lines, strict=False):
         fields = line.split("\t")
-        if fields[0].strip() and _is_row(fields):
-            data = _with_first(line, lines)
+        if _is_row(fields):
+            first = line
             break
         facts[fields[0].strip().upper()] = [field.strip() for field in fields[1:]]
     if "MARKER_NAMES" not in facts or "FREQUENCY" not in facts:
         raise CueError(f"{path}: not a TSV of markers: MARKER_NAMES or FREQUENCY is missing")
     labels = [name for name in facts["MARKER_NAMES"] if name]
-    first = next(data, "")
-    lead = len(first.rstrip("\t\r ").split("\t")) - 3 * len(labels)
+    count = len(first.split("\t"))
+    # A tab at the end of a line is no column.
+    count -= first.endswith("\t") and count - 3 * len(labels) > _lead(facts)
+    lead = count - 3 * len(labels)
     if lead not in (0, 1, 2):
-        raise CueError(
-            f"{path}: {len(labels)} markers but {lead + 3 * len(labels)} columns of numbers"
-        )
-    rows = _rows(path, _with_first(first, data), "\t", lead=lead, labels=labels)
+        raise CueError(f"{path}: {len(labels)} markers but {count} columns of numbers")
+    rows = _rows(path, _with_first(first, lines), "\t", lead=lead, labels=labels)
     return Recording(
         Path(path).name, "TSV", tuple(labels), "mm", float(facts["FREQUENCY"][0]),
         rows.first_s, rows.count, tuple(rows.notes), rows.points,
     )  # fmt: skip
+
+
+def _lead(facts: dict[str, list[str]]) -> int:
+    """Return how many columns stand before the coordinates, by the columns' titles."""
+    if "FRAME" in facts:
+        return 1 + (facts["FRAME"][:1] == ["Time"])
+    return 0
 
 
 def _with_first(first: str, rest: Iterator[str]) -> Iterator[str]:
@@ -108,7 +115,11 @@ def _with_first(first: str, rest: Iterator[str]) -> Iterator[str]:
 
 
 def _is_row(fields: list[str]) -> bool:
-    return not np.isnan(numbers(fields[:1])[0]) and len(fields) > 3
+    return (
+        len(fields) > 2
+        and bool(np.isfinite(numbers(fields[:3])).any())
+        and (not fields[0].strip() or _is_number(fields[0]))
+    )
 
 
 @dataclass(frozen=True, slots=True)

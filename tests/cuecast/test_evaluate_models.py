@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from codec.errors import CueError
-from cuecast.evaluate.models import _covering, _cuers, measure, targets
+from cuecast.evaluate.models import _covering, cuers_named, measure, targets
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.takes import Performed, Recorded, Take, performed
 from synth.corpus.capture import record
@@ -110,12 +110,12 @@ def test_performed_material_names_itself() -> None:
     assert len(performed().utterances) > 200
 
 
-def test_cuers_are_chosen_by_name_identity_or_all() -> None:
-    assert len(_cuers(["all"])) == 6
-    assert _cuers(["agathe/damped", "agathe"])[0] == "agathe/damped"
-    assert len(_cuers(["agathe/damped", "agathe"])) == 3
+def testcuers_named_are_chosen_by_name_identity_or_all() -> None:
+    assert len(cuers_named(["all"])) == 6
+    assert cuers_named(["agathe/damped", "agathe"])[0] == "agathe/damped"
+    assert len(cuers_named(["agathe/damped", "agathe"])) == 3
     with pytest.raises(CueError, match="unknown cuer 'zoe'; known: all, claire/minimum-jerk"):
-        _cuers(["zoe"])
+        cuers_named(["zoe"])
 
 
 def test_ten_sentences_are_chosen_for_their_rare_keys() -> None:

@@ -48,6 +48,19 @@ def test_tables_are_known_by_their_content(tmp_path: Path, name: str, text: str,
     np.testing.assert_allclose(recording.frames(8, 99), some_points()[8:], atol=1e-3)
 
 
+def test_a_tsv_whose_hidden_markers_are_empty_fields(tmp_path: Path) -> None:
+    text = files.tsv(some_points(), LABELS, lead=2)
+    lines = text.replace("\r\n", "\n").split("\n")
+    lines[11] = "\t".join([*lines[11].split("\t")[:8], "", "", ""])
+    lines[10] += "\t"
+    path = tmp_path / "a.tsv"
+    path.write_text("\n".join(lines))
+    points = read_points(path, "tsv").frames(0, 12)
+    expected = some_points()
+    expected[0, 2] = np.nan
+    np.testing.assert_allclose(points, expected, atol=1e-3)
+
+
 def test_our_own_exports_are_read(tmp_path: Path) -> None:
     markers = np.random.default_rng(0).uniform(-300, 300, size=(5, 113, 3))
     markers[2, 7] = np.nan

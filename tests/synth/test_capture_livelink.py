@@ -79,6 +79,18 @@ def test_a_telephones_table(tmp_path: Path, base: int) -> None:
     assert gap > 2.0
 
 
+def test_degrees_and_milliseconds(tmp_path: Path) -> None:
+    rows = [TITLES]
+    for n in range(60):
+        rows.append(f"00:00:{n // 30:02d}:{n % 30 * 1000 // 30:02d}.000,61,0,0.1,0,0,20.0,-5.0,1.0")
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(rows))
+    found = read_live_link(path)
+    assert found.rate_hz == pytest.approx(30, abs=0.5)
+    np.testing.assert_allclose(found.turns[0], np.radians([20.0, -5.0, 1.0]))
+    assert "the head's rotations are taken for degrees" in found.notes
+
+
 def test_lost_rows_and_holes(tmp_path: Path) -> None:
     lines = table(120).splitlines()
     del lines[40:44]

@@ -1,0 +1,118 @@
+"""Keys: where a cuer places her hand, when she arrives, what is too unsure to say."""
+
+import itertools
+
+import numpy as np
+
+from codec.models.face import N_FACE_PARAMETERS
+from codec.phonology import PHONE_NUMBER
+from codec.recognise import Gaussians
+from codec.score import PLACEMENTS, SHAPES
+from codec.voice import load_voice
+from synth.capture.closure import closures, rescaled
+from synth.capture.keys import KEYS, Held, recognise_keys
+from synth.capture.placing import USED, fit_placements
+from synth.capture.score import is_sure, score_of
+from synth.capture.solve import resting
+from synth.capture.speaker import Speaker
+from synth.movement import law
+
+VOICE = load_voice()
+RATE_HZ = 50.0
+PLACES = Gaussians(
+    np.array(
+        [[-95, -284, 150], [-109, -41, 93], [-34, -61, 96], [-12, -90, 106], [-61, -12, 79],
+         [-12, -124, 34]], dtype=float,
+    ),
+    np.tile(225.0 * np.eye(3), (len(PLACEMENTS), 1, 1)),
+)  # fmt: skip
+
+
+def moving(line: list[tuple[int, int]], *, hold_s: float = 0.2, move_s: float = 0.2) -> np.ndarray:
+    """Return parameters that go from key to key, from rest and back."""
+    rest = resting(Speaker(VOICE, VOICE.face, VOICE.hand))
+    rows = [rest]
+    for shape, place in line:
+        row = rest.copy()
+        row[VOICE.hand_columns] = np.concatenate(
+            [VOICE.gestures.shape_targets[shape], VOICE.gestures.placement_targets[shape, place]]
+        )
+        rows.append(row)
+    rows.append(rest)
+    hold, move = round(hold_s * RATE_HZ), round(move_s * RATE_HZ)
+    part = law("minimum-jerk")(np.arange(1, move + 1) / move)[:, None]
+    out = [np.tile(rest, (hold, 1))]
+    for a, b in itertools.pairwise(rows):
+        out += [a + part * (b - a), np.tile(b, (hold, 1))]
+    return np.concatenate(out)
+
+
+def test_every_key_is_recognised_where_it_is_held() -> None:
+    rng = np.random.default_rng(4)
+    line = [KEYS[k] for k in rng.permutation(np.arange(1, len(KEYS)))]
+    held = recognise_keys(VOICE, moving(line), rate_hz=RATE_HZ)
+    keys = [one for one in held if one.shape]
+    assert [(one.shape, one.placement) for one in keys] == line
+    reached = 0.4 + 0.4 * np.arange(len(line))
+    np.testing.assert_allclose([one.reach_s for one in keys], reached, atol=0.05)
+    assert held[0].shape == held[-1].shape == 0
+    assert min(one.confidence for one in keys) > 0.5
+    assert is_sure(held)
+
+
+def test_without_depth_keys_are_still_told() -> None:
+    line = [(5, 1), (1, 3), (4, 2), (3, 5), (6, 4), (2, 1), (8, 2), (7, 3)]
+    held = recognise_keys(VOICE, moving(line), rate_hz=RATE_HZ, depth=False)
+    assert [(one.shape, one.placement) for one in held if one.shape] == line
+
+
+def test_a_hand_that_never_holds_a_key_is_unsure() -> None:
+    assert not is_sure([])
+    assert not is_sure([Held(0, 0, 0.0, 1.0, 1.0)])
+    assert not is_sure([Held(5, 1, 0.0, 1.0, 0.3), Held(4, 1, 1.0, 2.0, 0.9)])
+
+
+def test_placements_follow_a_cuers_face() -> None:
+    rng = np.random.default_rng(1)
+    use = np.array([USED[name] for name in PLACEMENTS])
+    label = rng.choice(len(PLACEMENTS), 200, p=use / use.sum())
+    own = PLACES.means.copy()
+    own[1:] = PLACES.means[1:].mean(0) + np.array([6.0, 8.0, -5.0])
+    own[1:] += [1.05, 0.85, 1.0] * (PLACES.means[1:] - PLACES.means[1:].mean(0))
+    tips = own[label] + rng.normal(scale=7.0, size=(200, 3))
+    found = fit_placements(tips, PLACES).means
+    assert np.linalg.norm(found[1:] - own[1:], axis=1).max() < 6.0
+    np.testing.assert_array_equal(found[0], PLACES.means[0])
+    np.testing.assert_array_equal(fit_placements(tips[:5], PLACES).means, PLACES.means)
+
+
+def test_closures_tell_the_shapes_and_grow_to_scale() -> None:
+    targets = VOICE.gestures.shape_targets
+    plain = closures(VOICE, targets)
+    assert plain[[0, 1, 2, 8], 3].min() > 0.9
+    assert np.abs(plain[[3, 4, 5], 3]).max() < 0.1
+    # A tracker that reads all fingers half open.
+    half = targets[5] + 0.5 * (targets - targets[5])
+    takes = np.tile(half.astype(float), (20, 1))
+    better = closures(VOICE, rescaled(VOICE, takes, np.ones(len(takes), dtype=bool))[: len(SHAPES)])
+    assert np.abs(better[:, 1:5] - plain[:, 1:5]).mean() < 0.5 * np.abs(
+        closures(VOICE, half)[:, 1:5] - plain[:, 1:5]
+    ).mean()  # fmt: skip
+    few = takes[:9]
+    np.testing.assert_array_equal(rescaled(VOICE, few, np.ones(9, dtype=bool)), few)
+
+
+def test_lips_choose_among_the_phones_of_a_key() -> None:
+    line = [(1, 3), (5, 3), (4, 2)]
+    params = moving(line, hold_s=0.3)
+    face = VOICE.face_columns[:N_FACE_PARAMETERS]
+    held = recognise_keys(VOICE, params, rate_hz=RATE_HZ)
+    for phones in (("p", "u"), ("d", "ɛ")):
+        first = next(one for one in held if one.shape == 1)
+        begin, end = round(first.reach_s * RATE_HZ), round(first.leave_s * RATE_HZ)
+        middle = begin + 7
+        spoken = params.copy()
+        for a, b, symbol in ((begin - 2, middle, phones[0]), (middle, end + 9, phones[1])):
+            spoken[a:b, face] = VOICE.gestures.viseme_targets[PHONE_NUMBER[symbol]]
+        score = score_of(held, VOICE, spoken, rate_hz=RATE_HZ, start_s=0.0)
+        assert score.keys[0].phones == phones
