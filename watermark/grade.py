@@ -72,7 +72,7 @@ PASSAGE = 16
 HALVES, OWN = ("even", "odd"), "own"
 """Names of the meter's averages: two that begin half a passage apart, and a stretch's own."""
 
-MAKE_GOOD = 4.0
+MAKE_GOOD = 6.0
 """How many times a passage's error of grade the next stretch makes good beyond its own share, once
 half a passage has been heard; before, less by the square of what is missing."""
 
@@ -80,6 +80,9 @@ half a passage has been heard; before, less by the square of what is missing."""
 SPOILT = 0.03
 """Loss of a whole passage's grade by a single stretch that has it written more softly: the grade
 counts the worst moment by itself."""
+
+RIPE = 0.25
+"""Maturity from which that is asked: a quarter of a passage."""
 
 SOFTER, SOFTER_TRIALS = 0.75, 3
 """Levels by which that is tried, and how often."""
@@ -105,7 +108,7 @@ class _Passage:
     def spoilt(self, meter: PeaqMeter) -> bool:
         """Whether what a meter heard last has cost a passage more than a stretch may."""
         grade = _odg(meter, self._older)
-        if self.maturity < 1 or self.last is None or grade is None:
+        if self.maturity < RIPE or self.last is None or grade is None:
             return False
         return grade < self.last - SPOILT
 
@@ -123,6 +126,7 @@ class _Passage:
             bases.append(base)
         older = self._older
         self.mean_base = float(np.mean(self._bases[older]))
+        # Squared: a young passage tells little of a programme.
         self.maturity = min(1.0, len(self._bases[older]) / (PASSAGE // 2)) ** 2
         self.last = grade = _odg(meter, older)
         self._count += 1
