@@ -14,6 +14,7 @@ import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
+from cuecast.coder_stream import make_rehearsal
 from cuecast.evaluate.sound_channels import find_channel
 from tests.bench.false_locks import FOLDER
 from watermark.embed import AudioEmbedder
@@ -109,7 +110,10 @@ def embed(path: Path, profile: str, hours: float) -> None:
     x, _ = soundfile.read(path, dtype="float32", always_2d=True)
     chosen = find_profile(profile)
     payload = bytes(chosen.l0_bytes), bytes(chosen.l1_bytes)
-    embedder = AudioEmbedder(FS, x.shape[1], lambda k: payload, profile=profile)
+    embedder = AudioEmbedder(
+        FS, x.shape[1], lambda k: payload, profile=profile,
+        rehearsal=make_rehearsal(chosen, 0, None),
+    )  # fmt: skip
     for number, block in enumerate(rounds(x)):
         embedder.process(block)
         if number % TOLD_S == TOLD_S - 1:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from codec.errors import CueError
 from watermark.design import MarkDesigner
@@ -54,6 +55,23 @@ def test_noise_that_passes_the_check_is_refused(
     sent = 1.0 - 2.0 * link.encode(*payload)
     assert link.decode(llr + sent).l0 == payload[0]
     assert 0.9 < SIGNIFICANCE < 1
+
+
+def test_paths_in_noise_are_seldom_significant() -> None:
+    first = Link(ROBUST)._first
+    code, rng = first.code, np.random.default_rng(0)
+    seen: list[float] = []
+
+    def note(message: NDArray[np.int64]) -> bool:
+        largest = np.sqrt(2 * np.log(2) * code.message * (llr @ llr))
+        seen.append(float(llr @ (1.0 - 2.0 * code.encode(message)) / largest))
+        return False
+
+    for _ in range(60):
+        llr = rng.normal(size=code.length) * np.exp(rng.normal(size=code.length))
+        assert code.decode(llr, accept=note, list_size=64) is None
+    assert len(seen) == 60 * 64
+    assert np.mean(np.array(seen) >= SIGNIFICANCE) < 1e-3  # 2 of 44 000 in a longer run
 
 
 @pytest.mark.parametrize("profile", PROFILES.values(), ids=PROFILES)
