@@ -322,8 +322,7 @@ class WindowWriter:
 
     def _outlasts(self, index: int, k: int, tick: int) -> bool:
         """Return whether the phone before `k` lasts longer than a window can tell."""
-        start = self._line.starts[k] - index * TICKS
-        return start - tick > _LONGER and start <= LAST
+        return self._line.starts[k] - index * TICKS - tick > _LONGER
 
     def _cut(self, encoder: RangeEncoder, meant: Sequence[_Meant]) -> bytes:
         """Return a code cut to its room such that it tells as many phones as possible.

@@ -11,6 +11,7 @@ from codec.score import PLACEMENTS, Key, Phone, Score
 from codec.score_coding import REST_GAPS_S, ScorePart, evenly, part_of, read_score, write_score
 from codec.tables import score_tables
 from codec.timeline import TICK_S, TICKS, to_line, to_ticks
+from codec.train_score import N, _after_two
 
 
 @st.composite
@@ -152,3 +153,18 @@ def test_tables_are_of_the_stated_shapes() -> None:
     assert tables.left.shape == (38, 34)
     assert tables.length.shape == (38, 4, 34)
     assert len(PLACEMENTS) == 6
+
+
+def test_what_follows_two_phones_counts_the_more_the_fewer_kinds_were_found() -> None:
+    """Fifty examples of one kind outweigh what is usual; few of many kinds do not."""
+    counts = np.ones((N, N, N))
+    counts[1, 2] = 0
+    counts[1, 2, 5] = 50
+    counts[3, 4] = 0
+    counts[3, 4, :25] = 1
+    rows = _after_two(counts)
+    assert rows.shape == (N + 1, N, N)
+    np.testing.assert_allclose(rows.sum(axis=-1), 1.0)
+    assert rows[1, 2, 5] > 0.9
+    assert rows[3, 4, :25].max() < 0.04
+    assert rows[3, 4].min() > 0.01

@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -233,8 +234,30 @@ def test_a_long_vowel_does_not_draw_the_next_key_near() -> None:
         Phone("i", 2.7, 2.8),
     ]
     score = Score(tuple(phones), tuple(cue(phones)))
-    got = score_of(windows_of(score, 7)).keys
-    assert [round(key.start, 1) for key in got] == [1.0, 2.6]
+    for size in (7, 12):
+        got = score_of(windows_of(score, size)).keys
+        assert [round(key.start, 1) for key in got] == [1.0, 2.6]
+
+
+def test_keys_that_windows_far_ahead_told_are_drawn_and_given_out(
+    toy_voice: Voice, resting: Resting
+) -> None:
+    """Where little is said, a window runs four superframes ahead of a phone's end."""
+    symbols = [s for s in SENTENCE if s != "_"]
+    score = spoken(symbols, 0.3, 1.0)
+    motion = replace(resting(score), params=np.zeros((600, len(toy_voice.layout)), np.float32))
+    encoder = SuperframeEncoder(toy_voice, l0_bytes=12, l1_bytes=0)
+    decoder, merger, keys, done = SuperframeDecoder(toy_voice), ScoreMerger(), list[Key](), []
+    for k in range(18):
+        decoder.push(encoder.encode(motion, k).l0, None, k)
+        if k > 0:
+            done.append(decoder.render(k - 1))
+            keys += merger.add(done[-1])
+    keys += merger.flush()
+    begins = [f.part.begin for f in done if isinstance(f.part, Window) and f.part.numbers]
+    assert max(begins) > 2 * TICKS
+    assert [str(key) for key in keys] == [str(key) for key in score.keys]
+    assert [str(key) for frame in done for key in frame.keys] == [str(key) for key in score.keys]
 
 
 @pytest.mark.parametrize("pace", [0.75, 0.9, 1.0, 1.3, 1.8])
