@@ -54,7 +54,10 @@ class C3dPoints:
     start_s: float
     n_frames: int
     missing_frames: int
-    _data: NDArray[Any] = field(repr=False)
+    _path: str = field(repr=False)
+    _offset: int = field(repr=False)
+    _dtype: "np.dtype[Any]" = field(repr=False)
+    _words: int = field(repr=False)
     _scale: float = field(repr=False)
     _dec: bool = field(repr=False)
 
@@ -70,7 +73,12 @@ class C3dPoints:
         -------
         ndarray of float32, shape (n, number of labels, 3)
         """
-        raw = np.array(self._data[begin:end, : 4 * len(self.labels)])
+        begin, end = max(begin, 0), min(end, self.n_frames)
+        raw = np.fromfile(
+            self._path, self._dtype, max(end - begin, 0) * self._words,
+            offset=self._offset + begin * self._words * self._dtype.itemsize,
+        )  # fmt: skip
+        raw = raw.reshape(-1, self._words)[:, : 4 * len(self.labels)]
         if raw.dtype.kind == "i":
             values = raw.astype(np.float32)
             values = values.reshape(len(raw), -1, 4)
@@ -134,11 +142,10 @@ def _open(path: str | os.PathLike[str], size: int, header: bytes, section: bytes
         raise CueError(f"{path}: a C3D file without frames")
     n_frames = min(held, claimed)
     dtype = np.dtype(f"{order}{kind}")
-    data = np.memmap(path, dtype=dtype, mode="r", offset=offset, shape=(n_frames, words))
     unit = str(_first(point.get("UNITS"), "")).strip().lower()
     return C3dPoints(
         _labels(point, points), unit, rate_hz, max(first - 1, 0) / rate_hz, n_frames,
-        claimed - n_frames, data, scale, dec,
+        claimed - n_frames, str(path), offset, dtype, words, scale, dec,
     )  # fmt: skip
 
 

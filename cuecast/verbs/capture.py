@@ -6,14 +6,20 @@ brought to the voice; keys are recognised, so that the motion can be coded and d
 """
 
 import argparse
+import shutil
+import sys
+import tempfile
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cuecast.arguments import add_json, add_voice, positive, print_json
-from cuecast.files import write_json
+from cuecast.files import PIPE, write_json
 from cuecast.progress import note, seconds_bar
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from synth.capture.options import CaptureOptions
 
 SUMMARY = "motion from motion capture, landmarks or a video of an interpreter"
@@ -21,7 +27,7 @@ SUMMARY = "motion from motion capture, landmarks or a video of an interpreter"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("input", metavar="IN", help="recording of a cuer")
+    parser.add_argument("input", metavar="IN", help="recording of a cuer; - reads a pipe")
     parser.add_argument("-o", "--output", required=True, metavar="M.npz", help="motion")
     parser.add_argument("--rate", type=positive, default=50.0, metavar="HZ", help="of the motion")
     parser.add_argument(
@@ -63,8 +69,8 @@ def run(args: argparse.Namespace) -> int:
     from synth.capture.capture import capture
 
     voice = load_voice(args.voice)
-    with seconds_bar(None, Path(args.input).name) as advance:
-        captured = capture(args.input, voice, _options(args, advance))
+    with seconds_bar(None, Path(args.input).name) as advance, _as_file(args.input) as path:
+        captured = capture(path, voice, _options(args, advance))
     if args.plot:
         from cuecast.capture_plot import plot_capture
         from cuecast.evaluate.tables import write_plot
@@ -79,6 +85,19 @@ def run(args: argparse.Namespace) -> int:
         for line in told(captured.report):
             note(line)
     return 0
+
+
+@contextmanager
+def _as_file(path: str) -> "Iterator[str]":
+    """Give the path of a file, for ``-`` of one with what the standard input holds."""
+    if path != PIPE:
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="cuecast-") as folder:
+        spooled = Path(folder) / "standard input"
+        with spooled.open("wb") as file:
+            shutil.copyfileobj(sys.stdin.buffer, file)
+        yield str(spooled)
 
 
 def _options(args: argparse.Namespace, advance: Any) -> "CaptureOptions":

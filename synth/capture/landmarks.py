@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label
 
 from codec.errors import CueError
 from codec.models.bridging import bridge
@@ -20,6 +19,7 @@ from codec.models.hand import HandModel
 from codec.models.inversion import invert
 from codec.voice import Voice
 from synth.capture.adapt import lowest, resized
+from synth.capture.away import resting_when_away
 from synth.capture.closure import rescaled
 from synth.capture.finish import finish
 from synth.capture.landmark_maps import FACE_LANDMARKS, hand_map
@@ -30,7 +30,6 @@ from synth.capture.picture import Picture, find_picture
 from synth.capture.resample import evenly
 from synth.capture.solve import resting
 from synth.capture.speaker import Speaker, moved_by
-from synth.movement import law
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -39,7 +38,6 @@ _LEAST_HAND = 12
 _SIZES = np.linspace(0.8, 1.3, 11)
 _SIZE_FRAMES = 30
 _AWAY_S = 0.4
-_TO_REST_S = 0.4
 _LIKELY_MM = 40.0
 
 
@@ -70,8 +68,8 @@ def capture_landmarks(path: Path, voice: Voice, options: CaptureOptions) -> Capt
     if hand is not None:
         fit = _fit_hand(voice, hand, params[:, voice.face_columns], rate_hz)
     if fit is not None:
-        params[:, voice.hand_columns] = _resting_when_away(
-            fit.parameters, fit.shown, rest[voice.hand_columns], rate_hz
+        params[:, voice.hand_columns] = resting_when_away(
+            fit.parameters, fit.shown, rest[voice.hand_columns], away_s=_AWAY_S, rate_hz=rate_hz
         )
     options.progress(len(face) / rate_hz)
     report = _report(path, table, picture, face, head, params, voice, fit, rate_hz)
@@ -187,33 +185,6 @@ def _error(model: LandmarkModel, x: FloatArray, found: FloatArray) -> float:
     gap = np.linalg.norm((x - model.landmarks(found))[..., :2], axis=-1)
     gap = gap[np.isfinite(gap)]
     return float(np.median(gap)) if len(gap) else float("nan")
-
-
-def _resting_when_away(
-    found: FloatArray, shown: BoolArray, rest: FloatArray, rate_hz: float
-) -> FloatArray:
-    """Return the hand's parameters with rests where it is out of the picture for longer."""
-    out = found.copy()
-    profile = law("minimum-jerk")
-    gaps, count = label(~shown)
-    ramp = max(1, round(_TO_REST_S * rate_hz))
-    for number in range(1, count + 1):
-        at = np.flatnonzero(gaps == number)
-        if len(at) < _AWAY_S * rate_hz:
-            continue
-        begin, end = int(at[0]), int(at[-1]) + 1
-        away = np.ones(len(at))
-        if begin > 0:
-            away = np.minimum(away, np.arange(1, len(at) + 1) / ramp)
-        if end < len(found):
-            away = np.minimum(away, np.arange(len(at), 0, -1) / ramp)
-        share = profile(np.clip(away, 0.0, 1.0))[:, None]
-        left = found[begin - 1] if begin > 0 else found[min(end, len(found) - 1)]
-        right = found[end] if end < len(found) else left
-        middle = len(at) // 2
-        held = np.where((np.arange(len(at)) < middle)[:, None], left, right)
-        out[begin:end] = share * rest + (1.0 - share) * held
-    return out
 
 
 def _report(

@@ -9,18 +9,20 @@ from codec import layout
 from codec.errors import CueError
 from codec.voice import Voice
 from synth.capture.adapt import adapt
+from synth.capture.away import resting_when_away
 from synth.capture.finish import finish
 from synth.capture.labels import Naming, find_names
 from synth.capture.options import Captured, CaptureOptions
 from synth.capture.place import LEAST_HEAD_MARKERS, Place, find_place
 from synth.capture.readers import read_points
 from synth.capture.recording import Recording
-from synth.capture.solve import HAND, LEAST_HAND_MARKERS, Quality, solve
+from synth.capture.solve import HAND, LEAST_HAND_MARKERS, Quality, resting, solve
 from synth.capture.speaker import Speaker
 
 _SAMPLED_FRAMES = 400
 _LISTED = 8
 _MOST_REPAIRED = 0.02
+_AWAY_S = 1.0
 
 PARTS = {
     "head": (*layout.RIGID_FACE, *layout.BROWS),
@@ -59,13 +61,18 @@ def capture_markers(path: Path, kind: str, voice: Voice, options: CaptureOptions
         raise CueError(f"{path}: {error}") from error
     speaker = _speaker(voice, place.apply(sample), options)
     quality = Quality()
-    params = np.concatenate(
-        [
-            part.astype(np.float32)
-            for part in solve(recording, naming, place, speaker, quality, progress=options.progress)
-        ]
-    )
+    parts, seen = [], []
+    for part, shown in solve(recording, naming, place, speaker, quality, progress=options.progress):
+        parts.append(part.astype(np.float32))
+        seen.append(shown)
+    params = np.concatenate(parts)
     has_hand = int(naming.found[HAND].sum()) >= LEAST_HAND_MARKERS
+    if has_hand:
+        columns = voice.hand_columns
+        params[:, columns] = resting_when_away(
+            params[:, columns], np.concatenate(seen), resting(speaker)[columns],
+            away_s=_AWAY_S, rate_hz=recording.rate_hz,
+        )  # fmt: skip
     report = _report(recording, naming, place, speaker, quality)
     return finish(
         voice, params, recording.rate_hz, recording.start_s, options, report, has_hand=has_hand
@@ -164,7 +171,9 @@ def _notes(recording: Recording, naming: Naming, place: Place, quality: Quality)
         )
     elif quality.hand_unknown:
         lost = quality.hand_unknown / recording.rate_hz
-        notes.append(f"the hand is hardly seen for {lost:.2f} s: bridged")
+        notes.append(
+            f"the hand is hardly seen for {lost:.2f} s: bridged, at rest after {_AWAY_S:g} s"
+        )
     if quality.head_unknown:
         lost = quality.head_unknown / recording.rate_hz
         notes.append(f"the head is hardly seen for {lost:.2f} s: bridged")

@@ -20,8 +20,8 @@ FloatArray = NDArray[np.float64]
 USED = {"rest": 0.1, "side": 0.485, "mouth": 0.143, "chin": 0.122, "cheek": 0.027, "throat": 0.123}
 """How often the hand is where: keys of French by the frequency of words, and rests."""
 
-_SHIFT_SD_MM = 12.0
-_STRETCH_SD = 0.12
+_SHIFT_SD_MM = 8.0
+_STRETCH_SD = 0.08
 _STARTS_MM = (-12.0, 0.0, 12.0)
 _STRETCHES = (0.85, 1.0, 1.15)
 _ROUNDS = 12

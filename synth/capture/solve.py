@@ -90,7 +90,7 @@ def solve(
     quality: Quality,
     *,
     progress: Callable[[float], None] = lambda seconds: None,
-) -> Iterator[FloatArray]:
+) -> Iterator[tuple[FloatArray, NDArray[np.bool_]]]:
     """Yield the parameters of a recording in the voice's order, window by window.
 
     Parameters
@@ -104,7 +104,9 @@ def solve(
 
     Yields
     ------
-    ndarray of float64, shape (n, P)
+    params : ndarray of float64, shape (n, P)
+    shown : ndarray of bool, shape (n,)
+        Frames that show enough of the hand.
     """
     has_hand = int(naming.found[HAND].sum()) >= LEAST_HAND_MARKERS
     for begin in range(0, recording.n_frames, WINDOW):
@@ -114,11 +116,11 @@ def solve(
         markers = place.apply(naming.markers(raw))
         unnamed = place.points(raw[:, naming.unnamed].astype(np.float64))
         own = slice(begin - low, end - low)
-        params = _window(
+        params, shown = _window(
             markers, unnamed, naming, speaker, quality, own, has_hand, recording.rate_hz
         )
         progress((end - begin) / recording.rate_hz)
-        yield params[own]
+        yield params[own], shown[own]
 
 
 def _window(
@@ -130,7 +132,8 @@ def _window(
     own: slice,
     has_hand: bool,
     rate_hz: float,
-) -> FloatArray:
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return parameters and where the hand is seen."""
     voice = speaker.voice
     parts: list[tuple[slice, FaceModel | HandModel]] = [(FACE, speaker.face)]
     if has_hand:
@@ -161,7 +164,8 @@ def _window(
     params[:, voice.face_columns] = found[FACE.start]
     if has_hand:
         params[:, voice.hand_columns] = speaker.to_voice(found[HAND.start], found[FACE.start])
-    return params
+    seen = np.isfinite(markers[:, HAND]).all(-1).sum(1)
+    return params, np.asarray(seen >= LEAST_HAND_MARKERS)
 
 
 def _invert(model: FaceModel | HandModel, markers: FloatArray) -> FloatArray:

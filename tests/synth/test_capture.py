@@ -163,6 +163,19 @@ def test_a_face_without_a_hand_rests_its_hand(tmp_path: Path) -> None:
     np.testing.assert_array_equal(hand, np.tile(hand[:1], (len(hand), 1)))
 
 
+def test_a_hand_out_of_sight_for_longer_rests(tmp_path: Path) -> None:
+    take = taken("claire")
+    markers = take.observed.copy()
+    markers[-80:, N_FACE:] = np.nan
+    markers[40:60, N_FACE:] = np.nan
+    found = captured(tmp_path, markers)
+    forearm = found.motion.params[:, VOICE.hand_columns[12:]]
+    np.testing.assert_allclose(forearm[-1], VOICE.gestures.placement_targets[0, 0], atol=1e-3)
+    assert found.report["gaps"]["hand_unknown_s"] == pytest.approx(100 / files.RATE_HZ, abs=0.05)
+    gap = np.linalg.norm(VOICE.reconstruct(found.motion.params) - take.truth, axis=-1)
+    assert gap[80:-80, N_FACE:].mean() < 1.6
+
+
 @pytest.mark.parametrize(
     ("names", "message"),
     [

@@ -42,6 +42,16 @@ def test_report(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert (folder / "p.png").stat().st_size > 5000
 
 
+def test_from_a_pipe(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with (folder / "take.trc").open() as pipe:
+        monkeypatch.setattr("sys.stdin", pipe)
+        assert main(["capture", "-", "-o", str(folder / "piped.npz"), "--start", "3"]) == 0
+    assert (folder / "piped.npz").read_bytes() == (folder / "m.npz").read_bytes()
+    assert "standard input: TRC" in capsys.readouterr().err
+
+
 def test_through_the_stream(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["encode", str(folder / "m.npz"), "-o", str(folder / "m.cue")]) == 0
     assert main(["decode", str(folder / "m.cue"), "-o", str(folder / "d.npz")]) == 0
