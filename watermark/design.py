@@ -15,7 +15,7 @@ from watermark.layout import make_layout, make_pilots
 from watermark.link import Link
 from watermark.masking import make_masker
 from watermark.mdct import analyse, frames_of, synthesise
-from watermark.profile import HOP, PILOT_ALPHA, Profile
+from watermark.profile import HOP, Profile
 from watermark.strain import coder_noise, needed_level
 
 ITERATIONS = 3
@@ -131,6 +131,6 @@ class MarkDesigner:
             self._pilots.cells,
             self._announced,
             step=self._profile.pilot_step(nearest),
-            alpha=PILOT_ALPHA * share,
+            alpha=self._alpha.mean() * share,
         )
         return data + pilots

@@ -35,9 +35,6 @@ SLOT_FRAMES = 8
 USUAL_GRADE = -0.43
 """Grade to aim at unless told otherwise: what the loop misses it by leaves clips above -0.5."""
 
-PILOT_ALPHA = 0.5
-"""Part of the quantisation error that the embedder removes in pilots."""
-
 FIRST_PILOT_BIN = 6
 """Lowest bin of the pilots: 300 Hz; a bin is 50 Hz wide."""
 
@@ -81,7 +78,7 @@ class Profile:
         The lowest cell begins at the first. No cell reaches beyond this bin.
     alphas : tuple of float
         Part of the quantisation error that the embedder removes in the lowest and in the highest
-        cell, 0 to 1 (Costa's parameter); linear between them.
+        cell, 0 to 1 (Costa's parameter); linear between them, and their mean in the pilots.
     strength : float
         Factor of `LEVELS` for data cells: long cells need wider steps for the same loudness.
     lowest_tier : int

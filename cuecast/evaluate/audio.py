@@ -42,7 +42,7 @@ USUAL = (
     "robust:aac_64",
     "robust:mp3_64",
     "robust:opus_64",
-    "discreet@-0.08:aac_128",
+    "discreet@-0.1:aac_128",
 )
 """Channels measured when none are named."""
 
