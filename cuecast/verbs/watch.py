@@ -27,12 +27,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Serve the page."""
     from codec.motion import load_motion
-    from codec.voice import load_voice
     from cuecast.media.playable import playable
+    from cuecast.voices import coding_voice
     from receiver.server import serve
     from receiver.tuner import MotionTuner, ProgrammeTuner, Tuner
 
-    voice = load_voice(args.voice)
+    voice = coding_voice(args.voice)
     place: dict[str, Any] = {
         "host": args.host, "port": args.port, "on_ready": lambda url: note(f"watch at {url}"),
     }  # fmt: skip
