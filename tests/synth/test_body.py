@@ -7,6 +7,7 @@ import pytest
 
 from codec.errors import CueError
 from codec.layout import FOREARM, MARKER_NUMBER, MARKERS, longest_finger_tip, marker_indices
+from codec.npz import read_arrays
 from codec.score import PLACEMENTS
 from synth.body.anatomy import IDENTITIES, PHALANGES, identity
 from synth.body.body import Body, Pose, load_asset, load_body
@@ -187,7 +188,10 @@ def test_the_asset_is_what_the_mesh_gives(tmp_path: Path) -> None:
 
     assert main(["--mesh", str(MESH), "--out", str(tmp_path)]) == 0
     asset = Path(__file__).parents[2] / "synth" / "assets" / "hm08_markers.npz"
-    assert (tmp_path / asset.name).read_bytes() == asset.read_bytes()
+    made, kept = (read_arrays(p, max_bytes=1 << 26) for p in (tmp_path / asset.name, asset))
+    assert made.keys() == kept.keys()  # archives differ in their headers between versions of Python
+    for name, array in kept.items():
+        np.testing.assert_array_equal(made[name], array, err_msg=name, strict=True)
 
 
 def test_markers_come_in_the_layout_order() -> None:
