@@ -80,12 +80,11 @@ class C3dPoints:
         )  # fmt: skip
         raw = raw.reshape(-1, self._words)[:, : 4 * len(self.labels)]
         if raw.dtype.kind == "i":
-            values = raw.astype(np.float32)
-            values = values.reshape(len(raw), -1, 4)
+            values = raw.astype(np.float32).reshape(len(raw), -1, 4)
             points, hidden = values[..., :3] * np.float32(self._scale), values[..., 3] < 0
         else:
-            floats = _from_dec(raw) if self._dec else raw.astype(np.float32)
-            floats = floats.reshape(len(raw), -1, 4)
+            read = _from_dec(raw) if self._dec else raw.astype(np.float32)
+            floats = read.reshape(len(raw), -1, 4)
             points, hidden = floats[..., :3].copy(), floats[..., 3] < 0
         # Some systems leave the origin where a marker is hidden, and say no more about it.
         points[hidden | (points == 0).all(-1) | ~np.isfinite(points).all(-1)] = np.nan

@@ -130,7 +130,8 @@ class Rehearsal:
 
     def _listen(self, marked: NDArray[np.float64]) -> None:
         """Send marked sound, and learn from what comes back."""
-        self._heard.append(self._through.process(marked.astype(np.float32)).mean(axis=1))
+        heard = self._through.process(marked.astype(np.float32)).mean(axis=1)
+        self._heard.append(heard.astype(np.float64))
         if self._delay is None and self._heard.end >= LEARNING_S * FS + LONGEST_DELAY:
             self._delay = self._find_delay()
         if self._delay is None:

@@ -167,8 +167,9 @@ def _regressed(
     for marker in range(layout.N_HAND):
         shown = seen[:, marker]
         unseen = design[~shown]
-        normal = (whole - unseen.T @ unseen) / max(shown.sum(), 1) + np.diag(penalty)
-        moment = design[shown].T @ still[shown, marker] / max(shown.sum(), 1)
+        count = max(int(shown.sum()), 1)
+        normal = (whole - unseen.T @ unseen) / count + np.diag(penalty)
+        moment = design[shown].T @ still[shown, marker] / count
         regression[:, marker] = np.linalg.solve(normal, moment)
     none = np.zeros((0, layout.N_HAND, 3))
     return HandModel(

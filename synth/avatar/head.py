@@ -151,10 +151,9 @@ def hair(points: FloatArray, triangles: IntArray) -> Part:
     up = (normals[sources] * shares[..., None]).sum(axis=1)
     level = (height[sources] * shares).sum(axis=1)
     across = np.degrees(np.arctan2(at[:, 0], np.hypot(at[:, 1] - 715, 0.35 * (at[:, 2] - 40))))
-    strands = sum(
-        np.sin(across * rate + phase + 0.015 * at[:, 2])
-        for rate, phase in ((0.9, 0.3), (1.7, 2.1), (3.1, 0.7), (4.3, 4.0))
-    )
+    strands = np.zeros(len(at))
+    for rate, phase in ((0.9, 0.3), (1.7, 2.1), (3.1, 0.7), (4.3, 4.0)):
+        strands += np.sin(across * rate + phase + 0.015 * at[:, 2])
     thickness = np.where(level > 0, 0.8 + 13 * (1 - np.exp(-np.maximum(level, 0) / 34)), level / 6)
     thickness = thickness + 0.2 * np.clip(level / 10, 0, 1) * strands
     colours = plain(HAIR, 12, len(at))

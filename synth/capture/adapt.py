@@ -103,7 +103,7 @@ def _middle(residual: FloatArray, seen: BoolArray, viewed: BoolArray) -> FloatAr
 def _adapt_hand(model: HandModel, x: FloatArray, seen: BoolArray) -> tuple[HandModel, float, float]:
     count = seen.sum(1)
     order = np.argsort(-count, kind="stable")[: 2 * _FRAMES]
-    chosen = np.sort(order[count[order] >= 0.6 * max(count.max(initial=0), 8)])
+    chosen = np.sort(order[count[order] >= 0.6 * max(int(count.max(initial=0)), 8)])
     chosen = chosen[:: max(1, len(chosen) // _FRAMES)]
     if len(chosen) < _LEAST_VIEWS:
         return model, 1.0, 0.0

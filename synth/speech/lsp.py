@@ -95,4 +95,4 @@ def _upper_angles(polynomials: NDArray[np.float64]) -> NDArray[np.float64]:
     else:
         colleague[:, 0, 0] = -c[:, 0] / c[:, 1]
     roots = np.linalg.eigvals(colleague).real
-    return np.arccos(np.clip(roots, -1.0, 1.0))
+    return np.asarray(np.arccos(np.clip(roots, -1.0, 1.0)))

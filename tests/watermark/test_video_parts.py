@@ -65,7 +65,7 @@ def test_demodulation_of_exact_lattice_points() -> None:
     bits[layout.pilots] = layout.pilot_bits ^ 1
     values = layout.dither + bits / 2 + np.random.default_rng(2).integers(-5, 5, POSITIONS)
     fine = np.zeros(POSITIONS)
-    soft = soft_bits(values, np.zeros(POSITIONS), layout, fine)
+    soft = soft_bits(values.astype(np.float64), np.zeros(POSITIONS), layout, fine)
     assert soft.parity == 1
     assert soft.agreement == pytest.approx(1)
     np.testing.assert_array_equal(soft.ratios < 0, bits[layout.data] == 1)
@@ -80,7 +80,7 @@ def test_coarse_lattice_lies_within_the_fine_one() -> None:
     exact = layout.dither + 3 * bits / 2 + 3 * rng.integers(-5, 5, POSITIONS)
     still = np.zeros(POSITIONS)
     for share in (0.0, 0.5, 1.0):
-        soft = soft_bits(exact, still, layout, np.full(POSITIONS, share))
+        soft = soft_bits(exact.astype(np.float64), still, layout, np.full(POSITIONS, share))
         np.testing.assert_array_equal(soft.ratios < 0, bits[layout.data] == 1)
     noisy = exact + rng.normal(0, 0.35, POSITIONS)
     wrong = []
