@@ -309,8 +309,8 @@ def test_superframes_take_their_ideal_length_and_end_within_a_byte(
             ideal += code_length(every)
             ours += 8 * (len(l0) - HEADER_BYTES - CRC16_BYTES)
             theirs += 32 * len(other.get_compressed())
-        # Half a byte and what a certain end takes.
-        assert ideal < ours < ideal + 12 * 6
+        # Half a byte and what a certain end takes; the length, told outside, may save a little.
+        assert ideal - 12 * 4 < ours < ideal + 12 * 6
         assert ours < theirs
 
 
