@@ -20,6 +20,7 @@ from receiver.engine import Receiver
 from receiver.events import Event, MotionPiece, State, StateChanged
 from receiver.fragments import Fragments, FragmentWriter, playable
 from receiver.line import READ_TIMEOUT_S, DatagramLine, Line, Pipe
+from receiver.media.programme import LENIENT
 from receiver.metrics import Metrics
 from receiver.pictureline import PictureLine
 from receiver.recode import PlainPictures, recodable
@@ -138,7 +139,7 @@ class Broadcast:
             self._line.connect()
         with av.open(
             self._line or self._source, "r", format=self._format, options=_OPTIONS,
-            timeout=(READ_TIMEOUT_S, READ_TIMEOUT_S), metadata_errors="ignore",
+            timeout=(READ_TIMEOUT_S, READ_TIMEOUT_S), **LENIENT,
         ) as container:  # fmt: skip
             self.metrics.add("connections_total")
             sound = next(iter(container.streams.audio), None)

@@ -28,6 +28,11 @@ _EXACT_DURATION = {"mov", "mp4", "matroska", "flac", "wav", "aiff"}
 _TOLERATED_SHORTFALL_S = 1.0
 """Last packets without a duration make the end uncertain by a picture or two."""
 
+LENIENT: dict[str, Any] = (
+    {"metadata_errors": "ignore"} if int(av.__version__.partition(".")[0]) < 19 else {}
+)
+"""Titles in no known alphabet are no reason to refuse a programme: PyAV 18 has to be told so."""
+
 av.logging.set_level(av.logging.PANIC)  # our errors are one line; FFmpeg would print its own
 
 
@@ -245,9 +250,10 @@ def _opened(source: str | os.PathLike[str] | BinaryIO, name: str) -> InputContai
     try:
         # The file: protocol keeps names with a colon from being read as addresses.
         address = f"file:{source}" if isinstance(source, (str, os.PathLike)) else source
-        return av.open(address, "r", metadata_errors="ignore")
+        container: InputContainer = av.open(address, "r", **LENIENT)
     except (av.FFmpegError, ValueError, UnicodeError) as error:
         raise CueError(f"{name}: not a sound or video file: {reason(error)}") from error
+    return container
 
 
 def measured_bit_rate(path: str | os.PathLike[str], *, track: int = 0) -> int:

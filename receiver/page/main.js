@@ -122,10 +122,15 @@ class Page {
     this.controls.showTime();
   }
 
-  /** State of reception at `timeS`, or of the connection where nothing was received. */
-  state(timeS) {
-    if (this.quiet && this.link === "searching") return "lost";
-    return (this.link === "searching" && this.timeline.stateAt(timeS)) || this.link;
+  /**
+   * The one state that is shown: of reception at `timeS`, or of the connection where nothing was
+   * received. A cuer who was received, but of whom nothing is here to be drawn yet, is awaited.
+   */
+  state(timeS, visibility) {
+    if (this.link !== "searching") return this.link;
+    if (this.quiet) return "lost";
+    const state = this.timeline.stateAt(timeS) || "searching";
+    return visibility === 0 && (state === "locked" || state === "degraded") ? "awaiting" : state;
   }
 
   tick(now) {
@@ -144,8 +149,8 @@ class Page {
     if (this.showsAvatar()) this.avatar.draw(timeS, look);
     else this.points.draw(this.markers, look);
     const words = this.words();
-    this.stage.showStatus(this.state(timeS), words);
-    this.stage.showAbsence(visibility > 0 ? "" : words.awaiting);
+    this.stage.showStatus(this.state(timeS, visibility), words);
+    this.stage.showCuer(visibility > 0);
     this.stage.showKeys(this.timeline.keysAround(timeS, 2, 2), words);
   }
 }

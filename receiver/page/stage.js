@@ -4,6 +4,8 @@ import { PLACEMENT_NUMBER } from "./keys.js";
 
 const HEIGHTS = { small: 0.36, medium: 0.5, large: 0.72, whole: 1 };
 const MARGIN = 0.025;
+/** Share of the bar's upper padding that is only its fading edge. */
+const BAR_FADE = 0.7;
 
 export class Stage {
   constructor(document) {
@@ -11,10 +13,10 @@ export class Stage {
     this.root = find("stage");
     this.video = find("programme");
     this.inset = find("inset");
+    this.bar = find("bar");
     this.keysLine = find("keys");
     this.status = find("status");
     this.statusText = find("status-text");
-    this.absence = find("absence");
     this.toast = find("toast");
     this.shownKeys = "";
   }
@@ -43,7 +45,15 @@ export class Stage {
     this.inset.dataset.alone = alone;
     this.inset.dataset.place = whole ? "whole" : settings.get("place");
     this.inset.style.setProperty("--backdrop", 0.82 * settings.get("opacity") / 100);
+    this.clearBar(whole ? 0 : top + height);
     this.inset.hidden = false;
+  }
+
+  /** Tell the style how high the bar of controls is, and how far it would cover the inset. */
+  clearBar(insetBottom) {
+    const clear = this.root.clientHeight - this.bar.offsetHeight + BAR_FADE * parseFloat(getComputedStyle(this.bar).paddingTop);
+    this.root.style.setProperty("--clear", `${this.root.clientHeight - clear}px`);
+    this.inset.style.setProperty("--lift", `${Math.min(0, clear - insetBottom)}px`);
   }
 
   /** Show the keys around the present one: phones above, placement and shape as the paper prints them. */
@@ -69,9 +79,9 @@ export class Stage {
     if (this.statusText.textContent !== words[state]) this.statusText.textContent = words[state];
   }
 
-  showAbsence(text) {
-    if (text) this.absence.textContent = text;
-    this.absence.classList.toggle("shown", Boolean(text));
+  /** Without a cuer there is no box: the programme is seen whole. */
+  showCuer(present) {
+    this.inset.classList.toggle("empty", !present);
   }
 
   /** A word that passes: what a key press did. */

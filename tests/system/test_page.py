@@ -56,12 +56,12 @@ def make_programme(path: Path, width: int, height: int, fps: int, seconds: int =
 
 def watch(
     media: Path, visit: Callable[[Page], Awaitable[None]], tuner: Tuner | None = None,
-    width: int = 1280, height: int = 720, voice: Voice = VOICE,
+    width: int = 1280, height: int = 720, voice: Voice = VOICE, ready: str = READY,
 ) -> None:  # fmt: skip
     async def main() -> None:
         television = Television(tuner or MotionTuner(MOTION), voice, media)
         async with television.running() as address, browse(address, width, height) as page:
-            await page.until(READY)
+            await page.until(ready)
             await visit(page)
             assert page.errors == []
 
@@ -279,6 +279,9 @@ def test_every_control_has_a_name(programme: Path) -> None:
     watch(programme, visit)
 
 
+BOX = "getComputedStyle(document.getElementById('inset')).visibility"
+
+
 class _Broken:
     """The cuer is missing between 4 and 8 seconds."""
 
@@ -300,14 +303,87 @@ def test_loss_is_shown_and_recovered(programme: Path) -> None:
         await page.until(f"{status} == 'locked'")
         await page.evaluate("cuecast.seekTo(6.0)")
         await page.until(f"{status} == 'lost' && cuecast.drawn.visibility == 0")
-        assert (
-            await page.evaluate("document.getElementById('absence').className") == "absence shown"
-        )
+        assert await page.evaluate(BOX) == "hidden"
         await page.screenshot(ARTEFACTS / "lost.png")
         await seek(page, 9.0)
         await page.until(f"{status} == 'locked'")
+        assert await page.evaluate(BOX) == "visible"
 
     watch(programme, visit, _Broken())
+
+
+class _Uncued:
+    """A programme without a mark: the search goes on and on."""
+
+    def tune(self, start_s: float) -> Iterator[Progress]:
+        yield Progress(start_s, (StateChanged(0.0, "searching"),))
+        yield Progress(20.0, ())
+
+
+def test_without_a_cuer_there_is_no_box(programme: Path) -> None:
+    async def visit(page: Page) -> None:
+        await page.until("document.getElementById('status').dataset.state == 'searching'")
+        for style in ("points", "avatar"):
+            await page.evaluate(f"cuecast.settings.set('style', '{style}')")
+            assert await page.evaluate(BOX) == "hidden"
+        await page.screenshot(ARTEFACTS / "uncued.png")
+
+    watch(programme, visit, _Uncued(), ready="window.cuecast && cuecast.video.readyState >= 3")
+
+
+class _Patient:
+    """Says that the cuer is received, and sends her motion up to the eighth second only."""
+
+    def tune(self, start_s: float) -> Iterator[Progress]:
+        yield Progress(start_s, (StateChanged(0.0, "locked"),))
+        for progress in MotionTuner(MOTION).tune(0.0):
+            kept = tuple(e for e in progress.events if not isinstance(e, StateChanged))
+            yield Progress(progress.until_s, kept if progress.until_s < 8.0 else ())
+
+
+def test_a_seek_beyond_what_came_shows_one_state(programme: Path) -> None:
+    async def visit(page: Page) -> None:
+        await seek(page, 3.0)
+        await page.until("document.getElementById('status').dataset.state == 'locked'")
+        await page.evaluate("cuecast.seekTo(15.0)")
+        await page.until("document.getElementById('status').dataset.state == 'awaiting'")
+        assert await page.evaluate(BOX) == "hidden"
+        shown = await page.evaluate("document.getElementById('status-text').textContent")
+        assert shown == await page.evaluate("cuecast.words().awaiting")
+        said = await page.evaluate("document.getElementById('stage').innerText")
+        for other in ("locked", "searching", "lost"):
+            assert await page.evaluate(f"cuecast.words().{other}") not in said
+
+    watch(programme, visit, _Patient())
+
+
+CUT_OFF = """JSON.stringify([...document.querySelectorAll(
+    '.bar, .bar button, .bar output, .status, .keys li, .inset:not(.empty), .panel')]
+    .filter((e) => e.getClientRects().length).map((e) => [e.id || e.className || e.tagName,
+        e.getBoundingClientRect()])
+    .filter(([, r]) => r.left < -1 || r.top < -1 || r.right > innerWidth + 1
+        || r.bottom > innerHeight + 1).map(([name]) => name))"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(360, 740), (740, 360)])
+def test_nothing_is_cut_off_on_a_telephone(programme: Path, width: int, height: int) -> None:
+    async def visit(page: Page) -> None:
+        await seek(page, 5.0)
+        await page.evaluate("cuecast.settings.get('keys') || cuecast.settings.toggle('keys')")
+        await asyncio.sleep(0.4)
+        assert json.loads(await page.evaluate(CUT_OFF)) == []
+        edge = "document.getElementById('{}').getBoundingClientRect().{}"
+        controls = edge.format("seek", "top")
+        for id in ("keys", "inset"):
+            assert await page.evaluate(f"{edge.format(id, 'bottom')} <= {controls} + 1")
+        await page.screenshot(ARTEFACTS / f"telephone-{width}x{height}.png")
+        await page.press("r")
+        await page.until("!document.getElementById('panel').hidden")
+        await asyncio.sleep(0.4)
+        assert json.loads(await page.evaluate(CUT_OFF)) == []
+        await page.screenshot(ARTEFACTS / f"telephone-settings-{width}x{height}.png")
+
+    watch(programme, visit, width=width, height=height)
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (1024, 768), (1680, 720)])
