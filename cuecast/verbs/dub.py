@@ -23,7 +23,6 @@ from cuecast.arguments import (
     natural,
     print_json,
     reading_of,
-    score_of_subtitles,
     subtitles_of,
 )
 from cuecast.errors import UsageError
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
     from codec.voice import Voice
     from cuecast.aligning import Confidence
     from cuecast.motions import MotionSource
+    from synth.subtitles import Subtitle
 
 SUMMARY = "the programme with its cuer inside"
 
@@ -41,8 +41,14 @@ SUMMARY = "the programme with its cuer inside"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("programme", metavar="PROGRAMME", help="sound or video file")
-    source = parser.add_mutually_exclusive_group(required=True)
-    source.add_argument("--subtitles", metavar="SUBS", help="what is said; - reads a pipe")
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument(
+        "--subtitles", metavar="SUBS",
+        help="what is said; - reads a pipe (default: the programme's own French subtitles)",
+    )  # fmt: skip
+    source.add_argument(
+        "--subtitle-track", metavar="N|LANG", help="which of the programme's own, from 0"
+    )
     source.add_argument("--motion", metavar="M.npz", help="motion of the cuer")
     parser.add_argument("-o", "--output", required=True, metavar="OUT")
     parser.add_argument(
@@ -139,22 +145,23 @@ def _motion(args: argparse.Namespace, voice: "Voice", confidence: "Confidence") 
     """Return the motion for the subtitles."""
     from cuecast.motions import JoinedMotion, SynthesisedMotion
     from receiver.media.programme import open_programme
+    from synth.score import score_from_subtitles
 
     reading = reading_of(args)
     with open_programme(args.programme, track=args.track) as programme:
         # Elsewhere the times of packets have nothing to do with those of MPEG-2.
         stream_s = programme.origin_s if programme.container.format.name == "mpegts" else None
+    subtitles = _subtitles(args, stream_s)
     if args.align:
         from cuecast.aligning import aligned_score
 
-        subtitles = subtitles_of(args.subtitles, stream_s)
         score = aligned_score(
             subtitles, args.programme, track=args.track, reading=reading, warn=note,
             judged=confidence,
         )  # fmt: skip
         note(str(confidence))
     else:
-        score = score_of_subtitles(args, args.subtitles, stream_s)
+        score = score_from_subtitles(subtitles, warn=note, reading=reading)
     options = reading.options
     # Who has nothing to say rests: for that no units are needed.
     if (args.units or args.method == "units") and score.keys:
@@ -167,3 +174,14 @@ def _motion(args: argparse.Namespace, voice: "Voice", confidence: "Confidence") 
     return SynthesisedMotion(
         score, voice, seed=args.seed, options=options, alignment=args.alignment
     )
+
+
+def _subtitles(args: argparse.Namespace, stream_s: float | None) -> "list[Subtitle]":
+    """Return what is said, from a file or from the programme itself."""
+    if args.subtitles is not None:
+        return subtitles_of(args.subtitles, stream_s)
+    from cuecast.media.subtitles import choose_track, read_track, text_tracks
+
+    track = choose_track(text_tracks(args.programme), args.subtitle_track, args.programme)
+    note(f"subtitle track {track}")
+    return read_track(args.programme, track)

@@ -1,0 +1,306 @@
+"""The subtitles inside a programme: which tracks there are, and the text of one.
+
+Text tracks (mov_text, SubRip, WebVTT, ASS, TTML) become `Subtitle` values on the programme's
+clock, through the same readers as subtitle files. Tracks of pictures and of codings that nothing
+here can read are named as what they are.
+"""
+
+import os
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from codec.errors import CueError
+from cuecast.media.tables import PACKET, SYNC, TableReader, synchronised
+from cuecast.media.timed_text import document_of, paragraph_of, placed, subtitles_of_packet
+from receiver.media.programme import open_programme
+from synth.subtitles import Subtitle
+from synth.subtitles.read import parse_subtitles
+
+_NAMES = {
+    "mov_text": "mov_text", "srt": "SubRip", "subrip": "SubRip", "text": "text",
+    "webvtt": "WebVTT", "ssa": "ASS", "ass": "ASS", "ttml": "TTML",
+}  # fmt: skip
+"""Codecs of text that are read."""
+
+_PICTURES = {
+    "dvbsub": "DVB bitmaps", "pgssub": "PGS bitmaps", "dvdsub": "DVD bitmaps",
+    "xsub": "XSUB bitmaps",
+}  # fmt: skip
+_UNREAD = {"teletext": "teletext", "arib captions": "ARIB captions", "cc_dec": "CEA-608 captions"}
+
+FRENCH = {"fra", "fre", "fr"}
+_UNTOLD = {"", "und", "mul", "qaa"}
+
+_SCANNED_BYTES = 4 << 20
+"""Of a transport stream, in which its tables and a text have to come."""
+
+_SCANNED_PACKETS = 400
+_LONGEST_S = 7.0
+"""How long a text stays whose end is told neither by itself nor by the next one."""
+
+
+@dataclass(frozen=True, slots=True)
+class TextTrack:
+    """A track of subtitles in a programme.
+
+    Attributes
+    ----------
+    number : int
+        Among the programme's tracks of subtitles, from 0.
+    index : int
+        Of the container's stream.
+    coding : str
+        What the track is, in words.
+    language : str
+        Code as the container tells it, or nothing.
+    title : str
+    readable : bool
+        Whether it is text that can be read.
+    forced, default : bool
+        Whether it only has what the dialogue's language leaves out; whether players show it first.
+    """
+
+    number: int
+    index: int
+    coding: str
+    language: str
+    title: str
+    readable: bool
+    forced: bool
+    default: bool
+
+    def __str__(self) -> str:
+        label = f"{self.number}: {self.coding}"
+        if self.language not in _UNTOLD:
+            label += f", {self.language}"
+        if self.title:
+            label += f", {self.title!r}"
+        return label if self.readable else f"{label} (cannot be read as text)"
+
+
+def text_tracks(path: str | os.PathLike[str]) -> list[TextTrack]:
+    """Return the tracks of subtitles of a programme, text or not.
+
+    Raises
+    ------
+    CueError
+        If it is not a programme.
+    """
+    with open_programme(path) as programme:
+        container = programme.container
+        told = _told_by_tables(path) if container.format.name == "mpegts" else {}
+        found = []
+        unnamed = []
+        for stream in container.streams:
+            kind, language = told.get(stream.id, ("", ""))
+            coding = _coding(stream, kind)
+            if coding or stream.type in ("subtitle", "data"):
+                found.append((stream, coding, stream.metadata.get("language", language)))
+                if not coding:
+                    unnamed.append(stream)
+        sniffed = _sniff(container, unnamed)
+        tracks: list[TextTrack] = []
+        for stream, coding, language in found:
+            coding = coding or sniffed.get(stream.index, "")
+            if coding or stream.type == "subtitle":
+                role = str(stream.disposition).lower()
+                title = stream.metadata.get("title", "")
+                tracks.append(
+                    TextTrack(
+                        len(tracks), stream.index, coding or "subtitles of an unknown coding",
+                        language.lower(), title, coding in _NAMES.values(),
+                        "forced" in role or "forced" in title.lower(), "default" in role,
+                    )
+                )  # fmt: skip
+    return tracks
+
+
+def choose_track(tracks: list[TextTrack], wanted: str | None, name: str) -> TextTrack:
+    """Return the track that is meant: by its number or language, else the French one.
+
+    Parameters
+    ----------
+    tracks : list of TextTrack
+    wanted : str, optional
+        Number from 0, or code of a language.
+    name : str
+        What error messages call the programme.
+
+    Raises
+    ------
+    CueError
+        If there is none, or it is not text.
+    """
+    listed = "; ".join(map(str, tracks))
+    texts = [track for track in tracks if track.readable]
+    if not tracks:
+        raise CueError(f"{name}: no subtitles in it: give them with --subtitles")
+    if wanted is not None:
+        meant = [t for t in tracks if wanted in (str(t.number), t.language)]
+        meant = meant or [t for t in texts if _alike(wanted, t.language)]
+        if not meant:
+            raise CueError(f"{name}: no subtitle track {wanted!r}, it has {listed}")
+        track = min(meant, key=_order)
+        if not track.readable:
+            raise CueError(f"{name}: subtitle track {track}: give a file with --subtitles")
+        return track
+    if not texts:
+        raise CueError(f"{name}: no text among its subtitles ({listed}): give it with --subtitles")
+    french = [t for t in texts if t.language.split("-")[0] in FRENCH]
+    untold = [t for t in texts if t.language in _UNTOLD]
+    if not french and not untold:
+        raise CueError(f"{name}: no French subtitles ({listed}): choose with --subtitle-track")
+    return min(french or untold, key=_order)
+
+
+def read_track(path: str | os.PathLike[str], track: TextTrack) -> list[Subtitle]:
+    """Return the subtitles of a track, on the programme's clock, sorted by their start.
+
+    Raises
+    ------
+    CueError
+        If there is no text in it.
+    """
+    with open_programme(path) as programme:
+        stream = programme.container.streams[track.index]
+        origin_s = programme.origin_s
+        packets = [
+            (
+                float(p.pts * p.time_base) - origin_s,
+                float((p.duration or 0) * p.time_base),
+                bytes(p),
+            )
+            for p in programme.container.demux(stream)
+            if p.size and p.pts is not None
+        ]
+        # In a transport stream the packets' clock has nothing to do with a document's.
+        zero_s = 0.0 if programme.container.format.name == "mpegts" else -origin_s
+    if track.coding == "TTML":
+        subtitles = list(_documents(packets, zero_s))
+    else:
+        subtitles = list(_cues(packets, _READERS[track.coding]))
+    if not subtitles:
+        raise CueError(f"{path}: subtitle track {track}: it is empty")
+    try:
+        return parse_subtitles(as_subrip(subtitles))
+    except CueError as error:
+        raise CueError(f"{path}: subtitle track {track.number}: {error}") from error
+
+
+def as_subrip(subtitles: list[Subtitle]) -> bytes:
+    """Return subtitles as a file in SubRip."""
+    blocks = []
+    for number, one in enumerate(sorted(subtitles, key=lambda s: s.start_s), 1):
+        text = re.sub(r"\n\s*\n", "\n", one.text.replace("-->", "→")).strip()
+        blocks.append(f"{number}\n{_clock(one.start_s)} --> {_clock(one.end_s)}\n{text}\n")
+    return "\n".join(blocks).encode()
+
+
+def _clock(time_s: float) -> str:
+    whole = round(time_s * 1000)
+    minutes, ms = divmod(whole, 60_000)
+    return f"{minutes // 60:02}:{minutes % 60:02}:{ms // 1000:02},{ms % 1000:03}"
+
+
+def _alike(wanted: str, language: str) -> bool:
+    both = {wanted.lower(), language.split("-")[0]}
+    return len(both) == 1 or both <= FRENCH
+
+
+def _order(track: TextTrack) -> tuple[bool, bool, int]:
+    return track.forced, not track.default, track.number
+
+
+def _coding(stream: Any, kind: str) -> str:
+    """Name of a track's coding as the container tells it, nothing where it does not."""
+    if kind == "ttml":
+        return "TTML"
+    if kind in _UNREAD:
+        return _UNREAD[kind]
+    if kind == "dvb bitmaps":
+        return "DVB bitmaps"
+    if stream.type != "subtitle" or stream.codec_context is None:
+        return ""
+    name = stream.codec_context.name
+    return _NAMES.get(name) or _PICTURES.get(name) or _UNREAD.get(name) or f"{name} subtitles"
+
+
+def _told_by_tables(path: str | os.PathLike[str]) -> dict[int, tuple[str, str]]:
+    """Kind and language of each PID of a transport stream, by its first map."""
+    with Path(path).open("rb") as file:
+        data = file.read(_SCANNED_BYTES)
+    start = synchronised(data)
+    reader = TableReader()
+    for at in range(start, len(data) - PACKET + 1, PACKET):
+        if data[at] == SYNC and reader.process(data[at : at + PACKET]):
+            break
+    streams = reader.programme.streams if reader.programme is not None else ()
+    return {stream.pid: (stream.kind, stream.language) for stream in streams}
+
+
+def _sniff(container: Any, streams: list[Any]) -> dict[int, str]:
+    """Name the coding of streams by what their first packets hold: TTML, or nothing."""
+    found: dict[int, str] = {}
+    if not streams:
+        return found
+    for _, packet in zip(range(_SCANNED_PACKETS), container.demux(streams), strict=False):
+        if packet.size and (document_of(bytes(packet)) or paragraph_of(bytes(packet))):
+            found[packet.stream.index] = "TTML"
+        if len(found) == len(streams):
+            break
+    return found
+
+
+_Packet = tuple[float, float, bytes]
+
+
+def _cues(packets: list[_Packet], read: Callable[[bytes], str]) -> Iterator[Subtitle]:
+    """Yield the texts of packets that hold one each."""
+    for place, (start_s, length_s, data) in enumerate(packets):
+        text = read(data).strip()
+        if not length_s:
+            following_s = (
+                packets[place + 1][0] if place + 1 < len(packets) else start_s + _LONGEST_S
+            )
+            length_s = min(following_s - start_s, _LONGEST_S)
+        yield from placed(start_s, start_s + length_s, text)
+
+
+def _documents(packets: list[_Packet], zero_s: float) -> Iterator[Subtitle]:
+    """Yield the texts of packets of TTML, each text once."""
+    yield from _cues([packet for packet in packets if not document_of(packet[2])], paragraph_of)
+    seen: set[Subtitle] = set()
+    for start_s, _, data in packets:
+        for one in subtitles_of_packet(data, start_s, zero_s):
+            if one not in seen:
+                seen.add(one)
+                yield one
+
+
+def _timed_text(data: bytes) -> str:
+    """Text of a packet of mov_text: two bytes of length, the text, boxes of its looks."""
+    length = int.from_bytes(data[:2], "big")
+    text = data[2 : 2 + length]
+    return text.decode("utf-16" if text[:2] in (b"\xfe\xff", b"\xff\xfe") else "utf-8", "replace")
+
+
+def _plain_text(data: bytes) -> str:
+    return data.decode("utf-8", "replace").strip("\x00")
+
+
+def _event_text(data: bytes) -> str:
+    """Text of a packet of ASS: eight fields, then what is shown; drawings are none."""
+    text = _plain_text(data).split(",", 8)[-1]
+    if re.search(r"\{[^}]*\\p[1-9]", text):
+        return ""
+    text = re.sub(r"\{[^}]*\}", "", text)
+    return text.replace("\\N", "\n").replace("\\n", "\n").replace("\\h", " ")
+
+
+_READERS: dict[str, Callable[[bytes], str]] = {
+    "mov_text": _timed_text, "SubRip": _plain_text, "WebVTT": _plain_text, "text": _plain_text,
+    "ASS": _event_text,
+}  # fmt: skip
