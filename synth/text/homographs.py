@@ -38,7 +38,7 @@ def _plus(stretch: Sequence[Item], position: int) -> str:
         # One says more than: a quantity, unless something is denied.
         return "plys"
     numeral = position + 1 < len(stretch) and stretch[position + 1].word_class == "U"
-    adds = numeral and position > 0 and stretch[position - 1].word_class == "U"
+    adds = numeral and position > 0 and stretch[position - 1].word_class in "UNA"
     if adds or (not after and before not in ("de", "non", "")) or before in ("en", "signe"):
         return "plys"
     return "ply"
@@ -76,6 +76,38 @@ def _est(stretch: Sequence[Item], position: int) -> str:
     return "Est" if stretch[position].word_class in "NA" or (named and not subject) else "E"
 
 
+def _convient(stretch: Sequence[Item], position: int) -> str:
+    """Return k§vi (from convier) for several who invite, k§vj5 (from convenir) else."""
+    before = [item.text for item in stretch[:position]]
+    near = [word for word in before if word not in _CLITICS][-1:]
+    several = near in (["ils"], ["elles"])
+    return "k§vi" if several or _plural_noun(stretch, position) else "k§vj5"
+
+
+def _plural_noun(stretch: Sequence[Item], position: int) -> bool:
+    """Whether the word stands right after a noun in the plural and its determiner."""
+    end = position
+    while end and stretch[end - 1].text in _CLITICS:
+        end -= 1
+    head = stretch[:end]
+    if not head or head[-1].word_class not in "NA" or head[-1].text[-1] not in "sx":
+        return False
+    return any(item.text in _PLURALS for item in head[-4:-1])
+
+
+def _punch(stretch: Sequence[Item], position: int) -> str:
+    """Return pœnʃ for a blow and for energy, pɔ̃ʃ for the drink."""
+    near = [item.text for item in stretch[max(0, position - 5) : position + 4]]
+    if any(word.startswith(drink) for word in near for drink in _DRINKS):
+        return "p§S"
+    return "p9nS" if _text(stretch, position - 1) in _ENERGY else "p§S"
+
+
+_CLITICS = frozenset("ne n' nous vous les le la l' leur lui me m' te t' se s' y en".split())
+_DRINKS = "boi boire bu buv verre bol rhum cocktail planteur coco goût sers servi tasse".split()
+_ENERGY = frozenset("du de son ton mon ce quel plein manque sans peu leur".split())
+
 _RULES: dict[str, Callable[[Sequence[Item], int], str]] = {
     "plus": _plus, "tous": _tous, "fils": _fils, "os": _os, "est": _est,
+    "convient": _convient, "punch": _punch,
 }  # fmt: skip

@@ -119,8 +119,9 @@ def lookup(word: str) -> tuple[Variant, ...]:
         field = layer().get(word)
         if field is not None:
             return parse_variants(field)
-    if "œ" in word:
-        return lookup(word.replace("œ", "oe"))
+    for joined, apart in (("œ", "oe"), ("æ", "ae")):
+        if joined in word:
+            return lookup(word.replace(joined, apart))
     return ()
 
 

@@ -11,6 +11,7 @@ import unicodedata
 from synth.text.capitals import accented, without_accents
 from synth.text.lexicon import lookup
 from synth.text.readings import RULES
+from synth.text.stretched import shortened
 
 SHORT_PAUSE, LONG_PAUSE = ",", "."
 PAUSES = frozenset((SHORT_PAUSE, LONG_PAUSE))
@@ -39,7 +40,7 @@ def normalise(text: str) -> list[str]:
     ["aujourd'hui", ',', "l'", 'homme', "qu'", 'on', 'attend', '.']
     """
     line = unicodedata.normalize("NFC", text).translate(_TRANSLATION)
-    line = _lower_shouting(line)
+    line = shortened(_lower_shouting(line))
     for pattern, reading in RULES:
         line = pattern.sub(reading, line)
     line = "".join(" " if sign.isdigit() else sign for sign in line.lower())

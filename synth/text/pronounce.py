@@ -37,6 +37,11 @@ _CONSONANT_SET = frozenset(CONSONANTS) - {"w", "ɥ", "j"}
 """Consonants that make a cluster; glides do not."""
 
 
+_CRY_PHONES = dict(zip("bdfgklmnprstvzʃ", "bdfgklmnpʁstvzʃ", strict=True)) | {
+    "h": "", "c": "k", "j": "ʒ",
+}  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True)
 class Style:
     """How the text is spoken where French leaves a choice.
@@ -137,8 +142,19 @@ def _guess(word: str) -> tuple[Variant, ...]:
         return singular
     if future := _future(word):
         return (Variant(future, {"V": 9}),)
+    if cry := _cry(word):
+        return (Variant(cry, {"I": 9}),)
     word_class = "V" if word.endswith(("er", "ent", "ait", "aient", "ez")) else "N"
     return (Variant(espeak.transcribe(word), {word_class: 9}),)
+
+
+def _cry(word: str) -> tuple[str, ...]:
+    """Return the phones of a cry without vowels (grr, tss, bzz), () if `word` is none."""
+    if len(word) > 1 and all(letter in _CRY_PHONES for letter in word):
+        spelled = word.replace("ch", "ʃ").replace("sh", "ʃ")
+        phones = (_CRY_PHONES[letter] for letter, _ in itertools.groupby(spelled))
+        return tuple(phone for phone in phones if phone)
+    return ()
 
 
 def _future(word: str) -> tuple[str, ...]:
@@ -169,7 +185,9 @@ def _speak_together(stretch: Sequence[Item], style: Style) -> None:
     """Apply what neighbours do to each other: numerals, liaison, final schwa."""
     hyphen_before = False
     for left, right in itertools.pairwise(stretch):
-        if left.word_class == "U" and (right.word_class in "NA" or right.text in SCALES):
+        counts = right.word_class in "NA" or right.text in (*SCALES, "pour")
+        counts &= right.text != "virgule"
+        if left.word_class == "U" and counts:
             left.phones = liaison.numeral_phones(left.text, left.phones, right.text, right.phones)
         if style.liaison != "none" and liaison.opens(right.text, right.phones):
             consonant = liaison.link(left, right, joined_left=hyphen_before)

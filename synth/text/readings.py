@@ -147,10 +147,22 @@ def height(m: Match) -> str:
     return f" {numbers.cardinal(n)} {'mètre' if n < 2 else 'mètres'} {say_integer(m[2])} "
 
 
+def scaled(m: Match) -> str:
+    """Read a number of millions or milliards written short before what it counts: 2,5 M d'euros."""
+    name = "million" if m["s"] == "M" else "milliard"
+    return f" {_number(m['n'], m['f'])} {name}{'s' if _integer(m['n']) > 1 else ''} "
+
+
 def mixed(m: Match) -> str:
-    """Read letters and figures in one word: M6, 3D, H1N1, CO2."""
+    """Read letters and figures in one word: M6, 3D, H1N1, CO2, C-3PO, COP21."""
     pieces = re.findall(r"[^\W\d_]+|\d+", m[0])
-    return f" {' '.join(say_integer(p) if p.isdigit() else spell(p) for p in pieces)} "
+    return f" {' '.join(map(_mixed_piece, pieces))} "
+
+
+def _mixed_piece(piece: str) -> str:
+    if piece.isdigit():
+        return say_integer(piece)
+    return piece.lower() if piece.lower() in SPOKEN_SIGLES else spell(piece)
 
 
 def regnal(m: Match) -> str:
@@ -262,13 +274,17 @@ _PATTERNS: list[tuple[str, Reading]] = [
     (rf"(?<!\d)\b1(?= (?:{_MONTH})\b)", _fixed("premier")),
     (rf"\b({_INTEGER}|[IVX]+)(ers?|ères?|res?|nde?s?|i?[eè]mes?|es?)\b(?!')", ordinal),
     (r"(?<![\w)])-(?=\d)", _fixed("moins")),
+    (rf"{_N} ?(?P<s>M|Mds?|Mrds?)(?= (?:d'|de ))", scaled),
     (rf"{_N} ?{_SCALE}(?P<c>{_any_of(CURRENCIES)})(?!\w)", amount),
     (rf"(?<!\w)(?P<c>[$£€]) ?(?P<n>{_INTEGER})(?:[.,](?P<f>\d+))?(?P<s>(?!))?", amount),
     (rf"{_N} ?(?P<u>{_any_of(UNITS)})(?![\w'])", unit),
     (r"(?<![\w/])(\d+)/(\d+)(?![\w/])", fraction),
     (r"\b([A-ZÉ][\w-]+|chapitre|tome|acte|scène|livre|siècle) ([IVXLCDM]+)\b", regnal),
     (r"(?<=\d) ?[x×] ?(?=\d)", _fixed("fois")),
-    (r"(?<![\w-])(?:[A-Z]{1,3}\d+(?:[A-Z]{1,2}\d*)*|\d[A-Z](?:\d[A-Z])*)(?![\w%°])", mixed),
+    (r"(?<![\w'-])[A-Z]{1,3}(?:-?\d+|\d+(?:[A-Z]{1,2}\d*)*|-\d+[A-Z]{1,2})"
+     r"(?:-[A-Z]{1,2}\d+)?(?![\w%°])", mixed),
+    (r"(?<=')[A-Z]{1,3}-?\d+(?:[A-Z]{1,2}\d*)*(?![\w%°])", mixed),
+    (r"(?<![\w-])(?:\d[A-Z](?:\d[A-Z])*|(?:COP|COVID)-?\d+|[Cc]ovid-\d+)(?![\w%°])", mixed),
     (r"(?<=\d)-(?=\d)", _fixed("")),
     (rf"{_N}(?P<w> ?[^\W\d_]+)?", plain_number),
     (r"\d+", lambda m: f" {say_integer(m[0])} "),

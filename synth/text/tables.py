@@ -14,7 +14,10 @@ MONTHS = (
 ABBREVIATIONS = (
     (r"\bMM\.(?= )", "messieurs"),
     (r"\bM\.(?= et (?:M\.|Mme|Mlle))", "monsieur"),
-    (r"\bM\.(?= ?[A-ZÉÈÀÂÎ])(?! ?[A-Z]\.)|\bMr\b\.?", "monsieur"),
+    (
+        r"\bM\.(?= ?[A-ZÉÈÀÂÎ])(?! ?[A-Z]\.)|\bM\.(?= (?:le |la |de |du |des |l'))|\bMr\b\.?",
+        "monsieur",
+    ),
     (r"\bMmes\b\.?", "mesdames"),
     (r"\bMme\b\.?", "madame"),
     (r"\bMlles\b\.?", "mesdemoiselles"),
@@ -34,7 +37,8 @@ ABBREVIATIONS = (
     (r"\bJ\.?-? ?C\.?(?!\w)", "jésus-christ"),
     (r"\bav\.(?= [A-ZÉ])", "avenue"),
     (r"\b[Bb]d\b\.?(?= )", "boulevard"),
-    (r"\betc\b\.*", "et cetera"),
+    (r"(?:\bet )?\betc\b\.*", "etcetera"),
+    (r"\b[Ee]x[ -](?:æ|ae)quo\b", "exaequo"),
     (r"\bc\.?-à-d\b\.?", "c'est-à-dire"),
     (r"\bp\. ?ex\.", "par exemple"),
     (r"\b[Cc]f\.", "confer"),
@@ -55,6 +59,18 @@ ABBREVIATIONS = (
     (r"\bgouv\.(?= )", "gouvernement"),
     (r"\bvs\b\.?", "contre"),
     (r"(?<=\d) ?(?:mn|min)\b\.?", "minutes"),
+    (r"\b[Bb]ld\b\.?(?= )", "boulevard"),
+    (r"\b[Ee]x\.(?= ?:)", "exemple"),
+    (r"\b[Aa]ppt\b\.?", "appartement"),
+    (r"\b[Tt]jrs\b|\b[Tt]js\b", "toujours"),
+    (r"\b[Bb]cp\b", "beaucoup"),
+    (r"\b[Pp]b\b(?!\.)", "problème"),
+    (r"\bN\.?B\. ?(?=:|\w)", "nota bene"),
+    (r"\bP\.?-?S\.(?= ?:)", "post-scriptum"),
+    (r"\bcie\b|\bCie\b", "compagnie"),
+    (r"\b4 ?[xX×] ?4\b", "quatre-quatre"),
+    (r"(?<=\b(?:un|en|ce|le|du|de|au)) jean\b|(?<=\b[mts]on) jean\b", "djine"),
+    (r"\bjeans\b", "djine"),
 )
 """Regular expressions and what they are read as, tried in this order."""
 
@@ -64,7 +80,12 @@ CURRENCIES = {
     "£": ("livre", "livres", True), "CHF": ("franc suisse", "francs suisses", False),
     "F": ("franc", "francs", False), "¥": ("yen", "yens", False),
     "M€": ("million d'euros", "millions d'euros", False),
-    "Md€": ("milliard d'euros", "milliards d'euros", False),
+    **{f"{short}€": ("milliard d'euros", "milliards d'euros", False)
+       for short in ("Md", "Mds", "Mrd", "Mrds", "Md ", "Mds ", "Mrd ", "Mrds ")},
+    "M$": ("million de dollars", "millions de dollars", False),
+    **{f"{short}$": ("milliard de dollars", "milliards de dollars", False)
+       for short in ("Md", "Mds", "Md ", "Mds ")},
+    "K€": ("kilo-euro", "kilo-euros", False),
     "k€": ("kilo-euro", "kilo-euros", False),
 }  # fmt: skip
 """Sign to (singular, plural, feminine)."""
@@ -111,11 +132,24 @@ SYMBOLS = {
 SPOKEN_SIGLES = frozenset(
     "onu otan unesco unicef nasa sida ovni pacs smic urssaf opep insee inserm ena enarque cnil "
     "fnac ikea fifa uefa feder erasmus laser radar sonar zep zac sicav sacem assedic benelux "
-    "oulipo inra ademe cedex capes crous deug bac fac imax cac led medef samu".split()
+    "oulipo inra inrae ademe cedex capes crous deug bac fac imax cac led medef samu raid ina eta "
+    "ira fiv caf ehpad amap unsa unef insa essec cnes cern giec cop covid sras losc var dom tom "
+    "sud arcom hadopi ram crif licra afnor anses apec cimade cnaf cnam creps daech darpa dreal "
+    "ddass esat gafa gafam garf gatt ibis lol mercosur nafta ovh pisa rib sacd sagem segpa sernam "
+    "sivom sofres spip swift tracfin unapei velux zad zup basf fiat seat saab asean brics pel dab "
+    "fed bafa bep afpa unedic bafta oscar césar fémis celsa ifop ipsos insep cada cafat crédoc "
+    "ifremer irsem onisep onera snes cnosf".split()
 )
 """Sigles that are said as words; the others of at most four letters are spelled."""
 
-SPELLED_SIGLES = frozenset("usa anpe eelv".split())
+SPELLED_SIGLES = frozenset(
+    "usa anpe eelv spa ars chu chr pib cap sav pao cao ist bri ter us uk udi cia ag ens iut ufr "
+    "cea hec epr rer pme pmi tpe eti ong omc oms ocde osce fmi bce ue uem pes ps pcf npa lr lfi "
+    "rn fn sdf rmi rsa hlm pv pdg dg bd tp td cv rh drh dsi vo vf vost hd uhd ia ip sms url gp "
+    "gpa pma ivg adn arn vih atp uci cio aja asse om ol og asm usap jo ko qi qg qcm iss esa rda "
+    "rfa urss dea nsa fsb tva apl ape api irm ecg eeg orl avc mst opj gav csa bfm lci dst dgse "
+    "bts".split()
+)
 """Sigles that look like words and are spelled all the same."""
 
 FEMININE_NOUNS = frozenset(

@@ -118,7 +118,7 @@ CASES = {
     "Dr House": "docteur house",
     "St-Malo": "saint malo",
     "n° 3": "numéro trois",
-    "etc.": "et cetera",
+    "etc.": "etcetera",
     "c.-à-d. demain": "c'est-à-dire demain",
     "av. J.-C.": "avant jésus-christ",
     "p. 12": "page douze",

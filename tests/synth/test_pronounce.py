@@ -166,3 +166,39 @@ def test_any_text_gives_phones(text: str) -> None:
 )
 def test_numerals_capitals_and_plus(written: str, phones: str) -> None:
     assert " ".join("".join(word.phones) for word in phonemise(written)) == phones
+
+
+@pytest.mark.parametrize(
+    ("written", "phones"),
+    [
+        ("6 %, 10 % et 8 %", "si puʁ sɑ̃ di puʁ sɑ̃ e ɥi puʁ sɑ̃"),
+        ("18,5 %", "dizɥit viʁgyl sɛ̃k puʁ sɑ̃"),
+        ("des pommes, etc.", "de pɔm ɛtseteʁa"),
+        ("Bac +5", "bak plys sɛ̃k"),
+        ("J'ai plus vingt ans.", "ʒ ɛ ply vɛ̃ tɑ̃"),
+        ("2,5 M d'euros", "dø viʁgyl sɛ̃k miljɔ̃ d øʁo"),
+        ("12 Mds d'euros, 3 Mds €", "duz miljaʁ d øʁo tʁwa miljaʁ d øʁo"),
+        ("le 4x4", "lə katʁkatʁ"),
+        ("C-3PO et R2-D2", "se tʁwa pe o e ɛʁ dø de dø"),
+        ("la COP21, le Covid-19", "la kɔp vɛ̃ te œ̃ lə kovid diznœf"),
+        ("le xylophone", "lə ksilɔfɔn"),
+        ("ex æquo", "ɛgzeko"),
+        ("curriculum vitæ", "kyʁikylɔm vite"),
+        ("la SPA, l'ENA, l'INA, le CHU", "la ɛs pe a l ena l ina lə se aʃ y"),
+        ("le medef, le MEDEF, un cedex", "lə medɛf lə medɛf œ̃ sedɛks"),
+        ("Grrr ! Tsss ! Nooooon ! Mmmm !", "gʁ ts nɔ̃ m"),
+        ("NOOON ! Louis XIII", "nɔ̃ lwi tʁɛz"),
+        ("Bzzz ! Vroum !", "bz vʁum"),
+        ("il convient de partir", "il kɔ̃vjɛ̃ də paʁtiʁ"),
+        ("Ils convient des amis.", "il kɔ̃vi de zami"),
+        ("Les voisins convient leurs amis.", "le vwazɛ̃ kɔ̃vi lœʁ zami"),
+        ("un jean, mon jean, des jeans", "œ̃ dʒin mɔ̃ dʒin de dʒin"),
+        ("Jean arrive, son Jean aussi", "ʒɑ̃ aʁiv sɔ̃ ʒɑ̃ osi"),
+        ("aux éditions du Seuil", "o zedisjɔ̃ dy sœj"),
+        ("un verre de punch", "œ̃ vɛʁ də pɔ̃ʃ"),
+        ("Il a du punch.", "il a dy pœnʃ"),
+        ("M. le Président", "məsjø lə pʁezidɑ̃"),
+    ],
+)
+def test_readings_of_television(written: str, phones: str) -> None:
+    assert said(written) == phones
