@@ -18,19 +18,26 @@ test: $(VENV)/installed
 test-all: $(VENV)/installed
 	$(BIN)/python -m pytest -m "slow or not slow"
 
-check: $(VENV)/installed
+check: $(VENV)/installed node_modules/installed
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/npm run --silent lint
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/npm run --silent types
 
 bench: $(VENV)/installed
 	$(BIN)/python -m pytest tests/bench -o python_files="bench_*.py" -m "slow or not slow"
 
 clean:
-	rm -rf $(VENV) $(OUT) .mypy_cache .pytest_cache .ruff_cache .benchmarks
+	rm -rf $(VENV) node_modules $(OUT) .mypy_cache .pytest_cache .ruff_cache .benchmarks
 
 $(VENV)/installed: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
-	$(BIN)/python -m pip install --quiet --editable ".[c3d,plots]" --group dev
+	$(BIN)/python -m pip install --quiet --editable ".[c3d]" --group dev
+	touch $@
+
+# ESLint and TypeScript look over the television's page; node itself comes by pip.
+node_modules/installed: package-lock.json $(VENV)/installed
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/npm ci --silent --no-fund --no-audit
 	touch $@

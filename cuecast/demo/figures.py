@@ -28,8 +28,6 @@ def draw_strip(
 ) -> None:
     """Draw six moments: the television with its cuer, and the markers that she is made of.
 
-    Needs matplotlib (extra ``plots``).
-
     Parameters
     ----------
     path : Path
@@ -79,10 +77,7 @@ def _caption(key: Key, time_s: float) -> str:
 
 
 def draw_keys(path: Path, sent: Motion, received: Motion) -> None:
-    """Plot placements of the keys and hand parameters, sent and received, over time.
-
-    Needs matplotlib (extra ``plots``).
-    """
+    """Plot placements of the keys and hand parameters, sent and received, over time."""
     import matplotlib.figure
 
     figure = matplotlib.figure.Figure(figsize=(12, 6), layout="constrained")

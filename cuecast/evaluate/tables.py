@@ -60,10 +60,7 @@ def write_results(folder: Path, name: str, results: Results) -> list[Path]:
 
 
 def write_plot(path: Path, results: Results, plot: Callable[[Any, Any], None]) -> None:
-    """Let `plot` draw `results` into a figure, and write it as PNG.
-
-    Needs matplotlib (extra ``plots``).
-    """
+    """Let `plot` draw `results` into a figure, and write it as PNG."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10, 6), layout="constrained")

@@ -151,10 +151,9 @@ class _Writer:
             return
         if frame.interlaced_frame:
             self._encoder.codec_context.flags |= _INTERLACED
-        for data in frame.side_data:
-            if data.type == SideDataType.DISPLAYMATRIX:
-                matrix = np.frombuffer(bytes(data), dtype=np.int32)
-                self._encoder.set_display_matrix(matrix.tolist())
+        turn = frame.side_data.get(SideDataType.DISPLAYMATRIX)
+        if turn is not None:
+            self._encoder.set_display_matrix(np.frombuffer(bytes(turn), dtype=np.int32).tolist())
 
     def configure(self, bit_rate: int, gop: int | None, size: tuple[int, int]) -> None:
         """Set the encoder's parameters; its rate is limited over one second, as on air."""

@@ -83,11 +83,15 @@ export function parseAvatar(buffer) {
 export class Surface {
   constructor(arrays, prefix) {
     const part = (name) => arrays[`${prefix}_${name}`];
-    for (const name of ["markers", "rest", "coefficients", "basis", "sources", "shares", "offsets", "triangles", "colours"]) {
-      this[name] = part(name);
-    }
-    this.shares = Float32Array.from(this.shares, (share) => share / SHARE_UNIT);
-    this.offsets = Float32Array.from(this.offsets, (offset) => offset / OFFSET_UNIT);
+    this.markers = part("markers");
+    this.rest = part("rest");
+    this.coefficients = part("coefficients");
+    this.basis = part("basis");
+    this.sources = part("sources");
+    this.triangles = part("triangles");
+    this.colours = part("colours");
+    this.shares = Float32Array.from(part("shares"), (share) => share / SHARE_UNIT);
+    this.offsets = Float32Array.from(part("offsets"), (offset) => offset / OFFSET_UNIT);
     this.rank = this.coefficients.length / this.markers.length;
     this.count = this.sources.length / 3;
     this.control = Float32Array.from(this.rest);

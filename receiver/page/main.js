@@ -21,7 +21,7 @@ class Page {
     this.model = model;
     this.live = live;
     this.quiet = false;
-    this.video = document.getElementById("programme");
+    this.video = /** @type {HTMLVideoElement} */ (document.getElementById("programme"));
     this.timeline = new Timeline();
     this.clock = new ProgrammeClock(this.video);
     this.stage = new Stage(document);
@@ -44,7 +44,7 @@ class Page {
     });
     this.listen();
     this.apply();
-    if (live) this.programme = new LiveProgramme(this.video, `ws://${location.host}/media`, (start) => this.tellCodec(start));
+    if (live) this.programme = new LiveProgramme(this.video, `ws://${location.host}/media`, (beginning) => this.tellCodec(beginning));
     else this.video.src = "/programme";
     requestAnimationFrame((now) => this.tick(now));
   }
@@ -168,7 +168,7 @@ function buildAvatar(canvas, model, arrays) {
 async function start() {
   const [voice, avatar, status] = await Promise.all(["/voice.json", "/avatar.bin", "/status.json"].map((path) => fetch(path)));
   const arrays = avatar.ok ? parseAvatar(await avatar.arrayBuffer()) : null;
-  window.cuecast = new Page(new VoiceModel(await voice.json()), arrays, (await status.json()).live);
+  Object.assign(window, { cuecast: new Page(new VoiceModel(await voice.json()), arrays, (await status.json()).live) });
 }
 
 start();

@@ -93,7 +93,7 @@ function read() {
   try {
     const stored = JSON.parse(localStorage.getItem(STORE) || "{}");
     return stored && typeof stored === "object" ? stored : {};
-  } catch (error) {
+  } catch {
     return {};
   }
 }

@@ -37,7 +37,7 @@ export class Timeline {
   /** Insert a piece; one that covers the same time is replaced if the new one is at least as good. */
   insert(piece) {
     const half = 0.5 * piece.count / piece.rateHz;
-    let low = this.indexAfter(piece.startS - half);
+    const low = this.indexAfter(piece.startS - half);
     while (low < this.pieces.length && this.pieces[low].startS < piece.startS + half) {
       if (this.pieces[low].layers > piece.layers) return;
       this.pieces.splice(low, 1);

