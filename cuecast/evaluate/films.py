@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from codec.layout import N_FACE
 from codec.score import Score
 from synth.capture.landmark_maps import FACE_LANDMARKS, face_map, joints_of
-from synth.gesture import GestureSynthesiser
+from synth.measured.cuer import Performer
 
 FloatArray = NDArray[np.float64]
 
@@ -30,13 +30,13 @@ _DEPTH_GAIN = 0.8
 
 
 def film(
-    cuer: GestureSynthesiser, score: Score, *, seconds: float, noise_mm: float, seed: int = 0
+    cuer: Performer, score: Score, *, seconds: float, noise_mm: float, seed: int = 0
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the landmarks of a film of `cuer`, and the truth.
 
     Parameters
     ----------
-    cuer : GestureSynthesiser
+    cuer : Performer
         Her rate is the film's.
     score : Score
     seconds : float

@@ -24,7 +24,8 @@ from cuecast.evaluate.models_fits import Fit, Models, Occlusion, Phases, explain
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.tables import write_results
 from cuecast.evaluate.takes import Material, Recorded, Take, performed
-from synth.body.anatomy import IDENTITIES
+from synth.body.anatomy import BY_RULE, IDENTITIES
+from synth.measured.cuer import MEASURED
 from synth.movement import LAWS
 
 N_TRAINING = 68
@@ -67,7 +68,8 @@ def evaluate(options: EvaluateOptions) -> dict[str, Any] | list[dict[str, Any]]:
 
 def cuers_named(chosen: Sequence[str]) -> list[str]:
     """Return the names ``identity/law`` that are meant; a name without a law means all laws."""
-    known = [f"{identity}/{law}" for identity in IDENTITIES for law in LAWS]
+    known = [f"{identity}/{law}" for identity in BY_RULE for law in LAWS]
+    known += [f"{identity}/{MEASURED}" for identity in IDENTITIES]
     names = []
     for word in chosen:
         found = [name for name in known if word in ("all", name, name.split("/")[0])]

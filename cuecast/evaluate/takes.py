@@ -29,7 +29,8 @@ from synth.corpus.make import (
 from synth.corpus.scores import shape_transitions
 from synth.corpus.sentences import read_sentences
 from synth.corpus.studio import Studio, surround
-from synth.gesture import GestureSynthesiser
+from synth.measured.cuer import MEASURED, performer
+from synth.measured.plan import paced
 from synth.text.espeak import RATE_HZ
 
 _FRAMING_TAKES = 3
@@ -73,7 +74,7 @@ class Performed:
     Attributes
     ----------
     identity, law : str
-        As for `synth.gesture.GestureSynthesiser`.
+        As for `synth.measured.cuer.performer`.
     utterances : tuple of Utterance
     """
 
@@ -93,13 +94,18 @@ class Performed:
 
     def _take(self, utterance: Utterance) -> Take:
         free = not utterance.line
-        cuer = GestureSynthesiser(
-            self.identity, law=self.law, rate_hz=RATE_OF_CORPORA_HZ, seed=utterance.seed,
-            free_space=free,
-        )  # fmt: skip
         sound, score = (
             (None, shape_transitions(rounds=ROUNDS_OF_SHAPES)) if free else spoken(utterance)
         )
+        cuer = performer(
+            self.identity,
+            self.law,
+            rate_hz=RATE_OF_CORPORA_HZ,
+            seed=utterance.seed,
+            free_space=free,
+        )
+        if self.law == MEASURED:
+            sound, score = None, paced(score)
         studio = Studio(surround()) if free else Studio()
         made = record(cuer, score, studio=studio, seed=utterance.seed)
         reached = tuple(cuer.target_times(score))

@@ -5,6 +5,7 @@ tip). The lengths here follow the proportions of hand length that Buchholz, Arms
 Goldstein (1992, Ergonomics 35:261) give, for women's hands.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from codec.errors import CueError
@@ -30,6 +31,8 @@ class Anatomy:
         Stretch of head and throat: width, height, depth.
     skin_seed : int
         Of the pattern in which her skin slides.
+    phalanges : mapping of str to tuple
+        Length of each phalange as a part of hand length; the thumb's metacarpal follows the palm.
     """
 
     scale: float
@@ -39,6 +42,7 @@ class Anatomy:
     upper_arm_mm: float
     face: tuple[float, float, float]
     skin_seed: int = 0
+    phalanges: Mapping[str, tuple[float | None, ...]] = field(default_factory=lambda: PHALANGES)
 
     def __post_init__(self) -> None:
         if not 140 <= self.hand_length_mm <= 220:
@@ -82,7 +86,7 @@ class Habits:
     undershoot: float = 0.12
 
 
-PHALANGES = {
+PHALANGES: Mapping[str, tuple[float | None, ...]] = {
     "finger1": (None, 0.196, 0.150),
     "finger2": (0.245, 0.143, 0.110),
     "finger3": (0.266, 0.170, 0.118),
@@ -113,8 +117,32 @@ IDENTITIES: dict[str, tuple[Anatomy, Habits]] = {
             head_mobility=2.2, scatter_mm=5.5, scatter_deg=2.5, undershoot=0.18,
         ),
     ),
+    "solange": (
+        Anatomy(
+            scale=0.98, hand_length_mm=194.0, palm=1.05, girth=0.94, upper_arm_mm=295.0,
+            face=(0.99, 1.02, 0.99), skin_seed=2,
+            phalanges={
+                "finger1": (None, 0.205, 0.136), "finger2": (0.262, 0.139, 0.098),
+                "finger3": (0.276, 0.158, 0.106), "finger4": (0.252, 0.150, 0.102),
+                "finger5": (0.199, 0.112, 0.088),
+            },
+        ),
+        Habits(
+            placement_shift_mm={
+                "cheek": (8.0, 16.0, 0.0), "mouth": (-6.0, -8.0, 2.0), "chin": (7.0, 6.0, 0.0),
+                "throat": (9.0, 20.0, 0.0), "side": (12.0, -4.0, -4.0),
+            },
+            hand_slope_deg=60.0, palm_turn_deg=18.0, opening=0.92, asymmetry=0.08,
+            head_mobility=1.6, scatter_mm=7.0, scatter_deg=6.0,
+        ),
+    ),
 }  # fmt: skip
-"""The cuers: a still speaker, and one with longer hands, flatter hand and livelier head."""
+"""A still speaker; one with longer hands, flatter hand and livelier head; and one whose fingers are
+long near the palm and who scatters as real cuers do (the movement of `synth.measured`)."""
+
+
+BY_RULE = ("claire", "agathe")
+"""Those who also move by the laws of `synth.movement`, in the figures."""
 
 
 def identity(name: str) -> tuple[Anatomy, Habits]:

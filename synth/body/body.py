@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from codec.errors import CueError
 from codec.npz import read_arrays
-from synth.body.anatomy import PHALANGES, Anatomy, Habits, identity
+from synth.body.anatomy import Anatomy, Habits, identity
 from synth.body.skeleton import (
     ARM_BONES,
     FINGER_BONES,
@@ -201,7 +201,7 @@ def bone_factors(anatomy: Anatomy, lengths: FloatArray) -> FloatArray:
     factors[2:] = anatomy.girth
     factors[2:8, 1] = anatomy.palm
     for finger, bones in enumerate(FINGER_BONES):
-        for bone, part in zip(bones, PHALANGES[f"finger{finger + 1}"], strict=True):
+        for bone, part in zip(bones, anatomy.phalanges[f"finger{finger + 1}"], strict=True):
             number = ARM_BONES.index(bone)
             if part is not None:
                 factors[number, 1] = part * anatomy.hand_length_mm / lengths[number]

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from codec.score import Score
 from synth.corpus.studio import Studio
-from synth.gesture import GestureSynthesiser, Labels
+from synth.gesture import Labels
+from synth.measured.cuer import Performer
 
 _TAIL_S = 1.2
 _FRAMES_AT_ONCE = 2000
@@ -45,14 +46,12 @@ class Take:
         return np.asarray(np.isfinite(self.observed[..., 0]))
 
 
-def record(
-    cuer: GestureSynthesiser, score: Score, *, studio: Studio | None = None, seed: int = 0
-) -> Take:
+def record(cuer: Performer, score: Score, *, studio: Studio | None = None, seed: int = 0) -> Take:
     """Return the take of `score` performed by `cuer`, with a moment of rest at the end.
 
     Parameters
     ----------
-    cuer : GestureSynthesiser
+    cuer : Performer
         Her rate is the studio's.
     score : Score
     studio : Studio, optional

@@ -9,7 +9,7 @@ from codec.errors import CueError
 from codec.layout import FOREARM, MARKER_NUMBER, MARKERS, longest_finger_tip, marker_indices
 from codec.npz import read_arrays
 from codec.score import PLACEMENTS
-from synth.body.anatomy import IDENTITIES, PHALANGES, identity
+from synth.body.anatomy import IDENTITIES, identity
 from synth.body.body import Body, Pose, load_asset, load_body
 from synth.body.mesh import read_mesh
 from synth.body.reach import placement_target
@@ -58,7 +58,7 @@ def test_phalanges_have_the_lengths_of_the_anatomy(name: str) -> None:
     for finger in range(2, 6):
         first, second = (ARM_BONES.index(f"finger{finger}-{p}") for p in (1, 2))
         length = np.linalg.norm(body.arm.origins[second] - body.arm.origins[first])
-        part = PHALANGES[f"finger{finger}"][0]
+        part = body.anatomy.phalanges[f"finger{finger}"][0]
         assert part is not None
         assert length == pytest.approx(part * body.anatomy.hand_length_mm, rel=0.01)
 
