@@ -241,7 +241,7 @@ def not_negative(text: str) -> float:
 
 
 USUAL_GRADE = -0.43
-"""That of `watermark.profile`, said again because help and errors load no arithmetic."""
+"""That of `watermark.audio.profile`, said again because help and errors load no arithmetic."""
 
 
 def grade(text: str) -> float:

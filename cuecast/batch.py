@@ -20,7 +20,7 @@ from typing import Any
 
 from codec.errors import CueError
 from cuecast.files import whole_file, write_json
-from watermark.profile import USUAL_GRADE
+from watermark.audio.profile import USUAL_GRADE
 
 SUMMARY = "summary.csv"
 FIELDS = (

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.profile import Profile
-from watermark.rehearsal import Rehearsal
+from watermark.audio.profile import Profile
+from watermark.audio.rehearsal import Rehearsal
 
 FS = 48_000
 

@@ -29,7 +29,8 @@ from cuecast.media.rewrite import Stage, rewrite_sound
 from cuecast.motions import RATE_HZ, MotionSource
 from cuecast.pictures import PictureOptions, dub_picture
 from receiver.media.programme import SoundFormat
-from watermark.profile import STANDARD, SUPERFRAME_S, USUAL_GRADE, Profile, find_profile
+from watermark.audio.profile import STANDARD, USUAL_GRADE, Profile, find_profile
+from watermark.link.superframe import SUPERFRAME_S
 
 LEAD = 2
 """A superframe is on air this many superframes before its motion is due."""

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from receiver.media.programme import SoundFormat
-from watermark.embed import AudioEmbedder, Source
-from watermark.mix import RATES, has_centre
-from watermark.profile import SUPERFRAME_S, USUAL_GRADE
+from watermark.audio.embed import AudioEmbedder, Source
+from watermark.audio.mix import RATES, has_centre
+from watermark.audio.profile import USUAL_GRADE
+from watermark.audio.rehearsal import Rehearsal
+from watermark.link.superframe import SUPERFRAME_S
 from watermark.quality import PeaqMeter
 from watermark.quality.resample import Resampler
-from watermark.rehearsal import Rehearsal
 
 _MARKED_RATE = 48_000
 _GRADED_CHANNELS = 2

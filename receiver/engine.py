@@ -1,10 +1,10 @@
 """The receiver: sound in blocks of any size and pictures in, the cuer's motion and keys out.
 
-`Receiver` joins the audio carrier (`watermark.receive.AudioReceiver`), those of the picture
+`Receiver` joins the audio carrier (`watermark.audio.receive.AudioReceiver`), those of the picture
 (`receiver.pictures`) and the timeline (`receiver.tracking.Tracker`). What arrived in several
-carriers is joined by `watermark.combine.Combiner`; any of them may begin or end at any time. The
-events do not depend on how the samples are cut into blocks; memory does not grow, apart from the
-list of keys when asked for.
+carriers is joined by `watermark.link.combine.Combiner`; any of them may begin or end at any time.
+The events do not depend on how the samples are cut into blocks; memory does not grow, apart from
+the list of keys when asked for.
 """
 
 import math
@@ -22,8 +22,8 @@ from codec.voice import Voice, load_voice
 from receiver.events import SUPERFRAME_S, Event, KeysFound, State
 from receiver.pictures import AGAIN_S, TRIAL_S, Found, PictureCarriers
 from receiver.tracking import Tracker
-from watermark.combine import Combiner
-from watermark.receive import MAX_MISSES, AudioReceiver
+from watermark.audio.receive import MAX_MISSES, AudioReceiver
+from watermark.link.combine import Combiner
 
 _COMPANY_S = 5.0
 """So long after its last superframe a carrier still counts as company for the other."""

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from watermark.a335.carrier import A335Receiver
-from watermark.link import Rates
-from watermark.received import ReceivedSuperframe
+from watermark.link.link import Rates
+from watermark.link.superframe import ReceivedSuperframe
 from watermark.video.receive import VideoReceiver
 
 TRIAL_S = 8.0

@@ -25,11 +25,12 @@ from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.sound_channels import Channel, Sound, find_channel
 from cuecast.evaluate.statistics import wilson_interval
 from receiver.media.sound import read_sound
-from watermark.embed import AudioEmbedder
-from watermark.profile import SUPERFRAME_S, USUAL_GRADE, Profile, find_profile
+from watermark.audio.embed import AudioEmbedder
+from watermark.audio.profile import USUAL_GRADE, Profile, find_profile
+from watermark.audio.receive import AudioReceiver
+from watermark.link.superframe import SUPERFRAME_S
 from watermark.quality import peaq, pesq_wb, segmental_snr_db
 from watermark.quality.loudness import loudness_lufs
-from watermark.receive import AudioReceiver
 
 USUAL = (
     "none",

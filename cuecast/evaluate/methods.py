@@ -23,7 +23,8 @@ from synth.gesture import GestureSynthesiser
 from synth.movement import ALIGNMENTS, plan_gestures
 from synth.recording import Recording
 from synth.score import score_from_text
-from watermark.profile import SUPERFRAME_S, find_profile
+from watermark.audio.profile import find_profile
+from watermark.link.superframe import SUPERFRAME_S
 
 _BETWEEN_S = 1.5
 

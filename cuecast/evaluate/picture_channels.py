@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cuecast.media.picture import PictureStage, rewrite_picture
 from receiver.media.picture import PictureFormat
-from watermark.profile import find_named
+from watermark.link.superframe import find_named
 
 Luma = NDArray[Any]
 

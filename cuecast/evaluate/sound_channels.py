@@ -14,8 +14,8 @@ import numpy as np
 import scipy.signal
 from numpy.typing import NDArray
 
-from watermark.profile import find_named
-from watermark.tape import Tape
+from watermark.audio.resampling_tape import Tape
+from watermark.link.superframe import find_named
 
 Sound = NDArray[np.float32]
 Channel = Callable[[Sound, int], Sound]

@@ -31,7 +31,7 @@ from cuecast.receive import receive
 from receiver.media.picture import PictureDecoder
 from receiver.media.programme import has_stream, open_programme
 from synth.score import score_from_subtitles
-from watermark.profile import SUPERFRAME_S
+from watermark.link.superframe import SUPERFRAME_S
 
 LENGTH_S = 60.0
 """Shorter clips are shown forwards and backwards until there is so much of them."""

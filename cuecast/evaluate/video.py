@@ -23,7 +23,7 @@ from cuecast.evaluate.picture_channels import Luma, find_channel, send
 from cuecast.evaluate.statistics import wilson_interval
 from cuecast.media.picture import PictureStage, rewrite_picture
 from receiver.media.picture import PictureFormat, picture_format, read_lumas
-from watermark.profile import SUPERFRAME_S
+from watermark.link.superframe import SUPERFRAME_S
 from watermark.video.embed import VideoEmbedder
 from watermark.video.profile import VideoProfile, find_profile
 from watermark.video.receive import VideoReceiver

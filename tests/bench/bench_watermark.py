@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from watermark.embed import AudioEmbedder
-from watermark.polar import make_code
-from watermark.profile import PROFILES
-from watermark.receive import AudioReceiver
+from watermark.audio.embed import AudioEmbedder
+from watermark.audio.profile import PROFILES
+from watermark.audio.receive import AudioReceiver
+from watermark.link.polar import make_code
 
 FS, SECONDS = 48000, 10
 

@@ -13,9 +13,9 @@ import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
-from watermark.profile import FS, PROFILES
-from watermark.receive import AudioReceiver
-from watermark.tape import Tape
+from watermark.audio.profile import FS, PROFILES
+from watermark.audio.receive import AudioReceiver
+from watermark.audio.resampling_tape import Tape
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data" / "audio"
 

@@ -20,7 +20,7 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.profile import SUPERFRAME_S
+from watermark.link.superframe import SUPERFRAME_S
 from watermark.video.embed import VideoEmbedder
 from watermark.video.profile import PROFILES
 from watermark.video.receive import VideoReceiver

@@ -8,8 +8,8 @@ from codec.errors import CueError
 from cuecast import arguments
 from cuecast.marking import MarkingStage
 from receiver.media.programme import SoundFormat
-from watermark import profile
-from watermark.profile import find_profile
+from watermark.audio import profile
+from watermark.audio.profile import find_profile
 
 STANDARD = find_profile("standard")
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from codec.encoder import SuperframeEncoder
 from codec.motion import Motion
 from codec.voice import Voice
-from watermark.embed import AudioEmbedder
-from watermark.profile import STANDARD
+from watermark.audio.embed import AudioEmbedder
+from watermark.audio.profile import STANDARD
 
 FS = 48000
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from tests.watermark.payloads import payloads
-from watermark.received import ReceivedSuperframe
+from watermark.link.superframe import ReceivedSuperframe
 from watermark.video.embed import VideoEmbedder
 from watermark.video.profile import PROFILES
 from watermark.video.receive import VideoReceiver

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from spec.reference import audio_carrier as reference
-from watermark.align import read_view
-from watermark.crc import crc_bits
-from watermark.demodulate import Demodulator
-from watermark.layout import make_layout, make_pilots
-from watermark.link import Link
-from watermark.masking import band_edges, make_masker
-from watermark.polar import make_code
-from watermark.profile import PROFILES, STANDARD
-from watermark.tape import Tape
+from watermark.audio.align import read_view
+from watermark.audio.demodulate import Demodulator
+from watermark.audio.layout import make_layout, make_pilots
+from watermark.audio.masking import band_edges, make_masker
+from watermark.audio.profile import PROFILES, STANDARD
+from watermark.audio.resampling_tape import Tape
+from watermark.link.crc import crc_bits
+from watermark.link.link import Link
+from watermark.link.polar import make_code
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "spec" / "audio-carrier.md").read_text(encoding="utf-8")
@@ -94,7 +94,7 @@ def test_profile_table_is_the_code_s() -> None:
 def test_cited_sections_exist() -> None:
     sections = set(re.findall(r"^##+ (\d+(?:\.\d+)?)\.? ", TEXT, flags=re.MULTILINE))
     cited: set[str] = set()
-    for path in (ROOT / "watermark").glob("*.py"):
+    for path in (ROOT / "watermark" / "audio").glob("*.py"):
         source = re.sub(r"\s+", " ", path.read_text(encoding="utf-8"))
         for match in re.findall(
             r"(?:pecification:|audio-carrier.md) sections? ([\d., and to]+)", source

@@ -5,12 +5,11 @@ import pytest
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.acquire import PilotSearch
-from watermark.embed import AudioEmbedder
-from watermark.profile import SUPERFRAME_S
-from watermark.receive import MAX_MISSES, AudioReceiver
-from watermark.received import ReceivedSuperframe
-from watermark.tape import Tape
+from watermark.audio.acquire import PilotSearch
+from watermark.audio.embed import AudioEmbedder
+from watermark.audio.receive import MAX_MISSES, AudioReceiver
+from watermark.audio.resampling_tape import Tape
+from watermark.link.superframe import SUPERFRAME_S, ReceivedSuperframe
 
 Sound = NDArray[np.float32]
 CLIP = Path(__file__).resolve().parents[3] / "shared" / "data" / "audio" / "film_mix.flac"

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from codec.errors import CueError
-from watermark.combine import Combiner
-from watermark.link import Link, Rates
-from watermark.profile import PROFILES as AUDIO_PROFILES
-from watermark.received import ReceivedSuperframe
+from watermark.audio.profile import PROFILES as AUDIO_PROFILES
+from watermark.link.combine import Combiner
+from watermark.link.link import Link, Rates
+from watermark.link.superframe import ReceivedSuperframe
 from watermark.video.profile import PROFILES as VIDEO_PROFILES
 
 AUDIO, VIDEO = AUDIO_PROFILES["standard"], VIDEO_PROFILES["twin"]

@@ -5,11 +5,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark import _kernels
-from watermark.crc import crc_bits
-from watermark.link import Link
-from watermark.polar import make_code
-from watermark.profile import STANDARD
+from watermark.audio.profile import STANDARD
+from watermark.link import _kernels
+from watermark.link.crc import crc_bits
+from watermark.link.link import Link
+from watermark.link.polar import make_code
 
 
 def noisy(coded: NDArray[np.int64], amplitude: float, seed: int) -> NDArray[np.float64]:

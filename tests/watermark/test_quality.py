@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from codec.errors import CueError
 from watermark.quality import PeaqMeter, _kernels, peaq, pesq_wb, segmental_snr_db, snr_db
 from watermark.quality.ear import BANDS, FRAME_RATE, band_edges, ear_tables
-from watermark.quality.harmonics import harmonic_structure
 from watermark.quality.loudness import loudness_lufs
+from watermark.quality.movs import harmonic_structure
 from watermark.quality.resample import Resampler
 
 GIVEN = Path(__file__).parents[3] / "shared" / "data" / "quality"

@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from cuecast.coder_stream import CoderStream, make_rehearsal
-from watermark.embed import AudioEmbedder
-from watermark.profile import FS, ROBUST, STANDARD
-from watermark.rehearsal import Rehearsal
+from watermark.audio.embed import AudioEmbedder
+from watermark.audio.profile import FS, ROBUST, STANDARD
+from watermark.audio.rehearsal import Rehearsal
 
 Sound = NDArray[np.float32]
 

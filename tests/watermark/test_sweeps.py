@@ -11,11 +11,11 @@ import soundfile
 from numpy.typing import NDArray
 
 from tests.bench.false_locks import listen
-from watermark.embed import AudioEmbedder
+from watermark.audio.embed import AudioEmbedder
+from watermark.audio.receive import AudioReceiver
+from watermark.audio.resampling_tape import Tape
+from watermark.link.superframe import ReceivedSuperframe
 from watermark.quality import peaq
-from watermark.receive import AudioReceiver
-from watermark.received import ReceivedSuperframe
-from watermark.tape import Tape
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data" / "audio"
 FS = 48000

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.watermark.pictures import mark, picture, source
-from watermark.link import Link
-from watermark.profile import PROFILES as AUDIO_PROFILES
+from watermark.audio.profile import PROFILES as AUDIO_PROFILES
+from watermark.link.link import Link
 from watermark.video import _kernels
 from watermark.video.demodulate import soft_bits
 from watermark.video.embed import VideoEmbedder

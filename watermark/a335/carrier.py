@@ -38,8 +38,7 @@ from watermark.a335.messages import (
 )
 from watermark.a335.profile import DOMAIN, PROFILES, A335Profile
 from watermark.a335.vp1 import Vp1, parse_vp1
-from watermark.profile import SUPERFRAME_S, find_named
-from watermark.received import ReceivedSuperframe
+from watermark.link.superframe import SUPERFRAME_S, ReceivedSuperframe, find_named
 
 Luma = NDArray[Any]
 Source = Callable[[int], tuple[bytes, bytes]]

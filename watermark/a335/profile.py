@@ -13,7 +13,7 @@ from watermark.a335.messages import (
     body_capacity,
     private_overhead,
 )
-from watermark.profile import SUPERFRAME_S
+from watermark.link.superframe import SUPERFRAME_S
 
 CHECK_BYTES = 4
 DOMAIN = "cue.tv,2026"

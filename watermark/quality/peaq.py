@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from codec.errors import CueError
 from watermark.quality import _kernels
 from watermark.quality.ear import BANDS, FRAME, FRAME_RATE, FS, HOP, ear_tables
-from watermark.quality.harmonics import harmonic_structure
 from watermark.quality.movs import (
     AUDIBLE_DELAY_FRAMES,
     AUDIBLE_SONE,
@@ -24,8 +23,10 @@ from watermark.quality.movs import (
     Frame,
     MovAverages,
     Movs,
+    difference_grade,
+    distortion_index,
+    harmonic_structure,
 )
-from watermark.quality.network import difference_grade, distortion_index
 from watermark.quality.resample import Resampler
 
 FloatArray = NDArray[np.float64]

@@ -1,7 +1,7 @@
 """Seeded layout of a superframe's values: dither, pilots, interleaver.
 
 Specification: spec/video-carrier.md, section 5. Pseudorandom numbers come from the named streams
-of `watermark.layout`.
+of `watermark.audio.layout`.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.layout import stream_words
+from watermark.link.keystream import stream_words
 from watermark.video.profile import OPENING, PILOTS, POSITIONS, VideoProfile
 
 

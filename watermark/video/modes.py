@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.link import Link
+from watermark.link.link import Link
 from watermark.video.demodulate import pilot_waves
 from watermark.video.layout import VideoLayout, make_layout
 from watermark.video.profile import PILOTS, PROFILES, VideoProfile

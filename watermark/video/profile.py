@@ -6,7 +6,8 @@ Specification: spec/video-carrier.md, sections 1 and 2.
 from dataclasses import dataclass
 
 from codec.errors import CueError
-from watermark.profile import STANDARD, SUPERFRAME_S, find_named
+from watermark.audio.profile import STANDARD
+from watermark.link.superframe import SUPERFRAME_S, find_named
 
 ROWS, COLUMNS = 45, 80
 """Cells of the picture, whatever its size."""

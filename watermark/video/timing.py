@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from codec.errors import CueError
-from watermark.profile import SUPERFRAME_S
+from watermark.link.superframe import SUPERFRAME_S
 from watermark.video.profile import FADE
 
 MIN_FPS, MAX_FPS = 12, 120

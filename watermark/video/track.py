@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.link import Decoded
-from watermark.received import ReceivedSuperframe
+from watermark.link.link import Decoded
+from watermark.link.superframe import ReceivedSuperframe
 from watermark.video.demodulate import Soft, coarse_share, soft_bits
 from watermark.video.embed import TEXTURE_EVERY
 from watermark.video.grid import Grid

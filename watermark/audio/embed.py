@@ -12,21 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.design import MarkDesigner
-from watermark.grade import LevelControl
-from watermark.mix import add_mark, check_format, front_of, mid_of, side_of
-from watermark.profile import (
-    FS,
-    HOP,
-    LEVELS,
-    SUPERFRAME,
-    SUPERFRAME_S,
-    USUAL_GRADE,
-    find_profile,
-)
-from watermark.rehearsal import Rehearsal
-from watermark.share import MarkShares
-from watermark.tape import Tape
+from watermark.audio.design import MarkDesigner
+from watermark.audio.division import MarkShares
+from watermark.audio.level_control import LevelControl
+from watermark.audio.mix import add_mark, check_format, front_of, mid_of, side_of
+from watermark.audio.profile import FS, HOP, LEVELS, SUPERFRAME, USUAL_GRADE, find_profile
+from watermark.audio.rehearsal import Rehearsal
+from watermark.audio.resampling_tape import Tape
+from watermark.link.superframe import SUPERFRAME_S
 
 STRETCH = 4
 """Superframes that are graded together: the embedder looks this far ahead."""
@@ -116,7 +109,7 @@ class AudioEmbedder:
         Objective difference grade to aim at (ITU-R BS.1387): 0 imperceptible, -1 perceptible but
         not annoying. The level of the mark follows it.
     level : int, optional
-        Fixed level instead, see `watermark.profile.LEVELS`.
+        Fixed level instead, see `watermark.audio.profile.LEVELS`.
     key : int
         Seed of the layout, 0 to 2**64 - 1; the receiver needs the same.
     rehearsal : Rehearsal, optional

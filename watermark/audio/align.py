@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.dither import project, soft_values
-from watermark.layout import Cells
-from watermark.masking import Masker
-from watermark.mdct import analyse, frames_of
-from watermark.profile import FRAMES_PER_SUPERFRAME, HOP, SUPERFRAME
-from watermark.strain import coder_noise
-from watermark.tape import Tape
+from watermark.audio.coder_demand import coder_noise
+from watermark.audio.dither import project, soft_values
+from watermark.audio.layout import Cells
+from watermark.audio.masking import Masker
+from watermark.audio.mdct import analyse, frames_of
+from watermark.audio.profile import FRAMES_PER_SUPERFRAME, HOP, SUPERFRAME
+from watermark.audio.resampling_tape import Tape
 
 CLUES = 3
 """What may tell how far a cell can be trusted: its strength, its frame's, and a coder's noise."""
@@ -64,7 +64,7 @@ class View:
     Attributes
     ----------
     spectra : ndarray of complex128, shape (64, HOP)
-        See `watermark.mdct.analyse`.
+        See `watermark.audio.mdct.analyse`.
     amplitudes : ndarray of float64, shape (64, bins)
         The mark's unit, see `Masker.amplitudes`.
     """

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.layout import make_pilots
-from watermark.masking import make_masker
-from watermark.mdct import analyse
-from watermark.profile import (
+from watermark.audio.layout import make_pilots
+from watermark.audio.masking import make_masker
+from watermark.audio.mdct import analyse
+from watermark.audio.profile import (
     FRAMES_PER_SUPERFRAME,
     HOP,
     PILOT_SLOTS,
@@ -167,7 +167,7 @@ class PilotSearch:
 
     def _correlate(self) -> Iterator[tuple[float, int, int, int, int]]:
         """Best score of each tier and profile, with tier, profile, clock error and start."""
-        from watermark import _kernels
+        from watermark.audio import _kernels
 
         shape = FRAMES_PER_SUPERFRAME // SEGMENT_FRAMES, PLACES + 2 * self._slack
         peak, score = np.empty((2, PLACES), dtype=np.float32)
@@ -188,7 +188,7 @@ class PilotSearch:
 
     def _observe(self) -> NDArray[np.float32]:
         """Soft values of the pilots' positions, shape (tiers, PILOT_SLOTS, PLACES)."""
-        from watermark import _kernels
+        from watermark.audio import _kernels
 
         frames = np.lib.stride_tricks.sliding_window_view(self._sound, 2 * SEARCH_HOP)[::STRIDE]
         spectra = self._transform @ np.ascontiguousarray(frames.T)

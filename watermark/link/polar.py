@@ -40,7 +40,7 @@ class PolarCode:
 
     def encode(self, bits: NDArray[np.int64]) -> NDArray[np.int64]:
         """Coded bits, shape (length,), of message bits, shape (message,)."""
-        from watermark import _kernels
+        from watermark.link import _kernels
 
         x = np.zeros(self.frozen.size, dtype=np.int64)
         x[self.frozen == 0] = bits
@@ -77,7 +77,7 @@ class PolarCode:
         >>> code.decode(1.0 - 2.0 * word, accept=lambda message: True).tolist()[:5]
         [0, 1, 0, 1, 0]
         """
-        from watermark import _kernels
+        from watermark.link import _kernels
 
         size = self.frozen.size
         mother = np.zeros(-(-self.length // size) * size)

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.dither import mark_change, project
-from watermark.layout import make_layout, make_pilots
-from watermark.link import Link
-from watermark.masking import make_masker
-from watermark.mdct import analyse, frames_of, synthesise
-from watermark.profile import HOP, Profile
-from watermark.strain import coder_noise, needed_level
+from watermark.audio.coder_demand import coder_noise, needed_level
+from watermark.audio.dither import mark_change, project
+from watermark.audio.layout import make_layout, make_pilots
+from watermark.audio.masking import make_masker
+from watermark.audio.mdct import analyse, frames_of, synthesise
+from watermark.audio.profile import HOP, Profile
+from watermark.link.link import Link
 
 ITERATIONS = 3
 """Rounds of deriving the mask again; further ones gain nothing at the receiver."""
@@ -89,7 +89,7 @@ class MarkDesigner:
     def need(
         self, before: NDArray[np.float64], mid: NDArray[np.float64], side: NDArray[np.float64]
     ) -> float:
-        """Level that the superframe needs in a coder short of bits, see `watermark.strain`.
+        """Level that the superframe needs in a coder short of bits, see `coder_demand`.
 
         Parameters
         ----------

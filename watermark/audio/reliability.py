@@ -65,7 +65,7 @@ class Reliability:
         Parameters
         ----------
         clues : ndarray of float64, shape (3, 64, groups)
-            See `watermark.align.View.clues`.
+            See `watermark.audio.align.View.clues`.
         exponents : ndarray of float64, shape (3,), optional
             To be used instead of the learnt ones.
         """

@@ -10,7 +10,7 @@ Costa, IEEE Trans. IT 29(3), 1983. Specification: section 4.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from watermark.layout import Cells
+from watermark.audio.layout import Cells
 
 
 def _cut(values: NDArray[np.float64], cells: Cells) -> NDArray[np.float64]:

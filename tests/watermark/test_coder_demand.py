@@ -7,13 +7,13 @@ import pytest
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.design import MarkDesigner
-from watermark.grade import LevelControl
-from watermark.link import SIGNIFICANCE, Link
-from watermark.masking import make_masker
-from watermark.mdct import analyse, frames_of
-from watermark.profile import DISCREET, HOP, PROFILES, ROBUST, STANDARD, SUPERFRAME, Profile
-from watermark.strain import coder_noise
+from watermark.audio.coder_demand import coder_noise
+from watermark.audio.design import MarkDesigner
+from watermark.audio.level_control import LevelControl
+from watermark.audio.masking import make_masker
+from watermark.audio.mdct import analyse, frames_of
+from watermark.audio.profile import DISCREET, HOP, PROFILES, ROBUST, STANDARD, SUPERFRAME, Profile
+from watermark.link.link import SIGNIFICANCE, Link
 
 
 def noise(power: float, seed: int = 0) -> np.ndarray:

@@ -1,9 +1,18 @@
 """What any carrier's receiver hands on: the two classes of a superframe and when it was on air."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from codec.errors import CueError
+
+T = TypeVar("T")
+
+SUPERFRAME_S = 0.64
+"""Duration of a superframe in seconds, whatever carries it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,3 +39,22 @@ class ReceivedSuperframe:
     confidence: float
     ber_estimate: float = 0.0
     ratios: NDArray[np.float64] | None = field(default=None, compare=False, repr=False)
+
+
+def find_named(choices: Mapping[str, T], name: str, kind: str) -> T:
+    """Return the choice called `name`; `kind` says what it is, in the words of the user.
+
+    Raises
+    ------
+    CueError
+        If there is none.
+
+    Examples
+    --------
+    >>> find_named({"one": 1, "two": 2}, "two", "number")
+    2
+    """
+    try:
+        return choices[name]
+    except KeyError:
+        raise CueError(f"unknown {kind} {name!r}, known: {', '.join(choices)}") from None

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.align import View
-from watermark.layout import make_layout, make_pilots
-from watermark.link import Decoded, Link
-from watermark.masking import make_masker
-from watermark.profile import LEVELS, PILOT_STEPS, Profile
-from watermark.reliability import NOISY, Reliability
+from watermark.audio.align import View
+from watermark.audio.layout import make_layout, make_pilots
+from watermark.audio.masking import make_masker
+from watermark.audio.profile import LEVELS, PILOT_STEPS, Profile
+from watermark.audio.reliability import NOISY, Reliability
+from watermark.link.link import Decoded, Link
 
 LIST_SIZE, LONG_LIST_SIZE, LONGEST_LIST_SIZE = 8, 32, 64
 """Paths that the decoder follows at first, then at a candidate, and where a superframe is due."""

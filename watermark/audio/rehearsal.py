@@ -14,13 +14,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.align import read_view
-from watermark.demodulate import Demodulator
-from watermark.design import MarkDesigner
-from watermark.masking import make_masker
-from watermark.mix import front_of
-from watermark.profile import FS, HOP, SUPERFRAME, Profile
-from watermark.tape import Tape
+from watermark.audio.align import read_view
+from watermark.audio.demodulate import Demodulator
+from watermark.audio.design import MarkDesigner
+from watermark.audio.masking import make_masker
+from watermark.audio.mix import front_of
+from watermark.audio.profile import FS, HOP, SUPERFRAME, Profile
+from watermark.audio.resampling_tape import Tape
 
 LEARNING_S = 2.0
 """Sound from which the coder's delay is found."""

@@ -11,9 +11,9 @@ none, an embedder may choose levels freely.
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.layout import Cells
-from watermark.masking import Masker
-from watermark.profile import FRAMES_PER_SUPERFRAME, LEVELS, Profile
+from watermark.audio.layout import Cells
+from watermark.audio.masking import Masker
+from watermark.audio.profile import FRAMES_PER_SUPERFRAME, LEVELS, Profile
 
 CODED_BINS = 300
 """A coder spends its bits below 15 kHz."""

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.acquire import DECIMATION, Candidate, PilotSearch
-from watermark.align import Fit, find_delay, read_view, search_fit
-from watermark.demodulate import Demodulator, Reading
-from watermark.layout import make_pilots
-from watermark.masking import make_masker
-from watermark.mix import check_format, mid_of
-from watermark.profile import (
+from watermark.audio.acquire import DECIMATION, Candidate, PilotSearch
+from watermark.audio.align import Fit, find_delay, read_view, search_fit
+from watermark.audio.demodulate import Demodulator, Reading
+from watermark.audio.layout import make_pilots
+from watermark.audio.masking import make_masker
+from watermark.audio.mix import check_format, mid_of
+from watermark.audio.profile import (
     FS,
     HOP,
     LEVELS,
@@ -28,8 +28,8 @@ from watermark.profile import (
     SUPERFRAME,
     Profile,
 )
-from watermark.received import ReceivedSuperframe
-from watermark.tape import Tape
+from watermark.audio.resampling_tape import Tape
+from watermark.link.superframe import ReceivedSuperframe
 
 TRIED_LEVELS = 6
 """Levels at which a candidate is tried: those of its tier and one on either side."""

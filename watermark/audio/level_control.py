@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.profile import FS, LEVELS
+from watermark.audio.profile import FS, LEVELS
 from watermark.quality import PeaqMeter
 
 START_BASE = 7.5

@@ -95,7 +95,7 @@ class Tape:
             raise CueError(f"resampling ratio {ratio} is not within 0..64")
         if ratio == 1.0 and position == round(position):
             return self._cut(round(position), count)
-        from watermark import _kernels
+        from watermark.audio import _kernels
 
         # The pass band ends a little below half the slower rate, for the window's sake.
         table = impulse_responses(min(1.0, 0.94 / ratio) if ratio > 1.01 else 1.0)

@@ -5,14 +5,11 @@ bins, cells), how it is written and how many bytes of each class a superframe ca
 receiver are handed the same profile; nothing is module state.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeVar
 
 from codec.errors import CueError
-from watermark.polar import longest_mother
-
-T = TypeVar("T")
+from watermark.link.polar import longest_mother
+from watermark.link.superframe import SUPERFRAME_S, find_named
 
 FS = 48_000
 """Rate in Hz at which the mark is defined; other rates are converted to it."""
@@ -26,8 +23,8 @@ FRAMES_PER_SUPERFRAME = 64
 SUPERFRAME = FRAMES_PER_SUPERFRAME * HOP
 """Samples of one superframe at `FS`."""
 
-SUPERFRAME_S = SUPERFRAME / FS
-"""Duration of a superframe in seconds."""
+assert SUPERFRAME == SUPERFRAME_S * FS
+
 
 SLOT_FRAMES = 8
 """Frames of one slot: 0.08 s, the unit that a channel may lose."""
@@ -224,25 +221,6 @@ PROFILES: dict[str, Profile] = {
     profile.name: profile for profile in (ROBUST, STANDARD, HIGH, DISCREET)
 }
 """Profiles by name; a profile's number is its place."""
-
-
-def find_named(choices: Mapping[str, T], name: str, kind: str) -> T:
-    """Return the choice called `name`; `kind` says what it is, in the words of the user.
-
-    Raises
-    ------
-    CueError
-        If there is none.
-
-    Examples
-    --------
-    >>> find_named({"one": 1, "two": 2}, "two", "number")
-    2
-    """
-    try:
-        return choices[name]
-    except KeyError:
-        raise CueError(f"unknown {kind} {name!r}, known: {', '.join(choices)}") from None
 
 
 def find_profile(name: str) -> Profile:

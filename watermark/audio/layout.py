@@ -5,7 +5,6 @@ label and the key, one named stream per purpose, so that another implementation 
 function only. What the pilots use is alike in all profiles.
 """
 
-import hashlib
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -13,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.errors import CueError
-from watermark.profile import (
+from watermark.audio.profile import (
     FIRST_PILOT_BIN,
     FRAMES_PER_SUPERFRAME,
     PILOT_BINS,
@@ -23,8 +21,7 @@ from watermark.profile import (
     PROFILES,
     Profile,
 )
-
-MAX_KEY = 2**64
+from watermark.link.keystream import stream_words
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,25 +100,6 @@ class Layout:
     def gather(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Inverse of `spread`."""
         return np.asarray(values.reshape(-1)[self.order])
-
-
-def stream_words(purpose: str, key: int, count: int) -> NDArray[np.int64]:
-    """Return `count` pseudorandom integers in 0..2**32-1 of the stream called `purpose`.
-
-    Raises
-    ------
-    CueError
-        If the key does not fit into 64 bits.
-
-    Examples
-    --------
-    >>> bool((stream_words("signs", 0, 4) < 2**32).all())
-    True
-    """
-    if not 0 <= key < MAX_KEY:
-        raise CueError(f"key {key} is not within 0..2**64-1")
-    raw = hashlib.shake_256(f"cuecast audio 1/{purpose}/{key}".encode()).digest(4 * count)
-    return np.frombuffer(raw, dtype="<u4").astype(np.int64)
 
 
 def _signs(words: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -9,11 +9,11 @@ the whole. Specification: W6.
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.masking import make_masker
-from watermark.mdct import analyse, frames_of, synthesise
-from watermark.mix import has_centre
-from watermark.profile import HOP
-from watermark.tape import Tape
+from watermark.audio.masking import make_masker
+from watermark.audio.mdct import analyse, frames_of, synthesise
+from watermark.audio.mix import has_centre
+from watermark.audio.profile import HOP
+from watermark.audio.resampling_tape import Tape
 
 TINY = float(np.finfo(float).tiny)
 

@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from watermark.profile import FS, HOP
+from watermark.audio.profile import FS, HOP
 
 BIN_HZ = FS / (2 * HOP)
 """Distance of two bins of the transform."""

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from codec.errors import CueError
-from watermark import _kernels
-from watermark.dither import project, soft_values
-from watermark.layout import make_pilots
-from watermark.tape import Tape, impulse_responses
+from watermark.audio import _kernels
+from watermark.audio.dither import project, soft_values
+from watermark.audio.layout import make_pilots
+from watermark.audio.resampling_tape import Tape, impulse_responses
 
 
 def sine(positions: np.ndarray, period: float) -> np.ndarray:

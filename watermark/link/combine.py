@@ -2,8 +2,8 @@
 
 In: what the receivers of sound and picture hand out, placed on one clock; out: superframes for the
 viewer. The same superframe in two carriers is one codeword seen twice: both use the same mother
-code for L0 (`watermark.polar`), so where it failed in both, their ratios are folded onto that code
-and add. Specification: spec/video-carrier.md, section 7.
+code for L0 (`watermark.link.polar`), so where it failed in both, their ratios are folded onto that
+code and add. Specification: spec/video-carrier.md, section 7.
 """
 
 from collections import deque
@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.crc import crc_bits
-from watermark.link import L0_CHECK, Link, Rates
-from watermark.polar import PolarCode, make_code
-from watermark.profile import SUPERFRAME_S
-from watermark.received import ReceivedSuperframe
+from watermark.link.crc import crc_bits
+from watermark.link.link import L0_CHECK, Link, Rates
+from watermark.link.polar import PolarCode, make_code
+from watermark.link.superframe import SUPERFRAME_S, ReceivedSuperframe
 
 CARRIERS = ("audio", "video", "a335")
 """The first of those that are being received leads: its places count for all."""

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.crc import crc_bits
-from watermark.polar import PolarCode, make_code
+from watermark.link.crc import crc_bits
+from watermark.link.polar import PolarCode, make_code
 
 L0_CHECK = 24
 """Check bits of the first class: each path of a decoder's list passes by chance once in 2**24."""

@@ -1,0 +1,1 @@
+"""The sound carrier: marks that coders leave and ears do not hear."""

@@ -1,0 +1,1 @@
+"""Bytes to coded bits and back: the same for every carrier."""
