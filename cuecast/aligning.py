@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cues.score import Score
 from codec.errors import CueError
-from codec.score import Score
 from receiver.media.programme import open_programme
 from receiver.media.sound import SoundDecoder, sound_blocks
 from synth.alignment.cepstra import FS, mono

@@ -17,7 +17,7 @@ REST_S = 0.5
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from codec.score import Score
+    from codec.cues.score import Score
     from synth.alignment.score import Judged
     from synth.score import Reading
     from synth.subtitles import Subtitle
@@ -101,7 +101,7 @@ def add_motion(parser: argparse.ArgumentParser) -> None:
 
 def reading_of(args: argparse.Namespace) -> "Reading":
     """Return what `add_reading` read."""
-    from codec.cueing import CueingOptions
+    from codec.cues.cueing import CueingOptions
     from synth.score import Reading
     from synth.text.lexicon import read_user_lexicon
     from synth.text.pronounce import Style

@@ -150,8 +150,8 @@ def _done(task: Task) -> dict[str, Any] | None:
 
 
 def _dub(task: Task) -> dict[str, Any]:
-    from codec.motion import load_motion
-    from codec.voice import load_voice
+    from codec.cuer.motion import load_motion
+    from codec.cuer.voice import load_voice
     from cuecast.dub import DubOptions, dub
     from cuecast.motions import GivenMotion, MotionSource, SynthesisedMotion
     from synth.score import score_from_subtitles

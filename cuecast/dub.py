@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.encoder import SuperframeEncoder
+from codec.bitstream.encoder import SuperframeEncoder
+from codec.bitstream.payload import nest
+from codec.cuer.voice import Voice
 from codec.errors import CueError
-from codec.nesting import nest
-from codec.voice import Voice
 from cuecast.coder_stream import make_rehearsal
 from cuecast.marking import MarkingStage
 from cuecast.media.rewrite import Stage, rewrite_sound
@@ -208,8 +208,8 @@ def superframe_source(
     """Return the function that gives an embedder the payloads (L0, L1) of its superframe k.
 
     That one is on air `first` + k superframes after the programme's clock's zero. Where L1 has room
-    for it, the superframe is a nested one (`codec.nesting`): its L0 is that of a sound with the
-    profile `beside`.
+    for it, the superframe is a nested one (`codec.bitstream.payload`): its L0 is that of a sound
+    with the profile `beside`.
     """
     nests = l0_bytes == beside.l0_bytes and l1_bytes >= 2 * (beside.l0_bytes + beside.l1_bytes)
     fine_bytes = l1_bytes - l0_bytes if nests else l1_bytes

@@ -6,12 +6,11 @@ from typing import Protocol
 
 import numpy as np
 
-from codec.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cuer.motion import Motion, sample_params
+from codec.cuer.voice import Voice
+from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cues.score import Score
 from codec.errors import CueError, VoiceError
-from codec.motion import Motion
-from codec.score import Score
-from codec.voice import Voice
-from receiver.render import sample_params
 from synth.concatenation import ConcatenativeSynthesiser
 from synth.gesture import GestureSynthesiser
 from synth.passages import passages

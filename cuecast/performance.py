@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import soundfile
 
-from codec.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cues.score import Score
 from codec.errors import CueError
-from codec.motion import Motion
-from codec.score import Score
-from codec.voice import Voice
 from cuecast.files import whole_file
 from cuecast.progress import count_bar
 from synth.archive import built_in_recordings, read_archive, write_archive

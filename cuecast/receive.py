@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
-from codec.motion import Motion
-from codec.voice import Voice
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
 from receiver.assemble import Assembler
 from receiver.events import Event, Unreadable
 from receiver.media.programme import open_programme

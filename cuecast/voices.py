@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from codec.coding import keep_coding, trained_path
-from codec.voice import Voice, load_voice
+from codec.bitstream.coding import keep_coding, trained_path
+from codec.cuer.voice import Voice, load_voice
 from cuecast.progress import note
 
 
@@ -39,7 +39,7 @@ def train_voice(voice: Voice, *, progress: Callable[[int, int], None]) -> None:
     CueError
         If the voice is no virtual cuer's.
     """
-    from codec.train_voice import train_coding
+    from codec.training.coding_tables import train_coding
     from synth.build_coding import examples
 
     if trained_path(voice) is not None:

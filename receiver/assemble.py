@@ -11,10 +11,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.score import Key, Phone, Score
 from codec.errors import CueError
-from codec.motion import Motion
-from codec.score import Key, Phone, Score
-from codec.voice import Voice
 from receiver.events import Event, KeysFound, MotionPiece
 
 _Timed = TypeVar("_Timed", Phone, Key)

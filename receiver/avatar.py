@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from codec.cuer.layout import FACE_MARKERS, FOREARM, HAND_MARKERS, RIGID_FACE
+from codec.cuer.models.rigid import rigid_motion, weighted_rigid_motion
+from codec.cuer.voice import Voice
 from codec.errors import CueError
-from codec.layout import FACE_MARKERS, FOREARM, HAND_MARKERS, RIGID_FACE
-from codec.models.rigid import rigid_motion, weighted_rigid_motion
-from codec.npz import read_arrays
-from codec.voice import Voice
+from codec.files.npz import read_arrays
 
 ASSETS = Path(__file__).with_name("assets")
 _MAX_BYTES = 1 << 24

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cuer.layout import EARS, NOSE, marker_indices
 from codec.errors import CueError
-from codec.layout import EARS, NOSE, marker_indices
 
 ASPECT = 0.86
 """Width of the cuer's frame over its height."""

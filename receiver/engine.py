@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.nesting import unnest
-from codec.score import Key
-from codec.voice import Voice, load_voice
+from codec.bitstream.payload import unnest
+from codec.cuer.voice import Voice, load_voice
+from codec.cues.score import Key
 from receiver.events import SUPERFRAME_S, Event, KeysFound, State
 from receiver.pictures import AGAIN_S, TRIAL_S, Found, PictureCarriers
 from receiver.tracking import Tracker

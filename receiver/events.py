@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.score import Key, Phone
+from codec.cues.score import Key, Phone
 
 SUPERFRAME_S = 0.64
 """Length of a superframe on air and of the motion inside it, seconds."""

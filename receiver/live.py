@@ -13,8 +13,8 @@ from typing import IO, Any
 
 import av
 
+from codec.cuer.voice import Voice
 from codec.errors import CueError
-from codec.voice import Voice
 from receiver.continuity import SteadyClock
 from receiver.engine import Receiver
 from receiver.events import Event, MotionPiece, State, StateChanged

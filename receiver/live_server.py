@@ -14,7 +14,7 @@ from typing import IO
 
 from aiohttp import WSMsgType, web
 
-from codec.voice import Voice
+from codec.cuer.voice import Voice
 from receiver.events import KeysFound, MotionPiece, StateChanged
 from receiver.live import Broadcast, Happening, MediaFragment, MediaStart
 from receiver.memory import give_back_large_blocks

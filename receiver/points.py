@@ -6,7 +6,7 @@ Markers and a camera go in, a picture's coverage comes out; `receiver.render` ma
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.layout import N_FACE
+from codec.cuer.layout import N_FACE
 from receiver.camera import Camera
 
 FACE_COLOUR = (238, 240, 246)

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cuer.voice import Voice
 from codec.errors import CueError
-from codec.voice import Voice
 from receiver.engine import Receiver
 from receiver.events import Event
 from receiver.media.picture import PictureDecoder, luma_of

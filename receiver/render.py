@@ -13,9 +13,9 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cuer.motion import Motion, sample_params
+from codec.cuer.voice import Voice
 from codec.errors import CueError, VoiceError
-from codec.motion import Motion
-from codec.voice import Voice
 from receiver.avatar import load_avatar
 from receiver.points import draw_points
 from receiver.portrait import draw_avatar
@@ -45,16 +45,6 @@ def read_picture(path: str | os.PathLike[str]) -> NDArray[np.uint8]:
     except (av.error.FFmpegError, OSError, IndexError) as error:
         raise CueError(f"{path}: cannot be read as a picture: {error}") from error
     raise CueError(f"{path}: holds no picture")
-
-
-def sample_params(motion: Motion, times_s: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Interpolate the parameters at `times_s`, linearly, held at both ends; shape (n, P)."""
-    position = np.clip((times_s - motion.start_s) * motion.rate_hz, 0, len(motion.params) - 1)
-    below = np.floor(position).astype(np.intp)
-    above = np.minimum(below + 1, len(motion.params) - 1)
-    share = (position - below)[:, None]
-    mixed = motion.params[below] * (1 - share) + motion.params[above] * share
-    return mixed.astype(np.float32)
 
 
 def render_frames(

@@ -18,8 +18,8 @@ from pathlib import Path
 
 from aiohttp import WSMsgType, web
 
+from codec.cuer.voice import Voice
 from codec.errors import CueError
-from codec.voice import Voice
 from receiver.avatar import has_avatar, load_avatar
 from receiver.metrics import Metrics
 from receiver.protocol import MAX_REQUEST_BYTES, Position, pack_event, parse_position

@@ -11,15 +11,14 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from codec.bits import SEQUENCES, Header, read_header
-from codec.decoder import SuperframeDecoder
+from codec.bitstream.bits import SEQUENCES, Header, read_header
+from codec.bitstream.decoder import SuperframeDecoder
+from codec.bitstream.payload import is_intact
+from codec.bitstream.superframe import DecodedSuperframe, ScoreMerger
+from codec.cuer.voice import Voice
+from codec.cues.score import Key, Phone
+from codec.cues.timeline import TICK_S
 from codec.errors import BitstreamError, VoiceError
-from codec.merge import ScoreMerger
-from codec.payload import is_intact
-from codec.score import Key, Phone
-from codec.superframe import DecodedSuperframe
-from codec.timeline import TICK_S
-from codec.voice import Voice
 from receiver.events import (
     SUPERFRAME_S,
     Event,

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
-from codec.motion import Motion
-from codec.score import Key
-from codec.voice import Voice
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.score import Key
 from receiver.events import SUPERFRAME_S, KeysFound, MotionPiece, StateChanged
 from receiver.media.programme import open_programme
 from receiver.reception import ProgrammeReceiver, Progress

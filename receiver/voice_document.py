@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from codec.layout import MARKERS, N_FACE
-from codec.voice import Voice
+from codec.cuer.layout import MARKERS, N_FACE
+from codec.cuer.voice import Voice
 from receiver.avatar import OFFSET_UNIT, SHARE_UNIT, Avatar, Surface
 from receiver.camera import ASPECT, Camera, frame_cuer
 
@@ -45,7 +45,7 @@ def voice_document(voice: Voice) -> dict[str, Any]:
     -------
     dict
         ``identity``, ``layout``, ``markers``, ``face_markers``, ``aspect``, ``camera``, and the
-        arrays of ``face`` and ``hand`` under the names of `codec.models`.
+        arrays of ``face`` and ``hand`` under the names of `codec.cuer.models`.
     """
     camera = neutral_camera(voice)
     return {

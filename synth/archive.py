@@ -17,11 +17,11 @@ import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.score import Score
 from codec.errors import CueError
-from codec.motion import Motion
-from codec.npz import read_arrays, write_arrays
-from codec.score import Score
-from codec.voice import Voice
+from codec.files.npz import read_arrays, write_arrays
 from synth.movement import Gestures
 from synth.recording import Recording
 from synth.speech.marks import PitchMarks

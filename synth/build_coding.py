@@ -19,15 +19,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.coding import FOLDER, keep_coding
-from codec.cueing import cue
+from codec.bitstream.coding import FOLDER, keep_coding
+from codec.cuer.layout import N_FACE, N_HAND
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice, load_voice
+from codec.cues.cueing import cue
+from codec.cues.score import Phone, Score
 from codec.errors import CueError
-from codec.layout import N_FACE, N_HAND
-from codec.motion import Motion
-from codec.score import Phone, Score
-from codec.train import format_tables, write_tables
-from codec.train_voice import train_coding
-from codec.voice import Voice, load_voice
+from codec.training.coding_tables import train_coding
+from codec.training.format_tables import format_tables, write_tables
 from synth.body.anatomy import IDENTITIES
 from synth.gesture import GestureSynthesiser
 from synth.score import score_from_text

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 import codec
+from codec.cuer.gestures import GestureTable
+from codec.cuer.layout import HAND_MARKERS, MARKERS, N_FACE, N_HAND, longest_finger_tip
+from codec.cuer.voice import Voice, save_voice
+from codec.cues.score import SHAPES
 from codec.errors import CueError
-from codec.gestures import GestureTable
-from codec.layout import HAND_MARKERS, MARKERS, N_FACE, N_HAND, longest_finger_tip
-from codec.models.fit import fit_voice
-from codec.score import SHAPES
-from codec.voice import Voice, save_voice
+from codec.training.fit import fit_voice
 from synth.body.anatomy import IDENTITIES
 from synth.corpus.training import training_sets
 from synth.gesture import GestureSynthesiser

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from codec.motion import Motion
-from codec.voice import Voice
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
 
 SPEED_PERCENTILE = 99.9
 _WIDTH_S = 0.03

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.phonology import PHONE_NUMBER
-from codec.score import Score
+from codec.cues.phonology import PHONE_NUMBER
+from codec.cues.score import Score
 from synth.visemes import ARTICULATORS, viseme_table
 
 FloatArray = NDArray[np.float64]
@@ -29,7 +29,7 @@ class PhoneLine:
     Attributes
     ----------
     number : ndarray of int64, shape (N,)
-        Phone numbers of `codec.phonology.PHONE_NUMBER`.
+        Phone numbers of `codec.cues.phonology.PHONE_NUMBER`.
     start, end : ndarray, shape (N,)
         Seconds.
     """

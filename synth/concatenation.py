@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from codec.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cues.score import Score
 from codec.errors import CueError
-from codec.motion import Motion
-from codec.score import Score
-from codec.voice import Voice
 from synth.calming import calm_joins, quickest
 from synth.dikeys import DikeyDictionary
 from synth.flow import Flow

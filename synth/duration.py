@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cues.phonology import PAUSE, PHONE_NUMBER, VOWELS
 from codec.errors import CueError
-from codec.npz import read_arrays
-from codec.phonology import PAUSE, PHONE_NUMBER, VOWELS
+from codec.files.npz import read_arrays
 
 ASSET = Path(__file__).parent / "assets" / "durations.npz"
 _MAX_ASSET_BYTES = 4_000_000
@@ -77,7 +77,7 @@ def features(symbols: Sequence[str], rank: NDArray[np.uint8]) -> NDArray[np.uint
     Parameters
     ----------
     symbols : sequence of str
-        IPA symbols of `codec.phonology.PHONES`; the line's ends count as pauses.
+        IPA symbols of `codec.cues.phonology.PHONES`; the line's ends count as pauses.
     rank : ndarray of uint8, shape (38,)
         Rank of each phone number.
     """

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cues.phonology import PAUSE, PHONE_NUMBER
+from codec.cues.score import PLACEMENTS, Key, Score
 from codec.errors import CueError
-from codec.motion import Motion
-from codec.phonology import PAUSE, PHONE_NUMBER
-from codec.score import PLACEMENTS, Key, Score
-from codec.voice import Voice
 from synth.body.body import Body, Pose, load_asset, load_body
 from synth.body.reach import placement_target
 from synth.body.shapes import all_shapes
@@ -69,7 +69,7 @@ class Labels:
     Attributes
     ----------
     shape, placement, phone : ndarray of int8, shape (T,)
-        Hand shape, index into `codec.score.PLACEMENTS`, phone number.
+        Hand shape, index into `codec.cues.score.PLACEMENTS`, phone number.
     """
 
     shape: NDArray[np.int8]
@@ -175,7 +175,7 @@ class GestureSynthesiser:
         Returns
         -------
         ndarray of float32, shape (n_frames, 113, 3)
-            Millimetres, order of `codec.layout.MARKERS`.
+            Millimetres, order of `codec.cuer.layout.MARKERS`.
         """
         return self.body.markers(self.pose(score, start_s, n_frames)).astype(np.float32)
 

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from codec import layout
-from codec.models.rigid import rotation_matrices
-from codec.score import PLACEMENTS, Phone
-from codec.voice import Voice
+from codec.cuer import layout
+from codec.cuer.models.rigid import rotation_matrices
+from codec.cuer.voice import Voice
+from codec.cues.score import PLACEMENTS, Phone
 from synth.gesture import FOLLOWS_HEAD
 from synth.life import Drift, normals_at
 from synth.melody import accents

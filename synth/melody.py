@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.phonology import PAUSE, VOWELS
-from codec.score import Phone
+from codec.cues.phonology import PAUSE, VOWELS
+from codec.cues.score import Phone
 
 _GROUP_GAP_S = 0.02
 _SENTENCE_GAP_S = 0.4

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
-from codec.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cues.score import PLACEMENT_NUMBER, Key, Score
 from codec.errors import CueError
-from codec.score import PLACEMENT_NUMBER, Key, Score
 
 FloatArray = NDArray[np.float64]
 

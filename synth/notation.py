@@ -4,8 +4,8 @@ The letters are the usual ones of French software for Cued Speech (s side,
 m mouth, c chin, b cheekbone, t throat); the paper writes placement before shape, in digits.
 """
 
+from codec.cues.score import Key
 from codec.errors import CueError
-from codec.score import Key
 
 PLACEMENT_LETTER = {"rest": "n", "side": "s", "mouth": "m", "chin": "c", "cheek": "b",
                     "throat": "t"}  # fmt: skip

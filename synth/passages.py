@@ -9,8 +9,8 @@ import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from codec.phonology import PAUSE
-from codec.score import Key, Phone, Score
+from codec.cues.phonology import PAUSE
+from codec.cues.score import Key, Phone, Score
 
 SILENCE_S = 1.0
 """A silence of this length ends a passage."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.motion import Motion
-from codec.score import Score
+from codec.cuer.motion import Motion
+from codec.cues.score import Score
 from synth.movement import Gestures
 from synth.speech.marks import PitchMarks, place_marks
 from synth.speech.pitch import PitchTrack, track_pitch

@@ -3,10 +3,10 @@
 import itertools
 from collections.abc import Iterable, Iterator
 
-from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
-from codec.phonology import PAUSE
-from codec.score import Score
-from codec.voice import Voice
+from codec.cuer.voice import Voice
+from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
+from codec.cues.phonology import PAUSE
+from codec.cues.score import Score
 from synth.gesture import GestureSynthesiser
 from synth.recording import Recording
 from synth.speech.espeak_voice import render
@@ -20,7 +20,7 @@ subtitles are read, so that units of either pace can be chosen."""
 
 
 def line_of(text: str) -> list[str]:
-    """Return the phones of a text in a row, `codec.phonology.PAUSE` between its groups.
+    """Return the phones of a text in a row, `codec.cues.phonology.PAUSE` between its groups.
 
     Examples
     --------

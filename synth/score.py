@@ -4,8 +4,8 @@ import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
-from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
-from codec.score import Phone, Score
+from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
+from codec.cues.score import Phone, Score
 from synth.subtitles import Subtitle, spoken
 from synth.text.lexicon import Variant
 from synth.text.pronounce import DEFAULT_STYLE, Style, phonemise

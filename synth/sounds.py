@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cues.phonology import PAUSE, VOWELS
 from codec.errors import CueError
-from codec.phonology import PAUSE, VOWELS
 from synth.recording import Recording
 from synth.selection import select_units
 from synth.speech.lsp import line_spectrum_pairs, linear_prediction

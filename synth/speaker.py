@@ -14,11 +14,11 @@ import soundfile
 from numpy.typing import NDArray
 from scipy.signal import resample_poly
 
-from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
+from codec.cuer.voice import Voice
+from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
+from codec.cues.phonology import VOWELS
+from codec.cues.score import Phone, Score
 from codec.errors import CueError
-from codec.phonology import VOWELS
-from codec.score import Phone, Score
-from codec.voice import Voice
 from synth.alignment import cepstra
 from synth.alignment.align import Passage, align
 from synth.duration import predict_durations

@@ -9,8 +9,8 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from codec.cues.score import PLACEMENTS, Key, Phone, Score
 from codec.errors import CueError
-from codec.score import PLACEMENTS, Key, Phone, Score
 
 _INTERVAL = re.compile(
     r"xmin\s*=\s*(\S+)\s+xmax\s*=\s*(\S+)\s+text\s*=\s*\"((?:[^\"]|\"\")*)\"", re.DOTALL

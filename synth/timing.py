@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cues.phonology import PAUSE
+from codec.cues.score import Phone
 from codec.errors import CueError
-from codec.phonology import PAUSE
-from codec.score import Phone
 from synth.duration import predict_durations
 from synth.text.normalise import LONG_PAUSE, SHORT_PAUSE
 from synth.text.words import Word

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.npz import write_arrays
-from codec.phonology import PAUSE, PHONE_NUMBER, PHONES
+from codec.cues.phonology import PAUSE, PHONE_NUMBER, PHONES
+from codec.files.npz import write_arrays
 from synth.duration import ASSET, DurationTrees, features
 
 _SAMPA = {

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cuer.motion import Motion
 from codec.errors import CueError
-from codec.motion import Motion
 
 
 class Trajectories:

@@ -9,8 +9,8 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from codec.phonology import PAUSE
-from codec.score import Phone
+from codec.cues.phonology import PAUSE
+from codec.cues.score import Phone
 from synth.movement import Gestures
 
 GLIDES = frozenset(("j", "ɥ", "w"))

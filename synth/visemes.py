@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.phonology import PAUSE, PHONES, VOWELS
+from codec.cues.phonology import PAUSE, PHONES, VOWELS
 
 FloatArray = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.motion import Motion
-from codec.phasing import hand_speed
-from codec.score import PLACEMENTS, Key
-from codec.voice import Voice
+from codec.analysis.phases import hand_speed
+from codec.cuer.motion import Motion, sample_params
+from codec.cuer.voice import Voice
+from codec.cues.score import PLACEMENTS, Key
 from cuecast.files import whole_file
-from receiver.render import render_frames, sample_params
+from receiver.render import render_frames
 from synth.subtitles import Subtitle
 
 _MOMENTS = 6

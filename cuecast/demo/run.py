@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from codec.compare import Comparison, compare_motions
-from codec.motion import Motion, save_motion
-from codec.voice import load_voice
+from codec.analysis.compare import Comparison, compare_motions
+from codec.cuer.motion import Motion, save_motion
+from codec.cuer.voice import load_voice
 from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
 from cuecast.demo.figures import draw_keys, draw_strip
 from cuecast.dub import DubOptions, dub

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from scipy.fft import dct, idct
 from scipy.interpolate import CubicSpline
 
-from codec.transform import klt, marker_metric
-from codec.voice import Voice
+from codec.bitstream.transform import klt, marker_metric
+from codec.cuer.voice import Voice
 
 Array = NDArray[np.float64]
 Result = tuple[float, Array]

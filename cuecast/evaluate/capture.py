@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.compare import KEY_TOLERANCE_S
+from codec.analysis.compare import KEY_TOLERANCE_S
+from codec.cuer.layout import MARKERS, N_FACE, RIGID_FACE, marker_indices
+from codec.cuer.models import rigid
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice, load_voice
+from codec.cues.score import Score
 from codec.errors import CueError
-from codec.layout import MARKERS, N_FACE, RIGID_FACE, marker_indices
-from codec.models import rigid
-from codec.motion import Motion
-from codec.score import Score
-from codec.voice import Voice, load_voice
 from cuecast.evaluate.films import as_rows, film
 from cuecast.evaluate.models import cuers_named
 from cuecast.evaluate.options import EvaluateOptions
@@ -88,7 +88,7 @@ def _studio(
 
 
 def _c3d(performance: _Performance, voice: Voice, folder: Path) -> Written:
-    from codec.c3d import write_c3d
+    from codec.cuer.c3d import write_c3d
 
     observed, ghosts, truth = _studio(performance, Studio(swaps_per_s=0.5, ghosts_per_s=0.5))
     write_c3d(folder / "take.c3d", observed, rate_hz=_STUDIO_HZ, ghosts=ghosts)

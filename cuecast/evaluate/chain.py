@@ -10,11 +10,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from codec.compare import compare_motions
+from codec.analysis.compare import compare_motions
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice, load_voice
+from codec.cues.score import Score
 from codec.errors import CueError
-from codec.motion import Motion
-from codec.score import Score
-from codec.voice import Voice, load_voice
 from cuecast.demo.content import FS, LINES, make_sound
 from cuecast.dub import DubOptions, dub
 from cuecast.evaluate.options import EvaluateOptions

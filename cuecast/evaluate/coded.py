@@ -8,22 +8,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec import layout
-from codec.bits import HEADER_BYTES, SCORE
-from codec.coding import coding_for
-from codec.decoder import SuperframeDecoder
-from codec.encoder import SuperframeEncoder
-from codec.layout import N_FACE
-from codec.merge import merge_scores
-from codec.models import rigid
-from codec.motion import Motion
-from codec.payload import CRC8_BYTES, CRC16_BYTES, read_beginning, score_code
-from codec.score import Key
-from codec.stream import encode_stream, read_superframes
-from codec.superframe import DecodedSuperframe, Superframe, resynthesis_of
-from codec.timeline import SUPERFRAME_S
-from codec.train_voice import blocks_of, near, parts_of
-from codec.voice import Voice
+from codec.bitstream.bits import HEADER_BYTES, SCORE
+from codec.bitstream.coding import coding_for
+from codec.bitstream.decoder import SuperframeDecoder
+from codec.bitstream.encoder import SuperframeEncoder
+from codec.bitstream.payload import CRC8_BYTES, CRC16_BYTES, read_beginning, score_code
+from codec.bitstream.stream import encode_stream, read_superframes
+from codec.bitstream.superframe import DecodedSuperframe, Superframe, merge_scores, resynthesis_of
+from codec.cuer import layout
+from codec.cuer.layout import N_FACE
+from codec.cuer.models import rigid
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.score import Key
+from codec.cues.timeline import SUPERFRAME_S
+from codec.training.coding_tables import blocks_of, near, parts_of
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]

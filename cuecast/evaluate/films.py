@@ -12,8 +12,8 @@ import io
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.layout import N_FACE
-from codec.score import Score
+from codec.cuer.layout import N_FACE
+from codec.cues.score import Score
 from synth.capture.landmark_maps import FACE_LANDMARKS, face_map, joints_of
 from synth.measured.cuer import Performer
 

@@ -10,10 +10,11 @@ would: through a film and `synth.capture`.
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from codec.errors import CueError
 from codec.motion import Motion
 from codec.score import Score
 from codec.voice import Voice
+
+from codec.errors import CueError
 from cuecast.evaluate.films import as_rows, film
 from synth.build_coding import recital
 from synth.capture.capture import capture

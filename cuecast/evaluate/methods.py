@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.decoder import SuperframeDecoder
-from codec.encoder import SuperframeEncoder
-from codec.layout import N_FACE
-from codec.motion import Motion
-from codec.recognise import Recogniser
-from codec.score import Key, Phone, Score
-from codec.voice import Voice
+from codec.analysis.recognise import Recogniser
+from codec.bitstream.decoder import SuperframeDecoder
+from codec.bitstream.encoder import SuperframeEncoder
+from codec.cuer.layout import N_FACE
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.score import Key, Phone, Score
 from cuecast.motions import ruled_motion
 from synth.concatenation import ConcatenativeSynthesiser
 from synth.gesture import GestureSynthesiser

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.analysis.phases import strokes
+from codec.analysis.recognise import Recogniser, fit_recogniser
+from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, SHAPES
 from codec.errors import CueError
-from codec.phasing import strokes
-from codec.recognise import Recogniser, fit_recogniser
-from codec.score import PLACEMENT_NUMBER, PLACEMENTS, SHAPES
 from cuecast.evaluate import models_figures
 from cuecast.evaluate.models_fits import Fit, Models, Occlusion, Phases, explain, learn
 from cuecast.evaluate.options import EvaluateOptions

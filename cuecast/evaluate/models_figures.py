@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from codec.phasing import profiles
-from codec.recognise import Recogniser
-from codec.score import PLACEMENTS
+from codec.analysis.phases import profiles
+from codec.analysis.recognise import Recogniser
+from codec.cues.score import PLACEMENTS
 from cuecast.evaluate.models_fits import Fit, Occlusion, Phases
 from cuecast.evaluate.segmentation import write_page
 from cuecast.evaluate.tables import write_plot

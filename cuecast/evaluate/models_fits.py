@@ -13,17 +13,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec import layout
-from codec.models.bridging import bridge
-from codec.models.completion import HandCompletion, fit_completion, recover_hand, smoothed
-from codec.models.face import FaceModel
-from codec.models.fit_face import fit_face
-from codec.models.fit_hand import Regressors, fit_hand
-from codec.models.hand import HandModel
-from codec.models.inversion import FOREARM_COLUMNS, RIGID_FACE_COLUMNS, invert_face
-from codec.phasing import Phase, extents, profiles, strokes
-from codec.recognise import Recogniser
-from codec.score import PLACEMENTS
+from codec.analysis.phases import Phase, extents, profiles, strokes
+from codec.analysis.recognise import Recogniser
+from codec.cuer import layout
+from codec.cuer.models.completion import HandCompletion, fit_completion, recover_hand, smoothed
+from codec.cuer.models.face import FaceModel
+from codec.cuer.models.hand import HandModel
+from codec.cuer.models.inversion import FOREARM_COLUMNS, RIGID_FACE_COLUMNS, bridge, invert_face
+from codec.cues.score import PLACEMENTS
+from codec.training.fit_face import fit_face
+from codec.training.fit_hand import Regressors, fit_hand
 from cuecast.evaluate.takes import Material, Take
 
 _TRAINING_HZ = 30.0

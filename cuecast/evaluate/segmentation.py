@@ -17,10 +17,10 @@ import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
-from codec import layout
-from codec.phonology import PHONES
-from codec.recognise import Recogniser
-from codec.score import PLACEMENTS, SHAPES
+from codec.analysis.recognise import Recogniser
+from codec.cuer import layout
+from codec.cues.phonology import PHONES
+from codec.cues.score import PLACEMENTS, SHAPES
 from cuecast.evaluate.models_fits import Fit
 from cuecast.evaluate.takes import Take
 from cuecast.files import whole_file

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.layout import MARKER_NUMBER
-from codec.motion import Motion
-from codec.phasing import extents, strokes
-from codec.recognise import Recogniser, fit_recogniser
-from codec.score import Key, Score
-from codec.voice import Voice, load_voice
+from codec.analysis.phases import extents, strokes
+from codec.analysis.recognise import Recogniser, fit_recogniser
+from codec.cuer.layout import MARKER_NUMBER
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice, load_voice
+from codec.cues.score import Key, Score
 from cuecast.evaluate.methods import compare_methods
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.performance import unit_synthesiser

@@ -13,9 +13,9 @@ import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
-from codec.c3d import read_c3d
+from codec.cuer.c3d import read_c3d
+from codec.cues.score import Key, Score
 from codec.errors import CueError
-from codec.score import Key, Score
 from synth.corpus.capture import record
 from synth.corpus.framing import Framing, find_framing
 from synth.corpus.make import (

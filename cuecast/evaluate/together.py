@@ -17,8 +17,8 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cuer.voice import Voice, load_voice
 from codec.errors import CueError
-from codec.voice import Voice, load_voice
 from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
 from cuecast.dub import DubOptions, dub
 from cuecast.evaluate.options import EvaluateOptions

@@ -64,8 +64,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the motion and what is to be said of it."""
-    from codec.motion import save_motion
-    from codec.voice import load_voice
+    from codec.cuer.motion import save_motion
+    from codec.cuer.voice import load_voice
     from synth.capture.capture import capture
 
     voice = load_voice(args.voice)

@@ -21,9 +21,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the comparison; 1 if keys are missing or the limit is exceeded."""
-    from codec.compare import compare_motions
-    from codec.motion import load_motion
-    from codec.voice import load_voice
+    from codec.analysis.compare import compare_motions
+    from codec.cuer.motion import load_motion
+    from codec.cuer.voice import load_voice
 
     motions = load_motion(args.first), load_motion(args.second)
     result = compare_motions(*motions, load_voice(args.voice))

@@ -30,7 +30,7 @@ from cuecast.files import write_json
 from cuecast.progress import note, seconds_bar
 
 if TYPE_CHECKING:
-    from codec.voice import Voice
+    from codec.cuer.voice import Voice
     from cuecast.aligning import Confidence
     from cuecast.motions import MotionSource
     from synth.subtitles import Subtitle
@@ -93,7 +93,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the programme and the report."""
     carriers = args.carriers
-    from codec.motion import load_motion
+    from codec.cuer.motion import load_motion
     from cuecast.aligning import Confidence
     from cuecast.dub import PROFILES, DubOptions, dub
     from cuecast.motions import GivenMotion, MotionSource

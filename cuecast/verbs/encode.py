@@ -20,8 +20,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the stream."""
-    from codec.motion import load_motion
-    from codec.stream import encode_stream
+    from codec.bitstream.stream import encode_stream
+    from codec.cuer.motion import load_motion
     from cuecast.voices import coding_voice
 
     motion, voice = load_motion(args.motion), coding_voice(args.voice)

@@ -16,7 +16,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the fields."""
-    from codec.inspect import describe, inspect_stream
+    from codec.bitstream.inspect import describe, inspect_stream
 
     document = inspect_stream(read_bytes(args.stream))
     if args.json:

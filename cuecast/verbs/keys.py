@@ -16,7 +16,7 @@ from cuecast.files import whole_file
 from cuecast.progress import note
 
 if TYPE_CHECKING:
-    from codec.score import Score
+    from codec.cues.score import Score
 
 SUMMARY = "the cues of a text: phones, keys, times"
 
@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
 def _score(args: argparse.Namespace) -> "Score":
     if args.align is None:
         return score_of(args)
-    from codec.score import Score
+    from codec.cues.score import Score
     from cuecast.aligning import Confidence
 
     confidence = Confidence()

@@ -37,7 +37,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print what was found; 1 if nothing was."""
-    from codec.motion import save_motion
+    from codec.cuer.motion import save_motion
     from cuecast.receive import receive
     from cuecast.voices import coding_voice
 

@@ -25,8 +25,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the film or the picture."""
-    from codec.motion import load_motion
-    from codec.voice import load_voice
+    from codec.cuer.motion import load_motion
+    from codec.cuer.voice import load_voice
     from receiver.render import render_motion
 
     motion, voice = load_motion(args.motion), load_voice(args.voice)

@@ -20,9 +20,9 @@ from cuecast.progress import note, seconds_bar
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from codec.motion import Motion
-    from codec.score import Score
-    from codec.voice import Voice
+    from codec.cuer.motion import Motion
+    from codec.cuer.voice import Voice
+    from codec.cues.score import Score
 
 SUMMARY = "motion (and speech) from text"
 
@@ -56,8 +56,8 @@ def run(args: argparse.Namespace) -> int:
     if args.method == "rules" and (args.speech or args.units):
         note("cuecast synth: --speech and --units need --method units")
         return 2
-    from codec.motion import MotionWriter
-    from codec.voice import load_voice
+    from codec.cuer.motion import MotionWriter
+    from codec.cuer.voice import load_voice
     from cuecast.aligning import Confidence
 
     confidence = Confidence()
@@ -102,8 +102,8 @@ def _motion(
 
 
 def _write_c3d(args: argparse.Namespace, voice: "Voice") -> None:
-    from codec.c3d import write_c3d
-    from codec.motion import load_motion
+    from codec.cuer.c3d import write_c3d
+    from codec.cuer.motion import load_motion
 
     motion = load_motion(args.output)
     write_c3d(args.c3d, voice.reconstruct(motion.params), rate_hz=args.rate)

@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _list(args: argparse.Namespace) -> int:
-    from codec.voice import built_in_voices
+    from codec.cuer.voice import built_in_voices
 
     names = built_in_voices()
     if args.json:
@@ -48,8 +48,8 @@ def _list(args: argparse.Namespace) -> int:
 
 
 def _info(args: argparse.Namespace) -> int:
-    from codec.coding import coding_for, trained_path
-    from codec.voice import load_voice
+    from codec.bitstream.coding import coding_for, trained_path
+    from codec.cuer.voice import load_voice
 
     voice = load_voice(args.voice)
     facts = {
@@ -65,8 +65,8 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def _build(args: argparse.Namespace) -> int:
-    from codec.coding import coding_for
-    from codec.voice import load_voice
+    from codec.bitstream.coding import coding_for
+    from codec.cuer.voice import load_voice
     from cuecast.performance import record_folder, unit_synthesiser
     from cuecast.voices import train_voice
 

@@ -26,7 +26,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve the page."""
-    from codec.motion import load_motion
+    from codec.cuer.motion import load_motion
     from cuecast.media.playable import playable
     from cuecast.voices import coding_voice
     from receiver.server import serve

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from codec.motion import Motion
-from codec.voice import Voice
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
 from receiver.avatar import Avatar, eyes_closed
 
 _SIDES = ("Left", "Right")

@@ -4,10 +4,10 @@ import os
 import tempfile
 from pathlib import Path
 
-from codec.c3d import write_c3d
+from codec.cuer.c3d import write_c3d
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
 from codec.errors import CueError, VoiceError
-from codec.motion import Motion
-from codec.voice import Voice
 from receiver.avatar import load_avatar
 from receiver.export.arkit import live_link_csv
 from receiver.export.gltf import glb

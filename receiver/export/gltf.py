@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from codec.motion import Motion
+from codec.cuer.motion import Motion
 from receiver.avatar import Avatar, Surface, eyes_closed, vertex_normals
 
 _HEAD, _HAND, _FIRST_JOINT = 1, 2, 3

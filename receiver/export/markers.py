@@ -1,4 +1,4 @@
-"""Markers over time as TRC and CSV; C3D is `codec.c3d`."""
+"""Markers over time as TRC and CSV; C3D is `codec.cuer.c3d`."""
 
 import csv
 import io
@@ -6,7 +6,7 @@ import io
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.layout import MARKERS
+from codec.cuer.layout import MARKERS
 
 FloatArray = NDArray[np.floating]
 

@@ -18,9 +18,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cues.phonology import PAUSE, PHONE_NUMBER
+from codec.cues.score import Phone
 from codec.errors import CueError
-from codec.phonology import PAUSE, PHONE_NUMBER
-from codec.score import Phone
 from synth.alignment import _kernels
 from synth.alignment.cepstra import FRAME_RATE, FS, cepstra, mono
 from synth.alignment.models import PARTS, PhoneModels, Unit, estimate

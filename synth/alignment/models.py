@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.phonology import PAUSE, PHONE_NUMBER, PHONES
+from codec.cues.phonology import PAUSE, PHONE_NUMBER, PHONES
 
 PARTS = 3
 

@@ -12,7 +12,7 @@ from itertools import chain, islice
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from codec.score import Phone, Score
+from codec.cues.score import Phone, Score
 from synth.alignment.align import Aligned, Passage, align
 from synth.alignment.cepstra import FS, mono
 from synth.alignment.runs import Run, runs_of, said_in

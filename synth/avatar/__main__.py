@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from codec.errors import CueError
-from codec.npz import write_arrays
+from codec.files.npz import write_arrays
 from synth.avatar.build import build_avatar, error_mm
 from synth.body.anatomy import IDENTITIES
 

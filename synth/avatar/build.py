@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.layout import FACE_MARKERS, FOREARM, HAND_MARKERS, RIGID_FACE
-from codec.voice import Voice, load_voice
+from codec.cuer.layout import FACE_MARKERS, FOREARM, HAND_MARKERS, RIGID_FACE
+from codec.cuer.voice import Voice, load_voice
 from synth.avatar.arms import lower_arms
 from synth.avatar.hand import hand_part
 from synth.avatar.head import head_part, read_groups

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from codec.layout import FINGERS, HAND_MARKERS
+from codec.cuer.layout import FINGERS, HAND_MARKERS
 from synth.avatar.head import blend, hollowness, vertex_normals
 from synth.avatar.parts import (
     CLOTH,

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cuer.layout import FACE_MARKERS, LIP_CORNERS, LOWER_LIP, UPPER_LIP
 from codec.errors import CueError
-from codec.layout import FACE_MARKERS, LIP_CORNERS, LOWER_LIP, UPPER_LIP
 from synth.avatar.parts import (
     BLUSH,
     CLOTH,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from codec.errors import CueError
-from codec.npz import read_arrays
+from codec.files.npz import read_arrays
 from synth.body.anatomy import Anatomy, Habits, identity
 from synth.body.skeleton import (
     ARM_BONES,

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cuer.layout import FACE_MARKERS
 from codec.errors import CueError
-from codec.layout import FACE_MARKERS
-from codec.npz import write_arrays
+from codec.files.npz import write_arrays
 from synth.body.anatomy import IDENTITIES
 from synth.body.body import load_body
 from synth.body.mesh import Mesh, read_mesh

@@ -13,8 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cuer.layout import (
+    FACE_MARKERS,
+    FINGERS,
+    FOREARM,
+    HAND_MARKERS,
+    KNUCKLES,
+    PALM,
+    SIDES,
+    WRIST,
+)
 from codec.errors import CueError
-from codec.layout import FACE_MARKERS, FINGERS, FOREARM, HAND_MARKERS, KNUCKLES, PALM, SIDES, WRIST
 from synth.body.mesh import Mesh
 from synth.body.skeleton import ARM_BONES
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from codec.layout import HAND_MARKERS, longest_finger_tip
-from codec.score import PLACEMENTS
+from codec.cuer.layout import HAND_MARKERS, longest_finger_tip
+from codec.cues.score import PLACEMENTS
 from synth.body.body import Body
 from synth.body.shapes import shape_angles
 from synth.body.skeleton import ANGLE_NUMBER

@@ -14,12 +14,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from codec import layout
-from codec.models import rigid
-from codec.models.face import N_FACE_PARAMETERS, FaceModel
-from codec.models.hand import HandModel, regressors
-from codec.models.inversion import RIGID_FACE_COLUMNS, invert_hand, starting_motion
-from codec.voice import Voice
+from codec.cuer import layout
+from codec.cuer.models import rigid
+from codec.cuer.models.face import N_FACE_PARAMETERS, FaceModel
+from codec.cuer.models.hand import HandModel, regressors
+from codec.cuer.models.inversion import RIGID_FACE_COLUMNS, invert_hand, starting_motion
+from codec.cuer.voice import Voice
 from synth.capture.contact import NO_CONTACT, Contact
 from synth.capture.speaker import Speaker
 

@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from codec.voice import Voice
+from codec.cuer.voice import Voice
 from synth.capture.landmarks import capture_landmarks
 from synth.capture.livelink import capture_live_link
 from synth.capture.markers import capture_markers

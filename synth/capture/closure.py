@@ -9,10 +9,10 @@ fingers open and closed the scale can be found.
 import numpy as np
 from numpy.typing import NDArray
 
-from codec import layout
-from codec.models import rigid
-from codec.models.hand import HandModel
-from codec.voice import Voice
+from codec.cuer import layout
+from codec.cuer.models import rigid
+from codec.cuer.models.hand import HandModel
+from codec.cuer.voice import Voice
 
 FloatArray = NDArray[np.float64]
 

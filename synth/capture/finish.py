@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.motion import Motion
-from codec.score import Score
-from codec.voice import Voice
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.score import Score
 from synth.capture.keys import Held, recognise_keys
 from synth.capture.options import Captured, CaptureOptions
 from synth.capture.resample import even_times, resample

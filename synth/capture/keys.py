@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 from scipy.signal import savgol_filter
 
-from codec import layout
-from codec.models import rigid
-from codec.models.face import N_FACE_PARAMETERS
-from codec.models.hand import N_HAND_PARAMETERS
-from codec.recognise import Gaussians, pointing_tip
-from codec.score import PLACEMENTS, SHAPES
-from codec.voice import Voice
+from codec.analysis.recognise import Gaussians, pointing_tip
+from codec.cuer import layout
+from codec.cuer.models import rigid
+from codec.cuer.models.face import N_FACE_PARAMETERS
+from codec.cuer.models.hand import N_HAND_PARAMETERS
+from codec.cuer.voice import Voice
+from codec.cues.score import PLACEMENTS, SHAPES
 from synth.capture.closure import N_FEATURES, closures
 from synth.capture.placing import fit_placements
 

@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cuer.layout import MARKERS
 from codec.errors import CueError
-from codec.layout import MARKERS
 
 MAX_MAP_BYTES = 1 << 20
 _UNNAMED = re.compile(

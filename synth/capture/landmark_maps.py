@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from codec import layout
+from codec.cuer import layout
 from synth.body.body import load_body
 from synth.body.skeleton import ARM_BONES, FINGER_BONES
 from synth.corpus.scores import drill

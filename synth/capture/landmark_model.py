@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.models import rigid
-from codec.models.face import N_FACE_PARAMETERS, FaceModel
-from codec.models.hand import HandModel
+from codec.cuer.models import rigid
+from codec.cuer.models.face import N_FACE_PARAMETERS, FaceModel
+from codec.cuer.models.hand import HandModel
 from synth.capture.landmark_maps import LandmarkMap
 
 FloatArray = NDArray[np.float64]
@@ -26,7 +26,7 @@ HAND_TRUST = np.array([0.2, 0.2, 0.03])
 
 @dataclass(frozen=True, slots=True)
 class LandmarkModel:
-    """What `codec.models.inversion.invert` needs, of landmarks.
+    """What `codec.cuer.models.inversion.invert` needs, of landmarks.
 
     Attributes
     ----------

@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cuer.models.hand import HandModel
+from codec.cuer.models.inversion import bridge, invert
+from codec.cuer.voice import Voice
 from codec.errors import CueError
-from codec.models.bridging import bridge
-from codec.models.hand import HandModel
-from codec.models.inversion import invert
-from codec.voice import Voice
 from synth.capture.adapt import lowest, resized
 from synth.capture.away import resting_when_away
 from synth.capture.closure import rescaled

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cuer.layout import FACE_MARKERS, N_FACE
+from codec.cuer.models.inversion import invert_face
+from codec.cuer.voice import Voice
 from codec.errors import CueError
-from codec.layout import FACE_MARKERS, N_FACE
-from codec.models.inversion import invert_face
-from codec.voice import Voice
 from synth.body.anatomy import IDENTITIES
 from synth.body.body import Body, load_body
 from synth.capture.finish import finish

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from codec import layout
+from codec.cuer import layout
+from codec.cuer.voice import Voice
 from codec.errors import CueError
-from codec.voice import Voice
 from synth.capture.adapt import adapt
 from synth.capture.away import resting_when_away
 from synth.capture.finish import finish

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from codec.motion import Motion
-from codec.score import Score
+from codec.cuer.motion import Motion
+from codec.cues.score import Score
 
 
 def _silent(_: float) -> None:

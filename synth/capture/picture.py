@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cuer.voice import Voice
 from codec.errors import CueError
-from codec.voice import Voice
 from synth.capture.landmark_maps import (
     FACE_LANDMARKS,
     WIDTH_LANDMARKS,

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec import layout
+from codec.cuer import layout
+from codec.cuer.models import rigid
+from codec.cuer.models.inversion import invert_hand
+from codec.cuer.voice import Voice
 from codec.errors import CueError
-from codec.models import rigid
-from codec.models.inversion import invert_hand
-from codec.voice import Voice
 from synth.capture.recording import UNITS_MM
 from synth.corpus.framing import mirrored
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from codec.recognise import Gaussians
-from codec.score import PLACEMENTS
+from codec.analysis.recognise import Gaussians
+from codec.cues.score import PLACEMENTS
 
 FloatArray = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.c3d_points import open_c3d
 from codec.errors import CueError
+from codec.files.c3d_points import open_c3d
 from synth.capture.recording import MAX_LABELS, Recording, Spool, numbers, text_lines
 
 _HEADER_LINES = 64

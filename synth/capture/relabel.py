@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from codec import layout
+from codec.cuer import layout
 
 FloatArray = NDArray[np.float64]
 

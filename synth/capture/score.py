@@ -10,10 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.cueing import DEFAULT_OPTIONS, NO_CONSONANT_SHAPE, NO_VOWEL_PLACEMENT, SHAPE_OF
-from codec.phonology import PHONE_NUMBER, VOWELS
-from codec.score import PLACEMENTS, Key, Phone, Score
-from codec.voice import Voice
+from codec.cuer.voice import Voice
+from codec.cues.cueing import DEFAULT_OPTIONS, NO_CONSONANT_SHAPE, NO_VOWEL_PLACEMENT, SHAPE_OF
+from codec.cues.phonology import PHONE_NUMBER, VOWELS
+from codec.cues.score import PLACEMENTS, Key, Phone, Score
 from synth.capture.keys import Held
 
 FloatArray = NDArray[np.float64]

@@ -11,11 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from codec import layout
-from codec.models.bridging import bridge
-from codec.models.face import FaceModel
-from codec.models.hand import HandModel
-from codec.models.inversion import invert_face, invert_hand
+from codec.cuer import layout
+from codec.cuer.models.face import FaceModel
+from codec.cuer.models.hand import HandModel
+from codec.cuer.models.inversion import bridge, invert_face, invert_hand
 from synth.capture.labels import Naming
 from synth.capture.place import Place
 from synth.capture.recording import Recording

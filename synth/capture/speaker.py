@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec import layout
-from codec.models import rigid
-from codec.models.face import N_FACE_PARAMETERS, FaceModel
-from codec.models.hand import HandModel
-from codec.voice import Voice
+from codec.cuer import layout
+from codec.cuer.models import rigid
+from codec.cuer.models.face import N_FACE_PARAMETERS, FaceModel
+from codec.cuer.models.hand import HandModel
+from codec.cuer.voice import Voice
 from synth.capture.contact import NO_CONTACT, Contact
 
 FloatArray = NDArray[np.float64]

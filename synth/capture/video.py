@@ -20,8 +20,8 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cuer.voice import Voice
 from codec.errors import CueError
-from codec.voice import Voice
 from synth.capture.landmarks import capture_landmarks
 from synth.capture.options import Captured, CaptureOptions
 

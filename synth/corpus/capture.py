@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.score import Score
+from codec.cues.score import Score
 from synth.corpus.studio import Studio
 from synth.gesture import Labels
 from synth.measured.cuer import Performer

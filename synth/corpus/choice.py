@@ -12,10 +12,10 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from codec.cueing import cue
+from codec.cues.cueing import cue
+from codec.cues.phonology import PAUSE
+from codec.cues.score import PLACEMENT_NUMBER, Key, Phone
 from codec.errors import CueError
-from codec.phonology import PAUSE
-from codec.score import PLACEMENT_NUMBER, Key, Phone
 
 _GLIDES = frozenset("jɥw")
 _REST = "rest"
@@ -28,7 +28,7 @@ Units = dict[str, Counter[tuple[str, ...]]]
 
 
 def units_of(line: Sequence[str]) -> Units:
-    """Return the units of a line of phones, pauses as `codec.phonology.PAUSE`.
+    """Return the units of a line of phones, pauses as `codec.cues.phonology.PAUSE`.
 
     The line is taken to stand between pauses. A polysound reaches from one stable phone to the
     next; glides are not stable, so ``a j i`` is one.

@@ -11,10 +11,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from codec import layout
+from codec.cuer import layout
+from codec.cuer.models import rigid
+from codec.cuer.voice import load_voice
 from codec.errors import CueError
-from codec.models import rigid
-from codec.voice import load_voice
 
 FloatArray = NDArray[np.float64]
 F = TypeVar("F", bound=np.floating[Any])

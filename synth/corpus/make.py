@@ -17,10 +17,10 @@ import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
-from codec.c3d import read_c3d, write_c3d
-from codec.cueing import cue
-from codec.phonology import CONSONANTS, PAUSE, VOWELS
-from codec.score import Score
+from codec.cuer.c3d import read_c3d, write_c3d
+from codec.cues.cueing import cue
+from codec.cues.phonology import CONSONANTS, PAUSE, VOWELS
+from codec.cues.score import Score
 from synth.corpus.capture import record
 from synth.corpus.choice import Coverage
 from synth.corpus.scores import shape_transitions
@@ -52,7 +52,7 @@ class Utterance:
     text : str
         What is written; empty for corpora 1 and 2.
     line : tuple of str
-        Its phones, pauses as `codec.phonology.PAUSE`; empty for corpus 1.
+        Its phones, pauses as `codec.cues.phonology.PAUSE`; empty for corpus 1.
     seed : int
         Of the cuer's small motions and the studio's faults.
     """

@@ -4,9 +4,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from codec.cueing import cue
-from codec.phonology import CONSONANTS, VOWELS
-from codec.score import SHAPES, Key, Phone, Score
+from codec.cues.cueing import cue
+from codec.cues.phonology import CONSONANTS, VOWELS
+from codec.cues.score import SHAPES, Key, Phone, Score
 
 _PHONE_OF_SHAPE = ("m", "p", "k", "s", "b", "m", "l", "g", "j")
 _KEY_S = 0.36

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.models.fit import TrainingSet
-from codec.score import Score
+from codec.cues.score import Score
+from codec.training.fit import TrainingSet
 from synth.corpus.scores import drill, isolated_sounds, shape_transitions
 from synth.gesture import GestureSynthesiser
 

@@ -3,13 +3,13 @@
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
-
-from codec.errors import CueError
 from codec.motion import Motion
 from codec.phonology import PAUSE, PHONE_NUMBER
 from codec.score import Key, Score
 from codec.voice import Voice
+from numpy.typing import NDArray
+
+from codec.errors import CueError
 from synth.body.body import Body, Pose, load_asset, load_body
 from synth.body.skeleton import HAND_ANGLES
 from synth.gesture import GestureSynthesiser, Labels

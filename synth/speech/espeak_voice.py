@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cues.phonology import PAUSE
+from codec.cues.score import Phone
 from codec.errors import CueError
-from codec.phonology import PAUSE
-from codec.score import Phone
 from synth.text.espeak import RATE_HZ, load
 
 _RATE_PARAMETER = 1
@@ -116,7 +116,7 @@ def render(phones: Sequence[str], *, words_per_minute: int = 150) -> Rendering:
     Parameters
     ----------
     phones : sequence of str
-        IPA symbols of `codec.phonology`, `PAUSE` for a pause.
+        IPA symbols of `codec.cues.phonology`, `PAUSE` for a pause.
     words_per_minute : int
         80 to 450.
 

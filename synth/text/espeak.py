@@ -11,8 +11,8 @@ import re
 from itertools import pairwise
 from typing import Any
 
+from codec.cues.phonology import PHONES
 from codec.errors import CueError
-from codec.phonology import PHONES
 from synth.text.lexicon import split_ipa
 
 _AUDIO_OUTPUT_SYNCHRONOUS = 2

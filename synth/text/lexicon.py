@@ -12,8 +12,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from codec.cues.phonology import PHONES
 from codec.errors import CueError
-from codec.phonology import PHONES
 
 ASSETS = Path(__file__).resolve().parents[1] / "assets"
 ASSET = ASSETS / "lexicon.txt.xz"
@@ -26,7 +26,7 @@ LEXIQUE_PHONES = {
     "n": "n", "8": "ɥ", "m": "m", "t": "t", "f": "f", "l": "l", "S": "ʃ", "N": "ɲ", "w": "w",
     "g": "g", "j": "j", "G": "ŋ",
 }  # fmt: skip
-"""Lexique's one-letter code to the phones of `codec.phonology`."""
+"""Lexique's one-letter code to the phones of `codec.cues.phonology`."""
 
 WORD_CLASSES = "NAUDVROPCI"
 """Noun, adjective, numeral, determiner, verb, adverb, pronoun, preposition, conjunction, cry."""
@@ -39,7 +39,7 @@ class Variant:
     Attributes
     ----------
     phones : tuple of str
-        IPA symbols of `codec.phonology`.
+        IPA symbols of `codec.cues.phonology`.
     classes : dict of str to int
         Letter of `WORD_CLASSES` to level: 9 + log2 of its share of the word's uses.
     """

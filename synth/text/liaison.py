@@ -9,7 +9,7 @@ labels of some corpora are made).
 import re
 from collections.abc import Sequence
 
-from codec.phonology import VOWELS
+from codec.cues.phonology import VOWELS
 from synth.text.words import Item
 
 _MUTE_H = re.compile(

@@ -11,8 +11,8 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from codec.cues.phonology import CONSONANTS, VOWELS
 from codec.errors import CueError
-from codec.phonology import CONSONANTS, VOWELS
 from synth.text import espeak, homographs, liaison
 from synth.text.lexicon import Variant, lookup
 from synth.text.normalise import PAUSES, normalise

@@ -14,7 +14,7 @@ class Word:
     text : str
         The word in lower case.
     phones : tuple of str
-        IPA symbols of `codec.phonology`; a linking consonant opens the word that follows it.
+        IPA symbols of `codec.cues.phonology`; a linking consonant opens the word that follows it.
     pause : str
         ``""``, ``","`` (short) or ``"."`` (long): the pause after the word.
     word_class : str

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codec.decoder import SuperframeDecoder
-from codec.encoder import SuperframeEncoder
-from codec.motion import Motion
-from codec.superframe import Superframe
-from codec.voice import Voice, load_voice
+from codec.bitstream.decoder import SuperframeDecoder
+from codec.bitstream.encoder import SuperframeEncoder
+from codec.bitstream.superframe import Superframe
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice, load_voice
 from synth.build_coding import perform, recital, sentences
 
 SUPERFRAMES = 94

@@ -27,7 +27,7 @@ import pytest
 from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from codec.voice import load_voice
+from codec.cuer.voice import load_voice
 from receiver.events import SUPERFRAME_S
 from receiver.live_server import LiveTelevision
 from receiver.server import Television

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codec.voice import load_voice
+from codec.cuer.voice import load_voice
 from synth.corpus.capture import record
 from synth.corpus.scores import drill
 from synth.gesture import GestureSynthesiser

@@ -6,8 +6,8 @@ from types import ModuleType
 
 import pytest
 
-from codec.models.fit import fit_voice
-from codec.voice import Voice
+from codec.cuer.voice import Voice
+from codec.training.fit import fit_voice
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,7 @@
 """A sentence in phones, and the score of phones that all last as long: what tests say."""
 
-from codec.cueing import cue
-from codec.score import Phone, Score
+from codec.cues.cueing import cue
+from codec.cues.score import Phone, Score
 
 SENTENCE = "b ɔ̃ ʒ u ʁ _ l ə k ɔ d a ʒ e f ɛ t u ʒ u ʁ v i t _ _ _ _ _ _ _ s u b l ɛ m ɑ̃".split()
 

@@ -1,7 +1,7 @@
 import numpy as np
 
-from codec.models import _kernels
-from codec.models.blending import MEMORY_S, blend
+from codec.cuer.models import _kernels
+from codec.cuer.models.completion import MEMORY_S, blend
 
 RATE_HZ = 120.0
 

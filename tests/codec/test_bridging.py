@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec import layout
-from codec.models.bridging import _banded, bridge
-from codec.models.inversion import invert_hand
-from codec.voice import Voice
+from codec.cuer import layout
+from codec.cuer.models.inversion import _banded, bridge, invert_hand
+from codec.cuer.voice import Voice
 
 RATE_HZ = 120.0
 

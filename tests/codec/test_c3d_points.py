@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec.c3d_points import open_c3d
 from codec.errors import CueError
+from codec.files.c3d_points import open_c3d
 
 INTEL, DEC, MIPS = 84, 85, 86
 

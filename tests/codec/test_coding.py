@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codec import coding as module
-from codec.coding import Coding, coding_for, derive_coding, keep_coding, trained_path
-from codec.decoder import SuperframeDecoder
-from codec.encoder import SuperframeEncoder
+from codec.bitstream import coding as module
+from codec.bitstream.coding import Coding, coding_for, derive_coding, keep_coding, trained_path
+from codec.bitstream.decoder import SuperframeDecoder
+from codec.bitstream.encoder import SuperframeEncoder
+from codec.bitstream.stream import decode_stream, encode_stream
+from codec.bitstream.tables import tables_digest
+from codec.bitstream.transform import Basis
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
 from codec.errors import VoiceError
-from codec.motion import Motion
-from codec.stream import decode_stream, encode_stream
-from codec.tables import tables_digest
-from codec.transform import Basis
-from codec.voice import Voice
 from tests.codec.speech import SENTENCE, spoken
 
 

@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec import _kernels
-from codec.coding import coding_for
-from codec.payload import coefficient_bits, coefficient_code
-from codec.quantise import Setting, dequantise, quantise_rd, step_width, width_mm
-from codec.range_coder import FLIP, RangeDecoder, code_length, encode_intervals
-from codec.tables import CLASSES, CONTEXTS, coefficient_tables
-from codec.transform import Basis, marker_metric
-from codec.voice import Voice
+from codec.bitstream import _kernels
+from codec.bitstream.coding import coding_for
+from codec.bitstream.payload import coefficient_bits, coefficient_code
+from codec.bitstream.quantise import Setting, dequantise, quantise_rd, step_width, width_mm
+from codec.bitstream.range_coder import FLIP, RangeDecoder, code_length, encode_intervals
+from codec.bitstream.tables import CLASSES, CONTEXTS, coefficient_tables
+from codec.bitstream.transform import Basis, marker_metric
+from codec.cuer.voice import Voice
 
 SMALL = Basis(np.eye(3), np.add.outer([40, 30, 20], -np.arange(32)).astype(np.int64))
 PYTHON = {

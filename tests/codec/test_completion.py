@@ -3,17 +3,17 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from codec import layout
-from codec.errors import CueError
-from codec.models.completion import (
+from codec.cuer import layout
+from codec.cuer.models.completion import (
     COMPLETED_COLUMNS,
     CONFIDENCE,
     HandCompletion,
     fit_completion,
     recover_hand,
 )
-from codec.models.inversion import invert_hand
-from codec.voice import Voice
+from codec.cuer.models.inversion import invert_hand
+from codec.cuer.voice import Voice
+from codec.errors import CueError
 
 RATE_HZ = 120.0
 FAR = [layout.HAND_MARKERS.index(name) for name in ("F22", "F23", "F2T", "S2")]
@@ -77,7 +77,7 @@ def test_hidden_markers_hardly_jump(
         return float(np.linalg.norm(off[[40, 199]][:, FAR], axis=-1).mean())
 
     blended = jump()
-    monkeypatch.setattr("codec.models.completion.blend", lambda steps, *_, **__: np.zeros(3))
+    monkeypatch.setattr("codec.cuer.models.completion.blend", lambda steps, *_, **__: np.zeros(3))
     assert blended < 0.85 * jump()  # measured 0.77
 
 

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.cueing import PLACEMENT_OF, SHAPE_OF, CueingOptions, cue, rest_spans
+from codec.cues.cueing import PLACEMENT_OF, SHAPE_OF, CueingOptions, cue, rest_spans
+from codec.cues.phonology import CONSONANTS, PAUSE, PHONES, VOWELS
+from codec.cues.score import Key, Phone
 from codec.errors import CueError
-from codec.phonology import CONSONANTS, PAUSE, PHONES, VOWELS
-from codec.score import Key, Phone
 
 WORKED = {
     "b ɔ̃ ʒ u ʁ": "4-mouth 1-chin 3-side",

@@ -3,13 +3,13 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from codec import layout
+from codec.cuer import layout
+from codec.cuer.models import rigid
+from codec.cuer.models.face import THROAT_COLUMNS, FaceModel
+from codec.cuer.models.inversion import RIGID_FACE_COLUMNS, invert_face
+from codec.cuer.voice import Voice
 from codec.errors import CueError
-from codec.models import rigid
-from codec.models.face import THROAT_COLUMNS, FaceModel
-from codec.models.fit_face import fit_face
-from codec.models.inversion import RIGID_FACE_COLUMNS, invert_face
-from codec.voice import Voice
+from codec.training.fit_face import fit_face
 
 
 def test_reconstruction_is_the_papers_algorithm(toy_voice: Voice) -> None:

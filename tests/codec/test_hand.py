@@ -2,14 +2,14 @@ from types import ModuleType
 
 import numpy as np
 
-from codec import layout
-from codec.models import _kernels, rigid
-from codec.models.angles import N_ANGLES, SEGMENTS, angle_frames, measure_angles
-from codec.models.fit_hand import fit_hand
-from codec.models.hand import HandModel
-from codec.models.inversion import FOREARM_COLUMNS, invert_hand
-from codec.models.pruning import prune
-from codec.voice import Voice
+from codec.cuer import layout
+from codec.cuer.models import _kernels, rigid
+from codec.cuer.models.angles import N_ANGLES, SEGMENTS, angle_frames, measure_angles
+from codec.cuer.models.hand import HandModel
+from codec.cuer.models.inversion import FOREARM_COLUMNS, invert_hand
+from codec.cuer.voice import Voice
+from codec.training.fit_hand import fit_hand
+from codec.training.pruning import prune
 
 
 def mean_error(model: HandModel, markers: np.ndarray) -> float:

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from codec.cuer.models import _kernels
+from codec.cuer.models.mixture import Mixture, fit_mixture
 from codec.errors import CueError
-from codec.models import _kernels
-from codec.models.mixture import Mixture, fit_mixture
 
 
 def curve(rows: int, seed: int) -> np.ndarray:

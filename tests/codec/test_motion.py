@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from numpy.lib import format as npy
 
+from codec.cuer.motion import Motion, MotionWriter, load_motion, save_motion
+from codec.cues.score import Key, Phone, Score
 from codec.errors import CueError
-from codec.motion import Motion, MotionWriter, load_motion, save_motion
-from codec.npz import read_arrays, write_arrays
-from codec.score import Key, Phone, Score
+from codec.files.npz import read_arrays, write_arrays
 
 SCORE = Score((Phone("p", 0.0, 0.1),), (Key(0.0, 0.1, ("p",), 1, "side"),))
 

@@ -1,7 +1,7 @@
 """A fine superframe inside a coarse one."""
 
-from codec.bits import Header, crc16
-from codec.nesting import nest, unnest
+from codec.bitstream.bits import Header, crc16
+from codec.bitstream.payload import nest, unnest
 
 
 def l0(sequence: int, fill: int) -> bytes:

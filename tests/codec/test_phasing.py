@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from codec import layout
-from codec.phasing import extents, hand_speed, key_kind, profiles, strokes
-from codec.score import PLACEMENT_NUMBER, Key, Score
+from codec.analysis.phases import extents, hand_speed, key_kind, profiles, strokes
+from codec.cuer import layout
+from codec.cues.score import PLACEMENT_NUMBER, Key, Score
 
 RATE_HZ = 120.0
 KEYS = (

@@ -2,10 +2,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec.cueing import DEFAULT_OPTIONS, CueingOptions
-from codec.joining import score_of
-from codec.phonology import PHONES
-from codec.preview import (
+from codec.bitstream.joining import score_of
+from codec.bitstream.preview import (
     AHEAD,
     CHOICES,
     EXACT,
@@ -17,11 +15,13 @@ from codec.preview import (
     thinned,
     write_previews,
 )
-from codec.range_coder import RangeDecoder, RangeEncoder
-from codec.score import Phone, Score
-from codec.score_coding import part_of
-from codec.tables import score_tables
-from codec.timeline import TICK_S, TICKS, to_line
+from codec.bitstream.range_coder import RangeDecoder, RangeEncoder
+from codec.bitstream.score_coding import part_of
+from codec.bitstream.tables import score_tables
+from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cues.phonology import PHONES
+from codec.cues.score import Phone, Score
+from codec.cues.timeline import TICK_S, TICKS, to_line
 
 
 @st.composite

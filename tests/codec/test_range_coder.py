@@ -4,9 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec import _kernels
-from codec.errors import CueError
-from codec.range_coder import (
+from codec.bitstream import _kernels
+from codec.bitstream.range_coder import (
     FLIP,
     TOTAL,
     RangeDecoder,
@@ -15,6 +14,7 @@ from codec.range_coder import (
     cumulative,
     encode_intervals,
 )
+from codec.errors import CueError
 
 WEIGHTS = st.lists(st.floats(0, 1e3), min_size=2, max_size=40).filter(lambda w: sum(w) > 0)
 

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from codec.cueing import DEFAULT_OPTIONS, cue
-from codec.joining import score_of
-from codec.phonology import PAUSE
-from codec.score import Phone, Score
-from codec.timeline import TICKS, to_line
-from codec.window import read_window
-from codec.window_writer import WindowWriter
+from codec.bitstream.joining import score_of
+from codec.bitstream.window import read_window
+from codec.bitstream.window_writer import WindowWriter
+from codec.cues.cueing import DEFAULT_OPTIONS, cue
+from codec.cues.phonology import PAUSE
+from codec.cues.score import Phone, Score
+from codec.cues.timeline import TICKS, to_line
 from cuecast.evaluate.coded import counted
 from synth.train_durations import read_sentences
 

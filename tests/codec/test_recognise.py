@@ -3,16 +3,16 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from codec import layout
-from codec.errors import CueError
-from codec.models import rigid
-from codec.recognise import (
+from codec.analysis.recognise import (
     Gaussians,
     characteristic_distances,
     fit_gaussians,
     fit_recogniser,
     pointing_tip,
 )
+from codec.cuer import layout
+from codec.cuer.models import rigid
+from codec.errors import CueError
 
 
 def test_seven_distances_of_known_points() -> None:

@@ -4,20 +4,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codec.coding import coding_for, derive_coding, load_coding, save_coding
-from codec.cueing import cue
+from codec.bitstream.coding import coding_for, derive_coding, load_coding, save_coding
+from codec.bitstream.joining import join
+from codec.bitstream.resynthesis import _kernels
+from codec.bitstream.resynthesis.course import Resynthesis, key_weights, phone_weights
+from codec.bitstream.resynthesis.movements import PARTS, movements
+from codec.bitstream.resynthesis.targets import N_KEYS, Targets
+from codec.bitstream.score_coding import ScorePart, part_of
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.cueing import cue
+from codec.cues.score import Phone, Score
+from codec.cues.timeline import TICKS, to_line
 from codec.errors import VoiceError
-from codec.joining import join
-from codec.motion import Motion
-from codec.resynthesis import _kernels
-from codec.resynthesis.course import Resynthesis, key_weights, phone_weights
-from codec.resynthesis.movements import PARTS, movements
-from codec.resynthesis.targets import N_KEYS, Targets
-from codec.score import Phone, Score
-from codec.score_coding import ScorePart, part_of
-from codec.timeline import TICKS, to_line
-from codec.train_voice import train_coding
-from codec.voice import Voice
+from codec.training.coding_tables import train_coding
 
 WORDS = ["b", "a", "l", "i", "s", "u"]
 

@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.spatial.transform import Rotation
 
+from codec.cuer.models import _kernels, rigid
 from codec.errors import CueError
-from codec.models import _kernels, rigid
 
 BODY = np.random.default_rng(0).normal(size=(10, 3)) * 50
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from codec.cues.phonology import PHONES
+from codec.cues.score import PLACEMENTS, Key, Phone, Score
 from codec.errors import CueError
-from codec.phonology import PHONES
-from codec.score import PLACEMENTS, Key, Phone, Score
 
 TIMES = st.lists(st.integers(0, 500), min_size=2, max_size=40).map(sorted)
 

@@ -3,15 +3,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
-from codec.joining import score_of
-from codec.phonology import CONSONANTS, PHONES, VOWELS
-from codec.range_coder import RangeDecoder, RangeEncoder
-from codec.score import PLACEMENTS, Key, Phone, Score
-from codec.score_coding import REST_GAPS_S, ScorePart, evenly, part_of, read_score, write_score
-from codec.tables import score_tables
-from codec.timeline import TICK_S, TICKS, to_line, to_ticks
-from codec.train_score import N, _after_two
+from codec.bitstream.joining import score_of
+from codec.bitstream.range_coder import RangeDecoder, RangeEncoder
+from codec.bitstream.score_coding import (
+    REST_GAPS_S,
+    ScorePart,
+    evenly,
+    part_of,
+    read_score,
+    write_score,
+)
+from codec.bitstream.tables import score_tables
+from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
+from codec.cues.phonology import CONSONANTS, PHONES, VOWELS
+from codec.cues.score import PLACEMENTS, Key, Phone, Score
+from codec.cues.timeline import TICK_S, TICKS, to_line, to_ticks
+from codec.training.format_tables import N, _after_two
 
 
 @st.composite

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec.compare import Comparison, compare_motions
-from codec.cueing import cue
+from codec.analysis.compare import Comparison, compare_motions
+from codec.bitstream.inspect import describe, inspect_stream
+from codec.bitstream.stream import decode_stream, encode_stream, read_head, read_superframes
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.cueing import cue
+from codec.cues.score import Phone, Score
 from codec.errors import BitstreamError, CueError, VoiceError
-from codec.inspect import describe, inspect_stream
-from codec.motion import Motion
-from codec.score import Phone, Score
-from codec.stream import decode_stream, encode_stream, read_head, read_superframes
-from codec.voice import Voice
 
 MakeMotion = Callable[..., Motion]
 

@@ -6,14 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec.bits import HEADER_BYTES, SEQUENCES, Header, crc8, crc16, read_header
-from codec.coding import coding_for
-from codec.decoder import SuperframeDecoder
-from codec.encoder import SuperframeEncoder, block_at
-from codec.errors import BitstreamError, CueError, VoiceError
-from codec.merge import ScoreMerger, merge_scores
-from codec.motion import Motion
-from codec.payload import (
+from codec.bitstream.bits import HEADER_BYTES, SEQUENCES, Header, crc8, crc16, read_header
+from codec.bitstream.coding import coding_for
+from codec.bitstream.decoder import SuperframeDecoder
+from codec.bitstream.encoder import SuperframeEncoder, block_at
+from codec.bitstream.payload import (
     CRC16_BYTES,
     coefficient_code,
     read_beginning,
@@ -21,13 +18,21 @@ from codec.payload import (
     read_l1,
     score_code,
 )
-from codec.quantise import basis_of
-from codec.range_coder import TOTAL, code_length
-from codec.score import Key, Score
-from codec.superframe import DecodedSuperframe, Superframe, resynthesis_of
-from codec.timeline import SUPERFRAME_S, TICKS
-from codec.train_voice import near, parts_of
-from codec.voice import Voice
+from codec.bitstream.quantise import basis_of
+from codec.bitstream.range_coder import TOTAL, code_length
+from codec.bitstream.superframe import (
+    DecodedSuperframe,
+    ScoreMerger,
+    Superframe,
+    merge_scores,
+    resynthesis_of,
+)
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.score import Key, Score
+from codec.cues.timeline import SUPERFRAME_S, TICKS
+from codec.errors import BitstreamError, CueError, VoiceError
+from codec.training.coding_tables import near, parts_of
 from tests.codec.speech import SENTENCE, spoken
 
 

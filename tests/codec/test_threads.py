@@ -1,7 +1,7 @@
 import numpy as np
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from codec.models.threads import one_thread
+from codec.cuer.models.threads import one_thread
 
 
 def threads() -> list[int]:

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from codec.cuer.voice import Voice, load_voice, save_voice
 from codec.errors import CueError, VoiceError
-from codec.models.fit import TrainingSet, fit_voice
-from codec.npz import read_arrays, write_arrays
-from codec.voice import Voice, load_voice, save_voice
+from codec.files.npz import read_arrays, write_arrays
+from codec.training.fit import TrainingSet, fit_voice
 
 
 def test_layout_names_the_parameters(toy_voice: Voice) -> None:

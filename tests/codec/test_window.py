@@ -7,23 +7,31 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from codec import _kernels
-from codec.bits import COMPACT, Header, read_header, voice_bit
-from codec.coding import coding_for
-from codec.cueing import DEFAULT_OPTIONS, CueingOptions, cue
-from codec.decoder import SuperframeDecoder
-from codec.encoder import SuperframeEncoder
+from codec.bitstream import _kernels
+from codec.bitstream.bits import COMPACT, Header, read_header, voice_bit
+from codec.bitstream.coding import coding_for
+from codec.bitstream.decoder import SuperframeDecoder
+from codec.bitstream.encoder import SuperframeEncoder
+from codec.bitstream.joining import score_of
+from codec.bitstream.payload import is_intact, read_beginning
+from codec.bitstream.superframe import ScoreMerger, merge_scores
+from codec.bitstream.window import (
+    CORRECTIONS,
+    EARLIEST,
+    LAST,
+    MAX_BYTES,
+    MIN_BYTES,
+    Window,
+    read_window,
+)
+from codec.bitstream.window_writer import WindowWriter
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
+from codec.cues.phonology import CONSONANTS, VOWELS
+from codec.cues.score import Key, Phone, Score
+from codec.cues.timeline import TICK_S, TICKS, to_line
 from codec.errors import BitstreamError, CueError, VoiceError
-from codec.joining import score_of
-from codec.merge import ScoreMerger, merge_scores
-from codec.motion import Motion
-from codec.payload import is_intact, read_beginning
-from codec.phonology import CONSONANTS, VOWELS
-from codec.score import Key, Phone, Score
-from codec.timeline import TICK_S, TICKS, to_line
-from codec.voice import Voice
-from codec.window import CORRECTIONS, EARLIEST, LAST, MAX_BYTES, MIN_BYTES, Window, read_window
-from codec.window_writer import WindowWriter
 from tests.codec.speech import SENTENCE, spoken
 
 IDENTITY = "0123456789abcdef"

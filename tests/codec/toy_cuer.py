@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from codec import layout
-from codec.models import rigid
-from codec.models.fit import TrainingSet
+from codec.cuer import layout
+from codec.cuer.models import rigid
+from codec.training.fit import TrainingSet
 
 THROAT_SHARES = np.linspace(0.2, 0.8, len(layout.THROAT))
 PHALANGES_MM = (40.0, 25.0, 20.0, 8.0)

@@ -57,7 +57,7 @@ def test_from_the_command_line(spoken: tuple[Path, list[float]], tmp_path: Path)
     path, truth = spoken
     out = tmp_path / "m.npz"
     assert main(["synth", TEXT, "--align", str(path), "-o", str(out)]) == 0
-    from codec.motion import load_motion
+    from codec.cuer.motion import load_motion
 
     score = load_motion(out).score
     assert score is not None

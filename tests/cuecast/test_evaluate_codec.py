@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codec.layout import MARKERS
-from codec.motion import Motion
-from codec.voice import Voice, load_voice
+from codec.cuer.layout import MARKERS
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice, load_voice
 from cuecast.evaluate import codec as evaluation
 from cuecast.evaluate.baselines import BASELINES, Material, code_length
 from cuecast.evaluate.bound import Bound, bound_of

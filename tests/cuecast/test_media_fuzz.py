@@ -13,9 +13,9 @@ import av
 import numpy as np
 import pytest
 
+from codec.cuer.voice import load_voice
+from codec.cues.score import Score
 from codec.errors import CueError
-from codec.score import Score
-from codec.voice import load_voice
 from cuecast.dub import DubOptions, dub
 from cuecast.motions import SynthesisedMotion
 from cuecast.receive import receive

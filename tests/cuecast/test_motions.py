@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import soundfile as sf
 
+from codec.cuer.layout import N_FACE
+from codec.cuer.motion import load_motion
+from codec.cuer.voice import Voice, load_voice
+from codec.cues.score import Score
 from codec.errors import CueError
-from codec.layout import N_FACE
-from codec.motion import load_motion
-from codec.score import Score
-from codec.voice import Voice, load_voice
 from cuecast import performance
 from cuecast.arguments import REST_S
 from cuecast.cli import main

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codec.phonology import PHONES
-from codec.score import Key, Phone, Score
+from codec.cues.phonology import PHONES
+from codec.cues.score import Key, Phone, Score
 from cuecast.evaluate.models_fits import Fit
 from cuecast.evaluate.segmentation import write_page
 from cuecast.evaluate.takes import Take

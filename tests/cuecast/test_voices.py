@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import synth.build_coding
-from codec import coding as module
-from codec.coding import coding_for, trained_path
-from codec.motion import Motion, load_motion, save_motion
-from codec.voice import Voice, load_voice, save_voice
+from codec.bitstream import coding as module
+from codec.bitstream.coding import coding_for, trained_path
+from codec.cuer.motion import Motion, load_motion, save_motion
+from codec.cuer.voice import Voice, load_voice, save_voice
 from cuecast.cli import main
 from cuecast.voices import coding_voice, train_voice
 from synth.build_coding import imprecise, perform, recital, sentences

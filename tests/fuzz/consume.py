@@ -8,14 +8,14 @@ import contextlib
 
 import numpy as np
 
-from codec.bits import COMPACT, HEADER_BYTES, VERSION, crc8, crc16, voice_bit, voice_digit
-from codec.coding import coding_for
-from codec.decoder import SuperframeDecoder
+from codec.bitstream.bits import COMPACT, HEADER_BYTES, VERSION, crc8, crc16, voice_bit, voice_digit
+from codec.bitstream.coding import coding_for
+from codec.bitstream.decoder import SuperframeDecoder
+from codec.bitstream.inspect import inspect_stream
+from codec.bitstream.superframe import merge_scores
+from codec.cuer.voice import Voice, load_voice
+from codec.cues.timeline import TICKS
 from codec.errors import BitstreamError, VoiceError
-from codec.inspect import inspect_stream
-from codec.merge import merge_scores
-from codec.timeline import TICKS
-from codec.voice import Voice, load_voice
 
 _VOICE: list[Voice] = []
 _RENDERED = 8

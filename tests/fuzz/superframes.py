@@ -15,11 +15,10 @@ import numba
 config: Any = numba.config
 config.DISABLE_JIT = True
 with atheris.instrument_imports(include=["codec"]):
-    import codec._kernels
+    import codec.bitstream._kernels
 config.DISABLE_JIT = False
 # The others are compiled, which needs their code as it is.
-import codec.models._kernels  # noqa: E402
-import codec.resynthesis._kernels  # noqa: E402, F401
+import codec.bitstream.resynthesis._kernels  # noqa: E402, F401
 
 with atheris.instrument_imports(include=["codec"]):
     from tests.fuzz.consume import consume

@@ -17,8 +17,8 @@ from typing import Any
 import av
 import numpy as np
 
-from codec.score import Score
-from codec.voice import load_voice
+from codec.cuer.voice import load_voice
+from codec.cues.score import Score
 from receiver.events import SUPERFRAME_S
 from tests.receiver.air import FS, marked_noise
 from tests.receiver.seeded import seeded_speech

@@ -4,9 +4,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from codec.cueing import cue
-from codec.phonology import CONSONANTS, VOWELS
-from codec.score import Key, Phone, Score
+from codec.cues.cueing import cue
+from codec.cues.phonology import CONSONANTS, VOWELS
+from codec.cues.score import Key, Phone, Score
 
 
 def seeded_speech(duration_s: float, seed: int = 11) -> Score:

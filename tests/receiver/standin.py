@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from codec.gestures import GestureTable
-from codec.layout import EARS, FACE_MARKERS, HAND_MARKERS, THROAT
-from codec.models.face import FaceModel
-from codec.models.hand import HandModel
-from codec.motion import Motion
-from codec.score import Key, Score
-from codec.voice import Voice
+from codec.cuer.gestures import GestureTable
+from codec.cuer.layout import EARS, FACE_MARKERS, HAND_MARKERS, THROAT
+from codec.cuer.models.face import FaceModel
+from codec.cuer.models.hand import HandModel
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.score import Key, Score
 
 N_HEAD, N_FOREARM, N_ANGLES = 5, 6, 21
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from codec.cuer.voice import load_voice
+from codec.cues.score import PLACEMENTS
 from codec.errors import CueError
-from codec.score import PLACEMENTS
-from codec.voice import load_voice
 from receiver._kernels import cover_triangles, draw_triangles
 from receiver.avatar import eyes_closed, has_avatar, load_avatar, vertex_normals
 from receiver.portrait import LIGHT, draw_avatar

@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from codec.cuer.motion import Motion
+from codec.cuer.voice import load_voice
 from codec.errors import CueError, VoiceError
-from codec.motion import Motion
-from codec.voice import load_voice
 from receiver.avatar import load_avatar
 from receiver.export.arkit import ARKIT_NAMES, arkit_weights
 from receiver.export.files import export_motion

@@ -7,10 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from codec.encoder import SuperframeEncoder
-from codec.score import Key
-from codec.superframe import Superframe
-from codec.voice import load_voice
+from codec.bitstream.encoder import SuperframeEncoder
+from codec.bitstream.superframe import Superframe
+from codec.cuer.voice import load_voice
+from codec.cues.score import Key
 from receiver.events import SUPERFRAME_S, KeysFound, MotionPiece
 from receiver.tracking import Tracker
 from tests.receiver.seeded import seeded_speech, was_sent

@@ -8,8 +8,8 @@ from io import BytesIO
 import av
 import pytest
 
+from codec.cuer.voice import load_voice
 from codec.errors import CueError
-from codec.voice import load_voice
 from receiver import line
 from receiver.events import MotionPiece
 from receiver.line import DatagramLine, Pipe

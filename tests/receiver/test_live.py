@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 import soundfile
 
+from codec.cuer.voice import load_voice
 from codec.errors import CueError
-from codec.voice import load_voice
 from receiver.continuity import STAMP_PERIOD_S, SteadyClock
 from receiver.events import KeysFound, MotionPiece, StateChanged
 from receiver.live import Broadcast, Happening, MediaFragment, MediaStart

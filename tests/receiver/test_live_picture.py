@@ -9,8 +9,8 @@ import av
 import numpy as np
 import pytest
 
-from codec.encoder import SuperframeEncoder
-from codec.voice import load_voice
+from codec.bitstream.encoder import SuperframeEncoder
+from codec.cuer.voice import load_voice
 from receiver.engine import Receiver
 from receiver.events import Event, MotionPiece
 from receiver.live import Broadcast, Happening

@@ -4,11 +4,12 @@ import av
 import numpy as np
 import pytest
 
+from codec.cuer.motion import sample_params
+from codec.cuer.voice import load_voice
 from codec.errors import CueError, VoiceError
-from codec.voice import load_voice
 from receiver.camera import Camera, frame_cuer
 from receiver.points import draw_points
-from receiver.render import read_picture, render_motion, sample_params
+from receiver.render import read_picture, render_motion
 from tests.receiver.standin import make_motion, make_voice
 
 VOICE = make_voice()

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 import pytest
 
-from codec.encoder import SuperframeEncoder
-from codec.superframe import Superframe
+from codec.bitstream.encoder import SuperframeEncoder
+from codec.bitstream.superframe import Superframe
 from receiver.assemble import Assembler
 from receiver.events import Event, KeysFound, MotionPiece, StateChanged, SuperframeLost, Unreadable
 from receiver.tracking import LOST_AFTER_S, Tracker

@@ -10,7 +10,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from codec.score import Key
+from codec.cues.score import Key
 from receiver import live
 from receiver.continuity import Place, SteadyClock
 from receiver.events import KeysFound, MotionPiece

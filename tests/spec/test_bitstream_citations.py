@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from codec.phonology import PHONES
+from codec.cues.phonology import PHONES
 
 ROOT = Path(__file__).resolve().parents[2]
 SPECIFICATION = (ROOT / "spec/bitstream.md").read_text(encoding="utf-8")
@@ -18,7 +18,7 @@ def cited() -> dict[str, set[str]]:
     """Return the paragraphs that each file of code cites which refers to the specification."""
     result = {}
     for folder in ("codec", "spec/reference"):
-        for path in (ROOT / folder).glob("*.py"):
+        for path in (ROOT / folder).rglob("*.py"):
             text = path.read_text(encoding="utf-8")
             names = re.findall(r"[A-Z]\d+", str(CITATION.findall(text)))
             if names and "spec/bitstream.md" in text:

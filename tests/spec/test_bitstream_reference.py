@@ -12,16 +12,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec import _kernels
-from codec.bits import crc8, crc16
+from codec.bitstream import _kernels
+from codec.bitstream.bits import crc8, crc16
+from codec.bitstream.payload import read_l0, read_l1
+from codec.bitstream.quantise import NO_RESIDUAL, dequantise_integers, step_width
+from codec.bitstream.range_coder import RangeDecoder
+from codec.bitstream.score_coding import REST_GAPS_S, ScorePart
+from codec.bitstream.tables import coefficient_tables
+from codec.bitstream.transform import Basis
+from codec.bitstream.window import Window
 from codec.errors import BitstreamError
-from codec.payload import read_l0, read_l1
-from codec.quantise import NO_RESIDUAL, dequantise_integers, step_width
-from codec.range_coder import RangeDecoder
-from codec.score_coding import REST_GAPS_S, ScorePart
-from codec.tables import coefficient_tables
-from codec.transform import Basis
-from codec.window import Window
 from spec.reference import superframe as reference
 from spec.reference.range_decoder import RangeDecoder as ReferenceDecoder
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from codec.coding import coding_for, trained_path
-from codec.train import TABLES
-from codec.voice import load_voice
+from codec.bitstream.coding import coding_for, trained_path
+from codec.cuer.voice import load_voice
+from codec.training.format_tables import TABLES
 from spec.reference.identity import identity
 
 

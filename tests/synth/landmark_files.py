@@ -6,7 +6,7 @@ import io
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.score import Score
+from codec.cues.score import Score
 from cuecast.evaluate.films import as_rows, film
 from synth.capture.landmark_maps import FACE_LANDMARKS
 from synth.gesture import GestureSynthesiser

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.layout import MARKERS
-from codec.score import Key, Phone, Score
+from codec.cuer.layout import MARKERS
+from codec.cues.score import Key, Phone, Score
 from synth.corpus.capture import Take, record
 from synth.corpus.studio import Studio
 from synth.gesture import GestureSynthesiser

@@ -9,9 +9,9 @@ import pytest
 import soundfile as sf
 from numpy.typing import NDArray
 
+from codec.cues.phonology import PAUSE
+from codec.cues.score import Phone
 from codec.errors import CueError
-from codec.phonology import PAUSE
-from codec.score import Phone
 from synth.alignment import _kernels
 from synth.alignment.align import Passage, align
 from synth.alignment.cepstra import FS, cepstra, mono

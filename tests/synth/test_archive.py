@@ -3,8 +3,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from codec.cuer.voice import Voice, load_voice
 from codec.errors import CueError
-from codec.voice import Voice, load_voice
 from synth.archive import (
     built_in_recordings,
     cache_folder,

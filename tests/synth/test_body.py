@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from codec.cuer.layout import FOREARM, MARKER_NUMBER, MARKERS, longest_finger_tip, marker_indices
+from codec.cues.score import PLACEMENTS
 from codec.errors import CueError
-from codec.layout import FOREARM, MARKER_NUMBER, MARKERS, longest_finger_tip, marker_indices
-from codec.npz import read_arrays
-from codec.score import PLACEMENTS
+from codec.files.npz import read_arrays
 from synth.body.anatomy import IDENTITIES, identity
 from synth.body.body import Body, Pose, load_asset, load_body
 from synth.body.mesh import read_mesh

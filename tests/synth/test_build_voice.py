@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codec.layout import MARKER_NUMBER, N_FACE, longest_finger_tip
-from codec.score import PLACEMENTS
-from codec.voice import Voice, load_voice
+from codec.cuer.layout import MARKER_NUMBER, N_FACE, longest_finger_tip
+from codec.cuer.voice import Voice, load_voice
+from codec.cues.score import PLACEMENTS
 from synth.build_voice import exact_targets, main
 from synth.gesture import GestureSynthesiser
 

@@ -1,6 +1,6 @@
 import numpy as np
 
-from codec.voice import load_voice
+from codec.cuer.voice import load_voice
 from synth.calming import calm_joins, quickest
 from synth.gesture import GestureSynthesiser
 from synth.score import score_from_text

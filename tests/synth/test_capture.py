@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codec.cueing import cue
+from codec.cuer.layout import MARKERS, N_FACE, marker_indices
+from codec.cuer.models import rigid
+from codec.cuer.motion import Motion
+from codec.cuer.voice import load_voice
+from codec.cues.cueing import cue
+from codec.cues.score import Score
 from codec.errors import CueError
-from codec.layout import MARKERS, N_FACE, marker_indices
-from codec.models import rigid
-from codec.motion import Motion
-from codec.score import Score
-from codec.voice import load_voice
 from synth.capture.capture import capture
 from synth.capture.options import Captured, CaptureOptions
 from synth.corpus.capture import Take

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from codec.cuer.layout import MARKER_NUMBER, MARKERS
 from codec.errors import CueError
-from codec.layout import MARKER_NUMBER, MARKERS
 from receiver.export.markers import marker_csv
 from receiver.export.markers import trc as our_trc
 from synth.capture.labels import find_names, read_map

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codec.models.inversion import invert
-from codec.voice import load_voice
+from codec.cuer.models.inversion import invert
+from codec.cuer.voice import load_voice
 from synth.capture.closure import closures, rescaled
 from synth.capture.landmark_maps import hand_map
 from synth.capture.landmark_model import HAND_TRUST, LandmarkModel

@@ -4,11 +4,11 @@ import itertools
 
 import numpy as np
 
-from codec.models.face import N_FACE_PARAMETERS
-from codec.phonology import PHONE_NUMBER
-from codec.recognise import Gaussians
-from codec.score import PLACEMENTS, SHAPES
-from codec.voice import load_voice
+from codec.analysis.recognise import Gaussians
+from codec.cuer.models.face import N_FACE_PARAMETERS
+from codec.cuer.voice import load_voice
+from codec.cues.phonology import PHONE_NUMBER
+from codec.cues.score import PLACEMENTS, SHAPES
 from synth.capture.closure import closures, rescaled
 from synth.capture.keys import KEYS, Held, recognise_keys
 from synth.capture.placing import USED, fit_placements

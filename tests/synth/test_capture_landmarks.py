@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from codec.cuer.layout import N_FACE
+from codec.cuer.models.inversion import invert
+from codec.cuer.voice import load_voice
 from codec.errors import CueError
-from codec.layout import N_FACE
-from codec.models.inversion import invert
-from codec.voice import load_voice
 from synth.capture.capture import capture
 from synth.capture.landmark_maps import FACE_LANDMARKS, face_map, hand_map, lesson
 from synth.capture.landmark_model import HAND_TRUST, LandmarkModel

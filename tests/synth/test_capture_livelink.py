@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from codec.cuer.motion import Motion
+from codec.cuer.voice import load_voice
 from codec.errors import CueError
-from codec.motion import Motion
-from codec.voice import load_voice
 from receiver.avatar import load_avatar
 from receiver.export.arkit import live_link_csv
 from synth.capture.capture import capture

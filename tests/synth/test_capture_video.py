@@ -7,8 +7,8 @@ import av
 import numpy as np
 import pytest
 
+from codec.cuer.voice import load_voice
 from codec.errors import CueError
-from codec.voice import load_voice
 from synth.capture.capture import capture
 from synth.capture.options import CaptureOptions
 from synth.capture.sniff import kind_of

@@ -8,14 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from codec.cueing import cue
+from codec.cuer.layout import N_FACE, RIGID_FACE, THROAT, marker_indices
+from codec.cuer.models import rigid
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice, load_voice
+from codec.cues.cueing import cue
+from codec.cues.phonology import PHONES
+from codec.cues.score import PLACEMENT_NUMBER, Phone, Score
 from codec.errors import CueError
-from codec.layout import N_FACE, RIGID_FACE, THROAT, marker_indices
-from codec.models import rigid
-from codec.motion import Motion
-from codec.phonology import PHONES
-from codec.score import PLACEMENT_NUMBER, Phone, Score
-from codec.voice import Voice, load_voice
 from synth.concatenation import ConcatenativeSynthesiser
 from synth.gesture import GestureSynthesiser
 from synth.melody import plan_melody

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from codec.cuer.layout import MARKER_NUMBER, N_FACE
+from codec.cues.phonology import CONSONANTS, PAUSE, VOWELS
+from codec.cues.score import PLACEMENT_NUMBER
 from codec.errors import CueError
-from codec.layout import MARKER_NUMBER, N_FACE
-from codec.phonology import CONSONANTS, PAUSE, VOWELS
-from codec.score import PLACEMENT_NUMBER
 from synth.body.body import Pose, load_body
 from synth.body.skeleton import HAND_ANGLES
 from synth.corpus import _kernels

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.c3d import read_c3d, write_c3d
+from codec.cuer.c3d import read_c3d, write_c3d
+from codec.cuer.layout import MARKERS
+from codec.cues.score import Key, Phone, Score
 from codec.errors import CueError
-from codec.layout import MARKERS
-from codec.score import Key, Phone, Score
 from synth.corpus.scores import drill
 from synth.textgrid import read_textgrid, write_textgrid
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from codec.cues.phonology import CONSONANTS, PAUSE, PHONES, VOWELS
 from codec.errors import CueError
-from codec.phonology import CONSONANTS, PAUSE, PHONES, VOWELS
 from synth.duration import features, predict_durations
 from synth.train_durations import _SAMPA
 

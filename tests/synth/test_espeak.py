@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
+from codec.cues.phonology import PHONES
 from codec.errors import CueError
-from codec.phonology import PHONES
 from synth.speech.espeak_voice import MNEMONIC, render, speak
 from synth.text.espeak import to_phones, transcribe
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from codec import layout
+from codec.cuer import layout
+from codec.cuer.models import rigid
 from codec.errors import CueError
-from codec.models import rigid
 from synth.corpus.framing import find_framing, mirrored, shows_left_hand
 from synth.corpus.scores import drill
 from synth.gesture import GestureSynthesiser

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec.cueing import cue
+from codec.cuer.layout import MARKER_NUMBER, longest_finger_tip
+from codec.cues.cueing import cue
+from codec.cues.phonology import PHONE_NUMBER
+from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, Phone, Score
 from codec.errors import CueError
-from codec.layout import MARKER_NUMBER, longest_finger_tip
-from codec.phonology import PHONE_NUMBER
-from codec.score import PLACEMENT_NUMBER, PLACEMENTS, Phone, Score
 from synth.body.reach import placement_target
 from synth.body.shapes import shape_angles
 from synth.coarticulation import PhoneLine, articulate

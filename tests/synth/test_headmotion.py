@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from codec.cueing import cue
-from codec.layout import HAND_MARKERS, MARKER_NUMBER, RIGID_FACE, marker_indices
-from codec.models import rigid
-from codec.score import Phone, Score
-from codec.voice import Voice, load_voice
+from codec.cuer.layout import HAND_MARKERS, MARKER_NUMBER, RIGID_FACE, marker_indices
+from codec.cuer.models import rigid
+from codec.cuer.voice import Voice, load_voice
+from codec.cues.cueing import cue
+from codec.cues.score import Phone, Score
 from synth.gesture import GestureSynthesiser
 from synth.headmotion import HeadMotion
 from synth.movement import plan_gestures

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from codec.score import Score
 
 from codec.errors import CueError
-from codec.score import Score
 from cuecast.evaluate.films import ASPECT, WIDTH_MM, film
 from synth.build_coding import recital
 from synth.capture.landmark_maps import FACE_LANDMARKS

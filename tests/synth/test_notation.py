@@ -2,8 +2,8 @@
 
 import pytest
 
+from codec.cues.score import PLACEMENTS, Key
 from codec.errors import CueError
-from codec.score import PLACEMENTS, Key
 from synth.notation import as_taught, read_taught
 from synth.score import score_from_text
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from codec.cueing import cue
-from codec.score import Phone, Score
+from codec.cues.cueing import cue
+from codec.cues.score import Phone, Score
 from synth.flow import Flow
 from synth.passages import AROUND_S, LONGEST_S, SILENCE_S, Passage, passages
 

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from codec.cues.phonology import PHONES
 from codec.errors import CueError
-from codec.phonology import PHONES
 from synth.score import score_from_text
 from synth.text.lexicon import read_user_lexicon
 from synth.text.pronounce import Style, phonemise

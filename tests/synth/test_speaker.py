@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import soundfile
 
+from codec.cuer.voice import load_voice
 from codec.errors import CueError
-from codec.voice import load_voice
 from cuecast.cli import main
 from synth.archive import read_archive
 from synth.gesture import GestureSynthesiser

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codec.layout import MARKERS
-from codec.models import rigid
+from codec.cuer.layout import MARKERS
+from codec.cuer.models import rigid
 from cuecast.cli import main
 from cuecast.demo.content import make_sound
 from cuecast.media.film import write_film

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from codec.voice import Voice, load_voice
+from codec.cuer.motion import sample_params
+from codec.cuer.voice import Voice, load_voice
 from receiver.avatar import load_avatar
 from receiver.events import State, StateChanged
 from receiver.portrait import draw_avatar
 from receiver.reception import Progress
-from receiver.render import sample_params
 from receiver.server import Television
 from receiver.tuner import MotionTuner, Tuner
 from receiver.voice_document import neutral_camera

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codec.voice import load_voice
+from codec.cuer.voice import load_voice
 from receiver.live_server import LiveTelevision
 from tests.chromium import Page, browse
 from tests.receiver.air import marked_noise, transport_stream

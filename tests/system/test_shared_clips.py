@@ -12,12 +12,11 @@ import av
 import numpy as np
 import pytest
 
-from codec.motion import load_motion
-from codec.voice import load_voice
+from codec.cuer.motion import load_motion, sample_params
+from codec.cuer.voice import load_voice
 from cuecast.cli import main
 from cuecast.media.film import write_film
 from receiver.media.sound import read_sound
-from receiver.render import sample_params
 from tests.chromium import Page, browse
 
 ROOT = Path(__file__).resolve().parents[2]

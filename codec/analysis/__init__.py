@@ -1,0 +1,1 @@
+"""Motions looked at: their keys, their phases, their likeness."""

@@ -1,0 +1,1 @@
+"""From bits to streams: superframes, their parts and their files."""

@@ -1,0 +1,228 @@
+"""Decoding of superframes, in any order and with holes.
+
+The decoder predicts from the neighbours that it knows, and conceals what is missing: without L1
+the coarse residual stays, without L0 the hand finishes its key and goes to rest. Specification:
+spec/bitstream.md, section 2.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.bitstream.bits import (
+    COMPACT,
+    PLAIN,
+    SCORE,
+    SEQUENCES,
+    Header,
+    read_header,
+    voice_bit,
+    voice_digit,
+)
+from codec.bitstream.coding import coding_for
+from codec.bitstream.joining import Joined, Parts, join
+from codec.bitstream.payload import (
+    Content,
+    is_intact,
+    read_l0,
+    read_l1,
+)
+from codec.bitstream.preview import Preview, part_of_preview
+from codec.bitstream.quantise import (
+    NO_RESIDUAL,
+    basis_of,
+    dequantise,
+)
+from codec.bitstream.resynthesis.course import minimum_jerk
+from codec.bitstream.score_coding import ScorePart
+from codec.bitstream.superframe import WINDOWS, DecodedSuperframe, resynthesis_of
+from codec.bitstream.tables import coefficient_tables
+from codec.bitstream.transform import Bases
+from codec.bitstream.window import Window
+from codec.cuer.voice import Voice
+from codec.cues.timeline import SUPERFRAME_S, TICKS
+from codec.errors import BitstreamError, VoiceError
+
+Array = NDArray[np.float64]
+
+_HISTORY = 8
+"""Superframes to either side that are remembered."""
+
+
+class SuperframeDecoder:
+    """Decoder of superframes in any order, with holes.
+
+    It remembers a few superframes to predict from; results of other numbers do not depend on
+    the order in which parts arrive once the neighbours are known (`render`).
+    """
+
+    def __init__(self, voice: Voice) -> None:
+        self.voice = voice
+        self._coding = coding_for(voice)
+        self._contents: dict[int, Content] = {}
+        self._layers: dict[int, tuple[str, ...]] = {}
+        self._previewed: dict[int, tuple[int, Preview]] = {}
+
+    def push(self, l0: bytes | None, l1: bytes | None, index: int) -> DecodedSuperframe:
+        """Take the parts of superframe `index` and return what they say now.
+
+        Parameters
+        ----------
+        l0, l1 : bytes or None
+            None is a part that did not arrive; a part whose checksum is wrong counts as such.
+        index : int
+            Any number that is congruent to the header's sequence.
+
+        Raises
+        ------
+        VoiceError
+            If the stream was made with another voice or other coding tables.
+        BitstreamError
+            If L0 is intact and breaks a rule: version (H2), sequence (H4).
+        """
+        self._forget(index)
+        content, layers = self._read(l0, l1, index)
+        if content is not None:
+            self._contents[index], self._layers[index] = content, layers
+            for distance, preview in content.previews.items():
+                # The nearest preview is the best one.
+                known = self._previewed.get(index + distance)
+                if known is None or distance <= known[0]:
+                    self._previewed[index + distance] = distance, preview
+        return self.render(index)
+
+    def _forget(self, index: int) -> None:
+        for old in [k for k in self._contents if abs(k - index) > _HISTORY]:
+            del self._contents[old], self._layers[old]
+        for old in [k for k in self._previewed if abs(k - index) > _HISTORY]:
+            del self._previewed[old]
+
+    def _read(
+        self, l0: bytes | None, l1: bytes | None, index: int
+    ) -> tuple[Content | None, tuple[str, ...]]:
+        if l0 is None or not is_intact(l0):
+            return None, ()
+        header = read_header(l0)
+        if header.sequence != index % header.sequences:
+            raise BitstreamError(
+                f"sequence number {header.sequence}, superframe {index} has "
+                f"{index % header.sequences}",
+                section="H4", bit=4,
+            )  # fmt: skip
+        self._check_coding(header)
+        content, known = read_l0(l0, self._bases(header))
+        if l1:
+            try:
+                whole = read_l1(l0, l1, content, known, self._bases(header))
+            except BitstreamError:
+                return content, ("L0",)
+            return whole, ("L0", "L1")
+        return content, ("L0",)
+
+    def _check_coding(self, header: Header) -> None:
+        """Compare what a superframe tells of voice and tables with one's own (H5, M2)."""
+        digit = voice_bit if header.mode == COMPACT else voice_digit
+        own = digit(self._coding.identity, header.sequence)
+        if header.voice != own:
+            what = "bit" if header.mode == COMPACT else "digit"
+            raise VoiceError(
+                f"another voice, or other coding tables: {what} {header.sequence % 16} of the "
+                f"stream's identity is {header.voice:x}, that of voice {self.voice.name} "
+                f"({self._coding.identity}) has {own:x}"
+            )
+
+    def render(self, index: int) -> DecodedSuperframe:
+        """Return superframe `index` from all that has arrived by now.
+
+        Called when its time comes, the neighbours are known and the motion is the best possible.
+        """
+        parts = self._parts(index)
+        content = self._contents.get(index)
+        joined = join(parts)
+        score = joined.score()
+        begin, end = index * SUPERFRAME_S - 1e-6, (index + 1) * SUPERFRAME_S - 1e-6
+        params = self._told(index, joined) if self._tells(index) else self._untold(index, joined)
+        return DecodedSuperframe(
+            index,
+            index * SUPERFRAME_S,
+            params.astype(np.float32),
+            tuple(p for p in score.phones if begin <= p.start < end),
+            tuple(k for k in score.keys if begin <= k.start < end),
+            self._layers.get(index, ()),
+            content is None,
+            parts.get(index),
+            content.header.lead if content else -1,
+            index % SEQUENCES,
+        )
+
+    def _parts(self, index: int) -> Parts:
+        """Return the scores around a superframe, from previews where it was lost."""
+        reach = range(index - WINDOWS, index + 2)
+        contents = {k: self._contents[k].part for k in reach if k in self._contents}
+        windows = {k: part for k, part in contents.items() if isinstance(part, Window)}
+        if windows and not isinstance(contents.get(index), ScorePart):
+            return windows
+        parts = {k: p for k in reach[-3:] if isinstance(p := contents.get(k), ScorePart)}
+        for k in reach[-3:]:
+            if k not in contents and k in self._previewed:
+                parts[k] = part_of_preview(self._previewed[k][1])
+        return parts
+
+    def _tells(self, index: int) -> bool:
+        """Return whether anything is known about a superframe."""
+        return index in self._contents or index in self._previewed
+
+    def _told(self, index: int, joined: Joined) -> Array:
+        """Return the parameters of a superframe that arrived, or was previewed."""
+        content = self._contents.get(index)
+        if content is not None:
+            return self._prediction(content, index, joined) + self._sent(content)
+        known = [self._contents.get(k) for k in (index - 1, index + 1)]
+        before, after = (
+            self._sent(c) if c is not None and c.header.mode == SCORE else None for c in known
+        )
+        prediction = resynthesis_of(self._coding, joined, index).params()
+        return prediction + self._coding.residual.between(before, after)
+
+    def _untold(self, index: int, joined: Joined) -> Array:
+        """Return likely parameters of a superframe of which nothing is known.
+
+        The hand finishes what it does and, if the loss lasts, goes to rest.
+        """
+        if any(isinstance(part, Window) for part in joined.parts.values()):
+            return resynthesis_of(self._coding, joined, index).params()
+        rest = resynthesis_of(self._coding, join({}), index).params()
+        sides = [
+            [k for k in range(index + side, index + side * _HISTORY, side) if self._tells(k)][:1]
+            for side in (-1, 1)
+        ]
+        frames = np.arange(TICKS)
+        distance = np.full(TICKS, 2 * TICKS)
+        for found, place in zip(sides, (frames + 1, TICKS - frames), strict=True):
+            for k in found:
+                distance = np.minimum(distance, TICKS * (abs(k - index) - 1) + place)
+        mean = self._coding.mean
+        resting = minimum_jerk((distance - TICKS) / TICKS)[:, None]
+        before, after = (
+            self._told(k, join(self._parts(k))) - mean if self._tells(k) else None
+            for k in (index - 1, index + 1)
+        )
+        likely = self._coding.plain.between(before, after)
+        return mean + resting * (rest - mean) + (1 - resting) * likely
+
+    def _prediction(self, content: Content, index: int, joined: Joined) -> Array:
+        if content.header.mode == PLAIN:
+            return self._coding.mean
+        setting = content.setting
+        resynthesis = resynthesis_of(self._coding, joined, index)
+        return resynthesis.params(course=setting.course, shift=setting.shift)
+
+    def _bases(self, header: Header) -> Bases:
+        return self._coding.of_motion if header.mode == PLAIN else self._coding.of_score
+
+    def _sent(self, content: Content) -> Array:
+        """Return the residual that a superframe says."""
+        basis = basis_of(self._bases(content.header), content.setting)
+        if content.setting.step == NO_RESIDUAL:
+            return np.zeros((TICKS, len(basis.matrix)))
+        tables = coefficient_tables()
+        return basis.backward(dequantise(content.q, content.setting, basis, tables))

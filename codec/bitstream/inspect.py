@@ -1,0 +1,97 @@
+"""Inspection: what a stream file says, without a voice, as a document and as text."""
+
+from typing import Any
+
+from codec.bitstream.bits import MODES
+from codec.bitstream.joining import score_of
+from codec.bitstream.payload import is_intact, read_beginning
+from codec.bitstream.quantise import NO_RESIDUAL, width_mm
+from codec.bitstream.resynthesis.course import SHIFTS
+from codec.bitstream.score_coding import ScorePart
+from codec.bitstream.stream import read_head, read_superframes
+from codec.bitstream.superframe import Superframe
+from codec.bitstream.window import Window
+from codec.cues.timeline import SUPERFRAME_S, TICK_S
+from codec.errors import BitstreamError
+
+
+def inspect_stream(data: bytes) -> dict[str, Any]:
+    """Return what a stream file says.
+
+    Parameters
+    ----------
+    data : bytes
+
+    Returns
+    -------
+    dict
+        ``voice``, ``coding``, ``start_s``, ``duration_s``, ``rate_bps`` (all bytes counted),
+        ``superframes`` (one dict each) and ``keys``; ready for JSON.
+
+    Raises
+    ------
+    BitstreamError
+        If the file breaks a rule; a wrong checksum of a superframe is reported in its place.
+    """
+    head = read_head(data)
+    parts: dict[int, ScorePart | Window] = {}
+    rows = []
+    for frame in read_superframes(data):
+        row, part = _row(frame)
+        rows.append(row)
+        if part is not None:
+            parts[frame.index] = part
+    duration_s = head.ticks * TICK_S
+    return {
+        "voice": head.voice,
+        "coding": head.coding,
+        "start_s": round(head.first_tick * TICK_S, 2),
+        "duration_s": round(duration_s, 2),
+        "rate_bps": round(8 * len(data) / duration_s, 1),
+        "superframes": rows,
+        "keys": [key.as_dict() for key in score_of(parts).keys],
+    }
+
+
+def _row(frame: Superframe) -> tuple[dict[str, Any], ScorePart | Window | None]:
+    row: dict[str, Any] = {
+        "index": frame.index,
+        "start_s": round(frame.index * SUPERFRAME_S, 2),
+        "l0_bytes": len(frame.l0),
+        "l1_bytes": len(frame.l1),
+        "intact": is_intact(frame.l0),
+    }
+    if not row["intact"]:
+        return row, None
+    try:
+        content = read_beginning(frame.l0)
+    except BitstreamError as error:
+        return row | {"error": str(error)}, None
+    header, setting, part = content.header, content.setting, content.part
+    row |= {"mode": MODES[header.mode], "sequence": header.sequence, "lead": header.lead}
+    row["step"] = None if setting.step == NO_RESIDUAL else round(width_mm(setting.step), 2)
+    row |= {"gain": setting.gain, "course": setting.course, "shift_ticks": SHIFTS[setting.shift]}
+    row["previews"] = sorted(frame.index + distance for distance in content.previews)
+    if part is not None:
+        score = score_of({frame.index: part})
+        row["phones"] = [phone.symbol for phone in score.phones]
+        row["keys"] = [str(key) for key in score.keys]
+    return row, part
+
+
+def describe(document: dict[str, Any]) -> str:
+    """Return the document of `inspect_stream` as lines of text."""
+    lines = [
+        "voice {voice}, {duration_s} s from {start_s} s, {rate_bps} bit/s".format(**document),
+        "  index    start  mode        bytes  step  phones | keys",
+    ]
+    for row in document["superframes"]:
+        size = f"{row['l0_bytes']}+{row['l1_bytes']}"
+        if "mode" not in row:
+            lines.append(f"{row['index']:7d} {row['start_s']:8.2f}  damaged  {size:>8s}")
+            continue
+        step = "-" if row["step"] is None else f"{row['step']:.0f}"
+        said = " ".join(row.get("phones", [])) + " | " + " ".join(row.get("keys", []))
+        place = f"{row['index']:7d} {row['start_s']:8.2f}  {row['mode']:10s}"
+        lines.append(f"{place} {size:>6s} {step:>5s}  {said}")
+    return "\n".join(lines)

@@ -1,0 +1,339 @@
+"""The bytes of a superframe: its two parts written and read, without any model of motion.
+
+Indices, score and setting go in, two byte strings come out, and back. Whatever is cut off at the
+end of a part are coefficients of least expected magnitude: the reader stops at the first one
+that its bytes do not determine. Specification: spec/bitstream.md, section 2.
+
+A fine superframe nests inside a coarse one, for channels of which one bears more than the other:
+the picture's L1 holds the whole of the fine one, so that sound and picture bear the same L0.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.bitstream import _kernels
+from codec.bitstream.bits import HEADER_BYTES, PLAIN, SCORE, Header, crc8, crc16, read_header
+from codec.bitstream.preview import Preview, read_previews, write_previews
+from codec.bitstream.quantise import NO_RESIDUAL, NOTHING_SENT, Setting, basis_of, raised
+from codec.bitstream.range_coder import (
+    FLIP,
+    RangeDecoder,
+    RangeEncoder,
+    cumulative,
+    encode_intervals,
+)
+from codec.bitstream.score_coding import ScorePart, read_score, write_score
+from codec.bitstream.tables import coefficient_tables, score_tables
+from codec.bitstream.transform import Bases, Basis
+from codec.bitstream.window import MAX_BYTES, MIN_BYTES, Window, read_window
+from codec.errors import BitstreamError
+
+Ints = NDArray[np.int64]
+
+CRC16_BYTES = 2
+CRC8_BYTES = 1
+STEP_BITS = 6
+MIN_L0_BYTES = HEADER_BYTES + CRC16_BYTES + 1
+_CHOICES = cumulative([12, 2, 1, 1])
+"""Table of gain and course."""
+
+_SHIFTS = cumulative([10, 2, 2, 1, 1])
+_COMPACT_BIT = 0x20
+
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """What the integers of a superframe say.
+
+    Attributes
+    ----------
+    header : Header
+    setting : Setting
+    part : ScorePart or Window or None
+        None in mode ``plain``, a window in mode ``compact``.
+    q : ndarray of int64, shape (32 P,)
+        Quantised coefficients in scan order.
+    previews : dict of int to Preview
+        By distance, in mode ``score``.
+    """
+
+    header: Header
+    setting: Setting
+    part: ScorePart | Window | None
+    q: Ints
+    previews: dict[int, Preview] = field(default_factory=dict)
+
+
+def score_code(content: Content, *, even: bool) -> RangeEncoder:
+    """Return the beginning of L0's payload: setting, score and previews (H8)."""
+    encoder, setting = RangeEncoder(), content.setting
+    encoder.put_bits(setting.step, STEP_BITS)
+    if setting.step != NO_RESIDUAL:
+        encoder.put(setting.gain, _CHOICES)
+        if content.header.mode == SCORE:
+            encoder.put(setting.course, _CHOICES)
+            encoder.put(setting.shift, _SHIFTS)
+    if isinstance(content.part, ScorePart):
+        write_score(encoder, content.part, score_tables(), even=even)
+        write_previews(encoder, content.previews, score_tables())
+    return encoder
+
+
+def coefficient_code(
+    q: Ints, first: int, setting: Setting, basis: Basis
+) -> tuple[Ints, Ints, Ints]:
+    """Return starts and widths of the intervals of ``q[first:]``, and where each one ends."""
+    size = 64 * q.size if setting.step != NO_RESIDUAL else 0
+    starts, freqs = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64)
+    ends = np.zeros(q.size, dtype=np.int64)
+    if setting.step == NO_RESIDUAL:
+        return starts, freqs, ends
+    n = _kernels.encode_coefficients(
+        q, first, raised(basis, setting), basis.before, setting.step,
+        coefficient_tables().magnitude, starts, freqs, ends,
+    )  # fmt: skip
+    return starts[:n], freqs[:n], ends
+
+
+def coefficient_bits(q: Ints, setting: Setting, basis: Basis) -> float:
+    """Return the ideal length of all coefficients in bits."""
+    bits: float = _kernels.coefficient_cost(
+        q, raised(basis, setting), basis.before, setting.step, coefficient_tables().cost
+    )
+    return bits
+
+
+def write_l0(content: Content, bases: Bases, size: int, *, even: bool = False) -> bytes | None:
+    """Return an L0 part of `size` bytes, None if the score does not fit.
+
+    As many coefficients as fit follow the score.
+    """
+    room = size - HEADER_BYTES - CRC16_BYTES
+    payload = _l0_code(content, bases, even=even)
+    if content.setting.step != NO_RESIDUAL:
+        payload = payload[:room]
+    if len(payload) > room:
+        return None
+    payload = payload.ljust(room, b"\0")
+    if not _agrees(RangeDecoder(payload), content):
+        return None
+    return _with_crc16(content.header.to_bytes() + payload)
+
+
+def write_l0_whole(content: Content, bases: Bases) -> bytes:
+    """Return the shortest L0 part that holds the score and all coefficients.
+
+    The code ends with the last coefficient that is not zero, if its last bits do not by chance
+    tell another one; else it is cut off behind that coefficient.
+    """
+    last = int(np.flatnonzero(content.q).max(initial=-1))
+    ending = _l0_code(content, bases, even=False, last=last).ljust(1, b"\0")
+    whole = _l0_code(content, bases, even=False)
+    cut = (whole[:length] for length in range(len(ending), len(whole)))
+    shortest = next(code for code in (ending, *cut, whole) if _tells(code, content, bases))
+    return _with_crc16(content.header.to_bytes() + shortest)
+
+
+def _tells(payload: bytes, content: Content, bases: Bases) -> bool:
+    """Return whether a payload says what is meant, neither less nor more."""
+    decoder, q = RangeDecoder(payload), np.zeros_like(content.q)
+    if not _agrees(decoder, content):
+        return False
+    if content.setting.step != NO_RESIDUAL:
+        basis = basis_of(bases, content.setting)
+        _read_coefficients(decoder, q, 0, content.setting, basis)
+    return bool(np.array_equal(q, content.q))
+
+
+def _l0_code(content: Content, bases: Bases, *, even: bool, last: int | None = None) -> bytes:
+    """Return the code of L0's payload, whole or up to coefficient number `last`."""
+    starts, freqs = score_code(content, even=even).intervals()
+    if content.setting.step == NO_RESIDUAL or last == -1:
+        return encode_intervals(starts, freqs)
+    basis = basis_of(bases, content.setting)
+    more_starts, more_freqs, ends = coefficient_code(content.q, 0, content.setting, basis)
+    end = None if last is None else int(ends[last])
+    return encode_intervals(
+        np.concatenate([starts, more_starts[:end]]), np.concatenate([freqs, more_freqs[:end]]),
+        certain=True,
+    )  # fmt: skip
+
+
+def _with_crc16(body: bytes) -> bytes:
+    return body + crc16(body).to_bytes(CRC16_BYTES, "big")
+
+
+def _agrees(decoder: RangeDecoder, content: Content) -> bool:
+    """Return whether a payload cut to its room still says this setting, score and previews."""
+    if _read_setting(decoder, content.header.mode) != content.setting:
+        return False
+    return content.part is None or (
+        read_score(decoder, score_tables()) == content.part
+        and read_previews(decoder, score_tables()) == content.previews
+    )
+
+
+def is_intact(l0: bytes) -> bool:
+    """Return whether an L0 part has a possible length and its checksum (H1, H6).
+
+    A compact part has none: what carries it has to check it.
+    """
+    if _is_compact(l0):
+        return MIN_BYTES <= len(l0) <= MAX_BYTES
+    return len(l0) >= MIN_L0_BYTES and crc16(l0[:-CRC16_BYTES]) == int.from_bytes(
+        l0[-CRC16_BYTES:], "big"
+    )
+
+
+def _is_compact(l0: bytes) -> bool:
+    return len(l0) > 0 and l0[0] & _COMPACT_BIT > 0
+
+
+def read_l0(l0: bytes, bases: Bases) -> tuple[Content, int]:
+    """Read an L0 part.
+
+    Returns
+    -------
+    content : Content
+        With the coefficients that the part determines, zeros for the others.
+    known : int
+        Number of the first coefficient that it does not determine.
+
+    Raises
+    ------
+    BitstreamError
+        If the part has a wrong length (H1) or checksum (H6), or its version is unknown (H2).
+    """
+    content, decoder = _read_beginning(l0)
+    basis = basis_of(bases, content.setting)
+    q = np.zeros(basis.scan_scales.size, dtype=np.int64)
+    known = q.size
+    if decoder is not None and content.setting.step != NO_RESIDUAL:
+        known = _read_coefficients(decoder, q, 0, content.setting, basis)
+    return replace(content, q=q), known
+
+
+def read_beginning(l0: bytes) -> Content:
+    """Return header, setting, score and previews of an L0 part: all that needs no voice.
+
+    Raises
+    ------
+    BitstreamError
+        As `read_l0`.
+    """
+    return _read_beginning(l0)[0]
+
+
+def _read_beginning(l0: bytes) -> tuple[Content, RangeDecoder | None]:
+    nothing = np.zeros(0, dtype=np.int64)
+    if _is_compact(l0):
+        header = read_header(l0)
+        if not MIN_BYTES <= len(l0) <= MAX_BYTES:
+            raise BitstreamError(
+                f"compact L0 of {len(l0)} bytes, {MIN_BYTES}..{MAX_BYTES}", section="H1"
+            )
+        return Content(header, NOTHING_SENT, read_window(l0), nothing), None
+    if len(l0) < MIN_L0_BYTES:
+        raise BitstreamError(f"L0 of {len(l0)} bytes, at least {MIN_L0_BYTES}", section="H1")
+    body, check = l0[:-CRC16_BYTES], int.from_bytes(l0[-CRC16_BYTES:], "big")
+    if crc16(body) != check:
+        raise BitstreamError(
+            f"L0 checksum {crc16(body):#06x}, stated {check:#06x}", section="H6", bit=8 * len(body)
+        )
+    header = read_header(body)
+    decoder = RangeDecoder(body[HEADER_BYTES:])
+    setting = _read_setting(decoder, header.mode)
+    if header.mode == PLAIN:
+        return Content(header, setting, None, nothing), decoder
+    part = read_score(decoder, score_tables())
+    previews = read_previews(decoder, score_tables())
+    return Content(header, setting, part, nothing, previews), decoder
+
+
+def _read_setting(decoder: RangeDecoder, mode: int) -> Setting:
+    """Return the setting that a payload begins with (H8)."""
+    step = decoder.get_bits(STEP_BITS)
+    if step == NO_RESIDUAL:
+        return NOTHING_SENT
+    gain = decoder.get(_CHOICES)
+    if mode == PLAIN:
+        return Setting(step, gain)
+    course = decoder.get(_CHOICES)
+    return Setting(step, gain, course, decoder.get(_SHIFTS))
+
+
+def _read_coefficients(
+    decoder: RangeDecoder, q: Ints, first: int, setting: Setting, basis: Basis
+) -> int:
+    known: int = _kernels.decode_coefficients(
+        decoder.data, decoder.state, q, first, raised(basis, setting), basis.before,
+        setting.step, coefficient_tables().magnitude, FLIP,
+    )  # fmt: skip
+    return known
+
+
+def write_l1(l0: bytes, setting: Setting, q: Ints, known: int, bases: Bases, size: int) -> bytes:
+    """Return an L1 part of `size` bytes with the coefficients from number `known` on."""
+    starts, freqs, _ = coefficient_code(q, known, setting, basis_of(bases, setting))
+    room = size - CRC8_BYTES
+    body = encode_intervals(starts, freqs, certain=True)[:room].ljust(room, b"\0")
+    return body + bytes([_l1_check(l0, body)])
+
+
+def read_l1(l0: bytes, l1: bytes, content: Content, known: int, bases: Bases) -> Content:
+    """Return `content` with the coefficients of L1 added.
+
+    Raises
+    ------
+    BitstreamError
+        If the part is empty (H1) or its checksum does not fit it and its L0 (H7).
+    """
+    if len(l1) < CRC8_BYTES:
+        raise BitstreamError("L1 of 0 bytes, at least 1", section="H1")
+    body, check = l1[:-CRC8_BYTES], l1[-1]
+    if _l1_check(l0, body) != check:
+        raise BitstreamError(
+            f"L1 checksum {_l1_check(l0, body):#04x}, stated {check:#04x}",
+            section="H7", bit=8 * len(body),
+        )  # fmt: skip
+    q = content.q.copy()
+    if content.setting.step != NO_RESIDUAL:
+        basis = basis_of(bases, content.setting)
+        _read_coefficients(RangeDecoder(body), q, known, content.setting, basis)
+    return replace(content, q=q)
+
+
+def _l1_check(l0: bytes, body: bytes) -> int:
+    """Return the CRC-8 of L1, which covers the checksum of its L0 too."""
+    return crc8(l0[-CRC16_BYTES:] + body)
+
+
+def nest(coarse_l0: bytes, fine_l0: bytes, fine_l1: bytes) -> tuple[bytes, bytes]:
+    """Return the parts of a superframe that holds `fine` beside a coarse L0.
+
+    Examples
+    --------
+    >>> nest(b"ab", b"cd", b"efg")
+    (b'ab', b'cdefg')
+    """
+    assert len(coarse_l0) == len(fine_l0), "both L0 have one length"
+    return coarse_l0, fine_l0 + fine_l1
+
+
+def unnest(l0: bytes | None, l1: bytes | None) -> tuple[bytes | None, bytes | None]:
+    """Return the finest superframe that these parts hold: the nested one, or themselves.
+
+    Examples
+    --------
+    >>> unnest(b"ab", b"cde")
+    (b'ab', b'cde')
+    """
+    if l0 is None or not l1 or len(l1) < len(l0) or not is_intact(l1[: len(l0)]):
+        return l0, l1
+    try:
+        nested = read_header(l1[: len(l0)]) == read_header(l0)
+    except BitstreamError:
+        return l0, l1
+    return (l1[: len(l0)], l1[len(l0) :]) if nested else (l0, l1)

@@ -1,0 +1,1 @@
+"""The cuer as numbers: layout, motion, voice and models."""

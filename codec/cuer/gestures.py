@@ -1,0 +1,53 @@
+"""The gesture table: where the parameters of a cuer go for each shape, placement and phone.
+
+A receiver that knows only the score turns it into motion by moving from target to target
+(`codec.bitstream.resynthesis`); the table is part of the voice.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.cues.phonology import PHONES
+from codec.cues.score import PLACEMENTS, SHAPES
+from codec.errors import CueError
+
+N_SHAPES = len(SHAPES)
+
+
+@dataclass(frozen=True, slots=True)
+class GestureTable:
+    """Targets in the parameters of one voice.
+
+    Attributes
+    ----------
+    shape_targets : ndarray of float32, shape (9, 12)
+        Hand parameters of each shape.
+    placement_targets : ndarray of float32, shape (9, 6, nmH)
+        Forearm parameters of each shape at each placement (`codec.cues.score.PLACEMENTS`), head at
+        rest: the arm reaches so that the pointing finger is there.
+    viseme_targets : ndarray of float32, shape (38, 7)
+        Face parameters of each phone (`codec.cues.phonology.PHONES`).
+    neutral_head : ndarray of float32, shape (nmF,)
+        Head parameters of a head at rest.
+    """
+
+    shape_targets: NDArray[np.float32]
+    placement_targets: NDArray[np.float32]
+    viseme_targets: NDArray[np.float32]
+    neutral_head: NDArray[np.float32]
+
+    def __post_init__(self) -> None:
+        n_forearm = self.placement_targets.shape[-1] if self.placement_targets.ndim else 0
+        expected: dict[str, tuple[int, ...]] = {
+            "shape_targets": (N_SHAPES, 12),
+            "placement_targets": (N_SHAPES, len(PLACEMENTS), n_forearm),
+            "viseme_targets": (len(PHONES), 7),
+            "neutral_head": (self.neutral_head.size,),
+        }
+        for name, shape in expected.items():
+            array = np.ascontiguousarray(getattr(self, name), dtype=np.float32)
+            if array.shape != shape or not np.isfinite(array).all():
+                raise CueError(f"gesture table: {name} has shape {array.shape}, expected {shape}")
+            object.__setattr__(self, name, array)

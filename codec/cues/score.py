@@ -1,0 +1,151 @@
+"""The score: the symbolic line of a programme, phones and keys with their times.
+
+`Phone` and `Key` are values; a `Score` holds both lines sorted by time and turns into the JSON
+that stands in motion files, in ``cuecast keys --json`` and in the reports.
+"""
+
+import itertools
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from codec.cues.phonology import PHONE_NUMBER
+from codec.errors import CueError
+
+PLACEMENTS = ("rest", "side", "mouth", "chin", "cheek", "throat")
+"""Hand placements; the paper fixes the numbers 0 (rest), 1 (side) and 2 (mouth) only."""
+
+PLACEMENT_NUMBER = {name: number for number, name in enumerate(PLACEMENTS)}
+"""The one table from placement names to numbers: index in `PLACEMENTS`."""
+
+SHAPES = range(9)
+"""Hand shapes 0 (rest, closed fist) to 8."""
+
+
+def _check_interval(what: str, start: float, end: float) -> None:
+    if not (0 <= end - start < 1e6):
+        raise CueError(f"{what} lasts from {start} to {end} s: the end lies before the start")
+
+
+@dataclass(frozen=True, slots=True)
+class Phone:
+    """A speech sound: IPA symbol of `codec.cues.phonology.PHONES`, start and end in seconds."""
+
+    symbol: str
+    start: float
+    end: float
+
+    def __post_init__(self) -> None:
+        if self.symbol not in PHONE_NUMBER:
+            raise CueError(f"unknown phone {self.symbol!r}")
+        _check_interval(f"phone {self.symbol}", self.start, self.end)
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """One gesture of the hand: shape and placement, with the sound it belongs to.
+
+    Attributes
+    ----------
+    start, end : float
+        Acoustic interval of the key's phones, seconds on the programme's clock.
+    phones : tuple of str
+        The one or two phones that the key cues.
+    shape : int
+        Hand shape, 0 to 8.
+    placement : str
+        One of `PLACEMENTS`.
+    """
+
+    start: float
+    end: float
+    phones: tuple[str, ...]
+    shape: int
+    placement: str
+
+    def __post_init__(self) -> None:
+        if self.shape not in SHAPES:
+            raise CueError(f"hand shape {self.shape} is not within 0..8")
+        if self.placement not in PLACEMENT_NUMBER:
+            raise CueError(f"unknown hand placement {self.placement!r}")
+        _check_interval(f"key {self}", self.start, self.end)
+
+    def __str__(self) -> str:
+        """Return the key as the paper prints it: placement, then shape.
+
+        Examples
+        --------
+        >>> str(Key(0.0, 0.2, ("b", "ɔ̃"), 4, "mouth"))
+        '24'
+        """
+        return f"{PLACEMENT_NUMBER[self.placement]}{self.shape}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields under the names of the command line's JSON."""
+        return {
+            "start": round(self.start, 4),
+            "end": round(self.end, 4),
+            "phones": list(self.phones),
+            "shape": self.shape,
+            "placement": self.placement,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Phones and keys of a stretch of programme, each line in order of time.
+
+    Pauses are gaps between phones; the rest key is not listed, a gap implies it
+    (`codec.cues.cueing.rest_spans`).
+    """
+
+    phones: tuple[Phone, ...]
+    keys: tuple[Key, ...]
+
+    def __post_init__(self) -> None:
+        for line in (list[Phone | Key](self.phones), list[Phone | Key](self.keys)):
+            for before, after in itertools.pairwise(line):
+                if after.start < before.start:
+                    raise CueError(f"{after} starts before its predecessor {before}")
+
+    def shifted(self, delay_s: float) -> "Score":
+        """Return the score moved by `delay_s` seconds."""
+        return Score(
+            tuple(Phone(p.symbol, p.start + delay_s, p.end + delay_s) for p in self.phones),
+            tuple(
+                Key(k.start + delay_s, k.end + delay_s, k.phones, k.shape, k.placement)
+                for k in self.keys
+            ),
+        )
+
+    def to_json(self) -> str:
+        """Return the JSON text that stands in a motion file."""
+        keys = [k.as_dict() for k in self.keys]
+        return json.dumps({"phones": self.phone_rows(), "keys": keys}, ensure_ascii=False)
+
+    def phone_rows(self) -> list[list[str | float]]:
+        """Return symbol, start and end of the phones as they stand in the JSON text."""
+        return [[p.symbol, round(p.start, 4), round(p.end, 4)] for p in self.phones]
+
+    @classmethod
+    def from_json(cls, text: str) -> "Score":
+        """Read what `to_json` wrote.
+
+        Raises
+        ------
+        CueError
+            If the text is not such a document.
+        """
+        try:
+            document = json.loads(text)
+            phones = tuple(Phone(str(s), float(a), float(b)) for s, a, b in document["phones"])
+            keys = tuple(
+                Key(
+                    float(k["start"]), float(k["end"]), tuple(map(str, k["phones"])),
+                    int(k["shape"]), str(k["placement"]),
+                )
+                for k in document["keys"]
+            )  # fmt: skip
+        except (KeyError, TypeError, ValueError, RecursionError) as error:
+            raise CueError(f"malformed score: {error!r}") from error
+        return cls(phones, keys)

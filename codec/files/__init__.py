@@ -1,0 +1,1 @@
+"""File formats without meaning of their own."""

@@ -1,0 +1,1 @@
+"""From recordings to models and coding tables; not needed to code."""
