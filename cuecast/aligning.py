@@ -15,7 +15,7 @@ from receiver.media.sound import SoundDecoder, sound_blocks
 from synth.alignment.cepstra import FS, mono
 from synth.alignment.runs import LONGEST_TEXT_S
 from synth.alignment.score import Judged, Judgement, phones_of_recording, score_from_recording
-from synth.score import PLAIN, Reading, in_pieces
+from synth.scoring.text_score import PLAIN, Reading, in_pieces
 from synth.subtitles import Subtitle
 
 _KEPT_S = 7.0

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from codec.cues.score import Score
     from synth.alignment.score import Judged
-    from synth.score import Reading
+    from synth.scoring.text_score import Reading
     from synth.subtitles import Subtitle
 
 
@@ -102,7 +102,7 @@ def add_motion(parser: argparse.ArgumentParser) -> None:
 def reading_of(args: argparse.Namespace) -> "Reading":
     """Return what `add_reading` read."""
     from codec.cues.cueing import CueingOptions
-    from synth.score import Reading
+    from synth.scoring.text_score import Reading
     from synth.text.lexicon import read_user_lexicon
     from synth.text.pronounce import Style
 
@@ -117,7 +117,7 @@ def reading_of(args: argparse.Namespace) -> "Reading":
 def score_of(args: argparse.Namespace) -> "Score":
     """Return the score of what `add_text` and `add_reading` read."""
     if args.text is not None:
-        from synth.score import score_from_text
+        from synth.scoring.text_score import score_from_text
 
         return score_from_text(args.text, start_s=REST_S, reading=reading_of(args))
     return score_of_subtitles(args, args.file)
@@ -132,7 +132,7 @@ def pieces_of(
     score follows its voices, and `judged` is told how surely.
     """
     from cuecast.aligning import aligned_pieces, text_as_subtitle
-    from synth.score import stream_score
+    from synth.scoring.text_score import stream_score
 
     if args.text is not None and recording is None:
         score = score_of(args)
@@ -153,7 +153,7 @@ def score_of_subtitles(
     args: argparse.Namespace, path: str, stream_s: float | None = None
 ) -> "Score":
     """Return the score of what `subtitles_of` reads."""
-    from synth.score import score_from_subtitles
+    from synth.scoring.text_score import score_from_subtitles
 
     return score_from_subtitles(subtitles_of(path, stream_s), warn=note, reading=reading_of(args))
 

@@ -154,7 +154,7 @@ def _dub(task: Task) -> dict[str, Any]:
     from codec.cuer.voice import load_voice
     from cuecast.dub import DubOptions, dub
     from cuecast.motions import GivenMotion, MotionSource, SynthesisedMotion
-    from synth.score import score_from_subtitles
+    from synth.scoring.text_score import score_from_subtitles
     from synth.subtitles import read_subtitles
 
     fingerprint = task.fingerprint()

@@ -11,9 +11,9 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Score
 from codec.errors import CueError, VoiceError
-from synth.concatenation import ConcatenativeSynthesiser
-from synth.gesture import GestureSynthesiser
-from synth.passages import passages
+from synth.joined.concatenation import ConcatenativeSynthesiser
+from synth.prosody.passages import passages
+from synth.rules.gesture import GestureSynthesiser
 
 RATE_HZ = 50.0
 """Frames per second of the motion inside superframes."""

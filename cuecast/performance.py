@@ -14,12 +14,12 @@ from codec.cues.score import Score
 from codec.errors import CueError
 from cuecast.files import whole_file
 from cuecast.progress import count_bar
-from synth.archive import built_in_recordings, read_archive, write_archive
 from synth.body.anatomy import IDENTITIES
-from synth.concatenation import ConcatenativeSynthesiser
-from synth.gesture import GestureSynthesiser
-from synth.recording import Recording
-from synth.speaker import Refusal, read_transcripts, record_speaker
+from synth.joined.concatenation import ConcatenativeSynthesiser
+from synth.recordings.archive import built_in_recordings, read_archive, write_archive
+from synth.recordings.recording import Recording
+from synth.recordings.speaker import Refusal, read_transcripts, record_speaker
+from synth.rules.gesture import GestureSynthesiser
 
 
 def unit_synthesiser(

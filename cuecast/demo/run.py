@@ -16,7 +16,7 @@ from cuecast.media.film import write_film
 from cuecast.media.rewrite import Unchanged, rewrite_sound
 from cuecast.motions import SynthesisedMotion, whole_motion
 from cuecast.receive import receive
-from synth.score import score_from_subtitles
+from synth.scoring.text_score import score_from_subtitles
 from synth.subtitles import Subtitle
 
 BROADCASTS = (

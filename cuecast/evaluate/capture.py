@@ -32,10 +32,10 @@ from synth.capture.capture import capture
 from synth.capture.options import Captured, CaptureOptions
 from synth.corpus.capture import record
 from synth.corpus.make import Utterance, spoken
-from synth.corpus.sentences import read_sentences
 from synth.corpus.studio import Studio
-from synth.gesture import GestureSynthesiser
-from synth.rendered import line_of
+from synth.recordings.rendered import line_of
+from synth.rules.gesture import GestureSynthesiser
+from synth.text.sentences import read_sentences
 
 FloatArray = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from cuecast.media.film import write_film
 from cuecast.motions import SynthesisedMotion, whole_motion
 from cuecast.receive import receive
 from receiver.media.sound import read_sound
-from synth.score import score_from_subtitles
+from synth.scoring.text_score import score_from_subtitles
 from synth.subtitles import Subtitle, read_subtitles
 
 

@@ -42,8 +42,8 @@ from cuecast.evaluate.coded import (
 )
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.voices import coding_voice
-from synth.build_coding import PACES, imprecise, paced, perform, recital, sentences
-from synth.movement import LAWS
+from synth.rules.movement import LAWS
+from synth.training.build_coding import PACES, imprecise, paced, perform, recital, sentences
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from codec.cuer.layout import N_FACE
 from codec.cues.score import Score
-from synth.capture.landmark_maps import FACE_LANDMARKS, face_map, joints_of
+from synth.capture.tracker.landmark_maps import FACE_LANDMARKS, face_map, joints_of
 from synth.measured.cuer import Performer
 
 FloatArray = NDArray[np.float64]

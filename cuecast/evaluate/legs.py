@@ -13,10 +13,10 @@ from pathlib import Path
 from codec.motion import Motion
 from codec.score import Score
 from codec.voice import Voice
+from synth.build_coding import recital
 
 from codec.errors import CueError
 from cuecast.evaluate.films import as_rows, film
-from synth.build_coding import recital
 from synth.capture.capture import capture
 from synth.capture.options import CaptureOptions
 from synth.measured.cuer import MEASURED, performer

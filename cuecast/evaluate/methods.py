@@ -18,11 +18,11 @@ from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Key, Phone, Score
 from cuecast.motions import ruled_motion
-from synth.concatenation import ConcatenativeSynthesiser
-from synth.gesture import GestureSynthesiser
-from synth.movement import ALIGNMENTS, plan_gestures
-from synth.recording import Recording
-from synth.score import score_from_text
+from synth.joined.concatenation import ConcatenativeSynthesiser
+from synth.recordings.recording import Recording
+from synth.rules.gesture import GestureSynthesiser
+from synth.rules.movement import ALIGNMENTS, plan_gestures
+from synth.scoring.text_score import score_from_text
 from watermark.audio.profile import find_profile
 from watermark.link.superframe import SUPERFRAME_S
 

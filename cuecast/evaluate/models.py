@@ -26,7 +26,7 @@ from cuecast.evaluate.tables import write_results
 from cuecast.evaluate.takes import Material, Recorded, Take, performed
 from synth.body.anatomy import BY_RULE, IDENTITIES
 from synth.measured.cuer import MEASURED
-from synth.movement import LAWS
+from synth.rules.movement import LAWS
 
 N_TRAINING = 68
 N_TEST = 114

@@ -22,12 +22,13 @@ from codec.cues.score import Key, Score
 from cuecast.evaluate.methods import compare_methods
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.performance import unit_synthesiser
-from synth.corpus.sentences import choose_sentences, read_sentences
-from synth.gesture import GestureSynthesiser
-from synth.movement import Gestures, plan_gestures
-from synth.recording import Recording
-from synth.score import score_from_text
-from synth.units import cut_dikeys
+from synth.joined.units import cut_dikeys
+from synth.recordings.recording import Recording
+from synth.recordings.sentences import choose_sentences
+from synth.rules.gesture import GestureSynthesiser
+from synth.rules.movement import Gestures, plan_gestures
+from synth.scoring.text_score import score_from_text
+from synth.text.sentences import read_sentences
 
 ALIGNMENT = "paper"
 _COMPARED = 24

@@ -27,10 +27,10 @@ from synth.corpus.make import (
     spoken,
 )
 from synth.corpus.scores import shape_transitions
-from synth.corpus.sentences import read_sentences
 from synth.corpus.studio import Studio, surround
 from synth.measured.cuer import MEASURED, performer
 from synth.measured.plan import paced
+from synth.recordings.sentences import read_sentences
 from synth.text.espeak import RATE_HZ
 
 _FRAMING_TAKES = 3

@@ -30,7 +30,7 @@ from cuecast.motions import SynthesisedMotion
 from cuecast.receive import receive
 from receiver.media.picture import PictureDecoder
 from receiver.media.programme import has_stream, open_programme
-from synth.score import score_from_subtitles
+from synth.scoring.text_score import score_from_subtitles
 from watermark.link.superframe import SUPERFRAME_S
 
 LENGTH_S = 60.0

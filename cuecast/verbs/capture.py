@@ -101,9 +101,9 @@ def _as_file(path: str) -> "Iterator[str]":
 
 
 def _options(args: argparse.Namespace, advance: Any) -> "CaptureOptions":
-    from synth.capture.labels import read_map
     from synth.capture.options import CaptureOptions
-    from synth.textgrid import read_textgrid
+    from synth.capture.points.labels import read_map
+    from synth.scoring.textgrid import read_textgrid
 
     return CaptureOptions(
         rate_hz=args.rate,

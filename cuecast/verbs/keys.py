@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     score = _score(args)
     targets = _targets(args, score)
     if args.textgrid and score.phones:
-        from synth.textgrid import write_textgrid
+        from synth.scoring.textgrid import write_textgrid
 
         with whole_file(args.textgrid) as path:
             write_textgrid(path, score, score.phones[-1].end)
@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
         rows = [key.as_dict() for key in score.keys]
         print_json([row | target for row, target in zip(rows, targets, strict=True)])
     else:
-        from synth.notation import as_taught
+        from synth.scoring.notation import as_taught
 
         named = "  target" if args.alignment else ""
         print(f"  start     end{named}  key  taught  shape  placement  phones")
@@ -84,7 +84,7 @@ def _targets(args: argparse.Namespace, score: "Score") -> list[dict[str, float]]
     """Return when the hand is on the target of each key, if that was asked."""
     if not args.alignment:
         return [{} for _ in score.keys]
-    from synth.movement import target_times
+    from synth.rules.movement import target_times
 
     options = reading_of(args).options
     times = target_times(score, alignment=args.alignment, options=options)

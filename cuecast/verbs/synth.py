@@ -93,7 +93,7 @@ def _motion(
         )
         return perform(pieces, units, rate_hz=args.rate, speech=args.speech)
     from cuecast.motions import ruled_motion
-    from synth.gesture import GestureSynthesiser
+    from synth.rules.gesture import GestureSynthesiser
 
     cuer = GestureSynthesiser(
         voice.name, rate_hz=args.rate, seed=args.seed, alignment=args.alignment, options=options

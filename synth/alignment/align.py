@@ -24,7 +24,7 @@ from codec.errors import CueError
 from synth.alignment import _kernels
 from synth.alignment.cepstra import FRAME_RATE, FS, cepstra, mono
 from synth.alignment.models import PARTS, PhoneModels, Unit, estimate
-from synth.duration import predict_durations
+from synth.prosody.duration import predict_durations
 from synth.speech.espeak_voice import render
 from synth.text.espeak import RATE_HZ
 from synth.text.words import Word

@@ -17,10 +17,10 @@ from synth.alignment.align import Aligned, Passage, align
 from synth.alignment.cepstra import FS, mono
 from synth.alignment.runs import Run, runs_of, said_in
 from synth.alignment.trust import FEWEST_WORDS, LEAST_EVIDENCE, Trust, trust
-from synth.score import PLAIN, Reading, Warn, log_warning, phones_of_subtitles
+from synth.prosody.timing import GRID_HZ
+from synth.scoring.text_score import PLAIN, Reading, Warn, log_warning, phones_of_subtitles
 from synth.subtitles import Subtitle
 from synth.text.words import Word
-from synth.timing import GRID_HZ
 
 Sound = Callable[[float, float], NDArray[np.float64]]
 """Gives the programme's sound from one time to another, mono at `synth.alignment.cepstra.FS`."""
@@ -260,7 +260,7 @@ class _Timed:
 
 
 def on_grid(phones: Iterable[Phone]) -> Iterator[Phone]:
-    """Yield the phones with their bounds on the grid of `synth.timing`, none shorter than a step.
+    """Yield the phones with their bounds on the grid, none shorter than a step.
 
     Examples
     --------

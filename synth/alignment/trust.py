@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synth.alignment.align import Aligned, Passage, align
-from synth.corpus.sentences import read_sentences
 from synth.text.pronounce import phonemise
+from synth.text.sentences import read_sentences
 from synth.text.words import Word
 
 LEAST_EVIDENCE = 3.0

@@ -27,8 +27,8 @@ from synth.body.mesh import Mesh, read_mesh
 from synth.body.placing import face_places, hand_places, sample_skin
 from synth.body.skeleton import ARM_BONES, NECK_SHARE, arm_parents
 from synth.body.skin import Skin, stretch
-from synth.gesture import GestureSynthesiser
-from synth.score import score_from_text
+from synth.rules.gesture import GestureSynthesiser
+from synth.scoring.text_score import score_from_text
 
 FACE_RANK, HAND_RANK = 10, 16
 _RATE_HZ = 12.5

@@ -4,11 +4,11 @@ import os
 from pathlib import Path
 
 from codec.cuer.voice import Voice
-from synth.capture.landmarks import capture_landmarks
-from synth.capture.livelink import capture_live_link
-from synth.capture.markers import capture_markers
 from synth.capture.options import DEFAULTS, Captured, CaptureOptions
-from synth.capture.sniff import kind_of
+from synth.capture.points.markers import capture_markers
+from synth.capture.sources.livelink import capture_live_link
+from synth.capture.sources.sniff import kind_of
+from synth.capture.tracker.landmarks import capture_landmarks
 
 
 def capture(
@@ -19,7 +19,7 @@ def capture(
     Parameters
     ----------
     path : path-like
-        Any of the kinds of `synth.capture.sniff.KINDS`.
+        Any of the kinds of `synth.capture.sources.sniff.KINDS`.
     voice : Voice
         Whose parameters are wanted.
     options : CaptureOptions
@@ -35,7 +35,7 @@ def capture(
     if kind == "landmarks":
         return capture_landmarks(source, voice, options)
     if kind == "video":
-        from synth.capture.video import capture_video
+        from synth.capture.sources.video import capture_video
 
         return capture_video(source, voice, options)
     return capture_markers(source, kind, voice, options)

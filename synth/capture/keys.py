@@ -22,8 +22,8 @@ from codec.cuer.models.face import N_FACE_PARAMETERS
 from codec.cuer.models.hand import N_HAND_PARAMETERS
 from codec.cuer.voice import Voice
 from codec.cues.score import PLACEMENTS, SHAPES
-from synth.capture.closure import N_FEATURES, closures
-from synth.capture.placing import fit_placements
+from synth.capture.points.axes import fit_placements
+from synth.capture.tracker.closure import N_FEATURES, closures
 
 FloatArray = NDArray[np.float64]
 

@@ -16,10 +16,11 @@ from synth.corpus.make import (
     plan_corpora,
     write_manifest,
 )
-from synth.corpus.sentences import N_SENTENCES, read_sentences
 from synth.corpus.studio import Studio
-from synth.gesture import GestureSynthesiser
-from synth.movement import LAWS
+from synth.recordings.sentences import N_SENTENCES
+from synth.rules.gesture import GestureSynthesiser
+from synth.rules.movement import LAWS
+from synth.text.sentences import read_sentences
 
 
 def main(arguments: list[str] | None = None) -> int:

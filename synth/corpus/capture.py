@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from codec.cues.score import Score
 from synth.corpus.studio import Studio
-from synth.gesture import Labels
 from synth.measured.cuer import Performer
+from synth.rules.gesture import Labels
 
 _TAIL_S = 1.2
 _FRAMES_AT_ONCE = 2000

@@ -22,15 +22,15 @@ from codec.cues.cueing import cue
 from codec.cues.phonology import CONSONANTS, PAUSE, VOWELS
 from codec.cues.score import Score
 from synth.corpus.capture import record
-from synth.corpus.choice import Coverage
 from synth.corpus.scores import shape_transitions
-from synth.corpus.sentences import N_SENTENCES, choose_sentences
 from synth.corpus.studio import Studio, surround
-from synth.gesture import GestureSynthesiser
-from synth.rendered import line_of
+from synth.recordings.choice import Coverage
+from synth.recordings.rendered import line_of
+from synth.recordings.sentences import N_SENTENCES, choose_sentences
+from synth.rules.gesture import GestureSynthesiser
+from synth.scoring.textgrid import read_textgrid, write_textgrid
 from synth.speech.espeak_voice import render
 from synth.text.espeak import RATE_HZ
-from synth.textgrid import read_textgrid, write_textgrid
 
 RATE_OF_CORPORA_HZ = 120.0
 

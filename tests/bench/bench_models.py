@@ -8,7 +8,7 @@ import pytest
 from codec.cuer.voice import load_voice
 from synth.corpus.capture import record
 from synth.corpus.scores import drill
-from synth.gesture import GestureSynthesiser
+from synth.rules.gesture import GestureSynthesiser
 
 RATE_HZ = 120.0
 

@@ -5,7 +5,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from synth.corpus.capture import record
 from synth.corpus.scores import drill
-from synth.gesture import GestureSynthesiser
+from synth.rules.gesture import GestureSynthesiser
 
 SCORE = drill(10, seed=1)
 SECONDS = 20.0

@@ -13,7 +13,7 @@ from cuecast.evaluate.takes import Performed, Recorded, Take, performed
 from synth.corpus.capture import record
 from synth.corpus.scores import drill, isolated_sounds, shape_transitions
 from synth.corpus.studio import Studio, surround
-from synth.gesture import GestureSynthesiser
+from synth.rules.gesture import GestureSynthesiser
 
 RATE_HZ = 30.0
 

@@ -18,17 +18,17 @@ from cuecast.cli import main
 from cuecast.media.film import write_film
 from cuecast.motions import JoinedMotion, ruled_motion
 from receiver.media.programme import open_programme
-from synth.concatenation import ConcatenativeSynthesiser
-from synth.gesture import GestureSynthesiser
-from synth.movement import ALIGNMENTS
-from synth.recording import Recording
-from synth.rendered import record
-from synth.score import score_from_subtitles, stream_score
+from synth.joined.concatenation import ConcatenativeSynthesiser
+from synth.recordings.recording import Recording
+from synth.recordings.rendered import record
+from synth.rules.gesture import GestureSynthesiser
+from synth.rules.movement import ALIGNMENTS
+from synth.scoring.text_score import score_from_subtitles, stream_score
+from synth.scoring.textgrid import read_textgrid
 from synth.speech.espeak_voice import render
 from synth.subtitles import Subtitle
 from synth.text.espeak import RATE_HZ
 from synth.text.pronounce import phonemise
-from synth.textgrid import read_textgrid
 
 LINES = (
     Subtitle(0.6, 2.0, "Le chat boit du lait."),

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from codec.cues.score import Score
 from cuecast.evaluate.films import as_rows, film
-from synth.capture.landmark_maps import FACE_LANDMARKS
-from synth.gesture import GestureSynthesiser
+from synth.capture.tracker.landmark_maps import FACE_LANDMARKS
+from synth.rules.gesture import GestureSynthesiser
 
 FloatArray = NDArray[np.float64]
 RATE_HZ = 30.0

@@ -9,8 +9,8 @@ from codec.cuer.layout import MARKERS
 from codec.cues.score import Key, Phone, Score
 from synth.corpus.capture import Take, record
 from synth.corpus.studio import Studio
-from synth.gesture import GestureSynthesiser
-from synth.score import score_from_text
+from synth.rules.gesture import GestureSynthesiser
+from synth.scoring.text_score import score_from_text
 
 TEXT = "Bonsoir, le petit chat."
 RATE_HZ = 60.0

@@ -16,12 +16,12 @@ from synth.alignment import _kernels
 from synth.alignment.align import Passage, align
 from synth.alignment.cepstra import FS, cepstra, mono
 from synth.alignment.score import Judgement, score_from_recording, sound_of
+from synth.prosody.timing import GRID_HZ
 from synth.speech.espeak_voice import render
 from synth.subtitles import Subtitle
 from synth.text.espeak import RATE_HZ
 from synth.text.pronounce import phonemise
 from synth.text.words import Word
-from synth.timing import GRID_HZ
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 VERSE = "Rappelez-vous l'objet que nous vîmes, mon âme, ce beau matin d'été si doux."

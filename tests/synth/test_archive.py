@@ -5,13 +5,13 @@ import pytest
 
 from codec.cuer.voice import Voice, load_voice
 from codec.errors import CueError
-from synth.archive import (
+from synth.recordings.archive import (
     built_in_recordings,
     cache_folder,
     read_archive,
     write_archive,
 )
-from synth.recording import Recording
+from synth.recordings.recording import Recording
 
 TEXTS = ["Petit à petit, l'oiseau fait son nid.", "Qui dort dîne."]
 

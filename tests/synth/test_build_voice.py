@@ -8,8 +8,8 @@ import pytest
 from codec.cuer.layout import MARKER_NUMBER, N_FACE, longest_finger_tip
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import PLACEMENTS
-from synth.build_voice import exact_targets, main
-from synth.gesture import GestureSynthesiser
+from synth.rules.gesture import GestureSynthesiser
+from synth.training.build_voice import exact_targets, main
 
 
 @pytest.fixture(scope="module")

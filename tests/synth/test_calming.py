@@ -1,9 +1,9 @@
 import numpy as np
 
 from codec.cuer.voice import load_voice
-from synth.calming import calm_joins, quickest
-from synth.gesture import GestureSynthesiser
-from synth.score import score_from_text
+from synth.joined.trajectories import calm_joins, quickest
+from synth.rules.gesture import GestureSynthesiser
+from synth.scoring.text_score import score_from_text
 
 RATE_HZ = 50.0
 

@@ -229,6 +229,6 @@ def test_a_calibration_take_gives_the_faces_rest(tmp_path: Path) -> None:
 
 
 def test_windows_do_not_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("synth.capture.solve.WINDOW", 100)
+    monkeypatch.setattr("synth.capture.points.solve.WINDOW", 100)
     pieces = captured(tmp_path, taken("claire").observed).motion
     assert distance(plain("claire").motion, pieces) < 0.05

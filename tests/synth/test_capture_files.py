@@ -13,9 +13,9 @@ from codec.cuer.layout import MARKER_NUMBER, MARKERS
 from codec.errors import CueError
 from receiver.export.markers import marker_csv
 from receiver.export.markers import trc as our_trc
-from synth.capture.labels import find_names, read_map
-from synth.capture.readers import read_points
-from synth.capture.sniff import kind_of
+from synth.capture.points.labels import find_names, read_map
+from synth.capture.sources.readers import read_points
+from synth.capture.sources.sniff import kind_of
 from tests.synth import studio_files as files
 
 LABELS = ("FH0", "Claire:EAR_R", "W1")

@@ -9,10 +9,10 @@ import pytest
 
 from codec.cuer.models.inversion import invert
 from codec.cuer.voice import load_voice
-from synth.capture.closure import closures, rescaled
-from synth.capture.landmark_maps import hand_map
-from synth.capture.landmark_model import HAND_TRUST, LandmarkModel
-from synth.capture.landmarks import likely_postures, started
+from synth.capture.tracker.closure import closures, rescaled
+from synth.capture.tracker.landmark_maps import hand_map
+from synth.capture.tracker.landmark_model import HAND_TRUST, LandmarkModel
+from synth.capture.tracker.landmarks import likely_postures, started
 
 SHARED = Path(__file__).parents[3] / "shared" / "data" / "hand" / "handshapes_mediapipe_angles.json"
 VOICE = load_voice()

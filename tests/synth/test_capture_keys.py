@@ -9,13 +9,13 @@ from codec.cuer.models.face import N_FACE_PARAMETERS
 from codec.cuer.voice import load_voice
 from codec.cues.phonology import PHONE_NUMBER
 from codec.cues.score import PLACEMENTS, SHAPES
-from synth.capture.closure import closures, rescaled
 from synth.capture.keys import KEYS, Held, recognise_keys
-from synth.capture.placing import USED, fit_placements
+from synth.capture.points.axes import USED, fit_placements
+from synth.capture.points.solve import resting
+from synth.capture.points.speaker import Speaker
 from synth.capture.score import is_sure, score_of
-from synth.capture.solve import resting
-from synth.capture.speaker import Speaker
-from synth.movement import law
+from synth.capture.tracker.closure import closures, rescaled
+from synth.rules.movement import law
 
 VOICE = load_voice()
 RATE_HZ = 50.0

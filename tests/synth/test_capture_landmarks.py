@@ -13,12 +13,12 @@ from codec.cuer.models.inversion import invert
 from codec.cuer.voice import load_voice
 from codec.errors import CueError
 from synth.capture.capture import capture
-from synth.capture.landmark_maps import FACE_LANDMARKS, face_map, hand_map, lesson
-from synth.capture.landmark_model import HAND_TRUST, LandmarkModel
-from synth.capture.landmark_table import read_landmarks
 from synth.capture.options import Captured, CaptureOptions
-from synth.capture.picture import _MIRROR
-from synth.capture.sniff import kind_of
+from synth.capture.sources.landmark_table import read_landmarks
+from synth.capture.sources.sniff import kind_of
+from synth.capture.tracker.landmark_maps import FACE_LANDMARKS, face_map, hand_map, lesson
+from synth.capture.tracker.landmark_model import HAND_TRUST, LandmarkModel
+from synth.capture.tracker.picture import _MIRROR
 from tests.synth import landmark_files as tables
 from tests.synth import studio_files as files
 

@@ -13,10 +13,10 @@ from codec.errors import CueError
 from receiver.avatar import load_avatar
 from receiver.export.arkit import live_link_csv
 from synth.capture.capture import capture
-from synth.capture.livelink import read_live_link
 from synth.capture.options import CaptureOptions
-from synth.capture.sniff import kind_of
-from synth.gesture import GestureSynthesiser
+from synth.capture.sources.livelink import read_live_link
+from synth.capture.sources.sniff import kind_of
+from synth.rules.gesture import GestureSynthesiser
 from tests.synth import studio_files as files
 
 VOICE = load_voice()

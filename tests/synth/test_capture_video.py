@@ -11,8 +11,8 @@ from codec.cuer.voice import load_voice
 from codec.errors import CueError
 from synth.capture.capture import capture
 from synth.capture.options import CaptureOptions
-from synth.capture.sniff import kind_of
-from synth.capture.video import find_tracker, track
+from synth.capture.sources.sniff import kind_of
+from synth.capture.sources.video import find_tracker, track
 from tests.synth import landmark_files as tables
 from tests.synth import studio_files as files
 

@@ -16,16 +16,16 @@ from codec.cues.cueing import cue
 from codec.cues.phonology import PHONES
 from codec.cues.score import PLACEMENT_NUMBER, Phone, Score
 from codec.errors import CueError
-from synth.concatenation import ConcatenativeSynthesiser
-from synth.gesture import GestureSynthesiser
-from synth.melody import plan_melody
-from synth.movement import plan_gestures
-from synth.recording import Recording
-from synth.rendered import line_of, record
-from synth.selection import select_units
-from synth.sounds import SoundDictionary, phone_distance
-from synth.trajectories import Trajectories, join_trajectories
-from synth.units import GLIDES, Unit, cut_dikeys, cut_sounds, split_polysound, with_pauses
+from synth.joined.concatenation import ConcatenativeSynthesiser
+from synth.joined.selection import select_units
+from synth.joined.sounds import SoundDictionary, phone_distance
+from synth.joined.trajectories import Trajectories, join_trajectories
+from synth.joined.units import GLIDES, Unit, cut_dikeys, cut_sounds, split_polysound, with_pauses
+from synth.prosody.melody import plan_melody
+from synth.recordings.recording import Recording
+from synth.recordings.rendered import line_of, record
+from synth.rules.gesture import GestureSynthesiser
+from synth.rules.movement import plan_gestures
 
 TEXTS = (
     "Le petit chat mange une souris grise sous la table.",

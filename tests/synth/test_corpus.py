@@ -19,13 +19,13 @@ from synth.body.skeleton import HAND_ANGLES
 from synth.corpus import _kernels
 from synth.corpus.__main__ import main
 from synth.corpus.capture import Take, record
-from synth.corpus.choice import KINDS, choose, coverage, units_of
 from synth.corpus.make import plan_corpora, read_utterance
 from synth.corpus.scores import drill, isolated_sounds, shape_transitions
-from synth.corpus.sentences import read_sentences
 from synth.corpus.studio import Studio, surround
-from synth.corpus.training import perform
-from synth.gesture import GestureSynthesiser
+from synth.recordings.choice import KINDS, choose, coverage, units_of
+from synth.rules.gesture import GestureSynthesiser
+from synth.text.sentences import read_sentences
+from synth.training.build_voice import perform
 
 SYMBOLS = st.lists(st.sampled_from(["p", "a", "j", "i", "s", "ɥ", PAUSE]), min_size=1, max_size=12)
 

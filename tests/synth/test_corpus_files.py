@@ -13,7 +13,7 @@ from codec.cuer.layout import MARKERS
 from codec.cues.score import Key, Phone, Score
 from codec.errors import CueError
 from synth.corpus.scores import drill
-from synth.textgrid import read_textgrid, write_textgrid
+from synth.scoring.textgrid import read_textgrid, write_textgrid
 
 ezc3d = pytest.importorskip("ezc3d", reason="needs the extra c3d")
 

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from codec.cues.phonology import CONSONANTS, PAUSE, PHONES, VOWELS
 from codec.errors import CueError
-from synth.duration import features, predict_durations
-from synth.train_durations import _SAMPA
+from synth.prosody.duration import features, predict_durations
+from synth.training.train_durations import _SAMPA
 
 LABELS = Path(__file__).resolve().parents[3] / "shared/data/text/enst-camille-data.yaml"
 LINES = st.lists(st.sampled_from(PHONES), max_size=60)

@@ -6,7 +6,7 @@ from codec.cuer.models import rigid
 from codec.errors import CueError
 from synth.corpus.framing import find_framing, mirrored, shows_left_hand
 from synth.corpus.scores import drill
-from synth.gesture import GestureSynthesiser
+from synth.rules.gesture import GestureSynthesiser
 
 Z_UP = np.array([np.pi / 2, 0.0, 0.0, 500.0, -200.0, 1200.0])
 

@@ -12,12 +12,12 @@ from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, Phone, Score
 from codec.errors import CueError
 from synth.body.reach import placement_target
 from synth.body.shapes import shape_angles
-from synth.coarticulation import PhoneLine, articulate
 from synth.corpus.scores import drill
-from synth.gesture import GestureSynthesiser
-from synth.life import Drift, normals_at
-from synth.movement import LAWS, law, plan_gestures, progress
-from synth.visemes import ARTICULATORS, viseme_table
+from synth.rules.coarticulation import PhoneLine, articulate
+from synth.rules.drift import Drift, normals_at
+from synth.rules.gesture import GestureSynthesiser
+from synth.rules.movement import LAWS, law, plan_gestures, progress
+from synth.rules.visemes import ARTICULATORS, viseme_table
 
 
 def spoken(symbols: str, *, start_s: float = 1.0, phone_s: float = 0.15) -> Score:

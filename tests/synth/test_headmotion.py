@@ -8,11 +8,11 @@ from codec.cuer.models import rigid
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.cueing import cue
 from codec.cues.score import Phone, Score
-from synth.gesture import GestureSynthesiser
-from synth.headmotion import HeadMotion
-from synth.movement import plan_gestures
-from synth.recording import Recording
-from synth.rendered import record
+from synth.joined.headmotion import HeadMotion
+from synth.recordings.recording import Recording
+from synth.recordings.rendered import record
+from synth.rules.gesture import GestureSynthesiser
+from synth.rules.movement import plan_gestures
 
 TEXTS = ("Le petit chat mange une souris grise, sous la table.", "Bonjour, madame !")
 

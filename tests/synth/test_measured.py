@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from codec.score import Score
+from synth.build_coding import recital
+from synth.capture.landmark_maps import FACE_LANDMARKS
 
 from codec.errors import CueError
 from cuecast.evaluate.films import ASPECT, WIDTH_MM, film
-from synth.build_coding import recital
-from synth.capture.landmark_maps import FACE_LANDMARKS
 from synth.measured.cuer import MeasuredCuer, performer
 from synth.measured.plan import paced
 from synth.measured.strokes import travelled

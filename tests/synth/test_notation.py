@@ -4,8 +4,8 @@ import pytest
 
 from codec.cues.score import PLACEMENTS, Key
 from codec.errors import CueError
-from synth.notation import as_taught, read_taught
-from synth.score import score_from_text
+from synth.scoring.notation import as_taught, read_taught
+from synth.scoring.text_score import score_from_text
 
 
 def test_bonjour() -> None:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from codec.cues.cueing import cue
 from codec.cues.score import Phone, Score
-from synth.flow import Flow
-from synth.passages import AROUND_S, LONGEST_S, SILENCE_S, Passage, passages
+from synth.joined.assembly import Flow
+from synth.prosody.passages import AROUND_S, LONGEST_S, SILENCE_S, Passage, passages
 
 LINES = st.lists(
     st.tuples(

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from codec.cues.phonology import PHONES
 from codec.errors import CueError
-from synth.score import score_from_text
+from synth.scoring.text_score import score_from_text
 from synth.text.lexicon import read_user_lexicon
 from synth.text.pronounce import Style, phonemise
 

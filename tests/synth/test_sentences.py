@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from synth.score import score_from_text
+from synth.scoring.text_score import score_from_text
 from synth.text.pronounce import Style, phonemise
 
 LABELS = Path(__file__).resolve().parents[3] / "shared" / "data" / "text" / "enst-camille-data.yaml"

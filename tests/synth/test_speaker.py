@@ -9,11 +9,11 @@ import soundfile
 from codec.cuer.voice import load_voice
 from codec.errors import CueError
 from cuecast.cli import main
-from synth.archive import read_archive
-from synth.gesture import GestureSynthesiser
-from synth.recording import Recording
-from synth.rendered import line_of
-from synth.speaker import FS, Refusal, Utterance, read_transcripts, record_speaker
+from synth.recordings.archive import read_archive
+from synth.recordings.recording import Recording
+from synth.recordings.rendered import line_of
+from synth.recordings.speaker import FS, Refusal, Utterance, read_transcripts, record_speaker
+from synth.rules.gesture import GestureSynthesiser
 from synth.speech.espeak_voice import render
 
 TEXTS = {

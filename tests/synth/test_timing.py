@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codec.errors import CueError
-from synth.score import score_from_subtitles, score_from_text, stream_score
+from synth.prosody.timing import FASTEST, GRID_HZ, HARDEST, SLOWEST, fit
+from synth.scoring.text_score import score_from_subtitles, score_from_text, stream_score
 from synth.subtitles import Subtitle
 from synth.text.pronounce import phonemise
-from synth.timing import FASTEST, GRID_HZ, HARDEST, SLOWEST, fit
 
 SENTENCE = "Ce beau matin d'été si doux, au détour d'un sentier, une charogne infâme."
 

@@ -1,0 +1,1 @@
+"""Labelled points in space to the voice's markers."""

@@ -1,0 +1,298 @@
+"""From the axes, units and size of a laboratory to the coordinates of a voice.
+
+The head tells all: which way its markers point, how large it is, and, where the file's unit is
+missing or wrong, in which unit. The median pose of the head becomes the voice's head at rest. Which
+hand cues is told by which mirror image the hand model explains better. Contact stays contact: who
+touches her chin makes the voice touch hers.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.cuer import layout
+from codec.cuer.models import rigid
+from codec.cuer.models.inversion import invert_hand
+from codec.cuer.voice import Voice
+from codec.errors import CueError
+from synth.capture.sources.recording import UNITS_MM
+from synth.corpus.framing import mirrored
+
+FloatArray = NDArray[np.float64]
+
+LEAST_HEAD_MARKERS = 4
+_FIRM = layout.marker_indices(layout.RIGID_FACE)
+_HALF_FIRM = layout.marker_indices((*layout.BROWS, *layout.CHEEKS, *layout.NASOLABIAL))
+_SIZES = (0.7, 1.4)
+_SAME_SIZE = 0.02
+_SAME_TURN_RAD, _SAME_SHIFT_MM = 0.3, 25.0
+_MIRROR_GAIN = 0.6
+_HAND_FRAMES = 24
+_LEAST_HAND_MARKERS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """How the points of a recording come to a voice's coordinates and size.
+
+    Attributes
+    ----------
+    unit_mm : float
+        Length of the file's unit, millimetres.
+    scale : float
+        Size of the speaker's head against the voice's.
+    left_axes : bool
+        The file's axes are a left-handed system.
+    left_handed : bool
+        The cuer uses her left hand: she is mirrored, names and all.
+    motion : ndarray of float64, shape (6,)
+        Rotation vector (radians) about the origin, then translation (mm), after scaling.
+    notes : tuple of str
+    """
+
+    unit_mm: float
+    scale: float
+    left_axes: bool
+    left_handed: bool
+    motion: FloatArray
+    notes: tuple[str, ...] = ()
+
+    def apply(self, markers: FloatArray) -> FloatArray:
+        """Return markers (T, 113, 3) of the file in the voice's coordinates; NaN stays NaN."""
+        x = markers * (self.unit_mm / self.scale)
+        if self.left_axes:
+            x = x * np.array([-1.0, 1.0, 1.0])
+        if self.left_handed:
+            x = mirrored(x)
+        return rigid.rigid_motion(x, self.motion) if self.motion.any() else x
+
+    def points(self, points: FloatArray) -> FloatArray:
+        """Return points that are no markers (T, G, 3) in the voice's coordinates."""
+        x = points * (self.unit_mm / self.scale)
+        if self.left_axes != self.left_handed:
+            x = x * np.array([-1.0, 1.0, 1.0])
+        return rigid.rigid_motion(x, self.motion) if self.motion.any() else x
+
+
+def find_place(markers: FloatArray, unit: str, voice: Voice) -> Place:
+    """Return how a recording comes to the coordinates of `voice`.
+
+    Parameters
+    ----------
+    markers : ndarray of float64, shape (T, 113, 3)
+        Some frames from all over it, in the file's unit; NaN where hidden.
+    unit : str
+        As the file names it; may be empty.
+    voice : Voice
+
+    Raises
+    ------
+    CueError
+        If too little of the head is seen, or it has the size of no head in any unit.
+    """
+    columns = _head_columns(markers)
+    body, shift = median_body(markers[:, columns])
+    known = np.isfinite(body).all(-1)
+    if known.sum() < LEAST_HEAD_MARKERS:
+        raise CueError(
+            f"{len(columns)} markers of ears, nose, forehead, brows and cheeks are seen, "
+            f"{LEAST_HEAD_MARKERS} needed at a time to know the head"
+        )
+    columns, body = columns[known], body[known]
+    unit_mm, scale, notes = _size(body, columns, unit, voice)
+    factor = unit_mm / scale
+    best = _fit(body * factor, columns, voice)
+    turned = _fit(body * factor * [-1.0, 1.0, 1.0], columns, voice)
+    left_axes = turned[1] < _MIRROR_GAIN * best[1]
+    motion = turned[0] if left_axes else best[0]
+    centre = shift * factor * ([-1.0, 1.0, 1.0] if left_axes else [1.0, 1.0, 1.0])
+    motion = rigid.compose(motion, [0.0, 0.0, 0.0, *-centre])
+    if left_axes:
+        notes.append("the axes are a left-handed system")
+    place = Place(unit_mm, scale, left_axes, False, motion, tuple(notes))
+    if _uses_left_hand(markers, place, voice):
+        return _mirror(markers, place, voice)
+    return _calm(place)
+
+
+def _calm(place: Place) -> Place:
+    """Return `place` without a change if the recording is in the voice's coordinates already."""
+    small = (
+        np.linalg.norm(place.motion[:3]) < _SAME_TURN_RAD
+        and np.linalg.norm(place.motion[3:]) < _SAME_SHIFT_MM
+        and abs(place.scale - 1.0) < _SAME_SIZE
+    )
+    if not small or place.left_axes or place.left_handed:
+        return place
+    return Place(place.unit_mm, 1.0, False, False, np.zeros(6), place.notes)
+
+
+def _mirror(markers: FloatArray, place: Place, voice: Voice) -> Place:
+    """Return the place of the mirror image."""
+    plain = Place(place.unit_mm, place.scale, place.left_axes, True, np.zeros(6))
+    flipped = plain.apply(markers)
+    columns = _head_columns(flipped)
+    body, shift = median_body(flipped[:, columns])
+    known = np.isfinite(body).all(-1)
+    motion, _ = _fit(body[known], columns[known], voice)
+    motion = rigid.compose(motion, [0.0, 0.0, 0.0, *-shift])
+    notes = (*place.notes, "the left hand cues: mirrored")
+    return Place(place.unit_mm, place.scale, place.left_axes, True, motion, notes)
+
+
+def _head_columns(markers: FloatArray) -> NDArray[np.intp]:
+    """Return the markers that tell the head's pose: firm ones, if need be half firm ones too."""
+    seen = np.isfinite(markers).all(-1).mean(0)
+    firm = _FIRM[seen[_FIRM] > 0.05]
+    if len(firm) > LEAST_HEAD_MARKERS:
+        return np.asarray(firm)
+    half = _HALF_FIRM[seen[_HALF_FIRM] > 0.05]
+    return np.concatenate([firm, half])
+
+
+def median_body(x: FloatArray, *, rounds: int = 4) -> tuple[FloatArray, FloatArray]:
+    """Return the shape of a body in its middle pose, about the origin, and where that is.
+
+    Parameters
+    ----------
+    x : ndarray of float64, shape (T, K, 3)
+        NaN where hidden.
+
+    Returns
+    -------
+    body : ndarray of float64, shape (K, 3)
+        NaN for a marker that is never seen beside enough others.
+    shift : ndarray of float64, shape (3,)
+        Middle position of its centre.
+    """
+    seen = np.asarray(np.isfinite(x).all(-1))
+    filled = np.where(seen[..., None], x, 0.0)
+    if not seen.sum(1).max(initial=0) >= 3:
+        return np.full(x.shape[1:], np.nan), np.zeros(3)
+    body = x[seen.sum(1).argmax()].copy()
+    body -= np.nanmean(body, axis=0)
+    shift = np.zeros(3)
+    for _ in range(rounds):
+        known = np.isfinite(body).all(-1)
+        size = float(np.linalg.norm(np.nan_to_num(body), axis=1).max())
+        motion, solved = rigid.estimate_motion(
+            np.nan_to_num(body), filled, (seen & known).astype(float), outlier_mm=0.05 * size
+        )
+        local = rigid.inverse_rigid_motion(filled[solved], motion[solved])
+        hidden = ~seen[solved]
+        local[hidden] = np.nan
+        shown = ~hidden.all(0)
+        body = np.full(body.shape, np.nan)
+        body[shown] = np.nanmedian(local[:, shown], axis=0)
+        turn = geometric_median(motion[solved, :3])
+        centre = np.nanmean(body, axis=0)
+        shift = geometric_median(rigid.rigid_motion(centre[None, None], motion[solved])[:, 0])
+        body = rigid.rigid_motion(body - centre, [*turn, 0.0, 0.0, 0.0])
+    return body, shift
+
+
+def geometric_median(x: FloatArray, *, rounds: int = 30) -> FloatArray:
+    """Return the point of least summed distance from points (N, 3), whatever their axes.
+
+    Weiszfeld's iteration (1937).
+    """
+    middle = x.mean(0)
+    for _ in range(rounds):
+        weight = 1.0 / np.maximum(np.linalg.norm(x - middle, axis=1), 1e-6)
+        middle = weight @ x / weight.sum()
+    return np.asarray(middle)
+
+
+def _size(
+    body: FloatArray, columns: NDArray[np.intp], unit: str, voice: Voice
+) -> tuple[float, float, list[str]]:
+    """Return the unit in millimetres, the head's size against the voice's, and remarks."""
+    reference = voice.face.mean[columns].astype(np.float64)
+    ratio = _median_distance_ratio(body, reference)
+    low, high = _SIZES
+    if unit in UNITS_MM and low <= ratio * UNITS_MM[unit] <= high:
+        return UNITS_MM[unit], ratio * UNITS_MM[unit], []
+    fitting = [mm for mm in (1.0, 1000.0, 10.0, 100.0) if low <= ratio * mm <= high]
+    if not fitting:
+        raise CueError(
+            f"the head's markers have {ratio:.3g} times the distances of a head in millimetres: "
+            "other points under these names, or an unknown unit"
+        )
+    name = next(name for name, mm in UNITS_MM.items() if mm == fitting[0])
+    said = f"the file says {unit!r}" if unit else "the file names none"
+    return fitting[0], ratio * fitting[0], [f"unit {name} by the size of the head; {said}"]
+
+
+def _median_distance_ratio(a: FloatArray, b: FloatArray) -> float:
+    rows, columns = np.triu_indices(len(a), 1)
+    of_a, of_b = (np.linalg.norm(x[rows] - x[columns], axis=1) for x in (a, b))
+    return float(np.median(of_a / of_b))
+
+
+def _fit(body: FloatArray, columns: NDArray[np.intp], voice: Voice) -> tuple[FloatArray, float]:
+    """Return the motion of a body of the voice's size to the head at rest, and the error, mm."""
+    rest = voice.face.reconstruct(np.zeros((1, voice.face.n_parameters)))[0, columns]
+    motion, _ = rigid.estimate_motion(body, rest[None], outlier_mm=25.0)
+    gap = np.linalg.norm(rigid.rigid_motion(body, motion)[0] - rest, axis=1)
+    return motion[0], float(np.sqrt((gap**2).mean()))
+
+
+def _uses_left_hand(markers: FloatArray, place: Place, voice: Voice) -> bool:
+    """Return whether the hand model explains the mirror image of the hand better."""
+    hand = markers[:, layout.N_FACE :]
+    count = np.isfinite(hand).all(-1).sum(1)
+    best = np.argsort(-count, kind="stable")[:_HAND_FRAMES]
+    best = best[count[best] >= _LEAST_HAND_MARKERS]
+    if not len(best):
+        return False
+    upright = place.apply(markers[best])[:, layout.N_FACE :]
+    errors = []
+    for flip in (1.0, -1.0):
+        x = upright * np.array([flip, 1.0, 1.0])
+        seen = np.asarray(np.isfinite(x).all(-1))
+        x = np.where(seen[..., None], x, 0.0)
+        found = invert_hand(voice.hand, x, seen)
+        gap = np.linalg.norm(voice.hand.reconstruct(found) - x, axis=-1)
+        errors.append(float(np.median(gap[seen])))
+    return errors[1] < errors[0]
+
+
+_REACH_MM = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Where points of the speaker's face lie against the voice's, head at rest.
+
+    Attributes
+    ----------
+    at : ndarray of float64, shape (N, 3)
+        On the speaker, in the voice's coordinates and size, mm.
+    gap : ndarray of float64, shape (N, 3)
+        From the voice's point to the speaker's.
+    """
+
+    at: FloatArray
+    gap: FloatArray
+
+    def to_voice(self, points: FloatArray) -> FloatArray:
+        """Return how points (T, 3) near the resting face have to move, shape (T, 3), mm.
+
+        Examples
+        --------
+        >>> chin = Contact(np.array([[0.0, -90.0, 90.0]]), np.array([[0.0, 4.0, 0.0]]))
+        >>> chin.to_voice(np.array([[-10.0, -95.0, 95.0]])).tolist()
+        [[0.0, -4.0, 0.0]]
+        """
+        if not len(self.at):
+            return np.zeros_like(points)
+        away = ((points[:, None] - self.at) ** 2).sum(-1)
+        # The nearest point always counts, however far it is.
+        share = np.exp(-0.5 * (away - away.min(1, keepdims=True)) / _REACH_MM**2)
+        share /= share.sum(1, keepdims=True)
+        return np.asarray(-share @ self.gap)
+
+
+NO_CONTACT = Contact(np.zeros((0, 3)), np.zeros((0, 3)))
+"""Of the voice herself."""

@@ -1,0 +1,1 @@
+"""Landmarks of an image tracker to the voice's markers."""

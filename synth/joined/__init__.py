@@ -1,0 +1,1 @@
+"""Motion by joining recorded units."""

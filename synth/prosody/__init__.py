@@ -1,0 +1,1 @@
+"""When phones sound, and how high."""

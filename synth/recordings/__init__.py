@@ -1,0 +1,1 @@
+"""What a cuer or speaker recorded, and where it is kept."""

@@ -1,0 +1,1 @@
+"""Programs that make the package's assets again."""
