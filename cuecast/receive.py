@@ -8,10 +8,10 @@ from typing import Any, BinaryIO
 
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
-from receiver.assemble import Assembler
-from receiver.events import Event, Unreadable
 from receiver.media.programme import open_programme
-from receiver.reception import ProgrammeReceiver
+from receiver.reception.assemble import Assembler
+from receiver.reception.events import Event, Unreadable
+from receiver.reception.reception import ProgrammeReceiver
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from codec.cuer.motion import Motion, sample_params
 from codec.cuer.voice import Voice
 from codec.cues.score import PLACEMENTS, Key
 from cuecast.files import whole_file
-from receiver.render import render_frames
+from receiver.drawing.render import render_frames
 from synth.subtitles import Subtitle
 
 _MOMENTS = 6

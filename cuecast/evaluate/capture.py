@@ -25,7 +25,7 @@ from codec.errors import CueError
 from cuecast.evaluate.films import as_rows, film
 from cuecast.evaluate.models import cuers_named
 from cuecast.evaluate.options import EvaluateOptions
-from receiver.avatar import load_avatar
+from receiver.drawing.avatar import load_avatar
 from receiver.export.arkit import live_link_csv
 from receiver.export.markers import marker_csv, trc
 from synth.capture.capture import capture

@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
     """Write the film or the picture."""
     from codec.cuer.motion import load_motion
     from codec.cuer.voice import load_voice
-    from receiver.render import render_motion
+    from receiver.drawing.render import render_motion
 
     motion, voice = load_motion(args.motion), load_voice(args.voice)
     with seconds_bar(motion.duration_s, "render") as advance:

@@ -29,15 +29,15 @@ def run(args: argparse.Namespace) -> int:
     from codec.cuer.motion import load_motion
     from cuecast.media.playable import playable
     from cuecast.voices import coding_voice
-    from receiver.server import serve
-    from receiver.tuner import MotionTuner, ProgrammeTuner, Tuner
+    from receiver.television.server import serve
+    from receiver.television.tuner import MotionTuner, ProgrammeTuner, Tuner
 
     voice = coding_voice(args.voice)
     place: dict[str, Any] = {
         "host": args.host, "port": args.port, "on_ready": lambda url: note(f"watch at {url}"),
     }  # fmt: skip
     if args.programme == PIPE or "://" in args.programme:
-        from receiver.live_server import serve_live
+        from receiver.live.server import serve_live
 
         source = sys.stdin.buffer if args.programme == PIPE else args.programme
         serve_live(source, voice, key=args.key, **place)

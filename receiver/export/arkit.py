@@ -16,7 +16,7 @@ from scipy.optimize import nnls
 
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
-from receiver.avatar import Avatar, eyes_closed
+from receiver.drawing.avatar import Avatar, eyes_closed
 
 _SIDES = ("Left", "Right")
 

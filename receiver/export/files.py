@@ -8,7 +8,7 @@ from codec.cuer.c3d import write_c3d
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.errors import CueError, VoiceError
-from receiver.avatar import load_avatar
+from receiver.drawing.avatar import load_avatar
 from receiver.export.arkit import live_link_csv
 from receiver.export.gltf import glb
 from receiver.export.markers import marker_csv, trc

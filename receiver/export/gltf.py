@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from codec.cuer.motion import Motion
-from receiver.avatar import Avatar, Surface, eyes_closed, vertex_normals
+from receiver.drawing.avatar import Avatar, Surface, eyes_closed, vertex_normals
 
 _HEAD, _HAND, _FIRST_JOINT = 1, 2, 3
 """Numbers of the nodes."""

@@ -103,7 +103,7 @@ class Avatar:
     units: FloatArray
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays of the asset (`receiver.avatar` reads them)."""
+        """Return the arrays of the asset (`receiver.drawing.avatar` reads them)."""
         lids = np.flatnonzero(np.abs(self.blink).max(axis=1) > 0.01)
         return {
             **self.head.arrays("head"), **self.hand.arrays("hand"),

@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from codec.cuer.voice import load_voice
-from receiver.events import SUPERFRAME_S
-from receiver.live_server import LiveTelevision
-from receiver.server import Television
-from receiver.tuner import ProgrammeTuner
+from receiver.live.server import LiveTelevision
+from receiver.reception.events import SUPERFRAME_S
+from receiver.television.server import Television
+from receiver.television.tuner import ProgrammeTuner
 from tests.chromium import Page, browse
 from tests.receiver.air import marked_noise, transport_stream
 from tests.receiver.standin import make_motion

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from receiver.events import KeysFound, MotionPiece
-from receiver.live import Broadcast, Happening
+from receiver.live.broadcast import Broadcast, Happening
+from receiver.reception.events import KeysFound, MotionPiece
 from tests.receiver.air import marked_noise, transport_stream
 from tests.receiver.badair import POOL_S, VOICE, speech
 from tests.receiver.standin import make_motion

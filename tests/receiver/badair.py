@@ -2,7 +2,7 @@
 
 A marked programme is coded once; its transport packets are then sent over and over with losses,
 garbage, splices, jumps of the clock and wraps, while the time stamps are rewritten. What is read
-is a stream for `receiver.live.Broadcast`; what was sent is known by time stamp.
+is a stream for `receiver.live.broadcast.Broadcast`; what was sent is known by time stamp.
 """
 
 from collections import deque
@@ -19,7 +19,7 @@ import numpy as np
 
 from codec.cuer.voice import load_voice
 from codec.cues.score import Score
-from receiver.events import SUPERFRAME_S
+from receiver.reception.events import SUPERFRAME_S
 from tests.receiver.air import FS, marked_noise
 from tests.receiver.seeded import seeded_speech
 from tests.receiver.standin import make_motion

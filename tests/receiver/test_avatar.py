@@ -10,11 +10,11 @@ import pytest
 from codec.cuer.voice import load_voice
 from codec.cues.score import PLACEMENTS
 from codec.errors import CueError
-from receiver._kernels import cover_triangles, draw_triangles
-from receiver.avatar import eyes_closed, has_avatar, load_avatar, vertex_normals
-from receiver.portrait import LIGHT, draw_avatar
-from receiver.render import write_picture
-from receiver.voice_document import avatar_document, neutral_camera, voice_document
+from receiver.drawing._kernels import cover_triangles, draw_triangles
+from receiver.drawing.avatar import eyes_closed, has_avatar, load_avatar, vertex_normals
+from receiver.drawing.portrait import LIGHT, draw_avatar
+from receiver.drawing.render import write_picture
+from receiver.drawing.voice_document import avatar_document, neutral_camera, voice_document
 from tests.receiver.node import PAGE, run_node
 from tests.receiver.standin import make_voice
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from receiver.assemble import Assembler
-from receiver.engine import Receiver
-from receiver.events import Event, KeysFound, MotionPiece, StateChanged
+from receiver.reception.assemble import Assembler
+from receiver.reception.engine import Receiver
+from receiver.reception.events import Event, KeysFound, MotionPiece, StateChanged
 from tests.receiver.air import marked_noise
 from tests.receiver.standin import make_motion, make_voice
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from codec.cuer.motion import Motion
 from codec.cuer.voice import load_voice
 from codec.errors import CueError, VoiceError
-from receiver.avatar import load_avatar
+from receiver.drawing.avatar import load_avatar
 from receiver.export.arkit import ARKIT_NAMES, arkit_weights
 from receiver.export.files import export_motion
 from receiver.export.markers import marker_csv, trc

@@ -11,8 +11,8 @@ from codec.bitstream.encoder import SuperframeEncoder
 from codec.bitstream.superframe import Superframe
 from codec.cuer.voice import load_voice
 from codec.cues.score import Key
-from receiver.events import SUPERFRAME_S, KeysFound, MotionPiece
-from receiver.tracking import Tracker
+from receiver.reception.events import SUPERFRAME_S, KeysFound, MotionPiece
+from receiver.reception.tracking import Tracker
 from tests.receiver.seeded import seeded_speech, was_sent
 from tests.receiver.standin import make_motion
 

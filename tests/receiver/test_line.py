@@ -10,10 +10,10 @@ import pytest
 
 from codec.cuer.voice import load_voice
 from codec.errors import CueError
-from receiver import line
-from receiver.events import MotionPiece
-from receiver.line import DatagramLine, Pipe
-from receiver.live import Broadcast, Happening
+from receiver.live import line
+from receiver.live.broadcast import Broadcast, Happening
+from receiver.live.line import DatagramLine, Pipe
+from receiver.reception.events import MotionPiece
 from tests.receiver.air import marked_noise, transport_stream
 from tests.receiver.standin import make_motion
 from tests.receiver.transmitter import Transmitter

@@ -16,9 +16,9 @@ import soundfile
 
 from codec.cuer.voice import load_voice
 from codec.errors import CueError
-from receiver.continuity import STAMP_PERIOD_S, SteadyClock
-from receiver.events import KeysFound, MotionPiece, StateChanged
-from receiver.live import Broadcast, Happening, MediaFragment, MediaStart
+from receiver.live.broadcast import Broadcast, Happening, MediaFragment, MediaStart
+from receiver.live.continuity import STAMP_PERIOD_S, SteadyClock
+from receiver.reception.events import KeysFound, MotionPiece, StateChanged
 from tests.receiver.air import marked_noise, transport_stream
 from tests.receiver.standin import make_motion
 

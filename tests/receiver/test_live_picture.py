@@ -11,10 +11,10 @@ import pytest
 
 from codec.bitstream.encoder import SuperframeEncoder
 from codec.cuer.voice import load_voice
-from receiver.engine import Receiver
-from receiver.events import Event, MotionPiece
-from receiver.live import Broadcast, Happening
-from receiver.pictures import TRIAL_S
+from receiver.live.broadcast import Broadcast, Happening
+from receiver.reception.engine import Receiver
+from receiver.reception.events import Event, MotionPiece
+from receiver.reception.picture_search import TRIAL_S
 from tests.receiver.standin import make_motion
 from watermark.video.embed import VideoEmbedder
 from watermark.video.profile import find_profile

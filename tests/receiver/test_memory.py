@@ -10,7 +10,7 @@ PROGRAM = """
 import sys
 from pathlib import Path
 
-from receiver.memory import give_back_large_blocks
+from receiver.live.memory import give_back_large_blocks
 
 def resident_mb():
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6

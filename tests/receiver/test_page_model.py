@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from receiver.events import MotionPiece
-from receiver.protocol import pack_motion
-from receiver.voice_document import neutral_camera, voice_document
+from receiver.drawing.voice_document import neutral_camera, voice_document
+from receiver.reception.events import MotionPiece
+from receiver.television.protocol import pack_motion
 from tests.receiver.node import PAGE, run_node
 from tests.receiver.standin import make_motion, make_voice
 

@@ -7,9 +7,9 @@ import pytest
 from codec.cuer.motion import sample_params
 from codec.cuer.voice import load_voice
 from codec.errors import CueError, VoiceError
-from receiver.camera import Camera, frame_cuer
-from receiver.points import draw_points
-from receiver.render import read_picture, render_motion
+from receiver.drawing.camera import Camera, frame_cuer
+from receiver.drawing.points import draw_points
+from receiver.drawing.render import read_picture, render_motion
 from tests.receiver.standin import make_motion, make_voice
 
 VOICE = make_voice()

@@ -12,9 +12,9 @@ import pytest
 from yarl import URL
 
 from codec.errors import CueError
-from receiver.protocol import MAX_REQUEST_BYTES, parse_position
-from receiver.server import AHEAD_S, MAX_VIEWERS, Television
-from receiver.tuner import MotionTuner
+from receiver.television.protocol import MAX_REQUEST_BYTES, parse_position
+from receiver.television.server import AHEAD_S, MAX_VIEWERS, Television
+from receiver.television.tuner import MotionTuner
 from tests.receiver.standin import make_motion, make_voice
 
 VOICE = make_voice()

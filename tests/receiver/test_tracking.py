@@ -8,9 +8,16 @@ import pytest
 
 from codec.bitstream.encoder import SuperframeEncoder
 from codec.bitstream.superframe import Superframe
-from receiver.assemble import Assembler
-from receiver.events import Event, KeysFound, MotionPiece, StateChanged, SuperframeLost, Unreadable
-from receiver.tracking import LOST_AFTER_S, Tracker
+from receiver.reception.assemble import Assembler
+from receiver.reception.events import (
+    Event,
+    KeysFound,
+    MotionPiece,
+    StateChanged,
+    SuperframeLost,
+    Unreadable,
+)
+from receiver.reception.tracking import LOST_AFTER_S, Tracker
 from tests.receiver.standin import make_motion, make_voice
 
 VOICE = make_voice()

@@ -11,12 +11,12 @@ from unittest.mock import patch
 import numpy as np
 
 from codec.cues.score import Key
-from receiver import live
-from receiver.continuity import Place, SteadyClock
-from receiver.events import KeysFound, MotionPiece
-from receiver.fragments import Fragments, FragmentWriter
-from receiver.live import Broadcast, Happening
-from receiver.memory import give_back_large_blocks
+from receiver.live import broadcast as live
+from receiver.live.broadcast import Broadcast, Happening
+from receiver.live.continuity import Place, SteadyClock
+from receiver.live.fragments import Fragments, FragmentWriter
+from receiver.live.memory import give_back_large_blocks
+from receiver.reception.events import KeysFound, MotionPiece
 from tests.receiver.badair import VOICE, BadLine, speech
 from tests.receiver.seeded import was_sent
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from codec.cuer.motion import Motion
 from codec.cuer.voice import load_voice
 from codec.errors import CueError
-from receiver.avatar import load_avatar
+from receiver.drawing.avatar import load_avatar
 from receiver.export.arkit import live_link_csv
 from synth.capture.capture import capture
 from synth.capture.options import CaptureOptions

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from codec.cuer.motion import sample_params
 from codec.cuer.voice import Voice, load_voice
-from receiver.avatar import load_avatar
-from receiver.events import State, StateChanged
-from receiver.portrait import draw_avatar
-from receiver.reception import Progress
-from receiver.server import Television
-from receiver.tuner import MotionTuner, Tuner
-from receiver.voice_document import neutral_camera
+from receiver.drawing.avatar import load_avatar
+from receiver.drawing.portrait import draw_avatar
+from receiver.drawing.voice_document import neutral_camera
+from receiver.reception.events import State, StateChanged
+from receiver.reception.reception import Progress
+from receiver.television.server import Television
+from receiver.television.tuner import MotionTuner, Tuner
 from tests.chromium import Page, browse
 from tests.receiver.node import PAGE
 from tests.receiver.standin import make_motion, make_voice

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from codec.cuer.voice import load_voice
-from receiver.live_server import LiveTelevision
+from receiver.live.server import LiveTelevision
 from tests.chromium import Page, browse
 from tests.receiver.air import marked_noise, transport_stream
 from tests.receiver.standin import make_motion

@@ -16,8 +16,8 @@ from cuecast.demo.content import make_sound
 from cuecast.demo.run import as_srt
 from cuecast.media.film import write_film
 from cuecast.media.rewrite import Unchanged, rewrite_sound
+from receiver.drawing.render import read_picture
 from receiver.media.sound import read_sound
-from receiver.render import read_picture
 
 FS = 48000
 SECONDS = 13

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from receiver.media.picture import PictureFormat, SteadyGrid, converted, luma_of, stream_format
 from receiver.media.timed import TimedDecoder
-from receiver.metrics import Metrics
+from receiver.television.metrics import Metrics
 
 REST_S = 60.0
 """How long a picture in which nothing was found is left alone."""

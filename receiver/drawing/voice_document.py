@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from codec.cuer.layout import MARKERS, N_FACE
 from codec.cuer.voice import Voice
-from receiver.avatar import OFFSET_UNIT, SHARE_UNIT, Avatar, Surface
-from receiver.camera import ASPECT, Camera, frame_cuer
+from receiver.drawing.avatar import OFFSET_UNIT, SHARE_UNIT, Avatar, Surface
+from receiver.drawing.camera import ASPECT, Camera, frame_cuer
 
 _FACE_ARRAYS = ("mean", "directions", "pivot", "motion_mean", "motion_directions", "weights")
 _HAND_ARRAYS = (

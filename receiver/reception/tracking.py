@@ -19,7 +19,7 @@ from codec.cuer.voice import Voice
 from codec.cues.score import Key, Phone
 from codec.cues.timeline import TICK_S
 from codec.errors import BitstreamError, VoiceError
-from receiver.events import (
+from receiver.reception.events import (
     SUPERFRAME_S,
     Event,
     KeysFound,

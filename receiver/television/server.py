@@ -20,14 +20,14 @@ from aiohttp import WSMsgType, web
 
 from codec.cuer.voice import Voice
 from codec.errors import CueError
-from receiver.avatar import has_avatar, load_avatar
-from receiver.metrics import Metrics
-from receiver.protocol import MAX_REQUEST_BYTES, Position, pack_event, parse_position
-from receiver.reception import Progress
-from receiver.tuner import Tuner
-from receiver.voice_document import avatar_document, voice_document
+from receiver.drawing.avatar import has_avatar, load_avatar
+from receiver.drawing.voice_document import avatar_document, voice_document
+from receiver.reception.reception import Progress
+from receiver.television.metrics import Metrics
+from receiver.television.protocol import MAX_REQUEST_BYTES, Position, pack_event, parse_position
+from receiver.television.tuner import Tuner
 
-PAGE = Path(__file__).with_name("page")
+PAGE = Path(__file__).parents[1] / "page"
 AHEAD_S = 30.0
 """How far reception runs ahead of a viewer of a file."""
 
@@ -320,7 +320,7 @@ def serve(
     Parameters
     ----------
     tuner : Tuner
-        Where the cuer comes from: `receiver.tuner.ProgrammeTuner` for a marked file.
+        Where the cuer comes from: `receiver.television.tuner.ProgrammeTuner` for a marked file.
     voice : Voice
     media : path
         What the browser plays.

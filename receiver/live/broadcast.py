@@ -1,7 +1,7 @@
 """A broadcast as it comes: transport stream over UDP, HLS, pipe or file, at its own pace.
 
 `Broadcast` runs in a thread of its own: it opens the source, puts sound and picture on one steady
-clock (`receiver.continuity`), receives the cuer from both, makes fragments for the browser,
+clock (`receiver.live.continuity`), receives the cuer from both, makes fragments for the browser,
 and opens the source again when it fails. What happens goes to one callback as values.
 """
 
@@ -15,16 +15,16 @@ import av
 
 from codec.cuer.voice import Voice
 from codec.errors import CueError
-from receiver.continuity import SteadyClock
-from receiver.engine import Receiver
-from receiver.events import Event, MotionPiece, State, StateChanged
-from receiver.fragments import Fragments, FragmentWriter, playable
-from receiver.line import READ_TIMEOUT_S, DatagramLine, Line, Pipe
+from receiver.live.continuity import SteadyClock
+from receiver.live.fragments import Fragments, FragmentWriter, playable
+from receiver.live.line import READ_TIMEOUT_S, DatagramLine, Line, Pipe
+from receiver.live.pictureline import PictureLine
+from receiver.live.recode import PlainPictures, recodable
+from receiver.live.soundline import SoundBlock, SoundLine
 from receiver.media.programme import LENIENT
-from receiver.metrics import Metrics
-from receiver.pictureline import PictureLine
-from receiver.recode import PlainPictures, recodable
-from receiver.soundline import SoundBlock, SoundLine
+from receiver.reception.engine import Receiver
+from receiver.reception.events import Event, MotionPiece, State, StateChanged
+from receiver.television.metrics import Metrics
 
 _PICTURES_ALONE = 150
 """After so many pictures without sound it may have another address: open the line again."""
@@ -63,7 +63,7 @@ class Broadcast:
     Parameters
     ----------
     source : str or binary file
-        ``udp://127.0.0.1:5004`` (see `receiver.line.DatagramLine`), address or path of an HLS
+        ``udp://127.0.0.1:5004`` (see `receiver.live.line.DatagramLine`), address or path of an HLS
         playlist, path, or a pipe.
     voice : Voice
     tell : callable

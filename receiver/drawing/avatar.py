@@ -20,7 +20,7 @@ from codec.cuer.voice import Voice
 from codec.errors import CueError
 from codec.files.npz import read_arrays
 
-ASSETS = Path(__file__).with_name("assets")
+ASSETS = Path(__file__).parents[1] / "assets"
 _MAX_BYTES = 1 << 24
 SHARE_UNIT = 252
 """Shares are stored as whole parts of this, which 2, 3 and 4 divide."""

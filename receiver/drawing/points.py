@@ -1,13 +1,14 @@
 """Point lights: one anti-aliased disc per marker, the paradigm of the paper's evaluation.
 
-Markers and a camera go in, a picture's coverage comes out; `receiver.render` makes films of it.
+Markers and a camera go in, a picture's coverage comes out; `receiver.drawing.render` makes films of
+it.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.cuer.layout import N_FACE
-from receiver.camera import Camera
+from receiver.drawing.camera import Camera
 
 FACE_COLOUR = (238, 240, 246)
 HAND_COLOUR = (255, 217, 160)

@@ -15,7 +15,7 @@ from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Key, Phone, Score
 from codec.errors import CueError
-from receiver.events import Event, KeysFound, MotionPiece
+from receiver.reception.events import Event, KeysFound, MotionPiece
 
 _Timed = TypeVar("_Timed", Phone, Key)
 

@@ -1,6 +1,6 @@
 """Pictures that browsers do not play (MPEG-2 of broadcasting), decoded for coding them anew.
 
-Packets go in, frames with square pixels and without interlacing come out; `receiver.fragments`
+Packets go in, frames with square pixels and without interlacing come out; `receiver.live.fragments`
 codes them as H.264. Meant for standard definition on one core; larger pictures are made smaller.
 """
 

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from codec.cuer.voice import Voice
 from codec.errors import CueError
-from receiver.engine import Receiver
-from receiver.events import Event
 from receiver.media.picture import PictureDecoder, luma_of
 from receiver.media.programme import Programme
 from receiver.media.sound import Hearing, SoundDecoder
+from receiver.reception.engine import Receiver
+from receiver.reception.events import Event
 
 REST_S = 60.0
 """How long a picture in which nothing was found is left alone."""

@@ -15,11 +15,11 @@ from typing import IO
 from aiohttp import WSMsgType, web
 
 from codec.cuer.voice import Voice
-from receiver.events import KeysFound, MotionPiece, StateChanged
-from receiver.live import Broadcast, Happening, MediaFragment, MediaStart
-from receiver.memory import give_back_large_blocks
-from receiver.protocol import pack_event
-from receiver.server import Channel
+from receiver.live.broadcast import Broadcast, Happening, MediaFragment, MediaStart
+from receiver.live.memory import give_back_large_blocks
+from receiver.reception.events import KeysFound, MotionPiece, StateChanged
+from receiver.television.protocol import pack_event
+from receiver.television.server import Channel
 
 QUIET_S = 2.0
 """Without news for this long the viewers are told that the signal is lost."""
@@ -37,7 +37,7 @@ class LiveTelevision(Channel):
     Parameters
     ----------
     source : str or binary file
-        See `receiver.live.Broadcast`.
+        See `receiver.live.broadcast.Broadcast`.
     voice : Voice
     key : int
         Key of the watermark.

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from codec.cuer.motion import Motion, sample_params
 from codec.cuer.voice import Voice
 from codec.errors import CueError, VoiceError
-from receiver.avatar import load_avatar
-from receiver.points import draw_points
-from receiver.portrait import draw_avatar
-from receiver.voice_document import neutral_camera
+from receiver.drawing.avatar import load_avatar
+from receiver.drawing.points import draw_points
+from receiver.drawing.portrait import draw_avatar
+from receiver.drawing.voice_document import neutral_camera
 
 STYLES = ("points", "avatar")
 DEFAULT_SIZE = (620, 720)

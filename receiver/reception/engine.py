@@ -1,10 +1,10 @@
 """The receiver: sound in blocks of any size and pictures in, the cuer's motion and keys out.
 
 `Receiver` joins the audio carrier (`watermark.audio.receive.AudioReceiver`), those of the picture
-(`receiver.pictures`) and the timeline (`receiver.tracking.Tracker`). What arrived in several
-carriers is joined by `watermark.link.combine.Combiner`; any of them may begin or end at any time.
-The events do not depend on how the samples are cut into blocks; memory does not grow, apart from
-the list of keys when asked for.
+(`receiver.reception.picture_search`) and the timeline (`receiver.reception.tracking.Tracker`). What
+arrived in several carriers is joined by `watermark.link.combine.Combiner`; any of them may begin or
+end at any time. The events do not depend on how the samples are cut into blocks; memory does not
+grow, apart from the list of keys when asked for.
 """
 
 import math
@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from codec.bitstream.payload import unnest
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import Key
-from receiver.events import SUPERFRAME_S, Event, KeysFound, State
-from receiver.pictures import AGAIN_S, TRIAL_S, Found, PictureCarriers
-from receiver.tracking import Tracker
+from receiver.reception.events import SUPERFRAME_S, Event, KeysFound, State
+from receiver.reception.picture_search import AGAIN_S, TRIAL_S, Found, PictureCarriers
+from receiver.reception.tracking import Tracker
 from watermark.audio.receive import MAX_MISSES, AudioReceiver
 from watermark.link.combine import Combiner
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from codec.errors import CueError
-from receiver.events import (
+from receiver.reception.events import (
     Event,
     KeysFound,
     MotionPiece,

@@ -15,8 +15,8 @@ import numpy as np
 from av.audio.resampler import AudioResampler
 from numpy.typing import NDArray
 
-from receiver.continuity import SteadyClock
-from receiver.metrics import Metrics
+from receiver.live.continuity import SteadyClock
+from receiver.television.metrics import Metrics
 from watermark.audio.mix import RATES
 
 CODECS = ("aac", "mp2float", "ac3", "eac3", "aac_latm")

@@ -1,7 +1,7 @@
 """Tuners: a programme's cuer from any time on, as a stream of events.
 
 `ProgrammeTuner` receives what is on air in a file; `MotionTuner` plays a known motion the
-same way (previews, tests). Both are read by `receiver.server` at the viewer's pace.
+same way (previews, tests). Both are read by `receiver.television.server` at the viewer's pace.
 """
 
 import os
@@ -12,9 +12,9 @@ from typing import Protocol
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Key
-from receiver.events import SUPERFRAME_S, KeysFound, MotionPiece, StateChanged
 from receiver.media.programme import open_programme
-from receiver.reception import ProgrammeReceiver, Progress
+from receiver.reception.events import SUPERFRAME_S, KeysFound, MotionPiece, StateChanged
+from receiver.reception.reception import ProgrammeReceiver, Progress
 
 PREROLL_S = 3.2
 """How much earlier than the wanted time reception starts: acquisition plus the lead."""

@@ -8,9 +8,9 @@ tells the hand from a face of the same colour, and how near they are.
 import numpy as np
 from numpy.typing import NDArray
 
-from receiver._kernels import cover_triangles, draw_triangles
-from receiver.avatar import Avatar, FloatArray, vertex_normals
-from receiver.camera import Camera
+from receiver.drawing._kernels import cover_triangles, draw_triangles
+from receiver.drawing.avatar import Avatar, FloatArray, vertex_normals
+from receiver.drawing.camera import Camera
 
 SUPERSAMPLING = 2
 

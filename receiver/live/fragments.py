@@ -15,7 +15,7 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from receiver.recode import PlainPictures
+from receiver.live.recode import PlainPictures
 
 _CLOCK = 90_000
 _SOUND_BPS = 160_000

@@ -1,0 +1,1 @@
+"""Programmes that arrive as they are sent."""

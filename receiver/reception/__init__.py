@@ -1,0 +1,1 @@
+"""From soft bits to keys and motion."""
