@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from cuecast import cli
+from cuecast.command import cli
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

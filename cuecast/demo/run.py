@@ -8,14 +8,14 @@ from typing import Any
 from codec.analysis.compare import Comparison, compare_motions
 from codec.cuer.motion import Motion, save_motion
 from codec.cuer.voice import load_voice
+from cuecast.command.files import write_json
 from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
 from cuecast.demo.figures import draw_keys, draw_strip
-from cuecast.dub import DubOptions, dub
-from cuecast.files import write_json
+from cuecast.dubbing.dub import DubOptions, dub
+from cuecast.dubbing.motions import SynthesisedMotion, whole_motion
+from cuecast.dubbing.receive import receive
 from cuecast.media.film import write_film
 from cuecast.media.rewrite import Unchanged, rewrite_sound
-from cuecast.motions import SynthesisedMotion, whole_motion
-from cuecast.receive import receive
 from synth.scoring.text_score import score_from_subtitles
 from synth.subtitles import Subtitle
 

@@ -19,11 +19,11 @@ import soundfile
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.coder_stream import make_rehearsal
 from cuecast.demo.content import FS, make_sound
+from cuecast.dubbing.coder_stream import make_rehearsal
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.sound_channels import Channel, Sound, find_channel
-from cuecast.evaluate.statistics import wilson_interval
+from cuecast.evaluate.tables import wilson_interval
 from receiver.media.sound import read_sound
 from watermark.audio.embed import AudioEmbedder
 from watermark.audio.profile import USUAL_GRADE, Profile, find_profile

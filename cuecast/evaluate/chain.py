@@ -16,11 +16,11 @@ from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import Score
 from codec.errors import CueError
 from cuecast.demo.content import FS, LINES, make_sound
-from cuecast.dub import DubOptions, dub
+from cuecast.dubbing.dub import DubOptions, dub
+from cuecast.dubbing.motions import SynthesisedMotion, whole_motion
+from cuecast.dubbing.receive import receive
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.media.film import write_film
-from cuecast.motions import SynthesisedMotion, whole_motion
-from cuecast.receive import receive
 from receiver.media.sound import read_sound
 from synth.scoring.text_score import score_from_subtitles
 from synth.subtitles import Subtitle, read_subtitles

@@ -27,6 +27,7 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, cue
 from codec.cues.score import Score
 from codec.cues.timeline import SUPERFRAME_S, TICKS, to_line
+from cuecast.command.voices import coding_voice
 from cuecast.evaluate.baselines import BASELINES, Material
 from cuecast.evaluate.bound import Bound, bound_of
 from cuecast.evaluate.coded import (
@@ -41,7 +42,6 @@ from cuecast.evaluate.coded import (
     squares_of,
 )
 from cuecast.evaluate.options import EvaluateOptions
-from cuecast.voices import coding_voice
 from synth.rules.movement import LAWS
 from synth.training.build_coding import PACES, imprecise, paced, perform, recital, sentences
 

@@ -17,7 +17,7 @@ from codec.cuer.layout import N_FACE
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Key, Phone, Score
-from cuecast.motions import ruled_motion
+from cuecast.dubbing.motions import ruled_motion
 from synth.joined.concatenation import ConcatenativeSynthesiser
 from synth.recordings.recording import Recording
 from synth.rules.gesture import GestureSynthesiser

@@ -10,11 +10,11 @@ import numpy as np
 from codec.analysis.phases import profiles
 from codec.analysis.recognise import Recogniser
 from codec.cues.score import PLACEMENTS
+from cuecast.command.files import whole_file
 from cuecast.evaluate.models_fits import Fit, Occlusion, Phases
 from cuecast.evaluate.segmentation import write_page
 from cuecast.evaluate.tables import write_plot
 from cuecast.evaluate.takes import Take
-from cuecast.files import whole_file
 
 ATTINA_MS = {"lead": 239, "lag": 37}
 """Begin before and end after the consonant's onset: Attina 2005, first experiment, CV keys."""

@@ -1,9 +1,14 @@
 """What a picture goes through on its way: coders, sizes, cuts and bars, logos, another rate.
 
 In: a marked film; out: the film as it arrives. Everything passes through files, so a clip of any
-length needs constant memory.
+length needs constant memory. Beside it: how alike a marked film and its original are, and how long
+a television that is switched on at any moment waits for the first superframe.
 """
 
+import importlib
+import json
+import subprocess
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cuecast.media.picture import PictureStage, rewrite_picture
-from receiver.media.picture import PictureFormat
+from receiver.media.picture import PictureFormat, read_lumas
 from watermark.link.superframe import find_named
+from watermark.quality.picture import PictureMeter, PictureQuality
+from watermark.video.receive import VideoReceiver
 
 Luma = NDArray[Any]
 
@@ -148,3 +155,74 @@ class _Change:
 
     def flush(self) -> list[Luma]:
         return []
+
+
+def compare(original: Path, marked: Path, depth: int) -> PictureQuality:
+    """Measure PSNR, SSIM and flicker of a film with luma of `depth` bits."""
+    meter = PictureMeter(depth)
+    for (_, before), (_, after) in zip(read_lumas(original), read_lumas(marked), strict=True):
+        meter.process(before, after)
+    return meter.result()
+
+
+def vmaf(original: Path, marked: Path) -> float | None:
+    """Mean VMAF of a film against its original; None without imageio-ffmpeg's FFmpeg."""
+    try:
+        imageio_ffmpeg = importlib.import_module("imageio_ffmpeg")
+    except ImportError:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        report = Path(folder) / "vmaf.json"
+        comparison = f"libvmaf=log_fmt=json:log_path={report}"
+        command = [imageio_ffmpeg.get_ffmpeg_exe(), "-nostdin", "-v", "error", "-i", str(marked)]
+        command += ["-i", str(original), "-lavfi", comparison, "-f", "null", "-"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            return None
+        return float(json.loads(report.read_text())["pooled_metrics"]["vmaf"]["mean"])
+
+
+LONGEST_TUNE_IN_S = 6.0
+"""A reception that has not locked by then counts with this time."""
+
+
+class LateReceivers:
+    """Receivers that are switched on at different times, each until its first superframe.
+
+    Parameters
+    ----------
+    tuned : callable
+        Makes a receiver.
+    starts_s : list of float
+        When they are switched on.
+    fps : float
+        Frames per second of what they see.
+    """
+
+    def __init__(self, tuned: Callable[[], VideoReceiver], starts_s: list[float], fps: float):
+        self._tuned, self._fps = tuned, fps
+        self._starts = sorted(round(start_s * fps) for start_s in starts_s)
+        self._on: list[tuple[int, VideoReceiver]] = []
+        self._frames = 0
+        self._locked_s: list[float] = []
+
+    @property
+    def waits_s(self) -> list[float]:
+        """Seconds to the first superframe; those who still wait count with the longest time."""
+        return self._locked_s + [LONGEST_TUNE_IN_S] * len(self._on)
+
+    def process(self, luma: Luma) -> None:
+        """Show a frame to all that are on."""
+        while self._starts and self._starts[0] <= self._frames:
+            self._on.append((self._starts.pop(0), self._tuned()))
+        self._frames += 1
+        waiting = []
+        for start, receiver in self._on:
+            receiver.process(luma)
+            if receiver.first_lock_s is not None:
+                self._locked_s.append(receiver.first_lock_s)
+            elif self._frames - start > LONGEST_TUNE_IN_S * self._fps:
+                self._locked_s.append(LONGEST_TUNE_IN_S)
+            else:
+                waiting.append((start, receiver))
+        self._on = waiting

@@ -21,9 +21,9 @@ from codec.analysis.recognise import Recogniser
 from codec.cuer import layout
 from codec.cues.phonology import PHONES
 from codec.cues.score import PLACEMENTS, SHAPES
+from cuecast.command.files import whole_file
 from cuecast.evaluate.models_fits import Fit
 from cuecast.evaluate.takes import Take
-from cuecast.files import whole_file
 
 _POINTS_HZ = 60.0
 _COLUMNS = 1500

@@ -19,9 +19,9 @@ from codec.cuer.layout import MARKER_NUMBER
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import Key, Score
+from cuecast.dubbing.performance import unit_synthesiser
 from cuecast.evaluate.methods import compare_methods
 from cuecast.evaluate.options import EvaluateOptions
-from cuecast.performance import unit_synthesiser
 from synth.joined.units import cut_dikeys
 from synth.recordings.recording import Recording
 from synth.recordings.sentences import choose_sentences

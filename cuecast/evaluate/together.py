@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from codec.cuer.voice import Voice, load_voice
 from codec.errors import CueError
 from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
-from cuecast.dub import DubOptions, dub
+from cuecast.dubbing.dub import DubOptions, dub
+from cuecast.dubbing.motions import SynthesisedMotion
+from cuecast.dubbing.receive import receive
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.video import films_of
 from cuecast.media.film import write_film
 from cuecast.media.picture import rewrite_picture
 from cuecast.media.rewrite import Unchanged, rewrite_sound
-from cuecast.motions import SynthesisedMotion
-from cuecast.receive import receive
 from receiver.media.picture import PictureDecoder
 from receiver.media.programme import has_stream, open_programme
 from synth.scoring.text_score import score_from_subtitles

@@ -16,11 +16,17 @@ import av
 import numpy as np
 
 from codec.errors import CueError
-from cuecast.evaluate.late import LONGEST_TUNE_IN_S, LateReceivers
-from cuecast.evaluate.likeness import compare, vmaf
 from cuecast.evaluate.options import EvaluateOptions
-from cuecast.evaluate.picture_channels import Luma, find_channel, send
-from cuecast.evaluate.statistics import wilson_interval
+from cuecast.evaluate.picture_channels import (
+    LONGEST_TUNE_IN_S,
+    LateReceivers,
+    Luma,
+    compare,
+    find_channel,
+    send,
+    vmaf,
+)
+from cuecast.evaluate.tables import wilson_interval
 from cuecast.media.picture import PictureStage, rewrite_picture
 from receiver.media.picture import PictureFormat, picture_format, read_lumas
 from watermark.link.superframe import SUPERFRAME_S

@@ -1,1 +1,1 @@
-"""The verbs of the command line, one module each (see `cuecast.cli`)."""
+"""The verbs of the command line, one module each (see `cuecast.command.cli`)."""

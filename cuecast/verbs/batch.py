@@ -6,7 +6,7 @@ The catalogue is CSV with the columns programme, subtitles or motion, and option
 import argparse
 from pathlib import Path
 
-from cuecast.arguments import (
+from cuecast.command.arguments import (
     USUAL_GRADE,
     add_json,
     add_key,
@@ -17,7 +17,7 @@ from cuecast.arguments import (
     grade,
     print_json,
 )
-from cuecast.progress import note
+from cuecast.command.progress import note
 
 SUMMARY = "dub many programmes"
 
@@ -38,7 +38,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Dub everything; 1 if a programme failed."""
-    from cuecast.batch import read_catalogue, run_batch
+    from cuecast.dubbing.batch import read_catalogue, run_batch
     from cuecast.evaluate.tables import as_table
 
     folder = Path(args.out)

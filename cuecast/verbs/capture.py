@@ -13,9 +13,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cuecast.arguments import add_json, add_voice, positive, print_json
-from cuecast.files import PIPE, write_json
-from cuecast.progress import note, seconds_bar
+from cuecast.command.arguments import add_json, add_voice, positive, print_json
+from cuecast.command.files import PIPE, write_json
+from cuecast.command.progress import note, seconds_bar
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -72,8 +72,8 @@ def run(args: argparse.Namespace) -> int:
     with seconds_bar(None, Path(args.input).name) as advance, _as_file(args.input) as path:
         captured = capture(path, voice, _options(args, advance))
     if args.plot:
-        from cuecast.capture_plot import plot_capture
         from cuecast.evaluate.tables import write_plot
+        from cuecast.verbs.capture import plot_capture
 
         write_plot(Path(args.plot), captured.report, plot_capture)
     save_motion(captured.motion, args.output)
@@ -151,3 +151,17 @@ def _of_markers(report: dict[str, Any]) -> list[str]:
         f"{repairs['renamed']} renamed, {repairs['recovered']} recovered, "
         f"{repairs['dropped']} dropped",
     ]
+
+
+def plot_capture(report: dict[str, Any], figure: Any) -> None:
+    """Draw a report of `synth.capture` into a figure of matplotlib."""
+    errors, hidden = (figure.add_subplot(1, 2, number) for number in (1, 2))
+    parts = {name: mm for name, mm in report.get("residual_mm", {}).items() if mm is not None}
+    errors.barh(list(parts), list(parts.values()))
+    errors.invert_yaxis()
+    errors.set_xlabel("distance from the models, mm")
+    worst = report.get("gaps", {}).get("most_hidden", {})
+    hidden.barh(list(worst), [100 * share for share in worst.values()])
+    hidden.invert_yaxis()
+    hidden.set_xlabel("hidden, % of the frames (the worst)")
+    figure.suptitle(f"{report['input']['file']}, {report['input']['duration_s']:.1f} s")

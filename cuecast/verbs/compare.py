@@ -3,7 +3,7 @@
 import argparse
 from dataclasses import asdict
 
-from cuecast.arguments import add_json, add_voice, positive, print_json
+from cuecast.command.arguments import add_json, add_voice, positive, print_json
 
 SUMMARY = "how alike two motions are"
 

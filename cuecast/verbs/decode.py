@@ -2,8 +2,8 @@
 
 import argparse
 
-from cuecast.arguments import add_voice
-from cuecast.files import read_bytes
+from cuecast.command.arguments import add_voice
+from cuecast.command.files import read_bytes
 
 SUMMARY = "a bit stream as motion"
 
@@ -19,7 +19,7 @@ def run(args: argparse.Namespace) -> int:
     """Write the motion."""
     from codec.bitstream.stream import decode_stream
     from codec.cuer.motion import save_motion
-    from cuecast.voices import coding_voice
+    from cuecast.command.voices import coding_voice
 
     save_motion(decode_stream(read_bytes(args.stream), coding_voice(args.voice)), args.output)
     return 0

@@ -8,8 +8,8 @@ import argparse
 from dataclasses import asdict
 from pathlib import Path
 
-from cuecast.arguments import add_json, add_seed, print_json
-from cuecast.progress import note
+from cuecast.command.arguments import add_json, add_seed, print_json
+from cuecast.command.progress import note
 
 SUMMARY = "the whole way on a built-in programme, with pictures"
 

@@ -8,7 +8,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cuecast.arguments import (
+from cuecast.command.arguments import (
     CARRIERS,
     USUAL_GRADE,
     add_json,
@@ -22,17 +22,16 @@ from cuecast.arguments import (
     grade,
     natural,
     print_json,
-    reading_of,
-    subtitles_of,
 )
-from cuecast.errors import UsageError
-from cuecast.files import write_json
-from cuecast.progress import note, seconds_bar
+from cuecast.command.errors import UsageError
+from cuecast.command.files import write_json
+from cuecast.command.progress import note, seconds_bar
+from cuecast.dubbing.inputs import reading_of, subtitles_of
 
 if TYPE_CHECKING:
     from codec.cuer.voice import Voice
-    from cuecast.aligning import Confidence
-    from cuecast.motions import MotionSource
+    from cuecast.dubbing.aligning import Confidence
+    from cuecast.dubbing.motions import MotionSource
     from synth.subtitles import Subtitle
 
 SUMMARY = "the programme with its cuer inside"
@@ -94,10 +93,10 @@ def run(args: argparse.Namespace) -> int:
     """Write the programme and the report."""
     carriers = args.carriers
     from codec.cuer.motion import load_motion
-    from cuecast.aligning import Confidence
-    from cuecast.dub import PROFILES, DubOptions, dub
-    from cuecast.motions import GivenMotion, MotionSource
-    from cuecast.voices import coding_voice
+    from cuecast.command.voices import coding_voice
+    from cuecast.dubbing.aligning import Confidence
+    from cuecast.dubbing.dub import PROFILES, DubOptions, dub
+    from cuecast.dubbing.motions import GivenMotion, MotionSource
     from receiver.media.programme import open_programme
 
     profiles = dict(PROFILES)
@@ -143,9 +142,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _motion(args: argparse.Namespace, voice: "Voice", confidence: "Confidence") -> "MotionSource":
     """Return the motion for the subtitles."""
-    from cuecast.motions import JoinedMotion, SynthesisedMotion
+    from cuecast.dubbing.motions import JoinedMotion, SynthesisedMotion
     from receiver.media.programme import open_programme
-    from synth.score import score_from_subtitles
+    from synth.scoring.text_score import score_from_subtitles
 
     reading = reading_of(args)
     with open_programme(args.programme, track=args.track) as programme:
@@ -153,7 +152,7 @@ def _motion(args: argparse.Namespace, voice: "Voice", confidence: "Confidence") 
         stream_s = programme.origin_s if programme.container.format.name == "mpegts" else None
     subtitles = _subtitles(args, stream_s)
     if args.align:
-        from cuecast.aligning import aligned_score
+        from cuecast.dubbing.aligning import aligned_score
 
         score = aligned_score(
             subtitles, args.programme, track=args.track, reading=reading, warn=note,
@@ -165,7 +164,7 @@ def _motion(args: argparse.Namespace, voice: "Voice", confidence: "Confidence") 
     options = reading.options
     # Who has nothing to say rests: for that no units are needed.
     if (args.units or args.method == "units") and score.keys:
-        from cuecast.performance import unit_synthesiser
+        from cuecast.dubbing.performance import unit_synthesiser
 
         units = unit_synthesiser(
             voice, args.units, alignment=args.alignment, options=options, seed=args.seed

@@ -2,8 +2,8 @@
 
 import argparse
 
-from cuecast.arguments import add_voice, bit_rate, positive
-from cuecast.files import write_bytes
+from cuecast.command.arguments import add_voice, bit_rate, positive
+from cuecast.command.files import write_bytes
 
 SUMMARY = "a motion as few bits"
 
@@ -22,7 +22,7 @@ def run(args: argparse.Namespace) -> int:
     """Write the stream."""
     from codec.bitstream.stream import encode_stream
     from codec.cuer.motion import load_motion
-    from cuecast.voices import coding_voice
+    from cuecast.command.voices import coding_voice
 
     motion, voice = load_motion(args.motion), coding_voice(args.voice)
     write_bytes(args.output, encode_stream(motion, voice, rate_bps=args.rate, error_mm=args.error))

@@ -7,8 +7,8 @@ import os
 import tempfile
 from pathlib import Path
 
-from cuecast.arguments import add_json, add_seed, print_json
-from cuecast.progress import note
+from cuecast.command.arguments import add_json, add_seed, print_json
+from cuecast.command.progress import note
 
 SUMMARY = "figures as CSV, JSON and plots"
 

@@ -2,8 +2,8 @@
 
 import argparse
 
-from cuecast.arguments import add_json, print_json
-from cuecast.files import read_bytes
+from cuecast.command.arguments import add_json, print_json
+from cuecast.command.files import read_bytes
 
 SUMMARY = "what stands in a bit stream"
 

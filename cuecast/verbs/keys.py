@@ -3,17 +3,10 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from cuecast.arguments import (
-    add_json,
-    add_reading,
-    add_text,
-    pieces_of,
-    print_json,
-    reading_of,
-    score_of,
-)
-from cuecast.files import whole_file
-from cuecast.progress import note
+from cuecast.command.arguments import add_json, add_reading, add_text, print_json
+from cuecast.command.files import whole_file
+from cuecast.command.progress import note
+from cuecast.dubbing.inputs import pieces_of, reading_of, score_of
 
 if TYPE_CHECKING:
     from codec.cues.score import Score
@@ -69,7 +62,7 @@ def _score(args: argparse.Namespace) -> "Score":
     if args.align is None:
         return score_of(args)
     from codec.cues.score import Score
-    from cuecast.aligning import Confidence
+    from cuecast.dubbing.aligning import Confidence
 
     confidence = Confidence()
     pieces = list(pieces_of(args, args.align, confidence)[0])

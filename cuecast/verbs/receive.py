@@ -4,7 +4,7 @@ import argparse
 import sys
 
 from codec.errors import CueError
-from cuecast.arguments import (
+from cuecast.command.arguments import (
     add_json,
     add_key,
     add_voice,
@@ -12,8 +12,8 @@ from cuecast.arguments import (
     not_negative,
     print_json,
 )
-from cuecast.files import PIPE
-from cuecast.progress import note, seconds_bar
+from cuecast.command.files import PIPE
+from cuecast.command.progress import note, seconds_bar
 
 SUMMARY = "everything that a receiver finds"
 
@@ -38,8 +38,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print what was found; 1 if nothing was."""
     from codec.cuer.motion import save_motion
-    from cuecast.receive import receive
-    from cuecast.voices import coding_voice
+    from cuecast.command.voices import coding_voice
+    from cuecast.dubbing.receive import receive
 
     source = sys.stdin.buffer if args.programme == PIPE else args.programme
     wanted = args.output is not None or args.markers is not None

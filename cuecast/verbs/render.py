@@ -2,8 +2,8 @@
 
 import argparse
 
-from cuecast.arguments import add_voice, natural, not_negative, size
-from cuecast.progress import seconds_bar
+from cuecast.command.arguments import add_voice, natural, not_negative, size
+from cuecast.command.progress import seconds_bar
 
 SUMMARY = "a film or a picture of the cuer"
 

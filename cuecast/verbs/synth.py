@@ -4,18 +4,17 @@ import argparse
 import itertools
 from typing import TYPE_CHECKING
 
-from cuecast.arguments import (
+from cuecast.command.arguments import (
     add_motion,
     add_reading,
     add_seed,
     add_text,
     add_voice,
-    pieces_of,
     positive,
-    reading_of,
 )
-from cuecast.files import write_json
-from cuecast.progress import note, seconds_bar
+from cuecast.command.files import write_json
+from cuecast.command.progress import note, seconds_bar
+from cuecast.dubbing.inputs import pieces_of, reading_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -58,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
         return 2
     from codec.cuer.motion import MotionWriter
     from codec.cuer.voice import load_voice
-    from cuecast.aligning import Confidence
+    from cuecast.dubbing.aligning import Confidence
 
     confidence = Confidence()
     pieces, length_s = pieces_of(args, args.align, confidence)
@@ -86,13 +85,13 @@ def _motion(
 ) -> "Iterator[Motion]":
     options = reading_of(args).options
     if args.speech or args.units or args.method == "units":
-        from cuecast.performance import perform, unit_synthesiser
+        from cuecast.dubbing.performance import perform, unit_synthesiser
 
         units = unit_synthesiser(
             voice, args.units, alignment=args.alignment, options=options, seed=args.seed
         )
         return perform(pieces, units, rate_hz=args.rate, speech=args.speech)
-    from cuecast.motions import ruled_motion
+    from cuecast.dubbing.motions import ruled_motion
     from synth.rules.gesture import GestureSynthesiser
 
     cuer = GestureSynthesiser(

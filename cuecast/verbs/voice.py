@@ -3,8 +3,8 @@
 import argparse
 from typing import Any
 
-from cuecast.arguments import add_json, print_json
-from cuecast.progress import count_bar, note
+from cuecast.command.arguments import add_json, print_json
+from cuecast.command.progress import count_bar, note
 
 SUMMARY = "make and look at voices"
 
@@ -67,8 +67,8 @@ def _info(args: argparse.Namespace) -> int:
 def _build(args: argparse.Namespace) -> int:
     from codec.bitstream.coding import coding_for
     from codec.cuer.voice import load_voice
-    from cuecast.performance import record_folder, unit_synthesiser
-    from cuecast.voices import train_voice
+    from cuecast.command.voices import train_voice
+    from cuecast.dubbing.performance import record_folder, unit_synthesiser
 
     if bool(args.recordings) != bool(args.output):
         note("cuecast voice build: --recordings and --output go together")

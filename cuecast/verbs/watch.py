@@ -5,9 +5,9 @@ import sys
 import tempfile
 from typing import Any
 
-from cuecast.arguments import add_key, add_voice, natural
-from cuecast.files import PIPE
-from cuecast.progress import note
+from cuecast.command.arguments import add_key, add_voice, natural
+from cuecast.command.files import PIPE
+from cuecast.command.progress import note
 
 SUMMARY = "the TV page: programme and cuer together"
 
@@ -27,8 +27,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Serve the page."""
     from codec.cuer.motion import load_motion
+    from cuecast.command.voices import coding_voice
     from cuecast.media.playable import playable
-    from cuecast.voices import coding_voice
     from receiver.television.server import serve
     from receiver.television.tuner import MotionTuner, ProgrammeTuner, Tuner
 

@@ -120,8 +120,8 @@ def cut_dikeys(gestures: Gestures) -> list[Unit]:
 
     Examples
     --------
-    >>> from codec.score import Key, Score
-    >>> from synth.movement import plan_gestures
+    >>> from codec.cues.score import Key, Score
+    >>> from synth.rules.movement import plan_gestures
     >>> score = Score((Phone("b", 1.0, 1.1),), (Key(1.0, 1.1, ("b",), 4, "side"),))
     >>> [unit.label for unit in cut_dikeys(plan_gestures(score))]
     [('00', '14'), ('14', '00')]

@@ -14,7 +14,7 @@ import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
-from cuecast.coder_stream import make_rehearsal
+from cuecast.dubbing.coder_stream import make_rehearsal
 from cuecast.evaluate.sound_channels import find_channel
 from tests.bench.false_locks import FOLDER
 from watermark.audio.embed import AudioEmbedder

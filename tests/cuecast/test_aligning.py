@@ -8,8 +8,8 @@ import pytest
 import soundfile
 
 from codec.errors import CueError
-from cuecast.aligning import Confidence, ProgrammeVoices, aligned_score, text_as_subtitle
-from cuecast.cli import main
+from cuecast.command.cli import main
+from cuecast.dubbing.aligning import Confidence, ProgrammeVoices, aligned_score, text_as_subtitle
 from synth.alignment.cepstra import FS
 from synth.speech.espeak_voice import render
 from synth.subtitles import Subtitle

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from codec.errors import CueError
-from cuecast.batch import read_catalogue
-from cuecast.cli import main
+from cuecast.command.cli import main
 from cuecast.demo.content import FS, make_sound
 from cuecast.demo.run import as_srt
+from cuecast.dubbing.batch import read_catalogue
 from cuecast.media.film import write_film
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from codec.errors import CueError
-from cuecast import cli
-from cuecast.cli import main
-from cuecast.files import whole_file
+from cuecast.command import cli
+from cuecast.command.cli import main
+from cuecast.command.files import whole_file
 
 
 def test_help_lists_every_verb(capsys: pytest.CaptureFixture[str]) -> None:
@@ -26,7 +26,7 @@ def test_verb_has_a_page(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_every_verb_module_is_offered() -> None:
-    folder = Path(cli.__file__).parent / "verbs"
+    folder = Path(cli.__file__).parents[1] / "verbs"
     assert {path.stem for path in folder.glob("*.py")} - {"__init__"} == set(cli.VERBS)
 
 
@@ -39,7 +39,7 @@ def test_wrong_usage(argv: list[str], capsys: pytest.CaptureFixture[str]) -> Non
 def test_help_needs_no_numbers() -> None:
     """``cuecast --help`` answers at once because it loads none of the heavy libraries."""
     code = (
-        "import sys; from cuecast.cli import main; main(['--help']);"
+        "import sys; from cuecast.command.cli import main; main(['--help']);"
         "print({'numpy', 'numba', 'av', 'scipy'} & set(sys.modules), file=sys.stderr)"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from cuecast.cli import main
+from cuecast.command.cli import main
 from cuecast.demo.content import FS, make_sound
 from cuecast.evaluate.tables import write_results
 from cuecast.media.film import write_film

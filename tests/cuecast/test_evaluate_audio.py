@@ -9,7 +9,7 @@ from codec.errors import CueError
 from cuecast.evaluate.audio import evaluate, evaluate_audio, plot
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.sound_channels import CHANNELS
-from cuecast.evaluate.statistics import wilson_interval
+from cuecast.evaluate.tables import wilson_interval
 
 FS = 48000
 

@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast import arguments
-from cuecast.marking import MarkingStage
+from cuecast.command import arguments
+from cuecast.dubbing.marking import MarkingStage
 from receiver.media.programme import SoundFormat
 from watermark.audio import profile
 from watermark.audio.profile import find_profile

@@ -16,9 +16,9 @@ import pytest
 from codec.cuer.voice import load_voice
 from codec.cues.score import Score
 from codec.errors import CueError
-from cuecast.dub import DubOptions, dub
-from cuecast.motions import SynthesisedMotion
-from cuecast.receive import receive
+from cuecast.dubbing.dub import DubOptions, dub
+from cuecast.dubbing.motions import SynthesisedMotion
+from cuecast.dubbing.receive import receive
 from receiver.media.programme import open_programme
 
 VOICE = load_voice()

@@ -12,11 +12,11 @@ from codec.cuer.motion import load_motion
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import Score
 from codec.errors import CueError
-from cuecast import performance
-from cuecast.arguments import REST_S
-from cuecast.cli import main
+from cuecast.command.arguments import REST_S
+from cuecast.command.cli import main
+from cuecast.dubbing import performance
+from cuecast.dubbing.motions import JoinedMotion, ruled_motion
 from cuecast.media.film import write_film
-from cuecast.motions import JoinedMotion, ruled_motion
 from receiver.media.programme import open_programme
 from synth.joined.concatenation import ConcatenativeSynthesiser
 from synth.recordings.recording import Recording

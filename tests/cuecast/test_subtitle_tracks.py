@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from codec.errors import CueError
-from cuecast.cli import main
+from cuecast.command.cli import main
 from cuecast.media.subtitles import choose_track, read_track, text_tracks
 from cuecast.media.tables import TableReader, checksum, read_map
 from synth.subtitles import read_subtitles

@@ -12,8 +12,8 @@ from codec.bitstream import coding as module
 from codec.bitstream.coding import coding_for, trained_path
 from codec.cuer.motion import Motion, load_motion, save_motion
 from codec.cuer.voice import Voice, load_voice, save_voice
-from cuecast.cli import main
-from cuecast.voices import coding_voice, train_voice
+from cuecast.command.cli import main
+from cuecast.command.voices import coding_voice, train_voice
 from synth.training.build_coding import imprecise, perform, recital, sentences
 
 

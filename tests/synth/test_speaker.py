@@ -8,7 +8,7 @@ import soundfile
 
 from codec.cuer.voice import load_voice
 from codec.errors import CueError
-from cuecast.cli import main
+from cuecast.command.cli import main
 from synth.recordings.archive import read_archive
 from synth.recordings.recording import Recording
 from synth.recordings.rendered import line_of

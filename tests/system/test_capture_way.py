@@ -8,7 +8,7 @@ import pytest
 
 from codec.cuer.layout import MARKERS
 from codec.cuer.models import rigid
-from cuecast.cli import main
+from cuecast.command.cli import main
 from cuecast.demo.content import make_sound
 from cuecast.media.film import write_film
 from cuecast.media.rewrite import Unchanged, rewrite_sound

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cuecast.cli import main
+from cuecast.command.cli import main
 from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
 from cuecast.demo.run import as_srt
 from cuecast.media.film import write_film

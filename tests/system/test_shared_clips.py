@@ -14,7 +14,7 @@ import pytest
 
 from codec.cuer.motion import load_motion, sample_params
 from codec.cuer.voice import load_voice
-from cuecast.cli import main
+from cuecast.command.cli import main
 from cuecast.media.film import write_film
 from receiver.media.sound import read_sound
 from tests.chromium import Page, browse

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from cuecast.cli import main
+from cuecast.command.cli import main
 from cuecast.demo.content import make_sound
 from cuecast.demo.run import as_srt
 from cuecast.media.film import write_film

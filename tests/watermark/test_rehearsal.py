@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.coder_stream import CoderStream, make_rehearsal
+from cuecast.dubbing.coder_stream import CoderStream, make_rehearsal
 from watermark.audio.embed import AudioEmbedder
 from watermark.audio.profile import FS, ROBUST, STANDARD
 from watermark.audio.rehearsal import Rehearsal

@@ -49,7 +49,7 @@ def closures(voice: Voice, shape: NDArray[np.floating]) -> FloatArray:
 
     Examples
     --------
-    >>> from codec.voice import load_voice
+    >>> from codec.cuer.voice import load_voice
     >>> voice = load_voice()
     >>> closures(voice, voice.gestures.shape_targets[[5, 0, 1]])[:, 1:3].round(1) + 0
     array([[0., 0.],

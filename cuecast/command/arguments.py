@@ -3,24 +3,12 @@
 import argparse
 import math
 import sys
-from typing import TYPE_CHECKING
-
-from cuecast.files import PIPE, read_bytes
-from cuecast.progress import note
 
 CARRIERS = ("audio", "video", "a335")
 """Ways to put a cuer into a programme."""
 
 REST_S = 0.5
 """Rest before a plain text: the hand sets out a quarter of a second before the first phone."""
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from codec.cues.score import Score
-    from synth.alignment.score import Judged
-    from synth.scoring.text_score import Reading
-    from synth.subtitles import Subtitle
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
@@ -97,78 +85,6 @@ def add_motion(parser: argparse.ArgumentParser) -> None:
         "--units", metavar="FOLDER", help="recordings that `voice build` made of a speaker"
     )
     add_alignment(parser)
-
-
-def reading_of(args: argparse.Namespace) -> "Reading":
-    """Return what `add_reading` read."""
-    from codec.cues.cueing import CueingOptions
-    from synth.scoring.text_score import Reading
-    from synth.text.lexicon import read_user_lexicon
-    from synth.text.pronounce import Style
-
-    given = {"un": args.un, "schwa": args.schwa, "oe": args.oe, "rest_gap_s": args.rest_gap}
-    return Reading(
-        CueingOptions(**{k: v for k, v in given.items() if v is not None}),
-        Style(liaison=args.liaison, final_schwa=args.final_schwa),
-        read_user_lexicon(args.lexicon) if args.lexicon else {},
-    )
-
-
-def score_of(args: argparse.Namespace) -> "Score":
-    """Return the score of what `add_text` and `add_reading` read."""
-    if args.text is not None:
-        from synth.scoring.text_score import score_from_text
-
-        return score_from_text(args.text, start_s=REST_S, reading=reading_of(args))
-    return score_of_subtitles(args, args.file)
-
-
-def pieces_of(
-    args: argparse.Namespace, recording: str | None, judged: "Judged"
-) -> "tuple[Iterator[Score], float | None]":
-    """Return the score of what `add_text` and `add_reading` read in pieces, and its length.
-
-    The length in seconds, where it is known, is for showing progress. With a recording the
-    score follows its voices, and `judged` is told how surely.
-    """
-    from cuecast.aligning import aligned_pieces, text_as_subtitle
-    from synth.scoring.text_score import stream_score
-
-    if args.text is not None and recording is None:
-        score = score_of(args)
-        return iter([score]), score.phones[-1].end if score.phones else None
-    if args.text is not None:
-        assert recording is not None
-        subtitles = [text_as_subtitle(args.text, recording)]
-    else:
-        subtitles = subtitles_of(args.file)
-    length_s = max((subtitle.end_s for subtitle in subtitles), default=None)
-    reading = reading_of(args)
-    if recording is None:
-        return stream_score(subtitles, reading=reading, warn=note), length_s
-    return aligned_pieces(subtitles, recording, reading=reading, warn=note, judged=judged), length_s
-
-
-def score_of_subtitles(
-    args: argparse.Namespace, path: str, stream_s: float | None = None
-) -> "Score":
-    """Return the score of what `subtitles_of` reads."""
-    from synth.scoring.text_score import score_from_subtitles
-
-    return score_from_subtitles(subtitles_of(path, stream_s), warn=note, reading=reading_of(args))
-
-
-def subtitles_of(path: str, stream_s: float | None = None) -> "list[Subtitle]":
-    """Return the subtitles of a file, or of the standard input for ``-``.
-
-    `stream_s` is the MPEG-2 time at which their programme begins, if it has one.
-    """
-    from synth.subtitles import read_subtitles
-    from synth.subtitles.read import parse_subtitles
-
-    if path == PIPE:
-        return parse_subtitles(read_bytes(PIPE), stream_s=stream_s)
-    return read_subtitles(path, stream_s=stream_s)
 
 
 def natural(text: str) -> int:

@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 from codec.errors import CueError
-from cuecast.errors import UsageError
+from cuecast.command.errors import UsageError
 
 VERBS = (
     "demo", "keys", "synth", "capture", "encode", "decode", "inspect", "dub", "receive", "watch",

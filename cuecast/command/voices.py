@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from codec.bitstream.coding import keep_coding, trained_path
 from codec.cuer.voice import Voice, load_voice
-from cuecast.progress import note
+from cuecast.command.progress import note
 
 
 def coding_voice(name: str) -> Voice:

@@ -12,8 +12,8 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Score
 from codec.errors import CueError
-from cuecast.files import whole_file
-from cuecast.progress import count_bar
+from cuecast.command.files import whole_file
+from cuecast.command.progress import count_bar
 from synth.body.anatomy import IDENTITIES
 from synth.joined.concatenation import ConcatenativeSynthesiser
 from synth.recordings.archive import built_in_recordings, read_archive, write_archive

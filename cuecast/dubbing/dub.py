@@ -23,11 +23,11 @@ from codec.bitstream.encoder import SuperframeEncoder
 from codec.bitstream.payload import nest
 from codec.cuer.voice import Voice
 from codec.errors import CueError
-from cuecast.coder_stream import make_rehearsal
-from cuecast.marking import MarkingStage
+from cuecast.dubbing.coder_stream import make_rehearsal
+from cuecast.dubbing.marking import MarkingStage
+from cuecast.dubbing.motions import RATE_HZ, MotionSource
+from cuecast.dubbing.pictures import PictureOptions, dub_picture
 from cuecast.media.rewrite import Stage, rewrite_sound
-from cuecast.motions import RATE_HZ, MotionSource
-from cuecast.pictures import PictureOptions, dub_picture
 from receiver.media.programme import SoundFormat
 from watermark.audio.profile import STANDARD, USUAL_GRADE, Profile, find_profile
 from watermark.link.superframe import SUPERFRAME_S
@@ -67,7 +67,7 @@ class DubOptions:
     graded : bool
         Whether to grade the marked sound with the quality meter.
     through : str, optional
-        Coder of the broadcast, see `cuecast.coder_stream.make_rehearsal`.
+        Coder of the broadcast, see `cuecast.dubbing.coder_stream.make_rehearsal`.
     """
 
     carriers: tuple[str, ...] = ("audio",)

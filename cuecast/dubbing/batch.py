@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from codec.errors import CueError
-from cuecast.files import whole_file, write_json
+from cuecast.command.files import whole_file, write_json
 from watermark.audio.profile import USUAL_GRADE
 
 SUMMARY = "summary.csv"
@@ -152,8 +152,8 @@ def _done(task: Task) -> dict[str, Any] | None:
 def _dub(task: Task) -> dict[str, Any]:
     from codec.cuer.motion import load_motion
     from codec.cuer.voice import load_voice
-    from cuecast.dub import DubOptions, dub
-    from cuecast.motions import GivenMotion, MotionSource, SynthesisedMotion
+    from cuecast.dubbing.dub import DubOptions, dub
+    from cuecast.dubbing.motions import GivenMotion, MotionSource, SynthesisedMotion
     from synth.scoring.text_score import score_from_subtitles
     from synth.subtitles import read_subtitles
 

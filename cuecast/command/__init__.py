@@ -1,0 +1,1 @@
+"""The command line: verbs are found, options read, outputs written whole."""

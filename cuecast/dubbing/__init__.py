@@ -1,0 +1,1 @@
+"""Programmes get their cuer, and give it back."""
