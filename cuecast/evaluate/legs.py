@@ -10,17 +10,16 @@ would: through a film and `synth.capture`.
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from codec.motion import Motion
-from codec.score import Score
-from codec.voice import Voice
-from synth.build_coding import recital
-
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.score import Score
 from codec.errors import CueError
 from cuecast.evaluate.films import as_rows, film
 from synth.capture.capture import capture
 from synth.capture.options import CaptureOptions
 from synth.measured.cuer import MEASURED, performer
 from synth.measured.plan import paced
+from synth.training.build_coding import recital
 
 SECOND = f"solange/{MEASURED}"
 """Name of the second virtual cuer."""

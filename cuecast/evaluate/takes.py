@@ -30,8 +30,8 @@ from synth.corpus.scores import shape_transitions
 from synth.corpus.studio import Studio, surround
 from synth.measured.cuer import MEASURED, performer
 from synth.measured.plan import paced
-from synth.recordings.sentences import read_sentences
 from synth.text.espeak import RATE_HZ
+from synth.text.sentences import read_sentences
 
 _FRAMING_TAKES = 3
 

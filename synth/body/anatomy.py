@@ -142,7 +142,7 @@ long near the palm and who scatters as real cuers do (the movement of `synth.mea
 
 
 BY_RULE = ("claire", "agathe")
-"""Those who also move by the laws of `synth.movement`, in the figures."""
+"""Those who also move by the laws of `synth.rules.movement`, in the figures."""
 
 
 def identity(name: str) -> tuple[Anatomy, Habits]:

@@ -3,20 +3,20 @@
 from typing import Protocol
 
 import numpy as np
-from codec.motion import Motion
-from codec.phonology import PAUSE, PHONE_NUMBER
-from codec.score import Key, Score
-from codec.voice import Voice
 from numpy.typing import NDArray
 
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.phonology import PAUSE, PHONE_NUMBER
+from codec.cues.score import Key, Score
 from codec.errors import CueError
 from synth.body.body import Body, Pose, load_asset, load_body
 from synth.body.skeleton import HAND_ANGLES
-from synth.gesture import GestureSynthesiser, Labels
 from synth.measured.face import articulators, steps
 from synth.measured.plan import Plan, make_plan
 from synth.measured.wander import Wander
-from synth.visemes import ARTICULATORS, UNITS_OF
+from synth.rules.gesture import GestureSynthesiser, Labels
+from synth.rules.visemes import ARTICULATORS, UNITS_OF
 
 FloatArray = NDArray[np.float64]
 

@@ -6,13 +6,13 @@ by rule lets dominances compete.
 """
 
 import numpy as np
-from codec.phonology import PHONE_NUMBER
-from codec.score import Score
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from codec.cues.phonology import PHONE_NUMBER
+from codec.cues.score import Score
 from synth.measured.wander import normals_of
-from synth.visemes import ARTICULATORS, viseme_table
+from synth.rules.visemes import ARTICULATORS, viseme_table
 
 FloatArray = NDArray[np.float64]
 

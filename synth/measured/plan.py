@@ -8,10 +8,10 @@ takes its own time.
 from dataclasses import dataclass
 
 import numpy as np
-from codec.cueing import DEFAULT_OPTIONS
-from codec.score import PLACEMENT_NUMBER, PLACEMENTS, Key, Phone, Score
 from numpy.typing import NDArray
 
+from codec.cues.cueing import DEFAULT_OPTIONS
+from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, Key, Phone, Score
 from synth.body.body import Body
 from synth.body.shapes import all_shapes
 from synth.body.skeleton import HAND_ANGLES

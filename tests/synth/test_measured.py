@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from codec.score import Score
-from synth.build_coding import recital
-from synth.capture.landmark_maps import FACE_LANDMARKS
 
+from codec.cues.score import Score
 from codec.errors import CueError
 from cuecast.evaluate.films import ASPECT, WIDTH_MM, film
+from synth.capture.tracker.landmark_maps import FACE_LANDMARKS
 from synth.measured.cuer import MeasuredCuer, performer
 from synth.measured.plan import paced
 from synth.measured.strokes import travelled
 from synth.measured.wander import Wander
+from synth.training.build_coding import recital
 
 ROOT = Path(__file__).resolve().parents[2]
 TOOL = ROOT.parent / "shared" / "tools" / "real_cuers.py"
@@ -53,7 +53,12 @@ def test_her_pace_is_that_of_real_cuers(score: Score) -> None:
 
 
 def test_she_shares_no_equations_with_the_predictor() -> None:
-    forbidden = ("synth.movement", "synth.coarticulation", "synth.life", "codec.resynthesis")
+    forbidden = (
+        "synth.rules.movement",
+        "synth.rules.coarticulation",
+        "synth.rules.drift",
+        "codec.resynthesis",
+    )
     for path in (ROOT / "synth" / "measured").glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.module:
@@ -94,7 +99,7 @@ def _movement() -> dict[str, Any]:
     assert spec.loader is not None
     tool = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(tool)
-    from synth.corpus.sentences import read_sentences
+    from synth.text.sentences import read_sentences
 
     found, keys, lips, seconds = [], 0, [], 0.0
     for seed, text in enumerate(read_sentences()[190:214]):
