@@ -67,6 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SystemExit as stop:  # argparse has printed its page or its complaint
         return stop.code if isinstance(stop.code, int) else EXIT_USAGE
     try:
+        args.argv = tuple(sys.argv[1:] if argv is None else argv)
         with _termination_as_interrupt():
             return int(args.run(args))
     except BrokenPipeError:  # the reader of our output has gone: not our failure

@@ -13,7 +13,7 @@ from codec.cues.score import PLACEMENTS
 from cuecast.command.files import whole_file
 from cuecast.evaluate.models_fits import Fit, Occlusion, Phases
 from cuecast.evaluate.segmentation import write_page
-from cuecast.evaluate.tables import write_plot
+from cuecast.evaluate.tables import PAGE_IN, write_plot
 from cuecast.evaluate.takes import Take
 
 ATTINA_MS = {"lead": 239, "lag": 37}
@@ -72,7 +72,7 @@ def _figure_3(out: Path, data: str, seen: Sequence[Fit], unseen: Sequence[Fit]) 
             axes.set(ylabel=f"{part}, mm", ylim=(0, None))
         axes.set_xlabel("sentence (training left of the dashed line; red: the paper's mean)")
 
-    write_plot(out / "figure3.png", [], draw)
+    write_plot(out / "figure3.png", [], draw, size_in=PAGE_IN)
 
 
 def _figure_4(out: Path, data: str, recogniser: Recogniser, example: tuple[Take, Fit]) -> None:
@@ -104,7 +104,7 @@ def _figure_4(out: Path, data: str, recogniser: Recogniser, example: tuple[Take,
             bottom.text(key.start, -1.0, str(key), fontsize=6)
         bottom.set(xlabel="s", ylabel="sound", ylim=(-1.1, 1.1), xlim=(0, times[-1]))
 
-    write_plot(out / "figure4.png", [], draw)
+    write_plot(out / "figure4.png", [], draw, size_in=PAGE_IN)
 
 
 def _figure_5(out: Path, data: str, phases: Phases) -> None:
@@ -142,4 +142,4 @@ def _figure_5(out: Path, data: str, phases: Phases) -> None:
         axes.set_yticks(range(len(rows)), labels)
         axes.set_xlabel("ms (red: Attina's M1 and M2 of CV keys, one cuer)")
 
-    write_plot(out / "figure5.png", [], draw)
+    write_plot(out / "figure5.png", [], draw, size_in=PAGE_IN)

@@ -12,6 +12,22 @@ from cuecast.command.files import whole_file
 Results = list[dict[str, Any]] | dict[str, Any]
 """Rows of the same fields, or one record."""
 
+PLOTS = (".png", ".svg", ".pdf")
+"""Forms of a plot: for the screen, for pages, for print."""
+
+COLUMN_IN = (3.5, 2.9)
+"""Size in inches: a column of a journal, so that letters are as large as those around them."""
+
+PAGE_IN = (7.2, 4.3)
+"""Size in inches of a drawing with many parts: the width of two columns."""
+
+_STYLE: Any = {
+    "font.size": 7, "axes.titlesize": 8, "axes.labelsize": 7, "legend.fontsize": 6,
+    "xtick.labelsize": 6, "ytick.labelsize": 6, "lines.linewidth": 1.0, "lines.markersize": 3,
+    "legend.frameon": False, "svg.hashsalt": "cuecast", "svg.fonttype": "none",
+}  # fmt: skip
+_UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+
 
 def rows_of(results: Results) -> list[dict[str, Any]]:
     """Return results as rows."""
@@ -60,14 +76,41 @@ def write_results(folder: Path, name: str, results: Results) -> list[Path]:
     return [table, document]
 
 
-def write_plot(path: Path, results: Results, plot: Callable[[Any, Any], None]) -> None:
-    """Let `plot` draw `results` into a figure, and write it as PNG."""
+def write_plots(stem: Path, results: Results, plot: Callable[[Any, Any], None]) -> list[Path]:
+    """Draw `results` in all forms of `PLOTS`, as wide as a column; return the paths."""
+    paths = [stem.parent / f"{stem.name}{suffix}" for suffix in PLOTS]
+    for path in paths:
+        write_plot(path, results, plot)
+    return paths
+
+
+def write_plot(
+    path: Path,
+    results: Results,
+    plot: Callable[[Any, Any], None],
+    *,
+    size_in: tuple[float, float] = COLUMN_IN,
+) -> None:
+    """Let `plot` draw `results` into a figure, and write it; the same results give the same bytes.
+
+    Parameters
+    ----------
+    path : Path
+        Its suffix tells the form, one of `PLOTS`.
+    results : list of dict, or dict
+    plot : callable
+        Takes results and a matplotlib figure.
+    size_in : tuple of (float, float)
+        Width and height in inches.
+    """
+    import matplotlib
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10, 6), layout="constrained")
-    plot(results, figure)
-    with whole_file(path) as temporary:
-        figure.savefig(temporary, dpi=120)
+    form = path.suffix[1:]
+    with matplotlib.rc_context(_STYLE), whole_file(path) as temporary:
+        figure = Figure(figsize=size_in, layout="constrained")
+        plot(results, figure)
+        figure.savefig(temporary, format=form, dpi=200, metadata=_UNDATED.get(form))
 
 
 def _text(value: object) -> str:

@@ -72,10 +72,9 @@ def run(args: argparse.Namespace) -> int:
     with seconds_bar(None, Path(args.input).name) as advance, _as_file(args.input) as path:
         captured = capture(path, voice, _options(args, advance))
     if args.plot:
-        from cuecast.evaluate.tables import write_plot
-        from cuecast.verbs.capture import plot_capture
+        from cuecast.evaluate.tables import PAGE_IN, write_plot
 
-        write_plot(Path(args.plot), captured.report, plot_capture)
+        write_plot(Path(args.plot), captured.report, plot_capture, size_in=PAGE_IN)
     save_motion(captured.motion, args.output)
     if args.report:
         write_json(args.report, captured.report)

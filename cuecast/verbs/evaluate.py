@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 
 from cuecast.command.arguments import add_json, add_seed, print_json
+from cuecast.command.files import write_json
 from cuecast.command.progress import note
 
 SUMMARY = "figures as CSV, JSON and plots"
@@ -37,6 +38,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes at work"
     )
     parser.add_argument("--out", metavar="DIR", help="folder for CSV, JSON and plot")
+    parser.add_argument(
+        "--record", metavar="R.json",
+        help="figures with all that repeats them: commit, command, machine, clips",
+    )  # fmt: skip
     add_json(parser)
     add_seed(parser)
 
@@ -44,7 +49,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Measure, print, write."""
     from cuecast.evaluate.options import EvaluateOptions
-    from cuecast.evaluate.tables import as_table, write_plot, write_results
+    from cuecast.evaluate.records import make_record
+    from cuecast.evaluate.tables import as_table, write_plots, write_results
 
     module = importlib.import_module(f"cuecast.evaluate.{args.kind}")
     with tempfile.TemporaryDirectory(prefix="cuecast-") as folder:
@@ -69,7 +75,11 @@ def run(args: argparse.Namespace) -> int:
         for path in write_results(Path(args.out), args.kind, results):
             note(f"written: {path}")
         if hasattr(module, "plot"):
-            picture = Path(args.out) / f"{args.kind}.png"
-            write_plot(picture, results, module.plot)
-            note(f"written: {picture}")
+            for path in write_plots(Path(args.out) / args.kind, results, module.plot):
+                note(f"written: {path}")
+    if args.record is not None:
+        clips = None if args.clips is None else Path(args.clips)
+        record = make_record(args.kind, args.argv, results, seed=args.seed, clips=clips)
+        write_json(args.record, record)
+        note(f"written: {args.record}")
     return 0 if results else 1

@@ -9,6 +9,7 @@ import pytest
 
 from cuecast.command.cli import main
 from cuecast.demo.content import FS, make_sound
+from cuecast.evaluate.records import read_record
 from cuecast.evaluate.tables import write_results
 from cuecast.media.film import write_film
 
@@ -37,8 +38,17 @@ def clips(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_chain(clips: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    argv = ["evaluate", "chain", "--clips", clips, "--channels", "none,mp2_192", "--json"]
-    assert main([*map(str, argv), "--out", str(tmp_path)]) == 0
+    argv: list[str | Path] = [
+        "evaluate",
+        "chain",
+        "--clips",
+        clips,
+        "--channels",
+        "none,mp2_192",
+        "--json",
+    ]
+    argv += ["--out", tmp_path, "--record", tmp_path / "r.json"]
+    assert main([*map(str, argv)]) == 0
     rows = json.loads(capsys.readouterr().out)
     assert [(row["clip"], row["channel"]) for row in rows] == [
         ("talk", "none"),
@@ -50,6 +60,9 @@ def test_chain(clips: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert json.loads((tmp_path / "chain.json").read_text(encoding="utf-8")) == rows
     assert (tmp_path / "chain.csv").exists()
     assert (tmp_path / "chain.png").read_bytes()[:4] == b"\x89PNG"
+    record = read_record(tmp_path / "r.json")
+    assert record["results"] == rows
+    assert [clip["name"] for clip in record["clips"]] == ["talk"]
 
 
 @pytest.mark.parametrize(
