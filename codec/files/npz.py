@@ -115,6 +115,8 @@ def read_arrays(path: str | os.PathLike[str], *, max_bytes: int) -> dict[str, ND
     try:
         with zipfile.ZipFile(path) as archive:
             for member in archive.infolist():
+                if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                    raise ValueError(f"array {member.filename} is packed in an unknown way")
                 total += _declared_bytes(archive, member)
                 if total > max_bytes:
                     raise CueError(f"{path}: arrays take {total} bytes, more than {max_bytes}")

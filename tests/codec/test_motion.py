@@ -76,6 +76,15 @@ def test_every_flipped_byte_is_refused_or_harmless(tmp_path: Path) -> None:
             continue
 
 
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_other_packings_than_numpy_s_are_refused(tmp_path: Path, method: int) -> None:
+    """Python 3.14 unpacks more of them, each with errors of its own."""
+    with zipfile.ZipFile(tmp_path / "m.npz", "w", method) as archive:
+        archive.writestr("params.npy", b"\x93NUMPY")
+    with pytest.raises(CueError, match=r"array params\.npy is packed in an unknown way"):
+        load_motion(tmp_path / "m.npz")
+
+
 def test_a_declared_terabyte_is_not_allocated(tmp_path: Path) -> None:
     header = io.BytesIO()
     npy.write_array_header_1_0(
