@@ -108,7 +108,7 @@ class SuperframeDecoder:
                 f"{index % header.sequences}",
                 section="H4", bit=4,
             )  # fmt: skip
-        self._check_coding(header)
+        self.check_coding(header)
         content, known = read_l0(l0, self._bases(header))
         if l1:
             try:
@@ -118,8 +118,14 @@ class SuperframeDecoder:
             return whole, ("L0", "L1")
         return content, ("L0",)
 
-    def _check_coding(self, header: Header) -> None:
-        """Compare what a superframe tells of voice and tables with one's own (H5, M2)."""
+    def check_coding(self, header: Header) -> None:
+        """Compare what a superframe tells of voice and tables with one's own (H5, M2).
+
+        Raises
+        ------
+        VoiceError
+            If they differ.
+        """
         digit = voice_bit if header.mode == COMPACT else voice_digit
         own = digit(self._coding.identity, header.sequence)
         if header.voice != own:

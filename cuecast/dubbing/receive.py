@@ -28,12 +28,15 @@ class Reception:
         Packets that could not be decoded.
     fault : str
         What is wrong with the file as a whole, or nothing.
+    foreign : str
+        What of another voice or version came between what was received, or nothing.
     """
 
     summary: dict[str, Any]
     motion: Motion | None
     damaged: int
     fault: str
+    foreign: str = ""
 
 
 def receive(
@@ -90,7 +93,9 @@ def receive(
     elapsed_s = time.perf_counter() - began
     summary["realtime_factor"] = round(summary["duration_s"] / elapsed_s, 2)
     motion = gathered.motion() if summary["superframes"]["received"] else None
-    return Reception(summary, motion, reception.damaged, fault or gathered.unreadable)
+    if not summary["superframes"]["received"]:
+        return Reception(summary, motion, reception.damaged, fault or gathered.unreadable)
+    return Reception(summary, motion, reception.damaged, fault, gathered.unreadable)
 
 
 class _Gathered:

@@ -52,6 +52,8 @@ def run(args: argparse.Namespace) -> int:
         )  # fmt: skip
     if reception.damaged:
         note(f"note: {args.programme}: {reception.damaged} damaged packets")
+    if reception.foreign:
+        note(f"note: {args.programme}: a part of it is not for this receiver: {reception.foreign}")
     summary = reception.summary
     if args.output is not None and reception.motion is not None:
         save_motion(reception.motion, args.output)

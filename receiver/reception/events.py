@@ -71,16 +71,20 @@ class KeysFound:
 
 @dataclass(frozen=True, slots=True)
 class SuperframeLost:
-    """The superframe due at `start_s` did not arrive."""
+    """The superframe due at `start_s` did not arrive, nor did those after it, `count` in all.
+
+    Of a long gap only the ends have pieces of motion: the hand rests in the middle.
+    """
 
     start_s: float
+    count: int = 1
 
 
 @dataclass(frozen=True, slots=True)
 class Unreadable:
     """From `time_s` on the stream has another voice or version: it is not drawn.
 
-    Told once; it holds until the next splice.
+    Told once; it holds until a superframe is drawn again.
     """
 
     time_s: float

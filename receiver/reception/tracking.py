@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from codec.bitstream.bits import SEQUENCES, Header, read_header
+from codec.bitstream.bits import COMPACT, SEQUENCES, Header, read_header
 from codec.bitstream.decoder import SuperframeDecoder
 from codec.bitstream.payload import is_intact
 from codec.bitstream.superframe import DecodedSuperframe, ScoreMerger
@@ -39,6 +39,18 @@ LOST_AFTER_S = 5.5 * SUPERFRAME_S
 _SPLICE_S = 0.1
 _RECENT = 4
 
+_LATEST, _LONGEST = -8, SEQUENCES
+"""Superframes before and after the last one that still count as one epoch: the sequence number
+tells no splice from a loss beyond its period, and the decoder remembers eight."""
+
+_AFTER, _BEFORE = 6, 2
+"""Lost superframes of one gap that are drawn: those that previews may tell, and those before the
+next that arrived. The hand rests in all between, which are told in bulk."""
+
+_PROOF_BITS = 8
+"""What agrees with one's own identity before a grid on which it has been another one is believed:
+another one agrees by chance once in 2**8."""
+
 
 @dataclass(slots=True)
 class _Grid:
@@ -51,9 +63,25 @@ class _Grid:
     def index_at(self, on_air_s: float) -> int:
         return self.index + round((on_air_s - self.on_air_s) / SUPERFRAME_S)
 
-    def error_s(self, on_air_s: float) -> float:
-        steps = self.index_at(on_air_s) - self.index
-        return on_air_s - self.on_air_s - steps * SUPERFRAME_S
+    def fits(self, header: Header, on_air_s: float) -> bool:
+        """Return whether a superframe lies on this grid, by its place and its number."""
+        index = self.index_at(on_air_s)
+        error_s = on_air_s - self.on_air_s - (index - self.index) * SUPERFRAME_S
+        return (
+            abs(error_s) < _SPLICE_S
+            and _LATEST <= index - self.index <= _LONGEST
+            and (index - header.sequence) % header.sequences == 0
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Copy:
+    """A superframe as it arrived."""
+
+    l0: bytes
+    l1: bytes | None
+    on_air_s: float
+    header: Header
 
 
 class Tracker:
@@ -81,6 +109,8 @@ class Tracker:
         self._grid: _Grid | None = None
         self._epoch = 0
         self._foreign = False
+        self._doubted: _Grid | None = None
+        self._held: list[_Copy] = []
         self._layers: dict[int, tuple[str, ...]] = {}
         self._richness: dict[int, tuple[bool, int]] = {}
         self._recent: deque[bool] = deque(maxlen=_RECENT)
@@ -98,28 +128,60 @@ class Tracker:
         if l0 is None or not is_intact(l0):
             yield from self._missed(on_air_s)
             return
+        header: Header | None = None
         try:
             header = read_header(l0)
-            if not self._continues(header, on_air_s):
-                yield from self._start_epoch(header.sequence, on_air_s, header.lead)
-            if self._foreign:
-                return
-            assert self._grid is not None
-            index = self._grid.index_at(on_air_s)
-            richness = bool(l1), len(l0) + len(l1 or b"")
-            if richness <= self._richness.get(index, (False, 0)):
-                return
-            decoded = self._decoder.push(l0, l1, index)
+            self._decoder.check_coding(header)
+            for copy in self._believed(_Copy(l0, l1, on_air_s, header)):
+                yield from self._draw(copy)
         except (VoiceError, BitstreamError) as error:
+            yield from self._refuse(header, on_air_s, error)
+
+    def _refuse(
+        self, header: Header | None, on_air_s: float, error: VoiceError | BitstreamError
+    ) -> Iterator[Event]:
+        """Draw nothing of what is foreign, and doubt its grid; one's own stays as it was."""
+        self._held.clear()
+        if header is not None:
+            self._doubted = _Grid(header.sequence, on_air_s, 0.0)
+        if not self._foreign:
             self._foreign = True
             yield Unreadable(on_air_s, str(error))
+
+    def _believed(self, copy: _Copy) -> list[_Copy]:
+        """Return what may be drawn: on a grid that is doubted only after some proof."""
+        if self._doubted is None or not self._doubted.fits(copy.header, copy.on_air_s):
+            self._held.clear()
+            return [copy]
+        self._doubted = _Grid(copy.header.sequence, copy.on_air_s, 0.0)
+        self._held.append(copy)
+        places = {self._doubted.index_at(held.on_air_s) for held in self._held}
+        if len(places) * (1 if copy.header.mode == COMPACT else 4) < _PROOF_BITS:
+            return []
+        believed, self._held = self._held, []
+        return believed
+
+    def _draw(self, copy: _Copy) -> Iterator[Event]:
+        grid = self._grid
+        goes_on = grid is not None and grid.fits(copy.header, copy.on_air_s)
+        index = copy.header.sequence
+        if grid is not None and goes_on:
+            index = grid.index_at(copy.on_air_s)
+        richness = bool(copy.l1), len(copy.l0) + len(copy.l1 or b"")
+        if goes_on and richness <= self._richness.get(index, (False, 0)):
             return
+        decoder = self._decoder if goes_on else SuperframeDecoder(self._voice)
+        decoded = decoder.push(copy.l0, copy.l1, index)
+        lead_s = copy.header.lead * SUPERFRAME_S
+        if not goes_on:
+            yield from self._start_epoch(decoder, _Grid(index, copy.on_air_s, lead_s))
+        self._foreign, self._doubted = False, None
         yield from self._skipped(index)
         self._richness[index] = "L1" in decoded.layers, richness[1]
-        self._grid = _Grid(index, on_air_s, header.lead * SUPERFRAME_S)
-        self._last_s = max(self._last_s, on_air_s)
+        self._grid = _Grid(index, copy.on_air_s, lead_s)
+        self._last_s = max(self._last_s, copy.on_air_s)
         yield from self._deliver(decoded)
-        yield from self._judge(on_air_s + SUPERFRAME_S)
+        yield from self._judge(copy.on_air_s + SUPERFRAME_S)
 
     def advance(self, now_s: float) -> Iterator[Event]:
         """Tell that the stream went on to `now_s`: silence is news, too."""
@@ -130,38 +192,37 @@ class Tracker:
         yield from self._settled(self._merger.flush())
         self._merger = ScoreMerger()
 
-    def _continues(self, header: Header, on_air_s: float) -> bool:
-        grid = self._grid
-        return (
-            grid is not None
-            and abs(grid.error_s(on_air_s)) < _SPLICE_S
-            and (grid.index_at(on_air_s) - header.sequence) % header.sequences == 0
-        )
-
-    def _start_epoch(self, sequence: int, on_air_s: float, lead: int) -> Iterator[Event]:
+    def _start_epoch(self, decoder: SuperframeDecoder, grid: _Grid) -> Iterator[Event]:
         """Begin a new grid at a splice, or the first one."""
         if self._grid is not None:
             yield from self.finish()
             self._epoch += 1
-        self._decoder = SuperframeDecoder(self._voice)
-        self._grid = _Grid(sequence, on_air_s, lead * SUPERFRAME_S)
+        self._decoder, self._grid = decoder, grid
         self._layers.clear()
         self._richness.clear()
         self._recent.clear()
-        self._foreign = False
 
     def _missed(self, on_air_s: float) -> Iterator[Event]:
         if self._grid is None:
             return
         index = self._grid.index_at(on_air_s)
-        if index > max(self._layers, default=index):
-            yield from self._lose(index)
+        if index - self._grid.index <= _LONGEST:
+            yield from self._skipped(index + 1)
         yield from self._judge(on_air_s + SUPERFRAME_S)
 
-    def _skipped(self, index: int) -> Iterator[Event]:
-        """Tell the losses between the last superframe and this one."""
-        for missing in range(max(self._layers, default=index) + 1, index):
-            yield from self._lose(missing)
+    def _skipped(self, end: int) -> Iterator[Event]:
+        """Tell the losses between the last superframe that is known of and `end`."""
+        lost = range(max(self._layers, default=end) + 1, end)
+        drawn = len(lost) if len(lost) <= _AFTER + _BEFORE else _AFTER
+        for index in lost[:drawn]:
+            yield from self._lose(index)
+        rest = lost[drawn:-_BEFORE]
+        if rest:
+            self._layers |= dict.fromkeys(rest, ())
+            self.lost += len(rest)
+            yield SuperframeLost(rest[0] * SUPERFRAME_S + self._shift_s(), len(rest))
+            for index in lost[-_BEFORE:]:
+                yield from self._lose(index)
 
     def _lose(self, index: int) -> Iterator[Event]:
         self._layers[index] = ()

@@ -62,8 +62,8 @@ def pack_event(event: Event) -> str | bytes:
             return json.dumps({"type": "status", "state": state, "time_s": time_s})
         case KeysFound(keys):
             return json.dumps({"type": "keys", "keys": [key.as_dict() for key in keys]})
-        case SuperframeLost(start_s):
-            return json.dumps({"type": "lost", "time_s": start_s})
+        case SuperframeLost(start_s, count):
+            return json.dumps({"type": "lost", "time_s": start_s, "count": count})
         case Unreadable(time_s, message):
             return json.dumps({"type": "unreadable", "time_s": time_s, "message": message})
 

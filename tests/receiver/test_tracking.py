@@ -2,10 +2,12 @@
 
 import itertools
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from codec.bitstream.bits import crc16
 from codec.bitstream.encoder import SuperframeEncoder
 from codec.bitstream.superframe import Superframe
 from receiver.reception.assemble import Assembler
@@ -176,3 +178,68 @@ def test_assembled_motion_is_whole() -> None:
     assert [round(k.start, 2) for k in motion.score.keys] == sorted(
         {round(k.start, 2) for k in motion.score.keys}
     )
+
+
+def foreign(version: int | None = None, offset_s: float = 0.0) -> list[tuple[float, Superframe]]:
+    """Superframes 10 and 11 of another voice, or of another version, in the places of ours."""
+    encoder = SuperframeEncoder(make_voice(1), l0_bytes=40, l1_bytes=40)
+    motion = make_motion(make_voice(1), duration_s=16.0)
+    found = []
+    for index in (10, 11):
+        superframe = encoder.encode(motion, index)
+        if version is not None:
+            l0 = bytes([superframe.l0[0] & 0x3F | version << 6, *superframe.l0[1:-2]])
+            superframe = replace(superframe, l0=l0 + crc16(l0).to_bytes(2, "big"))
+        found.append((OFFSET_S + 0.64 * index - LEAD_S + offset_s, superframe))
+    return found
+
+
+@pytest.mark.parametrize("version", [None, 0, 1, 2])
+@pytest.mark.parametrize("offset_s", [0.0, 0.21])
+def test_a_foreign_stretch_ends_with_the_next_genuine_superframe(
+    version: int | None, offset_s: float
+) -> None:
+    tracker = Tracker(VOICE)
+    sent = [*SENT[:8], *foreign(version, offset_s), *SENT[10:]]
+    events = run(tracker, sent)
+    assert (tracker.received, tracker.lost) == (18, 2)
+    assert sum(isinstance(e, Unreadable) for e in events) == 1
+    assert set(keys(events)) <= set(keys(ALL))
+    assert tracker.state == "locked"
+
+
+def test_a_foreign_stream_is_not_believed_for_a_digit_that_agrees() -> None:
+    """One digit of sixteen does: on its grid it takes two in a row, and nothing gets lost."""
+    ours = [(t, s.index) for t, s in SENT]
+    drawn = 0
+    for seed in range(2, 8):
+        voice = make_voice(seed)
+        encoder = SuperframeEncoder(voice, l0_bytes=40, l1_bytes=40)
+        motion = make_motion(voice, duration_s=16.0)
+        sent = [(t, encoder.encode(motion, index)) for t, index in ours]
+        drawn += sum(p.layers != () for p in pieces(run(Tracker(VOICE), sent)).values())
+    assert drawn <= 6
+
+
+def test_a_pause_of_hours_is_no_loss() -> None:
+    """Even where it happens to end on the old grid and number."""
+    tracker = Tracker(VOICE)
+    pause_s = 64 * 400 * 0.64
+    events = run(tracker, [*SENT[:8], *((t + pause_s, s) for t, s in SENT[8:])])
+    assert (tracker.received, tracker.lost) == (20, 0)
+    assert len(events) < 120
+
+
+@pytest.mark.parametrize("told", [False, True])
+def test_a_long_gap_is_told_in_bulk(told: bool) -> None:
+    gap = range(20, 20 + 44)
+    later = [(t + 64 * 0.64, s) for t, s in SENT]
+    between = [(SENT[-1][0] + 0.64 * (k + 1), None) for k in range(len(gap))] if told else []
+    tracker = Tracker(VOICE)
+    list(_run(tracker, SENT))
+    events = run(tracker, [*between, later[0]])
+    lost = [e for e in events if isinstance(e, SuperframeLost)]
+    assert sum(e.count for e in lost) == tracker.lost == 44
+    if not told:
+        assert len(events) <= 64
+        assert [e.count for e in lost] == [1] * 6 + [36] + [1] * 2
