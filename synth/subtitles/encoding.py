@@ -5,6 +5,7 @@ what remains is an old 8-bit code, and the one whose letters look most French wi
 """
 
 import codecs
+import re
 
 from codec.errors import CueError
 
@@ -14,11 +15,17 @@ _MARKS = (
     (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"),
 )  # fmt: skip
 _OLD = ("cp1252", "iso-8859-15", "cp850", "mac-roman")
+_CONTROL = re.compile(r"[^\t\n\r\f\v -\U0010ffff]")
+_MOST_DAMAGE = 0.02
+"""Share of letters that may be damaged in a text that is still read."""
+
 _FRENCH = frozenset("àâäçéèêëîïôöùûüÿœæÀÂÇÉÈÊËÎÏÔÙÛÜŒÆ«»’‘“”…–—°€♪ \u00a0")
 
 
-def decode(data: bytes) -> str:
+def decode(data: bytes, *, strict: bool = False) -> str:
     """Return the text of `data`, line ends as they are.
+
+    A few bytes that are no text become U+FFFD, a few control characters spaces, unless `strict`.
 
     Raises
     ------
@@ -30,20 +37,25 @@ def decode(data: bytes) -> str:
     >>> decode("déjà".encode("cp1252")), decode("déjà".encode("utf-16"))
     ('déjà', 'déjà')
     """
-    text = _decode(data)
-    for position, letter in enumerate(text):
-        if letter < " " and letter not in "\t\n\r\f\v":
-            line = text.count("\n", 0, position) + 1
-            raise CueError(f"line {line}: control character {ord(letter):#04x}, not a text file")
-    return text
+    text = _decode(data, strict=strict)
+    found = [m.start() for m in _CONTROL.finditer(text)]
+    if found and (strict or "\0" in text or len(found) > _MOST_DAMAGE * len(text)):
+        line = text.count("\n", 0, found[0]) + 1
+        raise CueError(
+            f"line {line}: control character {ord(text[found[0]]):#04x}, not a text file"
+        )
+    return _CONTROL.sub(" ", text)
 
 
-def _decode(data: bytes) -> str:
+def _decode(data: bytes, *, strict: bool) -> str:
     encoding = next((name for mark, name in _MARKS if data.startswith(mark)), _zeros(data))
     try:
         return data.decode(encoding)
     except UnicodeDecodeError as error:
         if encoding != "utf-8" or b"\0" in data:
+            lossy = data.decode(encoding, errors="replace")
+            if not strict and lossy.count("\ufffd") <= _MOST_DAMAGE * len(lossy):
+                return lossy
             line = error.object.count(b"\n", 0, error.start) + 1
             raise CueError(f"line {line}: not valid {encoding}: {error.reason}") from None
     return max((data.decode(name, errors="replace") for name in _OLD), key=_french_share)

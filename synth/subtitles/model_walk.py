@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any
 
-from codec.errors import CueError
+from synth.subtitles.findings import Findings
 from synth.subtitles.model import LONGEST_S, Subtitle
 
 _NEVER = Fraction(int(LONGEST_S) + 1)
@@ -13,7 +13,7 @@ _NEVER = Fraction(int(LONGEST_S) + 1)
 logging.getLogger("ttconv").addHandler(logging.NullHandler())
 
 
-def subtitles_of(document: Any, lines: Iterator[int]) -> Iterator[Subtitle]:
+def subtitles_of(document: Any, lines: Iterator[int], findings: Findings) -> Iterator[Subtitle]:
     """Yield the paragraphs of a ttconv document with their absolute times.
 
     Parameters
@@ -21,38 +21,41 @@ def subtitles_of(document: Any, lines: Iterator[int]) -> Iterator[Subtitle]:
     document : ttconv.model.ContentDocument
     lines : iterator of int
         The line or block of each paragraph in turn, for messages.
+    findings : Findings
+        Told of paragraphs that have no end or end before they start.
 
     Raises
     ------
     CueError
-        If a paragraph has no end or ends before it starts, or there is none; the message gives
-        its line.
+        If there is no paragraph that can be read; the message gives the line.
     """
     body = document.get_body()
     found = False
-    for subtitle in _walk(body, Fraction(0), _NEVER, lines) if body is not None else ():
-        found = True
-        yield subtitle
+    if body is not None:
+        for subtitle in _walk(body, (Fraction(0), _NEVER), lines, findings):
+            found = True
+            yield subtitle
     if not found:
-        raise CueError("line 1: the file has no subtitles")
+        raise findings.none_left(1)
 
 
 def _walk(
-    element: Any, parent_begin: Fraction, parent_end: Fraction, lines: Iterator[int]
+    element: Any, parent: tuple[Fraction, Fraction], lines: Iterator[int], findings: Findings
 ) -> Iterator[Subtitle]:
     from ttconv import model
 
-    begin, end = _interval(element, parent_begin, parent_end)
+    begin, end = _interval(element, *parent)
     if isinstance(element, model.P):
         line = next(lines, 1)
         for start, stop, text in _pieces(element, begin, end):
             if text.strip():
                 if stop == _NEVER:
-                    raise CueError(f"line {line}: a subtitle without an end")
-                yield Subtitle(float(start), float(stop), text.strip(), line)
+                    findings.leave_out(line, "a subtitle without an end")
+                else:
+                    yield from findings.made(float(start), float(stop), text.strip(), line)
         return
     for child in element:
-        yield from _walk(child, begin, end, lines)
+        yield from _walk(child, (begin, end), lines, findings)
 
 
 def _interval(element: Any, begin: Fraction, end: Fraction) -> tuple[Fraction, Fraction]:

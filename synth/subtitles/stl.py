@@ -5,12 +5,21 @@ from collections.abc import Iterator
 from itertools import count
 
 from codec.errors import CueError
+from synth.subtitles.findings import Findings
 from synth.subtitles.model import Subtitle
 from synth.subtitles.model_walk import subtitles_of
 
 HEADER_BYTES, BLOCK_BYTES = 1024, 128
 _FORMAT = slice(3, 11)
 _USER_DATA_BLOCK = 0xFE
+_LANGUAGE = slice(14, 16)
+_LANGUAGES = {
+    b"01": "sq", b"02": "br", b"03": "ca", b"04": "hr", b"06": "cs", b"07": "da", b"08": "de",
+    b"09": "en", b"0A": "es", b"0F": "fr", b"15": "it", b"1D": "nl", b"20": "pl", b"21": "pt",
+    b"22": "ro",
+}  # fmt: skip
+"""Language codes of EBU Tech 3264, appendix 3; a code that is not listed tells nothing."""
+
 _FORMATS = (b"STL25.01", b"STL30.01", b"STL24.01", b"STL50.01")
 
 
@@ -19,13 +28,19 @@ def looks_like_stl(data: bytes) -> bool:
     return data[_FORMAT] in _FORMATS
 
 
-def read_stl(data: bytes) -> Iterator[Subtitle]:
+def read_stl(data: bytes, findings: Findings) -> Iterator[Subtitle]:
     """Yield the subtitles of an EBU STL file; times count from the header's programme start.
+
+    Parameters
+    ----------
+    data : bytes
+    findings : Findings
+        Told of blocks that cannot be read.
 
     Raises
     ------
     CueError
-        If the file is malformed; the message gives the block.
+        If the header is malformed or nothing can be read; the message gives the block.
     """
     from ttconv.stl import reader
     from ttconv.stl.config import STLReaderConfiguration
@@ -34,25 +49,39 @@ def read_stl(data: bytes) -> Iterator[Subtitle]:
     if len(data) < HEADER_BYTES:
         raise CueError(f"line 1: an EBU STL header of {len(data)} bytes, not {HEADER_BYTES}")
     if rest:
-        raise CueError(f"line {blocks + 1}: the last block has {rest} bytes, not {BLOCK_BYTES}")
-    for number in range(blocks):
-        _check_times(data[HEADER_BYTES + number * BLOCK_BYTES :], number + 1)
+        findings.leave_out(blocks + 1, f"the last block has {rest} bytes, not {BLOCK_BYTES}")
+    findings.language = _LANGUAGES.get(bytes(data[_LANGUAGE]), "")
+    kept = [
+        number
+        for number in range(1, blocks + 1)
+        if _good_times(_block(data, number), number, findings)
+    ]
+    whole = data[:HEADER_BYTES] + b"".join(_block(data, number) for number in kept)
     try:
-        document = reader.to_model(io.BytesIO(data), STLReaderConfiguration(program_start_tc="TCP"))
+        document = reader.to_model(
+            io.BytesIO(whole), STLReaderConfiguration(program_start_tc="TCP")
+        )
     except Exception as error:  # ttconv documents none and raises many
         raise CueError(f"line 1: malformed EBU STL: {error}".split("\n")[0]) from error
-    yield from subtitles_of(document, count(1))
+    yield from subtitles_of(document, count(1), findings)
 
 
-def _check_times(block: bytes, number: int) -> None:
-    """Refuse times that ttconv would drop without a word."""
+def _block(data: bytes, number: int) -> bytes:
+    first = HEADER_BYTES + (number - 1) * BLOCK_BYTES
+    return data[first : first + BLOCK_BYTES]
+
+
+def _good_times(block: bytes, number: int, findings: Findings) -> bool:
+    """Whether a block's times are such as ttconv does not drop without a word."""
     extension, begin, end = block[3], tuple(block[5:9]), tuple(block[9:13])
     if extension == _USER_DATA_BLOCK:
-        return
+        return True
     for hours, minutes, seconds, frames in (begin, end):
         if hours > 23 or minutes > 59 or seconds > 59 or frames > 59:
-            raise CueError(
-                f"line {number}: malformed time {hours}:{minutes}:{seconds}:{frames} in its block"
+            findings.leave_out(
+                number, f"malformed time {hours}:{minutes}:{seconds}:{frames} in its block"
             )
+            return False
     if end <= begin:
-        raise CueError(f"line {number}: subtitle ends at {end}, not after its start at {begin}")
+        findings.leave_out(number, f"subtitle ends at {end}, not after its start at {begin}")
+    return end > begin

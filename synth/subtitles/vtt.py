@@ -4,12 +4,17 @@ import re
 from collections.abc import Iterator
 
 from codec.errors import CueError
+from synth.subtitles.findings import Findings
 from synth.subtitles.model import Subtitle
 from synth.subtitles.spoken import plain
 from synth.subtitles.srt import clock_s
 
 _CLOCK = r"(?:(\d{2,}):)?(\d{1,2}):(\d{1,2})[.,](\d{1,3})"
 _TIMES = re.compile(rf"\s*{_CLOCK}\s*-->\s*{_CLOCK}(?:\s.*)?$")
+_LOOSE_TIMES = re.compile(rf"\s*{_CLOCK}\s*[-\u2010-\u2015\s]*[>\u2192]\s*{_CLOCK}(?:\s.*)?$")
+"""Arrows of other shapes."""
+
+_LANGUAGE = re.compile(r"Language:\s*([\w-]+)\s*$")
 _MAP = re.compile(r"X-TIMESTAMP-MAP=(\S+)")
 _TICKS_HZ, _TICKS = 90_000, 1 << 33
 """MPEG-2 times count ticks of 1/90000 s and begin anew after 33 bits."""
@@ -17,12 +22,14 @@ _TICKS_HZ, _TICKS = 90_000, 1 << 33
 _BLOCK = re.compile(r"(?:NOTE|STYLE|REGION)(?:\s|$)")
 
 
-def read_vtt(text: str, *, stream_s: float | None = None) -> Iterator[Subtitle]:
+def read_vtt(text: str, findings: Findings, *, stream_s: float | None = None) -> Iterator[Subtitle]:
     r"""Yield the subtitles of the text of a WebVTT file, in the order of the file.
 
     Parameters
     ----------
     text : str
+    findings : Findings
+        Told of blocks that cannot be read.
     stream_s : float, optional
         MPEG-2 time of the programme's clock's zero in seconds: the header's X-TIMESTAMP-MAP
         (RFC 8216, section 3.5) then moves the subtitles; what ends before the programme starts is
@@ -31,11 +38,12 @@ def read_vtt(text: str, *, stream_s: float | None = None) -> Iterator[Subtitle]:
     Raises
     ------
     CueError
-        If the header, its map or a line of times is malformed; the message gives its line.
+        If the header or its map is malformed, or nothing can be read; the message gives the line.
 
     Examples
     --------
-    >>> next(read_vtt("WEBVTT\n\n00:01.000 --> 00:02.000 align:start\n<v Anne>Oui.</v>"))
+    >>> lines = "WEBVTT\n\n00:01.000 --> 00:02.000 align:start\n<v Anne>Oui.</v>"
+    >>> next(read_vtt(lines, Findings()))
     Subtitle(start_s=1.0, end_s=2.0, text='Oui.', line=3)
     """
     lines = text.splitlines()
@@ -44,23 +52,44 @@ def read_vtt(text: str, *, stream_s: float | None = None) -> Iterator[Subtitle]:
     found = False
     moved_s = 0.0 if stream_s is None else _moved_s(lines, stream_s)
     for number, block in _blocks(lines):
+        if number == 1:
+            declared = filter(None, map(_LANGUAGE.match, block))
+            findings.language = next((match[1] for match in declared), "")
         if _BLOCK.match(block[0]) or (number == 1 and "-->" not in "".join(block)):
             continue
-        head = next((i for i, line in enumerate(block[:2]) if "-->" in line), None)
-        if head is None:
-            raise CueError(f"line {number}: {block[0][:40]!r} stands where times should")
-        match = _TIMES.match(block[head])
-        if not match:
-            raise CueError(f"line {number + head}: malformed times {block[head].strip()[:40]!r}")
-        found = True
-        start_s = clock_s(match.groups()[:4], number + head) + moved_s
-        end_s = clock_s(match.groups()[4:], number + head) + moved_s
-        if moved_s and end_s <= 0:
+        try:
+            start_s, end_s, line, first = _times(block, number, strict=findings.strict)
+        except CueError as error:
+            findings.refuse(_line_of(error, number), error)
             continue
-        text = plain("\n".join(block[head + 1 :])).strip()
-        yield Subtitle(max(start_s, 0.0) if moved_s else start_s, end_s, text, number + head)
+        found = True
+        if moved_s and end_s + moved_s <= 0:
+            continue
+        said = plain("\n".join(block[first:])).strip()
+        opens_s = max(start_s + moved_s, 0.0) if moved_s else start_s
+        yield from findings.made(opens_s, end_s + moved_s, said, line)
     if not found:
-        raise CueError(f"line {len(lines)}: the file has no subtitles")
+        raise findings.none_left(len(lines))
+
+
+def _times(block: list[str], number: int, *, strict: bool) -> tuple[float, float, int, int]:
+    """Return start, end, the line of the times, and where in the block the text begins."""
+    arrow = "-->" if strict else ">"
+    forms = (_TIMES,) if strict else (_TIMES, _LOOSE_TIMES)
+    head = next((i for i, line in enumerate(block[:2]) if arrow in line or "\u2192" in line), None)
+    if head is None:
+        raise CueError(f"line {number}: {block[0][:40]!r} stands where times should")
+    match = next((m for form in forms if (m := form.match(block[head]))), None)
+    if match is None:
+        raise CueError(f"line {number + head}: malformed times {block[head].strip()[:40]!r}")
+    start_s = clock_s(match.groups()[:4], number + head)
+    return start_s, clock_s(match.groups()[4:], number + head), number + head, head + 1
+
+
+def _line_of(error: CueError, number: int) -> int:
+    """Return the line that an error gives, else `number`."""
+    given = re.match(r"line (\d+): ", str(error))
+    return int(given[1]) if given else number
 
 
 def _moved_s(lines: list[str], stream_s: float) -> float:
