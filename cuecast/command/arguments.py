@@ -66,6 +66,24 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def add_subtitle_terms(parser: argparse.ArgumentParser) -> None:
+    """Add on which terms subtitles are read."""
+    group = parser.add_argument_group("how subtitles are read")
+    group.add_argument(
+        "--strict", action="store_true",
+        help="refuse a file with a bad subtitle (default: it is left out and told)",
+    )  # fmt: skip
+    group.add_argument(
+        "--offset", type=seconds, metavar="S",
+        help="added to the times of the subtitles, negative for earlier (default: the file's own "
+        "hints tell when the programme starts, such as a tape's ten o'clock)",
+    )  # fmt: skip
+    group.add_argument(
+        "--everything", action="store_true",
+        help="cue credits and what is not French as well, by the rules of French",
+    )  # fmt: skip
+
+
 def add_alignment(parser: argparse.ArgumentParser) -> None:
     """Add ``--alignment``."""
     parser.add_argument(
@@ -145,6 +163,14 @@ def positive(text: str) -> float:
     value = float(text)
     if not (0 < value < math.inf):
         raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+    return value
+
+
+def seconds(text: str) -> float:
+    """Read a finite number of seconds of either sign."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not a number of seconds")
     return value
 
 

@@ -1,19 +1,21 @@
 """From what a command is given (text, subtitles, a recording to align to) to scores."""
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cuecast.command.arguments import REST_S
 from cuecast.command.files import PIPE, read_bytes
 from cuecast.command.progress import note
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from codec.cues.score import Score
     from synth.alignment.score import Judged
     from synth.scoring.text_score import Reading
     from synth.subtitles import Subtitle
+    from synth.subtitles.findings import LeftOut
+    from synth.subtitles.read import Terms
 
 
 def reading_of(args: argparse.Namespace) -> "Reading":
@@ -58,7 +60,7 @@ def pieces_of(
         assert recording is not None
         subtitles = [text_as_subtitle(args.text, recording)]
     else:
-        subtitles = subtitles_of(args.file)
+        subtitles = subtitles_of(args, args.file)
     length_s = max((subtitle.end_s for subtitle in subtitles), default=None)
     reading = reading_of(args)
     if recording is None:
@@ -66,23 +68,80 @@ def pieces_of(
     return aligned_pieces(subtitles, recording, reading=reading, warn=note, judged=judged), length_s
 
 
-def score_of_subtitles(
-    args: argparse.Namespace, path: str, stream_s: float | None = None
-) -> "Score":
+def score_of_subtitles(args: argparse.Namespace, path: str) -> "Score":
     """Return the score of what `subtitles_of` reads."""
     from synth.scoring.text_score import score_from_subtitles
 
-    return score_from_subtitles(subtitles_of(path, stream_s), warn=note, reading=reading_of(args))
+    return score_from_subtitles(subtitles_of(args, path), warn=note, reading=reading_of(args))
 
 
-def subtitles_of(path: str, stream_s: float | None = None) -> "list[Subtitle]":
+def terms_of(args: argparse.Namespace) -> "Terms":
+    """Return what `add_subtitle_terms` read."""
+    from synth.subtitles.read import Terms
+
+    return Terms(args.strict, args.offset, args.everything)
+
+
+def subtitles_of(
+    args: argparse.Namespace,
+    path: str,
+    *,
+    stream_s: float | None = None,
+    length_s: float | None = None,
+    left_out: "LeftOutNotes | None" = None,
+) -> "list[Subtitle]":
     """Return the subtitles of a file, or of the standard input for ``-``.
 
-    `stream_s` is the MPEG-2 time at which their programme begins, if it has one.
+    `stream_s` is the MPEG-2 time at which their programme begins, `length_s` how long it is, if
+    they have one. What is left out of the file goes to `left_out`, or else is said at once.
     """
     from synth.subtitles import read_subtitles
     from synth.subtitles.read import parse_subtitles
 
+    told = LeftOutNotes() if left_out is None else left_out
+    terms = terms_of(args)
     if path == PIPE:
-        return parse_subtitles(read_bytes(PIPE), stream_s=stream_s)
-    return read_subtitles(path, stream_s=stream_s)
+        found = parse_subtitles(
+            read_bytes(PIPE), stream_s=stream_s, length_s=length_s, terms=terms, left_out=told
+        )
+    else:
+        found = read_subtitles(
+            path, stream_s=stream_s, length_s=length_s, terms=terms, left_out=told
+        )
+    if left_out is None:
+        told.say()
+    return found
+
+
+class LeftOutNotes:
+    """What of a subtitle file was left out, for the command line and for reports."""
+
+    _SHOWN = 8
+
+    def __init__(self) -> None:
+        self._items: list[LeftOut] = []
+
+    def __call__(self, item: "LeftOut") -> None:
+        """Remember a part of the file."""
+        self._items.append(item)
+
+    def say(self) -> None:
+        """Say on the standard error what was left out: the first ones, and how many."""
+        for item in self._items[: self._SHOWN]:
+            note(f"left out: {item}")
+        if len(self._items) > self._SHOWN:
+            note(f"left out: {len(self._items)} subtitles in all")
+
+    def report(self) -> list[dict[str, Any]]:
+        """Return all of it for a JSON document."""
+        return [{"line": item.line, "reason": item.reason} for item in self._items]
+
+
+def unknown_report(subtitles: "Sequence[Subtitle]", reading: "Reading") -> list[dict[str, Any]]:
+    """Return the words pronounced by rule for a JSON document."""
+    from synth.scoring.unknown import unknown_words
+
+    return [
+        {"word": w.text, "phones": "".join(w.phones), "count": w.count, "line": w.line}
+        for w in unknown_words(subtitles, reading)
+    ]

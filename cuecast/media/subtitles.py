@@ -8,7 +8,7 @@ here can read are named as what they are.
 import os
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from cuecast.media.tables import PACKET, SYNC, TableReader, synchronised
 from cuecast.media.timed_text import document_of, paragraph_of, placed, subtitles_of_packet
 from receiver.media.programme import open_programme
 from synth.subtitles import Subtitle
-from synth.subtitles.read import parse_subtitles
+from synth.subtitles.read import USUAL, Terms, Told, parse_subtitles
 
 _NAMES = {
     "mov_text": "mov_text", "srt": "SubRip", "subrip": "SubRip", "text": "text",
@@ -156,8 +156,21 @@ def choose_track(tracks: list[TextTrack], wanted: str | None, name: str) -> Text
     return min(french or untold, key=_order)
 
 
-def read_track(path: str | os.PathLike[str], track: TextTrack) -> list[Subtitle]:
+def read_track(
+    path: str | os.PathLike[str],
+    track: TextTrack,
+    *,
+    terms: Terms = USUAL,
+    left_out: Told = lambda item: None,
+) -> list[Subtitle]:
     """Return the subtitles of a track, on the programme's clock, sorted by their start.
+
+    Parameters
+    ----------
+    path : path
+    track : TextTrack
+    terms, left_out
+        As in `synth.subtitles.read.parse_subtitles`; lines are those of the track as SubRip.
 
     Raises
     ------
@@ -185,7 +198,9 @@ def read_track(path: str | os.PathLike[str], track: TextTrack) -> list[Subtitle]
     if not subtitles:
         raise CueError(f"{path}: subtitle track {track}: it is empty")
     try:
-        return parse_subtitles(as_subrip(subtitles))
+        # The track is on the programme's clock: there is no tape's hour to guess.
+        terms = replace(terms, offset_s=terms.offset_s or 0.0)
+        return parse_subtitles(as_subrip(subtitles), terms=terms, left_out=left_out)
     except CueError as error:
         raise CueError(f"{path}: subtitle track {track.number}: {error}") from error
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from codec.errors import CueError
 from synth.subtitles import Subtitle
-from synth.subtitles.read import parse_subtitles
+from synth.subtitles.read import Terms, parse_subtitles
 
 _MEDIATIME_HZ = 10_000
 """Unit of a segment's media time: 100 microseconds (EN 303 560, 5.2.2.2.1)."""
@@ -21,6 +21,10 @@ _PLAIN, _PACKED = 0x01, 0x02
 _LARGEST_DOCUMENT = 8 << 20
 _EARLY_S = 0.5
 """How far before its packet a text may begin whose times count from the track's beginning."""
+
+
+_AS_IT_STANDS = Terms(offset_s=0.0, everything=True)
+"""One document of many: what of the whole track is cued is told later."""
 
 
 def placed(start_s: float, end_s: float, text: str) -> Iterator[Subtitle]:
@@ -49,7 +53,7 @@ def subtitles_of_packet(data: bytes, start_s: float, zero_s: float) -> Iterator[
     if not document:
         return
     try:
-        subtitles = parse_subtitles(document)
+        subtitles = parse_subtitles(document, terms=_AS_IT_STANDS)
     except CueError:  # an empty document clears the screen
         return
     anchor = _mediatime_s(data)

@@ -6,7 +6,7 @@ is copied as it stands.
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cuecast.command.arguments import (
     CARRIERS,
@@ -16,6 +16,7 @@ from cuecast.command.arguments import (
     add_motion,
     add_reading,
     add_seed,
+    add_subtitle_terms,
     add_voice,
     bit_rate,
     carrier_list,
@@ -26,7 +27,13 @@ from cuecast.command.arguments import (
 from cuecast.command.errors import UsageError
 from cuecast.command.files import write_json
 from cuecast.command.progress import note, seconds_bar
-from cuecast.dubbing.inputs import reading_of, subtitles_of
+from cuecast.dubbing.inputs import (
+    LeftOutNotes,
+    reading_of,
+    subtitles_of,
+    terms_of,
+    unknown_report,
+)
 
 if TYPE_CHECKING:
     from codec.cuer.voice import Voice
@@ -87,6 +94,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_key(parser)
     add_motion(parser)
     add_reading(parser)
+    add_subtitle_terms(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -111,11 +119,12 @@ def run(args: argparse.Namespace) -> int:
             duration_s = programme.duration_s
     voice = coding_voice(args.voice)
     confidence = Confidence()
+    said: dict[str, Any] = {}
     motion: MotionSource
     if args.motion is not None:
         motion = GivenMotion(load_motion(args.motion), voice)
     else:
-        motion = _motion(args, voice, confidence)
+        motion = _motion(args, voice, confidence, said)
     options = DubOptions(
         carriers, profiles, args.key, args.track, args.audio_codec, args.audio_bitrate,
         args.video_codec, args.video_bitrate, args.grade, not args.no_grade,
@@ -126,6 +135,7 @@ def run(args: argparse.Namespace) -> int:
         report = dub(args.programme, motion, voice, args.output, options, progress=advance)
     if args.align and args.motion is None:
         report["alignment"] = confidence.report()
+    report |= said
     for stream in report["left_out"]:
         note(f"left out: {stream}")
     if args.report is not None:
@@ -140,8 +150,10 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _motion(args: argparse.Namespace, voice: "Voice", confidence: "Confidence") -> "MotionSource":
-    """Return the motion for the subtitles."""
+def _motion(
+    args: argparse.Namespace, voice: "Voice", confidence: "Confidence", said: dict[str, Any]
+) -> "MotionSource":
+    """Return the motion for the subtitles; `said` takes what the report tells of them."""
     from cuecast.dubbing.motions import JoinedMotion, SynthesisedMotion
     from receiver.media.programme import open_programme
     from synth.scoring.text_score import score_from_subtitles
@@ -150,7 +162,15 @@ def _motion(args: argparse.Namespace, voice: "Voice", confidence: "Confidence") 
     with open_programme(args.programme, track=args.track) as programme:
         # Elsewhere the times of packets have nothing to do with those of MPEG-2.
         stream_s = programme.origin_s if programme.container.format.name == "mpegts" else None
-    subtitles = _subtitles(args, stream_s)
+        length_s = programme.duration_s
+    left_out = LeftOutNotes()
+    subtitles = _subtitles(args, stream_s, length_s, left_out)
+    left_out.say()
+    unknown = unknown_report(subtitles, reading)
+    if unknown:
+        note(f"{len(unknown)} unknown words, pronounced by rule: the report and `keys --unknown`")
+    said |= {"subtitles": {"cued": len(subtitles), "left_out": left_out.report()}}
+    said |= {"unknown_words": unknown}
     if args.align:
         from cuecast.dubbing.aligning import aligned_score
 
@@ -175,12 +195,19 @@ def _motion(args: argparse.Namespace, voice: "Voice", confidence: "Confidence") 
     )
 
 
-def _subtitles(args: argparse.Namespace, stream_s: float | None) -> "list[Subtitle]":
+def _subtitles(
+    args: argparse.Namespace,
+    stream_s: float | None,
+    length_s: float | None,
+    left_out: LeftOutNotes,
+) -> "list[Subtitle]":
     """Return what is said, from a file or from the programme itself."""
     if args.subtitles is not None:
-        return subtitles_of(args.subtitles, stream_s)
+        return subtitles_of(
+            args, args.subtitles, stream_s=stream_s, length_s=length_s, left_out=left_out
+        )
     from cuecast.media.subtitles import choose_track, read_track, text_tracks
 
     track = choose_track(text_tracks(args.programme), args.subtitle_track, args.programme)
     note(f"subtitle track {track}")
-    return read_track(args.programme, track)
+    return read_track(args.programme, track, terms=terms_of(args), left_out=left_out)

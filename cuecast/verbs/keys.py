@@ -3,7 +3,13 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from cuecast.command.arguments import add_json, add_reading, add_text, print_json
+from cuecast.command.arguments import (
+    add_json,
+    add_reading,
+    add_subtitle_terms,
+    add_text,
+    print_json,
+)
 from cuecast.command.files import whole_file
 from cuecast.command.progress import note
 from cuecast.dubbing.inputs import pieces_of, reading_of, score_of
@@ -28,12 +34,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--textgrid", metavar="T.TextGrid", help="phones and keys as two tiers for Praat"
     )
+    parser.add_argument(
+        "--unknown", action="store_true",
+        help="only the words that no lexicon knows, with the phones taken: mend them, and give the "
+        "lines to --lexicon",
+    )  # fmt: skip
     add_reading(parser)
+    add_subtitle_terms(parser)
     add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the keys of the text; 1 if nothing in it is spoken."""
+    if args.unknown:
+        return _unknown(args)
     score = _score(args)
     targets = _targets(args, score)
     if args.textgrid and score.phones:
@@ -56,6 +70,21 @@ def run(args: argparse.Namespace) -> int:
                 f"{key.shape}  {key.placement:<9}  {' '.join(key.phones)}"
             )
     return 0 if score.keys else 1
+
+
+def _unknown(args: argparse.Namespace) -> int:
+    """Print the words that no lexicon knows as lines of a lexicon."""
+    from cuecast.dubbing.inputs import subtitles_of, unknown_report
+    from synth.subtitles import Subtitle
+
+    subtitles = [Subtitle(0, 1, args.text)] if args.text is not None else None
+    rows = unknown_report(subtitles or subtitles_of(args, args.file), reading_of(args))
+    if args.json:
+        print_json(rows)
+    else:
+        for row in rows:
+            print(f"{row['word']}\t{row['phones']}")
+    return 0
 
 
 def _score(args: argparse.Namespace) -> "Score":

@@ -8,6 +8,7 @@ from cuecast.command.arguments import (
     add_motion,
     add_reading,
     add_seed,
+    add_subtitle_terms,
     add_text,
     add_voice,
     positive,
@@ -45,6 +46,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_voice(parser)
     add_seed(parser)
     add_reading(parser)
+    add_subtitle_terms(parser)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -40,13 +40,13 @@ class Terms:
         accepted.
     offset_s : float or None
         Added to the file's times; None: the file's own hints tell when its programme starts.
-    foreign : bool
-        Whether what is not French is cued all the same.
+    everything : bool
+        Whether what is not French, and credits, are cued all the same.
     """
 
     strict: bool = False
     offset_s: float | None = None
-    foreign: bool = False
+    everything: bool = False
 
 
 USUAL = Terms()
@@ -182,8 +182,8 @@ def _moved(subtitles: Sequence[Subtitle], offset_s: float, findings: Findings) -
 
 def _cued(subtitles: Sequence[Subtitle], findings: Findings, terms: Terms) -> Iterable[Subtitle]:
     """Return the subtitles that are French speech."""
-    if terms.foreign:
-        return (s for s in subtitles if not _told_credit(s, findings))
+    if terms.everything:
+        return subtitles
     declared = [findings.languages.get(s.line, findings.language) for s in subtitles]
     found = languages([spoken(s.text) for s in subtitles], declared)
     kept = []

@@ -125,7 +125,7 @@ def lookup(word: str) -> tuple[Variant, ...]:
     return ()
 
 
-def read_user_lexicon(path: Path) -> dict[str, tuple[Variant, ...]]:
+def read_user_lexicon(path: str | Path) -> dict[str, tuple[Variant, ...]]:
     """Read a user's lexicon: a word, a tab or spaces, its phones in IPA, one word a line.
 
     Empty lines and lines that begin with # are skipped.
@@ -133,10 +133,18 @@ def read_user_lexicon(path: Path) -> dict[str, tuple[Variant, ...]]:
     Raises
     ------
     CueError
-        If a line has no phones or an unknown one; the message gives its number.
+        If the file cannot be read, or a line has no phones or an unknown one; the message gives
+        its number.
     """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise CueError(f"{path}: cannot read the lexicon: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise CueError(f"{path}: the lexicon is not valid utf-8: {error.reason}") from error
     words: dict[str, tuple[Variant, ...]] = {}
-    for number, line in enumerate(path.read_text(encoding="utf-8-sig").splitlines(), 1):
+    for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.startswith("#"):
             continue
         word, *rest = line.split(maxsplit=1)

@@ -9,6 +9,7 @@ have it, gets its accents back.
 import functools
 import re
 import unicodedata
+from collections.abc import Collection
 
 from synth.text.lexicon import known_words, lookup
 from synth.text.readings import RULES
@@ -26,12 +27,23 @@ _TRANSLATION = str.maketrans(
 )
 
 _TOKEN = re.compile(r"[^\W\d_]+(?:[-'][^\W\d_]+)*'?|\.{2,}|[,;:.?!()«»\"]")
+_WHOLE_WORD = re.compile(r"[^\W_]+(?:[-.&+][^\W_]+)*")
+_RARE_LETTERS = 0x20000
+"""Ideographs of an extension: letters that no French text has."""
+
 _LONG = re.compile(r"[.?!]+")
 _ELIDED = re.compile(r"(?:c|ç|d|j|l|m|n|s|t|y|z|qu|jusqu|lorsqu|puisqu|quoiqu|quelqu|presqu|entr)'")
 
 
-def normalise(text: str) -> list[str]:
+def normalise(text: str, own: Collection[str] = ()) -> list[str]:
     """Return the tokens of `text`.
+
+    Parameters
+    ----------
+    text : str
+    own : collection of str
+        Lower-case words that are one token as they stand, whatever rule would read them
+        otherwise: those of the user's lexicon.
 
     Examples
     --------
@@ -41,6 +53,7 @@ def normalise(text: str) -> list[str]:
     ["aujourd'hui", ',', "l'", 'homme', "qu'", 'on', 'attend', '.']
     """
     line = unicodedata.normalize("NFC", text).translate(_TRANSLATION)
+    line, kept = _set_aside(line, own)
     line = shortened(_lower_shouting(line))
     for pattern, reading in RULES:
         line = pattern.sub(reading, line)
@@ -51,7 +64,23 @@ def normalise(text: str) -> list[str]:
             tokens += _words(piece)
         elif tokens:
             _add_pause(tokens, LONG_PAUSE if _LONG.fullmatch(piece) else SHORT_PAUSE)
-    return tokens
+    return [kept.get(token, token) for token in tokens]
+
+
+def _set_aside(line: str, own: Collection[str]) -> tuple[str, dict[str, str]]:
+    """Return a line in which rare letters stand for the user's words, and what they stand for."""
+    if not own:
+        return line, {}
+    kept: dict[str, str] = {}
+
+    def aside(match: re.Match[str]) -> str:
+        word = match[0].lower()
+        if word not in own:
+            return match[0]
+        return kept.setdefault(word, chr(_RARE_LETTERS + len(kept)))
+
+    marked = _WHOLE_WORD.sub(aside, line)
+    return marked, {letter: word for word, letter in kept.items()}
 
 
 def _lower_shouting(line: str) -> str:

@@ -96,12 +96,12 @@ def phonemise(
     ['le', 'zɑ̃fɑ̃', 'ʒu']
     """
     items: list[Item] = []
-    for stretch in _stretches(normalise(text), user_lexicon or {}):
+    for stretch in _stretches(normalise(text, user_lexicon or {}), user_lexicon or {}):
         _tag(stretch)
         homographs.resolve(stretch)
         _speak_together(stretch, style)
         items += stretch
-    return [Word(i.text, i.phones, i.pause, i.word_class) for i in items if i.phones]
+    return [Word(i.text, i.phones, i.pause, i.word_class, i.guess) for i in items if i.phones]
 
 
 def _stretches(
@@ -131,7 +131,8 @@ def _items(token: str, user_lexicon: Mapping[str, tuple[Variant, ...]]) -> list[
         for item in items[:-1]:
             item.hyphen = True
         return items
-    return [Item(token, _guess(token))]
+    guessed = _guess(token)
+    return [Item(token, guessed, guess=guessed[0].phones)]
 
 
 def _guess(word: str) -> tuple[Variant, ...]:

@@ -19,12 +19,15 @@ class Word:
         ``""``, ``","`` (short) or ``"."`` (long): the pause after the word.
     word_class : str
         Letter of `synth.text.tagging`.
+    guess : tuple of str
+        The phones by rule of a word that no lexicon knows, without a link; () for the others.
     """
 
     text: str
     phones: tuple[str, ...]
     pause: str = ""
     word_class: str = "N"
+    guess: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
@@ -37,3 +40,4 @@ class Item:
     hyphen: bool = False
     word_class: str = "N"
     phones: tuple[str, ...] = ()
+    guess: tuple[str, ...] = ()

@@ -1,5 +1,7 @@
 """Pronunciation: worked examples of Cued Speech, traps of French, liaison, schwa."""
 
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -113,16 +115,24 @@ def test_unknown_words_are_spoken() -> None:
     assert said("les smartphones") == "le smaʁtfɔn"
 
 
-def test_user_lexicon(tmp_path: object) -> None:
-    from pathlib import Path
+def test_the_users_words_come_above_all_rules(tmp_path: Path) -> None:
+    path = tmp_path / "mine.txt"
+    path.write_text("SPA\tspa\nC-3PO\tsipo\net\tɛt\nM6\tɛmsi\n", encoding="utf-8")
+    own = read_user_lexicon(str(path))
+    words = phonemise("La SPA, l'M6 et C-3PO.", user_lexicon=own)
+    assert " ".join("".join(word.phones) for word in words) == "la spa l ɛmsi ɛt sipo"
 
-    path = Path(str(tmp_path)) / "mine.txt"
+
+def test_user_lexicon(tmp_path: Path) -> None:
+    path = tmp_path / "mine.txt"
     path.write_text("# mine\nGipsa\tʒipsa\n", encoding="utf-8")
     words = phonemise("Le Gipsa", user_lexicon=read_user_lexicon(path))
     assert "".join(words[1].phones) == "ʒipsa"
     path.write_text("gipsa\tʒipsX\n", encoding="utf-8")
     with pytest.raises(CueError, match=r"mine.txt line 1: unknown phone 'X'"):
         read_user_lexicon(path)
+    with pytest.raises(CueError, match="cannot read the lexicon: No such file"):
+        read_user_lexicon(tmp_path / "none.txt")
 
 
 @pytest.mark.parametrize("text", ["", "...", "♪", "!?", "§§ 🙂", "1" * 400, "a" * 3000, "\x00"])
