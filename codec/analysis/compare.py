@@ -18,7 +18,10 @@ KEY_TOLERANCE_S = 0.1
 """A key counts as right if it starts at most so much earlier or later."""
 
 _RATE_HZ = 50.0
+"""Rate in Hz at which two motions are compared, that of the bitstream's ticks."""
+
 _MAX_OFFSET_S = 1.0
+"""Offset in seconds that is looked for either way: more than any lag of a receiver."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,11 +22,22 @@ from codec.cues.score import PLACEMENT_NUMBER, Key, Score
 
 _RIGID_FACE = layout.marker_indices(layout.RIGID_FACE)
 _KNUCKLES = layout.marker_indices(layout.KNUCKLES[1:])
+
 _SMOOTHING_S = 0.07
+"""Length in seconds of the polynomial that smooths positions: shorter than the shortest stroke."""
+
 _STROKE_BEFORE_S = 0.5
+"""Seconds before a key's start within which its stroke is looked for: real strokes last up to 0.535
+s (90th percentile)."""
+
 _LATEST_PEAK_S = 0.03
+"""Seconds after a key's start by which its stroke has passed its peak."""
+
 _STILL_SHARE = 0.1
+"""Share of the stroke's peak speed below which the hand counts as arrived or not yet gone."""
+
 _LEAST_PEAK_MM_S = 100.0
+"""Peak speed in mm/s from which a movement counts as a stroke: above sway and noise."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,9 @@ _TIPS = layout.marker_indices([finger[-1] for finger in layout.FINGERS])
 _FIRST_PHALANGES = layout.marker_indices([finger[0] for finger in layout.FINGERS])
 _PALM = layout.marker_indices(layout.PALM)
 _LONGEST_TIP = layout.marker_indices([layout.longest_finger_tip(shape) for shape in SHAPES])
+
 _SPREAD_FLOOR_MM = 1.0
+"""Scatter in mm that every class has at least, so that few examples do not make it blind."""
 
 
 def characteristic_distances(markers: NDArray[np.floating]) -> NDArray[np.float64]:

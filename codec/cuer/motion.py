@@ -20,6 +20,7 @@ MAX_FILE_BYTES = 1 << 31
 """Largest motion that `load_motion` accepts: four days of 31 parameters at 50 Hz."""
 
 _CHUNK_BYTES = 1 << 18
+"""Bytes that are read at once from a temporary file."""
 
 
 @dataclass(frozen=True, slots=True)

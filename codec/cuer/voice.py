@@ -25,7 +25,9 @@ from codec.errors import CueError, VoiceError
 from codec.files.npz import read_arrays, write_arrays
 
 FORMAT = "cuecast-voice-1"
+
 MAX_BYTES = 4 << 20
+"""Bytes of a voice's file, unpacked, at most; the built-in one has under one million."""
 
 _PARTS: dict[str, type[FaceModel | HandModel | GestureTable]] = {
     "face": FaceModel,

@@ -18,13 +18,22 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 
 _BLOCK = 512
+"""Bytes of a block of the format."""
+
 _MAGIC = 0x50
+"""Second byte of every C3D file."""
+
 _ORDERS = {84: "<", 85: "<", 86: ">"}
 """Byte order by processor: Intel, DEC (whose floats are special), MIPS."""
 
 _DEC = 85
+"""Processor number that means VAX floating point."""
+
 _MOST_POINTS = 10_000
+"""Points of a file at most: far more than laboratories record; more is damage."""
+
 _SIXTEEN_BITS = 0xFFFF
+"""Largest number of the header's 16-bit fields."""
 
 Parameters = dict[str, Any]
 

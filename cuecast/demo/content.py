@@ -13,7 +13,10 @@ from synth.speech.espeak_voice import speak
 from synth.subtitles import Subtitle
 
 FS = 48_000
+"""Rate in Hz of the sound."""
+
 WIDTH, HEIGHT, PICTURE_RATE = 640, 360, 25
+"""Pixels of the picture, and pictures per second."""
 
 LINES = (
     "Bonsoir, et bienvenue sur notre chaîne.",
@@ -26,16 +29,31 @@ LINES = (
 """What is said."""
 
 _FIRST_LINE_S = 2.5
+"""Seconds before the first line, in which a receiver tunes in."""
+
 _PAUSE_S = 0.9
+"""Seconds between lines."""
+
 _SPEECH_RMS = 0.09
+"""Level of the speech, of full scale: about -21 dB, as announcements have."""
+
 _MUSIC_RMS = 0.05
+"""Level of the music, of full scale: 5 dB below the speech."""
 
 _CHORDS = ((57, 60, 64, 69), (53, 57, 60, 65), (48, 55, 60, 64), (55, 59, 62, 67))
 """A minor, F, C, G as MIDI note numbers."""
+
 _CHORD_S = 2.0
+"""Duration of a chord in seconds."""
+
 _PLAYERS = 3
+"""Strings that play each note, slightly apart."""
+
 _VIBRATO_HZ = 5.5
+"""Rate of the vibrato."""
+
 _BRIGHT_HZ = 9000
+"""Highest harmonic in Hz."""
 
 
 def make_sound() -> tuple[NDArray[np.float32], list[Subtitle]]:

@@ -16,10 +16,20 @@ from receiver.drawing.render import render_frames
 from synth.subtitles import Subtitle
 
 _MOMENTS = 6
+"""Keys that the strip shows."""
+
 _APPROACH_S = 0.06
+"""Seconds before a key's start from which its stillest moment is looked for."""
+
 _LOOK_HZ = 100.0
+"""Moments per second among which the stillest is looked for."""
+
 _LINE = 52
+"""Characters of a line of subtitles."""
+
 _CUER_WIDTH = 310
+"""Width in pixels of the cuer's inset."""
+
 _HAND = slice(7, 19)
 
 

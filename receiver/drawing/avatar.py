@@ -21,7 +21,10 @@ from codec.errors import CueError
 from codec.files.npz import read_arrays
 
 ASSETS = Path(__file__).parents[1] / "assets"
+
 _MAX_BYTES = 1 << 24
+"""Bytes of an avatar's file, unpacked, at most: a bound against hostile files."""
+
 SHARE_UNIT = 252
 """Shares are stored as whole parts of this, which 2, 3 and 4 divide."""
 

@@ -16,8 +16,14 @@ ASPECT = 0.86
 """Width of the cuer's frame over its height."""
 
 _FACE_WIDTHS = 3.3
+"""Height of the picture in widths of the face: head, throat and the space of the hand at the
+side."""
+
 _BELOW_NOSE = 0.55
+"""How far below the nose the picture's middle lies, in widths of the face."""
+
 _DISTANCE_HEIGHTS = 2.6
+"""Distance of the camera in heights of the picture: a portrait's lens, without a large nose."""
 
 
 @dataclass(frozen=True, slots=True)

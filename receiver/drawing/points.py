@@ -11,7 +11,10 @@ from codec.cuer.layout import N_FACE
 from receiver.drawing.camera import Camera
 
 FACE_COLOUR = (238, 240, 246)
+"""Red, green, blue of the face's points."""
+
 HAND_COLOUR = (255, 217, 160)
+"""Red, green, blue of the hand's points: warm, so that it stands out before the face."""
 
 
 def _stamp(coverage: NDArray[np.float32], x: float, y: float, radius: float) -> None:

@@ -13,9 +13,15 @@ from receiver.drawing.avatar import Avatar, FloatArray, vertex_normals
 from receiver.drawing.camera import Camera
 
 SUPERSAMPLING = 2
+"""Samples along each side of a pixel: edges are as smooth as the page's."""
 
 _VIEWER = np.array([0.0, 0.0, 1.0])
+"""Direction of the viewer."""
+
 _KEY = np.array([-0.45, 0.55, 0.70]) / np.linalg.norm([-0.45, 0.55, 0.70])
+"""Direction of the key light: from the upper left, which shades the hand on the right of the
+face."""
+
 _HALF = (_KEY + _VIEWER) / np.linalg.norm(_KEY + _VIEWER)
 LIGHT = np.array([_KEY, _HALF, [0.50, 0.32, 0.25], [0.95, 0.912, 0.855]])
 """Direction of the key light, half way to the viewer, wrap and strength per colour."""

@@ -22,8 +22,13 @@ from receiver.drawing.portrait import draw_avatar
 from receiver.drawing.voice_document import neutral_camera
 
 STYLES = ("points", "avatar")
+
 DEFAULT_SIZE = (620, 720)
+"""Width and height of a picture in pixels, of the camera's shape."""
+
 _MAX_SIDE = 4096
+"""Longest side of a picture in pixels."""
+
 _CRF = "18"
 
 Progress = Callable[[int, int], None]

@@ -21,7 +21,9 @@ _FACE_ARRAYS = ("mean", "directions", "pivot", "motion_mean", "motion_directions
 _HAND_ARRAYS = (
     "angle_mean", "angle_directions", "regression", "pivot", "motion_mean", "motion_directions",
 )  # fmt: skip
+
 _BASIS_UNIT = 32767
+"""Largest whole number of a signed 16-bit field."""
 
 
 def _encode(array: ArrayLike) -> str:

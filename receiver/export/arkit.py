@@ -40,7 +40,10 @@ ARKIT_NAMES = (
 assert len(ARKIT_NAMES) == len(set(ARKIT_NAMES)) == 52
 
 _FIRMNESS_MM = 0.8
+"""Displacement in mm that a full weight has to be worth: smaller ones are noise."""
+
 _LIKENESS_MM = 8.0
+"""Displacement in mm by which a difference between left and right has to be seen."""
 
 
 def arkit_weights(motion: Motion, avatar: Avatar) -> NDArray[np.float64]:

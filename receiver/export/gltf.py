@@ -26,6 +26,7 @@ _SHARES = np.linspace(0, 1, 6)
 """Shares of the head's turn at which joints stand: the chest, the neck, the head."""
 
 _ARRAY_BUFFER, _INDEX_BUFFER = 34962, 34963
+"""Targets of buffers, numbers of glTF 2.0."""
 
 
 class _Builder:

@@ -31,9 +31,16 @@ from synth.rules.gesture import GestureSynthesiser
 from synth.scoring.text_score import score_from_text
 
 FACE_RANK, HAND_RANK = 10, 16
+"""Directions of displacement that the linear maps keep, chosen for the size of the asset."""
+
 _RATE_HZ = 12.5
+"""Poses per second of the performance that the maps are learnt from: neighbours are alike."""
+
 _LARYNX = "larynxRaise"
+
 _RIDGE_MM2 = 0.02
+"""Weight of the ridge in mm2: the variance of a marker that is taken for noise."""
+
 _LESSON = (
     "Bonjour, nous parlons ici de la météo du jour, avec un grand plaisir et beaucoup de soleil "
     "sur les plages de Bretagne. Le chat gris dort sous la table pendant que Jeanne mange une "

@@ -18,9 +18,14 @@ from synth.avatar.parts import (
 )
 
 NAIL = (236, 186, 172)
+"""Red, green, blue."""
 
 _SLEEVE_MM, _HEM_MM = 54.0, 5.0
+"""Distance in mm from the wrist to the sleeve's edge, and its hem's width."""
+
 _FADE_MM = (185.0, 222.0)
+"""Distances in mm from the wrist between which the forearm fades out, below the picture's usual
+edge."""
 
 
 def hand_part(quads: IntArray, points: FloatArray, markers: FloatArray, wrist: FloatArray) -> Part:

@@ -35,13 +35,22 @@ from synth.avatar.parts import (
 from synth.body.mesh import Mesh
 
 _LIFT_MM = 0.06
+"""Distance in mm of the fine surface from the coarse one, so that they do not flicker."""
+
 _BUST_BOTTOM_MM = 330.0
+"""Height in mm, in the mesh's coordinates, at which the bust is cut: below the picture."""
+
 _BUST_HALF_MM = 290.0
+"""Half width in mm at which the shoulders are cut: beside the picture."""
+
 _BROW_LINE = np.array([
     (12, 742.2), (18, 743.4), (24, 744.8), (30, 745.8), (36, 746), (42, 744.6), (47, 742),
     (52, 738),
 ])  # fmt: skip
+"""Points in mm of the middle of a brow, from the nose outwards; drawn by eye."""
+
 _BROW_WIDTH = np.array([5.0, 6.6, 7.0, 6.6, 5.8, 4.8, 3.6, 2.2])
+"""Width in mm of a brow at these points."""
 
 
 def read_groups(path: Path) -> dict[str, IntArray]:
@@ -136,6 +145,7 @@ _HAIRLINE = np.array([
 """Height of the hairline over depth z: nape, behind and above the ear, temple, forehead."""
 
 _HAIR_DIVISION = 2
+"""Parts into which each edge of the scalp's triangles is divided."""
 
 
 def hair(points: FloatArray, triangles: IntArray) -> Part:
@@ -172,6 +182,7 @@ _FALL = np.array([
 """Half of the width of the hair behind the neck over its height."""
 
 _FALL_DEPTH_MM = 2.0
+"""Distance in mm of the falling hair's edge from the neck."""
 
 
 def back_hair(points: FloatArray) -> Part:

@@ -16,6 +16,7 @@ from codec.errors import CueError
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+# Colours are red, green, blue, chosen by eye under the page's light.
 SKIN = (226, 176, 150)
 LIPS = (194, 106, 100)
 BLUSH = (214, 138, 122)
@@ -100,7 +101,9 @@ _EYE_RINGS = (
     (0.0, PUPIL), (9.5, PUPIL), (10.5, IRIS), (20.0, IRIS), (24.5, LIMBUS), (27.0, LIMBUS),
     (29.0, SCLERA), (45.0, SCLERA), (65.0, SCLERA), (90.0, SCLERA),
 )  # fmt: skip
+
 _EYE_SECTORS = 24
+"""Sectors of an eyeball: round at the size of a television's inset."""
 
 
 def eyeball(vertices: FloatArray, ball: IntArray, *, gaze_deg: float = 0.0) -> Part:

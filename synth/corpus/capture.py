@@ -11,7 +11,10 @@ from synth.measured.cuer import Performer
 from synth.rules.gesture import Labels
 
 _TAIL_S = 1.2
+"""Seconds after the last key, in which the hand comes to rest."""
+
 _FRAMES_AT_ONCE = 2000
+"""Frames that are taken at once, for constant memory."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,11 +33,14 @@ from synth.speech.espeak_voice import render
 from synth.text.espeak import RATE_HZ
 
 RATE_OF_CORPORA_HZ = 120.0
+"""Frames per second, as in the paper (section 2)."""
 
 ROUNDS_OF_SHAPES = 8
 """How often corpus 1 goes through all transitions: folded fingers need many examples."""
 
 _LEAD_S = 0.8
+"""Seconds of silence before a line, in which the hand comes up."""
+
 _WORDS_PER_MINUTE = 80  # cueing slows speech down: Attina 2005 measured 2.5 to 4 syllables/s
 
 

@@ -9,12 +9,24 @@ from codec.cues.phonology import CONSONANTS, VOWELS
 from codec.cues.score import SHAPES, Key, Phone, Score
 
 _PHONE_OF_SHAPE = ("m", "p", "k", "s", "b", "m", "l", "g", "j")
+
 _KEY_S = 0.36
+"""Duration in seconds of a key of corpus 1."""
+
 _VOWEL_S = 0.40
+"""Duration in seconds of a vowel by itself."""
+
 _CONSONANT_S = 0.14
+"""Duration in seconds of a consonant between vowels."""
+
 _VCV_VOWEL_S = 0.26
+"""Duration in seconds of a vowel beside a consonant."""
+
 _GAP_S = 0.6
+"""Seconds between items."""
+
 _START_S = 1.0
+"""Seconds of rest before the first item."""
 
 
 def shape_transitions(

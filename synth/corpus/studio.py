@@ -19,6 +19,8 @@ from synth.corpus import _kernels
 FloatArray = NDArray[np.float64]
 
 _RADIUS_MM = 2300.0
+"""Distance in mm of the cameras from the head."""
+
 _HEAD_ELLIPSOIDS = (
     ((0.0, 45.0, 4.0), (73.0, 84.0, 98.0)),
     ((0.0, -38.0, 44.0), (60.0, 58.0, 56.0)),
@@ -27,9 +29,16 @@ _HEAD_ELLIPSOIDS = (
 """Centre and radii, mm, of skull, lower face and nose of the mesh at scale 1."""
 
 _NECK = ((0.0, -165.0, -12.0), (0.0, -50.0, -8.0), 50.0)
+"""Ends and radius in mm of the neck, which hides markers behind it."""
+
 _INSIDE = 0.93
+"""Share of a limb's radius that hides: markers on its own skin are not hidden by it."""
+
 _WAVES = 6
+"""Waves in space that soft tissue's push is made of."""
+
 _WAVELENGTH_MM = (350.0, 1200.0)
+"""Wavelengths in mm between which they are drawn."""
 
 
 def _ring(azimuth_deg: FloatArray, height_deg: FloatArray) -> FloatArray:

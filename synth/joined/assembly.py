@@ -12,8 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 _FADE_S = 0.4
+"""Seconds over which passages of motion fade into each other."""
+
 _SOUND_FADE_S = 0.01
+"""Seconds over which their sounds do: a period of a low voice."""
+
 _STILL_S = 10.0
+"""Seconds of a gap that are made at once, for constant memory."""
 
 
 class Flow:

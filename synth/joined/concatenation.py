@@ -31,10 +31,20 @@ from synth.speech.pitch import PitchTrack
 from synth.speech.psola import Piece, modify_prosody
 
 _MARGIN_S = 0.03
+"""Seconds of sound on either side of a unit, for the windows of its periods."""
+
 _FADE_S = 0.005
+"""Seconds over which the sounds of units fade into each other: half a period."""
+
 _BREAK_S = 0.01
+"""Seconds between points at which time and pitch are changed."""
+
 _RATIO_LIMITS = (0.4, 2.5)
+"""Smallest and largest change of pitch: beyond them TD-PSOLA sounds rough."""
+
 _LEAD_S = 1.0
+"""Seconds before and after a passage for which its sources stand still."""
+
 _SILENT = Score((), ())
 _HAND_SMOOTHING_S = 0.028
 """Standard deviation of a Gaussian that leaves the hand what lies below 5 Hz, nearly all of a real

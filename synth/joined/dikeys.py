@@ -22,7 +22,12 @@ _DURATION_WEIGHT = 4.0
 """Cost of one second of duration error, against one standard deviation of a join."""
 
 _OTHER_FIRST_PLACEMENT = 3.0
+"""Weight, against a second placement that is off, of a first one that is off: the motion starts
+from elsewhere."""
+
 _OTHER_SHAPE = 100.0
+"""Cost in mm of another shape: more than any distance between placements, so that shapes are right
+first."""
 
 
 class DikeyDictionary:

@@ -30,12 +30,20 @@ _SLOW_S = 0.6
 """Standard deviation of the Gaussian that tells slow motion from that of keys."""
 
 _DRIFT_SHARE = 0.8
+"""Share of the recorded head's deviation that drift gives."""
+
 _DRIFT_BAND_HZ = (0.05, 0.5)
+"""Band in Hz of the drift: slower than syllables."""
+
 _NOD, _RISE = 1.6, -1.0
 """Turn of the head about its sideways axis at accents, in deviations of the recorded one."""
 
 _SCATTER = 0.25
+"""Standard deviation of a nod's size, of 1."""
+
 _BEFORE_S, _BACK_S = 0.1, 0.7
+"""Seconds by which a nod begins before its accent, and takes to go back."""
+
 _TIPS = [layout.HAND_MARKERS.index(name) for name in (layout.FINGERS[1][-1], layout.FINGERS[2][-1])]
 _FOLLOWS = np.array([FOLLOWS_HEAD[name] for name in PLACEMENTS])
 

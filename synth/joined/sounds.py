@@ -22,11 +22,16 @@ from synth.recordings.recording import Recording
 from synth.speech.lsp import line_spectrum_pairs, linear_prediction
 
 _LSP_ORDER = 16
+"""Line spectrum pairs of a frame: enough for the formants up to 8 kHz."""
+
 _LSP_FRAME_S = 0.025
+"""Length of a frame in seconds: two periods of a low voice."""
+
 _DURATION_WEIGHT = 10.0
 """Cost of one second of duration error, against one radian of spectral distance."""
 
 _SUBSTITUTE_COST = 0.5
+"""Weight of a substitute's phonetic distance against the error of duration."""
 
 _FEATURES = {
     # height, backness, rounding, nasality of vowels
@@ -41,7 +46,9 @@ _FEATURES = {
     "ɥ": (4, 3, 1, 1), "k": (5, 0, 0, 0), "g": (5, 0, 1, 0), "ŋ": (5, 0, 1, 2), "w": (5, 3, 1, 1),
     "ʁ": (6, 2, 1, 0),
 }  # fmt: skip
+
 _OTHER_CLASS = 20
+"""Distance of phones of different classes: more than any within one."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -121,10 +121,19 @@ def join_trajectories(
 
 
 SPEED_PERCENTILE = 99.9
+"""Percentile of recorded speeds above which a join is too quick."""
+
 _WIDTH_S = 0.03
+"""Standard deviation in seconds of one round of smoothing."""
+
 _REACH_S = 0.05
+"""Seconds about a join that a round reaches."""
+
 _ROUNDS = 12
+"""Rounds at most; what is too quick after them stays as it is."""
+
 _FRAMES = 4096
+"""Frames whose markers are made at once, for constant memory."""
 
 
 def quickest(motions: Iterable[Motion], voice: Voice) -> float:

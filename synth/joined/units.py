@@ -20,6 +20,7 @@ REST = "00"
 """Name of the rest key, placement then shape as the paper prints keys."""
 
 _PAUSE_REACH_S = 0.05
+"""Seconds of a pause that belong to the unit beside it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,10 @@ from synth.speech.marks import PitchMarks
 from synth.speech.pitch import PitchTrack
 
 FORMAT = "cuecast-recordings-1"
+
 _MAX_LABEL_BYTES = 1 << 30
+"""Bytes of labels, unpacked, at most: a bound against hostile files."""
+
 _GESTURE_FIELDS = ("shape", "placement", "leave", "reach", "shape_leave", "shape_reach")
 
 Progress = Callable[[int, int], None]

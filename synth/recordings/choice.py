@@ -19,7 +19,9 @@ from codec.errors import CueError
 
 _GLIDES = frozenset("jɥw")
 _REST = "rest"
+
 _ROUNDS = 4
+"""Passes of exchange at most."""
 
 KINDS = ("diphones", "polysounds", "dikeys", "shapes", "placements")
 """What is covered, in the order of reports."""

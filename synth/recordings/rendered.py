@@ -14,6 +14,8 @@ from synth.text.espeak import RATE_HZ
 from synth.text.pronounce import phonemise
 
 _TAIL_S = 1.0
+"""Seconds of rest before and after a line."""
+
 RATES = (90, 150)
 """Words a minute, in turn: at a cuer's ease, some three and a half keys a second, and as fast as
 subtitles are read, so that units of either pace can be chosen."""

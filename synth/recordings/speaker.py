@@ -30,13 +30,22 @@ FS = 22_050
 """Rate at which the speaker's sound is kept, Hz."""
 
 SUFFIXES = (".wav", ".flac", ".ogg", ".mp3")
+
 _BATCH_S = 180.0
+"""Seconds of speech that are aligned at once: enough for the models to adapt to the speaker."""
+
 _LONGEST_S = 60.0
+"""Longest recording in seconds that is taken: longer ones are not single sentences."""
+
 _TAIL_S = 1.0
+"""Seconds of silence that a recording may have at either end."""
+
 _LEVEL = 0.08
 """Root mean square of the speech after levelling, full scale 1: -22 dB."""
 
 _LEAST_VOICED = 0.5
+"""Share of its vowels that must be voiced for a recording to count as speech."""
+
 _LEAST_EXPECTED, _MOST_EXPECTED = 0.35, 2.5
 """Bounds of a recording's length over that which its text would usually take."""
 

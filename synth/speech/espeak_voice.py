@@ -25,9 +25,16 @@ from codec.errors import CueError
 from synth.text.espeak import RATE_HZ, load
 
 _RATE_PARAMETER = 1
+"""Number of the parameter in espeak-ng's interface (speak_lib.h)."""
+
 _POSITION_CHARACTER = 1
+"""Positions count characters (speak_lib.h)."""
+
 _TEXT_UTF8, _TEXT_PHONEMES = 0x0001, 0x0100
+"""What the text is (speak_lib.h)."""
+
 _EVENT_END, _EVENT_PHONEME = 0, 7
+"""Kinds of events (speak_lib.h)."""
 
 WORDS_PER_MINUTE = range(80, 451)
 

@@ -8,8 +8,14 @@ from numpy.typing import ArrayLike, NDArray
 from synth.speech.pitch import PitchTrack
 
 _UNVOICED_STEP_S = 0.005
+"""Seconds between marks where nothing is periodic: half a period of a low voice."""
+
 _DEVIATION_COST = 12.0
+"""Cost of a squared deviation from the period, in heights of peaks: a deviation of a tenth of a
+period costs an eighth of a full peak."""
+
 _LOWEST_PEAK = 0.2
+"""Height, of 1, below which a peak is no candidate."""
 
 
 @dataclass(frozen=True, slots=True)

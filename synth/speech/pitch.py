@@ -13,12 +13,25 @@ from numpy.typing import ArrayLike, NDArray
 from codec.errors import CueError
 
 _CANDIDATES = 8
+"""Periods per frame that are considered."""
+
 _OCTAVE_COST = 0.01
+"""Strength that a candidate loses per octave of its period (Boersma 1993, section 3.4)."""
+
 _OCTAVE_JUMP_COST = 0.35
+"""Strength that a jump by an octave costs (Boersma 1993)."""
+
 _VOICING_COST = 0.14
+"""Strength that a change between voiced and unvoiced costs (Boersma 1993)."""
+
 _SILENCE = 0.03
+"""Loudness, of the sound's maximum, below which a frame tends to be unvoiced (Boersma 1993)."""
+
 _VOICING_THRESHOLD = 0.45
+"""Strength from which a frame counts as voiced (Boersma 1993)."""
+
 _BLOCK = 512
+"""Frames that are analysed at once, for constant memory."""
 
 
 @dataclass(frozen=True, slots=True)

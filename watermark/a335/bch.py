@@ -10,11 +10,16 @@ from numpy.typing import ArrayLike, NDArray
 from codec.errors import CueError
 
 N, K, T = 127, 50, 13
+"""Bits of a code word, bits of its payload, and wrong bits that it puts right."""
+
 PARITY = N - K
+
 _GENERATOR = (
     77, 76, 75, 74, 72, 71, 68, 67, 66, 64, 63, 62, 60, 59, 51, 50, 49, 44, 42, 41, 40, 39, 35,
     34, 32, 30, 29, 26, 21, 20, 19, 18, 17, 13, 12, 9, 5, 2, 0,
 )  # fmt: skip
+"""Powers of x in the generator polynomial: the product of the minimal polynomials of the first 2 T
+powers of the field's primitive element."""
 
 
 def _tables() -> tuple[list[int], list[int]]:

@@ -25,7 +25,9 @@ from watermark.a335.messages import (
 from watermark.a335.profile import CHECK_BYTES, A335Profile
 
 SHORT_PARTS = 64  # six bits of the part's number
+
 MESSAGE_CHECK_BYTES = 4
+"""Bytes of the CRC-32 that ends a message and binds its columns together."""
 
 
 def pack_block(l0: bytes, l1: bytes, profile: A335Profile) -> bytes:

@@ -15,8 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 from codec.errors import CueError
 
 SYMBOLS = 240
+"""Symbols across the picture's width (ATSC A/335)."""
+
 RUN_IN = b"\xeb\x52"
+
 LINES = 2
+"""Luma lines at the top of the picture that carry the symbols."""
+
 MIN_WIDTH = 480  # two pixels a symbol; the standard's narrowest picture has 720
 
 

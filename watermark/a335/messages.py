@@ -15,9 +15,14 @@ from watermark.a335.line import RUN_IN, LineSystem
 Convention = Literal["ieee", "mpeg"]
 
 CONTENT_ID, PRESENTATION_TIME, URI, VP1, DYNAMIC_EVENT, DISPLAY_OVERRIDE = 1, 2, 3, 4, 5, 6
+"""Numbers of the messages (ATSC A/336)."""
+
 EXTENDED_VP1, USER_PRIVATE_SHORT, USER_PRIVATE_LONG = 7, 0x7F, 0xFF
+"""Numbers of the messages that carry a payload of their own (ATSC A/336)."""
 
 _CHECKSUM_BYTES = 4
+"""Bytes of a CRC-32."""
+
 _SECTION = "ATSC A/336 5.2"
 
 

@@ -16,6 +16,8 @@ from watermark.a335.messages import (
 from watermark.link.superframe import SUPERFRAME_S
 
 CHECK_BYTES = 4
+"""Bytes of the CRC-32 that both classes of a superframe share."""
+
 DOMAIN = "cue.tv,2026"
 """Tagging entity of the messages; a broadcaster puts a name of its own here."""
 

@@ -21,7 +21,9 @@ MEAN = 12  # low-passed loudness
 
 # Columns of `out` of `frames_into`.
 NMR_MEAN, NMR_MAX, MOD_1, MOD_2, MOD_WEIGHT, NOISE_LOUDNESS = 0, 1, 2, 3, 4, 5
+
 LOUDNESS_REF, LOUDNESS_TEST, BANDWIDTH_REF, BANDWIDTH_TEST = 6, 7, 8, 9
+"""Columns of the features: loudness in sone, bandwidth in spectral lines."""
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -14,12 +14,25 @@ from numpy.typing import NDArray
 from watermark.quality import _kernels
 
 FS = 48_000
+"""Rate in Hz that the Recommendation demands."""
+
 FRAME = 2048
+"""Samples of a frame."""
+
 HOP = FRAME // 2
+"""Samples between the starts of frames."""
+
 FRAME_RATE = FS / HOP
+
 BINS = FRAME // 2 + 1
+"""Spectral lines of a frame."""
+
 BANDS = 109
+"""Bands of the basic version, a quarter of a Bark each."""
+
 BAND_WIDTH_BARK = 0.25
+"""Width of a band in Bark."""
+
 FULL_SCALE_DB = 92.0  # sound pressure level of a sine at full scale
 REFERENCE_SINE_HZ = 1019.5  # of that sine: it falls between two bins
 
@@ -57,6 +70,7 @@ class EarTables:
 
 
 LOWER_DECAY = 10 ** (-2.7 * BAND_WIDTH_BARK)
+"""Factor from band to band below an excitation: 27 dB per Bark."""
 
 
 def band_edges() -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -15,9 +15,15 @@ from watermark.quality import _kernels as k
 FloatArray = NDArray[np.float64]
 
 DELAY_FRAMES = 24  # half a second, before the modulation filters have settled
+
 AUDIBLE_SONE = 0.1
+"""Loudness in sone above which a frame counts as audible."""
+
 AUDIBLE_DELAY_FRAMES = 3  # 50 ms after both signals became audible
+
 DISTURBED = 10 ** (1.5 / 10)
+"""Ratio of noise to mask, 1.5 dB, from which a frame counts as disturbed."""
+
 # Used where no frame is wide enough to be measured: the lower ends of the network's ranges.
 NARROW_REF, NARROW_TEST = 393.916656, 361.965332
 
@@ -173,9 +179,13 @@ def _root_mean(total: FloatArray, count: FloatArray) -> float:
 
 
 LAGS = 256
+"""Lags of the correlation of the error's spectrum."""
+
 SILENT = 8000 / 32768**2  # energy of the newer half of a frame below which nothing is measured
 _FLOOR = 1e-12  # of a power spectrum; keeps digital silence finite
+
 _WINDOW = np.sqrt(8 / 3) / LAGS * 0.5 * (1 - np.cos(2 * np.pi * np.arange(LAGS) / (LAGS - 1)))
+"""Hann window over the lags, scaled to unit energy."""
 
 
 def harmonic_structure(power: FloatArray, energy: FloatArray) -> FloatArray:
@@ -226,10 +236,18 @@ _INPUT = np.array(
         [0.0, 1.0, -1.804679, -0.503610, -0.620456],
     ]
 )
+
 _HIDDEN_BIAS = np.array([-2.518254, 0.654841, -2.207228])
+"""Biases of the hidden nodes."""
+
 _HIDDEN = np.array([-3.817048, 4.107138, 4.629582])
+"""Weights of the hidden nodes in the distortion index."""
+
 _BIAS = -0.307594
+"""Bias of the distortion index."""
+
 _ODG_MIN, _ODG_MAX = -3.98, 0.22
+"""Ends of the scale of grades."""
 
 
 def distortion_index(movs: Movs) -> float:

@@ -14,7 +14,11 @@ from scipy.ndimage import gaussian_filter
 from codec.errors import CueError
 
 _SIGMA, _RADIUS = 1.5, 5
+"""Standard deviation and reach in pixels of the window of structural similarity (Wang et al. 2004:
+11 by 11)."""
+
 _BLOCK = 16
+"""Side in pixels of the blocks in which flicker is measured."""
 
 
 @dataclass(frozen=True, slots=True)

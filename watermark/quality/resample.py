@@ -15,8 +15,12 @@ from watermark.quality import _kernels
 FloatArray = NDArray[np.float64]
 
 _ZERO_CROSSINGS = 24  # of the sinc on each side, at the lower of the two rates
+
 _KAISER_BETA = 9.0
+"""Shape of the window without unit: stop band 90 dB down, below 16 bit noise."""
+
 _LOWEST, _HIGHEST = 8_000, 384_000
+"""Rates in Hz that are taken: from telephone sound to four times studio sound."""
 
 
 class Resampler:

@@ -9,6 +9,7 @@ from codec.errors import CueError
 from watermark.quality.resample import Resampler
 
 _PESQ_HZ = 16_000
+"""Rate in Hz of wideband PESQ (ITU-T P.862.2)."""
 
 
 def snr_db(reference: ArrayLike, test: ArrayLike) -> float:

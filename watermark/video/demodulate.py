@@ -30,6 +30,7 @@ BLUR = 0.15
 """Uncertainty of a cell's texture, as a part of it; coding also lowers it a little."""
 
 CENTRE = TEXTURE * 0.93
+"""Texture in luma levels at which the mark is as strong as it is taken to be."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,8 @@ POSITIONS = TEMPLATES * ROWS * COLUMNS
 """Values that one superframe modulates, pilots included."""
 
 PILOTS = 320
+"""Cells of known sign in a picture."""
+
 DATA = POSITIONS - PILOTS
 
 COARSE = 3
@@ -35,6 +37,7 @@ OPENING = 8
 """What the pilots of a wider first superframe add to the number of the profile."""
 
 MIN_WIDTH, MIN_HEIGHT = 4 * COLUMNS, 4 * ROWS
+"""Least picture in pixels: four by four to a cell."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from watermark.link.superframe import SUPERFRAME_S
 from watermark.video.profile import FADE
 
 MIN_FPS, MAX_FPS = 12, 120
+"""Frames per second that are taken: enough to show a cuer, and as many as displays have."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,6 +44,7 @@ _PALM = _columns(*layout.PALM, *layout.KNUCKLES[1:])
 _WRIST = _columns(*layout.WRIST)
 
 N_ANGLES = 2 * len(SEGMENTS) + len(_SUCCESSIVE) + len(_SIDES) + 6
+"""Angles of a hand: two per segment, those between neighbours, and six of the wrist."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,9 +28,17 @@ CONFIDENCE = 0.3
 """Weight of a completed marker against a visible one: its error has about thrice the variance."""
 
 _SMOOTHED_S = 0.025
+"""Half length in seconds of the smoothing before completion: half a tracker's frame each way."""
+
 _SUSPECT_MM = 12.0
+"""Distance in mm from its expectation from which a marker counts as another one's: the width of a
+finger."""
+
 _COMPONENTS = 12
+"""Normal distributions of a digit: nine shapes and the ways between them."""
+
 _LEAST_FRAMES = 200
+"""Frames with a whole palm that a fit needs, four seconds at 50 Hz."""
 
 
 def _columns(names: tuple[str, ...]) -> NDArray[np.intp]:

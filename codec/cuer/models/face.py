@@ -19,6 +19,8 @@ from codec.cuer.models import rigid
 from codec.errors import CueError
 
 N_FACE_PARAMETERS = 7
+"""Articulatory parameters of the face (Gibert et al. 2004, section 3: naF)."""
+
 FACE_PARAMETER_WORDS = (
     "jaw", "lip rounding and spreading", "lower lip", "upper lip", "lip corners", "throat", "free",
 )  # fmt: skip

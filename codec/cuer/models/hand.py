@@ -22,6 +22,7 @@ from codec.cuer.models import rigid
 from codec.errors import CueError
 
 N_HAND_PARAMETERS = 12
+"""Parameters of the hand's shape (Gibert et al. 2004, section 3: naH)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,12 +27,25 @@ FOREARM_COLUMNS = np.array([layout.HAND_MARKERS.index(name) for name in layout.F
 Confidence = NDArray[np.bool_] | NDArray[np.float64]
 
 _BLOCK = 256
+"""Frames that are inverted at once: their matrices stay in the processor's cache."""
+
 _STEPS = 6
+"""Gauss-Newton steps at most; frames that are done leave earlier."""
+
 _PLAIN_STEPS = 1
+"""Steps before residuals begin to cost markers their weight."""
+
 _LONGEST_STEP = 3.0
+"""Longest step in units of a parameter's standard deviation."""
+
 _TOLERANCE = 0.02
+"""Step below which a frame is done, in standard deviations."""
+
 _NOISE_MM2 = 0.3
+"""Variance in mm2 that the prior is weighed against: that of a marker's noise."""
+
 _SUSPECT_MM = 8.0
+"""Residual in mm at which a marker has a quarter of its weight (Geman-McClure)."""
 
 
 class MarkerModel(Protocol):
@@ -238,8 +251,13 @@ STIFFNESS_MM2_S3 = 1.7e-3
 """Price of acceleration: mm² of marker error per (unit / s²)² and second."""
 
 _PULL_MM2 = 0.1
+"""Weight in mm2 of the pull to the single frames' results in a passage."""
+
 _PASSAGE = 1024
+"""Frames that are bridged together."""
+
 _MARGIN = 96
+"""Frames on either side of a passage that are solved with it and not kept."""
 
 
 @one_thread

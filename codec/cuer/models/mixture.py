@@ -18,10 +18,19 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 _LEAST_SHARE = 0.02
+"""Share of a row below which a component does not complete it."""
+
 _SHRINK_ROWS = 6.0
+"""Rows that the covariance common to all components counts for in each."""
+
 _FLOOR = 0.01
+"""Variance, in the units of the rows squared, that every direction has at least."""
+
 _GLOBAL_ROUNDS = 4
+"""Rounds with one component, which fill in what is unknown before clusters are looked for."""
+
 _ROWS_PER_COMPONENT = 150
+"""Rows that a component needs."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,13 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 
 EXPLAINED = 0.99
+"""Share of the variance that components of motion keep."""
+
 MOTION_LEFT_MM = 1.0
+"""What the components of motion may leave, in mm."""
+
 N_DEVIATIONS = 16
+"""Directions in which a model's residuals are kept."""
 
 
 @dataclass(frozen=True, slots=True)

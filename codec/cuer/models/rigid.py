@@ -18,6 +18,7 @@ OUTLIER_MM = 3.0
 """A marker farther than this from the rigid fit does not belong to the rigid body."""
 
 _SMALL_ANGLE = 1e-4
+"""Angle in radians below which series stand for sines: their error is that of rounding."""
 
 
 def _rotation_factors(
