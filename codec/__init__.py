@@ -1,1 +1,89 @@
-"""The cuer as numbers, and those numbers as few bits."""
+"""The cuer as numbers, and those numbers as few bits.
+
+A `Motion` is a cuer's movement as parameters over time; a `Voice` knows how to draw her from them.
+Superframes of 0.64 s carry it on air, stream files keep it.
+
+Examples
+--------
+A motion to bytes and back:
+
+>>> import numpy as np
+>>> from codec import Motion, decode_stream, encode_stream, load_voice
+>>> voice = load_voice("claire")
+>>> still = np.zeros((64, len(voice.layout)), dtype=np.float32)
+>>> motion = Motion(still, rate_hz=50.0, start_s=0.0, layout=voice.layout, voice=voice.identity)
+>>> stream = encode_stream(motion, voice, rate_bps=337.5)
+>>> again = decode_stream(stream, voice)
+>>> again.params.shape
+(64, 31)
+>>> voice.reconstruct(again.params).shape
+(64, 113, 3)
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from codec.analysis.compare import compare_motions
+    from codec.bitstream.decoder import SuperframeDecoder
+    from codec.bitstream.encoder import SuperframeEncoder
+    from codec.bitstream.inspect import inspect_stream
+    from codec.bitstream.stream import decode_stream, encode_stream
+    from codec.cuer.motion import Motion, load_motion, save_motion
+    from codec.cuer.voice import Voice, load_voice, save_voice
+    from codec.cues.score import Key, Phone, Score
+    from codec.errors import BitstreamError, CueError, VoiceError
+
+__all__ = [
+    "BitstreamError",
+    "CueError",
+    "Key",
+    "Motion",
+    "Phone",
+    "Score",
+    "SuperframeDecoder",
+    "SuperframeEncoder",
+    "Voice",
+    "VoiceError",
+    "compare_motions",
+    "decode_stream",
+    "encode_stream",
+    "inspect_stream",
+    "load_motion",
+    "load_voice",
+    "save_motion",
+    "save_voice",
+]
+
+_HOMES = {
+    "BitstreamError": "codec.errors",
+    "CueError": "codec.errors",
+    "Key": "codec.cues.score",
+    "Motion": "codec.cuer.motion",
+    "Phone": "codec.cues.score",
+    "Score": "codec.cues.score",
+    "SuperframeDecoder": "codec.bitstream.decoder",
+    "SuperframeEncoder": "codec.bitstream.encoder",
+    "Voice": "codec.cuer.voice",
+    "VoiceError": "codec.errors",
+    "compare_motions": "codec.analysis.compare",
+    "decode_stream": "codec.bitstream.stream",
+    "encode_stream": "codec.bitstream.stream",
+    "inspect_stream": "codec.bitstream.inspect",
+    "load_motion": "codec.cuer.motion",
+    "load_voice": "codec.cuer.voice",
+    "save_motion": "codec.cuer.motion",
+    "save_voice": "codec.cuer.voice",
+}
+"""Where each name lives: it is imported when it is first asked for, so that importing is cheap."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    home, _, inside = _HOMES[name].partition(":")
+    return getattr(import_module(home), inside or name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

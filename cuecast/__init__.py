@@ -1,1 +1,57 @@
-"""The applications and their one command line."""
+"""The applications and their one command line.
+
+Examples
+--------
+A programme dubbed from Python, and received again:
+
+>>> from codec import load_voice
+>>> from cuecast import SynthesisedMotion, dub, receive
+>>> from synth import read_subtitles, score_of_subtitles
+>>> voice = load_voice("claire")
+>>> def whole_way(programme: str, subtitles: str, target: str) -> tuple[int, int]:
+...     score = score_of_subtitles(read_subtitles(subtitles))
+...     dub(programme, SynthesisedMotion(score, voice), voice, target)
+...     found = receive(target, voice).summary
+...     return len(score.keys), len(found["keys"])
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cuecast.command.cli import main
+    from cuecast.dubbing.dub import DubOptions, dub
+    from cuecast.dubbing.motions import GivenMotion, SynthesisedMotion
+    from cuecast.dubbing.receive import Reception, receive
+
+__all__ = [
+    "DubOptions",
+    "GivenMotion",
+    "Reception",
+    "SynthesisedMotion",
+    "dub",
+    "main",
+    "receive",
+]
+
+_HOMES = {
+    "DubOptions": "cuecast.dubbing.dub",
+    "GivenMotion": "cuecast.dubbing.motions",
+    "Reception": "cuecast.dubbing.receive",
+    "SynthesisedMotion": "cuecast.dubbing.motions",
+    "dub": "cuecast.dubbing.dub",
+    "main": "cuecast.command.cli",
+    "receive": "cuecast.dubbing.receive",
+}
+"""Where each name lives: it is imported when it is first asked for, so that importing is cheap."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    home, _, inside = _HOMES[name].partition(":")
+    return getattr(import_module(home), inside or name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

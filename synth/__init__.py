@@ -1,1 +1,68 @@
-"""Where motion comes from: text, subtitles, motion capture."""
+"""Where motion comes from: text, subtitles, motion capture.
+
+Examples
+--------
+A sentence to a motion:
+
+>>> from codec import load_voice
+>>> from synth import keys_of, motion_of, score_of_text
+>>> [str(key) for key in keys_of("Bonsoir")]
+['24', '13', '16', '13']
+>>> score = score_of_text("Bonsoir", start_s=0.5)
+>>> motion = motion_of(score, load_voice("claire"), seed=1)
+>>> motion.params.shape[1], motion.rate_hz, motion.score is score
+(31, 50.0, True)
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from synth.alignment.score import score_from_recording as align
+    from synth.alignment.score import sound_of
+    from synth.capture.capture import capture
+    from synth.capture.options import CaptureOptions
+    from synth.rules.performance import motion_of
+    from synth.scoring.text_score import keys_of
+    from synth.scoring.text_score import score_from_subtitles as score_of_subtitles
+    from synth.scoring.text_score import score_from_text as score_of_text
+    from synth.subtitles.model import Subtitle
+    from synth.subtitles.read import read_subtitles
+
+__all__ = [
+    "CaptureOptions",
+    "Subtitle",
+    "align",
+    "capture",
+    "keys_of",
+    "motion_of",
+    "read_subtitles",
+    "score_of_subtitles",
+    "score_of_text",
+    "sound_of",
+]
+
+_HOMES = {
+    "CaptureOptions": "synth.capture.options",
+    "Subtitle": "synth.subtitles.model",
+    "align": "synth.alignment.score:score_from_recording",
+    "capture": "synth.capture.capture",
+    "keys_of": "synth.scoring.text_score",
+    "motion_of": "synth.rules.performance",
+    "read_subtitles": "synth.subtitles.read",
+    "score_of_subtitles": "synth.scoring.text_score:score_from_subtitles",
+    "score_of_text": "synth.scoring.text_score:score_from_text",
+    "sound_of": "synth.alignment.score",
+}
+"""Where each name lives: it is imported when it is first asked for, so that importing is cheap."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    home, _, inside = _HOMES[name].partition(":")
+    return getattr(import_module(home), inside or name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,1 +1,74 @@
-"""Bytes under a noisy programme."""
+"""Bytes under a noisy programme.
+
+Each carrier has an embedder and a receiver that take a programme block by block; what they carry
+are superframes of two byte strings, L0 and L1, one every 0.64 s. `PROFILES` tells their sizes.
+
+Examples
+--------
+Bytes under a sound and out of it:
+
+>>> import numpy as np
+>>> from watermark import PROFILES, AudioEmbedder, AudioReceiver
+>>> standard = PROFILES["audio"]["standard"]
+>>> standard.l0_bytes, standard.l1_bytes, standard.net_bps
+(20, 7, 337.5)
+>>> sound = np.random.default_rng(0).normal(0, 0.1, (6 * 48000, 1)).astype(np.float32)
+>>> embedder = AudioEmbedder(48000, 1, lambda k: (bytes([k] * 20), bytes([k] * 7)))
+>>> marked = np.concatenate([embedder.process(sound), embedder.flush()])
+>>> receiver = AudioReceiver(48000, 1)
+>>> found = [*receiver.process(marked), *receiver.flush()]
+>>> [superframe.l0[0] for superframe in found[:3]]
+[0, 1, 2]
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from watermark.audio.embed import AudioEmbedder
+    from watermark.audio.receive import AudioReceiver
+    from watermark.link.superframe import ReceivedSuperframe
+    from watermark.quality.peaq import peaq as grade
+    from watermark.video.embed import VideoEmbedder
+    from watermark.video.receive import VideoReceiver
+
+__all__ = [
+    "PROFILES",
+    "AudioEmbedder",
+    "AudioReceiver",
+    "ReceivedSuperframe",
+    "VideoEmbedder",
+    "VideoReceiver",
+    "grade",
+]
+
+_HOMES = {
+    "AudioEmbedder": "watermark.audio.embed",
+    "AudioReceiver": "watermark.audio.receive",
+    "ReceivedSuperframe": "watermark.link.superframe",
+    "VideoEmbedder": "watermark.video.embed",
+    "VideoReceiver": "watermark.video.receive",
+    "grade": "watermark.quality.peaq:peaq",
+}
+"""Where each name lives: it is imported when it is first asked for, so that importing is cheap."""
+
+_CARRIERS = {"audio": "watermark.audio", "video": "watermark.video", "a335": "watermark.a335"}
+
+PROFILES: dict[str, dict[str, Any]]
+"""Profiles by carrier and name; each tells ``l0_bytes``, ``l1_bytes`` and ``net_bps``."""
+
+
+def __getattr__(name: str) -> Any:
+    if name == "PROFILES":
+        return {
+            carrier: import_module(f"{room}.profile").PROFILES
+            for carrier, room in _CARRIERS.items()
+        }
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    home, _, inside = _HOMES[name].partition(":")
+    return getattr(import_module(home), inside or name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

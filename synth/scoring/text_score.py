@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
-from codec.cues.score import Phone, Score
+from codec.cues.score import Key, Phone, Score
 from synth.prosody.timing import FASTEST, Fit, fit, on_grid, speak
 from synth.subtitles import Subtitle, spoken
 from synth.text.lexicon import Variant
@@ -72,6 +72,30 @@ def score_from_text(
     [(4, 'mouth'), (1, 'chin'), (3, 'side')]
     """
     return reading.score(speak(reading.words(text), on_grid(start_s)).phones)
+
+
+def keys_of(text: str, *, start_s: float = 0.0, reading: Reading = PLAIN) -> tuple[Key, ...]:
+    """Return the keys that cue a text: what the hand shows, and when.
+
+    Parameters
+    ----------
+    text : str
+        Written French.
+    start_s : float
+        When the first phone starts, seconds.
+    reading : Reading
+
+    Raises
+    ------
+    CueError
+        If the text holds what cannot be read.
+
+    Examples
+    --------
+    >>> [(key.shape, key.placement) for key in keys_of("Oui")]
+    [(6, 'mouth')]
+    """
+    return score_from_text(text, start_s=start_s, reading=reading).keys
 
 
 def score_from_subtitles(

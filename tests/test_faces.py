@@ -1,0 +1,67 @@
+"""The packages' faces: what others may import, and that importing stays cheap."""
+
+import ast
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+FACES = {
+    "codec": """BitstreamError CueError Key Motion Phone Score SuperframeDecoder SuperframeEncoder
+        Voice VoiceError compare_motions decode_stream encode_stream inspect_stream load_motion
+        load_voice save_motion save_voice""",
+    "synth": """CaptureOptions Subtitle align capture keys_of motion_of read_subtitles
+        score_of_subtitles score_of_text sound_of""",
+    "watermark": """AudioEmbedder AudioReceiver PROFILES ReceivedSuperframe VideoEmbedder
+        VideoReceiver grade""",
+    "receiver": """Event KeysFound MotionPiece Receiver StateChanged SuperframeLost Unreadable
+        draw""",
+    "cuecast": """DubOptions GivenMotion Reception SynthesisedMotion dub main receive""",
+}
+"""The faces of this version. They follow semantic versioning: what leaves one breaks programs."""
+
+HEAVY = {"numpy", "scipy", "numba", "av", "aiohttp", "matplotlib", "soundfile"}
+
+
+@pytest.mark.parametrize("package", FACES)
+def test_the_face_is_as_promised(package: str) -> None:
+    module = importlib.import_module(package)
+    assert sorted(module.__all__) == sorted(FACES[package].split())
+    assert set(dir(module)) >= set(module.__all__)
+    for name in module.__all__:
+        assert getattr(module, name) is not None
+    with pytest.raises(AttributeError, match="has no attribute 'nonsense'"):
+        _ = module.nonsense
+
+
+@pytest.mark.parametrize("package", FACES)
+def test_types_and_homes_agree(package: str) -> None:
+    """What type checkers are told to be imported is what is imported."""
+    module = importlib.import_module(package)
+    tree = ast.parse((ROOT / package / "__init__.py").read_text(encoding="utf-8"))
+    (told,) = (node for node in tree.body if isinstance(node, ast.If))
+    typed = {}
+    for node in told.body:
+        assert isinstance(node, ast.ImportFrom)
+        for alias in node.names:
+            name = alias.asname or alias.name
+            typed[name] = f"{node.module}:{alias.name}" if alias.asname else node.module
+    assert typed == module._HOMES
+
+
+def test_importing_the_faces_is_cheap() -> None:
+    """None of the heavy libraries is loaded before it is needed."""
+    program = f"import sys, {', '.join(FACES)}; print(*sorted({HEAVY!r} & set(sys.modules)))"
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == ""
+
+
+@pytest.mark.parametrize("package", FACES)
+def test_the_face_has_an_example(package: str) -> None:
+    assert ">>> from " in (importlib.import_module(package).__doc__ or "")
