@@ -28,6 +28,7 @@ VERBS = (
 )  # fmt: skip
 """Verbs in the order of the help page; each is a module of `cuecast.verbs`."""
 
+# Codes of exit, as the help page says; the last one is that of shells for an interrupt.
 EXIT_OK = 0
 EXIT_MISMATCH = 1
 EXIT_USAGE = 2

@@ -32,8 +32,13 @@ AHEAD_S = 30.0
 """How far reception runs ahead of a viewer of a file."""
 
 MAX_VIEWERS = 8
+"""Pages that may watch at a time: a household's."""
+
 _REQUESTS_PER_S = 20
+"""Messages per second that a page may send: more than any hand makes."""
+
 _MAX_PENDING = 64
+"""Messages that wait for a slow page before it is dropped."""
 
 _HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self';"
