@@ -28,7 +28,7 @@ def stream() -> bytes:
     return transport_stream(marked_noise(VOICE, make_motion(VOICE, duration_s=16.0), 8))
 
 
-def crc32_mpeg(data: bytes) -> int:
+def crc32_mpeg(data: bytes | bytearray) -> int:
     register = 0xFFFFFFFF
     for byte in data:
         register ^= byte << 24
@@ -116,7 +116,9 @@ def test_an_error_of_any_kind_costs_a_moment(
     assert motion(happenings) >= 5
     figures = broadcast.metrics.document()
     assert figures["failures"][cause.__name__] == 2
-    assert f'cuecast_failures_total{{cause="{cause.__name__}"}} 2.0' in broadcast.metrics.prometheus()
+    assert (
+        f'cuecast_failures_total{{cause="{cause.__name__}"}} 2.0' in broadcast.metrics.prometheus()
+    )
 
 
 def test_what_failed_last_is_shown() -> None:
