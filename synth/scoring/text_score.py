@@ -66,6 +66,10 @@ def score_from_text(
         When the first phone starts, rounded to the grid of `synth.prosody.timing`.
     reading : Reading
 
+    Returns
+    -------
+    Score
+
     Examples
     --------
     >>> [(key.shape, key.placement) for key in score_from_text("Bonjour").keys]
@@ -84,6 +88,10 @@ def keys_of(text: str, *, start_s: float = 0.0, reading: Reading = PLAIN) -> tup
     start_s : float
         When the first phone starts, seconds.
     reading : Reading
+
+    Returns
+    -------
+    tuple of Key
 
     Raises
     ------
@@ -113,6 +121,10 @@ def score_from_subtitles(
     reading : Reading
     warn : callable
         Called with one line for each subtitle whose text had to be hurried or cut.
+
+    Returns
+    -------
+    Score
 
     Examples
     --------
