@@ -34,7 +34,7 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
         "text": set(),
         "body": set(),
         "subtitles": {"text"},
-        "prosody": {"text"},
+        "prosody": {"text", "subtitles"},
         "speech": {"text"},
         "rules": {"body"},
         "scoring": {"text", "subtitles", "prosody"},

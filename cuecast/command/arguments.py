@@ -84,6 +84,24 @@ def add_subtitle_terms(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def add_pace(parser: argparse.ArgumentParser) -> None:
+    """Add the cuer's own clock."""
+    group = parser.add_argument_group("how fast the cuer cues")
+    group.add_argument(
+        "--pace", choices=("readable", "sync"),
+        help="readable: so that a viewer can follow, behind the speaker where that needs time "
+        "(default); sync: lips and hand in step with the speaker, for close-ups",
+    )  # fmt: skip
+    group.add_argument(
+        "--max-lag", type=not_negative, default=1.5, metavar="S",
+        help="how far she may be behind the programme, 1.5 s by default",
+    )  # fmt: skip
+    group.add_argument(
+        "--syllables-per-second", type=positive, default=2.5, metavar="N",
+        help="as slow as she goes where there is time, 2.5 by default",
+    )  # fmt: skip
+
+
 def add_alignment(parser: argparse.ArgumentParser) -> None:
     """Add ``--alignment``."""
     parser.add_argument(

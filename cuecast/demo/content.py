@@ -32,6 +32,8 @@ _FIRST_LINE_S = 2.5
 """Seconds before the first line, in which a receiver tunes in."""
 
 _PAUSE_S = 0.9
+_TAIL_S = 1.2
+"""After the last pause: she may be 1.5 s behind, and goes to rest."""
 """Seconds between lines."""
 
 _SPEECH_RMS = 0.09
@@ -69,7 +71,7 @@ def make_sound() -> tuple[NDArray[np.float32], list[Subtitle]]:
         end_s = time_s + len(x) / FS
         subtitles.append(Subtitle(round(time_s, 3), round(end_s, 3), line))
         time_s = end_s + _PAUSE_S
-    sound = _music(time_s)
+    sound = _music(time_s + _TAIL_S)
     for start, x in spoken:
         sound[start : start + len(x)] += x[:, None]
     return np.clip(sound, -0.99, 0.99).astype(np.float32), subtitles

@@ -13,10 +13,13 @@ from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
 from cuecast.demo.figures import draw_keys, draw_strip
 from cuecast.dubbing.dub import DubOptions, dub
 from cuecast.dubbing.motions import SynthesisedMotion, whole_motion
+from cuecast.dubbing.readability import in_words, readability
 from cuecast.dubbing.receive import receive
 from cuecast.media.film import write_film
 from cuecast.media.rewrite import Unchanged, rewrite_sound
-from synth.scoring.text_score import score_from_subtitles
+from synth.prosody.pace_report import PaceReport
+from synth.prosody.pacing import READABLE
+from synth.scoring.text_score import Reading, score_from_subtitles
 from synth.subtitles import Subtitle
 
 BROADCASTS = (
@@ -74,9 +77,12 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Out
         folder / "programme.mkv", sound, FS, encoder="flac",
         pictures=make_pictures(duration_s), picture_rate=PICTURE_RATE,
     )  # fmt: skip
-    score = score_from_subtitles(subtitles)
+    pace = PaceReport(warn=say)
+    score = score_from_subtitles(subtitles, reading=Reading(pace=READABLE), told=pace)
     source = SynthesisedMotion(score, voice, seed=seed)
 
+    say(f"    {pace}")
+    say(f"    {in_words(readability(score, voice))}")
     say(f"2/5 dubbing {duration_s:.0f} s with {len(score.keys)} keys")
     sent = whole_motion(source, duration_s)
     save_motion(sent, folder / "sent.npz")

@@ -15,7 +15,7 @@ from receiver.media.sound import SoundDecoder, sound_blocks
 from synth.alignment.cepstra import FS, mono
 from synth.alignment.runs import LONGEST_TEXT_S
 from synth.alignment.score import Judged, Judgement, phones_of_recording, score_from_recording
-from synth.scoring.text_score import PLAIN, Reading, in_pieces
+from synth.scoring.text_score import PLAIN, Reading, Told, in_pieces, tell_nobody
 from synth.subtitles import Subtitle
 
 _KEPT_S = 7.0
@@ -65,6 +65,7 @@ def aligned_score(
     reading: Reading = PLAIN,
     warn: Callable[[str], None],
     judged: Judged,
+    told: Told = tell_nobody,
 ) -> Score:
     """Return the score of subtitles as the voices of `programme` say it.
 
@@ -75,7 +76,7 @@ def aligned_score(
     track : int
         Which of its sounds, from 0.
     reading : Reading
-    warn, judged : callable
+    warn, judged, told : callable
         As in `synth.alignment.score.score_from_recording`.
 
     Raises
@@ -85,7 +86,9 @@ def aligned_score(
     """
     with ExitStack() as stack:
         voices = ProgrammeVoices(stack, programme, track=track)
-        return score_from_recording(subtitles, voices, reading=reading, warn=warn, judged=judged)
+        return score_from_recording(
+            subtitles, voices, reading=reading, warn=warn, judged=judged, told=told
+        )
 
 
 def aligned_pieces(
@@ -95,11 +98,14 @@ def aligned_pieces(
     reading: Reading = PLAIN,
     warn: Callable[[str], None],
     judged: Judged,
+    told: Told = tell_nobody,
 ) -> Iterator[Score]:
     """Yield what `aligned_score` returns in pieces, in constant memory."""
     with ExitStack() as stack:
         voices = ProgrammeVoices(stack, programme)
-        phones = phones_of_recording(subtitles, voices, reading=reading, warn=warn, judged=judged)
+        phones = phones_of_recording(
+            subtitles, voices, reading=reading, warn=warn, judged=judged, told=told
+        )
         yield from in_pieces(phones, reading)
 
 

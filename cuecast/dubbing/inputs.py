@@ -12,14 +12,15 @@ if TYPE_CHECKING:
 
     from codec.cues.score import Score
     from synth.alignment.score import Judged
-    from synth.scoring.text_score import Reading
+    from synth.prosody.pacing import Pace
+    from synth.scoring.text_score import Reading, Told
     from synth.subtitles import Subtitle
     from synth.subtitles.findings import LeftOut
     from synth.subtitles.read import Terms
 
 
 def reading_of(args: argparse.Namespace) -> "Reading":
-    """Return what `add_reading` read."""
+    """Return what `add_reading` and `add_pace` read."""
     from codec.cues.cueing import CueingOptions
     from synth.scoring.text_score import Reading
     from synth.text.lexicon import read_user_lexicon
@@ -30,31 +31,43 @@ def reading_of(args: argparse.Namespace) -> "Reading":
         CueingOptions(**{k: v for k, v in given.items() if v is not None}),
         Style(liaison=args.liaison, final_schwa=args.final_schwa),
         read_user_lexicon(args.lexicon) if args.lexicon else {},
+        pace_of(args),
     )
 
 
-def score_of(args: argparse.Namespace) -> "Score":
-    """Return the score of what `add_text` and `add_reading` read."""
+def pace_of(args: argparse.Namespace) -> "Pace | None":
+    """Return the cuer's own clock, unless she keeps in step with the speaker."""
+    from synth.prosody.pacing import Pace
+
+    # Who asks for speech hears it at a speaker's rate.
+    usual = "sync" if getattr(args, "speech", None) else "readable"
+    if (args.pace or usual) == "sync":
+        return None
+    return Pace(args.max_lag, args.syllables_per_second)
+
+
+def score_of(args: argparse.Namespace, told: "Told") -> "Score":
+    """Return the score of what `add_text` and `add_reading` read; `told` hears of each word."""
     if args.text is not None:
         from synth.scoring.text_score import score_from_text
 
-        return score_from_text(args.text, start_s=REST_S, reading=reading_of(args))
-    return score_of_subtitles(args, args.file)
+        return score_from_text(args.text, start_s=REST_S, reading=reading_of(args), told=told)
+    return score_of_subtitles(args, args.file, told)
 
 
 def pieces_of(
-    args: argparse.Namespace, recording: str | None, judged: "Judged"
+    args: argparse.Namespace, recording: str | None, judged: "Judged", told: "Told"
 ) -> "tuple[Iterator[Score], float | None]":
     """Return the score of what `add_text` and `add_reading` read in pieces, and its length.
 
     The length in seconds, where it is known, is for showing progress. With a recording the
-    score follows its voices, and `judged` is told how surely.
+    score follows its voices, and `judged` is told how surely; `told` hears of each word.
     """
     from cuecast.dubbing.aligning import aligned_pieces, text_as_subtitle
     from synth.scoring.text_score import stream_score
 
     if args.text is not None and recording is None:
-        score = score_of(args)
+        score = score_of(args, told)
         return iter([score]), score.phones[-1].end if score.phones else None
     if args.text is not None:
         assert recording is not None
@@ -64,15 +77,19 @@ def pieces_of(
     length_s = max((subtitle.end_s for subtitle in subtitles), default=None)
     reading = reading_of(args)
     if recording is None:
-        return stream_score(subtitles, reading=reading, warn=note), length_s
-    return aligned_pieces(subtitles, recording, reading=reading, warn=note, judged=judged), length_s
+        return stream_score(subtitles, reading=reading, warn=note, told=told), length_s
+    pieces = aligned_pieces(
+        subtitles, recording, reading=reading, warn=note, judged=judged, told=told
+    )
+    return pieces, length_s
 
 
-def score_of_subtitles(args: argparse.Namespace, path: str) -> "Score":
+def score_of_subtitles(args: argparse.Namespace, path: str, told: "Told") -> "Score":
     """Return the score of what `subtitles_of` reads."""
     from synth.scoring.text_score import score_from_subtitles
 
-    return score_from_subtitles(subtitles_of(args, path), warn=note, reading=reading_of(args))
+    subtitles = subtitles_of(args, path)
+    return score_from_subtitles(subtitles, warn=note, reading=reading_of(args), told=told)
 
 
 def terms_of(args: argparse.Namespace) -> "Terms":

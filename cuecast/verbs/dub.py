@@ -14,6 +14,7 @@ from cuecast.command.arguments import (
     add_json,
     add_key,
     add_motion,
+    add_pace,
     add_reading,
     add_seed,
     add_subtitle_terms,
@@ -94,6 +95,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_key(parser)
     add_motion(parser)
     add_reading(parser)
+    add_pace(parser)
     add_subtitle_terms(parser)
 
 
@@ -155,7 +157,9 @@ def _motion(
 ) -> "MotionSource":
     """Return the motion for the subtitles; `said` takes what the report tells of them."""
     from cuecast.dubbing.motions import JoinedMotion, SynthesisedMotion
+    from cuecast.dubbing.readability import in_words, readability
     from receiver.media.programme import open_programme
+    from synth.prosody.pace_report import PaceReport
     from synth.scoring.text_score import score_from_subtitles
 
     reading = reading_of(args)
@@ -171,17 +175,22 @@ def _motion(
         note(f"{len(unknown)} unknown words, pronounced by rule: the report and `keys --unknown`")
     said |= {"subtitles": {"cued": len(subtitles), "left_out": left_out.report()}}
     said |= {"unknown_words": unknown}
+    options = reading.options
+    pace = PaceReport(options, note)
     if args.align:
         from cuecast.dubbing.aligning import aligned_score
 
         score = aligned_score(
             subtitles, args.programme, track=args.track, reading=reading, warn=note,
-            judged=confidence,
+            judged=confidence, told=pace,
         )  # fmt: skip
         note(str(confidence))
     else:
-        score = score_from_subtitles(subtitles, warn=note, reading=reading)
-    options = reading.options
+        score = score_from_subtitles(subtitles, warn=note, reading=reading, told=pace)
+    figures = readability(score, voice, options)
+    said |= {"pace": pace.report() | figures}
+    note(str(pace))
+    note(in_words(figures))
     # Who has nothing to say rests: for that no units are needed.
     if (args.units or args.method == "units") and score.keys:
         from cuecast.dubbing.performance import unit_synthesiser

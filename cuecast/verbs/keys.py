@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from cuecast.command.arguments import (
     add_json,
+    add_pace,
     add_reading,
     add_subtitle_terms,
     add_text,
@@ -16,6 +17,7 @@ from cuecast.dubbing.inputs import pieces_of, reading_of, score_of
 
 if TYPE_CHECKING:
     from codec.cues.score import Score
+    from synth.prosody.pace_report import PaceReport
 
 SUMMARY = "the cues of a text: phones, keys, times"
 
@@ -40,6 +42,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "lines to --lexicon",
     )  # fmt: skip
     add_reading(parser)
+    add_pace(parser)
     add_subtitle_terms(parser)
     add_json(parser)
 
@@ -48,7 +51,10 @@ def run(args: argparse.Namespace) -> int:
     """Print the keys of the text; 1 if nothing in it is spoken."""
     if args.unknown:
         return _unknown(args)
-    score = _score(args)
+    from synth.prosody.pace_report import PaceReport
+
+    pace = PaceReport(reading_of(args).options, note)
+    score = _score(args, pace)
     targets = _targets(args, score)
     if args.textgrid and score.phones:
         from synth.scoring.textgrid import write_textgrid
@@ -69,7 +75,18 @@ def run(args: argparse.Namespace) -> int:
                 f"{' '.join(f'{t:7.3f}' for t in times)}   {key}     {as_taught(key)}      "
                 f"{key.shape}  {key.placement:<9}  {' '.join(key.phones)}"
             )
+    if score.keys:
+        _tell(args, score, pace)
     return 0 if score.keys else 1
+
+
+def _tell(args: argparse.Namespace, score: "Score", pace: "PaceReport") -> None:
+    """Say how well the keys can be read."""
+    from codec.cuer.voice import load_voice
+    from cuecast.dubbing.readability import in_words, readability
+
+    note(str(pace))
+    note(in_words(readability(score, load_voice(), reading_of(args).options)))
 
 
 def _unknown(args: argparse.Namespace) -> int:
@@ -87,14 +104,14 @@ def _unknown(args: argparse.Namespace) -> int:
     return 0
 
 
-def _score(args: argparse.Namespace) -> "Score":
+def _score(args: argparse.Namespace, pace: "PaceReport") -> "Score":
     if args.align is None:
-        return score_of(args)
+        return score_of(args, pace)
     from codec.cues.score import Score
     from cuecast.dubbing.aligning import Confidence
 
     confidence = Confidence()
-    pieces = list(pieces_of(args, args.align, confidence)[0])
+    pieces = list(pieces_of(args, args.align, confidence, pace)[0])
     note(str(confidence))
     return Score(
         tuple(phone for piece in pieces for phone in piece.phones),

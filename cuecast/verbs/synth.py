@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from cuecast.command.arguments import (
     add_motion,
+    add_pace,
     add_reading,
     add_seed,
     add_subtitle_terms,
@@ -38,7 +39,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--align", metavar="AUDIO", help="recording of the text: the cuer moves with its voice"
     )
     parser.add_argument(
-        "--report", metavar="R.json", help="how sure the times of each subtitle are, with --align"
+        "--report",
+        metavar="R.json",
+        help="pace, lag and words left out by subtitle; with --align how sure their times are",
     )
     parser.add_argument("--c3d", metavar="M.c3d", help="markers of the motion")
     add_motion(parser)
@@ -46,37 +49,44 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_voice(parser)
     add_seed(parser)
     add_reading(parser)
+    add_pace(parser)
     add_subtitle_terms(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the motion; 1 if nothing in the text is spoken."""
-    if args.report and not args.align:
-        note("cuecast synth: --report tells of --align")
-        return 2
     if args.method == "rules" and (args.speech or args.units):
         note("cuecast synth: --speech and --units need --method units")
         return 2
     from codec.cuer.motion import MotionWriter
     from codec.cuer.voice import load_voice
     from cuecast.dubbing.aligning import Confidence
+    from cuecast.dubbing.readability import Seen, in_words
+    from synth.prosody.pace_report import PaceReport
 
     confidence = Confidence()
-    pieces, length_s = pieces_of(args, args.align, confidence)
+    pace = PaceReport(reading_of(args).options, note)
+    pieces, length_s = pieces_of(args, args.align, confidence, pace)
     first = next((piece for piece in pieces if piece.phones), None)
     if first is None:
         note("nothing in the text is spoken")
         return 1
     voice = load_voice(args.voice)
     parts = _motion(args, itertools.chain([first], pieces), voice)
+    seen = Seen(voice, reading_of(args).options)
     with MotionWriter(args.output) as writer, seconds_bar(length_s, "synth") as advance:
         for part in parts:
             writer.append(part)
+            seen.add(part.score)
             advance(part.duration_s)
     if args.align:
         note(str(confidence))
+    note(str(pace))
+    figures = seen.figures()
+    note(in_words(figures))
     if args.report:
-        write_json(args.report, {"alignment": confidence.report()})
+        report = {"pace": pace.report() | figures}
+        write_json(args.report, report | ({"alignment": confidence.report()} if args.align else {}))
     if args.c3d:
         _write_c3d(args, voice)
     return 0

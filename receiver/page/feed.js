@@ -7,10 +7,9 @@
 
 const HEADER_BYTES = 20;
 const RETRY_MS = [500, 1000, 2000, 4000];
-const FULL = 4001;
 
 export class Feed {
-  /** `handlers`: motion(piece), message(document), open(), closed(full): whether too many pages are watching. */
+  /** `handlers`: motion(piece), message(document), open(), closed(). */
   constructor(url, handlers) {
     this.url = url;
     this.handlers = handlers;
@@ -21,13 +20,13 @@ export class Feed {
   connect() {
     this.socket = new WebSocket(this.url);
     this.socket.binaryType = "arraybuffer";
-    this.socket.onopen = () => this.handlers.open();
-    this.socket.onmessage = (event) => {
+    this.socket.onopen = () => {
       this.attempt = 0;
-      this.receive(event.data);
+      this.handlers.open();
     };
-    this.socket.onclose = (event) => {
-      this.handlers.closed(event.code === FULL);
+    this.socket.onmessage = (event) => this.receive(event.data);
+    this.socket.onclose = () => {
+      this.handlers.closed();
       const wait = RETRY_MS[Math.min(this.attempt++, RETRY_MS.length - 1)];
       setTimeout(() => this.connect(), wait);
     };

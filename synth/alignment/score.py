@@ -6,7 +6,7 @@ recording. Subtitles that are all early or late are moved as the sound asks.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, islice
 
 import numpy as np
@@ -17,8 +17,18 @@ from synth.alignment.align import Aligned, Passage, align
 from synth.alignment.cepstra import FS, mono
 from synth.alignment.runs import Run, runs_of, said_in
 from synth.alignment.trust import FEWEST_WORDS, LEAST_EVIDENCE, Trust, trust
+from synth.prosody.pacing import TimedWord
 from synth.prosody.timing import GRID_HZ
-from synth.scoring.text_score import PLAIN, Reading, Warn, log_warning, phones_of_subtitles
+from synth.scoring.text_score import (
+    PLAIN,
+    Reading,
+    Told,
+    Warn,
+    log_warning,
+    tell_nobody,
+    timed_words,
+    words_of_subtitles,
+)
 from synth.subtitles import Subtitle
 from synth.text.words import Word
 
@@ -62,19 +72,7 @@ Judged = Callable[[Judgement], None]
 
 
 def sound_of(samples: ArrayLike, fs: int) -> Sound:
-    """Return the `Sound` of samples in memory.
-
-    Parameters
-    ----------
-    samples : array_like, shape (n,) or (n, channels)
-        Of full scale 1.
-    fs : int
-        Their rate in Hz.
-
-    Returns
-    -------
-    callable
-        Gives the samples between two times in seconds, one channel at the aligner's rate.
+    """Return the `Sound` of samples in memory, shape (n,) or (n, channels).
 
     Examples
     --------
@@ -92,6 +90,7 @@ def score_from_recording(
     reading: Reading = PLAIN,
     warn: Warn = log_warning,
     judged: Judged = lambda judgement: None,
+    told: Told = tell_nobody,
 ) -> Score:
     """Return the score of subtitles timed by the voices of their programme.
 
@@ -106,10 +105,8 @@ def score_from_recording(
         Called with one line for each passage that the sound does not fit.
     judged : callable
         Told how sure the times of each subtitle are.
-
-    Returns
-    -------
-    Score
+    told : callable
+        Told what became of each word.
 
     Raises
     ------
@@ -117,7 +114,7 @@ def score_from_recording(
         If one subtitle spans more than `synth.alignment.runs.LONGEST_TEXT_S`.
     """
     return reading.score(
-        phones_of_recording(subtitles, sound, reading=reading, warn=warn, judged=judged)
+        phones_of_recording(subtitles, sound, reading=reading, warn=warn, judged=judged, told=told)
     )
 
 
@@ -128,10 +125,11 @@ def phones_of_recording(
     reading: Reading = PLAIN,
     warn: Warn = log_warning,
     judged: Judged = lambda judgement: None,
+    told: Told = tell_nobody,
 ) -> Iterator[Phone]:
     """Yield the phones of `score_from_recording`, some passages at a time."""
 
-    def batches() -> Iterator[list[Phone]]:
+    def batches() -> Iterator[list[TimedWord]]:
         runs = runs_of(said_in(subtitles))
         offset_s: float | None = None
         while batch := list(islice(runs, PASSAGES_AT_ONCE)):
@@ -144,9 +142,9 @@ def phones_of_recording(
                 if offset_s:
                     side = "after" if offset_s > 0 else "before"
                     warn(f"the voices come {abs(offset_s):.1f} s {side} their subtitles: moved")
-            yield timed.phones(reading, warn, judged)
+            yield timed.words(reading, warn, judged)
 
-    return on_grid(chain.from_iterable(batches()))
+    return on_grid(reading.cued(chain.from_iterable(batches()), told))
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,6 +173,13 @@ class _Heard:
         first = round((start_s - self.start_s) * FS)
         last = max(first, round((self.run.end_s + offset_s - self.start_s) * FS))
         return Passage(self.words, self.samples[first:last], start_s)
+
+    def timed(self, phones: Sequence[Phone]) -> Iterator[TimedWord]:
+        """Yield the words with phones that were found, and the subtitle of each."""
+        last = np.cumsum(self.counts)
+        for number, word in enumerate(timed_words(self.words, phones)):
+            owner = min(int(np.searchsorted(last, number, side="right")), len(last) - 1)
+            yield replace(word, subtitle=self.run.subtitles[owner])
 
     def by_subtitle(self, values: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Split values of the words among the subtitles."""
@@ -248,8 +253,8 @@ class _Timed:
         found = [next(rest) if passage.long_enough else None for passage in passages]
         return cls(heard, found, trust(fitting, aligned), offset_s)
 
-    def phones(self, reading: Reading, warn: Warn, judged: Judged) -> list[Phone]:
-        """Return the phones, those of runs that do not fit by their subtitles."""
+    def words(self, reading: Reading, warn: Warn, judged: Judged) -> list[TimedWord]:
+        """Return the words, those of runs that do not fit by their subtitles."""
         if not self.verdict.holds:
             first, last = self.heard[0].run.subtitles[0], self.heard[-1].run.subtitles[-1]
             warn(
@@ -257,7 +262,7 @@ class _Timed:
                 f"is said (evidence {self.verdict.evidence:.1f} of {LEAST_EVIDENCE:.0f}), timed by "
                 "themselves"
             )
-        line: list[Phone] = []
+        line: list[TimedWord] = []
         for item, found in zip(self.heard, self.found, strict=True):
             sure = [0.0] * len(item.counts)
             if found is not None:
@@ -265,13 +270,13 @@ class _Timed:
             for subtitle, confidence in zip(item.run.subtitles, sure, strict=True):
                 judged(Judgement(subtitle, confidence, self.offset_s))
             if found is not None and self.verdict.confidence(found.fits) >= _LEAST_CONFIDENCE:
-                line += found.phones
+                line += item.timed(found.phones)
                 continue
             if self.verdict.holds:
                 what = "too little sound to align" if found is None else "not what is said"
                 warn(f"subtitle at {item.run.start_s:.2f} s: {what}, timed by itself")
             subtitles = item.run.subtitles
-            line += phones_of_subtitles(subtitles, reading=reading, warn=warn)
+            line += words_of_subtitles(subtitles, reading=reading, warn=warn)
         return line
 
 

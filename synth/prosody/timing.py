@@ -80,7 +80,9 @@ def speak(words: Sequence[Word], start_s: float) -> Fit:
     return Fit(_place(words, durations, pauses, start_s), rate)
 
 
-def fit(words: Sequence[Word], start_s: float, end_s: float, limit_s: float) -> Fit:
+def fit(
+    words: Sequence[Word], start_s: float, end_s: float, limit_s: float, *, whole: bool = False
+) -> Fit:
     """Fit words into the interval of their subtitle.
 
     Parameters
@@ -90,6 +92,8 @@ def fit(words: Sequence[Word], start_s: float, end_s: float, limit_s: float) -> 
         The interval in seconds.
     limit_s : float
         Start of the next subtitle: the gap from `end_s` to it may be borrowed.
+    whole : bool
+        Keep every word at whatever rate, off the grid: what the speaker is taken to say.
 
     Raises
     ------
@@ -107,7 +111,7 @@ def fit(words: Sequence[Word], start_s: float, end_s: float, limit_s: float) -> 
         raise CueError(f"interval from {start_s} to {end_s} s is empty")
     kept = list(words)
     limit_s = max(limit_s, end_s)
-    while kept and _shortest(kept, HARDEST) > limit_s - start_s:
+    while kept and not whole and _shortest(kept, HARDEST) > limit_s - start_s:
         kept.pop()
     if not kept:
         return Fit((), 0.0, 0.0, len(words))
@@ -115,7 +119,9 @@ def fit(words: Sequence[Word], start_s: float, end_s: float, limit_s: float) -> 
     durations = _natural(kept)
     pauses = np.array([PAUSE_S.get(word.pause, 0.0) for word in kept])
     rate, pauses = _share(len(durations), pauses, until_s - start_s)
-    phones = _place(kept, durations * (len(durations) / rate / durations.sum()), pauses, start_s)
+    durations *= len(durations) / rate / durations.sum()
+    place = _place_freely if whole else _place
+    phones = place(kept, durations, pauses, start_s)
     return Fit(phones, rate, max(0.0, phones[-1].end - end_s), len(words) - len(kept))
 
 
@@ -144,6 +150,7 @@ def _share(n: int, pauses: NDArray[np.float64], room_s: float) -> tuple[float, N
     if n / FASTEST + least.sum() <= room_s:
         share = (room_s - n / FASTEST - least.sum()) / max((pauses - least).sum(), 1e-9)
         return FASTEST, np.asarray(least + share * (pauses - least))
+    least *= min(1.0, 0.5 * room_s / max(float(least.sum()), 1e-9))
     return n / float(room_s - least.sum()), least
 
 
@@ -166,4 +173,23 @@ def _place(
         if pause:
             clock += pause
             step = max(step + 1, round(clock * GRID_HZ))
+    return tuple(phones)
+
+
+def _place_freely(
+    words: Sequence[Word],
+    durations: NDArray[np.float64],
+    pauses: NDArray[np.float64],
+    start_s: float,
+) -> tuple[Phone, ...]:
+    """Return phones at their own times."""
+    phones: list[Phone] = []
+    clock = start_s
+    remaining = iter(durations.tolist())
+    for word, pause in zip(words, pauses.tolist(), strict=True):
+        for symbol in word.phones:
+            after = clock + next(remaining)
+            phones.append(Phone(symbol, clock, after))
+            clock = after
+        clock += pause
     return tuple(phones)

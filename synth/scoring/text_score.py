@@ -1,11 +1,12 @@
 """From text or subtitles to a score: phones with times, and the keys that cue them."""
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
 from codec.cues.score import Key, Phone, Score
+from synth.prosody.pacing import LONGEST_LAG_S, Pace, PacedWord, TimedWord, pace_words
 from synth.prosody.timing import FASTEST, Fit, fit, on_grid, speak
 from synth.subtitles import Subtitle, spoken
 from synth.text.lexicon import Variant
@@ -13,6 +14,13 @@ from synth.text.pronounce import DEFAULT_STYLE, Style, phonemise
 from synth.text.words import Word
 
 Warn = Callable[[str], None]
+
+Told = Callable[[PacedWord], None]
+
+
+def tell_nobody(word: PacedWord) -> None:
+    """Ignore what became of a word."""
+
 
 log_warning: Warn = logging.getLogger(__name__).warning
 """Where warnings go when the caller says nothing else."""
@@ -30,11 +38,14 @@ class Reading:
         How the text is spoken where French leaves a choice.
     lexicon : mapping of str to tuple of Variant
         The user's words, from `synth.text.lexicon.read_user_lexicon`.
+    pace : Pace, optional
+        The cuer's own clock; without one she keeps in step with the speaker.
     """
 
     options: CueingOptions = DEFAULT_OPTIONS
     style: Style = DEFAULT_STYLE
     lexicon: Mapping[str, tuple[Variant, ...]] = field(default_factory=dict)
+    pace: Pace | None = None
 
     def words(self, text: str) -> tuple[Word, ...]:
         """Return the words of a text with their phones."""
@@ -45,9 +56,19 @@ class Reading:
         line = tuple(phones)
         return Score(line, tuple(cue(line, self.options)))
 
+    def cued(self, words: Iterable[TimedWord], told: Told = tell_nobody) -> Iterator[Phone]:
+        """Yield the phones of words on the cuer's clock, and tell what became of each word."""
+        if self.pace is not None:
+            paced = pace_words(words, self.pace, self.options)
+        else:
+            paced = (PacedWord(word, word.phones) for word in words)
+        for word in paced:
+            told(word)
+            yield from word.phones
+
 
 PLAIN = Reading()
-"""Every choice as by default."""
+"""Every choice as by default, in step with the speaker."""
 
 
 def score_from_text(
@@ -55,8 +76,9 @@ def score_from_text(
     *,
     start_s: float = 0.0,
     reading: Reading = PLAIN,
+    told: Told = tell_nobody,
 ) -> Score:
-    """Return the score of a text spoken at its natural rate.
+    """Return the score of a text spoken at its natural rate, or at that of the reading's pace.
 
     Parameters
     ----------
@@ -65,17 +87,20 @@ def score_from_text(
     start_s : float
         When the first phone starts, rounded to the grid of `synth.prosody.timing`.
     reading : Reading
-
-    Returns
-    -------
-    Score
+        There is no programme whose clock she had to keep to: nothing is left out.
+    told : callable
+        Told what became of each word.
 
     Examples
     --------
     >>> [(key.shape, key.placement) for key in score_from_text("Bonjour").keys]
     [(4, 'mouth'), (1, 'chin'), (3, 'side')]
     """
-    return reading.score(speak(reading.words(text), on_grid(start_s)).phones)
+    words = reading.words(text)
+    if reading.pace is not None:
+        reading = replace(reading, pace=replace(reading.pace, max_lag_s=LONGEST_LAG_S))
+    spoken_words = timed_words(words, speak(words, on_grid(start_s)).phones)
+    return reading.score(reading.cued(spoken_words, told))
 
 
 def keys_of(text: str, *, start_s: float = 0.0, reading: Reading = PLAIN) -> tuple[Key, ...]:
@@ -88,10 +113,6 @@ def keys_of(text: str, *, start_s: float = 0.0, reading: Reading = PLAIN) -> tup
     start_s : float
         When the first phone starts, seconds.
     reading : Reading
-
-    Returns
-    -------
-    tuple of Key
 
     Raises
     ------
@@ -111,6 +132,7 @@ def score_from_subtitles(
     *,
     reading: Reading = PLAIN,
     warn: Warn = log_warning,
+    told: Told = tell_nobody,
 ) -> Score:
     """Return the score of a programme's subtitles, each spoken in its interval.
 
@@ -121,10 +143,8 @@ def score_from_subtitles(
     reading : Reading
     warn : callable
         Called with one line for each subtitle whose text had to be hurried or cut.
-
-    Returns
-    -------
-    Score
+    told : callable
+        Told what became of each word.
 
     Examples
     --------
@@ -132,7 +152,8 @@ def score_from_subtitles(
     >>> score.phones[0].start, len(score.keys)
     (1.0, 3)
     """
-    return reading.score(phones_of_subtitles(subtitles, reading=reading, warn=warn))
+    words = words_of_subtitles(subtitles, reading=reading, warn=warn)
+    return reading.score(reading.cued(words, told))
 
 
 def stream_score(
@@ -140,6 +161,7 @@ def stream_score(
     *,
     reading: Reading = PLAIN,
     warn: Warn = log_warning,
+    told: Told = tell_nobody,
 ) -> Iterator[Score]:
     """Yield the score of `score_from_subtitles` in pieces between pauses, in constant memory.
 
@@ -149,7 +171,8 @@ def stream_score(
     >>> [len(piece.keys) for piece in stream_score(lines)]
     [1, 1]
     """
-    return in_pieces(phones_of_subtitles(subtitles, reading=reading, warn=warn), reading)
+    words = words_of_subtitles(subtitles, reading=reading, warn=warn)
+    return in_pieces(reading.cued(words, told), reading)
 
 
 def in_pieces(phones: Iterable[Phone], reading: Reading) -> Iterator[Score]:
@@ -164,13 +187,13 @@ def in_pieces(phones: Iterable[Phone], reading: Reading) -> Iterator[Score]:
         yield reading.score(piece)
 
 
-def phones_of_subtitles(
+def words_of_subtitles(
     subtitles: Iterable[Subtitle],
     *,
     reading: Reading = PLAIN,
     warn: Warn = log_warning,
-) -> Iterator[Phone]:
-    """Yield the phones of subtitles that are sorted by start, none before its predecessor's end.
+) -> Iterator[TimedWord]:
+    """Yield the words of subtitles that are sorted by start, none before its predecessor's end.
 
     Subtitles that start together are spoken in turn in the interval that they share. One that
     overlaps its predecessor cuts short the room of that one, which may run on until its own end.
@@ -183,11 +206,23 @@ def phones_of_subtitles(
         start_s = on_grid(max(subtitle.start_s, free_s))
         end_s = max(min(subtitle.end_s, next_start_s), start_s + 1 / FASTEST)
         borrowed_s = min(next_start_s, subtitle.end_s + LONGEST_BORROWED_S)
-        found = fit(words, start_s, end_s, max(subtitle.end_s, borrowed_s))
-        _report(subtitle, found, warn)
-        yield from found.phones
+        limit_s = max(subtitle.end_s, borrowed_s)
+        found = fit(words, start_s, end_s, limit_s, whole=reading.pace is not None)
+        if reading.pace is None:
+            _report(subtitle, found, warn)
+        yield from timed_words(words, found.phones, subtitle)
         if found.phones:
             free_s = found.phones[-1].end
+
+
+def timed_words(
+    words: Sequence[Word], phones: Sequence[Phone], subtitle: Subtitle | None = None
+) -> Iterator[TimedWord]:
+    """Yield words with their phones, the last ones without any if there are too few."""
+    at = 0
+    for word in words:
+        yield TimedWord(word, tuple(phones[at : at + len(word.phones)]), subtitle)
+        at += len(word.phones)
 
 
 def _turns(subtitles: Iterable[Subtitle]) -> Iterator[tuple[Subtitle, float]]:

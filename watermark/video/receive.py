@@ -126,15 +126,6 @@ class VideoReceiver:
 
         While locked, a superframe that could not be decoded is given with l0 = None.
 
-        Parameters
-        ----------
-        luma : ndarray of uint8 or uint16, shape (height, width)
-            Samples of the picture.
-
-        Returns
-        -------
-        list of ReceivedSuperframe
-
         Raises
         ------
         CueError
@@ -156,23 +147,12 @@ class VideoReceiver:
         return [superframe for each in found.values() for superframe in each]
 
     def wait(self, misses: int) -> None:
-        """Tell when to give up the lock.
-
-        Parameters
-        ----------
-        misses : int
-            Superframes in a row that failed.
-        """
+        """Give up the lock after so many superframes in a row that failed."""
         for tracker in self._trackers.values():
             tracker.patience = misses
 
     def flush(self) -> list[ReceivedSuperframe]:
-        """Return what the last frames still hold.
-
-        Returns
-        -------
-        list of ReceivedSuperframe
-        """
+        """Return what the last frames still hold."""
         last = {region: self._placed(t.flush(), region) for region, t in self._trackers.items()}
         if self.region is None:
             self._doubt = DOUBT_FRAMES

@@ -1,0 +1,502 @@
+"""The cuer's own clock: words with the times of the speaker in, words at a pace one can read out.
+
+People speak 5 to 7 syllables a second and cue 2.5 to 4 (Attina 2005; Duchnowski et al. 2000), and
+readers of human transliterators do best 0.6 to 1.8 s behind the speech (Krause and Lopez 2017).
+So she may fall behind the programme by `Pace.max_lag_s`, and uses the pauses before and after what
+is said: the time of every key is stretched as evenly as the room allows. What still does not fit
+is left out: first mute e, then words, function words first.
+
+The even course is the taut string between the earliest and the latest time of each key (the
+schedule of least greatest speed of Yao, Demers, Shenker 1995, for jobs that keep their order).
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.cues.cueing import (
+    DEFAULT_OPTIONS,
+    NO_CONSONANT_SHAPE,
+    NO_VOWEL_PLACEMENT,
+    SHAPE_OF,
+    CueingOptions,
+)
+from codec.cues.phonology import VOWELS
+from codec.cues.score import Phone
+from codec.errors import CueError
+from synth.subtitles import Subtitle
+from synth.text.words import Word
+
+FloatArray = NDArray[np.float64]
+
+KEYS_PER_SYLLABLE = 1.41
+"""Of French, by frequency of words (Lexique 3.83)."""
+
+COMFORTABLE_KEYS = 4.0
+"""Keys a second that real cuers hardly exceed; she hurries only where lag does not suffice."""
+
+LEAD_S = 0.5
+"""How far she may be ahead of the programme where that saves words."""
+
+LONGEST_LAG_S = 1e6
+"""Without a programme there is no lag: so long is any text."""
+
+LONGEST_S = 30.0
+"""Words are paced together up to this length of programme; then at the widest pause."""
+
+_REACH_S = 8.0
+"""Words this long before the place where she falls behind can still make room for it."""
+
+_STILL_S, _TURN_S, _PER_MM_S, _CHIN_S = 0.08, 0.15, 0.0005, 0.03
+"""Least time of a key that repeats the one before; of one that changes; more per mm of way."""
+
+_LEAST_PHONE_S = 0.04
+_LONGEST_CONSONANT = 0.55
+"""Of a key's length; consonants of cued syllables take 47 to 59 % (Attina 2005)."""
+
+_LEAST_PAUSE_S = 0.06
+_PAUSE_FROM_S = 0.1
+"""A silence of the speaker that is a pause, where the text has no mark for it."""
+
+_RISE_S = 0.3
+"""Nothing is shown earlier: the hand has to rise first."""
+
+_GRID_HZ = 50
+_SAME_S = 1e-9
+
+_NEGATION = frozenset("pas plus jamais rien personne aucun aucune guère sans ni non".split())
+_ARTICLES = frozenset("le la les l' un une des du de d' au aux ce cet cette ces".split())
+_AUXILIARY = frozenset(
+    "est a ont sont ai as es avons avez sommes êtes suis était avait étaient avaient été".split()
+)
+_LINKING = frozenset("z t n ʁ p".split())
+_VOWEL_LETTERS = "aeiouyhàâäéèêëîïôöùûüœæ"
+
+_WAY_MM = {
+    ("chin", "mouth"): 33, ("cheek", "mouth"): 36, ("cheek", "side"): 53, ("chin", "throat"): 61,
+    ("mouth", "side"): 61, ("cheek", "chin"): 68, ("mouth", "throat"): 88, ("chin", "side"): 88,
+    ("side", "throat"): 124, ("cheek", "throat"): 124,
+}  # fmt: skip
+"""Ways between placements, from the pictures of five cuers that SPPAS measured."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How the cuer's clock may differ from the programme's.
+
+    Attributes
+    ----------
+    max_lag_s : float
+        How far she may fall behind, 0 to `LONGEST_LAG_S`.
+    syllables_per_s : float
+        As slow as she goes where there is room, 1 to 8.
+    """
+
+    max_lag_s: float = 1.5
+    syllables_per_s: float = 2.5
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.max_lag_s <= LONGEST_LAG_S:
+            raise CueError(f"lag of {self.max_lag_s} s is not within 0..{LONGEST_LAG_S:g}")
+        if not 1 <= self.syllables_per_s <= 8:
+            raise CueError(f"{self.syllables_per_s} syllables/s are not within 1..8")
+
+
+READABLE = Pace()
+
+
+@dataclass(frozen=True, slots=True)
+class TimedWord:
+    """A word with the programme's times of its phones.
+
+    Attributes
+    ----------
+    word : Word
+    phones : tuple of Phone
+        On the programme's clock, as many as the word has.
+    subtitle : Subtitle, optional
+        What it belongs to.
+    """
+
+    word: Word
+    phones: tuple[Phone, ...]
+    subtitle: Subtitle | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PacedWord:
+    """What became of a word.
+
+    Attributes
+    ----------
+    source : TimedWord
+    phones : tuple of Phone
+        On the cuer's clock; none if the word is left out.
+    lag_s : float
+        How far she is behind the programme at its first key.
+    mute : int
+        Mute e that were left out.
+    """
+
+    source: TimedWord
+    phones: tuple[Phone, ...]
+    lag_s: float = 0.0
+    mute: int = 0
+
+
+def pace_words(
+    words: Iterable[TimedWord],
+    pace: Pace = READABLE,
+    options: CueingOptions = DEFAULT_OPTIONS,
+) -> Iterator[PacedWord]:
+    """Yield the words on the cuer's clock, in order and in constant memory.
+
+    Parameters
+    ----------
+    words : iterable of TimedWord
+        In order of time.
+    pace : Pace
+    options : CueingOptions
+        Where charts of the code differ.
+    """
+    free_s = _RISE_S
+    for block in _blocks(words, pace):
+        for paced in _Block(block, pace, options, free_s).paced():
+            if paced.phones:
+                free_s = paced.phones[-1].end
+            yield paced
+
+
+def _blocks(words: Iterable[TimedWord], pace: Pace) -> Iterator[list[TimedWord]]:
+    """Yield words that cannot hurry each other, or are enough for one time."""
+    block: list[TimedWord] = []
+    for word in words:
+        if block and word.phones[0].start - block[-1].phones[-1].end > pace.max_lag_s + LEAD_S:
+            yield block
+            block = []
+        block.append(word)
+        if word.phones[-1].end - block[0].phones[0].start > LONGEST_S and len(block) > 1:
+            cut = _widest_pause(block)
+            yield block[:cut]
+            block = block[cut:]
+    if block:
+        yield block
+
+
+def _widest_pause(block: Sequence[TimedWord]) -> int:
+    middle = block[0].phones[0].start + LONGEST_S / 2
+    later = [i for i in range(1, len(block)) if block[i].phones[0].start > middle] or [
+        len(block) - 1
+    ]
+    return max(
+        later, key=lambda i: (round(block[i].phones[0].start - block[i - 1].phones[-1].end, 6), i)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Keys:
+    """Keys of the words that stay, N of them.
+
+    Attributes
+    ----------
+    members : list of list of (int, int)
+        Word and phone numbers of each key.
+    first : ndarray, shape (N,)
+        When the speaker says it, seconds.
+    least, pause : ndarray, shape (N,)
+        Shortest length of the key, and of the pause before it, seconds.
+    said : ndarray, shape (N,)
+        How long the speaker takes for it, seconds.
+    consonant : ndarray, shape (N,)
+        Share of the consonant in keys of two phones.
+    """
+
+    members: list[list[tuple[int, int]]]
+    first: FloatArray
+    least: FloatArray
+    pause: FloatArray
+    said: FloatArray
+    consonant: FloatArray
+
+    @property
+    def work(self) -> FloatArray:
+        """Shortest way from the start of each key to that of the next, (N,)."""
+        return np.asarray(self.least + np.append(self.pause[1:], 0.0))
+
+
+class _Block:
+    """Words that are paced together, after a time at which the cuer is free."""
+
+    def __init__(
+        self, words: Sequence[TimedWord], pace: Pace, options: CueingOptions, free_s: float
+    ) -> None:
+        self._words, self._pace, self._options, self._free_s = words, pace, options, free_s
+        self._latest_s = max(pace.max_lag_s - 0.5 / _GRID_HZ, 0.0)
+        self._kept = [True] * len(words)
+        self._mute = [False] * len(words)
+        gaps = [b.phones[0].start - a.phones[-1].end for a, b in itertools.pairwise(words)]
+        self._breaks = [
+            bool(word.word.pause) or gap > _PAUSE_FROM_S
+            for word, gap in zip(words, [*gaps, 0.0], strict=True)
+        ]
+
+    def paced(self) -> Iterator[PacedWord]:
+        """Yield the words on the cuer's clock."""
+        keys = self._with_room()
+        start, length = self._schedule(keys)
+        spans = _spans(keys, start, length)
+        lags = {
+            member: float(start[k] - keys.first[k])
+            for k, members in enumerate(keys.members)
+            for member in members
+        }
+        for w, word in enumerate(self._words):
+            phones = tuple(
+                Phone(p.symbol, *spans[w, i]) for i, p in enumerate(word.phones) if (w, i) in spans
+            )
+            lag = next((lags[w, i] for i in range(len(word.phones)) if (w, i) in lags), 0.0)
+            mute = sum(p.symbol == "ə" for p in word.phones) if self._mute[w] else 0
+            yield PacedWord(word, phones, lag, mute)
+
+    def _said(self) -> Iterator[tuple[int, int, bool]]:
+        """Yield word and phone number of what stays, and whether a pause comes before it."""
+        before = -1
+        for w, word in enumerate(self._words):
+            if not self._kept[w]:
+                continue
+            paused = any(self._breaks[max(before, 0) : w])
+            orphan = w - before > 1 and w > 0 and links(word.word)
+            for i, phone in enumerate(word.phones):
+                silent = (i == 0 and orphan) or (self._mute[w] and phone.symbol == "ə")
+                if not silent:
+                    yield w, i, paused
+                    paused = False
+            before = w
+
+    def _keys(self) -> _Keys:
+        members: list[list[tuple[int, int]]] = []
+        form: list[tuple[int, str]] = []
+        paused: list[bool] = []
+        open_consonant = False
+        for w, i, after_pause in self._said():
+            symbol = self._words[w].phones[i].symbol
+            if symbol in VOWELS and open_consonant and not after_pause:
+                members[-1].append((w, i))
+                form[-1] = form[-1][0], self._options.placement(symbol)
+                open_consonant = False
+                continue
+            open_consonant = symbol not in VOWELS
+            members.append([(w, i)])
+            paused.append(after_pause and len(members) > 1)
+            form.append(
+                (SHAPE_OF[symbol], NO_VOWEL_PLACEMENT)
+                if open_consonant
+                else (NO_CONSONANT_SHAPE, self._options.placement(symbol))
+            )
+        phones = [[self._words[w].phones[i] for w, i in m] for m in members]
+        first = np.array([p[0].start for p in phones])
+        share = [
+            (p[0].end - p[0].start) / max(p[-1].end - p[-1].start + p[0].end - p[0].start, _SAME_S)
+            for p in phones
+        ]
+        least = [
+            max(_least(before, after), _LEAST_PHONE_S * len(m))
+            for before, after, m in zip([(0, ""), *form], form, members, strict=False)
+        ]
+        pause = _LEAST_PAUSE_S * np.array(paused, dtype=float)
+        consonant = np.clip(share, 1 - _LONGEST_CONSONANT, _LONGEST_CONSONANT)
+        said = np.array([sum(x.end - x.start for x in p) for p in phones])
+        return _Keys(members, first, np.array(least), pause, said, consonant)
+
+    def _late(self, keys: _Keys, lead_s: float) -> tuple[int, int] | None:
+        """Return the first key that comes too late at the quickest, and where the hurry began."""
+        clock, begun = self._free_s, 0
+        for k, (first, least, pause) in enumerate(
+            zip(keys.first.tolist(), keys.least.tolist(), keys.pause.tolist(), strict=True)
+        ):
+            clock += pause
+            if clock <= first - lead_s:
+                clock, begun = first - lead_s, k
+            if clock > first + self._latest_s + _SAME_S:
+                return begun, k
+            clock += least
+        return None
+
+    def _with_room(self) -> _Keys:
+        """Leave out what there is no time for, and return the keys of the rest."""
+        keys, dropped = self._keys(), list[int]()
+        while late := self._late(keys, LEAD_S):
+            begun, k = late
+            low, high = keys.members[begun][0][0], keys.members[k][0][0]
+            since = keys.first[k] - _REACH_S
+            near = [
+                w for w in range(low, high + 1)
+                if self._kept[w] and self._words[w].phones[-1].end >= since
+            ]  # fmt: skip
+            mute = [w for w in near if not self._mute[w] and _has_mute(self._words[w])]
+            if mute:
+                for w in mute:
+                    self._mute[w] = True
+            else:
+                out = min(
+                    near,
+                    key=lambda w: (importance(self._words[w].word), -len(self._words[w].phones), w),
+                )
+                self._kept[out] = False
+                dropped.append(out)
+            keys = self._keys()
+        for w in sorted(dropped, key=lambda w: (-importance(self._words[w].word), w)):
+            self._kept[w] = True
+            again = self._keys()
+            if self._late(again, LEAD_S):
+                self._kept[w] = False
+            else:
+                keys = again
+        return keys
+
+    def _schedule(self, keys: _Keys) -> tuple[FloatArray, FloatArray]:
+        """Return start and length of each key, seconds."""
+        n = len(keys.first)
+        if n == 0:
+            return np.zeros(0), np.zeros(0)
+        mean = keys.least.sum() / n
+        ease = 1.0 / (COMFORTABLE_KEYS * mean)
+        slowest = max(1.0, 1.0 / (KEYS_PER_SYLLABLE * self._pace.syllables_per_s * mean))
+        for lead_s in (0.0, LEAD_S):
+            if lead_s == 0.0 and self._late(keys, 0.0):
+                continue
+            early = np.maximum.accumulate(np.maximum(keys.first - lead_s, self._free_s))
+            latest = keys.first + self._latest_s
+            end = latest[-1] + max(keys.least[-1], keys.said[-1])
+            even = taut_string(
+                np.cumsum(np.append(0.0, keys.work)), np.append(early, end), np.append(latest, end)
+            )
+            speed = np.diff(even) / keys.work
+            if speed.min() >= min(ease, slowest):
+                break
+        factor = np.minimum(speed, slowest)
+        start, clock = np.empty(n), self._free_s
+        for k in range(n):
+            release = min(keys.first[k], even[k])
+            start[k] = max(release, clock + keys.pause[k] * (factor[k - 1] if k else 0.0))
+            clock = start[k] + keys.least[k] * factor[k]
+        ends = start + np.maximum(keys.least * factor, keys.said)
+        ends[:-1] = np.minimum(ends[:-1], start[1:] - keys.pause[1:])
+        return start, np.maximum(ends - start, keys.least * factor)
+
+
+def _spans(
+    keys: _Keys, start: FloatArray, length: FloatArray
+) -> dict[tuple[int, int], tuple[float, float]]:
+    """Return start and end of each phone on the grid."""
+    spans: dict[tuple[int, int], tuple[float, float]] = {}
+    step = -(1 << 40)
+    for k, members in enumerate(keys.members):
+        end = start[k] + length[k]
+        if k + 1 < len(start) and not keys.pause[k + 1]:
+            end = start[k + 1]
+        bounds = np.linspace(start[k], end, len(members) + 1)
+        if len(members) == 2:
+            bounds[1] = start[k] + keys.consonant[k] * (end - start[k])
+        step = max(step, round(bounds[0] * _GRID_HZ))
+        for member, bound in zip(members, bounds[1:].tolist(), strict=True):
+            after = max(step + 1, round(bound * _GRID_HZ))
+            spans[member] = step / _GRID_HZ, after / _GRID_HZ
+            step = after
+        if k + 1 < len(start) and keys.pause[k + 1]:
+            step += 1
+    return spans
+
+
+def _least(before: tuple[int, str], after: tuple[int, str]) -> float:
+    """Return the shortest time that a key takes after another one, seconds."""
+    if before == after:
+        return _STILL_S
+    places = sorted((before[1], after[1]))
+    way = _TURN_S + _PER_MM_S * _WAY_MM.get((places[0], places[1]), 0)
+    return way + _CHIN_S * (after[1] == "chin")
+
+
+def taut_string(x: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """Return the evenest course between bounds: the shortest one.
+
+    It begins at its first lower bound, ends at its last upper one and bends only where it touches
+    a bound, so its least slope is as large as the bounds allow.
+
+    Parameters
+    ----------
+    x : ndarray, shape (N,)
+        Ascending.
+    lower, upper : ndarray, shape (N,)
+        Bounds of the course at `x`.
+
+    Examples
+    --------
+    >>> taut_string(np.arange(3.0), np.array([0.0, 0.0, 4.0]), np.array([1.0, 1.0, 4.0])).tolist()
+    [0.0, 1.0, 4.0]
+    """
+    n = len(x)
+    out = np.empty(n)
+    at, out[0] = 0, lower[0]
+    while at < n - 1:
+        least, most = -np.inf, np.inf
+        low = high = bend = at
+        value = out[at]
+        for k in range(at + 1, n):
+            down, up = (np.array([lower[k], upper[k]]) - out[at]) / (x[k] - x[at])
+            if k == n - 1:
+                down = up
+            if down > most:
+                bend, value = high, upper[high]
+                break
+            if up < least:
+                bend, value = low, lower[low]
+                break
+            if down >= least:
+                least, low = down, k
+            if up <= most:
+                most, high = up, k
+        else:
+            bend, value = n - 1, upper[n - 1]
+        out[at + 1 : bend + 1] = out[at] + (value - out[at]) * (x[at + 1 : bend + 1] - x[at]) / (
+            x[bend] - x[at]
+        )
+        at = bend
+    return out
+
+
+def links(word: Word) -> bool:
+    """Return whether a word opens with the linking consonant of the word before it."""
+    return word.text[:1] in _VOWEL_LETTERS and len(word.phones) > 1 and word.phones[0] in _LINKING
+
+
+def importance(word: Word) -> int:
+    """Return how much a word tells, 0 for what goes first.
+
+    Function words before content words; what denies, counts or names goes last.
+
+    Examples
+    --------
+    >>> [importance(Word(t, ("a",), word_class=c)) for t, c in (("le", "D"), ("pas", "R"))]
+    [1, 8]
+    """
+    text, kind = word.text, word.word_class
+    if text in ("ne", "n'"):
+        return 0
+    if text in _NEGATION or kind == "U":
+        return 8
+    if text in _ARTICLES:
+        return 1
+    if kind in "PC":
+        return 2
+    if kind in "SOD" or text in _AUXILIARY:
+        return 3
+    return {"I": 4, "R": 4, "A": 5, "V": 6}.get(kind, 7)
+
+
+def _has_mute(word: TimedWord) -> bool:
+    symbols = {p.symbol for p in word.phones}
+    return "ə" in symbols and len(symbols & set(VOWELS)) > 1
