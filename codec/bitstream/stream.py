@@ -24,10 +24,12 @@ from codec.bitstream.bits import (
     unpack_fields,
 )
 from codec.bitstream.coding import Coding, coding_for
+from codec.bitstream.compact_encoder import CompactEncoder
 from codec.bitstream.decoder import SuperframeDecoder
 from codec.bitstream.encoder import SuperframeEncoder
 from codec.bitstream.quantise import NO_RESIDUAL
 from codec.bitstream.superframe import Superframe, merge_scores
+from codec.bitstream.window import MAX_BYTES
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
@@ -107,8 +109,10 @@ def encode_stream(
         if not MIN_RATE_BPS <= rate_bps <= MAX_RATE_BPS:
             raise CueError(f"rate {rate_bps} bit/s is not within {MIN_RATE_BPS}..{MAX_RATE_BPS}")
         size = int(rate_bps * SUPERFRAME_S / 8)
-        encoder = SuperframeEncoder(
-            voice, l0_bytes=size, l1_bytes=0, lead=0, options=options, first=head.indices.start
+        encoder: CompactEncoder | SuperframeEncoder = (
+            CompactEncoder(voice, l0_bytes=size, options=options, first=head.indices.start)
+            if size <= MAX_BYTES
+            else SuperframeEncoder(voice, l0_bytes=size, l1_bytes=0, lead=0, options=options)
         )
         head = replace(head, l0=size)
         body = b"".join(encoder.encode(motion, index).l0 for index in head.indices)

@@ -72,7 +72,14 @@ class Motion:
 
 
 def save_motion(motion: Motion, path: str | os.PathLike[str]) -> None:
-    """Write `motion` to `path`, through a temporary name in the same folder."""
+    """Write a motion file, through a temporary name in the same folder.
+
+    Parameters
+    ----------
+    motion : Motion
+    path : path-like
+        An ``.npz`` file without pickle; one that exists is replaced.
+    """
     with MotionWriter(path) as writer:
         writer.append(motion)
 
@@ -206,6 +213,14 @@ def _chunks(file: IO[bytes]) -> Iterator[bytes]:
 
 def load_motion(path: str | os.PathLike[str]) -> Motion:
     """Read a motion file.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    Motion
 
     Raises
     ------

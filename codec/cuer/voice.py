@@ -139,6 +139,10 @@ class Voice:
             Frames per second; the frames are consecutive.
         start_s, score
             Passed on to the motion.
+
+        Returns
+        -------
+        Motion
         """
         x = np.asarray(markers, dtype=np.float64)
         if x.ndim != 3 or x.shape[1:] != (len(layout.MARKERS), 3):
@@ -164,7 +168,14 @@ def _arrays(voice: Voice) -> Iterator[tuple[str, NDArray[np.float32]]]:
 
 
 def save_voice(voice: Voice, path: str | os.PathLike[str]) -> None:
-    """Write a voice: one float32 array per attribute of its parts, ``format`` and ``name``."""
+    """Write a voice: one float32 array per attribute of its parts, ``format`` and ``name``.
+
+    Parameters
+    ----------
+    voice : Voice
+    path : path-like
+        An ``.npz`` file without pickle.
+    """
     header: dict[str, NDArray[Any]] = {
         "format": np.array(FORMAT, dtype=np.str_),
         "name": np.array(voice.name, dtype=np.str_),
@@ -180,6 +191,10 @@ def load_voice(path_or_name: str | os.PathLike[str] = "claire") -> Voice:
     ----------
     path_or_name : path-like
         A name without a folder and without ``.npz`` means a voice that comes with the package.
+
+    Returns
+    -------
+    Voice
 
     Raises
     ------

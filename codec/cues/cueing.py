@@ -40,6 +40,8 @@ PLACEMENT_OF = {
 """Hand placement of each vowel, by the majority of the charts."""
 
 NO_CONSONANT_SHAPE = 5
+"""Shape of a vowel without a consonant (Cornett 1967)."""
+
 NO_VOWEL_PLACEMENT = "side"
 
 assert set(SHAPE_OF) == set(CONSONANTS)
@@ -83,6 +85,7 @@ class CueingOptions:
 DEFAULT_OPTIONS = CueingOptions()
 
 _JOIN_TOLERANCE_S = 0.005
+"""Seconds between phones that still count as adjacent: what rounding in files leaves."""
 
 
 def cue(phones: Iterable[Phone], options: CueingOptions = DEFAULT_OPTIONS) -> Iterator[Key]:

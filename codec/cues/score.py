@@ -29,7 +29,15 @@ def _check_interval(what: str, start: float, end: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Phone:
-    """A speech sound: IPA symbol of `codec.cues.phonology.PHONES`, start and end in seconds."""
+    """A speech sound.
+
+    Attributes
+    ----------
+    symbol : str
+        IPA symbol, one of `codec.cues.phonology.PHONES`.
+    start, end : float
+        Seconds on the programme's clock.
+    """
 
     symbol: str
     start: float
@@ -81,7 +89,13 @@ class Key:
         return f"{PLACEMENT_NUMBER[self.placement]}{self.shape}"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the fields under the names of the command line's JSON."""
+        """Return the fields under the names of the command line's JSON.
+
+        Returns
+        -------
+        dict
+            ``start``, ``end`` (seconds), ``phones``, ``shape``, ``placement``.
+        """
         return {
             "start": round(self.start, 4),
             "end": round(self.end, 4),
@@ -97,6 +111,11 @@ class Score:
 
     Pauses are gaps between phones; the rest key is not listed, a gap implies it
     (`codec.cues.cueing.rest_spans`).
+
+    Attributes
+    ----------
+    phones : tuple of Phone
+    keys : tuple of Key
     """
 
     phones: tuple[Phone, ...]
@@ -109,7 +128,17 @@ class Score:
                     raise CueError(f"{after} starts before its predecessor {before}")
 
     def shifted(self, delay_s: float) -> "Score":
-        """Return the score moved by `delay_s` seconds."""
+        """Return the score moved in time.
+
+        Parameters
+        ----------
+        delay_s : float
+            Seconds; negative ones move it to earlier times.
+
+        Returns
+        -------
+        Score
+        """
         return Score(
             tuple(Phone(p.symbol, p.start + delay_s, p.end + delay_s) for p in self.phones),
             tuple(
@@ -119,17 +148,36 @@ class Score:
         )
 
     def to_json(self) -> str:
-        """Return the JSON text that stands in a motion file."""
+        """Return the JSON text that stands in a motion file.
+
+        Returns
+        -------
+        str
+        """
         keys = [k.as_dict() for k in self.keys]
         return json.dumps({"phones": self.phone_rows(), "keys": keys}, ensure_ascii=False)
 
     def phone_rows(self) -> list[list[str | float]]:
-        """Return symbol, start and end of the phones as they stand in the JSON text."""
+        """Return the phones as they stand in the JSON text.
+
+        Returns
+        -------
+        list
+            Symbol, start and end in seconds of each.
+        """
         return [[p.symbol, round(p.start, 4), round(p.end, 4)] for p in self.phones]
 
     @classmethod
     def from_json(cls, text: str) -> "Score":
         """Read what `to_json` wrote.
+
+        Parameters
+        ----------
+        text : str
+
+        Returns
+        -------
+        Score
 
         Raises
         ------

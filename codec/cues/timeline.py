@@ -22,8 +22,13 @@ SUPERFRAME_S = 0.64
 """Length of a superframe in seconds."""
 
 _TICKS_PER_S = 50
+"""Ticks of the grid in a second."""
+
 _JOIN_S = 0.005
+"""Seconds between phones that are no pause: what rounding in files leaves."""
+
 _BEFORE_ALL = -(1 << 40)
+"""Tick before any that occurs: the pause since ever begins there."""
 
 
 @dataclass(frozen=True, slots=True)

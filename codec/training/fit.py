@@ -25,7 +25,12 @@ from codec.training.fit_face import fit_face
 from codec.training.fit_hand import LEAST_FRAMES, fit_hand
 
 UNLABELLED = -1
+"""Label of a frame that belongs to no class."""
+
 _LEVER_MM = 100.0
+"""Millimetres that a radian of turn counts for: a point of the head is about so far from its
+pivot."""
+
 _FACE = slice(0, layout.N_FACE)
 _HAND = slice(layout.N_FACE, layout.N_FACE + layout.N_HAND)
 

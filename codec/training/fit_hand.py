@@ -29,11 +29,21 @@ from codec.errors import CueError
 from codec.training.pruning import prune
 
 Regressors = Literal["angles", "parameters", "linear"]
+
 LEAST_FRAMES = 200
+"""Complete frames that a fit needs."""
+
 _MOST_FRAMES = 20_000
+"""Frames that are used at most, evenly spread: a bound on time and memory."""
+
 _RIDGE = 1e-3
+"""Weight of the ridge, of the regressors' unit variance."""
+
 _LINEAR_ANGLE = 1e-3
+"""Angle in radians so small that sines are linear: the control without them."""
+
 _PARAMETER_ANGLE = 0.5
+"""Radians that a parameter of unit variance stands for in the paper's regression."""
 
 
 @one_thread

@@ -291,9 +291,15 @@ _PRIOR = 200.0
 """Weight of that assumption against counted indices."""
 
 _STEPS = range(8, 33, 2)
+
 _ROUNDS = 3
+"""Rounds in which indices are chosen by the tables and tables counted from the indices."""
+
 _INSET = 0.45
+"""Largest distance of a reconstruction point from its cell's middle, in steps."""
+
 _ZERO_CELL = 0.6
+"""Half width of the cell of zero in steps: what rate-distortion quantisation makes of it."""
 
 
 def train_coefficients(examples: Sequence[tuple[Basis, Sequence[Array]]]) -> dict[str, Any]:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 PRUNE_MM = 2.0
+"""Distance in mm within which frames count as alike, as in the paper (section 3.1)."""
 
 
 def prune(frames: ArrayLike, distance_mm: float = PRUNE_MM) -> NDArray[np.int64]:

@@ -28,6 +28,7 @@ VERBS = (
 )  # fmt: skip
 """Verbs in the order of the help page; each is a module of `cuecast.verbs`."""
 
+# Codes of exit, as the help page says; the last one is that of shells for an interrupt.
 EXIT_OK = 0
 EXIT_MISMATCH = 1
 EXIT_USAGE = 2
@@ -61,7 +62,18 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line `argv` (default: that of the process); return its exit status."""
+    """Run a command line.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Verb and options; those of the process by default.
+
+    Returns
+    -------
+    int
+        The exit status.
+    """
     try:
         args = build_parser().parse_args(argv)
     except SystemExit as stop:  # argparse has printed its page or its complaint

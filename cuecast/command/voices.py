@@ -54,3 +54,4 @@ def train_voice(voice: Voice, *, progress: Callable[[int, int], None]) -> None:
 
 
 _STEPS = 3
+"""Parts of the work that the progress bar counts."""

@@ -19,8 +19,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.bitstream.compact_encoder import CompactEncoder
 from codec.bitstream.encoder import SuperframeEncoder
 from codec.bitstream.payload import nest
+from codec.bitstream.window import MAX_BYTES
+from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.errors import CueError
 from cuecast.dubbing.coder_stream import make_rehearsal
@@ -213,10 +216,15 @@ def superframe_source(
     """
     nests = l0_bytes == beside.l0_bytes and l1_bytes >= 2 * (beside.l0_bytes + beside.l1_bytes)
     fine_bytes = l1_bytes - l0_bytes if nests else l1_bytes
+    if l0_bytes <= MAX_BYTES:
+        compact = CompactEncoder(voice, l0_bytes=l0_bytes, first=first + LEAD)
+        return lambda k: (
+            compact.encode(_window(motion, first + k + LEAD), first + k + LEAD).l0,
+            b"",
+        )
     fine = SuperframeEncoder(
-        voice, l0_bytes=l0_bytes, l1_bytes=fine_bytes, lead=LEAD, protected=True,
-        first=first + LEAD,
-    )  # fmt: skip
+        voice, l0_bytes=l0_bytes, l1_bytes=fine_bytes, lead=LEAD, protected=True
+    )
     coarse = SuperframeEncoder(
         voice, l0_bytes=l0_bytes, l1_bytes=beside.l1_bytes if nests else 0, lead=LEAD,
         protected=True,
@@ -224,13 +232,17 @@ def superframe_source(
 
     def source(k: int) -> tuple[bytes, bytes]:
         index = first + k + LEAD
-        window = motion.window(index * SUPERFRAME_S, FRAMES)
+        window = _window(motion, index)
         superframe = fine.encode(window, index)
         if not nests:
             return superframe.l0, superframe.l1
         return nest(coarse.encode(window, index).l0, superframe.l0, superframe.l1)
 
     return source
+
+
+def _window(motion: MotionSource, index: int) -> Motion:
+    return motion.window(index * SUPERFRAME_S, FRAMES)
 
 
 class _From:

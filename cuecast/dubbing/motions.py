@@ -33,11 +33,34 @@ class MotionSource(Protocol):
         """Frames per second."""
 
     def window(self, start_s: float, frames: int) -> Motion:
-        """Return `frames` frames at `rate_hz` from `start_s` on."""
+        """Return a window of the motion.
+
+        Parameters
+        ----------
+        start_s : float
+            Time of its first frame on the programme's clock, seconds.
+        frames : int
+            As many, at `rate_hz`.
+
+        Returns
+        -------
+        Motion
+        """
 
 
 class SynthesisedMotion:
-    """Motion that the gesture synthesiser makes for a score."""
+    """Motion that the gesture synthesiser makes for a score.
+
+    Parameters
+    ----------
+    score : Score
+    voice : Voice
+    seed : int
+        Of all that is random in her.
+    options : CueingOptions
+    alignment : str
+        ``attina`` or ``paper``: when the hand is on target.
+    """
 
     def __init__(
         self,
@@ -56,7 +79,7 @@ class SynthesisedMotion:
         )
 
     def window(self, start_s: float, frames: int) -> Motion:
-        """Return the motion from `start_s` on."""
+        """Return a window of the motion, see `MotionSource.window`."""
         return self._synthesiser.motion(self.score, start_s, frames, self._voice)
 
 
@@ -126,6 +149,12 @@ class JoinedMotion:
 class GivenMotion:
     """Motion of a file; before its start and after its end the cuer stands still.
 
+    Parameters
+    ----------
+    motion : Motion
+    voice : Voice
+        That of the motion.
+
     Raises
     ------
     VoiceError
@@ -139,7 +168,7 @@ class GivenMotion:
         self._motion = motion
 
     def window(self, start_s: float, frames: int) -> Motion:
-        """Return the motion from `start_s` on."""
+        """Return a window of the motion, see `MotionSource.window`."""
         times = start_s + np.arange(frames) / RATE_HZ
         params = sample_params(self._motion, times)
         return replace(self._motion, params=params, rate_hz=RATE_HZ, start_s=start_s)

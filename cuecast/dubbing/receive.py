@@ -72,6 +72,10 @@ def receive(
     progress : callable
         Told how many seconds each piece of the programme brought.
 
+    Returns
+    -------
+    Reception
+
     Raises
     ------
     CueError

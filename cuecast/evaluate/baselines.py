@@ -29,9 +29,16 @@ Array = NDArray[np.float64]
 Result = tuple[float, Array]
 
 _LARGEST = 40
+"""Index from which indices are coded by an escape."""
+
 _SEGMENT = 16
+"""Frames of a block of cosines (ISO/IEC 14496-2)."""
+
 _HALF_HZ = 25.0
+"""Frames per second of MPEG-4's modes."""
+
 _EVERY = 97
+"""Every so many frames the metric is taken; a prime, so that it falls on all phases of speech."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,11 +40,22 @@ from synth.text.sentences import read_sentences
 FloatArray = NDArray[np.float64]
 
 _CUERS = ("claire/minimum-jerk", "agathe/minimum-jerk")
+
 _SENTENCES = 6
+"""Sentences of a take."""
+
 _FIRST = 190
+"""Number of the first one in the built-in list; the voice has not learnt from it."""
+
 _STUDIO_HZ, _CAMERA_HZ, _TELEPHONE_HZ = 120.0, 30.0, 60.0
+"""Frames per second of motion capture, of a film, and of a telephone's face tracker."""
+
 _TAIL_S = 1.0
+"""Seconds after the last phone, in which the hand comes to rest."""
+
 _TURN = (-1.57, 0.0, 0.0, 300.0, 900.0, 1200.0)
+"""Turn in radians and shift in mm of another laboratory's axes: z up, metres away."""
+
 _FEW = (
     "FH0", "FH1_R", "FH1_L", "NB", "EAR_R", "EAR_L", "LC_R", "LC_L", "UL0", "LL0", "CH0",
     "A00", "A12", "A21", "W1", "W3", "K2", "K3", "K5", "P3",

@@ -50,7 +50,9 @@ DEFAULT_CHANNELS = ("none", "aac128", "mp2_192", "ac3_192", "mp3_128")
 
 _SOUNDS = {".wav", ".flac", ".mp3", ".m4a", ".ogg", ".mp4", ".mkv", ".ts"}
 _SUBTITLES = (".srt", ".vtt", ".ttml", ".xml", ".stl")
+
 _LINE_S = 4.0
+"""Seconds of a line of subtitles, where a clip has none of its own."""
 
 
 def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:

@@ -48,11 +48,16 @@ from synth.training.build_coding import PACES, imprecise, paced, perform, recita
 Array = NDArray[np.float64]
 
 RATES_BPS = (150, 200, 250, 337.5, 450, 600, 900, 1500, 3000, 6000)
+"""Rates in bit/s that are tried, those of the carriers' profiles among them."""
+
 ERRORS_MM = (1.0, 2.0, 4.0)
 """Errors that files are made to keep."""
 
 STEPS_MM = (4.0, 6.0, 9.0, 13.0, 19.0, 28.0)
+"""Steps in mm that the baselines are tried with."""
+
 LOSSES = (0.05, 0.1, 0.2)
+"""Shares of superframes that are lost."""
 
 STANDARD_BYTES = (20, 7)
 """Parts of a superframe in the standard profile of the sound carrier."""
@@ -70,7 +75,11 @@ HURRIED_BYTES = (6, 7)
 """Sizes of compact superframes whose keys are counted at other paces of speech."""
 
 _TRAINING_SENTENCES = 60
+"""Sentences that the baselines learn from."""
+
 _FEW = 20
+"""Sentences of the shorter measurements."""
+
 _LONG = 10_000
 """Frames of a motion from which losses tell anything."""
 

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from codec.bitstream.bits import HEADER_BYTES, SCORE
 from codec.bitstream.coding import coding_for
+from codec.bitstream.compact_encoder import CompactEncoder
 from codec.bitstream.decoder import SuperframeDecoder
 from codec.bitstream.encoder import SuperframeEncoder
 from codec.bitstream.payload import CRC8_BYTES, CRC16_BYTES, read_beginning, score_code
 from codec.bitstream.stream import encode_stream, read_superframes
 from codec.bitstream.superframe import DecodedSuperframe, Superframe, merge_scores, resynthesis_of
+from codec.bitstream.window import MAX_BYTES
 from codec.cuer import layout
 from codec.cuer.layout import N_FACE
 from codec.cuer.models import rigid
@@ -62,7 +64,11 @@ class Outcome:
 
 def coded(voice: Voice, motion: Motion, count: int, size: int) -> Outcome:
     """Return what becomes of the first `count` superframes at `size` bytes each."""
-    encoder = SuperframeEncoder(voice, l0_bytes=size, l1_bytes=0)
+    encoder = (
+        CompactEncoder(voice, l0_bytes=size)
+        if size <= MAX_BYTES
+        else SuperframeEncoder(voice, l0_bytes=size, l1_bytes=0)
+    )
     frames = [encoder.encode(motion, k) for k in range(count)]
     outcome = decoded(voice, motion, frames)
     params = np.concatenate([done.params for done in _received(voice, frames)])

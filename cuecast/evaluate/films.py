@@ -23,10 +23,19 @@ WIDTH_MM = 1000.0
 """What the picture shows from side to side."""
 
 ASPECT = 16 / 9
+"""Width of the picture over its height."""
+
 _FACE_PART = 1 / 6
+"""Noise of the face's landmarks, of that of the hand's."""
+
 _FACE_BESIDE_MM = 2.0
+"""Standard deviation in mm of the constant displacement of each landmark of the face."""
+
 _DEPTH_SD_MM = 8.0
+"""Standard deviation in mm of the guessed depth."""
+
 _DEPTH_GAIN = 0.8
+"""What the guess makes of a true difference of depth."""
 
 
 def film(

@@ -27,6 +27,7 @@ from watermark.audio.profile import find_profile
 from watermark.link.superframe import SUPERFRAME_S
 
 _BETWEEN_S = 1.5
+"""Seconds between sentences."""
 
 
 def recital(texts: Sequence[str]) -> Score:

@@ -29,10 +29,19 @@ from synth.measured.cuer import MEASURED
 from synth.rules.movement import LAWS
 
 N_TRAINING = 68
+"""Sentences that are learnt from, as in the paper (section 4)."""
+
 N_TEST = 114
+"""Sentences that are not, as in the paper."""
+
 _CONTROL_TAKES = 6
+"""Takes that the controls learn from."""
+
 _FEW_SENTENCES = 10
+"""Sentences that the recogniser learns from in the test with few."""
+
 _FEW_EXAMPLES = 6
+"""Examples of a class that count when sentences are chosen."""
 
 
 def evaluate(options: EvaluateOptions) -> dict[str, Any] | list[dict[str, Any]]:

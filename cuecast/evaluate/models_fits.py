@@ -26,7 +26,11 @@ from codec.training.fit_hand import Regressors, fit_hand
 from cuecast.evaluate.takes import Material, Take
 
 _TRAINING_HZ = 30.0
+"""Frames per second that are learnt from: neighbours at the studio's rate are alike."""
+
 _COMPLETION_STRIDE = 5
+"""Every so many frames are learnt from for completion."""
+
 _FACE = slice(0, layout.N_FACE)
 _HAND = slice(layout.N_FACE, layout.N_FACE + layout.N_HAND)
 
@@ -35,7 +39,9 @@ _PARTS = {
     "palm": "KP", "wrist and forearm": "WA",
 }  # fmt: skip
 _OCCLUSION = ("0-5", "6-10", "11-15", "16-20", "21-50")
+
 _OCCLUSION_EDGES = (6, 11, 16, 21)
+"""Hidden markers at which the classes of occlusion begin."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,9 +26,16 @@ from cuecast.evaluate.models_fits import Fit
 from cuecast.evaluate.takes import Take
 
 _POINTS_HZ = 60.0
+"""Frames per second that the page shows."""
+
 _COLUMNS = 1500
+"""Columns of the picture of the sound."""
+
 _MARGIN_MM = 15.0
+"""Margin in mm around the points."""
+
 _TENTHS_LIMIT = 32767
+"""Largest whole number of tenths of a millimetre: that of 16 bits."""
 
 
 def write_page(path: Path, data: str, take: Take, fit: Fit, recogniser: Recogniser) -> None:

@@ -31,8 +31,12 @@ from synth.scoring.text_score import score_from_text
 from synth.text.sentences import read_sentences
 
 ALIGNMENT = "paper"
+
 _COMPARED = 24
+"""Sentences by which rules and units are compared."""
+
 _SPEED_PERCENTILE = 99.9
+"""Percentile of recorded speeds that joins are held against."""
 
 
 def evaluate(options: EvaluateOptions) -> dict[str, Any]:

@@ -34,6 +34,7 @@ from synth.text.espeak import RATE_HZ
 from synth.text.sentences import read_sentences
 
 _FRAMING_TAKES = 3
+"""Takes from which the axes of a laboratory are found."""
 
 
 @dataclass(frozen=True, slots=True)

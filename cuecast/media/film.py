@@ -14,7 +14,9 @@ from cuecast.media.encode import SoundEncoder, SoundTarget
 from receiver.media.programme import SoundFormat
 
 _LAYOUTS = {1: "mono", 2: "stereo", 3: "2.1", 4: "4.0", 5: "5.0", 6: "5.1", 7: "6.1", 8: "7.1"}
+
 _BLOCK = 4096
+"""Samples that are coded at once."""
 
 
 def write_film(

@@ -14,7 +14,9 @@ from receiver.media.programme import open_programme
 _CONTAINERS = {"mov", "mp4", "webm", "flac", "wav", "mp3", "ogg"}
 _PICTURES = {"h264", "vp8", "vp9", "av1"}
 _SOUNDS = {"aac", "mp3", "mp3float", "opus", "vorbis", "flac", "pcm_s16le"}
+
 _BIT_RATE = 192_000
+"""Bits per second of the sound: no loss that anyone hears, or that the mark minds."""
 
 
 def playable(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> Path:

@@ -57,7 +57,27 @@ def render_frames(
     *, style: str = "points", size: tuple[int, int] = DEFAULT_SIZE,
     background: NDArray[np.uint8] | None = None, mirror: bool = False,
 ) -> Iterator[NDArray[np.uint8]]:  # fmt: skip
-    """Yield a picture (height, width, 3) of the cuer for each time.
+    """Yield a picture of the cuer for each time.
+
+    Parameters
+    ----------
+    motion : Motion
+    voice : Voice
+        That of the motion.
+    times_s : ndarray of float64, shape (n,)
+        Seconds on the programme's clock.
+    style : str
+        One of `STYLES`.
+    size : tuple of int
+        Width and height in pixels.
+    background : ndarray of uint8, shape (height, width, 3), optional
+        Red, green, blue of what she stands before; black by default.
+    mirror : bool
+        Whether to swap left and right.
+
+    Yields
+    ------
+    ndarray of uint8, shape (height, width, 3)
 
     Raises
     ------

@@ -87,11 +87,13 @@ class Broadcast:
     ) -> None:  # fmt: skip
         self._source, self._voice, self._tell = source, voice, tell
         self._key, self._format, self._once = key, format, once
+        self.metrics = Metrics()
         self._line: Line | None = None
         if not isinstance(source, str):
             self._line = Pipe(source)
         elif source.startswith("udp:"):
-            self._line, self._format = DatagramLine(source), format or "mpegts"
+            self._line = DatagramLine(source, on_failure=lambda error: self.metrics.fail(error))
+            self._format = format or "mpegts"
         self._stop = threading.Event()
         self._clock = SteadyClock()
         self._receiver: Receiver | None = None
@@ -100,7 +102,6 @@ class Broadcast:
         self._unseen = ""
         self._counted = {"received": 0, "lost": 0}
         self._state: State = "searching"
-        self.metrics = Metrics()
         self._sound = SoundLine(self._clock, self.metrics)
         self._looks = PictureLine(self.metrics)
 
@@ -116,22 +117,40 @@ class Broadcast:
         Raises
         ------
         CueError
-            If `once` is set and the source cannot be opened.
+            If `once` is set and the source cannot be opened. Without `once` nothing ends it but
+            `stop`: failures are counted, and the source is opened again.
         """
         attempt = 0
         while not self._stop.is_set():
             try:
                 self._run_once()
                 attempt = 0
-            except (av.error.FFmpegError, OSError) as error:
-                if self._once and attempt == 0 and not self._sound.now_s:
-                    raise CueError(f"{self._source}: cannot be received: {error}") from error
+            except Exception as error:  # whatever comes in, reception goes on
+                if self._once:
+                    self._give_up(error, attempt)
+                self._recover(error)
             if self._once and (self._line is None or self._line.over):
                 break
             self._change("lost" if self._state in ("locked", "degraded") else self._state)
             self._stop.wait(_RETRY_S[min(attempt, len(_RETRY_S) - 1)])
             attempt += 1
         self._finish()
+
+    def _give_up(self, error: Exception, attempt: int) -> None:
+        """Raise what makes a source that is opened once useless."""
+        if isinstance(error, (av.error.FFmpegError, OSError)):
+            if attempt == 0 and not self._sound.now_s:
+                raise CueError(f"{self._source}: cannot be received: {error}") from error
+        else:
+            raise error
+
+    def _recover(self, error: Exception) -> None:
+        """Count a failure; after one of no known kind begin with nothing that may have failed."""
+        self.metrics.fail(error)
+        if not isinstance(error, (av.error.FFmpegError, OSError, CueError)):
+            self._receiver = self._writer = None
+            self._sound = SoundLine(self._clock, self.metrics, now_s=self._sound.now_s)
+            self._looks = PictureLine(self.metrics)
 
     def _run_once(self) -> None:
         """Receive from one connection, until it ends or the programme has changed its form."""

@@ -11,6 +11,7 @@ import struct
 import threading
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import IO
 from urllib.parse import parse_qs, urlsplit
 
@@ -25,6 +26,9 @@ PATIENCE_S, PATIENCE_BYTES = 1.0, 20_000
 _DATAGRAM = 65536
 _WAITING = 20_000
 """Datagrams that wait for a slow reader: 26 MB of a transport stream."""
+
+_RETRY_S = 0.5
+"""Between two attempts to listen on a network that has gone."""
 
 
 class Line(ABC):
@@ -101,14 +105,20 @@ class DatagramLine(Line):
         ``udp://127.0.0.1:5004``, ``udp://@:5004`` (any of this machine's addresses), or that of a
         multicast group, with ``?localaddr=`` if it is to be joined by a certain interface.
 
+    on_failure : callable
+        Told, in the thread, why listening failed; it begins again after a while.
+
     Raises
     ------
     CueError
         If this is not the address of a port that can be listened to.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(
+        self, url: str, *, on_failure: Callable[[Exception], None] = lambda error: None
+    ) -> None:
         super().__init__()
+        self._url, self._on_failure = url, on_failure
         self._socket = _listen(url)
         self._datagrams: queue.Queue[bytes] = queue.Queue(_WAITING)
         self._held = memoryview(b"")
@@ -120,13 +130,26 @@ class DatagramLine(Line):
                 data = self._socket.recv(_DATAGRAM)
             except TimeoutError:
                 continue
-            except OSError:  # closed
-                break
+            except OSError as error:
+                self._listen_again(error)
+                continue
             try:
                 self._datagrams.put_nowait(data)
             except queue.Full:  # lost, as on the network
                 continue
         self._socket.close()
+
+    def _listen_again(self, error: Exception) -> None:
+        """Listen anew after the network went away, as often as it takes."""
+        self._on_failure(error)
+        self._socket.close()
+        while not self.over:
+            time.sleep(_RETRY_S)
+            try:
+                self._socket = _listen(self._url)
+            except CueError:
+                continue
+            return
 
     def _receive(self, size: int) -> bytes:
         if not self._held:

@@ -61,9 +61,11 @@ class SoundLine:
     clock : SteadyClock
         Shared with the picture.
     metrics : Metrics
+    now_s : float
+        Time on the clock up to which another line of this broadcast brought sound.
     """
 
-    def __init__(self, clock: SteadyClock, metrics: Metrics) -> None:
+    def __init__(self, clock: SteadyClock, metrics: Metrics, *, now_s: float = 0.0) -> None:
         self._clock, self._metrics = clock, metrics
         self._decoder: Any = None
         self._announced: Any = None
@@ -71,7 +73,7 @@ class SoundLine:
         self._form = (0, 0)
         self._others = 0
         self._mute = 0
-        self._next_s = 0.0
+        self._next_s = now_s
 
     @property
     def now_s(self) -> float:

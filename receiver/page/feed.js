@@ -7,9 +7,10 @@
 
 const HEADER_BYTES = 20;
 const RETRY_MS = [500, 1000, 2000, 4000];
+const FULL = 4001;
 
 export class Feed {
-  /** `handlers`: motion(piece), message(document), open(), closed(). */
+  /** `handlers`: motion(piece), message(document), open(), closed(full): whether too many pages are watching. */
   constructor(url, handlers) {
     this.url = url;
     this.handlers = handlers;
@@ -20,13 +21,13 @@ export class Feed {
   connect() {
     this.socket = new WebSocket(this.url);
     this.socket.binaryType = "arraybuffer";
-    this.socket.onopen = () => {
+    this.socket.onopen = () => this.handlers.open();
+    this.socket.onmessage = (event) => {
       this.attempt = 0;
-      this.handlers.open();
+      this.receive(event.data);
     };
-    this.socket.onmessage = (event) => this.receive(event.data);
-    this.socket.onclose = () => {
-      this.handlers.closed();
+    this.socket.onclose = (event) => {
+      this.handlers.closed(event.code === FULL);
       const wait = RETRY_MS[Math.min(this.attempt++, RETRY_MS.length - 1)];
       setTimeout(() => this.connect(), wait);
     };

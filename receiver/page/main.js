@@ -35,10 +35,10 @@ class Page {
     this.controls = new Controls(document, this);
     this.feed = new Feed(`ws://${location.host}/feed`, {
       open: () => {
-        this.link = "searching";
+        if (this.link !== "full") this.link = "searching";
         this.report(true);
       },
-      closed: () => { this.link = "offline"; },
+      closed: (full) => { this.link = full ? "full" : "offline"; },
       message: (message) => this.receive(message),
       motion: (piece) => this.timeline.insert(piece),
     });
@@ -99,6 +99,7 @@ class Page {
   }
 
   receive(message) {
+    this.link = "searching";
     if (message.type === "status") this.timeline.insertState(message);
     else if (message.type === "line") this.quiet = message.quiet;
     else if (message.type === "keys") this.timeline.insertKeys(message.keys);

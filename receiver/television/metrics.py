@@ -1,6 +1,7 @@
 """What a receiver measures about itself, as JSON and as Prometheus text."""
 
 import threading
+from collections import Counter
 from typing import Any
 
 _HELP = {
@@ -16,6 +17,10 @@ _HELP = {
     "motion_margin_seconds": ("gauge", "How long before it is due the last motion was ready."),
     "viewers": ("gauge", "Pages that are watching."),
 }  # fmt: skip
+
+_FAILURES = "Failures of reception after which it went on, by cause."
+_MOST_CAUSES = 32
+_LONGEST_CAUSE = 300
 
 
 class Metrics:
@@ -34,6 +39,8 @@ class Metrics:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._values = dict.fromkeys(_HELP, 0.0)
+        self._failures: Counter[str] = Counter()
+        self._last_failure = ""
 
     def add(self, name: str, amount: float = 1.0) -> None:
         """Raise a counter."""
@@ -45,16 +52,28 @@ class Metrics:
         with self._lock:
             self._values[name] = float(value)
 
-    def document(self) -> dict[str, Any]:
-        """Return all values by name."""
+    def fail(self, error: Exception) -> None:
+        """Count a failure by its cause, after which reception goes on."""
+        name = type(error).__name__
         with self._lock:
-            return dict(self._values)
+            self._failures[name if len(self._failures) < _MOST_CAUSES else "other"] += 1
+            self._last_failure = f"{name}: {error}"[:_LONGEST_CAUSE]
+
+    def document(self) -> dict[str, Any]:
+        """Return all values by name, and what failed: how often by cause, and the last one."""
+        with self._lock:
+            failures = {"failures": dict(self._failures), "last_failure": self._last_failure}
+            return self._values | failures
 
     def prometheus(self) -> str:
         """Return the text exposition format, version 0.0.4."""
+        values = self.document()
         lines = []
-        for name, value in self.document().items():
-            kind, text = _HELP[name]
+        for name, (kind, text) in _HELP.items():
             lines += [f"# HELP cuecast_{name} {text}", f"# TYPE cuecast_{name} {kind}"]
-            lines.append(f"cuecast_{name} {value!r}")
+            lines.append(f"cuecast_{name} {values[name]!r}")
+        lines += [f"# HELP cuecast_failures_total {_FAILURES}"]
+        lines += ["# TYPE cuecast_failures_total counter"]
+        for cause, count in values["failures"].items():
+            lines.append(f'cuecast_failures_total{{cause="{cause}"}} {float(count)!r}')
         return "\n".join(lines) + "\n"

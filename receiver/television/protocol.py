@@ -27,11 +27,20 @@ from receiver.reception.events import (
 )
 
 _HEADER = struct.Struct("<BBHHHdf")
+
 _MOTION = 1
+"""First byte of a message that holds motion."""
+
 _LAYER_BITS = {"L0": 1, "L1": 2}
+
 _CONCEALED_BIT = 0x80
+"""Bit that stands where no layer arrived."""
+
 MAX_REQUEST_BYTES = 256
+"""Characters of a page's message at most."""
+
 _MAX_TIME_S = 1e7
+"""Latest position in seconds: four months."""
 
 assert _HEADER.size == 20
 

@@ -8,13 +8,16 @@ name this host are answered (a page of another origin cannot read the programme 
 import asyncio
 import contextlib
 import gzip
+import ipaddress
 import json
 import mimetypes
 import os
+import socket as socketlib
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from functools import partial
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from aiohttp import WSMsgType, web
 
@@ -32,8 +35,22 @@ AHEAD_S = 30.0
 """How far reception runs ahead of a viewer of a file."""
 
 MAX_VIEWERS = 8
+"""Pages that may watch at a time: a household's."""
+
+FULL = 4001
+"""Code with which a WebSocket is closed when enough pages are watching."""
+
+_HEAD_S = 5.0
+"""A connection that has asked for nothing for so long is closed."""
+
+_MAX_SILENT = 64
+"""Connections that may be open without having asked for anything."""
+
 _REQUESTS_PER_S = 20
+"""Messages per second that a page may send: more than any hand makes."""
+
 _MAX_PENDING = 64
+"""Messages that wait for a slow page before it is dropped."""
 
 _HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self';"
@@ -71,7 +88,9 @@ class Channel(ABC):
         if has_avatar(voice):
             self._avatar = gzip.compress(avatar_document(load_avatar(voice)), mtime=0)
         self._host, self._port = host, port
-        self._names: frozenset[str] = frozenset()
+        self._names = frozenset({host.lower(), "localhost", *_own_names()})
+        self._silent: dict[web.RequestHandler, asyncio.TimerHandle] = {}
+        self._sockets_per_page = 2 if live else 1
         self._sockets: set[web.WebSocketResponse] = set()
         self._files = {file.name: file for file in PAGE.iterdir() if file.is_file()}
 
@@ -84,22 +103,44 @@ class Channel(ABC):
         CueError
             If the port is not free.
         """
-        runner = web.AppRunner(self._application(), access_log=None, shutdown_timeout=1.0)
+        runner = web.AppRunner(
+            self._application(), access_log=None, shutdown_timeout=1.0, keepalive_timeout=15.0
+        )
         await runner.setup()
+        loop = asyncio.get_running_loop()
+        listener: asyncio.Server | None = None
         try:
-            site = web.TCPSite(runner, self._host, self._port)
             try:
-                await site.start()
+                listener = await loop.create_server(
+                    lambda: self._greet(runner), self._host, self._port
+                )
             except OSError as error:
                 raise CueError(f"cannot listen on {self._host}:{self._port}: {error}") from error
-            port = runner.addresses[0][1]
-            names = {self._host, "localhost", "127.0.0.1"}
-            self._names = frozenset(f"{name}:{port}" for name in names)
-            yield f"http://{self._host}:{port}/"
+            self._port = listener.sockets[0].getsockname()[1]
+            yield f"http://{_address_of(self._host)}:{self._port}/"
         finally:
+            if listener is not None:
+                listener.close()
             for socket in list(self._sockets):
                 await socket.close()
             await runner.cleanup()
+
+    def _greet(self, runner: web.AppRunner) -> web.RequestHandler:
+        """Take a connection; close it, or the oldest of too many, if it asks for nothing."""
+        assert runner.server is not None
+        handler = runner.server()
+        loop = asyncio.get_running_loop()
+        while len(self._silent) >= _MAX_SILENT:
+            self._hang_up(next(iter(self._silent)))
+        self._silent[handler] = loop.call_later(_HEAD_S, self._hang_up, handler)
+        return handler
+
+    def _hang_up(self, handler: web.RequestHandler) -> None:
+        timer = self._silent.pop(handler, None)
+        if timer is not None:
+            timer.cancel()
+        if handler.transport is not None:
+            handler.transport.abort()
 
     def _application(self) -> web.Application:
         application = web.Application(middlewares=[self._guard], client_max_size=1024)
@@ -119,17 +160,32 @@ class Channel(ABC):
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: _Handler) -> web.StreamResponse:
-        """Refuse foreign hosts and origins; add the headers of a closed page."""
+        """Refuse foreign hosts and origins; add the headers of a closed page.
+
+        An address is nobody's name: a page that another one's name server led here has a name.
+        """
+        timer = self._silent.pop(request.protocol, None)
+        if timer is not None:
+            timer.cancel()
         origin = request.headers.get("Origin")
-        if request.host not in self._names:
+        if not self._is_own(request.host):
             raise web.HTTPForbidden(text=f"host {request.host} is not this television")
-        if origin is not None and origin not in {f"http://{name}" for name in self._names}:
+        if origin is not None and origin != f"http://{request.host}":
             raise web.HTTPForbidden(text=f"origin {origin} is not this television")
         response = await handler(request)
         if not response.prepared:
             for name, value in _HEADERS.items():
                 response.headers[name] = value.replace("{socket}", f"ws://{request.host}")
         return response
+
+    def _is_own(self, host: str) -> bool:
+        """Return whether a request's Host names this television: an address, or a name of ours."""
+        try:
+            parts = urlsplit(f"http://{host}")
+            name, port = parts.hostname or "", parts.port or 80
+        except ValueError:
+            return False
+        return port == self._port and (name in self._names or _is_address(name))
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
         return web.FileResponse(self._files["index.html"])
@@ -168,19 +224,24 @@ class Channel(ABC):
         """Open a WebSocket for a page of this television and let `talk` use it."""
         if request.headers.get("Origin") is None:
             raise web.HTTPForbidden(text="the feed is for the page of this television")
-        if len(self._sockets) >= MAX_VIEWERS:
-            raise web.HTTPServiceUnavailable(text=f"{MAX_VIEWERS} viewers are watching already")
         socket = web.WebSocketResponse(
             max_msg_size=MAX_REQUEST_BYTES, heartbeat=20.0, compress=False
         )  # media is compressed already
         await socket.prepare(request)
+        if len(self._sockets) >= MAX_VIEWERS * self._sockets_per_page:
+            message = f"{MAX_VIEWERS} pages are watching already"
+            await socket.close(code=FULL, message=message.encode())
+            return socket
         self._sockets.add(socket)
-        self.metrics.set("viewers", len(self._sockets))
+        self.metrics.set("viewers", len(self._sockets) // self._sockets_per_page)
         try:
             await talk(socket)
+        except CueError as error:
+            self.metrics.fail(error)
+            await socket.close(code=1011, message=str(error).encode()[:100])
         finally:
             self._sockets.discard(socket)
-            self.metrics.set("viewers", len(self._sockets))
+            self.metrics.set("viewers", len(self._sockets) // self._sockets_per_page)
         return socket
 
     @abstractmethod
@@ -190,6 +251,36 @@ class Channel(ABC):
     @abstractmethod
     async def _tell(self, socket: web.WebSocketResponse) -> None:
         """Serve one viewer's feed until it is closed."""
+
+
+def _own_names() -> set[str]:
+    """Names of this machine, as far as it knows them."""
+    name = socketlib.gethostname().lower()
+    return {name, name.partition(".")[0], f"{name.partition('.')[0]}.local"}
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _address_of(host: str) -> str:
+    """Return how a browser on this machine names what listens at `host`.
+
+    Examples
+    --------
+    >>> [_address_of(host) for host in ("::1", "0.0.0.0", "::", "tv.example")]
+    ['[::1]', '127.0.0.1', '[::1]', 'tv.example']
+    """
+    if not _is_address(host):
+        return host
+    address = ipaddress.ip_address(host)
+    if address.is_unspecified:
+        return "127.0.0.1" if address.version == 4 else "[::1]"
+    return f"[{host}]" if address.version == 6 else host
 
 
 class Television(Channel):
@@ -247,14 +338,20 @@ class Viewer:
         self._jumps = 0
 
     async def serve(self) -> None:
-        """Run until the page closes the socket or breaks the protocol."""
+        """Run until the page closes the socket or breaks the protocol.
+
+        Raises
+        ------
+        CueError
+            If the programme cannot be received where the viewer is.
+        """
         pump = asyncio.create_task(self._pump())
-        try:
-            await self._listen()
-        finally:
-            pump.cancel()
+        listen = asyncio.create_task(self._listen())
+        await asyncio.wait((pump, listen), return_when=asyncio.FIRST_COMPLETED)
+        for task in (pump, listen):
+            task.cancel()
             with contextlib.suppress(asyncio.CancelledError, ConnectionError):
-                await pump
+                await task
 
     async def _listen(self) -> None:
         loop = asyncio.get_running_loop()

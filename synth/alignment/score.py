@@ -72,7 +72,19 @@ Judged = Callable[[Judgement], None]
 
 
 def sound_of(samples: ArrayLike, fs: int) -> Sound:
-    """Return the `Sound` of samples in memory, shape (n,) or (n, channels).
+    """Return the `Sound` of samples in memory.
+
+    Parameters
+    ----------
+    samples : array_like, shape (n,) or (n, channels)
+        Of full scale 1.
+    fs : int
+        Their rate in Hz.
+
+    Returns
+    -------
+    callable
+        Gives the samples between two times in seconds, one channel at the aligner's rate.
 
     Examples
     --------
@@ -107,6 +119,10 @@ def score_from_recording(
         Told how sure the times of each subtitle are.
     told : callable
         Told what became of each word.
+
+    Returns
+    -------
+    Score
 
     Raises
     ------

@@ -30,7 +30,10 @@ from synth.body.tissue import FaceTissue, HandTissue, face_tissue, hand_tissue
 FloatArray = NDArray[np.float64]
 
 _MAX_ASSET_BYTES = 20_000_000
+"""Bytes of an asset, unpacked, at most: a bound against damaged files."""
+
 _SLOPE_DEG = 64.0
+"""Angle of the resting forearm above the horizontal, in degrees; chosen by eye."""
 
 REFERENCE_FOREARM = frame(
     np.array([np.cos(np.radians(_SLOPE_DEG)), np.sin(np.radians(_SLOPE_DEG)), -0.05]),

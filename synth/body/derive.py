@@ -28,8 +28,12 @@ FloatArray = NDArray[np.float64]
 ASSETS = Path(__file__).parents[1] / "assets"
 
 _NOT_SPEECH = ("eye", "tongue", "look")
+
 _LARYNX_CENTRE = np.array([0.0, 583.0, 69.0])
+"""Middle of the larynx in mm, in the mesh's coordinates."""
+
 _LARYNX_SPREAD_MM = np.array([16.0, 17.0, 40.0])
+"""Distances in mm, by axis, over which the skin follows the larynx less and less."""
 
 
 def main(arguments: list[str] | None = None) -> int:

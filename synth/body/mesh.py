@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 
 _MM_PER_UNIT = 100.0
+"""Millimetres in a unit of the file: it is drawn in decimetres."""
 
 FloatArray = NDArray[np.float64]
 

@@ -30,14 +30,28 @@ from synth.body.skeleton import ARM_BONES
 FloatArray = NDArray[np.float64]
 
 _PER_EDGE = 6
+"""Candidate places along an edge of the mesh."""
+
 _THROAT_TOP = np.array([0.0, 616.0, 131.0])
+"""Where the throat's middle line begins under the chin, in mm of the mesh."""
+
 _THROAT_BOTTOM_Y = 548.0
+"""Height in mm at which it ends."""
+
 _THROAT_HALF_WIDTH_MM = 23.0
+"""Distance in mm of the throat's outer lines from the middle one."""
+
 _LOWER_LIP = {"LL1_R": np.array([-9.8, 651.0, 153.5]), "LL1_L": np.array([9.8, 651.0, 153.5])}
 _SIDE_ANGLES_DEG = {1: 80.0, 2: -80.0, 3: -80.0, 4: 80.0, 5: 80.0}
+
 _WRIST_ANGLES_DEG = (-80.0, -27.0, 27.0, 80.0)
+"""Places around the wrist, in degrees from the back of the hand."""
+
 _FOREARM_RINGS = (0.30, 0.55, 0.80)
+"""Rings of markers along the forearm, as shares of its length from the wrist."""
+
 _FOREARM_ANGLES_DEG = (-95.0, -32.0, 32.0, 95.0)
+"""Places around each ring, in degrees from the back of the hand."""
 
 
 @dataclass(frozen=True, slots=True)

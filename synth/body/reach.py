@@ -35,9 +35,15 @@ _OFFSETS = {
 _SLOPE_EXTRA_DEG = {"cheek": 6.0, "throat": -14.0, "chin": -4.0, "rest": -22.0, "side": 12.0}
 _WRIST = ("wrist_flex", "wrist_deviation", "forearm_twist")
 _WRIST_COLUMNS = [ANGLE_NUMBER[name] for name in _WRIST]
+
 _CLEARANCE_MM = 5.0
+"""Distance in mm that the hand's skin keeps from the head's."""
+
 _WIDEST_SHAPE = 5
+"""The open hand: who reaches a place with it reaches it with every shape."""
+
 _EASY_WRIST_DEG = np.array([5.0, 0.0, 0.0])
+"""Angles in degrees at which a wrist is at ease: slightly bent back."""
 
 
 def placement_target(body: Body, placement: str) -> FloatArray:

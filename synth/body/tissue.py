@@ -16,17 +16,29 @@ from synth.body.skeleton import ANGLE_NUMBER, ARM_BONES, HAND_ANGLES
 FloatArray = NDArray[np.float64]
 
 _ALONG_MM = (0.4, 1.6)
+"""Least and largest slide in mm along a bone, for a joint bent by a quarter turn."""
+
 _ACROSS_MM = 0.4
+"""Standard deviation in mm of the slide across it, for the same."""
+
 _FOREARM_TWIST_MM = 7.0
+"""Largest slide in mm around the forearm, for a quarter turn of it."""
+
 _FOREARM_GRIP_MM = 0.9
+"""Twice the standard deviation in mm of the push of a finger's muscles, bent by a quarter turn."""
+
 _FACE_MM = 1.2
+"""Displacement in mm of a point of the face where two units act together."""
+
 _PAIRS = (
     ("jawOpen", "mouthPucker"), ("jawOpen", "mouthFunnel"), ("jawOpen", "mouthStretchLeft"),
     ("jawOpen", "mouthSmileRight"), ("mouthPucker", "mouthFunnel"), ("mouthPucker", "mouthPucker"),
     ("jawOpen", "jawOpen"), ("mouthLowerDownLeft", "mouthPucker"),
 )  # fmt: skip
 _TYPICAL = {"jawOpen": 0.3, "larynxRaise": 3.0}
+
 _TYPICAL_UNIT = 0.4
+"""Usual size of a face unit for which the table above has none."""
 
 
 @dataclass(frozen=True, slots=True)

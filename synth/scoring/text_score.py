@@ -91,6 +91,10 @@ def score_from_text(
     told : callable
         Told what became of each word.
 
+    Returns
+    -------
+    Score
+
     Examples
     --------
     >>> [(key.shape, key.placement) for key in score_from_text("Bonjour").keys]
@@ -113,6 +117,10 @@ def keys_of(text: str, *, start_s: float = 0.0, reading: Reading = PLAIN) -> tup
     start_s : float
         When the first phone starts, seconds.
     reading : Reading
+
+    Returns
+    -------
+    tuple of Key
 
     Raises
     ------
@@ -145,6 +153,10 @@ def score_from_subtitles(
         Called with one line for each subtitle whose text had to be hurried or cut.
     told : callable
         Told what became of each word.
+
+    Returns
+    -------
+    Score
 
     Examples
     --------

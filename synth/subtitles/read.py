@@ -70,6 +70,10 @@ def read_subtitles(
     stream_s, length_s, terms, left_out
         As in `parse_subtitles`.
 
+    Returns
+    -------
+    list of Subtitle
+
     Raises
     ------
     CueError

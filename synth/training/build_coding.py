@@ -45,14 +45,29 @@ _UNEVENNESS = 0.4
 """Standard deviation of the logarithm of a phone's length about its prediction, read speech."""
 
 _TAIL_S = 1.5
+"""Seconds after the last phone, in which the hand comes to rest."""
 
 N_FACE_PARAMS = 7
+"""Parameters of the face, which come first."""
+
 _BOUNDARY_S = 0.03
+"""Standard deviation in seconds of a cuer's phone boundaries against the sound's."""
+
 _LEAD_DRIFT_S = 0.03
+"""Amplitude in seconds of each wave by which a cuer runs ahead or late."""
+
 _DRIFT_PERIODS_S = (3.1, 7.3)
+"""Periods in seconds of these waves; they have no common multiple nearby."""
+
 _LEAST_S = 0.02
+"""Seconds that a phone keeps at least: a tick."""
+
 _NOISE_MM = 0.5
+"""Standard deviation in mm of the markers' noise in the loose performances."""
+
 _HIDDEN_SHARE = 0.1
+"""Share of the hand's markers that are hidden at a time."""
+
 _HIDDEN_FRAMES = 15
 """Of imprecise performances: errors of sounds' boundaries (standard deviation) and of the hand's
 lead (two slow waves), noise of markers, share of hidden ones and for how many frames."""

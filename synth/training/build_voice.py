@@ -29,6 +29,7 @@ FloatArray = NDArray[Any]
 ASSETS = Path(codec.__file__).parent / "assets"
 
 _TIP_WEIGHT = 7.0
+"""Weight of the pointing fingertip against other markers: it is what touches the face."""
 
 
 def build_voice(identity: str = "claire", *, law: str = "minimum-jerk", seed: int = 0) -> Voice:
@@ -119,8 +120,13 @@ if __name__ == "__main__":
 
 
 _TAIL_S = 1.5
+"""Seconds after the last key, in which the hand comes to rest."""
+
 _DRILL_LINES = 30
+"""Lines of keys in random order."""
+
 _ROUNDS = 4
+"""Times that every transition between two shapes occurs."""
 
 
 def training_sets(

@@ -23,8 +23,12 @@ _SAMPA = {
     "e~": "ɛ̃", "9~": "œ̃", "Z": "ʒ", "S": "ʃ", "H": "ɥ", "J": "ɲ", "N": "ŋ",
 }  # fmt: skip
 _STANDS_IN = {"ø": "œ", "ɑ": "a", "ɲ": "n", "ŋ": "n"}
+
 _TREES = 600
+"""Trees of the boosting."""
+
 _LEAVES = 31
+"""Leaves of a tree at most."""
 
 Sentence = tuple[list[str], NDArray[np.float64]]
 

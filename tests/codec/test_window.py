@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from codec.bitstream import _kernels
 from codec.bitstream.bits import COMPACT, Header, read_header, voice_bit
 from codec.bitstream.coding import coding_for
+from codec.bitstream.compact_encoder import CompactEncoder
 from codec.bitstream.decoder import SuperframeDecoder
-from codec.bitstream.encoder import SuperframeEncoder
 from codec.bitstream.joining import score_of
 from codec.bitstream.payload import is_intact, read_beginning
 from codec.bitstream.superframe import ScoreMerger, merge_scores
@@ -155,7 +155,7 @@ def resting(toy_voice: Voice) -> Resting:
 
 def test_keys_pass_through_encoder_and_decoder(toy_voice: Voice, motion: Motion) -> None:
     encoder, decoder = (
-        SuperframeEncoder(toy_voice, l0_bytes=7, l1_bytes=0),
+        CompactEncoder(toy_voice, l0_bytes=7),
         SuperframeDecoder(toy_voice),
     )
     decoded = [decoder.push(encoder.encode(motion, k).l0, None, k) for k in range(8)]
@@ -170,7 +170,7 @@ def test_keys_pass_through_encoder_and_decoder(toy_voice: Voice, motion: Motion)
 
 
 def test_the_voice_is_told_bit_by_bit(toy_voice: Voice, motion: Motion) -> None:
-    encoder = SuperframeEncoder(toy_voice, l0_bytes=7, l1_bytes=0)
+    encoder = CompactEncoder(toy_voice, l0_bytes=7)
     told = [read_header(encoder.encode(motion, k).l0).voice for k in range(16)]
     identity = coding_for(toy_voice).identity
     assert told == [voice_bit(identity, k) for k in range(16)]
@@ -181,7 +181,7 @@ def test_the_voice_is_told_bit_by_bit(toy_voice: Voice, motion: Motion) -> None:
 
 
 def test_numbers_count_modulo_sixteen(toy_voice: Voice, motion: Motion) -> None:
-    l0 = SuperframeEncoder(toy_voice, l0_bytes=7, l1_bytes=0).encode(motion, 18).l0
+    l0 = CompactEncoder(toy_voice, l0_bytes=7).encode(motion, 18).l0
     assert read_header(l0).sequence == 2
     assert SuperframeDecoder(toy_voice).push(l0, None, 34).sequence == 34
     with pytest.raises(BitstreamError, match="sequence number 2, superframe 19 has 3"):
@@ -189,10 +189,10 @@ def test_numbers_count_modulo_sixteen(toy_voice: Voice, motion: Motion) -> None:
 
 
 def test_what_cannot_be_compact_is_refused(toy_voice: Voice, resting: Resting) -> None:
-    with pytest.raises(CueError, match="an L0 of 7 bytes is compact, its L1 has 3 bytes"):
-        SuperframeEncoder(toy_voice, l0_bytes=7, l1_bytes=3)
-    encoder = SuperframeEncoder(toy_voice, l0_bytes=7, l1_bytes=0)
-    with pytest.raises(CueError, match="an L0 of 7 bytes holds a score, the motion has none"):
+    with pytest.raises(CueError, match="compact superframe of 13 bytes"):
+        CompactEncoder(toy_voice, l0_bytes=13)
+    encoder = CompactEncoder(toy_voice, l0_bytes=7)
+    with pytest.raises(CueError, match="a compact superframe holds a score, the motion has none"):
         encoder.encode(resting(None), 0)
 
 
@@ -254,7 +254,7 @@ def test_keys_that_windows_far_ahead_told_are_drawn_and_given_out(
     symbols = [s for s in SENTENCE if s != "_"]
     score = spoken(symbols, 0.3, 1.0)
     motion = replace(resting(score), params=np.zeros((600, len(toy_voice.layout)), np.float32))
-    encoder = SuperframeEncoder(toy_voice, l0_bytes=12, l1_bytes=0)
+    encoder = CompactEncoder(toy_voice, l0_bytes=12)
     decoder, merger, keys, done = SuperframeDecoder(toy_voice), ScoreMerger(), list[Key](), []
     for k in range(18):
         decoder.push(encoder.encode(motion, k).l0, None, k)

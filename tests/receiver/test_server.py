@@ -3,8 +3,9 @@
 import asyncio
 import contextlib
 import json
+import socket
 import struct
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from pathlib import Path
 
 import aiohttp
@@ -12,8 +13,10 @@ import pytest
 from yarl import URL
 
 from codec.errors import CueError
+from receiver.reception.reception import Progress
+from receiver.television import server
 from receiver.television.protocol import MAX_REQUEST_BYTES, parse_position
-from receiver.television.server import AHEAD_S, MAX_VIEWERS, Television
+from receiver.television.server import AHEAD_S, FULL, MAX_VIEWERS, Television
 from receiver.television.tuner import MotionTuner
 from tests.receiver.standin import make_motion, make_voice
 
@@ -194,11 +197,84 @@ def test_viewers_are_counted(tmp_path: Path) -> None:
                 socket = await stack.enter_async_context(connection)
                 await socket.send_str(position(0.0))
                 assert (await socket.receive(timeout=5)).type is aiohttp.WSMsgType.TEXT
-            with pytest.raises(aiohttp.WSServerHandshakeError) as error:
-                await client.ws_connect(address + "feed", headers=origin(address))
-            assert error.value.status == 503
+            one_more = client.ws_connect(address + "feed", headers=origin(address))
+            message = await (await stack.enter_async_context(one_more)).receive(timeout=5)
+            assert (message.type, message.data) == (aiohttp.WSMsgType.CLOSE, FULL)
+            assert message.extra == "8 pages are watching already"
 
     run(tmp_path, visit)
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::1", "127.0.0.1", "localhost"])
+def test_every_address_of_this_machine_answers(tmp_path: Path, host: str) -> None:
+    """As a browser names it: an address, or this machine's name; never another's."""
+
+    async def visit() -> None:
+        media = tmp_path / "programme.mp4"
+        media.write_bytes(MEDIA)
+        showing = Television(MotionTuner(MOTION), VOICE, media, host=host).running()
+        async with showing as address, aiohttp.ClientSession() as client:
+            port = URL(address).port
+            async with client.get(address, headers=origin(address)) as answer:
+                assert answer.status == 200
+            names = ("192.168.1.7", "[fd00::7]", "localhost", socket.gethostname().upper())
+            for name in names:
+                headers = {"Host": f"{name}:{port}", "Origin": f"http://{name}:{port}"}
+                async with client.get(address, headers=headers) as answer:
+                    assert answer.status == 200, name
+            for name in ("evil.example", f"evil.example:{port}", "192.168.1.7:1", f"[::1:{port}"):
+                async with client.get(address, headers={"Host": name}) as answer:
+                    assert answer.status in (400, 403), name
+
+    asyncio.run(asyncio.wait_for(visit(), 30))
+
+
+def test_connections_that_ask_for_nothing_are_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "_HEAD_S", 1.0)
+
+    async def visit(client: Client, address: str) -> None:
+        place = URL(address)
+        assert place.host is not None
+        open_ones = []
+        for number in range(200):
+            reader, writer = await asyncio.open_connection(place.host, place.port)
+            if number % 2:
+                writer.write(b"GET / HTTP/1.1\r\nHost: ")
+            open_ones.append((reader, writer))
+        async with client.get(address) as answer:
+            assert answer.status == 200
+        for reader, writer in open_ones:
+            with contextlib.suppress(ConnectionError):
+                assert await asyncio.wait_for(reader.read(), 5) == b""
+            writer.close()
+
+    run(tmp_path, visit)
+
+
+class Failing:
+    """A tuner whose programme is damaged."""
+
+    def tune(self, start_s: float) -> Iterator[Progress]:
+        yield Progress(start_s, ())
+        raise CueError("programme.mp4: damaged: no more of it")
+
+
+def test_a_programme_that_fails_is_told(tmp_path: Path) -> None:
+    async def visit() -> None:
+        media = tmp_path / "programme.mp4"
+        media.write_bytes(MEDIA)
+        television = Television(Failing(), VOICE, media)
+        async with television.running() as address, aiohttp.ClientSession() as client:
+            async with client.ws_connect(address + "feed", headers=origin(address)) as socket:
+                await socket.send_str(position(0.0))
+                message = await socket.receive(timeout=5)
+                assert (message.type, message.data) == (aiohttp.WSMsgType.CLOSE, 1011)
+                assert "damaged" in str(message.extra)
+            assert television.metrics.document()["failures"] == {"CueError": 1}
+
+    asyncio.run(asyncio.wait_for(visit(), 30))
 
 
 def test_missing_media_and_taken_port(tmp_path: Path) -> None:

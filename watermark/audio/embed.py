@@ -166,7 +166,18 @@ class AudioEmbedder:
         self._silent: list[int] = []
 
     def process(self, block: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Take samples, shape (n, channels), and return those that are finished, (m, channels)."""
+        """Take samples and return those that are finished.
+
+        Parameters
+        ----------
+        block : ndarray of float32, shape (n, channels)
+            The next samples of the programme, of full scale 1; any n.
+
+        Returns
+        -------
+        ndarray of float32, shape (m, channels)
+            Marked samples, in order and without gaps.
+        """
         x = np.asarray(block, dtype=np.float64)
         if x.ndim != 2 or x.shape[1] != self._channels:
             raise CueError(f"block of shape {x.shape}, expected (n, {self._channels})")
@@ -183,7 +194,12 @@ class AudioEmbedder:
         return self._take(self._finished())
 
     def flush(self) -> NDArray[np.float32]:
-        """Return the rest, so that as many samples have come out as went in."""
+        """Return the rest, so that as many samples have come out as went in.
+
+        Returns
+        -------
+        ndarray of float32, shape (m, channels)
+        """
         total = self._given + self._programme.shape[0]
         needed = math.ceil(total / self._fs / SUPERFRAME_S)
         self._rehearse(needed)
@@ -196,7 +212,12 @@ class AudioEmbedder:
         return self._take(self._programme.shape[0])
 
     def report(self) -> EmbedReport:
-        """Figures of all that was handed out."""
+        """Return figures of all that was handed out.
+
+        Returns
+        -------
+        EmbedReport
+        """
         snr_db = None
         if self._mark_power:
             snr_db = float(10 * np.log10(self._host_power / self._mark_power))

@@ -177,7 +177,17 @@ class AudioReceiver:
         return self._errors / self._counted if self._counted else None
 
     def process(self, block: NDArray[np.float32]) -> list[ReceivedSuperframe]:
-        """Take samples, shape (n, channels), and return the superframes that they complete."""
+        """Take samples and return the superframes that they complete.
+
+        Parameters
+        ----------
+        block : ndarray of float32, shape (n, channels)
+            The next samples of the programme, of full scale 1; any n.
+
+        Returns
+        -------
+        list of ReceivedSuperframe
+        """
         x = np.asarray(block, dtype=np.float64)
         if x.ndim != 2 or x.shape[1] != self._channels:
             raise CueError(f"block of shape {x.shape}, expected (n, {self._channels})")
@@ -189,7 +199,12 @@ class AudioReceiver:
         return found
 
     def flush(self) -> list[ReceivedSuperframe]:
-        """Return what the end of the programme still completes."""
+        """Return what the end of the programme still completes.
+
+        Returns
+        -------
+        list of ReceivedSuperframe
+        """
         padding = HOP + 2 * self._tape.reach(DECIMATION) + 2 * self._quantum
         return self.process(np.zeros((padding, self._channels), dtype=np.float32))
 

@@ -131,6 +131,11 @@ class VideoEmbedder:
         luma : ndarray of uint8 or uint16, shape (height, width)
             Samples of the picture; kept until put out, so do not change them.
 
+        Returns
+        -------
+        list of ndarray
+            Marked frames of the same shape and type, in order.
+
         Raises
         ------
         CueError
@@ -157,12 +162,22 @@ class VideoEmbedder:
         return self._put_out(self._first_pattern + len(self._patterns))
 
     def flush(self) -> list[Luma]:
-        """Return the frames that are still waiting; an incomplete superframe stays unmarked."""
+        """Return the frames that are still waiting; an incomplete superframe stays unmarked.
+
+        Returns
+        -------
+        list of ndarray
+        """
         self._patterns.extend([self._nothing, self._nothing])
         return self._put_out(self._first_pattern + len(self._patterns))
 
     def report(self) -> VideoReport:
-        """Sum up what was done so far."""
+        """Sum up what was done so far.
+
+        Returns
+        -------
+        VideoReport
+        """
         pixels = max(1, self._sent) * self._nothing.size
         mean_square = self._squares / pixels / self._grid.largest**2
         psnr_db = float("inf") if mean_square == 0 else float(-10 * np.log10(mean_square))

@@ -126,6 +126,15 @@ class VideoReceiver:
 
         While locked, a superframe that could not be decoded is given with l0 = None.
 
+        Parameters
+        ----------
+        luma : ndarray of uint8 or uint16, shape (height, width)
+            Samples of the picture.
+
+        Returns
+        -------
+        list of ReceivedSuperframe
+
         Raises
         ------
         CueError
@@ -147,12 +156,23 @@ class VideoReceiver:
         return [superframe for each in found.values() for superframe in each]
 
     def wait(self, misses: int) -> None:
-        """Give up the lock after so many superframes in a row that failed."""
+        """Tell when to give up the lock.
+
+        Parameters
+        ----------
+        misses : int
+            Superframes in a row that failed.
+        """
         for tracker in self._trackers.values():
             tracker.patience = misses
 
     def flush(self) -> list[ReceivedSuperframe]:
-        """Return what the last frames still hold."""
+        """Return what the last frames still hold.
+
+        Returns
+        -------
+        list of ReceivedSuperframe
+        """
         last = {region: self._placed(t.flush(), region) for region, t in self._trackers.items()}
         if self.region is None:
             self._doubt = DOUBT_FRAMES
