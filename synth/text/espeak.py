@@ -84,8 +84,19 @@ def transcribe(word: str) -> tuple[str, ...]:
     >>> "".join(transcribe("nuager"))
     'nɥaʒe'
     """
+    if opening := re.match("sch(?=[bcdflmnprtvw])", word):
+        return ("ʃ", *transcribe(word[opening.end() :]))
+    ipa = _ipa(_respell(word))
+    if "(en)" in ipa:
+        ipa = _ipa(_as_french(_respell(word)))
+    phones = to_phones(ipa)
+    return _palatal(word, phones) if "gn" in word else phones
+
+
+def _ipa(word: str) -> str:
+    """Return what the library says of a word, in its IPA."""
     loaded = _library()
-    text = ctypes.c_char_p(_respell(word).encode())
+    text = ctypes.c_char_p(word.encode())
     pointer: Any = ctypes.cast(text, ctypes.c_void_p)
     ipa = b""
     while pointer.value:
@@ -95,11 +106,52 @@ def transcribe(word: str) -> tuple[str, ...]:
             )
             or b""
         )
-    return to_phones(ipa.decode())
+    return ipa.decode()
 
 
 def _respell(word: str) -> str:
-    return re.sub(r"ouent$", "oue", word.replace("sch", "ch"))
+    """Return a word spelled so that the library reads it as French, with the ends of names."""
+    word = re.sub(r"ouent$", "oue", word.replace("sch", "ch"))
+    word = re.sub(r"(?<=[bcdfgklmnprtvz])([iou]|è)s$", r"\1sse", word)
+    if _FOREIGN_SIGN.search(word):
+        word = re.sub(r"(?<=[^aeiouyé])er$", "ère", word)
+        word = re.sub(r"ey$", "i", word)
+    return re.sub(r"(?<=[aeiou])ez$", "èze", word)
+
+
+_FOREIGN_SIGN = re.compile(r"[kw]|th|sh|tz|oo|ee|(.)\1er$")
+
+
+def _as_french(word: str) -> str:
+    """Return a word without the spellings that make the library change to English.
+
+    Examples
+    --------
+    >>> _as_french("kathy"), _as_french("mohandy")
+    ('kati', 'moandi')
+    """
+    for pattern, letters in _FRENCH_SPELLINGS:
+        word = pattern.sub(letters, word)
+    return word
+
+
+_FRENCH_SPELLINGS = tuple(
+    (re.compile(pattern), letters)
+    for pattern, letters in (
+        ("th", "t"), ("sh", "ch"), ("ph", "f"), ("ee|ea(?!u)", "i"), ("oo", "ou"), ("ck", "k"),
+        ("(?<=[aeiouyé])h(?=[aeiouyé])", ""), ("(?<=.)y(?![aeiouéè])", "i"),
+        ("(?<=[aeo])w(?![aeiouyé])", "ou"), ("w(?=[aeiouyé])", "ou"), ("oing$", "oin"),
+        ("([aeiou])h$", r"\1"),
+    )
+)  # fmt: skip
+
+
+def _palatal(word: str, phones: tuple[str, ...]) -> tuple[str, ...]:
+    """Return phones with one phone for gn, which the library says as n and j in some words."""
+    if re.search("gni[aeou]", word):
+        return phones
+    line = " ".join(phones).replace("n j", "ɲ").replace("g n", "ɲ")
+    return tuple(line.split())
 
 
 def to_phones(ipa: str) -> tuple[str, ...]:

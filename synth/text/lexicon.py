@@ -1,9 +1,10 @@
 """The pronunciation lexicon: a word to its variants, each with its phones and word classes.
 
-Three layers, the first that knows the word answers: the user's own lexicon file, the
+Four layers, the first that knows the word answers: the user's own lexicon file, the
 supplement that stands in `synth.assets` beside the derived Lexique (function words, letter
-names, loanwords and names that Lexique lacks or gives otherwise), and Lexique 3.83 itself
-(`synth.text.derive_lexicon` tells the format).  Everything is read at the first question.
+names, loanwords and names that Lexique lacks or gives otherwise), Lexique 3.83 itself
+(`synth.text.derive_lexicon` tells the format), and names (`synth.text.derive_names`, before it a
+list of our own).  Everything is read at the first question.
 """
 
 import functools
@@ -18,6 +19,8 @@ from codec.errors import CueError
 ASSETS = Path(__file__).resolve().parents[1] / "assets"
 ASSET = ASSETS / "lexicon.txt.xz"
 SUPPLEMENT = ASSETS / "lexicon_supplement.txt"
+NAMES = ASSETS / "names.txt.xz"
+NAMES_SUPPLEMENT = ASSETS / "names_supplement.txt"
 
 LEXIQUE_PHONES = {
     "a": "a", "o": "o", "9": "œ", "°": "ə", "i": "i", "§": "ɔ̃", "@": "ɑ̃", "E": "ɛ", "O": "ɔ",
@@ -98,6 +101,39 @@ def parse_variants(field: str) -> tuple[Variant, ...]:
         classes = {tags[i]: int(tags[i + 1]) for i in range(0, len(tags), 2)}
         variants.append(Variant(decode(code), classes or {"N": 9}))
     return tuple(variants)
+
+
+@functools.cache
+def capital_names() -> frozenset[str]:
+    """Return the names, in lower case, that are words as well: only a capital tells them apart."""
+    own = NAMES_SUPPLEMENT.read_text(encoding="utf-8").splitlines()
+    names = (
+        pair.partition("=")[0] for row in own if not row.startswith("#") for pair in row.split()
+    )
+    return frozenset(name.lower() for name in names if lookup(name.lower()))
+
+
+@functools.cache
+def _names() -> dict[str, str]:
+    own = NAMES_SUPPLEMENT.read_text(encoding="utf-8").splitlines()
+    text = lzma.decompress(NAMES.read_bytes()).decode() if NAMES.exists() else ""
+    pairs = [line.split("=") for row in own if not row.startswith("#") for line in row.split()]
+    return dict(_split(line) for line in text.split("\n")) | {a.lower(): b for a, b in pairs}
+
+
+@functools.lru_cache(maxsize=5_000)
+def lookup_name(word: str) -> tuple[Variant, ...]:
+    """Return the variant of a name of a person, a place or a firm in lower case; () if unknown.
+
+    Names stand behind the words of the language: what `lookup` knows is not asked here.
+
+    Examples
+    --------
+    >>> ["".join(v.phones) for v in lookup_name("sarkozy")]
+    ['saʁkɔzi']
+    """
+    code = _names().get(word)
+    return (Variant(decode(code), {"N": 9}),) if code else ()
 
 
 def known_words() -> Iterator[str]:

@@ -11,7 +11,7 @@ import re
 import unicodedata
 from collections.abc import Collection
 
-from synth.text.lexicon import known_words, lookup
+from synth.text.lexicon import capital_names, known_words, lookup
 from synth.text.readings import RULES
 from synth.text.stretched import shortened
 
@@ -28,6 +28,7 @@ _TRANSLATION = str.maketrans(
 
 _TOKEN = re.compile(r"[^\W\d_]+(?:[-'][^\W\d_]+)*'?|\.{2,}|[,;:.?!()«»\"]")
 _WHOLE_WORD = re.compile(r"[^\W_]+(?:[-.&+][^\W_]+)*")
+_INSIDE = re.compile(r"[a-zà-ÿœ,][ ']\Z")
 _RARE_LETTERS = 0x20000
 """Ideographs of an extension: letters that no French text has."""
 
@@ -68,15 +69,20 @@ def normalise(text: str, own: Collection[str] = ()) -> list[str]:
 
 
 def _set_aside(line: str, own: Collection[str]) -> tuple[str, dict[str, str]]:
-    """Return a line in which rare letters stand for the user's words, and what they stand for."""
-    if not own:
-        return line, {}
+    """Return a line in which rare letters stand for the user's words, and what they stand for.
+
+    So do they for names that are words as well, such as Damas, where a capital inside a sentence
+    tells them; those keep it.
+    """
     kept: dict[str, str] = {}
 
     def aside(match: re.Match[str]) -> str:
         word = match[0].lower()
         if word not in own:
-            return match[0]
+            inside = match[0].istitle() and _INSIDE.search(line[: match.start()])
+            if not inside or word not in capital_names():
+                return match[0]
+            word = match[0]
         return kept.setdefault(word, chr(_RARE_LETTERS + len(kept)))
 
     marked = _WHOLE_WORD.sub(aside, line)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from codec.cues.phonology import CONSONANTS, VOWELS
 from codec.errors import CueError
 from synth.text import espeak, homographs, liaison
-from synth.text.lexicon import Variant, lookup
+from synth.text.lexicon import Variant, lookup, lookup_name
 from synth.text.normalise import PAUSES, normalise
 from synth.text.tagging import SUBJECT, tag
 from synth.text.words import Item, Word
@@ -32,6 +32,7 @@ FUTURE_ENDINGS = {
 """Endings after the r of the future and the conditional, and how they sound."""
 
 _FUTURE = re.compile(f"(\\w{{2,}})er({'|'.join(FUTURE_ENDINGS)})")
+_PLURAL = re.compile("(?:[^s]s|[aeo]ux)$")
 _VOWEL_SET = frozenset(VOWELS)
 _CONSONANT_SET = frozenset(CONSONANTS) - {"w", "ɥ", "j"}
 """Consonants that make a cluster; glides do not."""
@@ -122,7 +123,10 @@ def _stretches(
 
 def _items(token: str, user_lexicon: Mapping[str, tuple[Variant, ...]]) -> list[Item]:
     """Return the token as one item, or cut at its hyphens if only its parts are known."""
-    known = user_lexicon.get(token) or lookup(token)
+    if token[0].isupper():
+        token = token.lower()
+        return [Item(token, lookup_name(token))]
+    known = user_lexicon.get(token) or lookup(token) or lookup_name(token)
     if known:
         return [Item(token, known)]
     parts = token.split("-")
@@ -139,7 +143,7 @@ def _guess(word: str) -> tuple[Variant, ...]:
     """Return the pronunciation of a word that no lexicon lists."""
     if word == "t":
         return (Variant(("t",), {"O": 9}),)
-    if word[-1:] in ("s", "x") and (singular := lookup(word[:-1])):
+    if _PLURAL.search(word) and (singular := lookup(word[:-1])):
         return singular
     if future := _future(word):
         return (Variant(future, {"V": 9}),)

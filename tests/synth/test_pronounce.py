@@ -212,3 +212,19 @@ def test_numerals_capitals_and_plus(written: str, phones: str) -> None:
 )
 def test_readings_of_television(written: str, phones: str) -> None:
     assert said(written) == phones
+
+
+@pytest.mark.parametrize(
+    ("written", "phones"),
+    [
+        ("Il vit à Damas.", "il vi a damas"),
+        ("Du damas rouge", "dy dama ʁuʒ"),
+        ("La ville de Sens, le sens", "la vil də sɑ̃s lə sɑ̃s"),
+        ("Steve Jobs et des jobs", "stiv dʒɔbs e de dʒɔb"),
+        ("DAMAS EST LOIN", "dama ɛ lwɛ̃"),
+        ("un avignonnais de Bourgogne", "œ̃ naviɲɔnɛ də buʁgɔɲ"),
+        ("mon ex, Alex Castex, Aix", "mɔ̃ nɛks alɛks kastɛks ɛks"),
+    ],
+)
+def test_names_that_are_words_as_well(written: str, phones: str) -> None:
+    assert said(written) == phones
