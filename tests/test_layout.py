@@ -21,7 +21,7 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
         "cuer": {"files", "cues"},
         "analysis": {"cuer", "cues"},
         "bitstream": {"files", "cues", "cuer"},
-        "training": {"bitstream", "cuer", "cues"},
+        "training": {"bitstream", "cuer", "cues", "files"},
     },
     "watermark": {
         "link": set(),

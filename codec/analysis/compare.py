@@ -67,8 +67,7 @@ def compare_motions(a: Motion, b: Motion, voice: Voice) -> Comparison:
         If they have no time in common or belong to another voice.
     """
     for motion in (a, b):
-        if motion.voice != voice.identity:
-            raise CueError(f"motion of voice {motion.voice}, voice {voice.name} compares")
+        voice.check_motion(motion)
     begin = max(a.start_s, b.start_s)
     end = min(a.start_s + a.duration_s, b.start_s + b.duration_s)
     if end - begin < 1 / _RATE_HZ:

@@ -12,7 +12,7 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Score
 from codec.cues.timeline import to_line
-from codec.errors import CueError, VoiceError
+from codec.errors import CueError
 
 
 class CompactEncoder:
@@ -63,10 +63,7 @@ class CompactEncoder:
         CueError
             If the motion has no score.
         """
-        if motion.voice != self.voice.identity:
-            raise VoiceError(
-                f"motion of voice {motion.voice}, the encoder has {self.voice.identity}"
-            )
+        self.voice.check_motion(motion)
         if motion.score is None:
             raise CueError("a compact superframe holds a score, the motion has none")
         if self._writer is None or self._score is not motion.score:

@@ -24,7 +24,7 @@ from codec.bitstream.superframe import Superframe
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
-from codec.errors import CueError, VoiceError
+from codec.errors import CueError
 
 
 class SuperframeEncoder:
@@ -106,10 +106,7 @@ class SuperframeEncoder:
         return error_mm(self._analyse(motion, index), step)
 
     def _analyse(self, motion: Motion, index: int) -> Analysis:
-        if motion.voice != self.voice.identity:
-            raise VoiceError(
-                f"motion of voice {motion.voice}, the encoder has {self.voice.identity}"
-            )
+        self.voice.check_motion(motion)
         return self._analyst.analyse(motion, index)
 
     def _write(self, content: Content, analysis: Analysis) -> Superframe | None:

@@ -30,7 +30,7 @@ from codec.bitstream.encoder import SuperframeEncoder
 from codec.bitstream.quantise import NO_RESIDUAL
 from codec.bitstream.superframe import Superframe, merge_scores
 from codec.bitstream.window import MAX_BYTES
-from codec.cuer.motion import Motion
+from codec.cuer.motion import MOST_PARAM, Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.timeline import SUPERFRAME_S, TICK_S, TICKS, to_ticks
@@ -265,7 +265,7 @@ def decode_stream(data: bytes, voice: Voice) -> Motion:
         previous = frame.index
     if previous is not None:
         done.append(decoder.render(previous))
-    params = np.concatenate([frame.params for frame in done])
+    params = np.concatenate([frame.params for frame in done]).clip(-MOST_PARAM, MOST_PARAM)
     skip = head.first_tick % TICKS
     score = merge_scores(done) if any(frame.part is not None for frame in done) else None
     return Motion(

@@ -6,7 +6,6 @@ read, whoever made it, also with further points in it.
 """
 
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from codec.cuer.layout import MARKERS
 from codec.errors import CueError
 from codec.files.c3d_points import open_c3d
+from codec.files.whole import whole_file
 
 _MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
@@ -63,13 +63,10 @@ def write_c3d(
     c3d["data"]["points"] = homogeneous
     c3d["data"]["meta_points"]["residuals"] = np.where(hidden, -1.0, 0.0)[None]
     c3d["header"]["points"]["first_frame"] = max(round(start_s * rate_hz), 0)
-    target = Path(path)
-    partial = target.with_name(f".{target.name}.part.c3d")
     try:
-        c3d.write(str(partial))
-        partial.replace(target)
+        with whole_file(path) as temporary:
+            c3d.write(str(temporary))
     except (OSError, RuntimeError, ValueError) as error:
-        partial.unlink(missing_ok=True)
         raise CueError(f"{path}: cannot write C3D: {error}") from error
 
 

@@ -15,12 +15,17 @@ from numpy.typing import NDArray
 from codec.cues.score import Score
 from codec.errors import CueError
 from codec.files.npz import Parts, read_arrays, write_arrays
+from codec.files.whole import folder_beside
 
 MAX_FILE_BYTES = 1 << 31
 """Largest motion that `load_motion` accepts: four days of 31 parameters at 50 Hz."""
 
 _CHUNK_BYTES = 1 << 18
 """Bytes that are read at once from a temporary file."""
+
+MOST_PARAM = 1000.0
+"""Magnitude of parameters at most. They are in standard deviations or so of a cuer's movements:
+what is a hundred times as large as any pose is damage, and overflows what draws or codes it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +35,7 @@ class Motion:
     Attributes
     ----------
     params : ndarray of float32, shape (T, P)
-        One row per frame, one column per name in `layout`.
+        One row per frame, one column per name in `layout`; magnitudes up to `MOST_PARAM`.
     rate_hz : float
         Frames per second, within 1..1000.
     start_s : float
@@ -56,6 +61,11 @@ class Motion:
             raise CueError(f"motion has shape {params.shape}, its layout {len(self.layout)} names")
         if not np.isfinite(params).all():
             raise CueError("motion holds values that are not finite")
+        if len(params) and np.abs(params).max() > MOST_PARAM:
+            raise CueError(
+                f"motion holds parameters up to {np.abs(params).max():.3g}, the limit is "
+                f"{MOST_PARAM:g}"
+            )
         if not (1 <= self.rate_hz <= 1000 and np.isfinite(self.start_s)):
             raise CueError(f"motion has rate {self.rate_hz} Hz and start {self.start_s} s")
         object.__setattr__(self, "params", params)
@@ -123,7 +133,7 @@ class MotionWriter:
         return self
 
     def _spool(self) -> IO[bytes]:
-        return self._stack.enter_context(tempfile.TemporaryFile(dir=self._path.parent))
+        return self._stack.enter_context(tempfile.TemporaryFile(dir=folder_beside(self._path)))
 
     def append(self, motion: Motion) -> None:
         """Add the next frames, and what is said in them.

@@ -97,6 +97,21 @@ class Voice:
              + np.arange(self.hand.n_motion)]
         )  # fmt: skip
 
+    def check_motion(self, motion: Motion) -> None:
+        """Check that a motion's columns mean what this voice's do.
+
+        Raises
+        ------
+        VoiceError
+            If it was made with another voice, or names its columns otherwise.
+        """
+        if motion.voice != self.identity:
+            raise VoiceError(f"motion was made with voice {motion.voice}, not {self.identity}")
+        if motion.layout != self.layout:
+            pairs = zip(motion.layout, self.layout, strict=False)
+            odd = next((f"{a} for {b}" for a, b in pairs if a != b), "another length")
+            raise VoiceError(f"motion has another layout than voice {self.name}: {odd}")
+
     def reconstruct(self, params: ArrayLike) -> NDArray[np.float32]:
         """Return the markers of parameters.
 

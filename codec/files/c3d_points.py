@@ -30,6 +30,10 @@ _DEC = 85
 """Processor number that means VAX floating point."""
 
 _MOST_POINTS = 10_000
+_FARTHEST = 1e6
+"""Coordinates at most, in the file's unit: a kilometre in mm. What lies beyond is damage and counts
+as hidden: its squares would drown all others."""
+
 """Points of a file at most: far more than laboratories record; more is damage."""
 
 _SIXTEEN_BITS = 0xFFFF
@@ -95,8 +99,9 @@ class C3dPoints:
             read = _from_dec(raw) if self._dec else raw.astype(np.float32)
             floats = read.reshape(len(raw), -1, 4)
             points, hidden = floats[..., :3].copy(), floats[..., 3] < 0
+        far = ~(np.abs(points) <= np.float32(_FARTHEST)).all(-1)
         # Some systems leave the origin where a marker is hidden, and say no more about it.
-        points[hidden | (points == 0).all(-1) | ~np.isfinite(points).all(-1)] = np.nan
+        points[hidden | far | (points == 0).all(-1)] = np.nan
         return np.asarray(points, dtype=np.float32)
 
 

@@ -4,14 +4,15 @@ Every array's header is read before its data, so that a file cannot make its rea
 than the caller allows; writing goes through a temporary name in the same folder.
 """
 
+import io
+import math
 import os
-import tempfile
+import struct
 import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,16 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from codec.errors import CueError
+from codec.files.whole import whole_file
 
-_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+_HEADERS = {(1, 0): (npy.read_array_header_1_0, "<H"), (2, 0): (npy.read_array_header_2_0, "<I")}
+"""Per version of an array's header: what reads it, and how it begins with its own length."""
+
+_MOST_HEADER_BYTES = 65_535
+"""Bytes of an array's header at most, as in version 1; those of version 2 count to 4 GB."""
+
+_MOST_ITEMS = 1 << 40
+"""Numbers of one array at most, also of those that take no memory (strings of no letters)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,28 +62,20 @@ def write_arrays(path: str | os.PathLike[str], arrays: Mapping[str, NDArray[Any]
     Raises
     ------
     CueError
-        If the chunks of an array do not add up to it.
+        If the chunks of an array do not add up to it, or the file cannot be written.
     """
-    target = Path(path)
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    try:
-        with (
-            os.fdopen(handle, "wb") as file,
-            zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive,
-        ):
-            for key, array in arrays.items():
-                member = zipfile.ZipInfo(f"{key}.npy", date_time=(1980, 1, 1, 0, 0, 0))
-                member.compress_type = zipfile.ZIP_DEFLATED
-                with archive.open(member, "w", force_zip64=True) as stream:
-                    if isinstance(array, Parts):
-                        _write_parts(stream, key, array)
-                    else:
-                        npy.write_array(stream, np.asarray(array), allow_pickle=False)
-        Path(name).chmod(0o644)
-        Path(name).replace(target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    with (
+        whole_file(path) as temporary,
+        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive,
+    ):
+        for key, array in arrays.items():
+            member = zipfile.ZipInfo(f"{key}.npy", date_time=(1980, 1, 1, 0, 0, 0))
+            member.compress_type = zipfile.ZIP_DEFLATED
+            with archive.open(member, "w", force_zip64=True) as stream:
+                if isinstance(array, Parts):
+                    _write_parts(stream, key, array)
+                else:
+                    npy.write_array(stream, np.asarray(array), allow_pickle=False)
 
 
 def _write_parts(stream: Any, key: str, array: Parts) -> None:
@@ -127,7 +128,7 @@ def read_arrays(path: str | os.PathLike[str], *, max_bytes: int) -> dict[str, ND
         raise CueError(f"{path}: {error.strerror or error}") from error
     except (
         ValueError, TypeError, EOFError, KeyError, NotImplementedError, RuntimeError, SyntaxError,
-        tokenize.TokenError, zipfile.BadZipFile, zlib.error,
+        OverflowError, struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error,
     ) as error:  # fmt: skip
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise CueError(f"{path}: damaged or foreign file: {reason}") from error
@@ -137,13 +138,15 @@ def read_arrays(path: str | os.PathLike[str], *, max_bytes: int) -> dict[str, ND
 def _declared_bytes(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> int:
     """Return the size of an array as its header declares it."""
     with archive.open(member) as stream:
-        read_header = _HEADERS.get(npy.read_magic(stream))
-        if read_header is None:
+        version = npy.read_magic(stream)
+        if version not in _HEADERS:
             raise ValueError(f"array {member.filename} has an unknown header version")
-        shape, _, dtype = read_header(stream)
-    size = dtype.itemsize
-    for length in shape:
-        if length < 0:
-            raise ValueError(f"array {member.filename} has shape {shape}")
-        size *= length
-    return max(size, 1)
+        read_header, prefix = _HEADERS[version]
+        begin = stream.read(struct.calcsize(prefix))
+        (length,) = struct.unpack(prefix, begin)
+        if length > _MOST_HEADER_BYTES:
+            raise ValueError(f"array {member.filename} has a header of {length} bytes")
+        shape, _, dtype = read_header(io.BytesIO(begin + stream.read(length)))
+    if any(not 0 <= size <= _MOST_ITEMS for size in shape):
+        raise ValueError(f"array {member.filename} has shape {shape}")
+    return max(dtype.itemsize, 1) * max(math.prod(shape), 1)

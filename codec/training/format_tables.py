@@ -6,8 +6,6 @@ program that runs it is ``python -m synth.training.build_coding --format``.
 """
 
 import json
-import os
-import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -36,6 +34,7 @@ from codec.cuer.motion import Motion
 from codec.cues.phonology import PHONES
 from codec.cues.score import Score
 from codec.cues.timeline import TICKS, Line, to_line
+from codec.files.whole import whole_file
 from codec.training.coding_tables import blocks_of, near, parts_of
 
 N = len(PHONES)
@@ -243,11 +242,8 @@ TABLES = Path(__file__).parents[1] / "assets" / "tables.json"
 def write_tables(document: dict[str, Any], path: Path = TABLES) -> None:
     """Write the tables, one row of numbers per line, through a temporary name."""
     text = json.dumps(document, separators=(",", ":")).replace("],", "],\n")
-    handle, name = tempfile.mkstemp(dir=path.parent)
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        file.write(text + "\n")
-    Path(name).chmod(0o644)
-    Path(name).replace(path)
+    with whole_file(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
 
 
 def format_tables(

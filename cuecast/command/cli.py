@@ -21,6 +21,7 @@ from types import FrameType
 
 from codec.errors import CueError
 from cuecast.command.errors import UsageError
+from cuecast.command.progress import printable
 
 VERBS = (
     "demo", "keys", "synth", "capture", "encode", "decode", "inspect", "dub", "receive", "watch",
@@ -96,7 +97,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def one_line(error: BaseException) -> str:
-    """Return the message of `error` on one line.
+    r"""Return the message of `error` on one line.
 
     Examples
     --------
@@ -104,10 +105,12 @@ def one_line(error: BaseException) -> str:
     'film.mp4: No such file or directory'
     >>> one_line(MemoryError())
     'MemoryError'
+    >>> one_line(ValueError("a name \x1b[31mof a file"))
+    'a name \\x1b[31mof a file'
     """
     if isinstance(error, OSError) and error.strerror and error.filename:
-        return f"{error.filename}: {error.strerror}"
-    return " ".join(str(error).split()) or type(error).__name__
+        return printable(f"{error.filename}: {error.strerror}")
+    return printable(" ".join(str(error).split())) or type(error).__name__
 
 
 @contextmanager

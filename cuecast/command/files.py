@@ -1,57 +1,16 @@
-"""Files of the command line: outputs that appear whole or not at all, and ``-`` as a pipe."""
+"""Files of the command line, and ``-`` as a pipe."""
 
 import io
 import json
-import os
 import sys
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from codec.errors import CueError
+from codec.files.whole import whole_file
 
 PIPE = "-"
 """Name that stands for the standard input or output."""
-
-
-@contextmanager
-def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary name beside `path` that is moved there when the block succeeds.
-
-    The temporary name keeps the suffix, by which media libraries choose a container. Whatever
-    ends the block early, an interrupt too, leaves neither file behind.
-
-    Raises
-    ------
-    CueError
-        If the folder does not exist or cannot be written.
-    """
-    target = Path(path)
-    if target.is_dir():
-        raise CueError(f"{path}: cannot write, it is a folder")
-    try:
-        handle, name = tempfile.mkstemp(
-            dir=target.parent, prefix=f".{target.stem[:40]}.", suffix=target.suffix
-        )
-    except OSError as error:
-        raise CueError(f"{path}: cannot write: {error.strerror}") from error
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        yield temporary
-        temporary.chmod(0o666 & ~_umask())
-        temporary.replace(target)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def read_bytes(path: str) -> bytes:

@@ -1,6 +1,7 @@
 """Progress of long work, on the standard error of a terminal."""
 
 import sys
+import unicodedata
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -22,8 +23,29 @@ def seconds_bar(total_s: float | None, label: str) -> Iterator[Callable[[float],
 
 
 def note(text: str) -> None:
-    """Print a remark on the standard error."""
-    print(text, file=sys.stderr)
+    """Print a remark on the standard error, on one line or several."""
+    print("\n".join(printable(line) for line in text.split("\n")), file=sys.stderr)
+
+
+def printable(text: str) -> str:
+    r"""Return text with what would steer a terminal made visible.
+
+    Names and messages come from files: escape sequences in them can move the cursor, change the
+    window's title or hide what follows. So can marks that turn the direction of writing.
+
+    Examples
+    --------
+    >>> printable("a\x1b[2Jb")
+    'a\\x1b[2Jb\\tc'
+    >>> printable("pâté ɔ̃")
+    'pâté ɔ̃'
+    """
+    return "".join(c if _is_plain(c) else ascii(c)[1:-1] for c in text)
+
+
+def _is_plain(letter: str) -> bool:
+    kind = unicodedata.category(letter)
+    return kind not in ("Cc", "Cf", "Cs", "Zl", "Zp")
 
 
 @contextmanager

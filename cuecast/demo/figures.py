@@ -11,7 +11,7 @@ from codec.analysis.phases import hand_speed
 from codec.cuer.motion import Motion, sample_params
 from codec.cuer.voice import Voice
 from codec.cues.score import PLACEMENTS, Key
-from cuecast.command.files import whole_file
+from codec.files.whole import whole_file
 from receiver.drawing.render import render_frames
 from synth.subtitles import Subtitle
 

@@ -19,7 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from codec.errors import CueError
-from cuecast.command.files import whole_file, write_json
+from codec.files.whole import whole_file
+from cuecast.command.files import write_json
 from watermark.audio.profile import USUAL_GRADE
 
 SUMMARY = "summary.csv"

@@ -26,6 +26,7 @@ from codec.bitstream.window import MAX_BYTES
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.errors import CueError
+from codec.files.whole import folder_beside
 from cuecast.dubbing.coder_stream import make_rehearsal
 from cuecast.dubbing.marking import MarkingStage
 from cuecast.dubbing.motions import RATE_HZ, MotionSource
@@ -130,7 +131,7 @@ def dub(
         seconds.append(length_s)
         progress(length_s)
 
-    with tempfile.TemporaryDirectory(prefix=".cuecast-", dir=Path(target).parent) as folder:
+    with tempfile.TemporaryDirectory(prefix=".cuecast-", dir=folder_beside(target)) as folder:
         marked = Path(programme)
         if "audio" in options.carriers:
             marked = Path(folder) / Path(target).name if picture else Path(target)

@@ -10,7 +10,7 @@ from codec.cuer.motion import Motion, sample_params
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Score
-from codec.errors import CueError, VoiceError
+from codec.errors import CueError
 from synth.joined.concatenation import ConcatenativeSynthesiser
 from synth.prosody.passages import passages
 from synth.rules.gesture import GestureSynthesiser
@@ -162,7 +162,7 @@ class GivenMotion:
     """
 
     def __init__(self, motion: Motion, voice: Voice) -> None:
-        check_voice(motion, voice)
+        voice.check_motion(motion)
         self.score = motion.score or Score((), ())
         self.rate_hz = RATE_HZ
         self._motion = motion
@@ -172,12 +172,6 @@ class GivenMotion:
         times = start_s + np.arange(frames) / RATE_HZ
         params = sample_params(self._motion, times)
         return replace(self._motion, params=params, rate_hz=RATE_HZ, start_s=start_s)
-
-
-def check_voice(motion: Motion, voice: Voice) -> None:
-    """Raise `VoiceError` unless `motion` was made with `voice`."""
-    if motion.voice != voice.identity:
-        raise VoiceError(f"motion of voice {motion.voice}, but {voice.name} is {voice.identity}")
 
 
 def whole_motion(

@@ -12,7 +12,7 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Score
 from codec.errors import CueError
-from cuecast.command.files import whole_file
+from codec.files.whole import whole_file
 from cuecast.command.progress import count_bar
 from synth.body.anatomy import IDENTITIES
 from synth.joined.concatenation import ConcatenativeSynthesiser

@@ -10,7 +10,7 @@ import numpy as np
 from codec.analysis.phases import profiles
 from codec.analysis.recognise import Recogniser
 from codec.cues.score import PLACEMENTS
-from cuecast.command.files import whole_file
+from codec.files.whole import whole_file
 from cuecast.evaluate.models_fits import Fit, Occlusion, Phases
 from cuecast.evaluate.segmentation import write_page
 from cuecast.evaluate.tables import PAGE_IN, write_plot

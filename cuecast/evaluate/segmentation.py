@@ -21,7 +21,7 @@ from codec.analysis.recognise import Recogniser
 from codec.cuer import layout
 from codec.cues.phonology import PHONES
 from codec.cues.score import PLACEMENTS, SHAPES
-from cuecast.command.files import whole_file
+from codec.files.whole import whole_file
 from cuecast.evaluate.models_fits import Fit
 from cuecast.evaluate.takes import Take
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from cuecast.command.files import whole_file
+from codec.files.whole import whole_file
 
 Results = list[dict[str, Any]] | dict[str, Any]
 """Rows of the same fields, or one record."""

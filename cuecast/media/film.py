@@ -9,7 +9,7 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from cuecast.command.files import whole_file
+from codec.files.whole import whole_file
 from cuecast.media.encode import SoundEncoder, SoundTarget
 from receiver.media.programme import SoundFormat
 

@@ -17,7 +17,7 @@ import numpy as np
 from av.sidedata.sidedata import Type as SideDataType
 
 from codec.errors import CueError
-from cuecast.command.files import whole_file
+from codec.files.whole import whole_file
 from cuecast.media.rewrite import copy_labels, copy_tags
 from receiver.media.picture import Luma, PictureDecoder, PictureFormat, luma_of
 from receiver.media.programme import Programme, open_programme, reason

@@ -16,7 +16,7 @@ from av.container import OutputContainer
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.command.files import whole_file
+from codec.files.whole import whole_file
 from cuecast.media.encode import SoundEncoder, choose_target
 from receiver.media.programme import (
     Programme,

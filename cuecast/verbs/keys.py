@@ -3,6 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING
 
+from codec.files.whole import whole_file
 from cuecast.command.arguments import (
     add_json,
     add_pace,
@@ -11,7 +12,6 @@ from cuecast.command.arguments import (
     add_text,
     print_json,
 )
-from cuecast.command.files import whole_file
 from cuecast.command.progress import note
 from cuecast.dubbing.inputs import pieces_of, reading_of, score_of
 

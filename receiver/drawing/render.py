@@ -4,7 +4,6 @@ A `Motion` and its voice go in, a file comes out; the picture is the page's.
 """
 
 import os
-import tempfile
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -15,7 +14,8 @@ from numpy.typing import NDArray
 
 from codec.cuer.motion import Motion, sample_params
 from codec.cuer.voice import Voice
-from codec.errors import CueError, VoiceError
+from codec.errors import CueError
+from codec.files.whole import whole_file
 from receiver.drawing.avatar import load_avatar
 from receiver.drawing.points import draw_points
 from receiver.drawing.portrait import draw_avatar
@@ -91,8 +91,7 @@ def render_frames(
         raise CueError(f"picture of {width}x{height} is not within 16..{_MAX_SIDE} a side")
     if style not in STYLES:
         raise CueError(f"unknown style {style!r}: {' and '.join(STYLES)} are known")
-    if motion.voice != voice.identity:
-        raise VoiceError(f"motion was made with voice {motion.voice}, not {voice.identity}")
+    voice.check_motion(motion)
     if background is not None and background.shape != (height, width, 3):
         raise CueError(f"background has shape {background.shape}, not {(height, width, 3)}")
     camera = neutral_camera(voice)
@@ -165,14 +164,8 @@ def render_motion(
     frames = render_frames(
         motion, voice, times, style=style, size=size, background=picture, mirror=mirror
     )
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=".", suffix=target.suffix.lower())
-    os.close(handle)
-    try:
-        write(name, _counted(frames, len(times), progress), size, fps)
-        Path(name).replace(target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    with whole_file(target) as temporary:
+        write(str(temporary), _counted(frames, len(times), progress), size, fps)
 
 
 def _counted(

@@ -1,13 +1,13 @@
 """Writing a motion into a file of another program, chosen by the file's name."""
 
 import os
-import tempfile
 from pathlib import Path
 
 from codec.cuer.c3d import write_c3d
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
-from codec.errors import CueError, VoiceError
+from codec.errors import CueError
+from codec.files.whole import whole_file
 from receiver.drawing.avatar import load_avatar
 from receiver.export.arkit import live_link_csv
 from receiver.export.gltf import glb
@@ -37,21 +37,13 @@ def export_motion(motion: Motion, voice: Voice, path: str | os.PathLike[str]) ->
         If the motion belongs to another voice.
     """
     target = Path(path)
-    if motion.voice != voice.identity:
-        raise VoiceError(f"motion was made with voice {motion.voice}, not {voice.identity}")
+    voice.check_motion(motion)
     name = target.name.lower()
     suffix = next((s for s in reversed(EXPORT_SUFFIXES) if name.endswith(s)), None)
     if suffix is None:
         raise CueError(f"{target.name}: exports end in {', '.join(EXPORT_SUFFIXES)}")
-    handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".", suffix=suffix)
-    os.close(handle)
-    try:
-        _write(motion, voice, temporary, suffix, target.name)
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(target)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with whole_file(target) as temporary:
+        _write(motion, voice, str(temporary), suffix, target.name)
 
 
 def _write(motion: Motion, voice: Voice, path: str, suffix: str, name: str) -> None:

@@ -11,10 +11,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+import numpy as np
+
 from codec.bitstream.bits import COMPACT, SEQUENCES, Header, read_header
 from codec.bitstream.decoder import SuperframeDecoder
 from codec.bitstream.payload import is_intact
 from codec.bitstream.superframe import DecodedSuperframe, ScoreMerger
+from codec.cuer.motion import MOST_PARAM
 from codec.cuer.voice import Voice
 from codec.cues.score import Key, Phone
 from codec.cues.timeline import TICK_S
@@ -258,8 +261,9 @@ class Tracker:
             yield KeysFound(self._placed(decoded.keys), final=False)
 
     def _piece(self, decoded: DecodedSuperframe) -> MotionPiece:
+        params = np.clip(decoded.params, -MOST_PARAM, MOST_PARAM)
         return MotionPiece(
-            decoded.start_s + self._shift_s(), RATE_HZ, decoded.params, decoded.layers,
+            decoded.start_s + self._shift_s(), RATE_HZ, params, decoded.layers,
             self._epoch, self._placed(decoded.phones),
         )  # fmt: skip
 

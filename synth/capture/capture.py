@@ -3,7 +3,10 @@
 import os
 from pathlib import Path
 
+import numpy as np
+
 from codec.cuer.voice import Voice
+from codec.errors import CueError
 from synth.capture.options import DEFAULTS, Captured, CaptureOptions
 from synth.capture.points.markers import capture_markers
 from synth.capture.sources.livelink import capture_live_link
@@ -30,6 +33,14 @@ def capture(
         If the file is missing, malformed, or shows too little of the cuer.
     """
     source, kind = Path(path), kind_of(path)
+    try:
+        return _capture(source, kind, voice, options)
+    except np.linalg.LinAlgError as error:
+        raise CueError(f"{path}: its points fit no body: {error}") from error
+
+
+def _capture(source: Path, kind: str, voice: Voice, options: CaptureOptions) -> Captured:
+    """Read a source of a kind that is known."""
     if kind == "livelink":
         return capture_live_link(source, voice, options)
     if kind == "landmarks":

@@ -129,3 +129,15 @@ def test_damage_is_one_error_or_frames(
     except CueError:
         return
     assert file.frames(0, file.n_frames).shape == (file.n_frames, len(file.labels), 3)
+
+
+@pytest.mark.parametrize("value", [1e7, -3e38])
+def test_coordinates_beyond_a_kilometre_count_as_hidden(tmp_path: Path, value: float) -> None:
+    points = np.arange(30.0).reshape(5, 2, 3)
+    points[2, 1, 1] = value
+    path = tmp_path / "take.c3d"
+    path.write_bytes(c3d(points))
+    with np.errstate(over="ignore"):
+        read = open_c3d(path).frames(0, 5)
+    assert np.isnan(read[2, 1]).all()
+    assert np.isfinite(read).sum() == 27

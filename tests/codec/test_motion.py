@@ -1,4 +1,5 @@
 import io
+import tracemalloc
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -141,3 +142,42 @@ def test_parts_of_a_motion_must_follow_each_other(tmp_path: Path) -> None:
     with pytest.raises(CueError, match="without frames"), MotionWriter(tmp_path / "m.npz"):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("value", [1001.0, -1e6, 3e38])
+def test_parameters_beyond_any_pose_are_damage(value: float) -> None:
+    with pytest.raises(CueError, match=r"motion holds parameters up to .* the limit is 1000"):
+        replace(motion(), params=np.full((5, 2), value, np.float32))
+
+
+def hostile(path: Path, member: bytes) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("params.npy", member)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("shape", "dtype"), [((10**20,), "<U0"), ((0, 10**20), "<f4"), ((10**20, 0), "<f4"),
+                         ((10**9,), "<U0"), ((10**18, 10**18), "|V0")],
+)  # fmt: skip
+def test_shapes_beyond_any_memory(tmp_path: Path, shape: tuple[int, ...], dtype: str) -> None:
+    header = io.BytesIO()
+    npy.write_array_header_1_0(header, {"descr": dtype, "fortran_order": False, "shape": shape})
+    path = hostile(tmp_path / "m.npz", header.getvalue())
+    with pytest.raises(CueError, match=r"damaged or foreign file|arrays take"):
+        read_arrays(path, max_bytes=4_000_000)
+
+
+def test_a_header_of_a_gigabyte_is_not_read(tmp_path: Path) -> None:
+    """Version 2 of the header counts to 4 GB, and blanks pack well."""
+    length = 300_000_000
+    member = npy.magic(2, 0) + length.to_bytes(4, "little") + b" " * length
+    path = hostile(tmp_path / "m.npz", member)
+    del member
+    tracemalloc.start()
+    try:
+        with pytest.raises(CueError, match="has a header of 300000000 bytes"):
+            read_arrays(path, max_bytes=4_000_000)
+        assert tracemalloc.get_traced_memory()[1] < 8_000_000
+    finally:
+        tracemalloc.stop()

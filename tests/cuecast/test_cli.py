@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from codec.errors import CueError
+from codec.files.whole import whole_file
 from cuecast.command import cli
 from cuecast.command.cli import main
-from cuecast.command.files import whole_file
 
 
 def test_help_lists_every_verb(capsys: pytest.CaptureFixture[str]) -> None:
