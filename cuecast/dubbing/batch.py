@@ -1,175 +1,161 @@
 """Many programmes: a catalogue goes in, a folder of dubbed programmes and a summary come out.
 
-The catalogue is CSV with a header: ``programme`` and ``subtitles`` or ``motion``, and optionally
-``output``; relative paths start at the catalogue. What is done is not done again: each output has
-a report beside it that remembers from what it was made.
+What is done is not done again (`cuecast.dubbing.ledger`); several batches, on several machines
+too, may work on one folder and share the work. Whatever goes wrong with a programme stands in its
+row of the summary and does not stop the others.
 """
 
+import argparse
 import csv
-import importlib
-import json
-import os
+import io
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass
-from multiprocessing import get_context
+from collections import Counter
+from collections.abc import Callable
+from contextlib import closing, redirect_stderr
 from pathlib import Path
 from typing import Any
 
 from codec.errors import CueError
-from codec.files.whole import whole_file
-from cuecast.command.files import write_json
-from watermark.audio.profile import USUAL_GRADE
+from cuecast.dubbing.catalogue import Task
+from cuecast.dubbing.ledger import BusyError, Item, clean
+from cuecast.dubbing.workers import Cluster, Outcome, Processes
 
 SUMMARY = "summary.csv"
 FIELDS = (
     "programme", "output", "status", "error", "duration_s", "superframes", "keys", "snr_db", "odg",
-    "elapsed_s",
+    "received", "lost", "elapsed_s",
 )  # fmt: skip
 
+_ATTEMPTS = 5
+"""How often a programme is given to a worker before it counts as the one that kills them."""
 
-@dataclass(frozen=True, slots=True)
-class Task:
-    """One programme of a catalogue: what to dub with what into which file, with which options.
+_BUSY_S = 0.3
+"""Pause before asking again for a programme on which another batch works."""
 
-    Attributes
-    ----------
-    programme, output : str
-        Paths.
-    subtitles, motion : str
-        Paths, one of them empty.
-    voice : str
-        Name or file.
-    carriers : tuple of str
-    grade : float
-        What the mark aims at.
-    seed, key : int
-    """
-
-    programme: str
-    output: str
-    subtitles: str
-    motion: str
-    voice: str = "claire"
-    carriers: tuple[str, ...] = ("audio",)
-    grade: float = USUAL_GRADE
-    seed: int = 0
-    key: int = 0
-
-    @property
-    def report(self) -> Path:
-        """Where the report of this programme stands."""
-        return Path(f"{self.output}.json")
-
-    def fingerprint(self) -> dict[str, Any]:
-        """Return what decides whether an output is still the one of this task."""
-        stamps = {}
-        for path in filter(None, (self.programme, self.subtitles, self.motion)):
-            found = Path(path).stat()
-            stamps[path] = [found.st_size, found.st_mtime_ns]
-        return {**json.loads(json.dumps(asdict(self))), "inputs": stamps}
-
-
-def read_catalogue(path: str | os.PathLike[str], folder: Path, **options: Any) -> list[Task]:
-    """Read a catalogue.
-
-    Parameters
-    ----------
-    path : path
-        CSV.
-    folder : Path
-        Of the outputs.
-    **options
-        Further fields of every `Task`.
-
-    Raises
-    ------
-    CueError
-        If it is not a catalogue, or two programmes would have the same output.
-    """
-    home = Path(path).parent
-    tasks: dict[str, Task] = {}
-    try:
-        with open(path, encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.DictReader(file, strict=True))
-    except (OSError, UnicodeError, csv.Error) as error:
-        raise CueError(f"{path}: not a catalogue: {error}") from error
-    for number, row in enumerate(rows, 2):
-        cells = {
-            name: (row.get(name) or "").strip() for name in ("programme", "subtitles", "motion")
-        }
-        if not cells["programme"] or bool(cells["subtitles"]) == bool(cells["motion"]):
-            raise CueError(f"{path}: line {number}: needs programme, and subtitles or motion")
-        programme, subtitles, motion = (str(home / c) if c else "" for c in cells.values())
-        name = (row.get("output") or "").strip() or Path(cells["programme"]).name
-        output = str(folder / Path(name).name)
-        if output in tasks:
-            raise CueError(f"{path}: line {number}: another programme has the output {output}")
-        tasks[output] = Task(programme, output, subtitles, motion, **options)
-    if not tasks:
-        raise CueError(f"{path}: no programmes in it")
-    return list(tasks.values())
+_BUSY = "elsewhere"
 
 
 def run_task(task: Task) -> dict[str, Any]:
-    """Dub one programme unless it is done; return its row of the summary.
-
-    What is wrong with a programme stands in the row and does not stop the others.
-    """
-    row: dict[str, Any] = {"programme": task.programme, "output": task.output, "error": ""}
+    """Dub one programme unless it is done; return its row of the summary."""
     began = time.perf_counter()
+    notes = io.StringIO()
+
+    def work(made: Path) -> dict[str, Any]:
+        from cuecast.dubbing.job import dub_as_told
+
+        told = argparse.Namespace(
+            programme=task.programme, output=str(made), subtitles=task.subtitles or None,
+            motion=task.motion or None, **task.options,
+        )  # fmt: skip
+        with redirect_stderr(notes):
+            report = dub_as_told(told)
+        return report | {"notes": notes.getvalue().splitlines()}
+
     try:
-        report = _done(task)
-        row["status"] = "done before" if report is not None else "done"
-        if report is None:
-            report = _dub(task)
+        record, made = Item(task).run(work)
+    except BusyError:
+        return _row(task, _BUSY)
     except (CueError, OSError) as error:
-        return row | {"status": "failed", "error": " ".join(str(error).split())}
-    audio = report["carriers"].get("audio", {})
-    return row | {
-        "duration_s": report["duration_s"],
-        "superframes": report["superframes"],
-        "keys": len(report["keys"]),
-        "snr_db": audio.get("snr_db"),
-        "odg": audio.get("odg"),
-        "elapsed_s": round(time.perf_counter() - began, 2),
+        return _row(task, "failed", str(error))
+    except Exception as error:  # what nobody foresaw is this programme's, not the batch's
+        return _row(task, "failed", f"{type(error).__name__}: {error}")
+    return _row(task, "done" if made else "done before", record=record) | {
+        "elapsed_s": round(time.perf_counter() - began, 2)
     }
 
 
-def _done(task: Task) -> dict[str, Any] | None:
-    """Return the report of an earlier run if it was of the same task."""
-    if not (task.report.exists() and Path(task.output).exists()):
-        return None
-    try:
-        document = json.loads(task.report.read_text(encoding="utf-8"))
-        same = document["task"] == task.fingerprint()
-    except (ValueError, KeyError, TypeError):
-        return None
-    return dict(document) if same else None
+def _row(
+    task: Task, status: str, error: str = "", record: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    row = {
+        "programme": task.programme, "output": task.output, "status": status,
+        "error": " ".join(error.split()),
+    }  # fmt: skip
+    if record is None:
+        return row
+    audio = record["carriers"].get("audio", {})
+    carriers = record.get("read_back", {"carriers": {}})["carriers"].values()
+    return row | {
+        "duration_s": record["duration_s"],
+        "superframes": record["superframes"],
+        "keys": len(record["keys"]),
+        "snr_db": audio.get("snr_db"),
+        "odg": audio.get("odg"),
+        "received": sum(one["received"] for one in carriers),
+        "lost": sum(one["lost"] for one in carriers),
+    }
 
 
-def _dub(task: Task) -> dict[str, Any]:
-    from codec.cuer.motion import load_motion
-    from codec.cuer.voice import load_voice
-    from cuecast.dubbing.dub import DubOptions, dub
-    from cuecast.dubbing.motions import GivenMotion, MotionSource, SynthesisedMotion
-    from synth.scoring.text_score import score_from_subtitles
-    from synth.subtitles import read_subtitles
+class _Run:
+    """One run over a catalogue: rows as they come in, and what is still to do."""
 
-    fingerprint = task.fingerprint()
-    voice = load_voice(task.voice)
-    motion: MotionSource
-    if task.motion:
-        motion = GivenMotion(load_motion(task.motion), voice)
-    else:
-        score = score_from_subtitles(read_subtitles(task.subtitles), warn=lambda line: None)
-        motion = SynthesisedMotion(score, voice, seed=task.seed)
-    options = DubOptions(carriers=task.carriers, grade=task.grade, key=task.key)
-    report = dub(task.programme, motion, voice, task.output, options)
-    write_json(str(task.report), report | {"task": fingerprint})
-    return report
+    def __init__(self, tasks: list[Task], folder: Path, tell: Callable[[str], None]) -> None:
+        self._tasks, self._folder, self._tell = tasks, folder, tell
+        self.rows: dict[str, dict[str, Any]] = {}
+        self._attempts: Counter[str] = Counter()
+        self._began_s, self._made = time.monotonic(), 0
+
+    def done_before(self) -> list[Task]:
+        """Note what is done; return the rest."""
+        rest = []
+        for task in self._tasks:
+            record = Item(task).done()
+            if record is None:
+                rest.append(task)
+            else:
+                self.rows[task.output] = _row(task, "done before", record=record)
+        return rest
+
+    def take(self, outcome: Outcome) -> bool:
+        """Note how a task ended; tell whether it is to be given out again."""
+        task, row = outcome.task, outcome.row
+        if row is not None and row["status"] == _BUSY:
+            time.sleep(_BUSY_S)
+            return True
+        if row is None:
+            self._attempts[task.output] += 1
+            if self._attempts[task.output] < _ATTEMPTS:
+                self._tell(f"again: {task.output}: {outcome.reason}")
+                return True
+            row = _row(task, "failed", f"{outcome.reason}, {_ATTEMPTS} times")
+        self.rows[task.output] = _row(task, row["status"]) | row
+        self._made += row["status"] == "done"
+        self._tell(self._line(self.rows[task.output]))
+        self.write()
+        return False
+
+    def _line(self, row: dict[str, Any]) -> str:
+        left = len(self._tasks) - len(self.rows)
+        line = f"[{len(self.rows)}/{len(self._tasks)}] {row['status']}: {row['output']}"
+        if row["error"]:
+            line += f" {row['error']}"
+        if left and self._made:
+            minutes = (time.monotonic() - self._began_s) / self._made * left / 60
+            line += f" ({minutes:.0f} min left)" if minutes >= 1 else " (under 1 min left)"
+        return line
+
+    def close(self) -> list[dict[str, Any]]:
+        """Write the summary, whatever happened; return its rows in the order of the catalogue."""
+        for task in self._tasks:
+            self.rows.setdefault(task.output, _row(task, "not done"))
+        self.write()
+        clean(self._folder)
+        return [self.rows[task.output] for task in self._tasks]
+
+    def write(self) -> None:
+        """Write the summary as it stands, unless another batch is just doing that."""
+        item = Item(Task("", str(self._folder / SUMMARY)))
+        try:
+            with item.locked():
+                made = item.folder / SUMMARY
+                with made.open("w", encoding="utf-8", newline="") as file:
+                    writer = csv.DictWriter(file, FIELDS, extrasaction="ignore")
+                    writer.writeheader()
+                    rows = (self.rows.get(task.output) for task in self._tasks)
+                    writer.writerows(row for row in rows if row is not None)
+                made.replace(item.output)
+        except BusyError:
+            return
 
 
 def run_batch(
@@ -178,7 +164,7 @@ def run_batch(
     *,
     jobs: int = 1,
     scheduler: str | None = None,
-    progress: Callable[[dict[str, Any]], None] = lambda row: None,
+    tell: Callable[[str], None] = lambda line: None,
 ) -> list[dict[str, Any]]:
     """Run all tasks and write the summary.
 
@@ -192,8 +178,8 @@ def run_batch(
     scheduler : str, optional
         Address of a Dask scheduler that spreads them over many machines instead; these see the
         files under the same names.
-    progress : callable
-        Told the row of every programme as it ends.
+    tell : callable
+        Told a line for everything that happens.
 
     Returns
     -------
@@ -201,40 +187,22 @@ def run_batch(
         Rows in the order of the catalogue.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    rows: dict[str, dict[str, Any]] = {}
-    with _executor(jobs, scheduler) as executor:
-        futures: list[Future[dict[str, Any]]] = [executor.submit(run_task, t) for t in tasks]
-        for future in as_completed(futures):
-            row = future.result()
-            rows[row["output"]] = row
-            progress(row)
-            _write_summary(folder, [rows[t.output] for t in tasks if t.output in rows])
-    return [rows[task.output] for task in tasks]
-
-
-@contextmanager
-def _executor(jobs: int, scheduler: str | None) -> Iterator[Executor]:
-    if scheduler is None:
-        with ProcessPoolExecutor(jobs, get_context("spawn")) as executor:
-            yield executor
-        return
+    clean(folder)
+    run = _Run(tasks, folder.absolute(), tell)
+    rest = run.done_before()
     try:
-        distributed: Any = importlib.import_module("distributed")
-    except ImportError as error:
-        raise CueError("--scheduler needs the extra `cluster` (Dask)") from error
-    try:
-        client = distributed.Client(scheduler, timeout="10s")
-    except (OSError, ValueError) as error:
-        raise CueError(f"no scheduler answers at {scheduler}") from error
-    with client:
-        yield client.get_executor()
-
-
-def _write_summary(folder: Path, rows: list[dict[str, Any]]) -> None:
-    with (
-        whole_file(folder / SUMMARY) as temporary,
-        temporary.open("w", encoding="utf-8", newline="") as file,
-    ):
-        writer = csv.DictWriter(file, FIELDS)
-        writer.writeheader()
-        writer.writerows(rows)
+        if rest:
+            pool: Processes | Cluster = (
+                Processes(min(jobs, len(rest)), run_task)
+                if scheduler is None
+                else Cluster(scheduler, run_task, tell)
+            )
+            with closing(pool):
+                for task in rest:
+                    pool.submit(task)
+                for outcome in pool.outcomes():
+                    if run.take(outcome):
+                        pool.submit(outcome.task)
+    finally:
+        rows = run.close()
+    return rows

@@ -11,7 +11,7 @@ its first whole superframe.
 import math
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,12 +25,14 @@ from codec.bitstream.payload import nest
 from codec.bitstream.window import MAX_BYTES
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
+from codec.cues.score import Key
 from codec.errors import CueError
 from codec.files.whole import folder_beside
 from cuecast.dubbing.coder_stream import make_rehearsal
 from cuecast.dubbing.marking import MarkingStage
 from cuecast.dubbing.motions import RATE_HZ, MotionSource
 from cuecast.dubbing.pictures import PictureOptions, dub_picture
+from cuecast.dubbing.read_back import Sent, earlier_marks, read_back, true_psnr_db
 from cuecast.media.rewrite import Stage, rewrite_sound
 from receiver.media.programme import SoundFormat
 from watermark.audio.profile import STANDARD, USUAL_GRADE, Profile, find_profile
@@ -72,6 +74,10 @@ class DubOptions:
         Whether to grade the marked sound with the quality meter.
     through : str, optional
         Coder of the broadcast, see `cuecast.dubbing.coder_stream.make_rehearsal`.
+    read_back : bool
+        Whether to receive what was written and report what arrives.
+    replace : bool
+        Whether to write over the cuer of a programme that has one already.
     """
 
     carriers: tuple[str, ...] = ("audio",)
@@ -85,6 +91,8 @@ class DubOptions:
     grade: float = USUAL_GRADE
     graded: bool = True
     through: str | None = None
+    read_back: bool = False
+    replace: bool = False
 
 
 def dub(
@@ -121,11 +129,14 @@ def dub(
     """
     if not options.carriers:
         raise CueError("no carrier: nothing to dub into")
+    _check_earlier(programme, voice, options)
     carriers: dict[str, dict[str, Any]] = {}
     sound_profile = find_profile(options.profiles["audio"])
     picture = {name: options.profiles[name] for name in options.carriers if name != "audio"}
     report: dict[str, Any] = {}
     seconds: list[float] = []
+    told: list[str] = []
+    sent = Sent()
 
     def advance(length_s: float) -> None:
         seconds.append(length_s)
@@ -136,7 +147,7 @@ def dub(
         if "audio" in options.carriers:
             marked = Path(folder) / Path(target).name if picture else Path(target)
             report, carriers["audio"] = _dub_sound(
-                programme, motion, voice, marked, options, progress
+                programme, motion, voice, marked, options, sent, progress
             )
         if picture:
             carriers |= dub_picture(
@@ -144,14 +155,65 @@ def dub(
                 lambda *sizes: superframe_source(motion, voice, *sizes, beside=sound_profile),
                 target,
                 PictureOptions(picture, options.key, options.video_codec, options.video_bit_rate),
-                progress=advance,
+                sent=sent, progress=advance, tell=told.append,
             )  # fmt: skip
             report = report or _picture_report(seconds)
-    return report | {
-        "keys": [key.as_dict() for key in motion.score.keys],
-        "carriers": carriers,
-        "voice": voice.identity,
-    }
+    report["left_out"] += told
+    report |= _told_keys(motion.score.keys, report["duration_s"])
+    report |= {"carriers": carriers, "voice": voice.identity}
+    if options.read_back and Path(target).is_file():
+        _read_back(programme, target, motion, voice, options, sent, report, progress)
+    return report
+
+
+def _check_earlier(programme: str | os.PathLike[str], voice: Voice, options: DubOptions) -> None:
+    """Refuse a programme that has a cuer already, unless she is to be replaced in full."""
+    earlier = earlier_marks(programme, voice, key=options.key, track=options.track)
+    if not earlier:
+        return
+    names = " and ".join(earlier)
+    if not options.replace:
+        raise CueError(
+            f"{programme}: it has a cuer already, in {names}: take the programme without her, "
+            "or write over her with --replace"
+        )
+    kept = sorted(set(earlier) - set(options.carriers))
+    if kept:
+        raise CueError(
+            f"{programme}: the cuer that it has in {' and '.join(kept)} would stay: "
+            f"add it to --carriers"
+        )
+
+
+def _told_keys(keys: Sequence[Key], duration_s: float) -> dict[str, Any]:
+    """Keys of the report, and how many of them fall outside of the programme."""
+    outside = sum(key.end <= 0 or key.start >= duration_s for key in keys)
+    return {"keys": [key.as_dict() for key in keys], "keys_outside": outside}
+
+
+def _read_back(
+    programme: str | os.PathLike[str], target: str | os.PathLike[str], motion: MotionSource,
+    voice: Voice, options: DubOptions, sent: Sent, report: dict[str, Any],
+    progress: Callable[[float], None],
+) -> None:  # fmt: skip
+    """Add to the report what a receiver finds in the output."""
+    carriers = report["carriers"]
+    report["read_back"] = read_back(
+        target, sent, motion.score.keys, voice, lead=LEAD, key=options.key, track=options.track,
+        duration_s=report["duration_s"], through=_channel(options.through), progress=progress,
+    )  # fmt: skip
+    if set(carriers) - {"audio"}:
+        true_db = true_psnr_db(programme, target)
+        for name in set(carriers) - {"audio"}:
+            if "psnr_db" in carriers[name]:
+                carriers[name]["mark_psnr_db"] = carriers[name]["psnr_db"]
+            carriers[name]["psnr_db"] = true_db
+    for name, figures in report["read_back"]["carriers"].items():
+        carriers[name] |= {"received": figures["received"], "lost": figures["lost"]}
+
+
+def _channel(through: str | None) -> str | None:
+    return None if through == "none" else through
 
 
 def _dub_sound(
@@ -160,6 +222,7 @@ def _dub_sound(
     voice: Voice,
     target: Path,
     options: DubOptions,
+    sent: Sent,
     progress: Callable[[float], None],
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Mark the sound; return what the report says of the programme and of the carrier."""
@@ -172,6 +235,7 @@ def _dub_sound(
     def make_stage(sound: SoundFormat, start_s: float) -> Stage:
         first = max(-LEAD, math.ceil(start_s / SUPERFRAME_S - 1e-6))
         source = superframe_source(motion, voice, profile.l0_bytes, profile.l1_bytes, first=first)
+        source = sent.noting("audio", source, first)
         stages.append(
             MarkingStage(
                 sound, source, name=os.fspath(programme), profile=profile.name,
@@ -191,18 +255,21 @@ def _dub_sound(
         "superframes": stages[0].superframes,
         "clipped_samples": written.clipped,
         "left_out": list(written.left_out),
+        "changed": list(written.changed),
     }
     figures = stages[0].report()
     figures["silent_s"] = [
         [round(t + begins_s[0], 3) for t in span] for span in figures["silent_s"]
     ]
+    sent.silent = [(a, b) for a, b in figures["silent_s"]]
     return report, figures
 
 
 def _picture_report(seconds: list[float]) -> dict[str, Any]:
     duration_s = math.fsum(seconds)
     superframes = int(duration_s / SUPERFRAME_S)
-    return {"duration_s": round(duration_s, 3), "superframes": superframes, "left_out": []}
+    return {"duration_s": round(duration_s, 3), "superframes": superframes, "left_out": [],
+            "changed": []}  # fmt: skip
 
 
 def superframe_source(

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from cuecast.dubbing.read_back import Sent
 from cuecast.media.picture import PictureStage, rewrite_picture
 from receiver.media.picture import PictureFormat, picture_format
 from watermark.a335.carrier import A335Embedder
@@ -46,9 +47,13 @@ def dub_picture(
     target: str | os.PathLike[str],
     options: PictureOptions,
     *,
+    sent: Sent,
     progress: Callable[[float], None] = lambda seconds: None,
+    tell: Callable[[str], None] = lambda line: None,
 ) -> dict[str, dict[str, Any]]:
     """Write `programme` with marked pictures to `target`.
+
+    What is sent is noted in `sent`; `tell` is told what of the programme is left out.
 
     Returns
     -------
@@ -66,28 +71,28 @@ def dub_picture(
     def make_stages(form: PictureFormat) -> Sequence[PictureStage]:
         for name in CARRIERS:
             if name in options.profiles:
-                made[name] = _embedder(name, form, source_of, options)
+                made[name] = _embedder(name, form, source_of, options, sent)
         return list(made.values())
 
     rewrite_picture(
         programme, target, make_stages, codec=options.codec, bit_rate=options.bit_rate,
-        progress=progress,
+        progress=progress, tell=tell,
     )  # fmt: skip
     return {name: _figures(name, embedder, form) for name, embedder in made.items()}
 
 
 def _embedder(
-    name: str, form: PictureFormat, source_of: SourceOf, options: PictureOptions
+    name: str, form: PictureFormat, source_of: SourceOf, options: PictureOptions, sent: Sent
 ) -> PictureStage:
     size = form.width, form.height, form.fps
     if name == "video":
         video = find_video_profile(options.profiles[name])
+        source = sent.noting(name, source_of(video.l0_bytes, video.l1_bytes))
         return VideoEmbedder(
-            *size, source_of(video.l0_bytes, video.l1_bytes), profile=video.name,
-            key=options.key, depth=form.depth,
+            *size, source, profile=video.name, key=options.key, depth=form.depth
         )  # fmt: skip
     line = find_line_profile(options.profiles[name])
-    source = source_of(line.l0_bytes, line.l1_bytes)
+    source = sent.noting(name, source_of(line.l0_bytes, line.l1_bytes))
     return A335Embedder(*size, source, profile=line.name, depth=form.depth)
 
 

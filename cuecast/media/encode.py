@@ -28,12 +28,58 @@ _CODED_BITS = {"flac": 24, "alac": 24}
 """Bits of a 32 bit sample that the codec keeps."""
 
 
+_LOSSLESS = {"flac", "alac", "wavpack", "tta", "ape", "truehd", "mlp"}
+_WAV = "pcm_u8 pcm_s16le pcm_s24le pcm_s32le pcm_f32le pcm_f64le pcm_alaw pcm_mulaw"
+_HOLDS = {
+    ".wav .w64 .rf64": (_WAV, "pcm_le"),
+    ".aif .aiff .aifc": ("pcm_s8 pcm_s16be pcm_s24be pcm_s32be", "pcm_be"),
+    ".flac": ("flac", "flac"),
+    ".mp3": ("libmp3lame", "libmp3lame"),
+    ".mp2": ("mp2", "mp2"),
+    ".ac3": ("ac3", "ac3"),
+    ".aac": ("aac", "aac"),
+    ".opus .webm": ("libopus", "libopus"),
+    ".ogg .oga": ("libopus flac", "libopus"),
+    ".m4a .mp4 .m4v": ("aac libmp3lame mp2 ac3 eac3 alac flac libopus", "aac"),
+    ".ts .m2ts .mts": ("aac libmp3lame mp2 ac3 eac3 libopus", "aac"),
+    ".mpg .mpeg .vob": ("mp2 libmp3lame ac3", "mp2"),
+    ".mxf": ("pcm_s16le pcm_s24le", "pcm_s24le"),
+}
+"""For suffixes: the encoders whose sound they usually hold, and the one to take for others."""
+
+
 @dataclass(frozen=True, slots=True)
 class SoundTarget:
     """Sound parameters of an output: the encoder, and bits per second (0: it is lossless)."""
 
     encoder: str
     bit_rate: int
+
+
+def usual_codec(sound: SoundFormat, suffix: str) -> str:
+    """Return the codec for a sound in a file with this suffix: its own where that is usual there.
+
+    Examples
+    --------
+    >>> flac = SoundFormat("flac", 48000, 2, "stereo", "s16", 0)
+    >>> usual_codec(flac, ".wav"), usual_codec(flac, ".mkv"), usual_codec(flac, ".ts")
+    ('pcm_s16le', 'flac', 'aac')
+    """
+    for suffixes, (held, usual) in _HOLDS.items():
+        if suffix.lower() not in suffixes.split() or encoder_of(sound.codec) in held.split():
+            continue
+        if usual not in ("pcm_le", "pcm_be"):
+            return usual
+        end = usual[-2:]
+        if end == "le" and sound.sample_format.startswith(("flt", "dbl")) and is_lossless(sound):
+            return "pcm_f32le"
+        return f"pcm_s{24 if sound.sample_format.startswith('s32') else 16}{end}"
+    return sound.codec
+
+
+def is_lossless(sound: SoundFormat) -> bool:
+    """Whether a sound's codec keeps every sample."""
+    return sound.codec.startswith("pcm_") or sound.codec in _LOSSLESS
 
 
 def choose_target(
@@ -54,7 +100,7 @@ def choose_target(
     SoundTarget(encoder='flac', bit_rate=0)
     """
     wanted = codec or sound.codec
-    name = _ENCODERS.get(wanted, wanted)
+    name = encoder_of(wanted)
     try:
         encoder = av.Codec(name, "w")
     except (av.FFmpegError, ValueError) as error:
@@ -65,7 +111,13 @@ def choose_target(
         raise CueError(f"sound codec {wanted!r} cannot be written: choose with --audio-codec")
     if encoder.lossless:
         return SoundTarget(name, 0)
-    return SoundTarget(name, bit_rate or sound.bit_rate or _FALLBACK_BIT_RATE * sound.channels)
+    known = 0 if is_lossless(sound) else sound.bit_rate
+    return SoundTarget(name, bit_rate or known or _FALLBACK_BIT_RATE * sound.channels)
+
+
+def encoder_of(codec: str) -> str:
+    """Return the name of the encoder for a codec, which is often its own."""
+    return _ENCODERS.get(codec, codec)
 
 
 class SoundEncoder:

@@ -15,10 +15,11 @@ from typing import Any, Protocol
 import av
 import numpy as np
 from av.sidedata.sidedata import Type as SideDataType
+from numpy.typing import NDArray
 
 from codec.errors import CueError
 from codec.files.whole import whole_file
-from cuecast.media.rewrite import copy_labels, copy_tags
+from cuecast.media.copying import Copies, copy_labels
 from receiver.media.picture import Luma, PictureDecoder, PictureFormat, luma_of
 from receiver.media.programme import Programme, open_programme, reason
 
@@ -69,6 +70,7 @@ def rewrite_picture(
     fps: Fraction | None = None,
     duration_s: float | None = None,
     progress: Callable[[float], None] = lambda seconds: None,
+    tell: Callable[[str], None] = lambda line: None,
 ) -> PictureFormat:
     """Copy `source` to `target` with its luma passed through stages, one after the other.
 
@@ -90,6 +92,8 @@ def rewrite_picture(
         Seconds of picture after which to stop.
     progress : callable
         Told how many seconds of picture each frame brought.
+    tell : callable
+        Told what of the programme is left out.
 
     Returns
     -------
@@ -112,6 +116,8 @@ def rewrite_picture(
                 rate = bit_rate or _measured_bit_rate(source, form)
                 writer.configure(rate, gop, size or (form.width, form.height))
                 frames = None if duration_s is None else round(duration_s * form.fps)
+                for line in writer.left_out:
+                    tell(line)
                 writer.run(list(make_stages(form)), frames, progress)
         except (av.FFmpegError, ValueError) as error:
             raise CueError(f"{target}: cannot write: {reason(error)}") from error
@@ -126,28 +132,29 @@ class _Writer:
     ) -> None:
         self._programme, self._decoder, self._output = programme, decoder, output
         self._form, self._picture = decoder.format, programme.picture
-        container = programme.container
-        self._copies: dict[int, Any] = {}
-        for stream in container.streams:
+        self._copies = Copies(programme.container, output)
+        for stream in programme.container.streams:
             if stream is self._picture:
                 self._encoder = output.add_stream(encoder, rate=self._form.fps)
-                self._copies[stream.index] = self._encoder
-            elif stream.type in ("audio", "subtitle"):
-                self._copies[stream.index] = output.add_stream_from_template(stream)
+                copy_labels(stream, self._encoder)
             else:
-                continue
-            copy_labels(stream, self._copies[stream.index])
-        copy_tags(container.metadata, output.metadata)
-        self._start_s = Fraction(container.start_time or 0, av.time_base)
+                self._copies.add(stream)
+        self._light = ""
         self._waiting: deque[Any] = deque()
         self._count = self._sent = 0
         self._times: dict[int, Fraction] = {}
         self._original: tuple[Any, Luma] | None = None
 
-    def be_like(self, frame: Any) -> None:
-        """Code fields as fields, and have the picture turned, if this frame is; None tells nothing.
+    @property
+    def left_out(self) -> list[str]:
+        """What of the programme the output does not get."""
+        return self._copies.left_out
 
-        Encoders are opened by the first packet of anything, so this has to be known before.
+    def be_like(self, frame: Any) -> None:
+        """Code fields as fields, and have the picture turned and lit, if this frame is.
+
+        Encoders are opened by the first packet of anything, so this has to be known before. None
+        tells nothing.
         """
         if frame is None:
             return
@@ -156,6 +163,9 @@ class _Writer:
         turn = frame.side_data.get(SideDataType.DISPLAYMATRIX)
         if turn is not None:
             self._encoder.set_display_matrix(np.frombuffer(bytes(turn), dtype=np.int32).tolist())
+        self._light = light_of(frame)
+        if self._light and self._encoder.codec.name != "libx265":
+            self.left_out.append(f"light of the mastering display: {self._encoder.codec.name}")
 
     def configure(self, bit_rate: int, gop: int | None, size: tuple[int, int]) -> None:
         """Set the encoder's parameters; its rate is limited over one second, as on air."""
@@ -166,6 +176,8 @@ class _Writer:
         context.sample_aspect_ratio = self._picture.sample_aspect_ratio or Fraction(1)
         context.color_range = self._picture.codec_context.color_range
         context.colorspace = self._picture.codec_context.colorspace
+        context.color_primaries = self._picture.codec_context.color_primaries
+        context.color_trc = self._picture.codec_context.color_trc
         context.gop_size = gop or round(form.fps)
         context.bit_rate = bit_rate
         limits = {"maxrate": str(bit_rate), "bufsize": str(bit_rate)}
@@ -176,6 +188,7 @@ class _Writer:
             kilobits = bit_rate // 1000
             limits = {
                 "x265-params": f"vbv-maxrate={kilobits}:vbv-bufsize={kilobits}:log-level=none"
+                + self._light
             }
         self._encoder.options = limits
 
@@ -185,7 +198,7 @@ class _Writer:
         """Copy, change, encode to the end or `frames`."""
         for packet in chain(self._programme.packets(), [None]):
             if packet is not None and packet.stream is not self._picture:
-                self._copy(packet)
+                self._copies.write(packet)
                 continue
             for place, frame in self._decoder.process(packet):
                 if frames is None or place < frames:
@@ -202,7 +215,7 @@ class _Writer:
 
     def _change(self, stages: list[PictureStage], place: int, frame: Any) -> None:
         """Pass a frame through the stages and write what comes out of them."""
-        self._times[place] = self._decoder.grid.source_time(place) - self._start_s
+        self._times[place] = self._decoder.grid.source_time(place) - self._copies.shift_s
         self._count += 1
         self._waiting.append(frame)
         # A frame that is shown again may have been given its new luma by now.
@@ -239,15 +252,6 @@ class _Writer:
         """Time of frame n; before the first one, where decoding starts, by the frame rate."""
         return self._times[n] if n >= 0 else self._times[0] + n / self._form.fps
 
-    def _copy(self, packet: Any) -> None:
-        if packet.stream.index not in self._copies or packet.dts is None:
-            return
-        shift = round(self._start_s / packet.time_base)
-        packet.stream = self._copies[packet.stream.index]
-        packet.dts -= shift
-        packet.pts -= shift
-        self._output.mux(packet)
-
 
 def _through(stages: list[PictureStage], luma: Luma) -> list[Luma]:
     lumas = [luma]
@@ -272,6 +276,34 @@ def _encoder(form: PictureFormat, codec: str | None) -> str:
     except (av.FFmpegError, ValueError) as error:
         raise CueError(f"picture codec {name!r}: cannot be written") from error
     return name
+
+
+def light_of(frame: Any) -> str:
+    """Return the light of the mastering display and of the content as options of x265, or nothing.
+
+    Sources: CTA-861.3 and SMPTE ST 2086; FFmpeg hands them on as structures of ratios, primaries
+    in the order red, green, blue.
+    """
+    options = ""
+    words = _words(frame, SideDataType.MASTERING_DISPLAY_METADATA, 22)
+    if len(words) and words[20] and words[21] and words[1:20:2].all():
+        ratios = words[0:20:2] / words[1:20:2]
+        (rx, ry, gx, gy, bx, by, wx, wy), (low, high) = ratios[:8], ratios[8:]
+        places = [round(float(v) * 50_000) for v in (gx, gy, bx, by, rx, ry, wx, wy)]
+        light = round(float(high) * 10_000), round(float(low) * 10_000)
+        options = ":hdr10=1:master-display=G({},{})B({},{})R({},{})WP({},{})L({},{})".format(
+            *places, *light
+        )
+    words = _words(frame, SideDataType.CONTENT_LIGHT_LEVEL, 2)
+    return f"{options}:max-cll={words[0]},{words[1]}" if len(words) else options
+
+
+def _words(frame: Any, kind: Any, least: int) -> NDArray[np.int32]:
+    """Return what FFmpeg tells beside a frame as words, none where it tells too little."""
+    data = frame.side_data.get(kind)
+    if data is None or len(bytes(data)) < 4 * least:
+        return np.zeros(0, np.int32)
+    return np.frombuffer(bytes(data)[: 4 * least], dtype=np.int32)
 
 
 def _first_frame(path: str | os.PathLike[str]) -> Any:

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from codec.files.whole import whole_file
-from cuecast.media.encode import SoundEncoder, choose_target
+from cuecast.media.copying import Copies, copy_labels
+from cuecast.media.encode import SoundEncoder, choose_target, encoder_of, usual_codec
 from receiver.media.programme import (
     Programme,
     SoundFormat,
@@ -26,12 +27,6 @@ from receiver.media.programme import (
     reason,
 )
 from receiver.media.sound import SoundDecoder
-
-_FILE_TAGS = {
-    "major_brand", "minor_version", "compatible_brands", "encoder", "duration", "handler_name",
-    "vendor_id", "creation_time",
-}  # fmt: skip
-"""Tags that describe the old file, not the programme; the new file has its own."""
 
 _WRITER_OPTIONS = {
     ".ts": {"max_delay": "700000"},  # decoders need the clock reference ahead of the pictures
@@ -64,13 +59,18 @@ class Unchanged:
 
 @dataclass(frozen=True, slots=True)
 class Rewritten:
-    """What `rewrite_sound` did: sound parameters, length, clipped samples, streams left out."""
+    """What `rewrite_sound` did.
+
+    Sound parameters, length, start, clipped samples, streams left out, and what of the sound's
+    coding is another than the programme's.
+    """
 
     sound: SoundFormat
     duration_s: float
     start_s: float
     clipped: int
     left_out: tuple[str, ...]
+    changed: tuple[str, ...]
 
 
 def rewrite_sound(
@@ -81,6 +81,7 @@ def rewrite_sound(
     track: int = 0,
     codec: str | None = None,
     bit_rate: int | None = None,
+    alone: bool = False,
     progress: Callable[[float], None] = lambda seconds: None,
 ) -> Rewritten:
     """Copy the programme `source` to `target` with its sound passed through a stage.
@@ -95,7 +96,10 @@ def rewrite_sound(
     track : int
         Which of the programme's sounds, from 0.
     codec, bit_rate : optional
-        Sound codec and bits per second of the output; by default those of the programme.
+        Sound codec and bits per second of the output; by default those of the programme, as far
+        as the container usually holds them.
+    alone : bool
+        Write the sound only.
     progress : callable
         Told how many seconds of sound each block brought.
 
@@ -114,7 +118,8 @@ def rewrite_sound(
         except (av.FFmpegError, ValueError) as error:
             raise CueError(f"{target}: cannot write: {reason(error)}") from error
         with container:
-            writer = _Writer(programme, container, source, codec, bit_rate)
+            wanted = codec or usual_codec(programme.format, Path(target).suffix)
+            writer = _Writer(programme, container, source, wanted, bit_rate, alone)
             try:
                 return writer.run(stage, progress)
             except av.FFmpegError as error:
@@ -129,8 +134,9 @@ class _Writer:
         programme: Programme,
         container: OutputContainer,
         source: str | os.PathLike[str],
-        codec: str | None,
+        codec: str,
         bit_rate: int | None,
+        alone: bool,
     ) -> None:
         self._programme = programme
         self._container = container
@@ -140,20 +146,18 @@ class _Writer:
             track = list(programme.container.streams.audio).index(programme.sound)
             sound = replace(sound, bit_rate=measured_bit_rate(source, track=track))
         target = choose_target(sound, codec=codec, bit_rate=bit_rate)
-        self._left_out: list[str] = []
-        self._copies: dict[int, Any] = {}
+        self._copies = Copies(programme.container, container)
         for stream in programme.container.streams:
             if stream is programme.sound:
                 self._encoder = SoundEncoder(container, sound, target)
                 copy_labels(stream, self._encoder.stream)
-            else:
-                self._add_copy(stream)
-        copy_tags(programme.container.metadata, container.metadata)
-        if programme.container.chapters():
-            container.set_chapters(programme.container.chapters())
+            elif not alone:
+                self._copies.add(stream)
         self._encoder.open()
-        # Like other remuxers: the new container starts at zero; differences stay exact.
-        self._shift_s = (programme.container.start_time or 0) / av.time_base
+        kept = encoder_of(sound.codec) == target.encoder
+        self._changed: tuple[str, ...] = (
+            () if kept else (f"sound: {sound.codec} is now {target.encoder}",)
+        )
 
     def run(
         self, make_stage: Callable[[SoundFormat, float], Stage], progress: Callable[[float], None]
@@ -168,8 +172,8 @@ class _Writer:
                 if stage is not None and len(block):
                     self._write_sound(stage.process(block))
                     progress(len(block) / self._decoder.format.fs)
-            elif packet.stream.index in self._copies:
-                self._write_copy(packet)
+            else:
+                self._copies.write(packet)
         if stage is None:
             raise CueError(f"{self._programme.name}: its sound is empty")
         self._write_sound(stage.flush())
@@ -180,7 +184,7 @@ class _Writer:
         decoder = self._decoder
         return Rewritten(
             decoder.format, decoder.samples / decoder.format.fs, decoder.start_s or 0.0,
-            self._encoder.clipped, tuple(self._left_out),
+            self._encoder.clipped, tuple(self._copies.left_out), self._changed,
         )  # fmt: skip
 
     def _packets(self) -> Iterator[Any]:
@@ -189,43 +193,9 @@ class _Writer:
         yield None
 
     def _write_sound(self, block: NDArray[np.float32]) -> None:
-        start_s = self._decoder.container_start_s - self._shift_s
+        start_s = self._decoder.container_start_s - float(self._copies.shift_s)
         for packet in self._encoder.process(block, start_s):
             self._container.mux(packet)
-
-    def _write_copy(self, packet: Any) -> None:
-        shift = round(self._shift_s / packet.time_base)
-        packet.stream = self._copies[packet.stream.index]
-        if packet.pts is not None:
-            packet.pts -= shift
-        if packet.dts is not None:
-            packet.dts -= shift
-        self._container.mux(packet)
-
-    def _add_copy(self, stream: Any) -> None:
-        try:
-            if stream.type == "attachment":
-                self._container.add_attachment(stream.name, stream.mimetype, stream.data)
-                return
-            copy = self._container.add_stream_from_template(stream)
-        except (av.FFmpegError, ValueError, TypeError) as error:
-            self._left_out.append(f"stream {stream.index} ({stream.type}): {reason(error)}")
-            return
-        self._copies[stream.index] = copy
-        copy_labels(stream, copy)
-
-
-def copy_labels(source: Any, target: Any) -> None:
-    """Carry over language, title and role of a stream."""
-    copy_tags(source.metadata, target.metadata)
-    target.disposition = source.disposition
-
-
-def copy_tags(source: dict[str, str], target: dict[str, str]) -> None:
-    """Carry over the tags that describe the programme, not the old file."""
-    for key, value in source.items():
-        if key.lower() not in _FILE_TAGS:
-            target[key] = value
 
 
 def _same_file(source: str | os.PathLike[str], target: str | os.PathLike[str]) -> bool:

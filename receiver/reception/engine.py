@@ -8,7 +8,7 @@ grow, apart from the list of keys when asked for.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
@@ -50,6 +50,11 @@ class Receiver:
     keep_keys : bool
         Keep the keys for `summary`: some kilobytes a minute.
 
+    Attributes
+    ----------
+    witness : callable or None
+        Shown every superframe of every carrier as it was found, for measurements.
+
     Raises
     ------
     CueError
@@ -64,6 +69,7 @@ class Receiver:
         self._carrier: AudioReceiver | None = None
         self._pictures: PictureCarriers | None = None
         self._combiner = Combiner()
+        self.witness: Callable[[Found], None] | None = None
         self._tracker = Tracker(self.voice)
         self.fs, self.channels = fs, channels
         self._key, self._start_s = key, start_s
@@ -163,6 +169,8 @@ class Receiver:
     def _take(self, found: Iterable[Found]) -> list[Event]:
         events: list[Event] = []
         for item in found:
+            if self.witness is not None:
+                self.witness(item)
             if item.superframe.l0 is not None:
                 self._encourage(item)
             for joined in self._combiner.add(item.carrier, item.superframe, item.profile):

@@ -1,7 +1,15 @@
 """The verb `batch`: a catalogue through several processes, restartable."""
 
+import contextlib
 import csv
 import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -10,8 +18,13 @@ from codec.errors import CueError
 from cuecast.command.cli import main
 from cuecast.demo.content import FS, make_sound
 from cuecast.demo.run import as_srt
-from cuecast.dubbing.batch import read_catalogue
+from cuecast.dubbing.batch import run_task
+from cuecast.dubbing.catalogue import Task, read_catalogue
+from cuecast.dubbing.ledger import WORK, BusyError, Item
+from cuecast.dubbing.workers import Processes
 from cuecast.media.film import write_film
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +75,169 @@ def test_batch_is_restartable(
     assert [row["status"] for row in rows] == ["done", "failed", "done"]
 
 
+def outputs(folder: Path) -> dict[str, bytes]:
+    return {p.name: p.read_bytes() for p in folder.iterdir() if p.suffix not in (".csv", ".json")}
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A catalogue of eight short programmes, named from its own folder."""
+    folder = tmp_path_factory.mktemp("many")
+    sound, subtitles = make_sound()
+    (folder / "a.srt").write_text(as_srt(subtitles[:1]), encoding="utf-8")
+    rows = ["programme,subtitles"]
+    for n in range(8):
+        part = sound[n * FS // 2 : n * FS // 2 + 2 * FS]
+        write_film(folder / f"{n}.flac", part, FS, encoder="flac")
+        rows.append(f"{n}.flac,a.srt")
+    (folder / "list.csv").write_text("\n".join(rows), encoding="utf-8")
+    return folder / "list.csv"
+
+
+FAST = ("--no-grade", "--no-read-back")
+
+
+@pytest.fixture(scope="module")
+def undisturbed(many: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    out = tmp_path_factory.mktemp("undisturbed")
+    assert main(["batch", str(many), "--out", str(out), *FAST]) == 0
+    return outputs(out)
+
+
+def workers_of(process: subprocess.Popen[bytes]) -> list[int]:
+    """Processes of a batch that it has started itself."""
+    found = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
+    return [
+        int(pid) for pid in found.split()
+        if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    ]  # fmt: skip
+
+
+def start(catalogue: Path, out: Path) -> subprocess.Popen[bytes]:
+    argv = [sys.executable, "-m", "cuecast", "batch", str(catalogue), "--out", str(out), *FAST]
+    return subprocess.Popen([*argv, "--jobs", "2"], stdout=subprocess.DEVNULL, cwd=ROOT)
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's /proc")
+def test_killed_workers_and_batches_lose_nothing(
+    many: Path, tmp_path: Path, undisturbed: dict[str, bytes]
+) -> None:
+    out = tmp_path / "out"
+    rng = random.Random(5)
+    process = start(many, out)
+    for kills in range(6):
+        deadline = time.monotonic() + 60
+        while process.poll() is None and time.monotonic() < deadline:
+            if (out / WORK).exists() and list((out / WORK).glob("*.flac")):
+                break
+            time.sleep(0.02)
+        time.sleep(rng.uniform(0, 0.5))
+        if process.poll() is not None:
+            break
+        if kills % 3 == 2:
+            process.kill()
+            process.wait()
+            process = start(many, out)
+        else:
+            for pid in workers_of(process)[:1]:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+    assert process.wait() == 0
+    assert main(["batch", str(many), "--out", str(out), *FAST]) == 0
+    assert outputs(out) == undisturbed
+    names = {f"{n}.flac" for n in range(8)}
+    wanted = names | {f"{name}.json" for name in names} | {"summary.csv"}
+    assert {p.name for p in out.iterdir()} == wanted
+
+
+def test_two_batches_share_the_work(
+    many: Path, tmp_path: Path, undisturbed: dict[str, bytes]
+) -> None:
+    out = tmp_path / "out"
+    processes = [start(many, out) for _ in range(2)]
+    assert [process.wait() for process in processes] == [0, 0]
+    assert outputs(out) == undisturbed
+    assert not (out / WORK).exists()
+
+
+def test_item_that_kills_its_workers(tmp_path: Path) -> None:
+    tasks = [Task("", str(tmp_path / name)) for name in ("good", "deadly", "fine")]
+    pool = Processes(2, deadly)
+    for task in tasks:
+        pool.submit(task)
+    ended = {}
+    with contextlib.closing(pool):
+        for outcome in pool.outcomes():
+            ended[Path(outcome.task.output).name] = outcome
+    assert ended["good"].row == ended["fine"].row == {"status": "done"}
+    assert ended["deadly"].row is None
+    assert ended["deadly"].reason == "its worker died (signal 9)"
+
+
+def deadly(task: Task) -> dict[str, str]:
+    if task.output.endswith("deadly"):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return {"status": "done"}
+
+
+def test_record_without_its_output_is_finished(tmp_path: Path) -> None:
+    """Killed between the record and the move: the output is not made twice."""
+    (tmp_path / "in").write_bytes(b"programme")
+    item = Item(Task(str(tmp_path / "in"), str(tmp_path / "out.flac")))
+
+    def work(made: Path) -> dict[str, int]:
+        made.write_bytes(b"dubbed")
+        return {"keys": 3}
+
+    record, made = item.run(work)
+    assert made
+    assert item.done() == record
+    with item.locked():
+        item.output.replace(item.folder / item.output.name)
+        shutil.copytree(item.folder, tmp_path / "kept")
+    shutil.copytree(tmp_path / "kept", item.folder)  # as a killed process leaves it
+
+    def never(made: Path) -> dict[str, int]:
+        raise AssertionError
+
+    assert item.run(never) == (record, False)
+    assert item.output.read_bytes() == b"dubbed"
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        ".cuecast-batch", "in", "kept", "out.flac", "out.flac.json",
+    ]  # fmt: skip
+
+
+def test_what_changed_is_made_anew(tmp_path: Path) -> None:
+    source = tmp_path / "in"
+    source.write_bytes(b"programme")
+    item = Item(Task(str(source), str(tmp_path / "out.flac")))
+    item.run(lambda made: {"n": made.write_bytes(b"dubbed")})
+    os.utime(source, (1, 1))
+    assert item.done()  # touched, but still the same
+    source.write_bytes(b"programmf")
+    assert item.done() is None
+    source.write_bytes(b"programme")
+    item.output.write_bytes(b"dubbee")
+    assert item.done() is None
+    with pytest.raises(CueError, match="it changed while it was worked on"):
+        item.run(lambda made: {"n": source.write_bytes(b"x") + made.write_bytes(b"y")})
+
+
+def test_item_in_other_hands(tmp_path: Path) -> None:
+    (tmp_path / "in").write_bytes(b"programme")
+    item = Item(Task(str(tmp_path / "in"), str(tmp_path / "out")))
+    with item.locked(), pytest.raises(BusyError):
+        item.run(lambda made: {})
+
+
+def test_unforeseen_error_is_its_programme_s(tmp_path: Path) -> None:
+    task = Task(str(tmp_path / "in"), str(tmp_path / "out"), options={"unheard": "of"})
+    (tmp_path / "in").write_bytes(b"programme")
+    row = run_task(task)
+    assert row["status"] == "failed"
+    assert row["error"].startswith("AttributeError: ")
+
+
 def test_dask_scheduler(catalogue: Path, tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
     with distributed.LocalCluster(
@@ -76,9 +252,8 @@ def test_dask_scheduler(catalogue: Path, tmp_path: Path) -> None:
     [
         ("", "no programmes in it"),
         ("programme,subtitles\n", "no programmes in it"),
-        ("film,srt\na.mp4,a.srt\n", "line 2: needs programme"),
-        ("programme,subtitles\na.mp4,\n", "line 2: needs programme, and subtitles or motion"),
-        ("programme,subtitles,motion\na.mp4,a.srt,a.npz\n", "line 2: needs programme"),
+        ("film,srt\na.mp4,a.srt\n", "line 2: needs a programme"),
+        ("programme,subtitles,motion\na.mp4,a.srt,a.npz\n", "line 2: needs subtitles or motion"),
         ("programme,subtitles\na.mp4,a.srt\nb/a.mp4,b.srt\n", "line 3: another programme has"),
     ],
 )

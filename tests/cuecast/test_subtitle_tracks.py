@@ -14,6 +14,7 @@ import pytest
 
 from codec.errors import CueError
 from cuecast.command.cli import main
+from cuecast.demo.content import FS, make_sound
 from cuecast.media.subtitles import choose_track, read_track, text_tracks
 from cuecast.media.tables import TableReader, checksum, read_map
 from synth.subtitles import read_subtitles
@@ -69,8 +70,7 @@ Packets = list[tuple[float, float, bytes]]
 
 def make(path: Path, tracks: list[tuple[str, str, Packets]], shift_s: float = 0.0) -> Path:
     """Write six seconds of picture and sound with tracks (coding, language, packets)."""
-    rng = np.random.default_rng(3)
-    sound = (0.1 * rng.normal(size=(2, 6 * 48000))).astype(np.float32)
+    sound = make_sound()[0][: 6 * FS].T
     options = {"output_ts_offset": str(shift_s)}
     with av.open(str(path), "w", options=options) as out:
         picture: Any = out.add_stream("mpeg2video" if path.suffix == ".ts" else "libx264", rate=25)

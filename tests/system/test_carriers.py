@@ -40,7 +40,8 @@ def test_every_carrier_is_found(folder: Path, capsys: pytest.CaptureFixture[str]
     assert all(carrier["locked"] for carrier in found["carriers"].values())
     assert found["superframes"]["lost"] == 0
     assert found["superframes"]["received"] >= 9
-    assert report["carriers"]["video"]["psnr_db"] > 45
+    assert report["carriers"]["video"]["mark_psnr_db"] > 45
+    assert 30 < report["carriers"]["video"]["psnr_db"] < report["carriers"]["video"]["mark_psnr_db"]
     assert found["keys"]
     keys = [[(k["shape"], k["placement"]) for k in d["keys"]] for d in (report, found)]
     assert keys[1] == keys[0][: len(keys[1])]

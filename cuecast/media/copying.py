@@ -1,0 +1,78 @@
+"""What a written programme takes over from the old one as it stands: streams, tags, chapters."""
+
+from fractions import Fraction
+from typing import Any
+
+import av
+
+from receiver.media.programme import reason
+
+_FILE_TAGS = {
+    "major_brand", "minor_version", "compatible_brands", "encoder", "duration", "handler_name",
+    "vendor_id", "creation_time",
+}  # fmt: skip
+"""Tags that describe the old file, not the programme; the new file has its own."""
+
+
+class Copies:
+    """The streams of an output that are copied packet by packet.
+
+    Parameters
+    ----------
+    source, target : av container
+        Input and output. Tags and chapters are taken over at once.
+
+    Attributes
+    ----------
+    left_out : list of str
+        Streams that the output cannot hold, and why.
+    """
+
+    def __init__(self, source: Any, target: Any) -> None:
+        self._target = target
+        self._copies: dict[int, Any] = {}
+        self.left_out: list[str] = []
+        copy_tags(source.metadata, target.metadata)
+        if source.chapters():
+            target.set_chapters(source.chapters())
+        # Like other remuxers: the new container starts at zero; differences stay exact.
+        self.shift_s = Fraction(source.start_time or 0, av.time_base)
+
+    def add(self, stream: Any) -> None:
+        """Give the output a stream like this one, if it can hold it."""
+        try:
+            if stream.type == "attachment":
+                self._target.add_attachment(stream.name, stream.mimetype, stream.data)
+                return
+            copy = self._target.add_stream_from_template(stream)
+        except (av.FFmpegError, ValueError, TypeError) as error:
+            self.left_out.append(f"stream {stream.index} ({stream.type}): {reason(error)}")
+            return
+        self._copies[stream.index] = copy
+        copy_labels(stream, copy)
+
+    def write(self, packet: Any) -> None:
+        """Write a packet of a stream that is copied; others are passed over."""
+        copy = self._copies.get(packet.stream.index)
+        if copy is None or (packet.pts is None and packet.dts is None):
+            return
+        shift = round(self.shift_s / packet.time_base)
+        packet.stream = copy
+        if packet.pts is not None:
+            packet.pts -= shift
+        if packet.dts is not None:
+            packet.dts -= shift
+        self._target.mux(packet)
+
+
+def copy_labels(source: Any, target: Any) -> None:
+    """Carry over language, title and role of a stream."""
+    copy_tags(source.metadata, target.metadata)
+    target.disposition = source.disposition
+
+
+def copy_tags(source: dict[str, str], target: dict[str, str]) -> None:
+    """Carry over the tags that describe the programme, not the old file."""
+    for key, value in source.items():
+        if key.lower() not in _FILE_TAGS:
+            target[key] = value
