@@ -7,15 +7,17 @@ OUT ?= demo-out
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-all check bench clean
+.PHONY: demo test nightly check docs bench clean
 
 demo: $(VENV)/installed
 	$(BIN)/cuecast demo --out $(OUT)
 
+# Two workers: the suite is written for two cores, and tests that share files stay together.
 test: $(VENV)/installed
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadgroup
 
-test-all: $(VENV)/installed
+# Everything, the slow sweeps too, to its end whatever fails.
+nightly: $(VENV)/installed
 	$(BIN)/python -m pytest -m "slow or not slow"
 
 check: $(VENV)/installed node_modules/installed
@@ -25,11 +27,14 @@ check: $(VENV)/installed node_modules/installed
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/npm run --silent lint
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/npm run --silent types
 
+docs: $(VENV)/installed
+	$(BIN)/python -m docs.generate site
+
 bench: $(VENV)/installed
 	$(BIN)/python -m pytest tests/bench -o python_files="bench_*.py" -m "slow or not slow"
 
 clean:
-	rm -rf $(VENV) node_modules $(OUT) .mypy_cache .pytest_cache .ruff_cache .benchmarks
+	rm -rf $(VENV) node_modules site $(OUT) .mypy_cache .pytest_cache .ruff_cache .benchmarks
 
 $(VENV)/installed: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)

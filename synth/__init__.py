@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from synth.alignment.score import score_from_recording as align
     from synth.alignment.score import sound_of
-    from synth.capture.capture import capture
+    from synth.capture.capture import capture as capture_motion
     from synth.capture.options import CaptureOptions
     from synth.rules.performance import motion_of
     from synth.scoring.text_score import keys_of
@@ -33,7 +33,7 @@ __all__ = [
     "CaptureOptions",
     "Subtitle",
     "align",
-    "capture",
+    "capture_motion",
     "keys_of",
     "motion_of",
     "read_subtitles",
@@ -46,7 +46,7 @@ _HOMES = {
     "CaptureOptions": "synth.capture.options",
     "Subtitle": "synth.subtitles.model",
     "align": "synth.alignment.score:score_from_recording",
-    "capture": "synth.capture.capture",
+    "capture_motion": "synth.capture.capture:capture",
     "keys_of": "synth.scoring.text_score",
     "motion_of": "synth.rules.performance",
     "read_subtitles": "synth.subtitles.read",

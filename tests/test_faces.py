@@ -14,7 +14,7 @@ FACES = {
     "codec": """BitstreamError CueError Key Motion Phone Score SuperframeDecoder SuperframeEncoder
         Voice VoiceError compare_motions decode_stream encode_stream inspect_stream load_motion
         load_voice save_motion save_voice""",
-    "synth": """CaptureOptions Subtitle align capture keys_of motion_of read_subtitles
+    "synth": """CaptureOptions Subtitle align capture_motion keys_of motion_of read_subtitles
         score_of_subtitles score_of_text sound_of""",
     "watermark": """AudioEmbedder AudioReceiver PROFILES ReceivedSuperframe VideoEmbedder
         VideoReceiver grade""",
@@ -36,6 +36,13 @@ def test_the_face_is_as_promised(package: str) -> None:
         assert getattr(module, name) is not None
     with pytest.raises(AttributeError, match="has no attribute 'nonsense'"):
         _ = module.nonsense
+
+
+@pytest.mark.parametrize("package", FACES)
+def test_no_name_hides_a_room(package: str) -> None:
+    """A room that is imported becomes an attribute of its package, in the name's place."""
+    rooms = {path.parent.name for path in (ROOT / package).glob("*/__init__.py")}
+    assert rooms.isdisjoint(FACES[package].split())
 
 
 @pytest.mark.parametrize("package", FACES)

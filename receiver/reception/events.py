@@ -92,3 +92,4 @@ class Unreadable:
 
 
 Event = StateChanged | MotionPiece | KeysFound | SuperframeLost | Unreadable
+"""Whatever `Receiver` tells."""

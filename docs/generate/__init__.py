@@ -1,0 +1,1 @@
+"""What the pages of `docs/` are generated from: the code, the specification, and records."""

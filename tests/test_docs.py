@@ -1,0 +1,229 @@
+"""The pages are true: every block of code runs and prints what it shows; nobody types a figure."""
+
+import contextlib
+import importlib
+import io
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+import urllib.request
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from cuecast.command.cli import VERBS, build_parser, main
+from docs.generate.pages import DOCS, PACKAGES, api, expanded, generated, typed_figures
+from docs.generate.verbs import options_of, parsers_of
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted(p for p in DOCS.rglob("*.md") if "records" not in p.parts)]
+KINDS = {"console", "python", "sh", "text", "{toctree}", "{eval-rst}"}
+
+pytestmark = pytest.mark.xdist_group("docs")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of a page that runs, or a command of one with what it prints."""
+
+    page: str
+    kind: str
+    text: str
+    expected: str | None
+
+    def __str__(self) -> str:
+        return f"{self.page}: {self.text.splitlines()[0][:50]}"
+
+
+def blocks(path: Path) -> list[Block]:
+    found, page = [], str(path.relative_to(ROOT))
+    for kind, text in re.findall(r"^```(\S*)\n(.*?)^```", path.read_text("utf-8"), re.M | re.S):
+        assert kind in KINDS, f"{page}: a block of {kind or 'no kind'} would not be tried"
+        if kind == "python":
+            found.append(Block(page, kind, text, None))
+        elif kind == "console":
+            for command, output in re.findall(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", text, re.M):
+                found.append(Block(page, kind, command, output))
+    return found
+
+
+BLOCKS = [block for path in PAGES for block in blocks(path)]
+
+
+@pytest.fixture(scope="session")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A folder in which the demonstration has run, as the first command of README and tutorial."""
+    folder = tmp_path_factory.mktemp("workshop")
+    out = io.StringIO()
+    with contextlib.chdir(folder), contextlib.redirect_stdout(out):
+        assert main(["demo", "--out", "demo-out"]) == 0
+    return folder, out.getvalue()
+
+
+@pytest.fixture(scope="session")
+def rooms(workshop: tuple[Path, str]) -> dict[str, tuple[Path, dict[str, object]]]:
+    """For each page a folder beside the demonstration's, and the names that it has defined."""
+    rooms: dict[str, tuple[Path, dict[str, object]]] = {}
+    for block in BLOCKS:
+        if block.page not in rooms:
+            folder = workshop[0] / block.page.replace("/", "-")
+            folder.mkdir()
+            (folder / "demo-out").symlink_to(workshop[0] / "demo-out")
+            rooms[block.page] = folder, {"__name__": "page"}
+    return rooms
+
+
+@pytest.mark.parametrize("block", BLOCKS, ids=str)
+def test_block(
+    block: Block, rooms: dict[str, tuple[Path, dict[str, object]]], workshop: tuple[Path, str]
+) -> None:
+    """Blocks of a page run in order in one folder: later ones use the files of earlier ones."""
+    folder, names = rooms[block.page]
+    with contextlib.chdir(folder):
+        if block.kind == "python":
+            exec(compile(block.text, block.page, "exec"), names)
+        elif block.text.startswith("cuecast demo "):
+            assert workshop[1].splitlines()[-1] + "\n" == block.expected
+        elif block.text.startswith("cuecast watch "):
+            _watch(shlex.split(block.text)[1:])
+        else:
+            assert _printed(block.text) == block.expected
+
+
+def _printed(command: str) -> str:
+    """Run a command: ours within this process, with its redirections, others by the shell."""
+    words = shlex.split(command)
+    if words[0] != "cuecast" or "|" in words:
+        home = Path(sys.executable).parent
+        path = {"PATH": f"{home}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
+        run = subprocess.run(
+            ["bash", "-c", f"set -o pipefail; {command}"],
+            env=os.environ | path, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert run.returncode == 0, run.stderr
+        return run.stdout
+    out, notes = io.StringIO(), io.StringIO()
+    target = None
+    if ">" in words:
+        at = words.index(">")
+        target, words = words[at + 1], words[:at]
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(notes):
+        status = main(words[1:])
+    assert status == 0, notes.getvalue()
+    if target is None:
+        return out.getvalue()
+    Path(target).write_text(out.getvalue(), encoding="utf-8")
+    return ""
+
+
+def _watch(words: list[str]) -> None:
+    """Start the television, ask for its page, and stop it as a user does."""
+    command = [
+        sys.executable,
+        "-m",
+        "cuecast",
+        *words,
+        *(() if "--port" in words else ("--port", "0")),
+    ]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
+    process = subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    try:
+        assert process.stdout is not None
+        said = ""
+        while not (found := re.search(r"http://\S+", said)):
+            line = process.stdout.readline()
+            assert line, f"ended: {said}"
+            said += line
+        with urllib.request.urlopen(found.group().rstrip("/.") + "/", timeout=30) as answer:
+            assert b"<title>Cuecast</title>" in answer.read()
+    finally:
+        process.send_signal(signal.SIGINT)
+        deadline = time.monotonic() + 20
+        while process.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.05)
+        process.kill()
+        process.communicate()
+
+
+def test_there_are_blocks() -> None:
+    assert len(BLOCKS) > 40
+    assert {block.page for block in BLOCKS} >= {"README.md", "docs/tutorial.md"}
+
+
+def test_the_readme_s_first_command_is_the_demonstration() -> None:
+    """The block for the shell is `make demo`, which runs what the workshop runs."""
+    (text,) = re.findall(r"```sh\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.S)
+    assert [line.split("#")[0].strip() for line in text.splitlines()] == [
+        "make demo", ". .venv/bin/activate",
+    ]  # fmt: skip
+    rule = re.search(r"^demo:.*\n\t(.*)$", (ROOT / "Makefile").read_text("utf-8"), re.M)
+    assert rule is not None
+    assert rule.group(1) == "$(BIN)/cuecast demo --out $(OUT)"
+
+
+def test_the_readme_is_a_page() -> None:
+    assert (ROOT / "README.md").stat().st_size < 6000
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_nobody_types_a_figure(path: Path) -> None:
+    assert typed_figures(path.read_text(encoding="utf-8")) == []
+
+
+def test_a_typed_figure_is_seen() -> None:
+    text = "At 337.5 bit/s it loses 3 of 310 and takes 1.2 s; `AAC 128 kbit/s` is a name."
+    assert typed_figures(text) == ["337.5 bit/s", "3 of 310", "1.2 s"]
+
+
+@pytest.mark.parametrize("path", PAGES[1:], ids=lambda path: str(path.relative_to(ROOT)))
+def test_pages_can_be_filled_in(path: Path) -> None:
+    assert "{{" not in expanded(path.read_text(encoding="utf-8"))
+
+
+def test_every_verb_and_option_is_on_a_page() -> None:
+    page = generated()["reference/verbs.md"]
+    for name, verb in parsers_of(build_parser()).items():
+        assert name in VERBS
+        part = page.partition(f"\n## {name}\n")[2].partition("\n## ")[0]
+        for option in options_of(verb):
+            assert option in part, f"{name} {option}"
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_public_name_is_on_a_page(package: str) -> None:
+    page = (DOCS / "reference" / "api" / f"{package}.md").read_text(encoding="utf-8")
+    assert f'api("{package}")' in page
+    for name in importlib.import_module(package).__all__:
+        assert f"\n## `{name}`\n" in f"\n{api(package)}"
+
+
+def test_the_pages_build_without_warnings(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "docs.generate", str(tmp_path / "site")],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    for name in ("index", "reference/verbs", "reference/api/codec", "spec/bitstream", "figures"):
+        assert (tmp_path / "site" / f"{name}.html").is_file()
+
+
+def test_every_page_can_be_reached() -> None:
+    """From the index by its tables of contents."""
+    index = (DOCS / "index.md").read_text(encoding="utf-8")
+    for path in PAGES[1:]:
+        name = str(path.relative_to(DOCS).with_suffix(""))
+        assert name == "index" or f"\n{name}\n" in index, f"{name} is in no table of contents"
+
+
+def test_changelog_and_citation_have_this_version() -> None:
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
+    assert f"## {version} " in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
