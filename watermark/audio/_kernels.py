@@ -134,25 +134,27 @@ def drift_peaks(
     shift: NDArray[np.int64],
     penalty: NDArray[np.float32],
     peak: NDArray[np.float32],
-    drift: NDArray[np.int64],
+    drift: NDArray[np.int32],
 ) -> None:
     """peak[i] = largest score of start i, and drift[i] = its d.
 
-    The score is the sum over segments s of sums[s, i + shift[d, s]], less penalty[d].
+    The score is the sum over the eight segments s of sums[s, i + shift[d, s]], less penalty[d].
     """
     places = peak.size
-    total = np.empty(places, dtype=np.float32)
     peak[:] = -np.inf
     for d in range(shift.shape[0]):
-        total[:] = -penalty[d]
-        for s in range(shift.shape[1]):
-            values = sums[s, shift[d, s] : shift[d, s] + places]
-            for i in range(places):
-                total[i] += values[i]
+        at = shift[d]
+        # Slices let the compiler see that no index is negative, and vectorise.
+        a, b = sums[0, at[0] : at[0] + places], sums[1, at[1] : at[1] + places]
+        c, e = sums[2, at[2] : at[2] + places], sums[3, at[3] : at[3] + places]
+        f, g = sums[4, at[4] : at[4] + places], sums[5, at[5] : at[5] + places]
+        h, k = sums[6, at[6] : at[6] + places], sums[7, at[7] : at[7] + places]
+        less, number = penalty[d], np.int32(d)
         for i in range(places):
-            better = total[i] > peak[i]
-            drift[i] = d if better else drift[i]
-            peak[i] = total[i] if better else peak[i]
+            total = ((((a[i] - less) + b[i]) + c[i]) + e[i]) + f[i] + g[i] + h[i] + k[i]
+            better = total > peak[i]
+            drift[i] = number if better else drift[i]
+            peak[i] = total if better else peak[i]
 
 
 @njit(cache=True)
@@ -177,3 +179,66 @@ def add_priors(
                 nearby = max(nearby, past[place + shift])
             total += nearby
             score[i] = max(score[i], weights[back - 1] * total)
+
+
+@njit(cache=True)
+def turned_scores(
+    projections: NDArray[np.complex64],
+    alive: NDArray[np.float32],
+    dither: NDArray[np.float32],
+    pace: np.float32,
+    turn: NDArray[np.complex64],
+    hop: int,
+    slots: NDArray[np.int64],
+    signs: NDArray[np.float32],
+    score: NDArray[np.float32],
+) -> None:
+    """score[p, i] = sum over slots of the largest correlation at any phase, for start i.
+
+    projections and alive have the shape (slots, rows); frames lie `hop` rows apart. slots[n, f] is
+    the slot of pilot n of frame f, signs[n, p, f] its value in profile p. pace is 1 / step.
+    """
+    profiles, places = score.shape
+    rows = projections.shape[1]
+    one, half, nothing = np.float32(1), np.float32(0.5), np.float32(0)
+    c = np.empty(6, dtype=np.float32)
+    term = 1.0
+    for n in range(6):
+        term *= -((2 * math.pi) ** 2) / ((2 * n + 1) * (2 * n + 2))
+        c[n] = term
+    soft = np.empty(rows, dtype=np.float32)
+    common = np.empty(places, dtype=np.float32)
+    total = np.empty(places, dtype=np.float32)
+    best = np.empty((profiles, places), dtype=np.float32)
+    score[:] = nothing
+    for s in range(projections.shape[0]):
+        best[:] = -np.inf
+        for t in range(turn.size):
+            a, z = turn[t].real * pace, turn[t].imag * pace
+            for i in range(rows):
+                phase = projections[s, i].real * a - projections[s, i].imag * z - dither[s]
+                phase -= np.floor(phase + half)
+                u = phase * phase
+                value = c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * (c[4] + u * c[5]))))
+                soft[i] = alive[s, i] * (one + u * value)
+            common[:] = nothing
+            for f in range(slots.shape[1]):
+                if slots[0, f] == s:
+                    values = soft[hop * f : hop * f + places]
+                    sign = signs[0, 0, f]
+                    for i in range(places):
+                        common[i] += sign * values[i]
+            for p in range(profiles):
+                total[:] = common
+                for f in range(slots.shape[1]):
+                    if slots[1, f] == s:
+                        values = soft[hop * f : hop * f + places]
+                        sign = signs[1, p, f]
+                        for i in range(places):
+                            total[i] += sign * values[i]
+                highest = best[p]
+                for i in range(places):
+                    highest[i] = max(highest[i], total[i])
+        for p in range(profiles):
+            for i in range(places):
+                score[p, i] += best[p, i]

@@ -103,9 +103,15 @@ class PilotSearch:
     ----------
     key : int
         Seed of the layout.
+    scale : float
+        Factor of all steps of pilots.
+    phases : ndarray of float64, shape (HOP,), optional
+        To be added to those of the bins.
     """
 
-    def __init__(self, key: int) -> None:
+    def __init__(
+        self, key: int, *, scale: float = 1.0, phases: NDArray[np.float64] | None = None
+    ) -> None:
         self._pilots = make_pilots(key)
         slots = np.ascontiguousarray(self._pilots.slots.T)
         signs = np.ascontiguousarray(self._pilots.signs.transpose(2, 0, 1), dtype=np.float32)
@@ -131,9 +137,10 @@ class PilotSearch:
         parts = np.concatenate([transform.real, transform.imag], axis=1)
         self._transform = np.ascontiguousarray(parts.T, dtype=np.float32)
         frequency = np.pi / SEARCH_HOP * (np.arange(bins) + 0.5)
-        self._turn = np.exp(1j * np.outer(TURNS, frequency)).astype(np.complex64)
+        angles = np.outer(TURNS, frequency) + (0.0 if phases is None else phases[:bins])
+        self._turn = np.exp(1j * angles).astype(np.complex64)
         self._signs, self._dither = cells.signs.astype(np.float32), cells.dither.astype(np.float32)
-        self._steps = np.array(PILOT_STEPS, dtype=np.float32)
+        self._steps = (scale * np.array(PILOT_STEPS)).astype(np.float32)
         self._lag = PERIOD + np.round(CLOCK_ERRORS_PPM * 1e-6 * PERIOD).astype(np.int64)
         self._weights = np.array(WEIGHTS, dtype=np.float32)
         oldest = len(WEIGHTS) * (int(self._lag.max()) + 1)
@@ -171,7 +178,7 @@ class PilotSearch:
 
         shape = FRAMES_PER_SUPERFRAME // SEGMENT_FRAMES, PLACES + 2 * self._slack
         peak, score = np.empty((2, PLACES), dtype=np.float32)
-        error = np.empty(PLACES, dtype=np.int64)
+        error = np.empty(PLACES, dtype=np.int32)
         for tier, soft in enumerate(self._soft):
             common = np.zeros(shape, dtype=np.float32)
             _kernels.pilot_sums(soft, ROW_HOP, SEGMENT_FRAMES, *self._common, common)

@@ -72,6 +72,10 @@ class View:
     spectra: NDArray[np.complex128]
     amplitudes: NDArray[np.float64]
 
+    def turned(self, phases: NDArray[np.float64]) -> "View":
+        """Return the view with the phases, shape (HOP,), added to its bins."""
+        return View(self.spectra * np.exp(1j * phases), self.amplitudes)
+
     def clues(self, cells: Cells, masker: Masker) -> NDArray[np.float64]:
         """Logarithms of the power of each cell's unit, of its frame and of a coder's noise.
 

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.audio.align import View
+from watermark.audio.equaliser import band_of
 from watermark.audio.layout import make_layout, make_pilots
 from watermark.audio.masking import make_masker
-from watermark.audio.profile import LEVELS, PILOT_STEPS, Profile
+from watermark.audio.profile import LEVELS, TIER_LEVELS, Profile
 from watermark.audio.reliability import NOISY, Reliability
 from watermark.link.link import Decoded, Link
 
@@ -28,6 +29,14 @@ LONG_LEVELS, DUE_LEVELS = 2, 4
 pilots fit best where a superframe is due."""
 
 
+SPARE_TIERS = 2
+"""Tiers beyond those of the profile that a change of gain may have led to."""
+
+GAIN_TRIAL, GAIN_WORTH = 0.25, 1.02
+"""Levels by which the gain is thought to have changed, and by how much the decoded bits must agree
+better then."""
+
+
 @dataclass(frozen=True, slots=True)
 class Reading:
     """A superframe as read at one place and level.
@@ -36,8 +45,8 @@ class Reading:
     ----------
     view : View
         Where it was read.
-    level : int
-        Level that was assumed.
+    level : float
+        Level that was assumed; with another gain, not one of those that are written.
     clues : ndarray of float64, shape (3, 64, groups)
         See `View.clues`.
     soft : ndarray of float64, shape (64, groups)
@@ -49,7 +58,7 @@ class Reading:
     """
 
     view: View
-    level: int
+    level: float
     clues: NDArray[np.float64]
     soft: NDArray[np.float64]
     llr: NDArray[np.float64]
@@ -68,16 +77,26 @@ class Demodulator:
         self._masker = make_masker()
         self._announced = self._pilots.expected(profile.number)
 
-    def likely_levels(self, view: View, last: int) -> list[int]:
-        """Levels to try, best first: by how well their pilots fit, then by nearness to `last`."""
-        tiers: dict[int, float] = {}
-        for tier, step in enumerate(PILOT_STEPS):
-            levels = self.profile.levels_of(tier)
+    @property
+    def bands(self) -> int:
+        """Bands of the profile, see `watermark.audio.equaliser`."""
+        return int(band_of(self.layout.cells)[-1]) + 1
+
+    def likely_levels(self, view: View, last: float, offset: float = 0.0) -> list[float]:
+        """Levels to try, best first: by how well their pilots fit, then by nearness to `last`.
+
+        A gain that moved all levels by `offset` may have moved them beyond those that are written.
+        """
+        spare = SPARE_TIERS if abs(offset) > TIER_LEVELS / 4 else 0
+        tiers: dict[float, float] = {}
+        for tier in range(-spare, len(LEVELS) // TIER_LEVELS + spare):
+            levels = [tier * TIER_LEVELS + i + offset for i in range(TIER_LEVELS)]
+            step = self.profile.pilot_step(0) * 2 ** (levels[0] / TIER_LEVELS)
             score = float((view.soft(self._pilots.cells, step) * self._announced).sum())
             tiers.update(dict.fromkeys(levels, score))
         return sorted(tiers, key=lambda level: (-tiers[level], abs(level - last)))[:TRIED_LEVELS]
 
-    def read(self, view: View, levels: list[int], *, due: bool = True) -> Reading:
+    def read(self, view: View, levels: list[float], *, due: bool = True) -> Reading:
         """Read at the first of `levels` that the link accepts; else at the first of all.
 
         What fails everywhere is tried again at the first few with a longer list, and at the first
@@ -100,7 +119,7 @@ class Demodulator:
         self,
         view: View,
         clues: NDArray[np.float64],
-        level: int,
+        level: float,
         weights: NDArray[np.float64],
         list_size: int,
     ) -> Reading:
@@ -113,16 +132,27 @@ class Demodulator:
         """Move to the level at which the decoded bits fit best: L0 survives a wrong one."""
         expected = self.expected(reading.decoded)
 
-        def fit(level: int) -> float:
+        def fit(level: float) -> float:
             soft = reading.view.soft(self.layout.cells, self.profile.step(level))
             return float((soft * expected).sum())
 
-        near = range(max(reading.level - 2, 0), min(reading.level + 3, len(LEVELS)))
-        best = max(near, key=fit)
+        best = max((reading.level + change for change in (0, -2, -1, 1, 2)), key=fit)
         if best == reading.level:
             return reading
         again = self._read_at(reading.view, reading.clues, best, weights, LIST_SIZE)
         return reading if again.decoded.l0 is None else again
+
+    def gain_change(self, reading: Reading) -> float:
+        """Levels by which the gain seems to have changed, from the decoded bits."""
+        expected = self.expected(reading.decoded)
+        fits = []
+        for change in (-GAIN_TRIAL, 0.0, GAIN_TRIAL):
+            step = self.profile.step(reading.level + change)
+            fits.append(float((reading.view.soft(self.layout.cells, step) * expected).sum()))
+        below, here, above = fits
+        if max(below, above) <= GAIN_WORTH * here:
+            return 0.0
+        return -GAIN_TRIAL if below > above else GAIN_TRIAL
 
     def learn(self, reading: Reading) -> None:
         """Let a decoded superframe teach how far cells can be trusted."""

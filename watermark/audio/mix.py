@@ -31,6 +31,11 @@ def check_format(fs: int, channels: int) -> None:
         raise CueError(f"{channels} channels, the audio carrier takes 1 to {max(_WEIGHTS)}")
 
 
+def weights_of(channels: int) -> tuple[float, ...]:
+    """Weights of a programme's channels in the signal that is analysed."""
+    return tuple(float(weight) for weight in _WEIGHTS[channels])
+
+
 def mid_of(x: NDArray[np.float64]) -> NDArray[np.float64]:
     """Signal that is analysed, shape (n,), of a programme, shape (n, channels).
 

@@ -107,9 +107,9 @@ class Profile:
         if (self.l1_bytes > 0) != (self.l1_coded > 0):
             raise CueError(f"{self.l1_bytes} bytes of L1 in {self.l1_coded} coded bits")
 
-    def step(self, level: int) -> float:
-        """Quantiser step of data cells at a level."""
-        return self.strength * LEVELS[level]
+    def step(self, level: float) -> float:
+        """Quantiser step of data cells at a level; a receiver may ask between and beyond them."""
+        return self.strength * 2.0 * 2 ** ((level + 2) / 4)
 
     def pilot_step(self, level: int) -> float:
         """Quantiser step of the pilots at a level."""

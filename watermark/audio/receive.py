@@ -1,11 +1,15 @@
 """The audio receiver: a programme in blocks in, superframes out, from wherever one tunes in.
 
 Searching: `PilotSearch` proposes places; a place counts when the link's check accepts what is read
-there. Locked: the place of each next superframe is predicted, and corrected by the bits that were
-decoded. A superframe that fails starts a new search beside the prediction, so that a splice is
-found while a mere gap is bridged. Specification: section 7.
+there. Where it finds nothing, guesses about what happened to the sound are tried on its last
+seconds, one after another (`watermark.audio.guesses`). Locked: the place of each next superframe is
+predicted, and corrected by the bits that were decoded. A superframe that fails starts a new search
+beside the prediction, so that a splice is found while a mere gap is bridged. What was heard before
+the lock is then read, too. Specification: section 7.
 """
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,11 +17,13 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from watermark.audio.acquire import DECIMATION, Candidate, PilotSearch
-from watermark.audio.align import Fit, find_delay, read_view, search_fit
+from watermark.audio.align import Fit, View, find_delay, read_view, search_fit
 from watermark.audio.demodulate import Demodulator, Reading
+from watermark.audio.equaliser import Equaliser, Known, lean, path_of, score_phases
+from watermark.audio.guesses import Guess, Mix, make_guesses, usual_mix
 from watermark.audio.layout import make_pilots
 from watermark.audio.masking import make_masker
-from watermark.audio.mix import check_format, mid_of
+from watermark.audio.mix import check_format
 from watermark.audio.profile import (
     FS,
     HOP,
@@ -26,9 +32,11 @@ from watermark.audio.profile import (
     PROFILES,
     SLOT_FRAMES,
     SUPERFRAME,
+    TIER_LEVELS,
     Profile,
 )
 from watermark.audio.resampling_tape import Tape
+from watermark.audio.turned_search import TurnedCandidate, TurnedSearch
 from watermark.link.superframe import ReceivedSuperframe
 
 TRIED_LEVELS = 6
@@ -41,12 +49,27 @@ REMEMBERED = 16
 """Failed superframes after which a lock that was given up is forgotten: while the sound is too poor
 for the search, a superframe at the old place may still be read."""
 
-POLARITY_S = {1: 4.0, -1: 2.0}
-"""How long the sound is searched as it is and with all its signs turned, in turn."""
+HISTORY_S, LONG_HISTORY_S = 2.0, 9.0
+"""Sound that is kept while locked, enough to search again from a superframe that failed, and while
+searching, for what may be read of it once the sound is understood."""
 
-HISTORY_S = 2.0
-"""Sound that is kept, enough to search again from a superframe that failed."""
+STRETCH_S = 2.2
+"""Sound on which guesses are tried: a superframe and its successor, wherever they begin."""
 
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 2.2, 240.0
+"""Search in vain before guesses are tried; the pause doubles each time that all were wrong."""
+
+FAILED_BEFORE_GUESSING = 3
+"""Superframes in a row that fail at a known place before guesses are tried."""
+
+TURNED_TRIALS = 3
+"""Levels at which the phases of a place are tried, the likeliest first."""
+
+TURNED_GRID = (np.array([-1.0, -0.5, 0.0, 0.5, 1.0]), np.arange(-320.0, 321.0, 80.0))
+"""Delays and drifts tried around a place whose phases are known by its pilots."""
+
+UNREADABLE = 3
+"""Superframes in a row that cannot be read before the past is left alone."""
 
 PULL_IN = (
     (np.arange(-2.5, 2.6, 0.5), np.arange(-80.0, 81.0, 40.0)),
@@ -82,8 +105,12 @@ class _Track:
         Tape samples per sample of the mark.
     demodulator : Demodulator
         Of the profile.
-    level : int
+    level : float
         Level of the superframe before.
+    equaliser : Equaliser
+        Phases of the bands.
+    offset : float
+        Levels by which a change of gain seems to have moved all others.
     misses : int
         Superframes in a row that failed.
     age : int
@@ -93,7 +120,9 @@ class _Track:
     position: float
     ratio: float
     demodulator: Demodulator
-    level: int
+    level: float
+    equaliser: Equaliser
+    offset: float = 0.0
     misses: int = 0
     age: int = 0
 
@@ -107,6 +136,14 @@ class _Track:
         n = self.age + 2
         place, pace = 2 * (2 * n - 1) / (n * (n + 1)), 6 / (n * (n + 1))
         return max(place, LEAST_DELAY_GAIN), max(pace, LEAST_PACE_GAIN)
+
+
+@dataclass(frozen=True, slots=True)
+class _Heard:
+    """A sound that is searched, and how it was mixed."""
+
+    tape: Tape
+    mix: Mix
 
 
 class AudioReceiver:
@@ -148,14 +185,18 @@ class AudioReceiver:
         self._quantum = SLOT_FRAMES * HOP * fs // FS
         self._demodulators: dict[int, Demodulator] = {}
         self._masker = make_masker()
+        self._sounds = [Tape() for _ in range(channels)]
+        self._mix = usual_mix(channels)
         self._tape = Tape()
-        self._polarity = 1
         self._now = 0
         self._track: _Track | None = None
-        self._search: PilotSearch | None = PilotSearch(key)
-        self._origin = 0.0
-        self._searched = 0
-        self._last_start = -np.inf
+        self._start_search(0.0)
+        self._turned = TurnedSearch(key)
+        self._guesses: Iterator[Guess] | None = None
+        self._stretch_start = 0
+        self._pause_s = FIRST_PAUSE_S
+        self._guess_at = FIRST_PAUSE_S * fs
+        self._last_start = self._last_told = -np.inf
         self._errors = self._counted = 0
         self._profile: Profile | None = None
         self.first_lock_s: float | None = None
@@ -191,9 +232,10 @@ class AudioReceiver:
         x = np.asarray(block, dtype=np.float64)
         if x.ndim != 2 or x.shape[1] != self._channels:
             raise CueError(f"block of shape {x.shape}, expected (n, {self._channels})")
-        self._tape.append(self._polarity * mid_of(x))
+        for channel, sound in enumerate(self._sounds):
+            sound.append(x[:, channel])
         found: list[ReceivedSuperframe] = []
-        while self._now + self._quantum <= self._tape.end:
+        while self._now + self._quantum <= self._sounds[0].end:
             self._now += self._quantum
             found += self._step()
         return found
@@ -210,24 +252,51 @@ class AudioReceiver:
 
     def _step(self) -> list[ReceivedSuperframe]:
         found: list[ReceivedSuperframe] = []
+        self._extend()
         while (candidate := self._next_candidate()) is not None:
-            found += self._try(candidate)
+            found += self._try(self._heard, self._origin, self._pace, candidate, self._equaliser)
         while self._track is not None and self._complete(self._track):
             found += self._follow(self._track)
-        if self._track is None and self._searched_s > POLARITY_S[self._polarity]:
-            self._turn()
-        self._tape.forget(self._now - int(HISTORY_S * self._fs))
+        if self._track is None or self._track.misses >= FAILED_BEFORE_GUESSING:
+            found += self._guess()
+        kept_s = LONG_HISTORY_S if self._track is None else HISTORY_S
+        for tape in (self._tape, *self._sounds):
+            tape.forget(self._now - int(kept_s * self._fs))
         return found
+
+    # Sound
+
+    def _extend(self) -> None:
+        """Mix what has arrived."""
+        skew = self._mix.skew
+        known = self._now - (math.ceil(abs(skew)) + self._tape.reach(1.0) if skew else 0)
+        count = known - self._tape.end
+        if count > 0:
+            self._tape.append(self._mixed(self._mix, self._tape.end, count))
+
+    def _mixed(self, mix: Mix, start: int, count: int) -> NDArray[np.float64]:
+        out = np.zeros(count)
+        for channel, (weight, sound) in enumerate(zip(mix.weights, self._sounds, strict=True)):
+            if weight:
+                late = mix.skew if channel == 1 else 0.0
+                out += weight * sound.read(start + late, 1.0, count)
+        return out
+
+    def _use(self, mix: Mix) -> None:
+        """Listen to another mix from here on, and to what is remembered of it."""
+        if mix != self._mix:
+            self._mix, self._tape = mix, Tape(self._sounds[0].first)
+            self._extend()
 
     # Searching
 
     def _next_candidate(self) -> Candidate | None:
         """Run the search over the sound that has arrived, up to its next candidate."""
-        step = DECIMATION * self._nominal
+        step = DECIMATION * self._pace
         while self._search is not None:
             count = self._search.needed
             start = self._origin + self._searched * step
-            if start + count * step + self._tape.reach(step) > self._now:
+            if start + count * step + self._tape.reach(step) > self._tape.end:
                 return None
             self._searched += count
             candidate = self._search.process(self._tape.read(start, step, count))
@@ -235,57 +304,161 @@ class AudioReceiver:
                 return candidate
         return None
 
-    def _start_search(self, origin: float) -> None:
-        self._search = PilotSearch(self._key)
+    def _start_search(self, origin: float, track: _Track | None = None) -> None:
+        """Search from a place on, as the sound was on a track if there is one."""
+        self._pace, self._offset, self._equaliser = self._nominal, 0.0, None
+        if track is not None:
+            self._pace, self._offset = track.ratio, track.offset
+            self._equaliser = track.equaliser
+        self._search: PilotSearch | None = PilotSearch(
+            self._key,
+            scale=2 ** (self._offset / 4),
+            phases=self._equaliser.bins if self._equaliser and self._equaliser.used else None,
+        )
         self._origin, self._searched = origin, 0
 
-    @property
-    def _searched_s(self) -> float:
-        return self._searched * DECIMATION / FS
-
-    def _turn(self) -> None:
-        """Look for a sound whose polarity was inverted on its way, or no longer for one."""
-        self._polarity = -self._polarity
-        self._tape.samples = -self._tape.samples
-        self._start_search(self._now - SUPERFRAME * self._nominal)
-
-    def _try(self, candidate: Candidate) -> list[ReceivedSuperframe]:
+    def _try(
+        self, heard: _Heard, origin: float, pace: float, candidate: Candidate,
+        equaliser: Equaliser | None,
+    ) -> list[ReceivedSuperframe]:  # fmt: skip
         """Decode at a candidate's place, and lock there if the check accepts it."""
-        position = self._origin + candidate.start * self._nominal
+        position = origin + candidate.start * pace
+        if position < self._last_start + 0.5 * SUPERFRAME * pace:
+            return []
+        demodulator = self._demodulator(candidate.profile)
+        ratio = pace * (1 + candidate.clock_ppm * 1e-6)
+        own = demodulator.profile.levels_of(candidate.tier)
+        track = _Track(
+            position, ratio, demodulator, own.start + 1 + self._offset,
+            equaliser or Equaliser(demodulator.bands), self._offset,
+        )  # fmt: skip
+        self._pull_in(heard.tape, track, candidate)
+        levels = sorted(range(len(LEVELS)), key=lambda level: abs(level - own.start - 1.4))
+        moved_levels = [level + self._offset for level in levels[:TRIED_LEVELS]]
+        for delay in (0.0, 0.5, -0.5):
+            moved = replace(track, position=track.position + delay * self._nominal)
+            raw = self._view(heard.tape, moved)
+            reading = demodulator.read(_as_used(moved, raw), moved_levels, due=False)
+            if reading.decoded.l0 is not None:
+                return self._lock(heard.mix, moved, raw, reading)
+        return []
+
+    def _guess(self) -> list[ReceivedSuperframe]:
+        """Try the next guess, when its time has come."""
+        if self._guesses is None:
+            if self._now < self._guess_at:
+                return []
+            self._stretch_start = max(self._now - int(STRETCH_S * self._fs), self._sounds[0].first)
+            count = self._now - self._stretch_start
+            sound = [tape.read(self._stretch_start, 1.0, count) for tape in self._sounds]
+            self._guesses = make_guesses(np.stack(sound, axis=1))
+        guess = next(self._guesses, None)
+        if guess is None:
+            self._guesses = None
+            self._pause_s = min(2 * self._pause_s, LONGEST_PAUSE_S)
+            self._guess_at = self._now + self._pause_s * self._fs
+            return []
+        tape = Tape(self._stretch_start)
+        tape.append(self._mixed(guess.mix, tape.first, int(STRETCH_S * self._fs)))
+        return self._try_guess(_Heard(tape, guess.mix), guess)
+
+    def _try_guess(self, heard: _Heard, guess: Guess) -> list[ReceivedSuperframe]:
+        tape = heard.tape
+        step = DECIMATION * self._nominal * guess.speed
+        origin = float(tape.first)
+        total = int((tape.end - origin) / step)
+        if guess.steps:
+            sound = tape.read(origin, step, total)
+            candidate = self._turned.find(sound, np.array(guess.steps))
+            return [] if candidate is None else self._try_turned(heard, candidate)
+        search, done = PilotSearch(self._key), 0
+        while (count := search.needed) <= total - done:
+            candidate = search.process(tape.read(origin + done * step, step, count))
+            done += count
+            if candidate is not None:
+                found = self._try(heard, origin, self._nominal * guess.speed, candidate, None)
+                if found:
+                    return found
+        return []
+
+    def _try_turned(self, heard: _Heard, candidate: TurnedCandidate) -> list[ReceivedSuperframe]:
+        """Decode at a place whose bands have phases of their own, and lock there."""
+        tape = heard.tape
+        position = tape.first + candidate.start * self._nominal
         if position < self._last_start + 0.5 * SUPERFRAME * self._nominal:
             return []
         demodulator = self._demodulator(candidate.profile)
-        ratio = self._nominal * (1 + candidate.clock_ppm * 1e-6)
-        profile = demodulator.profile
-        own = profile.levels_of(candidate.tier)
-        track = _Track(position, ratio, demodulator, own.start + 1)
-        self._pull_in(track, candidate)
-        levels = sorted(range(len(LEVELS)), key=lambda level: abs(level - own.start - 1.4))
-        levels = levels[:TRIED_LEVELS]
-        for delay in (0.0, 0.5, -0.5):
-            moved = replace(track, position=track.position + delay * self._nominal)
-            reading = self._read(moved, levels, due=False)
+        profile, pilots = demodulator.profile, make_pilots(self._key)
+        tier = math.log2(candidate.step / profile.pilot_step(0))
+        nearest = min(max(round(tier), 0), (len(LEVELS) - 1) // TIER_LEVELS)
+        offset = TIER_LEVELS * (tier - nearest)
+        known = Known(pilots.cells, candidate.step, pilots.expected(candidate.profile))
+        equaliser = Equaliser(demodulator.bands)
+        track = _Track(position, self._nominal, demodulator, 0.0, equaliser, offset)
+        view = self._view(tape, track)
+        expected = pilots.expected(candidate.profile)
+        _, delay, phases = path_of(score_phases(view, known, len(pilots.cells.dither)))
+        track.position += delay * self._nominal
+        view = self._view(tape, track).turned(Equaliser(phases.size, phases).bins)
+        self._move(track, search_fit(view, known.cells, known.step, expected, TURNED_GRID))
+        view = self._view(tape, track)
+        certain = score_phases(view, known, demodulator.bands)
+        paths = []
+        for number in range(nearest * TIER_LEVELS, (nearest + 1) * TIER_LEVELS):
+            level = number + offset
+            cells = Known(demodulator.layout.cells, profile.step(level), None)
+            table = certain + score_phases(view, cells, demodulator.bands)
+            paths.append((*path_of(table), level))
+        for _, delay, phases, level in sorted(paths, key=lambda found: -found[0])[:TURNED_TRIALS]:
+            phases += lean(delay, phases.size)
+            moved = replace(track, level=level, equaliser=Equaliser(phases.size, phases))
+            reading = demodulator.read(_as_used(moved, view), [level], due=False)
             if reading.decoded.l0 is not None:
-                return [self._lock(moved, reading)]
+                return self._lock(heard.mix, moved, view, reading)
         return []
 
-    def _lock(self, track: _Track, reading: Reading) -> ReceivedSuperframe:
+    def _lock(
+        self, mix: Mix, track: _Track, raw: View, reading: Reading
+    ) -> list[ReceivedSuperframe]:
         """Take a track that was found; where it agrees with the one before, that one goes on."""
-        self._correct(track, reading, wide=True)
+        self._use(mix)
+        self._correct(track, raw, reading, wide=True)
         known = self._track
         if known is not None and known.demodulator is track.demodulator:
             steps = round((track.position - known.position) / (SUPERFRAME * known.ratio))
             due = known.position + steps * SUPERFRAME * known.ratio
             delay = (track.position - due) / self._nominal
             if abs(delay) <= SAME_PLACE:
-                track = replace(known, position=due, level=track.level, misses=0)
+                track = replace(
+                    known, position=due, level=track.level, misses=0,
+                    equaliser=track.equaliser, offset=track.offset,
+                )  # fmt: skip
                 self._nudge(track, delay)
         self._search = None
+        self._guesses = None
+        self._pause_s = FIRST_PAUSE_S
         self._track = track
         self._profile = track.demodulator.profile
         if self.first_lock_s is None:
             self.first_lock_s = self._now / self._fs
-        return self._deliver(track, reading)
+        return [*self._read_back(track), self._deliver(track, reading)]
+
+    def _read_back(self, track: _Track) -> list[ReceivedSuperframe]:
+        """Read superframes that were on air before one that was found."""
+        found: list[ReceivedSuperframe] = []
+        past, failed = replace(track), 0
+        first = self._tape.first + (HOP * track.ratio if self._tape.first else 0)
+        first = max(first, self._last_told + 0.5 * SUPERFRAME * track.ratio)
+        while failed < UNREADABLE:
+            past.position -= SUPERFRAME * past.ratio
+            if past.position < first:
+                break
+            raw = self._view(self._tape, past)
+            reading = self._read(past, raw, due=False)
+            failed = 0 if reading.decoded.l0 is not None else failed + 1
+            if not failed:
+                found.insert(0, _received(past, reading, self._fs))
+        return found
 
     def _demodulator(self, number: int) -> Demodulator:
         """Demodulator of a profile; what it learnt is kept for the next lock."""
@@ -294,12 +467,12 @@ class AudioReceiver:
             self._demodulators[number] = Demodulator(profile, self._key)
         return self._demodulators[number]
 
-    def _pull_in(self, track: _Track, candidate: Candidate) -> None:
+    def _pull_in(self, tape: Tape, track: _Track, candidate: Candidate) -> None:
         """Refine a candidate's place by its pilots."""
-        pilots, step = make_pilots(self._key), PILOT_STEPS[candidate.tier]
+        pilots, step = make_pilots(self._key), PILOT_STEPS[candidate.tier] * 2 ** (track.offset / 4)
         expected = pilots.expected(candidate.profile)
         for grid in PULL_IN:
-            view = read_view(self._tape, track.position, track.ratio, self._masker)
+            view = _as_used(track, self._view(tape, track))
             self._move(track, search_fit(view, pilots.cells, step, expected, grid))
 
     def _move(self, track: _Track, fit: Fit) -> None:
@@ -318,60 +491,92 @@ class AudioReceiver:
 
     def _complete(self, track: _Track) -> bool:
         end = track.position + (SUPERFRAME + HOP) * track.ratio + self._tape.reach(track.ratio)
-        return end <= self._now
+        return end <= self._tape.end
 
-    def _read(self, track: _Track, levels: list[int], *, due: bool) -> Reading:
-        view = read_view(self._tape, track.position, track.ratio, self._masker)
-        return track.demodulator.read(view, levels, due=due)
+    def _view(self, tape: Tape, track: _Track) -> View:
+        return read_view(tape, track.position, track.ratio, self._masker)
+
+    @property
+    def _heard(self) -> _Heard:
+        return _Heard(self._tape, self._mix)
+
+    def _read(self, track: _Track, raw: View, *, due: bool) -> Reading:
+        """Read with the phases that the track has, then without, or the other way round."""
+        demodulator, turned = track.demodulator, track.equaliser.turned
+        for view in _views(track, raw) if turned else [raw]:
+            levels = demodulator.likely_levels(view, track.level, track.offset)
+            reading = demodulator.read(view, levels, due=due)
+            if reading.decoded.l0 is not None:
+                break
+        return reading
 
     def _follow(self, track: _Track) -> list[ReceivedSuperframe]:
         """Read the superframe that is due; note whether it arrived."""
-        view = read_view(self._tape, track.position, track.ratio, self._masker)
-        levels = track.demodulator.likely_levels(view, track.level)
-        reading = track.demodulator.read(view, levels)
+        raw = self._view(self._tape, track)
+        reading = self._read(track, raw, due=True)
         if reading.decoded.l0 is not None:
             self._search = None
-            self._correct(track, reading)
+            self._correct(track, raw, reading)
             return [self._deliver(track, reading)]
         track.misses += 1
         if self._search is None:
-            self._start_search(track.position)
-        failed = self._deliver(track, reading)
+            self._start_search(track.position, track)
+        failed = self._deliver(track, reading, told=track.misses <= self.patience)
         if track.misses > max(self.patience, REMEMBERED):
             self._track = None
+            self._start_search(track.position)
         return [failed] if track.misses <= self.patience else []
 
-    def _correct(self, track: _Track, reading: Reading, *, wide: bool = False) -> None:
-        """Let the decoded bits correct the clock, the level and the cells' reliabilities."""
+    def _correct(self, track: _Track, raw: View, reading: Reading, *, wide: bool = False) -> None:
+        """Let the decoded bits correct clock, level, phases and the cells' reliabilities."""
         demodulator = track.demodulator
         expected = demodulator.expected(reading.decoded)
         cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
         weighted = expected * demodulator.reliability.weights(reading.clues)
         if wide:
             for grid in LOCK_IN:
-                view = read_view(self._tape, track.position, track.ratio, self._masker)
+                view = _as_used(track, self._view(self._tape, track))
                 self._move(track, search_fit(view, cells, step, weighted, grid))
+            raw = self._view(self._tape, track)
         else:
-            delay = find_delay(reading.view, cells, step, weighted, FOLLOW)
-            self._nudge(track, delay)
+            self._nudge(track, find_delay(reading.view, cells, step, weighted, FOLLOW))
+        track.offset += demodulator.gain_change(reading)
+        track.equaliser.learn(raw, Known(cells, step, weighted))
         demodulator.learn(reading)
         self._errors += int(((reading.soft * expected) < 0).sum())
         self._counted += int((expected != 0).sum())
         track.level, track.misses = reading.level, 0
 
-    def _deliver(self, track: _Track, reading: Reading) -> ReceivedSuperframe:
+    def _deliver(self, track: _Track, reading: Reading, *, told: bool = True) -> ReceivedSuperframe:
         """Hand a superframe out and move the track to the next one."""
-        agreement = reading.soft * track.demodulator.expected(reading.decoded)
-        known = np.count_nonzero(agreement) or 1
-        result = ReceivedSuperframe(
-            l0=reading.decoded.l0,
-            l1=reading.decoded.l1,
-            position_s=track.position / self._fs,
-            confidence=float(np.clip(agreement.sum() / known, 0.0, 1.0)),
-            ber_estimate=float((agreement < 0).sum() / known),
-            ratios=reading.llr,
-        )
+        result = _received(track, reading, self._fs)
         if reading.decoded.l0 is not None:
             self._last_start = track.position
+        if told:
+            self._last_told = track.position
         track.position += SUPERFRAME * track.ratio
         return result
+
+
+def _views(track: _Track, raw: View) -> list[View]:
+    """Give the views with and without the phases of a track, the better one first."""
+    views = [raw.turned(track.equaliser.bins), raw]
+    return views if track.equaliser.used else views[::-1]
+
+
+def _as_used(track: _Track, raw: View) -> View:
+    return _views(track, raw)[0]
+
+
+def _received(track: _Track, reading: Reading, fs: int) -> ReceivedSuperframe:
+    """Make what is handed out of a superframe."""
+    agreement = reading.soft * track.demodulator.expected(reading.decoded)
+    known = np.count_nonzero(agreement) or 1
+    return ReceivedSuperframe(
+        l0=reading.decoded.l0,
+        l1=reading.decoded.l1,
+        position_s=track.position / fs,
+        confidence=float(np.clip(agreement.sum() / known, 0.0, 1.0)),
+        ber_estimate=float((agreement < 0).sum() / known),
+        ratios=reading.llr,
+    )

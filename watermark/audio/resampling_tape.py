@@ -6,7 +6,6 @@ correction of a clock error. Source: Smith and Gossett, ICASSP 1984.
 """
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -45,9 +44,13 @@ def impulse_responses(cutoff: float) -> NDArray[np.float64]:
     return np.ascontiguousarray(cutoff * np.sinc(cutoff * t) * window / np.i0(KAISER_BETA))
 
 
-@dataclass(slots=True)
 class Tape:
     """Samples from `first` on; what lies before was forgotten, what lies beyond is unknown.
+
+    Parameters
+    ----------
+    first : int
+        Index of the first sample that is to come.
 
     Examples
     --------
@@ -57,27 +60,31 @@ class Tape:
     [10.0, 11.0, 12.0]
     """
 
-    first: int = 0
-    samples: NDArray[np.float64] = None  # type: ignore[assignment]
-
-    def __post_init__(self) -> None:
-        if self.samples is None:
-            self.samples = np.zeros(0)
+    def __init__(self, first: int = 0) -> None:
+        self.first = self.end = first
+        self._store = np.empty(1024)
+        self._offset = first
 
     @property
-    def end(self) -> int:
-        """Index after the last sample."""
-        return self.first + self.samples.size
+    def samples(self) -> NDArray[np.float64]:
+        """What is remembered, from `first` to `end`."""
+        return self._store[self.first - self._offset : self.end - self._offset]
 
     def append(self, block: NDArray[np.float64]) -> None:
         """Add samples at the end."""
-        self.samples = np.concatenate([self.samples, block])
+        if self.end - self._offset + block.size > self._store.size:
+            kept = self.samples
+            # Twice what is needed: a long tape is not copied for each short block.
+            store = np.empty(max(2 * (kept.size + block.size), self._store.size))
+            store[: kept.size] = kept
+            self._store, self._offset = store, self.first
+        begin = self.end - self._offset
+        self._store[begin : begin + block.size] = block
+        self.end += block.size
 
     def forget(self, before: int) -> None:
         """Drop all samples with an index below `before`."""
-        count = min(max(before - self.first, 0), self.samples.size)
-        self.samples = self.samples[count:]
-        self.first += count
+        self.first = min(max(before, self.first), self.end)
 
     def reach(self, ratio: float) -> int:
         """Return how many samples on either side of a position are looked at."""

@@ -1,0 +1,189 @@
+"""Phases that the way of the sound has turned, band by band, and how to turn them back.
+
+In: a superframe's spectra and what is known of its cells; out: one phase per band. A crossover, a
+phase rotator or an inverted polarity leaves all magnitudes as they are, and with them the mask, but
+turns the projections. Known cells (pilots, decoded bits) tell a band's phase by the soft values that
+they should have; unknown ones by the second harmonic, in which both bits agree. A path through the
+bands joins both. Source: blind phase recovery by the M-th power, Viterbi and Viterbi, IEEE Trans.
+IT 29(4), 1983; the path by the algorithm of A. Viterbi, IEEE Trans. IT 13(2), 1967. Specification:
+section 7.2.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.audio.align import View
+from watermark.audio.layout import Cells
+from watermark.audio.profile import FIRST_PILOT_BIN, HOP, PILOT_BINS
+
+PHASES = 24
+"""Phases tried of each band."""
+
+BEND = 1.5
+"""Score that a turn by one step from a band to the next must be worth; four for two steps."""
+
+BLIND_TRUST = 0.5
+"""Weight of the second harmonic's score beside that of known cells."""
+
+LARGEST_BEND = 6
+"""Steps of phase between neighbours beyond which a turn costs no more."""
+
+DELAYS = np.arange(-24.0, 24.1, 1.5)
+"""Delays in samples tried beneath a path of phases, which then may bend less."""
+
+DELAY_COST = 0.2
+"""Score that a sample of delay must be worth."""
+
+MEMORY = 0.8
+"""Weight of the past when a decoded superframe is learnt."""
+
+GAIN = 1.08
+"""Agreement that turned phases must bring, in units of that of plain ones, to be used first."""
+
+Table = NDArray[np.float64]
+"""Scores of each band and phase, shape (bands, PHASES)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """Cells of one kind in a superframe.
+
+    Attributes
+    ----------
+    cells : Cells
+        Where they lie.
+    step : float
+        Their quantiser step.
+    expected : ndarray of float64, shape (64, groups), or None
+        Soft values that they should have, 0 where unknown; None if nothing is known of any.
+    """
+
+    cells: Cells
+    step: float
+    expected: NDArray[np.float64] | None
+
+
+def band_of(cells: Cells) -> NDArray[np.int64]:
+    """Band of each cell, shape (groups,): pilot slots are the first bands."""
+    first = cells.first_bin + cells.bins * np.arange(cells.dither.size)
+    return np.asarray(np.maximum((first - FIRST_PILOT_BIN) // PILOT_BINS, 0))
+
+
+def score_phases(view: View, known: Known, bands: int) -> Table:
+    """Score every phase of every band by the cells that lie in it."""
+    cells = known.cells
+    cut = slice(cells.first_bin, cells.last_bin)
+    unit = view.amplitudes[:, cut]
+    dead = unit <= 0
+    terms = np.where(dead, 0.0, view.spectra[:, cut] * cells.signs) / np.where(dead, 1.0, unit)
+    shape = (len(unit), -1, cells.bins)
+    projections = terms.reshape(shape).sum(axis=2) / (known.step * np.sqrt(cells.bins))
+    alive = ~dead.reshape(shape).any(axis=2)
+    harmonic = 2 if known.expected is None else 1
+    weight = alive * (BLIND_TRUST if known.expected is None else known.expected)
+    table = np.zeros((bands, PHASES))
+    band = band_of(cells)
+    for i, turn in enumerate(np.exp(2j * np.pi * np.arange(PHASES) / PHASES)):
+        soft = np.cos(2 * np.pi * harmonic * ((projections * turn).real - cells.dither))
+        np.add.at(table[:, i], band, (weight * soft).sum(axis=0))
+    return table
+
+
+def path_of(table: Table) -> tuple[float, float, NDArray[np.float64]]:
+    """Best path of phases through the bands.
+
+    Returns
+    -------
+    score : float
+    delay : float
+        Samples at 48 kHz by which all bands come later.
+    phases : ndarray of float64, shape (bands,)
+        What each band was turned by beside that, radians.
+    """
+    best = -np.inf, 0.0, np.zeros(len(table))
+    steps = np.arange(PHASES)
+    distance = (steps[:, np.newaxis] - steps + PHASES // 2) % PHASES - PHASES // 2
+    cost = BEND * np.minimum(distance.astype(np.float64) ** 2, LARGEST_BEND**2)
+    for delay in DELAYS:
+        shift = np.round(lean(delay, len(table)) * PHASES / (2 * np.pi)).astype(np.int64)
+        leant = np.stack([np.roll(row, -s) for row, s in zip(table, shift, strict=True)])
+        total, trace = leant[0], []
+        for row in leant[1:]:
+            ways = total[np.newaxis, :] - cost
+            trace.append(ways.argmax(axis=1))
+            total = row + ways.max(axis=1)
+        score = float(total.max()) - DELAY_COST * abs(delay)
+        if score <= best[0]:
+            continue
+        path = [int(total.argmax())]
+        for came in reversed(trace):
+            path.append(int(came[path[-1]]))
+        best = score, float(delay), 2 * np.pi / PHASES * np.array(path[::-1])
+    return best
+
+
+def lean(delay: float, bands: int) -> NDArray[np.float64]:
+    """Phases of the bands for a delay in samples at 48 kHz, shape (bands,)."""
+    centre = FIRST_PILOT_BIN + PILOT_BINS * (np.arange(bands) + 0.5)
+    return np.asarray(delay * np.pi / HOP * centre)
+
+
+def to_bins(phases: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Phase of each bin, shape (HOP,), between those of the bands, shape (bands,)."""
+    centre = FIRST_PILOT_BIN + PILOT_BINS * (np.arange(phases.size) + 0.5) - 0.5
+    return np.interp(np.arange(HOP), centre, np.unwrap(phases))
+
+
+class Equaliser:
+    """Follows the phases of a programme by its decoded superframes.
+
+    Parameters
+    ----------
+    bands : int
+        Bands of the profile, see `band_of`.
+    phases : ndarray of float64, shape (bands,), optional
+        What is known at the start; without, phases are taken to be right.
+
+    Attributes
+    ----------
+    used : bool
+        Whether turning back serves better than leaving phases alone.
+    """
+
+    def __init__(self, bands: int, phases: NDArray[np.float64] | None = None) -> None:
+        self._table = np.zeros((bands, PHASES))
+        self._phases = np.zeros(bands) if phases is None else phases
+        self.used = phases is not None
+
+    @property
+    def bins(self) -> NDArray[np.float64]:
+        """Phase to add to each bin, shape (HOP,)."""
+        return to_bins(self._phases)
+
+    @property
+    def turned(self) -> bool:
+        """Whether any band is turned by more than one step."""
+        return bool((np.cos(self._phases) < np.cos(2 * np.pi / PHASES)).any())
+
+    def learn(self, view: View, known: Known) -> None:
+        """Take a decoded superframe, read with its phases as they came."""
+        table = score_phases(view, known, len(self._table))
+        own = np.round(self._phases * PHASES / (2 * np.pi)).astype(np.int64) % PHASES
+        turned = np.take_along_axis(table, own[:, np.newaxis], axis=1).sum()
+        self.used = bool(turned > GAIN * table[:, 0].sum())
+        self._table = MEMORY * self._table + table
+        _, delay, bent = path_of(self._table)
+        path = bent + np.round(lean(delay, len(table)) * PHASES / (2 * np.pi)) * 2 * np.pi / PHASES
+        self._phases = path + 2 * np.pi / PHASES * _between(self._table, path)
+
+
+def _between(table: Table, path: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Find the steps by which each maximum lies beside its phase, by a parabola; -0.5 to 0.5."""
+    at = np.round(path * PHASES / (2 * np.pi)).astype(np.int64)
+    row = np.arange(len(table))
+    below, top, above = (table[row, (at + d) % PHASES] for d in (-1, 0, 1))
+    curvature = below - 2 * top + above
+    bent = np.where(curvature < 0, curvature, -np.inf)
+    return np.asarray(np.clip(0.5 * (below - above) / bent, -0.5, 0.5))
