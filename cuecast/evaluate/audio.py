@@ -8,6 +8,7 @@ otherwise done as `dub` does it), ``discreet@-0.1`` aims at a grade.
 """
 
 import importlib.util
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -22,7 +23,7 @@ from codec.errors import CueError
 from cuecast.demo.content import FS, make_sound
 from cuecast.dubbing.coder_stream import make_rehearsal
 from cuecast.evaluate.options import EvaluateOptions
-from cuecast.evaluate.sound_channels import Channel, Sound, find_channel
+from cuecast.evaluate.sound_channels import CUT_S, Channel, Sound, find_channel
 from cuecast.evaluate.tables import wilson_interval
 from receiver.media.sound import read_sound
 from watermark.audio.embed import AudioEmbedder
@@ -67,7 +68,7 @@ class AudioRow:
     net_bps : float
         Payload rate.
     superframes_sent, superframes_lost : int
-        After tune-in; lost is one of which either class is missing.
+        From the first one whose sound is whole; lost is one of which either class is missing.
     lost_low, lost_high : float
         95 % interval of the share that is lost.
     l0_lost : int
@@ -206,7 +207,7 @@ def measure(
     wrong = sum(s.l0 is not None and s.l0 not in number for s in found)
     wrong += sum(l1 not in (None, marked.payloads[k][1]) for k, l1 in got.items())
     last = int(len(marked.sound) / marked.fs / SUPERFRAME_S - 0.02)
-    due = range(min(got, default=last), last)
+    due = range(math.ceil(CUT_S / SUPERFRAME_S) if name == "crop" else 0, last)
     l0_lost = sum(k not in got for k in due)
     lost = sum(got.get(k) is None for k in due)
     low, high = wilson_interval(lost, len(due))
@@ -315,7 +316,7 @@ def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
     )
     sent = sum(row.superframes_sent for row in rows)
     wrong = sum(row.wrong for row in rows)
-    options.say(f"{sent} superframes sent after tune-in, {wrong} accepted wrong")
+    options.say(f"{sent} superframes sent, {wrong} accepted wrong")
     return [asdict(row) for row in rows]
 
 

@@ -133,9 +133,12 @@ def _noise(x: Sound, fs: int) -> Sound:
     return (x + noise).astype(np.float32)
 
 
+CUT_S = 1.2345
+"""What ``crop`` takes from the start."""
+
+
 def _crop(x: Sound, fs: int) -> Sound:
-    """Without the first 1.2345 s."""
-    return x[round(1.2345 * fs) :]
+    return x[round(CUT_S * fs) :]
 
 
 def _compress(x: Sound, fs: int) -> Sound:

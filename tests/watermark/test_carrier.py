@@ -87,8 +87,7 @@ def test_another_clock_and_a_turned_polarity_are_found() -> None:
     fast = tape.read(0.0, 1.001, int(len(y) / 1.001) - 40)[:, np.newaxis].astype(np.float32)
     assert [(s.l0, s.l1) for s in receive(fast)] == [payload(k) for k in range(12)]
     turned = receive(-y)
-    assert len(turned) >= 5  # the turned sound is tried after 4 s
-    check(turned)
+    assert [(s.l0, s.l1) for s in turned] == [payload(k) for k in range(12)]
 
 
 def test_a_lock_outlives_what_cannot_be_read(monkeypatch: pytest.MonkeyPatch) -> None:

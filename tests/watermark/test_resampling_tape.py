@@ -52,19 +52,19 @@ def versions(kernel: Any) -> list[Any]:
 
 def test_pilot_kernels() -> None:
     rng = np.random.default_rng(1)
-    soft = rng.standard_normal((3, 60)).astype(np.float32)
-    shift = np.array([[1, 1], [0, 2]])
+    soft = rng.standard_normal((3, 180)).astype(np.float32)
+    shift = np.stack([np.ones(8, dtype=np.int64), rng.integers(0, 3, 8)])
     penalty = np.array([0.5, 0.0], dtype=np.float32)
-    group = rng.integers(0, 3, 4)
-    sign = rng.choice([-1.0, 1.0], 4).astype(np.float32)
-    rows = np.arange(7) + 10 * np.arange(4)[:, np.newaxis] + np.repeat(shift, 2, axis=1)[..., None]
+    group = rng.integers(0, 3, 16)
+    sign = rng.choice([-1.0, 1.0], 16).astype(np.float32)
+    rows = np.arange(7) + 10 * np.arange(16)[:, np.newaxis] + np.repeat(shift, 2, axis=1)[..., None]
     pilots = sign[:, np.newaxis] * soft[group[:, np.newaxis], rows]
     direct = pilots.sum(axis=1) - penalty[:, np.newaxis]
     for add in versions(_kernels.pilot_sums):
-        sums = np.zeros((2, 9), dtype=np.float32)
+        sums = np.zeros((8, 9), dtype=np.float32)
         add(soft, 10, 2, group, sign, sums)
         for find in versions(_kernels.drift_peaks):
-            peak, drift = np.empty(7, dtype=np.float32), np.empty(7, dtype=np.int64)
+            peak, drift = np.empty(7, dtype=np.float32), np.empty(7, dtype=np.int32)
             find(sums, shift, penalty, peak, drift)
             np.testing.assert_array_equal(drift, direct.argmax(axis=0))
             np.testing.assert_allclose(peak, direct.max(axis=0), rtol=1e-5)
@@ -102,3 +102,33 @@ def test_soft_values_of_the_search_are_the_receiver_s() -> None:
             for s, step in enumerate(steps):
                 expected = soft_values(projections, alive, cells, float(step))
                 np.testing.assert_allclose(soft[s, :, t::2].T, expected, atol=5e-4)
+
+
+def test_turned_scores_count_the_best_phase_of_each_slot() -> None:
+    rng = np.random.default_rng(4)
+    hop, frames, profiles, places, steps = 3, 5, 2, 4, 1.7
+    rows = hop * (frames - 1) + places
+    projections = (rng.normal(size=(2, rows)) + 1j * rng.normal(size=(2, rows))).astype(
+        np.complex64
+    )
+    alive = (rng.random((2, rows)) > 0.2).astype(np.float32)
+    dither = rng.random(2).astype(np.float32)
+    slots = np.stack([rng.permuted([0, 1]) for _ in range(frames)], axis=1)
+    signs = rng.choice([-1.0, 1.0], (2, profiles, frames)).astype(np.float32)
+    turn = np.exp(2j * np.pi * np.arange(6) / 6).astype(np.complex64)
+    soft = alive * np.cos(
+        2 * np.pi * ((projections * turn[:, None, None]).real / steps - dither[:, None])
+    )
+    expected = np.zeros((profiles, places))
+    for p in range(profiles):
+        for s in range(2):
+            total = np.zeros((6, places))
+            for f in range(frames):
+                for n, sign in ((0, signs[0, 0, f]), (1, signs[1, p, f])):
+                    if slots[n, f] == s:
+                        total += sign * soft[:, s, hop * f : hop * f + places]
+            expected[p] += total.max(axis=0)
+    for find in versions(_kernels.turned_scores):
+        score = np.empty((profiles, places), dtype=np.float32)
+        find(projections, alive, dither, np.float32(1 / steps), turn, hop, slots, signs, score)
+        np.testing.assert_allclose(score, expected, atol=5e-3)

@@ -6,6 +6,7 @@ as a start. Scores of up to three superframes in a row are added, for weak pilot
 Specification: section 7.1.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -88,12 +89,15 @@ class Candidate:
         Number of the profile that the pilots announce.
     tier : int
         Tier of levels of the pilots.
+    significance : float
+        Score in standard deviations of unmarked sound.
     """
 
     start: float
     clock_ppm: float
     profile: int
     tier: int
+    significance: float
 
 
 class PilotSearch:
@@ -167,10 +171,11 @@ class PilotSearch:
         first = self._row - self._span - self._slack
         self._row += PLACES
         best, tier, profile, error, i = max(self._correlate(), key=lambda found: found[0])
-        if best < THRESHOLD * np.sqrt(0.5 * PILOTS_PER_FRAME * FRAMES_PER_SUPERFRAME):
+        significance = best / math.sqrt(0.5 * PILOTS_PER_FRAME * FRAMES_PER_SUPERFRAME)
+        if significance < THRESHOLD:
             return None
         start = PLACE * (first + float(i)) + DECIMATION * TURNS[0] - CENTRE
-        return Candidate(start, float(CLOCK_ERRORS_PPM[error]), profile, tier)
+        return Candidate(start, float(CLOCK_ERRORS_PPM[error]), profile, tier, significance)
 
     def _correlate(self) -> Iterator[tuple[float, int, int, int, int]]:
         """Best score of each tier and profile, with tier, profile, clock error and start."""

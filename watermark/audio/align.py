@@ -40,11 +40,14 @@ class Fit:
         Growth of the delay with time.
     pivot : float
         Mean number of the frames that were seen: delay and drift are independent there.
+    score : float
+        Correlation there.
     """
 
     delay: float
     drift_ppm: float
     pivot: float
+    score: float = 0.0
 
     def delays(self) -> NDArray[np.float64]:
         """Delay of each frame in samples, shape (64,)."""
@@ -127,7 +130,7 @@ def search_fit(
     scores = np.stack([score(delay_grid, drift) for drift in drift_grid], axis=1)
     i, j = np.unravel_index(int(scores.argmax()), scores.shape)
     delay = _peak(delay_grid, scores[:, j], int(i))
-    return Fit(delay, _peak(drift_grid, scores[i], int(j)), score.pivot)
+    return Fit(delay, _peak(drift_grid, scores[i], int(j)), score.pivot, float(scores[i, j]))
 
 
 def find_delay(

@@ -24,6 +24,9 @@ LIST_SIZE, LONG_LIST_SIZE, LONGEST_LIST_SIZE = 8, 32, 64
 TRIED_LEVELS = 8
 """Levels at which a superframe is tried: those of the two tiers whose pilots fit best."""
 
+EVEN = 1.0
+"""Weight of all cells where none is trusted more than another."""
+
 LONG_LEVELS, DUE_LEVELS = 2, 4
 """Levels at which a longer list is tried: the likeliest at a candidate, all of the tier whose
 pilots fit best where a superframe is due."""
@@ -99,15 +102,19 @@ class Demodulator:
     def read(self, view: View, levels: list[float], *, due: bool = True) -> Reading:
         """Read at the first of `levels` that the link accepts; else at the first of all.
 
-        What fails everywhere is tried again at the first few with a longer list, and at the first
-        as sound to which noise was added: harder where a superframe is due.
+        What fails everywhere is tried again at the first few with a longer list, then as if nothing
+        had been learnt, with all cells trusted alike, and as sound to which noise was added: harder
+        where a superframe is due.
         """
         clues = view.clues(self.layout.cells, self._masker)
         learnt = self.reliability.weights(clues)
         noisy = self.reliability.weights(clues, exponents=NOISY)
         count, longer = (DUE_LEVELS, LONGEST_LIST_SIZE) if due else (LONG_LEVELS, LONG_LIST_SIZE)
         last = [(level, learnt, longer) for level in levels[:count]]
-        last.append((levels[0], noisy, LONG_LIST_SIZE))
+        for weights in (self.reliability.plain(), np.full((1, 1), EVEN), noisy):
+            last += [
+                (level, weights, LONG_LIST_SIZE) for level in levels[: LONG_LEVELS if due else 1]
+            ]
         attempts = itertools.chain(((level, learnt, LIST_SIZE) for level in levels), last)
         for level, weights, list_size in attempts:
             reading = self._read_at(view, clues, level, weights, list_size)

@@ -1,12 +1,12 @@
 """Phases that the way of the sound has turned, band by band, and how to turn them back.
 
 In: a superframe's spectra and what is known of its cells; out: one phase per band. A crossover, a
-phase rotator or an inverted polarity leaves all magnitudes as they are, and with them the mask, but
-turns the projections. Known cells (pilots, decoded bits) tell a band's phase by the soft values that
-they should have; unknown ones by the second harmonic, in which both bits agree. A path through the
-bands joins both. Source: blind phase recovery by the M-th power, Viterbi and Viterbi, IEEE Trans.
-IT 29(4), 1983; the path by the algorithm of A. Viterbi, IEEE Trans. IT 13(2), 1967. Specification:
-section 7.2.
+phase rotator or an inverted polarity leaves magnitudes as they are, and with them the mask, but
+turns the projections. Known cells (pilots, decoded bits) tell the phase of a band by the soft
+values that they should have; unknown ones by the second harmonic, in which both bits agree. A path
+through the bands joins both. Sources: blind phase recovery by the M-th power, Viterbi and Viterbi,
+IEEE Trans. IT 29(4), 1983; the path by the algorithm of Viterbi, IEEE Trans. IT 13(2), 1967.
+Specification: section 7.2.
 """
 
 from dataclasses import dataclass
@@ -18,16 +18,16 @@ from watermark.audio.align import View
 from watermark.audio.layout import Cells
 from watermark.audio.profile import FIRST_PILOT_BIN, HOP, PILOT_BINS
 
-PHASES = 24
+PHASES = 12
 """Phases tried of each band."""
 
-BEND = 1.5
+BEND = 6.0
 """Score that a turn by one step from a band to the next must be worth; four for two steps."""
 
 BLIND_TRUST = 0.5
 """Weight of the second harmonic's score beside that of known cells."""
 
-LARGEST_BEND = 6
+LARGEST_BEND = 3
 """Steps of phase between neighbours beyond which a turn costs no more."""
 
 DELAYS = np.arange(-24.0, 24.1, 1.5)
@@ -91,8 +91,10 @@ def score_phases(view: View, known: Known, bands: int) -> Table:
     return table
 
 
-def path_of(table: Table) -> tuple[float, float, NDArray[np.float64]]:
-    """Best path of phases through the bands.
+def path_of(
+    table: Table, delays: NDArray[np.float64] = DELAYS
+) -> tuple[float, float, NDArray[np.float64]]:
+    """Best path of phases through the bands, beneath it one of some delays.
 
     Returns
     -------
@@ -102,26 +104,23 @@ def path_of(table: Table) -> tuple[float, float, NDArray[np.float64]]:
     phases : ndarray of float64, shape (bands,)
         What each band was turned by beside that, radians.
     """
-    best = -np.inf, 0.0, np.zeros(len(table))
-    steps = np.arange(PHASES)
+    steps, bands = np.arange(PHASES), len(table)
     distance = (steps[:, np.newaxis] - steps + PHASES // 2) % PHASES - PHASES // 2
     cost = BEND * np.minimum(distance.astype(np.float64) ** 2, LARGEST_BEND**2)
-    for delay in DELAYS:
-        shift = np.round(lean(delay, len(table)) * PHASES / (2 * np.pi)).astype(np.int64)
-        leant = np.stack([np.roll(row, -s) for row, s in zip(table, shift, strict=True)])
-        total, trace = leant[0], []
-        for row in leant[1:]:
-            ways = total[np.newaxis, :] - cost
-            trace.append(ways.argmax(axis=1))
-            total = row + ways.max(axis=1)
-        score = float(total.max()) - DELAY_COST * abs(delay)
-        if score <= best[0]:
-            continue
-        path = [int(total.argmax())]
-        for came in reversed(trace):
-            path.append(int(came[path[-1]]))
-        best = score, float(delay), 2 * np.pi / PHASES * np.array(path[::-1])
-    return best
+    turn = np.outer(delays, lean(1.0, bands)) * PHASES / (2 * np.pi)
+    at = (steps + np.round(turn).astype(np.int64)[:, :, np.newaxis]) % PHASES
+    leant = np.take_along_axis(table[np.newaxis], at, axis=2)
+    total, trace = leant[:, 0], []
+    for band in range(1, bands):
+        ways = total[:, np.newaxis, :] - cost
+        trace.append(ways.argmax(axis=2))
+        total = leant[:, band] + ways.max(axis=2)
+    score = total.max(axis=1) - DELAY_COST * np.abs(delays)
+    i = int(score.argmax())
+    path = [int(total[i].argmax())]
+    for came in reversed(trace):
+        path.append(int(came[i, path[-1]]))
+    return float(score[i]), float(delays[i]), 2 * np.pi / PHASES * np.array(path[::-1])
 
 
 def lean(delay: float, bands: int) -> NDArray[np.float64]:
@@ -170,12 +169,14 @@ class Equaliser:
     def learn(self, view: View, known: Known) -> None:
         """Take a decoded superframe, read with its phases as they came."""
         table = score_phases(view, known, len(self._table))
+        if table.max(axis=1).sum() < GAIN * table[:, 0].sum() and not self.used:
+            self._table, self._phases = MEMORY * self._table + table, np.zeros(len(table))
+            return
         own = np.round(self._phases * PHASES / (2 * np.pi)).astype(np.int64) % PHASES
         turned = np.take_along_axis(table, own[:, np.newaxis], axis=1).sum()
         self.used = bool(turned > GAIN * table[:, 0].sum())
         self._table = MEMORY * self._table + table
-        _, delay, bent = path_of(self._table)
-        path = bent + np.round(lean(delay, len(table)) * PHASES / (2 * np.pi)) * 2 * np.pi / PHASES
+        path = path_of(self._table, np.zeros(1))[2]
         self._phases = path + 2 * np.pi / PHASES * _between(self._table, path)
 
 

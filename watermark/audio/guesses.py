@@ -16,17 +16,24 @@ from watermark.audio.acquire import CLOCK_ERRORS_PPM
 from watermark.audio.mix import has_centre, weights_of
 from watermark.audio.profile import PILOT_STEPS
 
-LARGEST_SPEED = 0.051
+LARGEST_SPEED = 0.053
 """Largest change of speed that is tried."""
 
 KNOWN_SPEEDS = (Fraction(25, 24), Fraction(24, 25), Fraction(25025, 24000), Fraction(24000, 25025))
 """Films at 24 or 23.976 pictures a second played at 25, and the way back: tried first."""
 
-GAIN_PHASES = 8
-"""Steps of pilots tried between two tiers: 2^(1/8) apart, soft values lose a tenth half-way."""
+GAIN_STEPS = 8
+"""Steps of pilots tried for each doubling: 2^(1/8) apart, soft values lose a tenth half-way."""
 
-GAIN_TIERS = range(-2, 6)
-"""Tiers, real or thought: 30 dB more or less move the steps by one and a half."""
+GAIN_LADDER = range(-GAIN_STEPS, GAIN_STEPS * len(PILOT_STEPS))
+"""Those tried in sound of the usual loudness; 20 dB double the steps."""
+
+LADDER_PART = 10
+"""Of those, how many are tried at once."""
+
+USUAL_RMS, GATE = 10 ** (-25 / 20), 0.1
+"""Root mean square of a programme of -23 LUFS, about, in blocks that have at least a tenth of the
+loudest one's."""
 
 LONGEST_SKEW = 48
 """Samples by which one channel may be late."""
@@ -78,18 +85,28 @@ def usual_mix(channels: int) -> Mix:
     return Mix(weights_of(channels))
 
 
-def make_guesses(sound: NDArray[np.float64]) -> Iterator[Guess]:
-    """Guesses about a stretch of sound, shape (n, channels)."""
+def make_guesses(sound: NDArray[np.float64], *, thorough: bool) -> Iterator[Guess]:
+    """Guess about a stretch of sound, shape (n, channels); thoroughly, at all speeds."""
     channels = sound.shape[1]
     plain = usual_mix(channels)
-    yield Guess(plain)
     for mix in _other_mixes(sound):
         yield Guess(mix)
-    for part in range(1, GAIN_PHASES):
-        yield Guess(plain, _steps(part))
-    yield Guess(plain, _steps(0))
-    for speed in speeds():
+    gain = usual_gain(sound)
+    usual = Mix(tuple(gain * weight for weight in plain.weights))
+    ladder = [PILOT_STEPS[0] * 2 ** (i / GAIN_STEPS) for i in GAIN_LADDER]
+    for first in range(0, len(ladder), LADDER_PART):
+        yield Guess(usual, tuple(ladder[first : first + LADDER_PART]))
+    for speed in speeds() if thorough else speeds()[: len(KNOWN_SPEEDS)]:
         yield Guess(plain, (), speed)
+
+
+def usual_gain(sound: NDArray[np.float64]) -> float:
+    """Return the factor that brings a stretch, shape (n, channels), to a usual loudness."""
+    mid = sound @ np.array(weights_of(sound.shape[1]))
+    blocks = mid[: mid.size // 2400 * 2400].reshape(-1, 2400)
+    rms = np.sqrt((blocks**2).mean(axis=1))
+    loud = rms[rms >= GATE * rms.max()]
+    return float(USUAL_RMS / max(np.sqrt((loud**2).mean()), 1e-7))
 
 
 def speeds() -> list[float]:
@@ -99,10 +116,6 @@ def speeds() -> list[float]:
     count = int(np.ceil((LARGEST_SPEED - reach) / (2 * reach)))
     grid = [1 + sign * 2 * reach * n for n in range(1, count + 1) for sign in (1, -1)]
     return known + grid
-
-
-def _steps(part: int) -> tuple[float, ...]:
-    return tuple(PILOT_STEPS[0] * 2 ** (tier + part / GAIN_PHASES) for tier in GAIN_TIERS)
 
 
 def _other_mixes(sound: NDArray[np.float64]) -> Iterator[Mix]:

@@ -49,7 +49,7 @@ REMEMBERED = 16
 """Failed superframes after which a lock that was given up is forgotten: while the sound is too poor
 for the search, a superframe at the old place may still be read."""
 
-HISTORY_S, LONG_HISTORY_S = 2.0, 9.0
+HISTORY_S, LONG_HISTORY_S = 2.4, 9.0
 """Sound that is kept while locked, enough to search again from a superframe that failed, and while
 searching, for what may be read of it once the sound is understood."""
 
@@ -57,7 +57,20 @@ STRETCH_S = 2.2
 """Sound on which guesses are tried: a superframe and its successor, wherever they begin."""
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 2.2, 240.0
-"""Search in vain before guesses are tried; the pause doubles each time that all were wrong."""
+"""Search in vain before guesses are tried; after wrong ones the pause grows."""
+
+PAUSE_GROWTH = 3.0
+"""By this factor."""
+
+PATIENCE, MOST_SELDOM = 1.1, 3
+"""Growth of the time between searches that are blind to phase, which overlap at first, and its
+limit in stretches."""
+
+DELAYS = (0.0, 0.5, -0.5)
+"""Delays in samples at which a candidate is tried."""
+
+NO_CANDIDATE = Candidate(0.0, 0.0, 0, 0, 5.2)
+"""What a candidate at a guessed speed must exceed: tens of speeds are tried."""
 
 FAILED_BEFORE_GUESSING = 3
 """Superframes in a row that fail at a known place before guesses are tried."""
@@ -82,6 +95,12 @@ LOCK_IN = (
     (np.arange(-0.4, 0.5, 0.2), np.arange(-20.0, 21.0, 10.0)),
 )
 """Delays and drifts tried with the decoded bits of the first superframe, from coarse to fine."""
+
+BESIDE = (np.arange(-24.0, 24.1, 1.5), np.arange(-1600.0, 1601.0, 200.0))
+"""Delays and drifts at which the pilots of a superframe that failed are sought."""
+
+BESIDE_SCORE = 40.0
+"""Correlation of pilots from which it is read there: five standard deviations of noise."""
 
 FOLLOW = 0.3
 """Delay tried on either side with the decoded bits of each following superframe, samples."""
@@ -192,10 +211,9 @@ class AudioReceiver:
         self._track: _Track | None = None
         self._start_search(0.0)
         self._turned = TurnedSearch(key)
-        self._guesses: Iterator[Guess] | None = None
+        self._stretch = int(STRETCH_S * fs)
         self._stretch_start = 0
-        self._pause_s = FIRST_PAUSE_S
-        self._guess_at = FIRST_PAUSE_S * fs
+        self._reset_guesses()
         self._last_start = self._last_told = -np.inf
         self._errors = self._counted = 0
         self._profile: Profile | None = None
@@ -319,7 +337,7 @@ class AudioReceiver:
 
     def _try(
         self, heard: _Heard, origin: float, pace: float, candidate: Candidate,
-        equaliser: Equaliser | None,
+        equaliser: Equaliser | None, *, delays: tuple[float, ...] = DELAYS,
     ) -> list[ReceivedSuperframe]:  # fmt: skip
         """Decode at a candidate's place, and lock there if the check accepts it."""
         position = origin + candidate.start * pace
@@ -335,7 +353,7 @@ class AudioReceiver:
         self._pull_in(heard.tape, track, candidate)
         levels = sorted(range(len(LEVELS)), key=lambda level: abs(level - own.start - 1.4))
         moved_levels = [level + self._offset for level in levels[:TRIED_LEVELS]]
-        for delay in (0.0, 0.5, -0.5):
+        for delay in delays:
             moved = replace(track, position=track.position + delay * self._nominal)
             raw = self._view(heard.tape, moved)
             reading = demodulator.read(_as_used(moved, raw), moved_levels, due=False)
@@ -343,43 +361,53 @@ class AudioReceiver:
                 return self._lock(heard.mix, moved, raw, reading)
         return []
 
-    def _guess(self) -> list[ReceivedSuperframe]:
-        """Try the next guess, when its time has come."""
-        if self._guesses is None:
-            if self._now < self._guess_at:
-                return []
-            self._stretch_start = max(self._now - int(STRETCH_S * self._fs), self._sounds[0].first)
-            count = self._now - self._stretch_start
-            sound = [tape.read(self._stretch_start, 1.0, count) for tape in self._sounds]
-            self._guesses = make_guesses(np.stack(sound, axis=1))
-        guess = next(self._guesses, None)
-        if guess is None:
-            self._guesses = None
-            self._pause_s = min(2 * self._pause_s, LONGEST_PAUSE_S)
-            self._guess_at = self._now + self._pause_s * self._fs
-            return []
-        tape = Tape(self._stretch_start)
-        tape.append(self._mixed(guess.mix, tape.first, int(STRETCH_S * self._fs)))
-        return self._try_guess(_Heard(tape, guess.mix), guess)
+    def _reset_guesses(self) -> None:
+        self._guesses: Iterator[Guess] | None = None
+        self._turned_at, self._turned_every = float(self._now + self._stretch), self._stretch / 2
+        self._pause_s = FIRST_PAUSE_S
+        self._guess_at = self._now + FIRST_PAUSE_S * self._fs
 
-    def _try_guess(self, heard: _Heard, guess: Guess) -> list[ReceivedSuperframe]:
-        tape = heard.tape
-        step = DECIMATION * self._nominal * guess.speed
-        origin = float(tape.first)
-        total = int((tape.end - origin) / step)
-        if guess.steps:
-            sound = tape.read(origin, step, total)
-            candidate = self._turned.find(sound, np.array(guess.steps))
-            return [] if candidate is None else self._try_turned(heard, candidate)
-        search, done = PilotSearch(self._key), 0
-        while (count := search.needed) <= total - done:
-            candidate = search.process(tape.read(origin + done * step, step, count))
-            done += count
-            if candidate is not None:
-                found = self._try(heard, origin, self._nominal * guess.speed, candidate, None)
-                if found:
-                    return found
+    def _guess(self) -> list[ReceivedSuperframe]:
+        """Listen again to the last seconds: for turned bands ever again, for all else at times."""
+        if self._now < self._turned_at:
+            return []
+        if self._guesses is None:
+            self._turned_at = self._now + self._turned_every
+            self._turned_every = min(self._turned_every * PATIENCE, MOST_SELDOM * self._stretch)
+            found = self._try_guess(Guess(self._mix), self._now - self._stretch)
+            if found or self._now < self._guess_at:
+                return found
+            self._stretch_start = self._now - self._stretch
+            sound = [tape.read(self._stretch_start, 1.0, self._stretch) for tape in self._sounds]
+            self._guesses = make_guesses(
+                np.stack(sound, axis=1), thorough=self._pause_s > FIRST_PAUSE_S
+            )
+            self._turned_at = self._now
+        guess = next(self._guesses, None)
+        if guess is not None:
+            return self._try_guess(guess, self._stretch_start)
+        self._guesses = None
+        self._pause_s = min(PAUSE_GROWTH * self._pause_s, LONGEST_PAUSE_S)
+        self._guess_at = self._now + self._pause_s * self._fs
         return []
+
+    def _try_guess(self, guess: Guess, start: int) -> list[ReceivedSuperframe]:
+        """Search a stretch as if a guess were true."""
+        tape = Tape(start)
+        tape.append(self._mixed(guess.mix, start, self._stretch))
+        heard = _Heard(tape, guess.mix)
+        pace = self._nominal * guess.speed
+        step, total = DECIMATION * pace, int(self._stretch / (DECIMATION * pace))
+        if guess.steps:
+            turned = self._turned.find(tape.read(start, step, total), guess.steps)
+            return [] if turned is None else self._try_turned(heard, turned)
+        search, done, best = PilotSearch(self._key), 0, None
+        while (count := search.needed) <= total - done:
+            candidate = search.process(tape.read(start + done * step, step, count))
+            done += count
+            if candidate and candidate.significance > (best or NO_CANDIDATE).significance:
+                best = candidate
+        return [] if best is None else self._try(heard, start, pace, best, None, delays=(0.0,))
 
     def _try_turned(self, heard: _Heard, candidate: TurnedCandidate) -> list[ReceivedSuperframe]:
         """Decode at a place whose bands have phases of their own, and lock there."""
@@ -435,8 +463,7 @@ class AudioReceiver:
                 )  # fmt: skip
                 self._nudge(track, delay)
         self._search = None
-        self._guesses = None
-        self._pause_s = FIRST_PAUSE_S
+        self._reset_guesses()
         self._track = track
         self._profile = track.demodulator.profile
         if self.first_lock_s is None:
@@ -447,7 +474,7 @@ class AudioReceiver:
         """Read superframes that were on air before one that was found."""
         found: list[ReceivedSuperframe] = []
         past, failed = replace(track), 0
-        first = self._tape.first + (HOP * track.ratio if self._tape.first else 0)
+        first = self._tape.first + (HOP if self._tape.first else -HOP) * track.ratio
         first = max(first, self._last_told + 0.5 * SUPERFRAME * track.ratio)
         while failed < UNREADABLE:
             past.position -= SUPERFRAME * past.ratio
@@ -518,6 +545,14 @@ class AudioReceiver:
             self._search = None
             self._correct(track, raw, reading)
             return [self._deliver(track, reading)]
+        moved = self._find_beside(track, raw)
+        if moved is not None:
+            raw = self._view(self._tape, moved)
+            again = self._read(moved, raw, due=False)
+            if again.decoded.l0 is not None:
+                self._search, self._track = None, moved
+                self._correct(moved, raw, again, wide=True)
+                return [self._deliver(moved, again)]
         track.misses += 1
         if self._search is None:
             self._start_search(track.position, track)
@@ -526,6 +561,19 @@ class AudioReceiver:
             self._track = None
             self._start_search(track.position)
         return [failed] if track.misses <= self.patience else []
+
+    def _find_beside(self, track: _Track, raw: View) -> _Track | None:
+        """Find by its pilots where a superframe lies that the clock has led astray."""
+        pilots, profile = make_pilots(self._key), track.demodulator.profile
+        tier = math.floor((track.level - track.offset) / TIER_LEVELS + 1e-6)
+        step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
+        expected = pilots.expected(profile.number)
+        fit = search_fit(_as_used(track, raw), pilots.cells, step, expected, BESIDE)
+        if fit.score < BESIDE_SCORE:
+            return None
+        moved = replace(track, misses=0, age=0)
+        self._move(moved, fit)
+        return moved
 
     def _correct(self, track: _Track, raw: View, reading: Reading, *, wide: bool = False) -> None:
         """Let the decoded bits correct clock, level, phases and the cells' reliabilities."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.audio.acquire import CENTRE, DECIMATION, SEARCH_HOP, STRIDE
+from watermark.audio.acquire import CENTRE, DECIMATION, SEARCH_HOP
 from watermark.audio.layout import make_pilots
 from watermark.audio.masking import make_masker
 from watermark.audio.mdct import analyse
@@ -19,11 +19,17 @@ from watermark.audio.profile import FRAMES_PER_SUPERFRAME, PILOT_SLOTS, PROFILES
 TURNS = 12
 """Phases of a slot that are tried."""
 
-ROW_HOP = SEARCH_HOP // STRIDE
-"""Places tried per frame, 8 samples apart at 48 kHz: a phase makes up for what lies between."""
+STRIDE = 4
+"""Samples at the search's rate between places: a phase makes up for what lies between."""
 
-LEAST_SIGNIFICANCE = 5.0
+ROW_HOP = SEARCH_HOP // STRIDE
+"""Places tried per frame."""
+
+LEAST_SIGNIFICANCE = 5.5
 """Standard deviations above the mean of all places from which one is worth an attempt."""
+
+PAIR = float(np.sqrt(0.5))
+"""Weight of the scores of two superframes in a row: their sum is as rare then as one by itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,13 +65,12 @@ class TurnedSearch:
         self._masker = make_masker(pilots.cells.last_bin)
         bins = int(self._masker.edges[-1])
         transform = np.sqrt(DECIMATION) * analyse(np.eye(2 * SEARCH_HOP), SEARCH_HOP)[:, :bins]
-        self._transform = transform.astype(np.complex64)
+        parts = np.concatenate([transform.real, transform.imag], axis=1)
+        self._transform = np.ascontiguousarray(parts, dtype=np.float32)
         angle = 2 * np.pi * np.arange(TURNS) / TURNS
         self._turn = np.exp(1j * angle).astype(np.complex64)
 
-    def find(
-        self, sound: NDArray[np.float64], steps: NDArray[np.float64]
-    ) -> TurnedCandidate | None:
+    def find(self, sound: NDArray[np.float64], steps: tuple[float, ...]) -> TurnedCandidate | None:
         """Likeliest place in `sound`, samples at 12 kHz, of pilots that have one of `steps`."""
         from watermark.audio import _kernels
 
@@ -80,13 +85,17 @@ class TurnedSearch:
                 projections, alive, self._cells.dither.astype(np.float32), np.float32(1 / step),
                 self._turn, ROW_HOP, self._slots, self._signs, score,
             )  # fmt: skip
-            mean, deviation = score.mean(axis=1), score.std(axis=1) + 1e-9
-            peak = (score.max(axis=1) - mean) / deviation
-            profile = int(peak.argmax())
-            significance = float(peak[profile])
+            score -= score.mean(axis=1, keepdims=True)
+            score /= score.std(axis=1, keepdims=True) + 1e-9
+            period = FRAMES_PER_SUPERFRAME * ROW_HOP
+            if places > period:
+                pairs = PAIR * (score[:, :-period] + score[:, period:])
+                score[:, :-period] = np.maximum(score[:, :-period], pairs)
+            profile, place = np.unravel_index(int(score.argmax()), score.shape)
+            significance = float(score[profile, place])
             if significance > (LEAST_SIGNIFICANCE if best is None else best.significance):
-                start = DECIMATION * STRIDE * float(score[profile].argmax()) - CENTRE
-                best = TurnedCandidate(start, profile, float(step), significance)
+                start = DECIMATION * STRIDE * float(place) - CENTRE
+                best = TurnedCandidate(start, int(profile), float(step), significance)
         return best
 
     def _project(
@@ -97,7 +106,9 @@ class TurnedSearch:
         Both have the shape (PILOT_SLOTS, rows).
         """
         frames = np.lib.stride_tricks.sliding_window_view(sound.astype(np.float32), 2 * SEARCH_HOP)
-        spectra = np.ascontiguousarray(frames[::STRIDE]) @ self._transform
+        parts = np.ascontiguousarray(frames[::STRIDE]) @ self._transform
+        bins = parts.shape[1] // 2
+        spectra = parts[:, :bins] + 1j * parts[:, bins:]
         threshold = self._masker.thresholds(np.abs(spectra) ** 2 / 2)
         before = np.concatenate([threshold[:ROW_HOP], threshold])[: len(threshold)]
         cells = self._cells

@@ -31,7 +31,7 @@ def crc_bits(bits: Iterable[int], width: int) -> NDArray[np.int64]:
     >>> hex(int("".join(map(str, crc_bits(message, 16))), 2))
     '0x29b1'
     """
-    message = np.fromiter(bits, dtype=np.int64)
+    message = bits if isinstance(bits, np.ndarray) else np.fromiter(bits, dtype=np.int64)
     register = _start(message.size, width)
     register ^= int(np.bitwise_xor.reduce(_weights(message.size, width)[message != 0]))
     return (register >> np.arange(width - 1, -1, -1)) & 1

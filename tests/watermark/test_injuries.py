@@ -1,0 +1,147 @@
+"""What studios and transmitters do to sound without coding it: the mark is still there."""
+
+import itertools
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+import pytest
+import scipy.signal
+from numpy.typing import NDArray
+
+from tests.watermark.test_carrier import embed, host, payload, receive
+from watermark.audio.align import read_view
+from watermark.audio.demodulate import Demodulator
+from watermark.audio.equaliser import PHASES, Equaliser, Known, lean, path_of
+from watermark.audio.guesses import make_guesses, speeds
+from watermark.audio.masking import make_masker
+from watermark.audio.profile import STANDARD
+from watermark.audio.receive import AudioReceiver
+from watermark.audio.resampling_tape import Tape
+
+Sound = NDArray[np.float32]
+FS = 48000
+
+
+def all_pass(x: Sound, frequency_hz: float, q: float = 0.7071) -> Sound:
+    """Second order, as in the audio equaliser cookbook of R. Bristow-Johnson."""
+    w = 2 * np.pi * frequency_hz / FS
+    a, c = np.sin(w) / (2 * q), np.cos(w)
+    b = np.array([1 - a, -2 * c, 1 + a])
+    return np.asarray(scipy.signal.lfilter(b, b[::-1], x, axis=0), dtype=np.float32)
+
+
+def rotated(x: Sound) -> Sound:
+    return all_pass(all_pass(x, 200.0), 200.0)
+
+
+def crossed(x: Sound) -> Sound:
+    """Three crossovers of fourth order in a row: each is an all-pass as a whole."""
+    for frequency_hz in (200.0, 1500.0, 6000.0):
+        x = all_pass(x, frequency_hz)
+    return x
+
+
+def late_right(x: Sound) -> Sound:
+    spectrum = np.fft.rfft(x[:, 1])
+    turn = np.exp(-2j * np.pi * np.arange(spectrum.size) * 0.0002 * FS / len(x))
+    return np.stack([x[:, 0], np.fft.irfft(spectrum * turn, len(x))], axis=1).astype(np.float32)
+
+
+def at_speed(x: Sound, ratio: float) -> Sound:
+    count = int(len(x) / ratio)
+    out = np.empty((count, x.shape[1]), dtype=np.float32)
+    for channel in range(x.shape[1]):
+        tape = Tape()
+        tape.append(x[:, channel].astype(np.float64))
+        out[:, channel] = tape.read(0.0, ratio, count)
+    return out
+
+
+@lru_cache(maxsize=1)
+def marked() -> Sound:
+    """A stereo programme whose channels have something in common, as most have."""
+    common, own = host(6.0, channels=1, seed=5), host(6.0, seed=6)
+    return embed((common + 0.3 * own).astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    "injure",
+    [
+        rotated,
+        crossed,
+        lambda x: -x,
+        lambda x: x * np.float32(10 ** (-30 / 20)),
+        lambda x: x * np.float32(10 ** (13 / 20)),
+        lambda x: x * np.float32(10 ** (30 / 20)),
+        lambda x: x * np.array([1, -1], dtype=np.float32),
+        late_right,
+        lambda x: at_speed(x, 25 / 24),
+        lambda x: at_speed(x, 24 / 25),
+    ],
+    ids=["rotator", "crossovers", "inverted", "-30 dB", "+13 dB", "+30 dB", "right inverted",
+         "right late", "25/24", "24/25"],
+)  # fmt: skip
+def test_every_superframe_is_read(injure: Callable[[Sound], Sound]) -> None:
+    found = receive(injure(marked()))
+    assert [(s.l0, s.l1) for s in found] == [payload(k) for k in range(9)]
+    places = [s.position_s for s in found]
+    assert places == sorted(places)
+
+
+def test_blocks_do_not_matter_to_guesses() -> None:
+    y = crossed(marked())[: 4 * FS]
+    whole, parts = receive(y), receive(y, block=3001)
+    assert len(whole) >= 5
+    assert [(s.l0, s.position_s) for s in whole] == [(s.l0, s.position_s) for s in parts]
+
+
+def test_a_weight_learnt_wrongly_does_no_harm() -> None:
+    """What was learnt may say that every good cell is bad: without it the sound is read."""
+    tape = Tape()
+    tape.append(marked().mean(axis=1).astype(np.float64))
+    demodulator = Demodulator(STANDARD, 0)
+    view = read_view(tape, 30720.0, 1.0, make_masker())
+    levels = demodulator.likely_levels(view, 6)
+    demodulator.reliability._resultant[:] = np.where(np.arange(STANDARD.groups) < 36, 0.02, 0.95)
+    demodulator.reliability._exponents[:] = (1.0, -1.0, 1.0)
+    assert demodulator.read(view, levels).decoded.l0 == payload(1)[0]
+
+
+def test_a_path_of_phases_is_found() -> None:
+    bands, rng = 19, np.random.default_rng(0)
+    bent = np.round(6 * np.exp(-np.arange(bands) / 4)).astype(int)
+    shift = np.round(lean(9.0, bands) * PHASES / (2 * np.pi)).astype(int)
+    angle = 2 * np.pi * (np.arange(PHASES) - (bent + shift)[:, np.newaxis]) / PHASES
+    table = 25 * np.cos(angle) + rng.normal(0, 5, (bands, PHASES))
+    _, delay, phases = path_of(table)
+    wrong = np.angle(
+        np.exp(1j * (phases + lean(delay, bands) - 2 * np.pi / PHASES * (bent + shift)))
+    )
+    assert np.abs(wrong).max() < 1.1
+
+
+def test_the_equaliser_leaves_plain_sound_alone() -> None:
+    tape = Tape()
+    tape.append(marked().mean(axis=1).astype(np.float64))
+    demodulator = Demodulator(STANDARD, 0)
+    equaliser = Equaliser(demodulator.bands)
+    for k in range(4):
+        view = read_view(tape, k * 30720.0, 1.0, make_masker())
+        reading = demodulator.read(view, demodulator.likely_levels(view, 6))
+        expected = demodulator.expected(reading.decoded)
+        step = STANDARD.step(reading.level)
+        equaliser.learn(view, Known(demodulator.layout.cells, step, expected))
+        assert not equaliser.used
+
+
+def test_speeds_leave_no_gap() -> None:
+    tried = sorted([1.0, *speeds()])
+    assert tried[0] < 1 / 1.05
+    assert tried[-1] > 1 / 0.95
+    assert max(b - a for a, b in itertools.pairwise(tried)) < 2 * 1.57e-3
+
+
+def test_silence_is_guessed_about_in_peace() -> None:
+    assert len(list(make_guesses(np.zeros((FS, 6)), thorough=True))) > 30
+    assert AudioReceiver(FS, 6).process(np.zeros((4 * FS, 6), dtype=np.float32)) == []
