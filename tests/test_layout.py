@@ -17,6 +17,7 @@ MAY_IMPORT: dict[str, set[str]] = {
 CORRIDORS: dict[str, dict[str, set[str]]] = {
     "codec": {
         "files": set(),
+        "authentication": {"files"},
         "cues": set(),
         "cuer": {"files", "cues"},
         "analysis": {"cuer", "cues"},

@@ -24,8 +24,8 @@ from cuecast.command.errors import UsageError
 from cuecast.command.progress import printable
 
 VERBS = (
-    "demo", "keys", "synth", "capture", "encode", "decode", "inspect", "dub", "receive", "watch",
-    "render", "compare", "evaluate", "batch", "voice",
+    "demo", "keys", "key", "synth", "capture", "encode", "decode", "inspect", "dub", "receive",
+    "watch", "render", "compare", "evaluate", "batch", "voice",
 )  # fmt: skip
 """Verbs in the order of the help page; each is a module of `cuecast.verbs`."""
 

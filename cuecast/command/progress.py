@@ -36,7 +36,7 @@ def printable(text: str) -> str:
     Examples
     --------
     >>> printable("a\x1b[2Jb")
-    'a\\x1b[2Jb\\tc'
+    'a\\x1b[2Jb'
     >>> printable("pâté ɔ̃")
     'pâté ɔ̃'
     """

@@ -1,5 +1,6 @@
 """The command line's manners: pages, exit statuses, one-line errors."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -80,3 +81,27 @@ def test_whole_file_needs_a_folder(tmp_path: Path) -> None:
         pass
     with pytest.raises(CueError, match="is a folder"), whole_file(tmp_path):
         pass
+
+
+def test_keys_are_made_renewed_and_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    secret, public, later, other = (str(tmp_path / name) for name in ("s", "p", "q", "o"))
+    made = ["key", "new", "Chaîne 1", "--secret", secret, "--public", public, "--days", "1"]
+    assert main([*made, "--from", "2026-12-01"]) == 0
+    assert main(made) == 3  # a secret is never replaced
+    renewed = ["--public", later, "--days", "2", "--from", "2027-12-01"]
+    assert main(["key", "renew", "--secret", secret, *renewed]) == 0
+    assert (
+        main(["key", "new", "x", "--secret", f"{secret}2", "--public", other, "--days", "1"]) == 0
+    )
+    capsys.readouterr()
+    assert main(["key", "show", later, "--pinned", public, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["name"] == "Chaîne 1"
+    assert told["from"].startswith("2027-11-30T23") or told["from"].startswith("2027-12-01T00")
+    assert main(["key", "show", other, "--pinned", public]) == 1
+    assert main(["key", "show", secret]) == 3
+    assert (
+        main(["key", "new", "x", "--secret", f"{secret}3", "--public", other, "--from", "?"]) == 2
+    )

@@ -1,0 +1,242 @@
+"""Authentic cues: genuine ones are verified soon, forged, replayed and spliced ones never."""
+
+import itertools
+import stat
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from codec.authentication.announcement import (
+    Announcement,
+    SigningKey,
+    load_announcement,
+    load_signing_key,
+    new_key,
+)
+from codec.authentication.chain import Chain, keys_of, sent_bits, whole_key
+from codec.authentication.layout import EPOCH_S, LAYOUTS, PERIOD, SUPERFRAME_S, number_at, time_of
+from codec.authentication.signer import Signer
+from codec.authentication.verifier import Verdict, Verifier
+from codec.errors import CueError
+
+BEGIN_S = EPOCH_S + 300 * 86400.0 + 0.3
+Sent = tuple[bytes, tuple[int, int]]
+
+
+@cache
+def key(number: int = 0) -> SigningKey:
+    return SigningKey(f"channel {number}", bytes([number]) * 32)
+
+
+@cache
+def announced(number: int = 0) -> Announcement:
+    return key(number).announce(BEGIN_S, 1)
+
+
+def signed(
+    count: int, width: int = 9, *, on_air_s: float = BEGIN_S, number: int = 0, seed: int = 1
+) -> list[Sent]:
+    """Return superframes of a signed programme: what is covered, and their fields."""
+    rng = np.random.default_rng(seed)
+    signer = Signer(key(number), on_air_s, width)
+    covered = [rng.bytes(18 if width == 9 else 7) for _ in range(count)]
+    return [(data, (signer.take(data), width)) for data in covered]
+
+
+def run(
+    verifier: Verifier, stream: Iterable[tuple[int, Sent | None]], clock_s: float | None = None
+) -> list[Verdict]:
+    verdicts = []
+    for index, sent in stream:
+        utc_s = None if clock_s is None else clock_s + index * SUPERFRAME_S
+        covered, proof = (None, None) if sent is None else sent
+        verdicts += verifier.take(index, covered, proof, utc_s=utc_s)
+    return verdicts + verifier.finish()
+
+
+def statuses(verdicts: list[Verdict]) -> dict[int, str]:
+    return {verdict.index: verdict.status for verdict in verdicts}
+
+
+@pytest.mark.parametrize(("width", "most_s"), [(9, 6.5), (2, 31.0)])
+@pytest.mark.parametrize("clock_s", [None, BEGIN_S + 3.0])
+def test_a_genuine_programme_is_verified(width: int, most_s: float, clock_s: float | None) -> None:
+    count = 300 if width == 2 else 80
+    verifier = Verifier(announced())
+    verdicts = run(verifier, enumerate(signed(count, width)), clock_s)
+    assert verifier.verified_after is not None
+    assert verifier.verified_after * SUPERFRAME_S <= most_s
+    assert verifier.status == "verified"
+    assert [v.index for v in verdicts] == list(range(count))
+    found = [v.status for v in verdicts]
+    tail = LAYOUTS[width].whole.reach + 2 * LAYOUTS[width].block
+    assert set(found[:-tail]) == {"verified"}
+    assert "forged" not in found
+
+
+@pytest.mark.parametrize("width", [9, 2])
+def test_tuned_in_anywhere(width: int) -> None:
+    """Within 10.9 s at 9 bits, 9 s on average; within a minute at 2."""
+    layout = LAYOUTS[width]
+    sent = signed(6 * layout.block, width)
+    after = []
+    for start in range(0, layout.block, 1 if width == 9 else 19):
+        verifier = Verifier(announced())
+        run(verifier, list(enumerate(sent))[start + layout.block :], BEGIN_S)
+        assert verifier.verified_after is not None
+        after.append(verifier.verified_after * SUPERFRAME_S)
+    assert max(after) <= (10.9 if width == 9 else 58.3)
+    assert np.mean(after) <= (9.1 if width == 9 else 45.0)
+
+
+def test_the_hour_s_chain_goes_over_into_the_next() -> None:
+    begin_s = time_of((number_at(BEGIN_S) // PERIOD + 1) * PERIOD - 30)
+    for lost in (range(0), range(28, 33)):
+        verifier = Verifier(announced())
+        stream = [(i, None if i in lost else s) for i, s in enumerate(signed(80, on_air_s=begin_s))]
+        found = statuses(run(verifier, stream, begin_s))
+        assert verifier.status == "verified"
+        assert "forged" not in found.values()
+        assert found[50] == "verified" or lost
+
+
+def test_losses_are_unknown_and_verified_again() -> None:
+    """The keys of lost blocks follow from later ones."""
+    rng = np.random.default_rng(3)
+    stream = [(i, s if rng.random() > 0.03 else None) for i, s in enumerate(signed(600))]
+    verifier = Verifier(announced())
+    found = list(statuses(run(verifier, stream, BEGIN_S)).values())
+    assert "forged" not in found
+    assert verifier.verified_after is not None
+    assert found.count("verified") > 0.3 * len(found)
+
+
+def test_a_changed_superframe_is_not_verified() -> None:
+    sent = signed(96)
+    for index in range(20, 60, 3):
+        changed = list(sent)
+        data, proof = changed[index]
+        changed[index] = (bytes([data[0] ^ 1]) + data[1:], proof)
+        found = statuses(run(Verifier(announced()), enumerate(changed), BEGIN_S))
+        assert found[index] == "forged"
+        assert found[index - 20] == "verified" or index < 36
+        assert list(found.values())[:10] == ["verified"] * 10
+
+
+@pytest.mark.parametrize("what", ["nothing", "noise", "another's", "zeros", "his own tags"])
+def test_a_forged_programme_is_never_verified(what: str) -> None:
+    """Also where the forger knows all keys that were on air until then."""
+    rng = np.random.default_rng(5)
+    genuine, forged = signed(60), []
+    other = signed(60, number=1)
+    for index, (_, (value, _)) in enumerate(genuine):
+        data = rng.bytes(18)
+        field = {
+            "nothing": None, "noise": (int(rng.integers(512)), 9), "another's": other[index][1],
+            "zeros": (0, 9), "his own tags": (value, 9),
+        }[what]  # fmt: skip
+        forged.append((data, field))
+    verifier = Verifier(announced())
+    verdicts = []
+    for index, (data, field) in enumerate(forged):
+        utc_s = BEGIN_S + index * SUPERFRAME_S
+        verdicts += verifier.take(index, data, field, utc_s=utc_s)
+    found = statuses(verdicts + verifier.finish())
+    assert "verified" not in found.values()
+    assert verifier.status != "verified"
+
+
+@pytest.mark.parametrize("hours", [-0.05, 1.0, 5.0])
+def test_a_replay_is_told(hours: float) -> None:
+    then_s = BEGIN_S + 10 * 3600
+    verifier = Verifier(announced())
+    found = statuses(run(verifier, enumerate(signed(80, on_air_s=then_s)), then_s + hours * 3600))
+    assert "verified" not in found.values()
+    if abs(hours) < 1.5:
+        assert verifier.status == "forged"
+        assert verifier.reason.startswith("from another time")
+
+
+def test_a_replay_without_a_clock_is_told_by_what_came_before() -> None:
+    """Another hour of the same broadcaster, cut into a recording."""
+    verifier = Verifier(announced())
+    first = signed(60)
+    later = signed(60, on_air_s=BEGIN_S + 7200, seed=2)
+    verdicts = run(verifier, enumerate(first))
+    assert statuses(verdicts)[5] == "verified"
+    found = statuses(run(verifier, enumerate(later, start=60)))
+    assert "verified" not in found.values()
+    assert verifier.reason.startswith("from another time, +71")
+
+
+def test_time_is_told() -> None:
+    verifier = Verifier(announced())
+    stream = list(enumerate(signed(40)))
+    for index, (data, field) in stream:
+        verifier.take(index, data, field)
+    assert verifier.on_air_s == pytest.approx(BEGIN_S, abs=2.6)
+
+
+def test_another_broadcaster_is_unknown() -> None:
+    found = statuses(run(Verifier(announced()), enumerate(signed(60, number=1)), BEGIN_S))
+    assert set(found.values()) == {"unknown"}
+
+
+def test_keys_lead_to_earlier_ones_only() -> None:
+    keys = keys_of(b"s" * 32, b"channel!", 7, LAYOUTS[2])
+    chain = Chain(b"channel!", 7, 2)
+    assert len(set(keys)) == len(keys) == 128
+    assert all(chain.before(b) == a for a, b in itertools.pairwise(keys))
+    assert chain.before(keys[90], 50) == keys[40]
+    assert chain.find(sent_bits(keys[5]), keys[3], 2) == keys[5]
+    assert chain.find(sent_bits(keys[5]) ^ 1, keys[3], 2) is None
+    assert whole_key(sent_bits(keys[0]), int.from_bytes(keys[0][-2:], "big")) == keys[0]
+    assert keys_of(b"s" * 32, b"channel!", 8, LAYOUTS[2])[0] != keys[0]
+    assert keys_of(b"s" * 32, b"another!", 7, LAYOUTS[2])[0] != keys[0]
+
+
+def test_files(tmp_path: Path) -> None:
+    secret, public = tmp_path / "channel.key", tmp_path / "channel.pub"
+    made = new_key("Chaîne 1")
+    made.save(secret)
+    assert stat.S_IMODE(secret.stat().st_mode) == 0o600
+    with pytest.raises(CueError, match="cannot write: File exists"):
+        made.save(secret)
+    assert load_signing_key(secret) == made
+    announcement = made.announce(BEGIN_S, 1)
+    announcement.save(public)
+    again = load_announcement(public)
+    assert again == announcement
+    assert again.continues(load_announcement(public))
+    assert not again.continues(announced())
+    assert len(again.fingerprint) == 39
+    assert made.secret.hex() not in public.read_text()
+    for path, kind in ((secret, "public"), (public, "secret")):
+        with pytest.raises(CueError, match=f"not a {kind} key of cuecast"):
+            (load_announcement if kind == "public" else load_signing_key)(path)
+
+
+def test_an_announcement_that_was_changed_is_refused(tmp_path: Path) -> None:
+    announcement = announced()
+    ends = {width: bytes(8) + ends[8:] for width, ends in announcement.ends.items()}
+    for changed in (
+        replace(announcement, name="another"), replace(announcement, ends=ends),
+        replace(announcement, first_period=announcement.first_period + 1),
+        replace(announcement, public_key=key(1).public_key),
+    ):  # fmt: skip
+        changed.save(tmp_path / "x.pub")
+        with pytest.raises(CueError, match="the signature is not that of the key in it"):
+            load_announcement(tmp_path / "x.pub")
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "cuecast-key-1"}', "[" * 5000, "\0"])
+def test_damaged_files(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "x"
+    path.write_text(text)
+    for load in (load_announcement, load_signing_key):
+        with pytest.raises(CueError, match="key of cuecast"):
+            load(path)
