@@ -11,7 +11,7 @@ import functools
 import hashlib
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from codec.bitstream.resynthesis.targets import Targets
 from codec.bitstream.tables import tables_digest
 from codec.bitstream.transform import Bases, Basis, klt, marker_metric, scales_of
+from codec.cuer.movement import STOPPING, Movement
 from codec.cuer.voice import Voice
 from codec.cues.timeline import TICKS
 from codec.errors import VoiceError
@@ -135,6 +136,10 @@ def _arrays(coding: Coding) -> Iterator[tuple[str, NDArray[np.generic]]]:
     """Yield all numbers of a coding as they are stored."""
     for name in _TARGETS:
         yield f"targets.{name}", getattr(coding.targets, name).astype("<f4")
+    if coding.targets.movement != STOPPING:
+        yield "targets.places", coding.targets.places.astype("<f4")
+        yield "targets.late", coding.targets.late.astype("<f4")
+        yield "targets.movement", coding.targets.movement.as_array()
     for name in _BASES:
         basis = getattr(coding, name)
         yield f"{name}.matrix", basis.matrix.astype("<f4")
@@ -158,7 +163,13 @@ def load_coding(path: str | os.PathLike[str], voice: Voice) -> Coding:
     arrays = read_arrays(path, max_bytes=_MAX_BYTES)
     try:
         stated = str(arrays["voice"])
-        targets = Targets(**{name: arrays[f"targets.{name}"] for name in _TARGETS})
+        hand, head, forearm, arc, face = (arrays[f"targets.{name}"] for name in _TARGETS)
+        targets = Targets(hand, head, forearm, arc, face)
+        if "targets.movement" in arrays:
+            targets = replace(
+                targets, movement=Movement.from_array(arrays["targets.movement"]),
+                places=arrays["targets.places"], late=arrays["targets.late"],
+            )  # fmt: skip
         residual, loose, plain = (
             Basis(arrays[f"{n}.matrix"].astype(np.float64), arrays[f"{n}.scales"].astype(np.int64))
             for n in _BASES
@@ -182,7 +193,7 @@ _UNEXPLAINED = 0.3
 
 def derive_coding(voice: Voice) -> Coding:
     """Return tables of a voice without training: from its models and gesture table."""
-    targets = Targets.of(voice.gestures)
+    targets = Targets.of(voice)
     held = np.arange(len(targets.hand))
     poses = np.concatenate(
         [targets.face[held % len(targets.face)], targets.hand, targets.head, targets.forearm],

@@ -5,18 +5,20 @@ bases of what remains, come out.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.bitstream.coding import Coding
 from codec.bitstream.joining import Joined, join
-from codec.bitstream.resynthesis.course import Resynthesis, key_weights, phone_weights
-from codec.bitstream.resynthesis.movements import movements
-from codec.bitstream.resynthesis.targets import Targets
+from codec.bitstream.resynthesis.course import Course, Resynthesis, held_keys, phone_weights
+from codec.bitstream.resynthesis.movements import Movements, movements
+from codec.bitstream.resynthesis.targets import N_KEYS, Targets
 from codec.bitstream.score_coding import ScorePart, part_of
 from codec.bitstream.transform import Basis, klt, marker_metric, scales_of
 from codec.cuer.motion import Motion
+from codec.cuer.movement import FLOWING, Movement
 from codec.cuer.voice import Voice
 from codec.cues.timeline import TICKS, to_line
 from codec.errors import CueError
@@ -54,7 +56,11 @@ def near(parts: dict[int, ScorePart], k: int) -> Joined:
 
 
 def train_coding(
-    voice: Voice, motions: Sequence[Motion], imprecise: Sequence[Motion] = ()
+    voice: Voice,
+    motions: Sequence[Motion],
+    imprecise: Sequence[Motion] = (),
+    *,
+    movement: Movement = FLOWING,
 ) -> Coding:
     """Return coding tables of a voice.
 
@@ -66,10 +72,12 @@ def train_coding(
     imprecise : sequence of Motion
         The same by a cuer who keeps less well to scores, for the loose basis; without any, it is
         derived from the other one.
+    movement : Movement
+        How the voice's hand moves.
     """
     blocks = [blocks_of(motion) for motion in motions]
     parts = [parts_of(motion, len(b)) for motion, b in zip(motions, blocks, strict=True)]
-    targets = _targets(voice, blocks, parts)
+    targets = _targets(voice, blocks, parts, movement)
     frames = np.concatenate([b.reshape(-1, b.shape[-1]) for b in blocks])
     metric = marker_metric(voice, frames[::_EVERY])
     tight = _basis(metric, _lacking(targets, blocks, parts))
@@ -105,32 +113,66 @@ def _basis(metric: Array, blocks: Array) -> Basis:
 
 
 def _targets(
-    voice: Voice, blocks: Sequence[Array], parts: Sequence[dict[int, ScorePart]]
+    voice: Voice, blocks: Sequence[Array], parts: Sequence[dict[int, ScorePart]], movement: Movement
 ) -> Targets:
-    prior = Targets.of(voice.gestures)
-    groups = np.cumsum([7, prior.hand.shape[1], prior.head.shape[1]])
+    prior = Targets.of(voice, movement)
+    widths = [prior.hand.shape[1], prior.head.shape[1], prior.forearm.shape[1]]
+    groups = np.cumsum([7, *widths[:2]])
     rows = []
     for block, known in zip(blocks, parts, strict=True):
-        joined = join(known)
         n_frames = block.shape[0] * TICKS
-        keys = key_weights(movements(joined), 0, n_frames)
-        faces = [phone_weights(joined.line, k * TICKS, TICKS) for k in range(len(block))]
-        rows.append((keys, np.concatenate(faces), np.split(block.reshape(n_frames, -1), groups, 1)))
-    fingers = np.concatenate([keys.fingers for keys, _, _ in rows])
-    carrier = np.concatenate([keys.carrier for keys, _, _ in rows])
+        faces = [phone_weights(join(known).line, k * TICKS, TICKS) for k in range(len(block))]
+        values = np.split(block.reshape(n_frames, -1), groups, 1)
+        rows.append((_Linear.of(prior, join(known), n_frames), np.concatenate(faces), values))
     phones = np.concatenate([weights for _, weights, _ in rows])
     face, hand, head, forearm = (np.concatenate([r[2][i] for r in rows]) for i in range(4))
+    fingers, turned, carrier = (
+        np.concatenate([linear.weights(i) for linear, _, _ in rows]) for i in range(3)
+    )
     straight = _solve(carrier, forearm, prior.forearm)
-    ends = np.concatenate([keys.ends for keys, _, _ in rows])
-    bend = np.concatenate([keys.bend for keys, _, _ in rows])
-    bend = bend * np.linalg.norm(straight[ends[:, 1]] - straight[ends[:, 0]], axis=1)
+    bend = np.concatenate([linear.bend(straight) for linear, _, _ in rows])
     both = _solve(
         np.column_stack([carrier, bend]), forearm, np.vstack([straight, np.zeros(len(prior.arc))])
     )
-    return Targets(
-        _solve(fingers, hand, prior.hand), _solve(carrier, head, prior.head),
-        both[:-1], both[-1], _solve(phones, face, prior.face),
+    return replace(
+        prior, hand=_solve(fingers, hand, prior.hand), head=_solve(turned, head, prior.head),
+        forearm=both[:-1], arc=both[-1], face=_solve(phones, face, prior.face),
     )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Linear:
+    """The linear part of the hand's prediction over some frames: shares of the keys' targets.
+
+    `late` has the lateness of hand, head and forearm, each of one channel.
+    """
+
+    moves: Movements
+    course: Course
+    held: Array
+    late: list[tuple[float, float]]
+
+    @classmethod
+    def of(cls, targets: Targets, joined: Joined, n_frames: int) -> "_Linear":
+        moves = movements(joined, targets.movement, targets.places)
+        width = np.cumsum([0, targets.hand.shape[1], targets.head.shape[1]])
+        late = [(float(targets.lateness[0][i]), float(targets.lateness[1][i])) for i in width]
+        course = Course(moves, targets.movement, 0, n_frames)
+        return cls(moves, course, held_keys(moves, targets.movement), late)
+
+    def weights(self, group: int) -> Array:
+        """Return the shares of the keys in hand (0), head (1) or forearm (2), shape (T, 54)."""
+        late = tuple(np.full(N_KEYS, x) for x in self.late[group])
+        return self.course.moved(self.held, (late[0], late[1]))
+
+    def bend(self, targets: Array) -> Array:
+        """Return the bend of strokes between forearm targets (54, C) per unit of arc, (T,)."""
+        ends = targets[self.moves.key]
+        distance = np.zeros(len(ends))
+        distance[1:] = np.linalg.norm(np.diff(ends, axis=0), axis=1)
+        late = (np.full(1, self.late[2][0]), np.full(1, self.late[2][1]))
+        still = np.zeros((len(ends), 1))
+        return self.course.moved(still, late, distance=distance, arc=np.ones(1))[:, 0]
 
 
 def _solve(weights: Array, values: Array, prior: Array) -> Array:

@@ -15,6 +15,7 @@ from codec.bitstream.joining import join
 from codec.bitstream.resynthesis.course import Resynthesis
 from codec.bitstream.resynthesis.targets import Targets
 from codec.bitstream.score_coding import part_of
+from codec.cuer.movement import FLOWING
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import PLACEMENTS, SHAPES, Key, Score
@@ -141,7 +142,7 @@ def implied(
     first_s : float
         Time of the first frame.
     """
-    line, targets = to_line(score, options), Targets.of(voice.gestures)
+    line, targets = to_line(score, options), Targets.of(voice, FLOWING)
     begin = int(score.keys[0].start // SUPERFRAME_S) - 1
     end = int(score.keys[-1].end // SUPERFRAME_S) + 2
     for k in range(begin, end, _AT_ONCE):

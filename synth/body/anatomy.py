@@ -83,7 +83,7 @@ class Habits:
     head_mobility: float = 1.0
     scatter_mm: float = 4.0
     scatter_deg: float = 2.0
-    undershoot: float = 0.12
+    undershoot: float = 0.02
 
 
 PHALANGES: Mapping[str, tuple[float | None, ...]] = {
@@ -114,7 +114,7 @@ IDENTITIES: dict[str, tuple[Anatomy, Habits]] = {
                 "throat": (14.0, 14.0, 0.0), "side": (-6.0, 4.0, -4.0),
             },
             hand_slope_deg=56.0, palm_turn_deg=22.0, opening=0.85, asymmetry=-0.12,
-            head_mobility=2.2, scatter_mm=5.5, scatter_deg=2.5, undershoot=0.18,
+            head_mobility=2.2, scatter_mm=5.5, scatter_deg=2.5, undershoot=0.06,
         ),
     ),
     "solange": (

@@ -22,7 +22,7 @@ from synth.prosody.melody import accents
 from synth.recordings.recording import Recording
 from synth.rules.drift import Drift, normals_at
 from synth.rules.gesture import FOLLOWS_HEAD
-from synth.rules.movement import LAWS, Gestures, progress
+from synth.rules.movement import LAWS, Gestures, moved
 
 FloatArray = NDArray[np.float64]
 
@@ -129,9 +129,9 @@ class HeadMotion:
 
     def _following(self, gestures: Gestures, times: FloatArray) -> FloatArray:
         """Return how much of the head's motion the hand takes over, 0..1, shape (T,)."""
-        at, part = progress(times, gestures.leave, gestures.reach, LAWS["minimum-jerk"])
-        before = _FOLLOWS[gestures.placement[np.maximum(at - 1, 0)]]
-        return np.asarray(before + part * (_FOLLOWS[gestures.placement[at]] - before))
+        targets = _FOLLOWS[gestures.placement][:, None]
+        here = moved(times, gestures, targets, LAWS["minimum-jerk"])
+        return np.asarray(np.clip(here[:, 0], 0.0, 1.0))
 
     def _turned(self, params: FloatArray, motion: FloatArray, follows: FloatArray) -> FloatArray:
         """Return frames whose head has moved by `motion` more, the hand with it."""

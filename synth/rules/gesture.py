@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.cuer.motion import Motion
+from codec.cuer.movement import FLOWING, Movement
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.phonology import PAUSE, PHONE_NUMBER
@@ -25,11 +26,12 @@ from synth.body.shapes import all_shapes
 from synth.body.skeleton import ANGLE_NUMBER, HAND_ANGLES
 from synth.rules.coarticulation import PhoneLine, articulate
 from synth.rules.drift import Drift, normals_at
-from synth.rules.movement import Gestures, check_alignment, plan_gestures, progress
+from synth.rules.movement import Gestures, check_alignment, moved, plan_gestures
 from synth.rules.movement import law as movement_law
 from synth.rules.visemes import ARTICULATORS, UNITS_OF, viseme_table
 
 FloatArray = NDArray[np.float64]
+Lateness = float | FloatArray
 
 FOLLOWS_HEAD = {"rest": 0.1, "side": 0.8, "mouth": 1.0, "chin": 1.0, "cheek": 1.0, "throat": 0.7}
 """How much of the head's motion the hand takes over where it is."""
@@ -42,15 +44,22 @@ _MEETS_HAND_DEG = {
 
 _TWIST_DEG = {"rest": -5.0, "side": 2.0, "mouth": 0.0, "chin": -1.0, "cheek": 3.0, "throat": -3.0}
 _HEAD_DRIFT = np.array([*np.radians([1.2, 0.8, 0.5]), 1.2, 1.0, 1.4])
-_OUTWARD_ARC = 0.07
+_ARC = np.array([-0.254, -0.059, 0.1])
+"""How far the middle of a stroke lies outwards, upwards and to the front, per mm of way;
+real cuers' strokes bend outwards by a fifth of their length."""
+
+_OUT_OF_STEP_S = {"thumb": -0.02, "index": -0.01, "middle": 0.0, "ring": 0.008, "little": 0.016}
+"""How much later than the fingers together each one moves."""
 _FINGER_DRIFT_DEG = 0.8
 _WRIST_DRIFT_DEG = 1.5
 _ARM_DRIFT = np.array([0.008] * 3 + [1.0] * 3)  # rad, mm
 _FREE_WRIST_DEG = (16.0, 6.0, 9.0)
 _FREE_ARM = 25.0  # times the usual drift
-_TURN_SCATTER = 0.02  # rad
+_TURN_SCATTER = 0.01  # rad
+_SCATTERED = np.array([0.25] * 3 + [1.0] * (len(HAND_ANGLES) - 3))
+"""Shares of the scatter in wrist and fingers: the wrist's would carry the tip 6 mm away."""
+
 _ARCH_PER_FLEXION = 0.08
-_NATURAL_S = 0.25
 _UNIT_DRIFT = {
     "browInnerUp": 0.08, "browOuterUpLeft": 0.05, "browOuterUpRight": 0.05, "browDownLeft": 0.04,
     "browDownRight": 0.04, "jawLeft": 0.03, "mouthLeft": 0.03, "mouthShrugUpper": 0.03,
@@ -59,6 +68,9 @@ _UNIT_DRIFT = {
     "mouthSmileRight": 0.03, "jawOpen": 0.006, "larynxRaise": 0.3,
 }  # fmt: skip
 _HELD_PART = 0.3
+_NEAR_PART = 0.15
+"""Part of a stroke in which it covers 3 % of its way, at its beginning and at its end."""
+
 _SILENT_S = 0.3
 
 
@@ -113,6 +125,8 @@ class GestureSynthesiser:
         One of `synth.rules.movement.ALIGNMENTS`.
     options : CueingOptions
         When the hand rests.
+    movement : Movement
+        Timing and courses of the hand.
     free_space : bool
         The arm wanders and the wrist bends at will, as in the paper's first corpus.
 
@@ -131,6 +145,7 @@ class GestureSynthesiser:
         seed: int = 0,
         alignment: str = "attina",
         options: CueingOptions = DEFAULT_OPTIONS,
+        movement: Movement = FLOWING,
         free_space: bool = False,
     ) -> None:
         if not 1 <= rate_hz <= 1000:
@@ -142,6 +157,7 @@ class GestureSynthesiser:
         self._seed = seed
         self._alignment = alignment
         self._options = options
+        self._movement = movement
         reach = load_asset(f"reach_{identity}")
         self._wrist, self._forearm = reach["wrist"], reach["forearm"]
         self._targets = np.array([placement_target(self.body, p) for p in PLACEMENTS])
@@ -155,6 +171,7 @@ class GestureSynthesiser:
         sizes = np.array([_UNIT_DRIFT.get(name, 0.0) for name in self.body.unit_names])
         self._unit_drift = Drift.seeded(sizes, rng, band_hz=(0.1, 1.5))
         self._unit_matrix = self._articulator_matrix()
+        self._begins, self._ends = self._joints_lateness()
         self._planned: _Plan | None = None
 
     def times_s(self, start_s: float, n_frames: int) -> FloatArray:
@@ -188,21 +205,37 @@ class GestureSynthesiser:
         """Return face-unit weights, head, hand angles and forearm of each frame."""
         times = self.times_s(start_s, n_frames)
         plan = self._plan(score)
-        gestures = plan.gestures
-        at, part = progress(times, gestures.leave, gestures.reach, self._profile)
-        before = np.maximum(at - 1, 0)
+        rule = self._movement
 
-        def between(values: FloatArray) -> FloatArray:
-            return values[before] + part[:, None] * (values[at] - values[before])
+        def course(values: FloatArray, begin_s: Lateness, end_s: Lateness) -> FloatArray:
+            begins, ends = (np.broadcast_to(x, values.shape[1:]) for x in (begin_s, end_s))
+            return moved(
+                times, plan.gestures, values, self._profile,
+                begins_s=begins, ends_s=ends, movement=rule,
+            )  # fmt: skip
 
         head = self._head_drift.at(times)
-        head[:, :3] += between(plan.meets)
-        forearm = between(plan.forearm) + self._arm_drift.at(times)
-        path = np.linalg.norm(plan.forearm[at, 3:] - plan.forearm[before, 3:], axis=1)
-        forearm[:, 5] += _OUTWARD_ARC * 4.0 * part * (1.0 - part) * path
-        carried = self._carried(between(plan.target), head)
-        forearm[:, 3:] += between(plan.follows[:, None]) * carried
-        return Pose(self._units(plan, times), head, self._angles(plan, times, part, at), forearm)
+        head[:, :3] += course(plan.meets, rule.head_begin_s, rule.head_end_s)
+        carrier = course(np.column_stack([plan.target, plan.follows]), 0.0, 0.0)
+        turning = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+        forearm = course(plan.forearm, rule.turn_begin_s * turning, rule.turn_end_s * turning)
+        forearm += self._arm_drift.at(times)
+        forearm[:, 3:] += self._arc(plan, times)
+        forearm[:, 3:] += carrier[:, 3:] * self._carried(carrier[:, :3], head)
+        angles = course(plan.angles, self._begins, self._ends) + self._angle_drift.at(times)
+        return Pose(self._units(plan, times), head, angles, forearm)
+
+    def _arc(self, plan: _Plan, times: FloatArray) -> FloatArray:
+        """Return how far the wrist leaves the straight way, (T, 3), mm."""
+        g = plan.gestures
+        path = np.linalg.norm(np.diff(plan.forearm[:, 3:], axis=0), axis=1)
+        out = np.zeros((len(times), 3))
+        for number in range(1, len(g.leave)):
+            here = slice(*np.searchsorted(times, [g.leave[number], g.reach[number]]))
+            elapsed = (times[here] - g.leave[number]) / (g.reach[number] - g.leave[number])
+            part = self._profile(elapsed**self._movement.power)
+            out[here] += np.outer(4.0 * part * (1.0 - part) * path[number - 1], _ARC)
+        return out
 
     def targets(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the markers of all targets, exact and with the head at rest.
@@ -233,7 +266,8 @@ class GestureSynthesiser:
         """Return what is held in each frame."""
         times = self.times_s(start_s, n_frames)
         g = self._plan(score).gestures
-        shape = _held(times, g.shape_leave, g.shape_reach, g.shape)
+        rule = self._movement
+        shape = _held(times, g.leave + rule.fingers_begin_s, g.reach + rule.fingers_end_s, g.shape)
         placement = _held(times, g.leave, g.reach, g.placement)
         line = self._plan(score).phones
         phone = np.where(line.silent(times, _SILENT_S), PHONE_NUMBER[PAUSE], -1).astype(np.int8)
@@ -262,14 +296,18 @@ class GestureSynthesiser:
         return self._planned
 
     def _make_plan(self, score: Score) -> _Plan:
-        gestures = plan_gestures(score, alignment=self._alignment, options=self._options)
+        places = self._forearm[..., 3:]
+        gestures = plan_gestures(
+            score, alignment=self._alignment, options=self._options, movement=self._movement,
+            way=lambda before, after: float(np.linalg.norm(places[after] - places[before])),
+        )  # fmt: skip
         shape, placement = gestures.shape, gestures.placement
         names = [PLACEMENTS[number] for number in placement]
         angles, forearm = self._key_targets(shape, placement)
         habits = self.body.habits
         for number, moment in enumerate(gestures.reach):
             noise = normals_at(moment, len(HAND_ANGLES) + 6, self._seed)
-            angles[number] += habits.scatter_deg * noise[6:]
+            angles[number] += habits.scatter_deg * noise[6:] * _SCATTERED
             forearm[number, :3] += _TURN_SCATTER * noise[:3]
             forearm[number, 3:] += habits.scatter_mm * noise[3:6]
         self._undershoot(gestures, angles, forearm)
@@ -297,23 +335,22 @@ class GestureSynthesiser:
     def _undershoot(self, g: Gestures, angles: FloatArray, forearm: FloatArray) -> None:
         """Pull the targets of short gestures back towards their predecessors."""
         ends = np.append(g.leave[1:], np.inf)
-        hurry = np.clip((_NATURAL_S - (ends - g.leave)) / (0.5 * _NATURAL_S), 0.0, 1.5)
+        natural = self._movement.natural_s
+        hurry = np.clip((natural - (ends - g.leave)) / (0.5 * natural), 0.0, 1.5)
         missing = self.body.habits.undershoot * hurry
         for number in range(1, len(missing)):
             angles[number] += missing[number] * (angles[number - 1] - angles[number])
             forearm[number] += missing[number] * (forearm[number - 1] - forearm[number])
 
-    def _angles(
-        self, plan: _Plan, times: FloatArray, part: FloatArray, at: NDArray[np.int64]
-    ) -> FloatArray:
-        g = plan.gestures
-        finger_at, finger_part = progress(times, g.shape_leave, g.shape_reach, self._profile)
-        before = np.maximum(finger_at - 1, 0)
-        start, end = plan.angles[before], plan.angles[finger_at]
-        angles = start + finger_part[:, None] * (end - start)
-        carrier_start, carrier_end = plan.angles[np.maximum(at - 1, 0), :3], plan.angles[at, :3]
-        angles[:, :3] = carrier_start + part[:, None] * (carrier_end - carrier_start)
-        return angles + self._angle_drift.at(times)
+    def _joints_lateness(self) -> tuple[FloatArray, FloatArray]:
+        """Return how much later than its place the hand's angles begin and end, both (31,), s."""
+        rule = self._movement
+        late = np.zeros(len(HAND_ANGLES))
+        for name, out_of_step_s in _OUT_OF_STEP_S.items():
+            late[[i for i, angle in enumerate(HAND_ANGLES) if name in angle]] = out_of_step_s
+        begins, ends = late + rule.fingers_begin_s, late + rule.fingers_end_s
+        begins[:3], ends[:3] = rule.turn_begin_s, rule.turn_end_s
+        return begins, ends
 
     def _carried(self, points: FloatArray, head: FloatArray) -> FloatArray:
         """Return how far the head's motion carries points of the resting head, (T, 3), mm."""
@@ -340,7 +377,14 @@ class GestureSynthesiser:
 def _held(
     times: FloatArray, leave: FloatArray, reach: FloatArray, target: NDArray[np.int64]
 ) -> NDArray[np.int8]:
-    """Return the target held at each time, -1 on the way to one."""
-    current = np.searchsorted(leave, times, side="right") - 1
-    there = times >= reach[current]
-    return np.where(there, target[current], -1).astype(np.int8)
+    """Return the target held at each time, -1 on the way to one.
+
+    A target is held from near the end of its own stroke until the next one has begun in earnest:
+    strokes overlap.
+    """
+    length = reach - leave
+    begins = reach - _NEAR_PART * length
+    ends = np.append(leave[1:] + _NEAR_PART * length[1:], np.inf)
+    current = np.searchsorted(begins, times, side="right") - 1
+    there = times < ends[np.maximum(current, 0)]
+    return np.where(there & (current >= 0), target[current], -1).astype(np.int8)

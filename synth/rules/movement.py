@@ -1,9 +1,10 @@
 """From target to target: laws of movement and the timing of hand gestures.
 
 A gesture leaves one target at time ``leave`` and is on the next at time ``reach``; in between,
-its progress follows one of the `LAWS`, each a monotone profile from 0 to 1. Times come from the
-score by the rules that Attina (2005) measured on cuers of French, or by those of Gibert, Bailly,
-Elisei (2004, section 5.1).
+its progress follows one of the `LAWS`, each a monotone profile from 0 to 1. Gestures may overlap:
+their strokes add up. Times come from the score by the rules that Attina (2005) measured on cuers
+of French, or by those of Gibert, Bailly, Elisei (2004, section 5.1), with the constants of
+`codec.cuer.movement`.
 """
 
 import bisect
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
+from codec.cuer.movement import FLOWING, Movement
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import PLACEMENT_NUMBER, Key, Score
 from codec.errors import CueError
@@ -86,30 +88,29 @@ class Gestures:
         Target of each gesture; the first one is the rest before everything.
     leave, reach : ndarray, shape (G,)
         When placement leaves the previous target and reaches its own, seconds.
-    shape_leave, shape_reach : ndarray, shape (G,)
-        The same for the fingers.
     """
 
     shape: NDArray[np.int64]
     placement: NDArray[np.int64]
     leave: FloatArray
     reach: FloatArray
-    shape_leave: FloatArray
-    shape_reach: FloatArray
 
 
-_FIRST_LEAD_S = 0.45
-_LEAD_LIMITS_S = (0.14, 0.24)
-_LEAD_PART = 0.62
-_SHAPE_EARLIER_S = 0.03
-_TO_REST_DELAY_S = 0.08
-_TO_REST_S = 0.55
-_LEAST_MOVE_S = 0.06
 _LONG_AGO_S = -1e6
+_TYPICAL_WAY_MM = 60.0
+
+_Row = tuple[int, int, float, float]
+Way = Callable[[tuple[int, int], tuple[int, int]], float]
+Profile = Callable[[FloatArray], FloatArray]
 
 
 def plan_gestures(
-    score: Score, *, alignment: str = "attina", options: CueingOptions = DEFAULT_OPTIONS
+    score: Score,
+    *,
+    alignment: str = "attina",
+    options: CueingOptions = DEFAULT_OPTIONS,
+    movement: Movement = FLOWING,
+    way: Way = lambda before, after: _TYPICAL_WAY_MM,
 ) -> Gestures:
     """Return when the hand leaves and reaches every target of `score`.
 
@@ -121,6 +122,10 @@ def plan_gestures(
         its middle (Gibert, Bailly, Elisei 2004, section 5.1).
     options : CueingOptions
         Which gaps send the hand to rest.
+    movement : Movement
+        Of the voice.
+    way : callable
+        Millimetres between two targets, each given as (shape, placement number).
 
     Raises
     ------
@@ -128,26 +133,34 @@ def plan_gestures(
         If `alignment` is unknown.
     """
     check_alignment(alignment)
-    rows: list[tuple[int, int, float, float]] = [(0, 0, _LONG_AGO_S, _LONG_AGO_S)]
+    rows: list[_Row] = [(0, 0, _LONG_AGO_S, _LONG_AGO_S)]
     previous: Key | None = None
     for key in score.keys:
-        target = key.start + _lag(key, score, alignment)
+        target = key.start + _lag(key, score, alignment, movement.lag_share)
+        here = key.shape, PLACEMENT_NUMBER[key.placement]
+        way_mm = way(rows[-1][:2], here)
         rested = previous is None or key.start - previous.end >= options.rest_gap_s
         if rested:
-            lead = _FIRST_LEAD_S
+            lead = movement.first_lead_s
             if previous is not None:
                 lead = min(lead, 0.5 * (key.start - previous.end))
-                rows.append(_to_rest(previous, key.start - lead))
+                rows.append(_to_rest(previous, key.start - lead, movement))
         else:
             assert previous is not None
-            lead = float(np.clip(_LEAD_PART * (key.start - previous.start), *_LEAD_LIMITS_S))
-        leave = max(key.start - lead, rows[-1][3])
-        reach = max(target, leave + _LEAST_MOVE_S)
-        rows.append((key.shape, PLACEMENT_NUMBER[key.placement], leave, reach))
+            most = movement.most_lead_s + movement.lead_s_per_mm * way_mm
+            apart_s = key.start - previous.start
+            quick_s = min(apart_s, movement.hurried_s)
+            lead = movement.lead_share * quick_s + movement.calm_share * (apart_s - quick_s)
+            lead = max(min(lead, most), movement.least_lead_s)
+        least_s = movement.peak_s_per_mm * way_mm
+        leave = max(min(key.start - lead, target - least_s), _free(rows[-1], movement))
+        late_s = min(leave + least_s, target + movement.late_s)
+        reach = max(target, late_s, leave + movement.shortest_s)
+        rows.append((*here, leave, reach))
         previous = key
     if previous is not None:
-        rows.append(_to_rest(previous, math.inf))
-    return _assemble(rows)
+        rows.append(_to_rest(previous, math.inf, movement))
+    return _assemble(rows, movement)
 
 
 def target_times(
@@ -168,16 +181,22 @@ def check_alignment(name: str) -> None:
         raise CueError(f"unknown alignment {name!r}; known: {', '.join(ALIGNMENTS)}")
 
 
-def _to_rest(key: Key, before: float) -> tuple[int, int, float, float]:
-    leave = key.end + _TO_REST_DELAY_S
-    return 0, 0, leave, max(min(leave + _TO_REST_S, before), leave + _LEAST_MOVE_S)
+def _to_rest(key: Key, before: float, movement: Movement) -> _Row:
+    leave = key.end + movement.rest_delay_s
+    reach = max(min(leave + movement.rest_move_s, before), leave + movement.shortest_s)
+    return 0, 0, leave, reach
 
 
-def _lag(key: Key, score: Score, alignment: str) -> float:
+def _free(row: _Row, movement: Movement) -> float:
+    """Return when the next stroke may begin."""
+    return row[3] - movement.overlap * (row[3] - row[2])
+
+
+def _lag(key: Key, score: Score, alignment: str, share: float) -> float:
     """Return how long after the key's acoustic start its target is reached, seconds."""
     if len(key.phones) < 2:
         return 0.0
-    part = 0.16 if alignment == "attina" else 0.5
+    part = share if alignment == "attina" else 0.5
     return part * (_vowel_onset(key, score) - key.start)
 
 
@@ -189,42 +208,61 @@ def _vowel_onset(key: Key, score: Score) -> float:
     return 0.5 * (key.start + key.end)
 
 
-def _assemble(rows: list[tuple[int, int, float, float]]) -> Gestures:
+def _assemble(rows: list[_Row], movement: Movement) -> Gestures:
     shape, placement = (np.array([row[i] for row in rows], dtype=np.int64) for i in (0, 1))
     leave, reach = (np.array([row[i] for row in rows]) for i in (2, 3))
     for number in range(1, len(rows)):
-        leave[number] = max(leave[number], reach[number - 1])
-        reach[number] = max(reach[number], leave[number] + 1e-3)
-    shape_reach = np.maximum(reach - _SHAPE_EARLIER_S, leave + 0.5 * (reach - leave))
-    return Gestures(shape, placement, leave, reach, leave.copy(), shape_reach)
+        free = _free((0, 0, leave[number - 1], reach[number - 1]), movement)
+        leave[number] = max(leave[number], free)
+        reach[number] = max(reach[number], leave[number] + 1e-3, reach[number - 1] + 1e-3)
+    return Gestures(shape, placement, leave, reach)
 
 
-def progress(
+def moved(
     times: FloatArray,
-    leave: FloatArray,
-    reach: FloatArray,
-    profile: Callable[[FloatArray], FloatArray],
-) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return the gesture under way and its progress at each time.
+    gestures: Gestures,
+    values: FloatArray,
+    profile: Profile,
+    *,
+    begins_s: FloatArray | None = None,
+    ends_s: FloatArray | None = None,
+    movement: Movement = FLOWING,
+) -> FloatArray:
+    """Return where strokes that add up have brought each channel.
 
     Parameters
     ----------
     times : ndarray, shape (T,)
-        Seconds.
-    leave, reach : ndarray, shape (G,)
-        Ordered, ``leave[g] >= reach[g - 1]``.
+        Ascending, seconds.
+    gestures : Gestures
+    values : ndarray, shape (G, C)
+        Targets.
     profile : callable
         One of `LAWS`.
+    begins_s, ends_s : ndarray, shape (C,), optional
+        How much later than its gesture the stroke of a channel begins and ends; less in
+        strokes shorter than the movement's.
+    movement : Movement
+        Its exponent is that of the elapsed part, before the profile.
 
     Returns
     -------
-    current : ndarray of int, shape (T,)
-        Number of the last gesture that has left, at least 1 if there is one.
-    part : ndarray, shape (T,)
-        Progress from target ``current - 1`` to ``current``, 0..1.
+    ndarray, shape (T, C)
     """
-    if len(leave) == 1:
-        return np.zeros(len(times), dtype=np.int64), np.ones(len(times))
-    current = np.clip(np.searchsorted(leave, times, side="right") - 1, 1, len(leave) - 1)
-    elapsed = (times - leave[current]) / (reach[current] - leave[current])
-    return current, profile(np.clip(elapsed, 0.0, 1.0))
+    if len(times) == 0:
+        return np.zeros((0, values.shape[1]))
+    at_once = np.zeros(values.shape[1])
+    begins_s = at_once if begins_s is None else begins_s
+    ends_s = at_once if ends_s is None else ends_s
+    slack = max(abs(begins_s).max(), abs(ends_s).max()) + 1e-6
+    first = int(np.searchsorted(gestures.reach, times[0] - slack))
+    last = int(np.searchsorted(gestures.leave, times[-1] + slack))
+    out = np.repeat(values[max(first - 1, 0)][None], len(times), axis=0)
+    for g in range(max(first, 1), last):
+        leave, reach = gestures.leave[g], gestures.reach[g]
+        apart = min(1.0, (reach - leave) / max(movement.stroke_s, 1e-9))
+        begin = leave + apart * begins_s
+        length = np.maximum(reach + apart * ends_s - begin, 0.5 * (reach - leave))
+        elapsed = np.clip((times[:, None] - begin) / length, 0.0, 1.0)
+        out += profile(elapsed**movement.power) * (values[g] - values[g - 1])
+    return out

@@ -12,11 +12,12 @@ from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, Phone, Score
 from codec.errors import CueError
 from synth.body.reach import placement_target
 from synth.body.shapes import shape_angles
+from synth.body.skeleton import HAND_ANGLES
 from synth.corpus.scores import drill
 from synth.rules.coarticulation import PhoneLine, articulate
 from synth.rules.drift import Drift, normals_at
 from synth.rules.gesture import GestureSynthesiser
-from synth.rules.movement import LAWS, law, plan_gestures, progress
+from synth.rules.movement import LAWS, Gestures, law, moved, plan_gestures
 from synth.rules.visemes import ARTICULATORS, viseme_table
 
 
@@ -68,7 +69,7 @@ def test_held_tips_are_at_their_placements(name: str) -> None:
         wanted = places[held, -1] + turns[held, -1] @ (target - origin)
         tips = [MARKER_NUMBER[longest_finger_tip(s)] for s in labels.shape[held]]
         away = np.linalg.norm(markers[held, tips] - wanted, axis=1)
-        assert np.median(away) < 4.0 * cuer.body.habits.scatter_mm
+        assert np.median(away) < 5.0 * cuer.body.habits.scatter_mm
         assert len(held) > 5
 
 
@@ -86,9 +87,8 @@ def test_targets_come_when_attina_measured_them() -> None:
     plan = plan_gestures(score)
     second = score.keys[1]
     lead, lag = second.start - plan.leave[2], plan.reach[2] - second.start
-    assert 0.143 <= lead <= 0.24
+    assert 0.143 <= lead <= 0.33  # 239 ms, deviation 87 ms, at 2.5 syllables a second
     assert 0.01 <= lag <= 0.05
-    assert plan.shape_reach[2] < plan.reach[2]
 
 
 def test_targets_come_when_the_paper_puts_them() -> None:
@@ -121,12 +121,55 @@ def test_laws_differ_in_the_middle() -> None:
     assert np.ptp(middle) > 0.1
 
 
-def test_progress_before_the_first_gesture_is_zero() -> None:
-    current, part = progress(
-        np.array([0.0]), np.array([-9.0, 1.0]), np.array([-9.0, 2.0]), law("damped")
+def two_strokes(leave: float, reach: float) -> Gestures:
+    zero = np.zeros(3, dtype=np.int64)
+    return Gestures(zero, zero, np.array([-9.0, 1.0, leave]), np.array([-9.0, 2.0, reach]))
+
+
+def test_strokes_add_up_and_arrive() -> None:
+    values = np.array([[0.0], [10.0], [4.0]])
+    times = np.array([0.0, 1.5, 1.9, 3.5])
+    apart, over = (
+        moved(times, two_strokes(leave, 3.0), values, law("minimum-jerk"))[:, 0]
+        for leave in (2.0, 1.8)
     )
-    assert current.tolist() == [1]
-    assert part.tolist() == [0.0]
+    assert apart[0] == over[0] == 0
+    assert apart[3] == over[3] == 4
+    assert apart[1] == over[1]
+    assert over[2] < apart[2]
+    assert moved(times[:0], two_strokes(2.0, 3.0), values, law("damped")).shape == (0, 1)
+
+
+def test_any_window_of_strokes_is_the_same() -> None:
+    plan = plan_gestures(LINE)
+    values = np.random.default_rng(1).normal(size=(len(plan.leave), 2))
+    times = np.arange(0, 4, 0.02)
+    late = np.array([-0.05, 0.08])
+    whole = moved(times, plan, values, law("minimum-jerk"), begins_s=late, ends_s=late)
+    for first in range(0, len(times), 7):
+        part = moved(
+            times[first : first + 7], plan, values, law("minimum-jerk"), begins_s=late, ends_s=late
+        )
+        np.testing.assert_allclose(part, whole[first : first + 7], atol=1e-12)
+
+
+def half_way(line: Score, names: tuple[str, ...]) -> list[float]:
+    """Return when angles are half way from rest to the first key."""
+    cuer = GestureSynthesiser(rate_hz=500)
+    plan = cuer.gestures(line)
+    times = np.arange(plan.leave[1] - 0.1, plan.reach[1] + 0.15, 0.002)
+    angles = cuer.pose(line, float(times[0]), len(times)).angles
+    moving = (angles[:, HAND_ANGLES.index(name)] for name in names)
+    return [float(times[np.abs(a - 0.5 * (a[0] + a[-1])).argmin()]) for a in moving]
+
+
+def test_joints_move_out_of_step(cuer: GestureSynthesiser) -> None:
+    """No two fingers are half way between two shapes at the same time, all before the hand."""
+    line = spoken("a", phone_s=1.0)
+    halves = half_way(line, ("thumb_mcp", "index_mcp", "middle_mcp", "ring_mcp", "little_mcp"))
+    assert len(set(np.round(halves, 3))) >= 4
+    plan = cuer.gestures(line)
+    assert max(halves) < 0.5 * (plan.leave[1] + plan.reach[1])
 
 
 def lips(cuer: GestureSynthesiser, symbols: str, moment: float) -> tuple[float, float]:
@@ -231,11 +274,8 @@ def test_held_fingers_have_the_angles_of_their_shape(cuer: GestureSynthesiser) -
 
 
 def test_the_wrist_moves_with_the_arm_not_with_the_fingers(cuer: GestureSynthesiser) -> None:
-    plan = cuer.gestures(LINE)
-    between = 0.5 * (plan.shape_reach[1] + plan.reach[1])
-    early, late = (cuer.pose(LINE, at, 1).angles[0] for at in (between, plan.reach[1] + 0.01))
-    assert np.abs(late[:3] - early[:3]).max() > 0.02
-    assert np.abs(late[9:12] - early[9:12]).max() < 0.5
+    wrist = half_way(spoken("a", phone_s=1.0), ("wrist_deviation", "forearm_twist"))
+    assert min(wrist) > max(half_way(spoken("a", phone_s=1.0), ("index_mcp", "middle_mcp")))
 
 
 def test_short_rests_do_not_make_the_hand_dart() -> None:

@@ -45,57 +45,44 @@ def _jerk(phase: float, power: float) -> float:
 
 
 @njit(cache=True)
-def progress_into(
+def moved_into(
     leave: NDArray[np.int64],
     reach: NDArray[np.int64],
     first: int,
     step: int,
-    earlier: float,
+    begins: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    stroke: float,
     power: float,
-    number: NDArray[np.int64],
-    progress: NDArray[np.float64],
-) -> None:
-    """Find the movement under way in frames at ``first``, ``first + step``... (P5).
-
-    ``progress[t]`` are those of fingers and carrier; what was before everything has arrived.
-    """
-    g = 0
-    for t in range(number.size):
-        time = first + t * step
-        while g + 1 < leave.size and leave[g + 1] <= time:
-            g += 1
-        number[t] = g
-        progress[t, 0] = progress[t, 1] = 1.0
-        if g > 0:
-            elapsed, duration = float(time - leave[g]), float(reach[g] - leave[g])
-            sooner = max(duration - earlier, duration / 2, 1.0)
-            progress[t, 0] = _jerk(min(elapsed / sooner, 1.0), power)
-            progress[t, 1] = _jerk(min(elapsed / max(duration, 1.0), 1.0), power)
-
-
-@njit(cache=True)
-def course_into(
-    number: NDArray[np.int64],
-    progress: NDArray[np.float64],
-    hand: NDArray[np.float64],
-    carried: NDArray[np.float64],
+    held: NDArray[np.float64],
     distance: NDArray[np.float64],
     arc: NDArray[np.float64],
     out: NDArray[np.float64],
 ) -> None:
-    """Fill ``out`` (T, H + C) with what moves between the ends of movements (P4).
+    """Fill ``out`` (T, C) with where the strokes have brought each channel (P4, P5).
 
-    hand (G, H) and carried (G, C) are held at each movement's end; ``distance`` is that of its
-    ends, ``arc`` the deviation of a middle per unit of it.
+    Frame t lies at ``first + t * step``. held (G, C) are the targets; begins and ends (C,) say how
+    much later than its movement a channel's stroke begins and ends, in strokes of the length
+    `stroke` or more. ``distance`` (G,) is that of a stroke's ends, ``arc`` (C,) the deviation of
+    its middle per unit of it.
     """
-    width = hand.shape[1]
-    for t in range(number.size):
-        goal = number[t]
-        start = max(goal - 1, 0)
-        fingers, part = progress[t, 0], progress[t, 1]
-        bend = 4.0 * part * (1.0 - part) * distance[goal]
-        for c in range(width):
-            out[t, c] = hand[start, c] + fingers * (hand[goal, c] - hand[start, c])
-        for c in range(carried.shape[1]):
-            straight = carried[start, c] + part * (carried[goal, c] - carried[start, c])
-            out[t, width + c] = straight + bend * arc[c]
+    for c in range(out.shape[1]):
+        done = 0
+        for t in range(out.shape[0]):
+            time = float(first + t * step)
+            value, begun = 0.0, False
+            for g in range(done + 1, leave.size):
+                duration = float(reach[g] - leave[g])
+                part = 1.0 if duration >= stroke else duration / stroke
+                begin = leave[g] + part * begins[c]
+                if begin > time:
+                    break
+                length = max(reach[g] + part * ends[c] - begin, duration / 2, 1.0)
+                if not begun and time >= begin + length:
+                    done = g
+                    continue
+                p = _jerk(min((time - begin) / length, 1.0), power)
+                value += p * (held[g, c] - held[g - 1, c])
+                value += 4.0 * p * (1.0 - p) * distance[g] * arc[c]
+                begun = True
+            out[t, c] = held[done, c] + value

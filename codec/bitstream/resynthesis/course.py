@@ -1,15 +1,15 @@
 """Where hand, head, forearm and face are under way: parameters frame by frame (P4 to P9)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.bitstream.joining import Joined
 from codec.bitstream.resynthesis import _kernels
-from codec.bitstream.resynthesis.movements import PARTS, Movements, movements
-from codec.bitstream.resynthesis.targets import N_KEYS, Targets
+from codec.bitstream.resynthesis.movements import Movements, movements
+from codec.bitstream.resynthesis.targets import N_KEYS, PARTS, PARTS_PER_S, Targets
+from codec.cuer.movement import Movement
 from codec.cues.phonology import PHONES
 from codec.cues.timeline import Sounding
 
@@ -21,10 +21,6 @@ COURSES = (1.0, 0.75, 0.55, 0.42)
 
 SHIFTS = (0, 3, -3, 6, -6)
 """Ticks by which the hand can be earlier than the rule says."""
-
-_FINGERS_EARLIER = 150.0
-_NATURAL = 1250
-_UNDERSHOOT = 0.13
 
 _REACH_TICKS = 22.5
 _RISE_TICKS = 2.5
@@ -44,61 +40,68 @@ def minimum_jerk(phase: Array) -> Array:
     return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
 
 
-@dataclass(frozen=True, slots=True)
-class KeyWeights:
-    """How far the hand is at each key, frame by frame: the linear part of the prediction.
+class Course:
+    """The hand's course over some frames.
 
-    Attributes
+    Parameters
     ----------
-    fingers, carrier : ndarray of float64, shape (T, 54)
-        Shares of the keys' targets in hand shape, and in forearm and head; rows sum to 1.
-    bend : ndarray of float64, shape (T,)
-        0 at the ends of a movement, 1 in its middle.
-    ends : ndarray of int64, shape (T, 2)
-        Keys between which the hand moves.
+    moves : Movements
+    movement : Movement
+        Of the voice.
+    first : int
+        Time of the first frame, hundredths of a tick; the others follow tick by tick.
+    n_frames : int
+    power : float
+        Of the superframe's course.
     """
 
-    fingers: Array
-    carrier: Array
-    bend: Array
-    ends: Ints
+    def __init__(
+        self, moves: Movements, movement: Movement, first: int, n_frames: int, power: float = 1.0
+    ) -> None:
+        self._moves, self._first, self._n_frames = moves, first, n_frames
+        self._power = power * movement.power
+        self._stroke = PARTS_PER_S * movement.stroke_s
+
+    def moved(
+        self,
+        held: Array,
+        lateness: tuple[Array, Array],
+        *,
+        distance: Array | None = None,
+        arc: Array | None = None,
+    ) -> Array:
+        """Return where channels are, shape (T, C).
+
+        Parameters
+        ----------
+        held : ndarray, shape (G, C)
+            What is held at the end of each movement.
+        lateness : tuple of two ndarray, shape (C,)
+            How much later than the movement each channel begins and ends, hundredths of a tick.
+        distance, arc : ndarray, shape (G,), (C,), optional
+            Length of each stroke, and how far its middle leaves the straight way per unit of it.
+        """
+        out = np.empty((self._n_frames, held.shape[1]))
+        moves = self._moves
+        _kernels.moved_into(
+            moves.leave, moves.reach, self._first, PARTS, *lateness, self._stroke,
+            self._power, held, np.zeros(len(held)) if distance is None else distance,
+            np.zeros(held.shape[1]) if arc is None else arc, out,
+        )  # fmt: skip
+        return out
 
 
-def key_weights(moves: Movements, first_tick: int, n_frames: int) -> KeyWeights:
-    """Return the weights of the keys' targets in frames at `first_tick` and after (P5, P6)."""
-    held = _held(moves)
-    goal, progress = _progress(moves, PARTS * first_tick, n_frames, COURSES[0])
-    start = np.maximum(goal - 1, 0)
-    fingers, part = progress.T
-    return KeyWeights(
-        held[start] + fingers[:, None] * (held[goal] - held[start]),
-        held[start] + part[:, None] * (held[goal] - held[start]),
-        4.0 * part * (1.0 - part),
-        np.stack([moves.key[start], moves.key[goal]], axis=1),
-    )
-
-
-def _held(moves: Movements) -> Array:
+def held_keys(moves: Movements, movement: Movement) -> Array:
     """Return what is held at the end of each movement, as shares of the keys' targets (P6)."""
     held = np.zeros((len(moves.key), N_KEYS))
     held[np.arange(len(moves.key)), moves.key] = 1.0
+    natural = round(PARTS_PER_S * movement.natural_s)
     until = np.append(moves.leave[1:], 1 << 40)
-    hurry = np.minimum((_NATURAL - (until - moves.leave)) / (0.5 * _NATURAL), 1.5)
+    hurry = np.minimum((natural - (until - moves.leave)) / (0.5 * natural), 1.5)
+    undershoot = round(movement.undershoot, 6)
     for g in np.flatnonzero(hurry > 0):
-        held[g] += _UNDERSHOOT * hurry[g] * (held[g - 1] - held[g])
+        held[g] += undershoot * hurry[g] * (held[g - 1] - held[g])
     return held
-
-
-def _progress(moves: Movements, first: int, n_frames: int, power: float) -> tuple[Ints, Array]:
-    """Return the movement under way in each frame, and how far fingers and carrier are (P5).
-
-    `first` is the time of the first frame in hundredths of a tick.
-    """
-    number, progress = np.empty(n_frames, dtype=np.int64), np.empty((n_frames, 2))
-    _kernels.progress_into(
-        moves.leave, moves.reach, first, PARTS, _FINGERS_EARLIER, power, number, progress
-    )
-    return number, progress
 
 
 def phone_weights(line: Sequence[Sounding], first_tick: int, n_frames: int) -> Array:
@@ -124,19 +127,18 @@ class Resynthesis:
     """
 
     def __init__(self, joined: Joined, targets: Targets, first_tick: int, n_frames: int) -> None:
-        self._moves = movements(joined)
+        self._rule = targets.movement
+        self._moves = movements(joined, self._rule, targets.places)
         face = phone_weights(joined.line, first_tick, n_frames) @ targets.face
         self._width = face.shape[1]
-        moving = targets.hand.shape[1] + targets.carried.shape[1]
-        self._still = np.empty((n_frames, self._width + moving))
+        self._still = np.empty((n_frames, self._width + targets.moving.shape[1]))
         self._still[:, : self._width] = face
-        held = _held(self._moves)
-        self._hand, self._carried = held @ targets.hand, held @ targets.carried
+        self._held = held_keys(self._moves, self._rule) @ targets.moving
         # The arc of a movement is that between its exact targets.
         exact = targets.forearm[self._moves.key]
         self._distance = np.zeros(len(exact))
         self._distance[1:] = np.sqrt(np.square(exact[1:] - exact[:-1]).sum(axis=1))
-        self._arc = targets.carried_arc
+        self._arc, self._lateness = targets.moving_arc, targets.lateness
         self._first = PARTS * first_tick
 
     def params(self, *, course: int = 0, shift: int = 0) -> Array:
@@ -148,10 +150,9 @@ class Resynthesis:
             Form of the hand's movements, index in `COURSES`, and their time, index in `SHIFTS`.
         """
         first = self._first + PARTS * SHIFTS[shift]
-        number, progress = _progress(self._moves, first, len(self._still), COURSES[course])
+        way = Course(self._moves, self._rule, first, len(self._still), COURSES[course])
         out = self._still.copy()
-        _kernels.course_into(
-            number, progress, self._hand, self._carried, self._distance, self._arc,
-            out[:, self._width :],
-        )  # fmt: skip
+        out[:, self._width :] = way.moved(
+            self._held, self._lateness, distance=self._distance, arc=self._arc
+        )
         return out

@@ -2,27 +2,22 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.bitstream.joining import Joined
+from codec.bitstream.resynthesis.targets import PARTS, PARTS_PER_S
+from codec.cuer.movement import STOPPING, Movement
 from codec.cues.cueing import DEFAULT_OPTIONS
 from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS
 from codec.cues.timeline import TICK_S, Sounding
 
 Ints = NDArray[np.int64]
+Places = NDArray[np.float64]
 
 _REST_KEY = PLACEMENT_NUMBER["rest"]
-
-PARTS = 100
-"""Movements are timed in whole hundredths of a tick: both ends compute the same numbers."""
-
-_LEAD_PERCENT = 62
-_LEAST_LEAD, _MOST_LEAD, _LEAD_FROM_REST = 700, 1200, 2250
-_LAG_PERCENT = 16
-_SHORTEST_MOVE = 300
-_REST_DELAY, _REST_MOVE = 400, 2750
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +29,7 @@ class Movements:
     key : ndarray of int64, shape (G,)
         Number of the key that each one leads to.
     leave, reach : ndarray of int64, shape (G,)
-        Hundredths of a tick; ascending, ``leave[g] >= reach[g - 1]``.
+        Hundredths of a tick; `reach` ascends. Strokes overlap as far as the voice's movement says.
     """
 
     key: Ints
@@ -42,48 +37,112 @@ class Movements:
     reach: Ints
 
 
-def movements(joined: Joined) -> Movements:
+def movements(
+    joined: Joined, movement: Movement = STOPPING, places: Places | None = None
+) -> Movements:
     """Return the movements of the hand that a line implies (P1 to P3).
 
     Parameters
     ----------
     joined : Joined
         From `codec.bitstream.joining.join`.
+    movement : Movement
+        Of the voice.
+    places : ndarray, shape (54, 3), optional
+        Where the hand is for each key, mm; without them no way is long.
     """
     line = joined.line
     options = next((part.options for part in joined.parts.values()), DEFAULT_OPTIONS)
     gap = round(options.rest_gap_s / TICK_S) * PARTS
     length = {s.start: s.end - s.start for s in line}
-    rows = [(_REST_KEY, -(1 << 40), -(1 << 40))]
+    rule = _Rule.of(movement)
+    rows = [_Row(_REST_KEY, -(1 << 40), -(1 << 40))]
     before: tuple[int, int] | None = None
     for key in joined.every:
         tick = round(key.start / TICK_S)
         start, end = tick * PARTS, round(key.end / TICK_S) * PARTS
+        number = len(PLACEMENTS) * key.shape + PLACEMENT_NUMBER[key.placement]
         rested = before is None or (
             start - before[1] >= gap and not _untold(before[1], start, line)
         )
-        if rested:
-            lead = _LEAD_FROM_REST
-            if before is not None:
-                lead = min(lead, (start - before[1]) // 2)
-                rows.append(_to_rest(before[1], start - lead))
-        else:
-            assert before is not None
-            away = _LEAD_PERCENT * ((start - before[0]) // PARTS)
-            lead = min(max(away, _LEAST_LEAD), _MOST_LEAD)
-        lag = _LAG_PERCENT * length.get(tick, 0) if len(key.phones) == 2 else 0
-        leave = max(start - lead, rows[-1][2])
-        number = len(PLACEMENTS) * key.shape + PLACEMENT_NUMBER[key.placement]
-        rows.append((number, leave, max(start + lag, leave + _SHORTEST_MOVE)))
+        if rested and before is not None:
+            lead = min(rule.first_lead, (start - before[1]) // 2)
+            rows.append(_to_rest(before[1], start - lead, rule))
+        way = (
+            0.0 if places is None else float(np.linalg.norm(places[number] - places[rows[-1].key]))
+        )
+        if before is None:
+            lead = rule.first_lead
+        elif not rested:
+            lead = rule.lead((start - before[0]) // PARTS, way)
+        lag = rule.lag_percent * length.get(tick, 0) if len(key.phones) == 2 else 0
+        rows.append(_stroke(rows[-1], number, (start - lead, start + lag), way, rule))
         before = start, end
     if before is not None:
-        rows.append(_to_rest(before[1], 1 << 40))
+        rows.append(_to_rest(before[1], 1 << 40, rule))
     keys, leaves, reaches = (np.array(column, dtype=np.int64) for column in zip(*rows, strict=True))
     # A movement to rest may be due before the last key was reached.
     for g in range(1, len(rows)):
-        leaves[g] = max(leaves[g], reaches[g - 1])
-        reaches[g] = max(reaches[g], leaves[g] + 1)
+        leaves[g] = max(leaves[g], rule.free(int(leaves[g - 1]), int(reaches[g - 1])))
+        reaches[g] = max(reaches[g], leaves[g] + 1, reaches[g - 1] + 1)
     return Movements(keys, leaves, reaches)
+
+
+def _apart(places: Places, one: int, other: int) -> float:
+    return float(np.linalg.norm(places[other] - places[one]))
+
+
+class _Row(NamedTuple):
+    key: int
+    leave: int
+    reach: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Rule:
+    """The constants of a `Movement` in hundredths of a tick and hundredths."""
+
+    movement: Movement
+    lead_percent: int
+    calm_percent: int
+    lag_percent: int
+    hurried_ticks: int
+    least_lead: int
+    first_lead: int
+    shortest: int
+    late: int
+    rest_delay: int
+    rest_move: int
+
+    @classmethod
+    def of(cls, m: Movement) -> "_Rule":
+        def parts(seconds: float) -> int:
+            return round(PARTS_PER_S * seconds)
+
+        return cls(
+            m, round(PARTS * m.lead_share), round(PARTS * m.calm_share), round(PARTS * m.lag_share),
+            round(m.hurried_s / TICK_S), parts(m.least_lead_s), parts(m.first_lead_s),
+            parts(m.shortest_s), parts(m.late_s), parts(m.rest_delay_s), parts(m.rest_move_s),
+        )  # fmt: skip
+
+    def lead(self, apart: int, way_mm: float) -> int:
+        """Return how early a stroke begins that ends `apart` ticks after the key before (P1)."""
+        m, quick = self.movement, min(apart, self.hurried_ticks)
+        most = round(PARTS_PER_S * (m.most_lead_s + m.lead_s_per_mm * way_mm))
+        lead = self.lead_percent * quick + self.calm_percent * (apart - quick)
+        return max(min(lead, most), self.least_lead)
+
+    def free(self, leave: int, reach: int) -> int:
+        """Return when the stroke after one may begin."""
+        return reach - round(self.movement.overlap * (reach - leave))
+
+
+def _stroke(last: _Row, number: int, wanted: tuple[int, int], way_mm: float, rule: _Rule) -> _Row:
+    """Return the stroke to a key that should leave and arrive at the times wanted."""
+    least = round(PARTS_PER_S * rule.movement.peak_s_per_mm * way_mm)
+    leave = max(min(wanted[0], wanted[1] - least), rule.free(last.leave, last.reach))
+    late = min(leave + least, wanted[1] + rule.late)
+    return _Row(number, leave, max(wanted[1], late, leave + rule.shortest))
 
 
 def _untold(begin: int, end: int, line: Sequence[Sounding]) -> bool:
@@ -94,6 +153,6 @@ def _untold(begin: int, end: int, line: Sequence[Sounding]) -> bool:
     )
 
 
-def _to_rest(end: int, before: int) -> tuple[int, int, int]:
-    leave = end + _REST_DELAY
-    return _REST_KEY, leave, max(min(leave + _REST_MOVE, before), leave + _SHORTEST_MOVE)
+def _to_rest(end: int, before: int, rule: _Rule) -> _Row:
+    leave = end + rule.rest_delay
+    return _Row(_REST_KEY, leave, max(min(leave + rule.rest_move, before), leave + rule.shortest))
