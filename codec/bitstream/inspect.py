@@ -2,6 +2,9 @@
 
 from typing import Any
 
+from bitstring import Bits
+
+from codec.bitstream.bitmap import Field, map_superframe
 from codec.bitstream.bits import MODES
 from codec.bitstream.joining import score_of
 from codec.bitstream.payload import is_intact, read_beginning
@@ -95,3 +98,59 @@ def describe(document: dict[str, Any]) -> str:
         place = f"{row['index']:7d} {row['start_s']:8.2f}  {row['mode']:10s}"
         lines.append(f"{place} {size:>6s} {step:>5s}  {said}")
     return "\n".join(lines)
+
+
+_COLOURS = (36, 33, 32, 35, 34, 31)
+"""Foreground colours of neighbouring fields, by the numbers of ECMA-48 (SGR)."""
+
+_BITS_IN_LINE = 64
+
+
+def describe_bits(frame: Superframe, *, colour: bool = False) -> str:
+    """Return the bit map of a superframe as lines of text.
+
+    Parameters
+    ----------
+    frame : Superframe
+    colour : bool
+        Paint each field and its bits alike, for a terminal.
+
+    Returns
+    -------
+    str
+        A line per field (first bit, length, name, value, paragraph), then the bits of each part.
+
+    Raises
+    ------
+    BitstreamError
+        As `map_superframe`.
+    """
+    fields = map_superframe(frame)
+    lines = [
+        f"superframe {frame.index}",
+        "      bit   bits  field         value           paragraph",
+    ]
+    for number, field in enumerate(fields):
+        text = f"{field.part} {field.first:6.1f} {field.bits:6.1f}  {field.name:12s}  "
+        text += f"{field.value:14s}  {field.paragraph}"
+        lines.append(_painted(text.rstrip(), number, colour))
+    for part, data in (("L0", frame.l0), ("L1", frame.l1)):
+        owners = [(n, f) for n, f in enumerate(fields) if f.part == part]
+        for first in range(0, 8 * len(data), _BITS_IN_LINE):
+            line = Bits.from_bytes(data)[first : first + _BITS_IN_LINE].bin
+            lines.append(f"{part} {first:4d}  {_painted_bits(line, first, owners, colour)}")
+    return "\n".join(lines)
+
+
+def _painted_bits(line: str, first: int, owners: list[tuple[int, Field]], colour: bool) -> str:
+    """Return bits in groups of eight, each in the colour of the field in which it begins."""
+    text = ""
+    for i, bit in enumerate(line):
+        at = first + i
+        number = next(n for n, field in reversed(owners) if field.first <= at)
+        text += (" " if i and i % 8 == 0 else "") + _painted(bit, number, colour)
+    return text
+
+
+def _painted(text: str, number: int, colour: bool) -> str:
+    return f"\x1b[{_COLOURS[number % len(_COLOURS)]}m{text}\x1b[0m" if colour else text

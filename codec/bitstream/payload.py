@@ -36,10 +36,10 @@ CRC16_BYTES = 2
 CRC8_BYTES = 1
 STEP_BITS = 6
 MIN_L0_BYTES = HEADER_BYTES + CRC16_BYTES + 1
-_CHOICES = cumulative([12, 2, 1, 1])
+CHOICES = cumulative([12, 2, 1, 1])
 """Table of gain and course."""
 
-_SHIFTS = cumulative([10, 2, 2, 1, 1])
+SHIFTS = cumulative([10, 2, 2, 1, 1])
 _COMPACT_BIT = 0x20
 
 
@@ -71,10 +71,10 @@ def score_code(content: Content, *, even: bool) -> RangeEncoder:
     encoder, setting = RangeEncoder(), content.setting
     encoder.put_bits(setting.step, STEP_BITS)
     if setting.step != NO_RESIDUAL:
-        encoder.put(setting.gain, _CHOICES)
+        encoder.put(setting.gain, CHOICES)
         if content.header.mode == SCORE:
-            encoder.put(setting.course, _CHOICES)
-            encoder.put(setting.shift, _SHIFTS)
+            encoder.put(setting.course, CHOICES)
+            encoder.put(setting.shift, SHIFTS)
     if isinstance(content.part, ScorePart):
         write_score(encoder, content.part, score_tables(), even=even)
         write_previews(encoder, content.previews, score_tables())
@@ -167,7 +167,7 @@ def _with_crc16(body: bytes) -> bytes:
 
 def _agrees(decoder: RangeDecoder, content: Content) -> bool:
     """Return whether a payload cut to its room still says this setting, score and previews."""
-    if _read_setting(decoder, content.header.mode) != content.setting:
+    if read_setting(decoder, content.header.mode) != content.setting:
         return False
     return content.part is None or (
         read_score(decoder, score_tables()) == content.part
@@ -244,7 +244,7 @@ def _read_beginning(l0: bytes) -> tuple[Content, RangeDecoder | None]:
         )
     header = read_header(body)
     decoder = RangeDecoder(body[HEADER_BYTES:])
-    setting = _read_setting(decoder, header.mode)
+    setting = read_setting(decoder, header.mode)
     if header.mode == PLAIN:
         return Content(header, setting, None, nothing), decoder
     part = read_score(decoder, score_tables())
@@ -252,16 +252,16 @@ def _read_beginning(l0: bytes) -> tuple[Content, RangeDecoder | None]:
     return Content(header, setting, part, nothing, previews), decoder
 
 
-def _read_setting(decoder: RangeDecoder, mode: int) -> Setting:
+def read_setting(decoder: RangeDecoder, mode: int) -> Setting:
     """Return the setting that a payload begins with (H8)."""
     step = decoder.get_bits(STEP_BITS)
     if step == NO_RESIDUAL:
         return NOTHING_SENT
-    gain = decoder.get(_CHOICES)
+    gain = decoder.get(CHOICES)
     if mode == PLAIN:
         return Setting(step, gain)
-    course = decoder.get(_CHOICES)
-    return Setting(step, gain, course, decoder.get(_SHIFTS))
+    course = decoder.get(CHOICES)
+    return Setting(step, gain, course, decoder.get(SHIFTS))
 
 
 def _read_coefficients(

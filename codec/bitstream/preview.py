@@ -37,7 +37,7 @@ BEGINNING = 41
 """Context of a preview's first start: the superframe's beginning."""
 
 _CELLS = TICKS // CELL
-_WHICH = cumulative([12, 1, 1, 4, 14])
+WHICH = cumulative([12, 1, 1, 4, 14])
 _CONSONANT_PERCENT = 40
 """Share of a key's length that is its consonant."""
 
@@ -129,7 +129,7 @@ def write_previews(
     encoder: RangeEncoder, previews: dict[int, Preview], tables: ScoreTables
 ) -> None:
     """Append previews by their distance (V1 to V3)."""
-    encoder.put(CHOICES.index(tuple(sorted(previews))), _WHICH)
+    encoder.put(CHOICES.index(tuple(sorted(previews))), WHICH)
     for distance in sorted(previews):
         cell, before = -1, BEGINNING
         for tick, symbol in previews[distance]:
@@ -146,7 +146,7 @@ def read_previews(decoder: RangeDecoder, tables: ScoreTables) -> dict[int, Previ
     """Read what `write_previews` wrote; any code gives previews."""
     return {
         distance: _read_preview(decoder, tables, distance)
-        for distance in CHOICES[decoder.get(_WHICH)]
+        for distance in CHOICES[decoder.get(WHICH)]
     }
 
 

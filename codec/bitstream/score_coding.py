@@ -24,11 +24,11 @@ REST_GAPS_S = (0.25, 0.5, 1.0, 1.8)
 """Silences after which the hand rests that a superframe can name."""
 
 _ON_GRID, _EVEN = 0, 1
-_TIMING = cumulative([255, 1])
-_PLAIN_OR_SPECIAL = cumulative([127, 1])
-_AS_RULED = cumulative([7, 1])
-_SHAPES = cumulative([1] * 9)
-_PLACEMENTS = cumulative([1] * 6)
+TIMING = cumulative([255, 1])
+PLAIN_OR_SPECIAL = cumulative([127, 1])
+AS_RULED = cumulative([7, 1])
+SHAPES = cumulative([1] * 9)
+PLACEMENTS_TABLE = cumulative([1] * 6)
 
 
 def is_consonant(number: int) -> bool:
@@ -138,9 +138,9 @@ def write_score(
     encoder: RangeEncoder, part: ScorePart, tables: ScoreTables, *, even: bool = False
 ) -> None:
     """Append a superframe's score; `even` for a part that `evenly` made."""
-    encoder.put(_EVEN if even else _ON_GRID, _TIMING)
+    encoder.put(_EVEN if even else _ON_GRID, TIMING)
     special = part.options != DEFAULT_OPTIONS or bool(part.overrides)
-    encoder.put(int(special), _PLAIN_OR_SPECIAL)
+    encoder.put(int(special), PLAIN_OR_SPECIAL)
     encoder.put(letter_of(part.first), tables.first)
     context, length = (NOTHING, part.first), 0
     if even:
@@ -163,8 +163,8 @@ def write_score(
 
 def read_score(decoder: RangeDecoder, tables: ScoreTables) -> ScorePart:
     """Read what `write_score` wrote; any code is a valid score."""
-    even = decoder.get(_TIMING) == _EVEN
-    special = decoder.get(_PLAIN_OR_SPECIAL) == 1
+    even = decoder.get(TIMING) == _EVEN
+    special = decoder.get(PLAIN_OR_SPECIAL) == 1
     first = number_of(decoder.get(tables.first))
     if even:
         first_end, numbers, starts = 0, *_read_even(decoder, tables, first)
@@ -231,18 +231,18 @@ def _write_special(encoder: RangeEncoder, part: ScorePart) -> None:
     write_options(encoder, part.options)
     for start in part.key_starts():
         override = part.overrides.get(start)
-        encoder.put(int(override is not None), _AS_RULED)
+        encoder.put(int(override is not None), AS_RULED)
         if override is not None:
-            encoder.put(override[0], _SHAPES)
-            encoder.put(override[1], _PLACEMENTS)
+            encoder.put(override[0], SHAPES)
+            encoder.put(override[1], PLACEMENTS_TABLE)
 
 
 def _read_special(decoder: RangeDecoder, part: ScorePart) -> ScorePart:
     options = read_options(decoder)
     overrides = {
-        start: (decoder.get(_SHAPES), decoder.get(_PLACEMENTS))
+        start: (decoder.get(SHAPES), decoder.get(PLACEMENTS_TABLE))
         for start in part.key_starts()
-        if decoder.get(_AS_RULED)
+        if decoder.get(AS_RULED)
     }
     return ScorePart(
         part.first, part.first_end, part.numbers, part.starts, part.ahead, options, overrides

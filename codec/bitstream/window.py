@@ -87,12 +87,12 @@ _GAP = 6
 """Most ticks between two windows that are not a silence."""
 
 
-def read_window(l0: bytes) -> Window:
-    """Return the window of a compact L0 part.
+def read_window(l0: bytes, decoder: RangeDecoder | None = None) -> Window:
+    """Return the window of a compact L0 part; `decoder` reads what stands behind its header.
 
     Any bytes behind the header give a window.
     """
-    decoder = RangeDecoder(l0[COMPACT_HEADER_BYTES:])
+    decoder = decoder or RangeDecoder(l0[COMPACT_HEADER_BYTES:])
     options = DEFAULT_OPTIONS
     if decoder.get(PLAIN_OR_SPECIAL):
         options = read_options(decoder)
