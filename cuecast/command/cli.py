@@ -20,6 +20,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 from codec.errors import CueError
+from cuecast.command.cache import prepare_cache
 from cuecast.command.errors import UsageError
 from cuecast.command.progress import printable
 
@@ -43,6 +44,10 @@ def build_parser() -> argparse.ArgumentParser:
     common.add_argument(
         "--debug", action="store_true", default=argparse.SUPPRESS,
         help="show a trace with an error message",
+    )  # fmt: skip
+    common.add_argument(
+        "--cache", metavar="DIR", default=argparse.SUPPRESS,
+        help="keep compiled code in DIR, which nobody else can write",
     )  # fmt: skip
     parser = argparse.ArgumentParser(
         prog="cuecast",
@@ -82,6 +87,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         args.argv = tuple(sys.argv[1:] if argv is None else argv)
         with _termination_as_interrupt():
+            prepare_cache(getattr(args, "cache", None))
             return int(args.run(args))
     except BrokenPipeError:  # the reader of our output has gone: not our failure
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -30,6 +30,8 @@ class Reception:
         What is wrong with the file as a whole, or nothing.
     foreign : str
         What of another voice or version came between what was received, or nothing.
+    other_sounds : int
+        Sounds of the programme that were not listened to.
     """
 
     summary: dict[str, Any]
@@ -37,6 +39,7 @@ class Reception:
     damaged: int
     fault: str
     foreign: str = ""
+    other_sounds: int = 0
 
 
 def receive(
@@ -93,13 +96,15 @@ def receive(
             progress(max(0.0, reached.until_s - until_s))
             until_s = max(until_s, reached.until_s)
         fault = programme.fault
+        others = max(0, programme.sounds - 1) if listen else 0
     summary = reception.receiver.summary()
     elapsed_s = time.perf_counter() - began
     summary["realtime_factor"] = round(summary["duration_s"] / elapsed_s, 2)
     motion = gathered.motion() if summary["superframes"]["received"] else None
     if not summary["superframes"]["received"]:
-        return Reception(summary, motion, reception.damaged, fault or gathered.unreadable)
-    return Reception(summary, motion, reception.damaged, fault, gathered.unreadable)
+        fault = fault or gathered.unreadable
+        return Reception(summary, motion, reception.damaged, fault, other_sounds=others)
+    return Reception(summary, motion, reception.damaged, fault, gathered.unreadable, others)
 
 
 class _Gathered:

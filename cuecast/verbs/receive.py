@@ -55,6 +55,11 @@ def run(args: argparse.Namespace) -> int:
     if reception.foreign:
         note(f"note: {args.programme}: a part of it is not for this receiver: {reception.foreign}")
     summary = reception.summary
+    if reception.other_sounds and not summary["superframes"]["received"]:
+        note(
+            f"note: {args.programme}: nothing in its sound {args.track}; it has "
+            f"{reception.other_sounds} more: try --track"
+        )
     if args.output is not None and reception.motion is not None:
         save_motion(reception.motion, args.output)
     if args.markers is not None and reception.motion is not None:

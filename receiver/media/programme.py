@@ -7,7 +7,7 @@ is no picture. All other times of a container are differences to it.
 import math
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -77,6 +77,8 @@ class Programme:
         Which of its sounds is meant, from 0.
     cut_short : bool
         Whether the file is known to hold less than its headers tell.
+    path : Path, optional
+        Of the file, if it is one.
 
     Attributes
     ----------
@@ -90,10 +92,16 @@ class Programme:
     """
 
     def __init__(
-        self, container: InputContainer, name: str, track: int = 0, *, cut_short: bool = False
-    ) -> None:
+        self, container: InputContainer, name: str, track: int = 0, *, cut_short: bool = False,
+        path: Path | None = None,
+    ) -> None:  # fmt: skip
         self.container = container
         self.name = name
+        self._path, self._track = path, track
+        self._base = self._at = (
+            0  # bytes of the file before what is read, and before its last packet
+        )
+        self._later = ExitStack()
         self._end_s = 0.0
         self._cut_short = cut_short
         sounds = container.streams.audio
@@ -105,6 +113,7 @@ class Programme:
         if sounds and not 0 <= track < len(sounds):
             raise CueError(f"{name}: no sound track {track}, it has {len(sounds)}")
         self.sound: Any = sounds[track] if sounds else None
+        self._first: Any = self.picture if self.picture is not None else self.sound
 
     @property
     def format(self) -> SoundFormat:
@@ -141,7 +150,7 @@ class Programme:
     @property
     def origin_s(self) -> float:
         """Time of the programme's clock's zero in the container's own times, seconds."""
-        stream = self.picture if self.picture is not None else self.sound
+        stream = self._first
         if stream.start_time is None or stream.time_base is None:
             return 0.0
         return float(stream.start_time * stream.time_base)
@@ -161,21 +170,65 @@ class Programme:
         if start_s > 0:
             self.container.seek(int((self.origin_s + start_s) * av.time_base), backward=True)
 
-    def packets(self) -> Iterator[Any]:
+    @property
+    def sounds(self) -> int:
+        """Number of the programme's sounds."""
+        return len(self.container.streams.audio)
+
+    def packets(self, *, follow: bool = False) -> Iterator[Any]:
         """Yield the packets of all streams as they stand in the container.
+
+        Parameters
+        ----------
+        follow : bool
+            Go on where a recording has its streams at other addresses from a place on: `sound`
+            and `picture` are others then. Otherwise the programme ends there.
 
         Raises
         ------
         CueError
             If the container is damaged.
         """
+        reading = self.container
+        while True:
+            begin = self._at
+            try:
+                for packet in reading.demux(_readable(reading)):
+                    if packet.size:
+                        self._note_end(packet)
+                        yield packet
+            except av.FFmpegError as error:
+                raise CueError(f"{self.name}: damaged: {reason(error)}") from error
+            except IndexError:  # streams that came later, which the library cannot end
+                if follow and self._path is not None and self._at > begin:
+                    later = self._reopened(self._path, reading)
+                    if later is not None:
+                        reading = later
+                        continue
+            return
+
+    def close(self) -> None:
+        """Close what was opened beside the first container."""
+        self._later.close()
+
+    def _reopened(self, path: Path, before: InputContainer) -> InputContainer | None:
+        """Open the file again from its last useful packet on, and choose its streams anew."""
+        file = self._later.enter_context(path.open("rb"))
+        file.seek(self._at)
+        self._base = self._at
+        form = before.format.name.split(",")[0]
         try:
-            for packet in self.container.demux(_readable(self.container)):
-                if packet.size:
-                    self._note_end(packet)
-                    yield packet
-        except av.FFmpegError as error:
-            raise CueError(f"{self.name}: damaged: {reason(error)}") from error
+            container: InputContainer = self._later.enter_context(
+                av.open(file, "r", format=form, **LENIENT)
+            )
+        except (av.FFmpegError, ValueError):
+            return None
+        sounds = container.streams.audio
+        if self.sound is not None and len(sounds) > self._track:
+            self.sound = sounds[self._track]
+        if self.picture is not None and container.streams.video:
+            self.picture = container.streams.video[0]
+        return container
 
     @property
     def missing_s(self) -> float:
@@ -196,6 +249,8 @@ class Programme:
         return ""
 
     def _note_end(self, packet: Any) -> None:
+        if packet.pos is not None:
+            self._at = max(self._at, self._base + packet.pos)
         time = packet.pts if packet.pts is not None else packet.dts
         if time is not None:
             end = (time + (packet.duration or 0)) * packet.time_base
@@ -226,8 +281,13 @@ def open_programme(
     """
     name = str(source) if isinstance(source, (str, os.PathLike)) else "standard input"
     with _opened(source, name) as container:
-        cut_short = isinstance(source, (str, os.PathLike)) and _riff_is_cut_short(Path(source))
-        yield Programme(container, name, track, cut_short=cut_short)
+        path = Path(source) if isinstance(source, (str, os.PathLike)) else None
+        cut_short = path is not None and _riff_is_cut_short(path)
+        programme = Programme(container, name, track, cut_short=cut_short, path=path)
+        try:
+            yield programme
+        finally:
+            programme.close()
 
 
 def has_stream(path: str | os.PathLike[str], kind: str) -> bool:

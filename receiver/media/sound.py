@@ -25,6 +25,10 @@ LONGEST_GAP_S = 10.0
 """A greater step is a new start of the container's clock, not a pause: the line goes on."""
 
 
+_FILLED_S, _FILLED_SHARE = 60.0, 25.0
+"""Silence that gaps may be filled with: a minute, and so many times what was decoded. Sounds that
+pause send a packet of 20 ms in 0.4 s; what has more gaps than that is made to cost time."""
+
 _CONVERTED_RATE = 48_000
 """Rate in Hz to which sounds are brought whose own rate the carrier does not know."""
 
@@ -59,7 +63,7 @@ class SoundDecoder:
         self._programme = programme
         self._strict = strict
         self._converter: av.AudioResampler | None = None
-        self._offset = 0
+        self._offset = self._filled = 0
         self.format: SoundFormat = programme.format
         self.start_s: float | None = None
         self.container_start_s = 0.0
@@ -117,11 +121,14 @@ class SoundDecoder:
         fs = self.format.fs
         if abs(late) <= JITTER_S * fs:
             return block
-        if abs(late) > LONGEST_GAP_S * fs:
+        if late < 0 and late >= -LONGEST_GAP_S * fs:
+            return block[-late:]
+        decoded = self.samples - self._filled
+        most = min(LONGEST_GAP_S * fs, _FILLED_S * fs + _FILLED_SHARE * decoded - self._filled)
+        if not 0 <= late <= most:
             self._offset += late
             return block
-        if late < 0:
-            return block[-late:]
+        self._filled += late
         return np.concatenate([np.zeros((late, block.shape[1]), np.float32), block])
 
     def _samples(self, frame: av.AudioFrame) -> NDArray[np.float32]:

@@ -103,7 +103,7 @@ class ProgrammeReceiver:
             If the container is damaged, or there is nothing to receive after the start.
         """
         programme, receiver = self._programme, self.receiver
-        for packet in chain(programme.packets(), [None]):
+        for packet in chain(programme.packets(follow=True), [None]):
             events: list[Event] = []
             if self._sound is not None and (packet is None or packet.stream is programme.sound):
                 events += self._sound.process(packet)

@@ -1,0 +1,70 @@
+"""Recordings of broadcasts that change on their way, and files made to cost time."""
+
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+
+from codec.cuer.voice import load_voice
+from cuecast.command.cli import main
+from cuecast.dubbing.receive import receive
+from receiver.media.programme import open_programme
+from receiver.media.sound import SoundDecoder, sound_blocks
+from tests.receiver.air import marked_noise, transport_stream
+from tests.receiver.standin import make_motion
+from tests.receiver.test_line import at_other_addresses
+
+VOICE = load_voice()
+
+
+def test_a_recording_goes_on_at_other_addresses(tmp_path: Path) -> None:
+    marked = marked_noise(VOICE, make_motion(VOICE, duration_s=16.0), 8)
+    first = transport_stream(marked)
+    second = at_other_addresses(transport_stream(marked, start_s=8.0))
+    path = tmp_path / "recording.ts"
+    path.write_bytes(first)
+    alone = receive(path, VOICE, look=False).summary["superframes"]["received"]
+    path.write_bytes(first + second)
+    both = receive(path, VOICE, look=False).summary
+    assert both["superframes"]["received"] >= 2 * alone - 3
+    assert both["duration_s"] > 15.0
+
+
+def test_gaps_that_cost_more_than_they_hold(tmp_path: Path) -> None:
+    """A packet of 20 ms every nine seconds: 25 kB that say they last an hour."""
+    path = tmp_path / "gaps.mkv"
+    with av.open(str(path), "w") as out:
+        stream: Any = out.add_stream("libopus", rate=48000)
+        stream.layout = "mono"
+        tone = np.zeros((1, 960), np.float32)
+        for number in range(400):
+            frame = av.AudioFrame.from_ndarray(tone, format="fltp", layout="mono")
+            frame.sample_rate, frame.time_base = 48000, Fraction(1, 48000)
+            frame.pts = number * 960
+            for packet in stream.encode(frame):
+                packet.pts = packet.dts = packet.pts + 9 * 48000 * number
+                out.mux(packet)
+    with open_programme(path) as programme:
+        decoder = SoundDecoder(programme, strict=False)
+        seconds = sum(len(block) for block in sound_blocks(decoder, programme)) / 48000
+    assert 8.0 < seconds < 60 + 27 * 8.0
+
+
+def test_another_sound_is_hinted_at(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "two.mkv"
+    marked = marked_noise(VOICE, make_motion(VOICE, duration_s=16.0), 5)
+    with av.open(str(path), "w") as out:
+        streams: list[Any] = [out.add_stream("pcm_s16le", rate=48000) for _ in range(2)]
+        for stream in streams:
+            stream.layout = "mono"
+        for stream, sound in zip(streams, (0.5 * marked[::-1], marked), strict=True):
+            samples = np.rint(sound.T * 32767).astype(np.int16)
+            frame = av.AudioFrame.from_ndarray(samples, format="s16", layout="mono")
+            frame.sample_rate, frame.pts = 48000, 0
+            out.mux(stream.encode(frame))
+    assert main(["receive", str(path)]) == 1
+    assert "it has 1 more: try --track" in capsys.readouterr().err
+    assert main(["receive", str(path), "--track", "1"]) == 0
