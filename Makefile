@@ -7,7 +7,7 @@ OUT ?= demo-out
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test nightly check docs bench clean
+.PHONY: demo test nightly check docs records bench clean FORCE
 
 demo: $(VENV)/installed
 	$(BIN)/cuecast demo --out $(OUT)
@@ -24,11 +24,23 @@ check: $(VENV)/installed node_modules/installed
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+	$(BIN)/reuse lint --quiet
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/npm run --silent lint
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/npm run --silent types
 
 docs: $(VENV)/installed
 	$(BIN)/python -m docs.generate site
+
+# Measures the figures of docs/ again; CLIPS and FILMS are folders of sounds and films.
+RECORDS := codec synthesis chain audio models capture video
+records: $(VENV)/installed $(RECORDS:%=docs/records/%.json)
+
+docs/records/%.json: FORCE
+	$(BIN)/cuecast evaluate $* --record $@ > /dev/null
+	$(if $(and $(CLIPS),$(filter audio,$*)),$(BIN)/cuecast evaluate audio --clips $(CLIPS) --record docs/records/audio-clips.json > /dev/null)
+	$(if $(and $(FILMS),$(filter video,$*)),$(BIN)/cuecast evaluate video --clips $(FILMS) --record docs/records/video-clips.json > /dev/null)
+
+FORCE:
 
 bench: $(VENV)/installed
 	$(BIN)/python -m pytest tests/bench -o python_files="bench_*.py" -m "slow or not slow"
