@@ -13,10 +13,12 @@ class Signer:
     ----------
     key : SigningKey
     on_air_s : float
-        When the first superframe is due on air, seconds since 1970 (UTC). It is moved to where a
+        When superframe 0 is due on air, seconds since 1970 (UTC). It is moved to where a
         programme is verified soonest: by up to 2.6 s, with fields of 2 bits by 14 s.
     width : int
         Bits of a field: 9, or 2 in compact superframes.
+    place : int
+        Number of the first superframe that is signed; programmes may begin before 0.
 
     Attributes
     ----------
@@ -29,13 +31,13 @@ class Signer:
         If there are no fields of this width, or the time is before 2026.
     """
 
-    def __init__(self, key: SigningKey, on_air_s: float, width: int) -> None:
+    def __init__(self, key: SigningKey, on_air_s: float, width: int, *, place: int = 0) -> None:
         if width not in LAYOUTS:
             raise CueError(f"proof fields of {width} bits: there are those of 2 and of 9")
         self._key = key
         self._layout: Layout = LAYOUTS[width]
         block, start = self._layout.block, self._layout.start
-        self.number = round((number_at(on_air_s) - start) / block) * block + start
+        self.number = round((number_at(on_air_s) - start) / block) * block + start + place
         if self.number < 0:
             raise CueError(f"on air at {on_air_s:.0f} s since 1970: keys begin in 2026")
         self._sent: dict[int, bytes] = {}

@@ -22,6 +22,7 @@ from codec.authentication.layout import EPOCH_S, LAYOUTS, PERIOD, SUPERFRAME_S, 
 from codec.authentication.signer import Signer
 from codec.authentication.verifier import Verdict, Verifier
 from codec.errors import CueError
+from spec.reference import authentication as reference
 
 BEGIN_S = EPOCH_S + 300 * 86400.0 + 0.3
 Sent = tuple[bytes, tuple[int, int]]
@@ -197,6 +198,30 @@ def test_keys_lead_to_earlier_ones_only() -> None:
     assert whole_key(sent_bits(keys[0]), int.from_bytes(keys[0][-2:], "big")) == keys[0]
     assert keys_of(b"s" * 32, b"channel!", 8, LAYOUTS[2])[0] != keys[0]
     assert keys_of(b"s" * 32, b"another!", 7, LAYOUTS[2])[0] != keys[0]
+
+
+@pytest.mark.parametrize("width", [9, 2])
+def test_the_specification_s_reference_agrees(width: int) -> None:
+    """Blocks that it reads from the text only: keys, tags, places."""
+    layout = LAYOUTS[width]
+    signer = Signer(key(), BEGIN_S, width)
+    first = signer.number
+    sent = signed(3 * layout.block, width)
+    for block in (1, 2):
+        begin = -(-first // layout.block) * layout.block + (block - 1) * layout.block
+        period, place = divmod(begin, PERIOD)
+        at = begin - first
+        fields = [value for _, (value, _) in sent[at : at + layout.block]]
+        end = announced().end_of(period, width)
+        assert end is not None
+        found = reference.key_of_block(
+            fields, width, place // layout.block, period, announced().channel, end
+        )
+        assert found is not None
+        before = {at - i: data for i, (data, _) in enumerate(sent[:at])}
+        assert reference.tags_of(before, width, found) == reference.told_tags(fields, width)
+        before[1] = b"x" + before[1][1:]
+        assert reference.tags_of(before, width, found) != reference.told_tags(fields, width)
 
 
 def test_files(tmp_path: Path) -> None:
