@@ -110,9 +110,9 @@ def test_performed_material_names_itself() -> None:
 
 
 def testcuers_named_are_chosen_by_name_identity_or_all() -> None:
-    assert len(cuers_named(["all"])) == 6
+    assert len(cuers_named(["all"])) == 9
     assert cuers_named(["agathe/damped", "agathe"])[0] == "agathe/damped"
-    assert len(cuers_named(["agathe/damped", "agathe"])) == 3
+    assert len(cuers_named(["agathe/damped", "agathe"])) == 4
     with pytest.raises(CueError, match="unknown cuer 'zoe'; known: all, claire/minimum-jerk"):
         cuers_named(["zoe"])
 
