@@ -20,9 +20,13 @@ from cuecast.command.progress import note, seconds_bar
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from codec.cues.score import Score
     from synth.capture.options import CaptureOptions
 
 SUMMARY = "motion from motion capture, landmarks or a video of an interpreter"
+
+_LONGEST_PATH = 1024
+"""Characters; a longer text is no name of a file."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -56,7 +60,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--tracker", metavar="PYTHON", help="of an environment with MediaPipe 0.10.21, for a video"
     )
     keys = parser.add_argument_group("keys").add_mutually_exclusive_group()
-    keys.add_argument("--score", metavar="T.TextGrid", help="what was said, if that is known")
+    keys.add_argument(
+        "--score", metavar="T.TextGrid", help="what was said and when, if that is known"
+    )
+    keys.add_argument(
+        "--text", metavar="TEXT|FILE",
+        help="what was said, its times unknown: French, or phones apart by spaces",
+    )  # fmt: skip
     keys.add_argument("--no-keys", action="store_true", help="do not recognise keys")
     add_json(parser)
     add_voice(parser)
@@ -111,12 +121,27 @@ def _options(args: argparse.Namespace, advance: Any) -> "CaptureOptions":
         subject=args.subject,
         calibration=Path(args.calibration) if args.calibration else None,
         score=read_textgrid(args.score) if args.score else None,
+        text=_transcript(args.text) if args.text else None,
         keys=not args.no_keys,
         frame_rate_hz=args.frame_rate,
         aspect=args.aspect,
         tracker=args.tracker,
         progress=advance,
     )
+
+
+def _transcript(text: str) -> "Score":
+    """Return the phones of a text, or of the file that holds it."""
+    from codec.errors import CueError
+    from synth.capture.transcript import read_transcript
+
+    path = Path(text)
+    try:
+        if len(text) < _LONGEST_PATH and path.is_file():
+            text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise CueError(f"{path}: cannot read the text: {error}") from error
+    return read_transcript(text)
 
 
 def told(report: dict[str, Any]) -> list[str]:
@@ -135,7 +160,9 @@ def told(report: dict[str, Any]) -> list[str]:
     if keys.get("recognised"):
         lines.append(f"{keys['recognised']} keys recognised, confidence {keys['confidence']:.2f}")
     elif "given" in keys:
-        lines.append(f"{keys['given']} keys given")
+        shown = f", agreement {keys['agreement']:.2f}" if "agreement" in keys else ""
+        left = f", {keys['left_out']} left out" if keys.get("left_out") else ""
+        lines.append(f"{keys['given']} keys given{left}{shown}")
     return [*lines, *report["notes"]]
 
 

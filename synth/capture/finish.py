@@ -3,6 +3,8 @@
 A hand that nobody sees for a while rests: out of the picture, or below what cameras cover.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,9 +14,12 @@ from scipy.ndimage import label
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Score
-from synth.capture.keys import Held, recognise_keys
+from synth.capture.cues.follow import follow_keys
+from synth.capture.cues.looks import ANYBODYS, Looks, looks_of
+from synth.capture.cues.recognise import Held, recognise_keys
+from synth.capture.cues.seen import Seen, see_motion
 from synth.capture.options import Captured, CaptureOptions
-from synth.capture.score import is_sure, score_of
+from synth.capture.score import is_sure, score_of, score_of_text
 from synth.capture.sources.resample import even_times, resample
 from synth.rules.movement import law
 
@@ -28,7 +33,7 @@ def finish(
     report: dict[str, Any],
     *,
     has_hand: bool,
-    depth: bool = True,
+    seen: Seen | None = None,
 ) -> Captured:
     """Return the motion of parameters at the recording's rate.
 
@@ -43,26 +48,26 @@ def finish(
         What has been found; keys and notes are added.
     has_hand : bool
         Whether there is a hand to recognise keys of.
-    depth : bool
-        Whether depth was measured.
+    seen : Seen, optional
+        What keys are told from; default: the parameters.
     """
     start_s = file_start_s if options.start_s is None else options.start_s
     duration_s = len(params) / rate_hz
     times = even_times(start_s, duration_s, options.rate_hz)
     even = resample(np.asarray(params, dtype=np.float64), rate_hz, times - start_s)
-    score: Score | None = None
-    if options.score is not None:
-        score = options.score.shifted(start_s - file_start_s)
-        report["keys"] = {"given": len(score.keys)}
-    elif options.keys and has_hand:
-        held = recognise_keys(voice, even, rate_hz=options.rate_hz, depth=depth)
-        report["keys"] = _told(held)
-        if is_sure(held):
-            score = score_of(
-                held, voice, even, rate_hz=options.rate_hz, start_s=float(times[0])
-            )  # fmt: skip
+    given = options.score and options.score.shifted(start_s - file_start_s)
+    score = given
+    if has_hand and (options.keys or given):
+        looks = ANYBODYS
+        if seen is None:
+            seen, looks = see_motion(voice, even, rate_hz=options.rate_hz), looks_of(voice)
+        timed = _Timed(voice, even, options.rate_hz, float(times[0]), seen, looks)
+        if given is not None:
+            timed.compare(given, report)
         else:
-            report["notes"].append("too few keys are sure: the motion carries no score")
+            score = timed.score(options.text, report)
+    elif given is not None:
+        report["keys"] = {"given": len(given.keys)}
     motion = Motion(
         even.astype(np.float32), options.rate_hz, float(times[0]), voice.layout, voice.identity,
         score,
@@ -70,7 +75,63 @@ def finish(
     return Captured(motion, report)
 
 
-def _told(held: list[Held]) -> dict[str, Any]:
+@dataclass(frozen=True, slots=True)
+class _Timed:
+    """What a hand did and when; `even` (T, P) are the motion's parameters."""
+
+    voice: Voice
+    even: NDArray[np.float64]
+    rate_hz: float
+    start_s: float
+    seen: Seen
+    looks: Looks
+
+    def compare(self, given: Score, report: dict[str, Any]) -> None:
+        """Tell whether the hand shows the keys of a score that has times."""
+        report["keys"] = {"given": len(given.keys)}
+        if given.keys and self.seen.shown.any():
+            found = follow_keys(self.seen, given.keys, looks=self.looks)
+            report["keys"]["agreement"] = round(found.agreement, 3)
+            if not found.believed:
+                report["notes"].append(_NOT_SHOWN.format("score", found.agreement))
+
+    def score(self, text: Score | None, report: dict[str, Any]) -> Score | None:
+        """Return what the hand shows: a text's keys if it does, else those recognised."""
+        if text is not None and text.keys:
+            found = follow_keys(self.seen, text.keys, looks=self.looks)
+            if found.believed:
+                held = [one for one in found.held if one is not None]
+                report["keys"] = {
+                    "given": len(text.keys), "left_out": len(text.keys) - len(held),
+                    "agreement": round(found.agreement, 3),
+                }  # fmt: skip
+                return score_of_text(
+                    found.held,
+                    text.keys,
+                    self.voice,
+                    self.even,
+                    rate_hz=self.rate_hz,
+                    start_s=self.start_s,
+                )
+            report["notes"].append(
+                _NOT_SHOWN.format("text", found.agreement) + ": keys are recognised without it"
+            )
+        recognised = recognise_keys(self.seen, looks=self.looks)
+        report["keys"] = _told(recognised.held)
+        if text is not None:
+            report["keys"]["agreement"] = round(found.agreement, 3) if text.keys else 0.0
+        if is_sure(recognised.held):
+            return score_of(
+                recognised.held, self.voice, self.even, rate_hz=self.rate_hz, start_s=self.start_s
+            )
+        report["notes"].append("too few keys are sure: the motion carries no score")
+        return None
+
+
+_NOT_SHOWN = "the hand does not show the given {}, agreement {:.2f}"
+
+
+def _told(held: Sequence[Held]) -> dict[str, Any]:
     """Return how many keys were recognised, and how surely."""
     keys = [one for one in held if one.shape]
     return {

@@ -31,6 +31,8 @@ class CaptureOptions:
         A recording of the same speaker and session, her face at rest.
     score : Score, optional
         What was said, on the recording's clock; default: what is recognised.
+    text : Score, optional
+        What was said, its times unknown: those of phones and keys do not count.
     keys : bool
         Recognise keys where no score is given.
     frame_rate_hz : float, optional
@@ -49,6 +51,7 @@ class CaptureOptions:
     subject: str | None = None
     calibration: Path | None = None
     score: Score | None = None
+    text: Score | None = None
     keys: bool = True
     frame_rate_hz: float | None = None
     aspect: float | None = None

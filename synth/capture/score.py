@@ -14,7 +14,7 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, NO_CONSONANT_SHAPE, NO_VOWEL_PLACEMENT, SHAPE_OF
 from codec.cues.phonology import PHONE_NUMBER, VOWELS
 from codec.cues.score import PLACEMENTS, Key, Phone, Score
-from synth.capture.keys import Held
+from synth.capture.cues.recognise import Held
 
 FloatArray = NDArray[np.float64]
 
@@ -34,18 +34,21 @@ LEAST_SURE = 0.6
 
 
 def score_of(
-    held: Sequence[Held], voice: Voice, params: FloatArray, *, rate_hz: float, start_s: float
-) -> Score:
+    held: Sequence[Held], voice: Voice, params: FloatArray, *, rate_hz: float, start_s: float,
+    given: Sequence[tuple[str, ...]] | None = None,
+) -> Score:  # fmt: skip
     """Return phones and keys for what the hand held.
 
     Parameters
     ----------
     held : sequence of Held
-        From `synth.capture.keys.recognise_keys` on the same parameters.
+        From `synth.capture.cues.recognise.recognise_keys` on the same parameters.
     voice : Voice
     params : ndarray, shape (T, P)
     rate_hz, start_s : float
         Clock of the frames.
+    given : sequence of tuple of str, optional
+        The phones of each key that is not rest, if they are known.
     """
     spans = _spans(held)
     face = params[:, voice.face_columns[: voice.gestures.viseme_targets.shape[1]]]
@@ -53,10 +56,14 @@ def score_of(
     phones: list[Phone] = []
     keys: list[Key] = []
     lonely_until = -1.0
-    for one, (begin, end) in zip([h for h in held if h.shape], spans, strict=True):
+    keyed = [h for h in held if h.shape]
+    for number, (one, (begin, end)) in enumerate(zip(keyed, spans, strict=True)):
         middle = begin + min(_CONSONANT_PART * (end - begin), _LONGEST_CONSONANT_S)
         joined = abs(lonely_until - begin) < 1e-6
-        chosen = _chosen(one, costs, begin, middle, end, after_consonant=joined)
+        if given is not None:
+            chosen = given[number]
+        else:
+            chosen = _chosen(one, costs, begin, middle, end, after_consonant=joined)
         cuts = (begin, middle, end) if len(chosen) == 2 else (begin, end)
         for symbol, a, b in zip(chosen, cuts[:-1], cuts[1:], strict=True):
             phones.append(Phone(symbol, start_s + a, start_s + b))
@@ -64,6 +71,38 @@ def score_of(
         keys.append(Key(start_s + begin, start_s + end, chosen, one.shape, place))
         lonely_until = end if chosen[-1] in SHAPE_OF else -1.0
     return Score(tuple(phones), tuple(keys))
+
+
+_AS_SHOWN = {
+    ("ə", "cheek"): "ø", ("œ", "cheek"): "ø", ("ø", "side"): "œ", ("œ̃", "cheek"): "ɛ̃",
+    ("ɔ", "side"): "o", ("o", "chin"): "ɔ",
+}  # fmt: skip
+"""A vowel that was cued elsewhere than the chart says is that of the place where it was."""
+
+
+def score_of_text(
+    held: Sequence[Held | None], keys: Sequence[Key], voice: Voice, params: FloatArray, *,
+    rate_hz: float, start_s: float,
+) -> Score:  # fmt: skip
+    """Return phones and keys of a text at the times when the hand held them.
+
+    Parameters
+    ----------
+    held : sequence of Held or None
+        For each of `keys`; what was left out is not in the score.
+    keys : sequence of Key
+        Of the text.
+    voice, params, rate_hz, start_s
+        As for `score_of`.
+    """
+    shown = [(one, key.phones) for one, key in zip(held, keys, strict=True) if one is not None]
+    given = [
+        tuple(_AS_SHOWN.get((p, PLACEMENTS[one.placement]), p) for p in phones)
+        for one, phones in shown
+    ]
+    return score_of(
+        [one for one, _ in shown], voice, params, rate_hz=rate_hz, start_s=start_s, given=given
+    )
 
 
 def is_sure(held: Sequence[Held]) -> bool:

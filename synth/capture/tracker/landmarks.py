@@ -18,6 +18,7 @@ from codec.cuer.models.hand import HandModel
 from codec.cuer.models.inversion import bridge, invert
 from codec.cuer.voice import Voice
 from codec.errors import CueError
+from synth.capture.cues.seen import see
 from synth.capture.finish import finish, resting_when_away
 from synth.capture.options import Captured, CaptureOptions
 from synth.capture.points.adapt import lowest, resized
@@ -63,8 +64,9 @@ def capture_landmarks(path: Path, voice: Voice, options: CaptureOptions) -> Capt
     gap = np.nanmedian((head.landmarks(still[:1]) - face[told])[..., 2], axis=1, keepdims=True)
     face[told, :, 2] += gap
     params[:, voice.face_columns] = _solved(head, face, still, rate_hz)
-    fit = None
+    fit, seen = None, None
     if hand is not None:
+        seen = see(face, hand, rate_hz=rate_hz)
         fit = _fit_hand(voice, hand, params[:, voice.face_columns], rate_hz)
     if fit is not None:
         params[:, voice.hand_columns] = resting_when_away(
@@ -72,9 +74,7 @@ def capture_landmarks(path: Path, voice: Voice, options: CaptureOptions) -> Capt
         )
     options.progress(len(face) / rate_hz)
     report = _report(path, table, picture, face, head, params, voice, fit, rate_hz)
-    return finish(
-        voice, params, rate_hz, 0.0, options, report, has_hand=fit is not None, depth=False
-    )
+    return finish(voice, params, rate_hz, 0.0, options, report, has_hand=fit is not None, seen=seen)
 
 
 def _steady(

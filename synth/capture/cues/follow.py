@@ -1,0 +1,186 @@
+"""Where the hand shows the keys of a text, when that is known without its times.
+
+The line of keys is laid through the frames as a whole; one that the cuer left out is left out.
+Cuers differ in a few vowels: schwa and eu may be at the side or at the cheek, un at the throat or
+cheek, open and closed o at chin or side. What the hand shows decides among them. Whether it was
+this text at all is told by the keys that would have been recognised without it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.cues.score import PLACEMENT_NUMBER, Key
+from synth.capture.cues import _kernels
+from synth.capture.cues.lattice import lattice
+from synth.capture.cues.looks import ANYBODYS, KEYS, Looks
+from synth.capture.cues.recognise import Held, arrival, nearness, pieces, recognise_keys
+from synth.capture.cues.seen import Seen
+
+FloatArray = NDArray[np.float64]
+
+_LEFT_OUT = -4.0
+"""Natural logarithm of how rarely a cuer leaves out a key."""
+
+_ALTERNATIVES = {
+    "ə": ("side", "cheek"), "œ": ("side", "cheek"), "ø": ("cheek", "side"),
+    "œ̃": ("throat", "cheek"), "ɔ": ("chin", "side"), "o": ("side", "chin"),
+}  # fmt: skip
+_BAND = 300
+"""Keys before and after the expected one that come into question in a frame."""
+
+_AROUND_S = 0.1
+_AGREES = 0.42
+"""Mean probability of a text's keys from which it is believed: on takes of real and virtual cuers
+their own texts had more, those of other takes less."""
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """Where the keys of a text are.
+
+    Attributes
+    ----------
+    held : tuple of Held or None
+        For each key of the text; None if it was left out. Its placement is the one that was shown.
+    agreement : float
+        Mean probability of the keys at their places, had nobody told the text; 0 to 1.
+    looks : Looks
+        Of this cuer.
+    """
+
+    held: tuple[Held | None, ...]
+    agreement: float
+    looks: Looks
+
+    @property
+    def believed(self) -> bool:
+        """Whether the hand shows this text."""
+        return self.agreement >= _AGREES
+
+
+def follow_keys(seen: Seen, keys: Sequence[Key], *, looks: Looks = ANYBODYS) -> Followed:
+    """Return where the hand shows `keys`, whose times do not count.
+
+    Parameters
+    ----------
+    seen : Seen
+    keys : sequence of Key
+        In order; at least one.
+    looks : Looks
+        What is known of the cuer before.
+    """
+    looks = recognise_keys(seen, looks=looks).looks
+    hidden = ~seen.shown
+    line, spare = _line(keys)
+    paths = _Paths.along(seen, looks, line)
+    omit = np.where(spare, 0.0, _LEFT_OUT)
+    low, high = _band(seen.shown, len(line))
+    at = np.empty(len(line), dtype=np.int64)
+    states = np.empty(len(seen), dtype=np.int64)
+    _kernels.follow(paths.hold, paths.way, paths.line, paths.pair, omit, low, high, at, states)
+    held: list[Held | None] = []
+    agreement = []
+    before = 0
+    for number in np.flatnonzero(~spare)[1:-1]:
+        frames = np.flatnonzero(states == number)
+        if not len(frames) or hidden[frames].all():
+            held.append(None)
+            agreement.append(0.0)
+            continue
+        begin, end = int(frames[0]), int(frames[-1])
+        state = paths.shown(line[number], begin, end)
+        reach = arrival(seen.speed, before, begin, end + 1)
+        before = end + 1
+        around = round(_AROUND_S * seen.rate_hz)
+        sure = float(paths.near[max(0, begin - around) : end + around + 1, state].max())
+        agreement.append(sure)
+        held.append(Held(*KEYS[state], reach / seen.rate_hz, end / seen.rate_hz, sure))
+    return Followed(tuple(held), float(np.mean(agreement)) if agreement else 0.0, looks)
+
+
+Alternatives = tuple[int, ...]
+
+
+def _line(keys: Sequence[Key]) -> tuple[list[Alternatives], NDArray[np.bool_]]:
+    """Return the states that each of a line may be, rest at both ends and where a pause may be.
+
+    Also which of them may be spared.
+    """
+    line: list[Alternatives] = [(0,)]
+    spare = [False]
+    for number, key in enumerate(keys):
+        if number and key.start - keys[number - 1].end > 1e-6:
+            line.append((0,))
+            spare.append(True)
+        line.append(_states(key))
+        spare.append(False)
+    return [*line, (0,)], np.array([*spare, False])
+
+
+def _states(key: Key) -> Alternatives:
+    """Return the states that show a key: the chart's, then those that others cue for it."""
+    names = _ALTERNATIVES.get(key.phones[-1], ()) if key.phones else ()
+    places = (key.placement, *(n for n in names if n != key.placement and key.placement in names))
+    return tuple(KEYS.index((key.shape, PLACEMENT_NUMBER[name])) for name in places)
+
+
+@dataclass(frozen=True, slots=True)
+class _Paths:
+    """Densities along a line, T frames.
+
+    `hold` (T, S) and `way` (T, P) are those of the states and ways that occur, `line` (N,) and
+    `pair` (N, 2) say which is whose, `single` (T, 41) are the holds of all keys and `near` (T, 41)
+    how likely each is at hand.
+    """
+
+    hold: NDArray[np.float32]
+    way: NDArray[np.float32]
+    line: NDArray[np.int64]
+    pair: NDArray[np.int64]
+    single: NDArray[np.float32]
+    near: NDArray[np.float32]
+
+    @classmethod
+    def along(cls, seen: Seen, looks: Looks, line: Sequence[Alternatives]) -> "_Paths":
+        """Return the densities, made piece by piece so that all ways are never held at once."""
+        kinds = {one: number for number, one in enumerate(dict.fromkeys(line))}
+        ways: dict[tuple[Alternatives, Alternatives], int] = {}
+        pair = np.full((len(line), 2), -1, dtype=np.int64)
+        for number, one in enumerate(line):
+            for skip in range(min(2, number)):
+                before = line[number - 1 - skip]
+                if before != one:
+                    pair[number, skip] = ways.setdefault((before, one), len(ways))
+        hold = np.zeros((len(seen), len(kinds)), dtype=np.float32)
+        way = np.zeros((len(seen), max(1, len(ways))), dtype=np.float32)
+        single = np.zeros((len(seen), len(KEYS)), dtype=np.float32)
+        near = np.zeros((len(seen), len(KEYS)), dtype=np.float32)
+        for piece in pieces(seen):
+            core = slice(piece.core, piece.until)
+            own = slice(piece.core - piece.first, piece.until - piece.first)
+            densities = lattice(piece.seen, looks)
+            near[core] = nearness(densities, looks)[own]
+            shown = piece.seen.shown[own]
+            # What is not seen tells nothing against any key.
+            single[core] = np.where(shown[:, None], densities.hold[own], 0.0)
+            for one, number in kinds.items():
+                hold[core, number] = single[core][:, one].max(1)
+            for (a, b), number in ways.items():
+                best = densities.way[own][:, a][:, :, b].max((1, 2))
+                way[core, number] = np.where(shown, best, 0.0)
+        columns = np.array([kinds[one] for one in line], dtype=np.int64)
+        return cls(hold, way, columns, pair, single, near)
+
+    def shown(self, states: Alternatives, begin: int, end: int) -> int:
+        """Return which of some states is held best in some frames."""
+        return states[int(self.single[begin : end + 1, states].max(0).argmax())]
+
+
+def _band(shown: NDArray[np.bool_], count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the keys that come into question in each frame, rising with what is seen."""
+    passed = np.cumsum(shown) / max(1, int(shown.sum()))
+    middle = np.floor(passed * (count - 1)).astype(np.int64)
+    return np.maximum(middle - _BAND, 0), np.minimum(middle + _BAND + 1, count)

@@ -1,0 +1,146 @@
+"""How well each frame agrees with every key that may be held, and every way between two keys.
+
+A held key has its shape and placement, and little speed. On the way each finger is somewhere
+between where the two shapes have it, and the tip near the straight line between the two
+placements; fingers and hand need not keep step. Heavy tails (Student's t) let single features fail.
+All are log densities of the same features, so that holds and ways can be weighed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.cues.score import SHAPES
+from synth.capture.cues.looks import KEYS, POINTS_WITH, Looks
+from synth.capture.cues.seen import Seen
+
+FloatArray = NDArray[np.float64]
+
+_SHAPE = np.array([shape for shape, _ in KEYS])
+_PLACE = np.array([place for _, place in KEYS])
+
+_FRAME_SHARE = 0.3
+"""Neighbouring frames tell the same: at 30 frames/s each counts as this part of an observation."""
+
+_FREEDOM = 7.0
+_SLACK_S, _SLACK_PRICE = 0.07, 680.0
+"""Fingers may be in shape so much before or after the hand is in place; price per s²."""
+
+_HELD_MM_S, _MOVING_MM_S = 120.0, 300.0
+_FINGERS_BESIDE = 0.17
+_PATH_MM, _PATH_PART, _PATH_OF_SPREAD = 25.0, 0.08, 0.25
+"""How far off the straight line the hand moves: always, per length, per spread of the targets."""
+
+_RESTING_SHAPE_SD = 1.6
+_ANY_FINGER = (-0.5, 1.3)
+_STILL_FORMED = 1.0
+_UNSEEN = -1e4
+
+_TARGETS = ((0, 1), *((place, finger) for finger in (0, 1) for place in range(1, 6)))
+"""Placement and pointing finger of the ends of a way."""
+
+_END = np.array([_TARGETS.index((p, int(POINTS_WITH[s]))) if s else 0 for s, p in KEYS])
+
+
+@dataclass(frozen=True, slots=True)
+class Lattice:
+    """Log densities of T frames.
+
+    Attributes
+    ----------
+    hold : ndarray of float64, shape (T, 41)
+    way : ndarray of float64, shape (T, 41, 41)
+        From the first key to the second.
+    """
+
+    hold: FloatArray
+    way: FloatArray
+
+
+def lattice(seen: Seen, looks: Looks) -> Lattice:
+    """Return the densities; a hand that is not seen rests, or goes to or from rest."""
+    share = _FRAME_SHARE * 30.0 / seen.rate_hz
+    shown = seen.shown
+    hold = np.full((len(seen), len(KEYS)), _UNSEEN)
+    way = np.full((len(seen), len(KEYS), len(KEYS)), _UNSEEN)
+    hold[:, 0] = way[:, 0, :] = way[:, :, 0] = 0.0
+    at = np.flatnonzero(shown)
+    if len(at):
+        visible = Seen(
+            seen.rate_hz, seen.fingers[at], seen.tips[at], seen.pointers[at], seen.speed[at]
+        )
+        hold[at] = share * _holds(visible, looks)
+        way[at] = share * _ways(visible, looks)
+    return Lattice(hold, way)
+
+
+def _tail(squares: FloatArray, dimensions: int) -> FloatArray:
+    return np.asarray(-0.5 * (_FREEDOM + dimensions) * np.log1p(squares / _FREEDOM))
+
+
+def _holds(seen: Seen, looks: Looks) -> FloatArray:
+    away = (seen.fingers[:, None] - looks.fingers) / looks.fingers_sd
+    shape = _tail(away**2, 1).sum(-1) - np.log(looks.fingers_sd).sum(-1)
+    shape[:, 0] = -seen.fingers.shape[1] * np.log(_RESTING_SHAPE_SD) - 2.0
+    shape = _slack(shape, seen.rate_hz)
+    ends = np.concatenate([seen.tips, seen.pointers[:, 1:]], axis=1)
+    gap = (ends[:, :, None] - looks.places) / looks.places_sd
+    place = _tail((gap**2).sum(-1), 2) - np.log(looks.places_sd).sum(-1)
+    finger = np.where(_SHAPE == 0, 2, POINTS_WITH[_SHAPE])
+    speed = 0.5 * (seen.speed / _HELD_MM_S) ** 2 + np.log(_HELD_MM_S / _MOVING_MM_S)
+    return np.asarray(shape[:, _SHAPE] + place[:, finger, _PLACE] - speed[:, None])
+
+
+def _slack(shape: FloatArray, rate_hz: float) -> FloatArray:
+    """Return the best of the densities of shapes nearby in time, less what being there costs."""
+    best = shape.copy()
+    for step in range(1, round(_SLACK_S * rate_hz) + 1):
+        price = _SLACK_PRICE * (step / rate_hz) ** 2
+        best[step:] = np.maximum(best[step:], shape[:-step] - price)
+        best[:-step] = np.maximum(best[:-step], shape[step:] - price)
+    return best
+
+
+def _ways(seen: Seen, looks: Looks) -> FloatArray:
+    shape = _shape_ways(seen.fingers, looks.fingers)
+    place = _place_ways(seen.pointers, looks)
+    speed = 0.5 * (seen.speed / _MOVING_MM_S) ** 2
+    both = shape[:, _SHAPE[:, None], _SHAPE] + place[:, _END[:, None], _END]
+    return np.asarray(both - speed[:, None, None])
+
+
+def _shape_ways(fingers: FloatArray, targets: FloatArray) -> FloatArray:
+    """Return the densities of fingers between two shapes, (T, 9, 9)."""
+    low = np.minimum(targets[:, None], targets)
+    high = np.maximum(targets[:, None], targets)
+    low[0], low[:, 0] = _ANY_FINGER[0], _ANY_FINGER[0]
+    high[0], high[:, 0] = _ANY_FINGER[1], _ANY_FINGER[1]
+    x = fingers[:, None, None]
+    beside = np.maximum(0.0, np.maximum(low - x, x - high)) / _FINGERS_BESIDE
+    width = np.log(high - low + 2.5 * _FINGERS_BESIDE)
+    out = (_tail(beside**2, 1) - width).sum(-1)
+    # A hand may come up with its shape formed, and go to rest with it.
+    number = np.arange(len(SHAPES))
+    formed = out[:, number, number] - _STILL_FORMED
+    out[:, 0] = np.maximum(out[:, 0], formed)
+    out[:, :, 0] = np.maximum(out[:, :, 0], formed)
+    return np.asarray(out)
+
+
+def _place_ways(pointers: FloatArray, looks: Looks) -> FloatArray:
+    """Return the densities of the tip between two placements, (T, 11, 11)."""
+    places = [place for place, _ in _TARGETS]
+    other = (pointers[:, 1] - pointers[:, 0])[:, None]
+    with_index = np.array([[finger == 0] for _, finger in _TARGETS])
+    ends = looks.places[places] + np.where(with_index, other, 0.0)
+    first, way = ends[:, :, None], ends[:, None] - ends[:, :, None]
+    length2 = (way**2).sum(-1) + 1e-6
+    from_first = pointers[:, 1, None, None] - first
+    part = np.clip((from_first * way).sum(-1) / length2, 0.0, 1.0)
+    off2 = ((from_first - part[..., None] * way) ** 2).sum(-1)
+    length = np.sqrt(length2)
+    spread = looks.places_sd[places].mean(1)
+    near = spread[:, None] * (1.0 - part) + spread * part
+    wide = _PATH_MM + _PATH_PART * length + _PATH_OF_SPREAD * near
+    return np.asarray(_tail(off2 / wide**2, 2) - np.log(wide) - np.log(length + 2.5 * wide))

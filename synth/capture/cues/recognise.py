@@ -1,0 +1,213 @@
+"""The keys that a hand shows, without being told what was said.
+
+A line of keys and ways between them is laid through the frames by dynamic programming (Viterbi
+1967); what it shows of this cuer's shapes and placements is learnt, and the line laid again. How
+sure each key is follows from all lines together (forward and backward sums).
+"""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from synth.capture.cues import _kernels
+from synth.capture.cues.lattice import Lattice, lattice
+from synth.capture.cues.looks import ANYBODYS, KEYS, POINTS_WITH, Looks
+from synth.capture.cues.seen import Seen
+
+FloatArray = NDArray[np.float64]
+
+_SHAPE_USE = np.array([0.152, 0.105, 0.209, 0.070, 0.298, 0.131, 0.009, 0.027])
+_PLACE_USE = np.array([0.539, 0.159, 0.136, 0.030, 0.137])
+"""How often French uses each shape and placement, by the frequency of words (Lexique 3.83)."""
+
+_REST_USE = 0.14
+_EDGE = -3.0
+"""Price of a line that begins or ends at a key, not at rest."""
+
+_ROUNDS = 2
+_ARRIVED = 0.05
+"""Part of its greatest speed at which a movement has ended."""
+
+_PIECE_S, _MARGIN_S = 30.0, 4.0
+_SURE_SHARE = 0.45
+"""What a frame counts when it is asked how sure a key is, against what it counts in the choice of
+the line: with this, as many keys were right on known takes as their probabilities said."""
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """A key held by the hand.
+
+    Attributes
+    ----------
+    shape, placement : int
+        Numbers; 0 and 0 for rest.
+    reach_s, leave_s : float
+        When the hand arrives and sets out again, seconds from the first frame.
+    confidence : float
+        Probability that the key is right, 0 to 1.
+    """
+
+    shape: int
+    placement: int
+    reach_s: float
+    leave_s: float
+    confidence: float
+
+
+@dataclass(frozen=True, slots=True)
+class Recognised:
+    """What was recognised.
+
+    Attributes
+    ----------
+    held : tuple of Held
+        In order of time, rests too.
+    looks : Looks
+        Of this cuer, as learnt.
+    """
+
+    held: tuple[Held, ...]
+    looks: Looks
+
+
+def prices(looks: Looks) -> FloatArray:
+    """Return the price of each key, shape (41,): how rarely it is used."""
+    keys = np.outer(_SHAPE_USE, _PLACE_USE).ravel()
+    use = np.concatenate([[_REST_USE], keys / keys.sum()])
+    return np.asarray(np.log(use) + np.where(np.arange(len(use)) > 0, looks.eagerness, 0.0))
+
+
+def recognise_keys(seen: Seen, *, looks: Looks = ANYBODYS) -> Recognised:
+    """Return the keys that the hand holds, rests too, in order of time.
+
+    Parameters
+    ----------
+    seen : Seen
+    looks : Looks
+        What is known of the cuer before.
+
+    Notes
+    -----
+    A key that repeats its predecessor without a movement cannot be told from a long one.
+    """
+    before = looks
+    for _ in range(_ROUNDS):
+        runs = [run for part in pieces(seen) for run in part.runs(looks, sure=False)]
+        looks = looks.learnt(*_examples(seen, runs, looks), before)
+    runs = [run for part in pieces(seen) for run in part.runs(looks, sure=True)]
+    return Recognised(tuple(_held(seen, runs)), looks)
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Frames `begin` to `end` that hold key number `state`, with a probability."""
+
+    state: int
+    begin: int
+    end: int
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """Frames that are worked on together; those from `core` on count, up to `until`."""
+
+    seen: Seen
+    first: int
+    core: int
+    until: int
+
+    def runs(self, looks: Looks, *, sure: bool) -> list[Run]:
+        """Return the keys held from `core` on, with their probabilities if they are asked for."""
+        densities = lattice(self.seen, looks)
+        states = np.empty(len(self.seen), dtype=np.int64)
+        _kernels.likeliest(densities.hold, densities.way, prices(looks), _EDGE, states)
+        near = nearness(densities, looks) if sure else np.ones_like(densities.hold)
+        found = []
+        for state, a, b in _runs(states):
+            begin, end = self.first + a, self.first + b
+            if self.core <= begin < self.until:
+                found.append(Run(state, begin, end, float(near[a:b, state].max())))
+        return found
+
+
+def nearness(densities: Lattice, looks: Looks) -> FloatArray:
+    """Return how likely each key is at hand in each frame: held, coming or just left, (T, 41)."""
+    near = np.empty_like(densities.hold)
+    _kernels.nearness(
+        _SURE_SHARE * densities.hold, _SURE_SHARE * densities.way, _SURE_SHARE * prices(looks),
+        _SURE_SHARE * _EDGE, near,
+    )  # fmt: skip
+    return near
+
+
+def pieces(seen: Seen) -> Iterator[Piece]:
+    """Yield pieces that overlap, so that memory does not grow with the take."""
+    size, margin = round(_PIECE_S * seen.rate_hz), round(_MARGIN_S * seen.rate_hz)
+    for core in range(0, len(seen), size):
+        first, until = max(0, core - margin), min(core + size, len(seen))
+        last = min(until + margin, len(seen))
+        yield Piece(seen.part(slice(first, last)), first, core, until)
+
+
+def _runs(states: NDArray[np.int64]) -> list[tuple[int, int, int]]:
+    """Return state, begin and end of each stretch that holds a key."""
+    edges = np.flatnonzero(np.diff(states, prepend=-2, append=-2))
+    return [
+        (int(states[a]), int(a), int(b)) for a, b in itertools.pairwise(edges) if states[a] >= 0
+    ]
+
+
+def _examples(
+    seen: Seen, runs: list[Run], looks: Looks
+) -> tuple[list[tuple[int, FloatArray]], list[tuple[int, FloatArray]]]:
+    """Return fingers and places at the frames of each held key that look most like it."""
+    fingers, places = [], []
+    for run in runs:
+        shape, place = KEYS[run.state]
+        at = np.arange(run.begin, run.end)
+        if shape == 0 or not seen.shown[at].any():
+            continue
+        at = at[seen.shown[at]]
+        away = (seen.fingers[at] - looks.fingers[shape]) / looks.fingers_sd[shape]
+        fingers.append((shape, seen.fingers[at[(away**2).sum(1).argmin()]]))
+        tips = seen.tips[at, POINTS_WITH[shape]]
+        gap = (tips - looks.places[place]) / looks.places_sd[place]
+        places.append((place, tips[(gap**2).sum(1).argmin()]))
+    return fingers, places
+
+
+def _held(seen: Seen, runs: list[Run]) -> Iterator[Held]:
+    before = 0
+    for number, run in enumerate(runs):
+        shape, place = KEYS[run.state]
+        reach = arrival(seen.speed, before, run.begin, run.end) if number else run.begin
+        before = run.end
+        yield Held(
+            shape, place, reach / seen.rate_hz, (run.end - 1) / seen.rate_hz, run.probability
+        )
+
+
+def arrival(speed: FloatArray, before: int, begin: int, end: int) -> int:
+    """Return when the movement to a held key has ended: its speed has fallen, or turns.
+
+    Parameters
+    ----------
+    speed : ndarray of float64, shape (T,)
+        NaN where the hand is not seen.
+    before, begin, end : int
+        End of the key before; begin and end of this one, frames.
+    """
+    flow = np.nan_to_num(speed[: end + 1])
+    low = min(before, begin)
+    at = low + int(flow[low : begin + 1].argmax())
+    peak = flow[at]
+    while at < end - 1:
+        if flow[at] <= _ARRIVED * peak or (at >= begin and flow[at + 1] > flow[at]):
+            break
+        at += 1
+    return at
