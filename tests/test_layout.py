@@ -45,7 +45,7 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
         "corpus": {"text", "scoring", "speech", "recordings", "body", "rules", "measured"},
         "measured": {"body", "rules"},
         "avatar": {"body", "rules", "scoring"},
-        "capture": {"body", "rules", "corpus"},
+        "capture": {"body", "rules", "corpus", "scoring"},
         "training": {"body", "corpus", "prosody", "rules", "scoring"},
     },
     "receiver": {
