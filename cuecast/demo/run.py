@@ -11,7 +11,7 @@ from codec.cuer.voice import load_voice
 from cuecast.command.files import write_json
 from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
 from cuecast.demo.figures import draw_keys, draw_strip
-from cuecast.dubbing.dub import DubOptions, dub
+from cuecast.dubbing.dub import dub
 from cuecast.dubbing.motions import SynthesisedMotion, whole_motion
 from cuecast.dubbing.readability import in_words, readability
 from cuecast.dubbing.receive import receive
@@ -27,9 +27,6 @@ BROADCASTS = (
     ("MP2 192 kbit/s in MPEG-TS", "broadcast-mp2.ts", "mp2", 192_000),
 )
 """What a broadcaster does with the dubbed programme: name, file, codec, bit rate."""
-
-_GRADE = -1.0
-"""Perceptible but not annoying: a demonstration of synthetic sounds wants some margin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +84,7 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Out
     sent = whole_motion(source, duration_s)
     save_motion(sent, folder / "sent.npz")
     dubbed = folder / "dubbed.mkv"
-    report = dub(folder / "programme.mkv", source, voice, dubbed, DubOptions(grade=_GRADE))
+    report = dub(folder / "programme.mkv", source, voice, dubbed)
     write_json(str(folder / "report.json"), report)
     audio = report["carriers"]["audio"]
     say(f"    {audio['net_bps']} bit/s in the sound, SNR {audio['snr_db']} dB, ODG {audio['odg']}")
