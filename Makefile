@@ -1,13 +1,14 @@
 # Needs python3 (>= 3.11), make and git; everything else comes by pip into .venv.
 PYTHON ?= python3
 VENV := .venv
+RELEASE := .venv-release
 BIN := $(VENV)/bin
 OUT ?= demo-out
 # Kernels are compiled single-threaded; more threads of numpy's library only disturb each other.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test nightly check docs records bench clean FORCE
+.PHONY: demo test nightly check docs records bench clean FORCE lock sbom mutation fuzz
 
 demo: $(VENV)/installed
 	$(BIN)/cuecast demo --out $(OUT)
@@ -42,11 +43,37 @@ docs/records/%.json: FORCE
 
 FORCE:
 
+# What a release is installed with: `pip install --require-hashes -r requirements.lock`.
+lock: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --group supply
+	$(BIN)/uv pip compile --quiet pyproject.toml --extra c3d --universal --generate-hashes \
+	  --python-version 3.11 --no-header --output-file requirements.lock
+
+# What is in it, with licences: CycloneDX, of an environment made from the lock.
+sbom: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --group supply
+	$(PYTHON) -m venv --clear $(RELEASE)
+	$(RELEASE)/bin/python -m pip install --quiet --require-hashes --no-deps -r requirements.lock
+	$(BIN)/cyclonedx-py environment $(RELEASE)/bin/python --pyproject pyproject.toml \
+	  --output-file sbom.cdx.json
+	rm -rf $(RELEASE)
+
+# Changes the core rooms line by line and counts what the tests do not notice: hours.
+mutation: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --group mutation
+	$(BIN)/python -m tests.mutation $(ROOMS)
+
+# Feeds every target with mutated bytes: an hour by default, divided among them.
+FUZZ_S ?= 3600
+fuzz: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --group fuzz
+	$(BIN)/python -m tests.fuzz.night --seconds $(FUZZ_S)
+
 bench: $(VENV)/installed
 	$(BIN)/python -m pytest tests/bench -o python_files="bench_*.py" -m "slow or not slow"
 
 clean:
-	rm -rf $(VENV) node_modules site $(OUT) .mypy_cache .pytest_cache .ruff_cache .benchmarks
+	rm -rf $(VENV) $(RELEASE) node_modules site $(OUT) .mypy_cache .pytest_cache .ruff_cache .benchmarks
 
 $(VENV)/installed: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
