@@ -18,6 +18,7 @@ import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
+from typing import NoReturn
 
 from codec.errors import CueError
 from cuecast.command.cache import prepare_cache
@@ -38,9 +39,16 @@ EXIT_UNUSABLE = 3
 EXIT_INTERRUPTED = 130
 
 
+class _Parser(argparse.ArgumentParser):
+    """A parser whose complaints cannot steer a terminal."""
+
+    def error(self, message: str) -> NoReturn:
+        super().error(printable(message))
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the whole command line."""
-    common = argparse.ArgumentParser(add_help=False)
+    common = _Parser(add_help=False)
     common.add_argument(
         "--debug", action="store_true", default=argparse.SUPPRESS,
         help="show a trace with an error message",
@@ -49,7 +57,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--cache", metavar="DIR", default=argparse.SUPPRESS,
         help="keep compiled code in DIR, which nobody else can write",
     )  # fmt: skip
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="cuecast",
         description="A virtual Cued Speech interpreter inside ordinary television.",
         epilog="Exit status: 0 done, 1 nothing found or mismatch, 2 usage, 3 unusable input.",

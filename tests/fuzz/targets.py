@@ -1,0 +1,315 @@
+"""What can come in from outside, as functions of bytes: each raises `CueError` or nothing.
+
+A target is given bytes and does what a user of that input would do. Seeds are real inputs in small.
+"""
+
+import contextlib
+import io
+import json
+import struct
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import av
+import numpy as np
+from numpy.lib import format as npy
+
+from codec.authentication.announcement import (
+    Announcement,
+    SigningKey,
+    load_announcement,
+    load_signing_key,
+)
+from codec.authentication.layout import EPOCH_S
+from codec.authentication.verifier import Verifier
+from codec.bitstream.encoder import SuperframeEncoder
+from codec.cuer.motion import load_motion, save_motion
+from codec.cuer.voice import load_voice
+from codec.cues.score import Score
+from codec.files.c3d_points import open_c3d
+from cuecast.command.cli import main
+from receiver.live.broadcast import Broadcast
+from receiver.live.fragments import BoxSplitter
+from receiver.media.programme import open_programme
+from receiver.media.sound import SoundDecoder, sound_blocks
+from receiver.reception.tracking import Tracker
+from receiver.television.protocol import pack_event, parse_position
+from synth.capture.points.labels import read_map
+from synth.capture.sources.readers import read_points
+from synth.capture.sources.sniff import kind_of
+from synth.scoring.textgrid import read_textgrid, write_textgrid
+from synth.subtitles.read import parse_subtitles
+from tests.fuzz.consume import consume
+
+CORPUS = Path(__file__).with_name("corpus")
+SUPERFRAMES = 24
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A way in: seeds to begin with, and what takes them."""
+
+    seeds: Callable[[], list[bytes]]
+    run: Callable[[bytes], object]
+    text: bool = False
+
+
+@contextlib.contextmanager
+def as_file(data: bytes, suffix: str = "") -> Iterator[str]:
+    with tempfile.NamedTemporaryFile(suffix=suffix) as file:
+        file.write(data)
+        file.flush()
+        yield file.name
+
+
+def of_file(read: Callable[[str], object], suffix: str = "") -> Callable[[bytes], object]:
+    def run(data: bytes) -> object:
+        with as_file(data, suffix) as path:
+            return read(path)
+
+    return run
+
+
+@cache
+def superframes() -> list[tuple[bytes, bytes]]:
+    from tests.receiver.standin import make_motion
+
+    voice = load_voice()
+    encoder = SuperframeEncoder(voice, l0_bytes=20, l1_bytes=7)
+    motion = make_motion(voice, duration_s=SUPERFRAMES * 0.64 + 1)
+    sent = (encoder.encode(motion, index) for index in range(SUPERFRAMES))
+    return [(s.l0, s.l1) for s in sent]
+
+
+def track(data: bytes) -> None:
+    """Superframes on a bad line: each step of four bytes says what comes, and when."""
+    tracker, on_air_s = Tracker(load_voice()), 0.0
+    events = 0
+    for at in range(0, min(len(data), 160) - 3, 4):
+        kind, which, place, jump = data[at : at + 4]
+        l0, l1 = superframes()[which % SUPERFRAMES]
+        on_air_s += 0.64 + (jump / 16 if kind & 16 else 0.0) + (3600.0 if kind & 32 else 0.0)
+        if kind & 64:
+            on_air_s -= jump / 4
+        wounded = bytearray(l0)
+        if kind & 1:
+            wounded[place % len(wounded)] ^= jump | 1
+        given = None if kind & 2 else bytes(wounded)[: None if kind & 4 else place % 24]
+        found = [*tracker.take(given, l1 if kind & 8 else None, on_air_s)]
+        found += tracker.advance(on_air_s + 0.1)
+        assert len(found) <= 64, f"{len(found)} events for one superframe"
+        events += len([pack_event(event) for event in found])
+    list(tracker.finish())
+
+
+@cache
+def signing_key() -> SigningKey:
+    return SigningKey("fuzz", b"f" * 32)
+
+
+@cache
+def keys() -> list[bytes]:
+    with tempfile.TemporaryDirectory() as folder:
+        signing_key().save(f"{folder}/s")
+        signing_key().announce(EPOCH_S, 1).save(f"{folder}/p")
+        return [Path(f"{folder}/{name}").read_bytes() for name in "sp"]
+
+
+def read_keys(path: str) -> None:
+    """Both kinds of key file, one after the other."""
+    with contextlib.suppress(Exception):
+        load_signing_key(path)
+    try:
+        load_announcement(path)
+    finally:
+        load_signing_key(path)
+
+
+@cache
+def announced() -> Announcement:
+    return signing_key().announce(EPOCH_S, 1)
+
+
+def verify(data: bytes) -> None:
+    """Fields and contents at odd places; few blocks are whole, for these cost most."""
+    verifier = Verifier(announced())
+    index = 0
+    for at in range(0, min(len(data), 60) - 2, 3):
+        step, value, what = data[at : at + 3]
+        index += 1 + step % 5
+        width = 2 if what & 1 else 9
+        covered = None if what & 2 else bytes([value]) * (what >> 4)
+        field = None if what & 4 else (value % (1 << width), width)
+        verifier.take(index, covered, field, utc_s=EPOCH_S + index if what & 8 else None)
+    verifier.finish()
+
+
+@cache
+def transport() -> bytes:
+    from tests.receiver.air import transport_stream
+
+    noise = np.random.default_rng(1).normal(0, 0.05, (48000, 1)).astype(np.float32)
+    return transport_stream(noise, fps=25)
+
+
+def live(data: bytes) -> None:
+    """A broadcast that breaks off: never a trace, and the thread would go on."""
+    Broadcast(
+        io.BytesIO(data), load_voice(), lambda happening: None, format="mpegts", once=True
+    ).run()
+
+
+def media(path: str) -> None:
+    with open_programme(path) as programme:
+        decoder = SoundDecoder(programme, strict=False)
+        for number, _ in enumerate(sound_blocks(decoder, programme)):
+            if number > 2000:
+                break
+
+
+@cache
+def films() -> list[bytes]:
+    made = [transport()]
+    for form in ("matroska", "mp4"):
+        file = io.BytesIO()
+        with av.open(io.BytesIO(transport()), "r") as old, av.open(file, "w", form) as new:
+            streams = {s.index: new.add_stream_from_template(s) for s in old.streams}
+            for packet in old.demux():
+                if packet.dts is not None:
+                    packet.stream = streams[packet.stream.index]
+                    new.mux(packet)
+        made.append(file.getvalue())
+    return made
+
+
+def boxes(data: bytes) -> None:
+    splitter = BoxSplitter()
+    for at in range(0, len(data), 7):
+        splitter.write(data[at : at + 7])
+        splitter.take()
+
+
+def command(data: bytes) -> None:
+    """A command line: words between zeros, and a file that they may name."""
+    words, _, content = data.partition(b"\n")
+    argv = [word.decode("utf-8", "replace") for word in words.split(b"\0")][:12]
+    out, told = io.TextIOWrapper(io.BytesIO()), io.StringIO()
+    with (
+        tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), as_file(content) as path,
+        contextlib.redirect_stdout(out), contextlib.redirect_stderr(told),
+    ):  # fmt: skip
+        argv = [path if word == "@" else word for word in argv]
+        verb = next((word for word in argv if not word.startswith("-")), "")
+        if verb in ("demo", "evaluate", "batch", "watch", "synth", "dub", "render"):
+            argv = [*argv, "--help"]  # these make or wait for more than a word can ask
+        status = main(argv)
+    assert status in (0, 1, 2, 3), f"exit status {status}"
+    lines = [line for line in told.getvalue().splitlines() if line.startswith("cuecast: ")]
+    assert len(lines) <= 1, "more than one line of error"
+    assert "\x1b" not in told.getvalue()
+
+
+@cache
+def motions() -> list[bytes]:
+    from tests.receiver.standin import make_motion
+
+    with tempfile.TemporaryDirectory() as folder:
+        save_motion(make_motion(load_voice(), duration_s=1.0), f"{folder}/m")
+        whole = Path(f"{folder}/m").read_bytes()
+    plain = io.BytesIO()
+    with zipfile.ZipFile(plain, "w") as archive:
+        for name in ("params", "rate_hz"):
+            header = io.BytesIO()
+            npy.write_array(header, np.zeros((3, 2)), version=(2, 0))
+            archive.writestr(f"{name}.npy", header.getvalue())
+    return [whole, plain.getvalue()]
+
+
+def c3d_frames(path: str) -> None:
+    points = open_c3d(path)
+    points.frames(0, min(points.n_frames, 100))
+
+
+def points_of(path: str) -> None:
+    kind = kind_of(path)
+    if kind in ("trc", "tsv", "csv"):
+        read_points(path, kind)
+
+
+@cache
+def recordings() -> list[bytes]:
+    from tests.synth import studio_files
+
+    rng = np.random.default_rng(2)
+    markers = rng.normal(0, 100, (3, 113, 3))
+    return [studio_files.trc(markers).encode(), studio_files.tsv(markers).encode()]
+
+
+def c3d_seeds() -> list[bytes]:
+    from tests.codec.test_c3d_points import DEC, INTEL, MIPS, c3d
+
+    points = np.arange(60.0).reshape(5, 4, 3)
+    return [c3d(points, processor=p, long=p == MIPS) for p in (INTEL, DEC, MIPS)]
+
+
+def subtitle_seeds() -> list[bytes]:
+    return [
+        "1\n00:00:01,000 --> 00:00:02,500\nBonjour, ça va ?\n\n2\n00:00:03,000 --> 00:00:04,000\n"
+        "<i>Très</i> bien {\\an8}\n".encode(),
+        b"WEBVTT\n\nNOTE x\n\n00:01.000 --> 00:02.000 align:start\n<v Anne>Bonjour</v>\n",
+        b'<?xml version="1.0"?><tt xmlns="http://www.w3.org/ns/ttml" xml:lang="fr"><body><div>'
+        b'<p begin="00:00:01.000" end="00:00:02.000">Bon<br/>jour</p></div></body></tt>',
+        struct.pack("3s8s", b"850", b"STL25.01") + b" " * 1013 + bytes(128),
+        "[Events]\nFormat: Start, End, Text\nDialogue: 0:00:01.00,0:00:02.00,Oui\n".encode(
+            "utf-16"
+        ),
+    ]
+
+
+def textgrid_seeds() -> list[bytes]:
+    from synth.scoring.text_score import score_from_text
+
+    with tempfile.TemporaryDirectory() as folder:
+        write_textgrid(f"{folder}/t", score_from_text("Bonjour."), 3.0)
+        return [Path(f"{folder}/t").read_bytes()]
+
+
+def command_seeds() -> list[bytes]:
+    lines = [
+        "keys\0Bonjour.\0--json", "keys\0--file\0@\0--json", "inspect\0@", "decode\0@\0-o\0-",
+        "compare\0@\0@\0--json", "encode\0@\0-o\0-", "receive\0@\0--json", "key\0show\0@",
+        "capture\0@\0-o\0m.npz", "voice\0info\0@", "receive\0@\0--track\0001\0--start\0005",
+    ]  # fmt: skip
+    return [line.encode() + b"\n" + content for line in lines for content in (b"", motions()[0])]
+
+
+TARGETS: dict[str, Target] = {
+    "superframes": Target(lambda: [p.read_bytes() for p in sorted(CORPUS.iterdir())], consume),
+    "tracker": Target(
+        lambda: [*(bytes(range(i, i + 160)) for i in (0, 40, 90)), bytes(160)], track
+    ),
+    "proofs": Target(lambda: [bytes(range(60)), bytes(60)], verify),
+    "keys": Target(keys, of_file(read_keys), text=True),
+    "live": Target(lambda: [transport()[: 188 * 60]], live),
+    "media": Target(films, of_file(media)),
+    "boxes": Target(lambda: [b"\0\0\0\x09freex" * 3], boxes),
+    "protocol": Target(
+        lambda: [json.dumps({"type": "position", "time_s": 4.5, "jumped": False}).encode()],
+        lambda data: parse_position(data.decode("utf-8", "replace")), text=True,
+    ),
+    "motions": Target(motions, of_file(load_motion)),
+    "scores": Target(
+        lambda: [Score((), ()).to_json().encode()],
+        lambda data: Score.from_json(data.decode("utf-8", "replace")), text=True,
+    ),
+    "c3d": Target(c3d_seeds, of_file(c3d_frames)),
+    "points": Target(recordings, of_file(points_of), text=True),
+    "subtitles": Target(subtitle_seeds, lambda data: parse_subtitles(data), text=True),
+    "textgrids": Target(textgrid_seeds, of_file(read_textgrid), text=True),
+    "maps": Target(lambda: [b'{"a": "FH0"}', b"a,FH0\nb,NB\n"], of_file(read_map), text=True),
+    "command": Target(command_seeds, command, text=True),
+}  # fmt: skip
