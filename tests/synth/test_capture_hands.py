@@ -13,6 +13,7 @@ from synth.capture.tracker.closure import closures, rescaled
 from synth.capture.tracker.landmark_maps import hand_map
 from synth.capture.tracker.landmark_model import HAND_TRUST, LandmarkModel
 from synth.capture.tracker.landmarks import likely_postures, started
+from synth.capture.tracker.own_map import HAND_RIDGE_MM2, near_hand, own_map
 
 SHARED = Path(__file__).parents[3] / "shared" / "data" / "hand" / "handshapes_mediapipe_angles.json"
 VOICE = load_voice()
@@ -55,3 +56,22 @@ def test_shapes_of_six_people() -> None:
     assert total >= 50
     assert plain >= 0.75 * total
     assert scaled >= 0.9 * total
+
+
+def test_a_hand_of_other_proportions_gets_weights_of_its_own() -> None:
+    rng = np.random.default_rng(3)
+    model = LandmarkModel(VOICE.hand, hand_map(), np.zeros((21, 3)), HAND_TRUST)
+    table = VOICE.gestures
+    found = np.concatenate(
+        [np.repeat(table.shape_targets, 6, axis=0), table.placement_targets.reshape(54, -1)], axis=1
+    ).astype(float)
+    theirs = model.landmarks(found)
+    for root, *others in ((5, 6, 7, 8), (9, 10, 11, 12)):
+        theirs[:, others] += 0.2 * (theirs[:, others] - theirs[:, [root]])
+    theirs += rng.normal(scale=0.5, size=theirs.shape)
+    own = own_map(model, theirs, found, near_hand, HAND_RIDGE_MM2)
+    before = np.linalg.norm((model.landmarks(found) - theirs)[..., :2], axis=-1).mean()
+    after = np.linalg.norm((own.landmarks(found) - theirs)[..., :2], axis=-1).mean()
+    assert after < 0.7 * before
+    few = own_map(model, theirs[:5], found[:5], near_hand, HAND_RIDGE_MM2)
+    np.testing.assert_array_equal(few.map.weights, model.map.weights)

@@ -101,7 +101,7 @@ def hand_map() -> LandmarkMap:
     joints, markers = lesson()
     weights = np.zeros((N_HAND_LANDMARKS, layout.N_HAND))
     for number in range(N_HAND_LANDMARKS):
-        own = _near(number)
+        own = near_markers(number)
         x = markers[:, own].transpose(0, 2, 1).reshape(-1, len(own))
         y = joints[:, number].reshape(-1)
         system = np.vstack(
@@ -113,7 +113,7 @@ def hand_map() -> LandmarkMap:
     return LandmarkMap(weights, np.zeros(N_HAND_LANDMARKS, dtype=bool))
 
 
-def _near(number: int) -> NDArray[np.intp]:
+def near_markers(number: int) -> NDArray[np.intp]:
     """Return the markers that carry a landmark of the hand."""
     palm = (*layout.KNUCKLES[1:], *layout.PALM)
     if number == 0:

@@ -27,16 +27,29 @@ from synth.capture.points.speaker import Speaker, moved_by
 from synth.capture.sources.landmark_table import LandmarkTable, read_landmarks
 from synth.capture.sources.resample import evenly
 from synth.capture.tracker.closure import rescaled
-from synth.capture.tracker.landmark_maps import FACE_LANDMARKS, hand_map
+from synth.capture.tracker.landmark_maps import FACE_LANDMARKS, SOFT_LANDMARKS, hand_map
 from synth.capture.tracker.landmark_model import FACE_TRUST, HAND_TRUST, LandmarkModel
+from synth.capture.tracker.own_map import (
+    FACE_RIDGE_MM2,
+    HAND_RIDGE_MM2,
+    near_face,
+    near_hand,
+    own_map,
+)
 from synth.capture.tracker.picture import Picture, find_picture
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 _LEAST_HAND = 12
-_SIZES = np.linspace(0.8, 1.3, 11)
-_SIZE_FRAMES = 30
+_LIPS = [
+    slot for slot, number in enumerate(FACE_LANDMARKS)
+    if any(name[:2] in ("UL", "LL", "LC") for name in SOFT_LANDMARKS.get(number, ()))
+]  # fmt: skip
+_SIZES = np.linspace(0.7, 1.6, 7)
+_OWN_FRAMES, _OWN_ROUNDS = 90, 2
+_LEAST_FACE, _LEAST_FRAMES = 8, 30
+_SIZE_FRAMES = 20
 _AWAY_S = 0.4
 _LIKELY_MM = 40.0
 
@@ -63,6 +76,7 @@ def capture_landmarks(path: Path, voice: Voice, options: CaptureOptions) -> Capt
     told = np.isfinite(face[..., 2]).any(1)
     gap = np.nanmedian((head.landmarks(still[:1]) - face[told])[..., 2], axis=1, keepdims=True)
     face[told, :, 2] += gap
+    head = _own_face(head, face, still)
     params[:, voice.face_columns] = _solved(head, face, still, rate_hz)
     fit, seen = None, None
     if hand is not None:
@@ -90,6 +104,30 @@ def _steady(
     if hand is None:
         return face, None, rate_hz
     return face, even[:, 3 * len(FACE_LANDMARKS) :].reshape(len(even), -1, 3), rate_hz
+
+
+def _own_face(head: LandmarkModel, face: FloatArray, still: FloatArray) -> LandmarkModel:
+    """Return the model with offsets and weights of the cuer's face."""
+    shown = np.flatnonzero(np.isfinite(face[..., 0]).sum(1) >= _LEAST_FACE)
+    few = shown[:: max(1, len(shown) // _OWN_FRAMES)]
+    if len(few) < _LEAST_FRAMES:
+        return head
+    x, at = face[few], still[few]
+    for _ in range(_OWN_ROUNDS):
+        at = invert(head, *_masked(x), at)
+        off = _median(x - head.landmarks(at))
+        off[:, 2] = 0.0
+        head = replace(head, offsets=head.offsets + off)
+        head = own_map(head, x, at, near_face, FACE_RIDGE_MM2)
+    return head
+
+
+def _median(gaps: FloatArray) -> FloatArray:
+    """Return the median displacement (L, 3) of gaps (T, L, 3); 0 of what is never seen."""
+    out = np.zeros(gaps.shape[1:])
+    seen = np.isfinite(gaps).all(-1).any(0)
+    out[seen] = np.nanmedian(gaps[:, seen], axis=0)
+    return out
 
 
 def _solved(model: LandmarkModel, x: FloatArray, start: FloatArray, rate_hz: float) -> FloatArray:
@@ -127,6 +165,11 @@ def _fit_hand(voice: Voice, x: FloatArray, face: FloatArray, rate_hz: float) -> 
     only = np.where(shown[:, None, None], x, np.nan)
     # Depth is told against the wrist alone: where that is, the likeliest posture says.
     only[..., 2] += (model.landmarks(start)[:, :1] - only[:, :1])[..., 2]
+    few = np.flatnonzero(shown)[:: max(1, int(shown.sum()) // _OWN_FRAMES)]
+    at = start[few]
+    for _ in range(_OWN_ROUNDS):
+        at = invert(model, *_masked(only[few]), at)
+        model = own_map(model, only[few], at, near_hand, HAND_RIDGE_MM2)
     found = _solved(model, only, start, rate_hz)
     error = _error(model, x[shown], found[shown])
     found[:, : model.n_shape] = rescaled(voice, found[:, : model.n_shape], shown)
@@ -180,10 +223,16 @@ def started(model: LandmarkModel, x: FloatArray, likely: FloatArray) -> FloatArr
 
 
 def _error(model: LandmarkModel, x: FloatArray, found: FloatArray) -> float:
-    """Return the median distance in the picture's plane, mm."""
+    """Return the mean distance in the picture's plane, mm."""
     gap = np.linalg.norm((x - model.landmarks(found))[..., :2], axis=-1)
     gap = gap[np.isfinite(gap)]
-    return float(np.median(gap)) if len(gap) else float("nan")
+    return float(np.mean(gap)) if len(gap) else float("nan")
+
+
+def _lips_error(model: LandmarkModel, x: FloatArray, found: FloatArray) -> float | None:
+    gap = np.linalg.norm((x - model.landmarks(found))[:, _LIPS, :2], axis=-1)
+    gap = gap[np.isfinite(gap)]
+    return round(float(gap.mean()), 3) if len(gap) else None
 
 
 def _report(
@@ -196,6 +245,11 @@ def _report(
         notes.append(f"frames are numbered, not timed: taken for {rate_hz:g} frames/s")
     if fit is None:
         notes.append("no hand is seen: it rests")
+    elif fit.size <= _SIZES[0] or fit.size >= _SIZES[-1]:
+        notes.append(
+            f"the hand is {fit.size:.2f} times the voice's, as small or large as is looked for: "
+            "is the aspect right?"
+        )
     return {
         "input": {
             "file": path.name, "kind": "landmarks", "frames": len(table.times),
@@ -213,6 +267,7 @@ def _report(
         "speaker": {"hand_size": 1.0 if fit is None else round(fit.size, 4)},
         "residual_mm": {
             "face": round(_error(head, face, params[:, voice.face_columns]), 3),
+            "lips": _lips_error(head, face, params[:, voice.face_columns]),
             "hand": None if fit is None else round(fit.error_mm, 3),
         },
         "notes": notes,
