@@ -46,7 +46,7 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
         "measured": {"body", "rules"},
         "avatar": {"body", "rules", "scoring"},
         "capture": {"body", "rules", "corpus", "scoring"},
-        "training": {"body", "corpus", "prosody", "rules", "scoring"},
+        "training": {"body", "corpus", "measured", "prosody", "rules", "scoring"},
     },
     "receiver": {
         "media": set(),

@@ -17,8 +17,9 @@ TOP = 1 << 32
 BOTTOM = 1 << 24
 MASK = TOP - 1
 
-RANGE, CODE, SLACK, POSITION = 0, 1, 2, 3
-"""Fields of a decoder's state: interval width, code minus low, unknown part, bytes read."""
+RANGE, CODE, SLACK, POSITION, TAIL = 0, 1, 2, 3, 4
+"""Fields of a decoder's state: interval width, code minus low, unknown part, bytes read, and the
+mask of those low bits of the last byte that are no code."""
 
 ESCAPE = 15
 MAX_PREFIX = 20
@@ -98,6 +99,9 @@ def _next_byte(data: NDArray[np.uint8], state: NDArray[np.int64]) -> None:
     state[SLACK] = min(state[SLACK] << 8, MASK - 255)
     if position < data.size:
         state[CODE] |= data[position]
+        if position == data.size - 1:
+            state[CODE] &= ~state[TAIL]
+            state[SLACK] |= state[TAIL]
     else:
         state[SLACK] |= 255
     state[POSITION] = position + 1

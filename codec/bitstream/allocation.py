@@ -3,14 +3,16 @@
 A `Plan` and a room in bits, or a step, go in; a `Content` comes out, ready to be written.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.bitstream.analysis import Analysis
-from codec.bitstream.payload import Content, coefficient_bits
+from codec.bitstream.payload import Content, choice_bits, coefficient_bits
 from codec.bitstream.plan import Plan
 from codec.bitstream.quantise import (
-    GAINS,
+    LEVELS,
     NO_RESIDUAL,
     NOTHING_SENT,
     WEIGHT,
@@ -21,76 +23,130 @@ from codec.bitstream.quantise import (
     width_mm,
 )
 from codec.bitstream.tables import coefficient_tables
-from codec.cuer.layout import MARKERS
-from codec.cues.timeline import TICKS
+from codec.bitstream.transform import Bases
 
+Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def allocate(plan: Plan, room_bits: float) -> Content:
-    """Return a superframe with the finest step, and its gain, at which all coefficients fit."""
+_UPWARDS = tuple(np.argsort(LEVELS)[np.sort(LEVELS) > 0].tolist())
+_DOWNWARDS = tuple(np.argsort(LEVELS)[np.sort(LEVELS) < 0].tolist())[::-1]
+"""Levels in the order in which they are tried, until one is worse than that before."""
+
+_NEAR = 4
+"""Steps by which another basis makes the step finer or wider, at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A basis and a level, and what the superframe is in that basis.
+
+    Attributes
+    ----------
+    basis, level : int
+    values : ndarray of float64, shape (32 P,)
+        What is lacking, in the scan order of the basis, mm.
+    """
+
+    basis: int
+    level: int
+    values: Array
+
+
+def allocate(plan: Plan, bases: Bases, room_bits: float) -> Content:
+    """Return a superframe with the finest step, and its basis, at which all coefficients fit.
+
+    Parameters
+    ----------
+    plan : Plan
+    bases : Bases
+    room_bits : float
+        Of both parts' payloads.
+    """
     analysis, left = plan.analysis, room_bits - plan.bits
-    gain, step = 0, _finest(analysis, 0, left)
-    better = _best_gain(analysis, step)
-    if better != gain:
-        gain, step = better, _finest(analysis, better, left - 4)
-    return _content(plan, *_quantised(analysis, step, gain))
+    usual = Choice(0, 0, bases[0].forward(analysis.lacking))
+    step = _finest(analysis, usual, bases, left)
+    chosen = choose(analysis, bases, step)
+    mode = analysis.header.mode
+    more = choice_bits(mode, chosen.basis, chosen.level) - choice_bits(mode, 0, 0)
+    near = max(step - _NEAR, 0), min(step + _NEAR, NO_RESIDUAL)
+    return content_at(plan, bases, chosen, _finest(analysis, chosen, bases, left - more, near))
 
 
-def allocate_at(plan: Plan, step: int) -> Content:
-    """Return a superframe at a step, 0 (finest) to 63 (no residual), with the best gain."""
-    return _content(plan, *_quantised(plan.analysis, step, _best_gain(plan.analysis, step)))
+def content_at(plan: Plan, bases: Bases, chosen: Choice, step: int) -> Content:
+    """Return a superframe at a step, 0 (finest) to 63 (no residual)."""
+    setting, q = _quantised(plan.analysis, chosen, bases, step)
+    return Content(
+        plan.analysis.header, setting, plan.analysis.part, q, plan.previews, plan.analysis.slow
+    )
 
 
-def without_coefficients(plan: Plan) -> Content:
-    """Return a superframe that says the score alone, without previews."""
-    nothing = np.zeros(plan.analysis.values[0].size, dtype=np.int64)
-    return Content(plan.analysis.header, NOTHING_SENT, plan.analysis.part, nothing)
+def without_coefficients(plan: Plan, bases: Bases) -> Content:
+    """Return a superframe that says the score alone."""
+    return content_at(plan, bases, Choice(0, 0, np.zeros(bases[0].scan_scales.size)), NO_RESIDUAL)
 
 
-def error_mm(analysis: Analysis, step: int) -> float:
-    """Return the error of a superframe at a step: RMS over its markers and frames."""
-    setting, q = _quantised(analysis, step, _best_gain(analysis, step))
-    error = analysis.values[setting.gain // 2]
-    if setting.step != NO_RESIDUAL:
-        basis = basis_of(analysis.bases, setting)
-        error = error - dequantise(q, setting, basis, coefficient_tables())
-    return float(np.sqrt(np.square(error).sum() / (TICKS * len(MARKERS))))
+def choose(analysis: Analysis, bases: Bases, step: int) -> Choice:
+    """Return the basis and then the level at which error and bits weigh least at a step."""
+    tried = [
+        Choice(number, 0, basis.forward(analysis.lacking)) for number, basis in enumerate(bases)
+    ]
+    if step == NO_RESIDUAL:
+        return tried[0]
+
+    def weight(choice: Choice) -> float:
+        bits, squares = weigh(analysis, choice, bases, step)
+        return squares / width_mm(step) ** 2 + WEIGHT * bits
+
+    weights = [weight(choice) for choice in tried]
+    best = tried[int(np.argmin(weights))]
+    least = min(weights)
+    for way in _UPWARDS, _DOWNWARDS:
+        for level in way:
+            other = Choice(best.basis, level, best.values)
+            if (worth := weight(other)) >= least:
+                break
+            best, least = other, worth
+        if best.level:
+            break
+    return best
 
 
-def _content(plan: Plan, setting: Setting, q: Ints) -> Content:
-    return Content(plan.analysis.header, setting, plan.analysis.part, q, plan.previews)
+def weigh(analysis: Analysis, choice: Choice, bases: Bases, step: int) -> tuple[float, float]:
+    """Return the bits of all coefficients and the choice, and the squared error, mm**2."""
+    setting, q = _quantised(analysis, choice, bases, step)
+    if setting.step == NO_RESIDUAL:
+        return 0.0, float(np.square(choice.values).sum())
+    basis = basis_of(bases, setting)
+    error = choice.values - dequantise(q, setting, basis, coefficient_tables())
+    bits = coefficient_bits(q, setting, basis)
+    bits += choice_bits(analysis.header.mode, choice.basis, choice.level)
+    return bits, float(error @ error)
 
 
-def _finest(analysis: Analysis, gain: int, bits: float) -> int:
-    low, high = 0, NO_RESIDUAL
+def _finest(
+    analysis: Analysis,
+    choice: Choice,
+    bases: Bases,
+    bits: float,
+    among: tuple[int, int] = (0, NO_RESIDUAL),
+) -> int:
+    low, high = among
     while low < high:
         step = (low + high) // 2
-        setting, q = _quantised(analysis, step, gain)
-        if coefficient_bits(q, setting, basis_of(analysis.bases, setting)) <= bits:
+        setting, q = _quantised(analysis, choice, bases, step)
+        if coefficient_bits(q, setting, basis_of(bases, setting)) <= bits:
             high = step
         else:
             low = step + 1
     return low
 
 
-def _quantised(analysis: Analysis, step: int, gain: int) -> tuple[Setting, Ints]:
+def _quantised(analysis: Analysis, choice: Choice, bases: Bases, step: int) -> tuple[Setting, Ints]:
     if step == NO_RESIDUAL:
-        return NOTHING_SENT, np.zeros(analysis.values[0].size, dtype=np.int64)
-    setting = Setting(step, gain, analysis.course, analysis.shift)
-    basis = basis_of(analysis.bases, setting)
-    return setting, quantise_rd(analysis.values[gain // 2], setting, basis, coefficient_tables())
-
-
-def _best_gain(analysis: Analysis, step: int) -> int:
-    """Return the gain at which error and bits weigh least at a step."""
-    if step == NO_RESIDUAL:
-        return 0
-    weights = []
-    for gain in range(len(GAINS)):
-        setting, q = _quantised(analysis, step, gain)
-        basis = basis_of(analysis.bases, setting)
-        error = analysis.values[gain // 2] - dequantise(q, setting, basis, coefficient_tables())
-        bits = coefficient_bits(q, setting, basis) + (3 if gain else 0)
-        weights.append(np.square(error / width_mm(step)).sum() + WEIGHT * bits)
-    return int(np.argmin(weights))
+        return NOTHING_SENT, np.zeros(choice.values.size, dtype=np.int64)
+    setting = Setting(
+        step, choice.basis, choice.level, analysis.course, analysis.shift, analysis.shares
+    )
+    basis = basis_of(bases, setting)
+    return setting, quantise_rd(choice.values, setting, basis, coefficient_tables())

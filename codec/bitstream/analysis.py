@@ -4,21 +4,22 @@ A motion and a number go in; out comes an `Analysis`: the score as the receiver 
 what the motion has beyond the prediction from that, in millimetres, ready to be quantised.
 """
 
+from collections.abc import Container
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bitstream.bits import PLAIN, SCORE, SEQUENCES, Header, voice_digit
+from codec.bitstream.bits import PLAIN, SCORE, SEQUENCES, Header
 from codec.bitstream.coding import Coding
 from codec.bitstream.joining import join
 from codec.bitstream.payload import Content, write_l0
 from codec.bitstream.preview import AHEAD, Preview, preview_of
-from codec.bitstream.quantise import N_COURSES, NOTHING_SENT
+from codec.bitstream.quantise import N_COURSES, NOTHING_SENT, PARTS, SHARES
 from codec.bitstream.resynthesis.course import SHIFTS
 from codec.bitstream.score_coding import ScorePart, evenly, part_of
-from codec.bitstream.superframe import resynthesis_of
-from codec.bitstream.transform import Bases
+from codec.bitstream.slow import SlowSender
+from codec.bitstream.superframe import resynthesis_of, scaled
 from codec.cuer.motion import Motion
 from codec.cues.cueing import CueingOptions
 from codec.cues.score import Score
@@ -32,6 +33,15 @@ _HISTORY = 8
 _USUAL = 0.95
 """Energy that the usual form of movement counts for: it costs least, another has to explain more.
 """
+
+_NOMINAL_MM = 40.0
+"""Width of the steps at which predictions are compared: that of 4 mm on films of real cuers."""
+
+_CLEAR_BITS = 12.0
+"""Bits by which the whole prediction has to beat none for its parts not to be looked at."""
+
+_TOLD_BITS = 3.0
+"""Bits that it takes, about, to say that a part of the prediction counts less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +58,14 @@ class Analysis:
         Whether the score's phones lie at even distances (S8).
     previews : dict of int to Preview
         Of later superframes, by distance: those that there are, before anything is left out.
-    bases : (Basis, Basis)
-    values : (ndarray, ndarray) of float64, shape (32 P,) each
-        What the prediction lacks, in the scan order of either basis, mm.
+    slow : tuple of int
+        Pieces of the slow channel.
+    lacking : ndarray of float64, shape (32, P)
+        What the prediction lacks.
     course, shift : int
         Form and time of the hand's movements in the prediction.
+    shares : tuple of int
+        How much of the prediction counts, by part.
     """
 
     index: int
@@ -60,10 +73,11 @@ class Analysis:
     part: ScorePart | None
     even: bool
     previews: dict[int, Preview]
-    bases: Bases
-    values: tuple[Array, Array]
+    slow: tuple[int, ...]
+    lacking: Array
     course: int = 0
     shift: int = 0
+    shares: tuple[int, ...] = (0,) * PARTS
 
 
 def block_at(motion: Motion, index: int) -> Array:
@@ -95,50 +109,96 @@ class Analyst:
         Under which the receiver derives keys from phones.
     protected : bool
         Preview later superframes.
+    signed : bool
+        Leave room for a proof.
+    slow : SlowSender
+        Tells lasting facts.
     """
 
     def __init__(
-        self, coding: Coding, l0_bytes: int, lead: int, options: CueingOptions, *, protected: bool
+        self,
+        coding: Coding,
+        l0_bytes: int,
+        lead: int,
+        options: CueingOptions,
+        *,
+        protected: bool,
+        signed: bool,
+        slow: SlowSender,
     ) -> None:
         self._coding = coding
         self._l0_bytes = l0_bytes
         self._lead = lead
         self._options = options
         self._protected = protected
+        self._signed = signed
+        self._slow = slow
         self._score: Score | None = None
         self._line = to_line(None)
         self._fitted: dict[int, tuple[ScorePart, bool]] = {}
 
-    def analyse(self, motion: Motion, index: int) -> Analysis:
-        """Return what is to be sent of superframe `index`."""
+    def analyse(self, motion: Motion, index: int, untold: Container[int] = frozenset()) -> Analysis:
+        """Return what is to be sent of superframe `index`.
+
+        Parameters
+        ----------
+        motion : Motion
+        index : int
+        untold : container of int
+            Superframes that do without their score.
+        """
         block = block_at(motion, index)
-        if motion.score is None:
-            bases = self._coding.of_motion
-            moved = self._coding.plain.forward(block - self._coding.mean)
-            header = self._header(PLAIN, index)
-            # The second basis is the first one with other scales, in the same order.
-            return Analysis(index, header, None, False, {}, bases, (moved, moved))
-        around = {k: self._part(motion.score, k) for k in (index - 1, index, index + 1)}
+        slow = (self._slow.piece(index),) if self._slow.due(index) else ()
+        if motion.score is None or index in untold:
+            header = self._header(PLAIN, index, slow)
+            return Analysis(index, header, None, False, {}, slow, block - self._coding.mean)
+        around = {
+            k: self._part(motion.score, k)
+            for k in (index - 1, index, index + 1) if k not in untold
+        }  # fmt: skip
         part, even = around[index]
         joined = join({k: p for k, (p, _) in around.items()})
         resynthesis = resynthesis_of(self._coding, joined, index)
-        bases = self._coding.of_score
+        matrix = self._coding.residual.matrix
 
         def energy(course: int, shift: int) -> float:
-            gap = (block - resynthesis.params(course=course, shift=shift)) @ bases[0].matrix
+            gap = (block - resynthesis.params(course=course, shift=shift)) @ matrix
             return float(np.square(gap).sum()) * (1.0 if course or shift else _USUAL)
 
         course = min(range(N_COURSES), key=lambda c: energy(c, 0))
         shift = min(range(len(SHIFTS)), key=lambda s: energy(course, s))
-        lacking = block - resynthesis.params(course=course, shift=shift)
-        values = bases[0].forward(lacking), bases[1].forward(lacking)
-        header = self._header(SCORE, index)
+        shares, lacking = self._shared(block, resynthesis.params(course=course, shift=shift))
+        header = self._header(SCORE, index, slow)
         previews = self._previews(index) if self._protected else {}
-        return Analysis(index, header, part, even, previews, bases, values, course, shift)
+        return Analysis(index, header, part, even, previews, slow, lacking, course, shift, shares)
 
-    def _header(self, mode: int, index: int) -> Header:
-        sequence = index % SEQUENCES
-        return Header(mode, sequence, self._lead, voice_digit(self._coding.identity, sequence))
+    def _shared(self, block: Array, prediction: Array) -> tuple[tuple[int, ...], Array]:
+        """Return how much of each part of a prediction counts, and what is lacking then."""
+        coding = self._coding
+
+        def lacking(shares: tuple[int, ...]) -> Array:
+            return np.asarray(block - scaled(prediction, coding, shares))
+
+        def bits(shares: tuple[int, ...]) -> float:
+            ratio = coding.plain.forward(lacking(shares)) / _NOMINAL_MM
+            told = sum(share > 0 for share in shares)
+            return float(0.5 * np.log2(1.0 + ratio * ratio).sum()) + _TOLD_BITS * told
+
+        whole, none = (0,) * PARTS, (len(SHARES) - 1,) * PARTS
+        cost, bare = bits(whole), bits(none)
+        if cost < bare - _CLEAR_BITS:
+            return whole, lacking(whole)
+        best = whole if cost <= bare else none
+        cost = min(cost, bare)
+        for part in range(PARTS):
+            for share in range(len(SHARES)):
+                tried = (*best[:part], share, *best[part + 1 :])
+                if tried != best and (other := bits(tried)) < cost:
+                    best, cost = tried, other
+        return best, lacking(best)
+
+    def _header(self, mode: int, index: int, slow: tuple[int, ...]) -> Header:
+        return Header(mode, index % SEQUENCES, self._lead, self._signed, len(slow))
 
     def _previews(self, index: int) -> dict[int, Preview]:
         return {
@@ -169,5 +229,9 @@ class Analyst:
 
     def _fits(self, part: ScorePart, index: int, *, even: bool) -> bool:
         nothing = np.zeros(self._coding.residual.scan_scales.size, dtype=np.int64)
-        content = Content(self._header(SCORE, index), NOTHING_SENT, part, nothing)
-        return write_l0(content, self._coding.of_score, self._l0_bytes, even=even) is not None
+        slow = (0,) if self._slow.due(index) else ()
+        content = Content(self._header(SCORE, index, slow), NOTHING_SENT, part, nothing, slow=slow)
+        return (
+            write_l0(content, self._coding.bases, self._l0_bytes, self._coding.identity, even=even)
+            is not None
+        )

@@ -20,10 +20,13 @@ from codec.bitstream.bits import (
     COMPACT_HEADER_BYTES,
     HEADER_BYTES,
     HEADER_FIELDS,
+    IDENTITY_BITS,
     MODES,
     PLAIN,
+    Header,
     read_header,
 )
+from codec.bitstream.checks import CRC16_BYTES, is_possible
 from codec.bitstream.quantise import NO_RESIDUAL, width_mm
 from codec.bitstream.range_coder import FLIP, TOTAL, RangeDecoder
 from codec.bitstream.superframe import Superframe
@@ -32,9 +35,13 @@ from codec.cues.phonology import PHONES
 from codec.errors import BitstreamError
 
 _HEADER_PARAGRAPHS = {
-    "version": "H2", "mode": "H3", "sequence": "H4", "lead": "section 2", "voice": "H5",
-    "compact": "H3",
+    "version": "H2", "mode": "H3", "sequence": "H4", "lead": "section 2", "signed": "H12",
+    "slow": "H8", "spare": "section 2", "compact": "H3",
 }  # fmt: skip
+
+
+_BY_WIDTH = {5: ("S8", "count"), 16: ("V4", "piece")}
+"""Paragraph and name of equally likely bits that no other bits are as many as."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,10 +87,10 @@ def map_superframe(frame: Superframe) -> list[Field]:
     Raises
     ------
     BitstreamError
-        If L0 is too short or damaged, or of an unknown version.
+        If L0 has an impossible length or is of an unknown version.
     """
-    if not payload.is_intact(frame.l0):
-        raise BitstreamError(f"superframe {frame.index}: its L0 is damaged", section="H6")
+    if not is_possible(frame.l0):
+        raise BitstreamError(f"superframe {frame.index}: its L0 is damaged", section="H1")
     return [*_l0(frame.l0), *_l1(frame.l1)]
 
 
@@ -95,18 +102,24 @@ def _l0(l0: bytes) -> Iterator[Field]:
     for name, width in layout.items():
         value = bits[at : at + width].uint
         said = f"{value} {MODES[value]}" if name == "mode" and value < len(MODES) else str(value)
-        paragraph = "M2" if compact and name == "voice" else _HEADER_PARAGRAPHS.get(name, "")
-        yield Field("L0", name, at, width, said, paragraph)
+        yield Field("L0", name, at, width, said, _HEADER_PARAGRAPHS[name])
         at += width
-    check = 0 if compact else 8 * payload.CRC16_BYTES
-    end = len(bits) - check
-    symbols, known = _symbols(l0, compact=compact, mode=header.mode)
+    check = 0 if compact else 8 * CRC16_BYTES
+    end = len(bits) - check - header.tail
+    symbols, known = _symbols(l0, header)
     place = float(at)
     for symbol in symbols:
         yield Field("L0", symbol.name, place, symbol.bits, symbol.value, symbol.paragraph)
         place += symbol.bits
     rest = "unused" if compact or known == NO_RESIDUAL else "coefficients"
     yield Field("L0", rest, place, end - place, "", "R6" if rest == "unused" else "C5")
+    identity = IDENTITY_BITS if compact else 0
+    for name, width, paragraph in (
+        ("identity", identity, "M2"), ("proof", header.tail - identity, "H12")
+    ):  # fmt: skip
+        if width:
+            yield Field("L0", name, end, width, str(bits[end : end + width].uint), paragraph)
+            end += width
     if check:
         yield Field("L0", "check", end, check, f"0x{bits[end:].hex}", "H6")
 
@@ -118,17 +131,20 @@ def _l1(l1: bytes) -> Iterator[Field]:
         yield Field("L1", "check", end, 8, f"0x{Bits.from_bytes(l1)[end:].hex}", "H7")
 
 
-def _symbols(l0: bytes, *, compact: bool, mode: int) -> tuple[list["_Symbol"], int]:
+def _symbols(l0: bytes, header: Header) -> tuple[list["_Symbol"], int]:
     """Return the symbols of L0's code before its coefficients, and the step."""
-    if compact:
-        watched = _Watched(l0[COMPACT_HEADER_BYTES:], "M4", "begin")
+    mode = header.mode
+    if MODES[mode] == "compact":
+        watched = _Watched(l0[COMPACT_HEADER_BYTES:], header.tail, "M4", "begin")
         window.read_window(l0, watched)
         return watched.symbols, NO_RESIDUAL
-    watched = _Watched(l0[HEADER_BYTES : -payload.CRC16_BYTES], "H8", "step")
+    watched = _Watched(l0[HEADER_BYTES:-CRC16_BYTES], header.tail, "H8", "step")
+    list(payload.read_slow(watched, header))
+    first = len(watched.symbols)
     setting = payload.read_setting(watched, mode)
-    first = watched.symbols[0]
+    step = watched.symbols[first]
     told = "no residual" if setting.step == NO_RESIDUAL else f"{width_mm(setting.step):.2f} mm"
-    watched.symbols[0] = _Symbol(first.name, first.bits, f"{setting.step}: {told}", "H8")
+    watched.symbols[first] = _Symbol(step.name, step.bits, f"{setting.step}: {told}", "H8")
     if mode != PLAIN:
         watched.plain = "S9", "option"
         score_coding.read_score(watched, score_tables())
@@ -148,12 +164,11 @@ class _Symbol:
 class _Watched(RangeDecoder):
     """A decoder that notes each symbol; `plain` says what equally likely bits mean."""
 
-    def __init__(self, data: bytes, paragraph: str, name: str) -> None:
-        super().__init__(data)
+    def __init__(self, data: bytes, tail: int, paragraph: str, name: str) -> None:
+        super().__init__(data, tail=tail)
         self.symbols: list[_Symbol] = []
         self.plain = paragraph, name
         self._known = _named_tables()
-        self._choices = iter((("gain", "H8"), ("course", "H8")))
 
     def get(self, cdf: NDArray[np.int64], limit: int | None = None) -> int:
         """Return the next symbol, and note it."""
@@ -169,7 +184,7 @@ class _Watched(RangeDecoder):
         before = len(self.symbols)
         value = super().get_bits(width)
         del self.symbols[before:]
-        paragraph, name = ("S8", "count") if width == 5 else self.plain
+        paragraph, name = _BY_WIDTH.get(width, self.plain)
         self.symbols.append(_Symbol(name, float(width), str(value), paragraph))
         return value
 
@@ -187,7 +202,7 @@ class _Watched(RangeDecoder):
     def _name_of(self, cdf: NDArray[np.int64]) -> tuple[str, str]:
         for table, name, paragraph in self._known:
             if np.may_share_memory(cdf, table):
-                return next(self._choices) if name == "choice" else (name, paragraph)
+                return name, paragraph
         raise AssertionError("a table without a name")
 
 
@@ -196,8 +211,12 @@ def _named_tables() -> list[tuple[NDArray[np.int64], str, str]]:
     t = score_tables()
     return [
         (FLIP, "bit", "G2"),
-        (payload.CHOICES, "choice", "H8"),
+        *((table, "basis", "H8") for table in payload.BASES.values()),
+        (payload.LEVELS, "level", "H8"),
+        (payload.COURSES, "course", "H8"),
         (payload.SHIFTS, "shift", "H8"),
+        (payload.SHARED, "shared", "H8"),
+        (payload.SHARE, "share", "P10"),
         (score_coding.TIMING, "timing", "S2"),
         (score_coding.PLAIN_OR_SPECIAL, "special", "S2"),
         (score_coding.AS_RULED, "replaced", "S9"),
@@ -212,6 +231,7 @@ def _named_tables() -> list[tuple[NDArray[np.int64], str, str]]:
         (t.key, "key", "V2"),
         (t.gap, "gap", "V2"),
         (preview.WHICH, "previews", "V1"),
+        (window.SLOW, "slow", "M1"),
         (window.TIMING, "timing", "M3"),
         (window.BEGIN, "begin", "M4"),
         (window.PACE, "pace", "M6"),

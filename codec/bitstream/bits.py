@@ -10,40 +10,50 @@ from dataclasses import dataclass
 
 from codec.errors import BitstreamError
 
-VERSION = 3
-"""Version of the bitstream that this package writes."""
+VERSION = 4
+"""Version of the bitstream that this package writes; stream files state it as it is."""
+
+VERSION_CODE = 0
+"""What superframes say for it. Code 1 is the escape of later versions; 2 and 3 are themselves."""
 
 MODES = ("score", "plain", "compact")
 """Names of the modes: score with residual, residual alone, score alone in few bytes."""
 
 SCORE, PLAIN, COMPACT = range(len(MODES))
 
-HEADER_FIELDS = {"version": 2, "mode": 2, "sequence": 6, "lead": 2, "voice": 4}
+HEADER_FIELDS = {
+    "version": 2, "mode": 2, "sequence": 6, "lead": 2, "signed": 1, "slow": 2, "spare": 1,
+}  # fmt: skip
 """The header of L0: names and widths in bits, first field in the highest bits."""
 
-COMPACT_FIELDS = {"version": 2, "compact": 1, "voice": 1, "sequence": 4}
-"""The header of L0 in compact mode: the lower bit of the mode is one of the voice's."""
+COMPACT_FIELDS = {"version": 2, "compact": 1, "signed": 1, "sequence": 4}
+"""The header of L0 in compact mode: the lower bit of the mode is `signed`."""
 
 COMPACT_LEAD = 2
 """Superframes by which compact ones are always on air ahead of their time."""
 
 FILE_FIELDS = {
-    "magic": 32, "version": 8, "voice": 64, "coding": 64, "first_tick": 32, "ticks": 32,
-    "l0": 12, "l1": 12,
+    "magic": 32, "version": 8, "coding": 64, "first_tick": 32, "ticks": 32, "l0": 12, "l1": 12,
 }  # fmt: skip
 """The head of a stream file, before its checksum."""
 
-RECORD_FIELDS = {"l0": 12, "l1": 12}
-"""The lengths before each superframe of a file whose head states none."""
+RECORD_FIELDS = {"mode": 1, "bytes": 7}
+"""What precedes each superframe of a file whose head states no lengths."""
 
 MAGIC = int.from_bytes(b"CUES", "big")
 
 HEADER_BYTES = 2
 COMPACT_HEADER_BYTES = 1
-FILE_BYTES = 32
-RECORD_BYTES = 3
+FILE_BYTES = 24
+RECORD_BYTES = 1
 SEQUENCES = 64
 COMPACT_SEQUENCES = 16
+
+PROOF_BITS = {SCORE: 9, PLAIN: 9, COMPACT: 2}
+"""Bits of the proof that a signed superframe carries, by mode."""
+
+IDENTITY_BITS = 2
+"""Bits of the coding's identity at the end of a compact superframe's payload."""
 
 assert sum(HEADER_FIELDS.values()) == 8 * HEADER_BYTES
 assert sum(COMPACT_FIELDS.values()) == 8 * COMPACT_HEADER_BYTES
@@ -99,18 +109,18 @@ class Header:
         Number of the superframe modulo `sequences`.
     lead : int
         Superframes between the time on air and the time of presentation, 0..3.
-    voice : int
-        Hexadecimal digit number ``sequence % 16`` of the coding's identity; in compact mode bit
-        number ``sequence`` of it.
-    version : int
-        Version of the bitstream.
+    signed : bool
+        Whether a proof follows the payload.
+    slow : int
+        Pieces of the slow channel that the payload begins with, 0..3; compact superframes tell it
+        in the payload.
     """
 
     mode: int
     sequence: int
     lead: int
-    voice: int
-    version: int = VERSION
+    signed: bool = False
+    slow: int = 0
 
     @property
     def sequences(self) -> int:
@@ -120,9 +130,16 @@ class Header:
     def to_bytes(self) -> bytes:
         """Return the two bytes, or the one of compact mode."""
         fields = COMPACT_FIELDS if self.mode == COMPACT else HEADER_FIELDS
-        values = {"version": self.version, "mode": self.mode, "compact": 1}
-        values |= {"sequence": self.sequence, "lead": self.lead, "voice": self.voice}
+        values = {"version": VERSION_CODE, "mode": self.mode, "compact": 1, "spare": 0}
+        values |= {"sequence": self.sequence, "lead": self.lead}
+        values |= {"signed": int(self.signed), "slow": self.slow}
         return pack_fields(fields, values)
+
+    @property
+    def tail(self) -> int:
+        """Bits between the payload and the check, or the end."""
+        proof = PROOF_BITS[self.mode] if self.signed else 0
+        return proof + (IDENTITY_BITS if self.mode == COMPACT else 0)
 
 
 def read_header(l0: bytes) -> Header:
@@ -135,39 +152,42 @@ def read_header(l0: bytes) -> Header:
 
     Examples
     --------
-    >>> read_header(Header(mode=0, sequence=5, lead=2, voice=10).to_bytes()).sequence
+    >>> read_header(Header(mode=0, sequence=5, lead=2).to_bytes()).sequence
     5
     """
     fields = unpack_fields(COMPACT_FIELDS, l0[:COMPACT_HEADER_BYTES])
-    if fields.pop("compact"):
-        header = Header(**fields, mode=COMPACT, lead=COMPACT_LEAD)
-    else:
-        header = Header(**unpack_fields(HEADER_FIELDS, l0[:HEADER_BYTES]))
-    if header.version != VERSION:
-        raise BitstreamError(f"version {header.version} is not {VERSION}", section="H2", bit=0)
-    return header
+    if fields["version"] != VERSION_CODE:
+        later = fields["version"] == 1
+        told = "a later version" if later else f"version {fields['version']}"
+        raise BitstreamError(f"{told} is not {VERSION}", section="H2", bit=0)
+    if fields["compact"]:
+        return Header(COMPACT, fields["sequence"], COMPACT_LEAD, bool(fields["signed"]))
+    fields = unpack_fields(HEADER_FIELDS, l0[:HEADER_BYTES])
+    return Header(
+        fields["mode"], fields["sequence"], fields["lead"], bool(fields["signed"]), fields["slow"]
+    )
 
 
-def voice_digit(identity: str, sequence: int) -> int:
-    """Return the digit of a coding's identity that superframe `sequence` carries (H5).
-
-    Examples
-    --------
-    >>> voice_digit("0123456789abcdef", 26)
-    10
-    """
-    return int(identity[sequence % 16], 16)
-
-
-def voice_bit(identity: str, sequence: int) -> int:
-    """Return the bit of a coding's identity that compact superframe `sequence` carries (M2).
+def identity_mask(identity: str) -> int:
+    """Return the 16 bits that a coding's identity changes in the check of L0 (H5).
 
     Examples
     --------
-    >>> [voice_bit("c0123456789abcde", k) for k in range(4)]
-    [1, 1, 0, 0]
+    >>> hex(identity_mask("0123456789abcdef"))
+    '0x123'
     """
-    return int(identity[:4], 16) >> (15 - sequence % COMPACT_SEQUENCES) & 1
+    return int(identity[:4], 16)
+
+
+def identity_bits(identity: str, sequence: int) -> int:
+    """Return the two bits of a coding's identity that a compact superframe carries (M2).
+
+    Examples
+    --------
+    >>> [identity_bits("c0123456789abcde", k) for k in range(4)]
+    [3, 0, 0, 0]
+    """
+    return identity_mask(identity) >> (14 - 2 * (sequence % 8)) & 3
 
 
 def crc16(data: bytes) -> int:

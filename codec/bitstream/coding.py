@@ -29,13 +29,10 @@ from codec.files.npz import read_arrays, write_arrays
 Array = NDArray[np.float64]
 
 FOLDER = Path(__file__).parents[1] / "assets" / "coding"
-FORMAT = "cuecast-coding-1"
+FORMAT = "cuecast-coding-2"
 _MAX_BYTES = 1 << 20
-_WIDER = 10
-"""Quarter octaves by which the second basis of motion without a score expects more."""
-
 _TARGETS = ("hand", "head", "forearm", "arc", "face")
-_BASES = ("residual", "loose", "plain")
+_BASES = ("residual", "loose", "plain", "filmed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +53,8 @@ class Coding:
         Parameters that stand for a motion without a score.
     plain : Basis
         Of motion about that mean.
+    filmed : Basis
+        The same of cuers at the pace of real ones, seen by one camera.
     trained : bool
         Whether they were trained; else they are derived from the voice, at each end anew.
     identity : str
@@ -69,9 +68,9 @@ class Coding:
     loose: Basis
     mean: Array
     plain: Basis
+    filmed: Basis
     trained: bool = True
-    of_score: Bases = field(init=False)
-    of_motion: Bases = field(init=False)
+    bases: Bases = field(init=False)
     identity: str = field(init=False)
 
     def __post_init__(self) -> None:
@@ -81,9 +80,8 @@ class Coding:
             if self.trained or array.dtype.kind == "i":
                 digest.update(f"{name}{array.shape}".encode() + array.tobytes())
         object.__setattr__(self, "identity", digest.hexdigest()[:16])
-        wide = Basis(self.plain.matrix, self.plain.scales + _WIDER)
-        object.__setattr__(self, "of_score", (self.residual, self.loose))
-        object.__setattr__(self, "of_motion", (self.plain, wide))
+        bases = (self.residual, self.loose, self.plain, self.filmed)
+        object.__setattr__(self, "bases", bases)
 
 
 def coding_for(voice: Voice) -> Coding:
@@ -170,12 +168,13 @@ def load_coding(path: str | os.PathLike[str], voice: Voice) -> Coding:
                 targets, movement=Movement.from_array(arrays["targets.movement"]),
                 places=arrays["targets.places"], late=arrays["targets.late"],
             )  # fmt: skip
-        residual, loose, plain = (
+        bases = (
             Basis(arrays[f"{n}.matrix"].astype(np.float64), arrays[f"{n}.scales"].astype(np.int64))
             for n in _BASES
         )
         mean = arrays["mean"].astype(np.float64)
-        coding = Coding(stated, targets, residual, loose, mean, plain)
+        residual, loose, plain, filmed = bases
+        coding = Coding(stated, targets, residual, loose, mean, plain, filmed)
     except KeyError as error:
         raise VoiceError(f"{path}: coding tables without {error.args[0]}") from error
     if stated != voice.identity or len(coding.mean) != len(voice.layout):
@@ -184,11 +183,38 @@ def load_coding(path: str | os.PathLike[str], voice: Voice) -> Coding:
 
 
 _SPECTRUM = 1 / (1 + (np.arange(TICKS) / 2.0) ** 3)
+DOUBT = 2.0
+"""Variance of each parameter that the basis of filmed motion adds to what is known: of 0.5, 1 and 2
+the least rate on films of cuers that training has not seen."""
+
 _HEAD_MM = 3.0
 """Displacement of the markers by an untrained voice's head, RMS."""
 
 _UNEXPLAINED = 0.3
 """Share of the targets' variance that an untrained voice's resynthesis leaves over."""
+
+
+def basis_of_any(
+    metric: Array, covariance: Array, spectrum: Array = _SPECTRUM, *, doubt: float = DOUBT
+) -> Basis:
+    """Return the basis of motion of which little is known but its covariance.
+
+    Each parameter's variance is 1 in a voice's own motion; other cuers and cameras move the
+    parameters in other proportions. The covariance counts `doubt` times less than not knowing.
+
+    Parameters
+    ----------
+    metric, covariance : ndarray of float64, shape (P, P)
+    spectrum : ndarray of float64, shape (32,)
+        Power at each frequency of the transform, alike in all channels.
+    doubt : float
+        Variance of each parameter that is added.
+    """
+    wide = covariance + doubt * np.eye(len(covariance))
+    matrix = klt(metric, wide)
+    variance = np.einsum("pc,pq,qc->c", matrix, wide, matrix)
+    variance *= np.trace(covariance) / np.trace(wide)
+    return Basis(matrix, scales_of(np.outer(variance, spectrum / spectrum.mean())))
 
 
 def derive_coding(voice: Voice) -> Coding:
@@ -218,6 +244,7 @@ def derive_coding(voice: Voice) -> Coding:
         variance = np.einsum("pc,pq,qc->c", matrix, spread, matrix)
         bases.append(Basis(matrix, scales_of(np.outer(variance, _SPECTRUM / _SPECTRUM.mean()))))
     tight, loose, plain = bases
+    filmed = basis_of_any(metric, covariance)
     return Coding(
-        voice.identity, targets, tight, loose, poses.mean(axis=0), plain, trained=False
+        voice.identity, targets, tight, loose, poses.mean(axis=0), plain, filmed, trained=False
     )  # fmt: skip

@@ -4,6 +4,7 @@ Specification: spec/bitstream.md, section 3.1.
 """
 
 from codec.bitstream.coding import coding_for
+from codec.bitstream.slow import SILENT, SlowSender
 from codec.bitstream.superframe import Superframe
 from codec.bitstream.window import MAX_BYTES, MIN_BYTES
 from codec.bitstream.window_writer import WindowWriter
@@ -28,6 +29,10 @@ class CompactEncoder:
         Under which the receiver derives keys from phones.
     first : int
         Number of the first superframe that will be on air: windows lean on earlier ones.
+    signed : bool
+        Leave room for a proof of who speaks (`codec.bitstream.checks.with_proof`).
+    slow : SlowSender
+        Tells lasting facts.
 
     Raises
     ------
@@ -42,6 +47,8 @@ class CompactEncoder:
         l0_bytes: int,
         options: CueingOptions = DEFAULT_OPTIONS,
         first: int = 0,
+        signed: bool = False,
+        slow: SlowSender = SILENT,
     ) -> None:
         if not MIN_BYTES <= l0_bytes <= MAX_BYTES:
             raise CueError(f"compact superframe of {l0_bytes} bytes, {MIN_BYTES}..{MAX_BYTES}")
@@ -50,6 +57,7 @@ class CompactEncoder:
         self._size = l0_bytes
         self._options = options
         self._first = first
+        self._signed, self._slow = signed, slow
         self._score: Score | None = None
         self._writer: WindowWriter | None = None
 
@@ -70,6 +78,7 @@ class CompactEncoder:
             self._score = motion.score
             line = to_line(motion.score, self._options)
             self._writer = WindowWriter(
-                line, self._options, self._coding.identity, self._size, first=self._first
-            )
+                line, self._options, self._coding.identity, self._size, first=self._first,
+                signed=self._signed, slow=self._slow,
+            )  # fmt: skip
         return Superframe(index, self._writer.l0(index), b"")

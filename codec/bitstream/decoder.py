@@ -8,24 +8,11 @@ spec/bitstream.md, section 2.
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bitstream.bits import (
-    COMPACT,
-    PLAIN,
-    SCORE,
-    SEQUENCES,
-    Header,
-    read_header,
-    voice_bit,
-    voice_digit,
-)
+from codec.bitstream.bits import PLAIN, SCORE, SEQUENCES, read_header
+from codec.bitstream.checks import heard_mask, is_compact, is_own, is_possible
 from codec.bitstream.coding import coding_for
 from codec.bitstream.joining import Joined, Parts, join
-from codec.bitstream.payload import (
-    Content,
-    is_intact,
-    read_l0,
-    read_l1,
-)
+from codec.bitstream.payload import Content, read_l0, read_l1
 from codec.bitstream.preview import Preview, part_of_preview
 from codec.bitstream.quantise import (
     NO_RESIDUAL,
@@ -34,9 +21,8 @@ from codec.bitstream.quantise import (
 )
 from codec.bitstream.resynthesis.course import minimum_jerk
 from codec.bitstream.score_coding import ScorePart
-from codec.bitstream.superframe import WINDOWS, DecodedSuperframe, resynthesis_of
+from codec.bitstream.superframe import WINDOWS, DecodedSuperframe, resynthesis_of, scaled
 from codec.bitstream.tables import coefficient_tables
-from codec.bitstream.transform import Bases
 from codec.bitstream.window import Window
 from codec.cuer.voice import Voice
 from codec.cues.timeline import SUPERFRAME_S, TICKS
@@ -61,6 +47,7 @@ class SuperframeDecoder:
         self._contents: dict[int, Content] = {}
         self._layers: dict[int, tuple[str, ...]] = {}
         self._previewed: dict[int, tuple[int, Preview]] = {}
+        self._foreign: int | None = None
 
     def push(self, l0: bytes | None, l1: bytes | None, index: int) -> DecodedSuperframe:
         """Take the parts of superframe `index` and return what they say now.
@@ -79,6 +66,11 @@ class SuperframeDecoder:
         BitstreamError
             If L0 is intact and breaks a rule: version (H2), sequence (H4).
         """
+        self.take(l0, l1, index)
+        return self.render(index)
+
+    def take(self, l0: bytes | None, l1: bytes | None, index: int) -> None:
+        """Take the parts of superframe `index`, as `push` does, without drawing it yet."""
         self._forget(index)
         content, layers = self._read(l0, l1, index)
         if content is not None:
@@ -88,7 +80,6 @@ class SuperframeDecoder:
                 known = self._previewed.get(index + distance)
                 if known is None or distance <= known[0]:
                     self._previewed[index + distance] = distance, preview
-        return self.render(index)
 
     def _forget(self, index: int) -> None:
         for old in [k for k in self._contents if abs(k - index) > _HISTORY]:
@@ -99,7 +90,7 @@ class SuperframeDecoder:
     def _read(
         self, l0: bytes | None, l1: bytes | None, index: int
     ) -> tuple[Content | None, tuple[str, ...]]:
-        if l0 is None or not is_intact(l0):
+        if l0 is None or not self.admits(l0):
             return None, ()
         header = read_header(l0)
         if header.sequence != index % header.sequences:
@@ -108,33 +99,46 @@ class SuperframeDecoder:
                 f"{index % header.sequences}",
                 section="H4", bit=4,
             )  # fmt: skip
-        self.check_coding(header)
-        content, known = read_l0(l0, self._bases(header))
+        content, known = read_l0(l0, self._coding.bases)
         if l1:
             try:
-                whole = read_l1(l0, l1, content, known, self._bases(header))
+                whole = read_l1(l0, l1, content, known, self._coding.bases)
             except BitstreamError:
                 return content, ("L0",)
             return whole, ("L0", "L1")
         return content, ("L0",)
 
-    def check_coding(self, header: Header) -> None:
-        """Compare what a superframe tells of voice and tables with one's own (H5, M2).
+    def admits(self, l0: bytes) -> bool:
+        """Return whether an L0 part is whole and of this decoder's coding (H5, M2).
+
+        A single part that is not may be damaged; two that tell the same other identity are
+        another's.
 
         Raises
         ------
         VoiceError
-            If they differ.
+            If the stream was made with another voice or other coding tables.
+        BitstreamError
+            If it is of another version (H2).
         """
-        digit = voice_bit if header.mode == COMPACT else voice_digit
-        own = digit(self._coding.identity, header.sequence)
-        if header.voice != own:
-            what = "bit" if header.mode == COMPACT else "digit"
-            raise VoiceError(
-                f"another voice, or other coding tables: {what} {header.sequence % 16} of the "
-                f"stream's identity is {header.voice:x}, that of voice {self.voice.name} "
-                f"({self._coding.identity}) has {own:x}"
-            )
+        identity = self._coding.identity
+        if is_own(l0, identity):
+            read_header(l0)
+            self._foreign = None
+            return True
+        if not is_possible(l0):
+            return False
+        if not is_compact(l0):
+            heard = heard_mask(l0)
+            if heard != self._foreign:
+                self._foreign = heard
+                return False
+        read_header(l0)
+        told = "" if is_compact(l0) else f" it begins with {heard_mask(l0):04x},"
+        raise VoiceError(
+            f"another voice, or other coding tables:{told} the identity of voice "
+            f"{self.voice.name} here is {identity}"
+        )
 
     def render(self, index: int) -> DecodedSuperframe:
         """Return superframe `index` from all that has arrived by now.
@@ -158,6 +162,7 @@ class SuperframeDecoder:
             parts.get(index),
             content.header.lead if content else -1,
             index % SEQUENCES,
+            content.slow if content else (),
         )
 
     def _parts(self, index: int) -> Parts:
@@ -182,12 +187,18 @@ class SuperframeDecoder:
         content = self._contents.get(index)
         if content is not None:
             return self._prediction(content, index, joined) + self._sent(content)
-        known = [self._contents.get(k) for k in (index - 1, index + 1)]
-        before, after = (
-            self._sent(c) if c is not None and c.header.mode == SCORE else None for c in known
-        )
+        before, after = (self._beyond(k) for k in (index - 1, index + 1))
         prediction = resynthesis_of(self._coding, joined, index).params()
         return prediction + self._coding.residual.between(before, after)
+
+    def _beyond(self, index: int) -> Array | None:
+        """Return what a superframe with a score says beyond its whole prediction."""
+        content = self._contents.get(index)
+        if content is None or content.header.mode != SCORE:
+            return None
+        joined = join(self._parts(index))
+        params = self._prediction(content, index, joined) + self._sent(content)
+        return np.asarray(params - resynthesis_of(self._coding, joined, index).params())
 
     def _untold(self, index: int, joined: Joined) -> Array:
         """Return likely parameters of a superframe of which nothing is known.
@@ -220,14 +231,12 @@ class SuperframeDecoder:
             return self._coding.mean
         setting = content.setting
         resynthesis = resynthesis_of(self._coding, joined, index)
-        return resynthesis.params(course=setting.course, shift=setting.shift)
-
-    def _bases(self, header: Header) -> Bases:
-        return self._coding.of_motion if header.mode == PLAIN else self._coding.of_score
+        params = resynthesis.params(course=setting.course, shift=setting.shift)
+        return scaled(params, self._coding, setting.shares)
 
     def _sent(self, content: Content) -> Array:
         """Return the residual that a superframe says."""
-        basis = basis_of(self._bases(content.header), content.setting)
+        basis = basis_of(self._coding.bases, content.setting)
         if content.setting.step == NO_RESIDUAL:
             return np.zeros((TICKS, len(basis.matrix)))
         tables = coefficient_tables()

@@ -5,21 +5,23 @@ what it says beside coefficients, `allocation` how finely these are told, `paylo
 Specification: spec/bitstream.md, section 2.
 """
 
-from codec.bitstream.allocation import allocate, allocate_at, error_mm, without_coefficients
+from collections.abc import Container
+
+from codec.bitstream.allocation import allocate, choose, content_at, without_coefficients
 from codec.bitstream.analysis import Analysis, Analyst
-from codec.bitstream.bits import HEADER_BYTES
+from codec.bitstream.checks import MIN_L0_BYTES, SIGNED_BYTES
 from codec.bitstream.coding import coding_for
 from codec.bitstream.payload import (
     CRC8_BYTES,
-    CRC16_BYTES,
-    MIN_L0_BYTES,
     Content,
     read_l0,
+    room_bits,
     write_l0,
     write_l0_whole,
     write_l1,
 )
 from codec.bitstream.plan import plan_of, plans
+from codec.bitstream.slow import SILENT, SlowSender
 from codec.bitstream.superframe import Superframe
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
@@ -45,6 +47,10 @@ class SuperframeEncoder:
         Under which the receiver derives keys from phones.
     protected : bool
         Send previews of later superframes.
+    signed : bool
+        Leave room for a proof of who speaks (`codec.bitstream.checks.with_proof`).
+    slow : SlowSender
+        Tells lasting facts.
 
     Raises
     ------
@@ -61,12 +67,17 @@ class SuperframeEncoder:
         lead: int = 2,
         options: CueingOptions = DEFAULT_OPTIONS,
         protected: bool = False,
+        signed: bool = False,
+        slow: SlowSender = SILENT,
     ) -> None:
-        if l0_bytes < MIN_L0_BYTES or l1_bytes < 0 or not 0 <= lead <= 3:
+        if l0_bytes < MIN_L0_BYTES + SIGNED_BYTES * signed or l1_bytes < 0 or not 0 <= lead <= 3:
             raise CueError(f"superframe of {l0_bytes} + {l1_bytes} bytes, lead {lead}")
         self.voice = voice
         self._sizes = l0_bytes, l1_bytes
-        self._analyst = Analyst(coding_for(voice), l0_bytes, lead, options, protected=protected)
+        self._coding = coding_for(voice)
+        self._analyst = Analyst(
+            self._coding, l0_bytes, lead, options, protected=protected, signed=signed, slow=slow
+        )
 
     def encode(self, motion: Motion, index: int) -> Superframe:
         """Return superframe `index` of `motion`, of the encoder's size.
@@ -76,14 +87,14 @@ class SuperframeEncoder:
         VoiceError
             If the motion was made with another voice.
         """
-        analysis = self._analyse(motion, index)
+        analysis, bases = self.analyse(motion, index), self._coding.bases
         l0_bytes, l1_bytes = self._sizes
-        room = 8 * (l0_bytes - HEADER_BYTES - CRC16_BYTES + max(0, l1_bytes - CRC8_BYTES))
+        room = room_bits(analysis.header, l0_bytes) + 8 * max(0, l1_bytes - CRC8_BYTES)
         for plan in plans(analysis, l0_bytes, l1_bytes):
-            written = self._write(allocate(plan, room), analysis)
+            written = self._write(allocate(plan, bases, room), analysis)
             if written is not None:
                 return written
-        written = self._write(without_coefficients(plan_of(analysis, {})), analysis)
+        written = self._write(without_coefficients(plan_of(analysis, {}), bases), analysis)
         assert written is not None, "a fitted score always fits"
         return written
 
@@ -97,24 +108,36 @@ class SuperframeEncoder:
         step : int
             Step number, 0 (finest) to 63 (no residual).
         """
-        analysis = self._analyse(motion, index)
-        content = allocate_at(plan_of(analysis, analysis.previews), step)
-        return Superframe(index, write_l0_whole(content, analysis.bases), b"")
+        analysis, bases = self.analyse(motion, index), self._coding.bases
+        chosen = choose(analysis, bases, step)
+        content = content_at(plan_of(analysis, analysis.previews), bases, chosen, step)
+        return Superframe(index, write_l0_whole(content, bases, self._coding.identity), b"")
 
-    def error_mm(self, motion: Motion, index: int, step: int) -> float:
-        """Return the error of superframe `index` at a step: RMS over its markers and frames."""
-        return error_mm(self._analyse(motion, index), step)
+    def analyse(self, motion: Motion, index: int, untold: Container[int] = frozenset()) -> Analysis:
+        """Return what is to be sent of superframe `index`.
 
-    def _analyse(self, motion: Motion, index: int) -> Analysis:
+        Parameters
+        ----------
+        motion : Motion
+        index : int
+        untold : container of int
+            Superframes that do without their score.
+
+        Raises
+        ------
+        VoiceError
+            If the motion was made with another voice.
+        """
         self.voice.check_motion(motion)
-        return self._analyst.analyse(motion, index)
+        return self._analyst.analyse(motion, index, untold)
 
     def _write(self, content: Content, analysis: Analysis) -> Superframe | None:
         """Return the bytes of a superframe, None if L0 has no room for what it says."""
         l0_bytes, l1_bytes = self._sizes
-        l0 = write_l0(content, analysis.bases, l0_bytes, even=analysis.even)
+        bases = self._coding.bases
+        l0 = write_l0(content, bases, l0_bytes, self._coding.identity, even=analysis.even)
         if l0 is None or l1_bytes == 0:
             return None if l0 is None else Superframe(analysis.index, l0, b"")
-        _, known = read_l0(l0, analysis.bases)
-        l1 = write_l1(l0, content.setting, content.q, known, analysis.bases, l1_bytes)
+        _, known = read_l0(l0, bases)
+        l1 = write_l1(l0, content.setting, content.q, known, bases, l1_bytes)
         return Superframe(analysis.index, l0, l1)

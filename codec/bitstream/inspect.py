@@ -6,9 +6,10 @@ from bitstring import Bits
 
 from codec.bitstream.bitmap import Field, map_superframe
 from codec.bitstream.bits import MODES
+from codec.bitstream.checks import is_own
 from codec.bitstream.joining import score_of
-from codec.bitstream.payload import is_intact, read_beginning
-from codec.bitstream.quantise import NO_RESIDUAL, width_mm
+from codec.bitstream.payload import read_beginning
+from codec.bitstream.quantise import LEVELS, NO_RESIDUAL, SHARES, width_mm
 from codec.bitstream.resynthesis.course import SHIFTS
 from codec.bitstream.score_coding import ScorePart
 from codec.bitstream.stream import read_head, read_superframes
@@ -16,6 +17,9 @@ from codec.bitstream.superframe import Superframe
 from codec.bitstream.window import Window
 from codec.cues.timeline import SUPERFRAME_S, TICK_S
 from codec.errors import BitstreamError
+
+BASES = ("residual", "loose", "plain", "filmed")
+"""Names of the bases."""
 
 
 def inspect_stream(data: bytes) -> dict[str, Any]:
@@ -28,7 +32,7 @@ def inspect_stream(data: bytes) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``voice``, ``coding``, ``start_s``, ``duration_s``, ``rate_bps`` (all bytes counted),
+        ``coding``, ``start_s``, ``duration_s``, ``rate_bps`` (all bytes counted),
         ``superframes`` (one dict each) and ``keys``; ready for JSON.
 
     Raises
@@ -40,13 +44,12 @@ def inspect_stream(data: bytes) -> dict[str, Any]:
     parts: dict[int, ScorePart | Window] = {}
     rows = []
     for frame in read_superframes(data):
-        row, part = _row(frame)
+        row, part = _row(frame, head.coding)
         rows.append(row)
         if part is not None:
             parts[frame.index] = part
     duration_s = head.ticks * TICK_S
     return {
-        "voice": head.voice,
         "coding": head.coding,
         "start_s": round(head.first_tick * TICK_S, 2),
         "duration_s": round(duration_s, 2),
@@ -56,13 +59,13 @@ def inspect_stream(data: bytes) -> dict[str, Any]:
     }
 
 
-def _row(frame: Superframe) -> tuple[dict[str, Any], ScorePart | Window | None]:
+def _row(frame: Superframe, coding: str) -> tuple[dict[str, Any], ScorePart | Window | None]:
     row: dict[str, Any] = {
         "index": frame.index,
         "start_s": round(frame.index * SUPERFRAME_S, 2),
         "l0_bytes": len(frame.l0),
         "l1_bytes": len(frame.l1),
-        "intact": is_intact(frame.l0),
+        "intact": is_own(frame.l0, coding),
     }
     if not row["intact"]:
         return row, None
@@ -73,7 +76,10 @@ def _row(frame: Superframe) -> tuple[dict[str, Any], ScorePart | Window | None]:
     header, setting, part = content.header, content.setting, content.part
     row |= {"mode": MODES[header.mode], "sequence": header.sequence, "lead": header.lead}
     row["step"] = None if setting.step == NO_RESIDUAL else round(width_mm(setting.step), 2)
-    row |= {"gain": setting.gain, "course": setting.course, "shift_ticks": SHIFTS[setting.shift]}
+    row |= {"basis": BASES[setting.basis], "raised": LEVELS[setting.level]}
+    row |= {"course": setting.course, "shift_ticks": SHIFTS[setting.shift]}
+    row["shares"] = [SHARES[share] for share in setting.shares]
+    row["slow"] = list(content.slow)
     row["previews"] = sorted(frame.index + distance for distance in content.previews)
     if part is not None:
         score = score_of({frame.index: part})
@@ -85,7 +91,7 @@ def _row(frame: Superframe) -> tuple[dict[str, Any], ScorePart | Window | None]:
 def describe(document: dict[str, Any]) -> str:
     """Return the document of `inspect_stream` as lines of text."""
     lines = [
-        "voice {voice}, {duration_s} s from {start_s} s, {rate_bps} bit/s".format(**document),
+        "coding {coding}, {duration_s} s from {start_s} s, {rate_bps} bit/s".format(**document),
         "  index    start  mode        bytes  step  phones | keys",
     ]
     for row in document["superframes"]:

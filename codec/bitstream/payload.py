@@ -8,17 +8,28 @@ A fine superframe nests inside a coarse one, for channels of which one bears mor
 the picture's L1 holds the whole of the fine one, so that sound and picture bear the same L0.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.bitstream import _kernels
-from codec.bitstream.bits import HEADER_BYTES, PLAIN, SCORE, Header, crc8, crc16, read_header
+from codec.bitstream.bits import COMPACT, HEADER_BYTES, PLAIN, SCORE, Header, crc8, read_header
+from codec.bitstream.checks import (
+    CRC16_BYTES,
+    MIN_L0_BYTES,
+    check_of,
+    heard_mask,
+    is_possible,
+    least_bytes,
+    with_check,
+)
 from codec.bitstream.preview import Preview, read_previews, write_previews
-from codec.bitstream.quantise import NO_RESIDUAL, NOTHING_SENT, Setting, basis_of, raised
+from codec.bitstream.quantise import NO_RESIDUAL, NOTHING_SENT, PARTS, Setting, basis_of, raised
 from codec.bitstream.range_coder import (
     FLIP,
+    TOTAL,
     RangeDecoder,
     RangeEncoder,
     cumulative,
@@ -27,20 +38,24 @@ from codec.bitstream.range_coder import (
 from codec.bitstream.score_coding import ScorePart, read_score, write_score
 from codec.bitstream.tables import coefficient_tables, score_tables
 from codec.bitstream.transform import Bases, Basis
-from codec.bitstream.window import MAX_BYTES, MIN_BYTES, Window, read_window
+from codec.bitstream.window import MAX_BYTES, MIN_BYTES, PIECE_BITS, Window, read_window
 from codec.errors import BitstreamError
 
 Ints = NDArray[np.int64]
 
-CRC16_BYTES = 2
 CRC8_BYTES = 1
 STEP_BITS = 6
-MIN_L0_BYTES = HEADER_BYTES + CRC16_BYTES + 1
-CHOICES = cumulative([12, 2, 1, 1])
-"""Table of gain and course."""
+BASES = {SCORE: cumulative([8, 4, 2, 2]), PLAIN: cumulative([1, 1, 15, 15])}
+"""Tables of the basis, by mode."""
 
+LEVELS = cumulative([14, 5, 5, 3, 2.5, 1.5, 1])
+COURSES = cumulative([12, 2, 1, 1])
 SHIFTS = cumulative([10, 2, 2, 1, 1])
-_COMPACT_BIT = 0x20
+SHARED = cumulative([7, 1])
+SHARE = cumulative([6, 2, 8])
+
+_BASIS_BITS = {mode: np.log2(TOTAL) - np.log2(np.diff(row)) for mode, row in BASES.items()}
+_LEVEL_BITS = np.log2(TOTAL) - np.log2(np.diff(LEVELS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +72,8 @@ class Content:
         Quantised coefficients in scan order.
     previews : dict of int to Preview
         By distance, in mode ``score``.
+    slow : tuple of int
+        Pieces of the slow channel, 16 bits each.
     """
 
     header: Header
@@ -64,17 +81,24 @@ class Content:
     part: ScorePart | Window | None
     q: Ints
     previews: dict[int, Preview] = field(default_factory=dict)
+    slow: tuple[int, ...] = ()
 
 
 def score_code(content: Content, *, even: bool) -> RangeEncoder:
     """Return the beginning of L0's payload: setting, score and previews (H8)."""
     encoder, setting = RangeEncoder(), content.setting
+    for piece in content.slow:
+        encoder.put_bits(piece, PIECE_BITS)
     encoder.put_bits(setting.step, STEP_BITS)
     if setting.step != NO_RESIDUAL:
-        encoder.put(setting.gain, CHOICES)
+        encoder.put(setting.basis, BASES[content.header.mode])
+        encoder.put(setting.level, LEVELS)
         if content.header.mode == SCORE:
-            encoder.put(setting.course, CHOICES)
+            encoder.put(setting.course, COURSES)
             encoder.put(setting.shift, SHIFTS)
+            encoder.put(int(any(setting.shares)), SHARED)
+            for share in setting.shares if any(setting.shares) else ():
+                encoder.put(share, SHARE)
     if isinstance(content.part, ScorePart):
         write_score(encoder, content.part, score_tables(), even=even)
         write_previews(encoder, content.previews, score_tables())
@@ -97,6 +121,12 @@ def coefficient_code(
     return starts[:n], freqs[:n], ends
 
 
+def choice_bits(mode: int, basis: int, level: int) -> float:
+    """Return the length of the symbols that name a basis and a level, bits."""
+    bits: float = _BASIS_BITS[mode][basis] + _LEVEL_BITS[level]
+    return bits
+
+
 def coefficient_bits(q: Ints, setting: Setting, basis: Basis) -> float:
     """Return the ideal length of all coefficients in bits."""
     bits: float = _kernels.coefficient_cost(
@@ -105,25 +135,48 @@ def coefficient_bits(q: Ints, setting: Setting, basis: Basis) -> float:
     return bits
 
 
-def write_l0(content: Content, bases: Bases, size: int, *, even: bool = False) -> bytes | None:
+def room_bits(header: Header, size: int) -> int:
+    """Return the bits of payload in an L0 part of `size` bytes."""
+    return 8 * (size - HEADER_BYTES - CRC16_BYTES) - header.tail
+
+
+def write_l0(
+    content: Content, bases: Bases, size: int, identity: str, *, even: bool = False
+) -> bytes | None:
     """Return an L0 part of `size` bytes, None if the score does not fit.
 
     As many coefficients as fit follow the score.
+
+    Parameters
+    ----------
+    content : Content
+    bases : Bases
+    size : int
+    identity : str
+        Of the coding.
+    even : bool
+        Whether the score's phones lie at even distances (S8).
     """
-    room = size - HEADER_BYTES - CRC16_BYTES
+    tail = content.header.tail
+    room = -(-room_bits(content.header, size) // 8)
     payload = _l0_code(content, bases, even=even)
     if content.setting.step != NO_RESIDUAL:
         payload = payload[:room]
     if len(payload) > room:
         return None
-    payload = payload.ljust(room, b"\0")
-    if not _agrees(RangeDecoder(payload), content):
+    payload = _cleared(payload.ljust(size - HEADER_BYTES - CRC16_BYTES, b"\0"), tail)
+    if not _agrees(RangeDecoder(payload, tail=tail), content):
         return None
-    return _with_crc16(content.header.to_bytes() + payload)
+    return with_check(content.header.to_bytes() + payload, identity)
 
 
-def write_l0_whole(content: Content, bases: Bases) -> bytes:
-    """Return the shortest L0 part that holds the score and all coefficients.
+def _cleared(payload: bytes, tail: int) -> bytes:
+    """Return a payload with its last bits zero."""
+    return (int.from_bytes(payload, "big") >> tail << tail).to_bytes(len(payload), "big")
+
+
+def write_l0_whole(content: Content, bases: Bases, identity: str) -> bytes:
+    """Return the shortest L0 part that holds the score and all coefficients, unsigned.
 
     The code ends with the last coefficient that is not zero, if its last bits do not by chance
     tell another one; else it is cut off behind that coefficient.
@@ -133,7 +186,7 @@ def write_l0_whole(content: Content, bases: Bases) -> bytes:
     whole = _l0_code(content, bases, even=False)
     cut = (whole[:length] for length in range(len(ending), len(whole)))
     shortest = next(code for code in (ending, *cut, whole) if _tells(code, content, bases))
-    return _with_crc16(content.header.to_bytes() + shortest)
+    return with_check(content.header.to_bytes() + shortest, identity)
 
 
 def _tells(payload: bytes, content: Content, bases: Bases) -> bool:
@@ -161,12 +214,10 @@ def _l0_code(content: Content, bases: Bases, *, even: bool, last: int | None = N
     )  # fmt: skip
 
 
-def _with_crc16(body: bytes) -> bytes:
-    return body + crc16(body).to_bytes(CRC16_BYTES, "big")
-
-
 def _agrees(decoder: RangeDecoder, content: Content) -> bool:
     """Return whether a payload cut to its room still says this setting, score and previews."""
+    if tuple(read_slow(decoder, content.header)) != content.slow:
+        return False
     if read_setting(decoder, content.header.mode) != content.setting:
         return False
     return content.part is None or (
@@ -175,24 +226,8 @@ def _agrees(decoder: RangeDecoder, content: Content) -> bool:
     )
 
 
-def is_intact(l0: bytes) -> bool:
-    """Return whether an L0 part has a possible length and its checksum (H1, H6).
-
-    A compact part has none: what carries it has to check it.
-    """
-    if _is_compact(l0):
-        return MIN_BYTES <= len(l0) <= MAX_BYTES
-    return len(l0) >= MIN_L0_BYTES and crc16(l0[:-CRC16_BYTES]) == int.from_bytes(
-        l0[-CRC16_BYTES:], "big"
-    )
-
-
-def _is_compact(l0: bytes) -> bool:
-    return len(l0) > 0 and l0[0] & _COMPACT_BIT > 0
-
-
 def read_l0(l0: bytes, bases: Bases) -> tuple[Content, int]:
-    """Read an L0 part.
+    """Read an L0 part; its check is not looked at (`is_own`).
 
     Returns
     -------
@@ -204,7 +239,7 @@ def read_l0(l0: bytes, bases: Bases) -> tuple[Content, int]:
     Raises
     ------
     BitstreamError
-        If the part has a wrong length (H1) or checksum (H6), or its version is unknown (H2).
+        If the part has a wrong length (H1), or its version is unknown (H2).
     """
     content, decoder = _read_beginning(l0)
     basis = basis_of(bases, content.setting)
@@ -228,40 +263,45 @@ def read_beginning(l0: bytes) -> Content:
 
 def _read_beginning(l0: bytes) -> tuple[Content, RangeDecoder | None]:
     nothing = np.zeros(0, dtype=np.int64)
-    if _is_compact(l0):
-        header = read_header(l0)
-        if not MIN_BYTES <= len(l0) <= MAX_BYTES:
+    header = read_header(l0)
+    if header.mode == COMPACT:
+        if not is_possible(l0):
             raise BitstreamError(
                 f"compact L0 of {len(l0)} bytes, {MIN_BYTES}..{MAX_BYTES}", section="H1"
             )
-        return Content(header, NOTHING_SENT, read_window(l0), nothing), None
-    if len(l0) < MIN_L0_BYTES:
-        raise BitstreamError(f"L0 of {len(l0)} bytes, at least {MIN_L0_BYTES}", section="H1")
-    body, check = l0[:-CRC16_BYTES], int.from_bytes(l0[-CRC16_BYTES:], "big")
-    if crc16(body) != check:
-        raise BitstreamError(
-            f"L0 checksum {crc16(body):#06x}, stated {check:#06x}", section="H6", bit=8 * len(body)
-        )
-    header = read_header(body)
-    decoder = RangeDecoder(body[HEADER_BYTES:])
+        window = read_window(l0)
+        return Content(header, NOTHING_SENT, window, nothing, slow=window.slow), None
+    if not is_possible(l0):
+        raise BitstreamError(f"L0 of {len(l0)} bytes, at least {least_bytes(l0)}", section="H1")
+    decoder = RangeDecoder(l0[HEADER_BYTES:-CRC16_BYTES], tail=header.tail)
+    slow = tuple(read_slow(decoder, header))
     setting = read_setting(decoder, header.mode)
     if header.mode == PLAIN:
-        return Content(header, setting, None, nothing), decoder
+        return Content(header, setting, None, nothing, slow=slow), decoder
     part = read_score(decoder, score_tables())
     previews = read_previews(decoder, score_tables())
-    return Content(header, setting, part, nothing, previews), decoder
+    return Content(header, setting, part, nothing, previews, slow), decoder
+
+
+def read_slow(decoder: RangeDecoder, header: Header) -> Iterator[int]:
+    """Yield the pieces of the slow channel that a payload begins with (H8)."""
+    for _ in range(header.slow):
+        yield decoder.get_bits(PIECE_BITS)
 
 
 def read_setting(decoder: RangeDecoder, mode: int) -> Setting:
-    """Return the setting that a payload begins with (H8)."""
+    """Return the setting that follows (H8)."""
     step = decoder.get_bits(STEP_BITS)
     if step == NO_RESIDUAL:
         return NOTHING_SENT
-    gain = decoder.get(CHOICES)
+    basis, level = decoder.get(BASES[mode]), decoder.get(LEVELS)
     if mode == PLAIN:
-        return Setting(step, gain)
-    course = decoder.get(CHOICES)
-    return Setting(step, gain, course, decoder.get(SHIFTS))
+        return Setting(step, basis, level)
+    course, shift = decoder.get(COURSES), decoder.get(SHIFTS)
+    if not decoder.get(SHARED):
+        return Setting(step, basis, level, course, shift)
+    shares = tuple(decoder.get(SHARE) for _ in range(PARTS))
+    return Setting(step, basis, level, course, shift, shares)
 
 
 def _read_coefficients(
@@ -306,8 +346,8 @@ def read_l1(l0: bytes, l1: bytes, content: Content, known: int, bases: Bases) ->
 
 
 def _l1_check(l0: bytes, body: bytes) -> int:
-    """Return the CRC-8 of L1, which covers the checksum of its L0 too."""
-    return crc8(l0[-CRC16_BYTES:] + body)
+    """Return the CRC-8 of L1, which covers the check of its L0 too."""
+    return crc8(check_of(l0) + body)
 
 
 def nest(coarse_l0: bytes, fine_l0: bytes, fine_l1: bytes) -> tuple[bytes, bytes]:
@@ -330,7 +370,9 @@ def unnest(l0: bytes | None, l1: bytes | None) -> tuple[bytes | None, bytes | No
     >>> unnest(b"ab", b"cde")
     (b'ab', b'cde')
     """
-    if l0 is None or not l1 or len(l1) < len(l0) or not is_intact(l1[: len(l0)]):
+    if l0 is None or not l1 or len(l1) < len(l0) or len(l0) < MIN_L0_BYTES:
+        return l0, l1
+    if heard_mask(l1[: len(l0)]) != heard_mask(l0):
         return l0, l1
     try:
         nested = read_header(l1[: len(l0)]) == read_header(l0)

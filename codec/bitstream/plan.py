@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from codec.bitstream.analysis import Analysis
-from codec.bitstream.bits import HEADER_BYTES
-from codec.bitstream.payload import CRC16_BYTES, Content, score_code
+from codec.bitstream.payload import Content, room_bits, score_code
 from codec.bitstream.preview import AHEAD, CHOICES, Preview, thinned
 from codec.bitstream.quantise import Setting
 
@@ -31,7 +30,7 @@ class Plan:
     previews : dict of int to Preview
         Those that travel.
     bits : float
-        Length of all that precedes the coefficients.
+        Length of all that precedes the coefficients, with the likeliest basis and level.
     """
 
     analysis: Analysis
@@ -41,9 +40,9 @@ class Plan:
 
 def plan_of(analysis: Analysis, previews: dict[int, Preview]) -> Plan:
     """Return the plan of a superframe that tells some previews."""
-    setting = Setting(0, 0, analysis.course, analysis.shift)
+    setting = Setting(0, 0, 0, analysis.course, analysis.shift, analysis.shares)
     nothing = np.zeros(0, dtype=np.int64)
-    content = Content(analysis.header, setting, analysis.part, nothing, previews)
+    content = Content(analysis.header, setting, analysis.part, nothing, previews, analysis.slow)
     return Plan(analysis, previews, score_code(content, even=analysis.even).bits)
 
 
@@ -59,7 +58,7 @@ def plans(analysis: Analysis, l0_bytes: int, l1_bytes: int) -> Iterator[Plan]:
     l0_bytes, l1_bytes : int
         Sizes of the parts.
     """
-    room = 8.0 * (l0_bytes - HEADER_BYTES - CRC16_BYTES)
+    room = float(room_bits(analysis.header, l0_bytes))
     for choice in reversed(CHOICES) if analysis.previews else ():
         previews = {distance: analysis.previews[distance] for distance in choice}
         most = room

@@ -18,9 +18,15 @@ STEPS = 64
 NO_RESIDUAL = STEPS - 1
 """The step number that says that no coefficient follows."""
 
-GAINS = (0, 6, 0, 10)
-"""Quarter octaves by which a superframe can raise all scales, if it moves more than expected; the
-first two gains belong to the first basis, the others to the second (Q6)."""
+LEVELS = (0, 4, -4, 8, -8, 12, -12)
+"""Quarter octaves by which a superframe can raise all scales, if it moves more or less than
+expected (Q6)."""
+
+SHARES = (1.0, 0.5, 0.0)
+"""Shares of a part's prediction that a superframe can use (P10)."""
+
+PARTS = 4
+"""Face, hand, head and forearm: what the shares are told for."""
 
 N_COURSES = 4
 """Forms of movement of which a superframe names one (`resynthesis.course.COURSES`)."""
@@ -43,18 +49,24 @@ class Setting:
     ----------
     step : int
         Step number, `NO_RESIDUAL` if no coefficient was sent.
-    gain : int
-        Index in `GAINS`.
+    basis : int
+        Index in `codec.bitstream.transform.Bases`.
+    level : int
+        Index in `LEVELS`.
     course : int
         Form of the hand's movements, 0..3.
     shift : int
         Index in `codec.bitstream.resynthesis.course.SHIFTS`.
+    shares : tuple of int
+        Indices in `SHARES` of face, hand, head and forearm.
     """
 
     step: int
-    gain: int = 0
+    basis: int = 0
+    level: int = 0
     course: int = 0
     shift: int = 0
+    shares: tuple[int, ...] = (0,) * PARTS
 
 
 NOTHING_SENT = Setting(NO_RESIDUAL)
@@ -101,12 +113,12 @@ def quantise_rd(
 
 def basis_of(bases: Bases, setting: Setting) -> Basis:
     """Return the basis that a superframe names (Q6)."""
-    return bases[setting.gain // 2]
+    return bases[setting.basis]
 
 
 def raised(basis: Basis, setting: Setting) -> Ints:
-    """Return the scales of a basis in scan order, raised by the gain (Q6)."""
-    return basis.scan_scales + GAINS[setting.gain]
+    """Return the scales of a basis in scan order, raised by the level (Q6)."""
+    return basis.scan_scales + LEVELS[setting.level]
 
 
 def width_mm(step: int) -> float:

@@ -141,11 +141,19 @@ def encode_intervals(
 
 
 class RangeDecoder:
-    """Bytes on their way back to symbols; bytes past the end count as zero."""
+    """Bytes on their way back to symbols; bits past the end count as zero.
 
-    def __init__(self, data: bytes) -> None:
-        self.data = np.frombuffer(data, dtype=np.uint8)
-        self.state = np.zeros(4, dtype=np.int64)
+    Parameters
+    ----------
+    data : bytes
+    tail : int
+        Bits at the end of the data that are no code.
+    """
+
+    def __init__(self, data: bytes, *, tail: int = 0) -> None:
+        self.data = np.frombuffer(data[: len(data) - tail // 8], dtype=np.uint8)
+        self.state = np.zeros(5, dtype=np.int64)
+        self.state[_kernels.TAIL] = (1 << tail % 8) - 1
         _kernels.start_decoding(self.data, self.state)
 
     def get(self, cdf: NDArray[np.int64], limit: int | None = None) -> int:

@@ -1,35 +1,41 @@
 """Stream files (``.cue``): a motion as superframes one after another.
 
-A head names the voice, the span of ticks and the lengths of the parts; superframes follow. Where
-the head states no lengths, every superframe is preceded by its own.
+A head names the coding, the span of ticks and the lengths of the parts; superframes follow. Where
+the head states no lengths, superframes take what they need, each preceded by its own length.
 Specification: spec/bitstream.md, section 8.
 """
 
-import functools
-from collections.abc import Iterator
+import zlib
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from codec.bitstream.analysis import block_at
 from codec.bitstream.bits import (
     FILE_BYTES,
     FILE_FIELDS,
+    HEADER_BYTES,
     MAGIC,
+    PLAIN,
     RECORD_BYTES,
     RECORD_FIELDS,
+    SEQUENCES,
     VERSION,
+    Header,
     crc16,
     pack_fields,
+    read_header,
     unpack_fields,
 )
+from codec.bitstream.checks import CRC16_BYTES, with_check
 from codec.bitstream.coding import Coding, coding_for
 from codec.bitstream.compact_encoder import CompactEncoder
 from codec.bitstream.decoder import SuperframeDecoder
 from codec.bitstream.encoder import SuperframeEncoder
-from codec.bitstream.quantise import NO_RESIDUAL
-from codec.bitstream.superframe import Superframe, merge_scores
-from codec.bitstream.window import MAX_BYTES
+from codec.bitstream.spread import spread_by_error, spread_by_size
+from codec.bitstream.superframe import DecodedSuperframe, Superframe, merge_scores
+from codec.bitstream.window import MAX_BYTES, MIN_BYTES
 from codec.cuer.motion import MOST_PARAM, Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
@@ -41,8 +47,9 @@ MIN_RATE_BPS = 60
 MAX_RATE_BPS = 20_000
 _CRC_BYTES = 2
 _MAX_TICKS = 24 * 3600 * 50
-_OPEN_BYTES = 4000
-_GOLDEN = (5**0.5 - 1) / 2
+_END_BYTES = 4
+_LONG = 127
+_LONG_BYTES = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,15 +58,14 @@ class StreamHead:
 
     Attributes
     ----------
-    voice, coding : str
-        Identities of the voice and of its coding.
+    coding : str
+        Identity of the coding.
     first_tick, ticks : int
         Ticks of 20 ms that the motion covers.
     l0, l1 : int
-        Lengths of the parts of every superframe; 0 for `l0` if each states its own.
+        Lengths of the parts of every superframe; 0 for `l0` if each states its own (F7).
     """
 
-    voice: str
     coding: str
     first_tick: int
     ticks: int
@@ -79,6 +85,8 @@ def encode_stream(
     *,
     rate_bps: float | None = None,
     error_mm: float | None = None,
+    constant: bool = False,
+    keep_score: bool = False,
     options: CueingOptions = DEFAULT_OPTIONS,
 ) -> bytes:
     """Return a motion as a stream file.
@@ -89,11 +97,17 @@ def encode_stream(
         Of this voice, from time 0 on.
     voice : Voice
     rate_bps : float, optional
-        Constant rate of the superframes, checksums included, 60..20000 bit/s. Up to 150 bit/s
-        they are compact: without a residual, and without a checksum each.
+        Mean rate of the whole file, 60..20000 bit/s; superframes take what they need of it. Up to
+        150 bit/s they may be compact instead, whichever is nearer to the motion.
     error_mm : float, optional
         Greatest error instead: RMS over all markers and frames, which the whole file keeps.
         Default without either: 2 mm.
+    constant : bool
+        Give every superframe the same size, as on air; the rate is that of the superframes. Up to
+        150 bit/s they are compact: the score alone.
+    keep_score : bool
+        Send the score where it costs more than it saves, too. Without it the motion is never coded
+        worse for its score.
     options : CueingOptions
         Under which the score's keys follow from its phones.
 
@@ -105,23 +119,75 @@ def encode_stream(
     head = _head_of(motion, coding_for(voice))
     if rate_bps is not None and error_mm is not None:
         raise CueError("a rate and an error cannot both be given")
-    if rate_bps is not None:
-        if not MIN_RATE_BPS <= rate_bps <= MAX_RATE_BPS:
-            raise CueError(f"rate {rate_bps} bit/s is not within {MIN_RATE_BPS}..{MAX_RATE_BPS}")
+    if constant and rate_bps is None:
+        raise CueError("superframes of constant size need a rate")
+    if rate_bps is not None and not MIN_RATE_BPS <= rate_bps <= MAX_RATE_BPS:
+        raise CueError(f"rate {rate_bps} bit/s is not within {MIN_RATE_BPS}..{MAX_RATE_BPS}")
+    if rate_bps is not None and constant:
         size = int(rate_bps * SUPERFRAME_S / 8)
-        encoder: CompactEncoder | SuperframeEncoder = (
-            CompactEncoder(voice, l0_bytes=size, options=options, first=head.indices.start)
-            if size <= MAX_BYTES
-            else SuperframeEncoder(voice, l0_bytes=size, l1_bytes=0, lead=0, options=options)
-        )
-        head = replace(head, l0=size)
+        if size <= MAX_BYTES:
+            return _compact(motion, voice, head, size, options)
+        encoder = SuperframeEncoder(voice, l0_bytes=size, l1_bytes=0, lead=0, options=options)
         body = b"".join(encoder.encode(motion, index).l0 for index in head.indices)
-    else:
-        limit = 2.0 if error_mm is None else error_mm
-        if not 0.05 <= limit <= 1000:
-            raise CueError(f"error {limit} mm is not within 0.05..1000")
-        body = b"".join(map(_record, _within(limit, motion, voice, head, options)))
-    return _head_bytes(head) + body
+        return _head_bytes(replace(head, l0=size)) + body
+    if rate_bps is not None:
+        return _within_rate(motion, voice, head, rate_bps, keep_score=keep_score, options=options)
+    limit = 2.0 if error_mm is None else error_mm
+    if not 0.05 <= limit <= 1000:
+        raise CueError(f"error {limit} mm is not within 0.05..1000")
+    return _of_records(head, spread_by_error(
+        motion, voice, head.indices, limit, _record_bytes, keep=keep_score, options=options
+    ))  # fmt: skip
+
+
+def _within_rate(
+    motion: Motion,
+    voice: Voice,
+    head: StreamHead,
+    rate_bps: float,
+    *,
+    keep_score: bool,
+    options: CueingOptions,
+) -> bytes:
+    """Return the file of least error whose bytes keep a rate: spread, or compact if that fits."""
+    room = int(rate_bps * motion.duration_s / 8) - FILE_BYTES - _CRC_BYTES
+    compact = b""
+    size = room // len(head.indices)
+    if motion.score is not None and MIN_BYTES <= size <= MAX_BYTES:
+        compact = _compact(motion, voice, head, size, options)
+    try:
+        frames = spread_by_size(
+            motion, voice, head.indices, room - _END_BYTES, _record_bytes, keep=keep_score,
+            options=options,
+        )  # fmt: skip
+    except CueError:
+        if not compact:
+            raise
+        return compact
+    spread = _of_records(head, frames)
+    if not compact:
+        return spread
+    return min((spread, compact), key=lambda data: _error(data, motion, voice))
+
+
+def _error(data: bytes, motion: Motion, voice: Voice) -> float:
+    """Return the squared error of a file in the markers' metric."""
+    blocks = [block_at(motion, index) for index in read_head(data).indices]
+    gap = np.concatenate([frame.params for frame in _decoded(data, voice)]) - np.concatenate(blocks)
+    return float(np.square(gap @ coding_for(voice).residual.matrix).sum())
+
+
+def _compact(
+    motion: Motion, voice: Voice, head: StreamHead, size: int, options: CueingOptions
+) -> bytes:
+    encoder = CompactEncoder(voice, l0_bytes=size, options=options, first=head.indices.start)
+    body = b"".join(encoder.encode(motion, index).l0 for index in head.indices)
+    return _head_bytes(replace(head, l0=size)) + body
+
+
+def _of_records(head: StreamHead, frames: Iterable[Superframe]) -> bytes:
+    data = _head_bytes(head) + b"".join(map(_record, frames))
+    return data + zlib.crc32(data).to_bytes(_END_BYTES, "big")
 
 
 def _head_of(motion: Motion, coding: Coding) -> StreamHead:
@@ -131,55 +197,28 @@ def _head_of(motion: Motion, coding: Coding) -> StreamHead:
             f"motion of {motion.duration_s} s from {motion.start_s} s does not fit into a stream: "
             f"0.02..86400 s, from 0..86400 s"
         )
-    return StreamHead(motion.voice, coding.identity, first, ticks)
-
-
-def _within(
-    error_mm: float, motion: Motion, voice: Voice, head: StreamHead, options: CueingOptions
-) -> list[Superframe]:
-    """Return superframes at the widest steps at which the error stays within its limit.
-
-    They are one step and, for as many superframes as the limit allows, the next wider one.
-    """
-    encoder = SuperframeEncoder(voice, l0_bytes=_OPEN_BYTES, l1_bytes=0, lead=0, options=options)
-
-    @functools.cache
-    def squares(step: int) -> NDArray[np.float64]:
-        return np.square([encoder.error_mm(motion, index, step) for index in head.indices])
-
-    low, high = 0, NO_RESIDUAL
-    while low < high:
-        step = (low + high + 1) // 2
-        if squares(step).mean() <= error_mm**2:
-            low = step
-        else:
-            high = step - 1
-    steps = np.full(len(head.indices), low)
-    if low < NO_RESIDUAL:
-        # Spread evenly by the golden section, in whatever number.
-        order = np.argsort(np.arange(len(steps)) * _GOLDEN % 1.0)
-        more = np.cumsum((squares(low + 1) - squares(low))[order]) + squares(low).sum()
-        within = np.flatnonzero(more <= len(steps) * error_mm**2)
-        steps[order[: within.max(initial=-1) + 1]] += 1
-    return [
-        encoder.encode_at(motion, index, int(step))
-        for index, step in zip(head.indices, steps, strict=True)
-    ]
+    return StreamHead(coding.identity, first, ticks)
 
 
 def _head_bytes(head: StreamHead) -> bytes:
     fields = {
-        "magic": MAGIC, "version": VERSION, "voice": int(head.voice, 16),
-        "coding": int(head.coding, 16), "first_tick": head.first_tick, "ticks": head.ticks,
-        "l0": head.l0, "l1": head.l1,
+        "magic": MAGIC, "version": VERSION, "coding": int(head.coding, 16),
+        "first_tick": head.first_tick, "ticks": head.ticks, "l0": head.l0, "l1": head.l1,
     }  # fmt: skip
     body = pack_fields(FILE_FIELDS, fields)
     return body + crc16(body).to_bytes(_CRC_BYTES, "big")
 
 
 def _record(frame: Superframe) -> bytes:
-    lengths = {"l0": len(frame.l0), "l1": len(frame.l1)}
-    return pack_fields(RECORD_FIELDS, lengths) + frame.l0 + frame.l1
+    """Return a superframe without header and check, which its place tells (F7)."""
+    payload = frame.l0[HEADER_BYTES:-CRC16_BYTES]
+    fields = {"mode": frame.l0[0] >> 4 & 1, "bytes": min(len(payload), _LONG)}
+    more = len(payload).to_bytes(_LONG_BYTES, "big") if len(payload) >= _LONG else b""
+    return pack_fields(RECORD_FIELDS, fields) + more + payload
+
+
+def _record_bytes(frame: Superframe) -> int:
+    return len(_record(frame))
 
 
 def read_head(data: bytes) -> StreamHead:
@@ -201,12 +240,12 @@ def read_head(data: bytes) -> StreamHead:
     check = data[FILE_BYTES : FILE_BYTES + _CRC_BYTES]
     if crc16(data[:FILE_BYTES]).to_bytes(_CRC_BYTES, "big") != check:
         raise BitstreamError("checksum of the head", section="F4", bit=8 * FILE_BYTES)
-    voice, coding = (f"{fields[name]:016x}" for name in ("voice", "coding"))
     head = StreamHead(
-        voice, coding, fields["first_tick"], fields["ticks"], fields["l0"], fields["l1"]
-    )
+        f"{fields['coding']:016x}", fields["first_tick"], fields["ticks"], fields["l0"],
+        fields["l1"],
+    )  # fmt: skip
     if not 0 < head.ticks <= _MAX_TICKS or head.first_tick > _MAX_TICKS:
-        raise BitstreamError(f"{head.ticks} ticks from {head.first_tick}", section="F5", bit=168)
+        raise BitstreamError(f"{head.ticks} ticks from {head.first_tick}", section="F5", bit=104)
     return head
 
 
@@ -216,25 +255,51 @@ def read_superframes(data: bytes) -> Iterator[Superframe]:
     Raises
     ------
     BitstreamError
-        As `read_head`; if the file ends within a record, or goes on after the last one (F6).
+        As `read_head`; if the file ends within a record, or goes on after the last one (F6); if
+        the check of a file whose superframes state their lengths is wrong (F7).
     """
     head = read_head(data)
+    if head.l0 == 0:
+        yield from _read_records(data, head)
+        return
     place = FILE_BYTES + _CRC_BYTES
     for index in head.indices:
-        l0, l1 = head.l0, head.l1
-        if l0 == 0:
-            if place + RECORD_BYTES > len(data):
-                raise BitstreamError(f"no superframe {index}", section="F6", bit=8 * place)
-            lengths = unpack_fields(RECORD_FIELDS, data[place : place + RECORD_BYTES])
-            l0, l1 = lengths["l0"], lengths["l1"]
-            place += RECORD_BYTES
-        middle, end = place + l0, place + l0 + l1
+        middle, end = place + head.l0, place + head.l0 + head.l1
         if end > len(data):
             raise BitstreamError(f"superframe {index} is cut off", section="F6", bit=8 * place)
         yield Superframe(index, data[place:middle], data[middle:end])
         place = end
     if place != len(data):
         raise BitstreamError(f"{len(data) - place} bytes too many", section="F6", bit=8 * place)
+
+
+def _read_records(data: bytes, head: StreamHead) -> Iterator[Superframe]:
+    """Yield superframes that state their lengths, as they would be on air (F7)."""
+    data, check = data[:-_END_BYTES], data[-_END_BYTES:]
+    if zlib.crc32(data).to_bytes(_END_BYTES, "big") != check:
+        raise BitstreamError("checksum of the file", section="F7", bit=8 * len(data))
+    place = FILE_BYTES + _CRC_BYTES
+    for index in head.indices:
+        if place >= len(data):
+            raise BitstreamError(f"no superframe {index}", section="F6", bit=8 * place)
+        fields = unpack_fields(RECORD_FIELDS, data[place : place + RECORD_BYTES])
+        begin, length = place + RECORD_BYTES, fields["bytes"]
+        if length == _LONG:
+            length = int.from_bytes(data[begin : begin + _LONG_BYTES], "big")
+            begin += _LONG_BYTES
+        payload = data[begin : begin + length]
+        if len(payload) < max(length, 1):
+            raise BitstreamError(f"superframe {index} is cut off", section="F6", bit=8 * place)
+        header = Header(fields["mode"], index % SEQUENCES, 0)
+        yield Superframe(index, with_check(header.to_bytes() + payload, head.coding), b"")
+        place = begin + length
+    if place != len(data):
+        raise BitstreamError(f"{len(data) - place} bytes too many", section="F6", bit=8 * place)
+
+
+def silent_superframes(data: bytes) -> int:
+    """Return how many superframes of a stream file carry no score."""
+    return sum(read_header(frame.l0).mode == PLAIN for frame in read_superframes(data))
 
 
 def decode_stream(data: bytes, voice: Voice) -> Motion:
@@ -250,25 +315,29 @@ def decode_stream(data: bytes, voice: Voice) -> Motion:
         If it was made with another voice or with other coding tables.
     """
     head = read_head(data)
-    if head.voice != voice.identity:
-        raise VoiceError(f"stream of voice {head.voice}, voice {voice.name} is {voice.identity}")
     if head.coding != coding_for(voice).identity:
         raise VoiceError(
             f"stream coded with tables {head.coding}, those of voice {voice.name} here are "
             f"{coding_for(voice).identity}"
         )
-    decoder, done, previous = SuperframeDecoder(voice), [], None
-    for frame in read_superframes(data):
-        decoder.push(frame.l0, frame.l1, frame.index)
-        if previous is not None:
-            done.append(decoder.render(previous))
-        previous = frame.index
-    if previous is not None:
-        done.append(decoder.render(previous))
+    done = _decoded(data, voice)
     params = np.concatenate([frame.params for frame in done]).clip(-MOST_PARAM, MOST_PARAM)
     skip = head.first_tick % TICKS
     score = merge_scores(done) if any(frame.part is not None for frame in done) else None
     return Motion(
         params[skip : skip + head.ticks], RATE_HZ, head.first_tick * TICK_S, voice.layout,
-        head.voice, score,
+        voice.identity, score,
     )  # fmt: skip
+
+
+def _decoded(data: bytes, voice: Voice) -> list[DecodedSuperframe]:
+    """Return the superframes of a file, each with its neighbours known."""
+    decoder, done, previous = SuperframeDecoder(voice), list[DecodedSuperframe](), None
+    for frame in read_superframes(data):
+        decoder.take(frame.l0, frame.l1, frame.index)
+        if previous is not None:
+            done.append(decoder.render(previous))
+        previous = frame.index
+    if previous is not None:
+        done.append(decoder.render(previous))
+    return done

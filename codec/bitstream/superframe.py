@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from codec.bitstream.coding import Coding
 from codec.bitstream.joining import Joined, score_of
+from codec.bitstream.quantise import SHARES
 from codec.bitstream.resynthesis.course import Resynthesis
 from codec.bitstream.score_coding import ScorePart
 from codec.bitstream.window import Window
@@ -60,6 +61,8 @@ class DecodedSuperframe:
         Superframes by which it was on air ahead of its time, -1 if L0 is missing.
     sequence : int
         `index` modulo 64.
+    slow : tuple of int
+        Pieces of the slow channel (`codec.bitstream.slow`).
     """
 
     index: int
@@ -72,11 +75,30 @@ class DecodedSuperframe:
     part: ScorePart | Window | None
     lead: int
     sequence: int
+    slow: tuple[int, ...] = ()
 
 
 def resynthesis_of(coding: Coding, joined: Joined, index: int) -> Resynthesis:
     """Return what the scores about superframe `index` say of it (section 5)."""
     return Resynthesis(joined, coding.targets, index * TICKS, TICKS)
+
+
+def scaled(prediction: Array, coding: Coding, shares: tuple[int, ...]) -> Array:
+    """Return a prediction of which parts count less (P10).
+
+    Parameters
+    ----------
+    prediction : ndarray of float64, shape (32, P)
+    coding : Coding
+    shares : tuple of int
+        Indices in `codec.bitstream.quantise.SHARES` of face, hand, head and forearm.
+    """
+    if not any(shares):
+        return prediction
+    targets = coding.targets
+    widths = [part.shape[1] for part in (targets.face, targets.hand, targets.head, targets.forearm)]
+    share = np.repeat([SHARES[k] for k in shares], widths)
+    return np.asarray(coding.mean + share * (prediction - coding.mean))
 
 
 def merge_scores(superframes: Iterable[DecodedSuperframe]) -> Score:

@@ -112,7 +112,8 @@ def _content() -> bytes:
 
 
 @functools.cache
-def _document() -> dict[str, Any]:
+def present_tables() -> dict[str, Any]:
+    """Return the document of the tables that come with the package."""
     document: dict[str, Any] = json.loads(_content())
     return document
 
@@ -125,7 +126,7 @@ def tables_digest() -> bytes:
 @functools.cache
 def score_tables() -> ScoreTables:
     """Return the tables of phones and lengths."""
-    tables = dict(_document()["score"])
+    tables = dict(present_tables()["score"])
     usual = np.array(tables.pop("usual"), dtype=np.int64)
     return ScoreTables(**{name: _cdf(rows) for name, rows in tables.items()}, usual=usual)
 
@@ -133,7 +134,7 @@ def score_tables() -> ScoreTables:
 @functools.cache
 def coefficient_tables() -> CoefficientTables:
     """Return the tables of coefficients."""
-    return coefficient_tables_of(_document()["coefficient"])
+    return coefficient_tables_of(present_tables()["coefficient"])
 
 
 def coefficient_tables_of(document: dict[str, Any]) -> CoefficientTables:

@@ -92,8 +92,8 @@ class Basis:
         return np.asarray(guess @ self.inverse)
 
 
-Bases = tuple[Basis, Basis]
-"""Two bases of which a superframe names one by its gain (Q6)."""
+Bases = tuple[Basis, ...]
+"""Bases of which a superframe names one (Q6): residual, loose, plain, filmed."""
 
 
 _NOISE = 0.02

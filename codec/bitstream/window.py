@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bitstream.bits import COMPACT_HEADER_BYTES
+from codec.bitstream.bits import COMPACT_HEADER_BYTES, read_header
 from codec.bitstream.range_coder import RangeDecoder, cumulative
 from codec.bitstream.score_coding import (
     NOTHING,
@@ -51,6 +51,12 @@ CORRECTIONS = (0, -2, 2, -4, 4, -7, 7, 12)
 
 CORRECTION = cumulative([44, 5, 4, 3, 3, 1, 2, 2])
 PLAIN_OR_SPECIAL = cumulative([127, 1])
+SLOW = cumulative([127, 1])
+"""Table of whether a piece of the slow channel comes first."""
+
+PIECE_BITS = 16
+"""Bits of a piece of the slow channel."""
+
 UNIT = (1, 2)
 BEGIN_UNIT = (2, 4)
 _UNITS = (32, 16)
@@ -69,6 +75,8 @@ class Window:
         Phones, pauses among them; each ends where the next one starts.
     options : CueingOptions
         Under which keys follow from the phones.
+    slow : tuple of int
+        Pieces of the slow channel, one at most.
     """
 
     begin: int
@@ -76,6 +84,7 @@ class Window:
     numbers: tuple[int, ...]
     starts: tuple[int, ...]
     options: CueingOptions = DEFAULT_OPTIONS
+    slow: tuple[int, ...] = ()
 
     @property
     def overrides(self) -> dict[int, tuple[int, int]]:
@@ -92,7 +101,8 @@ def read_window(l0: bytes, decoder: RangeDecoder | None = None) -> Window:
 
     Any bytes behind the header give a window.
     """
-    decoder = decoder or RangeDecoder(l0[COMPACT_HEADER_BYTES:])
+    decoder = decoder or RangeDecoder(l0[COMPACT_HEADER_BYTES:], tail=read_header(l0).tail)
+    slow = (decoder.get_bits(PIECE_BITS),) if decoder.get(SLOW) else ()
     options = DEFAULT_OPTIONS
     if decoder.get(PLAIN_OR_SPECIAL):
         options = read_options(decoder)
@@ -104,7 +114,7 @@ def read_window(l0: bytes, decoder: RangeDecoder | None = None) -> Window:
     while numbers and numbers[-1] == 0:
         numbers.pop()
     ends = list(itertools.accumulate(lengths[: len(numbers)], initial=begin))
-    return Window(begin, ends[-1], tuple(numbers), tuple(ends[:-1]), options)
+    return Window(begin, ends[-1], tuple(numbers), tuple(ends[:-1]), options, slow)
 
 
 def _read_phones(

@@ -7,12 +7,20 @@ Specification: spec/bitstream.md, section 3.1.
 import bisect
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from codec.bitstream import _kernels
-from codec.bitstream.bits import COMPACT, COMPACT_HEADER_BYTES, COMPACT_SEQUENCES, Header, voice_bit
+from codec.bitstream.bits import (
+    COMPACT,
+    COMPACT_HEADER_BYTES,
+    COMPACT_LEAD,
+    COMPACT_SEQUENCES,
+    PROOF_BITS,
+    Header,
+    identity_bits,
+)
 from codec.bitstream.range_coder import TOTAL, RangeEncoder, encode_intervals
 from codec.bitstream.score_coding import (
     N_VOWELS,
@@ -22,6 +30,7 @@ from codec.bitstream.score_coding import (
     letter_of,
     write_options,
 )
+from codec.bitstream.slow import SILENT, SlowSender
 from codec.bitstream.tables import score_tables
 from codec.bitstream.window import (
     BEGIN,
@@ -34,8 +43,10 @@ from codec.bitstream.window import (
     LAST,
     PACE,
     PACES,
+    PIECE_BITS,
     PLAIN_OR_SPECIAL,
     RULED,
+    SLOW,
     TIMING,
     UNIT,
     Window,
@@ -118,15 +129,29 @@ class WindowWriter:
         Bytes of L0.
     first : int
         Number of the first superframe that will be on air.
+    signed : bool
+        Leave room for a proof.
+    slow : SlowSender
+        Tells lasting facts.
     """
 
     def __init__(
-        self, line: Line, options: CueingOptions, identity: str, size: int, *, first: int = 0
+        self,
+        line: Line,
+        options: CueingOptions,
+        identity: str,
+        size: int,
+        *,
+        first: int = 0,
+        signed: bool = False,
+        slow: SlowSender = SILENT,
     ) -> None:
         self._line = line
         self._options = options
         self._identity = identity
         self._room = size - COMPACT_HEADER_BYTES
+        self._header = Header(COMPACT, 0, COMPACT_LEAD, signed)
+        self._slow = slow
         spoken = (line.starts[1] - LAST) // TICKS + 1 if len(line.starts) > 1 else 0
         self._first = max(first, spoken)
         self._payloads: list[bytes] = []
@@ -145,8 +170,10 @@ class WindowWriter:
         place = index - self._first
         inside = 0 <= place < len(self._payloads)
         payload = self._payloads[place] if inside else self._empty(index)
-        bit = voice_bit(self._identity, index)
-        return Header(COMPACT, index % COMPACT_SEQUENCES, 0, bit).to_bytes() + payload
+        header = replace(self._header, sequence=index % COMPACT_SEQUENCES)
+        proof = PROOF_BITS[COMPACT] if header.signed else 0
+        number = int.from_bytes(payload, "big") | identity_bits(self._identity, index) << proof
+        return header.to_bytes() + number.to_bytes(self._room, "big")
 
     def _payload(self, index: int) -> bytes:
         """Return the next payload, and go on behind the phones that it holds."""
@@ -165,7 +192,7 @@ class WindowWriter:
         best = start, self._empty(index)
         for timing in self._timings(index, start):
             payload = self._code(index, start, timing)
-            window = read_window(bytes(COMPACT_HEADER_BYTES) + payload)
+            window = self._window_of(payload)
             reached = start + len(window.numbers)
             best = max(best, (reached, payload), key=lambda pair: pair[0])
             if self._suffices(index + 1, reached, timing):
@@ -196,7 +223,7 @@ class WindowWriter:
                 continue
             if starts[k] < tick + EARLIEST:
                 return False
-            full = self._spent[k] + 8 * self._room - _RULED_BITS
+            full = self._spent[k] + 8 * self._room - self._header.tail - _RULED_BITS
             full -= _OPENING_PAUSE_BITS if self._needs_pause(k) else 0.0
             k = min(
                 max(bisect.bisect_right(self._spent, full) - 1, k + 1),
@@ -251,15 +278,27 @@ class WindowWriter:
 
     def _empty(self, index: int) -> bytes:
         """Return the payload of a superframe in which nothing begins."""
-        encoder = self._opened(0, _Timing(FINE))
+        encoder = self._opened(index, 0, _Timing(FINE))
         encoder.put(letter_of(0), score_tables().opening)
         encoder.put(letter_of(0), score_tables().next[NOTHING, 0])
         row, limit = length_row(0, 0, FINE, score_tables())
         encoder.put(limit, row, limit)
-        return encoder.finish(certain=True)[: self._room].ljust(self._room, b"\0")
+        return self._fitted(encoder.finish(certain=True))
 
-    def _opened(self, begin: int, timing: "_Timing") -> RangeEncoder:
+    def _fitted(self, code: bytes) -> bytes:
+        """Return a code cut off or filled up to its room, zeros where it must not reach."""
+        payload = code[: self._room].ljust(self._room, b"\0")
+        tail = self._header.tail
+        return (int.from_bytes(payload, "big") >> tail << tail).to_bytes(self._room, "big")
+
+    def _window_of(self, payload: bytes) -> Window:
+        return read_window(self._header.to_bytes() + payload)
+
+    def _opened(self, index: int, begin: int, timing: "_Timing") -> RangeEncoder:
         encoder = RangeEncoder()
+        encoder.put(int(self._slow.due(index)), SLOW)
+        if self._slow.due(index):
+            encoder.put_bits(self._slow.piece(index), PIECE_BITS)
         special = self._options != DEFAULT_OPTIONS
         encoder.put(int(special), PLAIN_OR_SPECIAL)
         if special:
@@ -285,7 +324,7 @@ class WindowWriter:
         """Return the code of the phones from number `first` on, cut off at its room."""
         line, tables = self._line, score_tables()
         tick = self._begin(index, first, timing.timing)
-        encoder = self._opened(tick, timing)
+        encoder = self._opened(index, tick, timing)
         context, spoken, meant = (NOTHING, NOTHING), 0, list[_Meant]()
         for k in range(first, len(line.starts)):
             number = line.numbers[k]
@@ -332,21 +371,17 @@ class WindowWriter:
         tell one more, if what follows it by chance tells none.
         """
         starts, freqs = encoder.intervals()
-        best = encode_intervals(starts, freqs, certain=True)[: self._room].ljust(self._room, b"\0")
-        told = len(_window_of(best).numbers)
+        best = self._fitted(encode_intervals(starts, freqs, certain=True))
+        told = len(self._window_of(best).numbers)
         for _, _, _, end in meant[told : told + 2]:
             payload = encode_intervals(starts[:end], freqs[:end], certain=True)
             if len(payload) > self._room:
                 break
-            payload = payload.ljust(self._room, b"\0")
-            window = _window_of(payload)
+            payload = self._fitted(payload)
+            window = self._window_of(payload)
             if len(window.numbers) > told and _agrees(window, meant):
                 best, told = payload, len(window.numbers)
         return best
-
-
-def _window_of(payload: bytes) -> Window:
-    return read_window(bytes(COMPACT_HEADER_BYTES) + payload)
 
 
 def _agrees(window: Window, meant: Sequence[_Meant]) -> bool:

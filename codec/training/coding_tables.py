@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bitstream.coding import Coding
+from codec.bitstream.coding import Coding, basis_of_any
 from codec.bitstream.joining import Joined, join
 from codec.bitstream.resynthesis.course import Course, Resynthesis, held_keys, phone_weights
 from codec.bitstream.resynthesis.movements import Movements, movements
@@ -30,6 +30,9 @@ _PRIOR_FRAMES = 5.0
 
 _LOOSER = 6
 """Quarter octaves by which an underived loose basis expects more than the other one."""
+
+_GREAT = 16
+"""Channels of most motion, over which the spectrum of filmed motion is the mean."""
 
 _EVERY = 97
 """The metric is the mean over every so many frames."""
@@ -59,6 +62,7 @@ def train_coding(
     voice: Voice,
     motions: Sequence[Motion],
     imprecise: Sequence[Motion] = (),
+    others: Sequence[Motion] = (),
     *,
     movement: Movement = FLOWING,
 ) -> Coding:
@@ -72,6 +76,9 @@ def train_coding(
     imprecise : sequence of Motion
         The same by a cuer who keeps less well to scores, for the loose basis; without any, it is
         derived from the other one.
+    others : sequence of Motion
+        Of other cuers, at the pace of real ones, as the voice explains them, for the basis of
+        filmed motion; without any, the motions serve.
     movement : Movement
         How the voice's hand moves.
     """
@@ -83,12 +90,22 @@ def train_coding(
     tight = _basis(metric, _lacking(targets, blocks, parts))
     loose = Basis(tight.matrix, tight.scales + _LOOSER)
     if imprecise:
-        others = [blocks_of(motion) for motion in imprecise]
-        known = [parts_of(motion, len(b)) for motion, b in zip(imprecise, others, strict=True)]
-        loose = _basis(metric, _lacking(targets, others, known))
+        worse = [blocks_of(motion) for motion in imprecise]
+        known = [parts_of(motion, len(b)) for motion, b in zip(imprecise, worse, strict=True)]
+        loose = _basis(metric, _lacking(targets, worse, known))
     mean = frames.mean(axis=0)
     plain = _basis(metric, np.concatenate(blocks) - mean)
-    return Coding(voice.identity, targets, tight, loose, mean, plain)
+    filmed = _filmed(metric, np.concatenate([blocks_of(m) for m in others or motions]) - mean)
+    return Coding(voice.identity, targets, tight, loose, mean, plain, filmed)
+
+
+def _filmed(metric: Array, blocks: Array) -> Basis:
+    """Return the basis of motion of cuers of whom little is known but these examples."""
+    flat = blocks.reshape(-1, blocks.shape[-1])
+    own = _basis(metric, blocks)
+    power = 2.0 ** (own.scales[:_GREAT] / 2)
+    spectrum = np.exp(np.log(power / power.sum(axis=1, keepdims=True)).mean(axis=0))
+    return basis_of_any(metric, np.asarray(np.cov(flat.T)), spectrum)
 
 
 def _lacking(

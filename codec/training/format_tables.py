@@ -28,11 +28,13 @@ from codec.bitstream.tables import (
     CoefficientTables,
     ScoreTables,
     coefficient_tables_of,
+    present_tables,
 )
 from codec.bitstream.transform import Basis
 from codec.cuer.motion import Motion
-from codec.cues.phonology import PHONES
-from codec.cues.score import Score
+from codec.cues.cueing import NO_CONSONANT_SHAPE, NO_VOWEL_PLACEMENT, PLACEMENT_OF, SHAPE_OF
+from codec.cues.phonology import CONSONANTS, PHONES, VOWELS
+from codec.cues.score import PLACEMENTS, Score
 from codec.cues.timeline import TICKS, Line, to_line
 from codec.files.whole import whole_file
 from codec.training.coding_tables import blocks_of, near, parts_of
@@ -241,7 +243,7 @@ TABLES = Path(__file__).parents[1] / "assets" / "tables.json"
 
 def write_tables(document: dict[str, Any], path: Path = TABLES) -> None:
     """Write the tables, one row of numbers per line, through a temporary name."""
-    text = json.dumps(document, separators=(",", ":")).replace("],", "],\n")
+    text = json.dumps(document, ensure_ascii=False, separators=(",", ":")).replace("],", "],\n")
     with whole_file(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
 
@@ -251,6 +253,7 @@ def format_tables(
     motions: Sequence[Motion],
     imprecise: Sequence[Motion],
     scores: Sequence[Score],
+    others: Sequence[Motion] = (),
 ) -> dict[str, Any]:
     """Return the document of the format's tables.
 
@@ -261,9 +264,12 @@ def format_tables(
     motions, imprecise : sequence of Motion
         Give the coefficients; the latter those of the loose basis.
     scores : sequence of Score
-        Give phones and lengths.
+        Give phones and lengths; without any, the present tables of the score stay.
+    others : sequence of Motion
+        Of other cuers, as in `codec.training.coding_tables.train_coding`.
     """
     residual, loose, plain = list[Array](), list[Array](), list[Array]()
+    filmed = [coding.filmed.forward(block - coding.mean) for m in others for block in blocks_of(m)]
     for basis, examples, found in (
         (coding.residual, motions, residual), (coding.loose, imprecise, loose)
     ):  # fmt: skip
@@ -275,9 +281,29 @@ def format_tables(
                 found.append(basis.forward(block - prediction))
                 plain.append(coding.plain.forward(block - coding.mean))
     coefficient = train_coefficients([
-        (coding.residual, residual), (coding.loose, loose), (coding.plain, plain)
+        (coding.residual, residual), (coding.loose, loose), (coding.plain, plain),
+        (coding.filmed, filmed),
     ])  # fmt: skip
-    return {"score": train_score(scores), "coefficient": coefficient}
+    score = train_score(scores) if scores else present_tables()["score"]
+    return {"language": language(), "score": score, "coefficient": coefficient}
+
+
+def language() -> dict[str, Any]:
+    """Return the phones of the language and its chart, from phones to keys (S11).
+
+    A movement is part of a placement in other languages' charts; French has none.
+    """
+    return {
+        "name": "French",
+        "phones": list(PHONES),
+        "vowels": len(VOWELS),
+        "placements": list(PLACEMENTS),
+        "shape": {symbol: SHAPE_OF[symbol] for symbol in CONSONANTS},
+        "placement": {symbol: PLACEMENT_OF[symbol] for symbol in VOWELS},
+        "movement": {},
+        "shape_without_consonant": NO_CONSONANT_SHAPE,
+        "placement_without_vowel": NO_VOWEL_PLACEMENT,
+    }
 
 
 _SPREAD = (0.6, 1.0, 1.5, 2.2)

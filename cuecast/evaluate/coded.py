@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.bitstream.bits import HEADER_BYTES, SCORE
+from codec.bitstream.checks import CRC16_BYTES
 from codec.bitstream.coding import coding_for
 from codec.bitstream.compact_encoder import CompactEncoder
 from codec.bitstream.decoder import SuperframeDecoder
 from codec.bitstream.encoder import SuperframeEncoder
-from codec.bitstream.payload import CRC8_BYTES, CRC16_BYTES, read_beginning, score_code
+from codec.bitstream.payload import CRC8_BYTES, read_beginning, score_code
 from codec.bitstream.stream import encode_stream, read_superframes
 from codec.bitstream.superframe import DecodedSuperframe, Superframe, merge_scores, resynthesis_of
 from codec.bitstream.window import MAX_BYTES

@@ -4,6 +4,7 @@ import argparse
 
 from cuecast.command.arguments import add_voice, bit_rate, positive
 from cuecast.command.files import write_bytes
+from cuecast.command.progress import note
 
 SUMMARY = "a motion as few bits"
 
@@ -15,15 +16,30 @@ def configure(parser: argparse.ArgumentParser) -> None:
     goal = parser.add_mutually_exclusive_group()
     goal.add_argument("--rate", type=bit_rate, metavar="BPS", help="bits per second to keep to")
     goal.add_argument("--error", type=positive, metavar="MM", help="marker error to keep to, mm")
+    parser.add_argument(
+        "--constant", action="store_true",
+        help="give every superframe the same size, as on air; with --rate",
+    )  # fmt: skip
+    parser.add_argument(
+        "--keep-score", action="store_true",
+        help="send the score where it costs more than it saves, too",
+    )  # fmt: skip
     add_voice(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the stream."""
-    from codec.bitstream.stream import encode_stream
+    from codec.bitstream.stream import encode_stream, silent_superframes
     from codec.cuer.motion import load_motion
     from cuecast.command.voices import coding_voice
 
     motion, voice = load_motion(args.motion), coding_voice(args.voice)
-    write_bytes(args.output, encode_stream(motion, voice, rate_bps=args.rate, error_mm=args.error))
+    data = encode_stream(
+        motion, voice, rate_bps=args.rate, error_mm=args.error, constant=args.constant,
+        keep_score=args.keep_score,
+    )  # fmt: skip
+    write_bytes(args.output, data)
+    without = silent_superframes(data) if motion.score is not None else 0
+    if without:
+        note(f"{without} superframes do without their score, which did not pay: --keep-score")
     return 0

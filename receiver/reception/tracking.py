@@ -15,7 +15,6 @@ import numpy as np
 
 from codec.bitstream.bits import COMPACT, SEQUENCES, Header, read_header
 from codec.bitstream.decoder import SuperframeDecoder
-from codec.bitstream.payload import is_intact
 from codec.bitstream.superframe import DecodedSuperframe, ScoreMerger
 from codec.cuer.motion import MOST_PARAM
 from codec.cuer.voice import Voice
@@ -128,17 +127,16 @@ class Tracker:
             The motion of the superframe and, better than before, of the one before it.
         """
         yield from self._notice_loss(on_air_s + SUPERFRAME_S)
-        if l0 is None or not is_intact(l0):
-            yield from self._missed(on_air_s)
-            return
-        header: Header | None = None
         try:
+            if l0 is None or not self._decoder.admits(l0):
+                yield from self._missed(on_air_s)
+                return
             header = read_header(l0)
-            self._decoder.check_coding(header)
             for copy in self._believed(_Copy(l0, l1, on_air_s, header)):
                 yield from self._draw(copy)
         except (VoiceError, BitstreamError) as error:
-            yield from self._refuse(header, on_air_s, error)
+            known = read_header(l0) if l0 and isinstance(error, VoiceError) else None
+            yield from self._refuse(known, on_air_s, error)
 
     def _refuse(
         self, header: Header | None, on_air_s: float, error: VoiceError | BitstreamError
@@ -159,7 +157,7 @@ class Tracker:
         self._doubted = _Grid(copy.header.sequence, copy.on_air_s, 0.0)
         self._held.append(copy)
         places = {self._doubted.index_at(held.on_air_s) for held in self._held}
-        if len(places) * (1 if copy.header.mode == COMPACT else 4) < _PROOF_BITS:
+        if len(places) * (2 if copy.header.mode == COMPACT else 16) < _PROOF_BITS:
             return []
         believed, self._held = self._held, []
         return believed

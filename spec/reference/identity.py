@@ -8,7 +8,7 @@ from pathlib import Path
 ARRAYS = (
     "targets.hand", "targets.head", "targets.forearm", "targets.arc", "targets.face",
     "residual.matrix", "residual.scales", "loose.matrix", "loose.scales", "plain.matrix",
-    "plain.scales", "mean",
+    "plain.scales", "filmed.matrix", "filmed.scales", "mean",
 )  # fmt: skip
 """Table 4."""
 
@@ -21,7 +21,7 @@ def identity(tables: Path, coding: Path, voice: str) -> str:
 
     `tables` is the file of the format's tables, `coding` that of the voice's, an archive of arrays.
     """
-    digest = hashlib.sha256(b"cuecast-coding-1" + voice.encode("ascii"))
+    digest = hashlib.sha256(b"cuecast-coding-2" + voice.encode("ascii"))
     digest.update(hashlib.sha256(tables.read_bytes()).digest())
     with zipfile.ZipFile(coding) as archive:
         for name in ARRAYS:

@@ -4,9 +4,10 @@
 class RangeDecoder:
     """A code on its way back to symbols."""
 
-    def __init__(self, data: bytes) -> None:
-        """(R2) Start decoding."""
-        self.data = data
+    def __init__(self, data: bytes, tail: int = 0) -> None:
+        """(R2, R8) Start decoding; the last `tail` bits of the data are no code."""
+        self.data = data[: len(data) - tail // 8]
+        self.unknown = 2 ** (tail % 8) - 1
         self.position = 0
         self.range = 2**32 - 1
         self.code = 0
@@ -16,9 +17,13 @@ class RangeDecoder:
         self.code = min(self.code, 2**32 - 2)
 
     def _next_byte(self) -> None:
-        inside = self.position < len(self.data)
-        self.code = self.code * 256 + (self.data[self.position] if inside else 0)
-        self.slack = self.slack * 256 + (0 if inside else 255)
+        byte, slack = 0, 255
+        if self.position < len(self.data):
+            byte, slack = self.data[self.position], 0
+        if self.position == len(self.data) - 1:
+            byte, slack = byte - byte % (self.unknown + 1), self.unknown
+        self.code = self.code * 256 + byte
+        self.slack = self.slack * 256 + slack
         self.position += 1
 
     def symbol(self, freqs: list[int], limit: int | None = None) -> tuple[int, bool]:

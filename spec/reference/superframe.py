@@ -1,6 +1,6 @@
 """Sections 2, 3 and 6.2 to 6.4 of spec/bitstream.md in plain integers, from the text.
 
-Slow on purpose. What it needs of a voice are the identity and the scales of its basis.
+Slow on purpose. What it needs of a voice: the identity of its coding, the scales of its bases.
 """
 
 import json
@@ -14,7 +14,12 @@ TABLES: dict[str, Any] = json.loads(
     (Path(__file__).parents[2] / "codec" / "assets" / "tables.json").read_text(encoding="utf-8")
 )
 EQUAL = {9: [3648] + 8 * [3640], 6: [5463] + 5 * [5461]}
-CHOICES = [24576, 4096, 2048, 2048]
+BASES = {0: [16384, 8192, 4096, 4096], 1: [1024, 1024, 15360, 15360]}
+LEVEL = [14336, 5120, 5120, 3072, 2560, 1536, 1024]
+COURSE = [24576, 4096, 2048, 2048]
+SHARED = [28672, 4096]
+SHARE = [12288, 4096, 16384]
+SLOW = [32512, 256]
 SHIFTS = [20480, 4096, 4096, 2048, 2048]
 SPECIAL = [32512, 256]
 BEGIN = [512 * n for n in (3, 4, 5, 6, 7, 7, 6, 5, 4, 4, 3, 3, 2, 2, 2, 1)]
@@ -22,7 +27,7 @@ PACE = [2048, 7168, 8192, 6144, 4096, 2560, 1536, 1024]
 PACES = (3, 4, 5, 6, 7, 8, 10, 13)
 CORRECTION = [22528, 2560, 2048, 1536, 1536, 512, 1024, 1024]
 CORRECTIONS = (0, -2, 2, -4, 4, -7, 7, 12)
-GAINS = (0, 6, 0, 10)
+LEVELS = (0, 4, -4, 8, -8, 12, -12)
 WIDTHS = (65536, 77936, 92682, 110218)
 
 
@@ -37,11 +42,15 @@ class Decoded:
     mode: int = 0
     sequence: int = 0
     lead: int = 0
-    voice: int = 0
+    signed: int = 0
+    proof: int = 0
+    slow: list[int] = field(default_factory=list)
     step: int = 63
-    gain: int = 0
+    basis: int = 0
+    level: int = 0
     course: int = 0
     shift: int = 0
+    shares: list[int] = field(default_factory=lambda: [0, 0, 0, 0])
     score: dict[str, Any] | None = None
     previews: dict[str, list[list[int]]] = field(default_factory=dict)
     indices: list[int] = field(default_factory=list)
@@ -61,45 +70,52 @@ def crc(data: bytes, width: int, polynomial: int, preset: int) -> int:
     return register
 
 
-def decode(
-    l0: bytes, l1: bytes | None, scales: list[list[int]], second: list[list[int]] | None = None
-) -> Decoded:
+def decode(l0: bytes, l1: bytes | None, bases: list[list[list[int]]], identity: str) -> Decoded:
     """Return what a superframe says.
 
-    `scales` are those of the first basis, one list of 32 per channel, `second` those of the
-    other one (Q6), the same unless given. An L1 that does not fit is left out.
+    `bases` are the scales of the four bases (Q6), one list of 32 per channel each; `identity` is
+    that of the coding. An L1 that does not fit is left out.
     """
     if l0 and l0[0] & 0x20:
-        return compact(l0, scales)
+        return compact(l0, bases, identity)
     if len(l0) < 5:
         raise MalformedError("H1")
-    body, check = l0[:-2], l0[-2:]
-    if crc(body, 16, 0x1021, 0xFFFF) != int.from_bytes(check, "big"):
-        raise MalformedError("H6")
+    body, check = l0[:-2], int.from_bytes(l0[-2:], "big")
     head = int.from_bytes(body[:2], "big")
-    if head >> 14 != 3:
+    signed = head >> 3 & 1
+    if signed and len(l0) < 7:
+        raise MalformedError("H1")
+    if crc(body, 16, 0x1021, 0xFFFF) ^ int(identity[:4], 16) != check:
+        raise MalformedError("H6")
+    if head >> 14 != 0:
         raise MalformedError("H2")
-    out = Decoded(head >> 12 & 3, head >> 6 & 63, head >> 4 & 3, head & 15)
-    decoder = RangeDecoder(body[2:])
+    out = Decoded(head >> 12 & 3, head >> 6 & 63, head >> 4 & 3, signed)
+    out.proof = int.from_bytes(body[-2:], "big") & 511 if signed else 0
+    decoder = RangeDecoder(body[2:], tail=9 * signed)
+    out.slow = [decoder.bits(16) for _ in range(head >> 1 & 3)]
     out.step = decoder.bits(6)
     if out.step != 63:
-        out.gain = decoder.symbol(CHOICES)[0]
+        out.basis = decoder.symbol(BASES[out.mode])[0]
+        out.level = decoder.symbol(LEVEL)[0]
         if out.mode == 0:
-            out.course = decoder.symbol(CHOICES)[0]
+            out.course = decoder.symbol(COURSE)[0]
             out.shift = decoder.symbol(SHIFTS)[0]
+            if decoder.symbol(SHARED)[0]:
+                out.shares = [decoder.symbol(SHARE)[0] for _ in range(4)]
     if out.mode == 0:
         out.score = score(decoder)
         out.previews = previews(decoder)
-    if out.gain >= 2 and second is not None:
-        scales = second
+    scales = bases[out.basis]
     scan = order(scales)
-    scales = [[scale + GAINS[out.gain] for scale in row] for row in scales]
+    scales = [[scale + LEVELS[out.level] for scale in row] for row in scales]
     out.indices = [0] * len(scan)
     out.values = [0] * len(scan)
     if out.step == 63:
         return out
     known = coefficients(decoder, out, scan, scales, 0)
-    fits = l1 and crc(check + l1[:-1], 8, 0x2F, 0xFF) ^ 0xFF == l1[-1]
+    bare = int.from_bytes(body, "big") - out.proof
+    bound = crc(bare.to_bytes(len(body), "big"), 16, 0x1021, 0xFFFF) ^ int(identity[:4], 16)
+    fits = l1 and crc(bound.to_bytes(2, "big") + l1[:-1], 8, 0x2F, 0xFF) ^ 0xFF == l1[-1]
     if l1 and fits:
         coefficients(RangeDecoder(l1[:-1]), out, scan, scales, known)
     out.values = [
@@ -108,14 +124,20 @@ def decode(
     return out
 
 
-def compact(l0: bytes, scales: list[list[int]]) -> Decoded:
-    """(H3, H11, M1 to M4) Return what a compact superframe says; `voice` is its bit."""
-    if l0[0] >> 6 != 3:
-        raise MalformedError("H2")
+def compact(l0: bytes, bases: list[list[list[int]]], identity: str) -> Decoded:
+    """(H3, H11, M1 to M4) Return what a compact superframe says."""
     if not 4 <= len(l0) <= 12:
         raise MalformedError("H1")
-    decoder = RangeDecoder(l0[1:])
-    out = Decoded(2, l0[0] & 15, 2, l0[0] >> 4 & 1)
+    sequence, signed = l0[0] & 15, l0[0] >> 4 & 1
+    told = l0[-1] >> 2 * signed & 3
+    if told != int(identity[:4], 16) >> 14 - 2 * (sequence % 8) & 3:
+        raise MalformedError("M2")
+    if l0[0] >> 6 != 0:
+        raise MalformedError("H2")
+    decoder = RangeDecoder(l0[1:], tail=2 + 2 * signed)
+    out = Decoded(2, sequence, 2, signed, l0[-1] & 3 if signed else 0)
+    if decoder.symbol(SLOW)[0]:
+        out.slow = [decoder.bits(16)]
     out.score = {"cheek": [0, 0, 0], "rest_gap": 1}
     if decoder.symbol(SPECIAL)[0]:
         out.score["cheek"] = [decoder.bits(1) for _ in range(3)]
@@ -132,8 +154,8 @@ def compact(l0: bytes, scales: list[list[int]]) -> Decoded:
         starts.append(starts[-1] + length)
     out.score |= {"begin": begin, "numbers": [number for number, _ in phones]}
     out.score |= {"end": starts.pop(), "starts": starts}
-    out.indices = [0] * 32 * len(scales)
-    out.values = [0] * 32 * len(scales)
+    out.indices = [0] * 32 * len(bases[0])
+    out.values = [0] * 32 * len(bases[0])
     return out
 
 

@@ -11,45 +11,81 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from spec.reference.superframe import Decoded, MalformedError, crc, decode
+from spec.reference.superframe import (
+    LEVELS,
+    Decoded,
+    MalformedError,
+    class_of,
+    crc,
+    decode,
+    order,
+)
 
 ORIGIN = (
     "bytes drawn at random or set by hand by spec/reference/superframe_vectors.py, given checks "
     "and decoded by spec/reference/superframe.py, which was written from the text"
 )
 SCALES = [[30 - 5 * channel - 2 * frequency for frequency in range(32)] for channel in range(4)]
+STEEP = [[44 - 9 * channel - 3 * frequency for frequency in range(32)] for channel in range(4)]
+FLAT = [[24 - 3 * channel - frequency for frequency in range(32)] for channel in range(4)]
+MIXED = [
+    [31 - (7 * channel + 5 * frequency) % 11 - frequency for frequency in range(32)]
+    for channel in range(4)
+]
+BASES = [SCALES, STEEP, FLAT, MIXED]
+IDENTITY = "9c3a5b17f0e2d468"
+MASK = int(IDENTITY[:4], 16)
 Case = dict[str, Any]
 
 
 def with_check(body: bytes) -> bytes:
-    """(H6) Return an L0 part."""
-    return body + crc(body, 16, 0x1021, 0xFFFF).to_bytes(2, "big")
+    """(H5, H6) Return an L0 part."""
+    return body + (crc(body, 16, 0x1021, 0xFFFF) ^ MASK).to_bytes(2, "big")
 
 
 def l1_of(l0: bytes, body: bytes) -> bytes:
     """(H7) Return an L1 part."""
+    if l0[1] & 8:
+        l0 = with_check(l0[:-4] + bytes([l0[-4] & 0xFE, 0]))
     return body + bytes([crc(l0[-2:] + body, 8, 0x2F, 0xFF) ^ 0xFF])
 
 
-def full(rng: random.Random, mode: int, size: int, step: int | None = None) -> bytes:
-    """Return an L0 part of modes 0 or 1 with a random payload, its step chosen or random."""
-    head = bytes([0xC0 | mode << 4 | rng.randrange(16), rng.randrange(256)])
+def full(
+    rng: random.Random, mode: int, size: int, step: int | None = None, flags: int = 0
+) -> bytes:
+    """Return an L0 part of modes 0 or 1 with a random payload, its step chosen or random.
+
+    `flags` are the last four bits of the header: signed, slow and spare.
+    """
+    head = mode << 12 | rng.randrange(64) << 6 | rng.randrange(4) << 4 | flags
     payload = bytearray(rng.randbytes(size))
     if step is not None:
         payload[0] = step << 2 | payload[0] & 3
-    return with_check(head + payload)
+    return with_check(head.to_bytes(2, "big") + payload)
 
 
-def compact(rng: random.Random, size: int) -> bytes:
+def compact(rng: random.Random, size: int, signed: int = 0, first: int | None = None) -> bytes:
     """Return a compact L0 part with a random payload."""
-    return bytes([0xE0 | rng.randrange(32)]) + rng.randbytes(size - 1)
+    sequence = rng.randrange(16)
+    body = bytearray([0x20 | signed << 4 | sequence]) + rng.randbytes(size - 1)
+    if first is not None:
+        body[1] = first
+    told = MASK >> 14 - 2 * (sequence % 8) & 3
+    body[-1] = body[-1] & ~(3 << 2 * signed) | told << 2 * signed
+    return bytes(body)
+
+
+def filled(sequence: int, size: int, byte: int) -> bytes:
+    """Return a compact L0 part of one byte's value over and over, but for the identity."""
+    told = MASK >> 14 - 2 * (sequence % 8) & 3
+    return bytes([0x20 | sequence] + (size - 2) * [byte] + [byte & 0xFC | told])
 
 
 def found(make: Callable[[], bytes], wanted: Callable[[Decoded], bool]) -> bytes:
     """Return the first L0 part that says what is wanted."""
     while True:
         l0 = make()
-        if wanted(decode(l0, None, SCALES)):
+        if wanted(decode(l0, None, BASES, IDENTITY)):
             return l0
 
 
@@ -62,9 +98,9 @@ def is_even(out: Decoded) -> bool:
 
 def parts() -> Iterator[tuple[str, str, bytes, bytes]]:
     """Yield identifier, section, L0 and L1 of the valid vectors."""
-    rng = random.Random(2)
-    yield "score-of-zeros", "3", with_check(bytes([0xC0, 0x5A, 0xFC] + 9 * [0])), b""
-    ones = with_check(bytes([0xC1, 0x20] + 8 * [255]))
+    rng = random.Random(4)
+    yield "score-of-zeros", "3", with_check(bytes([0x00, 0x50, 0xFC] + 9 * [0])), b""
+    ones = with_check(bytes([0x01, 0x20] + 8 * [255]))
     yield "step-63-all-ones", "H10", ones, l1_of(ones, b"\xff\xff")
     for i in range(6):
         l0 = full(rng, i % 2, rng.randrange(8, 40))
@@ -72,29 +108,54 @@ def parts() -> Iterator[tuple[str, str, bytes, bytes]]:
     for i in range(2):
         even = found(lambda: full(rng, 0, 20, 63), is_even)
         yield f"even-{i}", "S8", even, b""
-    for i in range(2):
+    for i in range(4):
         special = found(lambda: full(rng, 0, 20, 63), lambda out: any(_score(out)["overrides"]))
         yield f"special-{i}", "S9", special, b""
-    for i in range(2):
+    for i in range(4):
         l0 = full(rng, 1, 40, i)
         yield f"large-indices-{i}", "C4", l0, l1_of(l0, rng.randbytes(20))
-    for gain in (1, 2, 3):
-        l0 = found(lambda: full(rng, 1, 20, 24), lambda out, gain=gain: out.gain == gain)  # type: ignore[misc]
-        yield f"gain-{gain}", "H8, Q6", l0, l1_of(l0, rng.randbytes(16))
+    for i in range(3):
+        l0 = found(lambda: full(rng, 1, 30, 8 + 4 * i), escapes)  # noqa: B023
+        yield f"escape-{i}", "C4", l0, l1_of(l0, rng.randbytes(16))
+    for basis in range(4):
+        for mode in (0, 1):
+            l0 = found(lambda: full(rng, mode, 24, 20), lambda out, b=basis: out.basis == b)  # type: ignore[misc] # noqa: B023
+            yield f"basis-{basis}-mode-{mode}", "H8, Q6", l0, l1_of(l0, rng.randbytes(16))
+    for level in range(1, 7):
+        l0 = found(lambda: full(rng, 1, 24, 18), lambda out, n=level: out.level == n)  # type: ignore[misc]
+        yield f"level-{level}", "H8, Q6", l0, l1_of(l0, rng.randbytes(16))
+    for course in (1, 2, 3):
+        l0 = found(lambda: full(rng, 0, 20, 24), lambda out, c=course: out.course == c)  # type: ignore[misc]
+        yield f"course-{course}", "H8", l0, b""
     for shift in (1, 2, 3, 4):
         l0 = found(lambda: full(rng, 0, 20, 24), lambda out, shift=shift: out.shift == shift)  # type: ignore[misc]
         yield f"shift-{shift}", "H8", l0, b""
+    for i in range(4):
+        l0 = found(lambda: full(rng, 0, 24, 22), lambda out, i=i: out.shares[i] == 1 + i % 2)  # type: ignore[misc]
+        yield f"shares-{i}", "H8, P10", l0, b""
     for which in (["2"], ["4"], ["2", "4"], ["2", "4", "6"]):
         l0 = found(lambda: full(rng, 0, 30, 24), lambda out, w=which: [*out.previews] == w)  # type: ignore[misc]
         yield "preview-" + "-".join(which), "V1, V2", l0, b""
+    for pieces in (1, 2, 3):
+        l0 = full(rng, pieces % 2, 24, None, 2 * pieces)
+        yield f"slow-{pieces}", "H8, 3.3", l0, l1_of(l0, rng.randbytes(8))
+    for i in range(4):
+        l0 = full(rng, i % 2, 12 + i, 16, 8 | i)
+        yield f"signed-{i}", "H12, R8", l0, l1_of(l0, rng.randbytes(12))
     l0, other = full(rng, 1, 5, 24), full(rng, 1, 5, 24)
     yield "l1-of-another-l0", "H7", l0, l1_of(other, rng.randbytes(12))
-    yield "l1-continues", "H9", l0, l1_of(l0, rng.randbytes(12))
+    for i in range(4):
+        l0 = full(rng, i % 2, 6 + 5 * (i % 2 == 0), 20)
+        yield f"l1-continues-{i}", "H9, C5", l0, l1_of(l0, rng.randbytes(12 + i))
     for size in (4, 7, 12):
-        yield f"compact-zeros-{size}", "3.1", bytes([0xE3] + (size - 1) * [0]), b""
-        yield f"compact-ones-{size}", "3.1", bytes([0xFF] + (size - 1) * [255]), b""
-    for i in range(8):
-        yield f"compact-random-{i}", "M1 to M6", compact(rng, 5 + i), b""
+        yield f"compact-zeros-{size}", "3.1", filled(3, size, 0), b""
+        yield f"compact-ones-{size}", "3.1", filled(15, size, 255), b""
+    for i in range(16):
+        yield f"compact-random-{i}", "M1 to M6", compact(rng, 5 + i % 8), b""
+    for i in range(4):
+        yield f"compact-signed-{i}", "H12, R8", compact(rng, 6 + i, 1), b""
+    for i in range(2):
+        yield f"compact-slow-{i}", "M1", compact(rng, 9 + i, i, 255), b""
     l0 = found(lambda: compact(rng, 7), lambda out: _score(out)["numbers"][:1] == [0])
     yield "compact-pause-first", "M7", l0, b""
     l0 = found(lambda: compact(rng, 7), lambda out: not _score(out)["numbers"])
@@ -105,29 +166,44 @@ def parts() -> Iterator[tuple[str, str, bytes, bytes]]:
     )  # fmt: skip
 
 
+def escapes(out: Decoded) -> bool:
+    """Return whether an index is so large that it takes bits beyond its symbol (C4)."""
+    scales = BASES[out.basis]
+    return any(
+        abs(q) >> class_of(scales[c][f] + LEVELS[out.level], out.step)[1] > 16
+        for q, (c, f) in zip(out.indices, order(scales), strict=True)
+    )
+
+
 def _score(out: Decoded) -> dict[str, Any]:
     return out.score or {}
 
 
 def invalid() -> Iterator[tuple[str, str, bytes]]:
     """Yield identifier, the paragraph that is broken, and L0."""
-    yield "too-short", "H1", bytes([0xC1, 0, 0, 0])
-    yield "compact-too-short", "H1", bytes([0xE1, 0, 0])
-    yield "compact-too-long", "H1", bytes([0xE1] + 12 * [0])
+    yield "too-short", "H1", bytes([0x01, 0, 0, 0])
+    yield "signed-too-short", "H1", with_check(bytes([0x01, 0x08, 0, 0]))
+    yield "compact-too-short", "H1", bytes([0x21, 0, 0])
+    yield "compact-too-long", "H1", bytes([0x21] + 12 * [0])
     yield "version-1", "H2", with_check(bytes([0x41, 0, 0]))
-    yield "version-2", "H2", with_check(bytes([0x81, 0, 0]))
-    yield "compact-version-2", "H2", bytes([0xA1, 0, 0, 0])
-    yield "wrong-check", "H6", with_check(bytes([0xC1, 0, 0]))[:-1] + b"\0"
+    yield "version-3", "H2", with_check(bytes([0xC1, 0, 0]))
+    yield "compact-version-2", "H2", bytes([0xA0]) + filled(0, 5, 0)[1:]
+    yield "wrong-check", "H6", with_check(bytes([0x01, 0, 0]))[:-1] + b"\0"
+    body = bytes([0x01, 0, 0])
+    yield "check-without-identity", "H6", body + crc(body, 16, 0x1021, 0xFFFF).to_bytes(2, "big")
+    yield "compact-of-another", "M2", filled(2, 6, 0)[:-1] + bytes([filled(2, 6, 0)[-1] ^ 1])
 
 
 def case_of(name: str, section: str, l0: bytes, l1: bytes) -> Case:
     """Return a vector with what the reference says."""
-    out = decode(l0, l1, SCALES)
+    out = decode(l0, l1, BASES, IDENTITY)
     return {
         "id": name, "section": section, "valid": True, "l0": l0.hex(), "l1": l1.hex(),
-        "scales": SCALES, "setting": [out.step, out.gain, out.course, out.shift],
+        "header": [out.mode, out.sequence, out.lead, out.signed, out.proof], "slow": out.slow,
+        "setting": [out.step, out.basis, out.level, out.course, out.shift, *out.shares],
         "score": out.score, "previews": out.previews,
         "indices": {str(i): q for i, q in enumerate(out.indices) if q},
+        "values": {str(i): v for i, v in enumerate(out.values) if v},
     }  # fmt: skip
 
 
@@ -136,7 +212,7 @@ def main(path: str) -> None:
     cases = [case_of(*part) for part in parts()]
     for name, section, l0 in invalid():
         try:
-            decode(l0, b"", SCALES)
+            decode(l0, b"", BASES, IDENTITY)
         except MalformedError as error:
             broken = str(error)
         else:
@@ -144,10 +220,11 @@ def main(path: str) -> None:
         assert broken == section, name
         cases.append({
             "id": name, "section": section, "valid": False, "l0": l0.hex(), "l1": "",
-            "scales": SCALES,
         })  # fmt: skip
     lines = ",\n".join("  " + json.dumps(case, ensure_ascii=False) for case in cases)
-    head = json.dumps({"section": "2, 3, 6", "origin": ORIGIN})[:-1]
+    head = json.dumps(
+        {"section": "2, 3, 6", "origin": ORIGIN, "identity": IDENTITY, "bases": BASES}
+    )[:-1]
     Path(path).write_text(f'{head}, "cases": [\n{lines}\n]}}\n', encoding="utf-8")
 
 

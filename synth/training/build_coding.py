@@ -1,10 +1,11 @@
 """Build coding tables: the virtual cuer performs sentences, and the codec is trained on them.
 
-``python -m synth.training.build_coding [--identity claire] [--format]`` writes the tables of the
-built-in voice under its present identity; run it after `synth.training.build_voice`; ``cuecast
-voice build`` trains those of other voices. With ``--format`` the tables of the bitstream are
-trained too, which changes the format; those that come with the package have seen the 1001 sentences
-of enst-camille besides (``--labels``, needs PyYAML).
+``python -m synth.training.build_coding [--identity claire] [--filmed DIR] [--format]`` writes the
+tables of the built-in voice under its present identity; run it after `synth.training.build_voice`;
+``cuecast voice build`` trains those of other voices. ``--filmed`` names a folder of motions that
+``python -m cuecast.evaluate.filmed`` made. With ``--format`` the tables of the bitstream are
+trained too, which changes the format; those of the score only with ``--labels``: they have seen the
+1001 sentences of enst-camille besides (needs PyYAML).
 """
 
 import argparse
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from codec.bitstream.coding import FOLDER, keep_coding
 from codec.cuer.layout import N_FACE, N_HAND
-from codec.cuer.motion import Motion
+from codec.cuer.motion import Motion, load_motion
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.cueing import cue
 from codec.cues.score import Phone, Score
@@ -29,6 +30,8 @@ from codec.errors import CueError
 from codec.training.coding_tables import train_coding
 from codec.training.format_tables import format_tables, write_tables
 from synth.body.anatomy import IDENTITIES
+from synth.measured.cuer import MeasuredCuer
+from synth.measured.plan import paced as at_real_pace
 from synth.rules.gesture import GestureSynthesiser
 from synth.scoring.text_score import score_from_text
 
@@ -45,6 +48,8 @@ _UNEVENNESS = 0.4
 """Standard deviation of the logarithm of a phone's length about its prediction, read speech."""
 
 _TAIL_S = 1.5
+_OTHERS = 30
+"""Sentences of each of the other cuers."""
 """Seconds after the last phone, in which the hand comes to rest."""
 
 N_FACE_PARAMS = 7
@@ -179,6 +184,24 @@ def examples(voice: Voice) -> Iterator[Motion]:
     yield imprecise(voice, recital(sentences()[1::4], seed=2), seed=7, law="lognormal")
 
 
+def other_cuers(voice: Voice) -> Iterator[Motion]:
+    """Yield the motion of cuers who move as real ones were measured to, as a voice explains it.
+
+    Each has another body, and none moves by the rule that the codec predicts with.
+    """
+    for number, identity in enumerate(sorted(IDENTITIES)):
+        texts = sentences()[_OTHERS * number : _OTHERS * (number + 1)]
+        score = at_real_pace(recital(texts, seed=number))
+        cuer = MeasuredCuer(identity, seed=number)
+        yield cuer.motion(score, 0.0, int(50 * (score.phones[-1].end + _TAIL_S)), voice)
+
+
+def films(folder: Path) -> Iterator[Motion]:
+    """Yield the captured motions of a folder, as `python -m cuecast.evaluate.filmed` makes them."""
+    for path in sorted(folder.glob("*.npz")):
+        yield load_motion(path)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; return its exit status."""
     parser = argparse.ArgumentParser(
@@ -186,16 +209,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--identity", choices=sorted(IDENTITIES), default="claire")
     parser.add_argument("--format", action="store_true", help="train the format's tables too")
-    parser.add_argument("--labels", type=Path, help="with --format: further sentences, as YAML")
+    parser.add_argument(
+        "--labels",
+        type=Path,
+        help="with --format: further sentences, as YAML; without, the score's tables stay",
+    )
+    parser.add_argument("--filmed", type=Path, help="folder of motions from films of other cuers")
     args = parser.parse_args(argv)
     try:
         voice = load_voice(args.identity)
         exact, loose = examples(voice)
-        coding = train_coding(voice, [exact], [loose])
+        others = [*other_cuers(voice), *(films(args.filmed) if args.filmed else ())]
+        coding = train_coding(voice, [exact], [loose], others)
         keep_coding(coding, FOLDER)
         if args.format:
-            said = recital([*sentences(), *(labelled(args.labels) if args.labels else ())])
-            write_tables(format_tables(coding, [exact], [loose], [said, *paced(said)]))
+            said = recital([*sentences(), *labelled(args.labels)]) if args.labels else None
+            scores = [said, *paced(said)] if said else ()
+            write_tables(format_tables(coding, [exact], [loose], scores, others))
     except (CueError, OSError) as error:
         print(f"synth.training.build_coding: {error}", file=sys.stderr)
         return 3

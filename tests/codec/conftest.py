@@ -1,12 +1,20 @@
 """Fixtures of the models' tests: a toy cuer and a voice fitted to it once."""
 
 import importlib.util
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 
+from codec.bitstream.coding import coding_for
+from codec.bitstream.superframe import resynthesis_of
+from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
+from codec.cues.score import Score
+from codec.cues.timeline import TICKS
+from codec.training.coding_tables import near, parts_of
 from codec.training.fit import fit_voice
 
 
@@ -26,3 +34,25 @@ def toy() -> ModuleType:
 def toy_voice(toy: ModuleType) -> Voice:
     training = toy.training_set(seed=1, frames=1500)
     return fit_voice("toy", hand=training, face=training, joint=training)
+
+
+@pytest.fixture(scope="session")
+def perform(toy_voice: Voice) -> Callable[[Score, int], Motion]:
+    """Return a motion near the prediction of a score: with smooth deviations."""
+
+    def make(score: Score, superframes: int, seed: int = 0) -> Motion:
+        motion = Motion(
+            np.zeros((superframes * TICKS, len(toy_voice.layout)), np.float32), 50, 0.0,
+            toy_voice.layout, toy_voice.identity, score,
+        )  # fmt: skip
+        parts = parts_of(motion, superframes)
+        params = [
+            resynthesis_of(coding_for(toy_voice), near(parts, k), k).params()
+            for k in range(superframes)
+        ]
+        rng = np.random.default_rng(seed)
+        drift = np.cumsum(rng.normal(0, 0.03, (superframes * TICKS, params[0].shape[1])), axis=0)
+        moved = (np.concatenate(params) + drift - drift.mean(axis=0)).astype(np.float32)
+        return Motion(moved, 50, 0.0, motion.layout, motion.voice, score)
+
+    return make

@@ -81,19 +81,19 @@ def test_streams_of_other_tables_are_refused(
     for frame in frames:
         SuperframeDecoder(toy_voice).push(frame.l0, None, frame.index)
     keep_coding(trained(toy_voice))
-    refused = list[str]()
+    refused, decoder = list[str](), SuperframeDecoder(toy_voice)
     for frame in frames:
         try:
-            SuperframeDecoder(toy_voice).push(frame.l0, None, frame.index)
+            assert decoder.push(frame.l0, None, frame.index).concealed or l0_bytes == 7
         except VoiceError as error:
             refused.append(str(error))
-    # Fifteen of sixteen digits differ in the mean, or half of the bits.
-    assert len(refused) >= (12 if l0_bytes > 12 else 4)
-    assert all(text.startswith("another voice, or other coding tables: ") for text in refused)
+    # Two bits of a compact superframe agree by chance in a quarter; a check hardly ever.
+    assert len(refused) >= (6 if l0_bytes == 7 else 14)
+    assert all(text.startswith("another voice, or other coding tables:") for text in refused)
 
 
 def test_files_of_other_tables_are_refused(toy_voice: Voice, motion: Motion, folder: Path) -> None:
-    data = encode_stream(motion, toy_voice, rate_bps=400)
+    data = encode_stream(motion, toy_voice, rate_bps=400, keep_score=True)
     assert decode_stream(data, toy_voice).score is not None
     keep_coding(trained(toy_voice))
     with pytest.raises(VoiceError, match="those of voice toy here are"):

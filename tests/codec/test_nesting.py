@@ -1,12 +1,12 @@
 """A fine superframe inside a coarse one."""
 
-from codec.bitstream.bits import Header, crc16
+from codec.bitstream.bits import Header
+from codec.bitstream.checks import with_check
 from codec.bitstream.payload import nest, unnest
 
 
 def l0(sequence: int, fill: int) -> bytes:
-    body = Header(mode=0, sequence=sequence, lead=2, voice=1).to_bytes() + bytes([fill]) * 16
-    return body + crc16(body).to_bytes(2, "big")
+    return with_check(Header(0, sequence, 2).to_bytes() + bytes([fill]) * 16, "1234" + 12 * "0")
 
 
 def test_round_trip() -> None:

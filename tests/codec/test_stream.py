@@ -1,6 +1,8 @@
 import contextlib
 import json
+import zlib
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codec.analysis.compare import Comparison, compare_motions
+from codec.bitstream.bits import FILE_BYTES
+from codec.bitstream.coding import coding_for
 from codec.bitstream.inspect import describe, inspect_stream
 from codec.bitstream.stream import decode_stream, encode_stream, read_head, read_superframes
 from codec.cuer.motion import Motion
@@ -46,7 +50,9 @@ def make(toy_voice: Voice) -> MakeMotion:
 @pytest.mark.parametrize("rate", [25.0, 50.0, 120.0])
 def test_round_trip(toy_voice: Voice, make: MakeMotion, rate: float, start: float) -> None:
     motion = make(3.0, rate=rate, start=start)
-    decoded = decode_stream(encode_stream(motion, toy_voice, error_mm=2.0), toy_voice)
+    decoded = decode_stream(
+        encode_stream(motion, toy_voice, error_mm=2.0, keep_score=True), toy_voice
+    )
     assert decoded.rate_hz == 50
     assert decoded.start_s == pytest.approx(start)
     assert decoded.duration_s == pytest.approx(3.0)
@@ -57,11 +63,44 @@ def test_round_trip(toy_voice: Voice, make: MakeMotion, rate: float, start: floa
 
 
 @pytest.mark.parametrize("rate_bps", [140, 337.5, 1000, 6000, 20000])
-def test_rates_are_kept(toy_voice: Voice, make: MakeMotion, rate_bps: float) -> None:
-    data = encode_stream(make(6.4), toy_voice, rate_bps=rate_bps)
+def test_constant_rates_are_kept(toy_voice: Voice, make: MakeMotion, rate_bps: float) -> None:
+    data = encode_stream(make(6.4), toy_voice, rate_bps=rate_bps, constant=True)
     sizes = {len(frame.l0) for frame in read_superframes(data)}
     assert len(sizes) == 1
     assert 0 <= rate_bps - 8 * sizes.pop() / 0.64 < 12.5
+
+
+@pytest.mark.parametrize("keep_score", [False, True])
+@pytest.mark.parametrize("rate_bps", [200, 337.5, 1000])
+def test_mean_rates_are_kept_and_used(
+    toy_voice: Voice, make: MakeMotion, rate_bps: float, keep_score: bool
+) -> None:
+    data = encode_stream(make(6.4), toy_voice, rate_bps=rate_bps, keep_score=keep_score)
+    assert 0.9 * rate_bps < 8 * len(data) / 6.4 <= rate_bps
+    assert len({len(frame.l0) for frame in read_superframes(data)}) > 2
+
+
+def test_what_no_rate_can_hold_is_refused(toy_voice: Voice, make: MakeMotion) -> None:
+    with pytest.raises(CueError, match="bytes do not hold 10 superframes"):
+        encode_stream(make(6.4), toy_voice, rate_bps=60)
+
+
+@pytest.mark.parametrize("wish", [{"error_mm": 4.0}, {"rate_bps": 250.0}, {"rate_bps": 900.0}])
+def test_a_score_never_makes_a_file_worse(
+    toy_voice: Voice, make: MakeMotion, wish: dict[str, float]
+) -> None:
+    """The motion of `make` has nothing to do with its score."""
+    motion = make(6.4)
+    plain = replace(motion, score=None)
+    told, bare = (encode_stream(m, toy_voice, **wish) for m in (motion, plain))  # type: ignore[arg-type]
+    if "error_mm" in wish:
+        assert len(told) <= 1.01 * len(bare)
+        return
+    errors = [
+        compare_motions(plain, decode_stream(data, toy_voice), toy_voice).marker_rms_mm
+        for data in (told, bare)
+    ]
+    assert errors[0] <= 1.01 * errors[1]
 
 
 def test_errors_shrink_with_the_limit(toy_voice: Voice, make: MakeMotion) -> None:
@@ -84,9 +123,9 @@ def test_motion_without_a_score_stays_without(toy_voice: Voice, make: MakeMotion
 
 def test_inspection_needs_no_voice(toy_voice: Voice, make: MakeMotion) -> None:
     motion = make(2.0)
-    document = inspect_stream(encode_stream(motion, toy_voice, rate_bps=400))
+    document = inspect_stream(encode_stream(motion, toy_voice, rate_bps=400, constant=True))
     assert motion.score is not None
-    assert document["voice"] == toy_voice.identity
+    assert document["coding"] == coding_for(toy_voice).identity
     assert document["duration_s"] == 2.0
     assert len(document["superframes"]) == 4
     assert [k["phones"] for k in document["keys"]] == [list(k.phones) for k in motion.score.keys]
@@ -97,8 +136,8 @@ def test_inspection_needs_no_voice(toy_voice: Voice, make: MakeMotion) -> None:
 
 
 def test_damage_is_concealed_and_reported(toy_voice: Voice, make: MakeMotion) -> None:
-    data = bytearray(encode_stream(make(2.0), toy_voice, rate_bps=400))
-    data[34 + 32 + 5] ^= 1
+    data = bytearray(encode_stream(make(2.0), toy_voice, rate_bps=400, constant=True))
+    data[FILE_BYTES + 2 + 32 + 5] ^= 1
     assert len(decode_stream(bytes(data), toy_voice).params) == 100
     document = inspect_stream(bytes(data))
     assert [row["intact"] for row in document["superframes"]] == [True, False, True, True]
@@ -111,7 +150,7 @@ def test_damage_is_concealed_and_reported(toy_voice: Voice, make: MakeMotion) ->
         (lambda d: d[:10], "F1"),
         (lambda d: b"RIFF" + d[4:], "F2"),
         (lambda d: d[:4] + b"\7" + d[5:], "F3"),
-        (lambda d: d[:24] + bytes([d[24] ^ 1]) + d[25:], "F4"),
+        (lambda d: d[:18] + bytes([d[18] ^ 1]) + d[19:], "F4"),
         (lambda d: d[:-1], "F6"),
         (lambda d: d + b"\0", "F6"),
         (lambda d: b"", "F1"),
@@ -120,11 +159,35 @@ def test_damage_is_concealed_and_reported(toy_voice: Voice, make: MakeMotion) ->
 def test_broken_files(
     toy_voice: Voice, make: MakeMotion, change: Callable[[bytes], bytes], section: str
 ) -> None:
-    data = change(encode_stream(make(1.0), toy_voice, rate_bps=300))
+    data = change(encode_stream(make(1.0), toy_voice, rate_bps=300, constant=True))
     for read in (inspect_stream, lambda d: decode_stream(d, toy_voice)):
         with pytest.raises(BitstreamError) as caught:
             read(data)
         assert caught.value.section == section
+
+
+@pytest.mark.parametrize(
+    ("change", "section"),
+    [
+        (lambda d: d[:-1], "F7"),
+        (lambda d: d[:40] + bytes([d[40] ^ 1]) + d[41:], "F7"),
+        (lambda d: checked(d[:-6]), "F6"),
+        (lambda d: checked(d[:-4] + b"x"), "F6"),
+        (lambda d: checked(d[:26]), "F6"),
+    ],
+)
+def test_broken_files_of_records(
+    toy_voice: Voice, make: MakeMotion, change: Callable[[bytes], bytes], section: str
+) -> None:
+    data = change(encode_stream(make(1.0), toy_voice, rate_bps=600))
+    with pytest.raises(BitstreamError) as caught:
+        list(read_superframes(data))
+    assert caught.value.section == section
+
+
+def checked(data: bytes) -> bytes:
+    """Return a file of records with a valid check."""
+    return data + zlib.crc32(data).to_bytes(4, "big")
 
 
 @settings(deadline=None, max_examples=60)
@@ -152,6 +215,7 @@ def test_impossible_wishes(toy_voice: Voice, make: MakeMotion) -> None:
     for wish, message in (
         ({"rate_bps": 50}, r"rate 50 bit/s is not within 60\.\.20000"),
         ({"error_mm": 0.0}, r"error 0\.0 mm is not within"),
+        ({"error_mm": 2, "constant": True}, "superframes of constant size need a rate"),
         ({"rate_bps": 300, "error_mm": 2}, "a rate and an error cannot both be given"),
     ):
         with pytest.raises(CueError, match=message):
@@ -162,11 +226,10 @@ def test_impossible_wishes(toy_voice: Voice, make: MakeMotion) -> None:
 
 
 def test_another_voice_is_refused(toy_voice: Voice, make: MakeMotion) -> None:
-    data = bytearray(encode_stream(make(1.0), toy_voice, rate_bps=300))
-    head = read_head(bytes(data))
-    assert head.voice == toy_voice.identity
+    data = encode_stream(make(1.0), toy_voice, rate_bps=600)
+    assert read_head(data).coding == coding_for(toy_voice).identity
     other = Motion(np.zeros((9, 1), np.float32), 50, 0.0, ("face.1",), "0" * 16)
-    with pytest.raises(CueError, match="motion of voice 0000000000000000"):
+    with pytest.raises(CueError, match="voice 0000000000000000"):
         compare_motions(other, other, toy_voice)
 
 

@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec.bitstream.allocation import allocate_at
+from codec.bitstream.allocation import choose, content_at
 from codec.bitstream.analysis import block_at
-from codec.bitstream.bits import HEADER_BYTES, SEQUENCES, Header, crc8, crc16, read_header
+from codec.bitstream.bits import HEADER_BYTES, SEQUENCES, Header, crc8
+from codec.bitstream.checks import CRC16_BYTES, with_check
 from codec.bitstream.coding import coding_for
 from codec.bitstream.decoder import SuperframeDecoder
 from codec.bitstream.encoder import SuperframeEncoder
 from codec.bitstream.payload import (
-    CRC16_BYTES,
     coefficient_code,
     read_beginning,
     read_l0,
@@ -28,37 +28,13 @@ from codec.bitstream.superframe import (
     ScoreMerger,
     Superframe,
     merge_scores,
-    resynthesis_of,
 )
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Key, Score
 from codec.cues.timeline import SUPERFRAME_S, TICKS
 from codec.errors import BitstreamError, CueError, VoiceError
-from codec.training.coding_tables import near, parts_of
 from tests.codec.speech import SENTENCE, spoken
-
-
-@pytest.fixture(scope="module")
-def perform(toy_voice: Voice) -> Callable[[Score, int], Motion]:
-    """Return a motion near the prediction of a score: with smooth deviations."""
-
-    def make(score: Score, superframes: int, seed: int = 0) -> Motion:
-        motion = Motion(
-            np.zeros((superframes * TICKS, len(toy_voice.layout)), np.float32), 50, 0.0,
-            toy_voice.layout, toy_voice.identity, score,
-        )  # fmt: skip
-        parts = parts_of(motion, superframes)
-        params = [
-            resynthesis_of(coding_for(toy_voice), near(parts, k), k).params()
-            for k in range(superframes)
-        ]
-        rng = np.random.default_rng(seed)
-        drift = np.cumsum(rng.normal(0, 0.03, (superframes * TICKS, params[0].shape[1])), axis=0)
-        moved = (np.concatenate(params) + drift - drift.mean(axis=0)).astype(np.float32)
-        return Motion(moved, 50, 0.0, motion.layout, motion.voice, score)
-
-    return make
 
 
 def decode_all(
@@ -195,7 +171,7 @@ def test_l1_cut_anywhere_degrades_step_by_step(
     """The coefficients of a shorter L1 are those of a longer one, as far as they go."""
     motion = perform(spoken(SENTENCE), 3)
     frame = SuperframeEncoder(toy_voice, l0_bytes=24, l1_bytes=60).encode(motion, 1)
-    bases = coding_for(toy_voice).of_score
+    bases = coding_for(toy_voice).bases
     content, known = read_l0(frame.l0, bases)
     whole = read_l1(frame.l0, frame.l1, content, known, bases).q
     before = known
@@ -226,15 +202,16 @@ def test_merger_gives_every_key_once_and_whole(
 def test_another_voice_is_refused(toy_voice: Voice, perform: Callable[..., Motion]) -> None:
     motion = perform(spoken(SENTENCE), 2)
     frame = SuperframeEncoder(toy_voice, l0_bytes=20, l1_bytes=0).encode(motion, 0)
-    header = read_header(frame.l0)
-    foreign = Header(header.mode, header.sequence, header.lead, header.voice ^ 1)
-    body = foreign.to_bytes() + frame.l0[2:-2]
-    with pytest.raises(
-        VoiceError, match="another voice, or other coding tables: digit 0 of the stream's"
-    ):
-        SuperframeDecoder(toy_voice).push(body + crc16(body).to_bytes(2, "big"), None, 0)
+    decoder = SuperframeDecoder(toy_voice)
+    body = frame.l0[:-2]
+    for number, identity in enumerate(("1" * 16, "2" * 16, "3" * 16)):
+        # One that fits no check may be damaged.
+        assert decoder.push(with_check(body, identity), None, 64 * number).concealed
+    with pytest.raises(VoiceError, match="it begins with 3333, the identity of voice toy"):
+        decoder.push(with_check(body, "3" * 16), None, 0)
+    assert not decoder.push(frame.l0, None, 0).concealed
     other = Motion(motion.params, 50, 0.0, motion.layout, "0" * 16, motion.score)
-    with pytest.raises(VoiceError, match="motion of voice 0000000000000000"):
+    with pytest.raises(VoiceError, match="voice 0000000000000000"):
         SuperframeEncoder(toy_voice, l0_bytes=20, l1_bytes=0).encode(other, 0)
 
 
@@ -258,11 +235,8 @@ def test_impossible_sizes_are_refused(toy_voice: Voice) -> None:
 @given(st.binary(min_size=3, max_size=60), st.binary(max_size=40), st.integers(0, 70))
 def test_any_bytes_give_parameters_or_an_error(body: bytes, more: bytes, index: int) -> None:
     voice = VOICES[0]
-    head = Header(
-        body[0] % 2, index % SEQUENCES, 2, int(coding_for(voice).identity[index % 16], 16)
-    )
-    l0 = head.to_bytes() + body
-    l0 += crc16(l0).to_bytes(2, "big")
+    head = Header(body[0] % 2, index % SEQUENCES, 2, slow=body[0] >> 6)
+    l0 = with_check(head.to_bytes() + body, coding_for(voice).identity)
     l1 = more + bytes([crc8(l0[-2:] + more)])
     decoded = SuperframeDecoder(voice).push(l0, l1, index)
     assert decoded.params.shape == (TICKS, len(voice.layout))
@@ -296,7 +270,7 @@ def test_superframes_take_their_ideal_length_and_end_within_a_byte(
     """An independent range coder with the same probabilities takes more, in words of 32 bits."""
     motion = perform(spoken(3 * SENTENCE), 12)
     encoder = SuperframeEncoder(toy_voice, l0_bytes=4000, l1_bytes=0)
-    bases = coding_for(toy_voice).of_score
+    bases = coding_for(toy_voice).bases
     for step in (4, 12, 20):
         ideal = ours = theirs = 0.0
         for k in range(12):
@@ -328,12 +302,13 @@ def test_superframes_of_a_step_say_what_was_quantised(
     """The last bits of a code tell no coefficient by chance."""
     motion = perform(spoken(3 * SENTENCE), 16)
     encoder = SuperframeEncoder(toy_voice, l0_bytes=4000, l1_bytes=0)
-    bases = coding_for(toy_voice).of_score
+    bases = coding_for(toy_voice).bases
     for step in range(2, 34, 2):
         for k in range(16):
             content, _ = read_l0(encoder.encode_at(motion, k, step).l0, bases)
-            analysis = encoder._analyse(motion, k)
-            sent = allocate_at(plan_of(analysis, {}), step)
+            analysis = encoder.analyse(motion, k)
+            chosen = choose(analysis, bases, step)
+            sent = content_at(plan_of(analysis, {}), bases, chosen, step)
             np.testing.assert_array_equal(content.q, sent.q)
 
 

@@ -8,7 +8,8 @@ import contextlib
 
 import numpy as np
 
-from codec.bitstream.bits import COMPACT, HEADER_BYTES, VERSION, crc8, crc16, voice_bit, voice_digit
+from codec.bitstream.bits import COMPACT, HEADER_BYTES, crc8, identity_bits
+from codec.bitstream.checks import with_check
 from codec.bitstream.coding import coding_for
 from codec.bitstream.decoder import SuperframeDecoder
 from codec.bitstream.inspect import inspect_stream
@@ -27,12 +28,12 @@ def _parts(data: bytes, identity: str, index: int) -> tuple[bytes, bytes]:
     mode, size = data[0] % 3, data[1] % 64
     body, more = data[2 : 2 + size], data[2 + size :][:64]
     if mode == COMPACT:
-        bit = voice_bit(identity, index) << 4
-        return bytes([VERSION << 6 | 0x20 | bit | index % 16]) + body, b""
-    fields = VERSION << 14 | mode << 12 | index % 64 << 6 | 2 << 4
-    fields |= voice_digit(identity, index % 64)
-    l0 = fields.to_bytes(HEADER_BYTES, "big") + body
-    l0 += crc16(l0).to_bytes(2, "big")
+        signed = data[0] & 0x10
+        last = (body[-1:] or b"\0")[0] & (0xF3 if signed else 0xFC)
+        last |= identity_bits(identity, index) << (2 if signed else 0)
+        return bytes([0x20 | signed | index % 16]) + body[:-1] + bytes([last]), b""
+    fields = mode << 12 | index % 64 << 6 | 2 << 4 | data[0] >> 4
+    l0 = with_check(fields.to_bytes(HEADER_BYTES, "big") + body, identity)
     return l0, more + bytes([crc8(l0[-2:] + more)])
 
 

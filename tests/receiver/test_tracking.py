@@ -161,7 +161,7 @@ def test_another_voice_is_told_and_not_drawn() -> None:
     events = run(other, SENT)
     foreign = [e for e in events if isinstance(e, Unreadable)]
     assert len(foreign) == 1
-    assert "that of voice stand-in" in foreign[0].message
+    assert "the identity of voice stand-in" in foreign[0].message
     assert len(pieces(events)) <= 2  # one digit of sixteen may agree by chance
 
 
