@@ -12,6 +12,7 @@ from codec.bitstream.bits import PLAIN, SCORE, SEQUENCES, read_header
 from codec.bitstream.checks import heard_mask, is_compact, is_own, is_possible
 from codec.bitstream.coding import coding_for
 from codec.bitstream.joining import Joined, Parts, join
+from codec.bitstream.lips import LipContract
 from codec.bitstream.payload import Content, read_l0, read_l1
 from codec.bitstream.preview import Preview, part_of_preview
 from codec.bitstream.quantise import (
@@ -24,6 +25,7 @@ from codec.bitstream.score_coding import ScorePart
 from codec.bitstream.superframe import WINDOWS, DecodedSuperframe, resynthesis_of, scaled
 from codec.bitstream.tables import coefficient_tables
 from codec.bitstream.window import Window
+from codec.cuer.models.face import N_FACE_PARAMETERS
 from codec.cuer.voice import Voice
 from codec.cues.timeline import SUPERFRAME_S, TICKS
 from codec.errors import BitstreamError, VoiceError
@@ -39,10 +41,18 @@ class SuperframeDecoder:
 
     It remembers a few superframes to predict from; results of other numbers do not depend on
     the order in which parts arrive once the neighbours are known (`render`).
+
+    Parameters
+    ----------
+    voice : Voice
+    lips : bool
+        Keep the lips to what the phones demand (`codec.bitstream.lips`): for viewers; the bare
+        parameters are what the specification's vectors state.
     """
 
-    def __init__(self, voice: Voice) -> None:
+    def __init__(self, voice: Voice, *, lips: bool = False) -> None:
         self.voice = voice
+        self._lips = LipContract(voice) if lips else None
         self._coding = coding_for(voice)
         self._contents: dict[int, Content] = {}
         self._layers: dict[int, tuple[str, ...]] = {}
@@ -151,6 +161,9 @@ class SuperframeDecoder:
         score = joined.score()
         begin, end = index * SUPERFRAME_S - 1e-6, (index + 1) * SUPERFRAME_S - 1e-6
         params = self._told(index, joined) if self._tells(index) else self._untold(index, joined)
+        if self._lips is not None:
+            face, ticks = params[:, :N_FACE_PARAMETERS], index * TICKS + np.arange(float(TICKS))
+            params[:, :N_FACE_PARAMETERS] = self._lips.kept(face, joined.line, ticks)
         return DecodedSuperframe(
             index,
             index * SUPERFRAME_S,

@@ -90,7 +90,8 @@ def add_pace(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--pace", choices=("readable", "sync"),
         help="readable: so that a viewer can follow, behind the speaker where that needs time "
-        "(default); sync: lips and hand in step with the speaker, for close-ups",
+        "(default); sync: lips and hand in step with the speaker, for close-ups (default where a "
+        "recording is followed or speech is made)",
     )  # fmt: skip
     group.add_argument(
         "--max-lag", type=not_negative, default=1.5, metavar="S",

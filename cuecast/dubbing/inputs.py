@@ -39,8 +39,9 @@ def pace_of(args: argparse.Namespace) -> "Pace | None":
     """Return the cuer's own clock, unless she keeps in step with the speaker."""
     from synth.prosody.pacing import Pace
 
-    # Who asks for speech hears it at a speaker's rate.
-    usual = "sync" if getattr(args, "speech", None) else "readable"
+    # Who asks for speech, or for the times of a recording, gets those of a speaker.
+    spoken = getattr(args, "speech", None) or isinstance(args.align, str)
+    usual = "sync" if spoken else "readable"
     if (args.pace or usual) == "sync":
         return None
     return Pace(args.max_lag, args.syllables_per_second)

@@ -104,7 +104,7 @@ class Tracker:
 
     def __init__(self, voice: Voice) -> None:
         self._voice = voice
-        self._decoder = SuperframeDecoder(voice)
+        self._decoder = SuperframeDecoder(voice, lips=True)
         self._merger = ScoreMerger()
         self.state: State = "searching"
         self.received = self.received_l1 = self.lost = 0
@@ -171,7 +171,7 @@ class Tracker:
         richness = bool(copy.l1), len(copy.l0) + len(copy.l1 or b"")
         if goes_on and richness <= self._richness.get(index, (False, 0)):
             return
-        decoder = self._decoder if goes_on else SuperframeDecoder(self._voice)
+        decoder = self._decoder if goes_on else SuperframeDecoder(self._voice, lips=True)
         decoded = decoder.push(copy.l0, copy.l1, index)
         lead_s = copy.header.lead * SUPERFRAME_S
         if not goes_on:

@@ -18,6 +18,7 @@ import soundfile
 from numpy.typing import NDArray
 
 from codec.cuer.motion import Motion
+from codec.cuer.movement import FLOWING
 from codec.cuer.voice import Voice
 from codec.cues.score import Score
 from codec.errors import CueError
@@ -188,7 +189,8 @@ def built_in_recordings(
     from synth.text.sentences import read_sentences
 
     texts = read_sentences() if sentences is None else list(sentences)
-    key = json.dumps([FORMAT, voice.identity, identity, alignment, RATES, texts])
+    moves = FLOWING.as_array().tolist()
+    key = json.dumps([FORMAT, voice.identity, identity, alignment, RATES, moves, texts])
     name = f"recordings-{hashlib.sha256(key.encode()).hexdigest()[:16]}"
     archive = (folder or cache_folder()) / name
     if archive.exists():

@@ -17,7 +17,7 @@ from synth.rules.visemes import ARTICULATORS, viseme_table
 FloatArray = NDArray[np.float64]
 
 _REACH_S = 0.45
-_RISE_S = 0.05
+_RISE_S = 0.045
 _REST_DOMINANCE = 0.05
 _FRAMES_AT_ONCE = 512
 
@@ -87,5 +87,5 @@ def _pull(times: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
     away = np.abs(times[:, None] - middle)
     fade = np.clip((away - half) / (_REACH_S - half).clip(0.05), 0.0, 1.0)
     scale = 0.6 * half + _RISE_S
-    pull: FloatArray = np.exp(-((away / scale) ** 1.5)) * (1.0 - fade) ** 2
+    pull: FloatArray = np.exp(-((away / scale) ** 2)) * (1.0 - fade) ** 2
     return pull

@@ -13,12 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.bitstream.lips import LipContract
+from codec.cuer.models.face import N_FACE_PARAMETERS
 from codec.cuer.motion import Motion
 from codec.cuer.movement import FLOWING, Movement
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.phonology import PAUSE, PHONE_NUMBER
 from codec.cues.score import PLACEMENTS, Key, Score
+from codec.cues.timeline import TICK_S, Sounding, to_ticks
 from codec.errors import CueError
 from synth.body.body import Body, Pose, load_asset, load_body
 from synth.body.reach import placement_target
@@ -67,6 +70,9 @@ _UNIT_DRIFT = {
     "cheekSquintLeft": 0.03, "cheekSquintRight": 0.03, "mouthSmileLeft": 0.03,
     "mouthSmileRight": 0.03, "jawOpen": 0.006, "larynxRaise": 0.3,
 }  # fmt: skip
+_LIPS_TICKS = 10
+"""How far from a frame a phone can bind its lips."""
+
 _HELD_PART = 0.3
 _NEAR_PART = 0.15
 """Part of a stroke in which it covers 3 % of its way, at its beginning and at its end."""
@@ -173,6 +179,7 @@ class GestureSynthesiser:
         self._unit_matrix = self._articulator_matrix()
         self._begins, self._ends = self._joints_lateness()
         self._planned: _Plan | None = None
+        self._lips: tuple[str, LipContract] | None = None
 
     def times_s(self, start_s: float, n_frames: int) -> FloatArray:
         """Return the time of each frame, seconds, shape (n_frames,)."""
@@ -197,9 +204,21 @@ class GestureSynthesiser:
         return self.body.markers(self.pose(score, start_s, n_frames)).astype(np.float32)
 
     def motion(self, score: Score, start_s: float, n_frames: int, voice: Voice) -> Motion:
-        """Return the parameters that `voice` finds for the markers."""
+        """Return the parameters that `voice` finds for the markers, the lips true to the phones."""
         markers = self.markers(score, start_s, n_frames)
-        return voice.invert(markers, rate_hz=self.rate_hz, start_s=start_s, score=score)
+        motion = voice.invert(markers, rate_hz=self.rate_hz, start_s=start_s, score=score)
+        if self._lips is None or self._lips[0] != voice.identity:
+            self._lips = voice.identity, LipContract(voice)
+        ticks = self.times_s(start_s, n_frames) / TICK_S
+        first, last = ticks[:1] - _LIPS_TICKS, ticks[-1:] + _LIPS_TICKS
+        near = [
+            Sounding(PHONE_NUMBER[p.symbol], to_ticks(p.start), to_ticks(p.end))
+            for p in score.phones
+            if n_frames and p.end / TICK_S > first and p.start / TICK_S < last
+        ]
+        face = motion.params[:, :N_FACE_PARAMETERS].astype(np.float64)
+        motion.params[:, :N_FACE_PARAMETERS] = self._lips[1].kept(face, near, ticks)
+        return motion
 
     def pose(self, score: Score, start_s: float, n_frames: int) -> Pose:
         """Return face-unit weights, head, hand angles and forearm of each frame."""

@@ -60,8 +60,8 @@ _VOWEL = {
 }  # fmt: skip
 
 _BILABIAL = {"jaw": 0.05, "close": 0.06, "press": 0.30, "upper": -0.12, "lower": -0.10}
-_LABIODENTAL = {"jaw": 0.08, "roll_lower": 0.55, "upper": 0.22, "lower": 0.05}
-_ALVEOLAR = {"jaw": 0.08}
+_LABIODENTAL = {"jaw": 0.05, "roll_lower": 1.05, "upper": 0.55, "lower": -0.10}
+_ALVEOLAR = {"jaw": 0.10, "lower": 0.12}
 _SIBILANT = {"jaw": 0.035, "stretch": 0.12, "lower": 0.15, "upper": 0.10, "jaw_forward": 0.25}
 _HUSHING = {"jaw": 0.06, "funnel": 0.55, "pucker": 0.22, "jaw_forward": 0.3}
 _VELAR = {"jaw": 0.13, "larynx": -0.6}
@@ -70,8 +70,8 @@ _CONSONANT = {
     "p": _BILABIAL | {"cheek": 0.08}, "b": _BILABIAL | {"cheek": 0.05, "larynx": -1.0},
     "m": _BILABIAL,
     "f": _LABIODENTAL, "v": _LABIODENTAL | {"larynx": -0.5},
-    "t": _ALVEOLAR, "d": _ALVEOLAR | {"larynx": -0.8}, "n": _ALVEOLAR | {"jaw": 0.10},
-    "l": _ALVEOLAR | {"jaw": 0.14},
+    "t": _ALVEOLAR, "d": _ALVEOLAR | {"larynx": -0.8}, "n": _ALVEOLAR | {"jaw": 0.12},
+    "l": _ALVEOLAR | {"jaw": 0.15},
     "s": _SIBILANT, "z": _SIBILANT | {"larynx": -0.5},
     "ʃ": _HUSHING, "ʒ": _HUSHING | {"larynx": -0.5},
     "k": _VELAR, "g": _VELAR | {"larynx": -1.2}, "ŋ": _VELAR, "ʁ": {"jaw": 0.14, "larynx": -0.9},
@@ -84,16 +84,24 @@ _CONSONANT = {
 _LIPS = ("close", "pucker", "funnel", "stretch", "smile", "upper", "lower", "roll_lower", "press")
 _INSISTS = {
     "p": {"jaw": 6.0, "close": 14.0, "press": 14.0, "upper": 14.0, "lower": 14.0, "funnel": 4.0},
-    "f": {"jaw": 5.0, "roll_lower": 14.0, "upper": 8.0, "lower": 8.0, "pucker": 1.2, "funnel": 4.0},
+    "f": {
+        "jaw": 5.0,
+        "roll_lower": 14.0,
+        "upper": 12.0,
+        "lower": 12.0,
+        "pucker": 1.2,
+        "funnel": 4.0,
+    },
     "s": {"jaw": 7.0, "lower": 1.5, "upper": 1.5, "jaw_forward": 3.0},
     "ʃ": {"jaw": 6.0, "funnel": 5.0, "pucker": 3.0, "jaw_forward": 3.0},
     "w": {"pucker": 4.0, "funnel": 3.0, "jaw": 2.5},
     "j": {"stretch": 1.5, "smile": 1.5, "jaw": 2.5},
-    "t": {"jaw": 2.5},
+    "t": {"jaw": 3.0, "lower": 0.8},
+    "k": {"jaw": 2.5},
 }
 _LIKE = {
     "b": "p", "m": "p", "v": "f", "z": "s", "ʒ": "ʃ", "ɥ": "w", "ɲ": "j",
-    "d": "t", "n": "t", "l": "t",
+    "d": "t", "n": "t", "l": "t", "g": "k", "ŋ": "k", "ʁ": "k",
 }  # fmt: skip
 
 
@@ -121,7 +129,7 @@ def viseme_table() -> tuple[FloatArray, FloatArray]:
         for name, value in wants.items():
             targets[number, ARTICULATORS.index(name)] = value
         if phone in VOWELS:
-            dominance[number] = 1.6
+            dominance[number] = 2.6
         elif phone != PAUSE:
             _insist(dominance[number], _INSISTS.get(_LIKE.get(phone, phone), {}))
     return targets, dominance

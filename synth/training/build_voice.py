@@ -98,27 +98,6 @@ def _fit_forearm(
     return np.asarray(least_squares(misfit, row[forearm]).x)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the script."""
-    parser = argparse.ArgumentParser(prog="synth.training.build_voice", description=__doc__)
-    parser.add_argument("--identity", default="claire", help=f"one of {', '.join(IDENTITIES)}")
-    parser.add_argument("--out", type=Path, default=ASSETS, help="folder of the voice file")
-    options = parser.parse_args(arguments)
-    try:
-        voice = build_voice(options.identity)
-    except CueError as error:
-        print(f"synth.training.build_voice: {error}", file=sys.stderr)
-        return 2
-    options.out.mkdir(parents=True, exist_ok=True)
-    save_voice(voice, options.out / f"{options.identity}.npz")
-    print(voice.identity)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
-
-
 _TAIL_S = 1.5
 """Seconds after the last key, in which the hand comes to rest."""
 
@@ -161,3 +140,24 @@ def perform(cuer: GestureSynthesiser, score: Score) -> TrainingSet:
         cuer.markers(score, 0.0, n_frames),
         numbers(labels.shape), numbers(labels.placement), numbers(labels.phone),
     )  # fmt: skip
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the script."""
+    parser = argparse.ArgumentParser(prog="synth.training.build_voice", description=__doc__)
+    parser.add_argument("--identity", default="claire", help=f"one of {', '.join(IDENTITIES)}")
+    parser.add_argument("--out", type=Path, default=ASSETS, help="folder of the voice file")
+    options = parser.parse_args(arguments)
+    try:
+        voice = build_voice(options.identity)
+    except CueError as error:
+        print(f"synth.training.build_voice: {error}", file=sys.stderr)
+        return 2
+    options.out.mkdir(parents=True, exist_ok=True)
+    save_voice(voice, options.out / f"{options.identity}.npz")
+    print(voice.identity)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
