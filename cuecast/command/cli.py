@@ -17,6 +17,7 @@ import threading
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib.metadata import PackageNotFoundError, version
 from types import FrameType
 from typing import NoReturn
 
@@ -63,7 +64,7 @@ def build_parser() -> argparse.ArgumentParser:
         epilog="Exit status: 0 done, 1 nothing found or mismatch, 2 usage, 3 unusable input.",
         parents=[common],
     )
-    parser.add_argument("--version", action="version", version=f"cuecast {_version()}")
+    parser.add_argument("--version", action=_TellVersion, nargs=0, help="tell the version")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     for name in VERBS:
         module = importlib.import_module(f"cuecast.verbs.{name}")
@@ -144,7 +145,12 @@ def _termination_as_interrupt() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def _version() -> str:
-    from importlib.metadata import version
+class _TellVersion(argparse.Action):
+    """Print the version when it is asked for: sources that are not installed have none to tell."""
 
-    return version("cuecast")
+    def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> NoReturn:
+        try:
+            print(f"cuecast {version('cuecast')}")
+        except PackageNotFoundError:
+            print("cuecast, not installed")
+        parser.exit()

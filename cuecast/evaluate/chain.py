@@ -116,9 +116,9 @@ def _through(
 ) -> list[dict[str, Any]]:
     source = SynthesisedMotion(score, voice, seed=options.seed)
     dubbed = options.folder / "dubbed.flac"
-    began = time.perf_counter()
+    began = time.process_time()
     report = dub(clip, source, voice, dubbed, DubOptions(audio_codec="flac"))
-    dub_xrt = report["duration_s"] / (time.perf_counter() - began)
+    dub_xrt = report["duration_s"] / (time.process_time() - began)
     sent = whole_motion(source, report["duration_s"])
     sound, fs = read_sound(dubbed)
     rows = []
@@ -127,23 +127,32 @@ def _through(
         channel = CHANNELS[name]
         coded = options.folder / f"coded{channel.suffix}"
         write_film(coded, sound, fs, encoder=channel.encoder, bit_rate=channel.bit_rate)
-        row = {"clip": clip.stem, "channel": name, **_received(coded, sent, voice)}
-        row["superframes_sent"] = report["superframes"]
+        row = {"clip": clip.stem, "channel": name}
+        row |= _received(coded, sent, voice, report["superframes"])
         audio = report["carriers"]["audio"]
         row |= {"odg": audio.get("odg"), "snr_db": audio["snr_db"], "dub_xrt": round(dub_xrt, 1)}
         rows.append(row)
     return rows
 
 
-def _received(coded: Path, sent: Motion, voice: Voice) -> dict[str, Any]:
-    """Receive a coded programme and compare it with what was sent."""
+def _received(coded: Path, sent: Motion, voice: Voice, superframes: int) -> dict[str, Any]:
+    """Receive a coded programme and compare it with what was sent.
+
+    All `superframes` on air count: of a programme in which nothing is found, all are lost.
+    """
+    began = time.process_time()
     reception = receive(coded, voice)
+    spent_s = time.process_time() - began
     summary = reception.summary
+    received = summary["superframes"]["received"]
     figures: dict[str, Any] = {
         "tune_in_s": summary["tune_in_s"],
-        "superframes_received": summary["superframes"]["received"],
-        "superframes_lost": summary["superframes"]["lost"],
-        "receive_xrt": summary["realtime_factor"],
+        "superframes_sent": superframes,
+        "superframes_received": received,
+        "superframes_lost": max(superframes - received, 0),
+        "receive_xrt": round(summary["duration_s"] / max(spent_s, 1e-9), 1),
+        "keys_total": len(sent.score.keys) if sent.score else 0,
+        "keys_correct": 0,
     }
     if reception.motion is not None:
         alike = asdict(compare_motions(sent, reception.motion, voice))

@@ -7,11 +7,15 @@ from typing import Any
 
 import pytest
 
+from codec.cuer.voice import load_voice
 from cuecast.command.cli import main
 from cuecast.demo.content import FS, make_sound
+from cuecast.evaluate.chain import _received
 from cuecast.evaluate.records import read_record
 from cuecast.evaluate.tables import write_results
 from cuecast.media.film import write_film
+from synth.rules.performance import motion_of
+from synth.scoring.text_score import score_from_text
 
 
 def test_results_are_written(tmp_path: Path) -> None:
@@ -63,6 +67,14 @@ def test_chain(clips: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     record = read_record(tmp_path / "r.json")
     assert record["results"] == rows
     assert [clip["name"] for clip in record["clips"]] == ["talk"]
+
+
+def test_what_is_never_found_has_lost_everything(clips: Path) -> None:
+    voice = load_voice()
+    sent = motion_of(score_from_text("Bonsoir"), voice)
+    row = _received(clips / "talk.flac", sent, voice, 12)
+    assert (row["superframes_sent"], row["superframes_lost"]) == (12, 12)
+    assert (row["keys_total"], row["keys_correct"], row["tune_in_s"]) == (4, 0, None)
 
 
 @pytest.mark.parametrize(
