@@ -27,8 +27,8 @@ _ENCODERS = {
 }
 """Encoder of each name."""
 
-USUAL = {"robust": "aac:64k"}
-"""Coder on which a profile is rehearsed unless told otherwise."""
+USUAL = {"robust": "aac:64k", "standard": "aac:128k,mp2:192k", "high": "aac:128k,mp2:192k"}
+"""Coders on which a profile is rehearsed unless told otherwise."""
 
 Samples = NDArray[np.float32]
 
@@ -100,7 +100,8 @@ def make_rehearsal(profile: Profile, key: int, coder: str | None) -> Rehearsal |
     key : int
         Its key.
     coder : str or None
-        See `CoderStream`; ``none`` for no rehearsal, None for what the profile is `USUAL`ly given.
+        See `CoderStream`; several with commas; ``none`` for no rehearsal, None for what the profile
+        is `USUAL`ly given.
 
     Raises
     ------
@@ -108,7 +109,9 @@ def make_rehearsal(profile: Profile, key: int, coder: str | None) -> Rehearsal |
         If there is no such coder.
     """
     coder = coder or USUAL.get(profile.name, "none")
-    return None if coder == "none" else Rehearsal(profile, key, CoderStream(coder))
+    if coder == "none":
+        return None
+    return Rehearsal(profile, key, *(CoderStream(one) for one in coder.split(",")))
 
 
 def _format_of(encoder: Any) -> str:

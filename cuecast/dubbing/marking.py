@@ -14,18 +14,13 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from receiver.media.programme import SoundFormat
 from watermark.audio.embed import AudioEmbedder, Source
-from watermark.audio.mix import RATES, has_centre
+from watermark.audio.mix import RATES
 from watermark.audio.profile import USUAL_GRADE
 from watermark.audio.rehearsal import Rehearsal
 from watermark.link.superframe import SUPERFRAME_S
-from watermark.quality import PeaqMeter
 from watermark.quality.resample import Resampler
 
 _MARKED_RATE = 48_000
-_GRADED_CHANNELS = 2
-"""Channels that the quality meter takes: left and right, with their part of a centre."""
-_CENTRE_PART = 2**-0.5
-"""Of the centre in either channel of a stereo downmix: ITU-R BS.775-4, annex 4."""
 
 Samples = NDArray[np.float32]
 
@@ -48,7 +43,7 @@ class MarkingStage:
     grade : float
         Objective difference grade (ITU-R BS.1387) that the mark aims at.
     graded : bool
-        Whether to run the quality meter alongside.
+        Whether to report the grade that the embedder's meter gives.
     rehearsal : Rehearsal, optional
         See `AudioEmbedder`.
 
@@ -85,15 +80,11 @@ class MarkingStage:
         self._marker: Any = self._embedder
         if rate != sound.fs:
             self._marker = _AboveRate(self._embedder, sound.fs, sound.channels)
-        self._graded_channels = min(sound.channels, _GRADED_CHANNELS)
-        self._meter = PeaqMeter(sound.fs, self._graded_channels) if graded else None
-        self._waiting = np.zeros((0, self._graded_channels), np.float32)
+        self._graded = graded
 
     def process(self, block: Samples) -> Samples:
         """Take samples (n, channels); give those that are finished."""
-        marked = self._marker.process(block)
-        self._grade(block, marked)
-        return np.asarray(marked, np.float32)
+        return np.asarray(self._marker.process(block), np.float32)
 
     def flush(self) -> Samples:
         """Give the rest.
@@ -104,7 +95,6 @@ class MarkingStage:
             If nothing of the programme could carry anything.
         """
         rest = self._marker.flush()
-        self._grade(rest[:0], rest)
         report = self._embedder.report()
         if report.duration_s < SUPERFRAME_S:
             raise CueError(
@@ -124,28 +114,14 @@ class MarkingStage:
             "snr_db": None if report.snr_db is None else round(report.snr_db, 2),
             "silent_s": [[round(a, 3), round(b, 3)] for a, b in report.silent_s],
         }
-        if self._meter is not None:
-            figures["odg"] = round(self._meter.result().odg, 3)
+        if self._graded and report.odg is not None:
+            figures["odg"] = round(report.odg, 3)
         return figures
 
     @property
     def superframes(self) -> int:
         """Superframes written so far into sound that can carry them."""
         return self._embedder.report().superframes
-
-    def _grade(self, block: Samples, marked: Samples) -> None:
-        if self._meter is None:
-            return
-        self._waiting = np.concatenate([self._waiting, self._heard(block)])
-        count = len(marked)
-        self._meter.process(self._waiting[:count], self._heard(marked))
-        self._waiting = self._waiting[count:]
-
-    def _heard(self, x: Samples) -> Samples:
-        front = x[:, : self._graded_channels]
-        if has_centre(x.shape[1]):
-            front = front + np.float32(_CENTRE_PART) * x[:, 2:3]
-        return front
 
 
 class _AboveRate:

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from watermark.audio.acquire import PilotSearch
+from watermark.audio.design import pre_echoing
 from watermark.audio.embed import AudioEmbedder
 from watermark.audio.receive import MAX_MISSES, AudioReceiver
 from watermark.audio.resampling_tape import Tape
@@ -177,3 +178,16 @@ def test_film_from_an_arbitrary_sample() -> None:
     found = receive(y[54321:], fs)
     assert len(found) >= 10
     check(found, 54321 / fs)
+
+
+def test_nothing_is_written_before_an_attack() -> None:
+    """Stillness before a blow stays still; elsewhere the mark is where it was."""
+    x = host(4.0, channels=1)
+    x[:100000] *= 0.02
+    y = embed(x)
+    mark = np.abs((y - x)[:, 0])
+    assert mark[99880 - 480 : 99880].max() < 0.1 * mark[100960:102000].max()
+    assert not pre_echoing(host(1.0, channels=1)[:, 0].astype(np.float64)).any()
+    blow = np.full(480 * 8, 1e-3) * np.resize([1.0, -1.0], 480 * 8)
+    blow[480 * 4 + 200 :] *= 30
+    assert pre_echoing(blow).tolist() == [False, False, True, True, False, False]

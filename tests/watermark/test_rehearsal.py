@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from cuecast.dubbing.coder_stream import CoderStream, make_rehearsal
 from watermark.audio.embed import AudioEmbedder
-from watermark.audio.profile import FS, ROBUST, STANDARD
+from watermark.audio.profile import DISCREET, FS, ROBUST, STANDARD
+from watermark.audio.receive import AudioReceiver
 from watermark.audio.rehearsal import Rehearsal
 
 Sound = NDArray[np.float32]
@@ -52,6 +53,33 @@ def test_superframes_that_drown_stand_higher() -> None:
     assert power[0] > 1.2 * power[1]
 
 
+class Clear:
+    """A line that changes nothing."""
+
+    def process(self, sound: Sound) -> Sound:
+        return sound
+
+
+def test_what_is_enough_is_not_exceeded() -> None:
+    """Where the line is clear the mark is softer than the grade allows, and still comes through."""
+    x = np.random.default_rng(1).normal(0, 0.05, (12 * FS, 1)).astype(np.float32)
+    softer, plain = marked(x, Rehearsal(ROBUST, 0, Clear())), marked(x, None)
+    assert ((softer - x) ** 2).sum() < 0.8 * ((plain - x) ** 2).sum()
+    receiver = AudioReceiver(FS, 1)
+    found = receiver.process(softer) + receiver.flush()
+    assert [s.l0 for s in found] == [payload(k)[0] for k in range(18)]
+
+
+def test_the_worst_of_several_coders_counts() -> None:
+    x = np.random.default_rng(1).normal(0, 0.05, (12 * FS, 1)).astype(np.float32)
+    rehearsal = Rehearsal(ROBUST, 0, Clear(), Drowning())
+    marked(x, rehearsal)
+    bad, good = rehearsal.enough(10), rehearsal.enough(4)
+    assert bad is not None
+    assert good is not None
+    assert bad > good + 2
+
+
 def test_a_fixed_level_is_not_rehearsed() -> None:
     rehearsal = Rehearsal(ROBUST, 0, Drowning())
     embedder = AudioEmbedder(FS, 1, payload, profile="robust", level=6, rehearsal=rehearsal)
@@ -59,10 +87,11 @@ def test_a_fixed_level_is_not_rehearsed() -> None:
     assert rehearsal.count == 0
 
 
-def test_robust_is_rehearsed_unless_told_otherwise() -> None:
+def test_most_are_rehearsed_unless_told_otherwise() -> None:
     assert make_rehearsal(ROBUST, 0, None) is not None
     assert make_rehearsal(ROBUST, 0, "none") is None
-    assert make_rehearsal(STANDARD, 0, None) is None
+    assert make_rehearsal(STANDARD, 0, None) is not None
+    assert make_rehearsal(DISCREET, 0, None) is None
     assert make_rehearsal(STANDARD, 0, "mp2:192k") is not None
 
 

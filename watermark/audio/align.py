@@ -99,11 +99,11 @@ class View:
         clues -= clues.mean(axis=1, keepdims=True)
         return np.asarray(np.clip(clues, -CLUE_LIMIT, CLUE_LIMIT))
 
-    def soft(self, cells: Cells, step: float) -> NDArray[np.float64]:
-        """Soft values of cells at a quantiser step, shape (64, groups)."""
+    def soft(self, cells: Cells, step: float, *, harmonic: int = 1) -> NDArray[np.float64]:
+        """Soft values of cells at a step, shape (64, groups); second harmonics suit both bits."""
         amplitudes = self.amplitudes[:, : cells.last_bin]
         projections, alive = project(self.spectra[:, : cells.last_bin].real, amplitudes, cells)
-        return soft_values(projections, alive, cells, step)
+        return soft_values(projections, alive, cells, step, harmonic=harmonic)
 
 
 def read_view(tape: Tape, position: float, ratio: float, masker: Masker) -> View:

@@ -4,10 +4,11 @@ In: a `View`; out: soft values, log-likelihood ratios and what the link makes of
 found by trying: the one that worked last first. Specification: sections 6 and 7.3.
 """
 
-import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.ndimage
 from numpy.typing import NDArray
 
 from watermark.audio.align import View
@@ -23,6 +24,12 @@ LIST_SIZE, LONG_LIST_SIZE, LONGEST_LIST_SIZE = 8, 32, 64
 
 TRIED_LEVELS = 8
 """Levels at which a superframe is tried: those of the two tiers whose pilots fit best."""
+
+NEIGHBOURS = (2.0, 2.0)
+"""Deviation in frames and cells of the window in which neighbours are looked at."""
+
+CERTAINTY, CERTAINTY_LIMITS = 3.0, (-0.3, 0.5)
+"""Exponent of weights by the agreement there, and its limits; found with an announcer over it."""
 
 EVEN = 1.0
 """Weight of all cells where none is trusted more than another."""
@@ -102,25 +109,38 @@ class Demodulator:
     def read(self, view: View, levels: list[float], *, due: bool = True) -> Reading:
         """Read at the first of `levels` that the link accepts; else at the first of all.
 
-        What fails everywhere is tried again at the first few with a longer list, then as if nothing
-        had been learnt, with all cells trusted alike, and as sound to which noise was added: harder
-        where a superframe is due.
+        What fails everywhere is tried again at the first few with a longer list, then with other
+        weights than the learnt ones: harder where a superframe is due.
         """
         clues = view.clues(self.layout.cells, self._masker)
-        learnt = self.reliability.weights(clues)
-        noisy = self.reliability.weights(clues, exponents=NOISY)
-        count, longer = (DUE_LEVELS, LONGEST_LIST_SIZE) if due else (LONG_LEVELS, LONG_LIST_SIZE)
-        last = [(level, learnt, longer) for level in levels[:count]]
-        for weights in (self.reliability.plain(), np.full((1, 1), EVEN), noisy):
-            last += [
-                (level, weights, LONG_LIST_SIZE) for level in levels[: LONG_LEVELS if due else 1]
-            ]
-        attempts = itertools.chain(((level, learnt, LIST_SIZE) for level in levels), last)
-        for level, weights, list_size in attempts:
+        for level, weights, list_size in self._attempts(view, clues, levels, due=due):
             reading = self._read_at(view, clues, level, weights, list_size)
             if reading.decoded.l0 is not None:
                 return self._settle(reading, weights)
         return reading
+
+    def _attempts(
+        self, view: View, clues: NDArray[np.float64], levels: list[float], *, due: bool
+    ) -> Iterator[tuple[float, NDArray[np.float64], int]]:
+        """Levels, weights and sizes of the decoder's list, the likeliest first."""
+        learnt = self.reliability.weights(clues)
+        yield from ((level, learnt, LIST_SIZE) for level in levels)
+        count, longer = (DUE_LEVELS, LONGEST_LIST_SIZE) if due else (LONG_LEVELS, LONG_LIST_SIZE)
+        yield from ((level, learnt, longer) for level in levels[:count])
+        noisy = self.reliability.weights(clues, exponents=NOISY)
+        for level in levels[: LONG_LEVELS if due else 1]:
+            for weights in (self.reliability.plain(), self._certain(view, level), noisy):
+                yield level, weights, LONG_LIST_SIZE
+            yield level, np.full((1, 1), EVEN), LONG_LIST_SIZE
+
+    def _certain(self, view: View, level: float) -> NDArray[np.float64]:
+        """Weights by how near cells lie to a point of either bit, they and their neighbours.
+
+        Nothing needs to be known for that: another sound that covers part of the cells shows.
+        """
+        agreement = view.soft(self.layout.cells, self.profile.step(level), harmonic=2)
+        near = scipy.ndimage.gaussian_filter(agreement, NEIGHBOURS, mode="nearest")
+        return np.asarray(np.exp(CERTAINTY * np.clip(near, *CERTAINTY_LIMITS)))
 
     def _read_at(
         self,

@@ -21,6 +21,16 @@ from watermark.link.link import Link
 ITERATIONS = 3
 """Rounds of deriving the mask again; further ones gain nothing at the receiver."""
 
+ATTACK_BLOCK, ATTACK_BEFORE, ATTACK = 120, 8, 16.0
+"""Samples of a block, blocks before it, and by how much its power must exceed theirs, to be an
+attack: 2.5 ms against 20 ms, 12 dB, of the sound's differences."""
+
+ATTACK_LEAST = 1e-8
+"""Power of differences below which nothing is an attack."""
+
+HEARD_BEFORE = 120
+"""Samples of a frame before an attack from which it is left unmarked: 2.5 ms are covered."""
+
 CARRYING = 0.35
 """A superframe with a smaller share of living cells cannot carry and is left as it is."""
 
@@ -70,8 +80,10 @@ class MarkDesigner:
         rounds : int
             How often the mask is derived.
         """
-        wanted = self._layout.spread(1.0 - 2.0 * self._link.encode(*payload))
         sound = np.concatenate([before, host])
+        open_frames = ~pre_echoing(sound)[:, np.newaxis]
+        wanted = open_frames * self._layout.spread(1.0 - 2.0 * self._link.encode(*payload))
+        announced = open_frames * self._announced
         spectra = analyse(frames_of(sound, HOP), HOP)
         coefficients = spectra[1:].real
         mark = np.zeros(host.size)
@@ -81,7 +93,7 @@ class MarkDesigner:
             living = float(project(coefficients, unit, self._layout.cells)[1].mean())
             if living < CARRYING:
                 return MarkedSuperframe(np.zeros(host.size), carries=False)
-            mark = synthesise(self._change(coefficients, unit, wanted, level), HOP)
+            mark = synthesise(self._change(coefficients, unit, wanted, announced, level), HOP)
             sound[HOP:] = host + mark
             spectra = analyse(frames_of(sound, HOP), HOP)
         return MarkedSuperframe(mark, carries=True)
@@ -113,6 +125,7 @@ class MarkDesigner:
         coefficients: NDArray[np.float64],
         unit: NDArray[np.float64],
         wanted: NDArray[np.float64],
+        announced: NDArray[np.float64],
         level: float,
     ) -> NDArray[np.float64]:
         nearest = round(level)
@@ -129,8 +142,33 @@ class MarkDesigner:
             coefficients,
             unit,
             self._pilots.cells,
-            self._announced,
+            announced,
             step=self._profile.pilot_step(nearest),
             alpha=self._alpha.mean() * share,
         )
         return data + pilots
+
+
+def pre_echoing(sound: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which frames would spread their mark over the stillness before an attack.
+
+    The mask of a frame follows its loudest part, its mark has the whole frame's length.
+
+    Parameters
+    ----------
+    sound : ndarray of float64, shape (n * HOP,)
+        The frames, and `HOP` samples before them.
+
+    Returns
+    -------
+    ndarray of bool, shape (n - 2,)
+        For each frame.
+    """
+    power = np.diff(sound, prepend=sound[0]) ** 2
+    power = power.reshape(-1, ATTACK_BLOCK).mean(axis=1)
+    around = np.concatenate([np.full(ATTACK_BEFORE, np.inf), power])
+    before = np.lib.stride_tricks.sliding_window_view(around, ATTACK_BEFORE)[:-1].max(axis=1)
+    attacks = np.flatnonzero(power > ATTACK * np.maximum(before, ATTACK_LEAST)) * ATTACK_BLOCK
+    start = HOP * np.arange(1, sound.size // HOP - 1)[:, np.newaxis]
+    quiet = (attacks - start >= HEARD_BEFORE) & (attacks - start < 2 * HOP)
+    return np.asarray(quiet.any(axis=1))

@@ -5,6 +5,7 @@ grade, and added to its front channels. Specification: sections 2 and 4.4.
 """
 
 import math
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -17,7 +18,7 @@ from watermark.audio.division import MarkShares
 from watermark.audio.level_control import LevelControl
 from watermark.audio.mix import add_mark, check_format, front_of, mid_of, side_of
 from watermark.audio.profile import FS, HOP, LEVELS, SUPERFRAME, USUAL_GRADE, find_profile
-from watermark.audio.rehearsal import Rehearsal
+from watermark.audio.rehearsal import TRUST, Rehearsal
 from watermark.audio.resampling_tape import Tape
 from watermark.link.superframe import SUPERFRAME_S
 
@@ -26,6 +27,12 @@ STRETCH = 4
 
 EQUALISATION = 0.8
 """Part of the differences in need that the levels follow; the need is an estimate."""
+
+MOST_RAISED = 2.0
+"""Levels by which a single superframe may stand higher because its rehearsal fell short."""
+
+PASSAGE_SUPERFRAMES = 32
+"""Superframes of which it is remembered what was enough: 20 s."""
 
 NEUTRAL_NEED = 5.0
 """Need of a superframe that is written at the base level."""
@@ -46,6 +53,8 @@ class EmbedReport:
         Superframes written into sound that can carry.
     snr_db : float or None
         Programme's mid over mark; None when nothing was marked.
+    odg : float or None
+        Objective difference grade of what was marked, as stereo; None at a fixed level.
     silent_s : tuple of (float, float)
         Start and end of stretches that cannot carry, seconds.
     net_bps, gross_bps : float
@@ -55,6 +64,7 @@ class EmbedReport:
     duration_s: float
     superframes: int
     snr_db: float | None
+    odg: float | None
     silent_s: tuple[tuple[float, float], ...]
     net_bps: float
     gross_bps: float
@@ -107,7 +117,8 @@ class AudioEmbedder:
         Name of a `Profile`.
     grade : float
         Objective difference grade to aim at (ITU-R BS.1387): 0 imperceptible, -1 perceptible but
-        not annoying. The level of the mark follows it.
+        not annoying. The level of the mark follows it; with a rehearsal it is the lowest grade, of
+        passages that need it, and others have a better one.
     level : int, optional
         Fixed level instead, see `watermark.audio.profile.LEVELS`.
     key : int
@@ -147,10 +158,12 @@ class AudioEmbedder:
         self._profile = find_profile(profile)
         self._designer = MarkDesigner(self._profile, key)
         self._front = min(channels, 2)
-        self._control = LevelControl(grade, self._front) if level is None else None
+        control = LevelControl(grade, self._front, quiet=rehearsal is not None)
+        self._control = control if level is None else None
         self._rehearsal = rehearsal if level is None else None
         self._ahead = STRETCH if self._rehearsal else 0
         self._needs: dict[int, float] = {}
+        self._enough: deque[float] = deque(maxlen=PASSAGE_SUPERFRAMES)
         self._level = level or 0
         self._programme = np.zeros((0, channels))
         self._given = 0
@@ -225,6 +238,7 @@ class AudioEmbedder:
             duration_s=self._given / self._fs,
             superframes=self._next - len(self._silent),
             snr_db=snr_db,
+            odg=None if self._control is None else self._control.grade,
             silent_s=_spans(self._silent),
             net_bps=self._profile.net_bps,
             gross_bps=self._profile.gross_bps,
@@ -246,11 +260,22 @@ class AudioEmbedder:
                 short = [self._rehearsal.shortage(k) for k in numbers]
                 needs = [a + b / EQUALISATION for a, b in zip(needs, short, strict=True)]
 
+            enough = [self._sufficient(k, need) for k, need in zip(numbers, needs, strict=True)]
+
             def attempt(base: float | None) -> _Stretch:
-                levels = None if base is None else [_level(base, need) for need in needs]
+                levels = None
+                if base is not None:
+                    plain = [_level(base, need) for need in needs]
+                    levels = [
+                        min(max(level, least), level + MOST_RAISED)
+                        for level, least in zip(plain, enough, strict=True)
+                    ]
                 return self._stretch(host, side[:-HOP], payloads, levels)
 
-            made = self._control.settle(attempt)
+            base = float(np.median(self._enough)) if self._enough else None
+            made = self._control.settle(attempt, enough=base)
+            if base is not None:
+                self._control.strive(base - self._control.base)
         self._before, self._tail = made.mid[-HOP:], made.tail
         self._mark.append(made.mark)
         across, taken = self._shares.settle(made.divided)
@@ -270,9 +295,21 @@ class AudioEmbedder:
         while (first := self._rehearsal.count) < end:
             count = min(STRETCH, end - first)
             needs = [self._need(k) for k in range(first, first + count)]
-            levels = [_level(self._control.base, need) for need in needs]
+            base = self._control.base
+            if self._enough:
+                base = min(float(np.median(self._enough)), base + MOST_RAISED)
+            levels = [_level(base, need) for need in needs]
             self._rehearsal.send(*self._sound(first, count), levels)
             self._needs |= dict(zip(range(first, first + count), needs, strict=True))
+
+    def _sufficient(self, number: int, need: float) -> float:
+        """Level that suffices for a superframe by its rehearsal; coders are capricious."""
+        level = None if self._rehearsal is None else self._rehearsal.enough(number)
+        if level is None:
+            return 0.0
+        self._enough.append(level - EQUALISATION * (need - NEUTRAL_NEED))
+        usual = float(np.median(self._enough)) + EQUALISATION * (need - NEUTRAL_NEED)
+        return min(usual + TRUST * (level - usual), len(LEVELS) - 1.0)
 
     def _need(self, number: int) -> float:
         """Level that a superframe needs."""

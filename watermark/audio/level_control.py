@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from watermark.audio.profile import FS, LEVELS
 from watermark.quality import PeaqMeter
+from watermark.quality.peaq import WHOLE
 
 START_BASE = 7.5
 """Base level that is tried first."""
@@ -34,6 +35,12 @@ CLOSE_ENOUGH = 0.08
 GIVE_UP = 0.6
 """A stretch that grades this much too low is written more softly, and left unmarked if that does
 not help at the lowest level."""
+
+QUIET_GRADE = -0.12
+"""Grade aimed at where a rehearsal says that it is enough: hardly anybody hears that."""
+
+STRIVING, STRIVING_LIMITS = 0.5, (-0.15, 0.05)
+"""Part of what levels lack that the next stretch's grade makes good, and its limits."""
 
 BASE_LIMITS = (-4.0, len(LEVELS) + 3.0)
 """Beyond these all superframes have the lowest or the highest level."""
@@ -93,7 +100,6 @@ class _Passage:
 
     def __init__(self, channels: int) -> None:
         self._meter = PeaqMeter(FS, channels)
-        self._meter.end()
         for name in HALVES:
             self._meter.begin(name)
         self._bases: dict[str, list[float]] = {name: [] for name in HALVES}
@@ -104,6 +110,11 @@ class _Passage:
     @property
     def _older(self) -> str:
         return HALVES[(self._count // (PASSAGE // 2)) % 2]
+
+    @property
+    def whole(self) -> float | None:
+        """Grade of all that was heard so far, None for silence."""
+        return _odg(self._meter, WHOLE)
 
     def spoilt(self, meter: PeaqMeter) -> bool:
         """Whether what a meter heard last has cost a passage more than a stretch may."""
@@ -151,6 +162,8 @@ class LevelControl:
         Objective difference grade to aim at, -4 to 0.
     channels : int
         1 or 2 channels that are listened to.
+    quiet : bool
+        Aim at a better grade where `strive` allows it.
 
     Attributes
     ----------
@@ -158,21 +171,31 @@ class LevelControl:
         Base level of the next stretch.
     """
 
-    def __init__(self, target: float, channels: int) -> None:
+    def __init__(self, target: float, channels: int, *, quiet: bool = False) -> None:
         if not -4 < target < 0:
             raise CueError(f"grade {target} to aim at is not within -4..0")
+        self._wanted = target
+        self._best = max(target, QUIET_GRADE) if quiet else target
         self._target = target
         self.base = START_BASE
         self._passage = _Passage(channels)
         self._started = False
 
-    def settle(self, attempt: Callable[[float | None], T]) -> T:
+    @property
+    def grade(self) -> float | None:
+        """Grade of the programme so far, None for silence."""
+        return self._passage.whole
+
+    def settle(self, attempt: Callable[[float | None], T], *, enough: float | None = None) -> T:
         """Return the attempt that serves the wanted grade.
 
         Parameters
         ----------
         attempt : callable
             Gives the stretch at a base level, and unmarked for None.
+        enough : float, optional
+            Base level that suffices; a better grade is aimed at where it is below that of the
+            wanted one.
         """
 
         def hear(base: float | None) -> _Heard[T]:
@@ -183,6 +206,8 @@ class LevelControl:
         if (grade := chosen.grade) is not None:
             if not self._started:
                 chosen = self._begin(hear, chosen, grade)
+                if enough is not None and enough < self.base and self._best > self._wanted:
+                    chosen = self._begin_softly(hear, chosen, enough)
             elif grade < self._target - GIVE_UP:
                 chosen = self._soften(hear, grade)
             self._started = True
@@ -194,6 +219,11 @@ class LevelControl:
         if passage is not None and grade is not None:
             self._learn(passage)
         return chosen.made
+
+    def strive(self, lack: float) -> None:
+        """Aim at another grade, better or as far as the wanted one, where levels lack or exceed."""
+        change = float(np.clip(-STRIVING * GRADES_PER_LEVEL * lack, *STRIVING_LIMITS))
+        self._target = min(max(self._target + change, self._wanted), self._best)
 
     def _spoils(self, heard: _Heard[T]) -> bool:
         """Whether a stretch drags the passage below its grade by itself."""
@@ -219,6 +249,18 @@ class LevelControl:
             chosen = hear(self.base)
             grade = chosen.grade or 0.0
         return hear(None) if grade < self._target - GIVE_UP else chosen
+
+    def _begin_softly(
+        self, hear: Callable[[float | None], _Heard[T]], chosen: _Heard[T], enough: float
+    ) -> _Heard[T]:
+        """Find the base at which the first stretch has the best grade, but not below `enough`."""
+        self._target = self._best
+        chosen = self._begin(hear, chosen, chosen.grade or 0.0)
+        if self.base < enough:
+            self.base = enough
+            chosen = hear(enough)
+            self._target = min(max(chosen.grade or 0.0, self._wanted), self._best)
+        return chosen
 
     def _soften(self, hear: Callable[[float | None], _Heard[T]], grade: float) -> _Heard[T]:
         """Write a stretch that grades far too low at a lower base, or not at all."""

@@ -8,6 +8,7 @@ between them. Specification: none.
 """
 
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -21,6 +22,7 @@ from watermark.audio.masking import make_masker
 from watermark.audio.mix import front_of
 from watermark.audio.profile import FS, HOP, SUPERFRAME, Profile
 from watermark.audio.resampling_tape import Tape
+from watermark.link.link import L0_CHECK, L1_CHECK
 
 LEARNING_S = 2.0
 """Sound from which the coder's delay is found."""
@@ -40,6 +42,9 @@ LIMITS = (-1.5, 5.0)
 LEAST = 4.0
 """Information below which one measurement does not tell how little there was, bits."""
 
+MARGIN = 2.0
+"""Information that is enough, in units of the message's and its checks' bits."""
+
 REMEMBERED = 64
 """Superframes whose median information is what is usual: 41 s, as long as a passage."""
 
@@ -56,7 +61,41 @@ class _Sent:
     number: int
     start: int
     payload: tuple[bytes, bytes]
-    level: int
+    level: float
+
+
+class _Ear:
+    """One coder, and what comes back from it."""
+
+    def __init__(self, through: Through) -> None:
+        self._through = through
+        self.heard = Tape()
+        self.delay: int | None = None
+        self.waiting: deque[_Sent] = deque()
+
+    def take(self, marked: NDArray[np.float64], sent: Tape) -> None:
+        """Send marked sound."""
+        heard = self._through.process(marked.astype(np.float32)).mean(axis=1)
+        self.heard.append(heard.astype(np.float64))
+        if self.delay is None and self.heard.end >= LEARNING_S * FS + LONGEST_DELAY:
+            self.delay = self._find_delay(sent)
+        self.heard.forget(self.heard.end - 8 * SUPERFRAME)
+
+    def arrived(self) -> Iterator[_Sent]:
+        """Yield what has come back whole."""
+        while self.delay is not None and self.waiting:
+            if self.waiting[0].start + self.delay + SUPERFRAME + 2 * HOP > self.heard.end:
+                return
+            yield self.waiting.popleft()
+
+    def _find_delay(self, sent: Tape) -> int:
+        """Find the samples by which the decoded sound is late, by correlation."""
+        count = int(LEARNING_S * FS)
+        size = 1 << (count + LONGEST_DELAY).bit_length()
+        original = np.fft.rfft(sent.read(0.0, 1.0, count), size)
+        heard = np.fft.rfft(self.heard.read(0.0, 1.0, count + LONGEST_DELAY), size)
+        likeness = np.fft.irfft(heard * original.conj(), size)
+        return int(likeness[:LONGEST_DELAY].argmax())
 
 
 class Rehearsal:
@@ -68,20 +107,26 @@ class Rehearsal:
         Of the embedder.
     key : int
         Seed of the layout.
-    through : Through
-        The coder.
+    *through : Through
+        The coders; the one that leaves least of a superframe counts.
+
+    Attributes
+    ----------
+    count : int
+        Superframes that were sent.
     """
 
-    def __init__(self, profile: Profile, key: int, through: Through) -> None:
-        self._through = through
+    def __init__(self, profile: Profile, key: int, *through: Through) -> None:
+        self._ears = [_Ear(coder) for coder in through]
         self._designer = MarkDesigner(profile, key)
         self._demodulator = Demodulator(profile, key)
         self._masker = make_masker()
         self._before, self._tail = np.zeros(HOP), np.zeros(HOP)
-        self._sent, self._heard = Tape(), Tape()
-        self._delay: int | None = None
-        self._waiting: deque[_Sent] = deque()
+        self._sent = Tape()
         self._doublings: dict[int, float] = {}
+        self._levels: dict[int, float] = {}
+        bits = profile.message_bits + L0_CHECK + (L1_CHECK if profile.l1_bytes else 0)
+        self._enough = float(np.log2(MARGIN * bits))
         self.count = 0
 
     def shortage(self, number: int) -> float:
@@ -91,6 +136,13 @@ class Rehearsal:
         usual = float(np.median(list(self._doublings.values())))
         short = TRUST * LEVELS_PER_DOUBLING * (usual - self._doublings[number])
         return float(np.clip(short, *LIMITS))
+
+    def enough(self, number: int) -> float | None:
+        """Level at which a superframe bears its message with `MARGIN`, None if unknown."""
+        if number not in self._doublings:
+            return None
+        missing = self._enough - self._doublings[number]
+        return self._levels[number] + LEVELS_PER_DOUBLING * missing
 
     def send(
         self, mid: NDArray[np.float64], side: NDArray[np.float64], levels: list[float]
@@ -114,7 +166,8 @@ class Rehearsal:
             self._before = marked[(i + 1) * SUPERFRAME - HOP : (i + 1) * SUPERFRAME]
             if made.carries:
                 start = self._sent.end + i * SUPERFRAME
-                self._waiting.append(_Sent(self.count, start, payload, round(level)))
+                for ear in self._ears:
+                    ear.waiting.append(_Sent(self.count, start, payload, level))
             self.count += 1
         self._tail = (marked - mid)[-HOP:]
         self._sent.append(marked[:-HOP])
@@ -130,41 +183,27 @@ class Rehearsal:
 
     def _listen(self, marked: NDArray[np.float64]) -> None:
         """Send marked sound, and learn from what comes back."""
-        heard = self._through.process(marked.astype(np.float32)).mean(axis=1)
-        self._heard.append(heard.astype(np.float64))
-        if self._delay is None and self._heard.end >= LEARNING_S * FS + LONGEST_DELAY:
-            self._delay = self._find_delay()
-        if self._delay is None:
-            return
-        while self._waiting and self._arrived(self._waiting[0], self._delay):
-            self._learn(self._waiting.popleft(), self._delay)
+        for ear in self._ears:
+            ear.take(marked, self._sent)
+            for sent in ear.arrived():
+                self._learn(sent, ear)
         for number in sorted(self._doublings)[:-REMEMBERED]:
-            del self._doublings[number]
-        for tape in (self._sent, self._heard):
-            tape.forget(tape.end - 8 * SUPERFRAME)
+            del self._doublings[number], self._levels[number]
+        self._sent.forget(self._sent.end - 8 * SUPERFRAME)
 
-    def _arrived(self, sent: _Sent, delay: int) -> bool:
-        return sent.start + delay + SUPERFRAME + 2 * HOP <= self._heard.end
-
-    def _find_delay(self) -> int:
-        """Find the samples by which the decoded sound is late, by correlation."""
-        count = int(LEARNING_S * FS)
-        size = 1 << (count + LONGEST_DELAY).bit_length()
-        sent = np.fft.rfft(self._sent.read(0.0, 1.0, count), size)
-        heard = np.fft.rfft(self._heard.read(0.0, 1.0, count + LONGEST_DELAY), size)
-        likeness = np.fft.irfft(heard * sent.conj(), size)
-        return int(likeness[:LONGEST_DELAY].argmax())
-
-    def _learn(self, sent: _Sent, delay: int) -> None:
+    def _learn(self, sent: _Sent, ear: _Ear) -> None:
         """Compare a superframe with what was meant."""
         demodulator = self._demodulator
         cells = demodulator.layout.cells
-        view = read_view(self._heard, sent.start + delay, 1.0, self._masker)
-        soft = view.soft(cells, demodulator.profile.step(sent.level))
+        view = read_view(ear.heard, sent.start + (ear.delay or 0), 1.0, self._masker)
+        soft = view.soft(cells, demodulator.profile.step(round(sent.level)))
         bits = demodulator.link.encode(*sent.payload)
         agreement = soft * demodulator.layout.spread(1.0 - 2.0 * bits)
         known = np.maximum((agreement != 0).sum(axis=0), 1)
         # Of n cells without information the squared mean is 1 / 2n on average.
         resultant = np.maximum((agreement.sum(axis=0) / known) ** 2 - 0.5 / known, 0.0)
         information = float((known * resultant).sum() / np.log(2))
-        self._doublings[sent.number] = float(np.log2(max(information, LEAST)))
+        doublings = float(np.log2(max(information, LEAST)))
+        # What counts is the coder that leaves least.
+        self._doublings[sent.number] = min(self._doublings.get(sent.number, np.inf), doublings)
+        self._levels[sent.number] = sent.level
