@@ -58,7 +58,7 @@ class Classes:
         Markers of every shape at every placement, mm, with the same head.
     """
 
-    def __init__(self, targets: FloatArray) -> None:
+    def __init__(self, targets: NDArray[np.floating]) -> None:
         keys = np.asarray(targets, dtype=np.float64)
         flat = keys.reshape(-1, *keys.shape[2:])
         relative = _against_head(flat, flat[0, _RIGID_FACE]).reshape(keys.shape)

@@ -7,13 +7,16 @@ The avatar: a JSON header and its arrays in one binary message (``page/avatar.js
 
 import base64
 import json
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from codec.cuer.layout import MARKERS, N_FACE
+from codec.cuer.movement import FLOWING
 from codec.cuer.voice import Voice
+from codec.cues.cueing import DEFAULT_OPTIONS
 from receiver.drawing.avatar import OFFSET_UNIT, SHARE_UNIT, Avatar, Surface
 from receiver.drawing.camera import ASPECT, Camera, frame_cuer
 
@@ -46,8 +49,9 @@ def voice_document(voice: Voice) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``identity``, ``layout``, ``markers``, ``face_markers``, ``aspect``, ``camera``, and the
-        arrays of ``face`` and ``hand`` under the names of `codec.cuer.models`.
+        ``identity``, ``layout``, ``markers``, ``face_markers``, ``aspect``, ``camera``,
+        ``movement`` (constants of the hand's clock, seconds), and the arrays of ``face`` and
+        ``hand`` under the names of `codec.cuer.models`.
     """
     camera = neutral_camera(voice)
     return {
@@ -61,6 +65,7 @@ def voice_document(voice: Voice) -> dict[str, Any]:
             "height_mm": camera.height_mm,
             "distance_mm": camera.distance_mm,
         },
+        "movement": asdict(FLOWING) | {"rest_gap_s": DEFAULT_OPTIONS.rest_gap_s},
         "face": {name: _encode(getattr(voice.face, name)) for name in _FACE_ARRAYS},
         "hand": {name: _encode(getattr(voice.hand, name)) for name in _HAND_ARRAYS},
     }

@@ -22,7 +22,7 @@ class Page {
     this.live = live;
     this.quiet = false;
     this.video = /** @type {HTMLVideoElement} */ (document.getElementById("programme"));
-    this.timeline = new Timeline();
+    this.timeline = new Timeline(model.movement);
     this.clock = new ProgrammeClock(this.video);
     this.stage = new Stage(document);
     this.points = new PointLights(document.getElementById("points"), model);

@@ -55,6 +55,7 @@ export class VoiceModel {
     this.markers = document.markers;
     this.camera = document.camera;
     this.aspect = document.aspect;
+    this.movement = document.movement;
     this.face = decoded(document.face);
     this.hand = decoded(document.hand);
     this.faceCount = document.face_markers;

@@ -5,12 +5,16 @@
  * count x width numbers. Pieces that join within half a frame are interpolated across the joint.
  */
 
+import { handEnd, handStart } from "./keys.js";
+
 export const HOLD_S = 0.35;
 export const FADE_S = 0.45;
 const KEPT_S = 300;
 
 export class Timeline {
-  constructor() {
+  /** @param movement constants of the voice's hand, from `/voice.json` */
+  constructor(movement) {
+    this.movement = movement;
     this.pieces = [];
     this.clear();
   }
@@ -124,13 +128,22 @@ export class Timeline {
     return piece.frames.subarray(kept * piece.width, (kept + 1) * piece.width);
   }
 
-  /** The keys around `timeS`: `{keys, now}`, `now` an index or -1 between keys. */
+  /**
+   * The keys around `timeS`: `{keys, now}`, `now` an index or -1 at rest.
+   *
+   * The present key is the one that the hand shows, which runs ahead of the sound.
+   */
   keysAround(timeS, before, after) {
-    let first = this.keys.findIndex((key) => key.end > timeS);
-    if (first < 0) first = this.keys.length;
-    const low = Math.max(0, first - before);
-    const keys = this.keys.slice(low, first + after + 1).filter((key) => Math.abs(key.start - timeS) < 3);
-    return { keys, now: keys.findIndex((key) => key.start <= timeS && timeS < key.end) };
+    let next = this.keys.findIndex((key, i) => handStart(key, this.keys[i - 1], this.movement) > timeS);
+    if (next < 0) next = this.keys.length;
+    const shown = this.keys[next - 1];
+    const following = this.keys[next];
+    const rests = !following || following.start - shown?.end >= this.movement.rest_gap_s;
+    const gone = !shown || (rests && timeS > handEnd(shown, this.movement));
+    const present = gone ? next : next - 1;
+    const low = Math.max(0, present - before);
+    const keys = this.keys.slice(low, present + after + 1).filter((key) => Math.abs(key.start - timeS) < 3);
+    return { keys, now: gone ? -1 : keys.indexOf(shown) };
   }
 }
 

@@ -4,9 +4,14 @@ from pathlib import Path
 
 import numpy as np
 
+from codec.analysis.readability import Classes
+from codec.cues.score import PLACEMENT_NUMBER
 from receiver.drawing.voice_document import neutral_camera, voice_document
 from receiver.reception.events import MotionPiece
 from receiver.television.protocol import pack_motion
+from synth.prosody.pacing import READABLE
+from synth.rules.gesture import GestureSynthesiser
+from synth.scoring.text_score import Reading, score_from_text
 from tests.receiver.node import PAGE, run_node
 from tests.receiver.standin import make_motion, make_voice
 
@@ -105,15 +110,55 @@ def test_keys_come_once_and_in_order(tmp_path: Path) -> None:
     keys = [key.as_dict() for key in MOTION.score.keys] if MOTION.score else []
     script = """
         import { Timeline } from "./timeline.js";
-        const timeline = new Timeline();
-        timeline.insertKeys(data.slice(5, 12));
-        timeline.insertKeys(data.slice(0, 8));
-        timeline.insertKeys(data.slice(10));
-        console.log(JSON.stringify([timeline.keys, timeline.keysAround(1.0, 1, 1)]));
+        const timeline = new Timeline(data.movement);
+        timeline.insertKeys(data.keys.slice(5, 12));
+        timeline.insertKeys(data.keys.slice(0, 8));
+        timeline.insertKeys(data.keys.slice(10));
+        const around = timeline.keysAround(data.keys[3].start, 1, 1);
+        console.log(JSON.stringify([timeline.keys, around, timeline.keysAround(-9, 1, 1)]));
     """
-    found, around = run_node(tmp_path, script, keys)
+    document = {"keys": keys, "movement": voice_document(VOICE)["movement"]}
+    found, around, before = run_node(tmp_path, script, document)
     assert found == keys
     assert around == {"keys": keys[2:5], "now": 1}
+    assert before["now"] == -1
+
+
+def test_the_lit_key_is_the_one_that_the_hand_shows(tmp_path: Path) -> None:
+    """Nearest class of shape and placement, on the cuer's own motion, decides what is shown."""
+    text = "Le patron du café raconte une belle histoire à ses amis, puis il ferme la porte."
+    score = score_from_text(text, start_s=1.0, reading=Reading(pace=READABLE))
+    rate_hz, frames = 50.0, int(50 * (score.phones[-1].end + 1))
+    cuer = GestureSynthesiser(rate_hz=rate_hz)
+    shapes, placements = Classes(cuer.targets()[0]).distances(cuer.markers(score, 0.0, frames))
+    shape = shapes.argmin(axis=1)
+    place = placements[np.arange(frames), shape].argmin(axis=1)
+    script = """
+        import { Timeline } from "./timeline.js";
+        const timeline = new Timeline(data.movement);
+        timeline.insertKeys(data.keys);
+        const lit = data.times.map((t) => timeline.keysAround(t, 0, 0));
+        console.log(JSON.stringify(lit.map(({ keys, now }) => now < 0 ? -1 : keys[now].start)));
+    """
+    times = np.arange(frames) / rate_hz
+    document = {
+        "keys": [key.as_dict() for key in score.keys],
+        "movement": voice_document(VOICE)["movement"], "times": times.tolist(),
+    }  # fmt: skip
+    lit = np.array(run_node(tmp_path, script, document))
+    starts = np.array([round(key.start, 4) for key in score.keys])
+    shown = right = 0
+    for frame, time_s in enumerate(times):
+        near = np.flatnonzero(np.abs(starts - time_s) < 0.7)
+        classes = {
+            int(i) for i in near
+            if (score.keys[i].shape, PLACEMENT_NUMBER[score.keys[i].placement])
+            == (shape[frame], place[frame])
+        }  # fmt: skip
+        shown += bool(classes)
+        right += bool(classes & set(np.flatnonzero(starts == lit[frame]).tolist()))
+    assert shown > 0.6 * frames
+    assert right >= 0.95 * shown
 
 
 def test_state_follows_the_clock(tmp_path: Path) -> None:
