@@ -14,8 +14,9 @@ from codec.cuer.voice import load_voice
 from codec.errors import CueError
 from synth.capture.capture import capture
 from synth.capture.options import Captured, CaptureOptions
-from synth.capture.sources.landmark_table import read_landmarks
+from synth.capture.sources.landmark_table import LandmarkTable, read_landmarks
 from synth.capture.sources.sniff import kind_of
+from synth.capture.tracker.aspect import ASPECTS, find_aspect
 from synth.capture.tracker.landmark_maps import FACE_LANDMARKS, face_map, hand_map, lesson
 from synth.capture.tracker.landmark_model import HAND_TRUST, LandmarkModel
 from synth.capture.tracker.picture import _MIRROR
@@ -215,3 +216,15 @@ def test_damage_is_one_error_or_a_table(
         return
     assert found.face.shape == (len(found.times), len(FACE_LANDMARKS), 3)
     assert (np.diff(found.times) > 0).all()
+
+
+def test_the_aspect_is_found_from_face_and_keys() -> None:
+    face, hand, _ = filmed()
+    table = LandmarkTable(np.arange(len(face)) / 30, face, {"hand": hand}, True)
+    assert find_aspect(table, VOICE).value == pytest.approx(16 / 9)
+    assert not find_aspect(table, VOICE, told=16 / 9).notes
+    wrong = find_aspect(table, VOICE, told=1.0)
+    assert wrong.value == 1.0
+    assert "the hand looks as if" in wrong.notes[0]
+    no_hand = LandmarkTable(table.times, face, {}, True)
+    assert find_aspect(no_hand, VOICE).value in ASPECTS

@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 _SHAPE = np.array([shape for shape, _ in KEYS])
 _PLACE = np.array([place for _, place in KEYS])
 
-_FRAME_SHARE = 0.3
+FRAME_SHARE = 0.3
 """Neighbouring frames tell the same: at 30 frames/s each counts as this part of an observation."""
 
 _FREEDOM = 7.0
@@ -60,7 +60,7 @@ class Lattice:
 
 def lattice(seen: Seen, looks: Looks) -> Lattice:
     """Return the densities; a hand that is not seen rests, or goes to or from rest."""
-    share = _FRAME_SHARE * 30.0 / seen.rate_hz
+    share = FRAME_SHARE * 30.0 / seen.rate_hz
     shown = seen.shown
     hold = np.full((len(seen), len(KEYS)), _UNSEEN)
     way = np.full((len(seen), len(KEYS), len(KEYS)), _UNSEEN)

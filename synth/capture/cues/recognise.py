@@ -135,6 +135,13 @@ class Piece:
         return found
 
 
+def line_value(seen: Seen, looks: Looks = ANYBODYS) -> float:
+    """Return the log likelihood of the best line of keys, but for a constant of the frames."""
+    densities = lattice(seen, looks)
+    states = np.empty(len(seen), dtype=np.int64)
+    return float(_kernels.likeliest(densities.hold, densities.way, prices(looks), _EDGE, states))
+
+
 def nearness(densities: Lattice, looks: Looks) -> FloatArray:
     """Return how likely each key is at hand in each frame: held, coming or just left, (T, 41)."""
     near = np.empty_like(densities.hold)

@@ -45,6 +45,9 @@ HANDS = ("hand", "right_hand", "left_hand")
 
 USUAL_RATE_HZ = 30.0
 _FARTHEST = 1e5
+_PIXELS = 4.0
+"""Coordinates beyond this are pixels: parts of the picture are about 0 to 1."""
+
 _SLOT = {number: slot for slot, number in enumerate(FACE_LANDMARKS)}
 
 
@@ -68,6 +71,12 @@ class LandmarkTable:
     face: FloatArray
     hands: dict[str, FloatArray]
     timed: bool
+
+    @property
+    def in_pixels(self) -> bool:
+        """Whether coordinates are pixels, not parts of the picture's width and height."""
+        known = np.abs(self.face[..., :2])
+        return bool((known[np.isfinite(known)] > _PIXELS).any())
 
 
 def is_landmark_table(titles: set[str]) -> bool:

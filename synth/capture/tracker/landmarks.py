@@ -26,6 +26,7 @@ from synth.capture.points.solve import resting
 from synth.capture.points.speaker import Speaker, moved_by
 from synth.capture.sources.landmark_table import LandmarkTable, read_landmarks
 from synth.capture.sources.resample import evenly
+from synth.capture.tracker.aspect import find_aspect
 from synth.capture.tracker.closure import rescaled
 from synth.capture.tracker.landmark_maps import FACE_LANDMARKS, SOFT_LANDMARKS, hand_map
 from synth.capture.tracker.landmark_model import FACE_TRUST, HAND_TRUST, LandmarkModel
@@ -64,7 +65,8 @@ def capture_landmarks(path: Path, voice: Voice, options: CaptureOptions) -> Capt
     """
     table = read_landmarks(path, rate_hz=options.frame_rate_hz)
     try:
-        picture = find_picture(table, voice, aspect=options.aspect)
+        aspect = find_aspect(table, voice, told=options.aspect)
+        picture = find_picture(table, voice, aspect=aspect.value)
     except CueError as error:
         raise CueError(f"{path}: {error}") from error
     face, hand, rate_hz = _steady(table, picture, path)
@@ -87,7 +89,7 @@ def capture_landmarks(path: Path, voice: Voice, options: CaptureOptions) -> Capt
             fit.parameters, fit.shown, rest[voice.hand_columns], away_s=_AWAY_S, rate_hz=rate_hz
         )
     options.progress(len(face) / rate_hz)
-    report = _report(path, table, picture, face, head, params, voice, fit, rate_hz)
+    report = _report(path, table, aspect.notes, picture, face, head, params, voice, fit, rate_hz)
     return finish(voice, params, rate_hz, 0.0, options, report, has_hand=fit is not None, seen=seen)
 
 
@@ -236,11 +238,11 @@ def _lips_error(model: LandmarkModel, x: FloatArray, found: FloatArray) -> float
 
 
 def _report(
-    path: Path, table: LandmarkTable, picture: Picture, face: FloatArray, head: LandmarkModel,
-    params: FloatArray, voice: Voice, fit: _HandFit | None, rate_hz: float,
+    path: Path, table: LandmarkTable, told: tuple[str, ...], picture: Picture, face: FloatArray,
+    head: LandmarkModel, params: FloatArray, voice: Voice, fit: _HandFit | None, rate_hz: float,
 ) -> dict[str, Any]:  # fmt: skip
     duration_s = len(params) / rate_hz
-    notes = [*picture.notes]
+    notes = [*told, *picture.notes]
     if not table.timed:
         notes.append(f"frames are numbered, not timed: taken for {rate_hz:g} frames/s")
     if fit is None:

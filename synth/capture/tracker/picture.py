@@ -17,14 +17,10 @@ from synth.capture.tracker.landmark_maps import (
 
 FloatArray = NDArray[np.float64]
 
-_ASPECTS = (16 / 9, 4 / 3, 1.0, 3 / 4, 9 / 16)
 _LEAST_FRAMES = 5
 _LEAST_LANDMARKS = 4
 _FRONTAL = 0.75
 """Quantile of the face's width over time: turned heads look narrow."""
-
-_PIXELS = 4.0
-"""Coordinates beyond this are pixels: parts of the picture are about 0 to 1."""
 
 _SLOT = {number: slot for slot, number in enumerate(FACE_LANDMARKS)}
 _MIRROR_PAIRS = (
@@ -99,36 +95,24 @@ def _square(points: FloatArray, aspect: float) -> FloatArray:
     return np.asarray(points * np.array([1.0, -1.0 / aspect, -1.0]))
 
 
-def find_picture(table: LandmarkTable, voice: Voice, *, aspect: float | None = None) -> Picture:
+def find_picture(table: LandmarkTable, voice: Voice, *, aspect: float) -> Picture:
     """Return how a table's landmarks come to the coordinates of `voice`.
 
     Parameters
     ----------
     table : LandmarkTable
     voice : Voice
-    aspect : float, optional
-        Of the picture; default: the usual one that makes the face most like the voice's.
+    aspect : float
+        Width of the picture over its height; 1 if coordinates are pixels.
 
     Raises
     ------
     CueError
         If too little of a face is seen.
     """
-    given = np.isfinite(table.face[..., 0])
-    often = given.sum(0) >= min(_LEAST_FRAMES, len(given))
-    if often.sum() < _LEAST_LANDMARKS:
-        raise CueError(
-            f"{int(often.sum())} landmarks of the face are known, {_LEAST_LANDMARKS} needed to "
-            "know size and place"
-        )
+    often, rest = _given(table), _resting(voice)
     mapped = face_map()
-    rest = mapped.weights @ voice.face.reconstruct(np.zeros((1, voice.face.n_parameters)))[0]
     notes = []
-    if np.nanmax(np.abs(table.face[..., :2])) > _PIXELS:
-        aspect = 1.0
-    elif aspect is None:
-        aspect = min(_ASPECTS, key=lambda a: _unlike(table.face, often, rest, a))
-        notes.append(f"the picture is taken to be {aspect:.3g} times as wide as high")
     name = _cueing_hand(table)
     mirrored = name is not None and _is_right_of_face(table, name)
     if mirrored:
@@ -143,6 +127,24 @@ def find_picture(table: LandmarkTable, voice: Voice, *, aspect: float | None = N
     offsets = np.zeros_like(rest)
     offsets[often, :2] = middle[often, :2] + centre - rest[often, :2]
     return Picture(aspect, scale, centre, mirrored, name, mapped, offsets, tuple(notes))
+
+
+def _given(table: LandmarkTable) -> NDArray[np.bool_]:
+    """Return the landmarks of the face that are given often."""
+    given = np.isfinite(table.face[..., 0])
+    often = given.sum(0) >= min(_LEAST_FRAMES, len(given))
+    if often.sum() < _LEAST_LANDMARKS:
+        raise CueError(
+            f"{int(often.sum())} landmarks of the face are known, {_LEAST_LANDMARKS} needed to "
+            "know size and place"
+        )
+    return np.asarray(often)
+
+
+def _resting(voice: Voice) -> FloatArray:
+    """Return the voice's landmarks at rest, shape (L, 3), mm."""
+    markers = voice.face.reconstruct(np.zeros((1, voice.face.n_parameters)))[0]
+    return np.asarray(face_map().weights @ markers)
 
 
 def _reliable(often: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -177,9 +179,16 @@ def _middle_face(face: FloatArray, often: NDArray[np.bool_]) -> FloatArray:
     return np.asarray(out + np.median(centre[:, 0], axis=0))
 
 
-def _unlike(points: FloatArray, often: NDArray[np.bool_], rest: FloatArray, aspect: float) -> float:
-    """Return how much the face differs from the voice's in width against height."""
-    face = _middle_face(_square(points, aspect), often)[often, :2]
+def unlike_face(table: LandmarkTable, voice: Voice, aspect: float) -> float:
+    """Return how much the face differs from the voice's in width against height, logarithm.
+
+    Raises
+    ------
+    CueError
+        If too little of a face is seen.
+    """
+    often, rest = _given(table), _resting(voice)
+    face = _middle_face(_square(table.face, aspect), often)[often, :2]
     spread, expected = face.std(0), rest[often, :2].std(0)
     return abs(float(np.log(spread[0] / spread[1]) - np.log(expected[0] / expected[1])))
 
