@@ -60,9 +60,10 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
         "command": set(),
         "media": {"command"},
         "dubbing": {"command", "media"},
+        "live": {"command", "dubbing", "media"},
         "demo": {"command", "dubbing", "media"},
         "evaluate": {"command", "media", "dubbing", "demo"},
-        "verbs": {"command", "media", "dubbing", "demo", "evaluate"},
+        "verbs": {"command", "media", "dubbing", "live", "demo", "evaluate"},
     },
 }
 """Who may import whom inside a package: each room, and the rooms that it may lean on."""

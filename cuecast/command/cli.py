@@ -28,7 +28,7 @@ from cuecast.command.progress import printable
 
 VERBS = (
     "demo", "keys", "key", "synth", "capture", "encode", "decode", "inspect", "dub", "receive",
-    "watch", "render", "compare", "evaluate", "batch", "voice",
+    "watch", "render", "compare", "evaluate", "batch", "voice", "warm",
 )  # fmt: skip
 """Verbs in the order of the help page; each is a module of `cuecast.verbs`."""
 

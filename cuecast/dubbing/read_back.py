@@ -110,7 +110,8 @@ def read_back(
     duration_s : float
         Of the marked part, on the programme's clock.
     through : str, optional
-        Coder of the broadcast, such as ``aac:64k``, that the sound passes first.
+        Coder of the broadcast, such as ``aac:64k``, that the sound passes first; of several with
+        commas the first one.
     progress : callable
         Told how many seconds each piece brought.
 
@@ -191,7 +192,7 @@ def _sound_begins_s(target: str | os.PathLike[str], track: int) -> float:
 
 def _coded(path: Path, target: Path, through: str, track: int) -> Path:
     """Write the sound of a programme as it comes through a coder."""
-    name, _, rate = through.partition(":")
+    name, _, rate = through.split(",")[0].partition(":")
     rewrite_sound(
         path, target, lambda *_: Unchanged(), track=track, codec=name, alone=True,
         bit_rate=int(rate.removesuffix("k")) * 1000,

@@ -216,6 +216,11 @@ class TableReader:
         self._map_pid: int | None = None
         self.programme: ProgrammeMap | None = None
 
+    @property
+    def pids(self) -> frozenset[int]:
+        """PIDs whose packets it wants."""
+        return frozenset(self._readers)
+
     def process(self, packet: bytes) -> bool:
         """Take a packet of 188 bytes; tell whether the programme's map changed with it."""
         pid = (packet[1] & 0x1F) << 8 | packet[2]

@@ -24,7 +24,8 @@ from cuecast.command.arguments import (
     natural,
     print_json,
 )
-from cuecast.command.files import write_json
+from cuecast.command.errors import UsageError
+from cuecast.command.files import PIPE, write_json
 from cuecast.command.progress import note
 
 SUMMARY = "the programme with its cuer inside"
@@ -32,17 +33,37 @@ SUMMARY = "the programme with its cuer inside"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("programme", metavar="PROGRAMME", help="sound or video file")
+    parser.add_argument(
+        "programme", metavar="PROGRAMME", help="sound or video file; with --live where it runs"
+    )
+    parser.add_argument("live_output", metavar="OUT", nargs="?", help=argparse.SUPPRESS)
     source = parser.add_mutually_exclusive_group()
     source.add_argument(
         "--subtitles", metavar="SUBS",
         help="what is said; - reads a pipe (default: the programme's own French subtitles)",
     )  # fmt: skip
     source.add_argument("--motion", metavar="M.npz", help="motion of the cuer")
-    parser.add_argument("-o", "--output", required=True, metavar="OUT")
+    parser.add_argument("-o", "--output", metavar="OUT", help="the programme with its cuer")
     parser.add_argument("--report", metavar="R.json", help="what was done; - prints it")
     add_json(parser)
     add_dubbing(parser)
+    live = parser.add_argument_group("a running transport stream: dub --live IN OUT")
+    live.add_argument(
+        "--live", action="store_true",
+        help="from udp://@:PORT, a pipe (-) or a file to udp://HOST:PORT, a pipe or a file, 5 s "
+        "later; without --subtitles and --motion the stream's own text or live text is cued",
+    )  # fmt: skip
+    live.add_argument("--low-delay", action="store_true", help="2.5 s later")
+    live.add_argument(
+        "--text", choices=(PIPE,), help="live text as JSON lines from the standard input"
+    )
+    live.add_argument(
+        "--port", type=natural, metavar="N",
+        help="serve /metrics, /health and the WebSocket /captions for live text",
+    )  # fmt: skip
+    live.add_argument(
+        "--programme-number", type=natural, metavar="N", help="which of the stream's programmes"
+    )
 
 
 def add_dubbing(parser: argparse.ArgumentParser) -> None:
@@ -97,6 +118,12 @@ def add_dubbing(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the programme and the report."""
+    if args.live:
+        from cuecast.live.command import run_live
+
+        return run_live(args)
+    if args.output is None or args.live_output is not None:
+        raise UsageError("dub: say the output with -o OUT")
     from cuecast.dubbing.job import dub_as_told
 
     report = dub_as_told(args)

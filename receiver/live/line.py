@@ -119,7 +119,7 @@ class DatagramLine(Line):
     ) -> None:
         super().__init__()
         self._url, self._on_failure = url, on_failure
-        self._socket = _listen(url)
+        self._socket = listen(url)
         self._datagrams: queue.Queue[bytes] = queue.Queue(_WAITING)
         self._held = memoryview(b"")
         threading.Thread(target=self._take, daemon=True, name="datagrams").start()
@@ -146,7 +146,7 @@ class DatagramLine(Line):
         while not self.over:
             time.sleep(_RETRY_S)
             try:
-                self._socket = _listen(self._url)
+                self._socket = listen(self._url)
             except CueError:
                 continue
             return
@@ -168,7 +168,7 @@ class DatagramLine(Line):
         self._datagrams.put(b"")
 
 
-def _listen(url: str) -> socket.socket:
+def listen(url: str) -> socket.socket:
     """Return a socket that takes the datagrams to an address."""
     try:
         parts = urlsplit(url)

@@ -126,6 +126,8 @@ class AudioEmbedder:
     rehearsal : Rehearsal, optional
         A coder on which superframes are tried first, of profile and key as here; not at a fixed
         level.
+    stretch : int
+        Superframes that are graded together, from 1: the embedder looks this far ahead.
 
     Raises
     ------
@@ -152,6 +154,7 @@ class AudioEmbedder:
         level: int | None = None,
         key: int = 0,
         rehearsal: Rehearsal | None = None,
+        stretch: int = STRETCH,
     ) -> None:
         check_format(fs, channels)
         self._fs, self._channels, self._source = fs, channels, source
@@ -161,7 +164,8 @@ class AudioEmbedder:
         control = LevelControl(grade, self._front, quiet=rehearsal is not None)
         self._control = control if level is None else None
         self._rehearsal = rehearsal if level is None else None
-        self._ahead = STRETCH if self._rehearsal else 0
+        self._stretch_length = stretch
+        self._ahead = stretch if self._rehearsal else 0
         self._needs: dict[int, float] = {}
         self._enough: deque[float] = deque(maxlen=PASSAGE_SUPERFRAMES)
         self._level = level or 0
@@ -200,10 +204,10 @@ class AudioEmbedder:
         self._shares.append(x)
         ratio = self._fs / FS
         margin = self._host.reach(ratio)
-        wanted = (STRETCH + self._ahead) * SUPERFRAME + HOP
+        wanted = (self._stretch_length + self._ahead) * SUPERFRAME + HOP
         while (self._next * SUPERFRAME + wanted) * ratio + margin <= self._host.end:
-            self._rehearse(self._next + self._ahead + STRETCH)
-            self._write_next(STRETCH)
+            self._rehearse(self._next + self._ahead + self._stretch_length)
+            self._write_next(self._stretch_length)
         return self._take(self._finished())
 
     def flush(self) -> NDArray[np.float32]:
@@ -219,7 +223,7 @@ class AudioEmbedder:
         if self._rehearsal is not None:
             self._rehearsal.end()
         while self._next < needed:
-            self._write_next(min(STRETCH, needed - self._next))
+            self._write_next(min(self._stretch_length, needed - self._next))
         for tape in (self._mark, self._across, self._taken):
             tape.append(np.zeros(FS // 10))
         return self._take(self._programme.shape[0])
@@ -293,7 +297,7 @@ class AudioEmbedder:
         if self._rehearsal is None or self._control is None:
             return
         while (first := self._rehearsal.count) < end:
-            count = min(STRETCH, end - first)
+            count = min(self._stretch_length, end - first)
             needs = [self._need(k) for k in range(first, first + count)]
             base = self._control.base
             if self._enough:

@@ -1,0 +1,94 @@
+"""``dub --live``: the playout as the options say, with its log, its server and its live text."""
+
+import argparse
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+from cuecast.command.errors import UsageError
+from cuecast.command.files import PIPE
+from cuecast.command.progress import note
+from cuecast.dubbing.inputs import reading_of
+from cuecast.dubbing.job import options_of
+from cuecast.live.playout import Playout, Route
+from cuecast.live.server import PlayoutServer
+from cuecast.live.sound import LiveOptions
+from cuecast.live.worker import Cuer
+
+
+def run_live(args: argparse.Namespace) -> int:
+    """Pass a running programme on with its cuer, until it ends or is stopped.
+
+    Raises
+    ------
+    UsageError
+        If options do not go together.
+    CueError
+        If the source or the target cannot be opened, or the target ends.
+    """
+    source, target = args.programme, args.live_output or args.output
+    if target is None:
+        raise UsageError("dub --live: say where from and where to: dub --live IN OUT")
+    if args.text == PIPE and source == PIPE:
+        raise UsageError("dub --live: the programme and the live text cannot both be the pipe")
+    if tuple(args.carriers) != ("audio",):
+        raise UsageError("dub --live: only the carrier audio can be written into a running stream")
+    options = options_of(args)
+    playout = Playout(
+        Route(source, target, args.track, args.programme_number),
+        Cuer(
+            args.voice, reading_of(args), args.seed, args.alignment,
+            _absolute(args.subtitles), _absolute(args.motion),
+        ),
+        LiveOptions(
+            options.profiles["audio"], args.key, args.grade, args.through, args.low_delay
+        ),
+        log,
+    )  # fmt: skip
+    with _stopping(playout):
+        if args.text == PIPE:
+            threading.Thread(target=_read_captions, args=(playout,), daemon=True).start()
+        if args.port is None:
+            playout.run()
+        else:
+            with closing(PlayoutServer(playout, args.port, log)):
+                playout.run()
+    return 0
+
+
+def log(line: str) -> None:
+    """Write a line with the time of day to the standard error."""
+    note(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {line}")
+
+
+def _read_captions(playout: Playout) -> None:
+    for line in sys.stdin.buffer:
+        playout.caption(line)
+
+
+def _absolute(path: str | None) -> str:
+    return "" if path is None else str(Path(path).absolute())
+
+
+@contextmanager
+def _stopping(playout: Playout) -> Iterator[None]:
+    """Let the programme run out on the first signal to stop; end at once on the second."""
+    numbers = signal.SIGTERM, signal.SIGINT
+
+    def stop(number: int, frame: Any) -> None:
+        log("stopping: what was taken in goes out")
+        playout.stop()
+        for one, handler in zip(numbers, before, strict=True):
+            signal.signal(one, handler)
+
+    before = [signal.signal(number, stop) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)

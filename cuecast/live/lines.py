@@ -1,0 +1,183 @@
+"""Where a running programme comes from and goes to: datagrams, pipes and files.
+
+``udp://host:port`` (in: ``udp://@:port`` or a multicast group), ``-`` for a pipe, or a path. A
+thread of its own takes in what comes, with the time at which it came.
+"""
+
+import contextlib
+import os
+import queue
+import socket
+import sys
+import threading
+import time
+from typing import IO
+from urllib.parse import urlsplit
+
+from codec.errors import CueError
+from receiver.live.line import listen
+
+_DATAGRAM = 65536
+_BLOCK = 188 * 7 * 16
+_WAITING = 40_000
+"""Datagrams that wait for the playout: half a minute of 14 Mbit/s."""
+
+_WAITING_BLOCKS = 8
+_PAYLOAD = 188 * 7
+_BUFFER = 16 << 20
+"""What the system may hold for a process that does not come to read, bytes."""
+
+_FORCED = 33
+"""SO_RCVBUFFORCE of Linux: beyond the limit of the system, for who may."""
+
+Arrival = tuple[float, bytes]
+
+
+class Input:
+    """What comes in, with its times.
+
+    Parameters
+    ----------
+    address : str
+
+    Attributes
+    ----------
+    paced : bool
+        Whether it comes at its own pace, as datagrams do; a pipe can be made to wait.
+    over : bool
+        Whether it has ended.
+
+    Raises
+    ------
+    CueError
+        If it cannot be opened.
+    """
+
+    def __init__(self, address: str) -> None:
+        self.paced = address.startswith("udp:")
+        self.over = False
+        self._arrivals: queue.Queue[Arrival | None] = queue.Queue(
+            _WAITING if self.paced else _WAITING_BLOCKS
+        )
+        self.dropped = 0
+        if self.paced:
+            self._socket = listen(address)
+            with contextlib.suppress(OSError):
+                self._socket.setsockopt(socket.SOL_SOCKET, _FORCED, _BUFFER)
+            work = self._take_datagrams
+        else:
+            self._file = _opened(address, "rb", sys.stdin.buffer)
+            work = self._take_file
+        threading.Thread(target=work, daemon=True, name="input").start()
+
+    def take(self, wait_s: float) -> list[Arrival]:
+        """Return what came since the last call, waiting so long for a first piece."""
+        found: list[Arrival] = []
+        try:
+            one = self._arrivals.get(timeout=wait_s) if wait_s > 0 else self._arrivals.get_nowait()
+            while True:
+                if one is None:
+                    self.over = True
+                    break
+                found.append(one)
+                if len(found) >= 200:
+                    break
+                one = self._arrivals.get_nowait()
+        except queue.Empty:
+            pass
+        return found
+
+    def _take_datagrams(self) -> None:
+        while True:
+            try:
+                data = self._socket.recv(_DATAGRAM)
+            except TimeoutError:
+                continue
+            except OSError:  # closed
+                return
+            try:
+                self._arrivals.put_nowait((time.monotonic(), data))
+            except queue.Full:
+                self.dropped += 1
+
+    def _take_file(self) -> None:
+        read = getattr(self._file, "read1", self._file.read)
+        with contextlib.suppress(OSError, ValueError):
+            while data := read(_BLOCK):
+                self._arrivals.put((time.monotonic(), data))
+        self._arrivals.put(None)
+        if self._file is not sys.stdin.buffer:
+            self._file.close()
+
+    def close(self) -> None:
+        """Stop listening."""
+        if self.paced:
+            self._socket.close()
+
+
+class Output:
+    """What goes out.
+
+    Parameters
+    ----------
+    address : str
+
+    Raises
+    ------
+    CueError
+        If it cannot be opened.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._socket: socket.socket | None = None
+        if not address.startswith("udp:"):
+            self._file = _opened(address, "wb", sys.stdout.buffer)
+            return
+        parts = urlsplit(address)
+        try:
+            if not parts.hostname or not parts.port:
+                raise ValueError("a host or a port is missing")
+            family, kind, _, _, target = socket.getaddrinfo(
+                parts.hostname, parts.port, type=socket.SOCK_DGRAM
+            )[0]
+            self._socket = socket.socket(family, kind)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 << 20)
+            self._target = target
+        except (OSError, ValueError) as error:
+            raise CueError(f"{address}: cannot be sent to: {error}") from error
+
+    def send(self, data: bytes) -> None:
+        """Send whole packets.
+
+        Raises
+        ------
+        CueError
+            If nobody reads the pipe any more, or the disk is full.
+        """
+        if self._socket is None:
+            try:
+                self._file.write(data)
+                self._file.flush()
+            except (OSError, ValueError) as error:
+                raise CueError(f"the output ended: {error}") from error
+            return
+        for at in range(0, len(data), _PAYLOAD):
+            with contextlib.suppress(OSError):  # nobody there yet, or a full line: as a network
+                self._socket.sendto(data[at : at + _PAYLOAD], self._target)
+
+    def close(self) -> None:
+        """End it."""
+        if self._socket is not None:
+            self._socket.close()
+        elif self._file is not sys.stdout.buffer:
+            with contextlib.suppress(OSError):
+                self._file.close()
+
+
+def _opened(address: str, mode: str, pipe: IO[bytes]) -> IO[bytes]:
+    if address == "-":
+        return pipe
+    try:
+        return open(os.fspath(address), mode)
+    except OSError as error:
+        raise CueError(f"{address}: {error.strerror}") from error

@@ -1,0 +1,373 @@
+"""A transport stream held for a while, with one of its sounds exchanged.
+
+Packets in; the same packets out later, in the same order, with all times, clocks and tables as
+they were. Only the packets of one sound carry other bytes: those that are marked by then, or their
+own as long as there are none. No input, output or clock of its own: times are given.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+from cuecast.live.frames import KINDS
+from cuecast.live.packets import (
+    NULL_PACKET,
+    TICKS_HZ,
+    Pes,
+    PesReader,
+    clock_of,
+    kept_fields,
+    packed,
+    pid_of,
+    read_stamp,
+    room,
+    step,
+)
+from cuecast.live.sound import MarkedPes
+from cuecast.media.subtitles import FRENCH
+from cuecast.media.tables import (
+    NULL_PID,
+    PACKET,
+    SYNC,
+    ElementaryStream,
+    ProgrammeMap,
+    TableReader,
+    payload_of,
+)
+
+_STALE = round(0.3 * TICKS_HZ)
+"""Marked sound that is later than this is not sent any more."""
+
+_BEHIND, _FAR_BEHIND = round(0.02 * TICKS_HZ), round(0.08 * TICKS_HZ)
+"""Lateness from which empty packets, and from which further packets carry the sound too."""
+
+_LONGEST_TICK_S = 1.0
+"""A greater step of the stream's clock is a new beginning of it."""
+
+
+class Send(Protocol):
+    """Takes a message for the marking process."""
+
+    def __call__(self, *message: object) -> None:
+        """Take it."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Slot:
+    """A packet of the sound: the time stamp of its PES, and whether that begins with it."""
+
+    epoch: int
+    pts: int | None
+    starts: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Held:
+    """Some packets that wait for their time, and which of them are of the sound."""
+
+    due_s: float
+    data: bytes
+    slots: dict[int, _Slot]
+
+
+class Aligner:
+    """Cuts a stream of bytes into whole packets; what is none is passed over.
+
+    Attributes
+    ----------
+    dropped : int
+        Bytes that were no packets.
+    """
+
+    def __init__(self) -> None:
+        self._held = b""
+        self.dropped = 0
+
+    def process(self, data: bytes) -> bytes:
+        """Take bytes; return the whole packets that are known now."""
+        held = self._held + data if self._held else data
+        if len(held) % PACKET == 0 and all(held[i] == SYNC for i in range(0, len(held), PACKET)):
+            self._held = b""
+            return held
+        out, at = bytearray(), 0
+        while at + PACKET <= len(held):
+            follows = at + PACKET >= len(held) or held[at + PACKET] == SYNC
+            if held[at] == SYNC and follows:
+                out += held[at : at + PACKET]
+                at += PACKET
+                continue
+            found = held.find(bytes([SYNC]), at + 1)
+            found = len(held) if found < 0 else found
+            self.dropped += found - at
+            at = found
+        self._held = held[at:]
+        return bytes(out)
+
+
+class Multiplex:
+    """The stream between its arrival and its departure.
+
+    Parameters
+    ----------
+    delay_s : float
+    send : callable
+        Takes ``sound, epoch, kind, Pes`` and ``subtitle, pts, bytes``.
+    track : int
+        Which sound of those that can be marked.
+    tell : callable
+    wait : callable, optional
+        Called where marked sound is missing; tells whether asking again makes sense.
+    by_stream : bool
+        Whether the delay is one of the stream's own clock, whatever the time of day.
+
+    Attributes
+    ----------
+    figures : dict of str to float
+    marks : int
+        Marked packets that came in.
+    """
+
+    def __init__(
+        self, delay_s: float, send: Send, *, track: int = 0,
+        tell: Callable[[str], None] = lambda line: None,
+        wait: Callable[[], bool] = lambda: False, by_stream: bool = False,
+        programme: int | None = None,
+    ) -> None:  # fmt: skip
+        self._delay_s, self._send, self._tell, self._wait = delay_s, send, tell, wait
+        self._track, self._by_stream = track, by_stream
+        self._tables = TableReader(programme)
+        self._sound: ElementaryStream | None = None
+        self._reader, self._texts = PesReader(), dict[int, PesReader]()
+        self._epoch = 0
+        self._pts: int | None = None
+        self._held: deque[_Held] = deque()
+        self._stream_s = 0.0
+        self._clock_s: float | None = None
+        self._marks: deque[tuple[int, MarkedPes]] = deque()
+        self.marks = 0
+        self._pending, self._begins = b"", False
+        self._marking = self._exchanging = False
+        self._counter = self._pid = 0
+        self._last: int | None = None
+        self.figures = dict.fromkeys(
+            ("packets_total", "packets_lost_total", "marked_seconds_total",
+             "bypass_seconds_total", "bypasses_total", "stale_packets_total"), 0.0
+        )  # fmt: skip
+
+    @property
+    def marking(self) -> bool:
+        """Whether the sound that goes out is marked."""
+        return self._marking
+
+    @property
+    def held_s(self) -> float:
+        """How long the oldest packet has still to wait, by the clock that counts."""
+        return self._held[0].due_s if self._held else float("inf")
+
+    @property
+    def held_bytes(self) -> int:
+        """How much waits."""
+        return sum(len(one.data) for one in self._held)
+
+    def take(self, data: bytes, now_s: float) -> None:
+        """Take whole packets that arrived at `now_s`."""
+        slots: dict[int, _Slot] = {}
+        tables, sound = self._tables.pids, -1 if self._sound is None else self._sound.pid
+        self.figures["packets_total"] += len(data) // PACKET
+        for at in range(0, len(data), PACKET):
+            pid = (data[at + 1] & 0x1F) << 8 | data[at + 2]
+            if pid != sound and pid not in tables and pid not in self._texts:
+                if data[at + 3] & 0x20:
+                    self._tick(data[at : at + PACKET], pid)
+                continue
+            packet = data[at : at + PACKET]
+            self._tick(packet, pid)
+            if pid == sound:
+                slots[at] = self._hear(packet)
+            elif pid in tables:
+                if self._tables.process(packet):
+                    self._choose()
+                tables, sound = self._tables.pids, -1 if self._sound is None else self._sound.pid
+            else:
+                for pes in self._texts[pid].process(packet):
+                    self._read(pes)
+        due_s = (self._stream_s if self._by_stream else now_s) + self._delay_s
+        self._held.append(_Held(due_s, data, slots))
+
+    def _tick(self, packet: bytes, pid: int) -> None:
+        """Follow the programme's clock."""
+        programme = self._tables.programme
+        if programme is None or pid != programme.pcr_pid:
+            return
+        clock_s = clock_of(packet)
+        if clock_s is None:
+            return
+        if self._clock_s is not None and 0 < clock_s - self._clock_s < _LONGEST_TICK_S:
+            self._stream_s += clock_s - self._clock_s
+        self._clock_s = clock_s
+
+    def _hear(self, packet: bytes) -> _Slot:
+        assert self._sound is not None
+        starts = bool(packet[1] & 0x40)
+        if starts:
+            head = payload_of(packet)
+            told = len(head) > 13 and head[:3] == b"\x00\x00\x01" and head[7] & 0x80
+            self._pts = read_stamp(head[9:14]) if told else None
+        lost = self._reader.lost
+        for pes in self._reader.process(packet):
+            self._send("sound", self._epoch, self._sound.kind, pes)
+        self.figures["packets_lost_total"] += self._reader.lost - lost
+        return _Slot(self._epoch, self._pts, starts)
+
+    def _read(self, pes: Pes) -> None:
+        if pes.pts is not None and len(pes.parts) == 1:
+            self._send("subtitle", pes.pts, pes.parts[0])
+
+    def _choose(self) -> None:
+        """Find the sound and the text among what the tables tell now."""
+        programme = self._tables.programme
+        assert programme is not None
+        sound = chosen_sound(programme, self._track)
+        self._texts = {
+            s.pid: self._texts.get(s.pid, PesReader())
+            for s in programme.streams
+            if s.kind in ("ttml", "data") and (not s.language or s.language in FRENCH)
+        }
+        before = self._sound
+        if (before and (before.pid, before.kind)) == (sound and (sound.pid, sound.kind)):
+            self._sound = sound
+            return
+        if before is not None:
+            for pes in self._reader.flush():
+                self._send("sound", self._epoch, before.kind, pes)
+        self._sound, self._reader = sound, PesReader()
+        self._epoch += 1
+        self._pts = None
+        self._tell(
+            f"programme {programme.number}: "
+            + (f"sound {sound.kind} on PID {sound.pid}" if sound else "no sound that can be marked")
+        )
+
+    def put(self, epoch: int, pes: MarkedPes) -> None:
+        """Take a marked packet."""
+        self.marks += 1
+        self._marks.append((epoch, pes))
+
+    def end(self) -> None:
+        """Tell that nothing more comes."""
+        if self._sound is not None:
+            for pes in self._reader.flush():
+                self._send("sound", self._epoch, self._sound.kind, pes)
+
+    def give(self, now_s: float) -> Iterator[bytes]:
+        """Yield what is due, in pieces of whole packets."""
+        while self._held and self._held[0].due_s <= (self._stream_s if self._by_stream else now_s):
+            yield self._made(self._held.popleft())
+
+    def rest(self) -> Iterator[bytes]:
+        """Yield all that is held, whenever it is due."""
+        while self._held:
+            yield self._made(self._held.popleft())
+
+    def _made(self, held: _Held) -> bytes:
+        if not held.slots:
+            return held.data
+        out = bytearray()
+        for at in range(0, len(held.data), PACKET):
+            packet = held.data[at : at + PACKET]
+            slot = held.slots.get(at)
+            if slot is not None:
+                out += self._exchanged(packet, slot)
+            elif self._marking and pid_of(packet) == NULL_PID and self._behind(_BEHIND):
+                out += self._next()
+            else:
+                out += packet
+        return bytes(out)
+
+    def _exchanged(self, packet: bytes, slot: _Slot) -> bytes:
+        """Return what goes out in place of a packet of the sound."""
+        self._pid = pid_of(packet)
+        out = self._decide(slot) if slot.starts else b""
+        if not self._marking:
+            return out + self._renumbered(packet)
+        out += self._next(kept_fields(packet), slot.pts)
+        while self._behind(_FAR_BEHIND) and len(out) < 4 * PACKET:
+            out += self._next()
+        return out
+
+    def _decide(self, slot: _Slot) -> bytes:
+        """Choose at the start of a PES whether marked sound goes out; return what is still open."""
+        pts, before = slot.pts, self._last
+        if pts is None:
+            return b""
+        ready = self._ready(slot.epoch, pts)
+        while not ready and self._wait():
+            ready = self._ready(slot.epoch, pts)
+        self._last = pts
+        length = 0 if before is None else step(pts, before)
+        if 0 < length < TICKS_HZ:
+            name = "marked_seconds_total" if ready else "bypass_seconds_total"
+            self.figures[name] += length / TICKS_HZ
+        out = b""
+        if ready and not self._marking:
+            while self._marks and step(self._marks[0][1].end, pts) <= 0:
+                self._marks.popleft()
+            self._exchanging = True
+            self._tell("the sound is marked")
+        elif not ready and self._marking:
+            while self._pending:
+                out += self._next()
+            self.figures["bypasses_total"] += 1
+            self._tell("bypass: the programme passes as it is")
+        self._marking = ready
+        return out
+
+    def _ready(self, epoch: int, pts: int) -> bool:
+        """Whether there is marked sound for a PES of this time."""
+        marks = self._marks
+        while marks and (marks[0][0] < epoch or step(marks[0][1].end, pts) < -_STALE):
+            marks.popleft()
+            self.figures["stale_packets_total"] += 1
+        last = next((m for e, m in reversed(marks) if e == epoch), None)
+        return last is not None and step(last.end, pts) > 0
+
+    def _behind(self, ticks: int) -> bool:
+        """Whether marked sound is later than so much."""
+        if self._last is None or not self._marks:
+            return False
+        return step(self._marks[0][1].pts, self._last) < -ticks or (
+            bool(self._pending) and ticks == _BEHIND
+        )
+
+    def _next(self, fields: bytes = b"", pts: int | None = None) -> bytes:
+        """Return the next packet of marked sound, or an empty one where it would be too early."""
+        pts = self._last if pts is None else pts
+        if not self._pending and self._marks and pts is not None:
+            pes = self._marks[0][1]
+            if step(pes.pts, pts) <= pes.end - pes.pts:
+                self._pending, self._begins = self._marks.popleft()[1].data, True
+        if not self._pending:
+            if not fields:
+                return NULL_PACKET
+            return packed(self._pid, self._counter, b"", starts=False, fields=fields)
+        size = room(fields)
+        payload, self._pending = self._pending[:size], self._pending[size:]
+        self._counter = (self._counter + 1) & 15
+        starts, self._begins = self._begins, False
+        return packed(self._pid, self._counter, payload, starts=starts, fields=fields)
+
+    def _renumbered(self, packet: bytes) -> bytes:
+        """Return a packet of the sound with the counter that follows, once there was another."""
+        if not self._exchanging:
+            self._counter = packet[3] & 15
+            return packet
+        if packet[3] & 0x10:
+            self._counter = (self._counter + 1) & 15
+        return packet[:3] + bytes([packet[3] & 0xF0 | self._counter]) + packet[4:]
+
+
+def chosen_sound(programme: ProgrammeMap, track: int) -> ElementaryStream | None:
+    """Return the sound with this number among those that can be marked, else the first of them."""
+    sounds = [stream for stream in programme.streams if stream.kind in KINDS]
+    return sounds[track] if track < len(sounds) else next(iter(sounds), None)

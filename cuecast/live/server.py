@@ -1,0 +1,102 @@
+"""What a playout tells and takes over HTTP: figures for Prometheus, health, live text.
+
+``/metrics`` in Prometheus' text format; ``/health`` is 200 while the sound goes out marked, else
+503; ``/captions`` is a WebSocket that takes live text, a JSON object a message.
+"""
+
+import asyncio
+import threading
+from collections.abc import Callable
+
+from aiohttp import WSMsgType, web
+
+from codec.errors import CueError
+from cuecast.live.playout import Playout
+
+_LONGEST_MESSAGE = 16_384
+
+
+class PlayoutServer:
+    """Serves one playout from a thread of its own.
+
+    Parameters
+    ----------
+    playout : Playout
+    port : int
+        0 for any that is free.
+    tell : callable
+        Told where it listens.
+    host : str
+
+    Raises
+    ------
+    CueError
+        If nothing can be served there.
+    """
+
+    def __init__(
+        self, playout: Playout, port: int, tell: Callable[[str], None], host: str = "127.0.0.1"
+    ) -> None:
+        self._playout, self._host = playout, host
+        self._loop = asyncio.new_event_loop()
+        self.port = port
+        opened = threading.Event()
+        self._failure: OSError | None = None
+        self._thread = threading.Thread(
+            target=self._serve, args=(opened,), daemon=True, name="playout-server"
+        )
+        self._thread.start()
+        opened.wait(10.0)
+        if self._failure is not None:
+            raise CueError(f"port {port}: cannot be served: {self._failure.strerror}")
+        tell(f"http://{host}:{self.port}/metrics, live text on ws://{host}:{self.port}/captions")
+
+    def _serve(self, opened: threading.Event) -> None:
+        asyncio.set_event_loop(self._loop)
+        runner = web.AppRunner(self._application(), access_log=None)
+        self._loop.run_until_complete(runner.setup())
+        try:
+            site = web.TCPSite(runner, self._host, self.port)
+            self._loop.run_until_complete(site.start())
+            self.port = runner.addresses[0][1]
+        except OSError as error:
+            self._failure = error
+            return
+        finally:
+            opened.set()
+        self._loop.run_forever()
+        self._loop.run_until_complete(runner.cleanup())
+        self._loop.close()
+
+    def _application(self) -> web.Application:
+        application = web.Application()
+        application.router.add_get("/metrics", self._metrics)
+        application.router.add_get("/health", self._health)
+        application.router.add_get("/captions", self._captions)
+        return application
+
+    async def _metrics(self, request: web.Request) -> web.Response:
+        return web.Response(
+            text=self._playout.prometheus(),
+            headers={"Content-Type": "text/plain; version=0.0.4; charset=utf-8"},
+        )
+
+    async def _health(self, request: web.Request) -> web.Response:
+        marking = self._playout.marking
+        return web.Response(
+            text="marked\n" if marking else "bypass\n", status=200 if marking else 503
+        )
+
+    async def _captions(self, request: web.Request) -> web.WebSocketResponse:
+        socket = web.WebSocketResponse(max_msg_size=_LONGEST_MESSAGE)
+        await socket.prepare(request)
+        async for message in socket:
+            if message.type == WSMsgType.TEXT:
+                self._playout.caption(message.data.encode())
+        return socket
+
+    def close(self) -> None:
+        """Stop serving."""
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(5.0)

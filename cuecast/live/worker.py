@@ -1,0 +1,304 @@
+"""The process that marks: what goes wrong in it, and how long it computes, stops no programme.
+
+The playout sends PES packets and live text, and takes marked PES packets. If the process dies it
+is started anew; meanwhile the programme passes as it is.
+"""
+
+import importlib
+import os
+import queue
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from codec.errors import CueError
+from cuecast.live.packets import Pes
+from cuecast.live.sound import LiveOptions, MarkedPes, SoundMarker
+from cuecast.live.text import Caption, LiveMotion, read_caption
+from cuecast.media.timed_text import subtitles_of_packet
+from synth.scoring.text_score import Reading
+
+_WAITING = 4000
+"""Messages that may wait for the process: minutes of sound."""
+
+_RESTART_S = (1.0, 2.0, 5.0, 10.0, 30.0)
+_REPORT_S = 1.0
+_CAUGHT_UP_S = 0.3
+"""Age of sound from which it is marked again, once some had to be passed over."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cuer:
+    """Who cues, and what: everything that a new process needs.
+
+    Attributes
+    ----------
+    voice : str
+    reading : Reading
+    seed : int
+    alignment : str
+    subtitles, motion : str
+        Files whose time 0 is the first sample; one of them or none: then live text is cued.
+    """
+
+    voice: str = "claire"
+    reading: Reading = field(default_factory=Reading)
+    seed: int = 0
+    alignment: str = "attina"
+    subtitles: str = ""
+    motion: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Marked:
+    """A marked packet of the sound with this number of the playout."""
+
+    epoch: int
+    pes: MarkedPes
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """Something to note, and figures by their names."""
+
+    line: str = ""
+    figures: dict[str, float] = field(default_factory=dict)
+
+
+class Worker:
+    """The playout's side of the process.
+
+    Parameters
+    ----------
+    cuer : Cuer
+    options : LiveOptions
+    patience_s : float, optional
+        Sound that has waited longer is passed over; None: all of it is marked.
+    """
+
+    def __init__(self, cuer: Cuer, options: LiveOptions, patience_s: float | None) -> None:
+        self._arguments = cuer, options, patience_s
+        self._context = get_context("spawn")
+        self._process: Any = None
+        self._failures = 0
+        self._again_s = 0.0
+        self.restarts = 0
+        self.ready = self.ended = False
+        self._start()
+
+    def _start(self) -> None:
+        self._messages: Any = self._context.Queue(_WAITING)
+        self._results, theirs = self._context.Pipe(duplex=False)
+        self._process = self._context.Process(
+            target=_serve, args=(*self._arguments, self._messages, theirs), daemon=True
+        )
+        self._process.start()
+        theirs.close()
+        self.ready = False
+
+    def send(self, *message: Any) -> None:
+        """Give the process a message; one that is full of them gets none."""
+        try:
+            self._messages.put_nowait((time.monotonic(), *message))
+        except (queue.Full, ValueError, OSError):
+            return
+
+    def results(self, wait_s: float = 0.0) -> Iterator[Marked | Told]:
+        """Yield what came back; start the process again if it died."""
+        if self._process is None:
+            if time.monotonic() < self._again_s:
+                return
+            self._start()
+        try:
+            while self._results.poll(wait_s):
+                wait_s = 0.0
+                found = self._results.recv()
+                if isinstance(found, str):
+                    self.ready, self.ended = True, found == "ended"
+                    continue
+                self._failures = 0
+                yield found
+            if not self._process.is_alive() and not self.ended:
+                raise EOFError
+        except (EOFError, OSError):
+            code = self._process.exitcode
+            self._close()
+            wait_s = _RESTART_S[min(self._failures, len(_RESTART_S) - 1)]
+            self._failures += 1
+            self.restarts += 1
+            self._again_s = time.monotonic() + wait_s
+            if not self.ended:
+                yield Told(f"the marking process ended ({code}): again in {wait_s:.0f} s")
+
+    @property
+    def alive(self) -> bool:
+        """Whether there is a process."""
+        return self._process is not None
+
+    def _close(self) -> None:
+        if self._process is None:
+            return
+        self._process.kill()
+        self._process.join(5.0)
+        self._messages.cancel_join_thread()
+        self._messages.close()
+        self._results.close()
+        self._process = None
+        self.ready = False
+
+    def close(self) -> None:
+        """End the process."""
+        self._close()
+
+
+def _serve(
+    cuer: Cuer, options: LiveOptions, patience_s: float | None, messages: Any, results: Any
+) -> None:
+    """Work on messages until the playout is gone."""
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = os.getppid()
+    try:
+        marking = _Marking(cuer, options, patience_s, results.send)
+        results.send("ready")
+        while not marking.over:
+            try:
+                message = messages.get(timeout=1.0)
+            except queue.Empty:
+                if os.getppid() != parent:
+                    return
+                continue
+            marking.take(*message)
+        results.send("ended")
+    except (BrokenPipeError, EOFError, KeyboardInterrupt):
+        return
+
+
+class _Marking:
+    """What the process does with the messages."""
+
+    def __init__(
+        self, cuer: Cuer, options: LiveOptions, patience_s: float | None,
+        send: Callable[[Any], None],
+    ) -> None:  # fmt: skip
+        from codec.cuer.voice import load_voice
+
+        self._voice = load_voice(cuer.voice)
+        self._motion: Any = _motion(cuer, self._voice)
+        _warm(self._motion, cuer, self._voice, options)
+        self._marker = SoundMarker(self._motion, self._voice, options, self._note)
+        self._send, self._patience_s = send, patience_s
+        self._epoch = self._passed = 0
+        self._said = ""
+        self._reported_s = 0.0
+        self.over = False
+
+    def take(self, sent_s: float, kind: str, *content: Any) -> None:
+        """Take a message of the playout: what goes wrong with it is told and costs only it."""
+        try:
+            getattr(self, f"_take_{kind}")(sent_s, *content)
+        except CueError as error:
+            self._note_once(str(error))
+        except (BrokenPipeError, EOFError):
+            raise
+        except Exception as error:  # the programme goes on, whatever happens to the cuer
+            self._note_once(f"{type(error).__name__}: {error}")
+        self._report()
+
+    def _take_sound(self, sent_s: float, epoch: int, kind: str, pes: Pes) -> None:
+        if self._is_late(sent_s):
+            self._passed += 1
+            return
+        if self._passed:
+            self._marker.abandon()
+            self._note(f"too slow: {self._passed} packets of sound were not marked")
+            self._passed = 0
+        if epoch != self._epoch:
+            self._emit(self._marker.flush())
+            self._epoch = epoch
+        self._emit(self._marker.process(kind, pes))
+
+    def _is_late(self, sent_s: float) -> bool:
+        """Whether sound is passed over: from where it is too late until it is new again."""
+        if self._patience_s is None:
+            return False
+        age_s = time.monotonic() - sent_s
+        return age_s > (_CAUGHT_UP_S if self._passed else self._patience_s)
+
+    def _take_caption(self, sent_s: float, line: bytes) -> None:
+        now_s = self._marker.heard_s - (time.monotonic() - sent_s if self._patience_s else 0.0)
+        caption = read_caption(line, max(0.0, now_s))
+        if caption is not None and isinstance(self._motion, LiveMotion):
+            self._motion.add(caption)
+
+    def _take_subtitle(self, sent_s: float, pts: int, data: bytes) -> None:
+        start_s = self._marker.time_s(pts)
+        if start_s is None or not isinstance(self._motion, LiveMotion):
+            return
+        for one in subtitles_of_packet(data, start_s, start_s):
+            self._motion.add(Caption(one.start_s, one.text))
+
+    def _take_end(self, sent_s: float) -> None:
+        self._emit(self._marker.flush())
+        self.over = True
+
+    def _emit(self, packets: Iterator[MarkedPes]) -> None:
+        for pes in packets:
+            self._send(Marked(self._epoch, pes))
+
+    def _note(self, line: str) -> None:
+        self._send(Told(line))
+
+    def _note_once(self, line: str) -> None:
+        if line != self._said:
+            self._said = line
+            self._note(line)
+
+    def _report(self) -> None:
+        if time.monotonic() - self._reported_s < _REPORT_S and not self.over:
+            return
+        self._reported_s = time.monotonic()
+        figures: dict[str, float] = {
+            "superframes_total": self._marker.superframes,
+            "damaged_frames_total": self._marker.damaged,
+        }
+        if isinstance(self._motion, LiveMotion):
+            figures |= {
+                "captions_total": self._motion.captions,
+                "captions_left_out_total": self._motion.left_out,
+                "cuer_lag_seconds": self._motion.lag_s,
+            }
+        self._send(Told(figures=figures))
+
+
+def _warm(motion: Any, cuer: Cuer, voice: Any, options: LiveOptions) -> None:
+    """Load what would otherwise be loaded while the first sound waits."""
+    if not isinstance(motion, LiveMotion):
+        motion.window(0.0, 1)
+    marker = SoundMarker(LiveMotion(voice, cuer.reading), voice, options)
+    for _ in marker.mark(np.random.default_rng(0).normal(0, 0.1, (4 * 48_000, 2))):
+        pass
+
+
+def _motion(cuer: Cuer, voice: Any) -> Any:
+    """Return the motion that a `Cuer` stands for."""
+    motions = importlib.import_module("cuecast.dubbing.motions")
+    if cuer.motion:
+        from codec.cuer.motion import load_motion
+
+        return motions.GivenMotion(load_motion(cuer.motion), voice)
+    if cuer.subtitles:
+        from synth.scoring.text_score import score_from_subtitles
+        from synth.subtitles import read_subtitles
+
+        subtitles = read_subtitles(cuer.subtitles)
+        score = score_from_subtitles(subtitles, warn=lambda line: None, reading=cuer.reading)
+        return motions.SynthesisedMotion(
+            score, voice, seed=cuer.seed, options=cuer.reading.options, alignment=cuer.alignment
+        )
+    return LiveMotion(voice, cuer.reading, seed=cuer.seed, alignment=cuer.alignment)

@@ -1,0 +1,307 @@
+"""Running transport streams: what is not the sound stays bit for bit, the sound stays in step."""
+
+import functools
+import itertools
+import random
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from codec.cuer.voice import load_voice
+from cuecast.demo.content import FS, make_sound
+from cuecast.live.frames import FrameCutter, framed
+from cuecast.live.multiplex import Aligner, Multiplex
+from cuecast.live.packets import (
+    PERIOD,
+    PesReader,
+    packed,
+    pid_of,
+    read_stamp,
+    room,
+    step,
+    write_pes,
+    write_stamp,
+)
+from cuecast.live.sound import LiveOptions, MarkedPes, SoundMarker
+from cuecast.live.text import LiveMotion
+from cuecast.media.tables import NULL_PID, PACKET
+from synth.scoring.text_score import Reading
+from watermark.audio.receive import AudioReceiver
+
+ENCODERS = {
+    "mp2": ("mp2", 192_000), "aac": ("aac", 128_000), "latm": ("aac", 96_000),
+    "ac3": ("ac3", 256_000), "eac3": ("eac3", 192_000),
+}  # fmt: skip
+
+
+@functools.cache
+def programme() -> NDArray[np.float32]:
+    """Sound in stereo, shape (n, 2)."""
+    sound: NDArray[np.float32] = make_sound()[0]
+    return sound
+
+
+def coded(kind: str, sound: NDArray[np.float32], fs: int = FS) -> list[tuple[int, bytes]]:
+    """FFmpeg's packets of a sound, shape (n, 2), and the number of their first sample."""
+    name, rate = ENCODERS[kind]
+    coder: Any = av.CodecContext.create(name, "w")
+    coder.sample_rate, coder.layout, coder.bit_rate = fs, "stereo", rate
+    coder.format = "s16" if kind == "mp2" else "fltp"
+    coder.open()
+    out = []
+    for start in range(0, len(sound) - coder.frame_size + 1, coder.frame_size):
+        part = sound[start : start + coder.frame_size]
+        plain: NDArray[Any] = np.ascontiguousarray(part.T)
+        if kind == "mp2":
+            plain = np.round(part * 32767).astype(np.int16).reshape(1, -1)
+        frame = av.AudioFrame.from_ndarray(plain, coder.format.name, "stereo")
+        frame.sample_rate, frame.pts, frame.time_base = fs, start, Fraction(1, fs)
+        out += [(p.pts, bytes(p)) for p in coder.encode(frame)]
+    return out
+
+
+@pytest.mark.parametrize("kind", ENCODERS)
+def test_frames_of_ffmpeg_are_cut_and_made(kind: str) -> None:
+    sound = programme()[:FS]
+    stream = [framed(kind, data, FS, 2) for _, data in coded(kind, sound)]
+    whole = b"".join(stream)
+    rng = random.Random(1)
+    cutter, found, at = FrameCutter(kind), [], 0
+    while at < len(whole):
+        size = rng.randint(1, 900)
+        found += [frame.data for frame, _ in cutter.process(whole[at : at + size])]
+        at += size
+    assert found == stream
+    decoder: Any = av.CodecContext.create({"latm": "aac_latm"}.get(kind, kind), "r")
+    samples = sum(f.samples for data in found for f in decoder.decode(av.Packet(data)))
+    assert samples >= len(sound) - 2 * 1536
+
+
+@pytest.mark.parametrize("kind", ENCODERS)
+def test_cutter_finds_frames_again_behind_damage(kind: str) -> None:
+    stream = [framed(kind, data, FS, 2) for _, data in coded(kind, programme()[: FS // 2])]
+    junk = random.Random(2).randbytes(500)
+    found = [f.data for f, _ in FrameCutter(kind).process(junk + b"".join(stream))]
+    assert found[-len(stream) + 1 :] == stream[1:]
+
+
+@given(st.integers(0, PERIOD - 1), st.integers(-(1 << 30), 1 << 30))
+def test_stamps(pts: int, by: int) -> None:
+    assert read_stamp(write_stamp(pts)) == pts
+    assert step((pts + by) % PERIOD, pts) == by
+
+
+@given(st.binary(max_size=184), st.booleans(), st.sampled_from([b"", b"\x10abcdef"]))
+def test_packets_hold_what_they_are_given(data: bytes, starts: bool, fields: bytes) -> None:
+    data = data[: room(fields)]
+    packet = packed(0x123, 7, data, starts=starts, fields=fields)
+    assert len(packet) == PACKET
+    assert pid_of(packet) == 0x123
+    assert packet[PACKET - len(data) :] == data
+    assert bool(packet[1] & 0x40) == starts
+
+
+def transport_stream(path: Path, seconds: int = 4) -> bytes:
+    """A stream of FFmpeg's: picture, MPEG audio, a second sound, empty packets."""
+    sound = programme()[: seconds * FS]
+    with av.open(str(path), "w", format="mpegts", options={"muxrate": "900000"}) as out:
+        picture: Any = out.add_stream("mpeg2video", rate=25)
+        picture.width = picture.height = 64
+        picture.pix_fmt = "yuv420p"
+        sounds: list[Any] = [out.add_stream(name, rate=FS) for name in ("mp2", "aac")]
+        for stream, rate in zip(sounds, (192_000, 96_000), strict=True):
+            stream.layout, stream.bit_rate = "stereo", rate
+        for n in range(25 * seconds):
+            frame = av.VideoFrame.from_ndarray(np.full((64, 64, 3), n, np.uint8), format="rgb24")
+            frame.pts, frame.time_base = n, Fraction(1, 25)
+            out.mux(picture.encode(frame))
+            part = sound[n * FS // 25 : (n + 1) * FS // 25]
+            for stream in sounds:
+                plain: NDArray[Any] = np.ascontiguousarray(part.T)
+                if stream is sounds[0]:
+                    plain = np.round(part * 32767).astype(np.int16).reshape(1, -1)
+                heard = av.AudioFrame.from_ndarray(
+                    plain, "s16" if stream is sounds[0] else "fltp", "stereo"
+                )
+                heard.sample_rate, heard.pts = FS, n * FS // 25
+                heard.time_base = Fraction(1, FS)
+                out.mux(stream.encode(heard))
+        for stream in (picture, *sounds):
+            out.mux(stream.encode(None))
+    return path.read_bytes()
+
+
+@pytest.fixture(scope="module")
+def stream(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    return transport_stream(tmp_path_factory.mktemp("air") / "a.ts")
+
+
+def packets_of(data: bytes, pid: int) -> list[bytes]:
+    parts = (data[at : at + PACKET] for at in range(0, len(data), PACKET))
+    return [part for part in parts if pid_of(part) == pid]
+
+
+SOUND_PID = 257
+
+
+def test_pes_are_those_that_ffmpeg_reads(stream: bytes, tmp_path: Path) -> None:
+    reader, found = PesReader(), b""
+    for packet in packets_of(stream, SOUND_PID):
+        for pes in reader.process(packet):
+            found += b"".join(pes.parts)
+    found += b"".join(b"".join(pes.parts) for pes in reader.flush())
+    (tmp_path / "a.ts").write_bytes(stream)
+    with av.open(str(tmp_path / "a.ts")) as container:
+        wanted = b"".join(bytes(p) for p in container.demux(container.streams.audio[0]))
+    assert found == wanted
+    assert reader.lost == 0
+
+
+def run(multiplex: Multiplex, data: bytes, size: int = 7 * PACKET) -> bytes:
+    out = bytearray()
+    for n, at in enumerate(range(0, len(data), size)):
+        multiplex.take(data[at : at + size], n * 0.01)
+        out += b"".join(multiplex.give(n * 0.01))
+    multiplex.end()
+    return bytes(out) + b"".join(multiplex.rest())
+
+
+def test_without_marked_sound_everything_passes(stream: bytes) -> None:
+    assert run(Multiplex(0.5, lambda *message: None), stream) == stream
+
+
+def test_only_the_sound_is_exchanged(stream: bytes) -> None:
+    """Other bytes for each PES, at once: all else stays, in its place."""
+    sent: list[Any] = []
+    multiplex = Multiplex(0.5, lambda *message: sent.append(message))
+    out = bytearray()
+    for n, at in enumerate(range(0, len(stream), 7 * PACKET)):
+        multiplex.take(stream[at : at + 7 * PACKET], n * 0.01)
+        for _, epoch, kind, pes in sent:
+            assert kind == "mp2"
+            data = b"".join(pes.parts)
+            marked = write_pes(0xC0, pes.pts, bytes(byte ^ 0xFF for byte in data))
+            multiplex.put(epoch, MarkedPes(pes.pts, pes.pts + 12_960, marked))
+        sent.clear()
+        out += b"".join(multiplex.give(n * 0.01))
+    made = bytes(out) + b"".join(multiplex.rest())
+    assert len(made) == len(stream)
+    exchanged = 0
+    for at in range(0, len(stream), PACKET):
+        before, after = stream[at : at + PACKET], made[at : at + PACKET]
+        if pid_of(before) not in (SOUND_PID, NULL_PID):
+            assert before == after
+        exchanged += before != after
+    assert exchanged > 0.9 * len(packets_of(stream, SOUND_PID))
+    reader, found = PesReader(), []
+    for packet in packets_of(made, SOUND_PID):
+        found += list(reader.process(packet))
+    assert reader.lost == 0
+    stamps = [pes.pts for pes in found if pes.pts is not None]
+    assert stamps == sorted(stamps)
+    assert multiplex.figures["marked_seconds_total"] > 3
+
+
+def test_late_sound_is_bypassed_and_comes_back(stream: bytes) -> None:
+    sent: list[Any] = []
+    told: list[str] = []
+    multiplex = Multiplex(0.2, lambda *message: sent.append(message), tell=told.append)
+    for n, at in enumerate(range(0, len(stream), 7 * PACKET)):
+        now_s = at / len(stream) * 4
+        multiplex.take(stream[at : at + 7 * PACKET], now_s)
+        for _, epoch, _, pes in sent:
+            if not 1.5 < now_s < 2.5:  # the marking process is away
+                data = write_pes(0xC0, pes.pts, b"\xff" + b"".join(pes.parts))
+                multiplex.put(epoch, MarkedPes(pes.pts, pes.pts + 12_960, data))
+        sent.clear()
+        assert n >= 0
+        for _ in multiplex.give(now_s):
+            pass
+    changes = [line for line in told if "bypass" in line or "marked" in line]
+    assert changes == [
+        "the sound is marked", "bypass: the programme passes as it is", "the sound is marked",
+    ]  # fmt: skip
+    assert 0.5 < multiplex.figures["bypass_seconds_total"] < 2
+
+
+def test_lost_packets_leave_a_hole_in_the_pes(stream: bytes) -> None:
+    packets = packets_of(stream, SOUND_PID)
+    del packets[next(n for n, p in enumerate(packets) if n > 20 and not p[1] & 0x40)]
+    reader, found = PesReader(), []
+    for packet in packets:
+        found += list(reader.process(packet))
+    assert reader.lost == 1
+    assert sum(len(pes.parts) == 2 for pes in found) == 1
+
+
+def test_garbage_between_packets_is_passed_over(stream: bytes) -> None:
+    rng = random.Random(4)
+    data = stream[: 50 * PACKET] + rng.randbytes(1001) + stream[50 * PACKET : 100 * PACKET]
+    aligner, out, at = Aligner(), b"", 0
+    while at < len(data):
+        size = rng.randint(1, 2000)
+        out += aligner.process(data[at : at + size])
+        at += size
+    assert stream[: 49 * PACKET] == out[: 49 * PACKET]
+    assert stream[52 * PACKET : 99 * PACKET] in out
+
+
+def test_a_sound_on_another_pid_is_followed(stream: bytes) -> None:
+    """The map changes: the sound that was second is the only one."""
+    sent: list[Any] = []
+    multiplex = Multiplex(0.1, lambda *message: sent.append(message), track=1)
+    run(multiplex, stream)
+    assert {kind for _, _, kind, _ in sent} == {"aac"}
+    assert {epoch for _, epoch, _, _ in sent} == {1}
+
+
+@pytest.mark.parametrize("kind", ["mp2", "aac"])
+def test_marked_sound_is_in_step_and_carries(kind: str) -> None:
+    sound = programme()[: 6 * FS]
+    marker = SoundMarker(
+        LiveMotion(load_voice("claire"), Reading()), load_voice("claire"),
+        LiveOptions("standard", 0, -0.43, low_delay=True),
+    )  # fmt: skip
+    made: list[MarkedPes] = []
+    start = PERIOD - 3 * 90_000  # the stamps begin anew on the way
+    reader, counter = PesReader(), itertools.count()
+    for number, data in coded(kind, sound):
+        pts = (start + number * 90_000 // FS) % PERIOD
+        pes = write_pes(0xC0, pts, framed(kind, data, FS, 2))
+        payloads = [pes[at : at + 184] for at in range(0, len(pes), 184)]
+        for n, payload in enumerate(payloads):
+            packet = packed(SOUND_PID, next(counter) & 15, payload, starts=n == 0)
+            for one in reader.process(packet):
+                made += marker.process(kind, one)
+    made += marker.flush()
+    times, heard = decoded(kind, made)
+    offset = round(step(times[0], start) * FS / 90_000)
+    n = min(len(sound) - offset, len(heard)) - FS
+    a = sound[FS + offset : n, 0].astype(float)
+    best = max(range(-60, 61), key=lambda d: float(a @ heard[FS + d : FS + d + len(a), 0]))
+    assert abs(best) <= 4  # 0.1 ms
+    assert all(step(b, a) > 0 for a, b in itertools.pairwise(times))
+    receiver = AudioReceiver(FS, 2)
+    found = [*receiver.process(heard.astype(np.float32)), *receiver.flush()]
+    assert sum(one.l0 is not None for one in found) >= 7
+    assert marker.superframes >= 8
+
+
+def decoded(kind: str, made: list[MarkedPes]) -> tuple[list[int], NDArray[np.float64]]:
+    decoder: Any = av.CodecContext.create(kind, "r")
+    cutter = FrameCutter(kind)
+    parts = []
+    for pes in made:
+        for frame, _ in cutter.process(pes.data[14:]):
+            for one in decoder.decode(av.Packet(frame.data)):
+                x = one.to_ndarray().astype(float)
+                parts.append(x.T if one.format.is_planar else x.reshape(-1, 2))
+    sound = np.concatenate(parts)
+    return [pes.pts % PERIOD for pes in made], sound / (32768 if np.abs(sound).max() > 4 else 1)
