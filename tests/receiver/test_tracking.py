@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from codec.bitstream.bits import crc16
+from codec.bitstream.compact_encoder import CompactEncoder
 from codec.bitstream.encoder import SuperframeEncoder
 from codec.bitstream.superframe import Superframe
+from codec.cuer.motion import Motion
+from codec.cues.score import Phone
 from receiver.reception.assemble import Assembler
 from receiver.reception.events import (
     Event,
@@ -243,3 +246,93 @@ def test_a_long_gap_is_told_in_bulk(told: bool) -> None:
     if not told:
         assert len(events) <= 64
         assert [e.count for e in lost] == [1] * 6 + [36] + [1] * 2
+
+
+def test_what_failed_is_told_at_once() -> None:
+    tracker = Tracker(VOICE)
+    for on_air_s, sent in SENT[:5]:
+        list(tracker.take(sent.l0, sent.l1, on_air_s))
+    for k in (5, 6):
+        on_air_s = SENT[k][0]
+        events = list(tracker.take(None, None, on_air_s))
+        assert [e.start_s for e in events if isinstance(e, SuperframeLost)] == [
+            pytest.approx(on_air_s + LEAD_S)
+        ]
+        assert [p.layers for p in events if isinstance(p, MotionPiece)] == [()]
+        states = [e for e in events if isinstance(e, StateChanged)]
+        assert states == ([StateChanged(on_air_s + 0.64, "degraded")] if k == 5 else [])
+    assert tracker.lost == 2
+
+
+def test_a_failure_long_after_the_last_superframe_is_nothing() -> None:
+    tracker = Tracker(VOICE)
+    run(tracker, SENT[:5])
+    lost_before = tracker.lost
+    events = list(tracker.take(None, None, SENT[4][0] + 65 * 0.64))
+    assert not any(isinstance(e, SuperframeLost) for e in events)
+    assert tracker.lost == lost_before
+    events = list(tracker.take(None, None, SENT[4][0] + 64 * 0.64))
+    assert sum(e.count for e in events if isinstance(e, SuperframeLost)) == 64
+
+
+def test_the_same_again_is_nothing_and_more_of_it_is_drawn() -> None:
+    tracker = Tracker(VOICE)
+    (t, s), rest = SENT[3], SENT[:3]
+    for on_air_s, sent in rest:
+        list(tracker.take(sent.l0, sent.l1, on_air_s))
+    assert list(tracker.take(s.l0, None, t))
+    assert list(tracker.take(s.l0, None, t)) == []
+    longer = list(tracker.take(s.l0, s.l1, t))
+    assert any(isinstance(e, MotionPiece) and e.layers == ("L0", "L1") for e in longer)
+    for l1 in (s.l1, None, b""):
+        assert list(tracker.take(s.l0, l1, t)) == []
+    assert list(tracker.take(s.l0, s.l1 + bytes(len(s.l1)), t))
+
+
+def test_the_middle_of_a_gap_is_told_where_it_begins() -> None:
+    tracker = Tracker(VOICE)
+    list(_run(tracker, SENT))
+    events = run(tracker, [(SENT[-1][0] + 0.64 * 31, replace(SENT[11][1], index=0))])
+    last_s = SENT[-1][0] + LEAD_S
+    lost = [e for e in events if isinstance(e, SuperframeLost)]
+    if lost:
+        bulk = max(lost, key=lambda e: e.count)
+        assert bulk.start_s == pytest.approx(last_s + 0.64 * 7)
+
+
+@pytest.mark.parametrize(("offset_s", "epochs"), [(0.09, 1), (0.11, 2), (-0.09, 1), (-0.11, 2)])
+def test_a_splice_is_told_from_a_drift(offset_s: float, epochs: int) -> None:
+    moved = [(t + offset_s, s) for t, s in SENT[8:]]
+    found = pieces(run(Tracker(VOICE), [*SENT[:8], *moved]))
+    assert len({p.epoch for p in found.values()}) == epochs
+
+
+def test_keys_reach_back_over_five_superframes() -> None:
+    """A window four superframes before one still tells keys of it."""
+    score = MOTION.score
+    assert score is not None
+    slow = replace(
+        MOTION,
+        score=type(score)(
+            (), tuple(replace(k, start=2 * k.start, end=2 * k.end) for k in score.keys)
+        ),
+    )
+    encoder = CompactEncoder(VOICE, l0_bytes=12, first=2)
+    sent = [
+        (OFFSET_S + 0.64 * k - LEAD_S, encoder.encode(with_phones(slow), k)) for k in range(2, 22)
+    ]
+    found = keys(run(Tracker(VOICE), sent))
+    starts = [start for start, _, _ in found]
+    assert len(starts) == len(set(starts)) > 12
+    gaps = np.diff(starts)
+    assert gaps.max() < 1.5
+
+
+def with_phones(motion: Motion) -> Motion:
+    """Keys of two phones each, as the compact encoder needs them."""
+    assert motion.score is not None
+    phones = []
+    for key in motion.score.keys:
+        middle = (key.start + key.end) / 2
+        phones += [Phone("b", key.start, middle), Phone("ɔ̃", middle, key.end)]
+    return replace(motion, score=replace(motion.score, phones=tuple(phones)))
