@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.authentication.announcement import SigningKey
 from codec.bitstream.compact_encoder import CompactEncoder
 from codec.bitstream.encoder import SuperframeEncoder
 from codec.bitstream.payload import nest
@@ -33,6 +34,7 @@ from cuecast.dubbing.marking import MarkingStage
 from cuecast.dubbing.motions import RATE_HZ, MotionSource
 from cuecast.dubbing.pictures import PictureOptions, dub_picture
 from cuecast.dubbing.read_back import Sent, earlier_marks, read_back, true_psnr_db
+from cuecast.dubbing.signing import Signing
 from cuecast.media.rewrite import Stage, rewrite_sound
 from receiver.media.programme import SoundFormat
 from watermark.audio.profile import STANDARD, USUAL_GRADE, Profile, find_profile
@@ -78,6 +80,10 @@ class DubOptions:
         Whether to receive what was written and report what arrives.
     replace : bool
         Whether to write over the cuer of a programme that has one already.
+    sign : SigningKey, optional
+        Signs the cues.
+    on_air_s : float
+        When a signed programme begins on air, seconds since 1970 (UTC).
     """
 
     carriers: tuple[str, ...] = ("audio",)
@@ -93,6 +99,8 @@ class DubOptions:
     through: str | None = None
     read_back: bool = False
     replace: bool = False
+    sign: SigningKey | None = None
+    on_air_s: float = 0.0
 
 
 def dub(
@@ -134,6 +142,7 @@ def dub(
     sound_profile = find_profile(options.profiles["audio"])
     picture = {name: options.profiles[name] for name in options.carriers if name != "audio"}
     report: dict[str, Any] = {}
+    signing = None if options.sign is None else Signing(options.sign, options.on_air_s)
     seconds: list[float] = []
     told: list[str] = []
     sent = Sent()
@@ -147,12 +156,14 @@ def dub(
         if "audio" in options.carriers:
             marked = Path(folder) / Path(target).name if picture else Path(target)
             report, carriers["audio"] = _dub_sound(
-                programme, motion, voice, marked, options, sent, progress
+                programme, motion, voice, marked, options, sent, signing, progress
             )
         if picture:
             carriers |= dub_picture(
                 marked,
-                lambda *sizes: superframe_source(motion, voice, *sizes, beside=sound_profile),
+                lambda *sizes: superframe_source(
+                    motion, voice, *sizes, beside=sound_profile, signing=signing
+                ),
                 target,
                 PictureOptions(picture, options.key, options.video_codec, options.video_bit_rate),
                 sent=sent, progress=advance, tell=told.append,
@@ -223,6 +234,7 @@ def _dub_sound(
     target: Path,
     options: DubOptions,
     sent: Sent,
+    signing: Signing | None,
     progress: Callable[[float], None],
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Mark the sound; return what the report says of the programme and of the carrier."""
@@ -234,7 +246,9 @@ def _dub_sound(
 
     def make_stage(sound: SoundFormat, start_s: float) -> Stage:
         first = max(-LEAD, math.ceil(start_s / SUPERFRAME_S - 1e-6))
-        source = superframe_source(motion, voice, profile.l0_bytes, profile.l1_bytes, first=first)
+        source = superframe_source(
+            motion, voice, profile.l0_bytes, profile.l1_bytes, first=first, signing=signing
+        )
         source = sent.noting("audio", source, first)
         stages.append(
             MarkingStage(
@@ -274,28 +288,37 @@ def _picture_report(seconds: list[float]) -> dict[str, Any]:
 
 def superframe_source(
     motion: MotionSource, voice: Voice, l0_bytes: int, l1_bytes: int, *, first: int = 0,
-    beside: Profile = STANDARD,
+    beside: Profile = STANDARD, signing: Signing | None = None,
 ) -> Callable[[int], tuple[bytes, bytes]]:  # fmt: skip
     """Return the function that gives an embedder the payloads (L0, L1) of its superframe k.
 
     That one is on air `first` + k superframes after the programme's clock's zero. Where L1 has room
     for it, the superframe is a nested one (`codec.bitstream.payload`): its L0 is that of a sound
-    with the profile `beside`.
+    with the profile `beside`. With `signing` its L0 is signed.
     """
+    source = _unsigned_source(motion, voice, l0_bytes, l1_bytes, first, beside, signing is not None)
+    return source if signing is None else signing.source(source, first)
+
+
+def _unsigned_source(
+    motion: MotionSource, voice: Voice, l0_bytes: int, l1_bytes: int, first: int, beside: Profile,
+    signed: bool,
+) -> Callable[[int], tuple[bytes, bytes]]:  # fmt: skip
+    """Return the source of superframes, with room for a proof if they will be signed."""
     nests = l0_bytes == beside.l0_bytes and l1_bytes >= 2 * (beside.l0_bytes + beside.l1_bytes)
     fine_bytes = l1_bytes - l0_bytes if nests else l1_bytes
     if l0_bytes <= MAX_BYTES:
-        compact = CompactEncoder(voice, l0_bytes=l0_bytes, first=first + LEAD)
+        compact = CompactEncoder(voice, l0_bytes=l0_bytes, first=first + LEAD, signed=signed)
         return lambda k: (
             compact.encode(_window(motion, first + k + LEAD), first + k + LEAD).l0,
             b"",
         )
     fine = SuperframeEncoder(
-        voice, l0_bytes=l0_bytes, l1_bytes=fine_bytes, lead=LEAD, protected=True
+        voice, l0_bytes=l0_bytes, l1_bytes=fine_bytes, lead=LEAD, protected=True, signed=signed
     )
     coarse = SuperframeEncoder(
         voice, l0_bytes=l0_bytes, l1_bytes=beside.l1_bytes if nests else 0, lead=LEAD,
-        protected=True,
+        protected=True, signed=signed,
     )  # fmt: skip
 
     def source(k: int) -> tuple[bytes, bytes]:

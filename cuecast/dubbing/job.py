@@ -1,14 +1,17 @@
 """One programme dubbed as the options of the verb ``dub`` say, for it and for the batch."""
 
 import argparse
+import time
 from pathlib import Path
 from typing import Any
 
+from codec.authentication.announcement import SigningKey, load_signing_key
 from codec.cuer.motion import load_motion
 from codec.cuer.voice import Voice
 from cuecast.command.arguments import CARRIERS
 from cuecast.command.errors import UsageError
 from cuecast.command.progress import note, seconds_bar
+from cuecast.command.trust import seconds_of
 from cuecast.command.voices import coding_voice
 from cuecast.dubbing.aligning import Confidence, aligned_score
 from cuecast.dubbing.dub import PROFILES, DubOptions, dub
@@ -84,8 +87,16 @@ def options_of(args: argparse.Namespace) -> DubOptions:
     return DubOptions(
         tuple(args.carriers), profiles, args.key, args.track, args.audio_codec, args.audio_bitrate,
         args.video_codec, args.video_bitrate, args.grade, not args.no_grade,
-        args.through, not args.no_read_back, args.replace,
+        args.through, not args.no_read_back, args.replace, *_signing_of(args),
     )  # fmt: skip
+
+
+def _signing_of(args: argparse.Namespace) -> tuple[SigningKey | None, float]:
+    """Return the key that signs, and when the programme begins on air."""
+    path, told = getattr(args, "sign", None), getattr(args, "on_air", None)
+    if path is None:
+        return None, 0.0
+    return load_signing_key(path), time.time() if told is None else seconds_of(told)
 
 
 def _tell(report: dict[str, Any]) -> None:

@@ -10,6 +10,7 @@ from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from receiver.media.programme import open_programme
 from receiver.reception.assemble import Assembler
+from receiver.reception.authenticity import Trust
 from receiver.reception.events import Event, Unreadable
 from receiver.reception.reception import ProgrammeReceiver
 
@@ -52,6 +53,7 @@ def receive(
     keep_motion: bool = True,
     listen: bool = True,
     look: bool = True,
+    trust: Trust | None = None,
     progress: Callable[[float], None] = lambda seconds: None,
 ) -> Reception:
     """Receive a programme to its end.
@@ -72,6 +74,8 @@ def receive(
         Whether to assemble the motion; memory grows with it.
     listen, look : bool
         Whether to use the sound, and the picture.
+    trust : Trust, optional
+        Whose cues these should be.
     progress : callable
         Told how many seconds each piece of the programme brought.
 
@@ -88,7 +92,7 @@ def receive(
     gathered = _Gathered(voice, keep_motion)
     with open_programme(source, track=track) as programme:
         reception = ProgrammeReceiver(
-            programme, voice, key=key, start_s=start_s, listen=listen, look=look
+            programme, voice, key=key, start_s=start_s, listen=listen, look=look, trust=trust
         )
         until_s = start_s
         for reached in reception.progress():

@@ -27,6 +27,7 @@ from cuecast.command.arguments import (
 from cuecast.command.errors import UsageError
 from cuecast.command.files import PIPE, write_json
 from cuecast.command.progress import note
+from cuecast.command.trust import add_on_air
 
 SUMMARY = "the programme with its cuer inside"
 
@@ -44,6 +45,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     source.add_argument("--motion", metavar="M.npz", help="motion of the cuer")
     parser.add_argument("-o", "--output", metavar="OUT", help="the programme with its cuer")
+    parser.add_argument("--sign", metavar="SECRET", help="sign the cues with this key: `key new`")
+    add_on_air(parser, "when a signed programme begins on air (default: now)")
     parser.add_argument("--report", metavar="R.json", help="what was done; - prints it")
     add_json(parser)
     add_dubbing(parser)

@@ -14,6 +14,7 @@ from cuecast.command.arguments import (
 )
 from cuecast.command.files import PIPE
 from cuecast.command.progress import note, seconds_bar
+from cuecast.command.trust import add_on_air, add_trust, trust_of
 
 SUMMARY = "everything that a receiver finds"
 
@@ -31,6 +32,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     senses.add_argument("--picture-only", action="store_true", help="do not search the sound")
     parser.add_argument("--track", type=natural, default=0, metavar="N", help="which sound, from 0")
     add_json(parser)
+    add_trust(parser)
+    add_on_air(parser, "when the recording began on air")
     add_voice(parser)
     add_key(parser)
 
@@ -48,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
         reception = receive(
             source, voice, start_s=args.start, key=args.key, track=args.track,
             keep_motion=wanted, listen=not args.picture_only, look=not args.sound_only,
-            progress=advance,
+            trust=trust_of(args), progress=advance,
         )  # fmt: skip
     if reception.damaged:
         note(f"note: {args.programme}: {reception.damaged} damaged packets")
@@ -59,6 +62,12 @@ def run(args: argparse.Namespace) -> int:
         note(
             f"note: {args.programme}: nothing in its sound {args.track}; it has "
             f"{reception.other_sounds} more: try --track"
+        )
+    whose = summary["authenticity"]
+    if whose is not None and whose["verified_s"] is not None and args.on_air is None:
+        note(
+            f"note: verified as the broadcast of {whose['on_air']}: the keys of a recording are "
+            "public, so this holds if it was recorded then"
         )
     if args.output is not None and reception.motion is not None:
         save_motion(reception.motion, args.output)

@@ -5,9 +5,10 @@ import sys
 import tempfile
 from typing import Any
 
-from cuecast.command.arguments import add_key, add_voice, natural
+from cuecast.command.arguments import add_key, add_voice, natural, not_negative
 from cuecast.command.files import PIPE
 from cuecast.command.progress import note
+from cuecast.command.trust import HOLD_S, add_trust, trust_of
 
 SUMMARY = "the TV page: programme and cuer together"
 
@@ -20,6 +21,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--port", type=natural, default=8080, metavar="N", help="0: any free one")
     parser.add_argument("--host", default="127.0.0.1", help="address to answer at")
     parser.add_argument("--motion", metavar="M.npz", help="show this motion, not what is received")
+    add_trust(parser)
+    parser.add_argument(
+        "--hold", type=not_negative, metavar="S",
+        help=f"show a broadcast S seconds later ({HOLD_S:.0f} with --trust; 58 for robust sound)",
+    )  # fmt: skip
     add_voice(parser)
     add_key(parser)
 
@@ -39,12 +45,15 @@ def run(args: argparse.Namespace) -> int:
     if args.programme == PIPE or "://" in args.programme:
         from receiver.live.server import serve_live
 
+        hold_s = args.hold if args.hold is not None else HOLD_S * (args.trust is not None)
         source = sys.stdin.buffer if args.programme == PIPE else args.programme
-        serve_live(source, voice, key=args.key, **place)
+        serve_live(
+            source, voice, key=args.key, trust=trust_of(args, live=True), hold_s=hold_s, **place
+        )
         return 0
     with tempfile.TemporaryDirectory(prefix="cuecast-") as folder:
         media = playable(args.programme, folder)
-        tuner: Tuner = ProgrammeTuner(args.programme, voice, key=args.key)
+        tuner: Tuner = ProgrammeTuner(args.programme, voice, key=args.key, trust=trust_of(args))
         if args.motion is not None:
             tuner = MotionTuner(load_motion(args.motion))
         serve(tuner, voice, media, **place)

@@ -22,6 +22,7 @@ from receiver.live.pictureline import PictureLine
 from receiver.live.recode import PlainPictures, recodable
 from receiver.live.soundline import SoundBlock, SoundLine
 from receiver.media.programme import LENIENT
+from receiver.reception.authenticity import Trust
 from receiver.reception.engine import Receiver
 from receiver.reception.events import Event, MotionPiece, State, StateChanged
 from receiver.television.metrics import Metrics
@@ -74,6 +75,8 @@ class Broadcast:
         Of a pipe: ``mpegts``, ``wav``, ...
     once : bool
         Do not open the source again at its end.
+    trust : Trust, optional
+        Whose cues these should be.
 
     Raises
     ------
@@ -83,10 +86,11 @@ class Broadcast:
 
     def __init__(
         self, source: str | IO[bytes], voice: Voice, tell: Callable[[Happening], None],
-        *, key: int = 0, format: str | None = None, once: bool = False,
+        *, key: int = 0, format: str | None = None, once: bool = False, trust: Trust | None = None,
     ) -> None:  # fmt: skip
         self._source, self._voice, self._tell = source, voice, tell
         self._key, self._format, self._once = key, format, once
+        self._trust = trust
         self.metrics = Metrics()
         self._line: Line | None = None
         if not isinstance(source, str):
@@ -175,7 +179,9 @@ class Broadcast:
             if sound is None:
                 self._open_writer(0, 0)
                 if self._receiver is None:
-                    self._receiver = Receiver(voice=self._voice, key=self._key, keep_keys=False)
+                    self._receiver = Receiver(
+                        voice=self._voice, key=self._key, keep_keys=False, trust=self._trust
+                    )
             without_sound = 0
             for packet in self._packets(container, streams):
                 if self._stop.is_set():
@@ -228,7 +234,7 @@ class Broadcast:
             self._end_receiver()
             self._receiver = Receiver(
                 block.fs, samples.shape[1], voice=self._voice, key=self._key,
-                start_s=block.time_s, keep_keys=False,
+                start_s=block.time_s, keep_keys=False, trust=self._trust,
             )  # fmt: skip
             self._looks.restart()
         if block.fresh or self._writer is None:

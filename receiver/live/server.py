@@ -17,7 +17,14 @@ from aiohttp import WSMsgType, web
 from codec.cuer.voice import Voice
 from receiver.live.broadcast import Broadcast, Happening, MediaFragment, MediaStart
 from receiver.live.memory import give_back_large_blocks
-from receiver.reception.events import KeysFound, MotionPiece, StateChanged
+from receiver.reception.authenticity import Trust
+from receiver.reception.events import (
+    AuthenticityChanged,
+    Event,
+    KeysFound,
+    MotionPiece,
+    StateChanged,
+)
 from receiver.television.protocol import pack_event
 from receiver.television.server import Channel
 
@@ -45,18 +52,25 @@ class LiveTelevision(Channel):
         Of a pipe.
     host, port
         Where to listen; port 0 takes a free one.
+    trust, hold_s
+        See `serve_live`.
     """
 
     def __init__(
         self, source: str | IO[bytes], voice: Voice,
         *, key: int = 0, format: str | None = None, host: str = "127.0.0.1", port: int = 0,
+        trust: Trust | None = None, hold_s: float = 0.0,
     ) -> None:  # fmt: skip
         super().__init__(voice, live=True, host=host, port=port)
-        self._broadcast = Broadcast(source, voice, self._hand_over, key=key, format=format)
+        self._hold_s = hold_s
+        self._broadcast = Broadcast(
+            source, voice, self._hand_over, key=key, format=format, trust=trust
+        )
         self.metrics = self._broadcast.metrics
         self._loop: asyncio.AbstractEventLoop | None = None
         self._recent: deque[_Message] = deque(maxlen=_RECENT_EVENTS)
         self._state = pack_event(StateChanged(0.0, "searching"))
+        self._whose: list[_Message] = []
         self._start: list[_Message] = []
         self._fragments: deque[bytes] = deque(maxlen=_RECENT_FRAGMENTS)
         self._listeners: dict[str, set[asyncio.Queue[_Message]]] = {"feed": set(), "media": set()}
@@ -89,6 +103,15 @@ class LiveTelevision(Channel):
         assert self._loop is not None
         self._last_news_s = self._loop.time()
         match happening:
+            case MediaStart() | MediaFragment() if self._hold_s:
+                self._loop.call_later(self._hold_s, self._show_media, happening)
+            case MediaStart() | MediaFragment():
+                self._show_media(happening)
+            case _:
+                self._show_event(happening)
+
+    def _show_media(self, happening: MediaStart | MediaFragment) -> None:
+        match happening:
             case MediaStart(mime, data, recoded, unseen):
                 start = {"type": "start", "mime": mime, "recoded": recoded, "unseen": unseen}
                 self._start = [json.dumps(start), data]
@@ -98,13 +121,16 @@ class LiveTelevision(Channel):
             case MediaFragment(data):
                 self._fragments.append(data)
                 self._send("media", data)
-            case _:
-                message = pack_event(happening)
-                if isinstance(happening, StateChanged):
-                    self._state = message
-                elif isinstance(happening, MotionPiece | KeysFound):
-                    self._recent.append(message)
-                self._send("feed", message)
+
+    def _show_event(self, event: Event) -> None:
+        message = pack_event(event)
+        if isinstance(event, StateChanged):
+            self._state = message
+        elif isinstance(event, AuthenticityChanged):
+            self._whose = [message]
+        elif isinstance(event, MotionPiece | KeysFound):
+            self._recent.append(message)
+        self._send("feed", message)
 
     def _send(self, kind: str, message: _Message) -> None:
         for queue in list(self._listeners[kind]):
@@ -134,7 +160,7 @@ class LiveTelevision(Channel):
         await self._relay(socket, "media", lambda: [*self._start, *self._fragments])
 
     async def _tell(self, socket: web.WebSocketResponse) -> None:
-        await self._relay(socket, "feed", lambda: [self._state, *self._recent])
+        await self._relay(socket, "feed", lambda: [self._state, *self._whose, *self._recent])
 
     async def _relay(
         self, socket: web.WebSocketResponse, kind: str, before: Callable[[], list[_Message]]
@@ -170,7 +196,8 @@ class LiveTelevision(Channel):
 def serve_live(
     source: str | IO[bytes], voice: Voice,
     *, key: int = 0, format: str | None = None, host: str = "127.0.0.1", port: int = 0,
-    on_ready: Callable[[str], None] = print,
+    on_ready: Callable[[str], None] = print, trust: Trust | None = None,
+    hold_s: float = 0.0,
 ) -> None:  # fmt: skip
     """Show a broadcast with its cuer until interrupted (Ctrl-C).
 
@@ -187,10 +214,24 @@ def serve_live(
         Where to listen; port 0 takes a free one.
     on_ready : callable
         Gets the page's address.
+    trust : Trust, optional
+        Whose cues these should be.
+    hold_s : float
+        How much later than it comes the programme is shown: cues that are verified first come
+        later, too.
     """
 
     async def run() -> None:
-        television = LiveTelevision(source, voice, key=key, format=format, host=host, port=port)
+        television = LiveTelevision(
+            source,
+            voice,
+            key=key,
+            format=format,
+            host=host,
+            port=port,
+            trust=trust,
+            hold_s=hold_s,
+        )
         async with television.running() as address:
             on_ready(address)
             await asyncio.Event().wait()

@@ -21,6 +21,7 @@ class Page {
     this.model = model;
     this.live = live;
     this.quiet = false;
+    this.whose = null;
     this.video = /** @type {HTMLVideoElement} */ (document.getElementById("programme"));
     this.timeline = new Timeline(model.movement);
     this.clock = new ProgrammeClock(this.video);
@@ -102,6 +103,7 @@ class Page {
     this.link = "searching";
     if (message.type === "status") this.timeline.insertState(message);
     else if (message.type === "line") this.quiet = message.quiet;
+    else if (message.type === "authenticity") this.whose = message;
     else if (message.type === "keys") this.timeline.insertKeys(message.keys);
   }
 
@@ -150,7 +152,7 @@ class Page {
     if (this.showsAvatar()) this.avatar.draw(timeS, look);
     else this.points.draw(this.markers, look);
     const words = this.words();
-    this.stage.showStatus(this.state(timeS, visibility), words);
+    this.stage.showStatus(this.state(timeS, visibility), words, this.whose);
     this.stage.showCuer(visibility > 0);
     this.stage.showKeys(this.timeline.keysAround(timeS, 2, 2), words);
   }

@@ -74,9 +74,13 @@ export class Stage {
     });
   }
 
-  showStatus(state, words) {
+  /** `whose`: what is known of who speaks, `{status, of}`, or null where nobody asked. */
+  showStatus(state, words, whose) {
     this.status.dataset.state = state;
-    if (this.statusText.textContent !== words[state]) this.statusText.textContent = words[state];
+    this.status.dataset.whose = whose ? whose.status : "";
+    let text = words[state];
+    if (whose) text += ` · ${words[whose.status]}${whose.status === "verified" ? ` (${whose.of})` : ""}`;
+    if (this.statusText.textContent !== text) this.statusText.textContent = text;
   }
 
   /** Without a cuer there is no box: the programme is seen whole. */

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from codec.bitstream.payload import unnest
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import Key
+from receiver.reception.authenticity import Gate, Passed, Trust
 from receiver.reception.events import SUPERFRAME_S, Event, KeysFound, State
 from receiver.reception.picture_search import AGAIN_S, TRIAL_S, Found, PictureCarriers
 from receiver.reception.tracking import Tracker
@@ -49,6 +50,8 @@ class Receiver:
         Time on the programme's clock at which the receiver was switched on.
     keep_keys : bool
         Keep the keys for `summary`: some kilobytes a minute.
+    trust : Trust, optional
+        Whose cues these should be.
 
     Attributes
     ----------
@@ -63,7 +66,7 @@ class Receiver:
 
     def __init__(
         self, fs: int = 0, channels: int = 0, *, voice: Voice | None = None, key: int = 0,
-        start_s: float = 0.0, keep_keys: bool = True,
+        start_s: float = 0.0, keep_keys: bool = True, trust: Trust | None = None,
     ) -> None:  # fmt: skip
         self.voice = load_voice() if voice is None else voice
         self._carrier: AudioReceiver | None = None
@@ -71,6 +74,7 @@ class Receiver:
         self._combiner = Combiner()
         self.witness: Callable[[Found], None] | None = None
         self._tracker = Tracker(self.voice)
+        self._gate = None if trust is None else Gate(trust)
         self.fs, self.channels = fs, channels
         self._key, self._start_s = key, start_s
         self._sound_s, self._samples = start_s, 0
@@ -156,6 +160,8 @@ class Receiver:
             events += self._take(self._heard(self._carrier.flush()))
         if self._pictures is not None:
             events += self._take(self._pictures.flush())
+        if self._gate is not None:
+            events += self._draw(self._gate.finish())
         return events + self._kept(self._tracker.finish())
 
     def _heard(self, superframes: Iterable[Any]) -> list[Found]:
@@ -174,11 +180,25 @@ class Receiver:
             if item.superframe.l0 is not None:
                 self._encourage(item)
             for joined in self._combiner.add(item.carrier, item.superframe, item.profile):
-                l0, l1 = unnest(joined.l0, joined.l1)
-                events += self._tracker.take(l0, l1, joined.position_s)
+                events += self._admit(joined.l0, joined.l1, joined.position_s)
                 if self._tuned_in_s is None and self._tracker.received:
                     self._tuned_in_s = max(joined.position_s + SUPERFRAME_S, self._locked_s())
-        return self._kept([*events, *self._tracker.advance(self.now_s)])
+        now_s = self.now_s if self._gate is None else self._gate.settled_s(self.now_s)
+        return self._kept([*events, *self._tracker.advance(now_s)])
+
+    def _admit(self, l0: bytes | None, l1: bytes | None, on_air_s: float) -> list[Event]:
+        """Give a superframe to the timeline, by the gate if there is one."""
+        if self._gate is None:
+            return self._draw([Passed(l0, l1, on_air_s)])
+        passed, events = self._gate.take(l0, l1, on_air_s)
+        return [*events, *self._draw(passed)]
+
+    def _draw(self, passed: Iterable[Passed]) -> list[Event]:
+        events: list[Event] = []
+        for superframe in passed:
+            l0, l1 = unnest(superframe.l0, superframe.l1)
+            events += self._tracker.take(l0, l1, superframe.on_air_s)
+        return events
 
     def _encourage(self, found: Found) -> None:
         """Let a carrier that fails stay locked while another one brings superframes.
@@ -245,4 +265,5 @@ class Receiver:
             "keys": [key.as_dict() for key in self._keys or []],
             "carriers": carriers,
             "voice": self.voice.identity if tracker.received else None,
+            "authenticity": None if self._gate is None else self._gate.summary(),
         }

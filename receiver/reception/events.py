@@ -91,5 +91,26 @@ class Unreadable:
     message: str
 
 
-Event = StateChanged | MotionPiece | KeysFound | SuperframeLost | Unreadable
+@dataclass(frozen=True, slots=True)
+class AuthenticityChanged:
+    """From `time_s` on the cues are known to be, or not to be, those of a broadcaster.
+
+    Attributes
+    ----------
+    time_s : float
+    status : str
+        ``verified``, ``unknown`` or ``forged``.
+    of : str
+        The broadcaster's name.
+    reason : str
+        Why they are forged.
+    """
+
+    time_s: float
+    status: Literal["unknown", "verified", "forged"]
+    of: str
+    reason: str = ""
+
+
+Event = StateChanged | MotionPiece | KeysFound | SuperframeLost | Unreadable | AuthenticityChanged
 """Whatever `Receiver` tells."""

@@ -18,6 +18,7 @@ from codec.errors import CueError
 from receiver.media.picture import PictureDecoder, luma_of
 from receiver.media.programme import Programme
 from receiver.media.sound import Hearing, SoundDecoder
+from receiver.reception.authenticity import Trust
 from receiver.reception.engine import Receiver
 from receiver.reception.events import Event
 
@@ -51,6 +52,8 @@ class ProgrammeReceiver:
         Keep the keys for the receiver's summary.
     clock_s : float
         Time of the programme's zero on the clock in which events are told.
+    trust : Trust, optional
+        Whose cues these should be; its clock counts from the programme's zero.
 
     Attributes
     ----------
@@ -67,10 +70,13 @@ class ProgrammeReceiver:
     def __init__(
         self, programme: Programme, voice: Voice, *, key: int = 0, start_s: float = 0.0,
         listen: bool = True, look: bool = True, keep_keys: bool = True, clock_s: float = 0.0,
+        trust: Trust | None = None,
     ) -> None:  # fmt: skip
         self._programme = programme
         self._begin_s = clock_s + start_s
-        self.receiver = Receiver(voice=voice, key=key, start_s=self._begin_s, keep_keys=keep_keys)
+        self.receiver = Receiver(
+            voice=voice, key=key, start_s=self._begin_s, keep_keys=keep_keys, trust=trust
+        )
         self._sound: _Listening | None = None
         self._picture: _Looking | None = None
         place = programme, self.receiver, start_s, clock_s

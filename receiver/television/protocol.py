@@ -18,6 +18,7 @@ import numpy as np
 
 from codec.errors import CueError
 from receiver.reception.events import (
+    AuthenticityChanged,
     Event,
     KeysFound,
     MotionPiece,
@@ -75,6 +76,9 @@ def pack_event(event: Event) -> str | bytes:
             return json.dumps({"type": "lost", "time_s": start_s, "count": count})
         case Unreadable(time_s, message):
             return json.dumps({"type": "unreadable", "time_s": time_s, "message": message})
+        case AuthenticityChanged(time_s, status, of, reason):
+            told = {"type": "authenticity", "time_s": time_s, "status": status, "of": of}
+            return json.dumps(told | {"reason": reason})
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Key
 from receiver.media.programme import open_programme
+from receiver.reception.authenticity import Trust
 from receiver.reception.events import SUPERFRAME_S, KeysFound, MotionPiece, StateChanged
 from receiver.reception.reception import ProgrammeReceiver, Progress
 
@@ -39,11 +40,14 @@ class ProgrammeTuner:
     voice : Voice
     key : int
         Key of the watermark.
+    trust : Trust, optional
+        Whose cues these should be.
     """
 
     path: str | os.PathLike[str]
     voice: Voice
     key: int = 0
+    trust: Trust | None = None
 
     def tune(self, start_s: float) -> Iterator[Progress]:
         """Yield the events of reception that starts early enough to show `start_s`."""
@@ -53,7 +57,7 @@ class ProgrammeTuner:
             programme.seek(begin_s)
             reception = ProgrammeReceiver(
                 programme, self.voice, key=self.key, start_s=begin_s, keep_keys=False,
-                clock_s=programme.player_s,
+                clock_s=programme.player_s, trust=self.trust,
             )  # fmt: skip
             for progress in reception.progress():
                 until_s = progress.until_s

@@ -1,0 +1,72 @@
+"""Options that say whose cues are wanted, and when a programme is on air."""
+
+import argparse
+import time
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from cuecast.command.errors import UsageError
+
+if TYPE_CHECKING:
+    from receiver.reception.authenticity import Trust
+
+_RECORDING_S = 5.0
+"""How far the time of a recording's keys may move within it: no sender's clock drifts so much."""
+
+LIVE_S = 60.0
+"""How late a broadcast may come that is received live: as late as streams do."""
+
+HOLD_S = 16.0
+"""After so long a superframe is verified: two blocks' tags and their keys, less its lead."""
+
+
+def add_trust(parser: argparse.ArgumentParser) -> None:
+    """Add the options of who receives."""
+    whose = parser.add_mutually_exclusive_group()
+    whose.add_argument("--verify", metavar="PUBLIC", help="tell whether the cues are of this key")
+    whose.add_argument("--trust", metavar="PUBLIC", help="show only cues verified by this key")
+
+
+def trust_of(args: argparse.Namespace, *, live: bool = False) -> "Trust | None":
+    """Return whose cues are wanted; a recording was on air when ``--on-air`` says, if it does."""
+    path = args.trust or args.verify
+    if path is None:
+        return None
+    from codec.authentication.announcement import load_announcement
+    from receiver.reception.authenticity import Trust
+
+    announcement, strict = load_announcement(path), args.trust is not None
+    if live:
+        return Trust(announcement, strict, lambda position_s: time.time(), LIVE_S)
+    told = getattr(args, "on_air", None)
+    if told is None:
+        return Trust(announcement, strict, tolerance_s=_RECORDING_S)
+    begin_s = seconds_of(told)
+    return Trust(announcement, strict, lambda position_s: begin_s + position_s, LIVE_S)
+
+
+def add_on_air(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add the option that says when a programme begins on air."""
+    parser.add_argument("--on-air", metavar="TIME", help=f"{what}, such as 2027-01-31T20:00:00Z")
+
+
+def seconds_of(text: str) -> float:
+    """Return a time in seconds since 1970 (UTC).
+
+    Raises
+    ------
+    UsageError
+        If it is none.
+
+    Examples
+    --------
+    >>> seconds_of("2027-01-31T20:00:00+01:00")
+    1801422000.0
+    """
+    try:
+        time_of_day = datetime.fromisoformat(text)
+    except ValueError as error:
+        raise UsageError(f"{text!r} is no time such as 2027-01-31T20:00:00Z") from error
+    if time_of_day.tzinfo is None:
+        time_of_day = time_of_day.replace(tzinfo=UTC)
+    return time_of_day.timestamp()

@@ -1,0 +1,140 @@
+"""Whose cues are received: told, and drawn only if they are verified where that is wanted."""
+
+import itertools
+from collections.abc import Iterable
+
+import numpy as np
+import pytest
+
+from codec.authentication.signer import Signer
+from codec.bitstream.checks import proved, with_proof
+from codec.bitstream.encoder import SuperframeEncoder
+from codec.cuer.voice import load_voice
+from codec.cues.score import Key
+from receiver.reception.authenticity import Gate, Passed, Trust
+from receiver.reception.engine import Receiver
+from receiver.reception.events import AuthenticityChanged, Event, KeysFound
+from tests.codec.test_authentication import BEGIN_S, announced, key
+from tests.receiver.standin import make_motion
+from watermark.audio.embed import AudioEmbedder
+from watermark.audio.profile import STANDARD
+
+VOICE = load_voice()
+COUNT = 60
+MOTION = make_motion(VOICE, duration_s=0.64 * (COUNT + 4))
+FIRST_S = 0.31
+
+
+def superframes(*, number: int | None = 0, on_air_s: float = BEGIN_S) -> list[tuple[bytes, bytes]]:
+    """Return a signed programme; unsigned without a number of its key."""
+    encoder = SuperframeEncoder(
+        VOICE, l0_bytes=STANDARD.l0_bytes, l1_bytes=STANDARD.l1_bytes, protected=True,
+        signed=number is not None,
+    )  # fmt: skip
+    sent = [encoder.encode(MOTION, k + 2) for k in range(COUNT)]
+    if number is None:
+        return [(s.l0, s.l1) for s in sent]
+    signer = Signer(key(number), on_air_s, 9)
+    return [(with_proof(s.l0, signer.take(proved(s.l0))), s.l1) for s in sent]
+
+
+SENT = superframes()
+
+
+def through(
+    gate: Gate, sent: Iterable[tuple[bytes | None, bytes | None]], begin_s: float = FIRST_S
+) -> tuple[list[Passed], list[Event]]:
+    passed, events = [], []
+    for k, (l0, l1) in enumerate(sent):
+        out, told = gate.take(l0, l1, begin_s + 0.64 * k)
+        passed += out
+        events += told
+    return passed + gate.finish(), events
+
+
+def test_a_genuine_programme_passes_and_is_told() -> None:
+    gate = Gate(Trust(announced()))
+    passed, events = through(gate, SENT)
+    assert [p.l0 for p in passed] == [l0 for l0, _ in SENT]
+    assert [(e.status, e.of) for e in events if isinstance(e, AuthenticityChanged)] == [
+        ("verified", "channel 0")
+    ]
+    told = gate.summary()
+    assert told["status"] == "verified"
+    assert told["verified_s"] - FIRST_S <= 6.5
+    assert told["superframes"]["verified"] >= COUNT - 24
+    assert told["superframes"]["forged"] == 0
+    assert told["on_air"].startswith("2026-10-2")
+
+
+def test_only_verified_ones_pass_where_that_is_wanted() -> None:
+    gate = Gate(Trust(announced(), only_verified=True))
+    passed, _ = through(gate, SENT)
+    whole = COUNT - 24
+    assert [p.l0 for p in passed[:whole]] == [l0 for l0, _ in SENT[:whole]]
+    assert {p.l0 for p in passed} <= {l0 for l0, _ in SENT}
+    assert all(p.l1 is None for p in passed)
+
+
+@pytest.mark.parametrize("number", [None, 1])
+def test_nothing_of_others_passes(number: int | None) -> None:
+    gate = Gate(Trust(announced(), only_verified=True))
+    passed, _ = through(gate, superframes(number=number))
+    assert passed == []
+    assert gate.summary()["status"] == "unknown"
+
+
+def test_a_forger_in_between_is_told_and_left_out() -> None:
+    forged = [*SENT[:30], *((with_proof(SENT[9][0], k % 512), b"") for k in range(2)), *SENT[32:]]
+    gate = Gate(Trust(announced(), only_verified=True))
+    passed, events = through(gate, forged)
+    assert "forged" in [e.status for e in events if isinstance(e, AuthenticityChanged)]
+    assert not {forged[30][0], forged[31][0]} & {p.l0 for p in passed}
+    assert {p.l0 for p in passed} <= {l0 for l0, _ in SENT}
+
+
+def test_a_replay_in_a_recording_is_told() -> None:
+    later = superframes(on_air_s=BEGIN_S + 7200)
+    gate = Gate(Trust(announced(), only_verified=True, tolerance_s=5.0))
+    first, _ = through(gate, SENT[:40])
+    second, events = through(gate, later, FIRST_S + 0.64 * 40 + 0.3)
+    assert len(first) > 0
+    assert second == []
+    assert gate.summary()["reason"].startswith("from another time")
+    assert [e.status for e in events if isinstance(e, AuthenticityChanged)] == ["forged"]
+
+
+def test_losses_and_splices_of_ones_own_stay_verified() -> None:
+    rng = np.random.default_rng(2)
+    lossy = [(None, None) if rng.random() < 0.04 else s for s in SENT]
+    gate = Gate(Trust(announced()))
+    through(gate, lossy)
+    told = gate.summary()
+    assert told["superframes"]["forged"] == 0
+    assert told["status"] == "verified"
+
+
+def heard(sent: list[tuple[bytes, bytes]], trust: Trust | None) -> tuple[list[Key], Receiver]:
+    rng = np.random.default_rng(5)
+    host = (0.05 * rng.normal(0, 1, (round(48000 * 0.64 * (COUNT + 1)), 1))).astype(np.float32)
+    embedder = AudioEmbedder(48000, 1, lambda k: sent[min(k, COUNT - 1)])
+    marked = np.concatenate([embedder.process(host), embedder.flush()])
+    receiver = Receiver(48000, 1, voice=VOICE, trust=trust)
+    events = receiver.process(marked) + receiver.flush()
+    final = [e.keys for e in events if isinstance(e, KeysFound) and e.final]
+    return list(itertools.chain(*final)), receiver
+
+
+def test_no_key_is_lost_to_it() -> None:
+    """In sound: a signed programme tells the keys of an unsigned one, and whose they are."""
+    plain, receiver = heard(superframes(number=None), None)
+    assert receiver.summary()["authenticity"] is None
+    keys, receiver = heard(SENT, Trust(announced()))
+    assert [(k.shape, k.placement) for k in keys] == [(k.shape, k.placement) for k in plain]
+    told = receiver.summary()
+    assert told["authenticity"]["status"] == "verified"
+    assert told["superframes"]["lost"] == 0
+    strict, receiver = heard(SENT, Trust(announced(), only_verified=True))
+    places = [(k.shape, k.placement) for k in keys]
+    most = round(0.5 * len(keys))
+    assert [(k.shape, k.placement) for k in strict][:most] == places[:most]

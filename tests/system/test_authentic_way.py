@@ -1,0 +1,97 @@
+"""From a key to a verdict through the command line."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from cuecast.command.cli import main
+
+ON_AIR = "2027-03-01T20:00:00Z"
+SECONDS = 30
+WORDS = (
+    "Bonjour madame.", "Il fait beau.", "Tu viens demain ?", "Le chat dort.", "Nous partons.",
+    "Elle chante bien.", "Où est la gare ?", "Merci beaucoup.", "Le train arrive.", "Je sais.",
+    "Prends ton manteau.", "Bonne nuit.",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("authentic")
+    rng = np.random.default_rng(1)
+    host = np.convolve(rng.normal(0, 1, SECONDS * 48000), np.exp(-np.arange(60) / 9), "same")
+    soundfile.write(folder / "p.wav", 0.03 * host, 48000)
+    times = [f"00:00:{2 * n + 1:02d},000 --> 00:00:{2 * n + 2:02d},900" for n in range(12)]
+    lines = [f"{n + 1}\n{time}\n{WORDS[n]}\n" for n, time in enumerate(times)]
+    (folder / "p.srt").write_text("\n".join(lines), encoding="utf-8")
+    for name in ("one", "two"):
+        files = ["--secret", str(folder / f"{name}.key"), "--public", str(folder / f"{name}.pub")]
+        assert main(["key", "new", name, *files, "--days", "1", "--from", "2027-03-01"]) == 0
+    dub = ["dub", str(folder / "p.wav"), "--subtitles", str(folder / "p.srt"), "--no-grade"]
+    dub += ["--no-read-back"]
+    signed = ["--sign", str(folder / "one.key"), "--on-air", ON_AIR]
+    assert main([*dub, "-o", str(folder / "plain.wav")]) == 0
+    assert main([*dub, "-o", str(folder / "signed.wav"), *signed]) == 0
+    return folder
+
+
+def received(
+    folder: Path, capsys: pytest.CaptureFixture[str], name: str, *options: str
+) -> dict[str, object]:
+    capsys.readouterr()
+    status = main(["receive", str(folder / name), "--json", *options])
+    document: dict[str, object] = json.loads(capsys.readouterr().out)
+    document["exit"] = status
+    return document
+
+
+def test_signed_cues_are_verified_and_complete(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plain = received(folder, capsys, "plain.wav")
+    assert plain["authenticity"] is None
+    signed = received(folder, capsys, "signed.wav", "--verify", str(folder / "one.pub"))
+    told = signed["authenticity"]
+    assert isinstance(told, dict)
+    assert told["status"] == "verified"
+    assert told["of"] == "one"
+    assert told["verified_s"] <= 10.0
+    assert told["on_air"].startswith("2027-03-01T20:00:0") or told["on_air"].startswith(
+        "2027-03-01T19:59:5"
+    )
+    assert told["superframes"]["forged"] == 0
+    keys, plain_keys = signed["keys"], plain["keys"]
+    assert isinstance(keys, list)
+    assert isinstance(plain_keys, list)
+    assert len(keys) == len(plain_keys) > 20
+
+
+def test_who_trusts_another_sees_nothing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name, key in (("signed.wav", "two.pub"), ("plain.wav", "one.pub")):
+        found = received(folder, capsys, name, "--trust", str(folder / key))
+        assert found["exit"] == 1
+        assert found["keys"] == []
+        told = found["authenticity"]
+        assert isinstance(told, dict)
+        assert told["status"] == "unknown"
+
+
+def test_who_trusts_him_sees_what_is_verified(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    right = ["--trust", str(folder / "one.pub")]
+    for options in ([], ["--on-air", ON_AIR]):
+        found = received(folder, capsys, "signed.wav", *right, *options)
+        assert found["exit"] == 0
+        keys = found["keys"]
+        assert isinstance(keys, list)
+        assert len(keys) > 10
+    late = received(folder, capsys, "signed.wav", *right, "--on-air", "2027-03-01T21:00:00Z")
+    assert late["keys"] == []
+    told = late["authenticity"]
+    assert isinstance(told, dict)
+    assert told["status"] == "forged"
+    assert str(told["reason"]).startswith("from another time, -36")
