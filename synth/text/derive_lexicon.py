@@ -32,6 +32,31 @@ CLASS_LETTER = {
 _VOWEL_LETTERS = frozenset("aeiouyEO259@§1°")
 _WRITTEN_O = re.compile(r"eau|au|ô|o[iîuùûy]|oe|œ|o[nm](?=[^aeéèêiîouyhnm]|$)|o")
 
+_CONSONANT = "[pbtdkgfvszSZmnNlRj]"
+
+
+def _habit(spelling: str, wrong: str, right: str) -> tuple[re.Pattern[str], re.Pattern[str], str]:
+    return re.compile(spelling), re.compile(wrong), right
+
+
+_OF_ALL = (
+    _habit("eur[est]*$", "2R$", "9R"),
+    _habit("peuple", "2pl$", "9pl"),
+    _habit("é(?:[bcdfgjklmnpqrstvxz]|ch|qu|ph|gn)e", f"E(?={_CONSONANT}°)", "e"),
+    _habit("^(?:des[tp]|sec[tr]|res[tp]|les[tp]|ves[tp]|ges[tp]|bes[tp])", "e(?=s[tp]|k[tsR])", "E"),
+    _habit("^(?:mesdames|lesquel|desquel|mesdemoiselles)", "^(.)E", r"\1e"),
+    _habit("[bcdfgptv]r(?:ions|iez)$", "Rj", "Rij"),
+)
+_OF_VERBS = (
+    _habit("ai$", "E$", "e"),
+    _habit("^s?aur(?:ai|as?|ons|ez|ont|ais|ait|aient|ions|iez)$", "O", "o"),
+    _habit("^verr", "ve", "vE"),
+    _habit("ou[eéèaio]", "(?<![pbtdkgfv][lR])u(?=[eEa@§])", "w"),
+    _habit("(?<!o)u[eéèaio]", "(?<![pbtdkgfv][lR])y(?=[eEa@§])", "8"),
+)
+_HABITS = {False: _OF_ALL, True: (*_OF_ALL, *_OF_VERBS)}
+"""Spelling, phones of Lexique, phones as dictionaries have them; by whether the word is a verb."""
+
 Uses = dict[tuple[str, str], float]
 """(phones, class letter) -> uses per million words."""
 
@@ -48,25 +73,34 @@ def read_lexique(text: str) -> dict[str, Uses]:
             continue
         letter = "O" if row["4_cgram"].startswith("PRO") else CLASS_LETTER.get(row["4_cgram"], "N")
         uses = sum(float(row[c].replace(",", ".") or 0) for c in ("9_freqfilms2", "10_freqlivres"))
-        words[word][mend(word, phones), letter] += uses + 0.005
+        words[word][mend(word, phones, letter), letter] += uses + 0.005
     return words
 
 
-def mend(word: str, phones: str) -> str:
+def mend(word: str, phones: str, letter: str = "") -> str:
     """Return the phones with some habits of Lexique undone.
 
     An e that Lexique gives as eu is schwa again; o before r, e before ks, and o that is written
     plainly before the last syllable are open as dictionaries have them (soleil); a mute e that
-    ends a longer word is left to the rules of `synth.text.pronounce`.
+    ends a longer word is left to the rules of `synth.text.pronounce`. As dictionaries have them,
+    the ending -ai of verbs (class `letter` V) is closed, eu before a final r or pl open, é before
+    a consonant and a schwa closed, e before s or c and a consonant open, au in aurai closed, and
+    -rions and -riez after a consonant have two syllables, u and ou before the endings of verbs none
+    of their own, as in their infinitives.
 
     Examples
     --------
     >>> mend("premier", "pR2mje"), mend("portions", "poRsj§"), mend("blanche", "bl@S°")
     ('pR°mje', 'pORsj§', 'bl@S')
+    >>> mend("serai", "s°RE", "V"), mend("peur", "p2R"), mend("devriez", "d°vRje", "V")
+    ('s°Re', 'p9R', 'd°vRije')
     """
     if len(phones) > 2 and not word.endswith("-que"):
         phones = phones.removesuffix("°")
     phones = _open_o(word, phones.replace("oR", "OR").replace("eks", "Eks"))
+    for spelling, wrong, right in _HABITS[letter == "V"]:
+        if spelling.search(word):
+            phones = wrong.sub(right, phones)
     if any(spelling in word for spelling in ("eu", "œu", "oeu", "eû", "ö", "oe", "œ")):
         return phones
     return phones.replace("2", "°")

@@ -116,7 +116,7 @@ def _respell(word: str) -> str:
     if _FOREIGN_SIGN.search(word):
         word = re.sub(r"(?<=[^aeiouyé])er$", "ère", word)
         word = re.sub(r"ey$", "i", word)
-    return re.sub(r"(?<=[aeiou])ez$", "èze", word)
+    return word
 
 
 _FOREIGN_SIGN = re.compile(r"[kw]|th|sh|tz|oo|ee|(.)\1er$")
