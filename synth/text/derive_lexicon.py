@@ -43,7 +43,7 @@ _OF_ALL = (
     _habit("eur[est]*$", "2R$", "9R"),
     _habit("peuple", "2pl$", "9pl"),
     _habit("é(?:[bcdfgjklmnpqrstvxz]|ch|qu|ph|gn)e", f"E(?={_CONSONANT}°)", "e"),
-    _habit("^(?:des[tp]|sec[tr]|res[tp]|les[tp]|ves[tp]|ges[tp]|bes[tp])", "e(?=s[tp]|k[tsR])", "E"),
+    _habit("^(?:[bdglrv]es[tp]|sec[tr])", "e(?=s[tp]|k[tsR])", "E"),
     _habit("^(?:mesdames|lesquel|desquel|mesdemoiselles)", "^(.)E", r"\1e"),
     _habit("[bcdfgptv]r(?:ions|iez)$", "Rj", "Rij"),
 )
