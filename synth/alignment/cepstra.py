@@ -11,8 +11,8 @@ from scipy import fft, signal
 from codec.errors import CueError
 
 FS = 16_000
-HOP = 80
-"""Samples between frames: 5 ms."""
+HOP = 160
+"""Samples between frames: 10 ms."""
 
 FRAME_RATE = FS / HOP
 _WINDOW, _FFT = 400, 512
@@ -21,7 +21,7 @@ _LOW_HZ, _HIGH_HZ = 100.0, 7000.0
 _FLOOR = 10**-3.0
 """What lies 30 dB under the loud frames of a band counts as silence: breath, room, soft music."""
 
-_SLOPE_REACH = 4
+_SLOPE_REACH = 2
 _SLOPE_WEIGHT = 0.7
 
 

@@ -52,6 +52,22 @@ class PhoneModels:
         np.cumsum(distance, axis=1, out=sums[:, 1:])
         return sums.reshape(len(PHONES), PARTS, -1)
 
+    def filler(self, costs: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the running cost of speech of which nothing is known: the best phone at any time.
+
+        Parameters
+        ----------
+        costs : ndarray of float64, shape (38, 3, frames + 1)
+            From `costs`.
+
+        Returns
+        -------
+        ndarray of float64, shape (frames + 1,)
+            Without what knowing nothing has to cost in a search.
+        """
+        frames = np.diff(costs[1:], axis=2).reshape(-1, costs.shape[2] - 1)
+        return np.append(0.0, np.cumsum(frames.min(axis=0)))
+
 
 def estimate(
     features: NDArray[np.float32],

@@ -7,7 +7,7 @@ recording. Subtitles that are all early or late are moved as the sound asks.
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, islice
+from itertools import chain
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,7 +36,9 @@ Sound = Callable[[float, float], NDArray[np.float64]]
 """Gives the programme's sound from one time to another, mono at `synth.alignment.cepstra.FS`."""
 
 PASSAGES_AT_ONCE = 12
-"""Passages that share their models: some minutes, mostly of the same speakers."""
+TOGETHER_S = 75.0
+"""Passages that share their models, their offset and their verdict: about a minute, after which
+speakers, an advertisement or a cut may have changed what holds."""
 
 LARGEST_OFFSET_S = 4.5
 """Subtitles may be early or late by this much."""
@@ -45,7 +47,11 @@ _OFFSET_STEP_S = 1.5
 _OFFSET_SOUND_S = 30.0
 """So much of the programme's beginning shows whether its subtitles are early or late."""
 
-_BETTER = 0.05
+_ROOM_S = 0.5
+"""A word may begin so much before its subtitle appears, or after it is gone, at no cost."""
+
+_LEAST_DRIFT_S = 0.3
+_LOOKING_ROUNDS = 1
 _LEAST_OFFSET_S = 0.5
 _LEAST_CONFIDENCE = 0.25
 
@@ -146,21 +152,41 @@ def phones_of_recording(
     """Yield the phones of `score_from_recording`, some passages at a time."""
 
     def batches() -> Iterator[list[TimedWord]]:
-        runs = runs_of(said_in(subtitles))
-        offset_s: float | None = None
-        while batch := list(islice(runs, PASSAGES_AT_ONCE)):
-            around_s = LARGEST_OFFSET_S + 1.0 if offset_s is None else 0.0
-            heard = [_Heard.of(run, sound, reading, around_s, offset_s or 0.0) for run in batch]
-            moved_s = _offset(_beginning(heard)) if offset_s is None else offset_s
-            timed = _Timed.of(heard, moved_s)
-            if timed.verdict.holds and offset_s is None:
-                offset_s = moved_s
-                if offset_s:
-                    side = "after" if offset_s > 0 else "before"
-                    warn(f"the voices come {abs(offset_s):.1f} s {side} their subtitles: moved")
+        offset_s = 0.0
+        usual_lag_s: float | None = None
+        around_s = LARGEST_OFFSET_S + 1.0
+        for batch in _batches(runs_of(said_in(subtitles))):
+            heard = [_Heard.of(run, sound, reading, around_s, offset_s) for run in batch]
+            timed = _Timed.of(heard, offset_s)
+            if not timed.verdict.holds:
+                moved_s = _offset(_beginning(heard), offset_s)
+                if moved_s != offset_s:
+                    elsewhere = _Timed.of(heard, moved_s)
+                    if elsewhere.verdict.holds:
+                        timed, offset_s, usual_lag_s = elsewhere, moved_s, None
+                        side = "after" if offset_s > 0 else "before"
+                        warn(f"the voices come {abs(offset_s):.1f} s {side} their subtitles: moved")
+            if timed.verdict.holds:
+                lag_s = timed.lag_s()
+                usual_lag_s = lag_s if usual_lag_s is None else usual_lag_s
+                if abs(lag_s - usual_lag_s) > _LEAST_DRIFT_S:
+                    offset_s += lag_s - usual_lag_s
             yield timed.words(reading, warn, judged)
 
     return on_grid(reading.cued(chain.from_iterable(batches()), told))
+
+
+def _batches(runs: Iterable[Run]) -> Iterator[list[Run]]:
+    """Yield runs that are aligned with the same models, about a minute of them."""
+    batch: list[Run] = []
+    for run in runs:
+        long = batch and run.end_s - batch[0].start_s > TOGETHER_S
+        if long or len(batch) == PASSAGES_AT_ONCE:
+            yield batch
+            batch = []
+        batch.append(run)
+    if batch:
+        yield batch
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +214,15 @@ class _Heard:
         start_s = max(self.run.start_s + offset_s, self.start_s)
         first = round((start_s - self.start_s) * FS)
         last = max(first, round((self.run.end_s + offset_s - self.start_s) * FS))
-        return Passage(self.words, self.samples[first:last], start_s)
+        expected_s = [
+            (subtitle.start_s + offset_s - _ROOM_S, subtitle.end_s + offset_s + _ROOM_S)
+            for subtitle, count in zip(self.run.subtitles, self.counts, strict=True)
+            for _ in range(count)
+        ][: len(self.words)]
+        # A word more or less than the subtitles have one by one: liaison and elision at the seams.
+        expected_s += expected_s[-1:] * (len(self.words) - len(expected_s))
+        expected = np.array(expected_s).reshape(-1, 2)
+        return Passage(self.words, self.samples[first:last], start_s, expected)
 
     def timed(self, phones: Sequence[Phone]) -> Iterator[TimedWord]:
         """Yield the words with phones that were found, and the subtitle of each."""
@@ -196,6 +230,16 @@ class _Heard:
         for number, word in enumerate(timed_words(self.words, phones)):
             owner = min(int(np.searchsorted(last, number, side="right")), len(last) - 1)
             yield replace(word, subtitle=self.run.subtitles[owner])
+
+    def lags_s(self, phones: Sequence[Phone], offset_s: float) -> list[float]:
+        """Return how much later than its subtitle, moved, the first word of each begins."""
+        starts = np.cumsum([0, *(len(word.phones) for word in self.words)])
+        firsts = np.cumsum([0, *self.counts])
+        return [
+            phones[starts[first]].start - subtitle.start_s - offset_s
+            for subtitle, first in zip(self.run.subtitles, firsts, strict=False)
+            if first < len(self.words)
+        ]
 
     def by_subtitle(self, values: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Split values of the words among the subtitles."""
@@ -207,30 +251,22 @@ def _beginning(heard: Sequence[_Heard]) -> Sequence[_Heard]:
     return heard[: int(np.searchsorted(lengths, _OFFSET_SOUND_S)) + 1]
 
 
-def _offset(heard: Sequence[_Heard]) -> float:
+def _offset(heard: Sequence[_Heard], now_s: float) -> float:
     """Return how much later than their subtitles the voices are, from some runs."""
     if sum(len(item.words) for item in heard) < 2 * FEWEST_WORDS:
-        return 0.0
-    here = _look(heard, 0.0)
-    found = {
-        0.0: _fit(here),
-        **{d: _fit(_look(heard, d)) for d in (-_OFFSET_STEP_S, _OFFSET_STEP_S)},
-    }
-    if max(found, key=found.__getitem__) == 0.0 and trust(*here).holds:
-        return 0.0
-    steps = np.arange(-LARGEST_OFFSET_S, LARGEST_OFFSET_S + 0.1, _OFFSET_STEP_S).tolist()
-    found |= {step: _fit(_look(heard, step)) for step in steps if step not in found}
+        return now_s
+    reach = LARGEST_OFFSET_S + 0.1
+    steps = [now_s + step for step in np.arange(-reach + 0.1, reach, _OFFSET_STEP_S).tolist()]
+    found = {step: _fit(_look(heard, step)) for step in steps}
     best = max(found, key=found.__getitem__)
-    if found[best] < found[0.0] + _BETTER * abs(found[0.0]):
-        return 0.0
-    offset = best + _lag(heard, best)
-    return offset if abs(offset) >= _LEAST_OFFSET_S else 0.0
+    offset_s = best + _lag(heard, best)
+    return offset_s if abs(offset_s - now_s) >= _LEAST_OFFSET_S else now_s
 
 
 def _look(heard: Sequence[_Heard], offset_s: float) -> tuple[list[Passage], list[Aligned]]:
     """Return the passages that have room where they are expected, and what is found in them."""
     passages = [passage for item in heard if (passage := item.passage(offset_s)).long_enough]
-    return passages, align(passages)
+    return passages, align(passages, rounds=_LOOKING_ROUNDS)
 
 
 def _fit(looked: tuple[list[Passage], list[Aligned]]) -> float:
@@ -242,12 +278,9 @@ def _fit(looked: tuple[list[Passage], list[Aligned]]) -> float:
 def _lag(heard: Sequence[_Heard], offset_s: float) -> float:
     """Return by how much subtitles are still early, in the median over their first words."""
     kept = [item for item in heard if item.passage(offset_s).long_enough]
-    lags = []
+    lags: list[float] = []
     for item, found in zip(kept, align([item.passage(offset_s) for item in kept]), strict=True):
-        starts = np.cumsum([0, *(len(word.phones) for word in item.words)])
-        for subtitle, first in zip(item.run.subtitles, np.cumsum([0, *item.counts]), strict=False):
-            if first < len(item.words):
-                lags.append(found.phones[starts[first]].start - subtitle.start_s - offset_s)
+        lags += item.lags_s(found.phones, offset_s)
     return float(np.median(lags))
 
 
@@ -268,6 +301,14 @@ class _Timed:
         rest = iter(aligned)
         found = [next(rest) if passage.long_enough else None for passage in passages]
         return cls(heard, found, trust(fitting, aligned), offset_s)
+
+    def lag_s(self) -> float:
+        """Return how much later than their subtitles, moved, words begin, in the median."""
+        lags = []
+        for item, found in zip(self.heard, self.found, strict=True):
+            if found is not None:
+                lags += item.lags_s(found.phones, self.offset_s)
+        return float(np.median(lags)) if lags else 0.0
 
     def words(self, reading: Reading, warn: Warn, judged: Judged) -> list[TimedWord]:
         """Return the words, those of runs that do not fit by their subtitles."""

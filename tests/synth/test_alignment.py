@@ -180,7 +180,7 @@ def test_sounds_and_text_that_do_not_fit_are_timed_by_subtitle() -> None:
     notes: list[str] = []
     subtitles = [Subtitle(0.5, 0.9, 2 * VERSE), Subtitle(3.0, 4.0, "Oui."), Subtitle(5.0, 5.5, "♪")]
     score = score_from_recording(subtitles, sound_of(np.zeros(8 * FS), FS), warn=notes.append)
-    assert notes[0] == "subtitle at 0.10 s: too little sound to align, timed by itself"
+    assert notes[0].startswith("subtitles from 0.50 to 4.00 s: their text is not what is said")
     for before, after in itertools.pairwise(score.phones):
         assert after.start >= before.end
         assert after.start * GRID_HZ == pytest.approx(round(after.start * GRID_HZ))
@@ -214,16 +214,33 @@ def test_limits() -> None:
 def test_segment_kernel_is_its_python() -> None:
     rng = np.random.default_rng(3)
     frames, kinds = 40, np.array([0, 1, 2, 0, 1, 0])
-    optional = kinds == 0
+    entry = np.where(kinds == 0, 0.0, -1.0)
     cumulated = np.concatenate([np.zeros((3, 3, 1)), rng.random((3, 3, frames)).cumsum(-1)], -1)
     lengths = rng.random((6, 8))
+    window = np.tile(np.array([0, 0, frames, frames]), (6, 1))
+    none = np.zeros(6, np.int64)
     results: list[NDArray[np.int64]] = []
     for kernel in (_kernels.segment_into, _kernels.segment_into.py_func):
         starts = np.zeros(7, np.int64)
-        assert kernel(cumulated, kinds, optional, lengths, 3, starts)
+        assert kernel(cumulated, kinds, entry, lengths, 3, window, 0.5, none, 9.0, starts)
         results.append(starts)
     assert np.array_equal(results[0], results[1])
-    assert (np.diff(results[0])[~optional] >= 3).all()
+    assert (np.diff(results[0])[kinds > 0] >= 3).all()
     assert results[0][0] == 0
     assert results[0][-1] == frames
-    assert not _kernels.segment_into(cumulated[:, :, :6], kinds, optional, lengths, 3, starts)
+    short = cumulated[:, :, :6]
+    assert not _kernels.segment_into(
+        short, kinds, entry, lengths, 3, np.minimum(window, 5), 0.5, none, 9.0, starts
+    )
+    # Where words may be left out, two phones at once are.
+    skips = np.array([0, 0, 2, 0, 1, 0])
+    assert _kernels.segment_into(
+        short, kinds, entry, lengths, 3, np.minimum(window, 5), 0.5, skips, 9.0, starts
+    )
+    assert (np.diff(starts)[1:3] == 0).all()
+    # A window keeps a unit away.
+    window[4, :2] = 25
+    assert _kernels.segment_into(
+        cumulated, kinds, entry, lengths, 3, window, 0.5, none, 9.0, starts
+    )
+    assert starts[4] >= 25
