@@ -51,6 +51,11 @@ def through_codec(x: Sound, fs: int, *, codec: str, bit_rate: int) -> Sound:
     ndarray of float32, shape (m, 2)
         With the codec's delay and padding.
     """
+    return _decode(encode(x, fs, codec=codec, bit_rate=bit_rate), fs)
+
+
+def encode(x: Sound, fs: int, *, codec: str, bit_rate: int) -> io.BytesIO:
+    """Code a programme as stereo into its usual container, see `through_codec`."""
     encoder, container = _CONTAINERS[codec]
     memory = io.BytesIO()
     output: Any
@@ -65,7 +70,7 @@ def through_codec(x: Sound, fs: int, *, codec: str, bit_rate: int) -> Sound:
         for packet in (*stream.encode(frame), *stream.encode(None)):
             output.mux(packet)
     memory.seek(0)
-    return _decode(memory, fs)
+    return memory
 
 
 def _decode(memory: io.BytesIO, fs: int) -> Sound:

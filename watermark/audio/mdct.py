@@ -1,9 +1,10 @@
 """The lapped transform in which the mark lives: modulated complex lapped transform and its inverse.
 
 In: samples; out: complex spectra whose real part is the MDCT (hop N, sine window, orthonormal) and
-whose squared magnitude is a power that hardly depends on the phase of the sound. One FFT gives
-both. Source: Malvar, "A modulated complex lapped transform and its applications to audio
-processing", ICASSP 1999. Specification: section 3.
+whose squared magnitude is a power that hardly depends on the phase of the sound. One real FFT gives
+both. Sources: Malvar, "A modulated complex lapped transform and its applications to audio
+processing", ICASSP 1999, and "Fast algorithm for the modulated complex lapped transform", IEEE
+Signal Processing Letters 10(1), 2003. Specification: section 3.
 """
 
 from dataclasses import dataclass
@@ -17,20 +18,21 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class _Tables:
-    before: NDArray[np.complex128]
-    after: NDArray[np.complex128]
-    window: NDArray[np.float64]
+    """Factors of two neighbouring bins of a plain transform, shape (hop,).
+
+    Their sum is a bin of the lapped one: its sine window is the difference of two turns.
+    """
+
+    own: NDArray[np.complex128]
+    next: NDArray[np.complex128]
 
 
 @lru_cache(maxsize=4)
 def _tables(hop: int) -> _Tables:
-    n = np.arange(2 * hop)
     k = np.arange(hop)
-    window = np.sin(np.pi * (n + 0.5) / (2 * hop))
-    turn = np.exp(-1j * np.pi * n / (2 * hop))
-    centre = 0.5 + hop / 2
-    after = np.sqrt(2.0 / hop) * np.exp(-1j * np.pi * centre * (k + 0.5) / hop)
-    return _Tables(window * turn, after, window)
+    after = np.sqrt(2.0 / hop) * np.exp(-1j * np.pi * (0.5 + hop / 2) * (k + 0.5) / hop) / 2j
+    half = np.exp(0.5j * np.pi / (2 * hop))
+    return _Tables(after * half, -after / half)
 
 
 def frames_of(x: NDArray[np.float64], hop: int) -> NDArray[np.float64]:
@@ -61,11 +63,11 @@ def analyse(frames: NDArray[Any], hop: int) -> NDArray[Any]:
     True
     """
     tables = _tables(hop)
-    before, after = tables.before, tables.after
+    own, following = tables.own, tables.next
     if frames.dtype == np.float32:
-        before, after = before.astype(np.complex64), after.astype(np.complex64)
-    spectrum = scipy.fft.fft(frames * before, axis=1)[:, :hop]
-    return np.asarray(spectrum * after)
+        own, following = own.astype(np.complex64), following.astype(np.complex64)
+    spectrum = scipy.fft.rfft(frames, axis=1)
+    return np.asarray(spectrum[:, :hop] * own + spectrum[:, 1:] * following)
 
 
 def synthesise(coefficients: NDArray[np.float64], hop: int) -> NDArray[np.float64]:
@@ -85,13 +87,12 @@ def synthesise(coefficients: NDArray[np.float64], hop: int) -> NDArray[np.float6
     """
     tables = _tables(hop)
     count = coefficients.shape[0]
-    padded = np.zeros((count, 2 * hop), dtype=np.complex128)
-    padded[:, :hop] = coefficients * tables.after
-    # The forward FFT of the conjugate phases is the inverse transform without a second table.
-    folded = scipy.fft.fft(padded, axis=1)
-    n = np.arange(2 * hop)
-    turn = np.exp(-1j * np.pi * n / (2 * hop))
-    y = np.real(folded * turn) * tables.window
+    spectrum = np.zeros((count, hop + 1), dtype=np.complex128)
+    spectrum[:, :hop] = coefficients * tables.own.conj()
+    spectrum[:, 1:] += coefficients * tables.next.conj()
+    # A real inverse transform counts all bins but the first and the last twice.
+    spectrum[:, [0, hop]] *= 2
+    y = hop * scipy.fft.irfft(spectrum, axis=1)
     out = np.zeros((count + 1) * hop)
     out[: count * hop] += y[:, :hop].reshape(-1)
     out[hop:] += y[:, hop:].reshape(-1)

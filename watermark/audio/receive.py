@@ -168,6 +168,9 @@ class _Heard:
 class AudioReceiver:
     """Receives superframes, block by block; any split into blocks gives the same output.
 
+    A superframe is handed out at most 0.1 s after its last frame came in. Those that were on air up
+    to 9 s before the lock follow it, in order.
+
     Parameters
     ----------
     fs : int
