@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from cuecast.demo.content import FS, make_sound
 from cuecast.dubbing.coder_stream import make_rehearsal
+from cuecast.evaluate.drawing import Dot, draw_dots
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.sound_channels import CUT_S, Channel, Sound, find_channel
 from cuecast.evaluate.tables import wilson_interval
@@ -335,20 +336,18 @@ def _built_in(folder: Path) -> Path:
 
 
 def plot(results: list[dict[str, Any]], figure: Any) -> None:
-    """Draw the share of lost superframes per channel, a dot per clip with its 95 % interval."""
-    axes = figure.subplots()
-    names = list(dict.fromkeys(f"{row['profile']}:{row['channel']}" for row in results))
-    clips = list(dict.fromkeys(row["clip"] for row in results))
-    for i, clip in enumerate(clips):
-        own = [row for row in results if row["clip"] == clip]
-        share = np.array([row["superframes_lost"] / max(row["superframes_sent"], 1) for row in own])
-        low = np.array([row["lost_low"] for row in own])
-        high = np.array([row["lost_high"] for row in own])
-        at = np.array([names.index(f"{row['profile']}:{row['channel']}") for row in own])
-        bars = 100 * np.maximum([share - low, high - share], 0.0)
-        shift = 0.12 * (i - (len(clips) - 1) / 2)
-        label = f"{clip} (grade {own[0]['odg']:.2f})"
-        axes.errorbar(at + shift, 100 * share, bars, fmt="o", capsize=2, label=label)
-    axes.set_xticks(range(len(names)), names, rotation=60, ha="right", fontsize=8)
-    axes.set_ylabel("superframes lost, per cent")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=7)
+    """Draw the share of lost superframes, a line for each channel, a dot for each clip."""
+    draw_dots(
+        figure,
+        [
+            Dot(
+                f"{row['profile']}: {row['channel']}",
+                row["clip"],
+                100 * row["superframes_lost"] / max(row["superframes_sent"], 1),
+                100 * row["lost_low"],
+                100 * row["lost_high"],
+            )
+            for row in results
+        ],
+        xlabel="superframes lost, % (95 % intervals)",
+    )

@@ -19,6 +19,7 @@ from cuecast.demo.content import FS, LINES, make_sound
 from cuecast.dubbing.dub import DubOptions, dub
 from cuecast.dubbing.motions import SynthesisedMotion, whole_motion
 from cuecast.dubbing.receive import receive
+from cuecast.evaluate.drawing import Dot, draw_dots
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.media.film import write_film
 from receiver.media.sound import read_sound
@@ -161,19 +162,12 @@ def _received(coded: Path, sent: Motion, voice: Voice, superframes: int) -> dict
 
 
 def plot(results: list[dict[str, Any]], figure: Any) -> None:
-    """Draw the share of keys that arrived, clip by clip, a bar for each channel."""
-    axes = figure.subplots()
-    clips = list(dict.fromkeys(row["clip"] for row in results))
-    channels = list(dict.fromkeys(row["channel"] for row in results))
-    width = 0.8 / len(channels)
-    for number, channel in enumerate(channels):
-        share = [
-            100 * row["keys_correct"] / max(1, row["keys_total"]) if "keys_total" in row else 0
-            for clip in clips
+    """Draw the share of keys that arrived, a line for each channel, a dot for each clip."""
+    draw_dots(
+        figure,
+        [
+            Dot(row["channel"], row["clip"], 100 * row["keys_correct"] / max(1, row["keys_total"]))
             for row in results
-            if (row["clip"], row["channel"]) == (clip, channel)
-        ]
-        axes.bar([i + number * width for i in range(len(clips))], share, width, label=channel)
-    axes.set_xticks([i + 0.4 - width / 2 for i in range(len(clips))], clips, rotation=20)
-    axes.set_ylabel("keys that arrived, %")
-    axes.legend()
+        ],
+        xlabel="keys that arrived, %",
+    )

@@ -251,5 +251,5 @@ def plot(results: list[Row], figure: Any) -> None:
     axes.set_ylim(bottom=40.0)
     axes.set_xlabel("marker error, mm RMS")
     axes.set_ylabel("rate, bit/s")
-    axes.legend(fontsize="x-small")
+    figure.legend(loc="outside upper center", ncols=2)
     axes.grid(True, which="both", alpha=0.3)

@@ -21,11 +21,13 @@ COLUMN_IN = (3.5, 2.9)
 PAGE_IN = (7.2, 4.3)
 """Size in inches of a drawing with many parts: the width of two columns."""
 
-_STYLE: Any = {
+STYLE: Any = {
     "font.size": 7, "axes.titlesize": 8, "axes.labelsize": 7, "legend.fontsize": 6,
     "xtick.labelsize": 6, "ytick.labelsize": 6, "lines.linewidth": 1.0, "lines.markersize": 3,
     "legend.frameon": False, "svg.hashsalt": "cuecast", "svg.fonttype": "none",
 }  # fmt: skip
+"""Letters and lines of all drawings, in points."""
+
 _UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 
 
@@ -107,7 +109,7 @@ def write_plot(
     from matplotlib.figure import Figure
 
     form = path.suffix[1:]
-    with matplotlib.rc_context(_STYLE), whole_file(path) as temporary:
+    with matplotlib.rc_context(STYLE), whole_file(path) as temporary:
         figure = Figure(figsize=size_in, layout="constrained")
         plot(results, figure)
         figure.savefig(temporary, format=form, dpi=200, metadata=_UNDATED.get(form))

@@ -23,6 +23,7 @@ from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
 from cuecast.dubbing.dub import DubOptions, dub
 from cuecast.dubbing.motions import SynthesisedMotion
 from cuecast.dubbing.receive import receive
+from cuecast.evaluate.drawing import Dot, draw_dots
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.video import films_of
 from cuecast.media.film import write_film
@@ -108,15 +109,16 @@ def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
 
 
 def plot(results: list[dict[str, Any]], figure: Any) -> None:
-    """Draw what is lost by sound, picture and both, three bars for each clip and channel."""
-    axes = figure.subplots()
-    for number, kind in enumerate(("lost_sound", "lost_picture", "lost_together")):
-        shares = [100 * row[kind] for row in results]
-        axes.bar(np.arange(len(results)) + 0.25 * number, shares, 0.25, label=kind[5:])
-    labels = [f"{row['clip']}\n{row['channel']}" for row in results]
-    axes.set_xticks(np.arange(len(results)) + 0.25, labels, rotation=20, fontsize=6)
-    axes.set_ylabel("superframes lost, %")
-    axes.legend()
+    """Draw what is lost by sound, by picture and by both, a line for each clip and channel."""
+    draw_dots(
+        figure,
+        [
+            Dot(f"{row['clip']}: {row['channel']}", kind, 100 * row[f"lost_{kind}"])
+            for row in results
+            for kind in ("sound", "picture", "together")
+        ],
+        xlabel="superframes lost, %",
+    )
 
 
 def _built_in(folder: Path) -> Path:

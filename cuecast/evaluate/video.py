@@ -16,6 +16,7 @@ import av
 import numpy as np
 
 from codec.errors import CueError
+from cuecast.evaluate.drawing import Dot, draw_dots
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.picture_channels import (
     LONGEST_TUNE_IN_S,
@@ -135,14 +136,21 @@ def _by_profile(channels: Iterable[str]) -> dict[str, list[str]]:
 
 
 def plot(results: list[dict[str, Any]], figure: Any) -> None:
-    """Draw the share of superframes received, a bar per clip and channel."""
-    axes = figure.subplots()
-    labels = [f"{row['clip']}\n{row['channel']}" for row in results]
-    shares = [
-        100 * (1 - row["superframes_lost"] / max(1, row["superframes_sent"])) for row in results
-    ]
-    axes.barh(labels, shares)
-    axes.set_xlabel("superframes received, per cent")
+    """Draw the share of lost superframes, a line for each channel, a dot for each clip."""
+    draw_dots(
+        figure,
+        [
+            Dot(
+                row["channel"],
+                row["clip"],
+                100 * row["superframes_lost"] / max(row["superframes_sent"], 1),
+                100 * row["lost_low"],
+                100 * row["lost_high"],
+            )
+            for row in results
+        ],
+        xlabel="superframes lost, % (95 % intervals)",
+    )
 
 
 def films_of(folder: Path) -> list[Path]:

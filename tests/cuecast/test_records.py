@@ -1,13 +1,18 @@
 """Records of figures: what they tell, and that clips are known by their bytes."""
 
+import itertools
 import json
 import re
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from codec.errors import CueError
+from cuecast.evaluate.drawing import Dot, draw_dots
 from cuecast.evaluate.records import (
     FIELDS,
     catalogue,
@@ -16,7 +21,7 @@ from cuecast.evaluate.records import (
     read_record,
     sha256,
 )
-from cuecast.evaluate.tables import PLOTS, write_plots
+from cuecast.evaluate.tables import COLUMN_IN, PLOTS, STYLE, write_plots
 
 
 @pytest.fixture
@@ -83,3 +88,27 @@ def test_the_same_results_give_the_same_drawings(tmp_path: Path) -> None:
     for one, other in zip(*drawn, strict=True):
         assert one.read_bytes() == other.read_bytes()
     assert b"<text" in drawn[0][1].read_bytes()
+
+
+def test_no_letters_overlap_at_the_width_of_a_column() -> None:
+    """Eleven channels and five clips of long names: every text within the figure and by itself."""
+    clips = [f"a_clip_of_a_long_name_{n}" for n in range(5)]
+    dots = [Dot(f"discreet@-0.{n}: aac_128", clip, n, 0, 9) for n in range(11) for clip in clips]
+    figure = Figure(figsize=COLUMN_IN, layout="constrained")
+    with matplotlib.rc_context(STYLE):
+        draw_dots(figure, dots, xlabel="superframes lost, % (95 % intervals)")
+        canvas: Any = FigureCanvasAgg(figure)
+        canvas.draw()
+    (axes,), (legend,) = figure.axes, figure.legends
+    low, high = axes.get_xlim()
+    marks = zip(axes.get_xticks(), axes.get_xticklabels(), strict=True)
+    shown = [text for place, text in marks if low <= place <= high]
+    texts = [*axes.get_yticklabels(), *shown, axes.xaxis.label]
+    boxes = [text.get_window_extent() for text in [*texts, *legend.get_texts()] if text.get_text()]
+    page = figure.bbox
+    assert page.width == COLUMN_IN[0] * figure.dpi
+    for one, other in itertools.combinations(boxes, 2):
+        assert not one.overlaps(other)
+    for box in boxes:
+        assert page.x0 <= box.x0 <= box.x1 <= page.x1
+        assert page.y0 <= box.y0 <= box.y1 <= page.y1
