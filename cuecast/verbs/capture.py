@@ -6,12 +6,13 @@ brought to the voice; keys are recognised, so that the motion can be coded and d
 """
 
 import argparse
+import json
 import shutil
 import sys
 import tempfile
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from cuecast.command.arguments import add_json, add_voice, positive, print_json
 from cuecast.command.files import PIPE, write_json
@@ -20,11 +21,14 @@ from cuecast.command.progress import note, seconds_bar
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from codec.cuer.voice import Voice
     from codec.cues.score import Score
     from synth.capture.options import CaptureOptions
+    from synth.capture.tracker.live import LiveFrame
 
 SUMMARY = "motion from motion capture, landmarks or a video of an interpreter"
 
+_USUAL_ASPECT = 16 / 9
 _LONGEST_PATH = 1024
 """Characters; a longer text is no name of a file."""
 
@@ -37,6 +41,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--start", type=float, metavar="S",
         help="time of the first frame on the programme's clock, if not as the file says",
+    )  # fmt: skip
+    parser.add_argument(
+        "--live", action="store_true",
+        help="a table of landmarks as it comes: a line of JSON per frame, a quarter second late",
     )  # fmt: skip
     parser.add_argument("--report", metavar="R.json", help="how well it went; - prints it")
     parser.add_argument("--plot", metavar="P.png", help="a picture of the same")
@@ -79,6 +87,8 @@ def run(args: argparse.Namespace) -> int:
     from synth.capture.capture import capture
 
     voice = load_voice(args.voice)
+    if args.live:
+        return _live(args, voice)
     with seconds_bar(None, Path(args.input).name) as advance, _as_file(args.input) as path:
         captured = capture(path, voice, _options(args, advance))
     if args.plot:
@@ -94,6 +104,53 @@ def run(args: argparse.Namespace) -> int:
         for line in told(captured.report):
             note(line)
     return 0
+
+
+def _live(args: argparse.Namespace, voice: "Voice") -> int:
+    """Write the parameters of frames as they come: time and params, one JSON object a line."""
+    from synth.capture.sources.landmark_table import USUAL_RATE_HZ, landmark_frames
+    from synth.capture.tracker.live import LiveLandmarks
+
+    live: LiveLandmarks | None = None
+    count = 0
+    with _lines_from(args.input) as lines, _written_to(args.output) as out:
+        rate_hz = args.frame_rate or USUAL_RATE_HZ
+        for frame in landmark_frames(lines, name=args.input, rate_hz=args.frame_rate):
+            if live is None:
+                aspect = 1.0 if frame.in_pixels else args.aspect or _USUAL_ASPECT
+                live = LiveLandmarks(voice, aspect=aspect, rate_hz=rate_hz)
+            hands = {name: hand[0] for name, hand in frame.hands.items()}
+            for done in live.process(float(frame.times[0]), frame.face[0], hands):
+                count += _line(out, done)
+        for done in live.flush() if live is not None else ():
+            count += _line(out, done)
+    note(f"{args.input}: parameters of {count} frames")
+    return 0 if count else 1
+
+
+def _line(out: IO[str], frame: "LiveFrame") -> int:
+    params = [round(float(value), 4) for value in frame.params]
+    out.write(json.dumps({"time": round(frame.time_s, 4), "params": params}) + "\n")
+    out.flush()
+    return 1
+
+
+@contextmanager
+def _lines_from(path: str) -> "Iterator[IO[str]]":
+    if path == PIPE:
+        yield sys.stdin
+        return
+    with open(path, encoding="utf-8-sig") as file:
+        yield file
+
+
+@contextmanager
+def _written_to(path: str) -> "Iterator[IO[str]]":
+    if path == PIPE:
+        yield sys.stdout
+        return
+    with open(path, "w", encoding="utf-8") as file:
+        yield file
 
 
 @contextmanager

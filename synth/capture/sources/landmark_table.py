@@ -9,7 +9,7 @@ or in pixels; y points down. Lips, mouth and face are numbered alike, as in Medi
 
 import csv
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -100,15 +100,54 @@ def read_landmarks(path: Path, *, rate_hz: float | None = None) -> LandmarkTable
     CueError
         If the table is malformed, or holds nothing that is known.
     """
-    rows = csv.reader(text_lines(path))
     try:
-        titles = [title.strip().strip('"').casefold() for title in next(rows, [])]
-        clock = _Clock(path, titles, rate_hz or USUAL_RATE_HZ)
-        wide = {n: match for n, title in enumerate(titles) if (match := _wide(title))}
-        read = _read_wide(wide, rows) if wide else _read_long(path, titles, rows)
+        clock, read = _opened(path, text_lines(path), rate_hz)
         return _gathered(path, clock, read)
     except (csv.Error, IndexError, ValueError) as error:
         raise CueError(f"{path}: malformed table: {error}") from error
+
+
+def landmark_frames(
+    lines: Iterable[str], *, name: str, rate_hz: float | None = None
+) -> Iterator[LandmarkTable]:
+    """Yield the frames of a table as its lines come, each as a table of one frame.
+
+    Parameters
+    ----------
+    lines : iterable of str
+        Titles first. A frame is known when the next one begins.
+    name : str
+        Of the source, for messages.
+    rate_hz : float, optional
+        As for `read_landmarks`.
+
+    Raises
+    ------
+    CueError
+        If the table is malformed.
+    """
+    path = Path(name)
+    try:
+        clock, read = _opened(path, lines, rate_hz)
+        for time_s, frame in _frames(clock, read):
+            yield LandmarkTable(
+                np.array([time_s]), _stacked([frame], "face", len(FACE_LANDMARKS)),
+                {n: _stacked([frame], n, N_HAND_LANDMARKS) for n in HANDS if n in frame},
+                clock.timed,
+            )  # fmt: skip
+    except (csv.Error, IndexError, ValueError) as error:
+        raise CueError(f"{path}: malformed table: {error}") from error
+
+
+def _opened(
+    path: Path, lines: Iterable[str], rate_hz: float | None
+) -> "tuple[_Clock, Iterator[tuple[list[str], list[Point]]]]":
+    """Return the clock of a table, and its rows as they come."""
+    rows = csv.reader(lines)
+    titles = [title.strip().strip('"').casefold() for title in next(rows, [])]
+    clock = _Clock(path, titles, rate_hz or USUAL_RATE_HZ)
+    wide = {n: match for n, title in enumerate(titles) if (match := _wide(title))}
+    return clock, _read_wide(wide, rows) if wide else _read_long(path, titles, rows)
 
 
 def _wide(title: str) -> "re.Match[str] | None":
@@ -193,17 +232,11 @@ def _gathered(
     """Return the table of coordinates that come row by row, one or more rows a frame."""
     times: list[float] = []
     frames: list[dict[str, FloatArray]] = []
-    for fields, points in read:
-        time_s = clock.seconds(fields)
-        if not np.isfinite(time_s) or (times and time_s < times[-1]):
-            continue
-        if not times or time_s > times[-1]:
-            if len(times) >= MOST_FRAMES:
-                raise CueError(f"{path}: more than {MOST_FRAMES} frames")
-            times.append(time_s)
-            frames.append({})
-        for part, index, axis, value in points:
-            _put(frames[-1], part, index, axis, value)
+    for time_s, frame in _frames(clock, read):
+        if len(times) >= MOST_FRAMES:
+            raise CueError(f"{path}: more than {MOST_FRAMES} frames")
+        times.append(time_s)
+        frames.append(frame)
     if len(times) < 2:
         raise CueError(f"{path}: {len(times)} frames of landmarks, 2 needed")
     names = {name for frame in frames for name in frame}
@@ -215,6 +248,25 @@ def _gathered(
         {n: _stacked(frames, n, N_HAND_LANDMARKS) for n in HANDS if n in names},
         clock.timed,
     )
+
+
+def _frames(
+    clock: _Clock, read: Iterator[tuple[list[str], list[Point]]]
+) -> Iterator[tuple[float, dict[str, FloatArray]]]:
+    """Yield times, rising, and the parts that each frame shows."""
+    now, frame = -np.inf, dict[str, FloatArray]()
+    for fields, points in read:
+        time_s = clock.seconds(fields)
+        if not np.isfinite(time_s) or time_s < now:
+            continue
+        if time_s > now:
+            if np.isfinite(now):
+                yield now, frame
+            now, frame = time_s, {}
+        for part, index, axis, value in points:
+            _put(frame, part, index, axis, value)
+    if np.isfinite(now):
+        yield now, frame
 
 
 def _put(frame: dict[str, FloatArray], part: str, index: int, axis: int, value: float) -> None:
