@@ -15,6 +15,7 @@ from cuecast.command.files import PIPE
 from cuecast.command.progress import note
 from cuecast.dubbing.inputs import reading_of
 from cuecast.dubbing.job import options_of
+from cuecast.live.pcm import PcmForm
 from cuecast.live.playout import Playout, Route
 from cuecast.live.server import PlayoutServer
 from cuecast.live.sound import LiveOptions
@@ -40,7 +41,10 @@ def run_live(args: argparse.Namespace) -> int:
         raise UsageError("dub --live: only the carrier audio can be written into a running stream")
     options = options_of(args)
     playout = Playout(
-        Route(source, target, args.track, args.programme_number),
+        Route(
+            source, target, args.track, args.programme_number,
+            PcmForm.read(args.samples) if args.samples else None,
+        ),
         Cuer(
             args.voice, reading_of(args), args.seed, args.alignment,
             _absolute(args.subtitles), _absolute(args.motion),

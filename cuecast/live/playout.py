@@ -8,9 +8,11 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from cuecast.live.lines import Input, Output
 from cuecast.live.multiplex import Aligner, Multiplex
+from cuecast.live.pcm import PcmForm, PcmPassage
 from cuecast.live.sound import LiveOptions
 from cuecast.live.worker import Cuer, Told, Worker
 
@@ -48,12 +50,16 @@ _HELP = {
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """Where a programme comes from and goes to, and which of its sounds is meant."""
+    """Where a programme comes from and goes to, and which of its sounds is meant.
+
+    `form` is that of plain samples; without one it is a transport stream.
+    """
 
     source: str
     target: str
     track: int = 0
     programme: int | None = None
+    form: PcmForm | None = None
 
 
 class Playout:
@@ -90,11 +96,18 @@ class Playout:
         patience_s = max(0.5, self.delay_s - options.embedder_s) if paced else None
         self._worker = Worker(cuer, options, patience_s)
         self._aligner = Aligner()
-        self._multiplex = Multiplex(
-            self.delay_s, self._worker.send, track=route.track, tell=tell,
-            wait=(lambda: False) if paced else self._wait, by_stream=not paced,
-            programme=route.programme,
-        )  # fmt: skip
+        common: dict[str, Any] = {
+            "tell": tell, "wait": (lambda: False) if paced else self._wait, "by_stream": not paced,
+        }  # fmt: skip
+        self._multiplex: Multiplex | PcmPassage
+        if route.form is not None:
+            self._multiplex = PcmPassage(route.form, self.delay_s, self._worker.send, **common)
+        else:
+            self._multiplex = Multiplex(
+                self.delay_s, self._worker.send, track=route.track, programme=route.programme,
+                **common,
+            )  # fmt: skip
+        self._plain = route.form is not None
         self._figures["delay_seconds"] = self.delay_s
 
     def stop(self) -> None:
@@ -146,7 +159,7 @@ class Playout:
             self._output.close()
 
     def _take(self, data: bytes, arrived_s: float) -> None:
-        packets = self._aligner.process(data)
+        packets = data if self._plain else self._aligner.process(data)
         if packets:
             self._multiplex.take(packets, arrived_s)
 
@@ -166,7 +179,7 @@ class Playout:
                     self._tell(found.line)
                 self._figures |= found.figures
             else:
-                self._multiplex.put(found.epoch, found.pes)
+                self._multiplex.put(found.epoch, found.pes)  # type: ignore[arg-type]
 
     def _wait(self) -> bool:
         """Wait for the marking process; tell whether it is still worth while."""

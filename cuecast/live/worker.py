@@ -17,6 +17,7 @@ import numpy as np
 
 from codec.errors import CueError
 from cuecast.live.packets import Pes
+from cuecast.live.pcm import MarkedPcm, PcmForm, PcmMarker
 from cuecast.live.sound import LiveOptions, MarkedPes, SoundMarker
 from cuecast.live.text import Caption, LiveMotion, read_caption
 from cuecast.media.timed_text import subtitles_of_packet
@@ -55,10 +56,10 @@ class Cuer:
 
 @dataclass(frozen=True, slots=True)
 class Marked:
-    """A marked packet of the sound with this number of the playout."""
+    """A marked piece of the sound with this number of the playout."""
 
     epoch: int
-    pes: MarkedPes
+    pes: MarkedPes | MarkedPcm
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +192,8 @@ class _Marking:
         self._voice = load_voice(cuer.voice)
         self._motion: Any = _motion(cuer, self._voice)
         _warm(self._motion, cuer, self._voice, options)
-        self._marker = SoundMarker(self._motion, self._voice, options, self._note)
+        self._options = options
+        self._marker: Any = SoundMarker(self._motion, self._voice, options, self._note)
         self._send, self._patience_s = send, patience_s
         self._epoch = self._passed = 0
         self._said = ""
@@ -223,6 +225,17 @@ class _Marking:
             self._epoch = epoch
         self._emit(self._marker.process(kind, pes))
 
+    def _take_pcm(self, sent_s: float, form: PcmForm, first: int, data: bytes) -> None:
+        if self._is_late(sent_s):
+            self._passed += 1
+            return
+        if self._passed:
+            self._note(f"too slow: {self._passed} pieces of sound were not marked")
+            self._passed = 0
+        if not isinstance(self._marker, PcmMarker):
+            self._marker = PcmMarker(self._motion, self._voice, self._options, form)
+        self._emit(self._marker.process(first, data))
+
     def _is_late(self, sent_s: float) -> bool:
         """Whether sound is passed over: from where it is too late until it is new again."""
         if self._patience_s is None:
@@ -247,7 +260,7 @@ class _Marking:
         self._emit(self._marker.flush())
         self.over = True
 
-    def _emit(self, packets: Iterator[MarkedPes]) -> None:
+    def _emit(self, packets: Iterator[MarkedPes] | Iterator[MarkedPcm]) -> None:
         for pes in packets:
             self._send(Marked(self._epoch, pes))
 
@@ -265,7 +278,7 @@ class _Marking:
         self._reported_s = time.monotonic()
         figures: dict[str, float] = {
             "superframes_total": self._marker.superframes,
-            "damaged_frames_total": self._marker.damaged,
+            "damaged_frames_total": getattr(self._marker, "damaged", 0),
         }
         if isinstance(self._motion, LiveMotion):
             figures |= {

@@ -56,6 +56,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="from udp://@:PORT, a pipe (-) or a file to udp://HOST:PORT, a pipe or a file, 5 s "
         "later; without --subtitles and --motion the stream's own text or live text is cued",
     )  # fmt: skip
+    live.add_argument(
+        "--samples", metavar="FORM", help="plain samples instead, such as s16le:48000:2"
+    )
     live.add_argument("--low-delay", action="store_true", help="2.5 s later")
     live.add_argument(
         "--text", choices=(PIPE,), help="live text as JSON lines from the standard input"

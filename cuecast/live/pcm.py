@@ -1,0 +1,257 @@
+"""Plain samples on their way: held for a while, and exchanged for marked ones where there are any.
+
+The same contract as `cuecast.live.multiplex.Multiplex`, for a line of PCM without a container.
+"""
+
+import re
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.cuer.voice import Voice
+from codec.errors import CueError
+from cuecast.dubbing.coder_stream import make_rehearsal
+from cuecast.dubbing.dub import superframe_source
+from cuecast.dubbing.motions import MotionSource
+from cuecast.live.multiplex import Send
+from cuecast.live.sound import LiveOptions, Shifted
+from cuecast.media.encode import as_samples
+from watermark.audio.embed import AudioEmbedder
+from watermark.audio.mix import check_format
+from watermark.audio.profile import find_profile
+from watermark.link.superframe import SUPERFRAME_S
+
+_TYPES = {"s16le": ("<i2", "s16", 16), "s32le": ("<i4", "s32", 32), "f32le": ("<f4", "flt", 32)}
+
+
+@dataclass(frozen=True, slots=True)
+class PcmForm:
+    """How samples lie on a line: their type, rate in Hz, and channels.
+
+    Examples
+    --------
+    >>> PcmForm.read("s16le:48000:2").frame_bytes
+    4
+    """
+
+    kind: str
+    fs: int
+    channels: int
+
+    @classmethod
+    def read(cls, text: str) -> "PcmForm":
+        """Read ``s16le:48000:2``.
+
+        Raises
+        ------
+        CueError
+            If there is no such form, or it cannot be marked.
+        """
+        match = re.fullmatch(r"(\w+):(\d{4,6}):(\d)", text)
+        if match is None or match[1] not in _TYPES:
+            raise CueError(f"samples {text!r}: say it as s16le:48000:2, of {', '.join(_TYPES)}")
+        check_format(int(match[2]), int(match[3]))
+        return cls(match[1], int(match[2]), int(match[3]))
+
+    @property
+    def frame_bytes(self) -> int:
+        """Bytes of one sample of all channels."""
+        return np.dtype(_TYPES[self.kind][0]).itemsize * self.channels
+
+    def floats(self, data: bytes) -> NDArray[np.float32]:
+        """Return samples, shape (n, channels), full scale 1."""
+        dtype, _, bits = _TYPES[self.kind]
+        x = np.frombuffer(data, dtype).reshape(-1, self.channels)
+        scale = 1.0 if x.dtype.kind == "f" else 1.0 / (1 << (bits - 1))
+        return (x * scale).astype(np.float32)
+
+    def bytes(self, samples: NDArray[np.float32]) -> "bytes":
+        """Return samples as they lie on the line."""
+        dtype, form, bits = _TYPES[self.kind]
+        return as_samples(samples, form, bits).astype(dtype).tobytes()
+
+
+@dataclass(frozen=True, slots=True)
+class MarkedPcm:
+    """Marked samples, and the number of the first one on the line."""
+
+    first: int
+    data: bytes
+
+
+class PcmMarker:
+    """Marks a line of samples; after a gap in their numbers it begins anew.
+
+    Parameters
+    ----------
+    motion : MotionSource
+        Times count from sample 0.
+    voice : Voice
+    options : LiveOptions
+    form : PcmForm
+    """
+
+    def __init__(
+        self, motion: MotionSource, voice: Voice, options: LiveOptions, form: PcmForm
+    ) -> None:
+        self._motion, self._voice, self._options, self._form = motion, voice, options, form
+        self._embedder: AudioEmbedder | None = None
+        self._next = self._given = self._first = 0
+
+    @property
+    def heard_s(self) -> float:
+        """Up to where on the motion's clock samples came in."""
+        return self._next / self._form.fs
+
+    @property
+    def superframes(self) -> int:
+        """Superframes that were written."""
+        return self._first + (self._embedder.report().superframes if self._embedder else 0)
+
+    def process(self, first: int, data: bytes) -> Iterator[MarkedPcm]:
+        """Take samples, and the number of the first; yield those that are marked."""
+        if first != self._next or self._embedder is None:
+            self._begin(first)
+        assert self._embedder is not None
+        samples = self._form.floats(data)
+        self._next += len(samples)
+        yield from self._told(self._embedder.process(samples))
+
+    def flush(self) -> Iterator[MarkedPcm]:
+        """Yield what is under way."""
+        if self._embedder is not None:
+            yield from self._told(self._embedder.flush())
+
+    def _begin(self, first: int) -> None:
+        self._first, self._next, self._given = self.superframes, first, first
+        profile = find_profile(self._options.profile)
+        grid_s = first / self._form.fs - self._first * SUPERFRAME_S
+        source = superframe_source(
+            Shifted(self._motion, grid_s), self._voice, profile.l0_bytes, profile.l1_bytes,
+            first=self._first,
+        )  # fmt: skip
+        self._embedder = AudioEmbedder(
+            self._form.fs, self._form.channels, source, profile=profile.name,
+            key=self._options.key, grade=self._options.grade, stretch=self._options.stretch,
+            rehearsal=make_rehearsal(profile, self._options.key, self._options.through),
+        )  # fmt: skip
+
+    def _told(self, marked: NDArray[np.float32]) -> Iterator[MarkedPcm]:
+        if len(marked):
+            yield MarkedPcm(self._given, self._form.bytes(marked))
+            self._given += len(marked)
+
+
+@dataclass(frozen=True, slots=True)
+class _Held:
+    due_s: float
+    first: int
+    data: bytes
+
+
+class PcmPassage:
+    """The line between its arrival and its departure; see `Multiplex` for the arguments.
+
+    Attributes
+    ----------
+    figures : dict of str to float
+    marks : int
+        Pieces of marked samples that came in.
+    dropped : int
+        0: a line of samples has no garbage.
+    """
+
+    def __init__(
+        self, form: PcmForm, delay_s: float, send: Send, *,
+        tell: Callable[[str], None] = lambda line: None,
+        wait: Callable[[], bool] = lambda: False, by_stream: bool = False,
+    ) -> None:  # fmt: skip
+        self._form, self._delay_s, self._send = form, delay_s, send
+        self._tell, self._wait, self._by_stream = tell, wait, by_stream
+        self._part = b""
+        self._count = self.marks = self.dropped = 0
+        self._held: deque[_Held] = deque()
+        self._marked: deque[MarkedPcm] = deque()
+        self.marking = False
+        self.figures = dict.fromkeys(
+            ("packets_total", "packets_lost_total", "marked_seconds_total",
+             "bypass_seconds_total", "bypasses_total", "stale_packets_total"), 0.0
+        )  # fmt: skip
+
+    @property
+    def held_s(self) -> float:
+        """When the oldest samples are due."""
+        return self._held[0].due_s if self._held else float("inf")
+
+    @property
+    def held_bytes(self) -> int:
+        """How much waits."""
+        return sum(len(one.data) for one in self._held)
+
+    def take(self, data: bytes, now_s: float) -> None:
+        """Take bytes that arrived at `now_s`."""
+        data = self._part + data
+        size = len(data) // self._form.frame_bytes * self._form.frame_bytes
+        data, self._part = data[:size], data[size:]
+        if not data:
+            return
+        clock_s = self._count / self._form.fs if self._by_stream else now_s
+        self._held.append(_Held(clock_s + self._delay_s, self._count, data))
+        self._send("pcm", self._form, self._count, data)
+        self._count += size // self._form.frame_bytes
+
+    def put(self, epoch: int, marked: Any) -> None:
+        """Take marked samples."""
+        del epoch
+        self.marks += 1
+        self._marked.append(marked)
+
+    def end(self) -> None:
+        """Nothing is under way here."""
+
+    def give(self, now_s: float) -> Iterator[bytes]:
+        """Yield what is due."""
+        while self._held and self._held[0].due_s <= (
+            self._count / self._form.fs if self._by_stream else now_s
+        ):
+            yield self._made(self._held.popleft())
+
+    def rest(self) -> Iterator[bytes]:
+        """Yield all that is held."""
+        while self._held:
+            yield self._made(self._held.popleft())
+
+    def _made(self, held: _Held) -> bytes:
+        found = self._found(held)
+        while found is None and self._wait():
+            found = self._found(held)
+        seconds = len(held.data) / self._form.frame_bytes / self._form.fs
+        name = "bypass_seconds_total" if found is None else "marked_seconds_total"
+        self.figures[name] += seconds
+        if (found is not None) != self.marking:
+            self.marking = found is not None
+            self.figures["bypasses_total"] += not self.marking
+            marked, passes = "the sound is marked", "bypass: the programme passes as it is"
+            self._tell(marked if self.marking else passes)
+        return held.data if found is None else found
+
+    def _found(self, held: _Held) -> bytes | None:
+        """Return the marked samples in place of these, None where some are missing."""
+        size = self._form.frame_bytes
+        first, last = held.first, held.first + len(held.data) // size
+        marked = self._marked
+        while marked and marked[0].first + len(marked[0].data) // size <= first:
+            marked.popleft()
+        out, at = b"", first
+        for one in marked:
+            if one.first > at:
+                return None
+            out += one.data[(at - one.first) * size : (last - one.first) * size]
+            at = first + len(out) // size
+            if at >= last:
+                return out
+        return None
