@@ -113,7 +113,7 @@ def test_what_is_no_c3d_is_refused(tmp_path: Path, content: bytes) -> None:
         open_c3d(tmp_path / "x.c3d")
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.lists(st.tuples(st.integers(0, 1300), st.integers(0, 255)), max_size=12), st.data())
 def test_damage_is_one_error_or_frames(
     tmp_path_factory: pytest.TempPathFactory, damage: list[tuple[int, int]], data: st.DataObject

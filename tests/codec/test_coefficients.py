@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.bitstream import _kernels
@@ -43,7 +43,6 @@ def test_scan_goes_from_great_to_small() -> None:
         assert (row < i).all()
 
 
-@settings(deadline=None)
 @given(st.integers(0, 62), st.integers(0, 2**31))
 def test_coefficients_round_trip(step: int, seed: int) -> None:
     rng = np.random.default_rng(seed)

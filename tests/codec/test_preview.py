@@ -35,7 +35,6 @@ def lines(draw: st.DrawFn) -> Score:
     return Score(tuple(phones), ())
 
 
-@settings(deadline=None)
 @given(lines(), st.sampled_from(CHOICES))
 def test_previews_round_trip(score: Score, distances: tuple[int, ...]) -> None:
     line = to_line(score)
@@ -46,7 +45,6 @@ def test_previews_round_trip(score: Score, distances: tuple[int, ...]) -> None:
         assert read_previews(RangeDecoder(encoder.finish()), score_tables()) == sent
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=30))
 def test_any_code_is_a_preview(code: bytes) -> None:
     for preview in read_previews(RangeDecoder(code), score_tables()).values():
@@ -56,7 +54,7 @@ def test_any_code_is_a_preview(code: bytes) -> None:
         score_of({3: part_of_preview(preview)})
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(lines(), st.integers(0, 20), st.sampled_from(AHEAD))
 def test_a_previewed_superframe_keeps_every_key(score: Score, place: int, distance: int) -> None:
     line = to_line(score)

@@ -1,7 +1,7 @@
 import constriction
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.bitstream import _kernels
@@ -19,7 +19,6 @@ from codec.errors import CueError
 WEIGHTS = st.lists(st.floats(0, 1e3), min_size=2, max_size=40).filter(lambda w: sum(w) > 0)
 
 
-@settings(deadline=None)
 @given(WEIGHTS)
 def test_table_keeps_every_symbol_and_sums_to_the_total(weights: list[float]) -> None:
     table = cumulative(weights)
@@ -28,7 +27,6 @@ def test_table_keeps_every_symbol_and_sums_to_the_total(weights: list[float]) ->
     assert (np.diff(table) >= 1).all()
 
 
-@settings(deadline=None)
 @given(WEIGHTS, st.data())
 def test_round_trip_and_length(weights: list[float], data: st.DataObject) -> None:
     table = cumulative(weights)
@@ -42,7 +40,6 @@ def test_round_trip_and_length(weights: list[float], data: st.DataObject) -> Non
     assert [decoder.get(table) for _ in symbols] == symbols
 
 
-@settings(deadline=None)
 @given(WEIGHTS, st.data(), st.binary(max_size=6))
 def test_certain_code_decodes_alike_before_anything(
     weights: list[float], data: st.DataObject, tail: bytes
@@ -58,7 +55,6 @@ def test_certain_code_decodes_alike_before_anything(
     assert [decoder.get(table) for _ in symbols] == symbols
 
 
-@settings(deadline=None)
 @given(WEIGHTS, st.data())
 def test_limit_lumps_the_symbols_from_it_on(weights: list[float], data: st.DataObject) -> None:
     table = cumulative(weights)

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.bitstream.joining import score_of
@@ -47,7 +47,6 @@ def on_ticks(score: Score) -> tuple[list[tuple[object, ...]], list[tuple[object,
     return phones, keys  # type: ignore[return-value]
 
 
-@settings(deadline=None)
 @given(scores())
 def test_parts_round_trip_and_join_to_the_sent_score(score: Score) -> None:
     parts = sent_parts(score)
@@ -58,7 +57,6 @@ def test_parts_round_trip_and_join_to_the_sent_score(score: Score) -> None:
     assert on_ticks(score_of(parts)) == on_ticks(score)
 
 
-@settings(deadline=None)
 @given(scores())
 def test_a_superframe_alone_gives_the_right_keys_that_start_in_it(score: Score) -> None:
     for index, part in sent_parts(score).items():
@@ -76,7 +74,6 @@ def test_a_superframe_alone_gives_the_right_keys_that_start_in_it(score: Score) 
         assert alone == sent
 
 
-@settings(deadline=None)
 @given(scores(), st.sets(st.integers(0, 60)))
 def test_no_key_is_wrong_because_of_a_loss(score: Score, lost: set[int]) -> None:
     parts = {k: part for k, part in sent_parts(score).items() if k not in lost}
@@ -87,7 +84,6 @@ def test_no_key_is_wrong_because_of_a_loss(score: Score, lost: set[int]) -> None
         place = sent.index((key.phones, key.shape, key.placement), place) + 1
 
 
-@settings(deadline=None)
 @given(scores())
 def test_even_parts_keep_phones_and_keys(score: Score) -> None:
     for index, part in sent_parts(score).items():

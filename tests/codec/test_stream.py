@@ -190,7 +190,7 @@ def checked(data: bytes) -> bytes:
     return data + zlib.crc32(data).to_bytes(4, "big")
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.binary(max_size=200), st.integers(0, 200), st.booleans())
 def test_any_bytes_give_a_motion_or_an_error(noise: bytes, at: int, behind: bool) -> None:
     data = bytearray(STREAMS[0])

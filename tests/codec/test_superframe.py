@@ -231,7 +231,7 @@ def test_impossible_sizes_are_refused(toy_voice: Voice) -> None:
         SuperframeEncoder(toy_voice, l0_bytes=20, l1_bytes=0, lead=4)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.binary(min_size=3, max_size=60), st.binary(max_size=40), st.integers(0, 70))
 def test_any_bytes_give_parameters_or_an_error(body: bytes, more: bytes, index: int) -> None:
     voice = VOICES[0]

@@ -107,7 +107,7 @@ def test_missing_file(tmp_path: Path) -> None:
         load_voice(tmp_path / "none.npz")
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(at=st.floats(0, 1, exclude_max=True), flip=st.integers(1, 255))
 def test_damaged_files_are_refused(toy_voice: Voice, tmp_path: Path, at: float, flip: int) -> None:
     path = tmp_path / "voice.npz"

@@ -66,7 +66,7 @@ def names(score: Score) -> list[tuple[tuple[str, ...], str]]:
     return [(key.phones, str(key)) for key in score.keys]
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(lines())
 def test_twelve_bytes_keep_every_key_and_its_time(score: Score) -> None:
     windows = windows_of(score, 12)
@@ -116,7 +116,6 @@ def test_a_lost_window_makes_no_key_wrong() -> None:
         assert len(got) < len(score.keys)
 
 
-@settings(deadline=None)
 @given(st.binary(min_size=MIN_BYTES - 1, max_size=MAX_BYTES - 1), st.integers(0, 15))
 def test_any_bytes_are_a_window(payload: bytes, sequence: int) -> None:
     l0 = Header(COMPACT, sequence, 2).to_bytes() + payload
@@ -208,7 +207,7 @@ def test_fast_speech_keeps_its_keys_at_six_bytes_because_windows_run_ahead() -> 
     assert max(window.begin for window in windows.values()) > TICKS
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(lines(), st.integers(MIN_BYTES, 7), st.sampled_from([0.2, 0.4, 1.0]))
 def test_speech_of_any_pace_gives_parts_of_the_size(score: Score, size: int, pace: float) -> None:
     phones = tuple(Phone(p.symbol, pace * p.start, pace * p.end) for p in score.phones)

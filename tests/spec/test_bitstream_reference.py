@@ -138,13 +138,12 @@ def with_checks(body: bytes, more: bytes) -> tuple[bytes, bytes]:
     return l0, more + bytes([crc8(l0[-2:] + more)])
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(st.binary(min_size=3, max_size=60), st.binary(max_size=60), st.integers(0, 60))
 def test_any_bytes_say_the_same_to_both(body: bytes, more: bytes, top: int) -> None:
     decode_both(*with_checks(body, more), four(top))
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=12), st.binary(max_size=4))
 def test_raw_bytes_are_refused_by_the_same_rule(l0: bytes, l1: bytes) -> None:
     decode_both(l0, l1, four(40))

@@ -121,7 +121,7 @@ SAMPLES: dict[str, Callable[[], str]] = {
 
 
 @pytest.mark.parametrize("kind", SAMPLES)
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=120)
 @given(data=st.data())
 def test_damage_is_one_error_or_frames(
     kind: str, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject

@@ -153,7 +153,7 @@ def test_a_face_that_is_lost_for_a_while_is_bridged(tmp_path: Path) -> None:
     assert of_hand < 7.0
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(data=st.data())
 def test_nonsense_is_one_error_or_a_motion(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
@@ -197,7 +197,7 @@ def test_what_is_wrong_is_told(tmp_path: Path, text: str, message: str) -> None:
 
 
 @pytest.mark.parametrize("layout", ["wide", "long"])
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(data=st.data())
 def test_damage_is_one_error_or_a_table(
     layout: str, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject

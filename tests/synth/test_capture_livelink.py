@@ -119,7 +119,7 @@ def test_what_is_wrong_is_told(tmp_path: Path, text: str, message: str) -> None:
         read_live_link(tmp_path / "a.csv")
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.data())
 def test_damage_is_one_error_or_a_table(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject

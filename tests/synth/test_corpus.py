@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.cuer.layout import MARKER_NUMBER, N_FACE
@@ -84,7 +84,6 @@ def test_units_count_every_phone_once(line: list[str]) -> None:
     assert starts == Counter(spoken)
 
 
-@settings(deadline=None)
 @given(st.lists(SYMBOLS, min_size=1, max_size=8), st.integers(1, 8))
 def test_chosen_lines_cover_all_when_all_may_be_chosen(lines: list[list[str]], count: int) -> None:
     everything = choose(lines, len(lines))

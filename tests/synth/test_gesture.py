@@ -38,7 +38,7 @@ def cuer() -> GestureSynthesiser:
 LINE = drill(3, seed=5)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(first=st.integers(0, 300), length=st.integers(1, 90))
 def test_any_window_gives_the_same_frames(first: int, length: int) -> None:
     cuer = GestureSynthesiser()

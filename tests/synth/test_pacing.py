@@ -56,7 +56,7 @@ def paced(subtitles: list[Subtitle], pace: Pace = READABLE) -> tuple[list[PacedW
 SYMBOLS = st.lists(st.sampled_from([*VOWELS, *CONSONANTS]), min_size=1, max_size=6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(
         st.tuples(SYMBOLS, st.floats(0.02, 0.3), st.floats(0, 2), st.booleans()),

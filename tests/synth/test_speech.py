@@ -91,7 +91,7 @@ def test_identity_is_exact() -> None:
     np.testing.assert_allclose(y, x, atol=1e-12)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.floats(0.7, 1.5), st.floats(0.6, 1.8))
 def test_new_pitch_and_duration_are_what_was_asked_for(ratio: float, stretch: float) -> None:
     x = voice(120, 150)

@@ -3,7 +3,7 @@
 import itertools
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.errors import CueError
@@ -15,7 +15,6 @@ from synth.text.pronounce import phonemise
 SENTENCE = "Ce beau matin d'été si doux, au détour d'un sentier, une charogne infâme."
 
 
-@settings(deadline=None)
 @given(st.floats(0, 5000), st.floats(0.1, 30), st.floats(0, 5))
 def test_fit(start_s: float, length_s: float, gap_s: float) -> None:
     words = phonemise(SENTENCE)

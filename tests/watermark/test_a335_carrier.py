@@ -34,7 +34,7 @@ from watermark.a335.profile import DOMAIN, PROFILES
 # --- codes ---
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 2**50 - 1), st.sets(st.integers(0, 126), max_size=13))
 def test_bch_corrects_thirteen(value: int, wrong: set[int]) -> None:
     payload = [int(b) for b in f"{value:050b}"]
@@ -52,7 +52,7 @@ def test_bch_refuses_lengths() -> None:
         bch.decode([0])
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.data(), st.integers(1, 20), st.integers(1, 5))
 def test_any_k_parts_are_enough(data: st.DataObject, k: int, size: int) -> None:
     block = np.random.default_rng(k).integers(0, 256, (k, size)).astype(np.uint8)

@@ -20,7 +20,7 @@ def noisy(coded: NDArray[np.int64], amplitude: float, seed: int) -> NDArray[np.f
 
 
 @given(st.binary(min_size=20, max_size=20), st.binary(min_size=7, max_size=7))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_round_trip(l0: bytes, l1: bytes) -> None:
     link = Link(STANDARD)
     coded = link.encode(l0, l1)

@@ -75,7 +75,7 @@ def test_bands_tile_the_spectrum() -> None:
     np.testing.assert_allclose(flat, (high - low) / (FS / 2048), atol=1e-9)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.lists(st.integers(1, 40_000), max_size=5))
 def test_split_into_blocks_does_not_matter(cuts: list[int]) -> None:
     x = programme(1.3)
