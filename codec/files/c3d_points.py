@@ -277,4 +277,5 @@ def _from_dec(words: NDArray[Any]) -> NDArray[np.float32]:
     """
     bits = words.astype(np.uint32)
     swapped = (bits >> np.uint32(16)) | (bits << np.uint32(16))
-    return np.asarray(swapped.view(np.float32) / np.float32(4.0))
+    with np.errstate(all="ignore"):  # damage can be any number, or none
+        return np.asarray(swapped.view(np.float32) / np.float32(4.0))

@@ -44,8 +44,8 @@ def foreign() -> list[tuple[bytes, bytes]]:
     """Superframes of another voice, which say other keys."""
     voice = make_voice(1)
     encoder = SuperframeEncoder(voice, l0_bytes=24, l1_bytes=24)
-    motion = make_motion(voice, duration_s=30.0)
-    return [(s.l0, s.l1) for s in (encoder.encode(motion, k) for k in range(40))]
+    motion = make_motion(voice, duration_s=POOL * SUPERFRAME_S + 1)
+    return [(s.l0, s.l1) for s in (encoder.encode(motion, k) for k in range(POOL))]
 
 
 @cache
@@ -86,7 +86,9 @@ def hostile(count: int, rng: np.random.Generator) -> Iterator[Sent]:
             old = superframes[(index + k) % POOL]
             place = on_air_s + k * SUPERFRAME_S + shift
             match kind:
-                case "voice" | "voice on the grid":
+                case "voice on the grid":  # and with our numbers
+                    yield Sent(*foreign()[(index + k) % POOL], place, None)
+                case "voice":
                     yield Sent(*foreign()[at + k], place, None)
                 case "version":
                     yield Sent(of_version(old.l0, 1 + at % 3), old.l1, place, None)

@@ -5,10 +5,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.audio.profile import STANDARD
+from watermark.audio.profile import ROBUST, STANDARD
 from watermark.link import _kernels
 from watermark.link.crc import crc_bits
-from watermark.link.link import Link
+from watermark.link.link import L0_CHECK, SIGNIFICANT_RATE, Link
 from watermark.link.polar import make_code
 
 
@@ -89,3 +89,56 @@ def test_kernels_agree_with_their_python() -> None:
     _kernels.polar_transform(x)
     getattr(_kernels.polar_transform, "py_func", _kernels.polar_transform)(y)
     np.testing.assert_array_equal(x, y)
+
+
+def divided(bits: list[int], width: int, polynomial: int) -> int:
+    """The remainder bit by bit, from a register of ones."""
+    register = 2**width - 1
+    for bit in bits:
+        out = register // 2 ** (width - 1) ^ bit
+        register = register * 2 % 2**width ^ out * polynomial
+    return int(register)
+
+
+@given(st.lists(st.integers(0, 1), min_size=1, max_size=200))
+@settings(max_examples=50, deadline=None)
+def test_checks_are_remainders(bits: list[int]) -> None:
+    for width, polynomial in ((16, 0x1021), (24, 0x864CFB)):
+        found = int("".join(map(str, crc_bits(np.array(bits, dtype=np.int64), width))), 2)
+        assert found == divided(bits, width, polynomial)
+
+
+@pytest.mark.parametrize(("length", "accepted"), [(1344, False), (300, True)])
+def test_noise_that_passes_the_check_is_not_a_message(length: int, accepted: bool) -> None:
+    """At low rates the codeword has to stand out of noise; at high rates the check has to do."""
+    first = Link._make_class("L0", 12, L0_CHECK, length)
+    assert (first.code.message > SIGNIFICANT_RATE * first.code.length) is accepted
+    rng = np.random.default_rng(3)
+    for _ in range(8):
+        payload = rng.bytes(12)
+        coded = first.encode(payload)
+        message = np.unpackbits(np.frombuffer(payload, np.uint8)).astype(np.int64)
+        message = np.concatenate([message, crc_bits(message, L0_CHECK)])
+        assert first._accepts(message, noisy(coded, 1.5, 1))
+        noise = rng.normal(size=coded.size)
+        assert first._accepts(message, noise) is accepted
+        wrong = message.copy()
+        wrong[5] ^= 1
+        assert not first._accepts(wrong, noisy(coded, 1.5, 1))
+
+
+@pytest.mark.parametrize(("share", "accepted"), [(1.02, True), (0.92, False)])
+def test_how_far_a_message_has_to_stand_out(share: float, accepted: bool) -> None:
+    """By 0.97 of what the best of all random codewords reaches with noise."""
+    first = Link(ROBUST)._first
+    payload = bytes(range(7))
+    message = np.unpackbits(np.frombuffer(payload, np.uint8)).astype(np.int64)
+    message = np.concatenate([message, crc_bits(message, L0_CHECK)])
+    signal = 1.0 - 2.0 * first.encode(payload)
+    noise = np.random.default_rng(1).normal(size=signal.size)
+    noise -= signal * (noise @ signal) / (signal @ signal)
+    length = signal.size
+    # Correlation c = a n and energy a^2 n + |noise|^2: the amplitude for a wanted ratio.
+    limit = share * np.sqrt(2 * np.log(2) * first.code.message)
+    amplitude = np.sqrt(limit**2 * (noise @ noise) / (length**2 - limit**2 * length))
+    assert first._accepts(message, amplitude * signal + noise) is accepted
