@@ -143,6 +143,7 @@ def _told(held: Sequence[Held]) -> dict[str, Any]:
 FloatArray = NDArray[np.float64]
 
 _TO_REST_S = 0.4
+"""Seconds that a hand that has gone out of sight takes to rest."""
 
 
 def resting_when_away(

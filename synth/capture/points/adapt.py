@@ -27,16 +27,36 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 _SAME_FACE_MM = 0.8
+"""Mean displacement in mm of the face's markers below which the voice's own face will do."""
+
 _SAME_HAND_MM = 1.3
+"""Mean error in mm of the voice's own hand below which it will do."""
+
 _FACE_ROUNDS, _HAND_ROUNDS = 3, 4
+"""Rounds in which parameters and displacements are found in turn."""
+
 _FRAMES = 160
+"""Frames that a speaker's displacements are learnt from: a bound on time."""
+
 _SIZES = np.linspace(0.8, 1.25, 10)
+
 _SIZE_FRAMES = 24
+"""Frames from which a hand's size is found."""
+
 _LEAST_VIEWS = 5
+"""Frames that must show a marker for its displacement to be learnt."""
+
 _FIRMNESS = 4.0
+"""Frames that no displacement counts for: who is rarely seen is moved little."""
+
 _NEIGHBOURS = 4
+"""Markers nearby that lend theirs to one that is never seen."""
+
 _RIDGE = 1e-4
+"""Weight of the ridge per frame, for parameters of unit spread."""
+
 _LEAST_SPREAD = 0.5
+"""Standard deviation that a parameter has at least, in those of the voice."""
 
 
 def adapt(voice: Voice, markers: FloatArray, *, still: FloatArray | None = None) -> Speaker:

@@ -20,6 +20,8 @@ from codec.cuer.layout import MARKERS
 from codec.errors import CueError
 
 MAX_MAP_BYTES = 1 << 20
+"""Bytes of a map of labels at most: a bound against wrong files."""
+
 _UNNAMED = re.compile(
     r"^(\*\d*|u\d+|c_?\d+|unlabel(l)?ed[ _-]*\d*|uname\*?\d*|noname\d*|ghost\d*|)$"
 )

@@ -19,9 +19,16 @@ from synth.capture.sources.readers import read_points
 from synth.capture.sources.recording import Recording
 
 _SAMPLED_FRAMES = 400
+"""Frames from which a take's place and speaker are found."""
+
 _LISTED = 8
+"""Labels that a message lists."""
+
 _MOST_REPAIRED = 0.02
+"""Share of dropped markers above which the report warns."""
+
 _AWAY_S = 1.0
+"""Seconds for which a hand may be hidden before it counts as at rest."""
 
 PARTS = {
     "head": (*layout.RIGID_FACE, *layout.BROWS),

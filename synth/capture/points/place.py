@@ -22,14 +22,28 @@ from synth.corpus.framing import mirrored
 FloatArray = NDArray[np.float64]
 
 LEAST_HEAD_MARKERS = 4
+"""Markers of the head that tell its turn and place: three, and one to doubt them by."""
+
 _FIRM = layout.marker_indices(layout.RIGID_FACE)
 _HALF_FIRM = layout.marker_indices((*layout.BROWS, *layout.CHEEKS, *layout.NASOLABIAL))
+
 _SIZES = (0.7, 1.4)
+"""Sizes of heads over the voice's, with room for units to be told apart."""
+
 _SAME_SIZE = 0.02
+"""Difference of size below which a take counts as in the voice's own size."""
+
 _SAME_TURN_RAD, _SAME_SHIFT_MM = 0.3, 25.0
+"""Turn and shift below which it counts as in the voice's own coordinates."""
+
 _MIRROR_GAIN = 0.6
+"""Share of the error that the mirror image must fall below to be believed."""
+
 _HAND_FRAMES = 24
+"""Frames by which it is told which hand cues."""
+
 _LEAST_HAND_MARKERS = 8
+"""Markers of a hand that such a frame shows at least."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,6 +273,7 @@ def _uses_left_hand(markers: FloatArray, place: Place, voice: Voice) -> bool:
 
 
 _REACH_MM = 30.0
+"""Distance in mm over which what touches a point of the face follows it less and less."""
 
 
 @dataclass(frozen=True, slots=True)

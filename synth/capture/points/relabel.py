@@ -19,6 +19,7 @@ SUSPECT_MM = np.array([6.0] * layout.N_FACE + [9.0] * layout.N_HAND)
 """A marker farther from where it should be is doubted, shape (113,)."""
 
 _FAR_MM = 1e6
+"""Distance in mm that stands for never."""
 
 
 @dataclass(slots=True)

@@ -24,12 +24,17 @@ from synth.capture.sources.recording import Recording
 FloatArray = NDArray[np.float64]
 
 WINDOW, MARGIN = 1024, 96
+"""Frames that are solved at once, and those on either side that are solved with them and not
+kept."""
+
 FACE = slice(0, layout.N_FACE)
 HAND = slice(layout.N_FACE, layout.N_FACE + layout.N_HAND)
 LEAST_HAND_MARKERS = 8
 """Fewer markers say nothing of a hand."""
 
 _LEAST_SHOWN = 3
+"""Markers that tell where the head is."""
+
 _ERROR_STEPS_MM = np.arange(0.0, 50.0, 0.05)
 
 

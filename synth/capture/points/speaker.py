@@ -20,7 +20,10 @@ FloatArray = NDArray[np.float64]
 
 _TIPS = [layout.HAND_MARKERS.index(name) for name in ("F2T", "F3T")]
 _WRIST = [layout.HAND_MARKERS.index(name) for name in layout.WRIST]
+
 _LONGEST_MM = 8.0
+"""Difference of length in mm over which a finger counts less and less as the longest."""
+
 _SCALE = np.array([100.0] * 3 + [1.0] * 3)
 """Rotations count by the way they move a hand."""
 

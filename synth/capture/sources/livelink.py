@@ -29,15 +29,27 @@ from synth.capture.sources.resample import evenly
 FloatArray = NDArray[np.float64]
 
 _TIME_CODE = re.compile(r"^\s*(\d+):(\d+):(\d+)[:;](\d+(?:\.\d+)?)")
+
 _BASES = (24, 25, 30, 48, 50, 60, 120, 1000)
+"""Frames per second of the time codes that occur."""
+
 _DAY_S = 86_400.0
+"""Seconds of a day, after which time codes begin anew."""
+
 _TURNS = ("headyaw", "headpitch", "headroll")
+
 _MOST_WEIGHT = 1.5
+"""Largest weight of a face unit: trackers overshoot 1 by little."""
+
 _MOST_TURN_RAD = 1.75
 """Heads do not turn farther: greater numbers are degrees."""
 
 _PIECE = 4096
+"""Frames that are solved at once, for constant memory."""
+
 _LEAST_UNITS = 3
+"""Face units that a table must have to be one."""
+
 _HANDLESS = "the table shows no hand: it rests"
 
 

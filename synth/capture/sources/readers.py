@@ -14,6 +14,7 @@ from codec.files.c3d_points import open_c3d
 from synth.capture.sources.recording import MAX_LABELS, Recording, Spool, numbers, text_lines
 
 _HEADER_LINES = 64
+"""Lines within which a table's header ends."""
 
 
 def read_points(path: str | os.PathLike[str], kind: str) -> Recording:

@@ -23,8 +23,13 @@ UNITS_MM = {
 """Names of units of length in files."""
 
 MAX_LABELS = 10_000
+"""Labels of a file at most: a bound against damage."""
+
 _MAX_LINE = 4_000_000
+"""Characters of a line at most: a bound against files without lines."""
+
 _SPOOL_ROWS = 512
+"""Rows that are spooled to disk at once."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,9 +12,17 @@ from codec.errors import CueError
 FloatArray = NDArray[np.float64]
 
 _ZEROS = 8
+"""Zeros of the sinc on either side."""
+
 _BETA = 8.0
+"""Shape of its Kaiser window, without unit."""
+
 _PASS = 0.9
+"""Share of the band that passes."""
+
 _AT_ONCE = 4096
+"""Samples that are made at once, for constant memory."""
+
 MOST_FRAMES = 20_000_000
 """More frames are no take: two days at 100 Hz."""
 

@@ -10,6 +10,8 @@ KINDS = ("c3d", "trc", "tsv", "points", "livelink", "landmarks", "video")
 """What `kind_of` returns."""
 
 _HEAD_BYTES = 1 << 16
+"""Bytes that tell the kind."""
+
 _PICTURES = {
     ".mp4", ".mov", ".mkv", ".webm", ".avi", ".mpg", ".mpeg", ".ts", ".m2ts", ".mts", ".m4v",
     ".mxf", ".wmv", ".flv", ".ogv", ".3gp",

@@ -31,9 +31,14 @@ HOW_TO = (
     "'pip install mediapipe==0.10.21' and name its python by --tracker or "
     f"{TRACKER_VARIABLE}; or capture the landmark CSV of any other tracker"
 )
+
 _LONGEST_SIDE = 960
+"""Longest side in pixels of the pictures that the tracker gets."""
+
 _CHILD = Path(__file__).with_name("mediapipe_child.py")
+
 _LAST_WORDS = 400
+"""Characters of the tracker's last line that a message quotes."""
 
 
 def capture_video(path: Path, voice: Voice, options: CaptureOptions) -> Captured:

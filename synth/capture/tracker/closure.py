@@ -17,15 +17,28 @@ from codec.cuer.voice import Voice
 FloatArray = NDArray[np.float64]
 
 N_FEATURES = 6
+"""Closures of the five digits, and the spread of index and middle finger."""
+
 _OPEN, _FIST = 5, 0
+"""Shapes whose closures are 0 and 1."""
+
 _SPREAD_MM = 125.0
+"""Distance in mm between two finger tips that counts as 1."""
+
 _EDGES = (0.1, 0.9)
+"""Quantiles that a take's closures are stretched between."""
+
 _LEAST_RANGE = 0.4
 """A finger whose closure spans less over a take has not been both open and closed."""
 
 _LEAST_FRAMES = 50
+"""Frames that such quantiles need."""
+
 _RIDGE = 1e-2
+"""Weight of the ridge, for features of unit spread."""
+
 _PIECE = 4096
+"""Frames that are looked at at once, for constant memory."""
 
 _PALM = np.array([layout.HAND_MARKERS.index(n) for n in (*layout.KNUCKLES[1:], *layout.PALM)])
 _FINGERS = np.array(

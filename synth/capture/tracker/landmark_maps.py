@@ -22,11 +22,19 @@ from synth.rules.gesture import GestureSynthesiser
 FloatArray = NDArray[np.float64]
 
 N_HAND_LANDMARKS = 21
+"""Landmarks of a hand, as MediaPipe numbers them."""
+
 MOST_FACE_LANDMARKS = 478
+"""Landmarks of a face, those of the irises among them."""
 
 _LESSON_HZ, _LESSON_FRAMES = 12.5, 500
+"""Frames per second and number of the performance that the map is learnt from."""
+
 _RIDGE_MM2 = 0.5
+"""Weight of the ridge in mm2."""
+
 _SUM_WEIGHT = 1e4
+"""Weight of the equation by which a landmark's weights sum to one: in effect infinite."""
 
 
 def _both(right: int, left: int, *stems: str) -> dict[int, tuple[str, ...]]:
