@@ -65,20 +65,17 @@ ROOMS = sorted(
 )
 
 OPEN: dict[str, int] = {
-    "codec/bitstream": 59,
-    "cuecast/dubbing": 3,
-    "cuecast/evaluate": 3,
-    "cuecast/media": 8,
-    "receiver/live": 15,
-    "receiver/media": 1,
-    "receiver/reception": 3,
-    "synth/alignment": 16,
-    "synth/capture": 91,
-    "synth/measured": 28,
-    "synth/prosody": 9,
-    "synth/rules": 22,
-    "synth/subtitles": 8,
-    "synth/text": 6,
+    "codec/analysis": 1,
+    "codec/authentication": 6,
+    "codec/bitstream": 64,
+    "codec/files": 1,
+    "cuecast/demo": 1,
+    "cuecast/live": 19,
+    "cuecast/verbs": 2,
+    "synth/alignment": 1,
+    "synth/capture": 57,
+    "synth/measured": 27,
+    "synth/training": 1,
 }
 """Numbers that nobody has explained yet, per room; it may only shrink."""
 

@@ -16,6 +16,7 @@ from watermark.audio.profile import Profile
 from watermark.audio.rehearsal import Rehearsal
 
 FS = 48_000
+"""Rate in Hz of the rehearsed coder."""
 
 _ENCODERS = {
     "aac": "aac",

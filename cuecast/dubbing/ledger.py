@@ -25,6 +25,7 @@ WORK = ".cuecast-batch"
 """Folder beside the outputs in which items are worked on; gone when nobody works."""
 
 _BLOCK = 1 << 20
+"""Bytes that are hashed at once."""
 
 _hashes: dict[tuple[str, int, int], str] = {}
 """What this process knows of files that have not changed since, by path, size and time."""

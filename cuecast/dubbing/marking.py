@@ -21,6 +21,7 @@ from watermark.link.superframe import SUPERFRAME_S
 from watermark.quality.resample import Resampler
 
 _MARKED_RATE = 48_000
+"""Rate in Hz to which sound of other rates is converted."""
 
 Samples = NDArray[np.float32]
 

@@ -19,6 +19,7 @@ RATE_HZ = 50.0
 """Frames per second of the motion inside superframes."""
 
 _WINDOW = 64
+"""Frames of a motion that are made at once."""
 
 
 class MotionSource(Protocol):

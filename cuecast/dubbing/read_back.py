@@ -37,6 +37,7 @@ _PROOF = 2
 """Superframes whose check holds that make an earlier mark certain."""
 
 _SAME_KEY_S = 0.1
+"""Seconds within which a received key counts as the one that was sent."""
 
 Payloads = Callable[[int], tuple[bytes, bytes]]
 

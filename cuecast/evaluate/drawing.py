@@ -11,7 +11,10 @@ _DOT_IN = 0.085
 """Height of one dot in inches: the letters of the tick labels are as high."""
 
 _LEGEND_IN = 0.13
+"""Height in inches of a line of the legend."""
+
 _FRAME_IN = 0.55
+"""Height in inches of axes and labels."""
 
 
 @dataclass(frozen=True, slots=True)

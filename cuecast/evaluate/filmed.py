@@ -28,7 +28,10 @@ _FILMS = 4
 """Films of each cuer, each with its own errors of the tracker."""
 
 _SENTENCES = 8
+"""Sentences of a film."""
+
 _FIRST = 240
+"""Number of the first one in the built-in list."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -25,9 +25,15 @@ SECOND = f"solange/{MEASURED}"
 """Name of the second virtual cuer."""
 
 PHONES = "phones.csv"
+
 _CAMERA_HZ = 30.0
+"""Frames per second of the film."""
+
 _NOISE_MM = 3.0
+"""Standard deviation in mm of the hand's landmarks."""
+
 _TAIL_S = 1.0
+"""Seconds after the last phone, in which the hand comes to rest."""
 
 
 def second_cuer(voice: Voice, texts: Sequence[str], folder: Path, *, seed: int = 0) -> Motion:

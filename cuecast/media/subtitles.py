@@ -38,6 +38,8 @@ _SCANNED_BYTES = 4 << 20
 """Of a transport stream, in which its tables and a text have to come."""
 
 _SCANNED_PACKETS = 400
+"""Packets that are looked at for tracks."""
+
 _LONGEST_S = 7.0
 """How long a text stays whose end is told neither by itself nor by the next one."""
 

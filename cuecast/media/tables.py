@@ -8,11 +8,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 PACKET = 188
+"""Bytes of a packet (ISO/IEC 13818-1)."""
+
 SYNC = 0x47
+"""First byte of each."""
+
 NULL_PID = 0x1FFF
+"""Identifier of packets that hold nothing."""
 
 _LONGEST_SECTION = 4096
+"""Bytes of a section of a table at most."""
+
 _POLYNOMIAL = 0x04C11DB7
+"""Of the tables' CRC-32."""
 
 _SOUNDS = {0x03: "mp2", 0x04: "mp2", 0x0F: "aac", 0x11: "latm", 0x81: "ac3", 0x87: "eac3"}
 """Coding of the sound by stream type."""
@@ -27,7 +35,10 @@ _PRIVATE_KINDS = {
 }
 _EXTENSION, _EXTENDED_KINDS = 0x7F, {0x20: "ttml"}
 _REGISTRATION, _REGISTERED = 0x05, {b"AC-3": "ac3", b"EAC3": "eac3", b"Opus": "opus"}
+
 _DATA_COMPONENT, _ARIB_CAPTIONS = 0xFD, 0x0008
+"""Descriptor and component that mark ARIB captions."""
+
 _VIDEO = {0x01, 0x02, 0x10, 0x1B, 0x24, 0x33}
 _LANGUAGE_AT = {0x0A: 0, 0x59: 0, 0x56: 0, 0x46: 0}
 """Where a descriptor has its first language."""

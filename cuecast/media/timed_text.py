@@ -19,6 +19,8 @@ _PLAIN, _PACKED = 0x01, 0x02
 """Types of segments that hold a document."""
 
 _LARGEST_DOCUMENT = 8 << 20
+"""Bytes of a document, unpacked, at most."""
+
 _EARLY_S = 0.5
 """How far before its packet a text may begin whose times count from the track's beginning."""
 

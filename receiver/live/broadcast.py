@@ -31,6 +31,8 @@ _PICTURES_ALONE = 150
 """After so many pictures without sound it may have another address: open the line again."""
 
 _RETRY_S = (0.2, 0.5, 1.0, 2.0)
+"""Seconds before a line is opened again, the first times; then as the last."""
+
 _OPTIONS = {"analyzeduration": "5000000", "probesize": "5000000"}
 
 

@@ -17,6 +17,7 @@ MAX_HOLE_S = 12.0
 """A longer step forwards is a splice, not a hole."""
 
 _MAX_OVERLAP_S = 0.5
+"""Seconds that time stamps may step back without a splice."""
 
 
 @dataclass(frozen=True, slots=True)

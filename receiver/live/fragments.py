@@ -18,7 +18,11 @@ from numpy.typing import NDArray
 from receiver.live.recode import PlainPictures
 
 _CLOCK = 90_000
+"""Ticks of a transport stream's clock in a second."""
+
 _SOUND_BPS = 160_000
+"""Bits per second of the sound for the browser."""
+
 _LONGEST_S = {"sound": 0.5, "picture": 4.0}
 """A fragment is out after this long: sound alone has nothing else to cut it, and some programmes
 refresh their picture bit by bit."""

@@ -24,6 +24,8 @@ PATIENCE_S, PATIENCE_BYTES = 1.0, 20_000
 """What may come without a packet of use before the programme is taken to have changed."""
 
 _DATAGRAM = 65536
+"""Bytes of the largest datagram."""
+
 _WAITING = 20_000
 """Datagrams that wait for a slow reader: 26 MB of a transport stream."""
 

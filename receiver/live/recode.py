@@ -17,6 +17,7 @@ RECODED = ("mpeg2video", "mpeg1video", "mpeg4", "vc1", "theora")
 """Picture codecs that are recoded."""
 
 _MAX_WIDTH, _MAX_HEIGHT = 1280, 720
+"""Pixels of pictures that are coded anew at most: a bound on the processor's time."""
 
 
 def recodable(picture: Any) -> bool:

@@ -32,8 +32,13 @@ QUIET_S = 2.0
 """Without news for this long the viewers are told that the signal is lost."""
 
 _QUEUE = 400
+"""Messages that wait for a slow page before it is dropped."""
+
 _RECENT_EVENTS = 60
+"""Messages that a new page gets to begin with."""
+
 _RECENT_FRAGMENTS = 3
+"""Fragments of media that it gets."""
 
 _Message = str | bytes
 

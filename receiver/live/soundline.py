@@ -23,12 +23,22 @@ CODECS = ("aac", "mp2float", "ac3", "eac3", "aac_latm")
 """Sounds of broadcasting: a programme can go on in another one at the same address."""
 
 _MUTE_PACKETS = 40
+"""Packets without sound after which another decoder is tried."""
 
 _CHANNELS = (1, 2, 6)
+"""Numbers of channels that can carry a cuer."""
+
 _HOLE_S = 0.005
+"""Seconds of missing sound that are filled with silence."""
+
 _OVERLAP_S = 0.03
+"""Seconds of sound that comes twice before it is cut."""
+
 _FRAMES_OF_DOUBT = 5
+"""Frames of another form at which a change is suspected."""
+
 _FRAMES_OF_CHANGE = 10
+"""Frames of another form at which it is believed."""
 
 
 @dataclass(frozen=True, slots=True)

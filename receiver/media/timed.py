@@ -6,6 +6,7 @@ from typing import Any
 import av
 
 _MOST_TIMES = 256
+"""Times of packets that wait for their frames at most."""
 
 
 class TimedDecoder:

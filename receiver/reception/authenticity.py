@@ -18,6 +18,8 @@ from codec.errors import BitstreamError
 from receiver.reception.events import SUPERFRAME_S, AuthenticityChanged, Event
 
 _ON_GRID_S = 0.1
+"""Seconds by which a superframe may be off the public clock's grid of the last one."""
+
 _LONGEST_GAP = 64
 """Superframes that may be missing within a run; after more of them the blocks begin anew."""
 

@@ -35,11 +35,16 @@ from receiver.reception.events import (
 _Timed = TypeVar("_Timed", Phone, Key)
 
 RATE_HZ = 1 / TICK_S
+"""Frames of parameters per second."""
+
 LOST_AFTER_S = 5.5 * SUPERFRAME_S
 """Reception counts as lost this long after the start of the last superframe that arrived."""
 
 _SPLICE_S = 0.1
+"""Seconds off the grid from which a superframe belongs to another one."""
+
 _RECENT = 4
+"""Superframes by which the state of reception is judged."""
 
 _LATEST, _LONGEST = -8, SEQUENCES
 """Superframes before and after the last one that still count as one epoch: the sequence number

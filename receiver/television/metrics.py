@@ -19,8 +19,12 @@ _HELP = {
 }  # fmt: skip
 
 _FAILURES = "Failures of reception after which it went on, by cause."
+
 _MOST_CAUSES = 32
+"""Causes of failure that are counted one by one."""
+
 _LONGEST_CAUSE = 300
+"""Characters of a cause that are kept."""
 
 
 class Metrics:

@@ -57,6 +57,8 @@ SLOPE = 0.5
 """What each frame costs by which a word begins outside its subtitle."""
 
 _QUIET = 0.15
+"""Share of a minute's pieces, the softest, whose sound counts as background."""
+
 _PIECE = 1600
 """The background is heard in the quietest pieces of 0.1 s, one of seven."""
 

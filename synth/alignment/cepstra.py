@@ -11,18 +11,30 @@ from scipy import fft, signal
 from codec.errors import CueError
 
 FS = 16_000
+"""Rate in Hz at which sound is looked at."""
+
 HOP = 160
 """Samples between frames: 10 ms."""
 
 FRAME_RATE = FS / HOP
+
 _WINDOW, _FFT = 400, 512
+"""Samples of a window, 25 ms, and of its transform."""
+
 _BANDS, _COEFFICIENTS = 28, 13
+"""Mel bands, and the cepstral coefficients that are kept of them (Davis and Mermelstein 1980)."""
+
 _LOW_HZ, _HIGH_HZ = 100.0, 7000.0
+"""Ends of the bands in Hz."""
+
 _FLOOR = 10**-3.0
 """What lies 30 dB under the loud frames of a band counts as silence: breath, room, soft music."""
 
 _SLOPE_REACH = 2
+"""Frames on either side over which slopes are taken."""
+
 _SLOPE_WEIGHT = 0.7
+"""Weight of slopes against the cepstra themselves."""
 
 
 def mono(samples: ArrayLike, fs: int) -> NDArray[np.float64]:

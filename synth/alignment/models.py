@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from codec.cues.phonology import PAUSE, PHONE_NUMBER, PHONES
 
 PARTS = 3
+"""Parts of a phone with a model each."""
 
 Unit = tuple[str, int, int]
 """Symbol, first frame, end frame."""

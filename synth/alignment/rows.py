@@ -33,6 +33,8 @@ RENDERED_HZ = (RATE_HZ, 25_600)
 """Sampling rates as which the rendering is read: as it is, and from a shorter vocal tract."""
 
 _PAUSE_FRAMES = 5
+"""Frames from which a silence between words counts as a pause."""
+
 _LENGTH_SPREAD = 0.45
 """Standard deviation of the logarithm of durations about the usual ones."""
 
@@ -40,10 +42,14 @@ _LENGTH_WEIGHT = 8.0
 """Neighbouring frames of 10 ms tell nearly the same: their costs together count too much."""
 
 _WORDS_PER_MINUTE = 140
+"""Rate of the rendering: unhurried, so that every phone is spoken in full."""
+
 _LONGEST_LINE = 100
 """Phones after which a line without a pause gets one: the synthesiser has a limit."""
 
 _MARGIN_S = 0.1
+"""Seconds of silence around a rendering."""
+
 _FAR_FRAMES = 200
 """A word is looked for up to 2 s from where its subtitle expects it."""
 

@@ -18,7 +18,10 @@ LONGEST_TEXT_S = 120.0
 """Limit of the sound that one subtitle, or a text without times, may span."""
 
 _CLOSE_S = 0.8
+"""Seconds between subtitles that are aligned together."""
+
 _MARGIN_S = 0.4
+"""Seconds before and after a run in which its words may be."""
 
 
 @dataclass(frozen=True, slots=True)

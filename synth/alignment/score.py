@@ -36,6 +36,8 @@ Sound = Callable[[float, float], NDArray[np.float64]]
 """Gives the programme's sound from one time to another, mono at `synth.alignment.cepstra.FS`."""
 
 PASSAGES_AT_ONCE = 12
+"""Passages that share their models at most."""
+
 TOGETHER_S = 75.0
 """Passages that share their models, their offset and their verdict: about a minute, after which
 speakers, an advertisement or a cut may have changed what holds."""
@@ -44,6 +46,8 @@ LARGEST_OFFSET_S = 4.5
 """Subtitles may be early or late by this much."""
 
 _OFFSET_STEP_S = 1.5
+"""Seconds between the offsets that are tried."""
+
 _OFFSET_SOUND_S = 30.0
 """So much of the programme's beginning shows whether its subtitles are early or late."""
 
@@ -51,9 +55,16 @@ _ROOM_S = 0.5
 """A word may begin so much before its subtitle appears, or after it is gone, at no cost."""
 
 _LEAST_DRIFT_S = 0.3
+"""Change of the lag in seconds from which the next passages are expected elsewhere."""
+
 _LOOKING_ROUNDS = 1
+"""Rounds of adaptation while offsets are tried."""
+
 _LEAST_OFFSET_S = 0.5
+"""Seconds below which an offset is left to the search."""
+
 _LEAST_CONFIDENCE = 0.25
+"""Confidence below which a run is timed by its subtitles."""
 
 
 @dataclass(frozen=True, slots=True)

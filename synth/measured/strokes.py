@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 _CHUNK = 512
+"""Moments that are computed at once, for constant memory."""
 
 
 @dataclass(frozen=True, slots=True)

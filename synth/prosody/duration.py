@@ -18,9 +18,15 @@ from codec.errors import CueError
 from codec.files.npz import read_arrays
 
 ASSET = Path(__file__).parents[1] / "assets" / "durations.npz"
+
 _MAX_ASSET_BYTES = 4_000_000
+"""Bytes of the asset, unpacked, at most."""
+
 _REACH = 3
+"""Phones on either side that the trees look at."""
+
 _LONGEST_COUNT = 255
+"""Largest count that fits into the trees' bytes."""
 
 _MANNER = dict.fromkeys(VOWELS, 0) | {
     symbol: manner

@@ -16,8 +16,13 @@ from codec.cues.phonology import PAUSE, VOWELS
 from codec.cues.score import Phone
 
 _GROUP_GAP_S = 0.02
+"""Seconds of silence that end a group."""
+
 _SENTENCE_GAP_S = 0.4
+"""Seconds of silence that end a sentence."""
+
 _KNOT_S = 0.01
+"""Seconds between the points of the melody's curve."""
 
 
 @dataclass(frozen=True, slots=True)

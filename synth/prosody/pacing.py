@@ -58,10 +58,14 @@ readability`). The chin is nearest to the hand in the last fifth of a way only: 
 """
 
 _LEAST_PHONE_S = 0.04
+"""Seconds that a phone keeps however dense the text: two ticks."""
+
 _LONGEST_CONSONANT = 0.55
 """Of a key's length; consonants of cued syllables take 47 to 59 % (Attina 2005)."""
 
 _LEAST_PAUSE_S = 0.06
+"""Seconds of a pause that still reads as one."""
+
 _PAUSE_FROM_S = 0.1
 """A silence of the speaker that is a pause, where the text has no mark for it."""
 
@@ -69,7 +73,10 @@ _RISE_S = 0.3
 """Nothing is shown earlier: the hand has to rise first."""
 
 _GRID_HZ = 50
+"""Ticks of the bitstream's grid in a second."""
+
 _SAME_S = 1e-9
+"""Seconds within which times count as the same: what rounding leaves."""
 
 _NEGATION = frozenset("pas plus jamais rien personne aucun aucune guère sans ni non".split())
 _ARTICLES = frozenset("le la les l' un une des du de d' au aux ce cet cette ces".split())

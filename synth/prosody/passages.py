@@ -25,6 +25,7 @@ LEAD_S = 1.0
 """A passage reaches at most this far beyond its sounds; what lies between two is still."""
 
 _SAME_S = 1e-6
+"""Seconds within which times count as the same: what rounding leaves."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,7 +37,10 @@ PAUSE_S = {SHORT_PAUSE: 0.28, LONG_PAUSE: 0.46}
 """Natural pauses: quartiles of the pauses inside sentences of enst-camille."""
 
 SHORTEST_PAUSE_S = 0.06
+"""Seconds of a pause that still reads as one."""
+
 LONGEST_PAUSE_S = 1.0
+"""Seconds to which a pause is stretched at most."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,9 +17,16 @@ from synth.rules.visemes import ARTICULATORS, viseme_table
 FloatArray = NDArray[np.float64]
 
 _REACH_S = 0.45
+"""Seconds from a phone beyond which it has no say."""
+
 _RISE_S = 0.045
+"""Seconds in which a phone's weight falls by itself, beside a share of its length."""
+
 _REST_DOMINANCE = 0.05
+"""Weight of the mouth at rest against phones."""
+
 _FRAMES_AT_ONCE = 512
+"""Frames that are computed at once, for constant memory."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,16 +53,26 @@ real cuers' strokes bend outwards by a fifth of their length."""
 
 _OUT_OF_STEP_S = {"thumb": -0.02, "index": -0.01, "middle": 0.0, "ring": 0.008, "little": 0.016}
 """How much later than the fingers together each one moves."""
+
 _FINGER_DRIFT_DEG = 0.8
+"""Standard deviation in degrees of each finger joint's slow drift."""
+
 _WRIST_DRIFT_DEG = 1.5
+"""That of the wrist."""
+
 _ARM_DRIFT = np.array([0.008] * 3 + [1.0] * 3)  # rad, mm
+
 _FREE_WRIST_DEG = (16.0, 6.0, 9.0)
+"""That of the wrist in free space (corpus 1), by axis."""
+
 _FREE_ARM = 25.0  # times the usual drift
 _TURN_SCATTER = 0.01  # rad
 _SCATTERED = np.array([0.25] * 3 + [1.0] * (len(HAND_ANGLES) - 3))
 """Shares of the scatter in wrist and fingers: the wrist's would carry the tip 6 mm away."""
 
 _ARCH_PER_FLEXION = 0.08
+"""Turn of a finger's bone in the palm for its flexion."""
+
 _UNIT_DRIFT = {
     "browInnerUp": 0.08, "browOuterUpLeft": 0.05, "browOuterUpRight": 0.05, "browDownLeft": 0.04,
     "browDownRight": 0.04, "jawLeft": 0.03, "mouthLeft": 0.03, "mouthShrugUpper": 0.03,
@@ -74,10 +84,13 @@ _LIPS_TICKS = 10
 """How far from a frame a phone can bind its lips."""
 
 _HELD_PART = 0.3
+"""Middle part of a key whose frames are labelled as held."""
+
 _NEAR_PART = 0.15
 """Part of a stroke in which it covers 3 % of its way, at its beginning and at its end."""
 
 _SILENT_S = 0.3
+"""Seconds of silence in which frames are labelled as a pause."""
 
 
 @dataclass(frozen=True, slots=True)

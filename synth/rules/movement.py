@@ -26,7 +26,10 @@ FloatArray = NDArray[np.float64]
 ALIGNMENTS = ("attina", "paper")
 
 _LOG_SIGMA = 0.45
+"""Standard deviation of the logarithm of time in the lognormal law."""
+
 _DAMPING = 9.0
+"""Decay of the damped law over a movement, without unit."""
 
 
 def _minimum_jerk(s: FloatArray) -> FloatArray:
@@ -97,7 +100,10 @@ class Gestures:
 
 
 _LONG_AGO_S = -1e6
+"""A time in seconds before any that occurs."""
+
 _TYPICAL_WAY_MM = 60.0
+"""Way in mm of a stroke whose targets nobody told."""
 
 _Row = tuple[int, int, float, float]
 Way = Callable[[tuple[int, int], tuple[int, int]], float]

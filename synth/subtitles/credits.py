@@ -22,7 +22,9 @@ _SITE = re.compile(
     r"(?:www\.|https?://)\S+.*sous-titr|sous-titr.*(?:www\.|https?://)\S+",
     re.I | re.S,
 )
+
 _LONGEST = 160
+"""Characters of a line of credits at most."""
 
 
 def is_credit(text: str) -> bool:

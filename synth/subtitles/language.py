@@ -22,7 +22,11 @@ RIVALS = (
 """Languages between which is chosen: those of European television and its neighbours."""
 
 _MOSTLY_KNOWN = 0.75
+"""Share of known French words from which a caption is French whatever else is seen."""
+
 _HALF_KNOWN = 0.5
+"""Share from which it needs more to be taken for another language."""
+
 _MARGIN, _LARGE_MARGIN = 8.0, 20.0
 """Logarithm of how much likelier another language must be where few words are French, and where
 most are. Of 400 French sentences and 300 of eight other languages these err in none and two."""

@@ -9,6 +9,7 @@ from synth.subtitles.findings import Findings
 from synth.subtitles.model import LONGEST_S, Subtitle
 
 _NEVER = Fraction(int(LONGEST_S) + 1)
+"""A time in seconds after every caption."""
 
 logging.getLogger("ttconv").addHandler(logging.NullHandler())
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 from synth.subtitles.model import Subtitle
 
 _AT_ONCE_S = 0.15
+"""Seconds between captions that count as one following the other at once."""
 
 
 def unrolled(subtitles: Iterable[Subtitle]) -> Iterator[Subtitle]:

@@ -9,6 +9,8 @@ from synth.subtitles.findings import Findings
 from synth.subtitles.model import Subtitle
 
 _HOUR_S = 3600.0
+"""Seconds of an hour: tapes begin on a whole one."""
+
 _TAPE_HOURS = 10
 """No programme has its first words ten hours after its start."""
 

@@ -10,8 +10,13 @@ from synth.subtitles.model import Subtitle
 from synth.subtitles.model_walk import subtitles_of
 
 HEADER_BYTES, BLOCK_BYTES = 1024, 128
+"""Bytes of the header and of a block (EBU Tech 3264)."""
+
 _FORMAT = slice(3, 11)
+
 _USER_DATA_BLOCK = 0xFE
+"""Number of blocks that hold no text."""
+
 _LANGUAGE = slice(14, 16)
 _LANGUAGES = {
     b"01": "sq", b"02": "br", b"03": "ca", b"04": "hr", b"06": "cs", b"07": "da", b"08": "de",

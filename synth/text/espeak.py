@@ -16,13 +16,20 @@ from codec.errors import CueError
 from synth.text.lexicon import split_ipa
 
 _AUDIO_OUTPUT_SYNCHRONOUS = 2
+"""Numbers of espeak-ng's interface (speak_lib.h), as are those below."""
+
 _PHONEME_EVENTS, _PHONEME_IPA_EVENTS, _DONT_EXIT = 0x0001, 0x0002, 0x8000
+"""Flags of its start."""
+
 _OPTIONS = _PHONEME_EVENTS | _PHONEME_IPA_EVENTS | _DONT_EXIT
 RATE_HZ = 22_050
 """Sampling rate of the library's voices."""
 
 _CHARS_UTF8 = 1
+"""How text is coded."""
+
 _PHONEMES_IPA = 0x02
+"""How phones are named."""
 
 _VOWELS = frozenset("aeiouyøœəɛɔɑ")
 

@@ -14,7 +14,9 @@ UNITS = (
 ).split()
 TENS = "vingt trente quarante cinquante soixante soixante quatre-vingt quatre-vingt".split()
 SCALES = ((10**12, "billion"), (10**9, "milliard"), (10**6, "million"))
+
 LARGEST = 10**15 - 1
+"""Largest number that has French words here."""
 
 ORDINAL_STEMS = {"quatre": "quatr", "cinq": "cinqu", "neuf": "neuv"}
 

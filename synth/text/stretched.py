@@ -12,7 +12,10 @@ from synth.text.numbers import roman
 
 _DRAWN_OUT = re.compile(r"[^\W\d_]*?([^\W\d_])\1\1[^\W\d_]*", re.I)
 _RUN = re.compile(r"([^\W\d_])\1{2,}", re.I)
+
 _MOST_RUNS = 4
+"""Drawn-out letters of a word at most: more is no cry."""
+
 _VOWELS = "aeiouyàâéèêëîïôùûü"
 
 
