@@ -13,7 +13,9 @@ from cuecast.command.progress import note
 
 SUMMARY = "figures as CSV, JSON and plots"
 
-KINDS = ("codec", "audio", "video", "together", "chain", "synthesis", "models", "capture")
+KINDS = (
+    "codec", "audio", "video", "together", "chain", "synthesis", "models", "capture", "readability",
+)  # fmt: skip
 
 
 def offered() -> tuple[str, ...]:

@@ -50,7 +50,7 @@ LONGEST_S = 30.0
 _REACH_S = 8.0
 """Words this long before the place where she falls behind can still make room for it."""
 
-_STILL_S, _TURN_S, _PER_MM_S, _CHIN_S = 0.08, 0.15, 0.0005, 0.02
+_STILL_S, _TURN_S, _PER_MM_S, _CHIN_S = 0.08, 0.14, 0.0005, 0.02
 """Least time from a key to one that repeats it; to another; more per mm of way, and at the chin.
 
 Found so that 97 % of the keys of fast subtitles are held for 100 ms (`cuecast evaluate

@@ -1,0 +1,259 @@
+"""Whether viewers can read the cuer: pace, holds, speed, omissions and movement, over subtitles.
+
+Material: the subtitles in a folder (``--clips``), or programmes of five minutes made of the
+package's sentences at 4 and 6 syllables a second, pauses counted, and the demonstration's text.
+Each is cued at the readable pace and in step with the speaker (``--channels readable,sync``).
+
+A key is *held* while the hand is nearer to it than to any other key
+(`codec.analysis.readability`). The *reader* stands for a viewer: a recogniser taught on slow
+cueing, which sees 25 pictures a second and takes in what stands for three of them. The movement's
+figures stand beside those of real cuers (`cuecast.evaluate.strokes`).
+"""
+
+import difflib
+import itertools
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.analysis.readability import HELD_S, Classes, peak_speed, shown_keys
+from codec.analysis.recognise import Recogniser, fit_recogniser
+from codec.cuer.voice import load_voice
+from codec.cues.phonology import VOWELS
+from codec.cues.score import PLACEMENT_NUMBER, Key, Score
+from codec.errors import CueError
+from cuecast.demo.content import make_sound
+from cuecast.evaluate.options import EvaluateOptions
+from cuecast.evaluate.strokes import RATE_HZ, REAL, stroke_figures
+from receiver.drawing.render import render_frames, write_picture
+from synth.prosody.pace_report import PaceReport
+from synth.prosody.pacing import READABLE, Pace
+from synth.rules.gesture import GestureSynthesiser
+from synth.scoring.text_score import PLAIN, Reading, score_from_subtitles, score_from_text
+from synth.subtitles import Subtitle, read_subtitles
+from synth.text.sentences import read_sentences
+
+PACES: dict[str, Pace | None] = {"readable": READABLE, "sync": None}
+
+_RATES = (4.0, 6.0)
+_PROGRAMMES = 3
+_PROGRAMME_S = 300.0
+_GAP_S = 0.1
+"""Between two subtitles of a made programme; their time is that of the syllables, gap included."""
+
+_FRAMES_HZ = 50.0
+_PICTURES_HZ = 25.0
+_PICTURES = 3
+"""Pictures for which a reader has to see a key: the 100 ms of `HELD_S`."""
+
+_TAUGHT = 40
+_SLOW = 1.2
+"""Sentences on which the reader is taught, at this many syllables a second."""
+
+_STRIP_PICTURES = 12
+_STRIP_SIZE = (240, 320)
+_SUBTITLES = {".srt", ".vtt", ".ttml", ".dfxp", ".xml", ".stl", ".ass", ".ssa"}
+
+
+def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
+    """Return one row per programme and pace, and one of the real cuers.
+
+    Parameters
+    ----------
+    options : EvaluateOptions
+        ``clips`` names a folder of subtitles, ``channels`` some of `PACES`; ``out`` takes a film
+        strip of the first programme.
+
+    Raises
+    ------
+    CueError
+        If a pace is unknown, or there are no subtitles.
+    """
+    paces = options.channels or tuple(PACES)
+    if unknown := set(paces) - set(PACES):
+        raise CueError(f"no pace called {min(unknown)!r}, there are: {', '.join(PACES)}")
+    reader = taught_reader()
+    rows = []
+    for name, subtitles in programmes(options):
+        for pace in paces:
+            options.say(f"{name}, {pace}")
+            rows.append(
+                {"clip": name, "pace": pace} | figures(subtitles, PACES[pace], reader, options.seed)
+            )
+    if not rows:
+        raise CueError(f"{options.clips}: no subtitles that say anything")
+    if options.out is not None:
+        _, subtitles = next(iter(programmes(options)))
+        strip(options.out / "readability-strip.png", subtitles, options.seed)
+    real = {name: f"{low:g}-{high:g}" if low != high else f"{low:g}"
+            for name, (low, high) in REAL.items()}  # fmt: skip
+    return [*rows, {"clip": "real cuers", "pace": "their own"} | real]
+
+
+def programmes(options: EvaluateOptions) -> Iterator[tuple[str, list[Subtitle]]]:
+    """Yield names and subtitles of the material."""
+    if options.clips is not None:
+        for path in sorted(options.clips.iterdir()):
+            if path.suffix.lower() in _SUBTITLES:
+                yield path.name, list(read_subtitles(path))
+        return
+    rng = np.random.default_rng([options.seed, 31])
+    lines = read_sentences()
+    yield "demonstration", make_sound()[1]
+    for rate in _RATES:
+        for number in range(_PROGRAMMES):
+            order = rng.permutation(len(lines))
+            said = [lines[i] for i in order]
+            yield f"{rate:g} syllables/s, {number + 1}", spoken_at(said, rate, _PROGRAMME_S)
+
+
+def spoken_at(lines: Sequence[str], syllables_per_s: float, length_s: float) -> list[Subtitle]:
+    """Return lines as subtitles that are spoken at a rate, pauses counted, one after the other."""
+    subtitles: list[Subtitle] = []
+    time_s = 1.0
+    for line in lines:
+        syllables = sum(p in VOWELS for word in PLAIN.words(line) for p in word.phones)
+        needed_s = syllables / syllables_per_s
+        if time_s + needed_s > length_s:
+            break
+        if needed_s > 2 * _GAP_S:
+            subtitles.append(Subtitle(time_s, time_s + needed_s - _GAP_S, line, len(subtitles) + 1))
+            time_s += needed_s
+    return subtitles
+
+
+def figures(
+    subtitles: Sequence[Subtitle], pace: Pace | None, reader: Recogniser, seed: int = 0
+) -> dict[str, Any]:
+    """Return the figures of one programme at one pace.
+
+    ``verbatim_share`` is the share of the whole text's keys that are shown and held for
+    `codec.analysis.readability.HELD_S`; ``read_share`` that of those which the reader took in.
+    """
+    report = PaceReport()
+    score = score_from_subtitles(subtitles, reading=Reading(pace=pace), told=report)
+    said = [key for subtitle in subtitles for key in score_from_text(subtitle.text).keys]
+    if not score.keys:
+        return {"keys_said": len(said), "keys_shown": 0}
+    cuer = GestureSynthesiser(rate_hz=_FRAMES_HZ, seed=seed)
+    markers = _markers(cuer, score)
+    shown = shown_keys(markers, score, Classes(cuer.targets()[0]), rate_hz=_FRAMES_HZ)
+    held = np.array([item.held_s for item in shown])
+    starts = np.array([key.start for key in score.keys])
+    inner = np.diff(starts)
+    inner = inner[inner < 1.0]
+    told = report.report()
+    every = round(_FRAMES_HZ / _PICTURES_HZ)
+    taken = read_keys(reader, markers[::every])
+    return {
+        "keys_said": len(said), "keys_shown": len(score.keys),
+        "words_left_out": told["words_left_out"], "lag_s": told["lag_s"],
+        "keys_per_s": float(1 / inner.mean()) if len(inner) else 0.0,
+        "held_share": float(np.mean(held >= HELD_S - 1e-6)),
+        "hold_p10_s": float(np.percentile(held, 10)),
+        "three_pictures_share": float(np.mean(held >= _PICTURES / _PICTURES_HZ - 1e-6)),
+        "peak_m_s": peak_speed(markers, _FRAMES_HZ),
+        "verbatim_share": float(np.sum(held >= HELD_S - 1e-6)) / max(len(said), 1),
+        "read_share": in_common(taken, _gestures(said)),
+        **stroke_figures(_performances(score, seed)),
+    }  # fmt: skip
+
+
+def _markers(cuer: GestureSynthesiser, score: Score) -> NDArray[np.float32]:
+    frames = int(cuer.rate_hz * (score.phones[-1].end + 1.0))
+    step = 1024
+    return np.concatenate(
+        [
+            cuer.markers(score, at / cuer.rate_hz, min(step, frames - at))
+            for at in range(0, frames, step)
+        ]
+    )
+
+
+def _performances(score: Score, seed: int) -> list[NDArray[np.floating]]:
+    """Return what a camera of `RATE_HZ` sees."""
+    return [_markers(GestureSynthesiser(rate_hz=RATE_HZ, seed=seed), score)]
+
+
+def taught_reader() -> Recogniser:
+    """Return a recogniser that has seen slow cueing."""
+    slow = Reading(pace=Pace(syllables_per_s=_SLOW))
+    cuer = GestureSynthesiser(rate_hz=_PICTURES_HZ, seed=41)
+    frames, shapes, places = [], [], []
+    for line in read_sentences()[::-1][:_TAUGHT]:
+        score = score_from_text(line, start_s=1.0, reading=slow)
+        markers = _markers(cuer, score)
+        labels = cuer.labels(score, 0.0, len(markers))
+        kept = (labels.shape >= 0) & (labels.placement >= 0)
+        frames.append(markers[kept])
+        shapes.append(labels.shape[kept].astype(np.int64))
+        places.append(labels.placement[kept].astype(np.int64))
+    return fit_recogniser(np.concatenate(frames), np.concatenate(shapes), np.concatenate(places))
+
+
+def read_keys(reader: Recogniser, markers: NDArray[np.floating]) -> list[tuple[int, int]]:
+    """Return the shapes and placements that stand for `_PICTURES` pictures or more, in order."""
+    shapes = reader.shape_posteriors(markers).argmax(axis=1)
+    places = reader.placement_posteriors(markers, shapes).argmax(axis=1)
+    codes = shapes * len(PLACEMENT_NUMBER) + places
+    edges = np.flatnonzero(np.diff(codes, prepend=-1, append=-1))
+    taken: list[tuple[int, int]] = []
+    for begin, end in itertools.pairwise(edges.tolist()):
+        key = int(shapes[begin]), int(places[begin])
+        if end - begin >= _PICTURES and key[1] and (not taken or taken[-1] != key):
+            taken.append(key)
+    return taken
+
+
+def _gestures(keys: Sequence[Key]) -> list[tuple[int, int]]:
+    """Return what the hand has to show: keys, those that repeat the one before once."""
+    line: list[tuple[int, int]] = []
+    for key in keys:
+        gesture = key.shape, PLACEMENT_NUMBER[key.placement]
+        if not line or line[-1] != gesture:
+            line.append(gesture)
+    return line
+
+
+def in_common(found: Sequence[tuple[int, int]], wanted: Sequence[tuple[int, int]]) -> float:
+    """Return the share of `wanted` that `found` has in the same order.
+
+    Examples
+    --------
+    >>> in_common([(1, 1), (3, 2), (2, 2)], [(1, 1), (2, 2), (5, 3)])
+    0.6666666666666666
+    """
+    if not wanted:
+        return 0.0
+    matcher = difflib.SequenceMatcher(None, found, wanted, autojunk=False)
+    return sum(block.size for block in matcher.get_matching_blocks()) / len(wanted)
+
+
+def strip(path: Path, subtitles: Sequence[Subtitle], seed: int = 0) -> None:
+    """Draw successive pictures of the cuer, 25 a second, as one PNG."""
+    voice = load_voice()
+    score = score_from_subtitles(subtitles, reading=Reading(pace=READABLE))
+    middle = score.keys[len(score.keys) // 2].start
+    cuer = GestureSynthesiser(voice.name, seed=seed)
+    motion = cuer.motion(score, round(middle, 2), 2 * _STRIP_PICTURES + 4, voice)
+    times = motion.start_s + np.arange(_STRIP_PICTURES) / _PICTURES_HZ
+    pictures = list(render_frames(motion, voice, times, style="avatar", size=_STRIP_SIZE))
+    rows = np.split(np.array(pictures), 2)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_picture(path, np.concatenate([np.concatenate(list(row), axis=1) for row in rows]))
+
+
+def plot(results: list[dict[str, Any]], figure: Any) -> None:
+    """Plot the shares of the text's keys that are held, and that the reader took in."""
+    rows = [row for row in results if "verbatim_share" in row]
+    axes = figure.subplots()
+    at = np.arange(len(rows))
+    axes.barh(at - 0.2, [row["verbatim_share"] for row in rows], 0.4, label="held for 100 ms")
+    axes.barh(at + 0.2, [row["read_share"] for row in rows], 0.4, label="taken in by the reader")
+    axes.axvline(0.54, color="0.5", linestyle=":", label="twelve transliterators")
+    axes.set_yticks(at, [f"{row['clip']}, {row['pace']}" for row in rows])
+    axes.set_xlabel("share of the text's keys")
+    axes.legend()

@@ -1,0 +1,76 @@
+"""Figures of readability: the reader, the strokes, the rows."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from codec.analysis.recognise import Recogniser
+from codec.cues.score import PLACEMENT_NUMBER
+from codec.errors import CueError
+from cuecast.evaluate.options import EvaluateOptions
+from cuecast.evaluate.readability import evaluate, figures, read_keys, spoken_at, taught_reader
+from cuecast.evaluate.strokes import REAL, stroke_figures, strokes_of
+from synth.prosody.pacing import READABLE
+from synth.rules.gesture import GestureSynthesiser
+from synth.scoring.text_score import score_from_text
+
+LINES = (
+    "Le patron du café raconte une belle histoire à ses amis.",
+    "La météo annonce un vent très fort pour toute la nuit.",
+)
+
+
+@pytest.fixture(scope="module")
+def reader() -> Recogniser:
+    return taught_reader()
+
+
+def test_the_reader_reads_slow_cueing_and_cannot_follow_haste(reader: Recogniser) -> None:
+    slow, fast = (figures(spoken_at(LINES, rate, 60.0), None, reader) for rate in (1.5, 6.0))
+    assert slow["read_share"] > 0.9
+    assert fast["read_share"] < 0.7 * slow["read_share"]  # measured 0.51 of 0.95
+
+
+def test_a_readable_pace_shows_more_of_the_text(reader: Recogniser) -> None:
+    subtitles = spoken_at(LINES * 3, 4.5, 60.0)
+    paced, hurried = (figures(subtitles, pace, reader) for pace in (READABLE, None))
+    assert paced["held_share"] >= 0.95
+    assert paced["hold_p10_s"] >= 0.08
+    assert paced["peak_m_s"] <= 1.5
+    assert paced["lag_s"] <= 1.5
+    assert paced["verbatim_share"] > hurried["verbatim_share"] + 0.1
+    assert paced["read_share"] > hurried["read_share"] + 0.1
+
+
+def test_a_still_hand_is_read_once(reader: Recogniser) -> None:
+    score = score_from_text("a")
+    cuer = GestureSynthesiser(rate_hz=25.0)
+    held = cuer.markers(score, score.keys[0].start + 0.02, 1)
+    assert read_keys(reader, np.repeat(held, 9, axis=0)) == [(5, PLACEMENT_NUMBER["side"])]
+    assert read_keys(reader, np.repeat(held, 2, axis=0)) == []
+
+
+def test_strokes_are_found_where_they_are() -> None:
+    bell = 400 * np.exp(-(((np.arange(60) - 20) / 5.0) ** 2))
+    bell += 300 * np.exp(-(((np.arange(60) - 42) / 5.0) ** 2))
+    found = strokes_of(bell)
+    assert [stroke.peak for stroke in found] == [20, 42]
+    assert found[0].begin == pytest.approx(20 - 5 * np.sqrt(np.log(1 / 0.15)), abs=1.5)
+    assert strokes_of(np.full(30, 90.0)) == []
+    still = np.repeat(np.random.default_rng(0).normal(size=(1, 113, 3)), 40, axis=0)
+    assert stroke_figures([still]) == {}
+
+
+def test_rows_stand_beside_the_real_ones(tmp_path: Path) -> None:
+    (tmp_path / "a.srt").write_text(
+        "1\n00:00:01,000 --> 00:00:05,000\nBonjour à tous et à toutes, les amis.\n"
+    )
+    told: list[str] = []
+    options = EvaluateOptions(tmp_path, ("readable",), 0, tmp_path, told.append, tmp_path / "out")
+    ours, real = evaluate(options)
+    assert (ours["clip"], ours["pace"], ours["words_left_out"]) == ("a.srt", "readable", 0)
+    assert set(REAL) <= set(real)
+    assert (tmp_path / "out" / "readability-strip.png").stat().st_size > 10_000
+    with pytest.raises(CueError, match="no pace called 'x'"):
+        evaluate(EvaluateOptions(tmp_path, ("x",), 0, tmp_path, told.append))
