@@ -36,10 +36,10 @@ class Page {
     this.controls = new Controls(document, this);
     this.feed = new Feed(`ws://${location.host}/feed`, {
       open: () => {
-        if (this.link !== "full") this.link = "searching";
+        if (this.link !== "crowded") this.link = "searching";
         this.report(true);
       },
-      closed: (full) => { this.link = full ? "full" : "offline"; },
+      closed: (full) => { this.link = full ? "crowded" : "offline"; },
       message: (message) => this.receive(message),
       motion: (piece) => this.timeline.insert(piece),
     });
