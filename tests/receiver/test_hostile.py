@@ -94,8 +94,8 @@ def hostile(count: int, rng: np.random.Generator) -> Iterator[Sent]:
                     yield Sent(of_version(old.l0, 1 + at % 3), old.l1, place, None)
                 case "compact":
                     yield Sent(compact()[at % 18 + k], None, place, None)
-                case "garbage":
-                    yield Sent(rng.bytes(int(rng.integers(1, 60))), rng.bytes(24), place, None)
+                case "garbage":  # of compact parts only the carriers' checks tell it
+                    yield Sent(rng.bytes(int(rng.integers(13, 60))), rng.bytes(24), place, None)
                 case "broken":
                     wounded = bytearray(old.l0)
                     wounded[int(rng.integers(len(wounded)))] ^= 1 + int(rng.integers(255))
