@@ -95,16 +95,21 @@ class Demodulator:
     def likely_levels(self, view: View, last: float, offset: float = 0.0) -> list[float]:
         """Levels to try, best first: by how well their pilots fit, then by nearness to `last`.
 
-        A gain that moved all levels by `offset` may have moved them beyond those that are written.
+        A gain that moved all levels by `offset` may have moved them beyond those that are written:
+        where pilots fit best at such a tier, its levels come first.
         """
-        spare = SPARE_TIERS if abs(offset) > TIER_LEVELS / 4 else 0
-        tiers: dict[float, float] = {}
-        for tier in range(-spare, len(LEVELS) // TIER_LEVELS + spare):
-            levels = [tier * TIER_LEVELS + i + offset for i in range(TIER_LEVELS)]
-            step = self.profile.pilot_step(0) * 2 ** (levels[0] / TIER_LEVELS)
-            score = float((view.soft(self._pilots.cells, step) * self._announced).sum())
-            tiers.update(dict.fromkeys(levels, score))
-        return sorted(tiers, key=lambda level: (-tiers[level], abs(level - last)))[:TRIED_LEVELS]
+        tiers, own = len(LEVELS) // TIER_LEVELS, set(range(len(LEVELS) // TIER_LEVELS))
+        scores: dict[int, float] = {}
+        for tier in range(-SPARE_TIERS, tiers + SPARE_TIERS):
+            step = self.profile.pilot_step(0) * 2 ** (tier + offset / TIER_LEVELS)
+            soft = view.soft(self._pilots.cells, step)
+            scores[tier] = float((soft * self._announced).sum())
+        ranked = sorted(scores, key=lambda tier: -scores[tier])
+        chosen = [tier for tier in ranked if tier in own][: TRIED_LEVELS // TIER_LEVELS]
+        if ranked[0] not in own:
+            chosen.insert(0, ranked[0])
+        levels = [[tier * TIER_LEVELS + i + offset for i in range(TIER_LEVELS)] for tier in chosen]
+        return [level for part in levels for level in sorted(part, key=lambda x: abs(x - last))]
 
     def read(self, view: View, levels: list[float], *, due: bool = True) -> Reading:
         """Read at the first of `levels` that the link accepts; else at the first of all.
