@@ -4,6 +4,7 @@ Everything is made by arithmetic and by espeak-ng, so the demonstration needs no
 """
 
 from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +61,13 @@ _BRIGHT_HZ = 9000
 
 def make_sound() -> tuple[NDArray[np.float32], list[Subtitle]]:
     """Return the sound, shape (n, 2) at `FS`, and the subtitles of what is said in it."""
+    sound, subtitles = _programme()
+    return sound.copy(), list(subtitles)
+
+
+@cache
+def _programme() -> tuple[NDArray[np.float32], tuple[Subtitle, ...]]:
+    """Make sound and subtitles, once in a process."""
     subtitles: list[Subtitle] = []
     spoken: list[tuple[int, NDArray[np.float64]]] = []
     time_s = _FIRST_LINE_S
@@ -74,7 +82,7 @@ def make_sound() -> tuple[NDArray[np.float32], list[Subtitle]]:
     sound = _music(time_s + _TAIL_S)
     for start, x in spoken:
         sound[start : start + len(x)] += x[:, None]
-    return np.clip(sound, -0.99, 0.99).astype(np.float32), subtitles
+    return np.clip(sound, -0.99, 0.99).astype(np.float32), tuple(subtitles)
 
 
 def _music(seconds: float) -> NDArray[np.float64]:
@@ -101,24 +109,31 @@ def _bowed(frequency_hz: float, length: int, rng: np.random.Generator) -> NDArra
     frequency = frequency_hz * 2 ** (rng.normal(0, 4) / 1200)
     vibrato = 0.003 * frequency / _VIBRATO_HZ * np.sin(2 * np.pi * _VIBRATO_HZ * t)
     phase = 2 * np.pi * frequency * t + vibrato
-    tone = np.zeros(length)
-    for harmonic in range(1, int(_BRIGHT_HZ / frequency)):
-        tone += np.sin(harmonic * phase + rng.uniform(0, 6)) / harmonic**1.1
-    return tone
+    harmonics = np.arange(1, int(_BRIGHT_HZ / frequency))
+    parts = np.exp(1j * rng.uniform(0, 6, harmonics.size)) / harmonics**1.1
+    # All harmonics are powers of the first: their sum is a polynomial, after Horner.
+    first, tone = np.exp(1j * phase), np.zeros(length, dtype=np.complex128)
+    for part in parts[::-1]:
+        tone += part
+        tone *= first
+    return tone.imag
 
 
 def make_pictures(seconds: float) -> Iterator[NDArray[np.uint8]]:
     """Yield the pictures, (HEIGHT, WIDTH, 3) red, green, blue: a sunset over moving water."""
-    y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(np.float64)
+    y, x = np.arange(HEIGHT, dtype=np.float64)[:, None], np.arange(WIDTH, dtype=np.float64)
     horizon = 0.62 * HEIGHT
+    above = y <= horizon
+    sky = np.clip(1 - y / horizon, 0, 1)
+    depth = 0.9 * np.maximum(y - horizon, 0) ** 0.7
     for number in range(round(seconds * PICTURE_RATE)):
         t = number / PICTURE_RATE
         sun_x, sun_y = WIDTH * (0.25 + 0.01 * t), HEIGHT * (0.30 + 0.006 * t)
         glow = np.exp(-np.hypot(x - sun_x, y - sun_y) / 70)
-        sky = np.clip(1 - y / horizon, 0, 1)
-        waves = 0.5 + 0.5 * np.sin(0.9 * np.maximum(y - horizon, 0) ** 0.7 + 0.02 * x - 2 * t)
-        water = (y > horizon) * waves * (0.25 + 0.5 * np.exp(-(((x - sun_x) / 90) ** 2)))
-        red = 60 + 110 * (1 - sky) * (y <= horizon) + 190 * glow + 90 * water
+        across = 0.02 * x - 2 * t
+        waves = 0.5 + 0.5 * (np.sin(depth) * np.cos(across) + np.cos(depth) * np.sin(across))
+        water = ~above * waves * (0.25 + 0.5 * np.exp(-(((x - sun_x) / 90) ** 2)))
+        red = 60 + 110 * (1 - sky) * above + 190 * glow + 90 * water
         green = 40 + 50 * (1 - sky) + 140 * glow + 70 * water
         blue = 90 + 60 * sky + 60 * glow + 60 * water
         yield np.clip(np.stack([red, green, blue], axis=2), 0, 255).astype(np.uint8)
