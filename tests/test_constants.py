@@ -70,11 +70,11 @@ OPEN: dict[str, int] = {
     "codec/bitstream": 64,
     "codec/files": 1,
     "cuecast/demo": 1,
+    "cuecast/evaluate": 16,
     "cuecast/live": 19,
     "cuecast/verbs": 2,
     "synth/alignment": 1,
-    "synth/capture": 57,
-    "synth/measured": 27,
+    "synth/measured": 1,
     "synth/training": 1,
 }
 """Numbers that nobody has explained yet, per room; it may only shrink."""

@@ -19,15 +19,28 @@ from synth.capture.cues.recognise import Held
 FloatArray = NDArray[np.float64]
 
 _LAG_S = 0.016
+"""Seconds by which recognised arrivals are late, in the mean, of films of virtual cuers."""
+
 _TO_REST_DELAY_S = 0.08
+"""Seconds after a key's end at which the hand sets out for rest (P3)."""
+
 _LEAST_KEY_S = 0.06
+"""Shortest key in seconds."""
+
 _LONGEST_KEY_S = 0.6
+"""Longest key in seconds; a hand that stays longer pauses."""
+
 _CONSONANT_PART, _LONGEST_CONSONANT_S = 0.4, 0.14
+"""Part of a key that its consonant takes, and the seconds of it at most."""
+
 _LIPS_MM = 1.5
+"""Spread in mm of the lips about a phone's target."""
+
 _ALONE = 1.0
 """Cost of a key of one phone: they are rarer than keys of two."""
 
 _UNSURE = 0.5
+"""Confidence from which a key counts as recognised in the report."""
 
 LEAST_SURE = 0.6
 """Share of keys that have to be sure for a score to help more than it misleads."""

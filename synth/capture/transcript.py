@@ -14,7 +14,9 @@ _ASCII = {
     "x^": "ø", "x_": "ø", "i~": "ɛ̃", "e~": "ɛ̃", "a~": "ɑ̃", "o~": "ɔ̃", "x~": "œ̃",
 }  # fmt: skip
 _PAUSES = {PAUSE, "_", "q", "<start>", "<end>", "#", "sil", "sp"}
+
 _LENGTH_S, _PAUSE_S = 0.1, 1.0
+"""Seconds of a phone and of a pause in a text without times; only their order counts."""
 
 
 def read_transcript(text: str) -> Score:

@@ -24,18 +24,36 @@ MEASURED = "measured"
 """Name of her movement, where others have a law of movement."""
 
 _HEAD_SD = np.array([*np.radians([1.6, 1.2, 0.7]), 1.6, 1.4, 1.6])
+
 _HEAD_STEP_S = 0.45
+"""Seconds between the points of the head's small motion."""
+
 _ARM_SD = np.array([0.02, 0.02, 0.02, 2.2, 2.2, 2.0])
+"""Standard deviation of the arm's small motion: turn in radians, shift in mm."""
+
 _ARM_STEP_S = 0.16
+"""Seconds between its points."""
+
 _FREE_ARM_SD = np.array([0.2, 0.2, 0.2, 25.0, 25.0, 25.0])
+"""The same in free space (corpus 1)."""
+
 _FINGER_SD_DEG, _WRIST_SD_DEG = 1.5, 2.0
+"""Standard deviation in degrees of the small motion of finger joints and wrist."""
+
 _FREE_WRIST_SD_DEG = (16.0, 6.0, 9.0)
+"""That of the wrist in free space, by axis."""
+
 _FINGER_STEP_S = 0.2
+"""Seconds between the points of the fingers' small motion."""
+
 _UNIT_SD, _UNIT_STEP_S = 0.015, 0.3
+"""Standard deviation of the face units' small motion, and seconds between its points."""
+
 _FOLLOWS = 0.9
 """How much of the head's motion the raised hand takes over; a resting hand none."""
 
 _HELD_S = 0.06
+"""Seconds about an arrival whose frames are labelled as held."""
 
 
 class Performer(Protocol):

@@ -20,10 +20,18 @@ _INSISTS = 0.5
 """Dominance from which a phone holds an articulator; others let it pass."""
 
 _TARGET_SCATTER = 0.2
+"""Standard deviation of a target's size from phone to phone, of 1."""
+
 _TIME_SCATTER_S = 0.015
+"""Standard deviation in seconds of an articulator's step about the phone's begin."""
+
 _SMOOTH_S = {"jaw": 0.045, "larynx": 0.060, "jaw_forward": 0.055, "cheek": 0.050}
+
 _SMOOTH_LIPS_S = 0.032
+"""Standard deviation in seconds of the lips' smoothing."""
+
 _NEAR = 6.0
+"""Standard deviations of the smoothing beyond which a step has no effect."""
 
 
 def own_targets(seed: int) -> FloatArray:

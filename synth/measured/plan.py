@@ -31,7 +31,11 @@ _BEFORE_LIPS_S = (0.165, 0.12, 0.06)
 phrases and from key to key, seconds."""
 
 _SLOW_KEYS = 5.0
+"""Keys over which the slow part of her lead changes."""
+
 _LEAST_APART_S = 0.15
+"""Seconds between arrivals at least."""
+
 _STROKE_S = 0.36
 _STROKE_SPREAD = 0.27
 """Median duration from rest to rest, and its spread in natural logarithms. What an analysis finds
@@ -41,19 +45,35 @@ _PER_AMPLITUDE = 0.33
 """Durations grow with this power of the amplitude against 56 mm."""
 
 _USUAL_MM = 56.0
+"""Median amplitude of a stroke in mm, as measured on real cuers."""
+
 _LIMITS_S = (0.16, 0.62)
+"""Shortest and longest stroke in seconds."""
+
 _USED = 0.6
 """Part of an idle time that the next stroke takes in."""
 
 _PEAK = (0.47, 0.13)
+"""Share of a stroke at which it is fastest: mean, and spread from key to key."""
+
 _LATE = (0.16, 0.08)
+"""Share of a stroke by which its second component lags: mean and spread."""
+
 _ARC_RAD = (0.35, 1.15)
+"""Angle in radians that the path turns by: mean and spread."""
+
 _FINGERS_S = ((0.03, 0.05), (-0.10, 0.07))
 """Fingers against hand: start and end, mean and spread from key to key."""
 
 _JOINT_S = 0.035
+"""Spread in seconds of each joint's start and end about the hand's."""
+
 _LEAST_FINGERS_S = 0.12
+"""Seconds that a change of shape takes at least."""
+
 _TURN_SCATTER = 0.03
+"""Spread in radians of the arm's turn from key to key."""
+
 _SCATTER = {"rest": 25.0, "side": 15.0, "mouth": 10.0, "chin": 12.0, "cheek": 11.0, "throat": 14.0}
 """Of the hand from key to key, mm per axis: spread of slow frames of a real cuer's finger tip."""
 
@@ -61,8 +81,13 @@ _LUMP_MM = np.array([-20.0, 12.0])
 """Half the way between the two places at the side where a real cuer's finger was found."""
 
 _TO_REST_S = (0.12, 0.75)
+"""Seconds after the last key at which the hand sets out for rest, and that it takes."""
+
 _WRIST = 3
+"""Angles of the wrist, which come first."""
+
 _REST_BEFORE_S = 0.55
+"""Seconds before a key by which a rest has to end."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 FAR = -1e18
+"""Log likelihood of what never is."""
 
 
 @njit(cache=True)

@@ -32,6 +32,8 @@ _BAND = 300
 """Keys before and after the expected one that come into question in a frame."""
 
 _AROUND_S = 0.1
+"""Seconds about a key's moment that tell how well it fits."""
+
 _AGREES = 0.42
 """Mean probability of a text's keys from which it is believed: on takes of real and virtual cuers
 their own texts had more, those of other takes less."""

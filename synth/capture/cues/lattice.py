@@ -24,18 +24,31 @@ FRAME_SHARE = 0.3
 """Neighbouring frames tell the same: at 30 frames/s each counts as this part of an observation."""
 
 _FREEDOM = 7.0
+"""Degrees of freedom of the heavy-tailed distribution of a held key's features."""
+
 _SLACK_S, _SLACK_PRICE = 0.07, 680.0
 """Fingers may be in shape so much before or after the hand is in place; price per s²."""
 
 _HELD_MM_S, _MOVING_MM_S = 120.0, 300.0
+"""Spreads in mm/s of the hand's speed in holds and on the way."""
+
 _FINGERS_BESIDE = 0.17
+"""Spread of a finger's closure beside the range between two shapes."""
+
 _PATH_MM, _PATH_PART, _PATH_OF_SPREAD = 25.0, 0.08, 0.25
 """How far off the straight line the hand moves: always, per length, per spread of the targets."""
 
 _RESTING_SHAPE_SD = 1.6
+"""Spread of the closures of a hand at rest, which may have any shape."""
+
 _ANY_FINGER = (-0.5, 1.3)
+"""Range of closures of a hand that comes from rest or goes there."""
+
 _STILL_FORMED = 1.0
+"""Log likelihood that a way between the same key twice loses against holding it."""
+
 _UNSEEN = -1e4
+"""Log likelihood of frames that do not show the hand, for all but rest."""
 
 _TARGETS = ((0, 1), *((place, finger) for finger in (0, 1) for place in range(1, 6)))
 """Placement and pointing finger of the ends of a way."""

@@ -35,24 +35,40 @@ _FINGERS = np.array(
      [1.02, -0.22, -0.28, -0.23, 0.72, 0.35, 1.28], [1.03, 1.08, -0.18, -0.18, 0.68, 0.38, 0.23],
      [0.98, 1.08, -0.18, -0.18, -0.38, 0.35, 0.85]]
 )  # fmt: skip
+"""Features of each shape (`synth.capture.cues.seen`), without unit."""
+
 _FINGERS_SD = np.array([0.11, 0.13, 0.13, 0.12, 0.13, 0.09, 0.13])
+"""Spread of each feature within a person."""
+
 _FINGERS_BETWEEN = np.array([0.12, 0.15, 0.15, 0.15, 0.18, 0.12, 0.18])
+"""Spread of each feature between persons."""
 
 _PLACES = np.array(
     [[-95.0, -235.0], [-86.0, -5.0], [-40.0, -9.0], [-12.0, -39.0], [-57.0, 37.0], [-14.0, -106.0]]
 )
+"""Where the pointing tip is for each placement, mm in the head's frame."""
+
 _PLACES_SD = np.array(
     [[60.0, 60.0], [42.0, 26.0], [8.0, 7.0], [11.0, 9.0], [9.0, 9.0], [17.0, 15.0]]
 )
+"""Spread of each place within a person."""
+
 _PLACES_BETWEEN = np.array(
     [[40.0, 40.0], [15.0, 12.0], [5.0, 7.0], [5.0, 9.0], [6.0, 11.0], [9.0, 16.0]]
 )
+"""Spread of each place between persons."""
+
 _TRUST = 0.7
 """What one recognised key counts: some are wrong."""
 
 _TAIL = 6.0
+"""Squared distance, in spreads, from which a frame counts half in learning."""
+
 _MEASURED = 1.6
+"""How much more eagerly keys are told from markers than from landmarks, which are less sure."""
+
 _STILL_FRAMES, _STILL_HZ = 11, 30.0
+"""Frames, and their rate, of the still poses that a voice's looks are taken from."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,19 +19,26 @@ from synth.capture.cues.seen import Seen
 
 FloatArray = NDArray[np.float64]
 
+# How often French uses each shape and placement: see below.
 _SHAPE_USE = np.array([0.152, 0.105, 0.209, 0.070, 0.298, 0.131, 0.009, 0.027])
 _PLACE_USE = np.array([0.539, 0.159, 0.136, 0.030, 0.137])
 """How often French uses each shape and placement, by the frequency of words (Lexique 3.83)."""
 
 _REST_USE = 0.14
+"""How often the hand rests, of all keys."""
+
 _EDGE = -3.0
 """Price of a line that begins or ends at a key, not at rest."""
 
 _ROUNDS = 2
+"""Rounds in which looks are learnt from the keys and keys told by the looks."""
+
 _ARRIVED = 0.05
 """Part of its greatest speed at which a movement has ended."""
 
 _PIECE_S, _MARGIN_S = 30.0, 4.0
+"""Seconds that are searched at once, and those on either side that are not kept."""
+
 _SURE_SHARE = 0.45
 """What a frame counts when it is asked how sure a key is, against what it counts in the choice of
 the line: with this, as many keys were right on known takes as their probabilities said."""

@@ -24,6 +24,8 @@ from synth.capture.tracker.landmark_maps import (
 FloatArray = NDArray[np.float64]
 
 N_FEATURES = 7
+"""Reach of thumb and fingers, and how far they are spread."""
+
 HEAD_MM = 153.0
 """Width of a head between the ears, to which all lengths are brought: the mean of MediaPipe's
 canonical face."""
@@ -32,7 +34,11 @@ _BRIDGED_S = 0.14
 """Shorter gaps of the hand are bridged; trackers lose it for a few frames."""
 
 _SMOOTHING_S = 0.1
+"""Seconds over which speeds are smoothed."""
+
 _LEAST_RUN_S = 0.2
+"""Seconds that a hand must be seen at a stretch."""
+
 _STRAIGHT = 0.55, 0.08
 """Extension from which a finger's own tip tells where it points, and the softness of that."""
 
@@ -40,10 +46,18 @@ _REACH = {8: (5, 1.0), 12: (9, 1.05)}
 """Tips of index and middle finger: their knuckle, and the length of the finger in palms."""
 
 _PALM = [0, 5, 9, 13, 17]
+"""Landmarks of the palm, as MediaPipe numbers them."""
+
 _FINGERS = ((5, 8), (9, 12), (13, 16), (17, 20))
+"""Knuckle and tip of each finger."""
+
 _RIGID_FACE = layout.marker_indices(layout.RIGID_FACE)
+
 _MOUTH = (61, 291)
+"""Landmarks of the corners of the mouth."""
+
 _PIECE = 4096
+"""Frames that are looked at at once, for constant memory."""
 
 
 @dataclass(frozen=True, slots=True)

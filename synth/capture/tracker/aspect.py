@@ -27,6 +27,8 @@ _FACES_DIFFER = 0.10
 """Standard deviation of the logarithm of faces' width against height, trackers' points included."""
 
 _LOOKED_AT_S = 15.0
+"""Seconds of a film that are tried under each aspect."""
+
 _CERTAIN = 20.0
 """Natural logarithm of the odds from which an aspect that was told is doubted."""
 

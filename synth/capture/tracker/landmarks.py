@@ -43,16 +43,28 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 _LEAST_HAND = 12
+"""Landmarks that a frame must show of the hand."""
+
 _LIPS = [
     slot for slot, number in enumerate(FACE_LANDMARKS)
     if any(name[:2] in ("UL", "LL", "LC") for name in SOFT_LANDMARKS.get(number, ()))
 ]  # fmt: skip
 _SIZES = np.linspace(0.7, 1.6, 7)
+
 _OWN_FRAMES, _OWN_ROUNDS = 90, 2
+"""Frames that a cuer's own map is learnt from, and rounds of it."""
+
 _LEAST_FACE, _LEAST_FRAMES = 8, 30
+"""Landmarks that such a frame must show of the face, and frames that are needed."""
+
 _SIZE_FRAMES = 20
+"""Frames from which the hand's size is found."""
+
 _AWAY_S = 0.4
+"""Seconds for which a hand may be out of sight before it counts as at rest."""
+
 _LIKELY_MM = 40.0
+"""Distance in mm within which the hand's depth is likely about its usual one."""
 
 
 def capture_landmarks(path: Path, voice: Voice, options: CaptureOptions) -> Captured:

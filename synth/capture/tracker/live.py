@@ -32,13 +32,27 @@ LATE_S = 0.15
 """How much later than its frame a parameter comes; a long table's frame ends one frame later."""
 
 _WINDOW_S = 0.7
+"""Seconds of landmarks that are kept for smoothing."""
+
 _LEARNT_FROM_S = 20.0
+"""Seconds of the past that a cuer's own map is learnt from."""
+
 _LEARN_AT_S = (0.3, 1.0, 2.0, 4.0, 8.0, 16.0)
+"""Seconds after the start at which it is learnt anew."""
+
 _LEARN_EVERY_S = 20.0
+"""Seconds between later lessons."""
+
 _LEAST_HAND = 12
+"""Landmarks that a frame must show of the hand."""
+
 _FEW, _SOME = 12, 40
+"""Frames that a lesson needs at least, and takes."""
+
 _SIZES = np.linspace(0.7, 1.6, 7)
+
 _AWAY_S, _TO_REST_S = 0.4, 0.25
+"""Seconds after which a hand out of sight counts as at rest, and that it takes to get there."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,8 +32,14 @@ FACE_RIDGE_MM2 = 0.05
 """The same for lips, which move by millimetres."""
 
 _SUM_WEIGHT = 1e4
+"""Weight of the equation that keeps the sum of a landmark's weights: in effect infinite."""
+
 _OUTLIER_MM = 25.0
+"""Distance in mm from which a landmark counts as a mistake of the tracker."""
+
 _LEAST_FRAMES = 30
+"""Frames that must show a landmark for its weights to be learnt."""
+
 _MOVING = (
     *layout.UPPER_LIP, *layout.LOWER_LIP, *layout.LIP_CORNERS, *layout.CHIN, *layout.JAW,
     *layout.CHEEKS, *layout.NASOLABIAL,

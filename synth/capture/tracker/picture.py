@@ -18,17 +18,23 @@ from synth.capture.tracker.landmark_maps import (
 FloatArray = NDArray[np.float64]
 
 _LEAST_FRAMES = 5
+"""Frames in which a landmark must be known."""
+
 _LEAST_LANDMARKS = 4
+"""Landmarks of the face that tell its place and turn."""
+
 _FRONTAL = 0.75
 """Quantile of the face's width over time: turned heads look narrow."""
 
 _SLOT = {number: slot for slot, number in enumerate(FACE_LANDMARKS)}
+
 _MIRROR_PAIRS = (
     (234, 454), (127, 356), (109, 338), (67, 297), (103, 332), (54, 284), (33, 263), (133, 362),
     (49, 279), (48, 278), (64, 294), (37, 267), (39, 269), (40, 270), (185, 409), (61, 291),
     (84, 314), (181, 405), (91, 321), (146, 375), (214, 434), (172, 397), (136, 365), (150, 379),
     (149, 378), (50, 280), (205, 425), (187, 411), (105, 334), (66, 296), (92, 322),
 )  # fmt: skip
+"""Landmarks of the right half of the face, and those of the left."""
 
 
 def _mirror_order() -> NDArray[np.intp]:
