@@ -18,6 +18,7 @@ from pathlib import Path
 import pytest
 
 from cuecast.command.cli import VERBS, build_parser, main
+from docs.generate.figures import records
 from docs.generate.pages import DOCS, PACKAGES, api, expanded, generated, typed_figures
 from docs.generate.verbs import options_of, parsers_of
 
@@ -213,6 +214,20 @@ def test_the_pages_build_without_warnings(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
     for name in ("index", "reference/verbs", "reference/api/codec", "spec/bitstream", "figures"):
         assert (tmp_path / "site" / f"{name}.html").is_file()
+
+
+def test_every_record_can_be_repeated() -> None:
+    """Each names a commit without changes, and each clip has a licence and a source."""
+    found = records()
+    assert found
+    page = (DOCS / "figures.md").read_text(encoding="utf-8")
+    for name, record in found.items():
+        commit = record.document["commit"]
+        assert commit, name
+        assert not commit.endswith("+"), f"{name} was made from changed files"
+        for clip in record.document["clips"]:
+            assert clip["licence"] and clip["source"], f"{name}: {clip['name']}"  # noqa: PT018
+        assert f"{name}.origin()" in page, f"{name} is on no page"
 
 
 def test_every_page_can_be_reached() -> None:
