@@ -13,9 +13,9 @@ export OPENBLAS_NUM_THREADS ?= 1
 demo: $(VENV)/installed
 	$(BIN)/cuecast demo --out $(OUT)
 
-# Two workers: the suite is written for two cores, and tests that share files stay together.
+# Two workers: the suite is written for two cores, and tests of one file share what they made.
 test: $(VENV)/installed
-	$(BIN)/python -m pytest -n 2 --dist loadgroup
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # Everything, the slow sweeps too, to its end whatever fails.
 nightly: $(VENV)/installed

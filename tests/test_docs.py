@@ -26,8 +26,6 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted(p for p in DOCS.rglob("*.md") if "records" not in p.parts)]
 KINDS = {"console", "python", "sh", "text", "{toctree}", "{eval-rst}"}
 
-pytestmark = pytest.mark.xdist_group("docs")
-
 
 @dataclass(frozen=True)
 class Block:
