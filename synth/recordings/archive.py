@@ -33,7 +33,7 @@ FORMAT = "cuecast-recordings-1"
 _MAX_LABEL_BYTES = 1 << 30
 """Bytes of labels, unpacked, at most: a bound against hostile files."""
 
-_GESTURE_FIELDS = ("shape", "placement", "leave", "reach", "shape_leave", "shape_reach")
+_GESTURE_FIELDS = ("shape", "placement", "leave", "reach")
 
 Progress = Callable[[int, int], None]
 """Called with what is done and what there is to do."""
