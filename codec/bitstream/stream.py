@@ -86,7 +86,7 @@ def encode_stream(
     rate_bps: float | None = None,
     error_mm: float | None = None,
     constant: bool = False,
-    keep_score: bool = False,
+    drop_score: bool = False,
     options: CueingOptions = DEFAULT_OPTIONS,
 ) -> bytes:
     """Return a motion as a stream file.
@@ -105,9 +105,9 @@ def encode_stream(
     constant : bool
         Give every superframe the same size, as on air; the rate is that of the superframes. Up to
         150 bit/s they are compact: the score alone.
-    keep_score : bool
-        Send the score where it costs more than it saves, too. Without it the motion is never coded
-        worse for its score.
+    drop_score : bool
+        Leave the score, and with it the keys, out of superframes where it costs more than it saves:
+        the motion is then never coded worse for its score.
     options : CueingOptions
         Under which the score's keys follow from its phones.
 
@@ -131,12 +131,14 @@ def encode_stream(
         body = b"".join(encoder.encode(motion, index).l0 for index in head.indices)
         return _head_bytes(replace(head, l0=size)) + body
     if rate_bps is not None:
-        return _within_rate(motion, voice, head, rate_bps, keep_score=keep_score, options=options)
+        return _within_rate(
+            motion, voice, head, rate_bps, keep_score=not drop_score, options=options
+        )
     limit = 2.0 if error_mm is None else error_mm
     if not 0.05 <= limit <= 1000:
         raise CueError(f"error {limit} mm is not within 0.05..1000")
     return _of_records(head, spread_by_error(
-        motion, voice, head.indices, limit, _record_bytes, keep=keep_score, options=options
+        motion, voice, head.indices, limit, _record_bytes, keep=not drop_score, options=options
     ))  # fmt: skip
 
 

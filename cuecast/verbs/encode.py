@@ -21,8 +21,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="give every superframe the same size, as on air; with --rate",
     )  # fmt: skip
     parser.add_argument(
-        "--keep-score", action="store_true",
-        help="send the score where it costs more than it saves, too",
+        "--drop-score", action="store_true",
+        help="leave the score, and its keys, out where it costs more than it saves",
     )  # fmt: skip
     add_voice(parser)
 
@@ -36,10 +36,10 @@ def run(args: argparse.Namespace) -> int:
     motion, voice = load_motion(args.motion), coding_voice(args.voice)
     data = encode_stream(
         motion, voice, rate_bps=args.rate, error_mm=args.error, constant=args.constant,
-        keep_score=args.keep_score,
+        drop_score=args.drop_score,
     )  # fmt: skip
     write_bytes(args.output, data)
     without = silent_superframes(data) if motion.score is not None else 0
     if without:
-        note(f"{without} superframes do without their score, which did not pay: --keep-score")
+        note(f"{without} superframes do without their score, which did not pay")
     return 0
