@@ -2,6 +2,7 @@
 
 import argparse
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -55,17 +56,21 @@ def dub_as_told(args: argparse.Namespace) -> dict[str, Any]:
     voice = coding_voice(args.voice)
     confidence = Confidence()
     said: dict[str, Any] = {}
+    notes: list[str] = []
     motion: MotionSource
     if args.motion is not None:
         motion = GivenMotion(load_motion(args.motion), voice)
     else:
-        motion = _motion(args, voice, confidence, said)
+        motion = _motion(args, voice, confidence, said, notes.append)
     passes = 1 + (len(options.carriers) > 1) + options.read_back
     with seconds_bar(duration_s and passes * duration_s, Path(args.programme).name) as advance:
         report = dub(args.programme, motion, voice, args.output, options, progress=advance)
     if args.align and args.motion is None:
         report["alignment"] = confidence.report()
     report |= said
+    # A programme that cannot be used has one line: that it cannot.
+    for line in notes:
+        note(line)
     _tell(report)
     return report
 
@@ -121,9 +126,13 @@ def _tell(report: dict[str, Any]) -> None:
 
 
 def _motion(
-    args: argparse.Namespace, voice: Voice, confidence: Confidence, said: dict[str, Any]
-) -> MotionSource:
-    """Return the motion for the subtitles; `said` takes what the report tells of them."""
+    args: argparse.Namespace, voice: Voice, confidence: Confidence, said: dict[str, Any],
+    tell: Callable[[str], None],
+) -> MotionSource:  # fmt: skip
+    """Return the motion for the subtitles.
+
+    `said` takes what the report tells of them, `tell` what is noted once they are dubbed.
+    """
     reading = reading_of(args)
     with open_programme(args.programme, track=args.track) as programme:
         # Elsewhere the times of packets have nothing to do with those of MPEG-2.
@@ -134,23 +143,23 @@ def _motion(
     left_out.say()
     unknown = unknown_report(subtitles, reading)
     if unknown:
-        note(f"{len(unknown)} unknown words, pronounced by rule: the report and `keys --unknown`")
+        tell(f"{len(unknown)} unknown words, pronounced by rule: the report and `keys --unknown`")
     said |= {"subtitles": {"cued": len(subtitles), "left_out": left_out.report()}}
     said |= {"unknown_words": unknown}
     options = reading.options
-    pace = PaceReport(options, note)
+    pace = PaceReport(options, tell)
     if args.align:
         score = aligned_score(
-            subtitles, args.programme, track=args.track, reading=reading, warn=note,
+            subtitles, args.programme, track=args.track, reading=reading, warn=tell,
             judged=confidence, told=pace,
         )  # fmt: skip
-        note(str(confidence))
+        tell(str(confidence))
     else:
-        score = score_from_subtitles(subtitles, warn=note, reading=reading, told=pace)
+        score = score_from_subtitles(subtitles, warn=tell, reading=reading, told=pace)
     figures = readability(score, voice, options)
     said |= {"pace": pace.report() | figures}
-    note(str(pace))
-    note(in_words(figures))
+    tell(str(pace))
+    tell(in_words(figures))
     # Who has nothing to say rests: for that no units are needed.
     if (args.units or args.method == "units") and score.keys:
         from cuecast.dubbing.performance import unit_synthesiser
