@@ -11,7 +11,7 @@ import functools
 import hashlib
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from codec.bitstream.resynthesis.targets import Targets
 from codec.bitstream.tables import tables_digest
 from codec.bitstream.transform import Bases, Basis, klt, marker_metric, scales_of
-from codec.cuer.movement import STOPPING, Movement
+from codec.cuer.movement import Movement
 from codec.cuer.voice import Voice
 from codec.cues.timeline import TICKS
 from codec.errors import VoiceError
@@ -134,10 +134,9 @@ def _arrays(coding: Coding) -> Iterator[tuple[str, NDArray[np.generic]]]:
     """Yield all numbers of a coding as they are stored."""
     for name in _TARGETS:
         yield f"targets.{name}", getattr(coding.targets, name).astype("<f4")
-    if coding.targets.movement != STOPPING:
-        yield "targets.places", coding.targets.places.astype("<f4")
-        yield "targets.late", coding.targets.late.astype("<f4")
-        yield "targets.movement", coding.targets.movement.as_array()
+    yield "targets.places", coding.targets.places.astype("<f4")
+    yield "targets.late", coding.targets.late.astype("<f4")
+    yield "targets.movement", coding.targets.movement.as_array()
     for name in _BASES:
         basis = getattr(coding, name)
         yield f"{name}.matrix", basis.matrix.astype("<f4")
@@ -162,12 +161,10 @@ def load_coding(path: str | os.PathLike[str], voice: Voice) -> Coding:
     try:
         stated = str(arrays["voice"])
         hand, head, forearm, arc, face = (arrays[f"targets.{name}"] for name in _TARGETS)
-        targets = Targets(hand, head, forearm, arc, face)
-        if "targets.movement" in arrays:
-            targets = replace(
-                targets, movement=Movement.from_array(arrays["targets.movement"]),
-                places=arrays["targets.places"], late=arrays["targets.late"],
-            )  # fmt: skip
+        targets = Targets(
+            hand, head, forearm, arc, face, Movement.from_array(arrays["targets.movement"]),
+            arrays["targets.places"], arrays["targets.late"],
+        )  # fmt: skip
         bases = (
             Basis(arrays[f"{n}.matrix"].astype(np.float64), arrays[f"{n}.scales"].astype(np.int64))
             for n in _BASES

@@ -96,28 +96,30 @@ class LipContract:
         line : sequence of Sounding
             Phones around these frames.
         ticks : ndarray, shape (T,)
-            When the frames are, on the line's clock.
+            When the frames are, on the line's clock; ascending.
         """
         due = [
-            (sounding.number, weight)
+            (sounding.number, *_weight(ticks, sounding.start, sounding.end))
             for sounding in line
             if sounding.number and not sounding.open_start and not sounding.open_end
-            if (weight := _weight(ticks, sounding.start, sounding.end)).any()
         ]
-        if not due:
+        total = np.zeros((len(ticks), 1))
+        for _, held, weight in due:
+            total[held, 0] += weight
+        if not total.any():
             return face
-        total = np.maximum(np.sum([weight for _, weight in due], axis=0), 1.0)[:, None]
+        total = np.maximum(total, 1.0)
         shift = np.zeros_like(face)
-        for number, weight in due:
-            far = self.apart(face, self._visemes[number])
+        for number, held, weight in due:
+            far = self.apart(face[held], self._visemes[number])
             part = weight * np.maximum(1.0 - self._near[number] / np.maximum(far, 1e-9), 0.0)
-            shift += part[:, None] * (self._visemes[number] - face)
+            shift[held] += part[:, None] * (self._visemes[number] - face[held])
         nearer = face + shift / total
         have = self.features(nearer)
         shift = np.zeros_like(have)
-        for number, weight in due:
-            off, free = have - self._wanted[number], self._tolerance[number]
-            shift -= weight[:, None] * (off - np.clip(off, -free, free))
+        for number, held, weight in due:
+            off, free = have[held] - self._wanted[number], self._tolerance[number]
+            shift[held] -= weight[:, None] * (off - np.clip(off, -free, free))
         return np.asarray(nearer + (shift / total) @ self._shift.T)
 
     def _radius(self, number: int) -> float:
@@ -136,12 +138,14 @@ def _rivals(number: int) -> list[int]:
     return []
 
 
-def _weight(ticks: Array, start: int, end: int) -> Array:
-    """Return how much a phone's contract holds at each tick, 1 in its middle."""
+def _weight(ticks: Array, start: int, end: int) -> tuple[slice, Array]:
+    """Return the ticks at which a phone's contract holds, and how much, 1 in its middle."""
     middle, half = 0.5 * (start + end), 0.5 * (end - start)
     core = max(2 * _CORE * half, min(_LEAST_CORE_TICKS, half))
-    away = np.clip((np.abs(ticks - middle) - core) / _FADE_TICKS, 0.0, 1.0)
-    return np.asarray(0.5 + 0.5 * np.cos(np.pi * away))
+    reach = core + _FADE_TICKS
+    held = slice(*np.searchsorted(ticks, (middle - reach, middle + reach)).tolist())
+    away = np.clip((np.abs(ticks[held] - middle) - core) / _FADE_TICKS, 0.0, 1.0)
+    return held, np.asarray(0.5 + 0.5 * np.cos(np.pi * away))
 
 
 def _features(points: Array) -> Array:

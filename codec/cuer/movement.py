@@ -100,15 +100,6 @@ class Movement:
         return cls(*values.tolist())
 
 
-STOPPING = Movement(
-    lead_share=0.62, calm_share=0.62, hurried_s=0.2, least_lead_s=0.14, most_lead_s=0.24,
-    lead_s_per_mm=0.0, lag_share=0.16, overlap=0.0, shortest_s=0.06, fastest_m_s=10.0, late_s=0.0,
-    first_lead_s=0.45, rest_delay_s=0.08, rest_move_s=0.55, stroke_s=0.0, fingers_begin_s=0.0,
-    fingers_end_s=-0.03, head_begin_s=0.0, head_end_s=0.0, turn_begin_s=0.0, turn_end_s=0.0,
-    power=1.0, undershoot=0.13, natural_s=0.25,
-)  # fmt: skip
-"""From stop to stop, as in format 3."""
-
 FLOWING = Movement(
     lead_share=0.8, calm_share=2.5, hurried_s=0.25, least_lead_s=0.12, most_lead_s=0.2961,
     lead_s_per_mm=0.0018, lag_share=0.16, overlap=0.6, shortest_s=0.08, fastest_m_s=0.85,

@@ -24,10 +24,10 @@ from synth.measured.cuer import MEASURED
 from synth.measured.plan import paced
 from synth.training.build_coding import recital, sentences
 
-_FILMS = 4
+_FILMS = 1
 """Films of each cuer, each with its own errors of the tracker."""
 
-_SENTENCES = 8
+_SENTENCES = 10
 """Sentences of a film."""
 
 _FIRST = 240

@@ -7,6 +7,7 @@ from pathlib import Path
 
 ARRAYS = (
     "targets.hand", "targets.head", "targets.forearm", "targets.arc", "targets.face",
+    "targets.places", "targets.late", "targets.movement",
     "residual.matrix", "residual.scales", "loose.matrix", "loose.scales", "plain.matrix",
     "plain.scales", "filmed.matrix", "filmed.scales", "mean",
 )  # fmt: skip

@@ -102,7 +102,7 @@ def parts() -> Iterator[tuple[str, str, bytes, bytes]]:
     yield "score-of-zeros", "3", with_check(bytes([0x00, 0x50, 0xFC] + 9 * [0])), b""
     ones = with_check(bytes([0x01, 0x20] + 8 * [255]))
     yield "step-63-all-ones", "H10", ones, l1_of(ones, b"\xff\xff")
-    for i in range(6):
+    for i in range(16):
         l0 = full(rng, i % 2, rng.randrange(8, 40))
         yield f"random-mode-{i % 2}-{i}", "2, 3, 6", l0, l1_of(l0, rng.randbytes(5 * i))
     for i in range(2):
@@ -139,8 +139,8 @@ def parts() -> Iterator[tuple[str, str, bytes, bytes]]:
     for pieces in (1, 2, 3):
         l0 = full(rng, pieces % 2, 24, None, 2 * pieces)
         yield f"slow-{pieces}", "H8, 3.3", l0, l1_of(l0, rng.randbytes(8))
-    for i in range(4):
-        l0 = full(rng, i % 2, 12 + i, 16, 8 | i)
+    for i in range(28):
+        l0 = full(rng, i % 4 // 3 ^ 1, 3 + i, 16 + i % 5, 8 | i % 4)
         yield f"signed-{i}", "H12, R8", l0, l1_of(l0, rng.randbytes(12))
     l0, other = full(rng, 1, 5, 24), full(rng, 1, 5, 24)
     yield "l1-of-another-l0", "H7", l0, l1_of(other, rng.randbytes(12))
@@ -150,10 +150,10 @@ def parts() -> Iterator[tuple[str, str, bytes, bytes]]:
     for size in (4, 7, 12):
         yield f"compact-zeros-{size}", "3.1", filled(3, size, 0), b""
         yield f"compact-ones-{size}", "3.1", filled(15, size, 255), b""
-    for i in range(16):
+    for i in range(72):
         yield f"compact-random-{i}", "M1 to M6", compact(rng, 5 + i % 8), b""
-    for i in range(4):
-        yield f"compact-signed-{i}", "H12, R8", compact(rng, 6 + i, 1), b""
+    for i in range(12):
+        yield f"compact-signed-{i}", "H12, R8", compact(rng, 4 + i % 8, 1), b""
     for i in range(2):
         yield f"compact-slow-{i}", "M1", compact(rng, 9 + i, i, 255), b""
     l0 = found(lambda: compact(rng, 7), lambda out: _score(out)["numbers"][:1] == [0])
@@ -183,6 +183,7 @@ def invalid() -> Iterator[tuple[str, str, bytes]]:
     """Yield identifier, the paragraph that is broken, and L0."""
     yield "too-short", "H1", bytes([0x01, 0, 0, 0])
     yield "signed-too-short", "H1", with_check(bytes([0x01, 0x08, 0, 0]))
+    yield "signed-still-too-short", "H1", with_check(bytes([0x11, 0x08, 0, 0x80]))
     yield "compact-too-short", "H1", bytes([0x21, 0, 0])
     yield "compact-too-long", "H1", bytes([0x21] + 12 * [0])
     yield "version-1", "H2", with_check(bytes([0x41, 0, 0]))

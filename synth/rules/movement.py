@@ -263,12 +263,17 @@ def moved(
     slack = max(abs(begins_s).max(), abs(ends_s).max()) + 1e-6
     first = int(np.searchsorted(gestures.reach, times[0] - slack))
     last = int(np.searchsorted(gestures.leave, times[-1] + slack))
-    out = np.repeat(values[max(first - 1, 0)][None], len(times), axis=0)
+    out = np.zeros((len(times), values.shape[1]))
+    done = np.zeros((len(times) + 1, values.shape[1]))
+    done[0] = values[max(first - 1, 0)]
     for g in range(max(first, 1), last):
         leave, reach = gestures.leave[g], gestures.reach[g]
         apart = min(1.0, (reach - leave) / max(movement.stroke_s, 1e-9))
         begin = leave + apart * begins_s
         length = np.maximum(reach + apart * ends_s - begin, 0.5 * (reach - leave))
-        elapsed = np.clip((times[:, None] - begin) / length, 0.0, 1.0)
-        out += profile(elapsed**movement.power) * (values[g] - values[g - 1])
-    return out
+        under_way = slice(*np.searchsorted(times, (np.min(begin), np.max(begin + length))))
+        elapsed = np.clip((times[under_way, None] - begin) / length, 0.0, 1.0)
+        step = values[g] - values[g - 1]
+        out[under_way] += profile(elapsed**movement.power) * step
+        done[under_way.stop] += step
+    return np.asarray(out + np.cumsum(done[:-1], axis=0))

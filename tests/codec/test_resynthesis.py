@@ -12,7 +12,7 @@ from codec.bitstream.resynthesis.movements import Movements, movements
 from codec.bitstream.resynthesis.targets import N_KEYS, PARTS, Targets
 from codec.bitstream.score_coding import ScorePart, part_of
 from codec.cuer.motion import Motion
-from codec.cuer.movement import FLOWING, STOPPING, Movement
+from codec.cuer.movement import FLOWING, Movement
 from codec.cuer.voice import Voice
 from codec.cues.cueing import cue
 from codec.cues.score import Phone, Score
@@ -45,8 +45,8 @@ def test_movements_follow_the_stated_times() -> None:
     moves = movements(join(parts))
     # Rest, three keys of 12 ticks, rest: paragraphs P1 to P3 by hand.
     assert moves.key.tolist() == [0, 6 * 4 + 1, 6 * 6 + 2, 6 * 3 + 3, 0]
-    assert moves.leave[1:].tolist() == [4000 - 2250, 5200 - 744, 6400 - 744, 7600 + 400]
-    assert moves.reach[1:].tolist() == [4000 + 96, 5200 + 96, 6400 + 96, 7600 + 400 + 2750]
+    assert moves.leave[1:].tolist() == [4000 - 2500, 5200 - 960, 6400 - 960, 7600 + 400]
+    assert moves.reach[1:].tolist() == [4000 + 96, 5200 + 96, 6400 + 96, 7600 + 400 + 3500]
 
 
 def test_the_hand_shares_a_silence_between_rest_and_return() -> None:
@@ -55,7 +55,7 @@ def test_the_hand_shares_a_silence_between_rest_and_return() -> None:
     parts = {k: part_of(line, k) for k in range(3)}
     moves = movements(join(parts))
     # Silence from tick 20 to 50: to rest from 24, back from 35 on.
-    assert moves.leave[1:4].tolist() == [1000 - 2250, 2400, 5000 - 1500]
+    assert moves.leave[1:4].tolist() == [1000 - 2500, 2400, 5000 - 1500]
     assert moves.reach[2] == 3500
 
 
@@ -66,8 +66,8 @@ def test_a_lost_superframe_is_no_silence() -> None:
     assert 0 not in keys[1:-1]
 
 
-@pytest.mark.parametrize("movement", [STOPPING, FLOWING])
-def test_weights_are_shares(movement: Movement) -> None:
+def test_weights_are_shares() -> None:
+    movement = FLOWING
     parts = parts_of_phones(WORDS, length=9)
     joined = join(parts)
     carrier = weights_of(movements(joined, movement), movement, 200)
@@ -83,14 +83,13 @@ def test_weights_are_shares(movement: Movement) -> None:
     assert carrier.shape == (200, N_KEYS)
 
 
-@pytest.mark.parametrize("movement", [STOPPING, FLOWING])
-def test_the_past_does_not_depend_on_the_future(movement: Movement) -> None:
+def test_the_past_does_not_depend_on_the_future() -> None:
     """Frames of a superframe are the same from any window that holds its neighbours."""
     parts = parts_of_phones(WORDS * 3, start_tick=10, length=5)
     table = Targets(
         np.random.default_rng(0).normal(size=(N_KEYS, 12)), np.zeros((N_KEYS, 2)),
         np.random.default_rng(1).normal(size=(N_KEYS, 3)), np.array([0.1, 0.0, 0.2]),
-        np.random.default_rng(2).normal(size=(38, 7)), movement,
+        np.random.default_rng(2).normal(size=(38, 7)), FLOWING,
         30 * np.random.default_rng(3).normal(size=(N_KEYS, 3)),
     )  # fmt: skip
     whole = Resynthesis(join(parts), table, 0, 5 * TICKS).params()
@@ -149,12 +148,13 @@ def test_a_movement_survives_the_file_and_counts_for_the_identity(
     toy_voice: Voice, tmp_path: Path
 ) -> None:
     plain = replace(coding_for(toy_voice), trained=True)
-    coding = replace(plain, targets=Targets.of(toy_voice, FLOWING))
+    faster = replace(FLOWING, fastest_m_s=1.0)
+    coding = replace(plain, targets=Targets.of(toy_voice, faster))
     assert coding.identity != plain.identity
     path = tmp_path / "tables.npz"
     save_coding(coding, path)
     again = load_coding(path, toy_voice)
-    assert again.targets.movement == FLOWING
+    assert again.targets.movement == faster
     assert again.identity == coding.identity
     np.testing.assert_allclose(again.targets.places, coding.targets.places, rtol=1e-6)
     with pytest.raises(CueError, match="constants, not"):

@@ -90,8 +90,8 @@ def test_a_score_s_share_of_the_rate_is_told(voice: Voice) -> None:
     short, long = (coded(voice, motion, count, size) for size in (30, 60))
     assert short.residual_bps is not None
     assert long.residual_bps is not None
-    # The same headers and scores; the rest is residual.
-    assert long.residual_bps - short.residual_bps == pytest.approx(8 * 30 / 0.64)
+    # The same headers and scores; the rest is residual, but for what the setting takes.
+    assert long.residual_bps - short.residual_bps == pytest.approx(8 * 30 / 0.64, abs=2)
     assert 100 < short.bps - short.residual_bps < 200
     plain = replace(motion, score=None)
     assert coded(voice, plain, count, 30).residual_bps is None

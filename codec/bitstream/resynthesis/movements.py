@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from codec.bitstream.joining import Joined
 from codec.bitstream.resynthesis.targets import PARTS, PARTS_PER_S
-from codec.cuer.movement import STOPPING, Movement
+from codec.cuer.movement import FLOWING, Movement
 from codec.cues.cueing import DEFAULT_OPTIONS
 from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS
 from codec.cues.timeline import TICK_S, Sounding
@@ -38,7 +38,7 @@ class Movements:
 
 
 def movements(
-    joined: Joined, movement: Movement = STOPPING, places: Places | None = None
+    joined: Joined, movement: Movement = FLOWING, places: Places | None = None
 ) -> Movements:
     """Return the movements of the hand that a line implies (P1 to P3).
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.cuer.movement import STOPPING, Movement
+from codec.cuer.movement import FLOWING, Movement
 from codec.cuer.voice import Voice
 from codec.cues.phonology import PHONES
 from codec.cues.score import PLACEMENTS, SHAPES
@@ -52,7 +52,7 @@ class Targets:
     forearm: Array
     arc: Array
     face: Array
-    movement: Movement = STOPPING
+    movement: Movement = FLOWING
     places: Array = field(default_factory=lambda: np.zeros((N_KEYS, 3)))
     late: Array = field(default_factory=lambda: np.zeros(0))
     moving: Array = field(init=False)
@@ -80,7 +80,7 @@ class Targets:
         object.__setattr__(self, "lateness", (PARTS_PER_S * begins, PARTS_PER_S * ends))
 
     @classmethod
-    def of(cls, voice: Voice, movement: Movement = STOPPING) -> "Targets":
+    def of(cls, voice: Voice, movement: Movement = FLOWING) -> "Targets":
         """Return the exact targets of a voice's gesture table, reached on straight lines."""
         table = voice.gestures
         n_forearm = table.placement_targets.shape[-1]

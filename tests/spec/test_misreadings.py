@@ -1,0 +1,194 @@
+"""Whoever misreads the specification notices: wrong decoders fail the vectors.
+
+The reference decoder is changed in one place at a time, as a reader could err: a number by one, a
+comparison at its border, a sign, a range. Each change has to be seen by a vector.
+"""
+
+import ast
+import json
+import signal
+import sys
+import types
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SOURCES = ("range_decoder", "superframe")
+DOCUMENT = json.loads((ROOT / "spec/vectors/superframe.json").read_text(encoding="utf-8"))
+COMPARISONS = {
+    ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+}  # fmt: skip
+OPERATORS = {
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Add, ast.FloorDiv: ast.Mult,
+    ast.RShift: ast.LShift, ast.BitXor: ast.BitOr, ast.BitAnd: ast.BitOr, ast.Mod: ast.FloorDiv,
+}  # fmt: skip
+LEAST = 100
+"""Misreadings that have to be tried at least."""
+
+HARMLESS = frozenset(
+    {
+        # Defaults of what the decoder always sets.
+        *(f"superframe {n} 0: one more" for n in range(109, 114)),
+        # The ends of tails of 2, 4 and 9 bits fall alike with 8 and 9 to the byte.
+        "range_decoder 1 8: one more",
+        # What is left out by the mask is zero after the shift.
+        "superframe 132 1: one more",
+        # More bytes than nine bits lie in.
+        "superframe 172 2: one more",
+        # At step 63 no class of these bases is above 0.
+        "superframe 203 63: one more",
+        # Borders that a code meets once in 2**24: the end of an interval, or of the coder's range.
+        "range_decoder 23 255: one more",
+        "range_decoder 36 256: one more",
+        "range_decoder 62 self.code + self.slack < unit * start + new_range: LtE",
+        "range_decoder 66 self.range < 2 ** 24: LtE",
+    }
+)
+"""Changes that change nothing, or nothing that a vector could show: each with its reason."""
+
+SECONDS = 10
+"""After which a decoder that does not end counts as one that fails."""
+
+
+class Misreading(ast.NodeTransformer):
+    """Changes the place with a number, if there is one; counts the places."""
+
+    def __init__(self, wanted: int) -> None:
+        self.wanted, self.count, self.told = wanted, 0, ""
+
+    def _here(self, node: ast.AST, what: str) -> bool:
+        self.count += 1
+        if self.count - 1 == self.wanted:
+            self.told = f"{ast.unparse(node)}: {what}"
+            return True
+        return False
+
+    def visit_Constant(self, node: ast.Constant) -> ast.AST:
+        """Change a number by one."""
+        if type(node.value) is int and self._here(node, "one more"):
+            return ast.Constant(node.value + 1)
+        return node
+
+    def visit_Compare(self, node: ast.Compare) -> ast.AST:
+        """Move a comparison's border, or negate it."""
+        self.generic_visit(node)
+        other = COMPARISONS.get(type(node.ops[0]))
+        if other is not None and self._here(node, other.__name__):
+            node.ops[0] = other()
+        return node
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        """Take another operation."""
+        self.generic_visit(node)
+        other = OPERATORS.get(type(node.op))
+        if other is not None and self._here(node, other.__name__):
+            node.op = other()
+        return node
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        """Take the greater instead of the less."""
+        self.generic_visit(node)
+        swap = {"min": "max", "max": "min"}
+        if isinstance(node.func, ast.Name) and node.func.id in swap and self._here(node, "swap"):
+            node.func.id = swap[node.func.id]
+        return node
+
+
+def decoder(source: str, wanted: int) -> tuple[Any, str]:
+    """Return the reference with one misreading in a source, and what it is; '' behind the last."""
+    modules: dict[str, types.ModuleType] = {}
+    told = ""
+    for name in SOURCES:
+        path = ROOT / "spec/reference" / f"{name}.py"
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        if name == source:
+            change = Misreading(wanted)
+            tree = ast.fix_missing_locations(change.visit(tree))
+            told = change.told
+        module = types.ModuleType(f"misread_{name}")
+        module.__dict__["__file__"] = str(path)
+        if name == "superframe":
+            tree.body = [node for node in tree.body if not _imports_decoder(node)]
+            module.__dict__["RangeDecoder"] = modules["range_decoder"].RangeDecoder
+        sys.modules[module.__name__] = module
+        exec(compile(tree, str(path), "exec"), module.__dict__)
+        modules[name] = module
+    return modules["superframe"], told
+
+
+def _imports_decoder(node: ast.stmt) -> bool:
+    return isinstance(node, ast.ImportFrom) and node.module == "spec.reference.range_decoder"
+
+
+def ends(reference: Any) -> bool:
+    """Return whether a decoder gives all vectors within some time."""
+
+    def late(*_: object) -> None:
+        raise TimeoutError
+
+    signal.signal(signal.SIGALRM, late)
+    signal.alarm(SECONDS)
+    try:
+        return passes(reference)
+    except TimeoutError:
+        return False
+    finally:
+        signal.alarm(0)
+
+
+def passes(reference: Any) -> bool:
+    """Return whether a decoder gives all vectors."""
+    bases, identity = DOCUMENT["bases"], DOCUMENT["identity"]
+    for case in DOCUMENT["cases"]:
+        l0, l1 = bytes.fromhex(case["l0"]), bytes.fromhex(case["l1"])
+        try:
+            found = reference.decode(l0, l1, bases, identity)
+        except reference.MalformedError as error:
+            if case["valid"] or str(error) != case["section"]:
+                return False
+            continue
+        except Exception:
+            return False
+        if not case["valid"]:
+            return False
+        header = [found.mode, found.sequence, found.lead, found.signed, found.proof]
+        setting = [found.step, found.basis, found.level, found.course, found.shift, *found.shares]
+        told = {
+            "header": header, "slow": found.slow, "setting": setting,
+            "previews": found.previews, "score": found.score,
+            "indices": {str(i): q for i, q in enumerate(found.indices) if q},
+            "values": {str(i): v for i, v in enumerate(found.values) if v},
+        }  # fmt: skip
+        if any(told[name] != case[name] for name in told):
+            return False
+    return True
+
+
+def misreadings() -> Iterator[tuple[Any, str]]:
+    """Yield decoders with one misreading each, and what it is."""
+    for source in SOURCES:
+        wanted = 0
+        while True:
+            try:
+                reference, told = decoder(source, wanted)
+            except Exception:
+                reference, told = None, "does not run"
+            if not told:
+                break
+            yield reference, f"{source} {wanted} {told}"
+            wanted += 1
+
+
+@pytest.mark.slow
+def test_no_misreading_passes_all_vectors() -> None:
+    tried, survived = 0, []
+    for reference, told in misreadings():
+        tried += 1
+        if reference is not None and ends(reference) and told not in HARMLESS:
+            survived.append(told)
+    assert tried >= LEAST
+    assert not survived
