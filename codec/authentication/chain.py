@@ -61,7 +61,7 @@ def sent_bits(key: bytes) -> int:
     Examples
     --------
     >>> hex(sent_bits(bytes(range(8))))
-    '0x10203040506'
+    '0x102030405'
     """
     assert 8 * len(key) == SENT_BITS + HIDDEN_BITS
     return int.from_bytes(key, "big") >> HIDDEN_BITS

@@ -87,8 +87,8 @@ def number_at(utc_s: float) -> float:
 
     Examples
     --------
-    >>> number_at(EPOCH_S + 6.4)
-    10.0
+    >>> number_at(EPOCH_S + 16)
+    25.0
     """
     return (utc_s - EPOCH_S) / SUPERFRAME_S
 

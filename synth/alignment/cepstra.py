@@ -69,7 +69,7 @@ def cepstra(x: NDArray[np.float64]) -> NDArray[np.float32]:
     Examples
     --------
     >>> cepstra(np.zeros(1600)).shape
-    (21, 26)
+    (11, 26)
     """
     if not len(x):
         return np.zeros((1, 2 * _COEFFICIENTS), np.float32)

@@ -67,7 +67,13 @@ def test_rows_of_the_verb(tmp_path: Path) -> None:
     assert (row["superframes_sent"], row["superframes_lost"]) == (2, 0)
     figure = pytest.importorskip("matplotlib.figure", reason="plots are optional").Figure()
     plot([row], figure)
-    assert figure.axes[0].patches[0].get_width() == 100
+    (axes,) = figure.axes
+    (drawn,) = axes.containers
+    dots, _, (interval,) = drawn.lines
+    assert dots.get_xdata().tolist() == [0]
+    assert interval.get_segments()[0][:, 0] == pytest.approx([0, 100 * row["lost_high"]])
+    assert 100 * row["lost_high"] > 50
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["none"]
     assert said == ["clip.mkv standard:none: 0 of 2 lost"]
     with pytest.raises(CueError, match="no films in it"):
         films_of(tmp_path / "nowhere")
