@@ -23,6 +23,8 @@ HELD_S = 0.1
 """A target should be seen this long (Duchnowski et al. 2000)."""
 
 _FINE_HZ = 200.0
+"""Moments per second at which the hand is looked at."""
+
 _BEFORE_S, _AFTER_S = 0.6, 0.5
 """How far from a key's sound it is looked for."""
 

@@ -21,9 +21,15 @@ from codec.authentication.layout import KEY_BYTES, LAYOUTS, PERIOD, SUPERFRAME_S
 from codec.errors import CueError
 
 _FORMAT = "cuecast-key-1"
+
 _MOST_BYTES = 16 << 20
+"""Bytes of a key's file at most."""
+
 _MOST_PERIODS = 30 * 366 * 24
+"""Periods of an hour that a key may hold for: thirty years."""
+
 _LONGEST_NAME = 80
+"""Letters of a channel's name at most."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ spec/authentication.md, section 2.
 from dataclasses import dataclass
 
 SUPERFRAME_S = 0.64
+"""Duration of a superframe in seconds."""
 
 EPOCH_S = 1_767_225_600
 """Superframe 0 of the public clock was due at 2026-01-01 00:00 UTC (seconds since 1970)."""
@@ -16,7 +17,11 @@ PERIOD = 5632
 """Superframes that share a chain of keys: an hour and four seconds, whole blocks of each kind."""
 
 KEY_BYTES = 8
+"""Bytes of a key of a block."""
+
 SENT_BITS = 48
+"""Bits of it that are sent; the others are found by trying."""
+
 HIDDEN_BITS = 8 * KEY_BYTES - SENT_BITS
 """Bits of a key that are not sent: the receiver tries them all, and so saves a third of the time
 that a key takes."""

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+# The range coder: bits of a frequency, and bounds of the interval (R1 to R4).
 PRECISION = 15
 TOP = 1 << 32
 BOTTOM = 1 << 24
@@ -21,6 +22,7 @@ RANGE, CODE, SLACK, POSITION, TAIL = 0, 1, 2, 3, 4
 """Fields of a decoder's state: interval width, code minus low, unknown part, bytes read, and the
 mask of those low bits of the last byte that are no code."""
 
+# Magnitudes: the symbol of the escape, and the longest prefix behind it (C4).
 ESCAPE = 15
 MAX_PREFIX = 20
 

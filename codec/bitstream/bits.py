@@ -43,11 +43,22 @@ RECORD_FIELDS = {"mode": 1, "bytes": 7}
 MAGIC = int.from_bytes(b"CUES", "big")
 
 HEADER_BYTES = 2
+"""Bytes of L0's header."""
+
 COMPACT_HEADER_BYTES = 1
+"""Bytes of a compact L0's header."""
+
 FILE_BYTES = 24
+"""Bytes of a file's head, without its check."""
+
 RECORD_BYTES = 1
+"""Bytes of the head of a superframe in a file."""
+
 SEQUENCES = 64
+"""Numbers of superframes that the header tells apart."""
+
 COMPACT_SEQUENCES = 16
+"""The same in compact ones."""
 
 PROOF_BITS = {SCORE: 9, PLAIN: 9, COMPACT: 2}
 """Bits of the proof that a signed superframe carries, by mode."""

@@ -19,13 +19,22 @@ from codec.bitstream.bits import (
 from codec.bitstream.window import MAX_BYTES, MIN_BYTES
 
 CRC16_BYTES = 2
+"""Bytes of L0's check."""
+
 MIN_L0_BYTES = HEADER_BYTES + CRC16_BYTES + 1
+"""Bytes of the shortest L0: header, one byte, check."""
+
 SIGNED_BYTES = 2
 """Bytes by which a signed L0 part is longer at least."""
 
 _COMPACT_BIT = 0x20
+"""Bit of the first byte that marks a compact L0."""
+
 _COMPACT_SIGNED_BIT = 0x10
+"""Bit of its first byte that marks a signed one."""
+
 _SIGNED_BIT = 0x08
+"""Bit of the second byte that marks a signed L0."""
 
 
 def is_compact(l0: bytes) -> bool:

@@ -30,7 +30,10 @@ Array = NDArray[np.float64]
 
 FOLDER = Path(__file__).parents[1] / "assets" / "coding"
 FORMAT = "cuecast-coding-2"
+
 _MAX_BYTES = 1 << 20
+"""Bytes of coding tables, unpacked, at most."""
+
 _TARGETS = ("hand", "head", "forearm", "arc", "face")
 _BASES = ("residual", "loose", "plain", "filmed")
 
@@ -180,6 +183,8 @@ def load_coding(path: str | os.PathLike[str], voice: Voice) -> Coding:
 
 
 _SPECTRUM = 1 / (1 + (np.arange(TICKS) / 2.0) ** 3)
+"""Expected power of a residual by frequency, of cosines over a superframe."""
+
 DOUBT = 2.0
 """Variance of each parameter that the basis of filmed motion adds to what is known: of 0.5, 1 and 2
 the least rate on films of cuers that training has not seen."""

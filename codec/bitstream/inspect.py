@@ -110,6 +110,7 @@ _COLOURS = (36, 33, 32, 35, 34, 31)
 """Foreground colours of neighbouring fields, by the numbers of ECMA-48 (SGR)."""
 
 _BITS_IN_LINE = 64
+"""Bits that a line of the map shows."""
 
 
 def describe_bits(frame: Superframe, *, colour: bool = False) -> str:

@@ -26,6 +26,8 @@ FEATURES = ("aperture", "roll")
 """Upper over lower lip, and upper in front of lower lip, mm."""
 
 _FREE = 1e3
+"""Tolerance in mm of what a phone does not demand: any."""
+
 _TOLERANCE_MM = {"p b m": (0.1, 0.3), "f v": (0.4, 0.4)}
 """How far the features may be from the viseme's; other phones do not insist on them."""
 
@@ -42,6 +44,8 @@ _CORE = 0.2
 """Half of the part of a phone in which its contract holds whole."""
 
 _LEAST_CORE_TICKS = 1.0
+"""Ticks in a phone's middle in which its contract holds whole."""
+
 _FADE_TICKS = 2.5
 """The contract begins and ends so gradually: lips move at natural speed."""
 

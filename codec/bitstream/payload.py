@@ -44,15 +44,28 @@ from codec.errors import BitstreamError
 Ints = NDArray[np.int64]
 
 CRC8_BYTES = 1
+"""Bytes of L1's check."""
+
 STEP_BITS = 6
+"""Bits of the step (H8)."""
+
 BASES = {SCORE: cumulative([8, 4, 2, 2]), PLAIN: cumulative([1, 1, 15, 15])}
 """Tables of the basis, by mode."""
 
 LEVELS = cumulative([14, 5, 5, 3, 2.5, 1.5, 1])
+"""Frequencies of the levels (H8)."""
+
 COURSES = cumulative([12, 2, 1, 1])
+"""Frequencies of the courses (H8)."""
+
 SHIFTS = cumulative([10, 2, 2, 1, 1])
+"""Frequencies of the shifts (H8)."""
+
 SHARED = cumulative([7, 1])
+"""Frequencies of whether any part is predicted otherwise than whole (H8)."""
+
 SHARE = cumulative([6, 2, 8])
+"""Frequencies of a part's share of the prediction (H8)."""
 
 _BASIS_BITS = {mode: np.log2(TOTAL) - np.log2(np.diff(row)) for mode, row in BASES.items()}
 _LEVEL_BITS = np.log2(TOTAL) - np.log2(np.diff(LEVELS))

@@ -37,7 +37,10 @@ BEGINNING = 41
 """Context of a preview's first start: the superframe's beginning."""
 
 _CELLS = TICKS // CELL
+
 WHICH = cumulative([12, 1, 1, 4, 14])
+"""Frequencies of which previews there are (V1)."""
+
 _CONSONANT_PERCENT = 40
 """Share of a key's length that is its consonant."""
 

@@ -15,6 +15,8 @@ from codec.bitstream.tables import CoefficientTables
 from codec.bitstream.transform import Bases, Basis
 
 STEPS = 64
+"""Numbers of steps; the last one says that there is no residual."""
+
 NO_RESIDUAL = STEPS - 1
 """The step number that says that no coefficient follows."""
 
@@ -32,10 +34,13 @@ N_COURSES = 4
 """Forms of movement of which a superframe names one (`resynthesis.course.COURSES`)."""
 
 FRACTION_BITS = 16
+"""Bits behind the point of values in mm (Q1)."""
+
 WEIGHT = 0.16
 """Squared steps per bit at which index decisions cost least overall, found by trial."""
 
 _MANTISSAS = (65536, 77936, 92682, 110218)
+"""Widths of four steps within an octave (Q1)."""
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -24,11 +24,22 @@ REST_GAPS_S = (0.25, 0.5, 1.0, 1.8)
 """Silences after which the hand rests that a superframe can name."""
 
 _ON_GRID, _EVEN = 0, 1
+"""Forms of timing (S2)."""
+
 TIMING = cumulative([255, 1])
+"""Their frequencies."""
+
 PLAIN_OR_SPECIAL = cumulative([127, 1])
+"""Frequencies of special rules (S2)."""
+
 AS_RULED = cumulative([7, 1])
+"""Frequencies of a key as the rule has it (S9)."""
+
 SHAPES = cumulative([1] * 9)
+"""Frequencies of shapes (table 2)."""
+
 PLACEMENTS_TABLE = cumulative([1] * 6)
+"""Frequencies of placements (table 2)."""
 
 
 def is_consonant(number: int) -> bool:

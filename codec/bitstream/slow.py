@@ -7,6 +7,8 @@ in any order and be ignored. Specification: spec/bitstream.md, section 3.3.
 from collections.abc import Mapping
 
 N_REGISTERS = 256
+"""Registers that a piece's first byte tells apart."""
+
 PROGRAMME = range(4)
 """Registers of the programme's identifier, its highest byte first."""
 

@@ -31,7 +31,11 @@ Frames = list[Superframe]
 Size = Callable[[Superframe], int]
 
 _OPEN_BYTES = 4000
+"""Bytes of a superframe whose length is not bound yet: more than any needs."""
+
 _GOLDEN = (5**0.5 - 1) / 2
+"""Golden section: it orders superframes so that every beginning is spread evenly."""
+
 _NEAR = 1.01
 """Factor by which the error, or the size, may be greater if the score travels for it."""
 

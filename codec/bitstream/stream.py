@@ -43,13 +43,28 @@ from codec.cues.timeline import SUPERFRAME_S, TICK_S, TICKS, to_ticks
 from codec.errors import BitstreamError, CueError, VoiceError
 
 RATE_HZ = 50.0
+"""Frames per second of decoded motion."""
+
 MIN_RATE_BPS = 60
+"""Least rate of a file in bit/s."""
+
 MAX_RATE_BPS = 20_000
+"""Largest rate of a file in bit/s."""
+
 _CRC_BYTES = 2
+"""Bytes of the check of a file's head."""
+
 _MAX_TICKS = 24 * 3600 * 50
+"""Ticks of the longest file: a day."""
+
 _END_BYTES = 4
+"""Bytes of the check of a whole file."""
+
 _LONG = 127
+"""Length from which a superframe's own field tells it."""
+
 _LONG_BYTES = 2
+"""Bytes of that field."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -100,6 +100,7 @@ _NOISE = 0.02
 """Share of a channel's variance that is taken for error of what is known."""
 
 _LAGS = 3 * TICKS
+"""Ticks over which correlations are taken."""
 
 
 @functools.lru_cache(maxsize=8)
@@ -177,3 +178,4 @@ def scales_of(variances: Array) -> Ints:
 
 
 _LEAST = 0.25
+"""Least expected magnitude in mm."""

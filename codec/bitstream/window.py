@@ -37,20 +37,31 @@ LAST = 3 * TICKS + 14
 """Last tick at which a phone of a window starts: the next window can begin with the one after."""
 
 BEGIN_CELL = 8
+"""Ticks of a cell of the window's begin (M4)."""
+
 BEGIN = cumulative([3, 4, 5, 6, 7, 7, 6, 5, 4, 4, 3, 3, 2, 2, 2, 1])
 """Table of the cells in which a window begins."""
 
 FINE, RULED = range(2)
+
 TIMING = cumulative([1, 3])
+"""Frequencies of the forms of timing (M3)."""
+
 PACES = (3, 4, 5, 6, 7, 8, 10, 13)
 """Eighths of their usual length that phones take by rule."""
 
 PACE = cumulative([4, 14, 16, 12, 8, 5, 3, 2])
+"""Frequencies of paces (table 3)."""
+
 CORRECTIONS = (0, -2, 2, -4, 4, -7, 7, 12)
 """Ticks by which a vowel lasts longer than by rule."""
 
 CORRECTION = cumulative([44, 5, 4, 3, 3, 1, 2, 2])
+"""Frequencies of corrections (table 3)."""
+
 PLAIN_OR_SPECIAL = cumulative([127, 1])
+"""Frequencies of special rules (M1)."""
+
 SLOW = cumulative([127, 1])
 """Table of whether a piece of the slow channel comes first."""
 
@@ -58,7 +69,11 @@ PIECE_BITS = 16
 """Bits of a piece of the slow channel."""
 
 UNIT = (1, 2)
+"""Ticks of a unit of pauses, by timing (M6)."""
+
 BEGIN_UNIT = (2, 4)
+"""Ticks between begins, by timing (M4)."""
+
 _UNITS = (32, 16)
 """Greatest length by timing, in units; a pause of that length lasts until the next window."""
 

@@ -82,6 +82,8 @@ _HORIZON = 16
 """Windows over which a writer looks ahead."""
 
 _PAUSE_BITS = 3.0
+"""Bits that a pause takes, about."""
+
 _VOWEL_BITS = 1.0
 """Bits of a pause's length and of a vowel's correction, about."""
 

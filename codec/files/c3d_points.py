@@ -30,11 +30,11 @@ _DEC = 85
 """Processor number that means VAX floating point."""
 
 _MOST_POINTS = 10_000
+"""Points of a file at most: far more than laboratories record; more is damage."""
+
 _FARTHEST = 1e6
 """Coordinates at most, in the file's unit: a kilometre in mm. What lies beyond is damage and counts
 as hidden: its squares would drown all others."""
-
-"""Points of a file at most: far more than laboratories record; more is damage."""
 
 _SIXTEEN_BITS = 0xFFFF
 """Largest number of the header's 16-bit fields."""

@@ -33,9 +33,10 @@ _FIRST_LINE_S = 2.5
 """Seconds before the first line, in which a receiver tunes in."""
 
 _PAUSE_S = 0.9
-_TAIL_S = 1.2
-"""After the last pause: she may be 1.5 s behind, and goes to rest."""
 """Seconds between lines."""
+
+_TAIL_S = 1.2
+"""Seconds after the last pause: she may be 1.5 s behind, and goes to rest."""
 
 _SPEECH_RMS = 0.09
 """Level of the speech, of full scale: about -21 dB, as announcements have."""

@@ -39,22 +39,38 @@ from synth.text.sentences import read_sentences
 PACES: dict[str, Pace | None] = {"readable": READABLE, "sync": None}
 
 _RATES = (4.0, 6.0)
+"""Syllables per second of the programmes."""
+
 _PROGRAMMES = 3
+"""Programmes of each rate."""
+
 _PROGRAMME_S = 300.0
+"""Their length in seconds."""
+
 _GAP_S = 0.1
 """Between two subtitles of a made programme; their time is that of the syllables, gap included."""
 
 _FRAMES_HZ = 50.0
+"""Frames per second at which keys are judged."""
+
 _PICTURES_HZ = 25.0
+"""Pictures per second that a viewer sees."""
+
 _PICTURES = 3
 """Pictures for which a reader has to see a key: the 100 ms of `HELD_S`."""
 
 _TAUGHT = 40
+"""Sentences that the reader is taught on."""
+
 _SLOW = 1.2
 """Sentences on which the reader is taught, at this many syllables a second."""
 
 _STRIP_PICTURES = 12
+"""Pictures of the film strip."""
+
 _STRIP_SIZE = (240, 320)
+"""Width and height of each in pixels."""
+
 _SUBTITLES = {".srt", ".vtt", ".ttml", ".dfxp", ".xml", ".stl", ".ass", ".ssa"}
 
 

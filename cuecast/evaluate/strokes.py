@@ -23,13 +23,28 @@ REAL = {
 """Medians of three groups of utterances by two real cuers, filmed; the tracker's noise included."""
 
 _EAR_TO_EAR_MM = 153.0
+"""Distance in mm between the ears by which pictures are scaled."""
+
 _LEAST_PEAK_MM_S = 120.0
+"""Peak speed in mm/s from which a movement counts as a stroke."""
+
 _ENDS = 0.15
+"""Share of the peak speed at which a stroke begins and ends."""
+
 _VALLEY = 0.5
+"""Share of the lower peak to which speed has to fall between two strokes."""
+
 _FINE = 4
+"""Points between frames at which ends are looked for."""
+
 _LONG_MM = 25.0
+"""Way in mm from which a stroke's form is judged."""
+
 _SHORT_HOLD_S = 0.04
+"""Seconds below which a hold counts as none."""
+
 _LONG_HOLD_S = 0.1
+"""Seconds from which the hand's speed in a hold is judged."""
 
 _KNUCKLES = layout.marker_indices(layout.KNUCKLES[1:])
 _WRIST = layout.marker_indices(layout.WRIST)

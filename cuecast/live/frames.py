@@ -12,15 +12,26 @@ _HEADER = 8
 """Bytes that tell the length of any frame."""
 
 _MPEG_RATES = (44100, 48000, 32000)
+"""Rates in Hz by index (ISO/IEC 11172-3)."""
+
 _LAYER2_KBPS = (0, 32, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320, 384)
+"""Rates of layer II in kbit/s by index (ISO/IEC 11172-3)."""
+
 _LAYER2_KBPS_LOW = (0, 8, 16, 24, 32, 40, 48, 56, 64, 80, 96, 112, 128, 144, 160)
+"""The same at half the sampling rate (ISO/IEC 13818-3)."""
+
 _AAC_RATES = (
     96000, 88200, 64000, 48000, 44100, 32000, 24000, 22050, 16000, 12000, 11025, 8000, 7350,
 )  # fmt: skip
+"""Rates in Hz by index (ISO/IEC 14496-3)."""
+
 _AC3_KBPS = (
     32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320, 384, 448, 512, 576, 640,
 )  # fmt: skip
+"""Rates in kbit/s by half the index (ETSI TS 102 366)."""
+
 _AC3_RATES = (48000, 44100, 32000)
+"""Rates in Hz by index (ETSI TS 102 366)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,12 +18,20 @@ from codec.errors import CueError
 from receiver.live.line import listen
 
 _DATAGRAM = 65536
+"""Bytes of the largest datagram."""
+
 _BLOCK = 188 * 7 * 16
+"""Bytes that are read at once from a pipe."""
+
 _WAITING = 40_000
 """Datagrams that wait for the playout: half a minute of 14 Mbit/s."""
 
 _WAITING_BLOCKS = 8
+"""Blocks that wait where the programme is not paced by its own arrival."""
+
 _PAYLOAD = 188 * 7
+"""Bytes of a datagram that is sent: seven packets, as is usual."""
+
 _BUFFER = 16 << 20
 """What the system may hold for a process that does not come to read, bytes."""
 

@@ -9,12 +9,16 @@ from dataclasses import dataclass
 from cuecast.media.tables import NULL_PID, PACKET, SYNC, payload_of
 
 TICKS_HZ = 90_000
+"""Ticks of time stamps in a second (ISO/IEC 13818-1)."""
+
 PERIOD = 1 << 33
 """Time stamps count ticks of 1/90000 s and begin anew after 33 bits."""
 
 _LONGEST_PES = 1 << 18
+"""Bytes of a sound's PES packet at most: more is damage."""
 
 NULL_PACKET = bytes([SYNC, NULL_PID >> 8, NULL_PID & 0xFF, 0x10]) + b"\xff" * (PACKET - 4)
+"""A packet that holds nothing."""
 
 
 def step(stamp: int, before: int) -> int:

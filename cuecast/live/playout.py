@@ -20,7 +20,11 @@ DELAY_S, LOW_DELAY_S = 5.0, 2.5
 """From in to out: the embedder's own delay (2.7 s, 1.4 s low), coding, and time to compute."""
 
 _LOOP_S = 0.005
+"""Seconds that the loop waits for arrivals at a time."""
+
 _SILENT_S = 2.0
+"""Seconds without arrivals after which the input counts as lost."""
+
 _PATIENCE_S = 120.0
 """How long a pipe waits for the marking process before the programme passes as it is."""
 

@@ -14,6 +14,7 @@ from codec.errors import CueError
 from cuecast.live.playout import Playout
 
 _LONGEST_MESSAGE = 16_384
+"""Bytes of a message of live text at most."""
 
 
 class PlayoutServer:

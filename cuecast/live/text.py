@@ -35,6 +35,7 @@ _LONGEST_LAG_S = 12.0
 """Text that would come later than this is left out."""
 
 _LONGEST_TEXT = 2000
+"""Characters of a caption at most."""
 
 
 @dataclass(frozen=True, slots=True)

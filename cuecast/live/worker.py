@@ -27,7 +27,11 @@ _WAITING = 4000
 """Messages that may wait for the process: minutes of sound."""
 
 _RESTART_S = (1.0, 2.0, 5.0, 10.0, 30.0)
+"""Seconds before a worker is started again, the first times; then as the last."""
+
 _REPORT_S = 1.0
+"""Seconds between reports of a worker."""
+
 _CAUGHT_UP_S = 0.3
 """Age of sound from which it is marked again, once some had to be passed over."""
 

@@ -11,6 +11,7 @@ from cuecast.command.progress import count_bar, note, printable
 SUMMARY = "keys of authentic cues: new, renew, show"
 
 _DAYS = 366
+"""Days that a key holds: a year."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

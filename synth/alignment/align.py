@@ -50,6 +50,8 @@ FILLER_COST = 7.5
 """What a frame of other speech costs above the best phone: the right phones cost 6 to 7 more."""
 
 FILLER_ENTRY = 20.0
+"""What a stretch of other speech costs, however long."""
+
 SKIP_COST = 200.0
 """What a word that is not spoken costs, as much as some 20 frames that fit badly."""
 

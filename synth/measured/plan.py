@@ -36,6 +36,7 @@ _SLOW_KEYS = 5.0
 _LEAST_APART_S = 0.15
 """Seconds between arrivals at least."""
 
+# Of strokes from rest to rest: see below.
 _STROKE_S = 0.36
 _STROKE_SPREAD = 0.27
 """Median duration from rest to rest, and its spread in natural logarithms. What an analysis finds

@@ -48,9 +48,10 @@ _UNEVENNESS = 0.4
 """Standard deviation of the logarithm of a phone's length about its prediction, read speech."""
 
 _TAIL_S = 1.5
+"""Seconds after the last phone, in which the hand comes to rest."""
+
 _OTHERS = 30
 """Sentences of each of the other cuers."""
-"""Seconds after the last phone, in which the hand comes to rest."""
 
 N_FACE_PARAMS = 7
 """Parameters of the face, which come first."""

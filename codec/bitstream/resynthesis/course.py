@@ -23,9 +23,16 @@ SHIFTS = (0, 3, -3, 6, -6)
 """Ticks by which the hand can be earlier than the rule says."""
 
 _REACH_TICKS = 22.5
+"""Ticks from a phone beyond which it has no say (P7)."""
+
 _RISE_TICKS = 2.5
+"""Ticks in which its weight falls by itself (P7)."""
+
 _SHARE_OF_LENGTH = 0.6
+"""Share of half its length over which it falls besides (P7)."""
+
 _SILENT_DOMINANCE = 0.05
+"""Weight of the pause (P7)."""
 
 
 def minimum_jerk(phase: Array) -> Array:
