@@ -2,9 +2,11 @@
 
 import ast
 import importlib
+import inspect
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -72,3 +74,35 @@ def test_importing_the_faces_is_cheap() -> None:
 @pytest.mark.parametrize("package", FACES)
 def test_the_face_has_an_example(package: str) -> None:
     assert ">>> from " in (importlib.import_module(package).__doc__ or "")
+
+
+def undocumented(label: str, thing: Any) -> list[str]:
+    """Return what the docstring of a public function or method does not tell."""
+    text = inspect.getdoc(thing) or ""
+    signature = inspect.signature(thing)
+    missing = []
+    if set(signature.parameters) - {"self", "cls"} and "Parameters" not in text:
+        missing.append(f"{label}: Parameters")
+    gives = signature.return_annotation not in (None, "None", inspect.Signature.empty)
+    if gives and "Returns" not in text and "Yields" not in text:
+        missing.append(f"{label}: Returns")
+    return missing
+
+
+@pytest.mark.parametrize("package", FACES)
+def test_public_names_tell_what_they_take_and_give(package: str) -> None:
+    module = importlib.import_module(package)
+    missing = []
+    for name in module.__all__:
+        thing = getattr(module, name)
+        if inspect.isfunction(thing):
+            missing += undocumented(name, thing)
+        elif inspect.isclass(thing) and not issubclass(thing, Exception):
+            text = inspect.getdoc(thing) or ""
+            if "Parameters" not in text and "Attributes" not in text:
+                missing.append(f"{name}: Parameters or Attributes")
+            for label, method in vars(thing).items():
+                method = getattr(method, "__func__", method)
+                if inspect.isfunction(method) and not label.startswith("_"):
+                    missing += undocumented(f"{name}.{label}", method)
+    assert missing == []

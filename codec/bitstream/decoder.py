@@ -69,6 +69,10 @@ class SuperframeDecoder:
         index : int
             Any number that is congruent to the header's sequence.
 
+        Returns
+        -------
+        DecodedSuperframe
+
         Raises
         ------
         VoiceError
@@ -80,7 +84,13 @@ class SuperframeDecoder:
         return self.render(index)
 
     def take(self, l0: bytes | None, l1: bytes | None, index: int) -> None:
-        """Take the parts of superframe `index`, as `push` does, without drawing it yet."""
+        """Take the parts of a superframe without drawing it yet.
+
+        Parameters
+        ----------
+        l0, l1, index
+            As of `push`.
+        """
         self._forget(index)
         content, layers = self._read(l0, l1, index)
         if content is not None:
@@ -124,6 +134,14 @@ class SuperframeDecoder:
         A single part that is not may be damaged; two that tell the same other identity are
         another's.
 
+        Parameters
+        ----------
+        l0 : bytes
+
+        Returns
+        -------
+        bool
+
         Raises
         ------
         VoiceError
@@ -154,6 +172,14 @@ class SuperframeDecoder:
         """Return superframe `index` from all that has arrived by now.
 
         Called when its time comes, the neighbours are known and the motion is the best possible.
+
+        Parameters
+        ----------
+        index : int
+
+        Returns
+        -------
+        DecodedSuperframe
         """
         parts = self._parts(index)
         content = self._contents.get(index)

@@ -80,7 +80,17 @@ class SuperframeEncoder:
         )
 
     def encode(self, motion: Motion, index: int) -> Superframe:
-        """Return superframe `index` of `motion`, of the encoder's size.
+        """Return a superframe of the encoder's size.
+
+        Parameters
+        ----------
+        motion : Motion
+        index : int
+            Its number: superframe k covers 0.64 s from 0.64 k s on.
+
+        Returns
+        -------
+        Superframe
 
         Raises
         ------
@@ -107,6 +117,10 @@ class SuperframeEncoder:
         index : int
         step : int
             Step number, 0 (finest) to 63 (no residual).
+
+        Returns
+        -------
+        Superframe
         """
         analysis, bases = self.analyse(motion, index), self._coding.bases
         chosen = choose(analysis, bases, step)
@@ -122,6 +136,10 @@ class SuperframeEncoder:
         index : int
         untold : container of int
             Superframes that do without their score.
+
+        Returns
+        -------
+        Analysis
 
         Raises
         ------

@@ -126,6 +126,10 @@ def encode_stream(
     options : CueingOptions
         Under which the score's keys follow from its phones.
 
+    Returns
+    -------
+    bytes
+
     Raises
     ------
     CueError
@@ -323,6 +327,17 @@ def decode_stream(data: bytes, voice: Voice) -> Motion:
     """Return the motion of a stream file, at 50 Hz.
 
     Superframes with a wrong checksum are concealed.
+
+    Parameters
+    ----------
+    data : bytes
+        A whole file.
+    voice : Voice
+        That of the motion.
+
+    Returns
+    -------
+    Motion
 
     Raises
     ------

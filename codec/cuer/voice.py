@@ -100,6 +100,10 @@ class Voice:
     def check_motion(self, motion: Motion) -> None:
         """Check that a motion's columns mean what this voice's do.
 
+        Parameters
+        ----------
+        motion : Motion
+
         Raises
         ------
         VoiceError

@@ -80,7 +80,17 @@ class SynthesisedMotion:
         )
 
     def window(self, start_s: float, frames: int) -> Motion:
-        """Return a window of the motion, see `MotionSource.window`."""
+        """Return a window of the motion.
+
+        Parameters
+        ----------
+        start_s, frames
+            As of `MotionSource.window`.
+
+        Returns
+        -------
+        Motion
+        """
         return self._synthesiser.motion(self.score, start_s, frames, self._voice)
 
 
@@ -169,7 +179,17 @@ class GivenMotion:
         self._motion = motion
 
     def window(self, start_s: float, frames: int) -> Motion:
-        """Return a window of the motion, see `MotionSource.window`."""
+        """Return a window of the motion.
+
+        Parameters
+        ----------
+        start_s, frames
+            As of `MotionSource.window`.
+
+        Returns
+        -------
+        Motion
+        """
         times = start_s + np.arange(frames) / RATE_HZ
         params = sample_params(self._motion, times)
         return replace(self._motion, params=params, rate_hz=RATE_HZ, start_s=start_s)

@@ -113,7 +113,15 @@ class Receiver:
         return self._combiner.recovered
 
     def open_sound(self, fs: int, channels: int, *, start_s: float) -> None:
-        """Listen to a sound of this format whose first sample is due at `start_s`.
+        """Listen to a sound of this format.
+
+        Parameters
+        ----------
+        fs : int
+            Samples per second.
+        channels : int
+        start_s : float
+            When its first sample is due on the programme's clock, seconds.
 
         Raises
         ------
@@ -125,7 +133,12 @@ class Receiver:
         self._sound_s, self._samples = start_s, 0
 
     def process(self, block: NDArray[np.float32]) -> list[Event]:
-        """Take samples, shape (n, channels).
+        """Take samples.
+
+        Parameters
+        ----------
+        block : ndarray of float32, shape (n, channels)
+            Of full scale 1; any n.
 
         Returns
         -------
@@ -140,7 +153,19 @@ class Receiver:
         self, width: int, height: int, fps: Fraction | float, *, depth: int = 8,
         start_s: float = 0.0,
     ) -> None:  # fmt: skip
-        """Look at pictures of this format from `start_s` on; what went before has ended."""
+        """Look at pictures of this format; what went before has ended.
+
+        Parameters
+        ----------
+        width, height : int
+            Pixels.
+        fps : Fraction or float
+            Pictures per second.
+        depth : int
+            Bits of a sample.
+        start_s : float
+            When the first one is due on the programme's clock, seconds.
+        """
         self._remember()
         in_vain = self._pictures is not None and self._pictures.first_lock_s is None
         self._pictures = PictureCarriers(
@@ -149,12 +174,27 @@ class Receiver:
         )  # fmt: skip
 
     def see(self, luma: NDArray[Any]) -> list[Event]:
-        """Take the next picture's luma, shape (height, width), as `process` takes sound."""
+        """Take the next picture.
+
+        Parameters
+        ----------
+        luma : ndarray of uint8 or uint16, shape (height, width)
+
+        Returns
+        -------
+        list of Event
+            As of `process`.
+        """
         assert self._pictures is not None, "no picture was opened"
         return self._take(self._pictures.process(luma))
 
     def flush(self) -> list[Event]:
-        """Return what the last samples still complete; the programme has ended."""
+        """Return what the last samples still complete; the programme has ended.
+
+        Returns
+        -------
+        list of Event
+        """
         events: list[Event] = []
         if self._carrier is not None:
             events += self._take(self._heard(self._carrier.flush()))
@@ -239,6 +279,10 @@ class Receiver:
 
         ``tune_in_s`` counts from the start to the end of the first superframe that arrived, or to
         the moment at which its carrier was found, whichever is later.
+
+        Returns
+        -------
+        dict
         """
         tracker = self._tracker
         self._remember()

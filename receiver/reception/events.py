@@ -18,7 +18,15 @@ the carrier was there and is gone. Ended: the programme is over."""
 
 @dataclass(frozen=True, slots=True)
 class StateChanged:
-    """Reception changed to `state` at `time_s`."""
+    """Reception changed.
+
+    Attributes
+    ----------
+    time_s : float
+        On the programme's clock.
+    state : State
+        What it is from then on.
+    """
 
     time_s: float
     state: State
@@ -62,7 +70,13 @@ class KeysFound:
     """Keys that start within one superframe, in order of time.
 
     They come twice: as soon as the superframe arrived, when the end of the last one may still be
-    a guess, and once again when they are certain (`final`).
+    a guess, and once again when they are certain.
+
+    Attributes
+    ----------
+    keys : tuple of Key
+    final : bool
+        Whether nothing of them will change.
     """
 
     keys: tuple[Key, ...]
@@ -71,9 +85,15 @@ class KeysFound:
 
 @dataclass(frozen=True, slots=True)
 class SuperframeLost:
-    """The superframe due at `start_s` did not arrive, nor did those after it, `count` in all.
+    """Superframes that did not arrive, one after the other.
 
     Of a long gap only the ends have pieces of motion: the hand rests in the middle.
+
+    Attributes
+    ----------
+    start_s : float
+        When the first one was due on the programme's clock.
+    count : int
     """
 
     start_s: float
@@ -82,9 +102,16 @@ class SuperframeLost:
 
 @dataclass(frozen=True, slots=True)
 class Unreadable:
-    """From `time_s` on the stream has another voice or version: it is not drawn.
+    """The stream has another voice or version: it is not drawn.
 
     Told once; it holds until a superframe is drawn again.
+
+    Attributes
+    ----------
+    time_s : float
+        From when on, on the programme's clock.
+    message : str
+        What it has, for a person to read.
     """
 
     time_s: float

@@ -27,6 +27,10 @@ def capture(
         Whose parameters are wanted.
     options : CaptureOptions
 
+    Returns
+    -------
+    Captured
+
     Raises
     ------
     CueError
