@@ -219,9 +219,20 @@ def arrival(speed: FloatArray, before: int, begin: int, end: int) -> int:
     flow = np.nan_to_num(speed[: end + 1])
     low = min(before, begin)
     at = low + int(flow[low : begin + 1].argmax())
+    if at == begin:
+        # Fingers that are in shape early let a key begin while the hand still gathers speed.
+        begin = at = _summit(flow, begin, end)
     peak = flow[at]
     while at < end - 1:
         if flow[at] <= _ARRIVED * peak or (at >= begin and flow[at + 1] > flow[at]):
             break
         at += 1
     return at
+
+
+def _summit(flow: FloatArray, begin: int, end: int) -> int:
+    """Return the frame where a rising speed turns, `begin` where it rises until the key's end."""
+    at = begin
+    while at < end - 1 and flow[at + 1] > flow[at]:
+        at += 1
+    return at if at < end - 1 else begin
