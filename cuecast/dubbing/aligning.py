@@ -123,7 +123,7 @@ def text_as_subtitle(text: str, programme: str | os.PathLike[str]) -> Subtitle:
         raise CueError(
             f"{programme}: a text without times aligns to {LONGEST_TEXT_S:.0f} s of sound at most"
         )
-    return Subtitle(0.0, length_s, text)
+    return Subtitle(0.0, length_s, text, timed=False)
 
 
 class ProgrammeVoices:

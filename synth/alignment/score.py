@@ -2,7 +2,8 @@
 
 Where the sound does not belong to the text, where it is too short for it, and where a passage
 fits no better than any other words would, the subtitles' own intervals are used as without a
-recording. Subtitles that are all early or late are moved as the sound asks.
+recording. Subtitles that are all early or late are moved as the sound asks. A text without times
+has none to fall back to: it is cut by a sound that it may fit, at a confidence of 0.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -321,14 +322,22 @@ class _Timed:
                 lags += item.lags_s(found.phones, self.offset_s)
         return float(np.median(lags)) if lags else 0.0
 
+    @property
+    def _timed_by_guess(self) -> bool:
+        """Whether sound that may not belong to its text is better than no times at all."""
+        given = any(subtitle.timed for item in self.heard for subtitle in item.run.subtitles)
+        return not given and self.verdict.leans and not self.verdict.holds
+
     def words(self, reading: Reading, warn: Warn, judged: Judged) -> list[TimedWord]:
         """Return the words, those of runs that do not fit by their subtitles."""
         if not self.verdict.holds:
             first, last = self.heard[0].run.subtitles[0], self.heard[-1].run.subtitles[-1]
+            evidence = f"evidence {self.verdict.evidence:.1f} of {LEAST_EVIDENCE:.0f}"
             warn(
-                f"subtitles from {first.start_s:.2f} to {last.end_s:.2f} s: their text is not what "
-                f"is said (evidence {self.verdict.evidence:.1f} of {LEAST_EVIDENCE:.0f}), timed by "
-                "themselves"
+                f"text without times: whether it is what is said is not sure ({evidence})"
+                if self._timed_by_guess
+                else f"subtitles from {first.start_s:.2f} to {last.end_s:.2f} s: their text is not "
+                f"what is said ({evidence}), timed by themselves"
             )
         line: list[TimedWord] = []
         for item, found in zip(self.heard, self.found, strict=True):
@@ -337,7 +346,9 @@ class _Timed:
                 sure = [self.verdict.confidence(fits) for fits in item.by_subtitle(found.fits)]
             for subtitle, confidence in zip(item.run.subtitles, sure, strict=True):
                 judged(Judgement(subtitle, confidence, self.offset_s))
-            if found is not None and self.verdict.confidence(found.fits) >= _LEAST_CONFIDENCE:
+            if found is not None and (
+                self._timed_by_guess or self.verdict.confidence(found.fits) >= _LEAST_CONFIDENCE
+            ):
                 line += item.timed(found.phones)
                 continue
             if self.verdict.holds:

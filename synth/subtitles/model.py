@@ -20,12 +20,15 @@ class Subtitle:
         As displayed, without markup, lines separated by ``\n``.
     line : int
         Where it stands in its file, counted from 1, for messages.
+    timed : bool
+        Whether its times were given; else they are only those of the whole sound.
     """
 
     start_s: float
     end_s: float
     text: str
     line: int = 1
+    timed: bool = True
 
     def __post_init__(self) -> None:
         if not 0 <= self.start_s <= LONGEST_S:

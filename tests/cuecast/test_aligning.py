@@ -1,6 +1,7 @@
 """The sound of a programme, stretch by stretch, and scores timed by it."""
 
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,35 @@ def test_phones_start_where_they_are_said(spoken: tuple[Path, list[float]]) -> N
     starts = np.array([p.start for p in score.phones])
     # Measured: median 10 ms.
     assert np.median(np.abs(starts - truth)) <= 0.03
+
+
+@pytest.mark.parametrize("timed", [False, True])
+def test_words_too_few_to_be_sure(
+    timed: bool, spoken: tuple[Path, list[float]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Times that were given are kept; where there are none, the sound's are better than none."""
+    monkeypatch.setattr("synth.alignment.trust.LEAST_EVIDENCE", 1e3)
+    path, truth = spoken
+    told: list[str] = []
+    sure = Confidence()
+    subtitle = replace(text_as_subtitle(TEXT, path), timed=timed)
+    score = aligned_score([subtitle], path, warn=told.append, judged=sure)
+    note = "their text is not what is said" if timed else "whether it is what is said is not sure"
+    assert [note in line for line in told] == [True]
+    assert sure.report()["confidence"] == 0
+    assert score.phones[0].start == pytest.approx(0.0 if timed else truth[0], abs=0.06)
+
+
+def test_text_without_times_that_fits_no_better_than_others(tmp_path: Path) -> None:
+    path = tmp_path / "silence.wav"
+    soundfile.write(path, np.zeros(3 * 8000), 8000)
+    told: list[str] = []
+    score = aligned_score(
+        [text_as_subtitle(TEXT, path)], path, warn=told.append, judged=Confidence()
+    )
+    assert "not what is said" in told[0]
+    assert [p.symbol for p in score.phones] == PHONES
+    assert score.phones[0].start == 0
 
 
 def test_from_the_command_line(spoken: tuple[Path, list[float]], tmp_path: Path) -> None:
