@@ -1,6 +1,6 @@
 """A subtitle: an interval of the programme and what is said in it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from codec.errors import CueError
 
@@ -28,7 +28,7 @@ class Subtitle:
     end_s: float
     text: str
     line: int = 1
-    timed: bool = True
+    timed: bool = field(default=True, repr=False)
 
     def __post_init__(self) -> None:
         if not 0 <= self.start_s <= LONGEST_S:
