@@ -39,10 +39,6 @@ _ARRIVED = 0.05
 _PIECE_S, _MARGIN_S = 30.0, 4.0
 """Seconds that are searched at once, and those on either side that are not kept."""
 
-_SURE_SHARE = 0.45
-"""What a frame counts when it is asked how sure a key is, against what it counts in the choice of
-the line: with this, as many keys were right on known takes as their probabilities said."""
-
 
 @dataclass(frozen=True, slots=True)
 class Held:
@@ -151,11 +147,10 @@ def line_value(seen: Seen, looks: Looks = ANYBODYS) -> float:
 
 def nearness(densities: Lattice, looks: Looks) -> FloatArray:
     """Return how likely each key is at hand in each frame: held, coming or just left, (T, 41)."""
-    near = np.empty_like(densities.hold)
+    near, share = np.empty_like(densities.hold), looks.sure_share
     _kernels.nearness(
-        _SURE_SHARE * densities.hold, _SURE_SHARE * densities.way, _SURE_SHARE * prices(looks),
-        _SURE_SHARE * _EDGE, near,
-    )  # fmt: skip
+        share * densities.hold, share * densities.way, share * prices(looks), share * _EDGE, near
+    )
     return near
 
 
