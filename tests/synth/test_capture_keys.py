@@ -9,7 +9,7 @@ from codec.cuer.voice import load_voice
 from codec.cues.phonology import PHONE_NUMBER
 from codec.cues.score import SHAPES
 from synth.capture.cues.looks import KEYS, looks_of
-from synth.capture.cues.recognise import Held, recognise_keys
+from synth.capture.cues.recognise import Held, arrival, recognise_keys
 from synth.capture.cues.seen import see_motion
 from synth.capture.points.solve import resting
 from synth.capture.points.speaker import Speaker
@@ -58,6 +58,15 @@ def test_every_key_is_recognised_where_it_is_held() -> None:
     assert held[0].shape == held[-1].shape == 0
     assert min(one.confidence for one in keys) > 0.3
     assert is_sure(held)
+
+
+def test_a_key_that_is_formed_before_the_hand_moves_is_reached_when_it_has() -> None:
+    still = np.full(10, 5.0)
+    stroke = 100.0 * np.sin(np.linspace(0.0, np.pi, 21)) + 1.0
+    flow = np.concatenate([still, stroke, still])
+    assert arrival(flow, 8, 12, 41) == arrival(flow, 8, 22, 41) >= 28
+    # Until its end the hand only sets out again: it had arrived at the beginning.
+    assert arrival(flow, 8, 10, 18) == 10
 
 
 def test_without_depth_keys_are_still_told() -> None:
