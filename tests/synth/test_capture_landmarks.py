@@ -20,6 +20,7 @@ from synth.capture.sources.sniff import kind_of
 from synth.capture.tracker.aspect import ASPECTS, find_aspect
 from synth.capture.tracker.landmark_maps import FACE_LANDMARKS, face_map, hand_map, lesson
 from synth.capture.tracker.landmark_model import HAND_TRUST, LandmarkModel
+from synth.capture.tracker.landmarks import likely_postures, started
 from synth.capture.tracker.picture import _MIRROR
 from tests.synth import landmark_files as tables
 from tests.synth import studio_files as files
@@ -94,13 +95,15 @@ def test_slopes_are_those_of_the_landmarks() -> None:
 
 
 def test_hand_parameters_come_back_from_exact_landmarks() -> None:
+    """Of hands on the way between any two keys, from where capture starts."""
     model = LandmarkModel(VOICE.hand, hand_map(), np.zeros((21, 3)), np.ones(3))
-    table = VOICE.gestures
-    true = np.concatenate([table.shape_targets[4], table.placement_targets[4, 2]])[None]
-    x = model.landmarks(true.astype(float))
-    start = np.concatenate([table.shape_targets[5], table.placement_targets[5, 1]])[None]
-    found = invert(model, x, np.ones(x.shape[:2], dtype=bool), start.astype(float))
-    assert np.linalg.norm(model.landmarks(found) - x, axis=-1).max() < 1.0
+    likely = likely_postures(VOICE)
+    one, other = likely[np.random.default_rng(0).integers(len(likely), size=(2, 300))]
+    x = model.landmarks(0.7 * one + 0.3 * other)
+    found = invert(model, x, np.ones(x.shape[:2], dtype=bool), started(model, x, likely))
+    worst = np.linalg.norm(model.landmarks(found) - x, axis=-1).max(1)
+    assert np.quantile(worst, 0.9) < 0.8  # measured 0.6
+    assert worst.max() < 2.0  # measured 1.2
 
 
 @pytest.mark.parametrize("layout", ["wide", "few", "long"])
