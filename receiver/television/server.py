@@ -49,8 +49,6 @@ _MAX_SILENT = 64
 _REQUESTS_PER_S = 20
 """Messages per second that a page may send: more than any hand makes."""
 
-_MAX_PENDING = 64
-"""Messages that wait for a slow page before it is dropped."""
 
 _HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self';"
