@@ -23,7 +23,7 @@ SENT_BITS = 48
 """Bits of it that are sent; the others are found by trying."""
 
 HIDDEN_BITS = 8 * KEY_BYTES - SENT_BITS
-"""Bits of a key that are not sent: the receiver tries them all, and so saves a third of the time
+"""Bits of a key that are not sent: the receiver tries them all, and so saves a quarter of the time
 that a key takes."""
 
 
