@@ -222,12 +222,13 @@ class GestureSynthesiser:
         motion = voice.invert(markers, rate_hz=self.rate_hz, start_s=start_s, score=score)
         if self._lips is None or self._lips[0] != voice.identity:
             self._lips = voice.identity, LipContract(voice)
-        ticks = self.times_s(start_s, n_frames) / TICK_S
-        first, last = ticks[:1] - _LIPS_TICKS, ticks[-1:] + _LIPS_TICKS
+        ticks, line = self.times_s(start_s, n_frames) / TICK_S, self._plan(score).phones
         near = [
             Sounding(PHONE_NUMBER[p.symbol], to_ticks(p.start), to_ticks(p.end))
-            for p in score.phones
-            if n_frames and p.end / TICK_S > first and p.start / TICK_S < last
+            for p in (
+                score.phones[number]
+                for number in _under_way(line.start / TICK_S, line.end / TICK_S, ticks, _LIPS_TICKS)
+            )
         ]
         face = motion.params[:, :N_FACE_PARAMETERS].astype(np.float64)
         motion.params[:, :N_FACE_PARAMETERS] = self._lips[1].kept(face, near, ticks)
@@ -262,7 +263,7 @@ class GestureSynthesiser:
         g = plan.gestures
         path = np.linalg.norm(np.diff(plan.forearm[:, 3:], axis=0), axis=1)
         out = np.zeros((len(times), 3))
-        for number in range(1, len(g.leave)):
+        for number in 1 + _under_way(g.leave[1:], g.reach[1:], times):
             here = slice(*np.searchsorted(times, [g.leave[number], g.reach[number]]))
             elapsed = (times[here] - g.leave[number]) / (g.reach[number] - g.leave[number])
             part = self._profile(elapsed**self._movement.power)
@@ -404,6 +405,15 @@ class GestureSynthesiser:
                 gain = habits.opening * (1.0 + side * habits.asymmetry)
                 matrix[row, self.body.unit_names.index(unit)] = gain
         return matrix
+
+
+def _under_way(
+    begins: FloatArray, ends: FloatArray, times: FloatArray, margin: float = 0.0
+) -> NDArray[np.int64]:
+    """Return which of many spans have to do with increasing times, or lie within a margin."""
+    if not len(times):
+        return np.zeros(0, dtype=np.int64)
+    return np.flatnonzero((ends > times[0] - margin) & (begins <= times[-1] + margin))
 
 
 def _held(
