@@ -8,6 +8,7 @@ import contextlib
 import os
 import queue
 import socket
+import struct
 import sys
 import threading
 import time
@@ -37,6 +38,18 @@ _BUFFER = 16 << 20
 
 _FORCED = 33
 """SO_RCVBUFFORCE of Linux: beyond the limit of the system, for who may."""
+
+_STAMPED = 35
+"""SO_TIMESTAMPNS of Linux: the system tells when each datagram came."""
+
+_TIMESPEC = struct.Struct("@qq")
+"""Seconds and nanoseconds of such a stamp."""
+
+_NOTES = socket.CMSG_SPACE(_TIMESPEC.size)
+"""Bytes that the system may add to a datagram."""
+
+_OLDEST_S = 60.0
+"""A stamp of longer ago is one of a clock that was set."""
 
 Arrival = tuple[float, bytes]
 
@@ -72,6 +85,8 @@ class Input:
             self._socket = listen(address)
             with contextlib.suppress(OSError):
                 self._socket.setsockopt(socket.SOL_SOCKET, _FORCED, _BUFFER)
+            with contextlib.suppress(OSError):
+                self._socket.setsockopt(socket.SOL_SOCKET, _STAMPED, 1)
             work = self._take_datagrams
         else:
             self._file = _opened(address, "rb", sys.stdin.buffer)
@@ -98,13 +113,13 @@ class Input:
     def _take_datagrams(self) -> None:
         while True:
             try:
-                data = self._socket.recv(_DATAGRAM)
+                data, notes, _, _ = self._socket.recvmsg(_DATAGRAM, _NOTES)
             except TimeoutError:
                 continue
             except OSError:  # closed
                 return
             try:
-                self._arrivals.put_nowait((time.monotonic(), data))
+                self._arrivals.put_nowait((time.monotonic() - _age_s(notes), data))
             except queue.Full:
                 self.dropped += 1
 
@@ -121,6 +136,16 @@ class Input:
         """Stop listening."""
         if self.paced:
             self._socket.close()
+
+
+def _age_s(notes: list[tuple[int, int, bytes]]) -> float:
+    """Return how long ago the system took a datagram in, 0 where it does not tell."""
+    for level, kind, data in notes:
+        if (level, kind, len(data)) == (socket.SOL_SOCKET, _STAMPED, _TIMESPEC.size):
+            seconds, nanoseconds = _TIMESPEC.unpack(data)
+            age_s = time.time() - (seconds + 1e-9 * nanoseconds)
+            return age_s if 0.0 < age_s < _OLDEST_S else 0.0
+    return 0.0
 
 
 class Output:

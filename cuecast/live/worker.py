@@ -35,6 +35,12 @@ _REPORT_S = 1.0
 _CAUGHT_UP_S = 0.3
 """Age of sound from which it is marked again, once some had to be passed over."""
 
+_TRIAL_S = 1.0
+"""How long a process that is late tries to catch up before it passes sound over."""
+
+_GAIN = 1.0
+"""Seconds that it must catch up in a second for that."""
+
 
 @dataclass(frozen=True, slots=True)
 class Cuer:
@@ -200,6 +206,7 @@ class _Marking:
         self._marker: Any = SoundMarker(self._motion, self._voice, options, self._note)
         self._send, self._patience_s = send, patience_s
         self._epoch = self._passed = 0
+        self._late_since: tuple[float, float] | None = None
         self._said = ""
         self._reported_s = 0.0
         self.over = False
@@ -241,11 +248,18 @@ class _Marking:
         self._emit(self._marker.process(first, data))
 
     def _is_late(self, sent_s: float) -> bool:
-        """Whether sound is passed over: from where it is too late until it is new again."""
+        """Whether sound is passed over: once it is too late and not caught up with, until new."""
         if self._patience_s is None:
             return False
-        age_s = time.monotonic() - sent_s
-        return age_s > (_CAUGHT_UP_S if self._passed else self._patience_s)
+        now_s = time.monotonic()
+        age_s = now_s - sent_s
+        if self._passed or age_s <= self._patience_s:
+            self._late_since = None
+            return bool(self._passed) and age_s > _CAUGHT_UP_S
+        if self._late_since is None:
+            self._late_since = now_s, age_s
+        tried_s, caught_up_s = now_s - self._late_since[0], self._late_since[1] - age_s
+        return tried_s > _TRIAL_S and caught_up_s < _GAIN * tried_s
 
     def _take_caption(self, sent_s: float, line: bytes) -> None:
         now_s = self._marker.heard_s - (time.monotonic() - sent_s if self._patience_s else 0.0)
