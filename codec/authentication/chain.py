@@ -7,7 +7,7 @@ section 3.
 
 import hashlib
 import hmac
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from codec.authentication.layout import HIDDEN_BITS, KEY_BYTES, SENT_BITS, Layout, Tag
 
@@ -42,12 +42,19 @@ class Chain:
         return key
 
     def find(self, sent: int, known: bytes, steps: int) -> bytes | None:
-        """Return the key whose sent bits these are and which leads to a known one in `steps`."""
-        for hidden in range(1 << HIDDEN_BITS):
-            key = whole_key(sent, hidden)
-            if self.before(key, steps) == known:
+        """Return the key with these sent bits that leads to a known one in one step or more."""
+        prefix, sha256 = self._prefix, hashlib.sha256
+        for key in _candidates(sent):
+            nearer = key if steps == 1 else self.before(key, steps - 1)
+            if sha256(prefix + nearer).digest()[:KEY_BYTES] == known:
                 return key
         return None
+
+
+def _candidates(sent: int) -> Iterator[bytes]:
+    """Return all keys whose sent bits these are."""
+    first = sent << HIDDEN_BITS
+    return (key.to_bytes(KEY_BYTES, "big") for key in range(first, first + (1 << HIDDEN_BITS)))
 
 
 def whole_key(sent: int, hidden: int) -> bytes:
@@ -100,3 +107,20 @@ def tag_of(key: bytes, digest: bytes, tag: Tag) -> int:
     """Return a tag of the superframes with this digest."""
     found = hashlib.sha256(_TAG + tag.reach.to_bytes(1, "big") + key + digest).digest()
     return int.from_bytes(found[:4], "big") >> 32 - tag.bits
+
+
+def agreeing(sent: int, digest: bytes, tag: Tag, told: int) -> Iterator[bytes]:
+    """Yield the keys with these sent bits under which a tag agrees.
+
+    All are tried for each block until a receiver has found its first key: `tag_of` written out,
+    so that this takes less than half the time.
+    """
+    sha256, least, before = (
+        hashlib.sha256,
+        told << 32 - tag.bits,
+        _TAG + tag.reach.to_bytes(1, "big"),
+    )
+    first, last = least.to_bytes(4, "big"), (least | (1 << 32 - tag.bits) - 1).to_bytes(4, "big")
+    for key in _candidates(sent):
+        if first <= sha256(before + key + digest).digest()[:4] <= last:
+            yield key

@@ -12,13 +12,11 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from codec.authentication.announcement import Announcement
-from codec.authentication.chain import Chain, digest_of, tag_of, whole_key
+from codec.authentication.chain import Chain, agreeing, digest_of, tag_of
 from codec.authentication.layout import (
-    HIDDEN_BITS,
     LAYOUTS,
     NEEDED_BITS,
     PERIOD,
-    SENT_BITS,
     SUPERFRAME_S,
     Layout,
     Tag,
@@ -199,7 +197,7 @@ class Verifier:
             return
         self._tried += 1
         quick, long, sent = split(proof, layout)
-        keys = list(_agreeing(sent, digest_of(window), layout.quick, quick))
+        keys = list(agreeing(sent, digest_of(window), layout.quick, quick))
         window, whole = self._window(begin, layout.whole)
         digest = digest_of(window)
         best = [key for key in keys if tag_of(key, digest, layout.whole) == long]
@@ -296,7 +294,7 @@ class Verifier:
             return None if key is None else _Known(period, place, key)
         assert self._offset is not None
         window, _ = self._window(block * layout.block - self._offset, layout.quick)
-        for key in _agreeing(sent, digest_of(window), layout.quick, quick):
+        for key in agreeing(sent, digest_of(window), layout.quick, quick):
             if chain.before(key, steps) == known.key:
                 return _Known(period, place, key)
         return None
@@ -388,12 +386,3 @@ class Verifier:
         if self._offset is not None:
             gone = (oldest + self._offset) // layout.block
             self._unsettled = {block for block in self._unsettled if block >= gone}
-
-
-def _agreeing(sent: int, digest: bytes, tag: Tag, told: int) -> Iterator[bytes]:
-    """Yield the keys with these sent bits under which a tag agrees."""
-    assert sent < 1 << SENT_BITS
-    for hidden in range(1 << HIDDEN_BITS):
-        key = whole_key(sent, hidden)
-        if tag_of(key, digest, tag) == told:
-            yield key

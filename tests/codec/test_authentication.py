@@ -17,8 +17,23 @@ from codec.authentication.announcement import (
     load_signing_key,
     new_key,
 )
-from codec.authentication.chain import Chain, keys_of, sent_bits, whole_key
-from codec.authentication.layout import EPOCH_S, LAYOUTS, PERIOD, SUPERFRAME_S, number_at, time_of
+from codec.authentication.chain import (
+    Chain,
+    agreeing,
+    keys_of,
+    sent_bits,
+    tag_of,
+    whole_key,
+)
+from codec.authentication.layout import (
+    EPOCH_S,
+    HIDDEN_BITS,
+    LAYOUTS,
+    PERIOD,
+    SUPERFRAME_S,
+    number_at,
+    time_of,
+)
 from codec.authentication.signer import Signer
 from codec.authentication.verifier import Verdict, Verifier
 from codec.errors import CueError
@@ -117,8 +132,9 @@ def test_losses_are_unknown_and_verified_again() -> None:
 
 
 def test_a_changed_superframe_is_not_verified() -> None:
-    sent = signed(96)
-    for index in range(20, 60, 3):
+    """At every place within a block."""
+    sent = signed(80)
+    for index in range(20, 60, 5):
         changed = list(sent)
         data, proof = changed[index]
         changed[index] = (bytes([data[0] ^ 1]) + data[1:], proof)
@@ -185,6 +201,17 @@ def test_time_is_told() -> None:
 def test_another_broadcaster_is_unknown() -> None:
     found = statuses(run(Verifier(announced()), enumerate(signed(60, number=1)), BEGIN_S))
     assert set(found.values()) == {"unknown"}
+
+
+@pytest.mark.parametrize("width", [9, 2])
+def test_all_keys_under_which_a_tag_agrees_are_found(width: int) -> None:
+    """The quick search tells what trying each key with `tag_of` tells."""
+    tag, digest, sent = LAYOUTS[width].quick, bytes(range(32)), 0x800012345678
+    keys = [whole_key(sent, hidden) for hidden in range(1 << HIDDEN_BITS)]
+    tags = [tag_of(key, digest, tag) for key in keys]
+    for told in (0, tags[0], max(tags), (1 << tag.bits) - 1):
+        expected = [key for key, found in zip(keys, tags, strict=True) if found == told]
+        assert list(agreeing(sent, digest, tag, told)) == expected
 
 
 def test_keys_lead_to_earlier_ones_only() -> None:

@@ -106,7 +106,7 @@ def quick_search(monkeypatch: pytest.MonkeyPatch) -> None:
             if sent in keys:
                 yield keys[sent]
 
-    monkeypatch.setattr(module, "_agreeing", agreeing)
+    monkeypatch.setattr(module, "agreeing", agreeing)
 
 
 def shown(width: int, count: int, seed: int) -> Counter[str]:
