@@ -1,56 +1,256 @@
-"""Which changes of the core rooms no test notices: cosmic-ray on a copy of the project.
+"""Which changes of the core rooms no test notices: mutants of cosmic-ray, each in a forked process.
 
-``python -m tests.mutation [--sample N] [ROOM ...]``; rooms are those of `ROOMS`. Hours without a
-sample. What survives is printed as differences; some of them change nothing that can be seen.
+``python -m tests.mutation [--sample N] [--record FILE] [ROOM ...]``; rooms are those of `ROOMS`.
+A process that has loaded all libraries forks for every mutant, so that one takes seconds, not a
+start of Python. The tests of a room are those that know it, quickest to notice first.
+
+Annotations and the compiler's decorators are not mutated: they are no behaviour. Survivors that
+`equivalent_mutants.txt` explains change nothing that can be seen; they are counted apart.
 """
 
 import argparse
+import ast
+import difflib
+import importlib
+import json
+import os
 import random
+import resource
 import shutil
-import sqlite3
 import subprocess
 import sys
 import tempfile
+import time
+import traceback
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+EQUIVALENT = Path(__file__).with_name("equivalent_mutants.txt")
 ROOMS = {
-    "tracker": (["receiver/reception/tracking.py"], "tests/receiver/test_tracking.py"),
-    "link": (
-        ["watermark/link/link.py", "watermark/link/combine.py", "watermark/link/crc.py"],
-        "tests/watermark/test_link.py tests/watermark/test_combine.py watermark/link",
+    "tracker": (
+        "receiver/reception/tracking.py",
+        "tests/receiver/test_tracking.py tests/receiver/test_hostile.py",
     ),
-    "bitstream": (["codec/bitstream"], "tests/codec codec/bitstream tests/spec"),
+    "link": (
+        "watermark/link",
+        "watermark/link tests/watermark/test_link.py tests/watermark/test_combine.py",
+    ),
+    "bitstream": (
+        "codec/bitstream",
+        "tests/spec/test_bitstream_reference.py tests/codec/test_score_coding.py "
+        "tests/codec/test_superframe.py tests/codec/test_stream.py codec/bitstream "
+        "tests/codec/test_bitmap.py tests/codec/test_checks.py tests/codec/test_coding.py "
+        "tests/codec/test_coefficients.py tests/codec/test_lips.py tests/codec/test_nesting.py "
+        "tests/codec/test_phasing.py tests/codec/test_preview.py tests/codec/test_range_coder.py "
+        "tests/codec/test_readings.py tests/codec/test_resynthesis.py tests/codec/test_window.py "
+        "tests/codec/test_threads.py tests/spec/test_identity_reference.py "
+        "tests/spec/test_misreadings.py tests/spec/test_motion_reference.py",
+    ),
 }
+"""What is mutated, and the tests that are asked."""
+
+MOST_CPU_S = 90
+"""Seconds of processor time after which a mutant is caught: it does not end."""
+
+MOST_BYTES = 8 << 30
+"""Address space of a mutant's process."""
+
+_PYTEST = "-x -q -p no:cacheprovider -W ignore::pytest.PytestAssertRewriteWarning".split()
+"""Plugins are loaded before the fork, which pytest warns of."""
+
+_COMPILERS = ("njit", "cache", "lru_cache")
+"""Decorators that only make things quick."""
 
 
-def mutate(room: str, sample: int, folder: Path) -> None:
-    """Run the mutants of a room in a copy of the project, and print what survives."""
-    copy, session = folder / room, folder / f"{room}.sqlite"
-    shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".git", ".venv*", "node_modules"))
-    modules, tests = ROOMS[room]
-    config = folder / f"{room}.toml"
-    config.write_text(
-        f"[cosmic-ray]\nmodule-path = {modules!r}\ntimeout = 300.0\nexcluded-modules = []\n"
-        f'test-command = "{sys.executable} -m pytest -x -q -p no:cacheprovider {tests}"\n'
-        '[cosmic-ray.distributor]\nname = "local"\n'
-    )
-    tool = Path(sys.executable).parent
-    subprocess.run([tool / "cosmic-ray", "init", config, session], cwd=copy, check=True)
+@dataclass
+class Mutant:
+    """A change of one place, and what became of it: ``killed``, ``survived``, ``equivalent``."""
+
+    path: str
+    operator: str
+    occurrence: int
+    line: int
+    definition: str
+    before: str = ""
+    after: str = ""
+    outcome: str = ""
+    took_s: float = 0.0
+
+
+def behaviour(source: str) -> list[tuple[int, int, int, int]]:
+    """Return the spans of a module that are no behaviour: line, column, last line, last column."""
+    spans = []
+    for node in ast.walk(ast.parse(source)):
+        told: list[ast.expr | None] = []
+        if isinstance(node, ast.arg | ast.AnnAssign):
+            told.append(node.annotation)
+        if isinstance(node, ast.FunctionDef):
+            told.append(node.returns)
+            told += [d for d in node.decorator_list if any(n in ast.unparse(d) for n in _COMPILERS)]
+        for part in told:
+            if part is not None:
+                assert part.end_lineno is not None
+                assert part.end_col_offset is not None
+                column = part.col_offset - 1  # a decorator begins with its @
+                spans.append((part.lineno, column, part.end_lineno, part.end_col_offset))
+    return spans
+
+
+def mutants_of(place: str) -> list[Mutant]:
+    """Return all mutants of a module or of a folder of them."""
+    from cosmic_ray.commands.init import _all_work_items
+
+    path = ROOT / place
+    modules = sorted(path.rglob("*.py")) if path.is_dir() else [path]
+    spans = {str(m.relative_to(ROOT)): behaviour(m.read_text()) for m in modules}
+    found = []
+    for item in _all_work_items(modules, {}):
+        change = item.mutations[0]
+        name = str(Path(change.module_path).relative_to(ROOT))
+        at, end = tuple(change.start_pos), tuple(change.end_pos)
+        if any((a, b) <= at and end <= (c, d) for a, b, c, d in spans[name]):
+            continue
+        found.append(
+            Mutant(
+                name, change.operator_name, change.occurrence, at[0], change.definition_name or ""
+            )
+        )
+    return found
+
+
+class Forge:
+    """Runs the tests of a room on one mutant after the other, in a copy of the project."""
+
+    def __init__(self, copy: Path, tests: str) -> None:
+        self._copy, self._tests = copy, tests.split()
+        sys.dont_write_bytecode = False
+        modules = copy / "modules.json"
+        status = self._forked(modules)
+        if status != 0:
+            raise SystemExit(f"the tests fail without a mutant: {copy / 'tests.log'}")
+        sys.dont_write_bytecode = True
+        for name in json.loads(modules.read_text()):
+            try:
+                importlib.import_module(name)
+            except Exception as error:
+                print(f"{name}: {error}", file=sys.stderr)
+        if self._forked() != 0:
+            raise SystemExit(f"the tests fail in a second process: {copy / 'tests.log'}")
+
+    def test(self, mutant: Mutant) -> None:
+        """Apply a mutant, see whether a test notices, and take it back."""
+        from cosmic_ray.mutating import mutate_code
+        from cosmic_ray.plugins import get_operator
+
+        path = self._copy / mutant.path
+        source, stamp = path.read_text(), path.stat()
+        changed = mutate_code(source, get_operator(mutant.operator)(), mutant.occurrence)
+        lines = list(difflib.ndiff(source.splitlines(), changed.splitlines()))
+        mutant.before = "\n".join(line[2:] for line in lines if line.startswith("- ")).strip()
+        mutant.after = "\n".join(line[2:] for line in lines if line.startswith("+ ")).strip()
+        begin = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+        try:
+            path.write_text(changed)
+            os.utime(path, (stamp.st_atime, stamp.st_mtime + 1 + random.random() * 1e6))
+            mutant.outcome = "survived" if self._forked() == 0 else "killed"
+        finally:
+            path.write_text(source)
+            os.utime(path, (stamp.st_atime, stamp.st_mtime))
+        mutant.took_s = round(resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - begin, 1)
+
+    def _forked(self, modules: Path | None = None) -> int:
+        """Run the tests in a child; return its status. The first one tells what it loaded."""
+        child = os.fork()
+        if child:
+            return os.waitpid(child, 0)[1]
+        status = 1
+        try:
+            status = self._child(modules)
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            os._exit(status)
+
+    def _child(self, modules: Path | None) -> int:
+        import pytest
+
+        resource.setrlimit(resource.RLIMIT_CPU, (MOST_CPU_S * (4 if modules else 1),) * 2)
+        resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
+        log = os.open(self._copy / "tests.log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        for stream in (1, 2):
+            os.dup2(log, stream)
+        os.chdir(self._copy)
+        sys.path.insert(0, str(self._copy))
+        status = pytest.main([*_PYTEST, *self._tests])
+        if modules is not None:
+            own = {path.stem for path in self._copy.iterdir()} | {"__main__"}
+            names = [n for n, m in sys.modules.items() if n.partition(".")[0] not in own and m]
+            modules.write_text(json.dumps(names))
+        return int(status)
+
+
+def reasons() -> dict[tuple[str, str, str], str]:
+    """Return why mutants cannot be told from the original: by module, line before and after."""
+    found = {}
+    if EQUIVALENT.exists():
+        for block in EQUIVALENT.read_text().split("\n\n"):
+            lines = [line for line in block.splitlines() if line and not line.startswith("#")]
+            if lines:
+                path, before, after, reason = lines
+                found[path, before.removeprefix("- "), after.removeprefix("+ ")] = reason
+    return found
+
+
+def examine(room: str, sample: int, seed: int, folder: Path) -> list[Mutant]:
+    """Run the mutants of a room, or some at random; print what survives."""
+    place, tests = ROOMS[room]
+    mutants = mutants_of(place)
+    total = len(mutants)
     if sample:
-        _thin_out(session, sample)
-    subprocess.run([tool / "cosmic-ray", "exec", config, session], cwd=copy, check=True)
-    report = [str(tool / "cr-report"), "--show-diff", "--surviving-only", str(session)]
-    subprocess.run(report, cwd=copy, check=True)
+        mutants = random.Random(seed).sample(mutants, min(sample, total))
+    explained = reasons()
+    forge = Forge(copied(folder / room), tests)
+    for number, mutant in enumerate(mutants, start=1):
+        forge.test(mutant)
+        if mutant.outcome == "survived":
+            if (mutant.path, mutant.before, mutant.after) in explained:
+                mutant.outcome = "equivalent"
+            print(
+                f"[{number}/{len(mutants)}] {mutant.outcome} {mutant.took_s} s {mutant.path}:"
+                f"{mutant.line} {mutant.definition}\n- {mutant.before}\n+ {mutant.after}\n",
+                flush=True,
+            )
+    told = summary(mutants, total)
+    print(f"{room}: {told}", flush=True)
+    return mutants
 
 
-def _thin_out(session: Path, count: int) -> None:
-    """Keep some mutants at random."""
-    with sqlite3.connect(session) as database:
-        names = sorted(row[0] for row in database.execute("select job_id from work_items"))
-        gone = set(names) - set(random.Random(1).sample(names, min(count, len(names))))
-        for table in ("mutation_specs", "work_items"):
-            database.executemany(f"delete from {table} where job_id = ?", [(n,) for n in gone])
+def summary(mutants: list[Mutant], total: int) -> dict[str, float]:
+    """Count outcomes; the score leaves the equivalent ones out."""
+    count = {
+        kind: sum(m.outcome == kind for m in mutants)
+        for kind in ("killed", "survived", "equivalent")
+    }
+    score = count["killed"] / max(1, count["killed"] + count["survived"])
+    return {"mutants": total, "tried": len(mutants), **count, "score": round(score, 3)}
+
+
+def copied(copy: Path) -> Path:
+    """Copy what git knows of the project, with the kernels that are compiled already."""
+    listed = subprocess.run(
+        ["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, check=True, capture_output=True
+    )
+    names = [Path(name) for name in listed.stdout.decode().splitlines()]
+    for name in names:
+        if (ROOT / name).is_file():
+            (copy / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, copy / name)
+    for name in {name.parent for name in names}:
+        for compiled in (ROOT / name / "__pycache__").glob("*.nb[ic]"):
+            (copy / name / "__pycache__").mkdir(exist_ok=True)
+            shutil.copy2(compiled, copy / name / "__pycache__")
+    return copy
 
 
 def main() -> None:
@@ -58,10 +258,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("rooms", nargs="*", metavar="ROOM")
     parser.add_argument("--sample", type=int, default=0, help="mutants of each room at most")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--record", type=Path, help="JSON of all mutants that were tried")
     args = parser.parse_args()
+    record = {}
     with tempfile.TemporaryDirectory() as folder:
         for room in args.rooms or ROOMS:
-            mutate(room, args.sample, Path(folder))
+            begin = time.monotonic()
+            tried = examine(room, args.sample, args.seed, Path(folder))
+            print(f"{room}: {time.monotonic() - begin:.0f} s", flush=True)
+            record[room] = [asdict(mutant) for mutant in tried]
+    if args.record:
+        args.record.write_text(json.dumps(record, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ section 3.
 
 import hashlib
 import hmac
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 from codec.authentication.layout import HIDDEN_BITS, KEY_BYTES, SENT_BITS, Layout, Tag
 
@@ -15,6 +15,9 @@ _STEP = b"cuecast-step-1"
 _TAG = b"cuecast-tag-1"
 _DATA = b"cuecast-data-1"
 _BEGIN = b"cuecast-begin-1"
+
+_HIDDEN = [number.to_bytes(HIDDEN_BITS // 8, "big") for number in range(1 << HIDDEN_BITS)]
+"""What may be the bytes of a key that are not sent."""
 
 
 class Chain:
@@ -42,24 +45,13 @@ class Chain:
         return key
 
     def find(self, sent: int, known: bytes, steps: int) -> bytes | None:
-        """Return the key with these sent bits that leads to a known one in one step or more."""
-        prefix, sha256 = self._prefix, hashlib.sha256
-        for key in _candidates(sent):
-            nearer = key if steps == 1 else self.before(key, steps - 1)
-            if sha256(prefix + nearer).digest()[:KEY_BYTES] == known:
-                return key
-        return None
-
-
-def _candidates(sent: int) -> Iterator[bytes]:
-    """Return all keys whose sent bits these are."""
-    first = sent << HIDDEN_BITS
-    return (key.to_bytes(KEY_BYTES, "big") for key in range(first, first + (1 << HIDDEN_BITS)))
-
-
-def whole_key(sent: int, hidden: int) -> bytes:
-    """Return a key from the bits that are sent, the higher ones, and those that are not."""
-    return (sent << HIDDEN_BITS | hidden).to_bytes(KEY_BYTES, "big")
+        """Return the key whose sent bits these are and which leads to a known one in `steps`."""
+        head, sha256 = self._prefix + sent.to_bytes(SENT_BITS // 8, "big"), hashlib.sha256
+        if steps == 1:  # the usual case
+            found = [h for h in _HIDDEN if sha256(head + h).digest()[:KEY_BYTES] == known]
+        else:
+            found = [h for h in _HIDDEN if self.before(head[-SENT_BITS // 8 :] + h, steps) == known]
+        return head[-SENT_BITS // 8 :] + found[0] if found else None
 
 
 def sent_bits(key: bytes) -> int:
@@ -92,7 +84,7 @@ def keys_of(secret: bytes, channel: bytes, period: int, layout: Layout) -> list[
 
 
 def digest_of(superframes: Mapping[int, bytes]) -> bytes:
-    """Return what tags are made of: a digest of superframes by their distance before the block.
+    """Return what tags are made of: a digest of superframes by distance before the block's end.
 
     Those that are not there are left out: what was never sent, and what was lost.
     """
@@ -109,18 +101,10 @@ def tag_of(key: bytes, digest: bytes, tag: Tag) -> int:
     return int.from_bytes(found[:4], "big") >> 32 - tag.bits
 
 
-def agreeing(sent: int, digest: bytes, tag: Tag, told: int) -> Iterator[bytes]:
-    """Yield the keys with these sent bits under which a tag agrees.
-
-    All are tried for each block until a receiver has found its first key: `tag_of` written out,
-    so that this takes less than half the time.
-    """
-    sha256, least, before = (
-        hashlib.sha256,
-        told << 32 - tag.bits,
-        _TAG + tag.reach.to_bytes(1, "big"),
-    )
-    first, last = least.to_bytes(4, "big"), (least | (1 << 32 - tag.bits) - 1).to_bytes(4, "big")
-    for key in _candidates(sent):
-        if first <= sha256(before + key + digest).digest()[:4] <= last:
-            yield key
+def agreeing(sent: int, digest: bytes, tag: Tag, told: int) -> list[bytes]:
+    """Return the keys with these sent bits under which a tag agrees."""
+    key = sent.to_bytes(SENT_BITS // 8, "big")
+    head, sha256 = _TAG + tag.reach.to_bytes(1, "big") + key, hashlib.sha256
+    first = told >> tag.bits - 8
+    likely = [key + h for h in _HIDDEN if sha256(head + h + digest).digest()[0] == first]
+    return [key for key in likely if tag_of(key, digest, tag) == told]

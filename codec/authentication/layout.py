@@ -1,7 +1,7 @@
 """Blocks of superframes and the bits of them that prove where they come from.
 
 Superframes are numbered on a public clock. A block's proof fields together hold, in this order,
-the quick tag, the whole tag and the part of the block's key that is sent. Specification:
+the whole tag, the quick tag and the part of the block's key that is sent. Specification:
 spec/authentication.md, section 2.
 """
 
@@ -29,10 +29,23 @@ that a key takes."""
 
 @dataclass(frozen=True, slots=True)
 class Tag:
-    """A tag of `bits` bits over the `reach` superframes before its block."""
+    """A tag over some superframes, told by their distance before the end of its block.
+
+    Attributes
+    ----------
+    bits : int
+    nearest, farthest : int
+        Distances of the superframes that are covered; 1 is the last one of the block.
+    """
 
     bits: int
-    reach: int
+    nearest: int
+    farthest: int
+
+    @property
+    def reach(self) -> int:
+        """Superframes that it covers."""
+        return self.farthest - self.nearest + 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,32 +58,30 @@ class Layout:
         Bits of a superframe's field.
     block : int
         Superframes of a block.
-    quick : Tag
-        Of the last few superframes: verifies soon after tuning in.
     whole : Tag
         Of so many superframes that each is covered by `NEEDED_BITS` bits of tags in all.
+    quick : Tag
+        Of few, the last ones that can be covered: verifies soon after tuning in.
     """
 
     width: int
     block: int
-    quick: Tag
     whole: Tag
+    quick: Tag
 
     def __post_init__(self) -> None:
         assert self.width * self.block == self.quick.bits + self.whole.bits + SENT_BITS
         assert PERIOD % self.block == 0
         assert self.whole.reach % self.block == 0
         assert self.whole.bits * self.whole.reach >= NEEDED_BITS * self.block
+        # A tag covers no superframe that is on air after its first bit.
+        assert self.whole.nearest >= self.block
+        assert self.quick.nearest >= self.block - self.whole.bits // self.width
 
     @property
     def blocks(self) -> int:
         """Blocks, and keys, of a period."""
         return PERIOD // self.block
-
-    @property
-    def start(self) -> int:
-        """Place within a block at which a programme best begins: verified soonest."""
-        return self.block - self.quick.reach
 
 
 NEEDED_BITS = 24
@@ -80,8 +91,8 @@ chance once in 2**24."""
 LAYOUTS = {
     layout.width: layout
     for layout in (
-        Layout(9, 8, Tag(12, 2), Tag(12, 16)),
-        Layout(2, 44, Tag(16, 4), Tag(24, 44)),
+        Layout(9, 8, whole=Tag(12, 9, 24), quick=Tag(12, 7, 7)),
+        Layout(2, 44, whole=Tag(24, 45, 88), quick=Tag(16, 32, 35)),
     )
 }
 """Layouts by the width of the field: normal superframes, and compact ones."""
@@ -103,20 +114,12 @@ def time_of(number: float) -> float:
     return EPOCH_S + number * SUPERFRAME_S
 
 
-def split(proof: int, layout: Layout) -> tuple[int, int, int]:
-    """Return quick tag, whole tag and the key's sent bits of a block's fields as one number."""
-    sent = proof & (1 << SENT_BITS) - 1
-    whole = proof >> SENT_BITS & (1 << layout.whole.bits) - 1
-    return proof >> SENT_BITS + layout.whole.bits, whole, sent
-
-
-def join(quick: int, whole: int, sent: int, layout: Layout) -> int:
-    """Return a block's fields as one number: the inverse of `split`.
+def join(whole: int, quick: int, sent: int, layout: Layout) -> int:
+    """Return a block's fields as one number.
 
     Examples
     --------
-    >>> layout = LAYOUTS[9]
-    >>> split(join(0xABC, 0x123, 0x456789ABCDEF, layout), layout) == (0xABC, 0x123, 0x456789ABCDEF)
-    True
+    >>> hex(join(0x123, 0xABC, 0x456789ABCDEF, LAYOUTS[9]))
+    '0x123abc456789abcdef'
     """
-    return (quick << layout.whole.bits | whole) << SENT_BITS | sent
+    return (whole << layout.quick.bits | quick) << SENT_BITS | sent

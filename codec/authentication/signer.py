@@ -2,7 +2,7 @@
 
 from codec.authentication.announcement import SigningKey
 from codec.authentication.chain import digest_of, sent_bits, tag_of
-from codec.authentication.layout import LAYOUTS, PERIOD, Layout, join, number_at
+from codec.authentication.layout import LAYOUTS, Layout, Tag, join, number_at
 from codec.errors import CueError
 
 
@@ -13,8 +13,8 @@ class Signer:
     ----------
     key : SigningKey
     on_air_s : float
-        When superframe 0 is due on air, seconds since 1970 (UTC). It is moved to where a
-        programme is verified soonest: by up to 2.6 s, with fields of 2 bits by 14 s.
+        When superframe 0 is due on air, seconds since 1970 (UTC). It is moved to where a block
+        begins, by up to 2.6 s, with fields of 2 bits by 14 s: that is verified soonest.
     width : int
         Bits of a field: 9, or 2 in compact superframes.
     place : int
@@ -36,14 +36,14 @@ class Signer:
             raise CueError(f"proof fields of {width} bits: there are those of 2 and of 9")
         self._key = key
         self._layout: Layout = LAYOUTS[width]
-        block, start = self._layout.block, self._layout.start
-        self.number = round((number_at(on_air_s) - start) / block) * block + start + place
+        block = self._layout.block
+        self.number = round(number_at(on_air_s) / block) * block + place
         if self.number < 0:
             raise CueError(f"on air at {on_air_s:.0f} s since 1970: keys begin in 2026")
         self._sent: dict[int, bytes] = {}
         self._period = -1
         self._keys: list[bytes] = []
-        self._proof = self._proof_of(self.number // block)
+        self._whole = self._quick = 0
 
     def take(self, covered: bytes) -> int:
         """Return the field of the next superframe.
@@ -55,27 +55,31 @@ class Signer:
         """
         layout = self._layout
         block, place = divmod(self.number, layout.block)
-        if place == 0:
-            self._proof = self._proof_of(block)
         self._sent[self.number] = covered
-        self._sent.pop(self.number - layout.whole.reach - layout.block, None)
+        self._sent.pop(self.number - layout.whole.farthest, None)
         self.number += 1
+        key = self._key_of(block)
+        if place == 0:
+            self._whole = self._tag(block, key, layout.whole)
+        if place <= layout.block - layout.quick.nearest:
+            self._quick = self._tag(block, key, layout.quick)
+        proof = join(self._whole, self._quick, sent_bits(key), layout)
         shift = layout.width * (layout.block - 1 - place)
-        return self._proof >> shift & (1 << layout.width) - 1
+        return proof >> shift & (1 << layout.width) - 1
 
-    def _proof_of(self, block: int) -> int:
+    def _key_of(self, block: int) -> bytes:
         layout = self._layout
-        begin = block * layout.block
-        period, place = divmod(begin, PERIOD)
+        period, place = divmod(block, layout.blocks)
         if period != self._period:
             self._period, self._keys = period, self._key.keys(period, layout.width)
-        key = self._keys[place // layout.block]
-        tags = []
-        for tag in (layout.quick, layout.whole):
-            covered = {
-                distance: self._sent[begin - distance]
-                for distance in range(1, tag.reach + 1)
-                if begin - distance in self._sent
-            }
-            tags.append(tag_of(key, digest_of(covered), tag))
-        return join(tags[0], tags[1], sent_bits(key), layout)
+        return self._keys[place]
+
+    def _tag(self, block: int, key: bytes, tag: Tag) -> int:
+        """Return a tag over what was sent until now."""
+        end = (block + 1) * self._layout.block
+        covered = {
+            distance: self._sent[end - distance]
+            for distance in range(tag.nearest, tag.farthest + 1)
+            if end - distance in self._sent
+        }
+        return tag_of(key, digest_of(covered), tag)

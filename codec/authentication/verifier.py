@@ -17,11 +17,11 @@ from codec.authentication.layout import (
     LAYOUTS,
     NEEDED_BITS,
     PERIOD,
+    SENT_BITS,
     SUPERFRAME_S,
     Layout,
     Tag,
     number_at,
-    split,
     time_of,
 )
 
@@ -87,6 +87,9 @@ class Verifier:
     tolerance_s : float
         How far the time that the keys tell may be from the time at which superframes arrive, or
         from that of the first ones where no clock is given.
+    likely_s : tuple of float
+        Times at which superframes may have been on air, seconds since 1970: where no clock is
+        given, the first key is found sooner if one of them is right.
 
     Attributes
     ----------
@@ -100,6 +103,7 @@ class Verifier:
 
     announcement: Announcement
     tolerance_s: float = 60.0
+    likely_s: tuple[float, ...] = ()
     status: Status = "unknown"
     reason: str = ""
     verified_after: int | None = None
@@ -167,22 +171,13 @@ class Verifier:
         self._offset = self._known = None
         self._unsettled.clear()
 
-    def _proof_of(self, begin: int) -> int | None:
-        """Return the fields of the block from an index on as one number, None if one is lost."""
-        layout, proof = self._layout, 0
-        for index in range(begin, begin + layout.block):
-            seen = self._seen.get(index)
-            if seen is None or seen.proof < 0:
-                return None
-            proof = proof << layout.width | seen.proof
-        return proof
-
     def _window(self, begin: int, tag: Tag) -> tuple[dict[int, bytes], bool]:
         """Return what is there of a tag's superframes, by distance, and whether all of it is."""
+        end = begin + self._layout.block
         there = {
-            distance: self._seen[begin - distance].covered
-            for distance in range(1, tag.reach + 1)
-            if begin - distance in self._seen
+            distance: self._seen[end - distance].covered
+            for distance in range(tag.nearest, tag.farthest + 1)
+            if end - distance in self._seen
         }
         return there, len(there) == tag.reach
 
@@ -191,29 +186,30 @@ class Verifier:
         layout = self._layout
         stride = _STRIDES[min(self._tried // (4 * layout.block), len(_STRIDES) - 1)]
         begin = index - layout.block + 1
-        proof = self._proof_of(begin) if index % stride == 0 else None
-        window, whole = self._window(begin, layout.quick)
-        if proof is None or not whole:
+        if index % stride:
+            return
+        whole, quick, sent = self._told(begin)
+        window, complete = self._window(begin, layout.quick)
+        if quick is None or sent is None or not complete:
             return
         self._tried += 1
-        quick, long, sent = split(proof, layout)
-        keys = list(agreeing(sent, digest_of(window), layout.quick, quick))
-        window, whole = self._window(begin, layout.whole)
+        keys = agreeing(sent, digest_of(window), layout.quick, quick)
+        window, complete = self._window(begin, layout.whole)
         digest = digest_of(window)
-        best = [key for key in keys if tag_of(key, digest, layout.whole) == long]
-        utc_s = self._seen[begin].utc_s
-        if whole or best or utc_s is None:
-            keys = best
-        for key in keys:
-            found = self._locate(key, utc_s)
+        sure = [key for key in keys if whole == tag_of(key, digest, layout.whole)]
+        utc_s = self._seen[index].utc_s
+        if not sure and complete and whole is not None:
+            return
+        for key in sure or keys:
+            found = self._locate(key, self._likely_periods(utc_s, every=bool(sure)))
             if found is not None:
                 self._lock(found, begin)
                 return
 
-    def _locate(self, key: bytes, utc_s: float | None) -> _Known | None:
+    def _locate(self, key: bytes, periods: Iterable[int]) -> _Known | None:
         """Return which key of which period this is."""
         width = self._layout.width
-        for period in self._likely_periods(utc_s):
+        for period in periods:
             end = self.announcement.end_of(period, width)
             chain, earlier = self.announcement.chain(period, width), key
             for place in range(self._layout.blocks):
@@ -222,14 +218,20 @@ class Verifier:
                     return _Known(period, place, key)
         return None
 
-    def _likely_periods(self, utc_s: float | None) -> Iterable[int]:
-        """Yield the periods in which a block may be: about a time, or all, if there is none."""
+    def _likely_periods(self, utc_s: float | None, *, every: bool) -> Iterable[int]:
+        """Return the periods in which a block may be: about a time, or all, if there is none."""
         periods = self.announcement.periods
-        if utc_s is None:
+        if utc_s is None and every:
             return reversed(periods)
         reach_s = max(self.tolerance_s, PERIOD * SUPERFRAME_S)
-        low, high = (int(number_at(utc_s + d) // PERIOD) for d in (-reach_s, reach_s))
-        return range(max(low, periods.start), min(high + 1, periods.stop))
+        times = self.likely_s if utc_s is None else (utc_s,)
+        return sorted({
+            period
+            for time_s in times
+            for away_s in (-reach_s, 0.0, reach_s)
+            for period in (int(number_at(time_s + away_s) // PERIOD),)
+            if period in periods
+        })  # fmt: skip
 
     def _lock(self, known: _Known, begin: int) -> None:
         """Begin with the first key that was found: that of the block at index `begin`."""
@@ -264,40 +266,49 @@ class Verifier:
             self._settled_until += 1
             self._unsettled.add(block)
             begin = block * layout.block - self._offset
-            proof = self._proof_of(begin)
-            if proof is None:
-                continue
-            known = self._next_key(block, proof)
-            if block * layout.block // PERIOD not in self.announcement.periods:
+            earlier = self._key_before(block)
+            if earlier is None:
                 self.status = "unknown"
-            elif known is None:
+                continue
+            keys = self._keys_after(earlier, block, begin)
+            if keys is None:
+                continue
+            key = next(iter(keys), None)
+            if key is None:
                 self.status, self.reason = "forged", "its keys are not the broadcaster's"
             else:
-                self._known = known
+                self._known = _Known(earlier.period, block % layout.blocks, key)
                 self._check_time(begin)
-                self._settle(known)
+                self._settle(self._known)
 
-    def _next_key(self, block: int, proof: int) -> _Known | None:
-        """Return the key of a block that leads to the last one known, None if its bits do not."""
-        layout, known = self._layout, self._known
-        period, place = divmod(block * layout.block, PERIOD)
-        place //= layout.block
-        if known is None or known.period != period:
-            end = self.announcement.end_of(period, layout.width)
-            if end is None:
-                return None
-            known = _Known(period, -1, end)
-        chain, steps = self.announcement.chain(period, layout.width), place - known.place
-        quick, _, sent = split(proof, layout)
+    def _key_before(self, block: int) -> _Known | None:
+        """Return the latest key from which that of a block can be told, None if none is given."""
+        layout = self._layout
+        period = block // layout.blocks
+        if self._known is not None and self._known.period == period:
+            return self._known
+        end = self.announcement.end_of(period, layout.width)
+        return None if end is None else _Known(period, -1, end)
+
+    def _keys_after(self, earlier: _Known, block: int, begin: int) -> Iterable[bytes] | None:
+        """Return the block's key as its fields say, if they do; None if too many of them are lost.
+
+        Far from the last key that is known, a tag sorts those that are tried.
+        """
+        layout = self._layout
+        _, quick, sent = self._told(begin)
+        if sent is None:
+            return None
+        chain = self.announcement.chain(earlier.period, layout.width)
+        steps = block % layout.blocks - earlier.place
         if steps <= _FAR_STEPS:
-            key = chain.find(sent, known.key, steps)
-            return None if key is None else _Known(period, place, key)
-        assert self._offset is not None
-        window, _ = self._window(block * layout.block - self._offset, layout.quick)
-        for key in agreeing(sent, digest_of(window), layout.quick, quick):
-            if chain.before(key, steps) == known.key:
-                return _Known(period, place, key)
-        return None
+            key = chain.find(sent, earlier.key, steps)
+            return () if key is None else (key,)
+        window, complete = self._window(begin, layout.quick)
+        if quick is None or not complete:
+            return None
+        keys = agreeing(sent, digest_of(window), layout.quick, quick)
+        return (key for key in keys if chain.before(key, steps) == earlier.key)
 
     def _settle(self, known: _Known) -> None:
         """Check the tags of all blocks whose keys follow from this one."""
@@ -315,21 +326,20 @@ class Verifier:
         assert self._offset is not None
         begin = block * layout.block - self._offset
         key = chain.before(known.key, known.place - block % layout.blocks)
-        at = 0
+        end = begin + layout.block
         agreed = denied = False
-        for tag in (layout.quick, layout.whole):
-            told = self._bits(begin, at, tag.bits)
-            at += tag.bits
+        whole, quick, _ = self._told(begin)
+        for tag, told in ((layout.quick, quick), (layout.whole, whole)):
             window, complete = self._window(begin, tag)
             if told is None or not window:
                 continue
             if tag_of(key, digest_of(window), tag) == told:
                 agreed = True
                 for distance in window:
-                    self._seen[begin - distance].agreed_bits += tag.bits
-            elif complete and not any(self._seen[begin - d].denied for d in window):
+                    self._seen[end - distance].agreed_bits += tag.bits
+            elif complete and not any(self._seen[end - d].denied for d in window):
                 denied = True
-                self._deny(begin, window, sure=tag is layout.quick)
+                self._deny([end - d for d in window], sure=tag is layout.quick)
         if denied:
             self.status, self.reason = "forged", self.reason or "changed on its way"
         elif self.reason:
@@ -339,12 +349,22 @@ class Verifier:
             if self.verified_after is None and self._first is not None:
                 self.verified_after = begin + layout.block - self._first
 
-    def _deny(self, begin: int, window: dict[int, bytes], *, sure: bool) -> None:
+    def _deny(self, indices: list[int], *, sure: bool) -> None:
         """Note that of these superframes one at least is not what was sent."""
-        for distance in window:
-            seen = self._seen[begin - distance]
+        for index in indices:
+            seen = self._seen[index]
             if sure or not seen.agreed_bits:
                 seen.denied = "changed on its way"
+
+    def _told(self, begin: int) -> tuple[int | None, int | None, int | None]:
+        """Return whole tag, quick tag and sent bits of the key that a block's fields say."""
+        layout = self._layout
+        whole, both = layout.whole.bits, layout.whole.bits + layout.quick.bits
+        return (
+            self._bits(begin, 0, whole),
+            self._bits(begin, whole, layout.quick.bits),
+            self._bits(begin, both, SENT_BITS),
+        )
 
     def _bits(self, begin: int, at: int, count: int) -> int | None:
         """Return some bits of a block's fields, None where one of the fields was lost."""
@@ -360,7 +380,7 @@ class Verifier:
     def _decided(self, index: int) -> Iterator[Verdict]:
         """Yield the verdicts that later superframes cannot change."""
         layout = self._layout
-        latest = index - layout.whole.reach - 2 * layout.block
+        latest = index - layout.whole.farthest - layout.block
         while self._open:
             oldest = self._open[0]
             seen = self._seen[oldest]
@@ -380,7 +400,7 @@ class Verifier:
 
     def _forget(self, index: int) -> None:
         layout = self._layout
-        oldest = index - 2 * layout.whole.reach - 3 * layout.block
+        oldest = index - 2 * layout.whole.farthest - layout.block
         for old in [k for k in self._seen if k < oldest]:
             del self._seen[old]
         if self._offset is not None:

@@ -3,6 +3,7 @@
 import argparse
 import time
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cuecast.command.errors import UsageError
@@ -40,9 +41,18 @@ def trust_of(args: argparse.Namespace, *, live: bool = False) -> "Trust | None":
         return Trust(announcement, strict, lambda position_s: time.time(), LIVE_S)
     told = getattr(args, "on_air", None)
     if told is None:
-        return Trust(announcement, strict, tolerance_s=_RECORDING_S)
+        likely = (*_written_s(args.programme), time.time())
+        return Trust(announcement, strict, tolerance_s=_RECORDING_S, likely_s=likely)
     begin_s = seconds_of(told)
     return Trust(announcement, strict, lambda position_s: begin_s + position_s, LIVE_S)
+
+
+def _written_s(path: str) -> tuple[float, ...]:
+    """Return when a recording was written: it is likely to have been on air then."""
+    try:
+        return (Path(path).stat().st_mtime,)
+    except (OSError, ValueError):
+        return ()
 
 
 def add_on_air(parser: argparse.ArgumentParser, what: str) -> None:

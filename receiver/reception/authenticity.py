@@ -38,12 +38,16 @@ class Trust:
         seconds since 1970; None where nobody knows: that of the first keys then counts.
     tolerance_s : float
         How far the keys' time may be from the clock's.
+    likely_s : tuple of float
+        Times at which a recording without a clock may have been on air, seconds since 1970: if one
+        of them is right within an hour, it is verified sooner.
     """
 
     announcement: Announcement
     only_verified: bool = False
     clock: Callable[[float], float | None] = lambda position_s: None
     tolerance_s: float = 60.0
+    likely_s: tuple[float, ...] = ()
 
 
 def _read(l0: bytes) -> tuple[bytes, tuple[int, int] | None]:
@@ -74,7 +78,7 @@ class Gate:
 
     def __init__(self, trust: Trust) -> None:
         self._trust = trust
-        self._verifier = Verifier(trust.announcement, trust.tolerance_s)
+        self._verifier = Verifier(trust.announcement, trust.tolerance_s, trust.likely_s)
         self._base_s: float | None = None
         self._last = -1
         self._held: dict[int, Passed] = {}

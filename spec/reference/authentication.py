@@ -6,7 +6,7 @@ receiver's own affair.
 
 import hashlib
 
-LAYOUTS = {9: (8, (12, 2), (12, 16)), 2: (44, (16, 4), (24, 44))}
+LAYOUTS = {9: (8, (12, 9, 24), (12, 7, 7)), 2: (44, (24, 45, 88), (16, 32, 35))}
 PERIOD = 5632
 
 
@@ -31,24 +31,25 @@ def key_of_block(
 
 
 def tags_of(before: dict[int, bytes], width: int, key: bytes) -> list[int]:
-    """Return quick and whole tag over what was sent at some distances before a block (E12, E13)."""
+    """Return whole and quick tag by distance of what was sent before a block's end (E12, E13)."""
     tags = []
-    for bits, reach in LAYOUTS[width][1:]:
+    for bits, nearest, farthest in LAYOUTS[width][1:]:
         window = b"cuecast-data-1"
-        for distance in range(1, reach + 1):
+        for distance in range(nearest, farthest + 1):
             if distance in before:
                 data = before[distance]
                 window += distance.to_bytes(2, "big") + len(data).to_bytes(2, "big") + data
         digest = hashlib.sha256(window).digest()
-        whole = hashlib.sha256(b"cuecast-tag-1" + bytes([reach]) + key + digest).digest()
+        reach = bytes([farthest - nearest + 1])
+        whole = hashlib.sha256(b"cuecast-tag-1" + reach + key + digest).digest()
         tags.append(int.from_bytes(whole, "big") >> 256 - bits)
     return tags
 
 
 def told_tags(fields: list[int], width: int) -> list[int]:
-    """Return quick and whole tag that a block's fields say (E6)."""
+    """Return whole and quick tag that a block's fields say (E6)."""
     number = 0
     for value in fields:
         number = number << width | value
-    _, (quick, _), (whole, _) = LAYOUTS[width]
-    return [number >> 48 + whole & (1 << quick) - 1, number >> 48 & (1 << whole) - 1]
+    _, (whole, _, _), (quick, _, _) = LAYOUTS[width]
+    return [number >> 48 + quick & (1 << whole) - 1, number >> 48 & (1 << quick) - 1]

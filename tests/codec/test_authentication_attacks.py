@@ -101,10 +101,8 @@ def quick_search(monkeypatch: pytest.MonkeyPatch) -> None:
             keys = key().keys(period, width)
             lists[period, width] = {sent_bits(k): k for k in keys}
 
-    def agreeing(sent: int, digest: bytes, tag: object, told: int) -> Iterator[bytes]:
-        for keys in lists.values():
-            if sent in keys:
-                yield keys[sent]
+    def agreeing(sent: int, digest: bytes, tag: object, told: int) -> list[bytes]:
+        return [keys[sent] for keys in lists.values() if sent in keys]
 
     monkeypatch.setattr(module, "agreeing", agreeing)
 
