@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from codec.errors import CueError
+from tests.watermark.test_carrier import embed, host
 from watermark.audio import _kernels
+from watermark.audio.acquire import PilotSearch, search_stretch
 from watermark.audio.dither import project, soft_values
 from watermark.audio.layout import make_pilots
 from watermark.audio.resampling_tape import Tape, impulse_responses
@@ -62,7 +64,7 @@ def test_pilot_kernels() -> None:
     direct = pilots.sum(axis=1) - penalty[:, np.newaxis]
     for add in versions(_kernels.pilot_sums):
         sums = np.zeros((8, 9), dtype=np.float32)
-        add(soft, 10, 2, group, sign, sums)
+        add(np.pad(soft, ((0, 0), (5, 0))), 5, 10, 2, group, sign, sums)
         for find in versions(_kernels.drift_peaks):
             peak, drift = np.empty(7, dtype=np.float32), np.empty(7, dtype=np.int32)
             find(sums, shift, penalty, peak, drift)
@@ -73,14 +75,21 @@ def test_pilot_kernels() -> None:
 def test_superframes_before_are_added() -> None:
     rng = np.random.default_rng(3)
     past, peak = rng.normal(size=30).astype(np.float32), rng.normal(size=5).astype(np.float32)
-    lag, weights = rng.integers(9, 13, 5), np.array([0.7, 0.5], dtype=np.float32)
+    lag, weights = rng.integers(9, 13, 3), np.array([0.7, 0.5], dtype=np.float32)
+    error = rng.integers(0, 3, 5).astype(np.int32)
     for add in versions(_kernels.add_priors):
-        score = np.empty(5, dtype=np.float32)
-        add(peak, lag, past, weights, score)
-        for i in range(5):
-            one = peak[i] + max(past[30 + i - lag[i] + d] for d in (-1, 0, 1))
-            two = one + max(past[30 + i - 2 * lag[i] + d] for d in (-2, -1, 0, 1, 2))
-            assert score[i] == pytest.approx(max(peak[i], 0.7 * one, 0.5 * two), rel=1e-5)
+        for floor in (-9.0, 0.8):
+            score = np.empty(5, dtype=np.float32)
+            add(peak, error, lag, past, weights, past.max(), np.float32(floor), score)
+            for i in range(5):
+                back = 30 + i - lag[error[i]]
+                one = peak[i] + max(past[back + d] for d in (-1, 0, 1))
+                back -= lag[error[i]]
+                two = one + max(past[back + d] for d in (-2, -1, 0, 1, 2))
+                expected = max(peak[i], 0.7 * one, 0.5 * two)
+                assert score[i] == pytest.approx(expected, rel=1e-5) or (
+                    score[i] == peak[i] and expected <= floor
+                )
 
 
 def test_soft_values_of_the_search_are_the_receiver_s() -> None:
@@ -89,19 +98,43 @@ def test_soft_values_of_the_search_are_the_receiver_s() -> None:
     parts = np.concatenate([spectra.real.T, spectra.imag.T])
     amplitudes = rng.uniform(0.05, 0.2, (3, 60)).astype(np.float32)
     amplitudes[1, 20] = 0.0
-    units = np.ascontiguousarray(amplitudes.T)
-    turn = np.exp(1j * rng.uniform(0, 6, (2, 60))).astype(np.complex64)
-    steps = np.array([3.0, 7.0], dtype=np.float32)
-    tables = cells.signs.astype(np.float32), cells.dither.astype(np.float32), steps
-    for kernel in versions(_kernels.pilot_soft):
-        soft = np.empty((2, 6, 6), dtype=np.float32)
-        kernel(parts, units, turn, cells.first_bin, *tables, soft)
+    angle = rng.uniform(0, 6, (2, 6))
+    turn, steps = np.exp(1j * angle).astype(np.complex64), np.array([3.0, 7.0], dtype=np.float32)
+    signs, dither = cells.signs.astype(np.float32), cells.dither.astype(np.float32)
+    for look, kernel in zip(
+        versions(_kernels.pilot_projections), versions(_kernels.pilot_soft), strict=True
+    ):
+        seen, alive = np.empty((6, 3), np.complex64), np.empty((6, 3), np.float32)
+        look(parts, np.ascontiguousarray(amplitudes.T), cells.first_bin, signs, seen, alive)
+        soft = np.full((2, 6, 9), 7.0, dtype=np.float32)
+        kernel(seen, alive, turn, dither, steps, 2, soft)
+        assert (soft[:, :, [0, 1, 8]] == 7.0).all()
         for t in range(2):
-            turned = (spectra * turn[t]).real.astype(np.float64)
-            projections, alive = project(turned, amplitudes.astype(np.float64), cells)
+            bins = np.zeros(60)
+            bins[cells.first_bin : cells.last_bin] = np.repeat(angle[t], cells.bins)
+            turned = (spectra * np.exp(1j * bins)).real.astype(np.float64)
+            projections, living = project(turned, amplitudes.astype(np.float64), cells)
             for s, step in enumerate(steps):
-                expected = soft_values(projections, alive, cells, float(step))
-                np.testing.assert_allclose(soft[s, :, t::2].T, expected, atol=5e-4)
+                expected = soft_values(projections, living, cells, float(step))
+                np.testing.assert_allclose(soft[s, :, 2 + t : 8 : 2].T, expected, atol=5e-4)
+
+
+def test_a_stretch_is_searched_as_the_stream_is() -> None:
+    """One superframe alone: what is looked at as a whole shows what the sliding search finds."""
+    mid = embed(host(1.4, channels=1))[:, 0].astype(np.float64)
+    tape = Tape()
+    tape.append(mid)
+    sound = tape.read(0.0, 4.0, mid.size // 4)
+    found = search_stretch(0, sound)
+    search, streamed, start = PilotSearch(0), [], 0
+    while (count := search.needed) <= sound.size - start:
+        candidate = search.process(sound[start : start + count])
+        start += count
+        streamed += [candidate] if candidate else []
+    assert found is not None
+    assert any(
+        (c.start, c.profile, c.tier) == (found.start, found.profile, found.tier) for c in streamed
+    )
 
 
 def test_turned_scores_count_the_best_phase_of_each_slot() -> None:

@@ -44,66 +44,93 @@ def interpolate(
 
 
 @njit(cache=True)
-def pilot_soft(
+def pilot_projections(
     spectra: NDArray[np.float32],
     units: NDArray[np.float32],
-    turn: NDArray[np.complex64],
     first: int,
     signs: NDArray[np.float32],
-    dither: NDArray[np.float32],
-    steps: NDArray[np.float32],
-    soft: NDArray[np.float32],
+    projections: NDArray[np.complex64],
+    alive: NDArray[np.float32],
 ) -> None:
-    """soft[s, g, i * turns + t] = soft value of cell g in spectrum i, turned by turn[t], at step s.
+    """projections[g, i] = projection of cell g in spectrum i; alive[g, i] = 0 if one bin is silent.
 
     spectra holds the real parts of each bin of all spectra, then the imaginary parts; units the
-    mark's unit of each bin. The cells are dither.size stretches of equal length from bin `first`
-    on; see watermark.dither.
+    mark's unit of each bin. Cells are stretches of equal length from bin `first` on.
     """
-    turns, count = turn.shape[0], units.shape[1]
-    bins = signs.size // dither.size
+    slots, count = projections.shape
+    bins = signs.size // slots
     scale = np.float32(1 / math.sqrt(bins))
-    one, half, nothing = np.float32(1), np.float32(0.5), np.float32(0)
+    one, nothing = np.float32(1), np.float32(0)
+    real, imaginary = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
+    # The innermost loops run over spectra: each is alike for all of them, and vectorised.
+    for g in range(slots):
+        real[:] = nothing
+        imaginary[:] = nothing
+        living = alive[g]
+        living[:] = one
+        for b in range(bins):
+            k = first + g * bins + b
+            unit, a, z = units[k], spectra[k], spectra[spectra.shape[0] // 2 + k]
+            sign = scale * signs[g * bins + b]
+            for i in range(count):
+                some = unit[i] > 0
+                inverse = sign / (unit[i] if some else one)
+                real[i] += inverse * a[i]
+                imaginary[i] += inverse * z[i]
+                living[i] = living[i] if some else nothing
+        for i in range(count):
+            projections[g, i] = complex(living[i] * real[i], living[i] * imaginary[i])
+
+
+@njit(cache=True)
+def pilot_soft(
+    projections: NDArray[np.complex64],
+    alive: NDArray[np.float32],
+    turn: NDArray[np.complex64],
+    dither: NDArray[np.float32],
+    steps: NDArray[np.float32],
+    first: int,
+    soft: NDArray[np.float32],
+) -> None:
+    """soft[s, g, first + i * turns + t] = soft value of cell g in row i, turned by turn[t, g].
+
+    The step is steps[s]; see watermark.dither.
+    """
+    turns, count = turn.shape[0], alive.shape[1]
+    one, half = np.float32(1), np.float32(0.5)
     c = np.empty(6, dtype=np.float32)
     term = 1.0
     for n in range(6):
         term *= -((2 * math.pi) ** 2) / ((2 * n + 1) * (2 * n + 2))
         c[n] = term
-    inverse = np.empty((bins, count), dtype=np.float32)
-    total = np.empty(count, dtype=np.float32)
-    alive = np.empty(count, dtype=np.float32)
-    # The innermost loops run over spectra: each is alike for all of them, and vectorised.
+    c0, c1, c2, c3, c4, c5 = c[0], c[1], c[2], c[3], c[4], c[5]
+    real, imaginary = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
+    value = np.empty((turns, count), dtype=np.float32)
     for g in range(dither.size):
-        alive[:] = one
-        for b in range(bins):
-            unit = units[first + g * bins + b]
-            for i in range(count):
-                living = unit[i] > 0
-                inverse[b, i] = scale * signs[g * bins + b] / (unit[i] if living else one)
-                alive[i] = alive[i] if living else nothing
-        for t in range(turns):
-            total[:] = nothing
-            for b in range(bins):
-                k = first + g * bins + b
-                real, imaginary = spectra[k], spectra[spectra.shape[0] // 2 + k]
-                a, z = turn[t, k].real, turn[t, k].imag
+        for i in range(count):
+            real[i], imaginary[i] = projections[g, i].real, projections[g, i].imag
+        living, offset = alive[g], dither[g]
+        for s in range(steps.size):
+            pace = one / steps[s]
+            for t in range(turns):
+                a, z, row = turn[t, g].real * pace, turn[t, g].imag * pace, value[t]
                 for i in range(count):
-                    total[i] += inverse[b, i] * (real[i] * a - imaginary[i] * z)
-            for s in range(steps.size):
-                out = soft[s, g]
-                pace, offset = one / steps[s], dither[g]
-                for i in range(count):
-                    phase = total[i] * pace - offset
+                    phase = real[i] * a - imaginary[i] * z - offset
                     phase -= np.floor(phase + half)
                     # Taylor's series of cos(2 pi phase), within 2e-4: a search needs no more.
                     u = phase * phase
-                    value = c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * (c[4] + u * c[5]))))
-                    out[i * turns + t] = alive[i] * (one + u * value)
+                    cosine = one + u * (c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5)))))
+                    row[i] = living[i] * cosine
+            out = soft[s, g, first : first + count * turns]
+            for i in range(count):
+                for t in range(turns):
+                    out[i * turns + t] = value[t, i]
 
 
 @njit(cache=True)
 def pilot_sums(
     soft: NDArray[np.float32],
+    first: int,
     hop: int,
     segment: int,
     group: NDArray[np.int64],
@@ -112,14 +139,14 @@ def pilot_sums(
 ) -> None:
     """sums[s, i] += correlation of the pilots of segment s for a superframe that starts at row i.
 
-    soft[g] holds the soft value at position g for each start of a frame; a segment is `segment`
-    frames, which lie `hop` rows apart.
+    soft[g, first:] holds the soft value at position g for each start of a frame; a segment is
+    `segment` frames, which lie `hop` rows apart.
     """
     places = sums.shape[1]
     for f in range(group.size):
         total = sums[f // segment]
         # Slices let the compiler see that no index is negative, and vectorise.
-        values = soft[group[f], hop * f : hop * f + places]
+        values = soft[group[f], first + hop * f : first + hop * f + places]
         if sign[f] > 0:
             for i in range(places):
                 total[i] += values[i]
@@ -160,25 +187,82 @@ def drift_peaks(
 @njit(cache=True)
 def add_priors(
     peak: NDArray[np.float32],
+    error: NDArray[np.int32],
     lag: NDArray[np.int64],
     past: NDArray[np.float32],
     weights: NDArray[np.float32],
+    ceiling: np.float32,
+    floor: np.float32,
     score: NDArray[np.float32],
 ) -> None:
     """score[i] = largest of peak[i] and its weighted sums with the one, two, ... peaks before.
 
-    The peak before lies lag[i] places back, the next one twice as far, each at the best of places
-    nearby; past ends where peak begins.
+    The peak before lies lag[error[i]] places back, the next one twice as far, each at the best of
+    places nearby; past ends where peak begins and nowhere exceeds ceiling. Sums that cannot reach
+    floor may be left out.
     """
+    least = np.float32(np.inf)
+    for back in range(1, weights.size + 1):
+        least = min(least, floor / weights[back - 1] - back * ceiling)
+    score[:] = peak
     for i in range(peak.size):
-        total = score[i] = peak[i]
+        if peak[i] < least:
+            continue
+        total = peak[i]
         for back in range(1, weights.size + 1):
-            place = past.size + i - back * lag[i]
+            place = past.size + i - back * lag[error[i]]
             nearby = past[place - back]
             for shift in range(1 - back, back + 1):
                 nearby = max(nearby, past[place + shift])
             total += nearby
             score[i] = max(score[i], weights[back - 1] * total)
+
+
+@njit(cache=True)
+def correlate_pilots(
+    soft: NDArray[np.float32],
+    first: int,
+    places: int,
+    hop: int,
+    segment: int,
+    slots: NDArray[np.int64],
+    signs: NDArray[np.float32],
+    pairs: NDArray[np.int64],
+    shift: NDArray[np.int64],
+    penalty: NDArray[np.float32],
+    lag: NDArray[np.int64],
+    weights: NDArray[np.float32],
+    floor: np.float32,
+    ceiling: NDArray[np.float32],
+    peaks: NDArray[np.float32],
+    past: int,
+    best: NDArray[np.float32],
+    where: NDArray[np.int64],
+) -> None:
+    """best[n] = largest score of tier and profile pairs[n], where[n] its start and clock error.
+
+    soft has the shape (tiers, slots, rows) and counts from row `first` on. The peaks of the
+    `places` starts looked at are written to peaks[n, past:]; those before are bounded by
+    ceiling[n]. slots[n] and signs[n] are those of pilot n of each frame, signs by profile.
+    """
+    common = np.empty((slots.shape[1] // segment, places + shift.max()), dtype=np.float32)
+    error, score = np.empty(places, dtype=np.int32), np.empty(places, dtype=np.float32)
+    tier = -1
+    for n in range(pairs.shape[0]):
+        if pairs[n, 0] != tier:
+            tier = pairs[n, 0]
+            common[:] = np.float32(0)
+            pilot_sums(soft[tier], first, hop, segment, slots[0], signs[0, 0], common)
+        sums = common.copy()
+        pilot_sums(soft[tier], first, hop, segment, slots[1], signs[1, pairs[n, 1]], sums)
+        peak = peaks[n, past : past + places]
+        drift_peaks(sums, shift, penalty, peak, error)
+        add_priors(peak, error, lag, peaks[n, :past], weights, ceiling[n], floor, score)
+        top = 0
+        for i in range(places):
+            if score[i] > score[top]:
+                top = i
+        best[n], where[n, 0], where[n, 1] = score[top], top, error[top]
 
 
 @njit(cache=True)

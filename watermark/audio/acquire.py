@@ -7,18 +7,26 @@ Specification: section 7.1.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from watermark.audio.layout import make_pilots
-from watermark.audio.masking import make_masker
-from watermark.audio.mdct import analyse
+from watermark.audio.pilot_sight import (
+    CENTRE,
+    DECIMATION,
+    ROWS_PER_FRAME,
+    SEARCH_HOP,
+    STRIDE,
+    make_sight,
+    slot_frequencies,
+)
 from watermark.audio.profile import (
+    FIRST_PILOT_BIN,
     FRAMES_PER_SUPERFRAME,
-    HOP,
+    PILOT_BINS,
     PILOT_SLOTS,
     PILOT_STEPS,
     PILOTS_PER_FRAME,
@@ -26,22 +34,13 @@ from watermark.audio.profile import (
     SLOT_FRAMES,
 )
 
-DECIMATION = 4
-"""The search works at 48 kHz / 4."""
-
-SEARCH_HOP = HOP // DECIMATION
-"""Samples between frames at the search's rate."""
-
-STRIDE = 2
-"""Samples at the search's rate between transforms; the places between are reached by turning."""
-
-TURNS = np.array([-0.5, 0.0, 0.5, 1.0])
-"""Samples at the search's rate by which each transform's phases are turned on."""
+TURNS = np.arange(-1.5, 2.1, 0.5)
+"""Samples at the search's rate by which each row's phases are turned on."""
 
 PLACE = DECIMATION * STRIDE / TURNS.size
 """Distance of the places tried: 2 samples at 48 kHz."""
 
-ROW_HOP = SEARCH_HOP // STRIDE * TURNS.size
+ROW_HOP = ROWS_PER_FRAME * TURNS.size
 """Places tried per frame."""
 
 PERIOD = FRAMES_PER_SUPERFRAME * ROW_HOP
@@ -64,15 +63,21 @@ SEGMENT_FRAMES = 8
 CLOCK_PENALTY, LARGEST_PENALTY = 0.05, 8.0
 """Correlation that a clock error must be worth, per ppm and at most: most programmes have none."""
 
+DEVIATION = math.sqrt(0.5 * PILOTS_PER_FRAME * FRAMES_PER_SUPERFRAME)
+"""Standard deviation of a score in unmarked sound."""
+
 THRESHOLD = 4.8
 """Least score of a candidate in standard deviations of unmarked sound."""
+
+FLOOR = np.float32(THRESHOLD * DEVIATION)
+"""The same as a score."""
 
 WEIGHTS = (0.66, 0.507)
 """Weights of the scores of a superframe summed with that of the one before, and of the two before:
 they are as rare then in unmarked sound as a score by itself."""
 
-CENTRE = (DECIMATION - 1) / 2
-"""A search frame's samples lie this much later than the mark's frame begins (48 kHz samples)."""
+SPARE = 24
+"""Quanta for which there is room before the past is moved to the front of its store."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +105,106 @@ class Candidate:
     significance: float
 
 
+class _Correlator:
+    """Correlates soft values of pilots with those of all profiles.
+
+    Attributes
+    ----------
+    kept : int
+        Places before a quantum that its superframes began at.
+    oldest : int
+        Places back to the oldest superframe whose score is added.
+    first : int
+        The first place of all, when silence stands before the first sample.
+    """
+
+    def __init__(self, key: int) -> None:
+        pilots = make_pilots(key)
+        self._slots = np.ascontiguousarray(pilots.slots.T)
+        self._signs = np.ascontiguousarray(pilots.signs.transpose(2, 0, 1), dtype=np.float32)
+        tiers = range(len(PILOT_STEPS))
+        pairs = [(t, p.number) for t in tiers for p in PROFILES.values() if p.levels_of(t)]
+        self.pairs = np.array(pairs, dtype=np.int64)
+        frame = np.arange(FRAMES_PER_SUPERFRAME)
+        middle = frame.reshape(-1, SEGMENT_FRAMES).mean(axis=1)
+        drift = np.round(CLOCK_ERRORS_PPM[:, np.newaxis] * 1e-6 * middle * ROW_HOP)
+        slack = int(np.abs(drift).max())
+        self._shift = np.ascontiguousarray(drift + slack, dtype=np.int64)
+        self._penalty = np.minimum(
+            CLOCK_PENALTY * np.abs(CLOCK_ERRORS_PPM), LARGEST_PENALTY
+        ).astype(np.float32)
+        self._lag = PERIOD + np.round(CLOCK_ERRORS_PPM * 1e-6 * PERIOD).astype(np.int64)
+        self.oldest = len(WEIGHTS) * (int(self._lag.max()) + 1)
+        span = (FRAMES_PER_SUPERFRAME - 1) * ROW_HOP
+        self.kept, self.first = span + 2 * slack, -span - slack
+
+    def find(
+        self,
+        soft: NDArray[np.float32],
+        row: int,
+        peaks: NDArray[np.float32],
+        past: int,
+        ceilings: NDArray[np.float32] | None,
+    ) -> tuple[int, float, int, int] | None:
+        """Score the places of one quantum.
+
+        Parameters
+        ----------
+        soft : ndarray of float32, shape (tiers, PILOT_SLOTS, rows)
+            Soft values, of which the places' own begin at `row`.
+        row : int
+            See there.
+        peaks : ndarray of float32, shape (pairs, n)
+            Scores of superframes by themselves; those of this quantum are written at `past`.
+        past : int
+            See there.
+        ceilings : ndarray of float32, shape (pairs,), or None
+            Largest score before; None where superframes count by themselves.
+
+        Returns
+        -------
+        tuple of (pair, score, place, clock error), or None
+            The best one, if it is worth an attempt.
+        """
+        from watermark.audio import _kernels
+
+        best = np.empty(len(self.pairs), dtype=np.float32)
+        where = np.empty((len(self.pairs), 2), dtype=np.int64)
+        weights = np.array(() if ceilings is None else WEIGHTS, dtype=np.float32)
+        _kernels.correlate_pilots(
+            soft, row - self.kept, PLACES, ROW_HOP, SEGMENT_FRAMES, self._slots, self._signs,
+            self.pairs, self._shift, self._penalty, self._lag, weights, FLOOR,
+            np.zeros_like(best) if ceilings is None else ceilings, peaks, past, best, where,
+        )  # fmt: skip
+        n = int(best.argmax())
+        if best[n] < FLOOR:
+            return None
+        return n, float(best[n]), int(where[n, 0]), int(where[n, 1])
+
+    def candidate(self, found: tuple[int, float, int, int], first: int) -> Candidate:
+        """Make a candidate of a place that was found in a quantum whose first place is given."""
+        n, score, place, error = found
+        tier, profile = self.pairs[n]
+        start = PLACE * (first + float(place)) + DECIMATION * TURNS[0] - CENTRE
+        return Candidate(
+            start, float(CLOCK_ERRORS_PPM[error]), int(profile), int(tier), score / DEVIATION
+        )
+
+
+@lru_cache(maxsize=4)
+def _make_correlator(key: int) -> _Correlator:
+    return _Correlator(key)
+
+
+def _turns(phases: NDArray[np.float64] | None) -> NDArray[np.complex64]:
+    """Factors of the slots at the places between rows, shape (TURNS.size, PILOT_SLOTS)."""
+    angles = np.outer(TURNS, slot_frequencies())
+    if phases is not None:
+        cut = phases[FIRST_PILOT_BIN : FIRST_PILOT_BIN + PILOT_SLOTS * PILOT_BINS]
+        angles = angles + cut.reshape(PILOT_SLOTS, -1).mean(axis=1)
+    return np.asarray(np.exp(1j * angles), dtype=np.complex64)
+
+
 class PilotSearch:
     """Sliding search for pilots of any profile.
 
@@ -116,103 +221,103 @@ class PilotSearch:
     def __init__(
         self, key: int, *, scale: float = 1.0, phases: NDArray[np.float64] | None = None
     ) -> None:
-        self._pilots = make_pilots(key)
-        slots = np.ascontiguousarray(self._pilots.slots.T)
-        signs = np.ascontiguousarray(self._pilots.signs.transpose(2, 0, 1), dtype=np.float32)
-        self._common = slots[0], signs[0, 0]
-        self._announced = [
-            [(p.number, slots[1], signs[1, p.number]) for p in PROFILES.values() if p.levels_of(t)]
-            for t in range(len(PILOT_STEPS))
-        ]
-        cells = self._pilots.cells
-        self._masker = make_masker(cells.last_bin)
-        frame = np.arange(FRAMES_PER_SUPERFRAME)
-        middle = frame.reshape(-1, SEGMENT_FRAMES).mean(axis=1)
-        drift = np.round(CLOCK_ERRORS_PPM[:, np.newaxis] * 1e-6 * middle * ROW_HOP)
-        self._slack = int(np.abs(drift).max())
-        self._shift = np.ascontiguousarray(drift + self._slack, dtype=np.int64)
-        self._span = (FRAMES_PER_SUPERFRAME - 1) * ROW_HOP
-        self._penalty = np.minimum(
-            CLOCK_PENALTY * np.abs(CLOCK_ERRORS_PPM), LARGEST_PENALTY
-        ).astype(np.float32)
-        bins = int(self._masker.edges[-1])
-        identity = np.eye(2 * SEARCH_HOP)
-        transform = np.sqrt(DECIMATION) * analyse(identity, SEARCH_HOP)[:, :bins]
-        parts = np.concatenate([transform.real, transform.imag], axis=1)
-        self._transform = np.ascontiguousarray(parts.T, dtype=np.float32)
-        frequency = np.pi / SEARCH_HOP * (np.arange(bins) + 0.5)
-        angles = np.outer(TURNS, frequency) + (0.0 if phases is None else phases[:bins])
-        self._turn = np.exp(1j * angles).astype(np.complex64)
-        self._signs, self._dither = cells.signs.astype(np.float32), cells.dither.astype(np.float32)
+        self._sight, self._correlator = make_sight(key), _make_correlator(key)
+        self._before = self._sight.silence
+        self._turn = _turns(phases)
+        self._dither = make_pilots(key).cells.dither.astype(np.float32)
         self._steps = (scale * np.array(PILOT_STEPS)).astype(np.float32)
-        self._lag = PERIOD + np.round(CLOCK_ERRORS_PPM * 1e-6 * PERIOD).astype(np.int64)
-        self._weights = np.array(WEIGHTS, dtype=np.float32)
-        oldest = len(WEIGHTS) * (int(self._lag.max()) + 1)
-        self._past = np.zeros((len(PILOT_STEPS), len(PROFILES), oldest), dtype=np.float32)
+        pairs, oldest = len(self._correlator.pairs), self._correlator.oldest
+        self._peaks = _Store((pairs,), oldest)
+        self._ceilings = np.zeros((pairs, -(-oldest // PLACES)), dtype=np.float32)
         # Silence stands before the first sample: a superframe cut by the start is found too.
-        self._history = self._span + 2 * self._slack
-        shape = (len(PILOT_STEPS), PILOT_SLOTS, self._history)
-        self._soft = np.zeros(shape, dtype=np.float32)
-        self._before = np.zeros((SEARCH_HOP // STRIDE, self._masker.edges.size - 1))
+        self._soft = _Store((len(PILOT_STEPS), PILOT_SLOTS), self._correlator.kept)
         self._sound = np.zeros(0, dtype=np.float32)
-        self._row = 0
+        self._count = 0
 
     @property
     def needed(self) -> int:
         """Samples to hand to `process` next."""
-        return QUANTUM + 2 * SEARCH_HOP - 1 - self._sound.size
+        return QUANTUM + 2 * SEARCH_HOP - STRIDE - self._sound.size
 
     def process(self, sound: NDArray[np.float64]) -> Candidate | None:
         """Take the next `needed` samples; return the best candidate that they complete."""
+        from watermark.audio import _kernels
+
         self._sound = np.concatenate([self._sound, sound.astype(np.float32)])
-        recent = self._soft[:, :, -self._history :]
-        self._soft = np.concatenate([recent, self._observe()], axis=2)
+        projections, alive, self._before = self._sight.look(self._sound, self._before)
         self._sound = self._sound[QUANTUM:]
-        first = self._row - self._span - self._slack
-        self._row += PLACES
-        best, tier, profile, error, i = max(self._correlate(), key=lambda found: found[0])
-        significance = best / math.sqrt(0.5 * PILOTS_PER_FRAME * FRAMES_PER_SUPERFRAME)
-        if significance < THRESHOLD:
-            return None
-        start = PLACE * (first + float(i)) + DECIMATION * TURNS[0] - CENTRE
-        return Candidate(start, float(CLOCK_ERRORS_PPM[error]), profile, tier, significance)
-
-    def _correlate(self) -> Iterator[tuple[float, int, int, int, int]]:
-        """Best score of each tier and profile, with tier, profile, clock error and start."""
-        from watermark.audio import _kernels
-
-        shape = FRAMES_PER_SUPERFRAME // SEGMENT_FRAMES, PLACES + 2 * self._slack
-        peak, score = np.empty((2, PLACES), dtype=np.float32)
-        error = np.empty(PLACES, dtype=np.int32)
-        for tier, soft in enumerate(self._soft):
-            common = np.zeros(shape, dtype=np.float32)
-            _kernels.pilot_sums(soft, ROW_HOP, SEGMENT_FRAMES, *self._common, common)
-            for profile, slots, signs in self._announced[tier]:
-                sums = common.copy()
-                _kernels.pilot_sums(soft, ROW_HOP, SEGMENT_FRAMES, slots, signs, sums)
-                _kernels.drift_peaks(sums, self._shift, self._penalty, peak, error)
-                past = self._past[tier, profile]
-                _kernels.add_priors(peak, self._lag[error], past, self._weights, score)
-                past[:-PLACES] = past[PLACES:]
-                past[-PLACES:] = peak
-                i = int(score.argmax())
-                yield float(score[i]), tier, profile, int(error[i]), i
-
-    def _observe(self) -> NDArray[np.float32]:
-        """Soft values of the pilots' positions, shape (tiers, PILOT_SLOTS, PLACES)."""
-        from watermark.audio import _kernels
-
-        frames = np.lib.stride_tricks.sliding_window_view(self._sound, 2 * SEARCH_HOP)[::STRIDE]
-        spectra = self._transform @ np.ascontiguousarray(frames.T)
-        bins = spectra.shape[0] // 2
-        power = (spectra[:bins] ** 2 + spectra[bins:] ** 2) / 2
-        threshold = self._masker.thresholds(power.T)
-        before = np.concatenate([self._before, threshold])[: len(threshold)]
-        self._before = threshold[-SEARCH_HOP // STRIDE :]
-        units = self._masker.amplitudes(threshold, before).T
-        soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, PLACES), dtype=np.float32)
+        row, past = self._soft.extend(), self._peaks.extend()
         _kernels.pilot_soft(
-            spectra, np.ascontiguousarray(units, dtype=np.float32), self._turn,
-            self._pilots.cells.first_bin, self._signs, self._dither, self._steps, soft,
-        )  # fmt: skip
-        return soft
+            projections, alive, self._turn, self._dither, self._steps, row, self._soft.values
+        )
+        found = self._correlator.find(
+            self._soft.values, row, self._peaks.values, past, self._ceilings.max(axis=1)
+        )
+        first = self._correlator.first + self._count * PLACES
+        self._ceilings[:, self._count % self._ceilings.shape[1]] = self._peaks.last.max(axis=1)
+        self._count += 1
+        return None if found is None else self._correlator.candidate(found, first)
+
+
+def search_stretch(key: int, sound: NDArray[np.float64]) -> Candidate | None:
+    """Best candidate among the superframes that lie whole in a stretch, each by itself.
+
+    Parameters
+    ----------
+    key : int
+        Seed of the layout.
+    sound : ndarray of float64, shape (n,)
+        Samples at 12 kHz.
+    """
+    from watermark.audio import _kernels
+
+    sight, correlator = make_sight(key), _make_correlator(key)
+    projections, alive, _ = sight.look(sound.astype(np.float32), sight.silence)
+    rows = alive.shape[1] * TURNS.size
+    soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, rows), dtype=np.float32)
+    dither = make_pilots(key).cells.dither.astype(np.float32)
+    steps = np.array(PILOT_STEPS, dtype=np.float32)
+    _kernels.pilot_soft(projections, alive, _turns(None), dither, steps, 0, soft)
+    peaks = np.empty((len(correlator.pairs), PLACES), dtype=np.float32)
+    best = None
+    for row in range(correlator.kept, rows - PLACES + 1, PLACES):
+        found = correlator.find(soft, row, peaks, 0, None)
+        if found is not None:
+            candidate = correlator.candidate(found, row + correlator.first)
+            if best is None or candidate.significance > best.significance:
+                best = candidate
+    return best
+
+
+class _Store:
+    """Values of the places looked at last, with room for those of the next quantum.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Rows; places are the last axis.
+    kept : int
+        Places that are remembered, zero at first.
+
+    Attributes
+    ----------
+    values : ndarray of float32, shape (*shape, places)
+        The store.
+    """
+
+    def __init__(self, shape: tuple[int, ...], kept: int) -> None:
+        self.kept, self._end = kept, kept
+        self.values = np.zeros((*shape, kept + SPARE * PLACES), dtype=np.float32)
+
+    @property
+    def last(self) -> NDArray[np.float32]:
+        """Values of the last quantum."""
+        return self.values[..., self._end - PLACES : self._end]
+
+    def extend(self) -> int:
+        """Return where the next `PLACES` values are to be written, after what is remembered."""
+        if self._end + PLACES > self.values.shape[-1]:
+            self.values[..., : self.kept] = self.values[..., self._end - self.kept : self._end]
+            self._end = self.kept
+        self._end += PLACES
+        return self._end - PLACES

@@ -6,6 +6,7 @@ found by trying: the one that worked last first. Specification: sections 6 and 7
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 import scipy.ndimage
@@ -111,14 +112,17 @@ class Demodulator:
         levels = [[tier * TIER_LEVELS + i + offset for i in range(TIER_LEVELS)] for tier in chosen]
         return [level for part in levels for level in sorted(part, key=lambda x: abs(x - last))]
 
-    def read(self, view: View, levels: list[float], *, due: bool = True) -> Reading:
+    def read(
+        self, view: View, levels: list[float], *, due: bool = True, brief: bool = False
+    ) -> Reading:
         """Read at the first of `levels` that the link accepts; else at the first of all.
 
         What fails everywhere is tried again at the first few with a longer list, then with other
-        weights than the learnt ones: harder where a superframe is due.
+        weights than the learnt ones: harder where a superframe is due, not at all in brief.
         """
         clues = view.clues(self.layout.cells, self._masker)
-        for level, weights, list_size in self._attempts(view, clues, levels, due=due):
+        attempts = self._attempts(view, clues, levels, due=due)
+        for level, weights, list_size in islice(attempts, len(levels) if brief else None):
             reading = self._read_at(view, clues, level, weights, list_size)
             if reading.decoded.l0 is not None:
                 return self._settle(reading, weights)

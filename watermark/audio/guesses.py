@@ -16,11 +16,18 @@ from watermark.audio.acquire import CLOCK_ERRORS_PPM
 from watermark.audio.mix import has_centre, weights_of
 from watermark.audio.profile import PILOT_STEPS
 
+STRETCH_S, SHORT_STRETCH_S = 2.2, 1.36
+"""Sound on which a guess is tried: a superframe and its successor, and one superframe, wherever
+they begin."""
+
 LARGEST_SPEED = 0.053
 """Largest change of speed that is tried."""
 
 KNOWN_SPEEDS = (Fraction(25, 24), Fraction(24, 25), Fraction(25025, 24000), Fraction(24000, 25025))
 """Films at 24 or 23.976 pictures a second played at 25, and the way back: tried first."""
+
+NEAR = 2
+"""Speeds nearest to the right one that are tried with those: clocks and tapes at 0.15 to 0.47 %."""
 
 GAIN_STEPS = 8
 """Steps of pilots tried for each doubling: 2^(1/8) apart, soft values lose a tenth half-way."""
@@ -73,11 +80,14 @@ class Guess:
         Steps that pilots may have in a search blind to phase; none for the usual search.
     speed : float
         Samples that come for one of the mark's own.
+    stretch_s : float
+        Sound in which to search, seconds.
     """
 
     mix: Mix
     steps: tuple[float, ...] = PILOT_STEPS
     speed: float = 1.0
+    stretch_s: float = STRETCH_S
 
 
 def usual_mix(channels: int) -> Mix:
@@ -96,8 +106,10 @@ def make_guesses(sound: NDArray[np.float64], *, thorough: bool) -> Iterator[Gues
     ladder = [PILOT_STEPS[0] * 2 ** (i / GAIN_STEPS) for i in GAIN_LADDER]
     for first in range(0, len(ladder), LADDER_PART):
         yield Guess(usual, tuple(ladder[first : first + LADDER_PART]))
-    for speed in speeds() if thorough else speeds()[: len(KNOWN_SPEEDS)]:
+    for speed in likely_speeds():
         yield Guess(plain, (), speed)
+    for speed in speeds() if thorough else ():
+        yield Guess(plain, (), speed, SHORT_STRETCH_S)
 
 
 def usual_gain(sound: NDArray[np.float64]) -> float:
@@ -109,13 +121,16 @@ def usual_gain(sound: NDArray[np.float64]) -> float:
     return float(USUAL_RMS / max(np.sqrt((loud**2).mean()), 1e-7))
 
 
+def likely_speeds() -> list[float]:
+    """List samples that come for one of the mark's own: one over a film's speeds, and near 1."""
+    return [*(float(1 / speed) for speed in KNOWN_SPEEDS), *speeds()[:NEAR]]
+
+
 def speeds() -> list[float]:
-    """List samples that come for one of the mark's own: one over the speed, known speeds first."""
+    """List samples that come for one of the mark's own: a grid without gaps, from 1 on."""
     reach = CLOCK_ERRORS_PPM.max() * 1e-6
-    known = [float(1 / speed) for speed in KNOWN_SPEEDS]
     count = int(np.ceil((LARGEST_SPEED - reach) / (2 * reach)))
-    grid = [1 + sign * 2 * reach * n for n in range(1, count + 1) for sign in (1, -1)]
-    return known + grid
+    return [1 + sign * 2 * reach * n for n in range(1, count + 1) for sign in (1, -1)]
 
 
 def _other_mixes(sound: NDArray[np.float64]) -> Iterator[Mix]:

@@ -11,19 +11,21 @@ the lock is then read, too. Specification: section 7.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.audio.acquire import DECIMATION, Candidate, PilotSearch
+from watermark.audio.acquire import DEVIATION, Candidate, PilotSearch, search_stretch
 from watermark.audio.align import Fit, View, find_delay, read_view, search_fit
 from watermark.audio.demodulate import Demodulator, Reading
 from watermark.audio.equaliser import Equaliser, Known, lean, path_of, score_phases
-from watermark.audio.guesses import Guess, Mix, make_guesses, usual_mix
+from watermark.audio.guesses import STRETCH_S, Guess, Mix, make_guesses, usual_mix
 from watermark.audio.layout import make_pilots
 from watermark.audio.masking import make_masker
 from watermark.audio.mix import check_format
+from watermark.audio.pilot_sight import DECIMATION
 from watermark.audio.profile import (
     FS,
     HOP,
@@ -53,14 +55,12 @@ HISTORY_S, LONG_HISTORY_S = 2.4, 9.0
 """Sound that is kept while locked, enough to search again from a superframe that failed, and while
 searching, for what may be read of it once the sound is understood."""
 
-STRETCH_S = 2.2
-"""Sound on which guesses are tried: a superframe and its successor, wherever they begin."""
+PAUSES_S = (2.2, 3.5, 14.0, 45.0, 130.0, 240.0)
+"""Search in vain before each round of guesses; the last one is repeated. From the second round on,
+all speeds are tried: it ends 9 s after the start."""
 
-FIRST_PAUSE_S, LONGEST_PAUSE_S = 2.2, 240.0
-"""Search in vain before guesses are tried; after wrong ones the pause grows."""
-
-PAUSE_GROWTH = 3.0
-"""By this factor."""
+GUESSES_PER_STEP = 2
+"""Guesses tried for each 0.08 s that arrive."""
 
 PATIENCE, MOST_SELDOM = 1.1, 3
 """Growth of the time between searches that are blind to phase, which overlap at first, and its
@@ -69,8 +69,8 @@ limit in stretches."""
 DELAYS = (0.0, 0.5, -0.5)
 """Delays in samples at which a candidate is tried."""
 
-NO_CANDIDATE = Candidate(0.0, 0.0, 0, 0, 5.2)
-"""What a candidate at a guessed speed must exceed: tens of speeds are tried."""
+LEAST_AT_SPEED = 5.2
+"""Least significance of a candidate at a guessed speed: tens of speeds are tried."""
 
 FAILED_BEFORE_GUESSING = 3
 """Superframes in a row that fail at a known place before guesses are tried."""
@@ -89,6 +89,11 @@ PULL_IN = (
     (np.arange(-0.75, 0.8, 0.25), np.arange(-40.0, 41.0, 20.0)),
 )
 """Delays in samples and drifts in ppm tried around a candidate, from coarse to fine."""
+
+SURE = 4.6
+"""Score of a candidate's own pilots at its refined place, in deviations, from which it is tried
+with all means: of true ones (standard, AAC 128k) all but a few have more, of 47 that unmarked sound
+gave, 15 had. Others are tried briefly."""
 
 LOCK_IN = (
     (np.arange(-1.0, 1.1, 0.25), np.arange(-60.0, 61.0, 20.0)),
@@ -353,13 +358,14 @@ class AudioReceiver:
             position, ratio, demodulator, own.start + 1 + self._offset,
             equaliser or Equaliser(demodulator.bands), self._offset,
         )  # fmt: skip
-        self._pull_in(heard.tape, track, candidate)
+        sure = self._pull_in(heard.tape, track, candidate) >= SURE
         levels = sorted(range(len(LEVELS)), key=lambda level: abs(level - own.start - 1.4))
         moved_levels = [level + self._offset for level in levels[:TRIED_LEVELS]]
-        for delay in delays:
+        for delay in delays if sure else delays[:1]:
             moved = replace(track, position=track.position + delay * self._nominal)
             raw = self._view(heard.tape, moved)
-            reading = demodulator.read(_as_used(moved, raw), moved_levels, due=False)
+            view = _as_used(moved, raw)
+            reading = demodulator.read(view, moved_levels, due=False, brief=not sure)
             if reading.decoded.l0 is not None:
                 return self._lock(heard.mix, moved, raw, reading)
         return []
@@ -367,8 +373,8 @@ class AudioReceiver:
     def _reset_guesses(self) -> None:
         self._guesses: Iterator[Guess] | None = None
         self._turned_at, self._turned_every = float(self._now + self._stretch), self._stretch / 2
-        self._pause_s = FIRST_PAUSE_S
-        self._guess_at = self._now + FIRST_PAUSE_S * self._fs
+        self._round = 0
+        self._guess_at = self._now + PAUSES_S[0] * self._fs
 
     def _guess(self) -> list[ReceivedSuperframe]:
         """Listen again to the last seconds: for turned bands ever again, for all else at times."""
@@ -382,35 +388,33 @@ class AudioReceiver:
                 return found
             self._stretch_start = self._now - self._stretch
             sound = [tape.read(self._stretch_start, 1.0, self._stretch) for tape in self._sounds]
-            self._guesses = make_guesses(
-                np.stack(sound, axis=1), thorough=self._pause_s > FIRST_PAUSE_S
-            )
+            self._guesses = make_guesses(np.stack(sound, axis=1), thorough=self._round > 0)
             self._turned_at = self._now
-        guess = next(self._guesses, None)
-        if guess is not None:
-            return self._try_guess(guess, self._stretch_start)
-        self._guesses = None
-        self._pause_s = min(PAUSE_GROWTH * self._pause_s, LONGEST_PAUSE_S)
-        self._guess_at = self._now + self._pause_s * self._fs
+        tried = list(islice(self._guesses, GUESSES_PER_STEP))
+        for guess in tried:
+            if found := self._try_guess(guess, self._stretch_start):
+                return found
+        if not tried:
+            self._guesses = None
+            self._round = min(self._round + 1, len(PAUSES_S) - 1)
+            self._guess_at = self._now + PAUSES_S[self._round] * self._fs
         return []
 
     def _try_guess(self, guess: Guess, start: int) -> list[ReceivedSuperframe]:
         """Search a stretch as if a guess were true."""
         tape = Tape(start)
-        tape.append(self._mixed(guess.mix, start, self._stretch))
+        length = int(guess.stretch_s * self._fs)
+        tape.append(self._mixed(guess.mix, start, length))
         heard = _Heard(tape, guess.mix)
         pace = self._nominal * guess.speed
-        step, total = DECIMATION * pace, int(self._stretch / (DECIMATION * pace))
+        step, total = DECIMATION * pace, int(length / (DECIMATION * pace))
         if guess.steps:
             turned = self._turned.find(tape.read(start, step, total), guess.steps)
             return [] if turned is None else self._try_turned(heard, turned)
-        search, done, best = PilotSearch(self._key), 0, None
-        while (count := search.needed) <= total - done:
-            candidate = search.process(tape.read(start + done * step, step, count))
-            done += count
-            if candidate and candidate.significance > (best or NO_CANDIDATE).significance:
-                best = candidate
-        return [] if best is None else self._try(heard, start, pace, best, None, delays=(0.0,))
+        best = search_stretch(self._key, tape.read(start, step, total))
+        if best is None or best.significance < LEAST_AT_SPEED:
+            return []
+        return self._try(heard, start, pace, best, None, delays=(0.0,))
 
     def _try_turned(self, heard: _Heard, candidate: TurnedCandidate) -> list[ReceivedSuperframe]:
         """Decode at a place whose bands have phases of their own, and lock there."""
@@ -497,13 +501,15 @@ class AudioReceiver:
             self._demodulators[number] = Demodulator(profile, self._key)
         return self._demodulators[number]
 
-    def _pull_in(self, tape: Tape, track: _Track, candidate: Candidate) -> None:
-        """Refine a candidate's place by its pilots."""
+    def _pull_in(self, tape: Tape, track: _Track, candidate: Candidate) -> float:
+        """Refine a candidate's place by its pilots; give their score there, in deviations."""
         pilots, step = make_pilots(self._key), PILOT_STEPS[candidate.tier] * 2 ** (track.offset / 4)
         expected = pilots.expected(candidate.profile)
         for grid in PULL_IN:
             view = _as_used(track, self._view(tape, track))
-            self._move(track, search_fit(view, pilots.cells, step, expected, grid))
+            fit = search_fit(view, pilots.cells, step, expected, grid)
+            self._move(track, fit)
+        return fit.score / DEVIATION
 
     def _move(self, track: _Track, fit: Fit) -> None:
         """Shift a track by a fit."""

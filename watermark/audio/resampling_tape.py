@@ -23,7 +23,7 @@ KAISER_BETA = 9.0
 """Side lobes of the window below -90 dB."""
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def impulse_responses(cutoff: float) -> NDArray[np.float64]:
     """Low-pass responses at all fractions of a sample.
 
@@ -42,6 +42,14 @@ def impulse_responses(cutoff: float) -> NDArray[np.float64]:
     t = np.arange(STEPS + 1)[:, np.newaxis] / STEPS - distance
     window = np.i0(KAISER_BETA * np.sqrt(np.clip(1 - (t / reach) ** 2, 0, None)))
     return np.ascontiguousarray(cutoff * np.sinc(cutoff * t) * window / np.i0(KAISER_BETA))
+
+
+def _cutoff(ratio: float) -> float:
+    """Edge of the pass band at a speed, a little below half the slower rate for the window's sake.
+
+    Speeds that are nearly alike have the same, and with it the same table.
+    """
+    return math.floor(200 * 0.94 / ratio + 1e-9) / 200 if ratio > 1.01 else 1.0
 
 
 class Tape:
@@ -88,7 +96,7 @@ class Tape:
 
     def reach(self, ratio: float) -> int:
         """Return how many samples on either side of a position are looked at."""
-        return round(REACH * max(ratio, 1.0) / 0.94) + 2
+        return round(REACH / _cutoff(ratio)) + 2
 
     def read(self, position: float, ratio: float, count: int) -> NDArray[np.float64]:
         """Return samples at ``position + n * ratio`` for n below `count`; silence outside.
@@ -104,8 +112,7 @@ class Tape:
             return self._cut(round(position), count)
         from watermark.audio import _kernels
 
-        # The pass band ends a little below half the slower rate, for the window's sake.
-        table = impulse_responses(min(1.0, 0.94 / ratio) if ratio > 1.01 else 1.0)
+        table = impulse_responses(_cutoff(ratio))
         margin = table.shape[1] // 2
         begin = math.floor(position) - margin
         sound = self._cut(begin, math.ceil(count * ratio) + 2 * margin + 2)
