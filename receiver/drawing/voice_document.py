@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from codec.cuer.layout import MARKERS, N_FACE
-from codec.cuer.movement import FLOWING
+from codec.bitstream.resynthesis.targets import Targets
+from codec.cuer.layout import MARKERS, N_FACE, longest_finger_tip
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS
+from codec.cues.score import SHAPES
 from receiver.drawing.avatar import OFFSET_UNIT, SHARE_UNIT, Avatar, Surface
 from receiver.drawing.camera import ASPECT, Camera, frame_cuer
 
@@ -50,8 +51,9 @@ def voice_document(voice: Voice) -> dict[str, Any]:
     -------
     dict
         ``identity``, ``layout``, ``markers``, ``face_markers``, ``aspect``, ``camera``,
-        ``movement`` (constants of the hand's clock, seconds), and the arrays of ``face`` and
-        ``hand`` under the names of `codec.cuer.models`.
+        ``movement`` (constants of the hand's clock, and where it is for each key, mm),
+        ``pointing`` (marker of each shape), ``gestures`` (targets, as parameters), and the arrays
+        of ``face`` and ``hand`` under the names of `codec.cuer.models`.
     """
     camera = neutral_camera(voice)
     return {
@@ -65,10 +67,23 @@ def voice_document(voice: Voice) -> dict[str, Any]:
             "height_mm": camera.height_mm,
             "distance_mm": camera.distance_mm,
         },
-        "movement": asdict(FLOWING) | {"rest_gap_s": DEFAULT_OPTIONS.rest_gap_s},
+        "movement": _movement(voice),
+        "pointing": [longest_finger_tip(shape) for shape in SHAPES],
+        "gestures": {
+            "shapes": _encode(voice.gestures.shape_targets),
+            "forearms": _encode(voice.gestures.placement_targets),
+            "head": _encode(voice.gestures.neutral_head),
+        },
         "face": {name: _encode(getattr(voice.face, name)) for name in _FACE_ARRAYS},
         "hand": {name: _encode(getattr(voice.hand, name)) for name in _HAND_ARRAYS},
     }
+
+
+def _movement(voice: Voice) -> dict[str, Any]:
+    targets = Targets.of(voice)
+    return asdict(targets.movement) | {
+        "rest_gap_s": DEFAULT_OPTIONS.rest_gap_s, "places": targets.places.round(1).tolist(),
+    }  # fmt: skip
 
 
 def avatar_document(avatar: Avatar) -> bytes:

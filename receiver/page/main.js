@@ -4,6 +4,7 @@ import { AvatarView, parseAvatar } from "./avatar.js";
 import { ProgrammeClock } from "./clock.js";
 import { Controls, HELP } from "./controls.js";
 import { Feed } from "./feed.js";
+import { HandReader } from "./hand.js";
 import { LiveProgramme } from "./live.js";
 import { VoiceModel } from "./model.js";
 import { PointLights } from "./points.js";
@@ -24,6 +25,7 @@ class Page {
     this.whose = null;
     this.video = /** @type {HTMLVideoElement} */ (document.getElementById("programme"));
     this.timeline = new Timeline(model.movement);
+    this.reader = new HandReader(model);
     this.clock = new ProgrammeClock(this.video);
     this.stage = new Stage(document);
     this.points = new PointLights(document.getElementById("points"), model);
@@ -154,7 +156,8 @@ class Page {
     const words = this.words();
     this.stage.showStatus(this.state(timeS, visibility), words, this.whose);
     this.stage.showCuer(visibility > 0);
-    this.stage.showKeys(this.timeline.keysAround(timeS, 2, 2), words);
+    const hand = visibility > 0 ? this.reader.read(this.markers) : null;
+    this.stage.showKeys(this.timeline.keysAround(timeS, 2, 2, hand), words);
   }
 }
 

@@ -56,6 +56,8 @@ export class VoiceModel {
     this.camera = document.camera;
     this.aspect = document.aspect;
     this.movement = document.movement;
+    this.pointing = document.pointing;
+    this.gestures = decoded(document.gestures);
     this.face = decoded(document.face);
     this.hand = decoded(document.hand);
     this.faceCount = document.face_markers;
@@ -64,12 +66,26 @@ export class VoiceModel {
     this.offsets = { face: 0, hand: count("face."), head: 0, forearm: 0 };
     this.offsets.head = this.offsets.hand + count("hand.");
     this.offsets.forearm = this.offsets.head + count("head.");
+    this.placementCount = this.movement.places.length / this.pointing.length;
     this.headMotion = new Float64Array(6);
     this.handMotion = new Float64Array(6);
     this.faceShape = new Float64Array(3 * this.faceCount);
     this.angles = new Float64Array(this.hand.angle_mean.length);
     this.handShape = new Float64Array(3 * this.handCount);
     this.r = new Float64Array(9);
+  }
+
+  /** The parameters of a hand that holds a key: numbers of shape and placement; the head is at rest. */
+  target(shape, placement) {
+    const { shapes, forearms, head } = this.gestures;
+    const { hand, head: headAt, forearm } = this.offsets;
+    const params = new Float64Array(this.layout.length);
+    const width = params.length - forearm;
+    const key = shape * this.placementCount + placement;
+    params.set(shapes.subarray(shape * (headAt - hand), (shape + 1) * (headAt - hand)), hand);
+    params.set(head, headAt);
+    params.set(forearms.subarray(key * width, (key + 1) * width), forearm);
+    return params;
   }
 
   /** Write x, y, z of all markers, face then hand, into `out` (3 numbers a marker). */

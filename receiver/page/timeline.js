@@ -5,11 +5,17 @@
  * count x width numbers. Pieces that join within half a frame are interpolated across the joint.
  */
 
-import { handEnd, handStart } from "./keys.js";
+import { shownFrom, shownUntil, strokesTo } from "./keys.js";
 
 export const HOLD_S = 0.35;
 export const FADE_S = 0.45;
 const KEPT_S = 300;
+
+/** How far from the present keys can bear on what the hand shows, seconds. */
+const NEAR_S = 4;
+
+/** How far the drawn hand may be ahead of its clock or behind, seconds. */
+const SLACK_S = 0.25;
 
 export class Timeline {
   /** @param movement constants of the voice's hand, from `/voice.json` */
@@ -131,19 +137,34 @@ export class Timeline {
   /**
    * The keys around `timeS`: `{keys, now}`, `now` an index or -1 at rest.
    *
-   * The present key is the one that the hand shows, which runs ahead of the sound.
+   * The present key is the one that the hand shows, which runs ahead of the sound: by the clock of
+   * the voice's hand, and by `hand`, the key that the drawn hand is nearest to, if it is told.
    */
-  keysAround(timeS, before, after) {
-    let next = this.keys.findIndex((key, i) => handStart(key, this.keys[i - 1], this.movement) > timeS);
-    if (next < 0) next = this.keys.length;
-    const shown = this.keys[next - 1];
-    const following = this.keys[next];
-    const rests = !following || following.start - shown?.end >= this.movement.rest_gap_s;
-    const gone = !shown || (rests && timeS > handEnd(shown, this.movement));
+  keysAround(timeS, before, after, hand = null) {
+    const near = this.keys.filter((key) => Math.abs(key.start - timeS) < NEAR_S);
+    const { next, gone } = this.byTheClock(near, timeS, hand);
     const present = gone ? next : next - 1;
     const low = Math.max(0, present - before);
-    const keys = this.keys.slice(low, present + after + 1).filter((key) => Math.abs(key.start - timeS) < 3);
-    return { keys, now: gone ? -1 : keys.indexOf(shown) };
+    const keys = near.slice(low, present + after + 1).filter((key) => Math.abs(key.start - timeS) < 3);
+    return { keys, now: gone ? -1 : keys.indexOf(near[present]) };
+  }
+
+  /** How many of the keys have been shown at `timeS`, and whether the hand has left the last one. */
+  byTheClock(near, timeS, hand) {
+    const strokes = strokesTo(near, this.movement);
+    const from = strokes.map((stroke, i) => shownFrom(stroke, strokes[i - 1]));
+    let next = from.findIndex((startS) => startS > timeS);
+    if (next < 0) next = near.length;
+    const shows = (i) => hand && near[i] && near[i].shape === hand.shape && near[i].placement === hand.placement;
+    if (!shows(next - 1)) {
+      if (shows(next) && from[next] - timeS < SLACK_S) next += 1;
+      else if (shows(next - 2) && timeS - from[next - 1] < SLACK_S) next -= 1;
+    }
+    const shown = near[next - 1];
+    const following = near[next];
+    const rests = !following || following.start - shown?.end >= this.movement.rest_gap_s;
+    const gone = !shown || (rests && !shows(next - 1) && timeS > shownUntil(shown, strokes[next - 1], this.movement));
+    return { next, gone };
   }
 }
 
