@@ -219,7 +219,7 @@ def test_the_page_times_strokes_as_the_decoder_does(tmp_path: Path) -> None:
     }  # fmt: skip
     found = np.array(run_node(tmp_path, script, document))
     assert len(expected) == len(keys)
-    np.testing.assert_allclose(found, np.array(expected) / PARTS_PER_S, atol=0.003)
+    np.testing.assert_allclose(found, np.array(expected) / PARTS_PER_S, atol=TICK_S)
 
 
 def test_state_follows_the_clock(tmp_path: Path) -> None:
