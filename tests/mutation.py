@@ -30,7 +30,7 @@ EQUIVALENT = Path(__file__).with_name("equivalent_mutants.txt")
 ROOMS = {
     "tracker": (
         "receiver/reception/tracking.py",
-        "tests/receiver/test_tracking.py tests/receiver/test_hostile.py",
+        "tests/receiver/test_tracking.py",
     ),
     "link": (
         "watermark/link",

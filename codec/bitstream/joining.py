@@ -53,9 +53,21 @@ class Joined:
             key
             for before, key in itertools.pairwise([None, *self.every])
             if key
-            and not (round(key.start / TICK_S) in opened and _doubtful(key, before))
+            and not (round(key.start / TICK_S) in opened and self._doubtful(key, before))
             and not (round(key.start / TICK_S) in unfinished and len(key.phones) == 1)
         ]
+
+    def _doubtful(self, key: Key, before: Key | None) -> bool:
+        """Return whether a key with an unknown start may lack its consonant, be known, or differ.
+
+        Where keys are told against the rule, one that began before may be one of them.
+        """
+        part = self.parts.get((round(key.start / TICK_S) + 1) // TICKS)
+        return (
+            PHONE_NUMBER[key.phones[0]] <= N_VOWELS
+            or (before is not None and before.phones == key.phones)
+            or (part is not None and bool(part.overrides))
+        )
 
     def score(self) -> Score:
         """Return phones and keys; those that are known from previews only have no phones."""
@@ -173,13 +185,6 @@ def _keys_of(line: Sequence[Sounding], parts: Parts) -> list[Key]:
         if len(every) == 1 or _options_at(tick, parts) == options
     ]
     return sorted(keys, key=lambda key: key.start)
-
-
-def _doubtful(key: Key, before: Key | None) -> bool:
-    """Return whether a key with an unknown start may lack its consonant, or be known already."""
-    return PHONE_NUMBER[key.phones[0]] <= N_VOWELS or (
-        before is not None and before.phones == key.phones
-    )
 
 
 def _options_at(tick: int, parts: Parts) -> CueingOptions:

@@ -117,10 +117,6 @@ def merge_scores(superframes: Iterable[DecodedSuperframe]) -> Score:
     return score_of({s.index: s.part for s in superframes if s.part is not None})
 
 
-_REACH = 5
-"""Superframes before one that can tell keys of it, or how far a loss reaches."""
-
-
 class ScoreMerger:
     """Keys of superframes that arrive in order of time, each given out once and complete."""
 
@@ -144,5 +140,5 @@ class ScoreMerger:
         begin, end = (k * SUPERFRAME_S - 0.5 * TICK_S for k in (first, index))
         keys = [key for key in score_of(self._parts).keys if begin <= key.start < end]
         self._settled = max(first, index)
-        self._parts = {k: part for k, part in self._parts.items() if k >= index - _REACH}
+        self._parts = {k: part for k, part in self._parts.items() if k >= index - WINDOWS}
         return keys

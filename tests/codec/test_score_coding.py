@@ -137,6 +137,17 @@ def test_a_key_against_the_rule_travels_as_an_override() -> None:
     assert [(k.shape, k.placement) for k in received.keys] == [(4, "side"), (3, "throat")]
 
 
+def test_keys_against_the_rule_are_not_wrong_where_reception_begins() -> None:
+    """A key that began before may have been one of them: it is not told by rule."""
+    phones = [Phone("ɔ̃" if k % 2 else "b", 0.12 * k, 0.12 * k + 0.12) for k in range(40)]
+    others = [Key(k.start, k.end, k.phones, 3, "throat") for k in cue(phones)]
+    parts = sent_parts(Score(tuple(phones), tuple(others)))
+    for begin in range(1, 6):
+        keys = score_of({k: part for k, part in parts.items() if k >= begin}).keys
+        assert len(keys) > 5
+        assert {(key.shape, key.placement) for key in keys} == {(3, "throat")}
+
+
 def test_a_score_of_keys_alone_travels() -> None:
     keys = (Key(0.2, 0.5, ("b", "a"), 4, "side"), Key(0.5, 0.7, ("s",), 3, "side"))
     received = score_of(sent_parts(Score((), keys)))

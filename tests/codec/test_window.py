@@ -15,7 +15,7 @@ from codec.bitstream.compact_encoder import CompactEncoder
 from codec.bitstream.decoder import SuperframeDecoder
 from codec.bitstream.joining import score_of
 from codec.bitstream.payload import read_beginning
-from codec.bitstream.superframe import ScoreMerger, merge_scores
+from codec.bitstream.superframe import DecodedSuperframe, ScoreMerger, merge_scores
 from codec.bitstream.window import (
     CORRECTIONS,
     EARLIEST,
@@ -167,6 +167,26 @@ def test_keys_pass_through_encoder_and_decoder(toy_voice: Voice, motion: Motion)
         keys += merger.add(frame)
     keys += merger.flush()
     assert [str(key) for key in keys] == [str(key) for key in motion.score.keys]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_keys_come_out_whole_however_far_windows_run_ahead(seed: int) -> None:
+    """A window of slow speech tells keys of the fourth superframe after its own."""
+    rng = np.random.default_rng(seed)
+    tick, phones = 3, []
+    for _ in range(40):
+        begin = tick + int(rng.choice([0, 0, 0, 6, 20, 40]))
+        kind = CONSONANTS if rng.random() < 0.55 else VOWELS
+        tick = begin + int(rng.integers(3, 30))
+        phones.append(Phone(str(rng.choice(list(kind))), begin * TICK_S, tick * TICK_S))
+    windows = windows_of(Score(tuple(phones), tuple(cue(phones))), 12)
+    merger, keys = ScoreMerger(), list[Key]()
+    nothing = np.zeros((0, 0), np.float32)
+    for k, part in sorted(windows.items()):
+        keys += merger.add(
+            DecodedSuperframe(k, 0.64 * k, nothing, (), (), ("L0",), False, part, 2, k % 64)
+        )
+    assert tuple(keys + merger.flush()) == score_of(windows).keys
 
 
 def test_every_superframe_tells_two_bits_of_the_identity(toy_voice: Voice, motion: Motion) -> None:
