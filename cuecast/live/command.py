@@ -35,8 +35,10 @@ def run_live(args: argparse.Namespace) -> int:
     source, target = args.programme, args.live_output or args.output
     if target is None:
         raise UsageError("dub --live: say where from and where to: dub --live IN OUT")
-    if args.text == PIPE and source == PIPE:
-        raise UsageError("dub --live: the programme and the live text cannot both be the pipe")
+    if [source, args.text, args.motion].count(PIPE) > 1:
+        raise UsageError(
+            "dub --live: only one of programme, live text and interpreter can be the pipe"
+        )
     if tuple(args.carriers) != ("audio",):
         raise UsageError("dub --live: only the carrier audio can be written into a running stream")
     options = options_of(args)
@@ -50,13 +52,16 @@ def run_live(args: argparse.Namespace) -> int:
             _absolute(args.subtitles), _absolute(args.motion),
         ),
         LiveOptions(
-            options.profiles["audio"], args.key, args.grade, args.through, args.low_delay
+            options.profiles["audio"], args.key, args.grade, args.through, args.low_delay,
+            args.seen_late,
         ),
         log,
     )  # fmt: skip
     with _stopping(playout):
         if args.text == PIPE:
             threading.Thread(target=_read_captions, args=(playout,), daemon=True).start()
+        if args.motion == PIPE:
+            threading.Thread(target=_read_interpreter, args=(playout,), daemon=True).start()
         if args.port is None:
             playout.run()
         else:
@@ -75,8 +80,14 @@ def _read_captions(playout: Playout) -> None:
         playout.caption(line)
 
 
+def _read_interpreter(playout: Playout) -> None:
+    for line in sys.stdin.buffer:
+        playout.interpret(line)
+    playout.interpret(None)
+
+
 def _absolute(path: str | None) -> str:
-    return "" if path is None else str(Path(path).absolute())
+    return "" if path is None else path if path == PIPE else str(Path(path).absolute())
 
 
 @contextmanager

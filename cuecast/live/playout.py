@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from cuecast.command.files import PIPE
 from cuecast.live.lines import Input, Output
 from cuecast.live.multiplex import Aligner, Multiplex
 from cuecast.live.pcm import PcmForm, PcmPassage
@@ -18,6 +19,12 @@ from cuecast.live.worker import Cuer, Told, Worker
 
 DELAY_S, LOW_DELAY_S = 5.0, 2.5
 """From in to out: the embedder's own delay (2.7 s, 1.4 s low), coding, and time to compute."""
+
+INTERPRETER_S = 1.0
+"""What a live interpreter needs: her capture, her line, and the time to tell a key."""
+
+COMPUTING_S = 1.2
+"""What is left at least beside all waits, for coding and for a machine that is busy."""
 
 _LOOP_S = 0.005
 """Seconds that the loop waits for arrivals at a time."""
@@ -45,6 +52,8 @@ _HELP = {
     "captions_total": ("counter", "Pieces of live text that are cued."),
     "captions_left_out_total": ("counter", "Pieces of live text that came too late."),
     "cuer_lag_seconds": ("gauge", "How far the cuer is behind the live text."),
+    "poses_total": ("counter", "Frames of a live interpreter that came."),
+    "keys_recognised_total": ("counter", "Keys that a live interpreter showed."),
     "delay_seconds": ("gauge", "From in to out, as stated."),
     "late_seconds": ("gauge", "How much later than due the last packet went out."),
     "marking": ("gauge", "1 while the sound that goes out is marked."),
@@ -93,12 +102,16 @@ class Playout:
     ) -> None:
         self._tell = tell
         self.delay_s = LOW_DELAY_S if options.low_delay else DELAY_S
+        hold_s = 0.0
+        if cuer.motion == PIPE:
+            hold_s = options.ahead_s + INTERPRETER_S + options.seen_s
+            self.delay_s = max(self.delay_s, options.embedder_s + hold_s + COMPUTING_S)
         self._input, self._output = Input(route.source), Output(route.target)
         self._stop = threading.Event()
         self._figures = dict.fromkeys(_HELP, 0.0)
         paced = self._input.paced
-        patience_s = max(0.5, self.delay_s - options.embedder_s) if paced else None
-        self._worker = Worker(cuer, options, patience_s)
+        patience_s = max(0.5, self.delay_s - hold_s - options.embedder_s) if paced else None
+        self._worker = Worker(cuer, options, patience_s, hold_s)
         self._aligner = Aligner()
         common: dict[str, Any] = {
             "tell": tell, "wait": (lambda: False) if paced else self._wait, "by_stream": not paced,
@@ -126,6 +139,10 @@ class Playout:
     def caption(self, line: bytes) -> None:
         """Take a line of live text, from any thread."""
         self._worker.send("caption", line)
+
+    def interpret(self, line: bytes | None) -> None:
+        """Take a line of a live interpreter, None at their end, from a thread of their own."""
+        self._worker.interpret(line)
 
     def run(self) -> None:
         """Pass the programme on until it ends or `stop` is called.

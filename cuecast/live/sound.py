@@ -19,7 +19,7 @@ from codec.cuer.voice import Voice
 from codec.cues.score import Score
 from codec.errors import CueError
 from cuecast.dubbing.coder_stream import make_rehearsal
-from cuecast.dubbing.dub import superframe_source
+from cuecast.dubbing.dub import LEAD, superframe_source
 from cuecast.dubbing.motions import MotionSource
 from cuecast.live.frames import FrameCutter, framed
 from cuecast.live.packets import TICKS_HZ, Pes, step, write_pes
@@ -63,6 +63,8 @@ class LiveOptions:
     through : str, optional
         Coder on which the mark is rehearsed.
     low_delay : bool
+    seen_s : float
+        How much later than the playout a live interpreter sees the programme.
     """
 
     profile: str
@@ -70,6 +72,7 @@ class LiveOptions:
     grade: float
     through: str | None = None
     low_delay: bool = False
+    seen_s: float = 0.0
 
     @property
     def stretch(self) -> int:
@@ -81,6 +84,14 @@ class LiveOptions:
     def embedder_s(self) -> float:
         """Longest time from a sample to its marked one, without the time to compute."""
         return SUPERFRAME_S * self.stretch * (1 + self.rehearsed) + 0.1
+
+    @property
+    def ahead_s(self) -> float:
+        """How far ahead of the sound that came in the motion has to be known, at most.
+
+        That of a superframe is coded with the keys of the next one.
+        """
+        return SUPERFRAME_S * max(0, LEAD + 1 - self.stretch * self.rehearsed)
 
     @property
     def rehearsed(self) -> bool:

@@ -16,10 +16,13 @@ from typing import Any
 import numpy as np
 
 from codec.errors import CueError
+from cuecast.command.files import PIPE
+from cuecast.live.interpreter import InterpretedMotion, warm_recognition
 from cuecast.live.packets import Pes
 from cuecast.live.pcm import MarkedPcm, PcmForm, PcmMarker
 from cuecast.live.sound import LiveOptions, MarkedPes, SoundMarker
 from cuecast.live.text import Caption, LiveMotion, read_caption
+from cuecast.live.waiting import WaitingRoom
 from cuecast.media.timed_text import subtitles_of_packet
 from synth.scoring.text_score import Reading
 
@@ -31,6 +34,12 @@ _RESTART_S = (1.0, 2.0, 5.0, 10.0, 30.0)
 
 _REPORT_S = 1.0
 """Seconds between reports of a worker."""
+
+_LINES = 400
+"""Lines of an interpreter that may wait for the process."""
+
+_LOOK_S = 0.02
+"""How often the process looks for such lines."""
 
 _CAUGHT_UP_S = 0.3
 """Age of sound from which it is marked again, once some had to be passed over."""
@@ -53,7 +62,8 @@ class Cuer:
     seed : int
     alignment : str
     subtitles, motion : str
-        Files whose time 0 is the first sample; one of them or none: then live text is cued.
+        Files whose time 0 is the first sample; one of them or none: then live text is cued. The
+        motion ``-`` is that of a live interpreter.
     """
 
     voice: str = "claire"
@@ -89,10 +99,14 @@ class Worker:
     options : LiveOptions
     patience_s : float, optional
         Sound that has waited longer is passed over; None: all of it is marked.
+    hold_s : float
+        How long sound waits for a live interpreter.
     """
 
-    def __init__(self, cuer: Cuer, options: LiveOptions, patience_s: float | None) -> None:
-        self._arguments = cuer, options, patience_s
+    def __init__(
+        self, cuer: Cuer, options: LiveOptions, patience_s: float | None, hold_s: float = 0.0
+    ) -> None:
+        self._arguments = cuer, options, patience_s, hold_s
         self._context = get_context("spawn")
         self._process: Any = None
         self._failures = 0
@@ -103,9 +117,12 @@ class Worker:
 
     def _start(self) -> None:
         self._messages: Any = self._context.Queue(_WAITING)
+        self._lines: Any = self._context.Queue(_LINES)
         self._results, theirs = self._context.Pipe(duplex=False)
         self._process = self._context.Process(
-            target=_serve, args=(*self._arguments, self._messages, theirs), daemon=True
+            target=_serve,
+            args=(*self._arguments, self._messages, self._lines, theirs),
+            daemon=True,
         )
         self._process.start()
         theirs.close()
@@ -117,6 +134,18 @@ class Worker:
             self._messages.put_nowait((time.monotonic(), *message))
         except (queue.Full, ValueError, OSError):
             return
+
+    def interpret(self, line: bytes | None) -> None:
+        """Give the process a line of an interpreter, None at their end; wait while it is full."""
+        came_s = time.monotonic()
+        while True:
+            try:
+                self._lines.put((came_s, line), timeout=1.0)
+                return
+            except (ValueError, OSError):
+                return
+            except queue.Full:
+                continue
 
     def results(self, wait_s: float = 0.0) -> Iterator[Marked | Told]:
         """Yield what came back; start the process again if it died."""
@@ -155,8 +184,9 @@ class Worker:
             return
         self._process.kill()
         self._process.join(5.0)
-        self._messages.cancel_join_thread()
-        self._messages.close()
+        for one in (self._messages, self._lines):
+            one.cancel_join_thread()
+            one.close()
         self._results.close()
         self._process = None
         self.ready = False
@@ -167,19 +197,21 @@ class Worker:
 
 
 def _serve(
-    cuer: Cuer, options: LiveOptions, patience_s: float | None, messages: Any, results: Any
-) -> None:
+    cuer: Cuer, options: LiveOptions, patience_s: float | None, hold_s: float, messages: Any,
+    lines: Any, results: Any,
+) -> None:  # fmt: skip
     """Work on messages until the playout is gone."""
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = os.getppid()
     try:
-        marking = _Marking(cuer, options, patience_s, results.send)
+        marking = _Marking(cuer, options, patience_s, results.send, hold_s)
         results.send("ready")
         while not marking.over:
+            marking.read(lines)
             try:
-                message = messages.get(timeout=1.0)
+                message = messages.get(timeout=marking.idle_s)
             except queue.Empty:
                 if os.getppid() != parent:
                     return
@@ -195,7 +227,7 @@ class _Marking:
 
     def __init__(
         self, cuer: Cuer, options: LiveOptions, patience_s: float | None,
-        send: Callable[[Any], None],
+        send: Callable[[Any], None], hold_s: float = 0.0,
     ) -> None:  # fmt: skip
         from codec.cuer.voice import load_voice
 
@@ -210,9 +242,39 @@ class _Marking:
         self._said = ""
         self._reported_s = 0.0
         self.over = False
+        self._room: WaitingRoom | None = None
+        if isinstance(self._motion, InterpretedMotion):
+            self._room = WaitingRoom(
+                self._motion, ahead_s=options.ahead_s, seen_s=options.seen_s,
+                hold_s=None if patience_s is None else hold_s,
+            )  # fmt: skip
+        self._hold_s = hold_s
+        self.idle_s = 1.0 if self._room is None else _LOOK_S
+
+    def read(self, lines: Any) -> None:
+        """Take the lines of an interpreter that have come, and the sound that waited for them."""
+        if self._room is None:
+            return
+        try:
+            while self._room.hungry:
+                came_s, line = lines.get_nowait()
+                self._work(came_s, "line", line)
+        except queue.Empty:
+            pass
+        while (found := self._room.leave(time.monotonic(), self._marker.heard_s)) is not None:
+            sent_s, *message = found
+            self._work(sent_s + self._hold_s, *message)
+            self._room.heard(self._marker.heard_s, sent_s)
 
     def take(self, sent_s: float, kind: str, *content: Any) -> None:
-        """Take a message of the playout: what goes wrong with it is told and costs only it."""
+        """Take a message of the playout; with an interpreter it waits for her."""
+        if self._room is None:
+            self._work(sent_s, kind, *content)
+        else:
+            self._room.enter(sent_s, (sent_s, kind, *content))
+
+    def _work(self, sent_s: float, kind: str, *content: Any) -> None:
+        """Do what a message says: what goes wrong with it is told and costs only it."""
         try:
             getattr(self, f"_take_{kind}")(sent_s, *content)
         except CueError as error:
@@ -267,6 +329,14 @@ class _Marking:
         if caption is not None and isinstance(self._motion, LiveMotion):
             self._motion.add(caption)
 
+    def _take_line(self, came_s: float, line: bytes | None) -> None:
+        assert self._room is not None
+        if line is None:
+            self._room.ended = True
+            self._note("interpreter: no more lines")
+        else:
+            self._room.line(came_s, line)
+
     def _take_subtitle(self, sent_s: float, pts: int, data: bytes) -> None:
         start_s = self._marker.time_s(pts)
         if start_s is None or not isinstance(self._motion, LiveMotion):
@@ -304,12 +374,18 @@ class _Marking:
                 "captions_left_out_total": self._motion.left_out,
                 "cuer_lag_seconds": self._motion.lag_s,
             }
+        if isinstance(self._motion, InterpretedMotion):
+            figures |= {
+                "poses_total": self._motion.poses, "keys_recognised_total": self._motion.keys,
+            }  # fmt: skip
         self._send(Told(figures=figures))
 
 
 def _warm(motion: Any, cuer: Cuer, voice: Any, options: LiveOptions) -> None:
     """Load what would otherwise be loaded while the first sound waits."""
-    if not isinstance(motion, LiveMotion):
+    if isinstance(motion, InterpretedMotion):
+        warm_recognition(voice)
+    elif not isinstance(motion, LiveMotion):
         motion.window(0.0, 1)
     marker = SoundMarker(LiveMotion(voice, cuer.reading), voice, options)
     for _ in marker.mark(np.random.default_rng(0).normal(0, 0.1, (4 * 48_000, 2))):
@@ -319,6 +395,8 @@ def _warm(motion: Any, cuer: Cuer, voice: Any, options: LiveOptions) -> None:
 def _motion(cuer: Cuer, voice: Any) -> Any:
     """Return the motion that a `Cuer` stands for."""
     motions = importlib.import_module("cuecast.dubbing.motions")
+    if cuer.motion == PIPE:
+        return InterpretedMotion(voice)
     if cuer.motion:
         from codec.cuer.motion import load_motion
 

@@ -22,6 +22,7 @@ from cuecast.command.arguments import (
     carrier_list,
     grade,
     natural,
+    not_negative,
     print_json,
 )
 from cuecast.command.errors import UsageError
@@ -43,7 +44,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--subtitles", metavar="SUBS",
         help="what is said; - reads a pipe (default: the programme's own French subtitles)",
     )  # fmt: skip
-    source.add_argument("--motion", metavar="M.npz", help="motion of the cuer")
+    source.add_argument(
+        "--motion", metavar="M.npz",
+        help="motion of the cuer; with --live, - is an interpreter: lines of `capture - --live`",
+    )  # fmt: skip
     parser.add_argument("-o", "--output", metavar="OUT", help="the programme with its cuer")
     parser.add_argument("--sign", metavar="SECRET", help="sign the cues with this key: `key new`")
     add_on_air(parser, "when a signed programme begins on air (default: now)")
@@ -66,6 +70,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     live.add_argument(
         "--port", type=natural, metavar="N",
         help="serve /metrics, /health and the WebSocket /captions for live text",
+    )  # fmt: skip
+    live.add_argument(
+        "--seen-late", type=not_negative, default=0.0, metavar="S",
+        help="how much later than the stream arrives the interpreter sees it",
     )  # fmt: skip
     live.add_argument(
         "--programme-number", type=natural, metavar="N", help="which of the stream's programmes"

@@ -84,7 +84,8 @@ def test_usage(air: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     for given, message in [
         (["dub", "--live", str(air / "a.ts")], "say where from and where to"),
         (["dub", str(air / "a.ts")], "say the output with -o OUT"),
-        (["dub", "--live", "-", "-", "--text", "-"], "cannot both be the pipe"),
+        (["dub", "--live", "-", "-", "--text", "-"], "only one of programme, live text"),
+        (["dub", "--live", "-", "-", "--motion", "-"], "and interpreter can be the pipe"),
         (["dub", "--live", "-", "-", "--carriers", "video"], "only the carrier audio"),
     ]:
         assert main(given) == 2
