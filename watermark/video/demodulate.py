@@ -64,24 +64,22 @@ def coarse_share(texture: FloatArray) -> FloatArray:
     return np.asarray(1 / (1 + np.exp(-np.clip(place, -30, 30))))
 
 
-def pilot_waves(place: FloatArray, coarse: FloatArray | None) -> FloatArray:
+def pilot_waves(place: FloatArray, coarse: FloatArray) -> FloatArray:
     """How far pilots speak for bit 0, from 1 down to -1 for bit 1; 0 on average for noise.
 
     Parameters
     ----------
-    place : ndarray of float64, shape (PILOTS,)
+    place : ndarray of float64, shape (..., PILOTS)
         Mean amplitudes less the dither, in steps.
-    coarse : ndarray of float64, shape (PILOTS,), or None
-        Probability of the coarse step, if the profile has one.
+    coarse : ndarray of float64, shape (..., PILOTS)
+        Probability of the coarse step, 0 in profiles that have none.
 
     Examples
     --------
-    >>> pilot_waves(np.array([0.0, 0.5, 1.25]), None).round(6).tolist()
+    >>> pilot_waves(np.array([0.0, 0.5, 1.25]), np.zeros(3)).round(6).tolist()
     [1.0, -1.0, 0.0]
     """
     turn = 2 * np.pi * place
-    if coarse is None:
-        return np.asarray(np.cos(turn))
     return np.asarray((1 - coarse) * np.cos(turn) + coarse * np.cos(turn / COARSE))
 
 

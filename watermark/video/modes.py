@@ -90,9 +90,10 @@ class PilotWatch:
         self._dither = layout.dither[layout.pilots]
         # Modes of the same lattices share the waves, which cost most.
         kinds = [(mode.step, mode.profile.textured) for mode in self.modes]
-        self._groups = {
-            kind: [n for n, other in enumerate(kinds) if other == kind] for kind in set(kinds)
-        }
+        lattices = sorted(set(kinds))
+        self._steps = np.array([[step] for step, _ in lattices])
+        self._textured = np.array([[float(textured)] for _, textured in lattices])
+        self._lattice = [lattices.index(kind) for kind in kinds]
         self._signs = np.stack([1.0 - 2.0 * mode.layout.pilot_bits for mode in self.modes])
 
     def agreement(self, mean: FloatArray, coarse: FloatArray) -> FloatArray:
@@ -105,8 +106,5 @@ class PilotWatch:
         coarse : ndarray of float64, shape (PILOTS,)
             Probability of the coarse step in profiles that have one.
         """
-        out = np.empty(len(self.modes))
-        for (step, textured), members in self._groups.items():
-            waves = pilot_waves(mean / step - self._dither, coarse if textured else None)
-            out[members] = np.abs(self._signs[members] @ waves) / PILOTS
-        return out
+        waves = pilot_waves(mean / self._steps - self._dither, self._textured * coarse)
+        return np.asarray(np.abs((self._signs * waves[self._lattice]).sum(axis=1)) / PILOTS)

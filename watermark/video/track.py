@@ -76,7 +76,8 @@ class Tracker:
             maxlen=self._kept // TEXTURE_EVERY + 1
         )
         self._agreement: deque[FloatArray] = deque(maxlen=2 * self._guard + 1)
-        self._pilots: deque[FloatArray] = deque(maxlen=self._timing.window)
+        self._pilots = np.zeros((self._timing.window, len(self._watch.positions)))
+        self._pilot_shares: tuple[tuple[int, ...] | None, FloatArray] = None, np.zeros(0)
         self._pilot_cells = self._watch.positions % (ROWS * COLUMNS)
         self._nowhere = np.zeros(TEMPLATES * ROWS * COLUMNS)
         self._count = 0
@@ -111,7 +112,7 @@ class Tracker:
 
     def _advance(self, values: FloatArray) -> list[ReceivedSuperframe]:
         self._frames.append(values)
-        self._pilots.append(values[self._watch.positions])
+        self._pilots[self._count % len(self._pilots)] = values[self._watch.positions]
         self._count += 1
         self._agreement.append(self._newest_agreement())
         # The window in question ended `guard` frames ago, so that its neighbours are known too.
@@ -224,11 +225,17 @@ class Tracker:
 
     def _newest_agreement(self) -> FloatArray:
         """Agreement of each mode's pilots over the newest window."""
-        window = self._timing.window
-        if len(self._pilots) < window:
+        if self._count < self._timing.window:
             return np.zeros(len(self._watch.modes))
-        texture = self._texture(self._count - window)[self._pilot_cells]
-        return self._watch.agreement(np.mean(self._pilots, axis=0), coarse_share(texture))
+        return self._watch.agreement(self._pilots.mean(axis=0), self._newest_share())
+
+    def _newest_share(self) -> FloatArray:
+        """Probability of the coarse step of each pilot in the newest window."""
+        start = self._count - self._timing.window
+        there = tuple(count for count, _ in self._textures if count >= start)
+        if there != self._pilot_shares[0]:
+            self._pilot_shares = there, coarse_share(self._texture(start)[self._pilot_cells])
+        return self._pilot_shares[1]
 
     def _texture(self, start: int) -> FloatArray:
         """Texture of each cell in a window, shape (ROWS * COLUMNS,)."""
