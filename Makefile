@@ -8,14 +8,18 @@ OUT ?= demo-out
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
+# Tests start many processes: each compiles what it imports anew where bytecode may not be kept.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test nightly check docs records bench clean FORCE lock sbom mutation fuzz
 
 demo: $(VENV)/installed
 	$(BIN)/cuecast demo --out $(OUT)
 
-# Two workers: the suite is written for two cores, and tests of one file share what they made.
+# Written for two cores; a third worker has them while others wait for a line or a browser. Tests
+# of one file share what they made, and files that take long come first (tests/conftest.py).
 test: $(VENV)/installed
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 # Everything, the slow sweeps too, to its end whatever fails.
 nightly: $(VENV)/installed

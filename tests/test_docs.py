@@ -13,17 +13,23 @@ import time
 import tomllib
 import urllib.request
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import pytest
 
 from cuecast.command.cli import VERBS, build_parser, main
+from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
+from cuecast.demo.run import BROADCASTS, as_srt
+from cuecast.media.film import write_film
+from cuecast.media.rewrite import Unchanged, rewrite_sound
 from docs.generate.figures import records
 from docs.generate.pages import DOCS, PACKAGES, api, expanded, generated, typed_figures
 from docs.generate.verbs import options_of, parsers_of
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted(p for p in DOCS.rglob("*.md") if "records" not in p.parts)]
+SHORT_LINES, SHORT_S = 2, 10
 KINDS = {"console", "python", "sh", "text", "{toctree}", "{eval-rst}"}
 
 
@@ -66,14 +72,40 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 
 @pytest.fixture(scope="session")
-def rooms(workshop: tuple[Path, str]) -> dict[str, tuple[Path, dict[str, object]]]:
+def short(workshop: tuple[Path, str]) -> Path:
+    """The demonstration's files in short: only README's commands run on the whole programme."""
+    folder = workshop[0] / "short"
+    folder.mkdir()
+    made = {"programme.mkv", "programme.srt", *(file for _, file, _, _ in BROADCASTS)}
+    for path in (workshop[0] / "demo-out").iterdir():
+        if path.name not in made:
+            (folder / path.name).symlink_to(path)
+    sound, subtitles = make_sound()
+    (folder / "programme.srt").write_text(as_srt(subtitles[:SHORT_LINES]), encoding="utf-8")
+    write_film(
+        folder / "programme.mkv", sound[: SHORT_S * FS], FS, encoder="flac",
+        pictures=islice(make_pictures(SHORT_S), SHORT_S * PICTURE_RATE), picture_rate=PICTURE_RATE,
+    )  # fmt: skip
+    dub = ["dub", "programme.mkv", "--subtitles", "programme.srt", "-o", "on-air.mkv", "--no-grade"]
+    with contextlib.chdir(folder):
+        assert main(dub) == 0
+    for _, file, codec, rate in BROADCASTS:
+        rewrite_sound(
+            folder / "on-air.mkv", folder / file, lambda *_: Unchanged(), codec=codec, bit_rate=rate
+        )
+    return folder
+
+
+@pytest.fixture(scope="session")
+def rooms(workshop: tuple[Path, str], short: Path) -> dict[str, tuple[Path, dict[str, object]]]:
     """For each page a folder beside the demonstration's, and the names that it has defined."""
     rooms: dict[str, tuple[Path, dict[str, object]]] = {}
     for block in BLOCKS:
         if block.page not in rooms:
             folder = workshop[0] / block.page.replace("/", "-")
             folder.mkdir()
-            (folder / "demo-out").symlink_to(workshop[0] / "demo-out")
+            files = workshop[0] / "demo-out" if block.page == "README.md" else short
+            (folder / "demo-out").symlink_to(files)
             rooms[block.page] = folder, {"__name__": "page"}
     return rooms
 

@@ -14,7 +14,6 @@ from cuecast.command.errors import UsageError
 from cuecast.command.progress import note, seconds_bar
 from cuecast.command.trust import seconds_of
 from cuecast.command.voices import coding_voice
-from cuecast.dubbing.aligning import Confidence, aligned_score
 from cuecast.dubbing.dub import PROFILES, DubOptions, dub
 from cuecast.dubbing.inputs import (
     LeftOutNotes,
@@ -54,19 +53,16 @@ def dub_as_told(args: argparse.Namespace) -> dict[str, Any]:
         with open_programme(args.programme, track=args.track) as programme:
             duration_s = programme.duration_s
     voice = coding_voice(args.voice)
-    confidence = Confidence()
     said: dict[str, Any] = {}
     notes: list[str] = []
     motion: MotionSource
     if args.motion is not None:
         motion = GivenMotion(load_motion(args.motion), voice)
     else:
-        motion = _motion(args, voice, confidence, said, notes.append)
+        motion = _motion(args, voice, said, notes.append)
     passes = 1 + (len(options.carriers) > 1) + options.read_back
     with seconds_bar(duration_s and passes * duration_s, Path(args.programme).name) as advance:
         report = dub(args.programme, motion, voice, args.output, options, progress=advance)
-    if args.align and args.motion is None:
-        report["alignment"] = confidence.report()
     report |= said
     # A programme that cannot be used has one line: that it cannot.
     for line in notes:
@@ -126,9 +122,8 @@ def _tell(report: dict[str, Any]) -> None:
 
 
 def _motion(
-    args: argparse.Namespace, voice: Voice, confidence: Confidence, said: dict[str, Any],
-    tell: Callable[[str], None],
-) -> MotionSource:  # fmt: skip
+    args: argparse.Namespace, voice: Voice, said: dict[str, Any], tell: Callable[[str], None]
+) -> MotionSource:
     """Return the motion for the subtitles.
 
     `said` takes what the report tells of them, `tell` what is noted once they are dubbed.
@@ -149,11 +144,16 @@ def _motion(
     options = reading.options
     pace = PaceReport(options, tell)
     if args.align:
+        # Its signal processing takes as long to import as all the rest.
+        from cuecast.dubbing.aligning import Confidence, aligned_score
+
+        confidence = Confidence()
         score = aligned_score(
             subtitles, args.programme, track=args.track, reading=reading, warn=tell,
             judged=confidence, told=pace,
         )  # fmt: skip
         tell(str(confidence))
+        said |= {"alignment": confidence.report()}
     else:
         score = score_from_subtitles(subtitles, warn=tell, reading=reading, told=pace)
     figures = readability(score, voice, options)

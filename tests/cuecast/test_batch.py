@@ -23,8 +23,13 @@ from cuecast.dubbing.catalogue import Task, read_catalogue
 from cuecast.dubbing.ledger import WORK, BusyError, Item
 from cuecast.dubbing.workers import Processes
 from cuecast.media.film import write_film
+from tests.cuecast.deadly import deadly
 
 ROOT = Path(__file__).resolve().parents[2]
+FAST = ("--no-grade", "--no-read-back")
+MANY = 6
+
+pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +58,7 @@ def test_batch_is_restartable(
     catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    status, rows = run(catalogue, out, "--jobs", "2")
+    status, rows = run(catalogue, out, "--jobs", "2", "--no-grade")
     assert status == 1
     assert [row["status"] for row in rows] == ["done", "failed", "done"]
     assert "not a sound or video file" in rows[1]["error"]
@@ -65,13 +70,13 @@ def test_batch_is_restartable(
     before = (out / "one-cued.flac").stat().st_mtime_ns
     (out / "two-cued.flac").unlink()
     capsys.readouterr()
-    status, rows = run(catalogue, out, "--json")
+    status, rows = run(catalogue, out, "--no-grade", "--json")
     assert [row["status"] for row in rows] == ["done before", "failed", "done"]
     assert (out / "one-cued.flac").stat().st_mtime_ns == before
     assert [row["status"] for row in json.loads(capsys.readouterr().out)] == [
         row["status"] for row in rows
     ]
-    _, rows = run(catalogue, out, "--grade", "-0.6")  # other options: done anew
+    _, rows = run(catalogue, out, *FAST)  # other options: done anew
     assert [row["status"] for row in rows] == ["done", "failed", "done"]
 
 
@@ -81,20 +86,17 @@ def outputs(folder: Path) -> dict[str, bytes]:
 
 @pytest.fixture(scope="module")
 def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A catalogue of eight short programmes, named from its own folder."""
+    """A catalogue of short programmes, named from its own folder."""
     folder = tmp_path_factory.mktemp("many")
     sound, subtitles = make_sound()
     (folder / "a.srt").write_text(as_srt(subtitles[:1]), encoding="utf-8")
     rows = ["programme,subtitles"]
-    for n in range(8):
+    for n in range(MANY):
         part = sound[n * FS // 2 : n * FS // 2 + 2 * FS]
         write_film(folder / f"{n}.flac", part, FS, encoder="flac")
         rows.append(f"{n}.flac,a.srt")
     (folder / "list.csv").write_text("\n".join(rows), encoding="utf-8")
     return folder / "list.csv"
-
-
-FAST = ("--no-grade", "--no-read-back")
 
 
 @pytest.fixture(scope="module")
@@ -113,9 +115,9 @@ def workers_of(process: subprocess.Popen[bytes]) -> list[int]:
     ]  # fmt: skip
 
 
-def start(catalogue: Path, out: Path) -> subprocess.Popen[bytes]:
+def start(catalogue: Path, out: Path, jobs: int) -> subprocess.Popen[bytes]:
     argv = [sys.executable, "-m", "cuecast", "batch", str(catalogue), "--out", str(out), *FAST]
-    return subprocess.Popen([*argv, "--jobs", "2"], stdout=subprocess.DEVNULL, cwd=ROOT)
+    return subprocess.Popen([*argv, "--jobs", str(jobs)], stdout=subprocess.DEVNULL, cwd=ROOT)
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's /proc")
@@ -124,8 +126,8 @@ def test_killed_workers_and_batches_lose_nothing(
 ) -> None:
     out = tmp_path / "out"
     rng = random.Random(5)
-    process = start(many, out)
-    for kills in range(6):
+    process = start(many, out, 2)
+    for kills in range(5):
         deadline = time.monotonic() + 60
         while process.poll() is None and time.monotonic() < deadline:
             if (out / WORK).exists() and list((out / WORK).glob("*.flac")):
@@ -137,7 +139,7 @@ def test_killed_workers_and_batches_lose_nothing(
         if kills % 3 == 2:
             process.kill()
             process.wait()
-            process = start(many, out)
+            process = start(many, out, 2)
         else:
             for pid in workers_of(process)[:1]:
                 with contextlib.suppress(ProcessLookupError):
@@ -145,7 +147,7 @@ def test_killed_workers_and_batches_lose_nothing(
     assert process.wait() == 0
     assert main(["batch", str(many), "--out", str(out), *FAST]) == 0
     assert outputs(out) == undisturbed
-    names = {f"{n}.flac" for n in range(8)}
+    names = {f"{n}.flac" for n in range(MANY)}
     wanted = names | {f"{name}.json" for name in names} | {"summary.csv"}
     assert {p.name for p in out.iterdir()} == wanted
 
@@ -154,7 +156,7 @@ def test_two_batches_share_the_work(
     many: Path, tmp_path: Path, undisturbed: dict[str, bytes]
 ) -> None:
     out = tmp_path / "out"
-    processes = [start(many, out) for _ in range(2)]
+    processes = [start(many, out, 1) for _ in range(2)]
     assert [process.wait() for process in processes] == [0, 0]
     assert outputs(out) == undisturbed
     assert not (out / WORK).exists()
@@ -172,12 +174,6 @@ def test_item_that_kills_its_workers(tmp_path: Path) -> None:
     assert ended["good"].row == ended["fine"].row == {"status": "done"}
     assert ended["deadly"].row is None
     assert ended["deadly"].reason == "its worker died (signal 9)"
-
-
-def deadly(task: Task) -> dict[str, str]:
-    if task.output.endswith("deadly"):
-        os.kill(os.getpid(), signal.SIGKILL)
-    return {"status": "done"}
 
 
 def test_record_without_its_output_is_finished(tmp_path: Path) -> None:
@@ -243,7 +239,7 @@ def test_dask_scheduler(catalogue: Path, tmp_path: Path) -> None:
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
     ) as cluster:
-        _, rows = run(catalogue, tmp_path / "out", "--scheduler", cluster.scheduler_address)
+        _, rows = run(catalogue, tmp_path / "out", "--scheduler", cluster.scheduler_address, *FAST)
     assert [row["status"] for row in rows] == ["done", "failed", "done"]
 
 

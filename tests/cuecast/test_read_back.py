@@ -1,5 +1,7 @@
 """What is written is read back: reports are true, and a cuer that is there already is noticed."""
 
+import contextlib
+import io
 import json
 from collections.abc import Callable
 from fractions import Fraction
@@ -34,24 +36,40 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+def dub(folder: Path, source: Path, target: Path, *options: str) -> tuple[int, dict[str, Any]]:
+    """Dub with the subtitles of the folder; return the status and the report."""
+    report = target.parent / "report.json"
+    report.unlink(missing_ok=True)
+    status = main(
+        ["dub", str(source), "--subtitles", str(folder / "a.srt"), "--no-grade",
+         "-o", str(target), "--report", str(report), *options]
+    )  # fmt: skip
+    return status, json.loads(report.read_text(encoding="utf-8")) if report.exists() else {}
+
+
 @pytest.fixture
 def run(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Run:
     def call(source: Path, target: str, *options: str) -> tuple[int, dict[str, Any], str]:
-        report = tmp_path / "report.json"
-        report.unlink(missing_ok=True)
-        status = main(
-            ["dub", str(source), "--subtitles", str(folder / "a.srt"), "--no-grade",
-             "-o", str(tmp_path / target), "--report", str(report), *options]
-        )  # fmt: skip
-        found = json.loads(report.read_text(encoding="utf-8")) if report.exists() else {}
-        return status, found, capsys.readouterr().err
+        status, report = dub(folder, source, tmp_path / target, *options)
+        return status, report, capsys.readouterr().err
 
     return call
 
 
-def test_report_is_what_a_receiver_finds(folder: Path, run: Run, tmp_path: Path) -> None:
-    status, report, err = run(folder / "a.flac", "b.flac")
+@pytest.fixture(scope="module")
+def dubbed(
+    folder: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, dict[str, Any], str]:
+    """The sound dubbed: the file, its report and what was noted."""
+    target, notes = tmp_path_factory.mktemp("dubbed") / "b.flac", io.StringIO()
+    with contextlib.redirect_stderr(notes):
+        status, report = dub(folder, folder / "a.flac", target)
     assert status == 0
+    return target, report, notes.getvalue()
+
+
+def test_report_is_what_a_receiver_finds(dubbed: tuple[Path, dict[str, Any], str]) -> None:
+    target, report, err = dubbed
     audio = report["read_back"]["carriers"]["audio"]
     assert audio == {"sent": 12, "received": 12, "lost": 0, "share": 1.0}
     keys = report["read_back"]["keys"]
@@ -59,7 +77,7 @@ def test_report_is_what_a_receiver_finds(folder: Path, run: Run, tmp_path: Path)
     late = [key for key in report["keys"] if key["start"] >= report["duration_s"]]
     assert report["keys_outside"] == len(late) > 0  # the subtitles outlast the programme
     assert f"warning: {len(late)} of {len(report['keys'])} keys fall outside" in err
-    assert [p.name for p in tmp_path.iterdir()] == ["b.flac", "report.json"]
+    assert {p.name for p in target.parent.iterdir()} == {"b.flac", "report.json"}
 
 
 def test_channel_that_the_mark_does_not_survive(folder: Path, run: Run) -> None:
@@ -70,16 +88,15 @@ def test_channel_that_the_mark_does_not_survive(folder: Path, run: Run) -> None:
     assert status == (0 if audio["received"] else 1)
 
 
-def test_dubbed_already(folder: Path, run: Run, tmp_path: Path) -> None:
-    assert run(folder / "a.flac", "b.flac")[0] == 0
-    status, _, err = run(tmp_path / "b.flac", "c.flac")
+def test_dubbed_already(dubbed: tuple[Path, dict[str, Any], str], run: Run, tmp_path: Path) -> None:
+    status, _, err = run(dubbed[0], "c.flac")
     assert status == 3
     assert "it has a cuer already, in audio" in err
     assert not (tmp_path / "c.flac").exists()
-    status, report, _ = run(tmp_path / "b.flac", "c.flac", "--replace", "--seed", "4")
+    status, report, _ = run(dubbed[0], "c.flac", "--replace", "--seed", "4")
     assert status == 0
     assert report["read_back"]["carriers"]["audio"]["share"] == 1.0
-    assert run(tmp_path / "b.flac", "d.flac", "--key", "7")[0] == 0  # another mark beside it
+    assert run(dubbed[0], "d.flac", "--key", "7")[0] == 0  # another mark beside it
 
 
 def test_earlier_cuer_that_would_stay(folder: Path, run: Run, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ import av
 import numpy as np
 import pytest
 import soundfile
+from numpy.typing import NDArray
 
 from codec.cuer.voice import load_voice
 from codec.cues.score import Key
@@ -33,10 +34,13 @@ PACKET = 188
 
 
 @cache
+def sound(seconds: int = SECONDS) -> NDArray[np.float32]:
+    return marked_noise(VOICE, MOTION, seconds)
+
+
+@cache
 def stream(codec: str = "aac", fps: int = 25, start_s: float = 0.0) -> bytes:
-    return transport_stream(
-        marked_noise(VOICE, MOTION, SECONDS), codec=codec, fps=fps, start_s=start_s
-    )
+    return transport_stream(sound(), codec=codec, fps=fps, start_s=start_s)
 
 
 def receive(data: bytes, form: str = "mpegts") -> tuple[Broadcast, list[Happening]]:
@@ -116,9 +120,7 @@ def bar_at(frame: av.VideoFrame) -> int:
 @pytest.mark.parametrize("interlaced", [False, True])
 def test_mpeg2_is_recoded_in_step(interlaced: bool) -> None:
     """Browsers cannot play it: they get H.264 at the same times, and are told."""
-    data = transport_stream(
-        marked_noise(VOICE, MOTION, 4), picture_codec="mpeg2video", interlaced=interlaced
-    )
+    data = transport_stream(sound(4), picture_codec="mpeg2video", interlaced=interlaced)
     _, happenings = receive(data)
     start = next(h for h in happenings if isinstance(h, MediaStart))
     assert (start.recoded, start.unseen) == ("mpeg2video", "")
@@ -137,8 +139,7 @@ def test_mpeg2_is_recoded_in_step(interlaced: bool) -> None:
 
 
 def test_a_picture_that_nothing_plays_is_told() -> None:
-    sound = marked_noise(VOICE, MOTION, 3)
-    data = transport_stream(sound, picture_codec="ffv1", container="matroska")
+    data = transport_stream(sound(3), picture_codec="ffv1", container="matroska")
     _, happenings = receive(data, "matroska")
     start = next(h for h in happenings if isinstance(h, MediaStart))
     assert (start.unseen, start.recoded) == ("ffv1", "")
@@ -307,7 +308,7 @@ def test_hls_window_that_slides(tmp_path: Path) -> None:
 
 def test_sound_alone_through_a_pipe() -> None:
     pipe = BytesIO()
-    soundfile.write(pipe, marked_noise(VOICE, MOTION, SECONDS), 48000, format="WAV")
+    soundfile.write(pipe, sound(), 48000, format="WAV")
     happenings: list[Happening] = []
     pipe.seek(0)
     broadcast = Broadcast(pipe, VOICE, happenings.append, format="wav", once=True)
