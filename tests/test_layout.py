@@ -46,7 +46,16 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
         "measured": {"body", "rules"},
         "avatar": {"body", "rules", "scoring"},
         "capture": {"body", "rules", "corpus", "scoring"},
-        "training": {"body", "corpus", "measured", "prosody", "rules", "scoring"},
+        "training": {
+            "body",
+            "capture",
+            "corpus",
+            "measured",
+            "prosody",
+            "recordings",
+            "rules",
+            "scoring",
+        },
     },
     "receiver": {
         "media": set(),

@@ -25,7 +25,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--recordings", metavar="DIR",
         help="sounds of a speaker with transcripts: a .tsv with path and text, or .txt beside each",
     )  # fmt: skip
-    build.add_argument("-o", "--output", metavar="FOLDER", help="where a speaker's units go")
+    build.add_argument(
+        "--corpora", metavar="DIR",
+        help="takes of a new speaker's hand, face and both: C3D files, a TextGrid beside each",
+    )  # fmt: skip
+    build.add_argument(
+        "--map", metavar="FILE", help="with --corpora: labels and our markers, as for capture"
+    )
+    build.add_argument(
+        "-o", "--output", metavar="FOLDER",
+        help="where a speaker's units go; with --corpora a new folder, named as the voice",
+    )  # fmt: skip
     for action in (listing, info, build):
         add_json(action)
 
@@ -70,9 +80,17 @@ def _build(args: argparse.Namespace) -> int:
     from cuecast.command.voices import train_voice
     from cuecast.dubbing.performance import record_folder, unit_synthesiser
 
-    if bool(args.recordings) != bool(args.output):
-        note("cuecast voice build: --recordings and --output go together")
+    if args.corpora and args.recordings:
+        note("cuecast voice build: either --corpora or --recordings")
         return 2
+    if bool(args.recordings or args.corpora) != bool(args.output):
+        note("cuecast voice build: --recordings or --corpora goes with --output")
+        return 2
+    if args.map and not args.corpora:
+        note("cuecast voice build: --map goes with --corpora")
+        return 2
+    if args.corpora:
+        return _build_from_corpora(args)
     voice = load_voice(args.voice)
     refused: list[str] = []
     if args.recordings:
@@ -98,11 +116,30 @@ def _build(args: argparse.Namespace) -> int:
     return 0
 
 
+def _build_from_corpora(args: argparse.Namespace) -> int:
+    from cuecast.dubbing.new_voice import build_from_corpora
+    from synth.capture.points.labels import read_map
+
+    mapping = read_map(args.map) if args.map else None
+    with count_bar("learning the speaker") as progress:
+        facts = build_from_corpora(args.corpora, args.output, mapping=mapping, progress=progress)
+    for take in facts["left_out"]:
+        note(f"left out: {take}: the hand does not show the keys of its TextGrid")
+    borrowed = facts["borrowed_sounds"]
+    if borrowed:
+        pairs = ", ".join(f"{sound} as {other}" for sound, other in borrowed.items())
+        note(f"sounds that no take holds look like others: {pairs}")
+    _show(args, facts)
+    return 0
+
+
 def _show(args: argparse.Namespace, facts: dict[str, Any]) -> None:
     if args.json:
         print_json(facts)
         return
     width = max(map(len, facts))
     for name, value in facts.items():
-        shown = " ".join(value) if isinstance(value, list) else value
+        if isinstance(value, dict):
+            value = [f"{key} {one}" for key, one in value.items()]
+        shown = ", ".join(value) if isinstance(value, list) else value
         print(f"{name.replace('_', ' '):>{width}}  {shown}")

@@ -268,8 +268,9 @@ def _fingers(
 ) -> Strokes:
     """Return the strokes of the hand's angles; wrist with the arm, fingers each in its time."""
     count, width = len(angles) - 1, angles.shape[1]
-    own = np.stack([normals_of(seed + 5, n, 2 * width) for n in range(count)])
-    own = _JOINT_S * own.reshape(count, 2, width)
+    own = np.zeros((count, 2, width))
+    for number in range(count):
+        own[number] = _JOINT_S * normals_of(seed + 5, number, 2 * width).reshape(2, width)
     start, end = begin[1:, None] + own[:, 0], (begin + span)[1:, None] + own[:, 1]
     fingers = slice(_WRIST, None)
     start[:, fingers] += _FINGERS_S[0][0] + _FINGERS_S[0][1] * drawn[1:, 4:5]

@@ -51,7 +51,9 @@ class Strokes:
 
     def at(self, times: FloatArray) -> FloatArray:
         """Return the channels at rising `times` (T,), seconds, shape (T, C)."""
-        out = np.empty((len(times), len(self.origin)))
+        out = np.tile(self.origin, (len(times), 1))
+        if not len(self.begin):
+            return out
         start = self.begin.reshape(len(self.begin), -1)
         first, last = start.min(1), (start + 2.0 * self.span.reshape(start.shape)).max(1)
         for low in range(0, len(times), _CHUNK):

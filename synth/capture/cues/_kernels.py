@@ -13,8 +13,9 @@ FAR = -1e18
 def likeliest(hold, way, enter, edge, states):  # type: ignore[no-untyped-def]
     """Write the held key of each frame, or -1 on the way, to `states` (T,).
 
-    `hold` (T, K) and `way` (T, K, K) are log densities, `enter` (K,) is the price of a key and
-    `edge` that of a line that begins or ends at a key; key 0 is rest.
+    `hold` (T, K) and `way` (T, K, K) are log densities, `enter` (K, K) is the price of going from
+    the first key to the second and `edge` that of a line that begins or ends at a key; key 0 is
+    rest.
     """
     n, k = hold.shape
     held = np.empty((n, k))
@@ -22,10 +23,10 @@ def likeliest(hold, way, enter, edge, states):  # type: ignore[no-untyped-def]
     from_way = np.empty((n, k), np.int64)
     began = np.zeros((n, k, k), np.bool_)
     for b in range(k):
-        held[0, b] = hold[0, b] + (0.0 if b == 0 else enter[b] + edge)
+        held[0, b] = hold[0, b] + (0.0 if b == 0 else enter[0, b] + edge)
         from_way[0, b] = -2
         if b > 0:
-            moving[0, b] = way[0, 0, b] + enter[b]
+            moving[0, b] = way[0, 0, b] + enter[0, b]
     for t in range(1, n):
         for b in range(k):
             best, origin = held[t - 1, b], -1
@@ -36,7 +37,7 @@ def likeliest(hold, way, enter, edge, states):  # type: ignore[no-untyped-def]
             from_way[t, b] = origin
         for a in range(k):
             for b in range(k):
-                start = held[t - 1, a] + enter[b]
+                start = held[t - 1, a] + enter[a, b]
                 if a != b and start > moving[a, b]:
                     moving[a, b] = start + way[t, a, b]
                     began[t, a, b] = True
@@ -89,9 +90,9 @@ def nearness(hold, way, enter, edge, out):  # type: ignore[no-untyped-def]
             for b in range(k):
                 e_way[t, a, b] = math.exp(way[t, a, b] - top)
     for b in range(k):
-        forward_hold[0, b] = e_hold[0, b] * (1.0 if b == 0 else price[b] * math.exp(edge))
+        forward_hold[0, b] = e_hold[0, b] * (1.0 if b == 0 else price[0, b] * math.exp(edge))
         if b > 0:
-            forward_way[0, 0, b] = e_way[0, 0, b] * price[b]
+            forward_way[0, 0, b] = e_way[0, 0, b] * price[0, b]
     for t in range(1, n):
         total = 0.0
         for b in range(k):
@@ -102,7 +103,7 @@ def nearness(hold, way, enter, edge, out):  # type: ignore[no-untyped-def]
             total += forward_hold[t, b]
             for a in range(k):
                 if a != b:
-                    value = forward_way[t - 1, a, b] + forward_hold[t - 1, a] * price[b]
+                    value = forward_way[t - 1, a, b] + forward_hold[t - 1, a] * price[a, b]
                     forward_way[t, a, b] = value * e_way[t, a, b]
                     total += forward_way[t, a, b]
         for b in range(k):
@@ -137,7 +138,7 @@ def nearness(hold, way, enter, edge, out):  # type: ignore[no-untyped-def]
             stay = e_hold[t, a] * after_hold[a]
             for b in range(k):
                 if a != b:
-                    stay += price[b] * e_way[t, a, b] * after_way[a, b]
+                    stay += price[a, b] * e_way[t, a, b] * after_way[a, b]
             before_hold[a] = stay
             scale += stay
             for b in range(k):

@@ -78,10 +78,11 @@ class Recognised:
 
 
 def prices(looks: Looks) -> FloatArray:
-    """Return the price of each key, shape (41,): how rarely it is used."""
+    """Return the price of going from one key to another, (41, 41): how rarely it is used."""
     keys = np.outer(_SHAPE_USE, _PLACE_USE).ravel()
     use = np.concatenate([[_REST_USE], keys / keys.sum()])
-    return np.asarray(np.log(use) + np.where(np.arange(len(use)) > 0, looks.eagerness, 0.0))
+    enter = np.log(use) + np.where(np.arange(len(use)) > 0, looks.eagerness, 0.0)
+    return np.asarray(np.tile(enter, (len(use), 1)))
 
 
 def recognise_keys(seen: Seen, *, looks: Looks = ANYBODYS) -> Recognised:
