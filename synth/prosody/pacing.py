@@ -315,7 +315,7 @@ class _Block:
         ]
         least = [
             max(_least(here, after), _LEAST_PHONE_S * len(m))
-            for here, after, m in zip(form, [*form[1:], (0, "")], members, strict=True)
+            for (here, after), m in zip(itertools.pairwise([*form, (0, "")]), members, strict=True)
         ]
         pause = _LEAST_PAUSE_S * np.array(paused, dtype=float)
         consonant = np.clip(share, 1 - _LONGEST_CONSONANT, _LONGEST_CONSONANT)

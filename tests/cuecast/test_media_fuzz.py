@@ -21,6 +21,8 @@ from cuecast.dubbing.motions import SynthesisedMotion
 from cuecast.dubbing.receive import receive
 from receiver.media.programme import open_programme
 
+pytestmark = pytest.mark.long
+
 VOICE = load_voice()
 FPS, FS, SECONDS = 25, 48_000, 2
 FORMS = {

@@ -23,6 +23,8 @@ from cuecast.media.film import write_film
 from cuecast.media.picture import light_of, rewrite_picture
 from receiver.media.programme import SoundFormat
 
+pytestmark = pytest.mark.long
+
 Run = Callable[..., tuple[int, dict[str, Any], str]]
 
 

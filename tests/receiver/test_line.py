@@ -18,6 +18,8 @@ from tests.receiver.air import marked_noise, transport_stream
 from tests.receiver.standin import make_motion
 from tests.receiver.transmitter import Transmitter
 
+pytestmark = pytest.mark.long
+
 SECONDS = 10
 FAST = 2
 

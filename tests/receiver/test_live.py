@@ -27,6 +27,8 @@ from tests.receiver.seeded import seeded_speech, was_sent
 from tests.receiver.standin import make_motion
 from tests.receiver.test_faults import TOLERANCE_S
 
+pytestmark = pytest.mark.long
+
 VOICE = load_voice()
 MOTION = replace(make_motion(VOICE, duration_s=16.0), score=seeded_speech(14.0))
 SECONDS = 10

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from codec.cues.cueing import cue
@@ -57,6 +57,7 @@ SYMBOLS = st.lists(st.sampled_from([*VOWELS, *CONSONANTS]), min_size=1, max_size
 
 
 @settings(max_examples=60)
+@example([(["e", "a", "e", "a"], 1 / 32, 0.0, False)], 0.0)  # no word of a block has room
 @given(
     st.lists(
         st.tuples(SYMBOLS, st.floats(0.02, 0.3), st.floats(0, 2), st.booleans()),

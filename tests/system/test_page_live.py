@@ -15,6 +15,8 @@ from tests.receiver.air import marked_noise, transport_stream
 from tests.receiver.standin import make_motion
 from tests.receiver.transmitter import Transmitter
 
+pytestmark = pytest.mark.long
+
 ARTEFACTS = Path(__file__).resolve().parents[2] / "artefacts" / "page"
 VOICE = load_voice()
 MOTION = make_motion(VOICE, duration_s=28.0)

@@ -24,7 +24,10 @@ DATA = ROOT.parent / "shared" / "data"
 ARTEFACTS = ROOT / "artefacts" / "watch"
 POEM = ROOT / "tests" / "data" / "une_charogne.srt"
 
-pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="no ../shared/data beside the project")
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(not DATA.is_dir(), reason="no ../shared/data beside the project"),
+]
 
 
 @pytest.fixture(scope="module")

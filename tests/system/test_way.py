@@ -19,6 +19,8 @@ from cuecast.media.rewrite import Unchanged, rewrite_sound
 from receiver.drawing.render import read_picture
 from receiver.media.sound import read_sound
 
+pytestmark = pytest.mark.long
+
 FS = 48000
 SECONDS = 13
 LINES = 3
