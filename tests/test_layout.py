@@ -47,6 +47,7 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
         "avatar": {"body", "rules", "scoring"},
         "capture": {"body", "rules", "corpus", "scoring"},
         "training": {
+            "alignment",
             "body",
             "capture",
             "corpus",
@@ -55,6 +56,8 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
             "recordings",
             "rules",
             "scoring",
+            "speech",
+            "text",
         },
     },
     "receiver": {

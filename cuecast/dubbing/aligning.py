@@ -12,9 +12,10 @@ from codec.cues.score import Score
 from codec.errors import CueError
 from receiver.media.programme import open_programme
 from receiver.media.sound import SoundDecoder, sound_blocks
-from synth.alignment.cepstra import FS, mono
+from synth.alignment.hearing import FS
 from synth.alignment.runs import LONGEST_TEXT_S
 from synth.alignment.score import Judged, Judgement, phones_of_recording, score_from_recording
+from synth.alignment.sound import mono
 from synth.scoring.text_score import PLAIN, Reading, Told, in_pieces, tell_nobody
 from synth.subtitles import Subtitle
 

@@ -20,8 +20,8 @@ def segment_into(
 ) -> bool:
     """Cut frames into a given row of units at the least cost.
 
-    cumulated : float64 (kinds, parts, frames + 1), running sums of the cost of a frame under each
-    part of a kind of unit; kinds : int64 (units,); entry : float64 (units,), at least 0 for units
+    cumulated : float64 (kinds, frames + 1), running sums of the cost of a frame under each kind of
+    unit; kinds : int64 (units,); entry : float64 (units,), at least 0 for units
     that may be absent and have no price for their length (silence, other speech): what their
     presence costs; -1 for the others; lengths : float64 (units, longest), cost of a unit of
     shortest + index frames; window : int64 (units, 4), the first and last frame at which a unit
@@ -30,7 +30,7 @@ def segment_into(
     left out together, 0 for none; starts : int64 (units + 1,), filled with the first frames; an
     absent unit starts with its successor. The result is False if nothing fits.
     """
-    units, frames, parts = kinds.shape[0], cumulated.shape[2] - 1, cumulated.shape[1]
+    units, frames = kinds.shape[0], cumulated.shape[1] - 1
     best = np.full((units + 1, frames + 1), np.inf)
     came = np.zeros((units + 1, frames + 1), np.int32)
     best[0, 0] = 0.0
@@ -39,7 +39,7 @@ def segment_into(
         if entry[u] >= 0.0:
             running, since = np.inf, 0
             for t in range(frames + 1):
-                cost = cumulated[kind, 0, t]
+                cost = cumulated[kind, t]
                 here = best[u, t]
                 if running + cost < here:
                     best[u + 1, t] = running + cost
@@ -61,11 +61,7 @@ def segment_into(
                         cost += slope * (window[u, 1] - begin)
                     elif begin > window[u, 2]:
                         cost += slope * (begin - window[u, 2])
-                    left = begin
-                    for part in range(parts):
-                        right = begin + ((part + 1) * (t - begin)) // parts
-                        cost += cumulated[kind, part, right] - cumulated[kind, part, left]
-                        left = right
+                    cost += cumulated[kind, t] - cumulated[kind, begin]
                     if cost < best[u + 1, t]:
                         best[u + 1, t] = cost
                         came[u + 1, t] = begin

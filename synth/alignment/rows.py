@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from codec.cues.phonology import PAUSE, PHONE_NUMBER, PHONES
 from codec.errors import CueError
-from synth.alignment.cepstra import FRAME_RATE, FS, cepstra, mono
-from synth.alignment.models import Unit
+from synth.alignment.hearing import FRAME_RATE, FS, heard
 from synth.prosody.duration import predict_durations
-from synth.speech.espeak_voice import render
-from synth.text.espeak import RATE_HZ
 from synth.text.words import Word
 
 FILLER = "*"
 """Symbol of speech that is not in the text."""
+
+Unit = tuple[str, int, int]
+"""Symbol, first frame, end frame."""
 
 GAP = (PAUSE, FILLER, PAUSE)
 """What may stand between words; each of it may be absent."""
@@ -29,26 +29,14 @@ GAP = (PAUSE, FILLER, PAUSE)
 SHORTEST_FRAMES, LONGEST_FRAMES = 2, 40
 """A phone lasts 20 to 400 ms."""
 
-RENDERED_HZ = (RATE_HZ, 25_600)
-"""Sampling rates as which the rendering is read: as it is, and from a shorter vocal tract."""
-
 _PAUSE_FRAMES = 5
 """Frames from which a silence between words counts as a pause."""
 
 _LENGTH_SPREAD = 0.45
 """Standard deviation of the logarithm of durations about the usual ones."""
 
-_LENGTH_WEIGHT = 8.0
+_LENGTH_WEIGHT = 2.0
 """Neighbouring frames of 10 ms tell nearly the same: their costs together count too much."""
-
-_WORDS_PER_MINUTE = 140
-"""Rate of the rendering: unhurried, so that every phone is spoken in full."""
-
-_LONGEST_LINE = 100
-"""Phones after which a line without a pause gets one: the synthesiser has a limit."""
-
-_MARGIN_S = 0.1
-"""Seconds of silence around a rendering."""
 
 _FAR_FRAMES = 200
 """A word is looked for up to 2 s from where its subtitle expects it."""
@@ -62,17 +50,24 @@ class Passage:
     ----------
     words : tuple of Word
     samples : ndarray of float64, shape (n,)
-        At `synth.alignment.cepstra.FS`, with all of the words in it.
+        At `synth.alignment.hearing.FS`, with all of the words in it.
     start_s : float
         Time of the first sample on the programme's clock.
     expected_s : ndarray of float64, shape (words, 2), optional
         Between which times on that clock each word is expected to begin.
+    heard : ndarray of float32, shape (n // HOP + 1, 38), optional
+        What `synth.alignment.hearing.heard` gives of the samples, where it is known already.
     """
 
     words: tuple[Word, ...]
     samples: NDArray[np.float64]
     start_s: float = 0.0
     expected_s: NDArray[np.float64] | None = None
+    heard: NDArray[np.float32] | None = None
+
+    def likelihoods(self) -> NDArray[np.float32]:
+        """Return how likely each phone is in each frame, in the logarithm, shape (frames, 38)."""
+        return heard(self.samples) if self.heard is None else self.heard
 
     @property
     def shortest_s(self) -> float:
@@ -90,16 +85,15 @@ class Row:
     """The units of a passage."""
 
     symbols: list[str]
-    features: NDArray[np.float32]
     starts: NDArray[np.int64]
     """First frame of each unit, and the end of the last."""
 
     window: NDArray[np.int64]
     """As in `_kernels.segment_into`."""
 
-    def units(self, offset: int = 0) -> list[Unit]:
-        """Return symbol, first frame and end frame of each unit, `offset` frames later."""
-        bounds = pairwise((self.starts + offset).tolist())
+    def units(self) -> list[Unit]:
+        """Return symbol, first frame and end frame of each unit."""
+        bounds = pairwise(self.starts.tolist())
         return [(s, a, b) for s, (a, b) in zip(self.symbols, bounds, strict=True)]
 
 
@@ -113,7 +107,7 @@ def symbols_of(words: Sequence[Word]) -> list[str]:
     return [*GAP, *(s for word in words for s in (*word.phones, *GAP))]
 
 
-def row_of(passage: Passage, features: NDArray[np.float32]) -> Row:
+def row_of(passage: Passage, frames: int) -> Row:
     """Return a passage with its phones at their usual durations from the first frame on.
 
     Raises
@@ -130,7 +124,7 @@ def row_of(passage: Passage, features: NDArray[np.float32]) -> Row:
     plain = [PAUSE if symbol == FILLER else symbol for symbol in symbols]
     ends = np.cumsum(predict_durations(plain)) * FRAME_RATE
     starts = np.append(0, np.round(ends)).astype(np.int64)
-    return Row(symbols, features, starts, _window(passage, len(symbols), len(features)))
+    return Row(symbols, starts, _window(passage, len(symbols), frames))
 
 
 def _window(passage: Passage, units: int, frames: int) -> NDArray[np.int64]:
@@ -148,40 +142,6 @@ def _window(passage: Passage, units: int, frames: int) -> NDArray[np.int64]:
         window[position, 1:3] = np.clip([first, last], 0, frames)
         position += phones + len(GAP)
     return window
-
-
-def rendered(words: Sequence[Word], background: NDArray[np.float64], rate_hz: int) -> Row:
-    """Return a rendering of the words over a background, cut exactly.
-
-    Parameters
-    ----------
-    words : sequence of Word
-    background : ndarray of float64, shape (n,)
-        In units of the voice's strength, repeated as needed.
-    rate_hz : int
-        Sampling rate as which the rendering is read, in Hz.
-    """
-    line: list[str] = []
-    since = 0
-    for word in words:
-        line += word.phones
-        since += len(word.phones)
-        if word.pause or since > _LONGEST_LINE:
-            line.append(PAUSE)
-            since = 0
-    rendering = render(line, words_per_minute=_WORDS_PER_MINUTE)
-    voice = np.pad(mono(rendering.samples, rate_hz), round(_MARGIN_S * FS))
-    features = cepstra(voice / (voice.std() + 1e-9) + np.resize(background, len(voice)))
-    speed = RATE_HZ / rate_hz
-    starts = [0.0] * len(GAP)
-    times = iter(rendering.phones)
-    for word in words:
-        spoken = [next(times) for _ in word.phones]
-        starts += [_MARGIN_S + speed * phone.start for phone in spoken]
-        starts += [_MARGIN_S + speed * spoken[-1].end] * len(GAP)
-    frames = np.round(np.array(starts) * FRAME_RATE).astype(np.int64)
-    cuts = np.append(frames, len(features))
-    return Row(symbols_of(words), features, cuts, np.zeros((0, 4), np.int64))
 
 
 def length_costs(row: Row) -> NDArray[np.float64]:

@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from codec.cues.score import Phone, Score
 from synth.alignment.align import Aligned, Passage, align
-from synth.alignment.cepstra import FS, mono
+from synth.alignment.hearing import FRAME_RATE, FS, HOP, heard
 from synth.alignment.runs import Run, runs_of, said_in
+from synth.alignment.sound import mono
 from synth.alignment.trust import FEWEST_WORDS, LEAST_EVIDENCE, Trust, trust
 from synth.prosody.pacing import TimedWord
 from synth.prosody.timing import GRID_HZ
@@ -34,14 +35,14 @@ from synth.subtitles import Subtitle
 from synth.text.words import Word
 
 Sound = Callable[[float, float], NDArray[np.float64]]
-"""Gives the programme's sound from one time to another, mono at `synth.alignment.cepstra.FS`."""
+"""Gives the programme's sound from one time to another, mono at `synth.alignment.hearing.FS`."""
 
 PASSAGES_AT_ONCE = 12
-"""Passages that share their models at most."""
+"""Passages that share their offset and their verdict at most."""
 
 TOGETHER_S = 75.0
-"""Passages that share their models, their offset and their verdict: about a minute, after which
-speakers, an advertisement or a cut may have changed what holds."""
+"""Seconds of passages that share their offset and their verdict: about a minute, after which an
+advertisement or a cut may have changed what holds."""
 
 LARGEST_OFFSET_S = 4.5
 """Subtitles may be early or late by this much."""
@@ -58,13 +59,10 @@ _ROOM_S = 0.5
 _LEAST_DRIFT_S = 0.3
 """Change of the lag in seconds from which the next passages are expected elsewhere."""
 
-_LOOKING_ROUNDS = 1
-"""Rounds of adaptation while offsets are tried."""
-
 _LEAST_OFFSET_S = 0.5
 """Seconds below which an offset is left to the search."""
 
-_LEAST_CONFIDENCE = 0.25
+_LEAST_CONFIDENCE = 0.5
 """Confidence below which a run is timed by its subtitles."""
 
 
@@ -76,7 +74,8 @@ class Judgement:
     ----------
     subtitle : Subtitle
     confidence : float
-        From 0, no better than any other words in its place, to 1, as good as its neighbours.
+        How likely its words are within `synth.alignment.trust.WITHIN_S` of their times, in the
+        mean.
     offset_s : float
         How much later than the subtitles say the voices were looked for.
     """
@@ -168,12 +167,12 @@ def phones_of_recording(
         usual_lag_s: float | None = None
         around_s = LARGEST_OFFSET_S + 1.0
         for batch in _batches(runs_of(said_in(subtitles))):
-            heard = [_Heard.of(run, sound, reading, around_s, offset_s) for run in batch]
-            timed = _Timed.of(heard, offset_s)
+            runs = _heard(batch, sound, reading, around_s, offset_s)
+            timed = _Timed.of(runs, offset_s)
             if not timed.verdict.holds:
-                moved_s = _offset(_beginning(heard), offset_s)
+                moved_s = _offset(_beginning(runs), offset_s)
                 if moved_s != offset_s:
-                    elsewhere = _Timed.of(heard, moved_s)
+                    elsewhere = _Timed.of(runs, moved_s)
                     if elsewhere.verdict.holds:
                         timed, offset_s, usual_lag_s = elsewhere, moved_s, None
                         side = "after" if offset_s > 0 else "before"
@@ -189,7 +188,7 @@ def phones_of_recording(
 
 
 def _batches(runs: Iterable[Run]) -> Iterator[list[Run]]:
-    """Yield runs that are aligned with the same models, about a minute of them."""
+    """Yield runs that share a verdict, about a minute of them."""
     batch: list[Run] = []
     for run in runs:
         long = batch and run.end_s - batch[0].start_s > TOGETHER_S
@@ -203,29 +202,34 @@ def _batches(runs: Iterable[Run]) -> Iterator[list[Run]]:
 
 @dataclass(frozen=True, slots=True)
 class _Heard:
-    """A run, its words, how many each subtitle has, and the sound around it."""
+    """A run, its words, how many each subtitle has, and the sound around its batch.
+
+    Attributes
+    ----------
+    run : Run
+    words : tuple of Word
+    counts : tuple of int
+    samples : ndarray of float64, shape (n,)
+    heard : ndarray of float32, shape (n // HOP + 1, 38)
+        What is heard in the samples.
+    start_s : float
+        Time of the first sample.
+    """
 
     run: Run
     words: tuple[Word, ...]
     counts: tuple[int, ...]
     samples: NDArray[np.float64]
+    heard: NDArray[np.float32]
     start_s: float
-
-    @classmethod
-    def of(
-        cls, run: Run, sound: Sound, reading: Reading, around_s: float, offset_s: float
-    ) -> "_Heard":
-        words = reading.words(" ".join(subtitle.text for subtitle in run.subtitles))
-        counts = tuple(len(reading.words(subtitle.text)) for subtitle in run.subtitles)
-        start_s = max(0.0, run.start_s + offset_s - around_s)
-        end_s = run.end_s + offset_s + around_s
-        return cls(run, words, counts, sound(start_s, max(end_s, start_s)), start_s)
 
     def passage(self, offset_s: float) -> Passage:
         """Return the words and the sound where they are expected."""
-        start_s = max(self.run.start_s + offset_s, self.start_s)
-        first = round((start_s - self.start_s) * FS)
-        last = max(first, round((self.run.end_s + offset_s - self.start_s) * FS))
+        away_s = max(self.run.start_s + offset_s - self.start_s, 0.0)
+        first = min(round(away_s * FRAME_RATE), len(self.samples) // HOP)
+        start_s = self.start_s + first / FRAME_RATE
+        end = max(first, round((self.run.end_s + offset_s - self.start_s) * FRAME_RATE))
+        samples = self.samples[first * HOP : end * HOP]
         expected_s = [
             (subtitle.start_s + offset_s - _ROOM_S, subtitle.end_s + offset_s + _ROOM_S)
             for subtitle, count in zip(self.run.subtitles, self.counts, strict=True)
@@ -234,7 +238,8 @@ class _Heard:
         # A word more or less than the subtitles have one by one: liaison and elision at the seams.
         expected_s += expected_s[-1:] * (len(self.words) - len(expected_s))
         expected = np.array(expected_s).reshape(-1, 2)
-        return Passage(self.words, self.samples[first:last], start_s, expected)
+        likely = self.heard[first : first + len(samples) // HOP + 1]
+        return Passage(self.words, samples, start_s, expected, likely)
 
     def timed(self, phones: Sequence[Phone]) -> Iterator[TimedWord]:
         """Yield the words with phones that were found, and the subtitle of each."""
@@ -258,6 +263,24 @@ class _Heard:
         return np.split(values, np.cumsum(self.counts)[:-1])
 
 
+def _heard(
+    batch: Sequence[Run], sound: Sound, reading: Reading, around_s: float, offset_s: float
+) -> list[_Heard]:
+    """Return the runs of a batch with what is said and what is heard around them, heard once."""
+    start_s = max(0.0, batch[0].start_s + offset_s - around_s)
+    samples = sound(start_s, max(start_s, batch[-1].end_s + offset_s + around_s))
+    likely = heard(samples)
+    return [
+        _Heard(
+            run,
+            tuple(reading.words(" ".join(subtitle.text for subtitle in run.subtitles))),
+            tuple(len(reading.words(subtitle.text)) for subtitle in run.subtitles),
+            samples, likely, start_s,
+        )
+        for run in batch
+    ]  # fmt: skip
+
+
 def _beginning(heard: Sequence[_Heard]) -> Sequence[_Heard]:
     lengths = np.cumsum([item.run.end_s - item.run.start_s for item in heard])
     return heard[: int(np.searchsorted(lengths, _OFFSET_SOUND_S)) + 1]
@@ -278,7 +301,7 @@ def _offset(heard: Sequence[_Heard], now_s: float) -> float:
 def _look(heard: Sequence[_Heard], offset_s: float) -> tuple[list[Passage], list[Aligned]]:
     """Return the passages that have room where they are expected, and what is found in them."""
     passages = [passage for item in heard if (passage := item.passage(offset_s)).long_enough]
-    return passages, align(passages, rounds=_LOOKING_ROUNDS)
+    return passages, align(passages)
 
 
 def _fit(looked: tuple[list[Passage], list[Aligned]]) -> float:
@@ -341,13 +364,14 @@ class _Timed:
             )
         line: list[TimedWord] = []
         for item, found in zip(self.heard, self.found, strict=True):
-            sure = [0.0] * len(item.counts)
+            sure = np.zeros(len(item.words))
             if found is not None:
-                sure = [self.verdict.confidence(fits) for fits in item.by_subtitle(found.fits)]
-            for subtitle, confidence in zip(item.run.subtitles, sure, strict=True):
+                sure = self.verdict.confidence(found.fits)
+            for subtitle, part in zip(item.run.subtitles, item.by_subtitle(sure), strict=True):
+                confidence = float(part.mean()) if len(part) else 0.0
                 judged(Judgement(subtitle, confidence, self.offset_s))
             if found is not None and (
-                self._timed_by_guess or self.verdict.confidence(found.fits) >= _LEAST_CONFIDENCE
+                self._timed_by_guess or float(sure.mean()) >= _LEAST_CONFIDENCE
             ):
                 line += item.timed(found.phones)
                 continue

@@ -19,8 +19,8 @@ from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
 from codec.cues.phonology import VOWELS
 from codec.cues.score import Phone, Score
 from codec.errors import CueError
-from synth.alignment import cepstra
 from synth.alignment.align import Passage, align
+from synth.alignment.sound import mono
 from synth.prosody.duration import predict_durations
 from synth.recordings.recording import Recording
 from synth.rules.gesture import GestureSynthesiser
@@ -155,7 +155,7 @@ def _recorded(
         if reason:
             yield Refusal(utterance.path, reason)
             continue
-        passages.append(Passage(words, cepstra.mono(sound, FS)))
+        passages.append(Passage(words, mono(sound, FS)))
         kept.append((utterance, sound))
     for (utterance, sound), found in zip(kept, align(passages), strict=True):
         recording = _cued(sound, found.phones, cuer, voice, options)

@@ -11,7 +11,7 @@ import soundfile
 from codec.errors import CueError
 from cuecast.command.cli import main
 from cuecast.dubbing.aligning import Confidence, ProgrammeVoices, aligned_score, text_as_subtitle
-from synth.alignment.cepstra import FS
+from synth.alignment.hearing import FS
 from synth.speech.espeak_voice import render
 from synth.subtitles import Subtitle
 

@@ -14,8 +14,9 @@ from codec.cues.score import Phone
 from codec.errors import CueError
 from synth.alignment import _kernels
 from synth.alignment.align import Passage, align
-from synth.alignment.cepstra import FS, cepstra, mono
+from synth.alignment.hearing import FS, heard
 from synth.alignment.score import Judgement, score_from_recording, sound_of
+from synth.alignment.sound import mono
 from synth.prosody.timing import GRID_HZ
 from synth.speech.espeak_voice import render
 from synth.subtitles import Subtitle
@@ -208,14 +209,14 @@ def test_limits() -> None:
     with pytest.raises(CueError, match=r"sampling rate 4000 Hz is not within 8000..192000"):
         mono(np.zeros(9), 4000)
     assert align([Passage((), np.zeros(0))])[0].phones == ()
-    assert cepstra(np.zeros(0)).shape == (1, 26)
+    assert heard(np.zeros(0)).shape == (1, 38)
 
 
 def test_segment_kernel_is_its_python() -> None:
     rng = np.random.default_rng(3)
     frames, kinds = 40, np.array([0, 1, 2, 0, 1, 0])
     entry = np.where(kinds == 0, 0.0, -1.0)
-    cumulated = np.concatenate([np.zeros((3, 3, 1)), rng.random((3, 3, frames)).cumsum(-1)], -1)
+    cumulated = np.concatenate([np.zeros((3, 1)), rng.random((3, frames)).cumsum(-1)], -1)
     lengths = rng.random((6, 8))
     window = np.tile(np.array([0, 0, frames, frames]), (6, 1))
     none = np.zeros(6, np.int64)
@@ -228,7 +229,7 @@ def test_segment_kernel_is_its_python() -> None:
     assert (np.diff(results[0])[kinds > 0] >= 3).all()
     assert results[0][0] == 0
     assert results[0][-1] == frames
-    short = cumulated[:, :, :6]
+    short = cumulated[:, :6]
     assert not _kernels.segment_into(
         short, kinds, entry, lengths, 3, np.minimum(window, 5), 0.5, none, 9.0, starts
     )
