@@ -95,7 +95,6 @@ def test_superframes_before_are_added() -> None:
 def test_soft_values_of_the_search_are_the_receiver_s() -> None:
     rng, cells = np.random.default_rng(2), make_pilots(0).cells
     spectra = (rng.normal(size=(3, 60)) + 1j * rng.normal(size=(3, 60))).astype(np.complex64)
-    parts = np.concatenate([spectra.real.T, spectra.imag.T])
     amplitudes = rng.uniform(0.05, 0.2, (3, 60)).astype(np.float32)
     amplitudes[1, 20] = 0.0
     angle = rng.uniform(0, 6, (2, 6))
@@ -105,7 +104,7 @@ def test_soft_values_of_the_search_are_the_receiver_s() -> None:
         versions(_kernels.pilot_projections), versions(_kernels.pilot_soft), strict=True
     ):
         seen, alive = np.empty((6, 3), np.complex64), np.empty((6, 3), np.float32)
-        look(parts, np.ascontiguousarray(amplitudes.T), cells.first_bin, signs, seen, alive)
+        look(spectra, amplitudes, cells.first_bin, signs, seen, alive)
         soft = np.full((2, 6, 9), 7.0, dtype=np.float32)
         kernel(seen, alive, turn, dither, steps, 2, soft)
         assert (soft[:, :, [0, 1, 8]] == 7.0).all()

@@ -45,7 +45,7 @@ def interpolate(
 
 @njit(cache=True)
 def pilot_projections(
-    spectra: NDArray[np.float32],
+    spectra: NDArray[np.complex64],
     units: NDArray[np.float32],
     first: int,
     signs: NDArray[np.float32],
@@ -54,32 +54,26 @@ def pilot_projections(
 ) -> None:
     """projections[g, i] = projection of cell g in spectrum i; alive[g, i] = 0 if one bin is silent.
 
-    spectra holds the real parts of each bin of all spectra, then the imaginary parts; units the
-    mark's unit of each bin. Cells are stretches of equal length from bin `first` on.
+    spectra and the mark's units have the shape (rows, bins). Cells are stretches of equal length
+    from bin `first` on.
     """
     slots, count = projections.shape
     bins = signs.size // slots
     scale = np.float32(1 / math.sqrt(bins))
     one, nothing = np.float32(1), np.float32(0)
-    real, imaginary = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
-    # The innermost loops run over spectra: each is alike for all of them, and vectorised.
-    for g in range(slots):
-        real[:] = nothing
-        imaginary[:] = nothing
-        living = alive[g]
-        living[:] = one
-        for b in range(bins):
-            k = first + g * bins + b
-            unit, a, z = units[k], spectra[k], spectra[spectra.shape[0] // 2 + k]
-            sign = scale * signs[g * bins + b]
-            for i in range(count):
-                some = unit[i] > 0
-                inverse = sign / (unit[i] if some else one)
-                real[i] += inverse * a[i]
-                imaginary[i] += inverse * z[i]
-                living[i] = living[i] if some else nothing
-        for i in range(count):
-            projections[g, i] = complex(living[i] * real[i], living[i] * imaginary[i])
+    for i in range(count):
+        for g in range(slots):
+            real, imaginary, living = nothing, nothing, one
+            for b in range(bins):
+                k = first + g * bins + b
+                unit = units[i, k]
+                some = unit > 0
+                factor = scale * signs[g * bins + b] / (unit if some else one)
+                real += factor * spectra[i, k].real
+                imaginary += factor * spectra[i, k].imag
+                living = living if some else nothing
+            projections[g, i] = complex(living * real, living * imaginary)
+            alive[g, i] = living
 
 
 @njit(cache=True)

@@ -23,8 +23,8 @@ they begin."""
 LARGEST_SPEED = 0.053
 """Largest change of speed that is tried."""
 
-KNOWN_SPEEDS = (Fraction(25, 24), Fraction(24, 25), Fraction(25025, 24000), Fraction(24000, 25025))
-"""Films at 24 or 23.976 pictures a second played at 25, and the way back: tried first."""
+KNOWN_SPEEDS = (Fraction(25, 24), Fraction(24, 25))
+"""Films at 24 pictures a second, or 23.976, played at 25, and the way back: tried first."""
 
 NEAR = 2
 """Speeds nearest to the right one that are tried with those: clocks and tapes at 0.15 to 0.47 %."""
@@ -36,7 +36,7 @@ GAIN_LADDER = range(-GAIN_STEPS, GAIN_STEPS * len(PILOT_STEPS))
 """Those tried in sound of the usual loudness; 20 dB double the steps."""
 
 LADDER_PART = 10
-"""Of those, how many are tried at once."""
+"""Of those, how many share one attempt."""
 
 USUAL_RMS, GATE = 10 ** (-25 / 20), 0.1
 """Root mean square of a programme of -23 LUFS, about, in blocks that have at least a tenth of the
@@ -76,8 +76,9 @@ class Guess:
     ----------
     mix : Mix
         Sound in which to search.
-    steps : tuple of float
-        Steps that pilots may have in a search blind to phase; none for the usual search.
+    steps : tuple of tuple of float
+        Steps that pilots may have in a search blind to phase, each part for itself; none for the
+        usual search.
     speed : float
         Samples that come for one of the mark's own.
     stretch_s : float
@@ -85,7 +86,7 @@ class Guess:
     """
 
     mix: Mix
-    steps: tuple[float, ...] = PILOT_STEPS
+    steps: tuple[tuple[float, ...], ...] = (PILOT_STEPS,)
     speed: float = 1.0
     stretch_s: float = STRETCH_S
 
@@ -104,8 +105,8 @@ def make_guesses(sound: NDArray[np.float64], *, thorough: bool) -> Iterator[Gues
     gain = usual_gain(sound)
     usual = Mix(tuple(gain * weight for weight in plain.weights))
     ladder = [PILOT_STEPS[0] * 2 ** (i / GAIN_STEPS) for i in GAIN_LADDER]
-    for first in range(0, len(ladder), LADDER_PART):
-        yield Guess(usual, tuple(ladder[first : first + LADDER_PART]))
+    parts = range(0, len(ladder), LADDER_PART)
+    yield Guess(usual, tuple(tuple(ladder[first : first + LADDER_PART]) for first in parts))
     for speed in likely_speeds():
         yield Guess(plain, (), speed)
     for speed in speeds() if thorough else ():

@@ -40,7 +40,7 @@ def frames_of(x: NDArray[np.float64], hop: int) -> NDArray[np.float64]:
     return np.lib.stride_tricks.sliding_window_view(x, 2 * hop)[::hop]
 
 
-def analyse(frames: NDArray[Any], hop: int) -> NDArray[Any]:
+def analyse(frames: NDArray[Any], hop: int, bins: int | None = None) -> NDArray[Any]:
     """Transform frames.
 
     Parameters
@@ -49,10 +49,12 @@ def analyse(frames: NDArray[Any], hop: int) -> NDArray[Any]:
         Overlapping frames, see `frames_of`.
     hop : int
         Half the frame length.
+    bins : int, optional
+        Lowest bins that are wanted; all unless told otherwise.
 
     Returns
     -------
-    ndarray of complex128 or complex64, shape (T, hop)
+    ndarray of complex128 or complex64, shape (T, bins)
         Real part: MDCT coefficients. Half the squared magnitude: their expected power.
 
     Examples
@@ -62,12 +64,14 @@ def analyse(frames: NDArray[Any], hop: int) -> NDArray[Any]:
     >>> bool(np.allclose(y[480:-480], x[480:-480]))
     True
     """
-    tables = _tables(hop)
-    own, following = tables.own, tables.next
+    count, tables = bins or hop, _tables(hop)
+    own, following = tables.own[:count], tables.next[:count]
     if frames.dtype == np.float32:
         own, following = own.astype(np.complex64), following.astype(np.complex64)
     spectrum = scipy.fft.rfft(frames, axis=1)
-    return np.asarray(spectrum[:, :hop] * own + spectrum[:, 1:] * following)
+    lapped = spectrum[:, :count] * own
+    lapped += spectrum[:, 1 : count + 1] * following
+    return np.asarray(lapped)
 
 
 def synthesise(coefficients: NDArray[np.float64], hop: int) -> NDArray[np.float64]:

@@ -53,11 +53,7 @@ class PilotSight:
     def __init__(self, key: int) -> None:
         self._cells = make_pilots(key).cells
         self._masker = make_masker(self._cells.last_bin)
-        bins = int(self._masker.edges[-1])
-        transform = np.sqrt(DECIMATION) * analyse(np.eye(2 * SEARCH_HOP), SEARCH_HOP)[:, :bins]
-        parts = np.concatenate([transform.real, transform.imag], axis=1)
-        self._transform = np.ascontiguousarray(parts.T, dtype=np.float32)
-        self._signs = self._cells.signs.astype(np.float32)
+        self._signs = (np.sqrt(DECIMATION) * self._cells.signs).astype(np.float32)
 
     @property
     def silence(self) -> NDArray[np.float32]:
@@ -88,18 +84,17 @@ class PilotSight:
         from watermark.audio import _kernels
 
         frames = np.lib.stride_tricks.sliding_window_view(sound, 2 * SEARCH_HOP)[::STRIDE]
-        spectra = self._transform @ np.ascontiguousarray(frames.T)
-        bins = spectra.shape[0] // 2
-        power = (spectra[:bins] ** 2 + spectra[bins:] ** 2) / 2
-        threshold = self._masker.thresholds(power.T)
+        spectra = analyse(frames, SEARCH_HOP, int(self._masker.edges[-1]))
+        # The scale of the mark's own transform, which sees DECIMATION times as many samples.
+        power = (DECIMATION / 2) * (spectra.real**2 + spectra.imag**2)
+        threshold = self._masker.thresholds(power)
         earlier = np.concatenate([before, threshold])
-        units = self._masker.amplitudes(threshold, earlier[: len(threshold)]).T
+        units = self._masker.amplitudes(threshold, earlier[: len(threshold)])
         shape = PILOT_SLOTS, len(threshold)
         projections, alive = np.empty(shape, np.complex64), np.empty(shape, np.float32)
         _kernels.pilot_projections(
-            spectra, np.ascontiguousarray(units), self._cells.first_bin, self._signs,
-            projections, alive,
-        )  # fmt: skip
+            spectra, units, self._cells.first_bin, self._signs, projections, alive
+        )
         return projections, alive, earlier[len(threshold) :]
 
 

@@ -5,6 +5,7 @@ with a phase for each pilot slot. Each slot is correlated at all phases, and its
 six slots, noise gains less by that than turned pilots do. Specification: section 7.1.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,31 +58,38 @@ class TurnedSearch:
         angle = 2 * np.pi * np.arange(TURNS) / TURNS
         self._turn = np.exp(1j * angle).astype(np.complex64)
 
-    def find(self, sound: NDArray[np.float64], steps: tuple[float, ...]) -> TurnedCandidate | None:
-        """Likeliest place in `sound`, samples at 12 kHz, of pilots that have one of `steps`."""
-        from watermark.audio import _kernels
-
+    def find(
+        self, sound: NDArray[np.float64], parts: tuple[tuple[float, ...], ...]
+    ) -> Iterator[TurnedCandidate]:
+        """Likeliest place in `sound`, samples at 12 kHz, of pilots of the steps of each part."""
         sight = make_sight(self._key)
         projections, alive, _ = sight.look(sound.astype(np.float32), sight.silence)
+        if projections.shape[1] < FRAMES_PER_SUPERFRAME * ROWS_PER_FRAME:
+            return
+        for steps in parts:
+            found = (self._best(projections, alive, step) for step in steps)
+            best = max(found, key=lambda candidate: candidate.significance)
+            if best.significance > LEAST_SIGNIFICANCE:
+                yield best
+
+    def _best(
+        self, projections: NDArray[np.complex64], alive: NDArray[np.float32], step: float
+    ) -> TurnedCandidate:
+        """Likeliest place of pilots of one step."""
+        from watermark.audio import _kernels
+
         places = projections.shape[1] - (FRAMES_PER_SUPERFRAME - 1) * ROWS_PER_FRAME
-        if places < ROWS_PER_FRAME:
-            return None
-        best: TurnedCandidate | None = None
         score = np.empty((len(PROFILES), places), dtype=np.float32)
-        for step in steps:
-            _kernels.turned_scores(
-                projections, alive, self._dither, np.float32(1 / step),
-                self._turn, ROWS_PER_FRAME, self._slots, self._signs, score,
-            )  # fmt: skip
-            score -= score.mean(axis=1, keepdims=True)
-            score /= score.std(axis=1, keepdims=True) + 1e-9
-            period = FRAMES_PER_SUPERFRAME * ROWS_PER_FRAME
-            if places > period:
-                pairs = PAIR * (score[:, :-period] + score[:, period:])
-                score[:, :-period] = np.maximum(score[:, :-period], pairs)
-            profile, place = np.unravel_index(int(score.argmax()), score.shape)
-            significance = float(score[profile, place])
-            if significance > (LEAST_SIGNIFICANCE if best is None else best.significance):
-                start = DECIMATION * STRIDE * float(place) - CENTRE
-                best = TurnedCandidate(start, int(profile), float(step), significance)
-        return best
+        _kernels.turned_scores(
+            projections, alive, self._dither, np.float32(1 / step),
+            self._turn, ROWS_PER_FRAME, self._slots, self._signs, score,
+        )  # fmt: skip
+        score -= score.mean(axis=1, keepdims=True)
+        score /= score.std(axis=1, keepdims=True) + 1e-9
+        period = FRAMES_PER_SUPERFRAME * ROWS_PER_FRAME
+        if places > period:
+            pairs = PAIR * (score[:, :-period] + score[:, period:])
+            score[:, :-period] = np.maximum(score[:, :-period], pairs)
+        profile, place = np.unravel_index(int(score.argmax()), score.shape)
+        start = DECIMATION * STRIDE * float(place) - CENTRE
+        return TurnedCandidate(start, int(profile), step, float(score[profile, place]))
