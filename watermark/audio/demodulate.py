@@ -5,7 +5,7 @@ found by trying: the one that worked last first. Specification: sections 6 and 7
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
@@ -17,7 +17,7 @@ from watermark.audio.equaliser import band_of
 from watermark.audio.layout import make_layout, make_pilots
 from watermark.audio.masking import make_masker
 from watermark.audio.profile import LEVELS, TIER_LEVELS, Profile
-from watermark.audio.reliability import NOISY, Reliability
+from watermark.audio.reliability import LIMITS, NOISY, Reliability
 from watermark.link.link import Decoded, Link
 
 LIST_SIZE, LONG_LIST_SIZE, LONGEST_LIST_SIZE = 8, 32, 64
@@ -31,6 +31,12 @@ NEIGHBOURS = (2.0, 2.0)
 
 CERTAINTY, CERTAINTY_LIMITS = 3.0, (-0.3, 0.5)
 """Exponent of weights by the agreement there, and its limits; found with an announcer over it."""
+
+NEARBY = (1.5, 2.5)
+"""Deviation in frames and cells of the window in which decoded bits tell of their neighbours."""
+
+SHRINK = 20.0
+"""Cells that the mean of all frames counts for beside them; 10 to 40 do as well."""
 
 EVEN = 1.0
 """Weight of all cells where none is trusted more than another."""
@@ -177,6 +183,47 @@ class Demodulator:
             return reading
         again = self._read_at(reading.view, reading.clues, best, weights, LIST_SIZE)
         return reading if again.decoded.l0 is None else again
+
+    def read_second(self, reading: Reading, view: View) -> Reading:
+        """Read the second class where only the first was accepted, with what that one tells.
+
+        Parameters
+        ----------
+        reading : Reading
+            With L0 but without L1.
+        view : View
+            The superframe at the place where the bits of L0 fit best.
+
+        Returns
+        -------
+        Reading
+            With L1, or the one that was given.
+        """
+        expected = self.expected(reading.decoded)
+        soft = view.soft(self.layout.cells, self.profile.step(reading.level))
+        learnt = self.reliability.weights(reading.clues)
+        for weights in (self._local(soft, expected), learnt, self.reliability.plain()):
+            llr = self.layout.gather(soft * weights)
+            l1 = self.link.second(llr, list_size=LONGEST_LIST_SIZE)
+            if l1 is not None:
+                return replace(reading, decoded=self.link.complete(reading.decoded, l1))
+        return reading
+
+    def _local(
+        self, soft: NDArray[np.float64], expected: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Weights by how well known cells agree around each cell of this superframe."""
+        known = (expected != 0) & (soft != 0)
+        agreement = np.where(known, soft * expected, 0.0)
+        place = agreement.sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+        near, count = (
+            scipy.ndimage.gaussian_filter(x.astype(np.float64), NEARBY, mode="constant")
+            for x in (agreement, known)
+        )
+        cells = 4 * np.pi * NEARBY[0] * NEARBY[1]
+        r = (cells * near + SHRINK * np.clip(place, *LIMITS)) / (cells * count + SHRINK)
+        r = np.clip(r, *LIMITS)
+        return np.asarray(2 * r * (2 - r**2) / (1 - r**2))
 
     def gain_change(self, reading: Reading) -> float:
         """Levels by which the gain seems to have changed, from the decoded bits."""

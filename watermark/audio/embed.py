@@ -307,13 +307,17 @@ class AudioEmbedder:
             self._needs |= dict(zip(range(first, first + count), needs, strict=True))
 
     def _sufficient(self, number: int, need: float) -> float:
-        """Level that suffices for a superframe by its rehearsal; coders are capricious."""
+        """Level that suffices for a superframe by its rehearsal.
+
+        Coders are capricious: that one needs less than usual is believed in part.
+        """
         level = None if self._rehearsal is None else self._rehearsal.enough(number)
         if level is None:
             return 0.0
         self._enough.append(level - EQUALISATION * (need - NEUTRAL_NEED))
         usual = float(np.median(self._enough)) + EQUALISATION * (need - NEUTRAL_NEED)
-        return min(usual + TRUST * (level - usual), len(LEVELS) - 1.0)
+        trust = TRUST if level < usual else 1.0
+        return min(usual + trust * (level - usual), len(LEVELS) - 1.0)
 
     def _need(self, number: int) -> float:
         """Level that a superframe needs."""

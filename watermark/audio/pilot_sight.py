@@ -89,7 +89,7 @@ class PilotSight:
         power = (DECIMATION / 2) * (spectra.real**2 + spectra.imag**2)
         threshold = self._masker.thresholds(power)
         earlier = np.concatenate([before, threshold])
-        units = self._masker.amplitudes(threshold, earlier[: len(threshold)])
+        units = self._masker.amplitudes(threshold, earlier[: len(threshold)]).astype(np.float32)
         shape = PILOT_SLOTS, len(threshold)
         projections, alive = np.empty(shape, np.complex64), np.empty(shape, np.float32)
         _kernels.pilot_projections(

@@ -101,6 +101,9 @@ LOCK_IN = (
 )
 """Delays and drifts tried with the decoded bits of the first superframe, from coarse to fine."""
 
+SECOND_IN = (np.arange(-0.6, 0.7, 0.2), np.arange(-60.0, 61.0, 20.0))
+"""Delays and drifts tried with the bits of L0 where L1 was not read."""
+
 BESIDE = (np.arange(-24.0, 24.1, 1.5), np.arange(-1600.0, 1601.0, 200.0))
 """Delays and drifts at which the pilots of a superframe that failed are sought."""
 
@@ -463,6 +466,7 @@ class AudioReceiver:
         """Take a track that was found; where it agrees with the one before, that one goes on."""
         self._use(mix)
         self._correct(track, raw, reading, wide=True)
+        reading = self._complete_reading(self._tape, track, reading)
         known = self._track
         if known is not None and known.demodulator is track.demodulator:
             steps = round((track.position - known.position) / (SUPERFRAME * known.ratio))
@@ -549,7 +553,7 @@ class AudioReceiver:
             reading = demodulator.read(view, levels, due=due)
             if reading.decoded.l0 is not None:
                 break
-        return reading
+        return self._complete_reading(self._tape, track, reading)
 
     def _follow(self, track: _Track) -> list[ReceivedSuperframe]:
         """Read the superframe that is due; note whether it arrived."""
@@ -588,6 +592,23 @@ class AudioReceiver:
         moved = replace(track, misses=0, age=0)
         self._move(moved, fit)
         return moved
+
+    def _complete_reading(self, tape: Tape, track: _Track, reading: Reading) -> Reading:
+        """Seek L1 where only L0 was read, at the place where the bits of L0 fit best."""
+        demodulator = track.demodulator
+        if reading.decoded.l0 is None or reading.decoded.l1 is not None:
+            return reading
+        cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
+        moved = replace(track)
+        expected = demodulator.expected(reading.decoded)
+        here = _as_used(track, self._view(tape, track))
+        self._move(moved, search_fit(here, cells, step, expected, SECOND_IN))
+        raw = self._view(tape, moved)
+        for view in _views(moved, raw) if track.equaliser.turned else [raw]:
+            again = demodulator.read_second(reading, view)
+            if again.decoded.l1 is not None:
+                return again
+        return reading
 
     def _correct(self, track: _Track, raw: View, reading: Reading, *, wide: bool = False) -> None:
         """Let the decoded bits correct clock, level, phases and the cells' reliabilities."""

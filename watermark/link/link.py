@@ -156,10 +156,16 @@ class Link:
         if l0 is None:
             return Decoded(None, None, coded)
         coded[:cut] = self._first.encode(l0)
+        first = Decoded(l0, None, coded)
         l1 = self.second(llr, list_size=list_size)
-        if self._second is not None and l1 is not None:
-            coded[cut:] = self._second.encode(l1)
-        return Decoded(l0, l1, coded)
+        return first if l1 is None else self.complete(first, l1)
+
+    def complete(self, first: Decoded, l1: bytes) -> Decoded:
+        """Join L1 to a superframe of which only L0 was known."""
+        coded = first.coded.copy()
+        if self._second is not None:
+            coded[self._first.code.length :] = self._second.encode(l1)
+        return Decoded(first.l0, l1, coded)
 
     def second(self, llr: NDArray[np.float64], *, list_size: int = 8) -> bytes | None:
         """L1 behind the ratios of all data cells, where L0 is known already; None if it failed."""
