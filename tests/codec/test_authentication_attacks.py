@@ -6,11 +6,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from codec.authentication import verifier as module
-from codec.authentication.chain import Chain, sent_bits
 from codec.authentication.layout import LAYOUTS, PERIOD, SUPERFRAME_S, number_at
 from codec.authentication.signer import Signer
 from codec.authentication.verifier import Verifier
+from tests.codec.quick_search import quick_search
 from tests.codec.test_authentication import BEGIN_S, announced, key
 
 Attack = tuple[bytes | None, tuple[int, int] | None, bool]
@@ -75,36 +74,9 @@ def attacked(width: int, rng: np.random.Generator) -> Iterator[Attack]:
 
 
 @pytest.fixture
-def quick_search(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Look keys up instead of trying 65536 of them; what is found is the same, see below."""
-    lists: dict[tuple[int, int], dict[int, bytes]] = {}
-
-    def find(self: Chain, sent: int, known: bytes, steps: int) -> bytes | None:
-        for (period, width), keys in lists.items():
-            found = keys.get(sent)
-            right = announced().chain(period, width)
-            if found is not None and right._prefix == self._prefix:
-                return found if self.before(found, steps) == known else None
-        return None
-
-    original = Chain.find
-
-    def checked(self: Chain, sent: int, known: bytes, steps: int) -> bytes | None:
-        quick = find(self, sent, known, steps)
-        if quick is not None and int.from_bytes(quick[-1:], "big") == 0:  # one in 256
-            assert quick == original(self, sent, known, steps)
-        return quick
-
-    monkeypatch.setattr(Chain, "find", checked)
-    for width in LAYOUTS:
-        for period in announced().periods:
-            keys = key().keys(period, width)
-            lists[period, width] = {sent_bits(k): k for k in keys}
-
-    def agreeing(sent: int, digest: bytes, tag: object, told: int) -> list[bytes]:
-        return [keys[sent] for keys in lists.values() if sent in keys]
-
-    monkeypatch.setattr(module, "agreeing", agreeing)
+def quick() -> Iterator[None]:
+    with quick_search(key(), announced().periods):
+        yield
 
 
 def shown(width: int, count: int, seed: int) -> Counter[str]:
@@ -132,7 +104,7 @@ def shown(width: int, count: int, seed: int) -> Counter[str]:
     return told
 
 
-@pytest.mark.usefixtures("quick_search")
+@pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize(("width", "count"), [(9, 3000), (2, 2000)])
 def test_thousands_of_attacks(width: int, count: int) -> None:
     told = shown(width, count, 1)
@@ -143,7 +115,7 @@ def test_thousands_of_attacks(width: int, count: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("quick_search")
+@pytest.mark.usefixtures("quick")
 def test_a_million_attacks() -> None:
     """A day's announcement holds 135000 superframes; so many days with other attacks."""
     total: Counter[str] = Counter()

@@ -2,27 +2,38 @@
 
 ``python -m tests.fuzz.night --seconds 3600`` divides the time among all targets; ``--inputs N``
 counts instead; names choose targets. What breaks a target is kept in ``tests/fuzz/found``.
+``--record FILE`` keeps the figures as a record, with the lines of each target's rooms that some of
+its inputs reach; what was recorded of other targets stays. Compiled kernels are not counted.
 """
 
 import argparse
 import hashlib
-import multiprocessing
+import json
 import resource
 import signal
+import subprocess
 import sys
+import tempfile
 import time
 import traceback
 import warnings
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import numpy as np
 
 from codec.errors import CueError
+from cuecast.evaluate.records import make_record, read_record
 from tests.fuzz.mutate import mutated
 from tests.fuzz.targets import TARGETS
 
+ROOT = Path(__file__).parents[2]
 FOUND = Path(__file__).with_name("found")
+COUNTED = 1000
+"""Inputs of which lines are counted: that takes several times as long."""
 LONGEST_S = 20
 MOST_MEMORY_KB = 500_000
 """By which a target may raise what the process needed after its seeds."""
@@ -52,8 +63,8 @@ def attempt(name: str, data: bytes) -> str:
     return ""
 
 
-def fuzz(name: str, seconds: float, inputs: int, seed: int) -> int:
-    """Feed one target; return how many inputs broke it."""
+def fuzz(name: str, seconds: float, inputs: int, seed: int) -> dict[str, Any]:
+    """Feed one target; return how many inputs it took, how many broke it, and what it needed."""
     warnings.simplefilter("error")
     rng = np.random.default_rng([seed, list(TARGETS).index(name)])
     target = TARGETS[name]
@@ -62,15 +73,16 @@ def fuzz(name: str, seconds: float, inputs: int, seed: int) -> int:
     causes: set[str] = set()
     for data in seeds:
         attempt(name, data)
-    base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    base = peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     begin = time.monotonic()
     while done < inputs and time.monotonic() - begin < seconds:
         data = mutated(seeds, rng, text=target.text)
         done += 1
         wrong = attempt(name, data)
-        if resource.getrusage(resource.RUSAGE_SELF).ru_maxrss > base + MOST_MEMORY_KB:
+        now = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        if peak <= base + MOST_MEMORY_KB < now:
             wrong = wrong or f"more than {MOST_MEMORY_KB} kB"
-            base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        peak = max(peak, now)
         if wrong:
             broken += 1
             cause = wrong.strip().splitlines()[-1]
@@ -81,8 +93,44 @@ def fuzz(name: str, seconds: float, inputs: int, seed: int) -> int:
                 path.write_bytes(data)
                 print(f"{name}: {path.name}\n{wrong}", file=sys.stderr, flush=True)
     took = time.monotonic() - begin
-    print(f"{name:12} {done:9} inputs {broken:5} broke it {took:7.0f} s", flush=True)
-    return broken
+    return {
+        "target": name, "inputs": done, "broken": broken, "took_s": round(took),
+        "grown_mb": round((peak - base) / 1000), "peak_mb": round(peak / 1000),
+    }  # fmt: skip
+
+
+def covered(name: str, inputs: int, seed: int) -> dict[str, int]:
+    """Return lines of a target's rooms, and how many of them some inputs reach."""
+    own = [path for room in TARGETS[name].rooms for path in _modules(room)]
+    with tempfile.TemporaryDirectory() as folder:
+        data, report = Path(folder) / "data", Path(folder) / "report.json"
+        coverage = [sys.executable, "-m", "coverage"]
+        subprocess.run(
+            [*coverage, "run", f"--data-file={data}", f"--include={','.join(own)}",
+             "-m", "tests.fuzz.night", name, "--here",
+             "--inputs", str(inputs), "--seed", str(seed)],
+            check=False, capture_output=True, cwd=ROOT,
+        )  # fmt: skip
+        subprocess.run(
+            [*coverage, "json", f"--data-file={data}", "-o", report, "-q"], check=True, cwd=ROOT,
+        )  # fmt: skip
+        totals = json.loads(report.read_text())["totals"]
+    return {"lines": totals["num_statements"], "covered": totals["covered_lines"]}
+
+
+def _modules(room: str) -> list[str]:
+    paths = [ROOT / room] if room.endswith(".py") else sorted((ROOT / room).rglob("*.py"))
+    return [str(path) for path in paths if path.name != "_kernels.py"]
+
+
+def keep(path: Path, told: dict[str, Any], seed: int) -> None:
+    """Put the figures of a target into a record."""
+    rows = read_record(path)["results"] if path.exists() else []
+    rows = [row for row in rows if row["target"] != told["target"]] + [told]
+    rows.sort(key=lambda row: list(TARGETS).index(row["target"]))
+    document = make_record("fuzz", (), rows, seed=seed, clips=None)
+    document["command"] = "python -m tests.fuzz.night"
+    path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
 
 def main() -> int:
@@ -92,23 +140,29 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=3600.0, help="for all targets together")
     parser.add_argument("--inputs", type=int, default=1 << 60, help="for each target at most")
     parser.add_argument("--seed", type=int, default=int(time.time()))
+    parser.add_argument("--record", type=Path, metavar="FILE")
+    parser.add_argument("--here", action="store_true", help="in this process")
     args = parser.parse_args()
     names = args.names or list(TARGETS)
     print(f"seed {args.seed}")
-    context = multiprocessing.get_context("spawn")
     failed = 0
     for name in names:
-        child = context.Process(
-            target=_child, args=(name, args.seconds / len(names), args.inputs, args.seed)
+        run = (name, args.seconds / len(names), args.inputs, args.seed)
+        if args.here:
+            told = fuzz(*run)
+        else:
+            with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as child:
+                told = child.submit(fuzz, *run).result()
+        print(
+            f"{name:12} {told['inputs']:9} inputs {told['broken']:5} broke it "
+            f"{told['took_s']:7} s {told['grown_mb']:4} MB more",
+            flush=True,
         )
-        child.start()
-        child.join()
-        failed += child.exitcode != 0
+        failed += told["broken"]
+        if args.record:
+            told |= covered(name, min(told["inputs"], COUNTED), args.seed)
+            keep(args.record, told, args.seed)
     return int(failed > 0)
-
-
-def _child(name: str, seconds: float, inputs: int, seed: int) -> None:
-    sys.exit(fuzz(name, seconds, inputs, seed) > 0)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from unittest import mock
 
 import av
 import numpy as np
@@ -25,13 +26,15 @@ from codec.authentication.announcement import (
     load_signing_key,
 )
 from codec.authentication.layout import EPOCH_S
+from codec.authentication.signer import Signer
 from codec.authentication.verifier import Verifier
 from codec.bitstream.encoder import SuperframeEncoder
+from codec.bitstream.lips import LipContract
 from codec.cuer.motion import load_motion, save_motion
-from codec.cuer.voice import load_voice
+from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import Score
 from codec.files.c3d_points import open_c3d
-from cuecast.command.cli import main
+from cuecast.command import cli
 from receiver.live.broadcast import Broadcast
 from receiver.live.fragments import BoxSplitter
 from receiver.media.programme import open_programme
@@ -43,6 +46,7 @@ from synth.capture.sources.readers import read_points
 from synth.capture.sources.sniff import kind_of
 from synth.scoring.textgrid import read_textgrid, write_textgrid
 from synth.subtitles.read import parse_subtitles
+from tests.codec.quick_search import quick_search
 from tests.fuzz.consume import consume
 
 CORPUS = Path(__file__).with_name("corpus")
@@ -51,11 +55,31 @@ SUPERFRAMES = 24
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A way in: seeds to begin with, and what takes them."""
+    """A way in: seeds to begin with, what takes them, and the modules whose coverage is told."""
 
     seeds: Callable[[], list[bytes]]
     run: Callable[[bytes], object]
+    rooms: tuple[str, ...]
     text: bool = False
+
+
+@cache
+def voice() -> Voice:
+    return load_voice()
+
+
+def voice_called(name: str = "claire") -> Voice:
+    """As `load_voice`, quicker the second time."""
+    return voice() if name == "claire" else load_voice(name)
+
+
+@cache
+def contract() -> LipContract:
+    return LipContract(voice())
+
+
+parser = cache(cli.build_parser)
+"""All of the command line, built once."""
 
 
 @contextlib.contextmanager
@@ -78,18 +102,21 @@ def of_file(read: Callable[[str], object], suffix: str = "") -> Callable[[bytes]
 def superframes() -> list[tuple[bytes, bytes]]:
     from tests.receiver.standin import make_motion
 
-    voice = load_voice()
-    encoder = SuperframeEncoder(voice, l0_bytes=20, l1_bytes=7)
-    motion = make_motion(voice, duration_s=SUPERFRAMES * 0.64 + 1)
+    encoder = SuperframeEncoder(voice(), l0_bytes=20, l1_bytes=7)
+    motion = make_motion(voice(), duration_s=SUPERFRAMES * 0.64 + 1)
     sent = (encoder.encode(motion, index) for index in range(SUPERFRAMES))
     return [(s.l0, s.l1) for s in sent]
 
 
 def track(data: bytes) -> None:
     """Superframes on a bad line: each step of four bytes says what comes, and when."""
-    tracker, on_air_s = Tracker(load_voice()), 0.0
-    events = 0
-    for at in range(0, min(len(data), 160) - 3, 4):
+    with mock.patch("codec.bitstream.decoder.LipContract", return_value=contract()):
+        _track(data)
+
+
+def _track(data: bytes) -> None:
+    tracker, on_air_s = Tracker(voice()), 0.0
+    for at in range(0, min(len(data), 64) - 3, 4):
         kind, which, place, jump = data[at : at + 4]
         l0, l1 = superframes()[which % SUPERFRAMES]
         on_air_s += 0.64 + (jump / 16 if kind & 16 else 0.0) + (3600.0 if kind & 32 else 0.0)
@@ -102,7 +129,8 @@ def track(data: bytes) -> None:
         found = [*tracker.take(given, l1 if kind & 8 else None, on_air_s)]
         found += tracker.advance(on_air_s + 0.1)
         assert len(found) <= 64, f"{len(found)} events for one superframe"
-        events += len([pack_event(event) for event in found])
+        for event in found:
+            pack_event(event)
     list(tracker.finish())
 
 
@@ -134,18 +162,37 @@ def announced() -> Announcement:
     return signing_key().announce(EPOCH_S, 1)
 
 
+@cache
+def signed(width: int) -> list[tuple[bytes, int]]:
+    """A genuine programme of some blocks: what is covered, and the fields."""
+    signer = Signer(signing_key(), EPOCH_S + 100.0, width)
+    covered = [bytes([number % 256, width]) * 4 for number in range(120)]
+    return [(data, signer.take(data)) for data in covered]
+
+
 def verify(data: bytes) -> None:
-    """Fields and contents at odd places; few blocks are whole, for these cost most."""
-    verifier = Verifier(announced())
-    index = 0
-    for at in range(0, min(len(data), 60) - 2, 3):
-        step, value, what = data[at : at + 3]
-        index += 1 + step % 5
-        width = 2 if what & 1 else 9
-        covered = None if what & 2 else bytes([value]) * (what >> 4)
-        field = None if what & 4 else (value % (1 << width), width)
-        verifier.take(index, covered, field, utc_s=EPOCH_S + index if what & 8 else None)
-    verifier.finish()
+    """A genuine programme with losses, changes, jumps, and clocks that are wrong."""
+    with quick_search(signing_key(), announced().periods):
+        _verify(data)
+
+
+def _verify(data: bytes) -> None:
+    width = 2 if data[:1] == b"\2" else 9
+    sent = signed(width)
+    verifier = Verifier(announced(), likely_s=(EPOCH_S,))
+    index = at = told = 0
+    for step, value in zip(data[1:400:2], data[2:400:2], strict=False):
+        kind = step % 16
+        index += 1 + (value if kind == 1 else 0)
+        at = (at + 1 + (value if kind == 2 else index - at if kind == 3 else 0)) % len(sent)
+        covered, field = sent[at]
+        whole = bytes([value]) * (value >> 4) if kind == 4 else None if kind == 5 else covered
+        proof = (value % (1 << width), width) if kind == 6 else (field, width)
+        other = (value % 4, 2) if kind == 7 else None if kind == 8 else proof
+        clock = EPOCH_S + 100.0 + at * 0.64 + (value * 10 if kind == 9 else 0)
+        verdicts = verifier.take(index, whole, other, utc_s=clock if data[0] & 4 else None)
+        told += len(verdicts)
+    assert told + len(verifier.finish()) <= len(data)
 
 
 @cache
@@ -153,14 +200,25 @@ def transport() -> bytes:
     from tests.receiver.air import transport_stream
 
     noise = np.random.default_rng(1).normal(0, 0.05, (48000, 1)).astype(np.float32)
-    return transport_stream(noise, fps=25)
+    return transport_stream(noise, fps=25, size=(48, 32))
+
+
+@cache
+def sound_alone() -> bytes:
+    """A transport stream without a picture: that of the other one left out."""
+    made = io.BytesIO()
+    with av.open(io.BytesIO(transport()), "r") as old, av.open(made, "w", "mpegts") as new:
+        stream = new.add_stream_from_template(old.streams.audio[0])
+        for packet in old.demux(audio=0):
+            if packet.dts is not None:
+                packet.stream = stream
+                new.mux(packet)
+    return made.getvalue()
 
 
 def live(data: bytes) -> None:
     """A broadcast that breaks off: never a trace, and the thread would go on."""
-    Broadcast(
-        io.BytesIO(data), load_voice(), lambda happening: None, format="mpegts", once=True
-    ).run()
+    Broadcast(io.BytesIO(data), voice(), lambda happening: None, format="mpegts", once=True).run()
 
 
 def media(path: str) -> None:
@@ -201,12 +259,15 @@ def command(data: bytes) -> None:
     with (
         tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), as_file(content) as path,
         contextlib.redirect_stdout(out), contextlib.redirect_stderr(told),
+        mock.patch.object(cli, "build_parser", parser),
+        mock.patch("codec.cuer.voice.load_voice", voice_called),
+        mock.patch("cuecast.command.voices.load_voice", voice_called),
     ):  # fmt: skip
         argv = [path if word == "@" else word for word in argv]
         verb = next((word for word in argv if not word.startswith("-")), "")
         if verb in ("demo", "evaluate", "batch", "watch", "synth", "dub", "render"):
             argv = [*argv, "--help"]  # these make or wait for more than a word can ask
-        status = main(argv)
+        status = cli.main(argv)
     assert status in (0, 1, 2, 3), f"exit status {status}"
     lines = [line for line in told.getvalue().splitlines() if line.startswith("cuecast: ")]
     assert len(lines) <= 1, "more than one line of error"
@@ -218,7 +279,7 @@ def motions() -> list[bytes]:
     from tests.receiver.standin import make_motion
 
     with tempfile.TemporaryDirectory() as folder:
-        save_motion(make_motion(load_voice(), duration_s=1.0), f"{folder}/m")
+        save_motion(make_motion(voice(), duration_s=1.0), f"{folder}/m")
         whole = Path(f"{folder}/m").read_bytes()
     plain = io.BytesIO()
     with zipfile.ZipFile(plain, "w") as archive:
@@ -288,28 +349,49 @@ def command_seeds() -> list[bytes]:
 
 
 TARGETS: dict[str, Target] = {
-    "superframes": Target(lambda: [p.read_bytes() for p in sorted(CORPUS.iterdir())], consume),
-    "tracker": Target(
-        lambda: [*(bytes(range(i, i + 160)) for i in (0, 40, 90)), bytes(160)], track
+    "superframes": Target(
+        lambda: [p.read_bytes() for p in sorted(CORPUS.iterdir())], consume, ("codec/bitstream",)
     ),
-    "proofs": Target(lambda: [bytes(range(60)), bytes(60)], verify),
-    "keys": Target(keys, of_file(read_keys), text=True),
-    "live": Target(lambda: [transport()[: 188 * 60]], live),
-    "media": Target(films, of_file(media)),
-    "boxes": Target(lambda: [b"\0\0\0\x09freex" * 3], boxes),
+    "tracker": Target(
+        lambda: [*(bytes(range(i, i + 64)) for i in (0, 40, 90, 160)), bytes(64)], track,
+        ("receiver/reception/tracking.py",),
+    ),
+    "proofs": Target(
+        lambda: [bytes([first]) + bytes(2 * 60) for first in (2, 4, 9)], verify,
+        ("codec/authentication/verifier.py",),
+    ),
+    "keys": Target(keys, of_file(read_keys), ("codec/authentication/announcement.py",), text=True),
+    "live": Target(
+        lambda: [transport()[: 188 * 40], sound_alone()[: 188 * 24]], live, ("receiver/live",)
+    ),
+    "media": Target(films, of_file(media), ("receiver/media",)),
+    "boxes": Target(
+        lambda: [b"\0\0\0\x09freex" * 3], boxes, ("receiver/live/fragments.py",)
+    ),
     "protocol": Target(
         lambda: [json.dumps({"type": "position", "time_s": 4.5, "jumped": False}).encode()],
-        lambda data: parse_position(data.decode("utf-8", "replace")), text=True,
+        lambda data: parse_position(data.decode("utf-8", "replace")),
+        ("receiver/television/protocol.py",), text=True,
     ),
-    "motions": Target(motions, of_file(load_motion)),
+    "motions": Target(
+        motions, of_file(load_motion), ("codec/cuer/motion.py", "codec/files/npz.py")
+    ),
     "scores": Target(
         lambda: [Score((), ()).to_json().encode()],
-        lambda data: Score.from_json(data.decode("utf-8", "replace")), text=True,
+        lambda data: Score.from_json(data.decode("utf-8", "replace")), ("codec/cues/score.py",),
+        text=True,
     ),
-    "c3d": Target(c3d_seeds, of_file(c3d_frames)),
-    "points": Target(recordings, of_file(points_of), text=True),
-    "subtitles": Target(subtitle_seeds, lambda data: parse_subtitles(data), text=True),
-    "textgrids": Target(textgrid_seeds, of_file(read_textgrid), text=True),
-    "maps": Target(lambda: [b'{"a": "FH0"}', b"a,FH0\nb,NB\n"], of_file(read_map), text=True),
-    "command": Target(command_seeds, command, text=True),
+    "c3d": Target(c3d_seeds, of_file(c3d_frames), ("codec/files/c3d_points.py",)),
+    "points": Target(recordings, of_file(points_of), ("synth/capture/sources",), text=True),
+    "subtitles": Target(
+        subtitle_seeds, lambda data: parse_subtitles(data), ("synth/subtitles",), text=True
+    ),
+    "textgrids": Target(
+        textgrid_seeds, of_file(read_textgrid), ("synth/scoring/textgrid.py",), text=True
+    ),
+    "maps": Target(
+        lambda: [b'{"a": "FH0"}', b"a,FH0\nb,NB\n"], of_file(read_map),
+        ("synth/capture/points/labels.py",), text=True,
+    ),
+    "command": Target(command_seeds, command, ("cuecast/command", "cuecast/verbs"), text=True),
 }  # fmt: skip

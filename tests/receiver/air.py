@@ -36,13 +36,13 @@ def marked_noise(voice: Voice, motion: Motion, seconds: int) -> NDArray[np.float
 def transport_stream(
     sound: NDArray[np.float32],
     *, fps: int = 25, codec: str = "aac", start_s: float = 0.0, picture_codec: str = "libx264",
-    interlaced: bool = False, container: str = "mpegts",
+    interlaced: bool = False, container: str = "mpegts", size: tuple[int, int] = (320, 180),
 ) -> bytes:  # fmt: skip
     """An MPEG transport stream of a walking bar and `sound` (n, 1), coded at 192 kbit/s."""
     file = BytesIO()
     with av.open(file, "w", format=container) as out:
         picture: Any = out.add_stream(picture_codec, rate=fps)
-        picture.width, picture.height, picture.pix_fmt = 320, 180, "yuv420p"
+        (picture.width, picture.height), picture.pix_fmt = size, "yuv420p"
         picture.options = {"preset": "ultrafast", "g": str(fps // 2), "tune": "zerolatency"}
         if picture_codec != "libx264":
             flags = {"flags": "+ildct+ilme"} if interlaced else {}
@@ -52,7 +52,7 @@ def transport_stream(
         voice.bit_rate, voice.layout = 192_000, "mono"
         per_picture = FS // fps
         for number in range(len(sound) // per_picture):
-            image = np.full((180, 320, 3), (24, 32, 60), np.uint8)
+            image = np.full((*size[::-1], 3), (24, 32, 60), np.uint8)
             image[:, number * 2 % 300 :][:, :12] = (200, 180, 90)
             shown = av.VideoFrame.from_ndarray(image, format="rgb24")
             shown.time_base, shown.pts = Fraction(1, fps), number + round(start_s * fps)
