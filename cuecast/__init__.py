@@ -45,12 +45,13 @@ _HOMES = {
 }
 """Where each name lives: it is imported when it is first asked for, so that importing is cheap."""
 
+if not TYPE_CHECKING:  # type checkers would take any name for one of ours
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    home, _, inside = _HOMES[name].partition(":")
-    return getattr(import_module(home), inside or name)
+    def __getattr__(name: str) -> Any:
+        if name not in _HOMES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        home, _, inside = _HOMES[name].partition(":")
+        return getattr(import_module(home), inside or name)
 
 
 def __dir__() -> list[str]:

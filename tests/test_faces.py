@@ -52,7 +52,12 @@ def test_types_and_homes_agree(package: str) -> None:
     """What type checkers are told to be imported is what is imported."""
     module = importlib.import_module(package)
     tree = ast.parse((ROOT / package / "__init__.py").read_text(encoding="utf-8"))
-    (told,) = (node for node in tree.body if isinstance(node, ast.If))
+    told, hidden = (node for node in tree.body if isinstance(node, ast.If))
+    assert (ast.unparse(told.test), ast.unparse(hidden.test)) == (
+        "TYPE_CHECKING", "not TYPE_CHECKING",
+    )  # fmt: skip
+    # Were it not hidden, type checkers would take any misspelt name for one of ours.
+    assert [getattr(node, "name", "") for node in hidden.body] == ["__getattr__"]
     typed = {}
     for node in told.body:
         assert isinstance(node, ast.ImportFrom)

@@ -57,17 +57,18 @@ _CARRIERS = {"audio": "watermark.audio", "video": "watermark.video", "a335": "wa
 PROFILES: dict[str, dict[str, Any]]
 """Profiles by carrier and name; each tells ``l0_bytes``, ``l1_bytes`` and ``net_bps``."""
 
+if not TYPE_CHECKING:  # type checkers would take any name for one of ours
 
-def __getattr__(name: str) -> Any:
-    if name == "PROFILES":
-        return {
-            carrier: import_module(f"{room}.profile").PROFILES
-            for carrier, room in _CARRIERS.items()
-        }
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    home, _, inside = _HOMES[name].partition(":")
-    return getattr(import_module(home), inside or name)
+    def __getattr__(name: str) -> Any:
+        if name == "PROFILES":
+            return {
+                carrier: import_module(f"{room}.profile").PROFILES
+                for carrier, room in _CARRIERS.items()
+            }
+        if name not in _HOMES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        home, _, inside = _HOMES[name].partition(":")
+        return getattr(import_module(home), inside or name)
 
 
 def __dir__() -> list[str]:
