@@ -80,13 +80,13 @@ def _programme() -> tuple[NDArray[np.float32], tuple[Subtitle, ...]]:
         end_s = time_s + len(x) / FS
         subtitles.append(Subtitle(round(time_s, 3), round(end_s, 3), line))
         time_s = end_s + _PAUSE_S
-    sound = _music(time_s + _TAIL_S)
+    sound = make_music(time_s + _TAIL_S)
     for start, x in spoken:
         sound[start : start + len(x)] += x[:, None]
     return np.clip(sound, -0.99, 0.99).astype(np.float32), tuple(subtitles)
 
 
-def _music(seconds: float) -> NDArray[np.float64]:
+def make_music(seconds: float) -> NDArray[np.float64]:
     """Play chords on strings, shape (n, 2)."""
     rng = np.random.default_rng(2004)
     n, fade = round(seconds * FS), FS // 4

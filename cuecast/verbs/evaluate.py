@@ -15,6 +15,7 @@ SUMMARY = "figures as CSV, JSON and plots"
 
 KINDS = (
     "codec", "audio", "video", "together", "chain", "synthesis", "models", "capture", "readability",
+    "alignment",
 )  # fmt: skip
 
 
