@@ -106,7 +106,9 @@ class SoundDecoder:
     def _placed(self, frame: av.AudioFrame) -> NDArray[np.float32]:
         block = self._samples(frame)
         fs = self.format.fs
-        position = None if frame.pts is None else float(frame.pts * Fraction(frame.time_base or 1))
+        position = (
+            None if frame.pts is None else float(frame.pts * (frame.time_base or Fraction(1)))
+        )
         if self.start_s is None:
             self.container_start_s = position or 0.0
             self.start_s = self.container_start_s - self._programme.origin_s

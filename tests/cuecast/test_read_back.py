@@ -163,10 +163,11 @@ def test_colours_chapters_and_attachments_stay(tmp_path: Path) -> None:
         }
         context = stream.codec_context
         context.colorspace, context.color_primaries, context.color_trc = 9, 9, 18
-        out.set_chapters(
-            [{"id": 0, "start": 0, "end": 500, "time_base": Fraction(1, 1000),
-              "metadata": {"title": "Un"}}]
-        )  # fmt: skip
+        chapter: Any = {
+            "id": 0, "start": 0, "end": 500, "time_base": Fraction(1, 1000),
+            "metadata": {"title": "Un"},
+        }  # fmt: skip
+        out.set_chapters([chapter])
         out.add_attachment("a.ttf", "font/ttf", b"abc")
         for n in range(25):
             frame = av.VideoFrame.from_ndarray(np.full((64, 64, 3), n, np.uint8), format="rgb24")

@@ -255,7 +255,7 @@ def test_gap_in_the_sound_is_filled(make_film: Films, tmp_path: Path) -> None:
         for packet in a.demux(a.streams.audio[0]):
             if (
                 packet.size
-                and not 1.0 < float((packet.pts or 0) * Fraction(packet.time_base or 1)) < 1.5
+                and not 1.0 < float((packet.pts or 0) * (packet.time_base or Fraction(1))) < 1.5
             ):
                 packet.stream = copy
                 out.mux(packet)

@@ -245,8 +245,8 @@ class LiveLandmarks:
         few = hand[at[:: max(1, len(at) // _FEW)]]
         plain = LandmarkModel(self._voice.hand, hand_map(), np.zeros_like(missing), HAND_TRUST)
         errors = []
-        for size in _SIZES:
-            model = replace(plain, model=resized(self._voice.hand, float(size)))
+        for tried in _SIZES:
+            model = replace(plain, model=resized(self._voice.hand, float(tried)))
             errors.append(_error(model, few, _fit(model, few, started(model, few, self._likely))))
             yield
         size = lowest(_SIZES, np.array(errors))
