@@ -260,14 +260,14 @@ class PilotSearch:
 
 
 def search_stretch(key: int, sound: NDArray[np.float64]) -> Candidate | None:
-    """Best candidate among the superframes that lie whole in a stretch, each by itself.
+    """Best candidate among the superframes that lie whole in a stretch.
 
     Parameters
     ----------
     key : int
         Seed of the layout.
     sound : ndarray of float64, shape (n,)
-        Samples at 12 kHz.
+        Samples at 12 kHz. Where it is longer than two superframes, scores are summed as ever.
     """
     from watermark.audio import _kernels
 
@@ -278,10 +278,15 @@ def search_stretch(key: int, sound: NDArray[np.float64]) -> Candidate | None:
     dither = make_pilots(key).cells.dither.astype(np.float32)
     steps = np.array(PILOT_STEPS, dtype=np.float32)
     _kernels.pilot_soft(projections, alive, _turns(None), dither, steps, 0, soft)
-    peaks = np.empty((len(correlator.pairs), PLACES), dtype=np.float32)
+    past, pairs = correlator.oldest, len(correlator.pairs)
+    peaks = np.zeros((pairs, past + rows), dtype=np.float32)
+    ceilings = np.zeros(pairs, dtype=np.float32) if rows - correlator.kept > PERIOD else None
     best = None
     for row in range(correlator.kept, rows - PLACES + 1, PLACES):
-        found = correlator.find(soft, row, peaks, 0, None)
+        found = correlator.find(soft, row, peaks, past, ceilings)
+        if ceilings is not None:
+            ceilings = np.maximum(ceilings, peaks[:, past : past + PLACES].max(axis=1))
+        past += PLACES
         if found is not None:
             candidate = correlator.candidate(found, row + correlator.first)
             if best is None or candidate.significance > best.significance:

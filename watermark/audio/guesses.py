@@ -23,8 +23,9 @@ they begin."""
 LARGEST_SPEED = 0.053
 """Largest change of speed that is tried."""
 
-KNOWN_SPEEDS = (Fraction(25, 24), Fraction(24, 25))
-"""Films at 24 pictures a second, or 23.976, played at 25, and the way back: tried first."""
+KNOWN_SPEEDS = (Fraction(25, 24), Fraction(24, 25), Fraction(26, 25), Fraction(25, 26))
+"""Films at 24 pictures a second, or 23.976, played at 25, and the way back, and what others mean by
+4 %: tried first."""
 
 NEAR = 2
 """Speeds nearest to the right one that are tried with those: clocks and tapes at 0.15 to 0.47 %."""

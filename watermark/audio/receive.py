@@ -51,13 +51,13 @@ REMEMBERED = 16
 """Failed superframes after which a lock that was given up is forgotten: while the sound is too poor
 for the search, a superframe at the old place may still be read."""
 
-HISTORY_S, LONG_HISTORY_S = 2.4, 9.0
+HISTORY_S, LONG_HISTORY_S = 2.4, 10.0
 """Sound that is kept while locked, enough to search again from a superframe that failed, and while
 searching, for what may be read of it once the sound is understood."""
 
-PAUSES_S = (2.2, 3.5, 14.0, 45.0, 130.0, 240.0)
+PAUSES_S = (2.2, 2.2, 2.2, 14.0, 45.0, 130.0, 240.0)
 """Search in vain before each round of guesses; the last one is repeated. Every second round tries
-all speeds; the first of these ends 9 s after the start."""
+all speeds; the third round begins 8 s after the start."""
 
 GUESSES_PER_STEP = 2
 """Guesses tried for each 0.08 s that arrive."""
@@ -112,6 +112,9 @@ BESIDE_SCORE = 40.0
 
 FOLLOW = 0.3
 """Delay tried on either side with the decoded bits of each following superframe, samples."""
+
+BACK_GAIN = 0.5
+"""Part of the delay of a superframe of the past by which the place of the one before moves."""
 
 SAME_PLACE = 1.0
 """A search that ends within so many samples of the place expected has found nothing new."""
@@ -177,7 +180,7 @@ class AudioReceiver:
     """Receives superframes, block by block; any split into blocks gives the same output.
 
     A superframe is handed out at most 0.1 s after its last frame came in. Those that were on air up
-    to 9 s before the lock follow it, in order.
+    to 10 s before the lock follow it, in order.
 
     Parameters
     ----------
@@ -445,16 +448,10 @@ class AudioReceiver:
         view = self._view(tape, track).turned(Equaliser(phases.size, phases).bins)
         self._move(track, search_fit(view, known.cells, known.step, expected, TURNED_GRID))
         view = self._view(tape, track)
-        certain = score_phases(view, known, demodulator.bands)
-        paths = []
-        for number in range(nearest * TIER_LEVELS, (nearest + 1) * TIER_LEVELS):
-            level = number + offset
-            cells = Known(demodulator.layout.cells, profile.step(level), None)
-            table = certain + score_phases(view, cells, demodulator.bands)
-            paths.append((*path_of(table), level))
-        for _, delay, phases, level in sorted(paths, key=lambda found: -found[0])[:TURNED_TRIALS]:
-            phases += lean(delay, phases.size)
-            moved = replace(track, level=level, equaliser=Equaliser(phases.size, phases))
+        numbers = range(nearest * TIER_LEVELS, (nearest + 1) * TIER_LEVELS)
+        levels = [number + offset for number in numbers]
+        for equaliser, level in _likely_phases(demodulator, view, known, levels):
+            moved = replace(track, level=level, equaliser=equaliser)
             reading = demodulator.read(_as_used(moved, view), [level], due=False)
             if reading.decoded.l0 is not None:
                 return self._lock(heard.mix, moved, view, reading)
@@ -498,10 +495,24 @@ class AudioReceiver:
                 break
             raw = self._view(self._tape, past)
             reading = self._read(past, raw, due=False)
+            if reading.decoded.l0 is None and (moved := self._find_beside(past, raw)):
+                past, raw = moved, self._view(self._tape, moved)
+                reading = self._read(past, raw, due=False)
             failed = 0 if reading.decoded.l0 is not None else failed + 1
             if not failed:
                 found.insert(0, _received(past, reading, self._fs))
+                self._learn_back(past, raw, reading)
         return found
+
+    def _learn_back(self, past: _Track, raw: View, reading: Reading) -> None:
+        """Let a superframe of the past correct the place of the one before, and the phases."""
+        demodulator = past.demodulator
+        cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
+        weighted = demodulator.expected(reading.decoded)
+        weighted = weighted * demodulator.reliability.weights(reading.clues)
+        delay = find_delay(reading.view, cells, step, weighted, FOLLOW)
+        past.position += BACK_GAIN * delay * self._nominal
+        past.equaliser.learn(raw, Known(cells, step, weighted))
 
     def _demodulator(self, number: int) -> Demodulator:
         """Demodulator of a profile; what it learnt is kept for the next lock."""
@@ -546,14 +557,27 @@ class AudioReceiver:
         return _Heard(self._tape, self._mix)
 
     def _read(self, track: _Track, raw: View, *, due: bool) -> Reading:
-        """Read with the phases that the track has, then without, or the other way round."""
+        """Read with the phases that the track has, then without, or the other way round.
+
+        Where bands are turned, at last with phases that this superframe itself tells.
+        """
         demodulator, turned = track.demodulator, track.equaliser.turned
         for view in _views(track, raw) if turned else [raw]:
             levels = demodulator.likely_levels(view, track.level, track.offset)
             reading = demodulator.read(view, levels, due=due)
             if reading.decoded.l0 is not None:
-                break
-        return self._complete_reading(self._tape, track, reading)
+                return self._complete_reading(self._tape, track, reading)
+        if turned:
+            pilots, profile = make_pilots(self._key), demodulator.profile
+            tier = math.floor((levels[0] - track.offset) / TIER_LEVELS + 1e-6)
+            step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
+            known = Known(pilots.cells, step, pilots.expected(profile.number))
+            likely = _likely_phases(demodulator, raw, known, levels[:TIER_LEVELS])
+            for equaliser, level in likely:
+                again = demodulator.read(raw.turned(equaliser.bins), [level], due=False)
+                if again.decoded.l0 is not None:
+                    return again
+        return reading
 
     def _follow(self, track: _Track) -> list[ReceivedSuperframe]:
         """Read the superframe that is due; note whether it arrived."""
@@ -639,6 +663,22 @@ class AudioReceiver:
             self._last_told = track.position
         track.position += SUPERFRAME * track.ratio
         return result
+
+
+def _likely_phases(
+    demodulator: Demodulator, view: View, known: Known, levels: list[float]
+) -> list[tuple[Equaliser, float]]:
+    """Phases that pilots and the cells' second harmonics tell, the likeliest with their level."""
+    certain = score_phases(view, known, demodulator.bands)
+    paths = []
+    for level in levels:
+        cells = Known(demodulator.layout.cells, demodulator.profile.step(level), None)
+        paths.append((*path_of(certain + score_phases(view, cells, demodulator.bands)), level))
+    paths.sort(key=lambda found: -found[0])
+    return [
+        (Equaliser(phases.size, phases + lean(delay, phases.size)), level)
+        for _, delay, phases, level in paths[:TURNED_TRIALS]
+    ]
 
 
 def _views(track: _Track, raw: View) -> list[View]:
