@@ -1,7 +1,8 @@
 """Catalogues: which programmes to dub with what, into which files.
 
 CSV with a header: ``programme``, and optionally ``subtitles`` or ``motion`` (without either the
-programme's own subtitles are taken) and ``output``; relative paths start at the catalogue.
+programme's own subtitles are taken), ``output``, and ``on_air``, when a signed programme begins on
+air; relative paths start at the catalogue.
 """
 
 import csv
@@ -11,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from codec.errors import CueError
+from cuecast.command.errors import UsageError
+from cuecast.command.trust import seconds_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +45,7 @@ class Task:
             self.subtitles,
             self.motion,
             str(self.options.get("lexicon") or ""),
+            str(self.options.get("sign") or ""),
         )
         return tuple(filter(None, (*named, voice if voice.endswith(".npz") else "")))
 
@@ -85,7 +89,19 @@ def read_catalogue(
         output = str(folder / Path(name).name)
         if output in tasks:
             raise CueError(f"{path}: line {number}: another programme has the output {output}")
-        tasks[output] = Task(programme, output, subtitles, motion, dict(options or {}))
+        chosen = dict(options or {})
+        on_air = (row.get("on_air") or "").strip()
+        if on_air or chosen.get("sign"):
+            _check_time(on_air, f"{path}: line {number}")
+            chosen["on_air"] = on_air
+        tasks[output] = Task(programme, output, subtitles, motion, chosen)
     if not tasks:
         raise CueError(f"{path}: no programmes in it")
     return list(tasks.values())
+
+
+def _check_time(on_air: str, where: str) -> None:
+    try:
+        seconds_of(on_air)
+    except UsageError as error:
+        raise UsageError(f"{where}: on_air: {error}") from error

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from codec.authentication.announcement import SigningKey
+from codec.authentication.layout import LAYOUTS
 from codec.authentication.signer import Signer
 from codec.bitstream.checks import proof_of, proved, with_proof
 from codec.errors import CueError
@@ -18,12 +19,23 @@ class Signing:
     key : SigningKey
     on_air_s : float
         When the programme's clock is at zero, seconds since 1970 (UTC).
+    kept : int, optional
+        How many superframes back a carrier may be behind another one; None: any.
+    used : int
+        End of the numbers on the public clock that are used already; no number is used twice.
     """
 
-    def __init__(self, key: SigningKey, on_air_s: float) -> None:
-        self._key, self._on_air_s = key, on_air_s
+    def __init__(
+        self, key: SigningKey, on_air_s: float, *, kept: int | None = None, used: int = 0
+    ) -> None:
+        self._key, self._on_air_s, self._kept, self._used = key, on_air_s, kept, used
         self._signer: Signer | None = None
         self._signed: dict[int, tuple[bytes, int]] = {}
+
+    @property
+    def used(self) -> int:
+        """End of the numbers on the public clock that are used."""
+        return self._used if self._signer is None else self._signer.number
 
     def source(self, source: Source, first: int) -> Source:
         """Return a source of signed superframes; the first one is on air in place `first`."""
@@ -45,8 +57,12 @@ class Signing:
         assert field is not None, "a superframe without a place for its proof"
         if self._signer is None:
             self._signer = Signer(self._key, self._on_air_s, field[1], place=place)
+            block = LAYOUTS[field[1]].block
+            self._signer.number += block * max(0, -(-(self._used - self._signer.number) // block))
         elif self._signed and place != max(self._signed) + 1:
             raise CueError(f"superframe {place} is to be signed out of its turn")
         value = self._signer.take(covered)
         self._signed[place] = covered, value
+        if self._kept is not None and len(self._signed) > self._kept:
+            del self._signed[min(self._signed)]
         return value

@@ -13,6 +13,7 @@ from typing import Any
 from cuecast.command.errors import UsageError
 from cuecast.command.files import PIPE
 from cuecast.command.progress import note
+from cuecast.command.trust import seconds_of
 from cuecast.dubbing.inputs import reading_of
 from cuecast.dubbing.job import options_of
 from cuecast.live.pcm import PcmForm
@@ -53,7 +54,7 @@ def run_live(args: argparse.Namespace) -> int:
         ),
         LiveOptions(
             options.profiles["audio"], args.key, args.grade, args.through, args.low_delay,
-            args.seen_late,
+            args.seen_late, _absolute(args.sign), args.on_air and seconds_of(args.on_air),
         ),
         log,
     )  # fmt: skip

@@ -99,6 +99,7 @@ class PcmMarker:
         self, motion: MotionSource, voice: Voice, options: LiveOptions, form: PcmForm
     ) -> None:
         self._motion, self._voice, self._options, self._form = motion, voice, options, form
+        self._signing = options.signing()
         self._embedder: AudioEmbedder | None = None
         self._next = self._given = self._first = 0
 
@@ -129,10 +130,12 @@ class PcmMarker:
     def _begin(self, first: int) -> None:
         self._first, self._next, self._given = self.superframes, first, first
         profile = find_profile(self._options.profile)
-        grid_s = first / self._form.fs - self._first * SUPERFRAME_S
+        begins_s = first / self._form.fs
+        grid_s = begins_s - self._first * SUPERFRAME_S
         source = superframe_source(
             Shifted(self._motion, grid_s), self._voice, profile.l0_bytes, profile.l1_bytes,
             first=self._first,
+            signing=self._signing.run(begins_s, self._first) if self._signing else None,
         )  # fmt: skip
         self._embedder = AudioEmbedder(
             self._form.fs, self._form.channels, source, profile=profile.name,

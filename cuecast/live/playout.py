@@ -7,7 +7,7 @@ process (`cuecast.live.worker`); when that is late or dead, the sound passes as 
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from cuecast.command.files import PIPE
@@ -111,6 +111,9 @@ class Playout:
         self._figures = dict.fromkeys(_HELP, 0.0)
         paced = self._input.paced
         patience_s = max(0.5, self.delay_s - hold_s - options.embedder_s) if paced else None
+        if options.on_air_s is None and not paced:
+            options = replace(options, on_air_s=time.time())
+        options = replace(options, delay_s=self.delay_s)
         self._worker = Worker(cuer, options, patience_s, hold_s)
         self._aligner = Aligner()
         common: dict[str, Any] = {

@@ -23,6 +23,7 @@ from cuecast.dubbing.dub import LEAD, superframe_source
 from cuecast.dubbing.motions import MotionSource
 from cuecast.live.frames import FrameCutter, framed
 from cuecast.live.packets import TICKS_HZ, Pes, step, write_pes
+from cuecast.live.signing import LiveSigning
 from receiver.media.sound import as_float
 from watermark.audio.embed import AudioEmbedder
 from watermark.audio.profile import find_profile
@@ -65,6 +66,12 @@ class LiveOptions:
     low_delay : bool
     seen_s : float
         How much later than the playout a live interpreter sees the programme.
+    sign : str
+        File of the key that signs, if any.
+    on_air_s : float, optional
+        When the motion's clock is at zero, seconds since 1970 (UTC); None: as the clock has it.
+    delay_s : float
+        From in to out.
     """
 
     profile: str
@@ -73,6 +80,9 @@ class LiveOptions:
     through: str | None = None
     low_delay: bool = False
     seen_s: float = 0.0
+    sign: str = ""
+    on_air_s: float | None = None
+    delay_s: float = 0.0
 
     @property
     def stretch(self) -> int:
@@ -84,6 +94,10 @@ class LiveOptions:
     def embedder_s(self) -> float:
         """Longest time from a sample to its marked one, without the time to compute."""
         return SUPERFRAME_S * self.stretch * (1 + self.rehearsed) + 0.1
+
+    def signing(self) -> LiveSigning | None:
+        """Return what signs runs of sound, if they are to be signed."""
+        return LiveSigning(self.sign, self.on_air_s, self.delay_s) if self.sign else None
 
     @property
     def ahead_s(self) -> float:
@@ -142,6 +156,7 @@ class SoundMarker:
         tell: Callable[[str], None] = lambda line: None,
     ) -> None:  # fmt: skip
         self._motion, self._voice, self._options, self._tell = motion, voice, options, tell
+        self._signing = options.signing()
         self._kind = ""
         self._cutter: FrameCutter | None = None
         self._decoder: Any = None
@@ -203,8 +218,9 @@ class SoundMarker:
         """Mark plain sound of 48 kHz and two channels as if it had come in as MPEG audio."""
         form = _Form(48_000, "stereo", 2)
         run = _Run(
-            "mp2", form, 0, 0.0, 0, self._motion, self._voice, self._options, 1, lambda: 192_000
-        )
+            "mp2", form, 0, 0.0, 0, self._motion, self._voice, self._options, None, 1,
+            lambda: 192_000,
+        )  # fmt: skip
         yield from run.process(samples.astype(np.float32))
         yield from run.flush()
 
@@ -277,7 +293,8 @@ class SoundMarker:
         form = _Form(sound.sample_rate, sound.layout.name, sound.layout.nb_channels)
         return _Run(
             self._kind, form, stamp, self._base_s, self._first, self._motion, self._voice,
-            self._options, per_packet, lambda: round(self._bits / max(self._length_s, 1e-3)),
+            self._options, self._signing, per_packet,
+            lambda: round(self._bits / max(self._length_s, 1e-3)),
         )  # fmt: skip
 
 
@@ -286,8 +303,8 @@ class _Run:
 
     def __init__(
         self, kind: str, form: "_Form", stamp: int, start_s: float, first: int,
-        motion: MotionSource, voice: Voice, options: LiveOptions, per_packet: int,
-        bit_rate: Callable[[], int],
+        motion: MotionSource, voice: Voice, options: LiveOptions, signing: LiveSigning | None,
+        per_packet: int, bit_rate: Callable[[], int],
     ) -> None:  # fmt: skip
         self.fs, self.layout, self.channels = form.fs, form.layout, form.channels
         self.start_s = start_s
@@ -295,8 +312,9 @@ class _Run:
         profile = find_profile(options.profile)
         grid_s = start_s - first * SUPERFRAME_S
         source = superframe_source(
-            Shifted(motion, grid_s), voice, profile.l0_bytes, profile.l1_bytes, first=first
-        )
+            Shifted(motion, grid_s), voice, profile.l0_bytes, profile.l1_bytes, first=first,
+            signing=signing.run(start_s, first) if signing else None,
+        )  # fmt: skip
         self._embedder = AudioEmbedder(
             self.fs, self.channels, source, profile=profile.name, key=options.key,
             grade=options.grade, stretch=options.stretch,

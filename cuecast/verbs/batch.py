@@ -1,7 +1,8 @@
 """Dub all programmes of a catalogue; what is done already is not done again.
 
-The catalogue is CSV with the columns programme, and optionally subtitles or motion, and output.
-Without either the programme's own subtitles are taken. Several batches may work on one folder.
+The catalogue is CSV with the columns programme, and optionally subtitles or motion, and output;
+signed programmes have on_air. Without subtitles or motion the programme's own subtitles are taken.
+Several batches may work on one folder.
 """
 
 import argparse
@@ -45,7 +46,7 @@ def _dubbing_options(args: argparse.Namespace) -> dict[str, object]:
     parser = argparse.ArgumentParser()
     add_dubbing(parser)
     options = {name: getattr(args, name) for name in vars(parser.parse_args([]))}
-    for name in ("lexicon", "units"):
+    for name in ("lexicon", "units", "sign"):
         if options.get(name):
             options[name] = str(Path(options[name]).absolute())
     voice = str(options["voice"])

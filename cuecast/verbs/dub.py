@@ -49,7 +49,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="motion of the cuer; with --live, - is an interpreter: lines of `capture - --live`",
     )  # fmt: skip
     parser.add_argument("-o", "--output", metavar="OUT", help="the programme with its cuer")
-    parser.add_argument("--sign", metavar="SECRET", help="sign the cues with this key: `key new`")
     add_on_air(parser, "when a signed programme begins on air (default: now)")
     parser.add_argument("--report", metavar="R.json", help="what was done; - prints it")
     add_json(parser)
@@ -121,6 +120,7 @@ def add_dubbing(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--replace", action="store_true", help="write over the cuer that the programme has already"
     )
+    parser.add_argument("--sign", metavar="SECRET", help="sign the cues with this key: `key new`")
     add_voice(parser)
     add_seed(parser)
     add_key(parser)

@@ -12,6 +12,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from codec.errors import CueError
@@ -78,6 +79,31 @@ def test_batch_is_restartable(
     ]
     _, rows = run(catalogue, out, *FAST)  # other options: done anew
     assert [row["status"] for row in rows] == ["done", "failed", "done"]
+
+
+def test_signed_batch(catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = ["--secret", str(tmp_path / "k.key"), "--public", str(tmp_path / "k.pub")]
+    assert main(["key", "new", "one", *files, "--days", "1", "--from", "2027-01-31"]) == 0
+    noise = np.random.default_rng(2).normal(0, 0.05, (14 * FS, 2)).astype(np.float32)
+    write_film(tmp_path / "one.flac", noise, FS, encoder="flac")
+    shutil.copy(catalogue.parent / "a.srt", tmp_path)
+    listed = tmp_path / "list.csv"
+    signed = ("--sign", str(tmp_path / "k.key"), "--no-grade", "--no-read-back")
+    listed.write_text("programme,subtitles\none.flac,a.srt\n", encoding="utf-8")
+    assert main(["batch", str(listed), "--out", str(tmp_path / "out"), *signed]) == 2
+    assert "line 2: on_air: '' is no time such as" in capsys.readouterr().err
+    on_air = "2027-01-31T20:00:00Z"
+    rows = ["programme,subtitles,on_air", f"one.flac,a.srt,{on_air}"]
+    listed.write_text("\n".join(rows), encoding="utf-8")
+    assert run(listed, tmp_path / "out", *signed)[1][0]["status"] == "done"
+    assert run(listed, tmp_path / "out", *signed)[1][0]["status"] == "done before"
+    capsys.readouterr()
+    made = str(tmp_path / "out" / "one.flac")
+    whose = ["--verify", str(tmp_path / "k.pub"), "--on-air", on_air]
+    assert main(["receive", made, "--json", *whose]) == 0
+    told = json.loads(capsys.readouterr().out)["authenticity"]
+    assert told["status"] == "verified"
+    assert run(listed, tmp_path / "out", "--no-grade", "--no-read-back")[1][0]["status"] == "done"
 
 
 def outputs(folder: Path) -> dict[str, bytes]:
