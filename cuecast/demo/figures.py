@@ -24,7 +24,7 @@ _APPROACH_S = 0.06
 _LOOK_HZ = 100.0
 """Moments per second among which the stillest is looked for."""
 
-_LINE = 52
+_LINE = 40
 """Characters of a line of subtitles."""
 
 _CUER_WIDTH = 310
@@ -53,6 +53,8 @@ def draw_strip(
     import matplotlib.figure
 
     keys = motion.score.keys if motion.score else ()
+    # Her own clock runs ahead and behind: moments without a subtitle would tell less.
+    keys = tuple(k for k in keys if any(s.start_s <= k.start < s.end_s for s in subtitles)) or keys
     chosen = [keys[i] for i in np.linspace(1, len(keys) - 2, _MOMENTS).round().astype(int)]
     times = np.array([_stillest(motion, voice, key) for key in chosen])
     screens = _pictures_at(programme, times)
@@ -83,7 +85,9 @@ def _stillest(motion: Motion, voice: Voice, key: Key) -> float:
 
 
 def _caption(key: Key, time_s: float) -> str:
-    return f"{time_s:.2f} s: {''.join(key.phones)}, shape {key.shape} at the {key.placement}"
+    # A key that only a preview told has no phones.
+    told = "".join(key.phones) + ", " if key.phones else ""
+    return f"{time_s:.2f} s: {told}shape {key.shape} at the {key.placement}"
 
 
 def draw_keys(path: Path, sent: Motion, received: Motion) -> None:
