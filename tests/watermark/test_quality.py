@@ -282,3 +282,25 @@ def test_loudness_of_the_standard_s_tone_and_of_its_gates() -> None:
         loudness_lufs(np.zeros((48000, 1)), 48000)
     with pytest.raises(CueError, match=r"^loudness of shape"):
         loudness_lufs(np.zeros(48000), 48000)
+
+
+def test_frames_are_counted_as_in_python() -> None:
+    states = []
+    for count in (_kernels.count_frame, getattr(_kernels.count_frame, "py_func", None)):
+        assert count is not None
+        rng = np.random.default_rng(3)
+        sums, whole = np.zeros((_kernels.SUMS, 2)), np.zeros(_kernels.WHOLE_SUMS)
+        sums[_kernels.WINDOW : _kernels.WINDOWED] = np.nan
+        for n in range(12):
+            features = rng.uniform(0, 3, (2, 10))
+            features[:, _kernels.BANDWIDTH_REF] -= 1.0
+            ehs, (detection, steps) = rng.uniform(-1, 1, 2), rng.uniform(0, 1, 2)
+            count(features, ehs, detection, steps, n > 2, n > 4, 1.4, sums, whole)
+        states.append((sums, whole))
+    np.testing.assert_allclose(states[0][0], states[1][0], rtol=1e-12)
+    np.testing.assert_allclose(states[0][1], states[1][1], rtol=1e-12)
+    sums, whole = states[0]
+    assert whole[_kernels.FRAMES] == 12
+    # Windows of four frames from the third on: six are whole.
+    assert (sums[_kernels.WINDOWED + 1] == 6).all()
+    assert (sums[_kernels.NOISE + 1] == 7).all()

@@ -25,6 +25,21 @@ NMR_MEAN, NMR_MAX, MOD_1, MOD_2, MOD_WEIGHT, NOISE_LOUDNESS = 0, 1, 2, 3, 4, 5
 LOUDNESS_REF, LOUDNESS_TEST, BANDWIDTH_REF, BANDWIDTH_TEST = 6, 7, 8, 9
 """Columns of the features: loudness in sone, bandwidth in spectral lines."""
 
+# Rows of `sums` of `count_frame`, for each channel: sums and their counts.
+BANDWIDTH = 0  # reference, test, count
+NMR = 3  # ratios, disturbed frames
+EHS = 5
+MODULATION = 7  # weighted 1, weighted 2, weight
+WINDOW = 10  # roots of the last frames' modulation, the oldest first
+WINDOW_FRAMES = 4
+WINDOWED = 14
+NOISE = 16
+SUMS = 18
+
+# Elements of `whole`, over all channels.
+SMOOTH_DETECTION, LARGEST_DETECTION, DISTORTED, FRAMES = 0, 1, 2, 4
+WHOLE_SUMS = 5
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -286,3 +301,52 @@ def polyphase_into(
             for j in range(width):
                 total += taps[phase, j] * history[row + j, c]
             out[i, c] = total
+
+
+@njit(cache=True)
+def count_frame(
+    features: FloatArray,
+    ehs: FloatArray,
+    detection: float,
+    steps: float,
+    settled: bool,
+    audible: bool,
+    disturbed: float,
+    sums: FloatArray,
+    whole: FloatArray,
+) -> None:
+    """Add one frame to the averages, see `watermark.quality.movs.MovAverages`."""
+    for c in range(ehs.size):
+        x = features[c]
+        if x[BANDWIDTH_REF] >= 0:
+            sums[BANDWIDTH, c] += x[BANDWIDTH_REF]
+            sums[BANDWIDTH + 1, c] += x[BANDWIDTH_TEST]
+            sums[BANDWIDTH + 2, c] += 1.0
+        sums[NMR, c] += x[NMR_MEAN]
+        if x[NMR_MAX] > disturbed:
+            sums[NMR + 1, c] += 1.0
+        if ehs[c] >= 0:
+            sums[EHS, c] += ehs[c]
+            sums[EHS + 1, c] += 1.0
+        if settled:
+            sums[MODULATION, c] += x[MOD_WEIGHT] * x[MOD_1]
+            sums[MODULATION + 1, c] += x[MOD_WEIGHT] * x[MOD_2]
+            sums[MODULATION + 2, c] += x[MOD_WEIGHT]
+            mean = 0.0
+            for n in range(WINDOW_FRAMES - 1):
+                sums[WINDOW + n, c] = sums[WINDOW + n + 1, c]
+                mean += sums[WINDOW + n, c]
+            sums[WINDOW + WINDOW_FRAMES - 1, c] = math.sqrt(x[MOD_1])
+            mean = (mean + math.sqrt(x[MOD_1])) / WINDOW_FRAMES
+            if not math.isnan(mean):
+                sums[WINDOWED, c] += mean**4
+                sums[WINDOWED + 1, c] += 1.0
+        if settled and audible:
+            sums[NOISE, c] += x[NOISE_LOUDNESS] ** 2
+            sums[NOISE + 1, c] += 1.0
+    whole[SMOOTH_DETECTION] = 0.9 * whole[SMOOTH_DETECTION] + 0.1 * detection
+    whole[LARGEST_DETECTION] = max(whole[LARGEST_DETECTION], whole[SMOOTH_DETECTION])
+    if detection > 0.5:
+        whole[DISTORTED] += steps
+        whole[DISTORTED + 1] += 1.0
+    whole[FRAMES] += 1.0

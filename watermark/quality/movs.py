@@ -95,17 +95,14 @@ class MovAverages:
     """Running sums of the model output variables of up to `channels` channels."""
 
     def __init__(self, channels: int) -> None:
-        self.frames = 0
-        self._bandwidth = np.zeros((3, channels))  # reference, test, count
-        self._nmr = np.zeros((2, channels))  # sum of ratios, disturbed frames
-        self._ehs = np.zeros((2, channels))
-        self._modulation = np.zeros((3, channels))  # weighted 1, weighted 2, weight
-        self._window = np.full((4, channels), np.nan)
-        self._windowed = np.zeros((2, channels))
-        self._noise = np.zeros((2, channels))
-        self._smooth_detection = 0.0
-        self._largest_detection = 0.0
-        self._distorted = np.zeros(2)
+        self._sums = np.zeros((k.SUMS, channels))
+        self._sums[k.WINDOW : k.WINDOW + k.WINDOW_FRAMES] = np.nan
+        self._whole = np.zeros(k.WHOLE_SUMS)
+
+    @property
+    def frames(self) -> int:
+        """Frames that were counted."""
+        return int(self._whole[k.FRAMES])
 
     def add(self, frame: Frame, *, settled: bool, audible: bool) -> None:
         """Count one frame.
@@ -119,47 +116,32 @@ class MovAverages:
         audible : bool
             Both signals have been audible for 50 ms, so that noise loudness may be averaged.
         """
-        x = frame.features
-        self.frames += 1
-        wide = x[:, k.BANDWIDTH_REF] >= 0
-        self._bandwidth += wide * [x[:, k.BANDWIDTH_REF], x[:, k.BANDWIDTH_TEST], np.ones(len(x))]
-        self._nmr += np.stack([x[:, k.NMR_MEAN], x[:, k.NMR_MAX] > DISTURBED])
-        self._ehs += (frame.ehs >= 0) * [frame.ehs, np.ones(len(x))]
-        if settled:
-            self._add_modulation(x)
-        if settled and audible:
-            self._noise += [x[:, k.NOISE_LOUDNESS] ** 2, np.ones(len(x))]
-        self._smooth_detection = 0.9 * self._smooth_detection + 0.1 * frame.detection
-        self._largest_detection = max(self._largest_detection, self._smooth_detection)
-        if frame.detection > 0.5:
-            self._distorted += [frame.steps, 1.0]
-
-    def _add_modulation(self, x: FloatArray) -> None:
-        weight = x[:, k.MOD_WEIGHT]
-        self._modulation += [weight * x[:, k.MOD_1], weight * x[:, k.MOD_2], weight]
-        self._window = np.vstack([self._window[1:], np.sqrt(x[:, k.MOD_1])])
-        if not np.isnan(self._window[0, 0]):
-            self._windowed += [self._window.mean(axis=0) ** 4, np.ones(len(x))]
+        k.count_frame(
+            frame.features, frame.ehs, frame.detection, frame.steps, settled, audible, DISTURBED,
+            self._sums, self._whole,
+        )  # fmt: skip
 
     def movs(self) -> Movs:
         """Evaluate the averages; there must be at least one frame."""
-        ref, test, count = self._bandwidth
+        ref, test, count = self._sums[k.BANDWIDTH : k.BANDWIDTH + 3]
+        nmr, ehs = self._sums[k.NMR : k.NMR + 2], self._sums[k.EHS : k.EHS + 2]
+        modulation = self._sums[k.MODULATION : k.MODULATION + 3]
         return Movs(
             bandwidth_ref=_mean(ref, count, NARROW_REF),
             bandwidth_test=_mean(test, count, NARROW_TEST),
-            total_nmr=float(np.mean(10 * np.log10(np.maximum(self._nmr[0] / self.frames, 1e-30)))),
-            win_mod_diff_1=_root_mean(*self._windowed),
+            total_nmr=float(np.mean(10 * np.log10(np.maximum(nmr[0] / self.frames, 1e-30)))),
+            win_mod_diff_1=_root_mean(*self._sums[k.WINDOWED : k.WINDOWED + 2]),
             adb=self._average_distorted_block(),
-            ehs=1000 * _mean(self._ehs[0], self._ehs[1], 0.0),
-            avg_mod_diff_1=_mean(self._modulation[0], self._modulation[2], 0.0),
-            avg_mod_diff_2=_mean(self._modulation[1], self._modulation[2], 0.0),
-            rms_noise_loud=_root_mean(*self._noise),
-            mfpd=self._largest_detection,
-            rel_dist_frames=float(np.mean(self._nmr[1] / self.frames)),
+            ehs=1000 * _mean(ehs[0], ehs[1], 0.0),
+            avg_mod_diff_1=_mean(modulation[0], modulation[2], 0.0),
+            avg_mod_diff_2=_mean(modulation[1], modulation[2], 0.0),
+            rms_noise_loud=_root_mean(*self._sums[k.NOISE : k.NOISE + 2]),
+            mfpd=float(self._whole[k.LARGEST_DETECTION]),
+            rel_dist_frames=float(np.mean(nmr[1] / self.frames)),
         )
 
     def _average_distorted_block(self) -> float:
-        steps, count = self._distorted
+        steps, count = self._whole[k.DISTORTED : k.DISTORTED + 2]
         if count == 0:
             return 0.0
         return math.log10(steps / count) if steps > 0 else -0.5

@@ -197,9 +197,14 @@ class PeaqMeter:
             ehs[c] = harmonic_structure(power, energy)
             _run_model(power, self._state[c], features[c], probability, steps)
         detection = 1 - np.prod(1 - probability, axis=1)
+        by_frame, ehs = (
+            np.ascontiguousarray(features.transpose(1, 0, 2)),
+            np.ascontiguousarray(ehs.T),
+        )
+        size = steps.sum(axis=1)
         grades = []
         for t in range(count):
-            frame = Frame(features[:, t], ehs[:, t], float(detection[t]), float(steps[t].sum()))
+            frame = Frame(by_frame[t], ehs[t], float(detection[t]), float(size[t]))
             grades += self._count(frame, active=bool(active[t]))
         return grades
 
