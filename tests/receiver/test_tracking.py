@@ -246,6 +246,8 @@ def test_a_long_gap_is_told_in_bulk(told: bool) -> None:
     if not told:
         assert len(events) <= 64
         assert [e.count for e in lost] == [1] * 6 + [36] + [1] * 2
+        starts = [(e.start_s - OFFSET_S) / 0.64 for e in lost]
+        assert starts == pytest.approx([22, 23, 24, 25, 26, 27, 28, 64, 65])
 
 
 def test_what_failed_is_told_at_once() -> None:
@@ -289,15 +291,42 @@ def test_the_same_again_is_nothing_and_more_of_it_is_drawn() -> None:
     assert list(tracker.take(s.l0, s.l1 + bytes(len(s.l1)), t))
 
 
-def test_the_middle_of_a_gap_is_told_where_it_begins() -> None:
+def test_the_state_changes_when_the_superframe_has_come() -> None:
+    changes = [e for e in run(Tracker(VOICE), SENT[:1]) if isinstance(e, StateChanged)]
+    assert [(e.time_s, e.state) for e in changes] == [(SENT[0][0] + 0.64, "locked")]
+
+
+def test_a_late_superframe_makes_its_neighbours_better() -> None:
     tracker = Tracker(VOICE)
-    list(_run(tracker, SENT))
-    events = run(tracker, [(SENT[-1][0] + 0.64 * 31, replace(SENT[11][1], index=0))])
-    last_s = SENT[-1][0] + LEAD_S
-    lost = [e for e in events if isinstance(e, SuperframeLost)]
-    if lost:
-        bulk = max(lost, key=lambda e: e.count)
-        assert bulk.start_s == pytest.approx(last_s + 0.64 * 7)
+    for number in (0, 1, 3, 4):
+        list(tracker.take(SENT[number][1].l0, SENT[number][1].l1, SENT[number][0]))
+    late = list(tracker.take(SENT[2][1].l0, SENT[2][1].l1, SENT[2][0]))
+    assert list(pieces(late)) == [pytest.approx(OFFSET_S + 0.64 * k, abs=0.001) for k in (3, 5, 4)]
+    assert tracker.lost == 0
+
+
+def test_where_others_were_one_superframe_is_proof_enough() -> None:
+    tracker = Tracker(VOICE)
+    run(tracker, [*SENT[:8], *foreign()])
+    (t, s), drawn = SENT[10], []
+    drawn = [e for e in tracker.take(s.l0, s.l1, t) if isinstance(e, MotionPiece) and e.layers]
+    assert drawn
+
+
+def test_where_others_were_it_takes_four_compact_ones() -> None:
+    """Each tells two bits of the identity; then all four are drawn."""
+    encoder = CompactEncoder(VOICE, l0_bytes=12, first=2)
+    motion = with_phones(MOTION)
+    sent = [(OFFSET_S + 0.64 * k - LEAD_S, encoder.encode(motion, k).l0) for k in range(2, 18)]
+    tracker = Tracker(VOICE)
+    drawn = []
+    for number, (on_air_s, l0) in enumerate(sent):
+        given = bytes([*l0[:-1], l0[-1] ^ 1]) if number in (6, 7) else l0
+        events = list(tracker.take(given, None, on_air_s))
+        drawn.append(sum(1 for p in pieces(events).values() if p.layers))
+    assert drawn[6:11] == [0] * 5
+    assert drawn[11] >= 4
+    assert (tracker.received, tracker.lost) == (14, 2)
 
 
 @pytest.mark.parametrize(("offset_s", "epochs"), [(0.09, 1), (0.11, 2), (-0.09, 1), (-0.11, 2)])

@@ -7,8 +7,9 @@ import pytest
 
 from codec.errors import CueError
 from watermark.audio.profile import PROFILES as AUDIO_PROFILES
-from watermark.link.combine import Combiner
+from watermark.link.combine import Combiner, _fold, _Seen
 from watermark.link.link import Link, Rates
+from watermark.link.polar import make_code
 from watermark.link.superframe import ReceivedSuperframe
 from watermark.video.profile import PROFILES as VIDEO_PROFILES
 
@@ -31,6 +32,7 @@ def test_each_alone_loses_both_together_do_not() -> None:
     rng = np.random.default_rng(1)
     combiner = Combiner()
     lost = [0, 0, 0]
+    recovered = 0
     for k in range(60):
         l0 = rng.bytes(AUDIO.l0_bytes)
         heard = through_noise(AUDIO, l0, 2.3, 0.64 * k + 0.01, rng)
@@ -41,6 +43,8 @@ def test_each_alone_loses_both_together_do_not() -> None:
         lost[0] += heard.l0 is None
         lost[1] += seen.l0 is None
         lost[2] += not got
+        recovered += heard.l0 is None and seen.l0 is None and bool(got)
+        assert combiner.recovered == recovered
     assert lost[0] > 12
     assert lost[1] > 12
     assert lost[2] == 0
@@ -101,3 +105,97 @@ def test_other_codes_pass_by() -> None:
     assert combiner.recovered == 0
     with pytest.raises(CueError, match="carrier 'smell': must be one of audio, video, a335"):
         combiner.add("smell", heard, AUDIO)
+
+
+@pytest.mark.parametrize("length", [5, 16, 17, 40])
+def test_ratios_are_folded_onto_the_mother_code(length: int) -> None:
+    code = make_code(5, max(length, 16), 16)
+    ratios = np.linspace(-30, 30, length)
+    seen = _Seen("audio", ReceivedSuperframe(None, None, 0.0, 0.0, 0.0, ratios), None)
+    expected = np.zeros(16)
+    for place, ratio in enumerate(ratios):
+        expected[place % 16] += min(max(ratio, -20.0), 20.0)
+    np.testing.assert_allclose(_fold(seen, code), expected)
+    silent = _Seen("audio", ReceivedSuperframe(None, None, 0.0, 0.0), None)
+    assert _fold(silent, code).tolist() == [0.0] * 16
+
+
+def failed(position_s: float) -> ReceivedSuperframe:
+    return ReceivedSuperframe(None, None, position_s, 0.1)
+
+
+def whole(position_s: float, l0: bytes = b"x") -> ReceivedSuperframe:
+    return ReceivedSuperframe(l0, b"", position_s, 0.9)
+
+
+@pytest.mark.parametrize(("silent_s", "alone"), [(1.99, False), (2.01, True)])
+def test_how_long_a_carrier_counts(silent_s: float, alone: bool) -> None:
+    combiner = Combiner()
+    assert combiner.add("video", whole(0.0), None) == [whole(0.0)]
+    told = combiner.add("audio", failed(silent_s), None)
+    assert told == ([failed(silent_s)] if alone else [])
+
+
+@pytest.mark.parametrize(("off_s", "same"), [(0.19, True), (0.21, False)])
+def test_how_far_twins_may_be_apart(off_s: float, same: bool) -> None:
+    """What another carrier had already is told no more; elsewhere a failure waits."""
+    combiner = Combiner()
+    combiner.add("video", whole(0.0), None)
+    combiner.add("video", whole(0.64), None)
+    assert combiner.add("audio", failed(0.64 + off_s), None) == []
+    later = combiner.add("audio", failed(0.64 + off_s), None)
+    assert later == []
+    assert (len(combiner._waiting) == 0) is same
+
+
+@pytest.mark.parametrize(("off_s", "told"), [(0.19, True), (-0.19, True), (0.21, False)])
+def test_the_leading_carrier_s_grid_counts(off_s: float, told: bool) -> None:
+    combiner = Combiner()
+    combiner.add("audio", whole(10.0), None)
+    found = combiner.add("video", whole(10.64 + off_s), None)
+    assert [s.position_s for s in found] == ([pytest.approx(10.64)] if told else [])
+    # Two seconds after the sound's last superframe the picture has a grid of its own.
+    found = combiner.add("video", whole(12.05), None)
+    assert [s.position_s for s in found] == [pytest.approx(12.05)]
+    back = combiner.add("video", whole(9.36 + 0.1), None)
+    assert [s.position_s for s in back] == [pytest.approx(9.36)]
+
+
+def test_a_failure_waits_no_longer_than_its_twin_may_come() -> None:
+    combiner = Combiner()
+    combiner.add("video", whole(0.0), None)
+    assert combiner.add("audio", failed(0.64), None) == []
+    combiner.add("video", whole(2.7), None)
+    assert combiner._waiting == []
+
+
+def test_the_surer_of_both_speaks_and_the_richer_one_s_second_class() -> None:
+    rng = np.random.default_rng(1)
+    l0 = bytes(range(AUDIO.l0_bytes))
+    sent: list[tuple[Rates, bytes, float]] = [
+        (AUDIO, bytes(range(100, 100 + AUDIO.l1_bytes)), 2.6),
+        (VIDEO, bytes(range(50, 50 + VIDEO.l1_bytes)), 3.9),
+    ]
+    for order in (0, 1):
+        for _ in range(20):
+            pair: list[ReceivedSuperframe] = []
+            for profile, l1, sigma in sent:
+                signal = 1.0 - 2.0 * Link(profile).encode(l0, l1)
+                ratios = 2 * (signal + rng.normal(0, sigma, signal.size)) / sigma**2
+                cut = profile.l0_coded
+                ratios[cut:] = 8 * signal[cut:]
+                pair.append(ReceivedSuperframe(None, None, 0.0, 0.2 + 0.1 * len(pair), 0.3, ratios))
+            combiner = Combiner()
+            names = ["audio", "video"]
+            first, second = (order, 1 - order)
+            combiner.add(names[second], whole(-0.64), None)
+            combiner.add(names[first], pair[first], sent[first][0])
+            told = combiner.add(names[second], pair[second], sent[second][0])
+            if told and told[0].l0 is not None:
+                break
+        else:
+            pytest.fail("never recovered")
+        richest = max((sent[second], sent[first]), key=lambda one: one[0].l1_bytes)
+        assert told[0].l0 == l0
+        assert told[0].l1 == richest[1]
+        assert told[0].confidence == pytest.approx(0.3)

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +11,12 @@ from watermark.audio.profile import ROBUST, STANDARD
 from watermark.link import _kernels
 from watermark.link.crc import crc_bits
 from watermark.link.link import L0_CHECK, SIGNIFICANT_RATE, Link
-from watermark.link.polar import make_code
+from watermark.link.polar import longest_mother, make_code
+
+
+def ratios(coded: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Of bits as they were sent."""
+    return np.asarray(1.0 - 2.0 * coded, dtype=np.float64)
 
 
 def noisy(coded: NDArray[np.int64], amplitude: float, seed: int) -> NDArray[np.float64]:
@@ -30,8 +37,127 @@ def test_round_trip(l0: bytes, l1: bytes) -> None:
 
 
 def test_payload_of_the_wrong_length() -> None:
-    with pytest.raises(CueError, match=r"^L1 holds 3 bytes, the profile 7$"):
-        Link(STANDARD).encode(bytes(20), bytes(3))
+    for size in (3, 6, 8):
+        with pytest.raises(CueError, match=rf"^L1 holds {size} bytes, the profile 7$"):
+            Link(STANDARD).encode(bytes(20), bytes(size))
+    with pytest.raises(CueError, match=r"^L0 holds 19 bytes, the profile 20$"):
+        Link(STANDARD).encode(bytes(19), bytes(7))
+    with pytest.raises(CueError, match=r"^L1 holds 1 bytes, the profile 0$"):
+        Link(ROBUST).encode(bytes(ROBUST.l0_bytes), b"x")
+
+
+def test_what_is_not_accepted_is_unknown() -> None:
+    link = Link(STANDARD)
+    cut = STANDARD.l0_coded
+    coded = link.encode(bytes(range(20)), bytes(7))
+    llr = ratios(coded)
+    llr[cut:] = np.random.default_rng(3).normal(size=llr.size - cut)
+    decoded = link.decode(llr)
+    assert (decoded.l0, decoded.l1) == (bytes(range(20)), None)
+    np.testing.assert_array_equal(decoded.coded[:cut], coded[:cut])
+    assert (decoded.coded[cut:] == -1).all()
+    nothing = link.decode(-llr)
+    assert (nothing.l0, nothing.l1) == (None, None)
+    assert nothing.coded.shape == llr.shape
+    assert (nothing.coded == -1).all()
+    alone = Link(ROBUST)
+    coded = alone.encode(bytes(ROBUST.l0_bytes), b"")
+    assert alone.decode(ratios(coded)).l1 == b""
+
+
+def test_the_longer_list_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eight paths unless told otherwise, for both classes."""
+    asked: list[int] = []
+    decode = _kernels.scl_decode
+
+    def told(llr: Any, frozen: Any, list_size: int, words: Any, metrics: Any) -> int:
+        asked.append(list_size)
+        return int(decode(llr, frozen, list_size, words, metrics))
+
+    monkeypatch.setattr(_kernels, "scl_decode", told)
+    link = Link(STANDARD)
+    llr = ratios(link.encode(bytes(20), bytes(7)))
+    link.decode(llr)
+    link.decode(llr, list_size=4)
+    link.second(llr)
+    assert asked == [8, 8, 4, 4, 8]
+
+
+def test_codes_that_cannot_be() -> None:
+    for message, length, mother in ((0, 16, None), (17, 16, None), (5, 16, 32), (5, 16, 12)):
+        with pytest.raises(CueError, match=f"^{message} message bits in a polar code of "):
+            make_code(message, length, mother)
+    assert make_code(16, 16).frozen.sum() == 0
+    assert make_code(1, 31).frozen.tolist() == [1] * 15 + [0]
+    assert longest_mother(31) == 16
+    assert longest_mother(32) == 32
+
+
+def test_bits_are_repeated_in_order_and_add() -> None:
+    code = make_code(5, 24, 16)
+    word = code.encode(np.array([1, 0, 1, 1, 0]))
+    np.testing.assert_array_equal(word[16:], word[:8])
+    llr = ratios(word)
+    llr[:8], llr[16:] = -0.5 * llr[:8], 0.75 * llr[16:]
+    found = code.decode(llr, accept=lambda message: True)
+    assert found is not None
+    assert found.tolist() == [1, 0, 1, 1, 0]
+    # The second best is asked for only if the best is not accepted; none if none is.
+    tried: list[list[int]] = []
+
+    def refuse(word: NDArray[np.int64]) -> bool:
+        tried.append(word.tolist())
+        return False
+
+    assert code.decode(llr, accept=refuse, list_size=4) is None
+    assert len(tried) == 4
+    assert tried[0] == [1, 0, 1, 1, 0]
+    assert len({tuple(t) for t in tried}) == 4
+
+
+def plain_list_decoder(
+    llr: NDArray[np.float64], frozen: NDArray[np.int64], list_size: int
+) -> list[tuple[float, tuple[int, ...]]]:
+    """Every path written out: ratios of a leaf by recursion over the decided bits."""
+
+    def leaf(ratios: NDArray[np.float64], decided: tuple[int, ...]) -> float:
+        if ratios.size == 1:
+            return float(ratios[0])
+        a, b = np.split(ratios, 2)
+        half = a.size
+        if len(decided) < half:
+            return leaf(np.sign(a) * np.sign(b) * np.minimum(abs(a), abs(b)), decided)
+        u = np.array(decided[:half])
+        _kernels.polar_transform(u)
+        return leaf(b + (1 - 2 * u) * a, decided[half:])
+
+    paths: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
+    for stop in frozen:
+        grown = []
+        for metric, decided in paths:
+            ratio = leaf(llr, decided)
+            for bit in (0,) if stop else (0, 1):
+                cost = abs(ratio) if (ratio < 0) != bool(bit) else 0.0
+                grown.append((metric + cost, (*decided, bit)))
+        paths = sorted(grown)[:list_size]
+    return sorted(paths)
+
+
+@pytest.mark.parametrize("list_size", [1, 2, 3, 8])
+@pytest.mark.parametrize(("message", "size"), [(5, 16), (11, 16), (9, 32), (1, 2)])
+def test_the_list_is_that_of_the_written_out_decoder(
+    message: int, size: int, list_size: int
+) -> None:
+    frozen = make_code(message, size).frozen
+    for seed in range(6):
+        llr = np.random.default_rng(seed).normal(0.3, 1, size)
+        words = np.full((list_size, size), -7, dtype=np.int64)
+        metrics = np.full(list_size, -7.0)
+        count = _kernels.scl_decode(llr, frozen, list_size, words, metrics)
+        expected = plain_list_decoder(llr, frozen, list_size)
+        assert count == len(expected)
+        np.testing.assert_allclose(metrics[:count], [metric for metric, _ in expected])
+        assert words[:count].tolist() == [list(bits) for _, bits in expected]
 
 
 def test_corrects_noise_and_erasures() -> None:
