@@ -47,7 +47,7 @@ _MEETS_HAND_DEG = {
 
 _TWIST_DEG = {"rest": -5.0, "side": 2.0, "mouth": 0.0, "chin": -1.0, "cheek": 3.0, "throat": -3.0}
 _HEAD_DRIFT = np.array([*np.radians([1.2, 0.8, 0.5]), 1.2, 1.0, 1.4])
-_ARC = np.array([-0.254, -0.059, 0.1])
+_ARC = np.array([-0.24, -0.13, 0.1])
 """How far the middle of a stroke lies outwards, upwards and to the front, per mm of way;
 real cuers' strokes bend outwards by a fifth of their length."""
 

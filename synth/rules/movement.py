@@ -124,8 +124,8 @@ def plan_gestures(
     ----------
     score : Score
     alignment : {"attina", "paper"}
-        Target of a consonant-vowel key in the first part of the consonant (Attina 2005), or in
-        its middle (Gibert, Bailly, Elisei 2004, section 5.1).
+        Target of a consonant-vowel key in the first part of the consonant (Attina 2005; where is
+        the movement's `lag_share`), or in its middle (Gibert, Bailly, Elisei 2004, section 5.1).
     options : CueingOptions
         Which gaps send the hand to rest.
     movement : Movement
@@ -144,15 +144,14 @@ def plan_gestures(
     for key in score.keys:
         target = key.start + _lag(key, score, alignment, movement.lag_share)
         here = key.shape, PLACEMENT_NUMBER[key.placement]
-        way_mm = way(rows[-1][:2], here)
         rested = previous is None or key.start - previous.end >= options.rest_gap_s
-        if rested:
+        if rested and previous is not None:
+            lead = min(movement.first_lead_s, 0.5 * (key.start - previous.end))
+            rows.append(_to_rest(previous, key.start - lead, movement))
+        way_mm = way(rows[-1][:2], here)
+        if previous is None:
             lead = movement.first_lead_s
-            if previous is not None:
-                lead = min(lead, 0.5 * (key.start - previous.end))
-                rows.append(_to_rest(previous, key.start - lead, movement))
-        else:
-            assert previous is not None
+        elif not rested:
             most = movement.most_lead_s + movement.lead_s_per_mm * way_mm
             apart_s = key.start - previous.start
             quick_s = min(apart_s, movement.hurried_s)

@@ -45,8 +45,8 @@ def test_movements_follow_the_stated_times() -> None:
     moves = movements(join(parts))
     # Rest, three keys of 12 ticks, rest: paragraphs P1 to P3 by hand.
     assert moves.key.tolist() == [0, 6 * 4 + 1, 6 * 6 + 2, 6 * 3 + 3, 0]
-    assert moves.leave[1:].tolist() == [4000 - 2500, 5200 - 960, 6400 - 960, 7600 + 400]
-    assert moves.reach[1:].tolist() == [4000 + 96, 5200 + 96, 6400 + 96, 7600 + 400 + 3500]
+    assert moves.leave[1:].tolist() == [4000 - 2500, 5200 - 900, 6400 - 900, 7600 + 400]
+    assert moves.reach[1:].tolist() == [4000 + 180, 5200 + 180, 6400 + 180, 7600 + 400 + 3500]
 
 
 def test_the_hand_shares_a_silence_between_rest_and_return() -> None:
