@@ -375,29 +375,34 @@ def quantise_rd(
     costs: NDArray[np.float64],
     points: NDArray[np.int64],
     q: NDArray[np.int64],
-) -> None:
+) -> tuple[float, float]:
     """Quantise in scan order, each index such that error plus ``weight`` times bits is least.
 
     Errors are counted in squared steps. An index's influence on later contexts is not seen.
+    Returns the bits and errors of all.
     """
+    bits, squares = 0.0, 0.0
     for i in range(values.size):
         q[i] = 0
         kind, shift = coefficient_class(scales[i], step)
-        if kind < 0:
-            continue
         x = abs(values[i]) / width
-        top = int(x + 0.5)
-        if top == 0:
+        if kind < 0:
+            squares += x * x
             continue
+        top = int(x + 0.5)
         cost = costs[kind, _context(q, before, i, shift)]
-        best, least = 0, x * x + weight * _cost(0, cost, shift)
+        told, error = _cost(0, cost, shift), x
+        best, least = 0, x * x + weight * told
         for magnitude in range(max(1, top - 1), top + 1):
             inset = points[kind, min(magnitude, 3) - 1] / 256.0 if shift == 0 else 0.0
-            error = x - magnitude + inset
-            value = error * error + weight * _cost(magnitude, cost, shift)
+            off, cells = x - magnitude + inset, _cost(magnitude, cost, shift)
+            value = off * off + weight * cells
             if value < least:
-                best, least = magnitude, value
+                best, least, told, error = magnitude, value, cells, off
         q[i] = -best if values[i] < 0 else best
+        bits += told
+        squares += error * error
+    return bits, squares
 
 
 @njit(cache=True)

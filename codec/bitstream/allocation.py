@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.bitstream.analysis import Analysis
-from codec.bitstream.payload import Content, choice_bits, coefficient_bits
+from codec.bitstream.payload import Content, choice_bits
 from codec.bitstream.plan import Plan
 from codec.bitstream.quantise import (
     LEVELS,
@@ -18,8 +18,8 @@ from codec.bitstream.quantise import (
     WEIGHT,
     Setting,
     basis_of,
-    dequantise,
     quantise_rd,
+    weigh_rd,
     width_mm,
 )
 from codec.bitstream.tables import coefficient_tables
@@ -67,8 +67,8 @@ def allocate(plan: Plan, bases: Bases, room_bits: float) -> Content:
     usual = Choice(0, 0, bases[0].forward(analysis.lacking))
     step = _finest(analysis, usual, bases, left)
     chosen = choose(analysis, bases, step)
-    mode = analysis.header.mode
-    more = choice_bits(mode, chosen.basis, chosen.level) - choice_bits(mode, 0, 0)
+    bare = analysis.unpredicted
+    more = choice_bits(bare, chosen.basis, chosen.level) - choice_bits(bare, 0, 0)
     near = max(step - _NEAR, 0), min(step + _NEAR, NO_RESIDUAL)
     return content_at(plan, bases, chosen, _finest(analysis, chosen, bases, left - more, near))
 
@@ -114,14 +114,12 @@ def choose(analysis: Analysis, bases: Bases, step: int) -> Choice:
 
 def weigh(analysis: Analysis, choice: Choice, bases: Bases, step: int) -> tuple[float, float]:
     """Return the bits of all coefficients and the choice, and the squared error, mm**2."""
-    setting, q = _quantised(analysis, choice, bases, step)
-    if setting.step == NO_RESIDUAL:
+    if step == NO_RESIDUAL:
         return 0.0, float(np.square(choice.values).sum())
+    setting = Setting(step, choice.basis, choice.level)
     basis = basis_of(bases, setting)
-    error = choice.values - dequantise(q, setting, basis, coefficient_tables())
-    bits = coefficient_bits(q, setting, basis)
-    bits += choice_bits(analysis.header.mode, choice.basis, choice.level)
-    return bits, float(error @ error)
+    bits, squares = weigh_rd(choice.values, setting, basis, coefficient_tables())
+    return bits + choice_bits(analysis.unpredicted, choice.basis, choice.level), squares
 
 
 def _finest(
@@ -134,8 +132,12 @@ def _finest(
     low, high = among
     while low < high:
         step = (low + high) // 2
-        setting, q = _quantised(analysis, choice, bases, step)
-        if coefficient_bits(q, setting, basis_of(bases, setting)) <= bits:
+        setting = Setting(step, choice.basis, choice.level)
+        told = 0.0
+        if step != NO_RESIDUAL:
+            basis = basis_of(bases, setting)
+            told, _ = weigh_rd(choice.values, setting, basis, coefficient_tables())
+        if told <= bits:
             high = step
         else:
             low = step + 1

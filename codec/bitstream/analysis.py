@@ -4,7 +4,6 @@ A motion and a number go in; out comes an `Analysis`: the score as the receiver 
 what the motion has beyond the prediction from that, in millimetres, ready to be quantised.
 """
 
-from collections.abc import Container
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,14 +11,14 @@ from numpy.typing import NDArray
 
 from codec.bitstream.bits import PLAIN, SCORE, SEQUENCES, Header
 from codec.bitstream.coding import Coding
+from codec.bitstream.fitting import fits
 from codec.bitstream.joining import join
 from codec.bitstream.payload import Content, write_l0
 from codec.bitstream.preview import AHEAD, Preview, preview_of
-from codec.bitstream.quantise import N_COURSES, NOTHING_SENT, PARTS, SHARES
-from codec.bitstream.resynthesis.course import SHIFTS
+from codec.bitstream.quantise import NOTHING_SENT, PARTS, UNUSED
 from codec.bitstream.score_coding import ScorePart, evenly, part_of
 from codec.bitstream.slow import SlowSender
-from codec.bitstream.superframe import resynthesis_of, scaled
+from codec.bitstream.superframe import resynthesis_of
 from codec.cuer.motion import Motion
 from codec.cues.cueing import CueingOptions
 from codec.cues.score import Score
@@ -29,19 +28,6 @@ Array = NDArray[np.float64]
 
 _HISTORY = 8
 """Superframes whose fitted scores are remembered."""
-
-_USUAL = 0.95
-"""Energy that the usual form of movement counts for: it costs least, another has to explain more.
-"""
-
-_NOMINAL_MM = 40.0
-"""Width of the steps at which predictions are compared: that of 4 mm on films of real cuers."""
-
-_CLEAR_BITS = 12.0
-"""Bits by which the whole prediction has to beat none for its parts not to be looked at."""
-
-_TOLD_BITS = 3.0
-"""Bits that it takes, about, to say that a part of the prediction counts less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +64,11 @@ class Analysis:
     course: int = 0
     shift: int = 0
     shares: tuple[int, ...] = (0,) * PARTS
+
+    @property
+    def unpredicted(self) -> bool:
+        """Whether nothing of the prediction is used."""
+        return self.header.mode == PLAIN or self.shares == UNUSED
 
 
 def block_at(motion: Motion, index: int) -> Array:
@@ -137,65 +128,27 @@ class Analyst:
         self._line = to_line(None)
         self._fitted: dict[int, tuple[ScorePart, bool]] = {}
 
-    def analyse(self, motion: Motion, index: int, untold: Container[int] = frozenset()) -> Analysis:
-        """Return what is to be sent of superframe `index`.
-
-        Parameters
-        ----------
-        motion : Motion
-        index : int
-        untold : container of int
-            Superframes that do without their score.
-        """
+    def analyse(self, motion: Motion, index: int) -> Analysis:
+        """Return what is to be sent of superframe `index`."""
         block = block_at(motion, index)
         slow = (self._slow.piece(index),) if self._slow.due(index) else ()
-        if motion.score is None or index in untold:
+        if motion.score is None:
             header = self._header(PLAIN, index, slow)
             return Analysis(index, header, None, False, {}, slow, block - self._coding.mean)
-        around = {
-            k: self._part(motion.score, k)
-            for k in (index - 1, index, index + 1) if k not in untold
-        }  # fmt: skip
+        around = {k: self._part(motion.score, k) for k in (index - 1, index, index + 1)}
         part, even = around[index]
         joined = join({k: p for k, (p, _) in around.items()})
         resynthesis = resynthesis_of(self._coding, joined, index)
-        matrix = self._coding.residual.matrix
-
-        def energy(course: int, shift: int) -> float:
-            gap = (block - resynthesis.params(course=course, shift=shift)) @ matrix
-            return float(np.square(gap).sum()) * (1.0 if course or shift else _USUAL)
-
-        course = min(range(N_COURSES), key=lambda c: energy(c, 0))
-        shift = min(range(len(SHIFTS)), key=lambda s: energy(course, s))
-        shares, lacking = self._shared(block, resynthesis.params(course=course, shift=shift))
+        fitted = fits(
+            block, lambda course, shift: resynthesis.params(course=course, shift=shift),
+            self._coding,
+        )[0]  # fmt: skip
         header = self._header(SCORE, index, slow)
         previews = self._previews(index) if self._protected else {}
-        return Analysis(index, header, part, even, previews, slow, lacking, course, shift, shares)
-
-    def _shared(self, block: Array, prediction: Array) -> tuple[tuple[int, ...], Array]:
-        """Return how much of each part of a prediction counts, and what is lacking then."""
-        coding = self._coding
-
-        def lacking(shares: tuple[int, ...]) -> Array:
-            return np.asarray(block - scaled(prediction, coding, shares))
-
-        def bits(shares: tuple[int, ...]) -> float:
-            ratio = coding.plain.forward(lacking(shares)) / _NOMINAL_MM
-            told = sum(share > 0 for share in shares)
-            return float(0.5 * np.log2(1.0 + ratio * ratio).sum()) + _TOLD_BITS * told
-
-        whole, none = (0,) * PARTS, (len(SHARES) - 1,) * PARTS
-        cost, bare = bits(whole), bits(none)
-        if cost < bare - _CLEAR_BITS:
-            return whole, lacking(whole)
-        best = whole if cost <= bare else none
-        cost = min(cost, bare)
-        for part in range(PARTS):
-            for share in range(len(SHARES)):
-                tried = (*best[:part], share, *best[part + 1 :])
-                if tried != best and (other := bits(tried)) < cost:
-                    best, cost = tried, other
-        return best, lacking(best)
+        return Analysis(
+            index, header, part, even, previews, slow, fitted.lacking, fitted.course, fitted.shift,
+            fitted.shares,
+        )  # fmt: skip
 
     def _header(self, mode: int, index: int, slow: tuple[int, ...]) -> Header:
         return Header(mode, index % SEQUENCES, self._lead, self._signed, len(slow))

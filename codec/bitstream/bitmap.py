@@ -23,11 +23,12 @@ from codec.bitstream.bits import (
     IDENTITY_BITS,
     MODES,
     PLAIN,
+    SCORE,
     Header,
     read_header,
 )
 from codec.bitstream.checks import CRC16_BYTES, is_possible
-from codec.bitstream.quantise import NO_RESIDUAL, width_mm
+from codec.bitstream.quantise import NO_RESIDUAL, Setting, width_mm
 from codec.bitstream.range_coder import FLIP, TOTAL, RangeDecoder
 from codec.bitstream.superframe import Superframe
 from codec.bitstream.tables import score_tables
@@ -140,17 +141,43 @@ def _symbols(l0: bytes, header: Header) -> tuple[list["_Symbol"], int]:
         return watched.symbols, NO_RESIDUAL
     watched = _Watched(l0[HEADER_BYTES:-CRC16_BYTES], header.tail, "H8", "step")
     list(payload.read_slow(watched, header))
-    first = len(watched.symbols)
-    setting = payload.read_setting(watched, mode)
-    step = watched.symbols[first]
-    told = "no residual" if setting.step == NO_RESIDUAL else f"{width_mm(setting.step):.2f} mm"
-    watched.symbols[first] = _Symbol(step.name, step.bits, f"{setting.step}: {told}", "H8")
+    setting = _setting(watched, mode)
     if mode != PLAIN:
         watched.plain = "S9", "option"
         score_coding.read_score(watched, score_tables())
         watched.plain = "V2", "tick"
         preview.read_previews(watched, score_tables())
     return watched.symbols, setting.step
+
+
+def _setting(watched: "_Watched", mode: int) -> Setting:
+    """Read the setting; its step is said in mm."""
+    first = len(watched.symbols)
+    setting = payload.read_setting(watched, mode)
+    step = watched.symbols[first]
+    told = "no residual" if setting.step == NO_RESIDUAL else f"{width_mm(setting.step):.2f} mm"
+    watched.symbols[first] = _Symbol(step.name, step.bits, f"{setting.step}: {told}", "H8")
+    return setting
+
+
+def map_record(frame: Superframe, *, scored: bool) -> list[Field]:
+    """Return the fields of a superframe whose file tells its score once (F7).
+
+    Parameters
+    ----------
+    frame : Superframe
+        With its payload for L0.
+    scored : bool
+        Whether the file tells a score.
+    """
+    watched = _Watched(frame.l0, 0, "H8", "step")
+    _setting(watched, SCORE if scored else PLAIN)
+    fields, place = [], 0.0
+    for symbol in watched.symbols:
+        fields.append(Field("L0", symbol.name, place, symbol.bits, symbol.value, symbol.paragraph))
+        place += symbol.bits
+    left = 8 * len(frame.l0) - place
+    return [*fields, Field("L0", "coefficients", place, left, "", "C4")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,11 +238,11 @@ def _named_tables() -> list[tuple[NDArray[np.int64], str, str]]:
     t = score_tables()
     return [
         (FLIP, "bit", "G2"),
-        *((table, "basis", "H8") for table in payload.BASES.values()),
+        *((table, "basis", "H8") for table in payload.BASES),
         (payload.LEVELS, "level", "H8"),
         (payload.COURSES, "course", "H8"),
         (payload.SHIFTS, "shift", "H8"),
-        (payload.SHARED, "shared", "H8"),
+        (payload.USES, "use", "H8"),
         (payload.SHARE, "share", "P10"),
         (score_coding.TIMING, "timing", "S2"),
         (score_coding.PLAIN_OR_SPECIAL, "special", "S2"),

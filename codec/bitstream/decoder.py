@@ -10,16 +10,13 @@ from numpy.typing import NDArray
 
 from codec.bitstream.bits import PLAIN, SCORE, SEQUENCES, read_header
 from codec.bitstream.checks import heard_mask, is_compact, is_own, is_possible
-from codec.bitstream.coding import coding_for
+from codec.bitstream.coding import Coding, coding_for
+from codec.bitstream.fitting import Predict
 from codec.bitstream.joining import Joined, Parts, join
 from codec.bitstream.lips import LipContract
-from codec.bitstream.payload import Content, read_l0, read_l1
+from codec.bitstream.payload import Content, read_l0, read_l1, read_record
 from codec.bitstream.preview import Preview, part_of_preview
-from codec.bitstream.quantise import (
-    NO_RESIDUAL,
-    basis_of,
-    dequantise,
-)
+from codec.bitstream.quantise import NO_RESIDUAL, UNUSED, Setting, basis_of, dequantise
 from codec.bitstream.resynthesis.course import minimum_jerk
 from codec.bitstream.score_coding import ScorePart
 from codec.bitstream.superframe import WINDOWS, DecodedSuperframe, resynthesis_of, scaled
@@ -31,6 +28,7 @@ from codec.cues.timeline import SUPERFRAME_S, TICKS
 from codec.errors import BitstreamError, VoiceError
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 _HISTORY = 8
 """Superframes to either side that are remembered."""
@@ -274,9 +272,33 @@ class SuperframeDecoder:
         return scaled(params, self._coding, setting.shares)
 
     def _sent(self, content: Content) -> Array:
-        """Return the residual that a superframe says."""
-        basis = basis_of(self._coding.bases, content.setting)
-        if content.setting.step == NO_RESIDUAL:
-            return np.zeros((TICKS, len(basis.matrix)))
-        tables = coefficient_tables()
-        return basis.backward(dequantise(content.q, content.setting, basis, tables))
+        return residual_of(content.setting, content.q, self._coding)
+
+
+def residual_of(setting: Setting, q: Ints, coding: Coding) -> Array:
+    """Return the residual that a superframe says."""
+    basis = basis_of(coding.bases, setting)
+    if setting.step == NO_RESIDUAL:
+        return np.zeros((TICKS, len(basis.matrix)))
+    return basis.backward(dequantise(q, setting, basis, coefficient_tables()))
+
+
+def block_of(payload: bytes, predict: Predict | None, coding: Coding) -> Array:
+    """Return the parameters of a superframe whose score is told elsewhere (F7), shape (32, P).
+
+    Parameters
+    ----------
+    payload : bytes
+    predict : callable or None
+        Its prediction by course and shift; None without a score.
+    coding : Coding
+    """
+    setting, q = read_record(payload, PLAIN if predict is None else SCORE, coding.bases)
+    return likely_block(setting, predict, coding) + residual_of(setting, q, coding)
+
+
+def likely_block(setting: Setting, predict: Predict | None, coding: Coding) -> Array:
+    """Return what a superframe uses of its prediction (P8, P10), shape (32, P)."""
+    if predict is None or setting.shares == UNUSED:
+        return np.tile(coding.mean, (TICKS, 1))
+    return scaled(predict(setting.course, setting.shift), coding, setting.shares)

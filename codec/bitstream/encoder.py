@@ -5,8 +5,6 @@ what it says beside coefficients, `allocation` how finely these are told, `paylo
 Specification: spec/bitstream.md, section 2.
 """
 
-from collections.abc import Container
-
 from codec.bitstream.allocation import allocate, choose, content_at, without_coefficients
 from codec.bitstream.analysis import Analysis, Analyst
 from codec.bitstream.checks import MIN_L0_BYTES, SIGNED_BYTES
@@ -127,15 +125,13 @@ class SuperframeEncoder:
         content = content_at(plan_of(analysis, analysis.previews), bases, chosen, step)
         return Superframe(index, write_l0_whole(content, bases, self._coding.identity), b"")
 
-    def analyse(self, motion: Motion, index: int, untold: Container[int] = frozenset()) -> Analysis:
+    def analyse(self, motion: Motion, index: int) -> Analysis:
         """Return what is to be sent of superframe `index`.
 
         Parameters
         ----------
         motion : Motion
         index : int
-        untold : container of int
-            Superframes that do without their score.
 
         Returns
         -------
@@ -147,7 +143,7 @@ class SuperframeEncoder:
             If the motion was made with another voice.
         """
         self.voice.check_motion(motion)
-        return self._analyst.analyse(motion, index, untold)
+        return self._analyst.analyse(motion, index)
 
     def _write(self, content: Content, analysis: Analysis) -> Superframe | None:
         """Return the bytes of a superframe, None if L0 has no room for what it says."""

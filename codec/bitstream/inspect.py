@@ -5,14 +5,15 @@ from typing import Any
 from bitstring import Bits
 
 from codec.bitstream.bitmap import Field, map_superframe
-from codec.bitstream.bits import MODES
+from codec.bitstream.bits import MODES, PLAIN, SCORE
 from codec.bitstream.checks import is_own
 from codec.bitstream.joining import score_of
-from codec.bitstream.payload import read_beginning
-from codec.bitstream.quantise import LEVELS, NO_RESIDUAL, SHARES, width_mm
+from codec.bitstream.payload import read_beginning, read_setting
+from codec.bitstream.quantise import LEVELS, NO_RESIDUAL, SHARES, Setting, width_mm
+from codec.bitstream.range_coder import RangeDecoder
 from codec.bitstream.resynthesis.course import SHIFTS
-from codec.bitstream.score_coding import ScorePart
-from codec.bitstream.stream import read_head, read_superframes
+from codec.bitstream.score_coding import ScorePart, part_of
+from codec.bitstream.stream import read_head, read_superframes, told_by
 from codec.bitstream.superframe import Superframe
 from codec.bitstream.window import Window
 from codec.cues.timeline import SUPERFRAME_S, TICK_S
@@ -32,7 +33,7 @@ def inspect_stream(data: bytes) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``coding``, ``start_s``, ``duration_s``, ``rate_bps`` (all bytes counted),
+        ``coding``, ``start_s``, ``duration_s``, ``rate_bps`` (all bytes counted), ``learning``,
         ``superframes`` (one dict each) and ``keys``; ready for JSON.
 
     Raises
@@ -41,19 +42,26 @@ def inspect_stream(data: bytes) -> dict[str, Any]:
         If the file breaks a rule; a wrong checksum of a superframe is reported in its place.
     """
     head = read_head(data)
+    told = told_by(data)
     parts: dict[int, ScorePart | Window] = {}
+    if told.line is not None:
+        parts |= {k: part_of(told.line, k, told.options) for k in head.indices}
     rows = []
     for frame in read_superframes(data):
-        row, part = _row(frame, head.coding)
+        if head.l0:
+            row, part = _row(frame, head.coding)
+            if part is not None:
+                parts[frame.index] = part
+        else:
+            row = _record_row(frame, parts.get(frame.index))
         rows.append(row)
-        if part is not None:
-            parts[frame.index] = part
     duration_s = head.ticks * TICK_S
     return {
         "coding": head.coding,
         "start_s": round(head.first_tick * TICK_S, 2),
         "duration_s": round(duration_s, 2),
         "rate_bps": round(8 * len(data) / duration_s, 1),
+        "learning": told.learning,
         "superframes": rows,
         "keys": [key.as_dict() for key in score_of(parts).keys],
     }
@@ -73,19 +81,42 @@ def _row(frame: Superframe, coding: str) -> tuple[dict[str, Any], ScorePart | Wi
         content = read_beginning(frame.l0)
     except BitstreamError as error:
         return row | {"error": str(error)}, None
-    header, setting, part = content.header, content.setting, content.part
+    header, part = content.header, content.part
     row |= {"mode": MODES[header.mode], "sequence": header.sequence, "lead": header.lead}
-    row["step"] = None if setting.step == NO_RESIDUAL else round(width_mm(setting.step), 2)
-    row |= {"basis": BASES[setting.basis], "raised": LEVELS[setting.level]}
-    row |= {"course": setting.course, "shift_ticks": SHIFTS[setting.shift]}
-    row["shares"] = [SHARES[share] for share in setting.shares]
+    row |= _said(content.setting)
     row["slow"] = list(content.slow)
     row["previews"] = sorted(frame.index + distance for distance in content.previews)
-    if part is not None:
-        score = score_of({frame.index: part})
-        row["phones"] = [phone.symbol for phone in score.phones]
-        row["keys"] = [str(key) for key in score.keys]
-    return row, part
+    return row | _spoken(frame.index, part), part
+
+
+def _record_row(frame: Superframe, part: ScorePart | Window | None) -> dict[str, Any]:
+    """Return what a superframe says of a file that tells its score once."""
+    mode = PLAIN if part is None else SCORE
+    row: dict[str, Any] = {
+        "index": frame.index, "start_s": round(frame.index * SUPERFRAME_S, 2),
+        "l0_bytes": len(frame.l0), "l1_bytes": 0, "intact": True, "mode": MODES[mode],
+    }  # fmt: skip
+    setting = read_setting(RangeDecoder(frame.l0), mode)
+    return row | _said(setting) | _spoken(frame.index, part)
+
+
+def _said(setting: Setting) -> dict[str, Any]:
+    return {
+        "step": None if setting.step == NO_RESIDUAL else round(width_mm(setting.step), 2),
+        "basis": BASES[setting.basis], "raised": LEVELS[setting.level],
+        "course": setting.course, "shift_ticks": SHIFTS[setting.shift],
+        "shares": [SHARES[share] for share in setting.shares],
+    }  # fmt: skip
+
+
+def _spoken(index: int, part: ScorePart | Window | None) -> dict[str, Any]:
+    if part is None:
+        return {}
+    score = score_of({index: part})
+    return {
+        "phones": [phone.symbol for phone in score.phones],
+        "keys": [str(key) for key in score.keys],
+    }
 
 
 def describe(document: dict[str, Any]) -> str:
@@ -113,12 +144,16 @@ _BITS_IN_LINE = 64
 """Bits that a line of the map shows."""
 
 
-def describe_bits(frame: Superframe, *, colour: bool = False) -> str:
+def describe_bits(
+    frame: Superframe, *, fields: list[Field] | None = None, colour: bool = False
+) -> str:
     """Return the bit map of a superframe as lines of text.
 
     Parameters
     ----------
     frame : Superframe
+    fields : list of Field, optional
+        Of a superframe whose file tells its score once; default: those of one as on air.
     colour : bool
         Paint each field and its bits alike, for a terminal.
 
@@ -132,7 +167,7 @@ def describe_bits(frame: Superframe, *, colour: bool = False) -> str:
     BitstreamError
         As `map_superframe`.
     """
-    fields = map_superframe(frame)
+    fields = map_superframe(frame) if fields is None else fields
     lines = [
         f"superframe {frame.index}",
         "      bit   bits  field         value           paragraph",

@@ -15,7 +15,7 @@ from codec.bitstream.window import Window, join_windows
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
 from codec.cues.phonology import PHONE_NUMBER, PHONES
 from codec.cues.score import PLACEMENTS, Key, Phone, Score
-from codec.cues.timeline import TICK_S, TICKS, Sounding
+from codec.cues.timeline import TICK_S, TICKS, Line, Sounding
 
 NOMINAL_TICKS = 4
 """Length of a phone of which only the beginning is known."""
@@ -89,6 +89,17 @@ def join(parts: Parts) -> Joined:
     """Join the scores of superframes."""
     line = _line_of(parts)
     return Joined(parts, line, _keys_of(line, parts))
+
+
+def join_line(line: Line, parts: Parts) -> Joined:
+    """Return a whole line as one score; its parts tell options and replaced keys."""
+    sounds = [
+        Sounding(number, start, end)
+        for number, start, end in zip(
+            line.numbers[1:], line.starts[1:], (*line.starts[2:], line.starts[-1]), strict=True
+        )
+    ]
+    return Joined(parts, sounds, _keys_of(sounds, parts))
 
 
 def score_of(parts: Parts) -> Score:

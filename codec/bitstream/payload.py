@@ -26,7 +26,15 @@ from codec.bitstream.checks import (
     with_check,
 )
 from codec.bitstream.preview import Preview, read_previews, write_previews
-from codec.bitstream.quantise import NO_RESIDUAL, NOTHING_SENT, PARTS, Setting, basis_of, raised
+from codec.bitstream.quantise import (
+    NO_RESIDUAL,
+    NOTHING_SENT,
+    PARTS,
+    UNUSED,
+    Setting,
+    basis_of,
+    raised,
+)
 from codec.bitstream.range_coder import (
     FLIP,
     TOTAL,
@@ -49,8 +57,8 @@ CRC8_BYTES = 1
 STEP_BITS = 6
 """Bits of the step (H8)."""
 
-BASES = {SCORE: cumulative([8, 4, 2, 2]), PLAIN: cumulative([1, 1, 15, 15])}
-"""Tables of the basis, by mode."""
+BASES = cumulative([8, 4, 2, 2]), cumulative([1, 1, 15, 15])
+"""Tables of the basis, with a prediction and without."""
 
 LEVELS = cumulative([14, 5, 5, 3, 2.5, 1.5, 1])
 """Frequencies of the levels (H8)."""
@@ -61,13 +69,16 @@ COURSES = cumulative([12, 2, 1, 1])
 SHIFTS = cumulative([10, 2, 2, 1, 1])
 """Frequencies of the shifts (H8)."""
 
-SHARED = cumulative([7, 1])
-"""Frequencies of whether any part is predicted otherwise than whole (H8)."""
+WHOLE, NONE, BY_PART = range(3)
+"""Ways in which a superframe uses its prediction (H8)."""
+
+USES = cumulative([8, 4, 4])
+"""Their frequencies."""
 
 SHARE = cumulative([6, 2, 8])
 """Frequencies of a part's share of the prediction (H8)."""
 
-_BASIS_BITS = {mode: np.log2(TOTAL) - np.log2(np.diff(row)) for mode, row in BASES.items()}
+_BASIS_BITS = [np.log2(TOTAL) - np.log2(np.diff(row)) for row in BASES]
 _LEVEL_BITS = np.log2(TOTAL) - np.log2(np.diff(LEVELS))
 
 
@@ -104,18 +115,41 @@ def score_code(content: Content, *, even: bool) -> RangeEncoder:
         encoder.put_bits(piece, PIECE_BITS)
     encoder.put_bits(setting.step, STEP_BITS)
     if setting.step != NO_RESIDUAL:
-        encoder.put(setting.basis, BASES[content.header.mode])
-        encoder.put(setting.level, LEVELS)
-        if content.header.mode == SCORE:
-            encoder.put(setting.course, COURSES)
-            encoder.put(setting.shift, SHIFTS)
-            encoder.put(int(any(setting.shares)), SHARED)
-            for share in setting.shares if any(setting.shares) else ():
-                encoder.put(share, SHARE)
+        _put_setting(encoder, setting, content.header.mode)
     if isinstance(content.part, ScorePart):
         write_score(encoder, content.part, score_tables(), even=even)
         write_previews(encoder, content.previews, score_tables())
     return encoder
+
+
+def use_of(setting: Setting) -> int:
+    """Return the way in which a superframe with a score uses its prediction."""
+    if setting.shares == UNUSED:
+        return NONE
+    return BY_PART if any(setting.shares) else WHOLE
+
+
+def _put_setting(encoder: RangeEncoder, setting: Setting, mode: int) -> None:
+    use = use_of(setting) if mode == SCORE else NONE
+    if mode == SCORE:
+        encoder.put(use, USES)
+    encoder.put(setting.basis, BASES[use == NONE])
+    encoder.put(setting.level, LEVELS)
+    if use == NONE:
+        return
+    encoder.put(setting.course, COURSES)
+    encoder.put(setting.shift, SHIFTS)
+    for share in setting.shares if use == BY_PART else ():
+        encoder.put(share, SHARE)
+
+
+def setting_bits(setting: Setting, mode: int) -> float:
+    """Return the length of the symbols that say a setting, bits."""
+    encoder = RangeEncoder()
+    encoder.put_bits(setting.step, STEP_BITS)
+    if setting.step != NO_RESIDUAL:
+        _put_setting(encoder, setting, mode)
+    return encoder.bits
 
 
 def coefficient_code(
@@ -134,9 +168,9 @@ def coefficient_code(
     return starts[:n], freqs[:n], ends
 
 
-def choice_bits(mode: int, basis: int, level: int) -> float:
+def choice_bits(unpredicted: bool, basis: int, level: int) -> float:
     """Return the length of the symbols that name a basis and a level, bits."""
-    bits: float = _BASIS_BITS[mode][basis] + _LEVEL_BITS[level]
+    bits: float = _BASIS_BITS[unpredicted][basis] + _LEVEL_BITS[level]
     return bits
 
 
@@ -194,12 +228,27 @@ def write_l0_whole(content: Content, bases: Bases, identity: str) -> bytes:
     The code ends with the last coefficient that is not zero, if its last bits do not by chance
     tell another one; else it is cut off behind that coefficient.
     """
+    return with_check(content.header.to_bytes() + payload_of(content, bases), identity)
+
+
+def payload_of(content: Content, bases: Bases) -> bytes:
+    """Return the shortest payload that holds the content, as `write_l0_whole` says."""
     last = int(np.flatnonzero(content.q).max(initial=-1))
     ending = _l0_code(content, bases, even=False, last=last).ljust(1, b"\0")
     whole = _l0_code(content, bases, even=False)
     cut = (whole[:length] for length in range(len(ending), len(whole)))
-    shortest = next(code for code in (ending, *cut, whole) if _tells(code, content, bases))
-    return with_check(content.header.to_bytes() + shortest, identity)
+    return next(code for code in (ending, *cut, whole) if _tells(code, content, bases))
+
+
+def read_record(payload: bytes, mode: int, bases: Bases) -> tuple[Setting, Ints]:
+    """Return setting and coefficients of a superframe whose score is told elsewhere (F7)."""
+    decoder = RangeDecoder(payload)
+    setting = read_setting(decoder, mode)
+    basis = basis_of(bases, setting)
+    q = np.zeros(basis.scan_scales.size, dtype=np.int64)
+    if setting.step != NO_RESIDUAL:
+        _read_coefficients(decoder, q, 0, setting, basis)
+    return setting, q
 
 
 def _tells(payload: bytes, content: Content, bases: Bases) -> bool:
@@ -307,11 +356,12 @@ def read_setting(decoder: RangeDecoder, mode: int) -> Setting:
     step = decoder.get_bits(STEP_BITS)
     if step == NO_RESIDUAL:
         return NOTHING_SENT
-    basis, level = decoder.get(BASES[mode]), decoder.get(LEVELS)
-    if mode == PLAIN:
-        return Setting(step, basis, level)
+    use = decoder.get(USES) if mode == SCORE else NONE
+    basis, level = decoder.get(BASES[use == NONE]), decoder.get(LEVELS)
+    if use == NONE:
+        return Setting(step, basis, level, shares=UNUSED if mode == SCORE else (0,) * PARTS)
     course, shift = decoder.get(COURSES), decoder.get(SHIFTS)
-    if not decoder.get(SHARED):
+    if use == WHOLE:
         return Setting(step, basis, level, course, shift)
     shares = tuple(decoder.get(SHARE) for _ in range(PARTS))
     return Setting(step, basis, level, course, shift, shares)

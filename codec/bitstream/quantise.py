@@ -30,6 +30,12 @@ SHARES = (1.0, 0.5, 0.0)
 PARTS = 4
 """Face, hand, head and forearm: what the shares are told for."""
 
+WHOLE_USED = (0,) * PARTS
+"""Shares of a superframe that uses all of its prediction."""
+
+UNUSED = (len(SHARES) - 1,) * PARTS
+"""Shares of a superframe that does without its prediction."""
+
 N_COURSES = 4
 """Forms of movement of which a superframe names one (`resynthesis.course.COURSES`)."""
 
@@ -114,6 +120,23 @@ def quantise_rd(
         weight, tables.cost, tables.inset, q,
     )  # fmt: skip
     return q
+
+
+def weigh_rd(
+    values: Array,
+    setting: Setting,
+    basis: Basis,
+    tables: CoefficientTables,
+    *,
+    weight: float = WEIGHT,
+) -> tuple[float, float]:
+    """Return the bits of what `quantise_rd` returns, and its squared error in mm**2."""
+    width = width_mm(setting.step)
+    bits, squares = _kernels.quantise_rd(
+        values, raised(basis, setting), basis.before, setting.step, width, weight, tables.cost,
+        tables.inset, np.empty(values.size, dtype=np.int64),
+    )  # fmt: skip
+    return bits, squares * width * width
 
 
 def basis_of(bases: Bases, setting: Setting) -> Basis:

@@ -1,49 +1,75 @@
 """Spreading: the bytes of a file over its superframes, where they lower the error most.
 
 Superframes of a file need not have one size. They take one step, and for as many as the limit
-allows the next wider one, so that a bit is worth the same everywhere. A score is sent where it
-costs no more than it saves: what is coded with a score is never worse than without.
+allows the next wider one, so that a bit is worth the same everywhere. The score is told once for
+all; corrections of the voice's targets travel with it where they pay.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.bitstream.allocation import Choice, choose, content_at, weigh
-from codec.bitstream.analysis import Analysis
-from codec.bitstream.coding import coding_for
-from codec.bitstream.encoder import SuperframeEncoder
-from codec.bitstream.payload import write_l0_whole
+from codec.bitstream.analysis import Analysis, block_at
+from codec.bitstream.bits import PLAIN, SCORE, SEQUENCES, Header
+from codec.bitstream.coding import Coding
+from codec.bitstream.decoder import likely_block, residual_of
+from codec.bitstream.fitting import NOMINAL_MM, fits
+from codec.bitstream.joining import Joined, join_line
+from codec.bitstream.learning import Learner
+from codec.bitstream.payload import payload_of
 from codec.bitstream.plan import Plan, plan_of
-from codec.bitstream.quantise import NO_RESIDUAL, STEPS, WEIGHT, width_mm
-from codec.bitstream.superframe import Superframe
+from codec.bitstream.quantise import (
+    NO_RESIDUAL,
+    NOTHING_SENT,
+    STEPS,
+    WEIGHT,
+    Setting,
+    width_mm,
+)
+from codec.bitstream.resynthesis.whole import WholeResynthesis
+from codec.bitstream.score_coding import part_of
+from codec.bitstream.told import Told, trimmed, write_told
 from codec.cuer.layout import MARKERS
 from codec.cuer.motion import Motion
-from codec.cuer.voice import Voice
 from codec.cues.cueing import CueingOptions
-from codec.cues.timeline import TICKS
+from codec.cues.timeline import TICKS, Line, to_line
 from codec.errors import CueError
 
 Array = NDArray[np.float64]
-Frames = list[Superframe]
-Size = Callable[[Superframe], int]
-
-_OPEN_BYTES = 4000
-"""Bytes of a superframe whose length is not bound yet: more than any needs."""
+Size = Callable[[bytes], int]
 
 _GOLDEN = (5**0.5 - 1) / 2
 """Golden section: it orders superframes so that every beginning is spread evenly."""
 
-_NEAR = 1.01
-"""Factor by which the error, or the size, may be greater if the score travels for it."""
+_NEAR = 2
+"""Steps by which the right one may be off for what was chosen to stay."""
 
-_ROUNDS = 2
-"""Times that superframes are asked again whether their score pays, after others went without."""
+_COARSE = 24
+"""Step at which superframes are weighed before the right one is known."""
 
-_COARSE = 20
-"""Step at which scores are weighed before the right one is known."""
+
+_FILLINGS = 4
+"""Times that a file is filled to its room, each time with what the last one left."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """What a file says.
+
+    Attributes
+    ----------
+    told : bytes
+        What it says once.
+    payloads : list of bytes
+        Those of its superframes.
+    """
+
+    told: bytes
+    payloads: list[bytes]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,108 +79,123 @@ class _Part:
     plan: Plan
     choice: Choice
 
-    @property
-    def index(self) -> int:
-        return self.plan.analysis.index
+    def setting(self, step: int) -> Setting:
+        """Return how it uses its prediction at a step: whole, if nothing but that is told."""
+        analysis = self.plan.analysis
+        if step == NO_RESIDUAL:
+            return NOTHING_SENT
+        return Setting(step, 0, 0, analysis.course, analysis.shift, analysis.shares)
+
+
+def line_of(line: Line, indices: range, options: CueingOptions) -> Joined:
+    """Return the whole score of a file, joined."""
+    around = range(indices.start - 1, indices.stop + 1)
+    return join_line(line, {k: part_of(line, k, options) for k in around})
 
 
 class _Take:
-    """A motion that is to be spread.
+    """A motion that is to be spread, with its score or without.
 
     Parameters
     ----------
     motion : Motion
-    voice : Voice
-    indices : sequence of int
+    coding : Coding
+    indices : range
     options : CueingOptions
     """
 
     def __init__(
-        self, motion: Motion, voice: Voice, indices: Sequence[int], options: CueingOptions
+        self, motion: Motion, coding: Coding, indices: range, options: CueingOptions
     ) -> None:
-        self._motion, self._indices = motion, indices
-        self._encoder = SuperframeEncoder(
-            voice, l0_bytes=_OPEN_BYTES, l1_bytes=0, lead=0, options=options
-        )
-        self._coding = coding_for(voice)
-        self.bases = self._coding.bases
-        self._plans: dict[tuple[int, frozenset[int]], Plan] = {}
-        self._parts: dict[tuple[int, frozenset[int], int], _Part] = {}
+        self.indices, self.coding = indices, coding
+        self.blocks = np.stack([block_at(motion, index) for index in indices])
+        self._told = Told(None, options, learning=False)
+        self._joined: Joined | None = None
+        self._moved: WholeResynthesis | None = None
+        if motion.score is not None:
+            line = trimmed(to_line(motion.score, options), indices)
+            self._told = replace(self._told, line=line)
+            self._joined = line_of(line, indices, options)
 
-    def parts(self, step: int, untold: frozenset[int]) -> list[_Part]:
-        """Return the superframes, their bases chosen at a step."""
-        return [self._part(index, step, untold) for index in self._indices]
+    def plain(self) -> "_Version":
+        """Return the motion without its score."""
+        return _Version(self, replace(self._told, line=None), None)
 
-    def _part(self, index: int, step: int, untold: frozenset[int]) -> _Part:
-        silent = frozenset({index}) if index in untold else untold & {index - 1, index + 1}
-        if (index, silent) not in self._plans:
-            analysis = self._encoder.analyse(self._motion, index, silent)
-            self._plans[index, silent] = plan_of(analysis, {})
-        plan = self._plans[index, silent]
-        if (index, silent, step) not in self._parts:
-            choice = choose(plan.analysis, self.bases, step)
-            self._parts[index, silent, step] = _Part(plan, choice)
-        return self._parts[index, silent, step]
+    def scored(self, *, learning: bool) -> "_Version":
+        """Return the motion with its score, if it has one."""
+        if self._joined is None:
+            return self.plain()
+        if self._moved is None:
+            self._moved = WholeResynthesis(self._joined, self.coding.targets)
+        return _Version(self, replace(self._told, learning=learning), self._moved)
 
-    def plain(self, step: int) -> list[_Part]:
-        """Return the superframes without any score."""
-        return self.parts(step, frozenset(range(self._indices[0] - 1, self._indices[-1] + 2)))
 
-    def paying(self, step: int, plain: Sequence[_Part]) -> list[_Part]:
-        """Return the superframes, those without their score that are better off so."""
-        untold = frozenset[int]()
-        parts = self.parts(step, untold)
-        for _ in range(_ROUNDS):
-            worse = {
-                one.index for one, other in zip(parts, plain, strict=True)
-                if one.plan.analysis.part is not None
-                and self._weight(one, step) > self._weight(other, step)
-            }  # fmt: skip
-            if not worse:
-                break
-            untold |= worse
-            parts = self.parts(step, untold)
-        return parts
+class _Version:
+    """A take with one prediction: bits and squared errors of its superframes at any step."""
+
+    def __init__(self, take: _Take, told: Told, moved: WholeResynthesis | None) -> None:
+        self._take, self._moved, self._learning = take, moved, told.learning
+        self.told = write_told(told, take.indices)
+        self._parts: list[_Part] = []
+        self._known: dict[int, tuple[Array, Array]] = {}
+
+    def _learner(self) -> Learner | None:
+        return None if self._moved is None else Learner(self._moved, self._take.coding)
+
+    def prepare(self, step: int, width: float = NOMINAL_MM) -> None:
+        """Choose how each superframe is told, for a step and near ones.
+
+        What is learnt by then is learnt of the motion itself, of which little is lost.
+        """
+        take, bases, learner = self._take, self._take.coding.bases, self._learner()
+        self._known.clear()
+        self._parts = []
+        for block, index in zip(take.blocks, take.indices, strict=True):
+            tried = [
+                _Part(plan_of(analysis, {}), choose(analysis, bases, step))
+                for analysis in self._analyses(block, index, width, learner)
+            ]
+            self._parts.append(
+                min(tried, key=lambda part: self._weight(part, step)) if tried[1:] else tried[0]
+            )
+            if learner is not None and self._learning:
+                learner.take(index, block)
 
     def _weight(self, part: _Part, step: int) -> float:
-        bits, squares = self.weigh(part, step)
-        return squares / width_mm(step) ** 2 + WEIGHT * bits
+        bits, squares = weigh(part.plan.analysis, part.choice, self._take.coding.bases, step)
+        return squares / width_mm(step) ** 2 + WEIGHT * (bits + part.plan.bits)
 
-    def weigh(self, part: _Part, step: int) -> tuple[float, float]:
-        """Return bits and squared error of a superframe at a step."""
-        analysis: Analysis = part.plan.analysis
-        bits, squares = weigh(analysis, part.choice, self.bases, step)
-        return bits + part.plan.bits, squares
-
-    def frames(self, parts: Sequence[_Part], steps: NDArray[np.int64]) -> Frames:
-        """Return the superframes at steps of their own."""
-        identity = self._coding.identity
+    def _analyses(
+        self, block: Array, index: int, width: float, learner: Learner | None
+    ) -> list[Analysis]:
+        """Return the ways in which a superframe can use its prediction."""
+        coding = self._take.coding
+        header = Header(PLAIN if learner is None else SCORE, index % SEQUENCES, 0)
+        bare = Analysis(index, header, None, False, {}, (), block - coding.mean)
+        if learner is None:
+            return [bare]
         return [
-            Superframe(
-                part.index,
-                write_l0_whole(
-                    content_at(part.plan, self.bases, part.choice, int(step)), self.bases, identity
-                ),
-                b"",
+            replace(
+                bare, lacking=fitted.lacking, course=fitted.course, shift=fitted.shift,
+                shares=fitted.shares,
             )
-            for part, step in zip(parts, steps, strict=True)
-        ]
-
-
-class _Costs:
-    """Bits and squared errors of superframes at any step, found when they are asked for."""
-
-    def __init__(self, take: _Take, parts: Sequence[_Part]) -> None:
-        self._take, self._parts = take, parts
-        self._known: dict[int, tuple[Array, Array]] = {}
+            for fitted in fits(block, partial(learner.params, index), coding, width)
+        ]  # fmt: skip
 
     def at(self, step: int) -> tuple[Array, Array]:
         """Return bits and squared errors at a step, shape (n,) each."""
         if step not in self._known:
-            rows = [self._take.weigh(part, step) for part in self._parts]
+            bases = self._take.coding.bases
+            rows = [weigh(p.plan.analysis, p.choice, bases, step) for p in self._parts]
             bits, squares = np.array(rows).T
-            self._known[step] = bits, squares
+            self._known[step] = bits + [p.plan.bits for p in self._parts], squares
         return self._known[step]
+
+    def worth(self, step: int) -> float:
+        """Return what all costs at a step: squared errors in steps, and bits."""
+        bits, squares = self.at(step)
+        whole = float(bits.sum()) + 8 * len(self.told)
+        return float(squares.sum()) / width_mm(step) ** 2 + WEIGHT * whole
 
     def steps(self, within: Callable[[Array, Array], bool], *, finest: bool) -> NDArray[np.int64]:
         """Return the finest steps that keep a size, or the widest that keep an error.
@@ -195,81 +236,133 @@ class _Costs:
             values[where] = more[where]
         return bits, squares
 
-    def squares(self, steps: NDArray[np.int64]) -> float:
-        """Return the squared error of superframes at steps of their own."""
-        return float(sum(self.at(int(s))[1][i] for i, s in enumerate(steps)))
+    def written(self, steps: NDArray[np.int64]) -> tuple[list[bytes], float]:
+        """Return the superframes at steps of their own, and their squared error."""
+        coding, learner = self._take.coding, self._learner()
+        payloads, squares = [], 0.0
+        for part, step, block in zip(self._parts, steps, self._take.blocks, strict=True):
+            index = part.plan.analysis.index
+            predict = None if learner is None else partial(learner.params, index)
+            setting = part.setting(int(step))
+            likely = likely_block(setting, predict, coding)
+            choice = part.choice
+            if self._learning:
+                values = coding.bases[choice.basis].forward(block - likely)
+                choice = replace(choice, values=values)
+            content = content_at(part.plan, coding.bases, choice, int(step))
+            payloads.append(payload_of(content, coding.bases))
+            done = likely + residual_of(content.setting, content.q, coding)
+            squares += float(np.square((done - block) @ coding.residual.matrix).sum())
+            if self._learning and learner is not None:
+                learner.take(index, done)
+        return payloads, squares
+
+
+def _prepared(version: "_Version", about: Callable[["_Version"], int]) -> int:
+    """Choose how superframes are told at about the right step; return it."""
+    version.prepare(_COARSE)
+    step = about(version)
+    if abs(step - _COARSE) > _NEAR:
+        version.prepare(step, width_mm(min(step, STEPS - 2)))
+    return step
+
+
+def _better(take: _Take, about: Callable[[_Version], int]) -> _Version:
+    """Return the motion with its score, learning what is passed if that is worth it.
+
+    Parameters
+    ----------
+    take : _Take
+    about : callable
+        The step that a version will have.
+    """
+    learning = take.scored(learning=True)
+    step = _prepared(learning, about)
+    fixed = take.scored(learning=False)
+    fixed.prepare(step, width_mm(min(step, STEPS - 2)))
+    return min(learning, fixed, key=lambda version: version.worth(step))
 
 
 def spread_by_error(
     motion: Motion,
-    voice: Voice,
-    indices: Sequence[int],
+    coding: Coding,
+    indices: range,
     error_mm: float,
     size: Size,
     *,
-    keep: bool,
+    drop: bool,
     options: CueingOptions,
-) -> Frames:
+) -> Spread:
     """Return the smallest superframes that keep an error together.
 
     Parameters
     ----------
     motion : Motion
-    voice : Voice
-    indices : sequence of int
+    coding : Coding
+    indices : range
         Superframes that cover it.
     error_mm : float
         RMS over all markers and frames.
     size : callable
-        Bytes that a superframe takes.
-    keep : bool
-        Send the score everywhere.
+        Bytes that a payload takes.
+    drop : bool
+        Leave the score out if the file is smaller so.
     options : CueingOptions
     """
-    take = _Take(motion, voice, indices, options)
+    take = _Take(motion, coding, indices, options)
     most = error_mm**2 * len(indices) * TICKS * len(MARKERS)
 
     def within(_: Array, squares: Array) -> bool:
         return float(squares.sum()) <= most
 
-    def told(parts: Sequence[_Part]) -> tuple[Frames, int]:
-        steps = _Costs(take, parts).steps(within, finest=False)
-        return take.frames(parts, steps), int(np.median(steps))
+    def about(version: _Version) -> int:
+        return int(np.median(version.steps(within, finest=False)))
 
-    if motion.score is None or keep:
-        return told(take.parts(told(take.parts(_COARSE, frozenset()))[1], frozenset()))[0]
-    _, step = told(take.plain(_COARSE))
-    plain = take.plain(step)
-    without, _ = told(plain)
-    with_score, _ = told(take.paying(step, plain))
-    better = sum(map(size, with_score)) <= _NEAR * sum(map(size, without))
-    return with_score if better else without
+    def told(version: _Version) -> Spread:
+        kept, best = most, None
+        for _ in range(_FILLINGS):
+            steps = version.steps(lambda _, squares: float(squares.sum()) <= kept, finest=False)  # noqa: B023
+            payloads, squares = version.written(steps)
+            best = Spread(version.told, payloads)
+            if squares <= most:
+                break
+            kept *= most / squares
+        assert best is not None
+        return best
+
+    spread = told(_better(take, about))
+    if motion.score is None or not drop:
+        return spread
+    plain = take.plain()
+    _prepared(plain, about)
+    other = told(plain)
+    return min(spread, other, key=lambda s: size(s.told) + sum(map(size, s.payloads)))
 
 
 def spread_by_size(
     motion: Motion,
-    voice: Voice,
-    indices: Sequence[int],
+    coding: Coding,
+    indices: range,
     room: int,
     size: Size,
     *,
-    keep: bool,
+    drop: bool,
     options: CueingOptions,
-) -> Frames:
+) -> Spread:
     """Return the superframes of least error that fit into a number of bytes together.
 
     Parameters
     ----------
     motion : Motion
-    voice : Voice
-    indices : sequence of int
+    coding : Coding
+    indices : range
         Superframes that cover it.
     room : int
-        Bytes.
+        Bytes, of what is said once too.
     size : callable
-        Bytes that a superframe takes.
-    keep : bool
-        Send the score everywhere.
+        Bytes that a payload takes.
+    drop : bool
+        Leave the score out if the error is less so.
     options : CueingOptions
 
     Raises
@@ -277,32 +370,42 @@ def spread_by_size(
     CueError
         If they do not fit even without coefficients.
     """
-    take = _Take(motion, voice, indices, options)
+    take = _Take(motion, coding, indices, options)
 
-    def told(parts: Sequence[_Part]) -> tuple[Frames, float, int]:
-        costs, spare = _Costs(take, parts), _record_bits(len(parts))
-        while True:
-            left = 8.0 * room - spare
-            steps = costs.steps(lambda bits, _, left=left: float(bits.sum()) <= left, finest=True)  # type: ignore[misc]
-            frames = take.frames(parts, steps)
-            over = sum(map(size, frames)) - room
+    def finest(version: _Version, spare: float) -> NDArray[np.int64]:
+        left = 8.0 * (room - size(version.told)) - spare
+        return version.steps(lambda bits, _: float(bits.sum()) <= left, finest=True)
+
+    def about(version: _Version) -> int:
+        return int(np.median(finest(version, _record_bits(len(indices)))))
+
+    def told(version: _Version) -> tuple[Spread, float]:
+        spare, found = _record_bits(len(indices)), list[tuple[Spread, float]]()
+        for _ in range(_FILLINGS):
+            steps = finest(version, spare)
+            payloads, squares = version.written(steps)
+            over = sum(map(size, payloads)) + size(version.told) - room
             if over <= 0:
-                return frames, costs.squares(steps), int(np.median(steps))
-            if (steps == NO_RESIDUAL).all():
-                raise CueError(f"{room} bytes do not hold {len(parts)} superframes")
+                found.append((Spread(version.told, payloads), squares))
+            elif (steps == NO_RESIDUAL).all():
+                break
+            if over == 0:
+                break
             spare += 8.0 * over
+        if not found:
+            raise CueError(f"{room} bytes do not hold {len(indices)} superframes")
+        return min(found, key=lambda one: one[1])
 
-    if motion.score is None or keep:
-        _, _, step = told(take.parts(_COARSE, frozenset()))
-        return told(take.parts(step, frozenset()))[0]
-    _, _, step = told(take.plain(_COARSE))
-    plain = take.plain(step)
-    without, bare, _ = told(plain)
+    if motion.score is None or not drop:
+        return told(_better(take, about))[0]
+    plain = take.plain()
+    _prepared(plain, about)
+    without = told(plain)
     try:
-        with_score, error, _ = told(take.paying(step, plain))
+        spread = told(_better(take, about))
     except CueError:
-        return without
-    return with_score if error <= _NEAR**2 * bare else without
+        return without[0]
+    return min(spread, without, key=lambda found: found[1])[0]
 
 
 def _record_bits(count: int) -> float:

@@ -1,46 +1,47 @@
 """Stream files (``.cue``): a motion as superframes one after another.
 
-A head names the coding, the span of ticks and the lengths of the parts; superframes follow. Where
-the head states no lengths, superframes take what they need, each preceded by its own length.
+A head names the coding, the span of ticks and the lengths of the parts; superframes follow, as they
+would be on air. Where the head states no lengths, they take what they need, and the score is told
+once for all (`codec.bitstream.records`, `codec.bitstream.told`).
 Specification: spec/bitstream.md, section 8.
 """
 
-import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from codec.bitstream.analysis import block_at
 from codec.bitstream.bits import (
     FILE_BYTES,
     FILE_FIELDS,
-    HEADER_BYTES,
     MAGIC,
-    PLAIN,
-    RECORD_BYTES,
-    RECORD_FIELDS,
-    SEQUENCES,
     VERSION,
-    Header,
     crc16,
     pack_fields,
-    read_header,
     unpack_fields,
 )
-from codec.bitstream.checks import CRC16_BYTES, with_check
 from codec.bitstream.coding import Coding, coding_for
 from codec.bitstream.compact_encoder import CompactEncoder
-from codec.bitstream.decoder import SuperframeDecoder
+from codec.bitstream.decoder import SuperframeDecoder, block_of
 from codec.bitstream.encoder import SuperframeEncoder
-from codec.bitstream.spread import spread_by_error, spread_by_size
+from codec.bitstream.learning import Learner
+from codec.bitstream.records import OVERHEAD_BYTES, read_records, record_bytes, write_records
+from codec.bitstream.resynthesis.whole import WholeResynthesis
+from codec.bitstream.spread import Spread, line_of, spread_by_error, spread_by_size
 from codec.bitstream.superframe import DecodedSuperframe, Superframe, merge_scores
+from codec.bitstream.told import NOTHING_TOLD, Told, read_told
 from codec.bitstream.window import MAX_BYTES, MIN_BYTES
 from codec.cuer.motion import MOST_PARAM, Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cues.score import Score
 from codec.cues.timeline import SUPERFRAME_S, TICK_S, TICKS, to_ticks
 from codec.errors import BitstreamError, CueError, VoiceError
+
+Array = NDArray[np.float64]
 
 RATE_HZ = 50.0
 """Frames per second of decoded motion."""
@@ -56,15 +57,6 @@ _CRC_BYTES = 2
 
 _MAX_TICKS = 24 * 3600 * 50
 """Ticks of the longest file: a day."""
-
-_END_BYTES = 4
-"""Bytes of the check of a whole file."""
-
-_LONG = 127
-"""Length from which a superframe's own field tells it."""
-
-_LONG_BYTES = 2
-"""Bytes of that field."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +113,8 @@ def encode_stream(
         Give every superframe the same size, as on air; the rate is that of the superframes. Up to
         150 bit/s they are compact: the score alone.
     drop_score : bool
-        Leave the score, and with it the keys, out of superframes where it costs more than it saves:
-        the motion is then never coded worse for its score.
+        Leave the score, and with it the keys, out if it costs more than it saves: the motion is
+        then never coded worse for its score.
     options : CueingOptions
         Under which the score's keys follow from its phones.
 
@@ -150,14 +142,14 @@ def encode_stream(
         body = b"".join(encoder.encode(motion, index).l0 for index in head.indices)
         return _head_bytes(replace(head, l0=size)) + body
     if rate_bps is not None:
-        return _within_rate(
-            motion, voice, head, rate_bps, keep_score=not drop_score, options=options
-        )
+        return _within_rate(motion, voice, head, rate_bps, drop=drop_score, options=options)
     limit = 2.0 if error_mm is None else error_mm
     if not 0.05 <= limit <= 1000:
         raise CueError(f"error {limit} mm is not within 0.05..1000")
+    voice.check_motion(motion)
     return _of_records(head, spread_by_error(
-        motion, voice, head.indices, limit, _record_bytes, keep=not drop_score, options=options
+        motion, coding_for(voice), head.indices, limit, record_bytes, drop=drop_score,
+        options=options,
     ))  # fmt: skip
 
 
@@ -167,7 +159,7 @@ def _within_rate(
     head: StreamHead,
     rate_bps: float,
     *,
-    keep_score: bool,
+    drop: bool,
     options: CueingOptions,
 ) -> bytes:
     """Return the file of least error whose bytes keep a rate: spread, or compact if that fits."""
@@ -176,16 +168,17 @@ def _within_rate(
     size = room // len(head.indices)
     if motion.score is not None and MIN_BYTES <= size <= MAX_BYTES:
         compact = _compact(motion, voice, head, size, options)
+    voice.check_motion(motion)
     try:
-        frames = spread_by_size(
-            motion, voice, head.indices, room - _END_BYTES, _record_bytes, keep=keep_score,
+        found = spread_by_size(
+            motion, coding_for(voice), head.indices, room - OVERHEAD_BYTES, record_bytes, drop=drop,
             options=options,
         )  # fmt: skip
     except CueError:
         if not compact:
             raise
         return compact
-    spread = _of_records(head, frames)
+    spread = _of_records(head, found)
     if not compact:
         return spread
     return min((spread, compact), key=lambda data: _error(data, motion, voice))
@@ -194,7 +187,7 @@ def _within_rate(
 def _error(data: bytes, motion: Motion, voice: Voice) -> float:
     """Return the squared error of a file in the markers' metric."""
     blocks = [block_at(motion, index) for index in read_head(data).indices]
-    gap = np.concatenate([frame.params for frame in _decoded(data, voice)]) - np.concatenate(blocks)
+    gap = np.concatenate(_drawn(data, voice)[0]) - np.concatenate(blocks)
     return float(np.square(gap @ coding_for(voice).residual.matrix).sum())
 
 
@@ -206,9 +199,8 @@ def _compact(
     return _head_bytes(replace(head, l0=size)) + body
 
 
-def _of_records(head: StreamHead, frames: Iterable[Superframe]) -> bytes:
-    data = _head_bytes(head) + b"".join(map(_record, frames))
-    return data + zlib.crc32(data).to_bytes(_END_BYTES, "big")
+def _of_records(head: StreamHead, spread: Spread) -> bytes:
+    return write_records(_head_bytes(head), spread.told, spread.payloads)
 
 
 def _head_of(motion: Motion, coding: Coding) -> StreamHead:
@@ -228,18 +220,6 @@ def _head_bytes(head: StreamHead) -> bytes:
     }  # fmt: skip
     body = pack_fields(FILE_FIELDS, fields)
     return body + crc16(body).to_bytes(_CRC_BYTES, "big")
-
-
-def _record(frame: Superframe) -> bytes:
-    """Return a superframe without header and check, which its place tells (F7)."""
-    payload = frame.l0[HEADER_BYTES:-CRC16_BYTES]
-    fields = {"mode": frame.l0[0] >> 4 & 1, "bytes": min(len(payload), _LONG)}
-    more = len(payload).to_bytes(_LONG_BYTES, "big") if len(payload) >= _LONG else b""
-    return pack_fields(RECORD_FIELDS, fields) + more + payload
-
-
-def _record_bytes(frame: Superframe) -> int:
-    return len(_record(frame))
 
 
 def read_head(data: bytes) -> StreamHead:
@@ -273,17 +253,20 @@ def read_head(data: bytes) -> StreamHead:
 def read_superframes(data: bytes) -> Iterator[Superframe]:
     """Yield the superframes of a stream file, their checksums not looked at.
 
+    Those of a file that tells its score once have their payload for L0 (F7).
+
     Raises
     ------
     BitstreamError
-        As `read_head`; if the file ends within a record, or goes on after the last one (F6); if
-        the check of a file whose superframes state their lengths is wrong (F7).
+        As `read_head`; if the file ends within a superframe, or goes on after the last one (F6); if
+        the check of a file that tells its score once is wrong (F7).
     """
-    head = read_head(data)
+    head, place = read_head(data), FILE_BYTES + _CRC_BYTES
     if head.l0 == 0:
-        yield from _read_records(data, head)
+        _, payloads = read_records(data, place, len(head.indices))
+        for index, payload in zip(head.indices, payloads, strict=True):
+            yield Superframe(index, payload, b"")
         return
-    place = FILE_BYTES + _CRC_BYTES
     for index in head.indices:
         middle, end = place + head.l0, place + head.l0 + head.l1
         if end > len(data):
@@ -294,33 +277,19 @@ def read_superframes(data: bytes) -> Iterator[Superframe]:
         raise BitstreamError(f"{len(data) - place} bytes too many", section="F6", bit=8 * place)
 
 
-def _read_records(data: bytes, head: StreamHead) -> Iterator[Superframe]:
-    """Yield superframes that state their lengths, as they would be on air (F7)."""
-    data, check = data[:-_END_BYTES], data[-_END_BYTES:]
-    if zlib.crc32(data).to_bytes(_END_BYTES, "big") != check:
-        raise BitstreamError("checksum of the file", section="F7", bit=8 * len(data))
-    place = FILE_BYTES + _CRC_BYTES
-    for index in head.indices:
-        if place >= len(data):
-            raise BitstreamError(f"no superframe {index}", section="F6", bit=8 * place)
-        fields = unpack_fields(RECORD_FIELDS, data[place : place + RECORD_BYTES])
-        begin, length = place + RECORD_BYTES, fields["bytes"]
-        if length == _LONG:
-            length = int.from_bytes(data[begin : begin + _LONG_BYTES], "big")
-            begin += _LONG_BYTES
-        payload = data[begin : begin + length]
-        if len(payload) < max(length, 1):
-            raise BitstreamError(f"superframe {index} is cut off", section="F6", bit=8 * place)
-        header = Header(fields["mode"], index % SEQUENCES, 0)
-        yield Superframe(index, with_check(header.to_bytes() + payload, head.coding), b"")
-        place = begin + length
-    if place != len(data):
-        raise BitstreamError(f"{len(data) - place} bytes too many", section="F6", bit=8 * place)
+def told_by(data: bytes) -> Told:
+    """Return what a file says once for all (F8), nothing if its superframes stand alone.
 
-
-def silent_superframes(data: bytes) -> int:
-    """Return how many superframes of a stream file carry no score."""
-    return sum(read_header(frame.l0).mode == PLAIN for frame in read_superframes(data))
+    Raises
+    ------
+    BitstreamError
+        As `read_superframes`; if its score has no end (F10).
+    """
+    head = read_head(data)
+    if head.l0:
+        return NOTHING_TOLD
+    told, _ = read_records(data, FILE_BYTES + _CRC_BYTES, len(head.indices))
+    return read_told(told, head.indices)
 
 
 def decode_stream(data: bytes, voice: Voice) -> Motion:
@@ -352,14 +321,39 @@ def decode_stream(data: bytes, voice: Voice) -> Motion:
             f"stream coded with tables {head.coding}, those of voice {voice.name} here are "
             f"{coding_for(voice).identity}"
         )
-    done = _decoded(data, voice)
-    params = np.concatenate([frame.params for frame in done]).clip(-MOST_PARAM, MOST_PARAM)
+    blocks, score = _drawn(data, voice)
+    params = np.concatenate(blocks).clip(-MOST_PARAM, MOST_PARAM)
     skip = head.first_tick % TICKS
-    score = merge_scores(done) if any(frame.part is not None for frame in done) else None
     return Motion(
-        params[skip : skip + head.ticks], RATE_HZ, head.first_tick * TICK_S, voice.layout,
-        voice.identity, score,
+        params[skip : skip + head.ticks].astype(np.float32), RATE_HZ, head.first_tick * TICK_S,
+        voice.layout, voice.identity, score,
     )  # fmt: skip
+
+
+def _drawn(data: bytes, voice: Voice) -> tuple[Sequence[Array], Score | None]:
+    """Return the parameters of a file's superframes, and its score."""
+    if read_head(data).l0 == 0:
+        return _of_file(data, voice)
+    done = _decoded(data, voice)
+    told = any(frame.part is not None for frame in done)
+    blocks = [frame.params.astype(np.float64) for frame in done]
+    return blocks, merge_scores(done) if told else None
+
+
+def _of_file(data: bytes, voice: Voice) -> tuple[Sequence[Array], Score | None]:
+    """Return the same of a file that tells its score once (F7 to F11)."""
+    coding, told, indices = coding_for(voice), told_by(data), read_head(data).indices
+    if told.line is None:
+        plain = [block_of(frame.l0, None, coding) for frame in read_superframes(data)]
+        return plain, None
+    joined = line_of(told.line, indices, told.options)
+    learner = Learner(WholeResynthesis(joined, coding.targets), coding)
+    blocks = []
+    for frame in read_superframes(data):
+        blocks.append(block_of(frame.l0, partial(learner.params, frame.index), coding))
+        if told.learning:
+            learner.take(frame.index, blocks[-1])
+    return blocks, joined.score()
 
 
 def _decoded(data: bytes, voice: Voice) -> list[DecodedSuperframe]:

@@ -56,6 +56,10 @@ class ScoreTables:
         A key or a silence in a preview, by the symbol before.
     gap : ndarray of int64, shape (42, 17)
         Cells between two starts in a preview less one, by the symbol of the former.
+    held : ndarray of int64, shape (34,)
+        Length of a key less one, in files that tell keys.
+    alone : ndarray of int64, shape (42,)
+        A key or a silence in these, whatever stands before.
     """
 
     first: NDArray[np.int64]
@@ -67,6 +71,8 @@ class ScoreTables:
     usual: NDArray[np.int64]
     key: NDArray[np.int64]
     gap: NDArray[np.int64]
+    held: NDArray[np.int64]
+    alone: NDArray[np.int64]
 
     @staticmethod
     def tempo(length: int) -> int:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct, idct
+from scipy.fft import dct
 
 from codec.cuer.voice import Voice
 from codec.cues.timeline import TICKS
@@ -19,6 +19,10 @@ from codec.errors import CueError
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+COSINES = np.ascontiguousarray(dct(np.eye(TICKS), axis=0, norm="ortho"))
+"""The orthonormal DCT-II over the frames of a superframe, shape (32, 32) (T1)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,14 +60,13 @@ class Basis:
 
     def forward(self, block: Array) -> Array:
         """Return the coefficients of a block, shape (32, P) to (32 P,) in scan order."""
-        coefficients = dct(block @ self.matrix, axis=0, norm="ortho")
-        return np.asarray(coefficients.T.reshape(-1)[self.order])
+        return np.asarray((COSINES @ (block @ self.matrix)).T.reshape(-1)[self.order])
 
     def backward(self, coefficients: Array) -> Array:
         """Return the block of coefficients in scan order."""
         grid = np.empty(coefficients.size)
         grid[self.order] = coefficients
-        channels = idct(grid.reshape(-1, TICKS).T, axis=0, norm="ortho")
+        channels = COSINES.T @ grid.reshape(-1, TICKS).T
         return np.asarray(channels @ self.inverse)
 
     def between(self, before: Array | None, after: Array | None) -> Array:

@@ -87,7 +87,36 @@ def train_score(scores: Iterable[Score]) -> dict[str, list[object]]:
         "usual": whole.usual(),
         "key": _rows(_backed(keys.key / _PHASES, _shares(keys.key.sum(axis=0)), _UNSEEN[1])),
         "gap": _rows(_back_off(keys.gap, _blurred(keys.gap.sum(axis=0)) + 0.5, 20.0)),
+        **_of_hands(_rows(_backed(keys.key / _PHASES, _shares(keys.key.sum(axis=0)), _UNSEEN[1]))),
     }
+
+
+_HELD_TICKS, _HELD_SPREAD = 15.0, 0.5
+"""Median length in ticks of keys of real cuers, and the deviation of its logarithm."""
+
+
+_ANY_KEY = 0.4
+"""Share of keys that a hand shows, or somebody reads off it, as if all were alike."""
+
+
+def _of_hands(keys: list[object]) -> dict[str, list[object]]:
+    """Return the tables of keys that were read off a hand, from those of keys in a row.
+
+    Their lengths are those of real cuers: log-normal, and as much for all that are longer.
+    """
+    ticks = np.arange(1, TICKS + 2)
+    share = np.exp(-0.5 * np.square(np.log(ticks / _HELD_TICKS) / _HELD_SPREAD)) / ticks
+    rows = np.array(keys, dtype=np.float64)[:, : SILENCE + 1]
+    chain = rows[: SILENCE + 1] / rows[: SILENCE + 1].sum(axis=1, keepdims=True)
+    usual = np.full(SILENCE + 1, 1 / (SILENCE + 1))
+    for _ in range(_MIXED):
+        usual = usual @ chain
+    usual = (1 - _ANY_KEY) * usual + _ANY_KEY / (SILENCE + 1)
+    return {"held": _rows(share + 0.002 * share.sum()), "alone": _rows(usual)}
+
+
+_MIXED = 50
+"""Keys after which a row of keys has forgotten how it began."""
 
 
 def _is_pause() -> Counts:
@@ -285,6 +314,7 @@ def format_tables(
         (coding.filmed, filmed),
     ])  # fmt: skip
     score = train_score(scores) if scores else present_tables()["score"]
+    score |= _of_hands(score["key"])
     return {"language": language(), "score": score, "coefficient": coefficient}
 
 

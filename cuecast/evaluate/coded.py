@@ -8,14 +8,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bitstream.bits import HEADER_BYTES, SCORE
+from codec.bitstream.bits import HEADER_BYTES, PLAIN, SCORE
 from codec.bitstream.checks import CRC16_BYTES
 from codec.bitstream.coding import coding_for
 from codec.bitstream.compact_encoder import CompactEncoder
 from codec.bitstream.decoder import SuperframeDecoder
 from codec.bitstream.encoder import SuperframeEncoder
-from codec.bitstream.payload import CRC8_BYTES, read_beginning, score_code
-from codec.bitstream.stream import encode_stream, read_superframes
+from codec.bitstream.payload import (
+    CRC8_BYTES,
+    read_beginning,
+    read_setting,
+    score_code,
+    setting_bits,
+)
+from codec.bitstream.range_coder import RangeDecoder
+from codec.bitstream.stream import decode_stream, encode_stream, read_superframes, told_by
 from codec.bitstream.superframe import DecodedSuperframe, Superframe, merge_scores, resynthesis_of
 from codec.bitstream.window import MAX_BYTES
 from codec.cuer import layout
@@ -83,10 +90,15 @@ def coded(voice: Voice, motion: Motion, count: int, size: int) -> Outcome:
 def coded_within(voice: Voice, motion: Motion, error_mm: float) -> Outcome:
     """Return what becomes of a motion in a file that keeps an error: superframes of any length."""
     data = encode_stream(motion, voice, error_mm=error_mm)
-    frames = list(read_superframes(data))
-    outcome = decoded(voice, motion, frames)
-    bps = 8 * len(data) / (len(frames) * SUPERFRAME_S)
-    return replace(outcome, bps=bps, residual_bps=_residual_bps(frames))
+    found, frames = decode_stream(data, voice), list(read_superframes(data))
+    squares = squares_of(voice, motion.params, found.params)
+    end = len(frames) * SUPERFRAME_S
+    sent = [key for key in motion.score.keys if key.start < end] if motion.score else []
+    keys = found.score.keys if found.score else ()
+    mode = PLAIN if told_by(data).line is None else SCORE
+    told = sum(setting_bits(read_setting(RangeDecoder(f.l0), mode), mode) for f in frames)
+    residual = (8 * sum(len(frame.l0) for frame in frames) - told) / end
+    return Outcome(8 * len(data) / end, squares, *counted(sent, keys), residual_bps=residual)
 
 
 def _residual_bps(frames: Sequence[Superframe]) -> float | None:

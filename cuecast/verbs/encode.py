@@ -22,14 +22,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--drop-score", action="store_true",
-        help="leave the score, and its keys, out where it costs more than it saves",
+        help="leave the score, and its keys, out if it costs more than it saves",
     )  # fmt: skip
     add_voice(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the stream."""
-    from codec.bitstream.stream import encode_stream, silent_superframes
+    from codec.bitstream.stream import encode_stream, read_head, told_by
     from codec.cuer.motion import load_motion
     from cuecast.command.voices import coding_voice
 
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
         drop_score=args.drop_score,
     )  # fmt: skip
     write_bytes(args.output, data)
-    without = silent_superframes(data) if motion.score is not None else 0
-    if without:
-        note(f"{without} superframes do without their score, which did not pay")
+    scored = motion.score is None or read_head(data).l0 or told_by(data).line is not None
+    if not scored:
+        note("the score did not pay: the stream does without it and its keys")
     return 0

@@ -39,23 +39,27 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print_bits(args: argparse.Namespace) -> int:
-    from codec.bitstream.bitmap import map_superframe
+    from codec.bitstream.bitmap import map_record, map_superframe
     from codec.bitstream.inspect import describe_bits
-    from codec.bitstream.stream import read_superframes
+    from codec.bitstream.stream import read_head, read_superframes, told_by
 
-    wanted = args.superframe
-    frames = [
-        frame for frame in read_superframes(read_bytes(args.stream))
-        if wanted in (None, frame.index)
-    ]  # fmt: skip
+    wanted, data = args.superframe, read_bytes(args.stream)
+    frames = [frame for frame in read_superframes(data) if wanted in (None, frame.index)]
+    scored = told_by(data).line is not None
+    alone = read_head(data).l0 > 0
+    maps = [map_superframe(f) if alone else map_record(f, scored=scored) for f in frames]
     if args.json:
         print_json(
             [
-                {"index": frame.index, "fields": [asdict(f) for f in map_superframe(frame)]}
-                for frame in frames
+                {"index": frame.index, "fields": [asdict(field) for field in fields]}
+                for frame, fields in zip(frames, maps, strict=True)
             ]
         )
     else:
         colour = sys.stdout.isatty() and "NO_COLOR" not in os.environ
-        print("\n\n".join(describe_bits(frame, colour=colour) for frame in frames))
+        texts = (
+            describe_bits(frame, fields=fields, colour=colour)
+            for frame, fields in zip(frames, maps, strict=True)
+        )
+        print("\n\n".join(texts))
     return 0 if frames else 1

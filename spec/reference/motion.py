@@ -233,20 +233,38 @@ def moving(
         for side in ("begin", "end")
     )
     late = coding["targets.late"].numbers
+    lateness = [(b + x, e + x) for b, e, x in zip(begins, ends, late, strict=True)]
+    bends = [[distance * x for x in arc] for distance in far]
+    return travelled(found, rows, lateness, bends, c, 100 * (first + EARLIER[shift]), course)
+
+
+def travelled(
+    found: list[Stroke],
+    rows: list[list[float]],
+    lateness: list[tuple[float, float]],
+    bends: list[list[float]],
+    c: dict[str, float],
+    first: int,
+    course: int,
+) -> list[list[float]]:
+    """(P4, P5) Return parameters in 32 frames from a time on, in hundredths of a tick.
+
+    `rows` are the targets of the strokes, `bends` how far their middles leave the straight way.
+    """
     frames = []
     for t in range(TICKS):
-        time = 100.0 * (first + EARLIER[shift] + t)
+        time = float(first + 100 * t)
         frame = []
-        for k in range(sum(widths)):
+        for k, (late, later) in enumerate(lateness):
             value, base = 0.0, 0
             begun = False
             for g in range(1, len(found)):
                 length = found[g].reach - found[g].leave
                 f = min(1.0, length / (5000 * c["stroke"])) if c["stroke"] > 0 else 1.0
-                begin = found[g].leave + f * 5000 * (begins[k] + late[k])
+                begin = found[g].leave + f * 5000 * late
                 if begin > time:
                     break
-                end = found[g].reach + f * 5000 * (ends[k] + late[k])
+                end = found[g].reach + f * 5000 * later
                 lasts = max(end - begin, length / 2, 1.0)
                 if not begun and time >= begin + lasts:
                     base = g
@@ -254,7 +272,7 @@ def moving(
                 begun = True
                 u = min((time - begin) / lasts, 1.0) ** (c["power"] * POWERS[course])
                 p = jerk(u)
-                value += p * (rows[g][k] - rows[g - 1][k]) + 4 * p * (1 - p) * far[g] * arc[k]
+                value += p * (rows[g][k] - rows[g - 1][k]) + 4 * p * (1 - p) * bends[g][k]
             frame.append(rows[base][k] + value)
         frames.append(frame)
     return frames
@@ -320,8 +338,7 @@ def parameters(
 ) -> list[list[float]]:
     """(P8, P10, Q5) Return the parameters of a superframe from it and its neighbours."""
     told = parts[index]
-    mean = coding["mean"].numbers
-    frames = [list(mean) for _ in range(TICKS)]
+    predicted = None
     if told.mode == 0:
         near = {k: parts[k] for k in (index - 1, index, index + 1) if k in parts}
         score = told.score or {}
@@ -330,14 +347,25 @@ def parameters(
         first = TICKS * index
         face = mouths(line, coding, first)
         rest = moving(found, coding, first, told.course, told.shift)
+        predicted = [[*a, *b] for a, b in zip(face, rest, strict=True)]
+    return drawn(told, predicted, coding)
+
+
+def drawn(
+    told: Decoded, predicted: list[list[float]] | None, coding: dict[str, Array]
+) -> list[list[float]]:
+    """(P8, P10, Q5) Return the parameters of a superframe from its prediction, if it has one."""
+    mean = coding["mean"].numbers
+    frames = [list(mean) for _ in range(TICKS)]
+    if predicted is not None:
         shares = [
             SHARES[share]
             for share, part in zip(told.shares, PARTS, strict=True)
             for _ in range(coding[f"targets.{part}"].shape[1])
         ]
         frames = [
-            [m + w * (x - m) for m, w, x in zip(mean, shares, [*a, *b], strict=True)]
-            for a, b in zip(face, rest, strict=True)
+            [m + w * (x - m) for m, w, x in zip(mean, shares, row, strict=True)]
+            for row in predicted
         ]
     if told.step == 63:
         return frames

@@ -14,10 +14,10 @@ TABLES: dict[str, Any] = json.loads(
     (Path(__file__).parents[2] / "codec" / "assets" / "tables.json").read_text(encoding="utf-8")
 )
 EQUAL = {9: [3648] + 8 * [3640], 6: [5463] + 5 * [5461]}
-BASES = {0: [16384, 8192, 4096, 4096], 1: [1024, 1024, 15360, 15360]}
+BASES = ([16384, 8192, 4096, 4096], [1024, 1024, 15360, 15360])
 LEVEL = [14336, 5120, 5120, 3072, 2560, 1536, 1024]
 COURSE = [24576, 4096, 2048, 2048]
-SHARED = [28672, 4096]
+USE = [16384, 8192, 8192]
 SHARE = [12288, 4096, 16384]
 SLOW = [32512, 256]
 SHIFTS = [20480, 4096, 4096, 2048, 2048]
@@ -93,23 +93,11 @@ def decode(l0: bytes, l1: bytes | None, bases: list[list[list[int]]], identity: 
     out.proof = int.from_bytes(body[-2:], "big") & 511 if signed else 0
     decoder = RangeDecoder(body[2:], tail=9 * signed)
     out.slow = [decoder.bits(16) for _ in range(head >> 1 & 3)]
-    out.step = decoder.bits(6)
-    if out.step != 63:
-        out.basis = decoder.symbol(BASES[out.mode])[0]
-        out.level = decoder.symbol(LEVEL)[0]
-        if out.mode == 0:
-            out.course = decoder.symbol(COURSE)[0]
-            out.shift = decoder.symbol(SHIFTS)[0]
-            if decoder.symbol(SHARED)[0]:
-                out.shares = [decoder.symbol(SHARE)[0] for _ in range(4)]
+    setting(decoder, out)
     if out.mode == 0:
         out.score = score(decoder)
         out.previews = previews(decoder)
-    scales = bases[out.basis]
-    scan = order(scales)
-    scales = [[scale + LEVELS[out.level] for scale in row] for row in scales]
-    out.indices = [0] * len(scan)
-    out.values = [0] * len(scan)
+    scan, scales = prepared(out, bases)
     if out.step == 63:
         return out
     known = coefficients(decoder, out, scan, scales, 0)
@@ -118,10 +106,52 @@ def decode(l0: bytes, l1: bytes | None, bases: list[list[list[int]]], identity: 
     fits = l1 and crc(bound.to_bytes(2, "big") + l1[:-1], 8, 0x2F, 0xFF) ^ 0xFF == l1[-1]
     if l1 and fits:
         coefficients(RangeDecoder(l1[:-1]), out, scan, scales, known)
-    out.values = [
-        value(q, scales[c][f], out.step) for q, (c, f) in zip(out.indices, scan, strict=True)
-    ]
+    out.values = values(out, scan, scales)
     return out
+
+
+def record(payload: bytes, mode: int, bases: list[list[list[int]]]) -> Decoded:
+    """(F7) Return what a superframe says whose file tells its score once."""
+    out, decoder = Decoded(mode), RangeDecoder(payload)
+    setting(decoder, out)
+    scan, scales = prepared(out, bases)
+    if out.step != 63:
+        coefficients(decoder, out, scan, scales, 0)
+        out.values = values(out, scan, scales)
+    return out
+
+
+def setting(decoder: RangeDecoder, out: Decoded) -> None:
+    """(H8) Read how a superframe codes what its prediction lacks."""
+    out.step = decoder.bits(6)
+    if out.step == 63:
+        return
+    use = decoder.symbol(USE)[0] if out.mode == 0 else 1
+    out.basis = decoder.symbol(BASES[1 if use == 1 else 0])[0]
+    out.level = decoder.symbol(LEVEL)[0]
+    if use == 1:
+        out.shares = [2, 2, 2, 2] if out.mode == 0 else [0, 0, 0, 0]
+        return
+    out.course = decoder.symbol(COURSE)[0]
+    out.shift = decoder.symbol(SHIFTS)[0]
+    if use == 2:
+        out.shares = [decoder.symbol(SHARE)[0] for _ in range(4)]
+
+
+def prepared(
+    out: Decoded, bases: list[list[list[int]]]
+) -> tuple[list[tuple[int, int]], list[list[int]]]:
+    """(T2, Q6) Return the order of the coefficients and their raised scales."""
+    scales = bases[out.basis]
+    scan = order(scales)
+    out.indices = [0] * len(scan)
+    out.values = [0] * len(scan)
+    return scan, [[scale + LEVELS[out.level] for scale in row] for row in scales]
+
+
+def values(out: Decoded, scan: list[tuple[int, int]], scales: list[list[int]]) -> list[int]:
+    """(Q1 to Q4) Return the values of all coefficients."""
+    return [value(q, scales[c][f], out.step) for q, (c, f) in zip(out.indices, scan, strict=True)]
 
 
 def compact(l0: bytes, bases: list[list[list[int]]], identity: str) -> Decoded:

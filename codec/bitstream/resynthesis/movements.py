@@ -55,6 +55,7 @@ def movements(
     options = next((part.options for part in joined.parts.values()), DEFAULT_OPTIONS)
     gap = round(options.rest_gap_s / TICK_S) * PARTS
     length = {s.start: s.end - s.start for s in line}
+    lost = [s for s in line if s.open_start and s.open_end]
     rule = _Rule.of(movement)
     rows = [_Row(_REST_KEY, -(1 << 40), -(1 << 40))]
     before: tuple[int, int] | None = None
@@ -63,7 +64,7 @@ def movements(
         start, end = tick * PARTS, round(key.end / TICK_S) * PARTS
         number = len(PLACEMENTS) * key.shape + PLACEMENT_NUMBER[key.placement]
         rested = before is None or (
-            start - before[1] >= gap and not _untold(before[1], start, line)
+            start - before[1] >= gap and not _untold(before[1], start, lost)
         )
         if rested and before is not None:
             lead = min(rule.first_lead, (start - before[1]) // 2)
@@ -145,12 +146,9 @@ def _stroke(last: _Row, number: int, wanted: tuple[int, int], way_mm: float, rul
     return _Row(number, leave, max(wanted[1], late, leave + rule.shortest))
 
 
-def _untold(begin: int, end: int, line: Sequence[Sounding]) -> bool:
+def _untold(begin: int, end: int, lost: Sequence[Sounding]) -> bool:
     """Return whether a superframe was lost between two times, so that silence is not known."""
-    return any(
-        s.open_start and s.open_end and begin <= PARTS * s.start and PARTS * s.end <= end
-        for s in line
-    )
+    return any(begin <= PARTS * s.start and PARTS * s.end <= end for s in lost)
 
 
 def _to_rest(end: int, before: int, rule: _Rule) -> _Row:
