@@ -70,7 +70,9 @@ def _os(stretch: Sequence[Item], position: int) -> str:
 
 
 def _est(stretch: Sequence[Item], position: int) -> str:
-    """Return Est for the point of the compass after l' that no subject precedes."""
+    """Return Est for the point of the compass: after d', and after l' that no subject precedes."""
+    if _text(stretch, position - 1) == "d'":
+        return "Est"
     named = _text(stretch, position - 1) == "l'"
     subject = position > 1 and stretch[position - 2].word_class in "SRO"
     return "Est" if stretch[position].word_class in "NA" or (named and not subject) else "E"

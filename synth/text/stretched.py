@@ -13,6 +13,9 @@ from synth.text.numbers import roman
 _DRAWN_OUT = re.compile(r"[^\W\d_]*?([^\W\d_])\1\1[^\W\d_]*", re.I)
 _RUN = re.compile(r"([^\W\d_])\1{2,}", re.I)
 
+_ORDINAL = re.compile(r"(?<=[IVXLCDM])(e|es|ème|èmes|ième|ièmes)$")
+"""What makes an ordinal of a Roman numeral."""
+
 _MOST_RUNS = 4
 """Drawn-out letters of a word at most: more is no cry."""
 
@@ -26,14 +29,14 @@ def shortened(line: str) -> str:
 
     Examples
     --------
-    >>> shortened("Nooooon ! Grrrr, www, Louis XIII, alleeeeez")
-    'Non ! Grr, www, Louis XIII, allez'
+    >>> shortened("Nooooon ! Grrrr, www, Louis XIII, au XVIIIe, alleeeeez")
+    'Non ! Grr, www, Louis XIII, au XVIIIe, allez'
     """
     return _DRAWN_OUT.sub(lambda m: _shortened(m[0]), line)
 
 
 def _shortened(word: str) -> str:
-    if word.lower() == "www" or (word.isupper() and roman(word)):
+    if word.lower() == "www" or roman(_ORDINAL.sub("", word)):
         return word
     if len(_RUN.findall(word)) > _MOST_RUNS:
         return _RUN.sub(r"\1", word)

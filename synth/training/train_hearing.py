@@ -39,7 +39,7 @@ _FRAME_S = 0.02
 _TOGETHER_S = 14.0
 """Recordings are heard joined up to this length, as speech is in use."""
 
-_RENDERED = 200
+_RENDERED = 100
 """Sentences of renderings."""
 
 _READ_AT_HZ = (RATE_HZ, 25_600, 19_000)
@@ -142,14 +142,16 @@ def over(item: Spoken, other: Sound, decibels: float) -> Spoken:
 def conditions(
     items: Sequence[Spoken], music: Sequence[Sound], rng: np.random.Generator
 ) -> Iterator[Spoken]:
-    """Yield the recordings as they are, slower, over music, and in a narrow band with noise."""
-    for item in items:
+    """Yield the recordings as they are, over music, and slower or in a narrow band with noise."""
+    for number, item in enumerate(items):
         length = len(item.sound)
         yield item
-        yield slower(item)
         piece = music[int(rng.integers(len(music)))]
-        start = rng.integers(len(piece))
-        yield over(item, np.resize(np.roll(piece, -start), length), rng.uniform(*_MUSIC_DB))
+        piece = np.roll(piece, -int(rng.integers(len(piece))))
+        yield over(item, np.resize(piece, length), rng.uniform(*_MUSIC_DB))
+        if number % 2:
+            yield slower(item)
+            continue
         noisy = over(item, rng.normal(size=length), rng.uniform(*_NOISE_DB))
         edges = [rng.uniform(80, 300), rng.uniform(3400, 6500)]
         band = signal.butter(4, edges, "bandpass", fs=FS, output="sos")
