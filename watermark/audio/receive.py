@@ -17,27 +17,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.audio.acquire import DEVIATION, Candidate, PilotSearch, search_stretch
-from watermark.audio.align import Fit, View, find_delay, read_view, search_fit
-from watermark.audio.demodulate import Demodulator, Reading
-from watermark.audio.equaliser import Equaliser, Known, lean, path_of, score_phases
+from watermark.audio.acquire import Candidate, PilotSearch, search_stretch
+from watermark.audio.align import View, find_delay, search_fit
+from watermark.audio.demodulate import Reading
+from watermark.audio.equaliser import Equaliser, Known, path_of, score_phases
 from watermark.audio.guesses import STRETCH_S, Guess, Mix, make_guesses, usual_mix
 from watermark.audio.layout import make_pilots
-from watermark.audio.masking import make_masker
 from watermark.audio.mix import check_format
 from watermark.audio.pilot_sight import DECIMATION
 from watermark.audio.profile import (
     FS,
     HOP,
     LEVELS,
-    PILOT_STEPS,
-    PROFILES,
     SLOT_FRAMES,
     SUPERFRAME,
     TIER_LEVELS,
     Profile,
 )
 from watermark.audio.resampling_tape import Tape
+from watermark.audio.track import FOLLOW, Reader, Track, as_used, likely_phases, received
 from watermark.audio.turned_search import TurnedCandidate, TurnedSearch
 from watermark.link.superframe import ReceivedSuperframe
 
@@ -75,20 +73,11 @@ LEAST_AT_SPEED = 5.2
 FAILED_BEFORE_GUESSING = 3
 """Superframes in a row that fail at a known place before guesses are tried."""
 
-TURNED_TRIALS = 3
-"""Levels at which the phases of a place are tried, the likeliest first."""
-
 TURNED_GRID = (np.array([-1.0, -0.5, 0.0, 0.5, 1.0]), np.arange(-320.0, 321.0, 80.0))
 """Delays and drifts tried around a place whose phases are known by its pilots."""
 
 UNREADABLE = 3
 """Superframes in a row that cannot be read before the past is left alone."""
-
-PULL_IN = (
-    (np.arange(-2.5, 2.6, 0.5), np.arange(-80.0, 81.0, 40.0)),
-    (np.arange(-0.75, 0.8, 0.25), np.arange(-40.0, 41.0, 20.0)),
-)
-"""Delays in samples and drifts in ppm tried around a candidate, from coarse to fine."""
 
 SURE = 5.0
 """Score of a candidate's own pilots at its refined place, in deviations, from which it is tried
@@ -101,71 +90,8 @@ LOCK_IN = (
 )
 """Delays and drifts tried with the decoded bits of the first superframe, from coarse to fine."""
 
-SECOND_IN = (np.arange(-0.6, 0.7, 0.2), np.arange(-60.0, 61.0, 20.0))
-"""Delays and drifts tried with the bits of L0 where L1 was not read."""
-
-BESIDE = (np.arange(-24.0, 24.1, 1.5), np.arange(-1600.0, 1601.0, 200.0))
-"""Delays and drifts at which the pilots of a superframe that failed are sought."""
-
-BESIDE_SCORE = 40.0
-"""Correlation of pilots from which it is read there: five standard deviations of noise."""
-
-FOLLOW = 0.3
-"""Delay tried on either side with the decoded bits of each following superframe, samples."""
-
-BACK_GAIN = 0.5
-"""Part of the delay of a superframe of the past by which the place of the one before moves."""
-
 SAME_PLACE = 1.0
 """A search that ends within so many samples of the place expected has found nothing new."""
-
-LEAST_DELAY_GAIN, LEAST_PACE_GAIN = 0.2, 0.02
-"""Parts of a measured delay by which an old lock corrects place and, per superframe, clock."""
-
-
-@dataclass(slots=True)
-class _Track:
-    """Where the next superframe is expected and how it is written.
-
-    Attributes
-    ----------
-    position : float
-        Start on the tape, in samples.
-    ratio : float
-        Tape samples per sample of the mark.
-    demodulator : Demodulator
-        Of the profile.
-    level : float
-        Level of the superframe before.
-    equaliser : Equaliser
-        Phases of the bands.
-    offset : float
-        Levels by which a change of gain seems to have moved all others.
-    misses : int
-        Superframes in a row that failed.
-    age : int
-        Superframes that corrected the place after the first.
-    """
-
-    position: float
-    ratio: float
-    demodulator: Demodulator
-    level: float
-    equaliser: Equaliser
-    offset: float = 0.0
-    misses: int = 0
-    age: int = 0
-
-    def gains(self) -> tuple[float, float]:
-        """Parts of the next delay by which place and clock are corrected.
-
-        Those of a line through all places so far, until the loop is narrow enough: its memory then
-        bridges superframes that fail. Source: expanding-memory filter, Morrison, "Introduction to
-        Sequential Smoothing and Prediction", 1969.
-        """
-        n = self.age + 2
-        place, pace = 2 * (2 * n - 1) / (n * (n + 1)), 6 / (n * (n + 1))
-        return max(place, LEAST_DELAY_GAIN), max(pace, LEAST_PACE_GAIN)
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,13 +142,12 @@ class AudioReceiver:
         self._fs, self._channels, self._key = fs, channels, key
         self._nominal = fs / FS
         self._quantum = SLOT_FRAMES * HOP * fs // FS
-        self._demodulators: dict[int, Demodulator] = {}
-        self._masker = make_masker()
+        self._reader = Reader(key, self._nominal)
         self._sounds = [Tape() for _ in range(channels)]
         self._mix = usual_mix(channels)
         self._tape = Tape()
         self._now = 0
-        self._track: _Track | None = None
+        self._track: Track | None = None
         self._start_search(0.0)
         self._turned = TurnedSearch(key)
         self._stretch = int(STRETCH_S * fs)
@@ -336,7 +261,7 @@ class AudioReceiver:
                 return candidate
         return None
 
-    def _start_search(self, origin: float, track: _Track | None = None) -> None:
+    def _start_search(self, origin: float, track: Track | None = None) -> None:
         """Search from a place on, as the sound was on a track if there is one."""
         self._pace, self._offset, self._equaliser = self._nominal, 0.0, None
         if track is not None:
@@ -357,20 +282,20 @@ class AudioReceiver:
         position = origin + candidate.start * pace
         if position < self._last_start + 0.5 * SUPERFRAME * pace:
             return []
-        demodulator = self._demodulator(candidate.profile)
+        demodulator = self._reader.demodulator(candidate.profile)
         ratio = pace * (1 + candidate.clock_ppm * 1e-6)
         own = demodulator.profile.levels_of(candidate.tier)
-        track = _Track(
+        track = Track(
             position, ratio, demodulator, own.start + 1 + self._offset,
             equaliser or Equaliser(demodulator.bands), self._offset,
         )  # fmt: skip
-        sure = self._pull_in(heard.tape, track, candidate) >= SURE
+        sure = self._reader.pull_in(heard.tape, track, candidate) >= SURE
         levels = sorted(range(len(LEVELS)), key=lambda level: abs(level - own.start - 1.4))
         moved_levels = [level + self._offset for level in levels[:TRIED_LEVELS]]
         for delay in delays if sure else delays[:1]:
             moved = replace(track, position=track.position + delay * self._nominal)
-            raw = self._view(heard.tape, moved)
-            view = _as_used(moved, raw)
+            raw = self._reader.view(heard.tape, moved)
+            view = as_used(moved, raw)
             reading = demodulator.read(view, moved_levels, due=False, brief=not sure)
             if reading.decoded.l0 is not None:
                 return self._lock(heard.mix, moved, raw, reading)
@@ -433,37 +358,37 @@ class AudioReceiver:
         position = tape.first + candidate.start * self._nominal
         if position < self._last_start + 0.5 * SUPERFRAME * self._nominal:
             return []
-        demodulator = self._demodulator(candidate.profile)
+        demodulator = self._reader.demodulator(candidate.profile)
         profile, pilots = demodulator.profile, make_pilots(self._key)
         tier = math.log2(candidate.step / profile.pilot_step(0))
         nearest = min(max(round(tier), 0), (len(LEVELS) - 1) // TIER_LEVELS)
         offset = TIER_LEVELS * (tier - nearest)
         known = Known(pilots.cells, candidate.step, pilots.expected(candidate.profile))
         equaliser = Equaliser(demodulator.bands)
-        track = _Track(position, self._nominal, demodulator, 0.0, equaliser, offset)
-        view = self._view(tape, track)
+        track = Track(position, self._nominal, demodulator, 0.0, equaliser, offset)
+        view = self._reader.view(tape, track)
         expected = pilots.expected(candidate.profile)
         _, delay, phases = path_of(score_phases(view, known, len(pilots.cells.dither)))
         track.position += delay * self._nominal
-        view = self._view(tape, track).turned(Equaliser(phases.size, phases).bins)
-        self._move(track, search_fit(view, known.cells, known.step, expected, TURNED_GRID))
-        view = self._view(tape, track)
+        view = self._reader.view(tape, track).turned(Equaliser(phases.size, phases).bins)
+        self._reader.move(track, search_fit(view, known.cells, known.step, expected, TURNED_GRID))
+        view = self._reader.view(tape, track)
         numbers = range(nearest * TIER_LEVELS, (nearest + 1) * TIER_LEVELS)
         levels = [number + offset for number in numbers]
-        for equaliser, level in _likely_phases(demodulator, view, known, levels):
+        for equaliser, level in likely_phases(demodulator, view, known, levels):
             moved = replace(track, level=level, equaliser=equaliser)
-            reading = demodulator.read(_as_used(moved, view), [level], due=False)
+            reading = demodulator.read(as_used(moved, view), [level], due=False)
             if reading.decoded.l0 is not None:
                 return self._lock(heard.mix, moved, view, reading)
         return []
 
     def _lock(
-        self, mix: Mix, track: _Track, raw: View, reading: Reading
+        self, mix: Mix, track: Track, raw: View, reading: Reading
     ) -> list[ReceivedSuperframe]:
         """Take a track that was found; where it agrees with the one before, that one goes on."""
         self._use(mix)
         self._correct(track, raw, reading, wide=True)
-        reading = self._complete_reading(self._tape, track, reading)
+        reading = self._reader.complete(self._tape, track, reading)
         known = self._track
         if known is not None and known.demodulator is track.demodulator:
             steps = round((track.position - known.position) / (SUPERFRAME * known.ratio))
@@ -474,7 +399,7 @@ class AudioReceiver:
                     known, position=due, level=track.level, misses=0,
                     equaliser=track.equaliser, offset=track.offset,
                 )  # fmt: skip
-                self._nudge(track, delay)
+                self._reader.nudge(track, delay)
         self._search = None
         self._reset_guesses()
         self._track = track
@@ -483,7 +408,7 @@ class AudioReceiver:
             self.first_lock_s = self._now / self._fs
         return [*self._read_back(track), self._deliver(track, reading)]
 
-    def _read_back(self, track: _Track) -> list[ReceivedSuperframe]:
+    def _read_back(self, track: Track) -> list[ReceivedSuperframe]:
         """Read superframes that were on air before one that was found."""
         found: list[ReceivedSuperframe] = []
         past, failed = replace(track), 0
@@ -493,104 +418,39 @@ class AudioReceiver:
             past.position -= SUPERFRAME * past.ratio
             if past.position < first:
                 break
-            raw = self._view(self._tape, past)
-            reading = self._read(past, raw, due=False)
-            if reading.decoded.l0 is None and (moved := self._find_beside(past, raw)):
-                past, raw = moved, self._view(self._tape, moved)
-                reading = self._read(past, raw, due=False)
+            raw = self._reader.view(self._tape, past)
+            reading = self._reader.read(self._tape, past, raw, due=False)
+            if reading.decoded.l0 is None and (moved := self._reader.find_beside(past, raw)):
+                past, raw = moved, self._reader.view(self._tape, moved)
+                reading = self._reader.read(self._tape, past, raw, due=False)
             failed = 0 if reading.decoded.l0 is not None else failed + 1
             if not failed:
-                found.insert(0, _received(past, reading, self._fs))
-                self._learn_back(past, raw, reading)
+                found.insert(0, received(past, reading, self._fs))
+                self._reader.learn_back(past, raw, reading)
         return found
-
-    def _learn_back(self, past: _Track, raw: View, reading: Reading) -> None:
-        """Let a superframe of the past correct the place of the one before, and the phases."""
-        demodulator = past.demodulator
-        cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
-        weighted = demodulator.expected(reading.decoded)
-        weighted = weighted * demodulator.reliability.weights(reading.clues)
-        delay = find_delay(reading.view, cells, step, weighted, FOLLOW)
-        past.position += BACK_GAIN * delay * self._nominal
-        past.equaliser.learn(raw, Known(cells, step, weighted))
-
-    def _demodulator(self, number: int) -> Demodulator:
-        """Demodulator of a profile; what it learnt is kept for the next lock."""
-        if number not in self._demodulators:
-            profile = list(PROFILES.values())[number]
-            self._demodulators[number] = Demodulator(profile, self._key)
-        return self._demodulators[number]
-
-    def _pull_in(self, tape: Tape, track: _Track, candidate: Candidate) -> float:
-        """Refine a candidate's place by its pilots; give their score there, in deviations."""
-        pilots, step = make_pilots(self._key), PILOT_STEPS[candidate.tier] * 2 ** (track.offset / 4)
-        expected = pilots.expected(candidate.profile)
-        for grid in PULL_IN:
-            view = _as_used(track, self._view(tape, track))
-            fit = search_fit(view, pilots.cells, step, expected, grid)
-            self._move(track, fit)
-        return fit.score / DEVIATION
-
-    def _move(self, track: _Track, fit: Fit) -> None:
-        """Shift a track by a fit."""
-        track.position += fit.start_delay * self._nominal
-        track.ratio *= 1 + fit.drift_ppm * 1e-6
-
-    def _nudge(self, track: _Track, delay: float) -> None:
-        """Correct a track by the delay that a superframe had, samples at 48 kHz."""
-        place, pace = track.gains()
-        track.position += place * delay * self._nominal
-        track.ratio *= 1 + pace * delay / SUPERFRAME
-        track.age += 1
 
     # Following
 
-    def _complete(self, track: _Track) -> bool:
+    def _complete(self, track: Track) -> bool:
         end = track.position + (SUPERFRAME + HOP) * track.ratio + self._tape.reach(track.ratio)
         return end <= self._tape.end
-
-    def _view(self, tape: Tape, track: _Track) -> View:
-        return read_view(tape, track.position, track.ratio, self._masker)
 
     @property
     def _heard(self) -> _Heard:
         return _Heard(self._tape, self._mix)
 
-    def _read(self, track: _Track, raw: View, *, due: bool) -> Reading:
-        """Read with the phases that the track has, then without, or the other way round.
-
-        Where bands are turned, at last with phases that this superframe itself tells.
-        """
-        demodulator, turned = track.demodulator, track.equaliser.turned
-        for view in _views(track, raw) if turned else [raw]:
-            levels = demodulator.likely_levels(view, track.level, track.offset)
-            reading = demodulator.read(view, levels, due=due)
-            if reading.decoded.l0 is not None:
-                return self._complete_reading(self._tape, track, reading)
-        if turned:
-            pilots, profile = make_pilots(self._key), demodulator.profile
-            tier = math.floor((levels[0] - track.offset) / TIER_LEVELS + 1e-6)
-            step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
-            known = Known(pilots.cells, step, pilots.expected(profile.number))
-            likely = _likely_phases(demodulator, raw, known, levels[:TIER_LEVELS])
-            for equaliser, level in likely:
-                again = demodulator.read(raw.turned(equaliser.bins), [level], due=False)
-                if again.decoded.l0 is not None:
-                    return again
-        return reading
-
-    def _follow(self, track: _Track) -> list[ReceivedSuperframe]:
+    def _follow(self, track: Track) -> list[ReceivedSuperframe]:
         """Read the superframe that is due; note whether it arrived."""
-        raw = self._view(self._tape, track)
-        reading = self._read(track, raw, due=True)
+        raw = self._reader.view(self._tape, track)
+        reading = self._reader.read(self._tape, track, raw, due=True)
         if reading.decoded.l0 is not None:
             self._search = None
             self._correct(track, raw, reading)
             return [self._deliver(track, reading)]
-        moved = self._find_beside(track, raw)
+        moved = self._reader.find_beside(track, raw)
         if moved is not None:
-            raw = self._view(self._tape, moved)
-            again = self._read(moved, raw, due=False)
+            raw = self._reader.view(self._tape, moved)
+            again = self._reader.read(self._tape, moved, raw, due=False)
             if again.decoded.l0 is not None:
                 self._search, self._track = None, moved
                 self._correct(moved, raw, again, wide=True)
@@ -604,37 +464,7 @@ class AudioReceiver:
             self._start_search(track.position)
         return [failed] if track.misses <= self.patience else []
 
-    def _find_beside(self, track: _Track, raw: View) -> _Track | None:
-        """Find by its pilots where a superframe lies that the clock has led astray."""
-        pilots, profile = make_pilots(self._key), track.demodulator.profile
-        tier = math.floor((track.level - track.offset) / TIER_LEVELS + 1e-6)
-        step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
-        expected = pilots.expected(profile.number)
-        fit = search_fit(_as_used(track, raw), pilots.cells, step, expected, BESIDE)
-        if fit.score < BESIDE_SCORE:
-            return None
-        moved = replace(track, misses=0, age=0)
-        self._move(moved, fit)
-        return moved
-
-    def _complete_reading(self, tape: Tape, track: _Track, reading: Reading) -> Reading:
-        """Seek L1 where only L0 was read, at the place where the bits of L0 fit best."""
-        demodulator = track.demodulator
-        if reading.decoded.l0 is None or reading.decoded.l1 is not None:
-            return reading
-        cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
-        moved = replace(track)
-        expected = demodulator.expected(reading.decoded)
-        here = _as_used(track, self._view(tape, track))
-        self._move(moved, search_fit(here, cells, step, expected, SECOND_IN))
-        raw = self._view(tape, moved)
-        for view in _views(moved, raw) if track.equaliser.turned else [raw]:
-            again = demodulator.read_second(reading, view)
-            if again.decoded.l1 is not None:
-                return again
-        return reading
-
-    def _correct(self, track: _Track, raw: View, reading: Reading, *, wide: bool = False) -> None:
+    def _correct(self, track: Track, raw: View, reading: Reading, *, wide: bool = False) -> None:
         """Let the decoded bits correct clock, level, phases and the cells' reliabilities."""
         demodulator = track.demodulator
         expected = demodulator.expected(reading.decoded)
@@ -642,11 +472,11 @@ class AudioReceiver:
         weighted = expected * demodulator.reliability.weights(reading.clues)
         if wide:
             for grid in LOCK_IN:
-                view = _as_used(track, self._view(self._tape, track))
-                self._move(track, search_fit(view, cells, step, weighted, grid))
-            raw = self._view(self._tape, track)
+                view = as_used(track, self._reader.view(self._tape, track))
+                self._reader.move(track, search_fit(view, cells, step, weighted, grid))
+            raw = self._reader.view(self._tape, track)
         else:
-            self._nudge(track, find_delay(reading.view, cells, step, weighted, FOLLOW))
+            self._reader.nudge(track, find_delay(reading.view, cells, step, weighted, FOLLOW))
         track.offset += demodulator.gain_change(reading)
         track.equaliser.learn(raw, Known(cells, step, weighted))
         demodulator.learn(reading)
@@ -654,52 +484,12 @@ class AudioReceiver:
         self._counted += int((expected != 0).sum())
         track.level, track.misses = reading.level, 0
 
-    def _deliver(self, track: _Track, reading: Reading, *, told: bool = True) -> ReceivedSuperframe:
+    def _deliver(self, track: Track, reading: Reading, *, told: bool = True) -> ReceivedSuperframe:
         """Hand a superframe out and move the track to the next one."""
-        result = _received(track, reading, self._fs)
+        result = received(track, reading, self._fs)
         if reading.decoded.l0 is not None:
             self._last_start = track.position
         if told:
             self._last_told = track.position
         track.position += SUPERFRAME * track.ratio
         return result
-
-
-def _likely_phases(
-    demodulator: Demodulator, view: View, known: Known, levels: list[float]
-) -> list[tuple[Equaliser, float]]:
-    """Phases that pilots and the cells' second harmonics tell, the likeliest with their level."""
-    certain = score_phases(view, known, demodulator.bands)
-    paths = []
-    for level in levels:
-        cells = Known(demodulator.layout.cells, demodulator.profile.step(level), None)
-        paths.append((*path_of(certain + score_phases(view, cells, demodulator.bands)), level))
-    paths.sort(key=lambda found: -found[0])
-    return [
-        (Equaliser(phases.size, phases + lean(delay, phases.size)), level)
-        for _, delay, phases, level in paths[:TURNED_TRIALS]
-    ]
-
-
-def _views(track: _Track, raw: View) -> list[View]:
-    """Give the views with and without the phases of a track, the better one first."""
-    views = [raw.turned(track.equaliser.bins), raw]
-    return views if track.equaliser.used else views[::-1]
-
-
-def _as_used(track: _Track, raw: View) -> View:
-    return _views(track, raw)[0]
-
-
-def _received(track: _Track, reading: Reading, fs: int) -> ReceivedSuperframe:
-    """Make what is handed out of a superframe."""
-    agreement = reading.soft * track.demodulator.expected(reading.decoded)
-    known = np.count_nonzero(agreement) or 1
-    return ReceivedSuperframe(
-        l0=reading.decoded.l0,
-        l1=reading.decoded.l1,
-        position_s=track.position / fs,
-        confidence=float(np.clip(agreement.sum() / known, 0.0, 1.0)),
-        ber_estimate=float((agreement < 0).sum() / known),
-        ratios=reading.llr,
-    )

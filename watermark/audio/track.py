@@ -1,0 +1,246 @@
+"""Read superframes at a place in a sound: where they start, how fast, at which level and phases.
+
+A `Track` is such a place; a `Reader` reads there, refines the place by pilots or by decoded bits,
+and seeks a superframe beside it. Specification: spec/audio-carrier.md, section 7.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from watermark.audio.acquire import DEVIATION, Candidate
+from watermark.audio.align import Fit, View, find_delay, read_view, search_fit
+from watermark.audio.demodulate import Demodulator, Reading
+from watermark.audio.equaliser import Equaliser, Known, lean, path_of, score_phases
+from watermark.audio.layout import make_pilots
+from watermark.audio.masking import make_masker
+from watermark.audio.profile import PILOT_STEPS, PROFILES, SUPERFRAME, TIER_LEVELS
+from watermark.audio.resampling_tape import Tape
+from watermark.link.superframe import ReceivedSuperframe
+
+TURNED_TRIALS = 3
+"""Levels at which the phases of a place are tried, the likeliest first."""
+
+PULL_IN = (
+    (np.arange(-2.5, 2.6, 0.5), np.arange(-80.0, 81.0, 40.0)),
+    (np.arange(-0.75, 0.8, 0.25), np.arange(-40.0, 41.0, 20.0)),
+)
+"""Delays in samples and drifts in ppm tried around a candidate, from coarse to fine."""
+
+SECOND_IN = (np.arange(-0.6, 0.7, 0.2), np.arange(-60.0, 61.0, 20.0))
+"""Delays and drifts tried with the bits of L0 where L1 was not read."""
+
+BESIDE = (np.arange(-24.0, 24.1, 1.5), np.arange(-1600.0, 1601.0, 200.0))
+"""Delays and drifts at which the pilots of a superframe that failed are sought."""
+
+BESIDE_SCORE = 40.0
+"""Correlation of pilots from which it is read there: five standard deviations of noise."""
+
+FOLLOW = 0.3
+"""Delay tried on either side with the decoded bits of each following superframe, samples."""
+
+BACK_GAIN = 0.5
+"""Part of the delay of a superframe of the past by which the place of the one before moves."""
+
+LEAST_DELAY_GAIN, LEAST_PACE_GAIN = 0.2, 0.02
+"""Parts of a measured delay by which an old lock corrects place and, per superframe, clock."""
+
+
+@dataclass(slots=True)
+class Track:
+    """Where the next superframe is expected and how it is written.
+
+    Attributes
+    ----------
+    position : float
+        Start on the tape, in samples.
+    ratio : float
+        Tape samples per sample of the mark.
+    demodulator : Demodulator
+        Of the profile.
+    level : float
+        Level of the superframe before.
+    equaliser : Equaliser
+        Phases of the bands.
+    offset : float
+        Levels by which a change of gain seems to have moved all others.
+    misses : int
+        Superframes in a row that failed.
+    age : int
+        Superframes that corrected the place after the first.
+    """
+
+    position: float
+    ratio: float
+    demodulator: Demodulator
+    level: float
+    equaliser: Equaliser
+    offset: float = 0.0
+    misses: int = 0
+    age: int = 0
+
+    def gains(self) -> tuple[float, float]:
+        """Parts of the next delay by which place and clock are corrected.
+
+        Those of a line through all places so far, until the loop is narrow enough: its memory then
+        bridges superframes that fail. Source: expanding-memory filter, Morrison, "Introduction to
+        Sequential Smoothing and Prediction", 1969.
+        """
+        n = self.age + 2
+        place, pace = 2 * (2 * n - 1) / (n * (n + 1)), 6 / (n * (n + 1))
+        return max(place, LEAST_DELAY_GAIN), max(pace, LEAST_PACE_GAIN)
+
+
+class Reader:
+    """Reads superframes where a track says, and corrects tracks by what it read.
+
+    Parameters
+    ----------
+    key : int
+        Seed of the layout.
+    nominal : float
+        Tape samples per sample of the mark at its nominal rate.
+    """
+
+    def __init__(self, key: int, nominal: float) -> None:
+        self._key, self._nominal = key, nominal
+        self._masker = make_masker()
+        self._demodulators: dict[int, Demodulator] = {}
+
+    def demodulator(self, number: int) -> Demodulator:
+        """Demodulator of a profile; what it learnt is kept for the next lock."""
+        if number not in self._demodulators:
+            profile = list(PROFILES.values())[number]
+            self._demodulators[number] = Demodulator(profile, self._key)
+        return self._demodulators[number]
+
+    def view(self, tape: Tape, track: Track) -> View:
+        """Return the cells of the superframe at a track's place."""
+        return read_view(tape, track.position, track.ratio, self._masker)
+
+    def read(self, tape: Tape, track: Track, raw: View, *, due: bool) -> Reading:
+        """Read with the phases that the track has, then without, or the other way round.
+
+        Where bands are turned, at last with phases that this superframe itself tells.
+        """
+        demodulator, turned = track.demodulator, track.equaliser.turned
+        for view in _views(track, raw) if turned else [raw]:
+            levels = demodulator.likely_levels(view, track.level, track.offset)
+            reading = demodulator.read(view, levels, due=due)
+            if reading.decoded.l0 is not None:
+                return self.complete(tape, track, reading)
+        if turned:
+            pilots, profile = make_pilots(self._key), demodulator.profile
+            tier = math.floor((levels[0] - track.offset) / TIER_LEVELS + 1e-6)
+            step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
+            known = Known(pilots.cells, step, pilots.expected(profile.number))
+            likely = likely_phases(demodulator, raw, known, levels[:TIER_LEVELS])
+            for equaliser, level in likely:
+                again = demodulator.read(raw.turned(equaliser.bins), [level], due=False)
+                if again.decoded.l0 is not None:
+                    return again
+        return reading
+
+    def complete(self, tape: Tape, track: Track, reading: Reading) -> Reading:
+        """Seek L1 where only L0 was read, at the place where the bits of L0 fit best."""
+        demodulator = track.demodulator
+        if reading.decoded.l0 is None or reading.decoded.l1 is not None:
+            return reading
+        cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
+        moved = replace(track)
+        expected = demodulator.expected(reading.decoded)
+        here = as_used(track, self.view(tape, track))
+        self.move(moved, search_fit(here, cells, step, expected, SECOND_IN))
+        raw = self.view(tape, moved)
+        for view in _views(moved, raw) if track.equaliser.turned else [raw]:
+            again = demodulator.read_second(reading, view)
+            if again.decoded.l1 is not None:
+                return again
+        return reading
+
+    def pull_in(self, tape: Tape, track: Track, candidate: Candidate) -> float:
+        """Refine a candidate's place by its pilots; give their score there, in deviations."""
+        pilots, step = make_pilots(self._key), PILOT_STEPS[candidate.tier] * 2 ** (track.offset / 4)
+        expected = pilots.expected(candidate.profile)
+        for grid in PULL_IN:
+            view = as_used(track, self.view(tape, track))
+            fit = search_fit(view, pilots.cells, step, expected, grid)
+            self.move(track, fit)
+        return fit.score / DEVIATION
+
+    def find_beside(self, track: Track, raw: View) -> Track | None:
+        """Find by its pilots where a superframe lies that the clock has led astray."""
+        pilots, profile = make_pilots(self._key), track.demodulator.profile
+        tier = math.floor((track.level - track.offset) / TIER_LEVELS + 1e-6)
+        step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
+        expected = pilots.expected(profile.number)
+        fit = search_fit(as_used(track, raw), pilots.cells, step, expected, BESIDE)
+        if fit.score < BESIDE_SCORE:
+            return None
+        moved = replace(track, misses=0, age=0)
+        self.move(moved, fit)
+        return moved
+
+    def learn_back(self, past: Track, raw: View, reading: Reading) -> None:
+        """Let a superframe of the past correct the place of the one before, and the phases."""
+        demodulator = past.demodulator
+        cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
+        weighted = demodulator.expected(reading.decoded)
+        weighted = weighted * demodulator.reliability.weights(reading.clues)
+        delay = find_delay(reading.view, cells, step, weighted, FOLLOW)
+        past.position += BACK_GAIN * delay * self._nominal
+        past.equaliser.learn(raw, Known(cells, step, weighted))
+
+    def move(self, track: Track, fit: Fit) -> None:
+        """Shift a track by a fit."""
+        track.position += fit.start_delay * self._nominal
+        track.ratio *= 1 + fit.drift_ppm * 1e-6
+
+    def nudge(self, track: Track, delay: float) -> None:
+        """Correct a track by the delay that a superframe had, samples at 48 kHz."""
+        place, pace = track.gains()
+        track.position += place * delay * self._nominal
+        track.ratio *= 1 + pace * delay / SUPERFRAME
+        track.age += 1
+
+
+def likely_phases(
+    demodulator: Demodulator, view: View, known: Known, levels: list[float]
+) -> list[tuple[Equaliser, float]]:
+    """Phases that pilots and the cells' second harmonics tell, the likeliest with their level."""
+    certain = score_phases(view, known, demodulator.bands)
+    paths = []
+    for level in levels:
+        cells = Known(demodulator.layout.cells, demodulator.profile.step(level), None)
+        paths.append((*path_of(certain + score_phases(view, cells, demodulator.bands)), level))
+    paths.sort(key=lambda found: -found[0])
+    return [
+        (Equaliser(phases.size, phases + lean(delay, phases.size)), level)
+        for _, delay, phases, level in paths[:TURNED_TRIALS]
+    ]
+
+
+def _views(track: Track, raw: View) -> list[View]:
+    """Give the views with and without the phases of a track, the better one first."""
+    views = [raw.turned(track.equaliser.bins), raw]
+    return views if track.equaliser.used else views[::-1]
+
+
+def as_used(track: Track, raw: View) -> View:
+    """Return the view with the phases that the track goes by."""
+    return _views(track, raw)[0]
+
+
+def received(track: Track, reading: Reading, fs: int) -> ReceivedSuperframe:
+    """Make what is handed out of a superframe."""
+    agreement = reading.soft * track.demodulator.expected(reading.decoded)
+    known = np.count_nonzero(agreement) or 1
+    return ReceivedSuperframe(
+        l0=reading.decoded.l0,
+        l1=reading.decoded.l1,
+        position_s=track.position / fs,
+        confidence=float(np.clip(agreement.sum() / known, 0.0, 1.0)),
+        ber_estimate=float((agreement < 0).sum() / known),
+        ratios=reading.llr,
+    )
