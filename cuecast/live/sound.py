@@ -24,6 +24,7 @@ from cuecast.dubbing.motions import MotionSource
 from cuecast.live.frames import FrameCutter, framed
 from cuecast.live.packets import TICKS_HZ, Pes, step, write_pes
 from cuecast.live.signing import LiveSigning
+from cuecast.media.dolby import settings_of
 from receiver.media.sound import as_float
 from watermark.audio.embed import AudioEmbedder
 from watermark.audio.profile import find_profile
@@ -167,6 +168,7 @@ class SoundMarker:
         self._base_s = 0.0
         self._zero: int | None = None
         self._bits, self._length_s, self._frames, self._packets = 0, 0.0, 0, 0
+        self._settings: dict[str, str] = {}
         self.damaged = 0
 
     @property
@@ -210,6 +212,7 @@ class SoundMarker:
                     due, pts = pts, None
                 self._bits += 8 * (len(frame.data) - _FRAMING.get(kind, 0))
                 self._frames += 1
+                self._settings = settings_of(frame.data)
                 for sound in self._decoded(frame.data):
                     yield from self._place(sound, due)
                     due = None
@@ -218,7 +221,7 @@ class SoundMarker:
         """Mark plain sound of 48 kHz and two channels as if it had come in as MPEG audio."""
         form = _Form(48_000, "stereo", 2)
         run = _Run(
-            "mp2", form, 0, 0.0, 0, self._motion, self._voice, self._options, None, 1,
+            "mp2", form, 0, 0.0, 0, self._motion, self._voice, self._options, None, 1, {},
             lambda: 192_000,
         )  # fmt: skip
         yield from run.process(samples.astype(np.float32))
@@ -293,7 +296,7 @@ class SoundMarker:
         form = _Form(sound.sample_rate, sound.layout.name, sound.layout.nb_channels)
         return _Run(
             self._kind, form, stamp, self._base_s, self._first, self._motion, self._voice,
-            self._options, self._signing, per_packet,
+            self._options, self._signing, per_packet, self._settings,
             lambda: round(self._bits / max(self._length_s, 1e-3)),
         )  # fmt: skip
 
@@ -304,7 +307,7 @@ class _Run:
     def __init__(
         self, kind: str, form: "_Form", stamp: int, start_s: float, first: int,
         motion: MotionSource, voice: Voice, options: LiveOptions, signing: LiveSigning | None,
-        per_packet: int, bit_rate: Callable[[], int],
+        per_packet: int, settings: dict[str, str], bit_rate: Callable[[], int],
     ) -> None:  # fmt: skip
         self.fs, self.layout, self.channels = form.fs, form.layout, form.channels
         self.start_s = start_s
@@ -320,7 +323,7 @@ class _Run:
             grade=options.grade, stretch=options.stretch,
             rehearsal=make_rehearsal(profile, options.key, options.through),
         )  # fmt: skip
-        self._bit_rate, self._per_packet = bit_rate, per_packet
+        self._bit_rate, self._per_packet, self._settings = bit_rate, per_packet, settings
         self._coder: _Coder | None = None
         self._waiting: list[tuple[int, bytes]] = []
 
@@ -357,7 +360,7 @@ class _Run:
         if not len(marked):
             return
         if self._coder is None:
-            self._coder = _Coder(self._kind, self.fs, self.layout, self._bit_rate())
+            self._coder = _Coder(self._kind, self.fs, self.layout, self._bit_rate(), self._settings)
         self._waiting += self._coder.process(marked)
         yield from self._packets(self._per_packet)
 
@@ -376,13 +379,16 @@ class _Run:
 class _Coder:
     """Encoder of one run; frames come out with the number of their first sample."""
 
-    def __init__(self, kind: str, fs: int, layout: str, bit_rate: int) -> None:
+    def __init__(
+        self, kind: str, fs: int, layout: str, bit_rate: int, settings: dict[str, str]
+    ) -> None:
         name = _CODERS[kind][1]
         coder: Any = av.CodecContext.create(name, "w")
         coder.sample_rate, coder.layout = fs, layout
         offered = [form.name for form in coder.codec.audio_formats]
         coder.format = "fltp" if "fltp" in offered else "s16"
         coder.bit_rate = _usual_rate(name, bit_rate or _USUAL_BITS)
+        coder.options = settings
         try:
             coder.open(strict=False)
         except (av.FFmpegError, ValueError) as error:

@@ -131,6 +131,8 @@ class SoundEncoder:
         Rate, channels and sample type of the programme.
     target : SoundTarget
         Encoder and bit rate.
+    settings : dict, optional
+        Options of the encoder.
 
     Attributes
     ----------
@@ -143,7 +145,10 @@ class SoundEncoder:
         If the encoder or the container refuses these parameters.
     """
 
-    def __init__(self, container: OutputContainer, sound: SoundFormat, target: SoundTarget) -> None:
+    def __init__(
+        self, container: OutputContainer, sound: SoundFormat, target: SoundTarget,
+        settings: dict[str, str] | None = None,
+    ) -> None:  # fmt: skip
         try:
             self.stream: Any = container.add_stream(target.encoder, rate=sound.fs)
         except (av.FFmpegError, ValueError) as error:
@@ -159,6 +164,7 @@ class SoundEncoder:
             self._bits = int("".join(c for c in target.encoder if c.isdigit()))
         context.layout = sound.layout
         context.format = self._format
+        context.options = settings or {}
         if target.bit_rate:
             context.bit_rate = target.bit_rate
         self._sound = sound

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from codec.files.whole import whole_file
 from cuecast.media.copying import Copies, copy_labels
+from cuecast.media.dolby import TELLING, first_settings
 from cuecast.media.encode import SoundEncoder, choose_target, encoder_of, usual_codec
 from receiver.media.programme import (
     Programme,
@@ -142,14 +143,15 @@ class _Writer:
         self._container = container
         self._decoder = SoundDecoder(programme, strict=True)
         sound = self._decoder.format
+        track = list(programme.container.streams.audio).index(programme.sound)
         if not sound.bit_rate:
-            track = list(programme.container.streams.audio).index(programme.sound)
             sound = replace(sound, bit_rate=measured_bit_rate(source, track=track))
         target = choose_target(sound, codec=codec, bit_rate=bit_rate)
         self._copies = Copies(programme.container, container)
         for stream in programme.container.streams:
             if stream is programme.sound:
-                self._encoder = SoundEncoder(container, sound, target)
+                told = first_settings(source, track) if target.encoder in TELLING else {}
+                self._encoder = SoundEncoder(container, sound, target, told)
                 copy_labels(stream, self._encoder.stream)
             elif not alone:
                 self._copies.add(stream)

@@ -88,11 +88,12 @@ def made_twice(log: Path) -> list[str]:
 
 
 def children(pid: int) -> list[int]:
-    """Return the workers that a process has started."""
+    """Return the workers that a process has started, from whichever of its threads."""
+    found: list[str] = []
     with contextlib.suppress(OSError):
-        found = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
-        return [int(child) for child in found if _is_worker(int(child))]
-    return []
+        for path in Path(f"/proc/{pid}/task").glob("*/children"):
+            found += path.read_text(encoding="ascii").split()
+    return [int(child) for child in found if _is_worker(int(child))]
 
 
 def _is_worker(pid: int) -> bool:
