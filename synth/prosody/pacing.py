@@ -3,8 +3,8 @@
 People speak 5 to 7 syllables a second and cue 2.5 to 4 (Attina 2005; Duchnowski et al. 2000), and
 readers of human transliterators do best 0.6 to 1.8 s behind the speech (Krause and Lopez 2017).
 So she may fall behind the programme by `Pace.max_lag_s`, and uses the pauses before and after what
-is said: the time of every key is stretched as evenly as the room allows. What still does not fit
-is left out: first mute e, then words, function words first.
+is said: what time there is beyond the least of each key is shared as evenly as the room allows.
+What still does not fit is left out: first mute e, then words, function words first.
 
 The even course is the taut string between the earliest and the latest time of each key (the
 schedule of least greatest speed of Yao, Demers, Shenker 1995, for jobs that keep their order).
@@ -27,6 +27,9 @@ from codec.cues.cueing import (
 from codec.cues.phonology import VOWELS
 from codec.cues.score import Phone
 from codec.errors import CueError
+from synth.prosody.importance import importance, links
+from synth.prosody.key_times import Form, least_s, spare_share
+from synth.prosody.taut_string import taut_string
 from synth.subtitles import Subtitle
 from synth.text.words import Word
 
@@ -50,13 +53,6 @@ LONGEST_S = 30.0
 _REACH_S = 8.0
 """Words this long before the place where she falls behind can still make room for it."""
 
-_STILL_S, _TURN_S, _PER_MM_S, _CHIN_S = 0.08, 0.14, 0.0005, 0.02
-"""Least time from a key to one that repeats it; to another; more per mm of way, and at the chin.
-
-Found so that 97 % of the keys of fast subtitles are held for 100 ms (`cuecast evaluate
-readability`). The chin is nearest to the hand in the last fifth of a way only: the mouth is close.
-"""
-
 _LEAST_PHONE_S = 0.04
 """Seconds that a phone keeps however dense the text: two ticks."""
 
@@ -69,6 +65,9 @@ _LEAST_PAUSE_S = 0.06
 _PAUSE_FROM_S = 0.1
 """A silence of the speaker that is a pause, where the text has no mark for it."""
 
+_REST_ROOM_S = 0.95
+"""Shorter silences are too short for the hand to rest and to be back: she holds the last key."""
+
 _RISE_S = 0.3
 """Nothing is shown earlier: the hand has to rise first."""
 
@@ -77,21 +76,6 @@ _GRID_HZ = 50
 
 _SAME_S = 1e-9
 """Seconds within which times count as the same: what rounding leaves."""
-
-_NEGATION = frozenset("pas plus jamais rien personne aucun aucune guère sans ni non".split())
-_ARTICLES = frozenset("le la les l' un une des du de d' au aux ce cet cette ces".split())
-_AUXILIARY = frozenset(
-    "est a ont sont ai as es avons avez sommes êtes suis était avait étaient avaient été".split()
-)
-_LINKING = frozenset("z t n ʁ p".split())
-_VOWEL_LETTERS = "aeiouyhàâäéèêëîïôöùûüœæ"
-
-_WAY_MM = {
-    ("chin", "mouth"): 33, ("cheek", "mouth"): 36, ("cheek", "side"): 53, ("chin", "throat"): 61,
-    ("mouth", "side"): 61, ("cheek", "chin"): 68, ("mouth", "throat"): 88, ("chin", "side"): 88,
-    ("side", "throat"): 124, ("cheek", "throat"): 124,
-}  # fmt: skip
-"""Ways between placements, from the pictures of five cuers that SPPAS measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,6 +207,8 @@ class _Keys:
         How long the speaker takes for it, seconds.
     consonant : ndarray, shape (N,)
         Share of the consonant in keys of two phones.
+    share : ndarray, shape (N,)
+        How much of the spare time each key takes, against the others.
     """
 
     members: list[list[tuple[int, int]]]
@@ -231,11 +217,17 @@ class _Keys:
     pause: FloatArray
     said: FloatArray
     consonant: FloatArray
+    share: FloatArray
 
     @property
     def work(self) -> FloatArray:
         """Shortest way from the start of each key to that of the next, (N,)."""
         return np.asarray(self.least + np.append(self.pause[1:], 0.0))
+
+    @property
+    def parts(self) -> FloatArray:
+        """How much of the spare time goes to each key and to the pause after it, (N,)."""
+        return np.asarray(self.share + (np.append(self.pause[1:], 0.0) > 0))
 
 
 class _Block:
@@ -309,18 +301,22 @@ class _Block:
             )
         phones = [[self._words[w].phones[i] for w, i in m] for m in members]
         first = np.array([p[0].start for p in phones])
-        share = [
+        part = [
             (p[0].end - p[0].start) / max(p[-1].end - p[-1].start + p[0].end - p[0].start, _SAME_S)
             for p in phones
         ]
+        forms = [(*two, len(m)) for two, m in zip(form, members, strict=True)]
+        afters: list[Form | None] = [*forms[1:], None][: len(forms)]
+        befores: list[Form | None] = [None, *forms[:-1]][: len(forms)]
         least = [
-            max(_least(here, after), _LEAST_PHONE_S * len(m))
-            for (here, after), m in zip(itertools.pairwise([*form, (0, "")]), members, strict=True)
+            max(least_s(before, here, after), _LEAST_PHONE_S * here[2])
+            for before, here, after in zip(befores, forms, afters, strict=True)
         ]
         pause = _LEAST_PAUSE_S * np.array(paused, dtype=float)
-        consonant = np.clip(share, 1 - _LONGEST_CONSONANT, _LONGEST_CONSONANT)
+        consonant = np.clip(part, 1 - _LONGEST_CONSONANT, _LONGEST_CONSONANT)
         said = np.array([sum(x.end - x.start for x in p) for p in phones])
-        return _Keys(members, first, np.array(least), pause, said, consonant)
+        share = np.array([spare_share(*pair) for pair in zip(forms, afters, strict=True)])
+        return _Keys(members, first, np.array(least), pause, said, consonant, share)
 
     def _late(self, keys: _Keys, lead_s: float) -> tuple[int, int] | None:
         """Return the first key that comes too late at the quickest, and where the hurry began."""
@@ -373,30 +369,34 @@ class _Block:
         n = len(keys.first)
         if n == 0:
             return np.zeros(0), np.zeros(0)
-        mean = keys.least.sum() / n
-        ease = 1.0 / (COMFORTABLE_KEYS * mean)
-        slowest = max(1.0, 1.0 / (KEYS_PER_SYLLABLE * self._pace.syllables_per_s * mean))
+        mean = float(keys.least.mean())
+        ease = max(0.0, 1.0 / COMFORTABLE_KEYS - mean)
+        slowest = max(0.0, 1.0 / (KEYS_PER_SYLLABLE * self._pace.syllables_per_s) - mean)
+        place, taken = np.cumsum(np.append(0, keys.parts)), np.cumsum(np.append(0.0, keys.work))
         for lead_s in (0.0, LEAD_S):
             if lead_s == 0.0 and self._late(keys, 0.0):
                 continue
             early = np.maximum.accumulate(np.maximum(keys.first - lead_s, self._free_s))
             latest = keys.first + self._latest_s
             end = latest[-1] + max(keys.least[-1], keys.said[-1])
-            even = taut_string(
-                np.cumsum(np.append(0.0, keys.work)), np.append(early, end), np.append(latest, end)
-            )
-            speed = np.diff(even) / keys.work
-            if speed.min() >= min(ease, slowest):
+            even = taut_string(place, np.append(early, end) - taken, np.append(latest, end) - taken)
+            spare = np.diff(even) / keys.parts
+            if spare.min() >= min(ease, slowest):
                 break
-        factor = np.minimum(speed, slowest)
+        due = even + taken
+        extra = np.clip(spare, 0.0, slowest)
+        length = keys.least + keys.share * extra
         start, clock = np.empty(n), self._free_s
         for k in range(n):
-            release = min(keys.first[k], even[k])
-            start[k] = max(release, clock + keys.pause[k] * (factor[k - 1] if k else 0.0))
-            clock = start[k] + keys.least[k] * factor[k]
-        ends = start + np.maximum(keys.least * factor, keys.said)
+            pause = keys.pause[k] + (extra[k - 1] if k and keys.pause[k] else 0.0)
+            start[k] = max(min(keys.first[k], due[k]), clock + pause)
+            clock = start[k] + length[k]
+        ends = start + np.maximum(length, keys.said)
         ends[:-1] = np.minimum(ends[:-1], start[1:] - keys.pause[1:])
-        return start, np.maximum(ends - start, keys.least * factor)
+        gap = start[1:] - ends[:-1]
+        hurried = (gap >= self._options.rest_gap_s) & (gap < _REST_ROOM_S)
+        ends[:-1][hurried] = start[1:][hurried] - self._options.rest_gap_s + 2.0 / _GRID_HZ
+        return start, np.maximum(ends - start, length)
 
 
 def _spans(
@@ -420,92 +420,6 @@ def _spans(
         if k + 1 < len(start) and keys.pause[k + 1]:
             step += 1
     return spans
-
-
-def _least(here: tuple[int, str], after: tuple[int, str]) -> float:
-    """Return the shortest time that a key takes before another one, seconds."""
-    if here == after:
-        return _STILL_S
-    places = sorted((here[1], after[1]))
-    way = _TURN_S + _PER_MM_S * _WAY_MM.get((places[0], places[1]), 0)
-    return way + _CHIN_S * ((here[1] == "chin") + (after[1] == "chin"))
-
-
-def taut_string(x: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """Return the evenest course between bounds: the shortest one.
-
-    It begins at its first lower bound, ends at its last upper one and bends only where it touches
-    a bound, so its least slope is as large as the bounds allow.
-
-    Parameters
-    ----------
-    x : ndarray, shape (N,)
-        Ascending.
-    lower, upper : ndarray, shape (N,)
-        Bounds of the course at `x`.
-
-    Examples
-    --------
-    >>> taut_string(np.arange(3.0), np.array([0.0, 0.0, 4.0]), np.array([1.0, 1.0, 4.0])).tolist()
-    [0.0, 1.0, 4.0]
-    """
-    n = len(x)
-    out = np.empty(n)
-    at, out[0] = 0, lower[0]
-    while at < n - 1:
-        least, most = -np.inf, np.inf
-        low = high = bend = at
-        value = out[at]
-        for k in range(at + 1, n):
-            down, up = (np.array([lower[k], upper[k]]) - out[at]) / (x[k] - x[at])
-            if k == n - 1:
-                down = up
-            if down > most:
-                bend, value = high, upper[high]
-                break
-            if up < least:
-                bend, value = low, lower[low]
-                break
-            if down >= least:
-                least, low = down, k
-            if up <= most:
-                most, high = up, k
-        else:
-            bend, value = n - 1, upper[n - 1]
-        out[at + 1 : bend + 1] = out[at] + (value - out[at]) * (x[at + 1 : bend + 1] - x[at]) / (
-            x[bend] - x[at]
-        )
-        at = bend
-    return out
-
-
-def links(word: Word) -> bool:
-    """Return whether a word opens with the linking consonant of the word before it."""
-    return word.text[:1] in _VOWEL_LETTERS and len(word.phones) > 1 and word.phones[0] in _LINKING
-
-
-def importance(word: Word) -> int:
-    """Return how much a word tells, 0 for what goes first.
-
-    Function words before content words; what denies, counts or names goes last.
-
-    Examples
-    --------
-    >>> [importance(Word(t, ("a",), word_class=c)) for t, c in (("le", "D"), ("pas", "R"))]
-    [1, 8]
-    """
-    text, kind = word.text, word.word_class
-    if text in ("ne", "n'"):
-        return 0
-    if text in _NEGATION or kind == "U":
-        return 8
-    if text in _ARTICLES:
-        return 1
-    if kind in "PC":
-        return 2
-    if kind in "SOD" or text in _AUXILIARY:
-        return 3
-    return {"I": 4, "R": 4, "A": 5, "V": 6}.get(kind, 7)
 
 
 def _has_mute(word: TimedWord) -> bool:

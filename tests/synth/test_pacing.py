@@ -12,6 +12,8 @@ from codec.cues.cueing import cue
 from codec.cues.phonology import CONSONANTS, VOWELS
 from codec.cues.score import Phone
 from codec.errors import CueError
+from synth.prosody.importance import importance
+from synth.prosody.key_times import STILL_S, least_s
 from synth.prosody.pace_report import PaceReport
 from synth.prosody.pacing import (
     LEAD_S,
@@ -19,11 +21,10 @@ from synth.prosody.pacing import (
     Pace,
     PacedWord,
     TimedWord,
-    importance,
     links,
     pace_words,
-    taut_string,
 )
+from synth.prosody.taut_string import taut_string
 from synth.scoring.text_score import (
     Reading,
     score_from_subtitles,
@@ -191,3 +192,10 @@ def test_taut_string_is_the_evenest() -> None:
 def test_impossible_paces_are_refused(lag_s: float, syllables: float) -> None:
     with pytest.raises(CueError, match="not within"):
         Pace(lag_s, syllables)
+
+
+def test_a_key_needs_what_its_ways_take() -> None:
+    side, other, chin = (3, "side", 1), (5, "side", 1), (5, "chin", 2)
+    assert least_s(other, side, side) == STILL_S
+    assert least_s(side, other, side) < least_s(side, chin, side)
+    assert 0.1 < least_s(None, side, None) < 0.25
