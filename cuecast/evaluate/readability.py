@@ -1,7 +1,8 @@
 """Whether viewers can read the cuer: pace, holds, speed, omissions and movement, over subtitles.
 
 Material: the subtitles in a folder (``--clips``), or programmes of five minutes made of the
-package's sentences at 4 and 6 syllables a second, pauses counted, and the demonstration's text.
+package's sentences at 4 and 6 syllables a second, pauses counted, the demonstration's text and a
+news text of 15 characters a second.
 Each is cued at the readable pace and in step with the speaker (``--channels readable,sync``).
 
 A key is *held* while the hand is nearer to it than to any other key
@@ -13,6 +14,7 @@ figures stand beside those of real cuers (`cuecast.evaluate.strokes`).
 import difflib
 import itertools
 from collections.abc import Iterator, Sequence
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +24,15 @@ from numpy.typing import NDArray
 from codec.analysis.readability import HELD_S, Classes, peak_speed, shown_keys
 from codec.analysis.recognise import Recogniser, fit_recogniser
 from codec.cuer.voice import load_voice
+from codec.cues.cueing import cue
 from codec.cues.phonology import VOWELS
-from codec.cues.score import PLACEMENT_NUMBER, Key, Score
+from codec.cues.score import PLACEMENT_NUMBER, Key, Phone, Score
 from codec.errors import CueError
 from cuecast.demo.content import make_sound
 from cuecast.evaluate.options import EvaluateOptions
-from cuecast.evaluate.strokes import RATE_HZ, REAL, stroke_figures
+from cuecast.evaluate.strokes import RATE_HZ, REAL, film_of, rows_within, stroke_figures
 from receiver.drawing.render import render_frames, write_picture
+from synth.measured.cuer import MEASURED, performer
 from synth.prosody.pace_report import PaceReport
 from synth.prosody.pacing import READABLE, Pace
 from synth.rules.gesture import GestureSynthesiser
@@ -49,6 +53,19 @@ _PROGRAMME_S = 300.0
 
 _GAP_S = 0.1
 """Between two subtitles of a made programme; their time is that of the syllables, gap included."""
+
+_NEWS_CHARACTERS = 15.0
+"""Characters of text a second in the news: as many as subtitles of television have at most."""
+
+_REAL_PACE = 3.25
+"""Keys a second at which movement is compared with that of real cuers."""
+
+_EVERY, _SENTENCES = 8, 24
+"""One sentence of so many, and how many, for the movement."""
+
+_TRACKER_MM = 0.8
+"""Noise of a tracker's landmarks of the hand, mm: with it the mean of the knuckles is as noisy as
+that of real films (0.36 mm, from fourth differences of slow frames)."""
 
 _FRAMES_HZ = 50.0
 """Frames per second at which keys are judged."""
@@ -104,6 +121,9 @@ def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
     if options.out is not None:
         _, subtitles = next(iter(programmes(options)))
         strip(options.out / "readability-strip.png", subtitles, options.seed)
+    if options.clips is None:
+        options.say("movement")
+        rows += movement_rows(options.seed)
     real = {name: f"{low:g}-{high:g}" if low != high else f"{low:g}"
             for name, (low, high) in REAL.items()}  # fmt: skip
     return [*rows, {"clip": "real cuers", "pace": "their own"} | real]
@@ -119,11 +139,24 @@ def programmes(options: EvaluateOptions) -> Iterator[tuple[str, list[Subtitle]]]
     rng = np.random.default_rng([options.seed, 31])
     lines = read_sentences()
     yield "demonstration", make_sound()[1]
+    yield "news", news()
     for rate in _RATES:
         for number in range(_PROGRAMMES):
             order = rng.permutation(len(lines))
             said = [lines[i] for i in order]
             yield f"{rate:g} syllables/s, {number + 1}", spoken_at(said, rate, _PROGRAMME_S)
+
+
+def news() -> list[Subtitle]:
+    """Return the subtitles of a news programme: dense, without pauses."""
+    text = resources.files("cuecast").joinpath("evaluate/news.txt").read_text(encoding="utf-8")
+    subtitles: list[Subtitle] = []
+    time_s = 1.0
+    for number, line in enumerate(text.splitlines(), 1):
+        length_s = len(line) / _NEWS_CHARACTERS
+        subtitles.append(Subtitle(time_s, time_s + length_s - _GAP_S, line, number))
+        time_s += length_s
+    return subtitles
 
 
 def spoken_at(lines: Sequence[str], syllables_per_s: float, length_s: float) -> list[Subtitle]:
@@ -174,7 +207,6 @@ def figures(
         "peak_m_s": peak_speed(markers, _FRAMES_HZ),
         "verbatim_share": float(np.sum(held >= HELD_S - 1e-6)) / max(len(said), 1),
         "read_share": in_common(taken, _gestures(said)),
-        **stroke_figures(_performances(score, seed)),
     }  # fmt: skip
 
 
@@ -189,9 +221,40 @@ def _markers(cuer: GestureSynthesiser, score: Score) -> NDArray[np.float32]:
     )
 
 
-def _performances(score: Score, seed: int) -> list[NDArray[np.floating]]:
-    """Return what a camera of `RATE_HZ` sees."""
-    return [_markers(GestureSynthesiser(rate_hz=RATE_HZ, seed=seed), score)]
+def movement_rows(seed: int = 0) -> list[dict[str, Any]]:
+    """Return the movement at the pace of real cuers beside theirs: ours and the second cuer's."""
+    scores = slowed(
+        [score_from_text(line, start_s=1.0) for line in read_sentences()[::_EVERY][:_SENTENCES]]
+    )
+    rows = []
+    for name, law, noise_mm in (("claire", "minimum-jerk", 0.0),
+                                ("claire", "minimum-jerk", _TRACKER_MM),
+                                ("solange", MEASURED, _TRACKER_MM)):  # fmt: skip
+        films = [
+            film_of(
+                performer(name, law, rate_hz=RATE_HZ, seed=seed), score,
+                noise_mm=noise_mm, seed=seed + number,
+            )
+            for number, score in enumerate(scores)
+        ]  # fmt: skip
+        figures = stroke_figures(films) | {"keys_per_s": _REAL_PACE}
+        rows.append(
+            {"clip": f"movement of {name}, {law}", "tracker_mm": noise_mm}
+            | figures | {"rows_met": rows_within(figures)}
+        )  # fmt: skip
+    return rows
+
+
+def slowed(scores: Sequence[Score], keys_per_s: float = _REAL_PACE) -> list[Score]:
+    """Return scores with all lengths stretched alike, so that together they have so many keys/s."""
+    keys = sum(len(score.keys) for score in scores)
+    spoken_s = sum(score.phones[-1].end - score.phones[0].start for score in scores)
+    factor = keys / keys_per_s / spoken_s
+    slow = []
+    for score in scores:
+        phones = tuple(Phone(p.symbol, factor * p.start, factor * p.end) for p in score.phones)
+        slow.append(Score(phones, tuple(cue(phones))))
+    return slow
 
 
 def taught_reader() -> Recogniser:

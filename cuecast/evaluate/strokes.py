@@ -1,16 +1,24 @@
 """Statistics of the hand's strokes, and those of real cuers to compare with.
 
 A stroke is a rise and fall of the knuckles' speed in the picture's plane. Its ends lie where the
-speed has fallen to 15 % of its peak, or at the valley before its neighbour.
+speed has fallen to 15 % of its peak, or at the valley before its neighbour. Ours are measured as
+those of real cuers were, on the landmarks that a tracker finds in a film
+(`cuecast.evaluate.films`).
 """
 
+import bisect
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from codec.cuer import layout
+from codec.cues.phonology import VOWELS
+from codec.cues.score import Key, Score
+from cuecast.evaluate.films import ASPECT, WIDTH_MM, film
+from synth.capture.tracker.landmark_maps import FACE_LANDMARKS
+from synth.measured.cuer import Performer
 
 RATE_HZ = 30.0
 """Pictures per second of the films that the real cuers' figures come from."""
@@ -19,6 +27,7 @@ REAL = {
     "keys_per_s": (3.0, 3.9), "stroke_ms": (300, 333), "hold_ms": (0, 8),
     "short_hold_share": (0.69, 0.73), "peak_mm_s": (283, 320), "amplitude_mm": (56, 56),
     "path_over_chord": (1.17, 1.20), "way_and_length": (0.22, 0.38), "drift_mm_s": (30, 47),
+    "fingers_ahead_ms": (33, 58), "hand_before_lips_ms": (167, 167),
 }  # fmt: skip
 """Medians of three groups of utterances by two real cuers, filmed; the tracker's noise included."""
 
@@ -46,9 +55,28 @@ _SHORT_HOLD_S = 0.04
 _LONG_HOLD_S = 0.1
 """Seconds from which the hand's speed in a hold is judged."""
 
-_KNUCKLES = layout.marker_indices(layout.KNUCKLES[1:])
-_WRIST = layout.marker_indices(layout.WRIST)
-_EARS = layout.marker_indices(layout.EARS)
+_LEAST_CHANGE_MM_S = 150.0
+"""The same of the fingers' distances, for a change of shape."""
+
+_TOGETHER_S = 0.2
+"""Seconds between the peaks of a stroke and of the change of shape that belongs to it."""
+
+_ARRIVAL_S = 0.15
+"""Seconds within which a stroke that ends is the arrival at a key."""
+
+_AROUND_S = 0.3
+"""Seconds of film before the first sound and after the last one."""
+
+_FEWEST = 2
+"""So many strokes have no statistics."""
+
+_LISTS = ("length", "peak", "way", "path", "hold", "drift", "fingers", "lips")
+
+_KNUCKLES = [0, 5, 9, 13, 17]
+"""Landmarks of the wrist and of the knuckles."""
+
+_EARS = (454, 234)
+"""Landmarks of the face beside the ears, her left one first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,70 +88,148 @@ class Stroke:
     end: int
 
 
-def stroke_figures(performances: list[NDArray[np.floating]]) -> dict[str, float]:
-    """Return the statistics of the strokes of performances, under the names of `REAL`.
+@dataclass(frozen=True, slots=True)
+class Filmed:
+    """What a film shows of a performance.
+
+    Attributes
+    ----------
+    hand : ndarray of float64, shape (T, 21, 2)
+        The 21 landmarks of trackers at `RATE_HZ`, mm from the middle between the ears.
+    aims : tuple of (float, float)
+        When the hand should be on the target of a key, and the middle of the key's vowel, seconds.
+    """
+
+    hand: NDArray[np.float64]
+    aims: tuple[tuple[float, float], ...] = ()
+
+
+def film_of(cuer: Performer, score: Score, *, noise_mm: float = 0.0, seed: int = 0) -> Filmed:
+    """Return the film of a cuer of `RATE_HZ` who performs a score, from before it to after it.
 
     Parameters
     ----------
-    performances : list of ndarray, shape (T, 113, 3)
-        Markers at `RATE_HZ`, mm.
+    cuer : Performer
+    score : Score
+    noise_mm : float
+        Of the tracker.
+    seed : int
+        Of the noise.
     """
-    lengths: list[float] = []
-    peaks: list[float] = []
-    ways: list[float] = []
-    paths: list[float] = []
-    holds: list[float] = []
-    drifts: list[float] = []
-    for markers in performances:
-        place, speed = _seen(np.asarray(markers, dtype=np.float64))
-        rate = RATE_HZ * _FINE
-        found = [s for s in strokes_of(speed) if s.begin > 1 and s.end < len(speed) - 2]
-        for number, stroke in enumerate(found):
-            chord = float(np.linalg.norm(place[stroke.end] - place[stroke.begin]))
-            steps = np.diff(place[stroke.begin : stroke.end + 1], axis=0)
-            lengths.append((stroke.end - stroke.begin) / rate)
-            peaks.append(speed[stroke.peak])
-            ways.append(chord)
-            paths.append(float(np.linalg.norm(steps, axis=1).sum()) / max(chord, 1e-9))
-            if number + 1 < len(found):
-                rest = speed[stroke.end : found[number + 1].begin]
-                holds.append(len(rest) / rate)
-                if holds[-1] > _LONG_HOLD_S:
-                    drifts.append(rest.mean())
-    if len(lengths) < 3:
+    end_s = score.phones[-1].end + _AROUND_S
+    face, hand, _ = film(cuer, score, seconds=end_s, noise_mm=noise_mm, seed=seed)
+    size = np.array([WIDTH_MM, WIDTH_MM / ASPECT])
+    ears = face[:, [FACE_LANDMARKS.index(number) for number in _EARS], :2] * size
+    apart = np.median(np.linalg.norm(ears[:, 0] - ears[:, 1], axis=1))
+    seen = (hand[..., :2] * size - ears.mean(axis=1)[:, None]) * (_EAR_TO_EAR_MM / apart)
+    first = max(0, round((score.phones[0].start - _AROUND_S) * RATE_HZ))
+    aims = [
+        (at - first / RATE_HZ, middle - first / RATE_HZ)
+        for key, at in cuer.target_times(score)
+        if key is not None and (middle := _middle_of_vowel(key, score)) is not None
+    ]
+    return Filmed(seen[first:], tuple(aims))
+
+
+def _middle_of_vowel(key: Key, score: Score) -> float | None:
+    if key.phones[-1] not in VOWELS:
+        return None
+    number = bisect.bisect_left(score.phones, key.end - 1e-6, key=lambda p: p.end)
+    return 0.5 * (score.phones[number].start + score.phones[number].end)
+
+
+def stroke_figures(films: Sequence[Filmed]) -> dict[str, float]:
+    """Return the statistics of the strokes in films, under the names of `REAL`."""
+    found: dict[str, list[float]] = {name: [] for name in _LISTS}
+    for one in films:
+        _measure(one, found)
+    if len(found["length"]) < _FEWEST:
         return {}
-    way, length = np.array(ways), np.array(lengths)
+    way, length, hold = (np.array(found[name]) for name in ("way", "length", "hold"))
     long = way > _LONG_MM
-    together = float(np.corrcoef(way[long], length[long])[0, 1]) if long.sum() > 2 else 0.0
+    together = float(np.corrcoef(way[long], length[long])[0, 1]) if long.sum() > _FEWEST else 0.0
+
+    def middle(values: Sequence[float] | NDArray[np.float64]) -> float:
+        return float(np.median(np.asarray(values))) if len(values) else 0.0
+
     return {
-        "stroke_ms": 1000 * float(np.median(length)),
-        "hold_ms": 1000 * float(np.median(holds)) if holds else 0.0,
-        "short_hold_share": float(np.mean(np.array(holds) < _SHORT_HOLD_S)) if holds else 1.0,
-        "peak_mm_s": float(np.median(peaks)),
-        "amplitude_mm": float(np.median(way)),
-        "path_over_chord": float(np.median(np.array(paths)[long])) if long.any() else 1.0,
+        "stroke_ms": 1000 * middle(length),
+        "hold_ms": 1000 * middle(hold),
+        "short_hold_share": float(np.mean(hold < _SHORT_HOLD_S)) if hold.size else 1.0,
+        "peak_mm_s": middle(found["peak"]),
+        "amplitude_mm": middle(way),
+        "path_over_chord": middle(np.array(found["path"])[long]),
         "way_and_length": together,
-        "drift_mm_s": float(np.median(drifts)) if drifts else 0.0,
+        "drift_mm_s": middle(found["drift"]),
+        "fingers_ahead_ms": 1000 * middle(found["fingers"]),
+        "hand_before_lips_ms": 1000 * middle(found["lips"]),
     }
 
 
-def _seen(markers: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return where the knuckles are in the picture and their speed, four times as fine."""
-    ears = markers[:, _EARS, :2]
-    apart = np.median(np.linalg.norm(ears[:, 0] - ears[:, 1], axis=1))
-    knuckles = markers[:, _KNUCKLES, :2].sum(axis=1)
-    hand = (knuckles + markers[:, _WRIST, :2].mean(axis=1)) / (len(_KNUCKLES) + 1)
-    hand = (hand - ears.mean(axis=1)) * (_EAR_TO_EAR_MM / apart)
-    speed = np.linalg.norm(
-        savgol_filter(hand, 5, 2, deriv=1, delta=1 / RATE_HZ, axis=0, mode="nearest"), axis=1
+def rows_within(figures: Mapping[str, float], share: float = 0.1) -> int:
+    """Return how many rows of the real cuers' table figures meet to a share of the bounds.
+
+    The two figures of holds are one row of the table.
+    """
+    met = {
+        name: low - share * abs(low) <= figures.get(name, np.inf) <= high + share * abs(high)
+        for name, (low, high) in REAL.items()
+    }
+    met["hold_ms"] = met["hold_ms"] and met.pop("short_hold_share")
+    return sum(met.values())
+
+
+def _measure(one: Filmed, found: dict[str, list[float]]) -> None:
+    """Add the figures of a film's strokes."""
+    place, speed, shape_speed = _seen(one.hand)
+    rate = RATE_HZ * _FINE
+    every = strokes_of(speed)
+    strokes = [s for s in every if s.begin > 1 and s.end < len(speed) - 2]
+    changes = strokes_of(shape_speed, _LEAST_CHANGE_MM_S)
+    for stroke in strokes:
+        chord = float(np.linalg.norm(place[stroke.end] - place[stroke.begin]))
+        steps = np.diff(place[stroke.begin : stroke.end + 1], axis=0)
+        found["length"].append((stroke.end - stroke.begin) / rate)
+        found["peak"].append(speed[stroke.peak])
+        found["way"].append(chord)
+        found["path"].append(float(np.linalg.norm(steps, axis=1).sum()) / max(chord, 1e-9))
+        near = [c for c in changes if abs(c.peak - stroke.peak) < _TOGETHER_S * rate]
+        if near and chord > _LONG_MM:
+            change = min(near, key=lambda c: abs(c.peak - stroke.peak))
+            found["fingers"].append((stroke.end - change.end) / rate)
+        following = next((s for s in every if s.begin >= stroke.end), None)
+        if following is not None:
+            rest = speed[stroke.end : following.begin]
+            found["hold"].append(len(rest) / rate)
+            if found["hold"][-1] > _LONG_HOLD_S:
+                found["drift"].append(float(rest.mean()))
+    ends = np.array([stroke.end for stroke in every]) / rate
+    for target, vowel in one.aims:
+        if len(ends) and (late := np.abs(ends - target)).min() < _ARRIVAL_S:
+            found["lips"].append(vowel - ends[late.argmin()])
+
+
+def _seen(hand: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    """Return where the knuckles are, their speed and that of the shape, four times as fine."""
+    knuckles = hand[:, _KNUCKLES].mean(axis=1)
+    shape = np.column_stack(
+        [
+            np.linalg.norm(hand[:, [8, 12, 16, 20]] - hand[:, [5, 9, 13, 17]], axis=2),
+            np.linalg.norm(hand[:, 4] - hand[:, 17], axis=1),
+        ]
     )
     at, fine = np.arange(len(hand)), np.arange(0, len(hand) - 1, 1 / _FINE)
-    place = np.stack([np.interp(fine, at, hand[:, c]) for c in (0, 1)], axis=1)
-    return place, np.interp(fine, at, speed)
+
+    def speed(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        slope = savgol_filter(values, 5, 2, deriv=1, delta=1 / RATE_HZ, axis=0, mode="nearest")
+        return np.asarray(np.interp(fine, at, np.linalg.norm(slope, axis=1)))
+
+    place = np.stack([np.interp(fine, at, knuckles[:, c]) for c in (0, 1)], axis=1)
+    return place, speed(knuckles), speed(shape)
 
 
-def strokes_of(speed: NDArray[np.float64]) -> list[Stroke]:
-    """Return the strokes in a line of speeds, mm/s.
+def strokes_of(speed: NDArray[np.float64], least_mm_s: float = _LEAST_PEAK_MM_S) -> list[Stroke]:
+    """Return the strokes in a line of speeds, mm/s, whose peaks are above the least.
 
     Examples
     --------
@@ -134,7 +240,7 @@ def strokes_of(speed: NDArray[np.float64]) -> list[Stroke]:
     tops = inner[
         (speed[inner] >= speed[inner - 1])
         & (speed[inner] > speed[inner + 1])
-        & (speed[inner] > _LEAST_PEAK_MM_S)
+        & (speed[inner] > least_mm_s)
     ]
     peaks: list[int] = []
     for top in tops.tolist():

@@ -12,7 +12,7 @@ from codec.cues.cueing import cue
 from codec.cues.phonology import CONSONANTS, VOWELS
 from codec.cues.score import Phone
 from codec.errors import CueError
-from synth.prosody.importance import importance
+from synth.prosody.importance import importance, links
 from synth.prosody.key_times import STILL_S, least_s
 from synth.prosody.pace_report import PaceReport
 from synth.prosody.pacing import (
@@ -21,7 +21,6 @@ from synth.prosody.pacing import (
     Pace,
     PacedWord,
     TimedWord,
-    links,
     pace_words,
 )
 from synth.prosody.taut_string import taut_string
