@@ -20,10 +20,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 import traceback
-from dataclasses import asdict, dataclass
+from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+from cuecast.evaluate.records import make_record, read_record
 
 ROOT = Path(__file__).parents[1]
 EQUIVALENT = Path(__file__).with_name("equivalent_mutants.txt")
@@ -202,15 +205,19 @@ def reasons() -> dict[tuple[str, str, str], str]:
     return found
 
 
-def examine(room: str, sample: int, seed: int, folder: Path) -> list[Mutant]:
-    """Run the mutants of a room, or some at random; print what survives."""
-    place, tests = ROOMS[room]
-    mutants = mutants_of(place)
+def examine(room: str, sample: int, seed: int, folder: Path) -> tuple[list[Mutant], int]:
+    """Run the mutants of a room, or some at random; return them, and how many there are."""
+    mutants = mutants_of(ROOMS[room][0])
     total = len(mutants)
     if sample:
         mutants = random.Random(seed).sample(mutants, min(sample, total))
+    return judged(room, mutants, folder), total
+
+
+def judged(room: str, mutants: list[Mutant], folder: Path) -> list[Mutant]:
+    """Run mutants of a room; print what survives."""
     explained = reasons()
-    forge = Forge(copied(folder / room), tests)
+    forge = Forge(copied(folder / room), ROOMS[room][1])
     for number, mutant in enumerate(mutants, start=1):
         forge.test(mutant)
         if mutant.outcome == "survived":
@@ -221,19 +228,29 @@ def examine(room: str, sample: int, seed: int, folder: Path) -> list[Mutant]:
                 f"{mutant.line} {mutant.definition}\n- {mutant.before}\n+ {mutant.after}\n",
                 flush=True,
             )
-    told = summary(mutants, total)
-    print(f"{room}: {told}", flush=True)
     return mutants
 
 
-def summary(mutants: list[Mutant], total: int) -> dict[str, float]:
-    """Count outcomes; the score leaves the equivalent ones out."""
-    count = {
-        kind: sum(m.outcome == kind for m in mutants)
-        for kind in ("killed", "survived", "equivalent")
-    }
-    score = count["killed"] / max(1, count["killed"] + count["survived"])
-    return {"mutants": total, "tried": len(mutants), **count, "score": round(score, 3)}
+def keep(path: Path, room: str, tried: list[Mutant], total: int) -> dict[str, Any]:
+    """Add what was tried of a room to a record, and return its counts.
+
+    The score leaves out the equivalent ones. What was tried earlier counts unless tried again.
+    """
+    rows = read_record(path)["results"] if path.exists() else []
+    before: dict[str, str] = next((row["outcomes"] for row in rows if row["room"] == room), {})
+    outcomes = before | {f"{m.path} {m.operator} {m.occurrence}": m.outcome for m in tried}
+    count = Counter(outcomes.values())
+    row = {
+        "room": room, "mutants": total, "tried": len(outcomes), "killed": count["killed"],
+        "survived": count["survived"], "equivalent": count["equivalent"],
+        "score": round(count["killed"] / max(1, count["killed"] + count["survived"]), 3),
+    }  # fmt: skip
+    rows = [old for old in rows if old["room"] != room] + [row | {"outcomes": outcomes}]
+    rows.sort(key=lambda one: list(ROOMS).index(one["room"]))
+    document = make_record("mutation", (), rows, seed=0, clips=None)
+    document["command"] = "python -m tests.mutation"
+    path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    return row
 
 
 def copied(copy: Path) -> Path:
@@ -259,17 +276,13 @@ def main() -> None:
     parser.add_argument("rooms", nargs="*", metavar="ROOM")
     parser.add_argument("--sample", type=int, default=0, help="mutants of each room at most")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--record", type=Path, help="JSON of all mutants that were tried")
+    parser.add_argument("--record", type=Path, help="keep and add counts there")
     args = parser.parse_args()
-    record = {}
     with tempfile.TemporaryDirectory() as folder:
+        record = args.record or Path(folder) / "record.json"
         for room in args.rooms or ROOMS:
-            begin = time.monotonic()
-            tried = examine(room, args.sample, args.seed, Path(folder))
-            print(f"{room}: {time.monotonic() - begin:.0f} s", flush=True)
-            record[room] = [asdict(mutant) for mutant in tried]
-    if args.record:
-        args.record.write_text(json.dumps(record, indent=1) + "\n")
+            tried, total = examine(room, args.sample, args.seed, Path(folder))
+            print(keep(record, room, tried, total), flush=True)
 
 
 if __name__ == "__main__":

@@ -169,6 +169,21 @@ def test_keys_pass_through_encoder_and_decoder(toy_voice: Voice, motion: Motion)
     assert [str(key) for key in keys] == [str(key) for key in motion.score.keys]
 
 
+@pytest.mark.parametrize("size", [4, 6])
+def test_speech_that_no_window_keeps_up_with_loses_keys_and_stays_in_time(size: int) -> None:
+    rng = np.random.default_rng(2)
+    phones, tick = [], 5
+    for k in range(160):
+        kind = VOWELS if k % 2 else CONSONANTS
+        phones.append(Phone(str(rng.choice(list(kind))), tick * TICK_S, (tick + 2) * TICK_S))
+        tick += 2
+    score = Score(tuple(phones), tuple(cue(phones)))
+    windows = windows_of(score, size)
+    assert all(w.begin >= EARLIEST for w in windows.values() if w.numbers)
+    keys = score_of(windows).keys
+    assert 10 < len(keys) < len(score.keys)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_keys_come_out_whole_however_far_windows_run_ahead(seed: int) -> None:
     """A window of slow speech tells keys of the fourth superframe after its own."""

@@ -250,6 +250,53 @@ def test_a_long_gap_is_told_in_bulk(told: bool) -> None:
         assert starts == pytest.approx([22, 23, 24, 25, 26, 27, 28, 64, 65])
 
 
+@pytest.mark.parametrize("gap", range(1, 12))
+def test_up_to_eight_lost_superframes_are_drawn(gap: int) -> None:
+    events = run(Tracker(VOICE), [*SENT[:5], *SENT[5 + gap :]])
+    assert sum(e.count for e in events if isinstance(e, SuperframeLost)) == gap
+    drawn = {start for start, piece in pieces(events).items() if not piece.layers}
+    assert len(drawn) == min(gap, 8)
+
+
+def test_a_failure_after_reception_was_lost_changes_nothing() -> None:
+    tracker = Tracker(VOICE)
+    run(tracker, SENT[:5])
+    list(tracker.advance(SENT[4][0] + LOST_AFTER_S))
+    later = list(tracker.take(None, None, SENT[4][0] + 0.64 * 8))
+    assert not any(isinstance(e, StateChanged) for e in later)
+    assert tracker.state == "lost"
+
+
+@pytest.mark.parametrize(("early", "epochs"), [(8, 1), (9, 2)])
+def test_how_late_a_superframe_may_come(early: int, epochs: int) -> None:
+    """The decoder remembers eight."""
+    sent = [SENT[0], *SENT[11 - early + 1 :][: early - 1], SENT[11], SENT[11 - early]]
+    events = run(Tracker(VOICE), sent)
+    assert len({e.epoch for e in events if isinstance(e, MotionPiece)}) == epochs
+
+
+@pytest.mark.parametrize(("later", "epochs"), [(64, 1), (65, 2)])
+def test_how_long_a_pause_is_a_loss(later: int, epochs: int) -> None:
+    """As long as the sequence number tells one from a splice."""
+    again = (SENT[3][0] + 64 * 0.64 + 0.64 * (later - 64), SENT[3 + later - 64][1])
+    events = run(Tracker(VOICE), [*SENT[:4], again])
+    assert len({e.epoch for e in events if isinstance(e, MotionPiece)}) == epochs
+
+
+def test_what_is_remembered_does_not_grow() -> None:
+    tracker = Tracker(VOICE)
+    for number in range(300):
+        superframe = SENT[number % 16][1]
+        list(
+            tracker.take(
+                superframe.l0, superframe.l1, number // 16 * 64 * 0.64 + SENT[number % 16][0]
+            )
+        )
+    assert len(tracker._layers) <= 66
+    assert len(tracker._richness) <= 66
+    assert tracker._epoch == 0
+
+
 def test_what_failed_is_told_at_once() -> None:
     tracker = Tracker(VOICE)
     for on_air_s, sent in SENT[:5]:
