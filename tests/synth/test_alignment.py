@@ -17,6 +17,7 @@ from synth.alignment.align import Passage, align
 from synth.alignment.hearing import FS, heard
 from synth.alignment.score import Judgement, score_from_recording, sound_of
 from synth.alignment.sound import mono
+from synth.alignment.trust import trust
 from synth.prosody.timing import GRID_HZ
 from synth.speech.espeak_voice import render
 from synth.subtitles import Subtitle
@@ -41,6 +42,7 @@ READING = (
     (21.05, 24.0, "Et de rendre au centuple à la grande Nature"),
     (24.05, 26.0, "Tout ce qu'ensemble elle avait joint ;"),
 )
+READING_TEXTS = [text for _, _, text in READING]
 LABELLED_VERSE = 6
 LABELLED = (
     ("l", 16.435), ("ə", 16.48), ("s", 16.555), ("ɔ", 16.705), ("l", 16.79), ("ɛ", 16.85),
@@ -86,6 +88,41 @@ def test_labelled_passage_of_a_reading() -> None:
     errors = [abs(p.start - start) for p, (_, start) in zip(found, LABELLED, strict=True)]
     assert np.median(errors) <= 0.030  # measured: 10 ms
     assert max(errors) < 0.1
+
+
+@pytest.mark.parametrize(("verses", "holds"), [(slice(4), True), (slice(5, 9), False)])
+def test_ten_seconds_know_their_text(verses: slice, holds: bool) -> None:
+    x, fs = sf.read(shared("audio/speech_fr_m_lv.flac"))
+    words = phonemise(" ".join(READING_TEXTS[verses]))
+    passage = Passage(tuple(words), mono(x[: round(10.55 * fs)], fs))
+    verdict = trust([passage], align([passage]))
+    assert verdict.holds == holds
+    assert verdict.evidence > 5 if holds else verdict.evidence < 2.5
+
+
+def test_words_that_are_not_in_the_text_do_not_move_the_others() -> None:
+    x, fs = sf.read(shared("audio/speech_fr_m_lv.flac"))
+    sound = mono(x[: round(10.55 * fs)], fs)
+    words = phonemise(" ".join(READING_TEXTS[:4]))
+    kept = [n for n in range(len(words)) if n % 3]
+    whole, part = (
+        align([Passage(tuple(chosen), sound)])[0] for chosen in (words, [words[n] for n in kept])
+    )
+    firsts = np.cumsum([0, *(len(word.phones) for word in words)])
+    starts = [whole.phones[first].start for first in firsts[:-1]]
+    own = np.cumsum([0, *(len(words[n].phones) for n in kept)])
+    moved = [abs(part.phones[own[i]].start - starts[n]) for i, n in enumerate(kept)]
+    assert np.mean(np.array(moved) > 0.165) < 0.1
+    assert part.spoken.all()
+
+
+def test_long_sounds_are_heard_in_pieces() -> None:
+    rng = np.random.default_rng(5)
+    sound = np.cumsum(rng.normal(size=45 * FS)) * 1e-3
+    sound -= sound.mean()
+    found = heard(sound)
+    assert found.shape == (45 * 100 + 1, 38)
+    assert np.isfinite(found).all()
 
 
 def spoken_programme(
