@@ -139,7 +139,8 @@ def choose_track(tracks: list[TextTrack], wanted: str | None, name: str) -> Text
     listed = "; ".join(map(str, tracks))
     texts = [track for track in tracks if track.readable]
     if not tracks:
-        raise CueError(f"{name}: no subtitles in it: give them with --subtitles")
+        inside = " that can be seen (timed text of MXF cannot)" if _is_mxf(name) else ""
+        raise CueError(f"{name}: no subtitles in it{inside}: give them with --subtitles")
     if wanted is not None:
         meant = [t for t in tracks if wanted in (str(t.number), t.language)]
         meant = meant or [t for t in texts if _alike(wanted, t.language)]
@@ -156,6 +157,10 @@ def choose_track(tracks: list[TextTrack], wanted: str | None, name: str) -> Text
     if not french and not untold:
         raise CueError(f"{name}: no French subtitles ({listed}): choose with --subtitle-track")
     return min(french or untold, key=_order)
+
+
+def _is_mxf(name: str) -> bool:
+    return name.lower().endswith(".mxf")
 
 
 def read_track(

@@ -181,7 +181,9 @@ def test_choice_of_track(tmp_path: Path) -> None:
         choose_track(tracks[1:2], None, "a")
     with pytest.raises(CueError, match=r"no French subtitles .0: SubRip, eng.: choose with"):
         choose_track(tracks[:1], None, "a")
-    with pytest.raises(CueError, match="a: no subtitles in it"):
+    with pytest.raises(CueError, match=r"timed text of MXF cannot\): give them"):
+        choose_track([], None, "a.MXF")
+    with pytest.raises(CueError, match="a: no subtitles in it: give"):
         choose_track([], None, "a")
 
 
