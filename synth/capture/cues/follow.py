@@ -34,7 +34,7 @@ _BAND = 300
 _AROUND_S = 0.1
 """Seconds about a key's moment that tell how well it fits."""
 
-_AGREES = 0.42
+_AGREES = 0.45
 """Mean probability of a text's keys from which it is believed: on takes of real and virtual cuers
 their own texts had more, those of other takes less."""
 
@@ -167,7 +167,7 @@ class _Paths:
             near[core] = nearness(densities, looks)[own]
             shown = piece.seen.shown[own]
             # What is not seen tells nothing against any key.
-            single[core] = np.where(shown[:, None], densities.hold[own], 0.0)
+            single[core] = np.where(shown[:, None], densities.hold[own][:, : len(KEYS)], 0.0)
             for one, number in kinds.items():
                 hold[core, number] = single[core][:, one].max(1)
             for (a, b), number in ways.items():

@@ -1,24 +1,50 @@
 """How well each frame agrees with every key that may be held, and every way between two keys.
 
-A held key has its shape and placement, and little speed. On the way each finger is somewhere
+A held key has its shape and placement, and little speed. A key at the side that follows another
+placement is often shown short of it, on the line between the two: such states stand beside the keys
+themselves. On the way each finger is somewhere
 between where the two shapes have it, and the tip near the straight line between the two
 placements; fingers and hand need not keep step. Heavy tails (Student's t) let single features fail.
 All are log densities of the same features, so that holds and ways can be weighed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.cues.score import SHAPES
+from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, SHAPES
 from synth.capture.cues.looks import KEYS, POINTS_WITH, Looks
 from synth.capture.cues.seen import Seen
 
 FloatArray = NDArray[np.float64]
 
-_SHAPE = np.array([shape for shape, _ in KEYS])
-_PLACE = np.array([place for _, place in KEYS])
+_SIDE = PLACEMENT_NUMBER["side"]
+
+_SHORT_OF_SIDE = tuple(PLACEMENT_NUMBER[name] for name in ("mouth", "chin", "throat"))
+"""Placements from which the side is often not reached."""
+
+_SHORT = tuple(
+    (shape, len(PLACEMENTS) + number)
+    for shape in SHAPES[1:]
+    for number in range(len(_SHORT_OF_SIDE))
+)
+"""Shape and number of the place of each state short of the side."""
+
+_SHAPE = np.array([shape for shape, _ in (*KEYS, *_SHORT)])
+_PLACE = np.array([place for _, place in (*KEYS, *_SHORT)])
+
+KEY_OF = np.array([*range(len(KEYS)), *(KEYS.index((shape, _SIDE)) for shape, _ in _SHORT)])
+"""Number of the key that each state shows."""
+
+COMES_FROM = np.array(
+    [0] * len(KEYS) + [_SHORT_OF_SIDE[place - len(PLACEMENTS)] for _, place in _SHORT]
+)
+"""Placement from which a state short of the side is reached; 0 of the keys themselves."""
+
+_SHORT_PART, _SHORT_SPREAD = 0.5, 0.17
+"""How much of the way to the side is made in the mean, and its deviation: parts of the way.
+Tried on 64 takes of one real cuer, as the speeds and the slack below."""
 
 FRAME_SHARE = 0.3
 """Neighbouring frames tell the same: at 30 frames/s each counts as this part of an observation."""
@@ -26,10 +52,10 @@ FRAME_SHARE = 0.3
 _FREEDOM = 7.0
 """Degrees of freedom of the heavy-tailed distribution of a held key's features."""
 
-_SLACK_S, _SLACK_PRICE = 0.07, 680.0
+_SLACK_S, _SLACK_PRICE = 0.07, 1000.0
 """Fingers may be in shape so much before or after the hand is in place; price per s²."""
 
-_HELD_MM_S, _MOVING_MM_S = 120.0, 300.0
+_HELD_MM_S, _MOVING_MM_S = 110.0, 350.0
 """Spreads in mm/s of the hand's speed in holds and on the way."""
 
 _FINGERS_BESIDE = 0.17
@@ -50,21 +76,23 @@ _STILL_FORMED = 1.0
 _UNSEEN = -1e4
 """Log likelihood of frames that do not show the hand, for all but rest."""
 
-_TARGETS = ((0, 1), *((place, finger) for finger in (0, 1) for place in range(1, 6)))
-"""Placement and pointing finger of the ends of a way."""
+_PLACES = range(1, len(PLACEMENTS) + len(_SHORT_OF_SIDE))
 
-_END = np.array([_TARGETS.index((p, int(POINTS_WITH[s]))) if s else 0 for s, p in KEYS])
+_TARGETS = ((0, 1), *((place, finger) for finger in (0, 1) for place in _PLACES))
+"""Place and pointing finger of the ends of a way."""
+
+_END = np.array([_TARGETS.index((p, int(POINTS_WITH[s]))) if s else 0 for s, p in (*KEYS, *_SHORT)])
 
 
 @dataclass(frozen=True, slots=True)
 class Lattice:
-    """Log densities of T frames.
+    """Log densities of T frames in S states: the 41 keys, then the sides that fall short.
 
     Attributes
     ----------
-    hold : ndarray of float64, shape (T, 41)
-    way : ndarray of float64, shape (T, 41, 41)
-        From the first key to the second.
+    hold : ndarray of float64, shape (T, S)
+    way : ndarray of float64, shape (T, S, S)
+        From the first state to the second.
     """
 
     hold: FloatArray
@@ -75,8 +103,9 @@ def lattice(seen: Seen, looks: Looks) -> Lattice:
     """Return the densities; a hand that is not seen rests, or goes to or from rest."""
     share = FRAME_SHARE * 30.0 / seen.rate_hz
     shown = seen.shown
-    hold = np.full((len(seen), len(KEYS)), _UNSEEN)
-    way = np.full((len(seen), len(KEYS), len(KEYS)), _UNSEEN)
+    looks = _with_short_sides(looks)
+    hold = np.full((len(seen), len(KEY_OF)), _UNSEEN)
+    way = np.full((len(seen), len(KEY_OF), len(KEY_OF)), _UNSEEN)
     hold[:, 0] = way[:, 0, :] = way[:, :, 0] = 0.0
     at = np.flatnonzero(shown)
     if len(at):
@@ -86,6 +115,18 @@ def lattice(seen: Seen, looks: Looks) -> Lattice:
         hold[at] = share * _holds(visible, looks)
         way[at] = share * _ways(visible, looks)
     return Lattice(hold, way)
+
+
+def _with_short_sides(looks: Looks) -> Looks:
+    """Return the looks with further places: short of the side, from each of three."""
+    start = looks.places[list(_SHORT_OF_SIDE)]
+    way = looks.places[_SIDE] - start
+    spread = np.hypot(_SHORT_SPREAD * np.abs(way), looks.places_sd[list(_SHORT_OF_SIDE)])
+    return replace(
+        looks,
+        places=np.concatenate([looks.places, start + _SHORT_PART * way]),
+        places_sd=np.concatenate([looks.places_sd, spread]),
+    )
 
 
 def _tail(squares: FloatArray, dimensions: int) -> FloatArray:
@@ -142,7 +183,7 @@ def _shape_ways(fingers: FloatArray, targets: FloatArray) -> FloatArray:
 
 
 def _place_ways(pointers: FloatArray, looks: Looks) -> FloatArray:
-    """Return the densities of the tip between two placements, (T, 11, 11)."""
+    """Return the densities of the tip between two places, (T, targets, targets)."""
     places = [place for place, _ in _TARGETS]
     other = (pointers[:, 1] - pointers[:, 0])[:, None]
     with_index = np.array([[finger == 0] for _, finger in _TARGETS])

@@ -37,7 +37,7 @@ _FINGERS = np.array(
 )  # fmt: skip
 """Features of each shape (`synth.capture.cues.seen`), without unit."""
 
-_FINGERS_SD = np.array([0.11, 0.13, 0.13, 0.12, 0.13, 0.09, 0.13])
+_FINGERS_SD = np.array([0.127, 0.15, 0.15, 0.138, 0.15, 0.104, 0.15])
 """Spread of each feature within a person."""
 
 _FINGERS_BETWEEN = np.array([0.12, 0.15, 0.15, 0.15, 0.18, 0.12, 0.18])
@@ -49,7 +49,7 @@ _PLACES = np.array(
 """Where the pointing tip is for each placement, mm in the head's frame."""
 
 _PLACES_SD = np.array(
-    [[60.0, 60.0], [42.0, 26.0], [8.0, 7.0], [11.0, 9.0], [9.0, 9.0], [17.0, 15.0]]
+    [[54.0, 54.0], [40.0, 26.0], [7.2, 6.3], [9.9, 8.1], [8.1, 8.1], [15.3, 13.5]]
 )
 """Spread of each place within a person."""
 
@@ -67,11 +67,15 @@ _TAIL = 6.0
 _MEASURED = 1.6
 """How much more eagerly keys are told from markers than from landmarks, which are less sure."""
 
-_SURE_SHARE, _SURE_SHARE_MEASURED = 0.45, 0.7
+_SURE_SHARE, _SURE_SHARE_MEASURED = 0.5, 0.7
 """What a frame counts when it is asked how sure a key is, against what it counts in the choice of
 the line: with this, as many keys were right as their probabilities said. The first on films of real
 cuers; the second on studio takes of virtual ones by minimum jerk and lognormal law, where the first
 said 0.53 of keys of which 0.82 were right, and scores were withheld for it."""
+
+_SHORT_MEASURED = -3.0
+"""Price of a side that falls short where markers are measured: virtual cuers in a studio show the
+side itself, and at the price of films one key in thirty was lost."""
 
 _STILL_FRAMES, _STILL_HZ = 11, 30.0
 """Frames, and their rate, of the still poses that a voice's looks are taken from."""
@@ -92,14 +96,17 @@ class Looks:
         where the hand was measured than where a camera guessed it.
     sure_share : float
         Part of its log density that a frame counts in probabilities.
+    short : float
+        Price of a side that falls short, for how rarely a hand stops on its way there.
     """
 
     fingers: FloatArray
     fingers_sd: FloatArray
     places: FloatArray
     places_sd: FloatArray
-    eagerness: float = 0.6
+    eagerness: float = 1.1
     sure_share: float = _SURE_SHARE
+    short: float = -0.5
 
     def learnt(
         self,
@@ -168,5 +175,5 @@ def looks_of(voice: Voice) -> Looks:
     where[1] = 0.5 * (where[1] + ANYBODYS.places[1])
     return replace(
         ANYBODYS, fingers=fingers, places=where, eagerness=_MEASURED,
-        sure_share=_SURE_SHARE_MEASURED,
+        sure_share=_SURE_SHARE_MEASURED, short=_SHORT_MEASURED,
     )  # fmt: skip

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cues.score import PLACEMENT_NUMBER
 from synth.capture.cues import _kernels
-from synth.capture.cues.lattice import Lattice, lattice
+from synth.capture.cues.lattice import COMES_FROM, KEY_OF, Lattice, lattice
 from synth.capture.cues.looks import ANYBODYS, KEYS, POINTS_WITH, Looks
 from synth.capture.cues.seen import Seen
 
@@ -23,6 +24,16 @@ FloatArray = NDArray[np.float64]
 _SHAPE_USE = np.array([0.152, 0.105, 0.209, 0.070, 0.298, 0.131, 0.009, 0.027])
 _PLACE_USE = np.array([0.539, 0.159, 0.136, 0.030, 0.137])
 """How often French uses each shape and placement, by the frequency of words (Lexique 3.83)."""
+
+_ELSEWHERE = -1.0
+"""Price of a side that falls short from where the hand did not come."""
+
+_SAME_SHAPE, _SAME_AT_SIDE = -0.5, -0.4
+"""Prices of two keys of one shape in a row, and more if the first is at the side: fingers that form
+the next shape ahead of the hand look like a key of their own."""
+
+_NEVER = -50.0
+"""Price of what does not happen: a key that follows itself, the one short of its place."""
 
 _REST_USE = 0.14
 """How often the hand rests, of all keys."""
@@ -78,11 +89,22 @@ class Recognised:
 
 
 def prices(looks: Looks) -> FloatArray:
-    """Return the price of going from one key to another, (41, 41): how rarely it is used."""
+    """Return the price of going from one state to another, (S, S): how rarely it is used."""
     keys = np.outer(_SHAPE_USE, _PLACE_USE).ravel()
     use = np.concatenate([[_REST_USE], keys / keys.sum()])
-    enter = np.log(use) + np.where(np.arange(len(use)) > 0, looks.eagerness, 0.0)
-    return np.asarray(np.tile(enter, (len(use), 1)))
+    eager = np.where(np.arange(len(use)) > 0, looks.eagerness, 0.0)
+    enter = (np.log(use) + eager)[KEY_OF] + np.where(COMES_FROM > 0, looks.short, 0.0)
+    shape, place = np.array(KEYS)[KEY_OF].T
+    same = (shape[:, None] == shape) & (shape > 0)
+    from_side = same & (place == PLACEMENT_NUMBER["side"])[:, None]
+    # The place of a state that falls short is where it is, so it is none that one comes from.
+    placed = np.where(COMES_FROM > 0, -1, place)
+    elsewhere = (COMES_FROM > 0) & (placed[:, None] != COMES_FROM)
+    itself = (KEY_OF[:, None] == KEY_OF) & ~np.eye(len(KEY_OF), dtype=np.bool_)
+    return np.asarray(
+        enter + _SAME_SHAPE * same + _SAME_AT_SIDE * from_side + _ELSEWHERE * elsewhere
+        + _NEVER * itself
+    )  # fmt: skip
 
 
 def recognise_keys(seen: Seen, *, looks: Looks = ANYBODYS) -> Recognised:
@@ -108,12 +130,16 @@ def recognise_keys(seen: Seen, *, looks: Looks = ANYBODYS) -> Recognised:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Frames `begin` to `end` that hold key number `state`, with a probability."""
+    """Frames `begin` to `end` that hold key number `state`, with a probability.
+
+    `short` if the hand was not quite there.
+    """
 
     state: int
     begin: int
     end: int
     probability: float
+    short: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,12 +156,14 @@ class Piece:
         densities = lattice(self.seen, looks)
         states = np.empty(len(self.seen), dtype=np.int64)
         _kernels.likeliest(densities.hold, densities.way, prices(looks), _EDGE, states)
-        near = nearness(densities, looks) if sure else np.ones_like(densities.hold)
+        near = nearness(densities, looks) if sure else np.ones((len(states), len(KEYS)))
         found = []
         for state, a, b in _runs(states):
             begin, end = self.first + a, self.first + b
             if self.core <= begin < self.until:
-                found.append(Run(state, begin, end, float(near[a:b, state].max())))
+                key = int(KEY_OF[state])
+                likely = float(near[a:b, key].max())
+                found.append(Run(key, begin, end, likely, bool(COMES_FROM[state])))
         return found
 
 
@@ -152,7 +180,10 @@ def nearness(densities: Lattice, looks: Looks) -> FloatArray:
     _kernels.nearness(
         share * densities.hold, share * densities.way, share * prices(looks), share * _EDGE, near
     )
-    return near
+    whole = near[:, : len(KEYS)].copy()
+    for state in range(len(KEYS), len(KEY_OF)):
+        whole[:, KEY_OF[state]] += near[:, state]
+    return np.minimum(whole, 1.0)
 
 
 def pieces(seen: Seen) -> Iterator[Piece]:
@@ -185,6 +216,8 @@ def _examples(
         at = at[seen.shown[at]]
         away = (seen.fingers[at] - looks.fingers[shape]) / looks.fingers_sd[shape]
         fingers.append((shape, seen.fingers[at[(away**2).sum(1).argmin()]]))
+        if run.short:
+            continue
         tips = seen.tips[at, POINTS_WITH[shape]]
         gap = (tips - looks.places[place]) / looks.places_sd[place]
         places.append((place, tips[(gap**2).sum(1).argmin()]))
