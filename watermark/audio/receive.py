@@ -420,7 +420,9 @@ class AudioReceiver:
                 break
             raw = self._reader.view(self._tape, past)
             reading = self._reader.read(self._tape, past, raw, due=False)
-            if reading.decoded.l0 is None and (moved := self._reader.find_beside(past, raw)):
+            if reading.decoded.l0 is None and (
+                moved := self._reader.find_beside(self._tape, past, raw)
+            ):
                 past, raw = moved, self._reader.view(self._tape, moved)
                 reading = self._reader.read(self._tape, past, raw, due=False)
             failed = 0 if reading.decoded.l0 is not None else failed + 1
@@ -447,7 +449,7 @@ class AudioReceiver:
             self._search = None
             self._correct(track, raw, reading)
             return [self._deliver(track, reading)]
-        moved = self._reader.find_beside(track, raw)
+        moved = self._reader.find_beside(self._tape, track, raw)
         if moved is not None:
             raw = self._reader.view(self._tape, moved)
             again = self._reader.read(self._tape, moved, raw, due=False)

@@ -34,8 +34,12 @@ SECOND_IN = (np.arange(-0.6, 0.7, 0.2), np.arange(-60.0, 61.0, 20.0))
 BESIDE = (np.arange(-24.0, 24.1, 1.5), np.arange(-1600.0, 1601.0, 200.0))
 """Delays and drifts at which the pilots of a superframe that failed are sought."""
 
-BESIDE_SCORE = 40.0
-"""Correlation of pilots from which it is read there: five standard deviations of noise."""
+BESIDE_FINE = (np.arange(-1.0, 1.1, 0.5), np.arange(-150.0, 151.0, 50.0))
+"""Delays and drifts tried around what was found there."""
+
+COARSE_SCORE, BESIDE_SCORE = 24.0, 36.0
+"""Correlation of pilots from which a place beside is looked at closely, and read: three and four
+and a half standard deviations of noise."""
 
 FOLLOW = 0.3
 """Delay tried on either side with the decoded bits of each following superframe, samples."""
@@ -139,7 +143,7 @@ class Reader:
             for equaliser, level in likely:
                 again = demodulator.read(raw.turned(equaliser.bins), [level], due=False)
                 if again.decoded.l0 is not None:
-                    return again
+                    return self.complete(tape, replace(track, equaliser=equaliser), again)
         return reading
 
     def complete(self, tape: Tape, track: Track, reading: Reading) -> Reading:
@@ -169,17 +173,20 @@ class Reader:
             self.move(track, fit)
         return fit.score / DEVIATION
 
-    def find_beside(self, track: Track, raw: View) -> Track | None:
+    def find_beside(self, tape: Tape, track: Track, raw: View) -> Track | None:
         """Find by its pilots where a superframe lies that the clock has led astray."""
         pilots, profile = make_pilots(self._key), track.demodulator.profile
         tier = math.floor((track.level - track.offset) / TIER_LEVELS + 1e-6)
         step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
         expected = pilots.expected(profile.number)
-        fit = search_fit(as_used(track, raw), pilots.cells, step, expected, BESIDE)
-        if fit.score < BESIDE_SCORE:
-            return None
         moved = replace(track, misses=0, age=0)
-        self.move(moved, fit)
+        view = as_used(track, raw)
+        for grid, least in ((BESIDE, COARSE_SCORE), (BESIDE_FINE, BESIDE_SCORE)):
+            fit = search_fit(view, pilots.cells, step, expected, grid)
+            if fit.score < least:
+                return None
+            self.move(moved, fit)
+            view = as_used(moved, self.view(tape, moved))
         return moved
 
     def learn_back(self, past: Track, raw: View, reading: Reading) -> None:
