@@ -14,6 +14,7 @@ import numpy as np
 import scipy.signal
 from numpy.typing import NDArray
 
+from cuecast.evaluate import sound_injuries as injuries
 from watermark.audio.resampling_tape import Tape
 from watermark.link.superframe import find_named
 
@@ -193,7 +194,19 @@ CHANNELS: dict[str, Channel] = {
     "gain_minus_6db": partial(_gain, gain_db=-6.0),
     "gain_minus_20db": partial(_gain, gain_db=-20.0),
     "gain_plus_10db": partial(_gain, gain_db=10.0),
+    "gain_plus_20db": partial(injuries.louder, gain_db=20.0),
     "inverted": _invert,
+    "rotator": injuries.rotator,
+    "crossover": injuries.crossover,
+    "multiband": injuries.multiband,
+    "right_inverted": injuries.right_inverted,
+    "right_late": injuries.right_late,
+    "left_alone": injuries.left_alone,
+    "other_voice": injuries.other_voice,
+    "speed_25_24": partial(at_other_speed, ppm=1e6 / 24),
+    "speed_24_25": partial(at_other_speed, ppm=-1e6 / 25),
+    "speed_plus_2000ppm": partial(at_other_speed, ppm=2000.0),
+    "he_aac_64": partial(injuries.he_aac, bit_rate=64_000),
     "room": _room,
     "noise_30db": _noise,
     "crop": _crop,
