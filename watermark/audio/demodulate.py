@@ -20,7 +20,7 @@ from watermark.audio.profile import LEVELS, TIER_LEVELS, Profile
 from watermark.audio.reliability import LIMITS, NOISY, Reliability
 from watermark.link.link import Decoded, Link
 
-LIST_SIZE, LONG_LIST_SIZE, LONGEST_LIST_SIZE = 8, 32, 64
+LIST_SIZE, LONG_LIST_SIZE, LONGEST_LIST_SIZE = 8, 32, 256
 """Paths that the decoder follows at first, then at a candidate, and where a superframe is due."""
 
 TRIED_LEVELS = 8
