@@ -66,7 +66,7 @@ def louder(x: Sound, fs: int, *, gain_db: float) -> Sound:
 
 def right_inverted(x: Sound, fs: int) -> Sound:
     """One channel with its poles exchanged."""
-    return _pair(x) * np.array([1, -1], dtype=np.float32)
+    return np.asarray(_pair(x) * np.array([1, -1], dtype=np.float32))
 
 
 def right_late(x: Sound, fs: int) -> Sound:
