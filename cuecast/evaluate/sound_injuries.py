@@ -86,7 +86,7 @@ def left_alone(x: Sound, fs: int) -> Sound:
 def other_voice(x: Sound, fs: int) -> Sound:
     """Another voice 6 dB lower: the programme's own, backwards."""
     voice = x.mean(axis=1, keepdims=True)[::-1]
-    return (x + np.float32(10 ** (-6 / 20)) * voice).astype(np.float32)
+    return np.asarray(x + np.float32(10 ** (-6 / 20)) * voice, dtype=np.float32)
 
 
 def he_aac(x: Sound, fs: int, *, bit_rate: int) -> Sound:
