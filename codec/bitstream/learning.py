@@ -6,6 +6,8 @@ far tells their corrections by least squares, drawn to none. Both ends of a file
 the corrections cost nothing. Specification: spec/bitstream.md, section 8.1, F13.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,6 +33,8 @@ class Learner:
         targets = coding.targets
         face, hand, head = (t.shape[1] for t in (targets.face, targets.hand, targets.head))
         self._moved = moved
+        self._matrix = coding.residual.matrix
+        self.gain = Gain()
         self._groups = [
             _Group(slice(0, N_SHAPES), slice(face, face + hand)),
             _Group(slice(N_SHAPES, None), slice(face + hand + head, None)),
@@ -49,8 +53,21 @@ class Learner:
         """Learn from superframe `index`, shape (32, P), as it was decoded; in order of time."""
         gap = block - self._moved.params(index)
         weights = self._moved.weights(index)
+        self.gain.bare += float(np.square(gap @ self._matrix).sum())
+        lacking = gap.copy()
         for group in self._groups:
+            if group.corrections is not None:
+                lacking[:, group.columns] -= weights[:, group.kinds] @ group.corrections
             group.take(weights[:, group.kinds], gap[:, group.columns])
+        self.gain.learnt += float(np.square(lacking @ self._matrix).sum())
+
+
+@dataclass(slots=True)
+class Gain:
+    """Energy that predictions lacked so far, without corrections and with them, mm**2."""
+
+    bare: float = 0.0
+    learnt: float = 0.0
 
 
 class _Group:

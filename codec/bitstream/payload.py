@@ -235,9 +235,11 @@ def payload_of(content: Content, bases: Bases) -> bytes:
     """Return the shortest payload that holds the content, as `write_l0_whole` says."""
     last = int(np.flatnonzero(content.q).max(initial=-1))
     ending = _l0_code(content, bases, even=False, last=last).ljust(1, b"\0")
+    if _tells(ending, content, bases):
+        return ending
     whole = _l0_code(content, bases, even=False)
     cut = (whole[:length] for length in range(len(ending), len(whole)))
-    return next(code for code in (ending, *cut, whole) if _tells(code, content, bases))
+    return next(code for code in (*cut, whole) if _tells(code, content, bases))
 
 
 def read_record(payload: bytes, mode: int, bases: Bases) -> tuple[Setting, Ints]:

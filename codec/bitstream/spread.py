@@ -19,7 +19,7 @@ from codec.bitstream.coding import Coding
 from codec.bitstream.decoder import likely_block, residual_of
 from codec.bitstream.fitting import NOMINAL_MM, fits
 from codec.bitstream.joining import Joined, join_line
-from codec.bitstream.learning import Learner
+from codec.bitstream.learning import Gain, Learner
 from codec.bitstream.payload import payload_of
 from codec.bitstream.plan import Plan, plan_of
 from codec.bitstream.quantise import (
@@ -51,6 +51,12 @@ _NEAR = 2
 _COARSE = 24
 """Step at which superframes are weighed before the right one is known."""
 
+
+_CLEAR = 0.85
+"""Part of the prediction's error that learning has to leave for it to be taken untried."""
+
+_SPARE_PART = 250
+"""Part of a file's room that may stay empty."""
 
 _FILLINGS = 4
 """Times that a file is filled to its room, each time with what the last one left."""
@@ -138,6 +144,7 @@ class _Version:
         self.told = write_told(told, take.indices)
         self._parts: list[_Part] = []
         self._known: dict[int, tuple[Array, Array]] = {}
+        self._gain: Gain | None = None
 
     def _learner(self) -> Learner | None:
         return None if self._moved is None else Learner(self._moved, self._take.coding)
@@ -160,6 +167,13 @@ class _Version:
             )
             if learner is not None and self._learning:
                 learner.take(index, block)
+        self._gain = None if learner is None else learner.gain
+
+    @property
+    def clearly_gains(self) -> bool:
+        """Whether there is no doubt that learning pays."""
+        gain = self._gain
+        return gain is not None and self._learning and gain.learnt < _CLEAR * gain.bare
 
     def _weight(self, part: _Part, step: int) -> float:
         bits, squares = weigh(part.plan.analysis, part.choice, self._take.coding.bases, step)
@@ -278,6 +292,8 @@ def _better(take: _Take, about: Callable[[_Version], int]) -> _Version:
     """
     learning = take.scored(learning=True)
     step = _prepared(learning, about)
+    if learning.clearly_gains:
+        return learning
     fixed = take.scored(learning=False)
     fixed.prepare(step, width_mm(min(step, STEPS - 2)))
     return min(learning, fixed, key=lambda version: version.worth(step))
@@ -389,7 +405,7 @@ def spread_by_size(
                 found.append((Spread(version.told, payloads), squares))
             elif (steps == NO_RESIDUAL).all():
                 break
-            if over == 0:
+            if -room // _SPARE_PART <= over <= 0:
                 break
             spare += 8.0 * over
         if not found:

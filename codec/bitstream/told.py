@@ -6,6 +6,7 @@ phonology: they are told key by key. A `Line` goes in, bytes come out, and back.
 Specification: spec/bitstream.md, section 8.1.
 """
 
+import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -318,6 +319,7 @@ class _Keyed:
     consonant: int = 0
 
 
+@functools.lru_cache(maxsize=256)
 def _choices(symbol: int, options: CueingOptions) -> list[tuple[list[int], Table]]:
     """Return the consonants and vowels that a key leaves open, 0 for none, with their tables (F11).
 

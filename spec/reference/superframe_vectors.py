@@ -12,7 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from spec.reference.superframe import (
+    CORRECTIONS,
     LEVELS,
+    PACES,
+    TABLES,
     Decoded,
     MalformedError,
     class_of,
@@ -164,6 +167,37 @@ def parts() -> Iterator[tuple[str, str, bytes, bytes]]:
         "compact-special", "M1, S9",
         found(lambda: compact(rng, 7), lambda out: any(_score(out)["cheek"])), b"",
     )  # fmt: skip
+    for i in range(3):
+        l0 = found(lambda: full(rng, 1, 30, 4 + 2 * i), lambda out: out.level == 6)  # noqa: B023
+        yield f"level-6-fine-{i}", "H8, Q6", l0, l1_of(l0, rng.randbytes(16))
+    for i in range(12):
+        l0 = full(rng, 1, 4 + i % 3, 14)
+        yield f"l1-short-{i}", "H9, C5", l0, l1_of(l0, rng.randbytes(1 + i % 4))
+    for i in range(48):
+        yield f"compact-more-{i}", "M6", compact(rng, 9 + i % 4), b""
+    for nth in range(1, 8):
+        l0 = found(lambda: compact(rng, 12), lambda out, n=nth: corrects(out, n))  # type: ignore[misc]
+        yield f"correction-{nth}", "M6", l0, b""
+
+
+def corrects(out: Decoded, which: int) -> bool:
+    """Return whether a vowel has a length that a correction alone can give, at some pace (M6)."""
+    score = _score(out)
+    ends = [*score["starts"][1:], score["end"]]
+    lengths = {
+        (number, stop - start)
+        for number, start, stop in zip(score["numbers"], score["starts"], ends, strict=True)
+    }
+    usual = TABLES["score"]["usual"]
+    for pace in PACES:
+        ruled = {n: (usual[n] * pace + 64) // 128 for n, _ in lengths}
+        plain = [length == ruled[n] for n, length in lengths if n > 16]
+        corrected = [
+            length == ruled[n] + CORRECTIONS[which] > 1 for n, length in lengths if 0 < n <= 16
+        ]
+        if len(plain) > 1 and all(plain) and any(corrected):
+            return True
+    return False
 
 
 def escapes(out: Decoded) -> bool:

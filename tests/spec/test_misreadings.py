@@ -5,6 +5,7 @@ comparison at its border, a sign, a range. Each change has to be seen by a vecto
 """
 
 import ast
+import dataclasses
 import json
 import signal
 import sys
@@ -32,15 +33,15 @@ LEAST = 100
 HARMLESS = frozenset(
     {
         # Defaults of what the decoder always sets.
-        *(f"superframe {n} 0: one more" for n in range(109, 114)),
+        *(f"superframe {n} 0: one more" for n in range(108, 113)),
         # The ends of tails of 2, 4 and 9 bits fall alike with 8 and 9 to the byte.
         "range_decoder 1 8: one more",
         # What is left out by the mask is zero after the shift.
-        "superframe 132 1: one more",
+        "superframe 131 1: one more",
         # More bytes than nine bits lie in.
-        "superframe 172 2: one more",
+        "superframe 171 2: one more",
         # At step 63 no class of these bases is above 0.
-        "superframe 203 63: one more",
+        *(f"superframe {n} 63: one more" for n in (185, 206)),
         # Borders that a code meets once in 2**24: the end of an interval, or of the coder's range.
         "range_decoder 23 255: one more",
         "range_decoder 36 256: one more",
@@ -165,7 +166,16 @@ def passes(reference: Any) -> bool:
         }  # fmt: skip
         if any(told[name] != case[name] for name in told):
             return False
+        if found.mode == 1 and not found.signed and not found.slow:
+            bare = reference.decode(l0, b"", bases, identity)
+            if reference.record(l0[2:-2], 1, bases) != replace_header(bare):
+                return False
     return True
+
+
+def replace_header(found: Any) -> Any:
+    """Return what a file's record says of the same payload: all but the header."""
+    return dataclasses.replace(found, sequence=0, lead=0)
 
 
 def misreadings() -> Iterator[tuple[Any, str]]:
