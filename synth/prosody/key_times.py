@@ -38,6 +38,10 @@ _ENDS_IN_SHAPE_MS = {
 _BEGINS_LATER_S, _ENDS_LATER_S = 0.016, 0.014
 """How much later a key of two phones is shown, and a key before one of two phones is left."""
 
+_FAR = {("side", "chin"), ("side", "throat"), ("cheek", "throat"), ("throat", "cheek")}
+_FAR_S = 0.16
+"""Least seconds of a key before the longest ways: knuckles stay below 1.5 m/s."""
+
 _FROM_REST_S, _TO_REST_S = -0.04, -0.05
 """For a key at the beginning or the end, where nothing hurries."""
 
@@ -63,7 +67,8 @@ def least_s(before: Form | None, here: Form, after: Form | None) -> float:
         return STILL_S
     begins = _FROM_REST_S if before is None else _begins_s(before, here)
     ends = _TO_REST_S if after is None else _ends_s(here, after)
-    return SEEN_S + begins - ends
+    far = after is not None and (here[1], after[1]) in _FAR
+    return max(SEEN_S + begins - ends, _FAR_S if far else 0.0)
 
 
 def spare_share(here: Form, after: Form | None) -> float:

@@ -1,0 +1,72 @@
+"""The lit key in a real browser: the one that the hand shows."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from codec.analysis.readability import Classes
+from codec.cuer.voice import load_voice
+from codec.cues.score import PLACEMENT_NUMBER
+from receiver.television.tuner import MotionTuner
+from synth.prosody.pacing import READABLE
+from synth.rules.gesture import GestureSynthesiser
+from synth.scoring.text_score import Reading, score_from_text
+from tests.chromium import Page
+from tests.system.test_page import make_programme, watch
+
+TEXT = (
+    "Le vieux pêcheur range ses filets sur le port, et la mouette attend un poisson. "
+    "Demain matin nous partirons de bonne heure voir les bateaux."
+)
+
+SECONDS = 10.0
+
+LIT = f"""(() => {{
+    const [frame, at] = [window.requestAnimationFrame, cuecast.clock.at];
+    window.requestAnimationFrame = () => 0;
+    const found = [];
+    for (let timeS = 0.5; timeS < {SECONDS}; timeS += 0.04) {{
+        cuecast.clock.at = () => timeS;
+        cuecast.tick(performance.now());
+        const lit = document.querySelector('#keys li.now small');
+        found.push([timeS, lit ? lit.textContent.split(' ')[0] : '']);
+    }}
+    [window.requestAnimationFrame, cuecast.clock.at] = [frame, at];
+    return JSON.stringify(found);
+}})()"""
+"""What the page shows at each picture of the programme, drawn by its own loop."""
+
+
+def test_the_lit_key_is_the_hand_s_in_every_picture(tmp_path: Path) -> None:
+    voice = load_voice()
+    score = score_from_text(TEXT, start_s=1.0, reading=Reading(pace=READABLE))
+    cuer = GestureSynthesiser(rate_hz=50.0, seed=5)
+    motion = cuer.motion(score, 0.0, 640, voice)
+    programme = make_programme(tmp_path / "bars.mp4", 320, 180, 25, seconds=12)
+    found: list[list[str | float]] = []
+
+    async def visit(page: Page) -> None:
+        await page.until("cuecast.timeline.keys.length > 25")
+        await page.evaluate("cuecast.settings.set('style', 'points')")
+        found.extend(json.loads(await page.evaluate(LIT)))
+
+    watch(programme, visit, MotionTuner(motion), voice=voice)
+    times = np.array([float(time_s) for time_s, _ in found])
+    markers = np.concatenate([cuer.markers(score, time_s, 1) for time_s in times.tolist()])
+    shapes, placements = Classes(cuer.targets()[0]).distances(markers)
+    shape = shapes.argmin(axis=1)
+    place = placements[np.arange(len(times)), shape].argmin(axis=1)
+    shown = right = 0
+    for number, (time_s, lit) in enumerate(found):
+        near = {
+            f"{PLACEMENT_NUMBER[key.placement]}{key.shape}"
+            for key in score.keys
+            if abs(key.start - float(time_s)) < 0.7
+        }
+        hand = f"{place[number]}{shape[number]}"
+        shown += hand in near
+        right += hand in near and lit == hand
+    print(f"{right} of {shown} pictures")
+    assert shown > 80
+    assert right >= 0.95 * shown
