@@ -14,6 +14,9 @@ from cuecast.evaluate.tables import PLOTS, rows_of, write_plots
 RECORDS = Path(__file__).resolve().parents[1] / "records"
 """Where the records are."""
 
+_ELSEWHERE = {"fuzz": "tests.fuzz.night", "mutation": "tests.mutation"}
+"""What measures kinds of figures that `evaluate` does not."""
+
 Row = Mapping[str, Any]
 
 
@@ -124,7 +127,7 @@ def records() -> dict[str, Record]:
 
 def module(kind: str) -> Any:
     """Return the module that measures a kind of figures and draws them."""
-    return importlib.import_module(f"cuecast.evaluate.{kind}")
+    return importlib.import_module(_ELSEWHERE.get(kind, f"cuecast.evaluate.{kind}"))
 
 
 def drawings() -> dict[str, bytes]:

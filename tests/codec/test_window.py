@@ -25,7 +25,7 @@ from codec.bitstream.window import (
     Window,
     read_window,
 )
-from codec.bitstream.window_writer import WindowWriter
+from codec.bitstream.window_writer import WindowWriter, _agrees
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
@@ -167,6 +167,22 @@ def test_keys_pass_through_encoder_and_decoder(toy_voice: Voice, motion: Motion)
         keys += merger.add(frame)
     keys += merger.flush()
     assert [str(key) for key in keys] == [str(key) for key in motion.score.keys]
+
+
+@pytest.mark.parametrize(
+    ("numbers", "starts", "end", "agrees"),
+    [
+        ((3, 20), (40, 46), 60, True), ((3, 20), (40, 46), 64, True), ((3, 20), (40, 46), 56, True),
+        ((3, 20), (40, 46), 65, False), ((3, 20), (40, 46), 55, False),
+        ((3,), (40,), 46, True), ((4,), (40,), 46, False), ((3,), (41,), 46, False),
+        ((3, 20, 5, 6), (40, 46, 60, 70), 80, False), ((3, 20, 5), (40, 46, 60), 72, True),
+    ],
+)  # fmt: skip
+def test_a_window_agrees_with_what_is_meant(
+    numbers: tuple[int, ...], starts: tuple[int, ...], end: int, agrees: bool
+) -> None:
+    meant = [(3, 40, 46, 0), (20, 46, 60, 0), (5, 60, 70, 0)]
+    assert _agrees(Window(starts[0], end, numbers, starts), meant) is agrees
 
 
 @pytest.mark.parametrize("size", [4, 6])
