@@ -4,6 +4,7 @@
 ones each time. To be run for a new version of the format only.
 """
 
+import itertools
 import json
 import random
 import sys
@@ -11,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from spec.reference import superframe
 from spec.reference.superframe import (
     CORRECTIONS,
     LEVELS,
@@ -175,9 +177,54 @@ def parts() -> Iterator[tuple[str, str, bytes, bytes]]:
         yield f"l1-short-{i}", "H9, C5", l0, l1_of(l0, rng.randbytes(1 + i % 4))
     for i in range(48):
         yield f"compact-more-{i}", "M6", compact(rng, 9 + i % 4), b""
+    l0 = found(
+        lambda: compact(rng, 12),
+        lambda out: 32 in [b - a for a, b in itertools.pairwise(_score(out)["starts"])],
+    )
+    yield "compact-length-32", "M6", l0, b""
+    l0 = found(lambda: compact(rng, 12), lambda out: paced(out, 32, 0))
+    yield "compact-rounded", "M6", l0, b""
+    l0 = found(lambda: full(rng, 0, 24, 63), lambda out: _score(out)["numbers"][-1:] == [16])
+    yield "last-vowel-16", "S7", l0, b""
+    l0 = found(lambda: full(rng, 1, 30, 6), lambda out: escapes(out, 19))
+    yield "escape-deep", "C4", l0, b""
+    l0 = full(rng, 0, 40, 63)
+    while not has_key_41(l0):
+        l0 = full(rng, 0, 40, 63)
+    yield "key-41", "V2", l0, b""
     for nth in range(1, 8):
         l0 = found(lambda: compact(rng, 12), lambda out, n=nth: corrects(out, n))  # type: ignore[misc]
         yield f"correction-{nth}", "M6", l0, b""
+
+
+def paced(out: Decoded, phone: int, pace: int) -> bool:
+    """Return whether a phone and other consonants have the lengths of a pace (M6)."""
+    score = _score(out)
+    ends = [*score["starts"][1:], score["end"]]
+    usual = TABLES["score"]["usual"]
+    lengths = [
+        (number, stop - start, (usual[number] * PACES[pace] + 64) // 128)
+        for number, start, stop in zip(score["numbers"], score["starts"], ends, strict=True)
+        if number > 16
+    ]
+    shown = {number for number, _, _ in lengths}
+    return phone in shown and len(shown) > 2 and all(a == b for _, a, b in lengths)
+
+
+def has_key_41(l0: bytes) -> bool:
+    """Return whether the code of a preview has the symbol that does not occur (V2)."""
+    told: list[int] = []
+
+    def least(*values: Any) -> Any:
+        told.extend(values[:1] if values[1:] == (40,) else ())
+        return min(*values)
+
+    vars(superframe)["min"] = least
+    try:
+        decode(l0, None, BASES, IDENTITY)
+    finally:
+        del vars(superframe)["min"]
+    return 41 in told
 
 
 def corrects(out: Decoded, which: int) -> bool:
@@ -200,11 +247,11 @@ def corrects(out: Decoded, which: int) -> bool:
     return False
 
 
-def escapes(out: Decoded) -> bool:
+def escapes(out: Decoded, least: int = 16) -> bool:
     """Return whether an index is so large that it takes bits beyond its symbol (C4)."""
     scales = BASES[out.basis]
     return any(
-        abs(q) >> class_of(scales[c][f] + LEVELS[out.level], out.step)[1] > 16
+        abs(q) >> class_of(scales[c][f] + LEVELS[out.level], out.step)[1] > least
         for q, (c, f) in zip(out.indices, order(scales), strict=True)
     )
 
@@ -222,6 +269,7 @@ def invalid() -> Iterator[tuple[str, str, bytes]]:
     yield "compact-too-long", "H1", bytes([0x21] + 12 * [0])
     yield "version-1", "H2", with_check(bytes([0x41, 0, 0]))
     yield "version-3", "H2", with_check(bytes([0xC1, 0, 0]))
+    yield "compact-version-1", "H2", bytes([0x60]) + filled(0, 5, 0)[1:]
     yield "compact-version-2", "H2", bytes([0xA0]) + filled(0, 5, 0)[1:]
     yield "wrong-check", "H6", with_check(bytes([0x01, 0, 0]))[:-1] + b"\0"
     body = bytes([0x01, 0, 0])

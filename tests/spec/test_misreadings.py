@@ -42,6 +42,22 @@ HARMLESS = frozenset(
         "superframe 171 2: one more",
         # At step 63 no class of these bases is above 0.
         *(f"superframe {n} 63: one more" for n in (185, 206)),
+        # What has no timing by rule has no pace; the second of two phones is never missing.
+        "superframe 319 0: one more",
+        "superframe 339 38: one more",
+        # A compact superframe has no coefficients: how many zeros, and of which basis.
+        *(f"superframe {n} 32: one more" for n in (327, 332)),
+        *(f"superframe {n} 0: one more" for n in (329, 334)),
+        # No length by rule is above 26 ticks.
+        "superframe 359 32: one more",
+        # A limit of 0 leaves one symbol and takes nothing off the code.
+        "superframe 389 15: one more",
+        "superframe 390 cell < 15: LtE",
+        # The last symbol of the row is that limit.
+        "superframe 425 32: one more",
+        # Zero has gone by then.
+        "superframe 559 0: one more",
+        "superframe 560 q < 0: LtE",
         # Borders that a code meets once in 2**24: the end of an interval, or of the coder's range.
         "range_decoder 23 255: one more",
         "range_decoder 36 256: one more",
