@@ -37,8 +37,10 @@ _LONGEST_PATH = 1024
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("input", metavar="IN", help="recording of a cuer; - reads a pipe")
-    parser.add_argument("-o", "--output", required=True, metavar="M.npz", help="motion")
+    parser.add_argument(
+        "input", nargs="?", metavar="IN", help="recording of a cuer; - reads a pipe"
+    )
+    parser.add_argument("-o", "--output", metavar="M.npz", help="motion")
     parser.add_argument("--rate", type=positive, default=50.0, metavar="HZ", help="of the motion")
     parser.add_argument(
         "--start", type=float, metavar="S",
@@ -59,6 +61,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     markers.add_argument(
         "--calibration", metavar="TAKE", help="the same speaker and markers, her face at rest"
     )
+    markers.add_argument(
+        "--markers-chart", metavar="P.png|P.svg",
+        help="draw where the 113 markers sit on a cuer, and do nothing else if there is no IN",
+    )  # fmt: skip
     landmarks = parser.add_argument_group("landmarks")
     landmarks.add_argument(
         "--frame-rate", type=positive, metavar="HZ", help="of frames that are numbered, not timed"
@@ -88,7 +94,17 @@ def run(args: argparse.Namespace) -> int:
     from codec.cuer.voice import load_voice
     from synth.capture.capture import capture
 
+    if not args.input and not args.markers_chart:
+        note("cuecast capture: a recording or --markers-chart is needed")
+        return 2
+    if bool(args.input) != bool(args.output):
+        note("cuecast capture: a recording goes with --output")
+        return 2
     voice = load_voice(args.voice)
+    if args.markers_chart:
+        _draw_chart(Path(args.markers_chart), voice)
+        if not args.input:
+            return 0
     if args.live:
         return _live(args, voice)
     with seconds_bar(None, Path(args.input).name) as advance, _as_file(args.input) as path:
@@ -106,6 +122,16 @@ def run(args: argparse.Namespace) -> int:
         for line in told(captured.report):
             note(line)
     return 0
+
+
+def _draw_chart(path: Path, voice: "Voice") -> None:
+    from codec.errors import CueError
+    from cuecast.command.markers_chart import SIZE_IN, draw_markers
+    from cuecast.evaluate.tables import PLOTS, write_plot
+
+    if path.suffix not in PLOTS:
+        raise CueError(f"{path}: a chart ends in {', '.join(PLOTS)}")
+    write_plot(path, {}, lambda _, figure: draw_markers(voice, figure), size_in=SIZE_IN)
 
 
 def _live(args: argparse.Namespace, voice: "Voice") -> int:
