@@ -69,6 +69,11 @@ def run(args: argparse.Namespace) -> int:
             f"note: verified as the broadcast of {whose['on_air']}: the keys of a recording are "
             "public, so this holds if it was recorded then"
         )
+    if args.trust is not None and whose is not None and whose["superframes"]["unknown"]:
+        note(
+            f"note: {whose['superframes']['unknown']} superframes are not shown: nothing proves "
+            "them; what proves the last quarter of a minute comes after it"
+        )
     if args.output is not None and reception.motion is not None:
         save_motion(reception.motion, args.output)
     if args.markers is not None and reception.motion is not None:

@@ -45,8 +45,9 @@ def received(
 ) -> dict[str, object]:
     capsys.readouterr()
     status = main(["receive", str(folder / name), "--json", *options])
-    document: dict[str, object] = json.loads(capsys.readouterr().out)
-    document["exit"] = status
+    written = capsys.readouterr()
+    document: dict[str, object] = json.loads(written.out)
+    document |= {"exit": status, "told": written.err}
     return document
 
 
@@ -111,6 +112,7 @@ def test_who_trusts_him_sees_what_is_verified(
         keys = found["keys"]
         assert isinstance(keys, list)
         assert len(keys) > 10
+    assert "superframes are not shown: nothing proves them" in str(found["told"])
     late = received(folder, capsys, "signed.wav", *right, "--on-air", "2027-03-01T21:00:00Z")
     assert late["keys"] == []
     told = late["authenticity"]
