@@ -5,6 +5,7 @@ allows the next wider one, so that a bit is worth the same everywhere. The score
 all; corrections of the voice's targets travel with it where they pay.
 """
 
+import copy
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -54,6 +55,9 @@ _COARSE = 24
 
 _CLEAR = 0.85
 """Part of the prediction's error that learning has to leave for it to be taken untried."""
+
+_PAYS = 0.97
+"""Part of the squared error without it that a score has to stay below: models are not linear."""
 
 _SPARE_PART = 250
 """Part of a file's room that may stay empty."""
@@ -122,6 +126,12 @@ class _Take:
             line = trimmed(to_line(motion.score, options), indices)
             self._told = replace(self._told, line=line)
             self._joined = line_of(line, indices, options)
+
+    def without_score(self) -> "_Take":
+        """Return the same take without its score."""
+        other = copy.copy(self)
+        other._joined = None
+        return other
 
     def plain(self) -> "_Version":
         """Return the motion without its score."""
@@ -349,9 +359,7 @@ def spread_by_error(
     spread = told(_better(take, about))
     if motion.score is None or not drop:
         return spread
-    plain = take.plain()
-    _prepared(plain, about)
-    other = told(plain)
+    other = told(_better(take.without_score(), about))
     return min(spread, other, key=lambda s: size(s.told) + sum(map(size, s.payloads)))
 
 
@@ -414,14 +422,12 @@ def spread_by_size(
 
     if motion.score is None or not drop:
         return told(_better(take, about))[0]
-    plain = take.plain()
-    _prepared(plain, about)
-    without = told(plain)
+    without = told(_better(take.without_score(), about))
     try:
         spread = told(_better(take, about))
     except CueError:
         return without[0]
-    return min(spread, without, key=lambda found: found[1])[0]
+    return (spread if spread[1] < _PAYS * without[1] else without)[0]
 
 
 def _record_bits(count: int) -> float:
