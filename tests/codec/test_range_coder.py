@@ -137,3 +137,10 @@ def test_errors() -> None:
         RangeEncoder().put(2, FLIP)
     with pytest.raises(CueError, match="a table of 0 weights"):
         cumulative([])
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 7])
+def test_weights_of_zero_are_equally_likely(size: int) -> None:
+    parts = np.diff(cumulative([0.0] * size))
+    assert parts.sum() == TOTAL
+    assert parts.max() - parts.min() <= TOTAL % size
