@@ -35,6 +35,8 @@ FOUND = Path(__file__).with_name("found")
 COUNTED = 1000
 """Inputs of which lines are counted: that takes several times as long."""
 LONGEST_S = 20
+"""Processor time that an input may take; waiting may take as much as `PATIENCE` times that."""
+PATIENCE = 30
 MOST_MEMORY_KB = 500_000
 """By which a target may raise what the process needed after its seeds."""
 
@@ -49,8 +51,10 @@ def attempt(name: str, data: bytes) -> str:
     def late(number: int, frame: FrameType | None) -> None:
         raise HangError(f"not done after {LONGEST_S} s")
 
-    before = signal.signal(signal.SIGALRM, late)
-    signal.alarm(LONGEST_S)
+    watches = (signal.SIGPROF, signal.SIGALRM)
+    before = [signal.signal(watch, late) for watch in watches]
+    signal.setitimer(signal.ITIMER_PROF, LONGEST_S)
+    signal.alarm(PATIENCE * LONGEST_S)
     try:
         TARGETS[name].run(data)
     except CueError as error:
@@ -58,8 +62,10 @@ def attempt(name: str, data: bytes) -> str:
     except Exception:
         return traceback.format_exc()
     finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
         signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+        for watch, old in zip(watches, before, strict=True):
+            signal.signal(watch, old)
     return ""
 
 
