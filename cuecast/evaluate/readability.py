@@ -88,6 +88,9 @@ _STRIP_PICTURES = 12
 _STRIP_SIZE = (240, 320)
 """Width and height of each in pixels."""
 
+_LONG_WAYS = {("side", "chin"), ("side", "mouth"), ("side", "throat")}
+"""Placements from and to which the film strip shows the hand on its way."""
+
 _SUBTITLES = {".srt", ".vtt", ".ttml", ".dfxp", ".xml", ".stl", ".ass", ".ssa"}
 
 
@@ -312,10 +315,12 @@ def in_common(found: Sequence[tuple[int, int]], wanted: Sequence[tuple[int, int]
 
 
 def strip(path: Path, subtitles: Sequence[Subtitle], seed: int = 0) -> None:
-    """Draw successive pictures of the cuer, 25 a second, as one PNG."""
+    """Draw successive pictures of the cuer, 25 a second, as one PNG: from the side to the face."""
     voice = load_voice()
     score = score_from_subtitles(subtitles, reading=Reading(pace=READABLE))
-    middle = score.keys[len(score.keys) // 2].start
+    half = itertools.pairwise(score.keys[len(score.keys) // 2 :])
+    ways = (one.start for one, other in half if (one.placement, other.placement) in _LONG_WAYS)
+    middle = next(ways, score.keys[len(score.keys) // 2].start)
     cuer = GestureSynthesiser(voice.name, seed=seed)
     motion = cuer.motion(score, round(middle, 2), 2 * _STRIP_PICTURES + 4, voice)
     times = motion.start_s + np.arange(_STRIP_PICTURES) / _PICTURES_HZ
