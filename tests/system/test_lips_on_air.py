@@ -49,7 +49,7 @@ def test_lips_keep_their_word(
     assert received is not None
     arrived = {(p.symbol, round(p.start / 0.02)) for p in (received.score or score).phones}
     heard = [p for p in score.phones if (p.symbol, round(p.start / 0.02)) in arrived]
-    assert len(heard) > heard_share * len(score.phones)  # robust loses many here
+    assert len(heard) > heard_share * len(score.phones)
     gaps = [closing(voice, received, p) for p in heard if p.symbol in "pbm"]
     assert len(gaps) >= 5
     told = {
