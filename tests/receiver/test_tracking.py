@@ -75,6 +75,13 @@ def test_motion_lies_where_it_is_due() -> None:
     assert all(p.layers == ("L0", "L1") for p in found.values())
 
 
+def test_keys_are_told_before_they_are_settled() -> None:
+    told = [e for e in ALL if isinstance(e, KeysFound)]
+    assert all(e.keys for e in told)
+    early = {(round(k.start, 2), k.shape) for e in told if not e.final for k in e.keys}
+    assert {(start, shape) for start, shape, _ in keys(ALL)[1:-1]} <= early
+
+
 def test_every_key_comes_once() -> None:
     assert MOTION.score is not None
     # The first key began before the first superframe: only the rule gives it, not its time.
