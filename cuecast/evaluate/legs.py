@@ -1,25 +1,51 @@
-"""The second and third leg of every figure: the other virtual cuer, and real ones.
+"""The codec on three legs: cuers by rule, the other virtual cuer, and real ones, side by side.
 
 A cuer by rule moves by the equations that the codec predicts with; what holds for her alone proves
 little. The second virtual cuer shares none of them. Real cuers come from a folder that the user
 names: tables of landmarks, one utterance each, with ``phones.csv`` (columns ``utterance`` and
-``phones``) beside them where it is known what was said. Both reach the codec as an interpreter
+``phones``) beside them where it is known what was said, or motions (``*.npz``) that `cuecast
+capture` made of them, told what is known of the camera. Both reach the codec as an interpreter
 would: through a film and `synth.capture`.
+
+Every take is coded as a file of a mean rate, or of a greatest error, three times: with its score,
+without, and with whichever of the two is better (``encode --drop-score``).
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from codec.cuer.motion import Motion
+import numpy as np
+
+from codec.analysis.compare import compare_motions
+from codec.bitstream.stream import decode_stream, encode_stream
+from codec.cuer.motion import Motion, load_motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Score
 from codec.errors import CueError
+from cuecast.command.voices import coding_voice
+from cuecast.evaluate.coded import Row
 from cuecast.evaluate.films import as_rows, film
+from cuecast.evaluate.options import EvaluateOptions
 from synth.capture.capture import capture
 from synth.capture.options import CaptureOptions
 from synth.measured.cuer import MEASURED, performer
 from synth.measured.plan import paced
-from synth.training.build_coding import recital
+from synth.rules.movement import LAWS
+from synth.training.build_coding import perform, recital, sentences
+
+RATES_BPS = (150.0, 337.5, 900.0)
+"""Rates in bit/s that files are made to keep."""
+
+ERRORS_MM = (4.0, 2.0)
+"""Errors that files are made to keep."""
+
+RULE = "by rule"
+"""Name of the leg of the voice's own cuer."""
+
+REAL = "real"
+"""Name of the leg of the user's folder."""
 
 SECOND = f"solange/{MEASURED}"
 """Name of the second virtual cuer."""
@@ -34,6 +60,103 @@ _NOISE_MM = 3.0
 
 _TAIL_S = 1.0
 """Seconds after the last phone, in which the hand comes to rest."""
+
+_TAKES = 8
+"""Takes of each virtual cuer; as many seconds as a minute or two of a real one."""
+
+_SENTENCES = 4
+"""Sentences of a take, kept from training."""
+
+_WORSE = 1.01
+"""Ratio from which a take counts as worse with its score than without."""
+
+
+def evaluate(options: EvaluateOptions) -> list[Row]:
+    """Return one row per leg and wish: means over its takes, and how they spread."""
+    voice = coding_voice(options.voice)
+    rows: list[Row] = []
+    for leg, takes in _legs(voice, options):
+        found, seconds = list[list[list[float]]](), 0.0
+        for name, motion in takes:
+            options.say(f"{leg}: {name}, {motion.duration_s:.0f} s")
+            seconds += motion.duration_s
+            found.append([_figures(motion, voice, wish) for wish in _WISHES])
+        rows += [
+            {"leg": leg, "takes": len(found), "seconds": round(seconds, 1), "wish": wish}
+            | _summary(np.array([take[i] for take in found]))
+            for i, wish in enumerate(_WISHES)
+        ]
+    return rows
+
+
+_WISHES: dict[str, dict[str, Any]] = {
+    **{f"{rate:g} bit/s": {"rate_bps": rate} for rate in RATES_BPS},
+    **{f"{error:g} mm": {"error_mm": error} for error in ERRORS_MM},
+}
+
+
+def _summary(figures: np.ndarray[Any, np.dtype[np.float64]]) -> Row:
+    """Return the figures of a wish; `figures` are those of each take: with score, without, free."""
+    scored, free = figures[:, 0] / figures[:, 1], figures[:, 2] / figures[:, 1]
+    means = [round(float(x), 3) for x in figures.mean(axis=0)]
+    return {
+        "with_score": means[0], "without_score": means[1], "better_of_both": means[2],
+        "worst_ratio": round(float(scored.max()), 4),
+        "worse_takes": int(np.sum(scored > _WORSE)),
+        "worst_ratio_free": round(float(free.max()), 4),
+    }  # fmt: skip
+
+
+def _figures(motion: Motion, voice: Voice, wish: str) -> list[float]:
+    """Return error in mm, or bit/s, of a take with its score, without, and with the better."""
+    plain = replace(motion, score=None)
+    return [
+        _figure(take, voice, drop_score=drop, **_WISHES[wish])
+        for take, drop in ((motion, False), (plain, False), (motion, True))
+    ]
+
+
+def _figure(motion: Motion, voice: Voice, **wish: Any) -> float:
+    data = encode_stream(motion, voice, **wish)
+    if "error_mm" in wish:
+        return 8 * len(data) / motion.duration_s
+    return compare_motions(motion, decode_stream(data, voice), voice).marker_rms_mm
+
+
+def _legs(
+    voice: Voice, options: EvaluateOptions
+) -> Iterator[tuple[str, Iterator[tuple[str, Motion]]]]:
+    """Yield the legs: name, and names and motions of takes."""
+    yield f"{voice.name}, {RULE}", _ruled(voice, options.seed)
+    yield SECOND, _second(voice, options)
+    if options.clips is not None:
+        yield REAL, _real(voice, options.clips)
+
+
+def _texts(take: int) -> list[str]:
+    return sentences(held_out=True)[_SENTENCES * take :][:_SENTENCES]
+
+
+def _ruled(voice: Voice, seed: int) -> Iterator[tuple[str, Motion]]:
+    """Yield takes by all laws of movement in turn."""
+    for take in range(_TAKES):
+        law = list(LAWS)[take % len(LAWS)]
+        score = recital(_texts(take), seed=seed + take)
+        yield law, perform(voice, score, seed=seed + take, law=law)
+
+
+def _second(voice: Voice, options: EvaluateOptions) -> Iterator[tuple[str, Motion]]:
+    for take in range(_TAKES):
+        motion = second_cuer(voice, _texts(take), options.folder, seed=options.seed + take)
+        yield f"take {take}", motion
+
+
+def _real(voice: Voice, folder: Path) -> Iterator[tuple[str, Motion]]:
+    paths = sorted(folder.glob("*.npz"))
+    if not paths:
+        yield from real_utterances(folder, voice)
+    for path in paths:
+        yield path.stem, load_motion(path)
 
 
 def second_cuer(voice: Voice, texts: Sequence[str], folder: Path, *, seed: int = 0) -> Motion:

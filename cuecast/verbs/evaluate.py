@@ -14,8 +14,8 @@ from cuecast.command.progress import note
 SUMMARY = "figures as CSV, JSON and plots"
 
 KINDS = (
-    "codec", "audio", "video", "together", "chain", "synthesis", "models", "capture", "readability",
-    "alignment",
+    "codec", "legs", "audio", "video", "together", "chain", "synthesis", "models", "capture",
+    "readability", "alignment",
 )  # fmt: skip
 
 

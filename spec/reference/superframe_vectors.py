@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from spec.reference import superframe
+from spec.reference.range_decoder import RangeDecoder
 from spec.reference.superframe import (
     CORRECTIONS,
     LEVELS,
@@ -195,6 +196,46 @@ def parts() -> Iterator[tuple[str, str, bytes, bytes]]:
     for nth in range(1, 8):
         l0 = found(lambda: compact(rng, 12), lambda out, n=nth: corrects(out, n))  # type: ignore[misc]
         yield f"correction-{nth}", "M6", l0, b""
+    for vowel in (1, 16):
+        for i in range(3):
+            l0 = found(lambda: replacing(rng), lambda out, n=vowel: bordering(out, n))  # type: ignore[misc]
+            yield f"special-vowel-{vowel}-{i}", "S10", l0, b""
+    for step in (8, 15, 35):
+        yield f"last-symbols-{step}", "C1, C4", last_symbols(step), b""
+
+
+def replacing(rng: random.Random) -> bytes:
+    """Return an L0 part of mode 0 without coefficients whose score is marked as special (S9)."""
+    # Ten bits behind the step: the last 256 of 32768 of the first 32640 of 32768.
+    bits = bytes([255, rng.randrange(0xF5, 0xFB)])
+    head = rng.randrange(1 << 6) << 6
+    return with_check(head.to_bytes(2, "big") + bits + rng.randbytes(18))
+
+
+def last_symbols(step: int, size: int = 24) -> bytes:
+    """Return an L0 part of mode 1 in which every symbol behind the step is its row's last one.
+
+    Indices are then as large as can be; at step 35 the largest scale is of class 0.
+    """
+    below, above = 0, 1 << 8 * size
+    while above - below > 1:
+        middle = (below + above) // 2
+        decoder = RangeDecoder(middle.to_bytes(size, "big"))
+        below, above = (middle, above) if decoder.bits(6) <= step else (below, middle)
+    return with_check(bytes([0x11, 0x20]) + below.to_bytes(size, "big"))
+
+
+def bordering(out: Decoded, vowel: int) -> bool:
+    """Return whether keys are replaced behind a pair that a border of the vowels decides (S10)."""
+    score = _score(out)
+    replaced = [int(start) for start in score["overrides"]]
+    numbers = [score["first"], *score["numbers"]]
+    pairs = zip(itertools.pairwise(numbers), score["starts"], strict=True)
+    return any(
+        (this == 1 and before > 16 if vowel == 1 else before == 16 and 0 < this <= 16)
+        and max(replaced, default=0) > start
+        for (before, this), start in pairs
+    )
 
 
 def paced(out: Decoded, phone: int, pace: int) -> bool:

@@ -7,26 +7,20 @@ comparison at its border, a sign, a range. Each change has to be seen by a vecto
 import ast
 import dataclasses
 import json
-import signal
 import sys
 import types
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.spec.misreading import Misreading, ends
+
 ROOT = Path(__file__).parents[2]
 SOURCES = ("range_decoder", "superframe")
 DOCUMENT = json.loads((ROOT / "spec/vectors/superframe.json").read_text(encoding="utf-8"))
-COMPARISONS = {
-    ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq,
-    ast.NotEq: ast.Eq,
-}  # fmt: skip
-OPERATORS = {
-    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Add, ast.FloorDiv: ast.Mult,
-    ast.RShift: ast.LShift, ast.BitXor: ast.BitOr, ast.BitAnd: ast.BitOr, ast.Mod: ast.FloorDiv,
-}  # fmt: skip
 LEAST = 100
 """Misreadings that have to be tried at least."""
 
@@ -50,6 +44,10 @@ HARMLESS = frozenset(
         *(f"superframe {n} 0: one more" for n in (329, 334)),
         # No length by rule is above 26 ticks.
         "superframe 359 32: one more",
+        # Coefficients are listed by channel before they are sorted, and sorting keeps that order.
+        "superframe 488 0: one more",
+        # Equal only for the coefficient itself, whose index is still 0.
+        "superframe 510 j < i: LtE",
         # A limit of 0 leaves one symbol and takes nothing off the code.
         "superframe 389 15: one more",
         "superframe 390 cell < 15: LtE",
@@ -66,53 +64,6 @@ HARMLESS = frozenset(
     }
 )
 """Changes that change nothing, or nothing that a vector could show: each with its reason."""
-
-SECONDS = 10
-"""After which a decoder that does not end counts as one that fails."""
-
-
-class Misreading(ast.NodeTransformer):
-    """Changes the place with a number, if there is one; counts the places."""
-
-    def __init__(self, wanted: int) -> None:
-        self.wanted, self.count, self.told = wanted, 0, ""
-
-    def _here(self, node: ast.AST, what: str) -> bool:
-        self.count += 1
-        if self.count - 1 == self.wanted:
-            self.told = f"{ast.unparse(node)}: {what}"
-            return True
-        return False
-
-    def visit_Constant(self, node: ast.Constant) -> ast.AST:
-        """Change a number by one."""
-        if type(node.value) is int and self._here(node, "one more"):
-            return ast.Constant(node.value + 1)
-        return node
-
-    def visit_Compare(self, node: ast.Compare) -> ast.AST:
-        """Move a comparison's border, or negate it."""
-        self.generic_visit(node)
-        other = COMPARISONS.get(type(node.ops[0]))
-        if other is not None and self._here(node, other.__name__):
-            node.ops[0] = other()
-        return node
-
-    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
-        """Take another operation."""
-        self.generic_visit(node)
-        other = OPERATORS.get(type(node.op))
-        if other is not None and self._here(node, other.__name__):
-            node.op = other()
-        return node
-
-    def visit_Call(self, node: ast.Call) -> ast.AST:
-        """Take the greater instead of the less."""
-        self.generic_visit(node)
-        swap = {"min": "max", "max": "min"}
-        if isinstance(node.func, ast.Name) and node.func.id in swap and self._here(node, "swap"):
-            node.func.id = swap[node.func.id]
-        return node
 
 
 def decoder(source: str, wanted: int) -> tuple[Any, str]:
@@ -139,22 +90,6 @@ def decoder(source: str, wanted: int) -> tuple[Any, str]:
 
 def _imports_decoder(node: ast.stmt) -> bool:
     return isinstance(node, ast.ImportFrom) and node.module == "spec.reference.range_decoder"
-
-
-def ends(reference: Any) -> bool:
-    """Return whether a decoder gives all vectors within some time."""
-
-    def late(*_: object) -> None:
-        raise TimeoutError
-
-    signal.signal(signal.SIGALRM, late)
-    signal.alarm(SECONDS)
-    try:
-        return passes(reference)
-    except TimeoutError:
-        return False
-    finally:
-        signal.alarm(0)
 
 
 def passes(reference: Any) -> bool:
@@ -214,7 +149,9 @@ def test_no_misreading_passes_all_vectors() -> None:
     tried, survived = 0, []
     for reference, told in misreadings():
         tried += 1
-        if reference is not None and ends(reference) and told not in HARMLESS:
+        if reference is None or told in HARMLESS:
+            continue
+        if ends(partial(passes, reference)):
             survived.append(told)
     assert tried >= LEAST
     assert not survived

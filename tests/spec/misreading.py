@@ -1,0 +1,76 @@
+"""Misreadings of the reference decoder: it is changed in one place, as a reader could err."""
+
+import ast
+import signal
+from collections.abc import Callable
+
+COMPARISONS = {
+    ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+}  # fmt: skip
+OPERATORS = {
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Add, ast.FloorDiv: ast.Mult,
+    ast.RShift: ast.LShift, ast.BitXor: ast.BitOr, ast.BitAnd: ast.BitOr, ast.Mod: ast.FloorDiv,
+}  # fmt: skip
+SECONDS = 10
+"""After which a decoder that does not end counts as one that fails."""
+
+
+class Misreading(ast.NodeTransformer):
+    """Changes the place with a number, if there is one; counts the places."""
+
+    def __init__(self, wanted: int) -> None:
+        self.wanted, self.count, self.told = wanted, 0, ""
+
+    def _here(self, node: ast.AST, what: str) -> bool:
+        self.count += 1
+        if self.count - 1 == self.wanted:
+            self.told = f"{ast.unparse(node)}: {what}"
+            return True
+        return False
+
+    def visit_Constant(self, node: ast.Constant) -> ast.AST:
+        """Change a number by one."""
+        if type(node.value) is int and self._here(node, "one more"):
+            return ast.Constant(node.value + 1)
+        return node
+
+    def visit_Compare(self, node: ast.Compare) -> ast.AST:
+        """Move a comparison's border, or negate it."""
+        self.generic_visit(node)
+        other = COMPARISONS.get(type(node.ops[0]))
+        if other is not None and self._here(node, other.__name__):
+            node.ops[0] = other()
+        return node
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        """Take another operation."""
+        self.generic_visit(node)
+        other = OPERATORS.get(type(node.op))
+        if other is not None and self._here(node, other.__name__):
+            node.op = other()
+        return node
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        """Take the greater instead of the less."""
+        self.generic_visit(node)
+        swap = {"min": "max", "max": "min"}
+        if isinstance(node.func, ast.Name) and node.func.id in swap and self._here(node, "swap"):
+            node.func.id = swap[node.func.id]
+        return node
+
+
+def ends(passes: Callable[[], bool]) -> bool:
+    """Return whether a decoder gives all vectors within some time."""
+
+    def late(*_: object) -> None:
+        raise TimeoutError
+
+    signal.signal(signal.SIGALRM, late)
+    signal.alarm(SECONDS)
+    try:
+        return passes()
+    except TimeoutError:
+        return False
+    finally:
+        signal.alarm(0)
