@@ -94,7 +94,9 @@ class C3dPoints:
         raw = raw.reshape(-1, self._words)[:, : 4 * len(self.labels)]
         if raw.dtype.kind == "i":
             values = raw.astype(np.float32).reshape(len(raw), -1, 4)
-            points, hidden = values[..., :3] * np.float32(self._scale), values[..., 3] < 0
+            with np.errstate(over="ignore"):  # too far, below
+                points = values[..., :3] * np.float32(self._scale)
+            hidden = values[..., 3] < 0
         else:
             read = _from_dec(raw) if self._dec else raw.astype(np.float32)
             floats = read.reshape(len(raw), -1, 4)
