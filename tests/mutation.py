@@ -26,8 +26,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cuecast.evaluate.records import make_record, read_record
-
 ROOT = Path(__file__).parents[1]
 EQUIVALENT = Path(__file__).with_name("equivalent_mutants.txt")
 ROOMS = {
@@ -175,6 +173,10 @@ class Forge:
         finally:
             os._exit(status)
 
+    def _own(self) -> set[str]:
+        """Return the names of the project's packages."""
+        return {path.name for path in self._copy.iterdir() if path.is_dir()}
+
     def _child(self, modules: Path | None) -> int:
         import pytest
 
@@ -185,9 +187,12 @@ class Forge:
             os.dup2(log, stream)
         os.chdir(self._copy)
         sys.path.insert(0, str(self._copy))
+        loaded = {name for name in self._own() if name in sys.modules} - {"tests"}
+        assert not loaded, f"{loaded} would be those of the original"
+        sys.modules.pop("tests", None)
         status = pytest.main([*_PYTEST, *self._tests])
         if modules is not None:
-            own = {path.stem for path in self._copy.iterdir()} | {"__main__"}
+            own = self._own() | {"__main__"}
             names = [n for n, m in sys.modules.items() if n.partition(".")[0] not in own and m]
             modules.write_text(json.dumps(names))
         return int(status)
@@ -236,6 +241,8 @@ def keep(path: Path, room: str, tried: list[Mutant], total: int) -> dict[str, An
 
     The score leaves out the equivalent ones. What was tried earlier counts unless tried again.
     """
+    from cuecast.evaluate.records import make_record, read_record
+
     rows = read_record(path)["results"] if path.exists() else []
     before: dict[str, str] = next((row["outcomes"] for row in rows if row["room"] == room), {})
     outcomes = before | {f"{m.path} {m.operator} {m.occurrence}": m.outcome for m in tried}
@@ -280,8 +287,11 @@ def main() -> None:
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         record = args.record or Path(folder) / "record.json"
-        for room in args.rooms or ROOMS:
-            tried, total = examine(room, args.sample, args.seed, Path(folder))
+        rooms = {
+            room: examine(room, args.sample, args.seed, Path(folder))
+            for room in args.rooms or ROOMS
+        }
+        for room, (tried, total) in rooms.items():
             print(keep(record, room, tried, total), flush=True)
 
 
