@@ -1,3 +1,4 @@
+import hashlib
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from codec.errors import CueError
 from watermark.audio.profile import ROBUST, STANDARD
 from watermark.link import _kernels
 from watermark.link.crc import crc_bits
+from watermark.link.keystream import stream_words
 from watermark.link.link import L0_CHECK, SIGNIFICANT_RATE, Link
 from watermark.link.polar import longest_mother, make_code
 
@@ -268,3 +270,15 @@ def test_how_far_a_message_has_to_stand_out(share: float, accepted: bool) -> Non
     limit = share * np.sqrt(2 * np.log(2) * first.code.message)
     amplitude = np.sqrt(limit**2 * (noise @ noise) / (length**2 - limit**2 * length))
     assert first._accepts(message, amplitude * signal + noise) is accepted
+
+
+def test_words_of_a_key_s_stream() -> None:
+    """Little-endian words of SHAKE-256 of the purpose and the key."""
+    raw = hashlib.shake_256(b"cuecast audio 1/signs/18446744073709551615").digest(28)
+    words = [int.from_bytes(raw[at : at + 4], "little") for at in range(0, 28, 4)]
+    assert stream_words("signs", 2**64 - 1, 7).tolist() == words
+    assert stream_words("signs", 2**64 - 1, 3).tolist() == words[:3]
+    assert stream_words("signs", 0, 0).tolist() == []
+    for key in (-1, 2**64):
+        with pytest.raises(CueError, match=rf"^key {key} is not within 0\.\.2\*\*64-1$"):
+            stream_words("signs", key, 1)
