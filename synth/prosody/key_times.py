@@ -60,7 +60,7 @@ def least_s(before: Form | None, here: Form, after: Form | None) -> float:
     >>> side, chin = (3, "side", 1), (5, "chin", 2)
     >>> round(least_s(side, chin, side), 3)
     0.234
-    >>> least_s(side, side, chin)
+    >>> least_s(chin, side, side)
     0.08
     """
     if after is not None and here[:2] == after[:2]:
