@@ -117,7 +117,10 @@ def _tell(report: dict[str, Any]) -> None:
     keys, through = found["keys"], found["through"]
     way = f" through {through}" if through else ""
     note(f"read back{way}: {keys['received']} of {keys['sent']} keys")
-    for line in shortfalls(found):
+    coded_bps = {
+        name: one["coded_bps"] for name, one in report["carriers"].items() if "coded_bps" in one
+    }
+    for line in shortfalls(found, coded_bps):
         note(f"warning: {line}")
 
 

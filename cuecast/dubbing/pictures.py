@@ -7,7 +7,7 @@ from typing import Any
 
 from cuecast.dubbing.read_back import Sent
 from cuecast.media.picture import PictureStage, rewrite_picture
-from receiver.media.picture import PictureFormat, picture_format
+from receiver.media.picture import PictureFormat
 from watermark.a335.carrier import A335Embedder
 from watermark.a335.carrier import find_profile as find_line_profile
 from watermark.video.embed import VideoEmbedder
@@ -66,7 +66,6 @@ def dub_picture(
         If there is no picture, or it cannot be marked or written.
     """
     made: dict[str, Any] = {}
-    form = picture_format(programme)
 
     def make_stages(form: PictureFormat) -> Sequence[PictureStage]:
         for name in CARRIERS:
@@ -74,7 +73,7 @@ def dub_picture(
                 made[name] = _embedder(name, form, source_of, options, sent)
         return list(made.values())
 
-    rewrite_picture(
+    form = rewrite_picture(
         programme, target, make_stages, codec=options.codec, bit_rate=options.bit_rate,
         progress=progress, tell=tell,
     )  # fmt: skip
@@ -100,6 +99,7 @@ def _figures(name: str, embedder: Any, form: PictureFormat) -> dict[str, Any]:
     if name == "video":
         report = embedder.report()
         return {
+            "coded_bps": form.bit_rate,
             "net_bps": round(report.net_bps, 1),
             "gross_bps": round(report.gross_bps, 1),
             "psnr_db": round(report.psnr_db, 2),
@@ -107,6 +107,7 @@ def _figures(name: str, embedder: Any, form: PictureFormat) -> dict[str, Any]:
         }
     profile = embedder.profile
     return {
+        "coded_bps": form.bit_rate,
         "net_bps": round(profile.net_bps, 1),
         "gross_bps": round(8 * profile.body_bytes * float(form.fps), 1),
         "skipped_frames": embedder.skipped,

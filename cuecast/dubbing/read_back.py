@@ -9,7 +9,7 @@ import math
 import os
 import tempfile
 import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -217,8 +217,10 @@ def _matching(sent: list[Key], found: list[dict[str, Any]]) -> int:
     return count
 
 
-def shortfalls(found: dict[str, Any]) -> list[str]:
+def shortfalls(found: dict[str, Any], coded_bps: Mapping[str, int] | None = None) -> list[str]:
     """Say which carriers of what `read_back` returned fall short of `ENOUGH`.
+
+    `coded_bps` are the bit rates of the picture that holds a carrier, by its name.
 
     Examples
     --------
@@ -228,6 +230,12 @@ def shortfalls(found: dict[str, Any]) -> list[str]:
     return [
         f"{name}: only {one['received']} of {one['sent']} superframes can be read back "
         f"({one['share']:.0%})".replace("%)", " %)")
+        + (
+            f"; its picture is coded with {coded_bps[name] // 1000} kbit/s: "
+            "more with --video-bitrate"
+            if coded_bps and name in coded_bps
+            else ""
+        )
         for name, one in found["carriers"].items()
         if one["share"] is not None and one["share"] < ENOUGH
     ]

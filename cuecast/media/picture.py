@@ -8,6 +8,7 @@ get a constant one: a frame that is shown for long is written several times.
 import os
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from itertools import chain
 from typing import Any, Protocol
@@ -20,7 +21,13 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from codec.files.whole import whole_file
 from cuecast.media.copying import Copies, copy_labels
-from receiver.media.picture import Luma, PictureDecoder, PictureFormat, luma_of
+from receiver.media.picture import (
+    LONGEST_HOLD_S,
+    Luma,
+    PictureDecoder,
+    PictureFormat,
+    luma_of,
+)
 from receiver.media.programme import Programme, open_programme, reason
 
 _ENCODERS = {
@@ -36,7 +43,6 @@ _ENCODERS = {
 _FALLBACK_BITS_PER_PIXEL = 0.12
 """Bits per pixel where the programme does not tell its rate: that of good broadcasts in H.264."""
 
-_SCANNED = 3000  # packets of a picture from which its rate is learnt
 _CLOCK = Fraction(1, 90_000)  # fine enough for the picture's place among the sounds
 _INTERLACED = 1 << 18 | 1 << 29  # AV_CODEC_FLAG_INTERLACED_DCT and _ME
 
@@ -98,7 +104,7 @@ def rewrite_picture(
     Returns
     -------
     PictureFormat
-        Of the source.
+        Of the source, but with the bit rate that the encoder was given.
 
     Raises
     ------
@@ -121,7 +127,7 @@ def rewrite_picture(
                 writer.run(list(make_stages(form)), frames, progress)
         except (av.FFmpegError, ValueError) as error:
             raise CueError(f"{target}: cannot write: {reason(error)}") from error
-    return form
+    return replace(form, bit_rate=rate)
 
 
 class _Writer:
@@ -316,12 +322,23 @@ def _first_frame(path: str | os.PathLike[str]) -> Any:
 
 
 def _measured_bit_rate(path: str | os.PathLike[str], form: PictureFormat) -> int:
-    """Bit rate of the file's picture, by its packets if the header does not tell."""
+    """Bit rate of the file's picture, by its packets if the header does not tell.
+
+    The time that they take counts, not their number: a packet may be a field, or be shown for long.
+    """
     if form.bit_rate:
         return form.bit_rate
+    total, length_s, before_s, last_s = 0, Fraction(0), None, 1 / form.fps
     with open_programme(path) as programme:
-        packets = programme.container.demux(programme.picture)
-        sizes = [packet.size for _, packet in zip(range(_SCANNED), packets, strict=False)]
-    if sizes:
-        return int(8 * sum(sizes) * form.fps / len(sizes))
+        for packet in programme.container.demux(programme.picture):
+            total += packet.size
+            if packet.dts is None or packet.time_base is None:
+                continue
+            time_s = packet.dts * packet.time_base
+            if before_s is not None and 0 < time_s - before_s <= LONGEST_HOLD_S:
+                last_s = time_s - before_s
+                length_s += last_s
+            before_s = time_s
+    if total and length_s:
+        return int(8 * total / (length_s + last_s))
     return int(_FALLBACK_BITS_PER_PIXEL * form.width * form.height * form.fps)

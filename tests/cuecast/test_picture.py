@@ -127,6 +127,9 @@ def test_variable_rate_becomes_constant(tmp_path: Path) -> None:
 
     form = rewrite_picture(programme, marked, stages)
     assert form.fps == 25
+    with av.open(str(programme)) as container:
+        size = sum(packet.size for packet in container.demux(container.streams.video[0]))
+    assert form.bit_rate == pytest.approx(8 * size * 25 / len(shown), rel=0.03)
     frames = list(read_lumas(marked))
     assert [time_s for time_s, _ in frames] == pytest.approx(np.arange(len(shown)) / 25, abs=0.001)
     receiver = VideoReceiver(WIDTH, HEIGHT, 25)

@@ -203,4 +203,10 @@ def test_shortfalls() -> None:
     good = {"sent": 100, "received": 98, "share": 0.98}
     none = {"sent": 0, "received": 0, "share": None}
     assert shortfalls({"carriers": {"audio": good, "video": none}}) == []
-    assert shortfalls({"carriers": {"audio": good | {"received": 97, "share": 0.97}}})
+    bad = {"carriers": {"audio": good | {"received": 97, "share": 0.97}}}
+    assert len(shortfalls(bad)) == 1
+    assert "kbit/s" not in shortfalls(bad)[0]
+    bad = {"carriers": {"audio": good, "video": good | {"received": 0, "share": 0.0}}}
+    (line,) = shortfalls(bad, {"video": 57_600})
+    assert line.startswith("video: only 0 of 100")
+    assert "57 kbit/s" in line
