@@ -2,7 +2,8 @@
 
 A key leaves open which of its consonants and which of its vowels was spoken; that is what lips are
 for. Each key takes the phones whose visemes the face comes closest to. Times follow from the hand:
-it arrives in the first part of a key's consonant (Attina 2005).
+it arrives in the first part of a key's consonant (Attina 2005), or at the start of a sound that
+has the key alone (Gibert, Bailly, Elisei 2004, section 5.1).
 """
 
 from collections.abc import Sequence
@@ -18,8 +19,9 @@ from synth.capture.cues.recognise import Held
 
 FloatArray = NDArray[np.float64]
 
-_LAG_S = 0.016
-"""Seconds by which recognised arrivals are late, in the mean, of films of virtual cuers."""
+_LAG_S = 0.033
+"""Seconds from the start of a consonant with a vowel to the hand's arrival: mean of four cuers
+(Attina 2005: 0.037, 0.017, 0.029 and 0.049 s)."""
 
 _TO_REST_DELAY_S = 0.08
 """Seconds after a key's end at which the hand sets out for rest (P3)."""
@@ -63,26 +65,18 @@ def score_of(
     given : sequence of tuple of str, optional
         The phones of each key that is not rest, if they are known.
     """
-    spans = _spans(held)
-    face = params[:, voice.face_columns[: voice.gestures.viseme_targets.shape[1]]]
-    costs = _Visemes(voice, face, rate_hz)
+    if given is None:
+        given = _phones_shown(held, voice, params, rate_hz)
     phones: list[Phone] = []
     keys: list[Key] = []
-    lonely_until = -1.0
     keyed = [h for h in held if h.shape]
-    for number, (one, (begin, end)) in enumerate(zip(keyed, spans, strict=True)):
-        middle = begin + min(_CONSONANT_PART * (end - begin), _LONGEST_CONSONANT_S)
-        joined = abs(lonely_until - begin) < 1e-6
-        if given is not None:
-            chosen = given[number]
-        else:
-            chosen = _chosen(one, costs, begin, middle, end, after_consonant=joined)
-        cuts = (begin, middle, end) if len(chosen) == 2 else (begin, end)
-        for symbol, a, b in zip(chosen, cuts[:-1], cuts[1:], strict=True):
+    spans = _spans(held, [_LAG_S if len(own) > 1 else 0.0 for own in given])
+    for one, own, (begin, end) in zip(keyed, given, spans, strict=True):
+        cuts = (begin, _vowel_start(begin, end), end) if len(own) == 2 else (begin, end)
+        for symbol, a, b in zip(own, cuts[:-1], cuts[1:], strict=True):
             phones.append(Phone(symbol, start_s + a, start_s + b))
         place = PLACEMENTS[one.placement]
-        keys.append(Key(start_s + begin, start_s + end, chosen, one.shape, place))
-        lonely_until = end if chosen[-1] in SHAPE_OF else -1.0
+        keys.append(Key(start_s + begin, start_s + end, tuple(own), one.shape, place))
     return Score(tuple(phones), tuple(keys))
 
 
@@ -124,13 +118,37 @@ def is_sure(held: Sequence[Held]) -> bool:
     return bool(keys) and sum(keys) >= LEAST_SURE * len(keys)
 
 
-def _spans(held: Sequence[Held]) -> list[tuple[float, float]]:
-    """Return start and end of each key's sound, seconds from the first frame."""
+def _phones_shown(
+    held: Sequence[Held], voice: Voice, params: FloatArray, rate_hz: float
+) -> list[tuple[str, ...]]:
+    """Return the phones of each key that is not rest, as the face shows them."""
+    face = params[:, voice.face_columns[: voice.gestures.viseme_targets.shape[1]]]
+    costs = _Visemes(voice, face, rate_hz)
+    keyed = [h for h in held if h.shape]
+    out: list[tuple[str, ...]] = []
+    lonely_until = -1.0
+    for one, (begin, end) in zip(keyed, _spans(held, [_LAG_S] * len(keyed)), strict=True):
+        joined = abs(lonely_until - begin) < 1e-6
+        middle = _vowel_start(begin, end)
+        out.append(_chosen(one, costs, begin, middle, end, after_consonant=joined))
+        lonely_until = end if out[-1][-1] in SHAPE_OF else -1.0
+    return out
+
+
+def _vowel_start(begin: float, end: float) -> float:
+    return begin + min(_CONSONANT_PART * (end - begin), _LONGEST_CONSONANT_S)
+
+
+def _spans(held: Sequence[Held], lags: Sequence[float]) -> list[tuple[float, float]]:
+    """Return start and end of each key's sound, seconds from the first frame.
+
+    `lags` are the seconds from that start to the hand's arrival, of each key that is not rest.
+    """
     spans: list[tuple[float, float]] = []
     for number, one in enumerate(held):
         if not one.shape:
             continue
-        begin = max(one.reach_s - _LAG_S, 0.0)
+        begin = max(one.reach_s - lags[len(spans)], 0.0)
         if spans:
             begin = max(begin, spans[-1][0] + _LEAST_KEY_S)
             spans[-1] = (spans[-1][0], min(spans[-1][1], begin))
@@ -140,7 +158,7 @@ def _spans(held: Sequence[Held]) -> list[tuple[float, float]]:
         else:
             # A hand that waits in the air says nothing; but a longer silence would mean rest.
             silent = DEFAULT_OPTIONS.rest_gap_s - _LEAST_KEY_S
-            following = after.reach_s - _LAG_S
+            following = after.reach_s - lags[len(spans) + 1]
             end = following
             if following - begin > _LONGEST_KEY_S:
                 end = max(begin + _LONGEST_KEY_S, following - silent)

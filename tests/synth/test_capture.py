@@ -74,7 +74,7 @@ def test_the_voices_own_cuer_is_captured_as_she_was() -> None:
     gap = np.linalg.norm(VOICE.reconstruct(found.motion.params) - take.truth, axis=-1)
     assert gap[:, :N_FACE].mean() < 0.7  # measured 0.47
     assert gap[:, N_FACE:].mean() < 1.6  # measured 1.2
-    # Measured 0.875: fingers that change at one place are in shape 0.12 s before the key's sound.
+    # Measured 0.875: the first key is left before its mouth is reached, and told as throat.
     assert keys_right(found.motion, "claire") >= 0.75
     assert found.report["speaker"] == {
         "hand_size": 1.0, "face_offset_mm": 0.0, "hand_offset_mm": 0.0

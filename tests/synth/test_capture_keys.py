@@ -69,6 +69,34 @@ def test_a_key_that_is_formed_before_the_hand_moves_is_reached_when_it_has() -> 
     assert arrival(flow, 8, 10, 18) == 10
 
 
+def test_a_hand_that_only_slows_down_has_not_arrived() -> None:
+    hump = np.sin(np.linspace(0.0, np.pi, 21))
+    flow = np.concatenate([200.0 * hump[:-6], 90.0 + 60.0 * hump, 100.0 * hump[10:], np.zeros(10)])
+    dip = 14 + int(flow[14:20].argmin())
+    assert flow[dip] > 0.3 * flow.max()
+    assert arrival(flow, 0, dip - 1, len(flow)) >= 40
+    # Strokes that overlap leave nothing slower: it was there when it was slowest.
+    assert arrival(flow[:36], 0, dip - 1, 36) in range(dip - 1, 36)
+    assert arrival(flow[:25], 0, dip - 1, 25) == dip
+
+
+def test_fingers_that_change_alone_tell_when_a_key_is_reached() -> None:
+    seen = see_motion(VOICE, moving([(2, 1), (3, 1)], hold_s=1.0), rate_hz=RATE_HZ)
+    change = slice(round(2.1 * RATE_HZ), round(2.5 * RATE_HZ))
+    assert np.nanmax(seen.flow()[change]) > 5.0 * np.nanmax(seen.speed[change])
+    np.testing.assert_array_less(seen.speed - 1e-9, seen.flow())
+
+
+def test_a_sound_alone_begins_when_the_hand_arrives() -> None:
+    held = [Held(3, 1, 0.5, 0.8, 0.9), Held(6, 1, 1.0, 1.2, 0.9)]
+    score = score_of(
+        held, VOICE, np.zeros((100, len(VOICE.layout))), rate_hz=RATE_HZ, start_s=2.0,
+        given=[("s",), ("w", "a")],
+    )  # fmt: skip
+    assert [round(key.start, 3) for key in score.keys] == [2.5, 2.967]
+    assert score.keys[0].end == score.keys[1].start
+
+
 def test_without_depth_keys_are_still_told() -> None:
     line = [(5, 1), (1, 3), (4, 2), (3, 5), (6, 4), (2, 1), (8, 2), (7, 3)]
     held = told(moving(line))

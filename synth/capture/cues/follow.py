@@ -85,7 +85,7 @@ def follow_keys(seen: Seen, keys: Sequence[Key], *, looks: Looks = ANYBODYS) -> 
     _kernels.follow(paths.hold, paths.way, paths.line, paths.pair, omit, low, high, at, states)
     held: list[Held | None] = []
     agreement = []
-    before = 0
+    before, flow = 0, seen.flow()
     for number in np.flatnonzero(~spare)[1:-1]:
         frames = np.flatnonzero(states == number)
         if not len(frames) or hidden[frames].all():
@@ -94,7 +94,7 @@ def follow_keys(seen: Seen, keys: Sequence[Key], *, looks: Looks = ANYBODYS) -> 
             continue
         begin, end = int(frames[0]), int(frames[-1])
         state = paths.shown(line[number], begin, end)
-        reach = arrival(seen.speed, before, begin, end + 1)
+        reach = arrival(flow, before, begin, end + 1)
         before = end + 1
         around = round(_AROUND_S * seen.rate_hz)
         sure = float(paths.near[max(0, begin - around) : end + around + 1, state].max())

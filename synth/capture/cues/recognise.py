@@ -44,8 +44,9 @@ _EDGE = -3.0
 _ROUNDS = 2
 """Rounds in which looks are learnt from the keys and keys told by the looks."""
 
-_ARRIVED = 0.05
-"""Part of its greatest speed at which a movement has ended."""
+_ARRIVED = 1.0 / 7.0
+"""Part of its greatest speed at which a movement has ended; what the analysis of real cuers counts
+as movement is faster. The last millimetres of a slow end say nothing more."""
 
 _PIECE_S, _MARGIN_S = 30.0, 4.0
 """Seconds that are searched at once, and those on either side that are not kept."""
@@ -225,43 +226,42 @@ def _examples(
 
 
 def _held(seen: Seen, runs: list[Run]) -> Iterator[Held]:
-    before = 0
+    before, flow = 0, seen.flow()
     for number, run in enumerate(runs):
         shape, place = KEYS[run.state]
-        reach = arrival(seen.speed, before, run.begin, run.end) if number else run.begin
+        reach = arrival(flow, before, run.begin, run.end) if number else run.begin
         before = run.end
         yield Held(
             shape, place, reach / seen.rate_hz, (run.end - 1) / seen.rate_hz, run.probability
         )
 
 
-def arrival(speed: FloatArray, before: int, begin: int, end: int) -> int:
-    """Return when the movement to a held key has ended: its speed has fallen, or turns.
+def arrival(flow: FloatArray, before: int, begin: int, end: int) -> int:
+    """Return when the movement to a held key has ended: it is slow, or as slow as it becomes.
 
     Parameters
     ----------
-    speed : ndarray of float64, shape (T,)
-        NaN where the hand is not seen.
+    flow : ndarray of float64, shape (T,)
+        `Seen.flow`; NaN where the hand is not seen.
     before, begin, end : int
         End of the key before; begin and end of this one, frames.
+
+    Notes
+    -----
+    A hand that slows down and goes on (the palm turns after the tip, the next stroke overlaps) has
+    not arrived where it first slowed down.
     """
-    flow = np.nan_to_num(speed[: end + 1])
+    known = np.nan_to_num(flow[:end])
     low = min(before, begin)
-    at = low + int(flow[low : begin + 1].argmax())
+    at = low + int(known[low : begin + 1].argmax())
     if at == begin:
         # Fingers that are in shape early let a key begin while the hand still gathers speed.
-        begin = at = _summit(flow, begin, end)
-    peak = flow[at]
-    while at < end - 1:
-        if flow[at] <= _ARRIVED * peak or (at >= begin and flow[at + 1] > flow[at]):
-            break
-        at += 1
-    return at
+        begin = at = _summit(known, begin)
+    slow = np.flatnonzero(known[at:] <= _ARRIVED * known[at])
+    return at + int(slow[0]) if len(slow) else begin + int(known[begin:].argmin())
 
 
-def _summit(flow: FloatArray, begin: int, end: int) -> int:
-    """Return the frame where a rising speed turns, `begin` where it rises until the key's end."""
-    at = begin
-    while at < end - 1 and flow[at + 1] > flow[at]:
-        at += 1
-    return at if at < end - 1 else begin
+def _summit(flow: FloatArray, begin: int) -> int:
+    """Return the frame where a rising speed turns, `begin` where it rises until the last."""
+    falls = np.flatnonzero(np.diff(flow[begin:]) <= 0.0)
+    return begin + int(falls[0]) if len(falls) else begin
