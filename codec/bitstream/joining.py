@@ -96,7 +96,7 @@ def join_line(line: Line, parts: Parts) -> Joined:
     sounds = [
         Sounding(number, start, end)
         for number, start, end in zip(
-            line.numbers[1:], line.starts[1:], (*line.starts[2:], line.starts[-1]), strict=True
+            line.numbers[1:], line.starts[1:], [*line.starts[1:], line.starts[-1]][1:], strict=True
         )
     ]
     return Joined(parts, sounds, _keys_of(sounds, parts))

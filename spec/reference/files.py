@@ -25,8 +25,18 @@ from spec.reference.motion import (
     strokes,
     travelled,
 )
+from spec.reference.motion import parameters as joined
 from spec.reference.range_decoder import RangeDecoder
-from spec.reference.superframe import TABLES, Decoded, MalformedError, crc, number, record, tempo
+from spec.reference.superframe import (
+    TABLES,
+    Decoded,
+    MalformedError,
+    crc,
+    decode,
+    number,
+    record,
+    tempo,
+)
 
 SILENCES = [2978, 744, 744, 744, 1489, 2978, 5967, 5957, 4468, 2234, 1489, 744, 744, 744, 372, 372]
 """Table 6."""
@@ -236,6 +246,13 @@ def keys(out: File) -> list[Cue]:
 
 def parameters(out: File, scales: Scales, coding: dict[str, Array]) -> list[list[float]]:
     """(F13) Return the parameters of all superframes of a file, frame by frame."""
+    if out.l0:
+        pairs = [(payload[: out.l0], payload[out.l0 :]) for payload in out.payloads]
+        parts = {
+            k: decode(l0, l1, scales, out.coding)
+            for k, (l0, l1) in zip(out.indices, pairs, strict=True)
+        }
+        return [frame for k in parts for frame in joined(k, parts, coding)]
     decoded = [record(payload, 0 if out.line else 1, scales) for payload in out.payloads]
     if out.line is None:
         return [frame for told in decoded for frame in drawn(told, None, coding)]

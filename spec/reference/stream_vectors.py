@@ -4,19 +4,21 @@
 time. To be run for a new version of the format, of the built-in voice or of its tables only.
 """
 
+import itertools
 import json
 import random
 import sys
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from spec.reference import files
 from spec.reference.identity import identity as identity_of
 from spec.reference.markers import identity, markers, read_voice
 from spec.reference.motion import BASES, read_coding
-from spec.reference.superframe import MalformedError, crc
+from spec.reference.superframe import MalformedError, crc, decode, record
 
 ASSETS = Path(__file__).parents[2] / "codec" / "assets"
 ORIGIN = (
@@ -28,6 +30,9 @@ FRAMES = (0, 1, 13, 31, 37, 63, 70, 95)
 
 SHOWN = (5, 25, 63 + 7, 63 + 30)
 """Markers that are: nose bridge, lower lip, two of the hand."""
+
+EVEN = 4 * [31 * [32 * [0]]]
+"""Scales that do for reading what comes before coefficients."""
 
 Case = dict[str, Any]
 
@@ -42,10 +47,10 @@ def head(first: int, ticks: int, coding: str, lengths: int = 0) -> bytes:
 def whole(start: bytes, records: list[bytes]) -> bytes:
     """(F7) Return a file of records."""
     data = start
-    for record in records:
-        long = len(record) >= 255
-        data += bytes([255]) + len(record).to_bytes(3, "big") if long else bytes([len(record)])
-        data += record
+    for one in records:
+        long = len(one) >= 255
+        data += bytes([255]) + len(one).to_bytes(3, "big") if long else bytes([len(one)])
+        data += one
     return data + zlib.crc32(data).to_bytes(4, "big")
 
 
@@ -75,6 +80,72 @@ def told(rng: random.Random, form: int, special: bool, learns: bool) -> bytes:
             return bytes(data)
 
 
+def shifted(rng: random.Random, shift: int) -> bytes:
+    """Return a payload whose prediction is shifted."""
+    while True:
+        data = payload(rng, 12)
+        if record(data, 0, EVEN).shift == shift:
+            return data
+
+
+def constant(rng: random.Random, coding: str, mode: int, sequence: int) -> bytes:
+    """Return a superframe of constant size, whose score replaces nothing."""
+    while True:
+        body = (mode << 12 | sequence << 6).to_bytes(2, "big") + payload(rng, 20)
+        check = crc(body, 16, 0x1021, 0xFFFF) ^ int(coding[:4], 16)
+        l0 = body + check.to_bytes(2, "big")
+        score = decode(l0, None, EVEN, coding).score
+        if score is None or not score["overrides"]:
+            return l0 + bytes(6)
+
+
+def searched(rng: random.Random, form: int, wanted: Callable[[list[list[int]]], bool]) -> bytes:
+    """Return a file of four silent superframes whose line is as wanted."""
+    while True:
+        data = bytearray(rng.randbytes(60))
+        data[0] = form << 7 | data[0] & 127
+        file = whole(head(0, 128, 16 * "0"), [bytes(data)] + 4 * [b"\xfc"])
+        try:
+            if wanted(files.read(file).line or []):
+                return file
+        except MalformedError:
+            continue
+
+
+def replacing(rng: random.Random, before: int, most: int, this: int) -> bytes:
+    """Return a file that replaces keys behind two phones on a border (S10).
+
+    The first is from `before` to `most`; the second is `this`, or any vowel for 0.
+    """
+    while True:
+        data = bytearray(rng.randbytes(60))
+        data[0] = data[0] & 127 | 127
+        data[1] |= 192
+        file = whole(head(0, 128, 16 * "0"), [bytes(data)] + 4 * [b"\xfc"])
+        try:
+            found = files.read(file)
+        except MalformedError:
+            continue
+        for one, two in itertools.pairwise(found.line or []):
+            second = two[0] == this or (not this and 0 < two[0] <= 16)
+            if before <= one[0] <= most and second and max(found.replaced, default=0) > two[1]:
+                return file
+
+
+def outrun(rng: random.Random, bytes_behind: int) -> bytes:
+    """Return a file whose line is read up to some bytes behind its code (F10)."""
+    seen: list[int] = []
+    with patch.object(files, "check_end", lambda d: seen.append(d.position - len(d.data))):
+        while True:
+            data = bytearray(rng.randbytes(rng.randrange(1, 20)))
+            data[0] &= 127
+            file = whole(head(0, 128, 16 * "0"), [bytes(data)] + 4 * [b"\xfc"])
+            seen.clear()
+            files.read(file)
+            if seen and max(seen) == bytes_behind:
+                return file
+
+
 def cases(coding: str) -> Iterator[tuple[str, str, bytes, bool]]:
     """Yield identifier, section, file, and whether it is drawn."""
     rng = random.Random(8)
@@ -88,6 +159,28 @@ def cases(coding: str) -> Iterator[tuple[str, str, bytes, bool]]:
         once = told(rng, i // 3, False, i >= 2) if i else b""
         records = [once] + [payload(rng, 14) for _ in range(3)]
         yield f"drawn-{name}", "4 to 8", whole(head(32, 96, coding), records), True
+    for i in range(8):
+        once = told(rng, i % 2, False, i > 5)
+        records = [once] + [shifted(rng, 1 + (i + k) % 4) for k in range(3)]
+        yield f"drawn-more-{i}", "4 to 8", whole(head(32, 96, coding), records), True
+    for i in range(4):
+        frames = [constant(rng, coding, i % 2, 1 + k) for k in range(3)]
+        data = head(32, 96, coding, 24 << 12 | 6) + b"".join(frames)
+        yield f"drawn-constant-{i}", "4, 8", data, True
+    end = 32 * 4
+    for name, form, wanted in (
+        ("ends-in-pause", 0, lambda line: line[-1][0] == 0 and line[-1][1] < line[-1][2] == end),
+        ("ends-in-time", 0, lambda line: line[-1] == [0, end, end]),
+        ("one-silence", 1, lambda line: len(line) == 1),
+        ("ends-in-time-keyed", 1, lambda line: line[-1] == [0, end, end]),
+    ):
+        yield name, "F10 to F12", searched(rng, form, wanted), False
+    for name, pair in (("17-second", (17, 99, 17)), ("16-first", (16, 16, 0))):
+        yield f"special-{name}", "F8", replacing(rng, *pair), False
+    for i in range(12):
+        yield f"keyed-more-{i}", "F11", searched(rng, 1, lambda line: len(line) > 9), False
+    yield "code-just-long-enough", "F10", outrun(rng, 8), False
+    yield "one-tick", "F5", whole(head(4320000, 1, 16 * "0"), [b"", b"\xfc"]), False
     silent = whole(head(0, 32, 16 * "0"), [b"", bytes(300)])
     yield "long-record", "F7", silent, False
     yield "constant", "F6", head(0, 64, 16 * "0", 5 << 12 | 1) + bytes(12), False
@@ -106,6 +199,8 @@ def invalid() -> Iterator[tuple[str, str, bytes]]:
     yield "check", "F7", good[:-1] + bytes([good[-1] ^ 1])
     yield "no-record", "F6", whole(head(0, 32, 16 * "0"), [b""])
     yield "record-too-many", "F6", whole(head(0, 32, 16 * "0"), [b"", b"\xfc", b""])
+    yield "head-alone", "F6", head(0, 64, 16 * "0", 5 << 12 | 1)
+    yield "code-just-too-short", "F10", outrun(random.Random(9), 9)
     cut = good[:26] + b"\0\2\xfc"
     yield "cut-record", "F6", cut + zlib.crc32(cut).to_bytes(4, "big")
     yield "constant-cut", "F6", head(0, 64, 16 * "0", 5 << 12 | 1) + bytes(11)
@@ -115,6 +210,7 @@ def invalid() -> Iterator[tuple[str, str, bytes]]:
 def said(found: files.File) -> Case:
     """Return what a file says in words of the vectors."""
     return {
+        "coding": found.coding,
         "span": [found.first_tick, found.ticks, found.l0, found.l1], "learns": found.learns,
         "line": found.line, "payloads": [payload.hex() for payload in found.payloads],
         "keys": [[cue.number, cue.start, cue.end] for cue in files.keys(found)],

@@ -13,7 +13,7 @@ OPERATORS = {
     ast.RShift: ast.LShift, ast.BitXor: ast.BitOr, ast.BitAnd: ast.BitOr, ast.Mod: ast.FloorDiv,
 }  # fmt: skip
 SECONDS = 10
-"""After which a decoder that does not end counts as one that fails."""
+"""Of processor time after which a decoder that does not end counts as one that fails."""
 
 
 class Misreading(ast.NodeTransformer):
@@ -66,11 +66,11 @@ def ends(passes: Callable[[], bool]) -> bool:
     def late(*_: object) -> None:
         raise TimeoutError
 
-    signal.signal(signal.SIGALRM, late)
-    signal.alarm(SECONDS)
+    signal.signal(signal.SIGPROF, late)
+    signal.setitimer(signal.ITIMER_PROF, SECONDS)
     try:
         return passes()
     except TimeoutError:
         return False
     finally:
-        signal.alarm(0)
+        signal.setitimer(signal.ITIMER_PROF, 0)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from codec.bitstream.coding import coding_for
 from codec.bitstream.joining import join_line
 from codec.bitstream.score_coding import part_of
 from codec.bitstream.stream import (
@@ -21,6 +22,7 @@ from codec.cuer.voice import load_voice
 from codec.cues.score import PLACEMENT_NUMBER
 from codec.errors import BitstreamError
 from spec.reference import files
+from spec.reference.stream_vectors import head, whole
 from spec.reference.superframe import MalformedError
 from synth.rules.performance import motion_of
 from synth.scoring.text_score import score_from_text
@@ -77,6 +79,16 @@ def test_vectors(case: dict[str, Any]) -> None:
     assert line == (None if case["line"] is None else [phone[:2] for phone in case["line"]])
     assert keys == [key[:2] for key in case["keys"]]
     assert told_by(data).learning == case["learns"]
+
+
+def test_a_line_of_one_silence_is_a_file_without_keys() -> None:
+    voice = load_voice()
+    (case,) = (case for case in DOCUMENT["cases"] if case["id"] == "one-silence")
+    once = file_of(case)[27:][: file_of(case)[26]]
+    identity = coding_for(voice).identity
+    motion = decode_stream(whole(head(0, 128, identity), [once] + 4 * [b"\xfc"]), voice)
+    assert motion.score is not None
+    assert not motion.score.keys
 
 
 @pytest.mark.parametrize("case", DRAWN, ids=lambda case: case["id"])
