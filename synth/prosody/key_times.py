@@ -45,7 +45,7 @@ _FAR_S = 0.16
 _FROM_REST_S, _TO_REST_S = -0.04, -0.05
 """For a key at the beginning or the end, where nothing hurries."""
 
-_SHARE_AT_CHIN, _SHARE_TO_CHIN = 0.25, 1.5
+_SHARE_AT_CHIN, _SHARE_TO_CHIN = 0.25, 4.0
 """Of the spare time, for a key at the chin and for the one before it."""
 
 Form = tuple[int, str, int]
