@@ -21,8 +21,8 @@ export class HandReader {
     this.forms = [];
     this.places = [];
     const markers = new Float64Array(3 * model.markers.length);
-    model.pointing.forEach((_, shape) => {
-      this.places.push(PLACEMENTS.map((_, placement) => {
+    model.pointing.forEach((_name, shape) => {
+      this.places.push(PLACEMENTS.map((_place, placement) => {
         model.reconstruct(model.target(shape, placement), markers);
         if (placement === SIDE) this.forms.push(Float64Array.from(this.formOf(markers)));
         return this.pointedAt(shape, markers);
