@@ -257,6 +257,7 @@ def test_every_record_can_be_repeated() -> None:
         commit = record.document["commit"]
         assert commit, name
         assert not commit.endswith("+"), f"{name} was made from changed files"
+        assert record.document["clips"], f"{name} does not say what it was measured on"
         for clip in record.document["clips"]:
             assert clip["licence"] and clip["source"], f"{name}: {clip['name']}"  # noqa: PT018
         assert f"{name}.origin()" in page, f"{name} is on no page"

@@ -18,6 +18,7 @@ from codec.bitstream.analysis import Analysis, block_at
 from codec.bitstream.bits import PLAIN, SCORE, SEQUENCES, Header
 from codec.bitstream.coding import Coding
 from codec.bitstream.decoder import likely_block, residual_of
+from codec.bitstream.file_score import Told, trimmed, write_told
 from codec.bitstream.fitting import NOMINAL_MM, fits
 from codec.bitstream.joining import Joined, join_line
 from codec.bitstream.learning import Gain, Learner
@@ -33,7 +34,6 @@ from codec.bitstream.quantise import (
 )
 from codec.bitstream.resynthesis.whole import WholeResynthesis
 from codec.bitstream.score_coding import part_of
-from codec.bitstream.told import Told, trimmed, write_told
 from codec.cuer.layout import MARKERS
 from codec.cuer.motion import Motion
 from codec.cues.cueing import CueingOptions

@@ -2,7 +2,7 @@
 
 A head names the coding, the span of ticks and the lengths of the parts; superframes follow, as they
 would be on air. Where the head states no lengths, they take what they need, and the score is told
-once for all (`codec.bitstream.records`, `codec.bitstream.told`).
+once for all (`codec.bitstream.records`, `codec.bitstream.file_score`).
 Specification: spec/bitstream.md, section 8.
 """
 
@@ -27,12 +27,12 @@ from codec.bitstream.coding import Coding, coding_for
 from codec.bitstream.compact_encoder import CompactEncoder
 from codec.bitstream.decoder import SuperframeDecoder, block_of
 from codec.bitstream.encoder import SuperframeEncoder
+from codec.bitstream.file_score import NOTHING_TOLD, Told, read_told
 from codec.bitstream.learning import Learner
 from codec.bitstream.records import OVERHEAD_BYTES, read_records, record_bytes, write_records
 from codec.bitstream.resynthesis.whole import WholeResynthesis
 from codec.bitstream.spread import Spread, line_of, spread_by_error, spread_by_size
 from codec.bitstream.superframe import DecodedSuperframe, Superframe, merge_scores
-from codec.bitstream.told import NOTHING_TOLD, Told, read_told
 from codec.bitstream.window import MAX_BYTES, MIN_BYTES
 from codec.cuer.motion import MOST_PARAM, Motion
 from codec.cuer.voice import Voice

@@ -37,9 +37,12 @@ FIELDS = (
 _CATALOGUE = "clips.json"
 """Beside clips, a file of this name may describe them like the package's own catalogue."""
 
-_MEDIA = {
+_CLIPS = {
     ".wav", ".flac", ".mp3", ".m4a", ".ogg", ".mp4", ".mkv", ".mov", ".ts", ".webm", ".avi", ".mpg",
+    ".csv", ".npz",
 }  # fmt: skip
+"""Sounds, films, tables of landmarks and motions: what a folder of clips may hold."""
+
 _YARDSTICK_S = 20.0
 """Long enough that starting the coder does not count."""
 
@@ -111,7 +114,7 @@ def describe_clips(folder: Path | None) -> list[dict[str, Any]]:
         return [dict(_BUILT_IN)]
     known = catalogue(folder)
     described = []
-    for path in sorted(p for p in folder.iterdir() if p.suffix.lower() in _MEDIA):
+    for path in sorted(p for p in folder.iterdir() if p.suffix.lower() in _CLIPS):
         digest = sha256(path)
         entry = known.get(digest, {})
         described.append(

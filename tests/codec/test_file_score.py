@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from codec.analysis.compare import compare_motions
 from codec.bitstream.coding import coding_for
+from codec.bitstream.file_score import Told, read_told, trimmed, write_told
 from codec.bitstream.joining import join_line
 from codec.bitstream.learning import Learner
 from codec.bitstream.resynthesis.whole import WholeResynthesis
 from codec.bitstream.score_coding import part_of
 from codec.bitstream.stream import decode_stream, encode_stream, read_superframes, told_by
-from codec.bitstream.told import Told, read_told, trimmed, write_told
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
