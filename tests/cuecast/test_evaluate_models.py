@@ -51,6 +51,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, object
     return measure(Small(), options, n_training=2, n_test=1), out  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_figures_of_the_paper_hold_on_drill_lines(
     measured: tuple[dict[str, object], Path],
 ) -> None:
@@ -67,6 +68,7 @@ def test_figures_of_the_paper_hold_on_drill_lines(
     assert result["data"] == "drill"
 
 
+@pytest.mark.slow
 def test_pictures_and_tables_are_written_and_name_their_data(
     measured: tuple[dict[str, object], Path],
 ) -> None:

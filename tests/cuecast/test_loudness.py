@@ -107,8 +107,14 @@ def first_frame(path: Path) -> bytes:
         return bytes(next(p for p in container.demux(container.streams.audio[0]) if p.size))
 
 
-@pytest.mark.parametrize("codec", ["ac3", "eac3"])
-@pytest.mark.parametrize("live", [False, True])
+@pytest.mark.parametrize(
+    ("codec", "live"),
+    [
+        ("ac3", False), ("eac3", True),
+        pytest.param("eac3", False, marks=pytest.mark.slow),
+        pytest.param("ac3", True, marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
 def test_sets_are_told_the_same_loudness(tmp_path: Path, codec: str, *, live: bool) -> None:
     """A decoder that brings all programmes to one level makes the same of both."""
     source = write(tmp_path / "a.ts", codec, "5.1(side)", dialnorm="-24")

@@ -141,7 +141,11 @@ def test_document_in_mp4(tmp_path: Path) -> None:
     assert found == LINES
 
 
-@pytest.mark.parametrize("name", ["mov_text", "subrip", "ts segments"])
+@pytest.mark.parametrize(
+    "name",
+    ["mov_text", pytest.param("subrip", marks=pytest.mark.slow),
+     pytest.param("ts segments", marks=pytest.mark.slow)],
+)  # fmt: skip
 def test_keys_are_those_of_the_file(tmp_path: Path, name: str) -> None:
     suffix, coding, packets = CARRIED[name]
     film = make(tmp_path / f"a{suffix}", [(coding, "fra", packets)])

@@ -13,10 +13,10 @@ import pytest
 from tests.receiver.viewer import watch
 
 
-def test_two_minutes_of_a_bad_line() -> None:
-    seen = watch(2 / 60, 3)
-    assert seen.superframes > 60
-    assert seen.shown > 100
+def test_a_minute_of_a_bad_line() -> None:
+    seen = watch(1 / 60, 3)
+    assert seen.superframes > 30
+    assert seen.shown > 50
     assert seen.wrong == []
 
 
