@@ -30,10 +30,10 @@ Run = Callable[..., tuple[int, dict[str, Any], str]]
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Eight seconds of sound, the same with a picture, and subtitles that go on longer."""
+    """Six seconds of sound, the same with a picture, and subtitles that go on longer."""
     path = tmp_path_factory.mktemp("programmes")
     sound, subtitles = make_sound()
-    write_film(path / "a.flac", sound[: 8 * FS], FS, encoder="flac")
+    write_film(path / "a.flac", sound[: 6 * FS], FS, encoder="flac")
     (path / "a.srt").write_text(as_srt(subtitles), encoding="utf-8")
     return path
 
@@ -73,7 +73,7 @@ def dubbed(
 def test_report_is_what_a_receiver_finds(dubbed: tuple[Path, dict[str, Any], str]) -> None:
     target, report, err = dubbed
     audio = report["read_back"]["carriers"]["audio"]
-    assert audio == {"sent": 12, "received": 12, "lost": 0, "share": 1.0}
+    assert audio == {"sent": 9, "received": 9, "lost": 0, "share": 1.0}
     keys = report["read_back"]["keys"]
     assert keys["received"] == keys["sent"] > 10
     late = [key for key in report["keys"] if key["start"] >= report["duration_s"]]
@@ -86,7 +86,7 @@ def test_channel_that_the_mark_does_not_survive(folder: Path, run: Run) -> None:
     status, report, err = run(folder / "a.flac", "b.flac", "--through", "mp2:32k")
     audio = report["read_back"]["carriers"]["audio"]
     assert audio["received"] < 0.98 * audio["sent"]
-    assert f"warning: audio: only {audio['received']} of 12 superframes" in err
+    assert f"warning: audio: only {audio['received']} of 9 superframes" in err
     assert status == (0 if audio["received"] else 1)
 
 

@@ -41,7 +41,10 @@ def test_round_trip(name: str) -> None:
     assert report.psnr_db == pytest.approx(psnr_db(frames, marked), abs=0.01)
 
 
-@pytest.mark.parametrize("fps", [24, 30, 50, Fraction(60000, 1001)])
+@pytest.mark.parametrize(
+    "fps",
+    [30, Fraction(60000, 1001), *(pytest.param(f, marks=pytest.mark.slow) for f in (24, 50))],
+)
 def test_frame_rates(fps: Any) -> None:
     frames = [picture(n, fps=float(fps)) for n in range(int(2.2 * fps))]
     give = source("robust")
@@ -52,7 +55,13 @@ def test_frame_rates(fps: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("width", "height", "depth"), [(321, 181, 8), (768, 576, 8), (1366, 768, 8), (640, 360, 10)]
+    ("width", "height", "depth"),
+    [
+        (321, 181, 8),
+        (768, 576, 8),
+        (640, 360, 10),
+        pytest.param(1366, 768, 8, marks=pytest.mark.slow),
+    ],
 )
 def test_sizes_and_depths(width: int, height: int, depth: int) -> None:
     give = source("robust")
