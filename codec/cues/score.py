@@ -6,7 +6,7 @@ that stands in motion files, in ``cuecast keys --json`` and in the reports.
 
 import itertools
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from codec.cues.phonology import PHONE_NUMBER
@@ -17,6 +17,16 @@ PLACEMENTS = ("rest", "side", "mouth", "chin", "cheek", "throat")
 
 PLACEMENT_NUMBER = {name: number for number, name in enumerate(PLACEMENTS)}
 """The one table from placement names to numbers: index in `PLACEMENTS`."""
+
+SENTENCE_ENDS = ("statement", "question", "interrogation", "exclamation")
+"""Contours that end a sentence."""
+
+CONTOURS = ("", "continuation", *SENTENCE_ENDS)
+"""How the voice moves where a group of words ends; "" where nothing is known.
+
+The names are those of Delattre 1966: a question can be answered by yes or no, an interrogation asks
+with a word of its own (who, where, how).
+"""
 
 SHAPES = range(9)
 """Hand shapes 0 (rest, closed fist) to 8."""
@@ -37,15 +47,21 @@ class Phone:
         IPA symbol, one of `codec.cues.phonology.PHONES`.
     start, end : float
         Seconds on the programme's clock.
+    contour : str
+        One of `CONTOURS`: what ends with this phone. It is for who speaks the score; it stands in
+        no file, no stream and no comparison.
     """
 
     symbol: str
     start: float
     end: float
+    contour: str = field(default="", compare=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.symbol not in PHONE_NUMBER:
             raise CueError(f"unknown phone {self.symbol!r}")
+        if self.contour not in CONTOURS:
+            raise CueError(f"unknown contour {self.contour!r}")
         _check_interval(f"phone {self.symbol}", self.start, self.end)
 
 
@@ -140,7 +156,7 @@ class Score:
         Score
         """
         return Score(
-            tuple(Phone(p.symbol, p.start + delay_s, p.end + delay_s) for p in self.phones),
+            tuple(replace(p, start=p.start + delay_s, end=p.end + delay_s) for p in self.phones),
             tuple(
                 Key(k.start + delay_s, k.end + delay_s, k.phones, k.shape, k.placement)
                 for k in self.keys

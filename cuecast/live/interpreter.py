@@ -244,9 +244,12 @@ class InterpretedMotion:
         if late_s > 0:
             factor = (key.end - free_s) / (key.end - key.start)
             phones = [
-                Phone(p.symbol, *(key.end - factor * (key.end - t) for t in (p.start, p.end)))
+                Phone(
+                    p.symbol,
+                    key.end - factor * (key.end - p.start), key.end - factor * (key.end - p.end),
+                )
                 for p in phones
-            ]
+            ]  # fmt: skip
             key = Key(free_s, key.end, key.phones, key.shape, key.placement)
         self._phones += phones
         self._keys.append(key)

@@ -395,4 +395,4 @@ def on_grid(phones: Iterable[Phone]) -> Iterator[Phone]:
     for phone in phones:
         start = max(free, round(phone.start * GRID_HZ))
         free = max(start + 1, round(phone.end * GRID_HZ))
-        yield Phone(phone.symbol, start / GRID_HZ, free / GRID_HZ)
+        yield replace(phone, start=start / GRID_HZ, end=free / GRID_HZ)

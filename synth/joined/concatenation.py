@@ -39,7 +39,7 @@ _FADE_S = 0.005
 _BREAK_S = 0.01
 """Seconds between points at which time and pitch are changed."""
 
-_RATIO_LIMITS = (0.4, 2.5)
+_RATIO_LIMITS = (0.4, 3.0)
 """Smallest and largest change of pitch: beyond them TD-PSOLA sounds rough."""
 
 _LEAD_S = 1.0

@@ -3,9 +3,9 @@
 Dikeys move the head as long as a key lasts; the paper asks for a separate suprasegmental part
 (Gibert, Bailly, Elisei 2004, section 6). Here the slow part is taken out of the recordings, and
 another one, made of the same means, follows the speech that is performed: the head rises with
-the pitch at the end of a group that goes on, and nods where a sentence ends (Munhall et al. 2004
-measured how closely head and pitch go together). Everything is a function of absolute time and of
-the accents nearby. Whatever is at the face follows the head.
+the pitch at the end of a group that goes on or of a question, and nods where a sentence falls
+(Munhall et al. 2004 measured how closely head and pitch go together). Everything is a function of
+absolute time and of the accents nearby. Whatever is at the face follows the head.
 """
 
 from collections.abc import Sequence
@@ -120,7 +120,7 @@ class HeadMotion:
         smooth = LAWS["minimum-jerk"]
         for accent in accents(phones):
             size = 1.0 + _SCATTER * float(normals_at(accent.start_s, 1, self._seed)[0])
-            size *= _NOD if accent.final else _RISE
+            size *= _NOD if accent.falls else _RISE
             begin, end = accent.start_s - _BEFORE_S, accent.end_s
             up = smooth(np.clip((times - begin) / (end - begin), 0.0, 1.0))
             back = smooth(np.clip((times - end) / _BACK_S, 0.0, 1.0))

@@ -1,28 +1,47 @@
-"""The melody of read French: a falling line with a rise at the end of every group.
+"""The melody of read French: a falling line with a movement at the end of every group.
 
-French has its accent on the last full syllable of a group: the pitch rises there before a pause
-that continues and falls at the end of a sentence, over a declining baseline (Vaissière 1991;
-Di Cristo 1998). Numbers are those of an adult woman reading.
+French has its accent on the last full syllable of a group. There the pitch rises before a pause
+that continues, rises farther where a question ends, and falls at the end of a statement, over a
+declining baseline (Vaissière 1991; Di Cristo 1998). Interrogations that begin with their asking
+word and exclamations fall from a high start (Delattre 1966). Numbers are those of an adult woman
+reading. Where a phone does not know its contour, the length of the silence behind it tells.
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.cues.phonology import PAUSE, VOWELS
-from codec.cues.score import Phone
+from codec.cues.score import SENTENCE_ENDS, Phone
 
 _GROUP_GAP_S = 0.02
 """Seconds of silence that end a group."""
 
 _SENTENCE_GAP_S = 0.4
-"""Seconds of silence that end a sentence."""
+"""Seconds of silence that end a sentence, where the text does not say that it goes on."""
+
+_BREATH_S = 1.0
+"""Seconds of silence after which the baseline starts anew in any case."""
 
 _KNOT_S = 0.01
 """Seconds between the points of the melody's curve."""
+
+MOVEMENT_ST = {
+    "continuation": 4.5, "statement": -5.0, "question": 9.0, "interrogation": -6.0,
+    "exclamation": -7.0,
+}  # fmt: skip
+"""Semitones by which the last full vowel of a group moves. Delattre's four levels of pitch, some
+three semitones apart: a continuation goes from level 2 to 3 or 4, a question from 2 to above 4,
+the others down to 1."""
+
+ONSET_ST = {"interrogation": 6.0, "exclamation": 4.0}
+"""Semitones by which a sentence starts higher, level 4 instead of 2; it falls from there."""
+
+_LEVEL_ASKED = 0.4
+"""Share of the baseline's decline that is left in a question (Di Cristo 1998, section 3.2)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,32 +64,27 @@ class Melody:
 
 
 def plan_melody(
-    phones: Sequence[Phone],
-    *,
-    f0_hz: float = 205.0,
-    declination_st_per_s: float = -1.5,
-    rise_st: float = 4.5,
-    fall_st: float = -5.0,
+    phones: Sequence[Phone], *, f0_hz: float = 205.0, declination_st_per_s: float = -1.5
 ) -> Melody:
     """Return the melody of a line of phones.
 
     Parameters
     ----------
     phones : sequence of Phone
-        In order of time; gaps separate groups, gaps of 0.4 s or more sentences.
+        In order of time; gaps and contours separate groups and sentences.
     f0_hz : float
-        Frequency at the onset of a sentence.
+        Frequency at the onset of a statement.
     declination_st_per_s : float
         Slope of the baseline in semitones per second; it levels off after four seconds.
-    rise_st, fall_st : float
-        Movement on the last vowel of a group, and of a sentence.
 
     Examples
     --------
-    >>> line = [Phone("m", 0.0, 0.1), Phone("a", 0.1, 0.4)]
-    >>> melody = plan_melody(line)
-    >>> bool(melody.at(np.array([0.4]))[0] < melody.at(np.array([0.1]))[0])
-    True
+    >>> said = [Phone("m", 0.0, 0.1), Phone("a", 0.1, 0.4)]
+    >>> asked = [said[0], Phone("a", 0.1, 0.4, "question")]
+    >>> start, end = np.array([0.1]), np.array([0.4])
+    >>> [bool(plan_melody(line).at(end)[0] > plan_melody(line).at(start)[0])
+    ...  for line in (said, asked)]
+    [False, True]
     """
     found = accents(phones)
     if not found:
@@ -78,10 +92,14 @@ def plan_melody(
     times: list[NDArray[np.float64]] = []
     semitones: list[NDArray[np.float64]] = []
     for accent in found:
-        knots = np.arange(accent.group_s, accent.after_s + _KNOT_S, _KNOT_S)
+        knots = np.append(np.arange(accent.group_s, accent.after_s, _KNOT_S), accent.after_s)
         line = declination_st_per_s * 4.0 * np.tanh((knots - accent.sentence_s) / 4.0)
+        if accent.ends == "question":
+            line *= _LEVEL_ASKED
+        past = (knots - accent.sentence_s) / max(accent.last_s - accent.sentence_s, _KNOT_S)
+        line += ONSET_ST.get(accent.ends, 0.0) * np.clip(1.0 - past, 0.0, 1.0)
         part = np.clip((knots - accent.start_s) / (accent.end_s - accent.start_s), 0.0, 1.0)
-        line += (fall_st if accent.final else rise_st) * part * part * (3 - 2 * part)
+        line += MOVEMENT_ST[accent.contour] * part * part * (3 - 2 * part)
         times.append(knots)
         semitones.append(line)
     time = np.concatenate(times)
@@ -97,18 +115,29 @@ class Accent:
     ----------
     start_s, end_s : float
         Its vowel, at least 1 ms.
-    final : bool
-        Whether the group ends a sentence.
-    sentence_s, group_s, after_s : float
-        Start of the sentence, start and end of the group.
+    contour : str
+        How the group ends, one of `codec.cues.score.CONTOURS` but not "".
+    ends : str
+        How its sentence ends.
+    sentence_s, last_s : float
+        Start of the sentence and end of its last accent.
+    group_s, after_s : float
+        Start and end of the group.
     """
 
     start_s: float
     end_s: float
-    final: bool
+    contour: str
+    ends: str
     sentence_s: float
+    last_s: float
     group_s: float
     after_s: float
+
+    @property
+    def falls(self) -> bool:
+        """Whether the pitch falls here: a sentence ends, and is no question."""
+        return MOVEMENT_ST[self.contour] < 0
 
 
 def accents(phones: Sequence[Phone]) -> list[Accent]:
@@ -117,30 +146,46 @@ def accents(phones: Sequence[Phone]) -> list[Accent]:
     Examples
     --------
     >>> line = [Phone("m", 0.0, 0.1), Phone("a", 0.1, 0.4), Phone("l", 0.4, 0.5)]
-    >>> [(accent.start_s, accent.final) for accent in accents(line)]
-    [(0.1, True)]
+    >>> [(accent.start_s, accent.contour) for accent in accents(line)]
+    [(0.1, 'statement')]
     """
-    spoken = [p for p in phones if p.symbol != PAUSE]
     found = []
-    for sentence in _split(spoken, _SENTENCE_GAP_S) if spoken else []:
-        groups = _split(sentence, _GROUP_GAP_S)
-        for group in groups:
-            full = [p for p in group if p.symbol in VOWELS and p.symbol != "ə"]
-            last = (full or group)[-1]
+    for sentence in _split([p for p in phones if p.symbol != PAUSE], _ends_sentence):
+        groups = _split(sentence, _ends_group)
+        vowels = [_accented(group) for group in groups]
+        ends = sentence[-1].contour or "statement"
+        for group, vowel in zip(groups, vowels, strict=True):
             found.append(
                 Accent(
-                    last.start, max(last.end, last.start + 1e-3), group is groups[-1],
-                    sentence[0].start, group[0].start, group[-1].end,
+                    vowel.start, max(vowel.end, vowel.start + 1e-3),
+                    ends if group is groups[-1] else "continuation", ends,
+                    sentence[0].start, vowels[-1].end, group[0].start, group[-1].end,
                 )
             )  # fmt: skip
     return found
 
 
-def _split(phones: Sequence[Phone], gap_s: float) -> list[list[Phone]]:
-    """Split a line at gaps of at least `gap_s`."""
-    parts = [[phones[0]]]
+def _accented(group: Sequence[Phone]) -> Phone:
+    full = [p for p in group if p.symbol in VOWELS and p.symbol != "ə"]
+    return (full or group)[-1]
+
+
+def _ends_sentence(before: Phone, after: Phone) -> bool:
+    gap_s = after.start - before.end
+    if before.contour in SENTENCE_ENDS:
+        return True
+    return gap_s >= (_BREATH_S if before.contour else _SENTENCE_GAP_S)
+
+
+def _ends_group(before: Phone, after: Phone) -> bool:
+    return after.start - before.end >= _GROUP_GAP_S
+
+
+def _split(phones: Sequence[Phone], ends: Callable[[Phone, Phone], bool]) -> list[list[Phone]]:
+    """Split a line where `ends` says so of two neighbours."""
+    parts = [[phone] for phone in phones[:1]]
     for before, after in itertools.pairwise(phones):
-        if after.start - before.end >= gap_s:
+        if ends(before, after):
             parts.append([])
         parts[-1].append(after)
     return parts

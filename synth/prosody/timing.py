@@ -20,7 +20,7 @@ from codec.cues.phonology import PAUSE
 from codec.cues.score import Phone
 from codec.errors import CueError
 from synth.prosody.duration import predict_durations
-from synth.text.normalise import LONG_PAUSE, SHORT_PAUSE
+from synth.text.normalise import PAUSES, SHORT_PAUSE
 from synth.text.words import Word
 
 GRID_HZ = 50
@@ -33,7 +33,7 @@ is sent is exactly the key that is received.
 SLOWEST, FASTEST, HARDEST = 8.8, 12.5, 20.0
 """Phones a second: never slower, not faster without a warning, never faster."""
 
-PAUSE_S = {SHORT_PAUSE: 0.28, LONG_PAUSE: 0.46}
+PAUSE_S = dict.fromkeys(PAUSES, 0.46) | {SHORT_PAUSE: 0.28}
 """Natural pauses: quartiles of the pauses inside sentences of enst-camille."""
 
 SHORTEST_PAUSE_S = 0.06

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
 from codec.cues.score import Key, Phone, Score
+from synth.prosody.intonation import intoned
 from synth.prosody.pacing import LONGEST_LAG_S, Pace, PacedWord, TimedWord, pace_words
 from synth.prosody.timing import FASTEST, Fit, fit, on_grid, speak
 from synth.subtitles import Subtitle, spoken
@@ -62,9 +63,13 @@ class Reading:
             paced = pace_words(words, self.pace, self.options)
         else:
             paced = (PacedWord(word, word.phones) for word in words)
-        for word in paced:
-            told(word)
-            yield from word.phones
+
+        def heard() -> Iterator[PacedWord]:
+            for word in paced:
+                told(word)
+                yield word
+
+        return intoned(heard())
 
 
 PLAIN = Reading()

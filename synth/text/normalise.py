@@ -2,8 +2,8 @@
 
 In: a line of text as subtitles have it.  Out: a list of tokens, lower-case words (an elided word
 keeps its apostrophe: ``l'``, ``qu'``; words joined by a hyphen stay one token) and the marks ``,``
-(a short pause) and ``.`` (a long one). Text in capitals without accents, as teletext and titles
-have it, gets its accents back.
+(a short pause) and ``.``, ``!``, ``?`` (a long one, by the sentence that it ends). Text in capitals
+without accents, as teletext and titles have it, gets its accents back.
 """
 
 import functools
@@ -16,7 +16,9 @@ from synth.text.readings import RULES
 from synth.text.stretched import shortened
 
 SHORT_PAUSE, LONG_PAUSE = ",", "."
-PAUSES = frozenset((SHORT_PAUSE, LONG_PAUSE))
+EXCLAIMED, ASKED = "!", "?"
+PAUSES = (SHORT_PAUSE, LONG_PAUSE, EXCLAIMED, ASKED)
+"""Of several marks in a row the last one here counts: « Quoi ?! » is asked."""
 
 _TRANSLATION = str.maketrans(
     dict.fromkeys("\u00a0\u2007\u2009\u202f\t\r\n_|~*^[]{}\\", " ")
@@ -24,6 +26,7 @@ _TRANSLATION = str.maketrans(
     | dict.fromkeys("‐‑‒−", "-")
     | dict.fromkeys("\u00ad\ufeff\u200b\u200e\u200f")
     | {"—": " , ", "–": " , ", "…": " ... ", "ﬁ": "fi", "ﬂ": "fl"}
+    | {"？": "?", "！": "!", "⁇": "?", "⁈": "?", "⁉": "?", "‽": "?"}
 )
 
 _TOKEN = re.compile(r"[^\W\d_]+(?:[-'][^\W\d_]+)*'?|\.{2,}|[,;:.?!()«»\"]")
@@ -32,7 +35,6 @@ _INSIDE = re.compile(r"[a-zà-ÿœ,][ ']\Z")
 _RARE_LETTERS = 0x20000
 """Ideographs of an extension: letters that no French text has."""
 
-_LONG = re.compile(r"[.?!]+")
 _ELIDED = re.compile(r"(?:c|ç|d|j|l|m|n|s|t|y|z|qu|jusqu|lorsqu|puisqu|quoiqu|quelqu|presqu|entr)'")
 
 
@@ -64,7 +66,7 @@ def normalise(text: str, own: Collection[str] = ()) -> list[str]:
         if piece[0].isalpha():
             tokens += _words(piece)
         elif tokens:
-            _add_pause(tokens, LONG_PAUSE if _LONG.fullmatch(piece) else SHORT_PAUSE)
+            _add_pause(tokens, piece[0] if piece[0] in PAUSES else SHORT_PAUSE)
     return [kept.get(token, token) for token in tokens]
 
 
@@ -102,11 +104,11 @@ def _lower_shouting(line: str) -> str:
 
 
 def _add_pause(tokens: list[str], mark: str) -> None:
-    """Append a pause; of two pauses in a row the longer stays."""
+    """Append a pause; of two in a row the one that tells more stays."""
     if tokens[-1] not in PAUSES:
         tokens.append(mark)
-    elif mark == LONG_PAUSE:
-        tokens[-1] = LONG_PAUSE
+    else:
+        tokens[-1] = max(tokens[-1], mark, key=PAUSES.index)
 
 
 def _words(piece: str) -> list[str]:

@@ -16,7 +16,7 @@ class Word:
     phones : tuple of str
         IPA symbols of `codec.cues.phonology`; a linking consonant opens the word that follows it.
     pause : str
-        ``""``, ``","`` (short) or ``"."`` (long): the pause after the word.
+        The pause after the word: ``""``, ``","`` (short), or ``"."``, ``"!"``, ``"?"`` (long).
     word_class : str
         Letter of `synth.text.tagging`.
     guess : tuple of str

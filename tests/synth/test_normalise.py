@@ -164,7 +164,7 @@ CASES = {
 
 @pytest.mark.parametrize(("text", "words"), CASES.items(), ids=list(CASES))
 def test_cases(text: str, words: str) -> None:
-    assert " ".join(normalise(text)).rstrip(" ,.") == words
+    assert " ".join(normalise(text)).rstrip(" ,.!?") == words
 
 
 def test_there_are_a_hundred_cases() -> None:
@@ -175,7 +175,9 @@ def test_there_are_a_hundred_cases() -> None:
     ("text", "tokens"),
     [
         ("Oui, non. Si", ["oui", ",", "non", ".", "si"]),
-        ("Quoi ?! Ah…", ["quoi", ".", "ah", "."]),
+        ("Quoi ?! Ah…", ["quoi", "?", "ah", "."]),
+        ("Ah ! ... « Tu viens ? », dit-il.", ["ah", "!", "tu", "viens", "?", "dit-il", "."]),
+        ("Toi？！ Non‽", ["toi", "?", "non", "?"]),
         ("... et puis", ["et", "puis"]),
         ("un — deux", ["un", ",", "deux"]),
         ("«Oui», dit-il", ["oui", ",", "dit-il"]),

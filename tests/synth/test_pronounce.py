@@ -145,7 +145,7 @@ def test_any_text_gives_phones(text: str) -> None:
     for word in phonemise(text):
         assert word.phones
         assert set(word.phones) <= set(PHONES[1:])
-        assert word.pause in ("", ",", ".")
+        assert word.pause in ("", ",", ".", "!", "?")
 
 
 @pytest.mark.parametrize(
