@@ -17,13 +17,15 @@ from itertools import islice
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from cuecast.command.cli import VERBS, build_parser, main
 from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
 from cuecast.demo.run import BROADCASTS, as_srt
+from cuecast.evaluate.tables import digest
 from cuecast.media.film import write_film
 from cuecast.media.rewrite import Unchanged, rewrite_sound
-from docs.generate.figures import records
+from docs.generate.figures import README_PICTURE, records
 from docs.generate.pages import DOCS, PACKAGES, api, expanded, generated, typed_figures
 from docs.generate.verbs import options_of, parsers_of
 
@@ -246,6 +248,13 @@ def test_the_pages_build_without_warnings(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
     for name in ("index", "reference/verbs", "reference/api/codec", "spec/bitstream", "figures"):
         assert (tmp_path / "site" / f"{name}.html").is_file()
+
+
+def test_the_readme_s_chart_is_of_the_record() -> None:
+    (record,) = (r for r in records().values() if r.name == README_PICTURE.stem)
+    with Image.open(README_PICTURE) as picture:
+        told = picture.info["Description"]
+    assert told == digest(record.document["results"]), "make records, or docs.generate --readme"
 
 
 def test_every_record_can_be_repeated() -> None:

@@ -11,6 +11,7 @@ Every take is coded as a file of a mean rate, or of a greatest error, three time
 without, and with whichever of the two is better (``encode --drop-score``).
 """
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -93,6 +94,34 @@ _WISHES: dict[str, dict[str, Any]] = {
     **{f"{rate:g} bit/s": {"rate_bps": rate} for rate in RATES_BPS},
     **{f"{error:g} mm": {"error_mm": error} for error in ERRORS_MM},
 }
+
+
+def plot(rows: Sequence[Row], figure: Any) -> None:
+    """Draw the legs side by side: error at the standard rate, and rate within 4 mm."""
+    legs = list(dict.fromkeys(row["leg"] for row in rows))
+    panels = figure.subplots(1, 2)
+    for axes, (wish, unit, title) in zip(panels, _DRAWN, strict=True):
+        found = {row["leg"]: row for row in rows if row["wish"] == wish}
+        for side, (field, label) in enumerate(_BARS.items()):
+            places = np.arange(len(legs)) + (side - 0.5) * _BAR_WIDTH
+            axes.bar(places, [found[leg][field] for leg in legs], _BAR_WIDTH, label=label)
+        axes.set_xticks(range(len(legs)), [re.sub(", |/", "\n", leg) for leg in legs])
+        axes.set_ylabel(unit)
+        axes.set_title(title)
+        axes.spines[["top", "right"]].set_visible(False)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+
+
+_DRAWN = (
+    ("337.5 bit/s", "error in mm", "at 337.5 bit/s"),
+    ("4 mm", "bit/s", "within 4 mm"),
+)
+"""Wishes that are drawn, with unit and title."""
+
+_BARS = {"with_score": "with its score", "without_score": "without"}
+
+_BAR_WIDTH = 0.38
+"""Share of the distance between two legs."""
 
 
 def _summary(figures: np.ndarray[Any, np.dtype[np.float64]]) -> Row:

@@ -1,6 +1,7 @@
 """Results of an evaluation as CSV, JSON, a table to read, and a picture; intervals of counts."""
 
 import csv
+import hashlib
 import json
 import math
 from collections.abc import Callable
@@ -28,7 +29,20 @@ STYLE: Any = {
 }  # fmt: skip
 """Letters and lines of all drawings, in points."""
 
-_UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+
+def _metadata(form: str, results: Results) -> dict[str, str | None] | None:
+    """Return what a file of a form tells of itself: no date, but what it was drawn from."""
+    undated: dict[str, dict[str, str | None]] = {
+        "svg": {"Date": None}, "pdf": {"CreationDate": None},
+        "png": {"Description": digest(results)},
+    }  # fmt: skip
+    return undated.get(form)
+
+
+def digest(results: Results) -> str:
+    """Return the SHA-256 of results, 64 hexadecimal digits: a PNG tells it as its description."""
+    text = json.dumps(results, ensure_ascii=False, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def rows_of(results: Results) -> list[dict[str, Any]]:
@@ -112,7 +126,7 @@ def write_plot(
     with matplotlib.rc_context(STYLE), whole_file(path) as temporary:
         figure = Figure(figsize=size_in, layout="constrained")
         plot(results, figure)
-        figure.savefig(temporary, format=form, dpi=200, metadata=_UNDATED.get(form))
+        figure.savefig(temporary, format=form, dpi=200, metadata=_metadata(form, results))
 
 
 def _text(value: object) -> str:

@@ -1,6 +1,7 @@
 """Builds the pages: fills them in, generates the others, and has Sphinx make HTML of all.
 
 ``python -m docs.generate [SITE]``; needs no network. A warning is an error.
+``python -m docs.generate --readme`` draws README's figure of a record anew.
 """
 
 import shutil
@@ -10,7 +11,7 @@ from pathlib import Path
 
 from sphinx.cmd.build import main as sphinx
 
-from docs.generate.figures import drawings
+from docs.generate.figures import README_PICTURE, drawings
 from docs.generate.pages import DOCS, expanded, generated
 
 
@@ -38,6 +39,9 @@ def prepare(folder: Path) -> None:
 
 def main(site: str = "site") -> int:
     """Build the pages into the folder `site`; return Sphinx's exit status."""
+    if site == "--readme":
+        README_PICTURE.write_bytes(drawings()[README_PICTURE.name])
+        return 0
     with tempfile.TemporaryDirectory(prefix="cuecast-docs-") as folder:
         prepare(Path(folder))
         return int(sphinx(["-W", "--keep-going", "-q", "-b", "html", folder, site]))

@@ -14,6 +14,9 @@ from cuecast.evaluate.tables import PLOTS, rows_of, write_plots
 RECORDS = Path(__file__).resolve().parents[1] / "records"
 """Where the records are."""
 
+README_PICTURE = RECORDS.parent / "images" / "legs.png"
+"""The drawing that README shows, of the record of the same name."""
+
 _ELSEWHERE = {"fuzz": "tests.fuzz.night", "mutation": "tests.mutation"}
 """What measures kinds of figures that `evaluate` does not."""
 
