@@ -39,7 +39,8 @@ ROOMS = {
     ),
     "bitstream": (
         "codec/bitstream",
-        "tests/spec/test_bitstream_reference.py tests/codec/test_score_coding.py "
+        "tests/spec/test_bitstream_reference.py tests/codec/test_pinned.py "
+        "tests/codec/test_score_coding.py tests/codec/test_told.py "
         "tests/codec/test_superframe.py tests/codec/test_stream.py codec/bitstream "
         "tests/codec/test_bitmap.py tests/codec/test_checks.py tests/codec/test_coding.py "
         "tests/codec/test_coefficients.py tests/codec/test_lips.py tests/codec/test_nesting.py "
