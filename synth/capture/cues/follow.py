@@ -24,10 +24,12 @@ FloatArray = NDArray[np.float64]
 _LEFT_OUT = -4.0
 """Natural logarithm of how rarely a cuer leaves out a key."""
 
-_ALTERNATIVES = {
+ALTERNATIVES = {
     "ə": ("side", "cheek"), "œ": ("side", "cheek"), "ø": ("cheek", "side"),
     "œ̃": ("throat", "cheek"), "ɔ": ("chin", "side"), "o": ("side", "chin"),
 }  # fmt: skip
+"""Placements of vowels on which cuers, and labels, differ; the charts' own first."""
+
 _BAND = 300
 """Keys before and after the expected one that come into question in a frame."""
 
@@ -124,7 +126,7 @@ def _line(keys: Sequence[Key]) -> tuple[list[Alternatives], NDArray[np.bool_]]:
 
 def _states(key: Key) -> Alternatives:
     """Return the states that show a key: the chart's, then those that others cue for it."""
-    names = _ALTERNATIVES.get(key.phones[-1], ()) if key.phones else ()
+    names = ALTERNATIVES.get(key.phones[-1], ()) if key.phones else ()
     places = (key.placement, *(n for n in names if n != key.placement and key.placement in names))
     return tuple(KEYS.index((key.shape, PLACEMENT_NUMBER[name])) for name in places)
 
