@@ -15,7 +15,7 @@ SUMMARY = "figures as CSV, JSON and plots"
 
 KINDS = (
     "codec", "legs", "audio", "video", "together", "chain", "synthesis", "models", "capture",
-    "reader", "readability", "alignment",
+    "reader", "readability", "alignment", "intelligibility",
 )  # fmt: skip
 
 

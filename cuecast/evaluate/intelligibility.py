@@ -1,0 +1,194 @@
+"""How well our speech is understood, by a recogniser that nobody here has made or taught.
+
+Material (``--clips``): a folder of recorded sounds with transcripts, as `cuecast voice build` reads
+them; without, sentences of the built-in list that were not recorded. Each text is heard in several
+voices (``--channels``): ``recorded``, the sound of the folder; ``espeak``, its own reading of the
+text by espeak-ng; ``units``, our speech of the built-in units, which espeak-ng's voice recorded;
+``speaker``, our speech of units that are cut from every other recording of the folder, the rest is
+said. What is understood is compared with the text word by word, and phone by phone, where words
+that sound alike count as right.
+"""
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import soundfile
+from numpy.typing import NDArray
+
+from codec.cuer.voice import load_voice
+from codec.errors import CueError
+from cuecast.dubbing.performance import unit_synthesiser
+from cuecast.evaluate.listener import FS, Listener, french_listener
+from cuecast.evaluate.options import EvaluateOptions
+from cuecast.evaluate.synthesis import held_out_sentences
+from synth.alignment.sound import mono
+from synth.joined.concatenation import ConcatenativeSynthesiser
+from synth.recordings.recording import Recording
+from synth.recordings.speaker import Utterance, read_transcripts, record_speaker
+from synth.rules.gesture import GestureSynthesiser
+from synth.scoring.text_score import score_from_text
+from synth.speech.espeak_voice import speak
+from synth.text.normalise import PAUSES, normalise
+from synth.text.pronounce import phonemise
+
+VOICES = ("recorded", "speaker", "units", "espeak")
+
+_SENTENCES = 32
+"""Built-in sentences, and recordings of a folder, that are judged at most."""
+
+_WORDS_PER_MINUTE = 150
+"""At which espeak-ng reads; our speech has about as many."""
+
+Sound = NDArray[np.float64]
+Row = dict[str, Any]
+
+
+def evaluate(options: EvaluateOptions) -> list[Row]:
+    """Return one row for each voice.
+
+    Raises
+    ------
+    CueError
+        If the recogniser is not installed, a voice is unknown, or one asks for recordings and there
+        are none.
+    """
+    usual = VOICES if options.clips is not None else ("units", "espeak")
+    wanted = options.channels or usual
+    for voice in wanted:
+        if voice not in VOICES:
+            raise CueError(f"unknown voice {voice!r}; known: {', '.join(VOICES)}")
+        if voice not in usual:
+            raise CueError(f"voice {voice!r} needs recordings with transcripts (--clips)")
+    listener = french_listener(options.folder)
+    said, kept = _material(options)
+    rows = []
+    for voice in wanted:
+        options.say(f"listening to {len(said)} sentences: {voice}")
+        speech = _speech(voice, kept)
+        rows.append(_judged(voice, said, speech, listener))
+    return rows
+
+
+def _material(options: EvaluateOptions) -> tuple[list[Utterance | str], list[Utterance]]:
+    """Return what is judged, and the recordings that may make a speaker."""
+    if options.clips is None:
+        return list(held_out_sentences(options)[:_SENTENCES]), []
+    found = [u for u in read_transcripts(options.clips) if phonemise(u.text)]
+    return list(found[::2][:_SENTENCES]), found[1::2]
+
+
+def _speech(voice: str, kept: Sequence[Utterance]) -> Callable[[Utterance | str], Sound]:
+    """Return what says a text in a voice, or plays it, at the listener's rate."""
+    if voice == "recorded":
+        return _recorded
+    if voice == "espeak":
+        return lambda item: mono(*speak(_text(item), words_per_minute=_WORDS_PER_MINUTE))
+    synthesiser = unit_synthesiser(load_voice()) if voice == "units" else _speaker(kept)
+    return lambda item: _said(synthesiser, _text(item))
+
+
+def _recorded(item: Utterance | str) -> Sound:
+    assert isinstance(item, Utterance)
+    try:
+        samples, fs = soundfile.read(item.path)
+    except (OSError, soundfile.SoundFileError) as error:
+        raise CueError(f"{item.path}: cannot be read as sound: {error}") from error
+    return mono(samples, fs)
+
+
+def _speaker(kept: Sequence[Utterance]) -> ConcatenativeSynthesiser:
+    """Return a speaker whose units come from recordings that are not judged.
+
+    Raises
+    ------
+    CueError
+        If none of them can be used.
+    """
+    voice = load_voice()
+    cuer = GestureSynthesiser(voice.name, alignment="paper")
+    taken = [item for item in record_speaker(kept, cuer, voice) if isinstance(item, Recording)]
+    if not taken:
+        raise CueError(f"none of {len(kept)} recordings can make a speaker")
+    return ConcatenativeSynthesiser(taken, voice)
+
+
+def _said(synthesiser: ConcatenativeSynthesiser, text: str) -> Sound:
+    score = score_from_text(text, start_s=0.5)
+    parts = [part.sound for part in synthesiser.perform([score], start_s=0.0)]
+    return mono(np.concatenate(parts), synthesiser.fs)
+
+
+def _text(item: Utterance | str) -> str:
+    return item if isinstance(item, str) else item.text
+
+
+def _judged(
+    voice: str,
+    said: Sequence[Utterance | str],
+    speech: Callable[[Utterance | str], Sound],
+    listener: Listener,
+) -> Row:
+    words, phones = np.zeros(2, np.int64), np.zeros(2, np.int64)
+    right, length_s = 0, 0.0
+    for item in said:
+        sound = speech(item)
+        heard = listener(sound)
+        text = _text(item)
+        words += errors(_words(text), _words(heard))
+        wrong = errors(_phones(text), _phones(heard))
+        phones += wrong
+        right += int(wrong[0] == 0)
+        length_s += len(sound) / FS
+    return {
+        "voice": voice, "sentences": len(said), "seconds": round(length_s, 1),
+        "words": int(words[1]), "word_error": round(float(words[0] / max(words[1], 1)), 4),
+        "phones": int(phones[1]), "phone_error": round(float(phones[0] / max(phones[1], 1)), 4),
+        "sentences_right": right,
+    }  # fmt: skip
+
+
+def _words(text: str) -> list[str]:
+    tokens = [token for token in normalise(text) if token not in PAUSES]
+    return [part for token in tokens for part in token.lower().split("-")]
+
+
+def _phones(text: str) -> list[str]:
+    return [phone for word in phonemise(text) for phone in word.phones]
+
+
+def errors(told: Sequence[str], heard: Sequence[str]) -> tuple[int, int]:
+    """Return the least number of changes that lead from one line to the other, and its length.
+
+    Changes are a symbol more, less, or another one (Levenshtein 1966).
+
+    Examples
+    --------
+    >>> errors("le chat dort".split(), "le chien dort bien".split())
+    (2, 3)
+    """
+    row = list(range(len(heard) + 1))
+    for number, symbol in enumerate(told, 1):
+        row = list(_next_row(row, number, symbol, heard))
+    return row[-1], len(told)
+
+
+def _next_row(row: list[int], number: int, symbol: str, heard: Sequence[str]) -> Iterator[int]:
+    last = number
+    yield last
+    for (diagonal, above), other in zip(itertools.pairwise(row), heard, strict=True):
+        last = min(last + 1, above + 1, diagonal + (symbol != other))
+        yield last
+
+
+def plot(results: list[Row], figure: Any) -> None:
+    """Draw the share of words and phones that were not understood, by voice."""
+    axes = figure.subplots()
+    place = np.arange(len(results))
+    for shift, kind in ((-0.2, "word"), (0.2, "phone")):
+        values = [row[f"{kind}_error"] for row in results]
+        axes.bar(place + shift, values, width=0.4, label=f"{kind}s")
+    axes.set_xticks(place, [row["voice"] for row in results])
+    axes.set_ylabel("share not understood")
+    axes.legend()
