@@ -2,7 +2,8 @@
 
 ``python -m tests.mutation [--sample N] [--record FILE] [ROOM ...]``; rooms are those of `ROOMS`.
 A process that has loaded all libraries forks for every mutant, so that one takes seconds, not a
-start of Python. The tests of a room are those that know it, quickest to notice first.
+start of Python. The tests of a room are those that know it, quickest to notice first. A run that is
+interrupted records what it tried.
 
 Annotations and the compiler's decorators are not mutated: they are no behaviour. Survivors that
 `equivalent_mutants.txt` explains change nothing that can be seen; they are counted apart.
@@ -17,6 +18,7 @@ import os
 import random
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -40,7 +42,7 @@ ROOMS = {
     "bitstream": (
         "codec/bitstream",
         "tests/spec/test_bitstream_reference.py tests/codec/test_pinned.py "
-        "tests/codec/test_score_coding.py tests/codec/test_told.py "
+        "tests/codec/test_score_coding.py tests/codec/test_file_score.py "
         "tests/codec/test_superframe.py tests/codec/test_stream.py codec/bitstream "
         "tests/codec/test_bitmap.py tests/codec/test_checks.py tests/codec/test_coding.py "
         "tests/codec/test_coefficients.py tests/codec/test_lips.py tests/codec/test_nesting.py "
@@ -128,9 +130,8 @@ class Forge:
         self._copy, self._tests = copy, tests.split()
         sys.dont_write_bytecode = False
         modules = copy / "modules.json"
-        status = self._forked(modules)
-        if status != 0:
-            raise SystemExit(f"the tests fail without a mutant: {copy / 'tests.log'}")
+        if self._forked(modules) != 0:
+            raise SystemExit(f"the tests cannot be collected: {copy / 'tests.log'}")
         sys.dont_write_bytecode = True
         for name in json.loads(modules.read_text()):
             try:
@@ -138,7 +139,7 @@ class Forge:
             except Exception as error:
                 print(f"{name}: {error}", file=sys.stderr)
         if self._forked() != 0:
-            raise SystemExit(f"the tests fail in a second process: {copy / 'tests.log'}")
+            raise SystemExit(f"the tests fail without a mutant: {copy / 'tests.log'}")
 
     def test(self, mutant: Mutant) -> None:
         """Apply a mutant, see whether a test notices, and take it back."""
@@ -162,7 +163,7 @@ class Forge:
         mutant.took_s = round(resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - begin, 1)
 
     def _forked(self, modules: Path | None = None) -> int:
-        """Run the tests in a child; return its status. The first one tells what it loaded."""
+        """Run the tests in a child; return its status. The first only tells what they load."""
         child = os.fork()
         if child:
             return os.waitpid(child, 0)[1]
@@ -181,7 +182,8 @@ class Forge:
     def _child(self, modules: Path | None) -> int:
         import pytest
 
-        resource.setrlimit(resource.RLIMIT_CPU, (MOST_CPU_S * (4 if modules else 1),) * 2)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        resource.setrlimit(resource.RLIMIT_CPU, (MOST_CPU_S,) * 2)
         resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
         log = os.open(self._copy / "tests.log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         for stream in (1, 2):
@@ -191,7 +193,8 @@ class Forge:
         loaded = {name for name in self._own() if name in sys.modules} - {"tests"}
         assert not loaded, f"{loaded} would be those of the original"
         sys.modules.pop("tests", None)
-        status = pytest.main([*_PYTEST, *self._tests])
+        only = () if modules is None else ("--collect-only",)
+        status = pytest.main([*_PYTEST, *only, *self._tests])
         if modules is not None:
             own = self._own() | {"__main__"}
             names = [n for n, m in sys.modules.items() if n.partition(".")[0] not in own and m]
@@ -221,11 +224,14 @@ def examine(room: str, sample: int, seed: int, folder: Path) -> tuple[list[Mutan
 
 
 def judged(room: str, mutants: list[Mutant], folder: Path) -> list[Mutant]:
-    """Run mutants of a room; print what survives."""
+    """Run mutants of a room until interrupted; print what survives, return what was tried."""
     explained = reasons()
     forge = Forge(copied(folder / room), ROOMS[room][1])
     for number, mutant in enumerate(mutants, start=1):
-        forge.test(mutant)
+        try:
+            forge.test(mutant)
+        except KeyboardInterrupt:
+            return mutants[: number - 1]
         if mutant.outcome == "survived":
             if (mutant.path, mutant.before, mutant.after) in explained:
                 mutant.outcome = "equivalent"
@@ -286,6 +292,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--record", type=Path, help="keep and add counts there")
     args = parser.parse_args()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     with tempfile.TemporaryDirectory() as folder:
         record = args.record or Path(folder) / "record.json"
         rooms = {

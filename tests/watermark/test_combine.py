@@ -199,3 +199,17 @@ def test_the_surer_of_both_speaks_and_the_richer_one_s_second_class() -> None:
         assert told[0].l0 == l0
         assert told[0].l1 == richest[1]
         assert told[0].confidence == pytest.approx(0.3)
+
+
+def test_superframes_of_other_sizes_are_put_together() -> None:
+    rng, l0 = np.random.default_rng(3), bytes(range(17))
+    audio, video = (replace(profile, l0_bytes=17) for profile in (AUDIO, VIDEO))
+    combiner, recovered = Combiner(), 0
+    for k in range(12):
+        heard = through_noise(audio, l0, 2.8, 0.64 * k, rng)
+        seen = through_noise(video, l0, 4.6, 0.64 * k, rng)
+        told = combiner.add("audio", heard, audio) + combiner.add("video", seen, video)
+        got = [s.l0 for s in told if s.l0 is not None]
+        assert all(found == l0 for found in got)
+        recovered += heard.l0 is None and seen.l0 is None and bool(got)
+    assert combiner.recovered == recovered > 2
