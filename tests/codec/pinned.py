@@ -7,20 +7,34 @@ are the same on every machine.
 
 import json
 import zlib
-from collections.abc import Callable, Iterable
-from functools import cache
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from codec.bitstream.bits import HEADER_BYTES
+from codec.bitstream.bitmap import map_record, map_superframe
+from codec.bitstream.bits import (
+    COMPACT,
+    COMPACT_SEQUENCES,
+    HEADER_BYTES,
+    PLAIN,
+    SCORE,
+    SEQUENCES,
+    Header,
+    crc8,
+    identity_bits,
+)
+from codec.bitstream.checks import check_of, with_check
+from codec.bitstream.coding import coding_for
 from codec.bitstream.compact_encoder import CompactEncoder
 from codec.bitstream.decoder import SuperframeDecoder
 from codec.bitstream.encoder import SuperframeEncoder
-from codec.bitstream.inspect import inspect_stream
+from codec.bitstream.inspect import describe, describe_bits, inspect_stream
 from codec.bitstream.slow import SlowSender
-from codec.bitstream.stream import decode_stream, encode_stream
+from codec.bitstream.stream import decode_stream, encode_stream, read_head, read_superframes
 from codec.bitstream.superframe import ScoreMerger, Superframe, merge_scores
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice, load_voice
@@ -28,6 +42,7 @@ from codec.cues.cueing import CueingOptions, cue
 from codec.cues.phonology import CONSONANTS, VOWELS
 from codec.cues.score import Key, Phone, Score
 from codec.cues.timeline import SUPERFRAME_S, TICK_S
+from codec.errors import BitstreamError, CueError
 from tests.codec.speech import SENTENCE, spoken
 
 PINNED = Path(__file__).parents[1] / "data" / "pinned.json"
@@ -56,15 +71,15 @@ def babble(seed: int, ticks: tuple[int, int], *, length_s: float = 6.0) -> Score
 
 
 def read_off(seed: int) -> Score:
-    """Keys that follow no language, as they are read off a hand."""
-    rng = np.random.default_rng(seed)
-    keys, start = list[Key](), 0.3
-    while start < SUPERFRAMES * SUPERFRAME_S - 0.6:
+    """Sounds as they are made of keys read off a hand: of each shape and placement the first."""
+    rng, phones, start = np.random.default_rng(seed), list[Phone](), 0.3
+    while start < SUPERFRAMES * SUPERFRAME_S - 0.8:
         end = start + TICK_S * int(rng.integers(5, 25))
-        place = str(rng.choice(["side", "mouth", "chin", "cheek", "throat"]))
-        keys.append(Key(round(start, 2), round(end, 2), (), int(rng.integers(1, 9)), place))
+        middle = start + TICK_S * int(rng.integers(1, 5))
+        phones.append(Phone(str(rng.choice(list("dkʁntlgj"))), start, middle))
+        phones.append(Phone(str(rng.choice(list("aɛiou"))), middle, end))
         start = end + TICK_S * int(rng.choice([0, 0, 0, 12]))
-    return Score((), tuple(keys))
+    return Score(tuple(phones), tuple(cue(phones)))
 
 
 def overridden(seed: int) -> Score:
@@ -75,6 +90,13 @@ def overridden(seed: int) -> Score:
         for k in score.keys
     ]
     return Score(score.phones, tuple(keys))
+
+
+def at_length(score: Score, times: float) -> Score:
+    """A score as many times as slow."""
+    phones = [replace(p, start=p.start * times, end=p.end * times) for p in score.phones]
+    keys = [replace(k, start=k.start * times, end=k.end * times) for k in score.keys]
+    return Score(tuple(phones), tuple(keys))
 
 
 def moved(score: Score | None, seed: int) -> Motion:
@@ -147,7 +169,9 @@ def on_air(score: Score | None, l0: int, l1: int, seed: int = 0, **given: Any) -
         "lasting": lambda k: "L0" if 3 <= k <= 6 else "",
     }
     found: dict[str, Any] = {
-        "l0": [crc([s.l0[HEADER_BYTES:]]) for s in sent], "l1": [crc([s.l1]) for s in sent]
+        "l0": [crc([s.l0[HEADER_BYTES:]]) for s in sent], "l1": [crc([s.l1]) for s in sent],
+        "fields": [crc([repr(map_superframe(s)).encode()]) for s in sent],
+        "bits": crc([describe_bits(s, colour=bool(s.index % 2)).encode() for s in sent]),
     }  # fmt: skip
     for name, lost in lines.items():
         found[name] = read_back(sent, lost, lips=name == "single")
@@ -158,12 +182,87 @@ def filed(score: Score | None, seed: int = 0, **given: Any) -> dict[str, Any]:
     """A stream file, read back and described."""
     data = encode_stream(moved(score, seed), voice(), **given)
     motion = decode_stream(data, voice())
+    head, document = read_head(data), inspect_stream(data)
     return {
-        "data": crc([data]), "bytes": len(data),
+        "data": crc([data]), "bytes": len(data), "head": repr(head),
         "score": told(motion.score or Score((), ())),
         "params": course(np.array_split(motion.params, SUPERFRAMES)),
-        "described": crc([json.dumps(inspect_stream(data), default=str).encode()]),
+        "described": crc([repr(document).encode(), describe(document).encode()]),
+        "bits": crc(bits_of(data)),
+        "broken": crc([refused(decode_stream, broken, voice()) for broken in wounds(data)]),
     }  # fmt: skip
+
+
+def bits_of(data: bytes) -> Iterator[bytes]:
+    """The bit maps of a file's superframes."""
+    for frame in read_superframes(data):
+        try:
+            fields = None if read_head(data).l0 else map_record(frame, scored=True)
+            yield describe_bits(frame, fields=fields).encode()
+        except BitstreamError as error:
+            yield str(error).encode()
+
+
+def wounds(data: bytes) -> Iterator[bytes]:
+    """A file cut off, made longer, and with changed bytes."""
+    rng = np.random.default_rng(len(data))
+    for size in (0, 1, 5, 20, len(data) // 2, len(data) - 1):
+        yield data[:size]
+    yield data + b"\0"
+    yield data + data
+    for place in rng.integers(0, min(len(data), 40), 30):
+        yield data[:place] + bytes([data[place] ^ int(rng.integers(1, 256))]) + data[place + 1 :]
+
+
+def refused(read: Callable[..., Any], *given: Any) -> bytes:
+    """What is said of damage, with its place."""
+    try:
+        read(*given)
+    except BitstreamError as error:
+        return f"{error} {error.section} {error.bit}".encode()
+    except CueError as error:
+        return str(error).encode()
+    return b"read"
+
+
+def noise(mode: int, size: int, more: int) -> dict[str, Any]:
+    """Superframes of random bytes under valid checks, that follow one another."""
+    rng, identity = np.random.default_rng([mode, size]), coding_for(voice()).identity
+    decoder, said, sums = SuperframeDecoder(voice()), [], []
+    for k in range(12):
+        signed = bool(k % 4 == 3) and mode != COMPACT
+        head = Header(mode, k % (COMPACT_SEQUENCES if mode == COMPACT else SEQUENCES), 1, signed)
+        body = bytearray(rng.bytes(size))
+        if mode == COMPACT:
+            body[-1] = body[-1] & 0xFC | identity_bits(identity, k)
+            l0, l1 = head.to_bytes() + bytes(body), b""
+        else:
+            l0 = with_check(head.to_bytes() + bytes(body), identity)
+            l1 = rng.bytes(more)
+            l1 += bytes([crc8(check_of(l0) + l1)])
+        said.append(refused(decoder.push, l0, l1, k))
+        if k > 2:
+            frame = decoder.render(k - 1)
+            sums += course([frame.params])
+            said.append(f"{told(merge_scores([frame]))} {frame.layers} {frame.lead}".encode())
+    return {"said": crc(said), "params": sums}
+
+
+def in_any_order(score: Score, seed: int) -> dict[str, Any]:
+    """Parts that come late, twice and in another order, by a decoder that remembers little."""
+    encoder = SuperframeEncoder(voice(), l0_bytes=20, l1_bytes=12, protected=True)
+    motion = moved(score, seed)
+    sent = [encoder.encode(motion, k) for k in range(SUPERFRAMES)]
+    decoder, done = SuperframeDecoder(voice()), []
+    for k in (3, 1, 1, 8, 2, 6, 9, 0, 4, 4):
+        decoder.take(sent[k].l0, None, k)
+        done += [decoder.render(near) for near in (k - 2, k, k + 1)]
+        decoder.take(sent[k].l0, sent[k].l1, k)
+        done.append(decoder.render(k))
+    return {
+        "params": course(frame.params for frame in done),
+        "said": [f"{told(merge_scores([f]))} {f.layers} {f.lead} {f.sequence}" for f in done],
+    }
 
 
 def cases() -> dict[str, Case]:
@@ -204,13 +303,20 @@ def cases() -> dict[str, Case]:
     file("file-overrides", overridden(7), 7, error_mm=1.0)
     file("file-no-score", None, 8, error_mm=4.0)
     file("file-options", babble(40, (4, 12)), 9, rate_bps=500, options=OPTIONS)
+    file("file-slow", spoken(SENTENCE[:12], 0.8), 10, rate_bps=700)
+    file("file-slow-keys", at_length(overridden(11), 7.0), 11, rate_bps=700)
+    for mode in (SCORE, PLAIN, COMPACT):
+        for size in (6, 9, 11) if mode == COMPACT else (12, 24, 70):
+            made[f"noise-{mode}-{size}"] = partial(noise, mode, size, 2 * size)
+    made["any-order"] = lambda: in_any_order(babble(41, (4, 9)), 12)
+    made["any-order-keys"] = lambda: in_any_order(overridden(13), 13)
     return made
 
 
 def main() -> None:
     """Write all cases."""
-    found = {name: case() for name, case in cases().items()}
-    PINNED.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    rows = [f"{json.dumps(name)}: {json.dumps(case())}" for name, case in cases().items()]
+    PINNED.write_text("{\n" + ",\n".join(rows) + "\n}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
