@@ -94,27 +94,33 @@ def _shares(block: Array, prediction: Array, coding: Coding, width_mm: float) ->
 
     The transform is linear: what any shares lack follows from the coefficients of the parts.
     """
+
+    def coefficients(blocks: Array) -> Array:
+        told: Array = COSINES @ (blocks @ coding.plain.matrix) / width_mm
+        return told.reshape(*blocks.shape[:-2], -1)
+
+    def bits(ratio: Array) -> float:
+        return float(0.5 * np.log2(1.0 + ratio * ratio).sum())
+
+    own, predicted = block - coding.mean, prediction - coding.mean
+    coded = coefficients(np.stack([own, own - predicted]))
+    bare, cost = bits(coded[0]), bits(coded[1])
+    whole = WHOLE_USED
+    if cost < bare - _CLEAR_BITS:
+        return whole
     targets = coding.targets
     widths = [part.shape[1] for part in (targets.face, targets.hand, targets.head, targets.forearm)]
     of_part = np.repeat(np.eye(PARTS), widths, axis=1)[:, None]
-    blocks = np.concatenate([(block - coding.mean)[None], of_part * (prediction - coding.mean)])
-    coefficients = COSINES @ (blocks @ coding.plain.matrix) / width_mm
-    coefficients = coefficients.reshape(1 + PARTS, -1)
-
-    def bits(shares: tuple[int, ...]) -> float:
-        ratio = coefficients[0] - np.array([SHARES[k] for k in shares]) @ coefficients[1:]
-        told = sum(share > 0 for share in shares)
-        return float(0.5 * np.log2(1.0 + ratio * ratio).sum()) + _TOLD_BITS * told
-
-    whole = WHOLE_USED
-    cost, bare = bits(whole), bits(UNUSED) - _TOLD_BITS * PARTS
-    if cost < bare - _CLEAR_BITS:
-        return whole
+    parts = coefficients(of_part * predicted)
     best = whole if cost <= bare else UNUSED
     cost = min(cost, bare)
     for part in range(PARTS):
         for share in range(len(SHARES)):
             tried = (*best[:part], share, *best[part + 1 :])
-            if tried != best and (other := bits(tried)) < cost:
+            if tried == best:
+                continue
+            left = coded[0] - np.array([SHARES[k] for k in tried]) @ parts
+            other = bits(left) + _TOLD_BITS * sum(share > 0 for share in tried)
+            if other < cost:
                 best, cost = tried, other
     return best

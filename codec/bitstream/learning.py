@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dposv
 
 from codec.bitstream.coding import Coding
 from codec.bitstream.resynthesis.whole import N_SHAPES, WholeResynthesis
@@ -27,14 +28,16 @@ class Learner:
     ----------
     moved : WholeResynthesis
     coding : Coding
+    gain : Gain, optional
+        Where to count what learning was worth.
     """
 
-    def __init__(self, moved: WholeResynthesis, coding: Coding) -> None:
+    def __init__(self, moved: WholeResynthesis, coding: Coding, gain: "Gain | None" = None) -> None:
         targets = coding.targets
         face, hand, head = (t.shape[1] for t in (targets.face, targets.hand, targets.head))
         self._moved = moved
         self._matrix = coding.residual.matrix
-        self.gain = Gain()
+        self._gain = gain
         self._groups = [
             _Group(slice(0, N_SHAPES), slice(face, face + hand)),
             _Group(slice(N_SHAPES, None), slice(face + hand + head, None)),
@@ -42,24 +45,26 @@ class Learner:
 
     def params(self, index: int, course: int = 0, shift: int = 0) -> Array:
         """Return the parameters of superframe `index`, shape (32, P)."""
-        params = self._moved.params(index, course, shift)
         weights = self._moved.weights(index, course, shift)
+        return self._corrected(self._moved.params(index, course, shift), weights)
+
+    def take(self, index: int, block: Array) -> None:
+        """Learn from superframe `index`, shape (32, P), as it was decoded; in order of time."""
+        bare = self._moved.params(index)
+        weights = self._moved.weights(index)
+        if self._gain is not None:
+            learnt = self._corrected(bare.copy(), weights)
+            self._gain.bare += float(np.square((block - bare) @ self._matrix).sum())
+            self._gain.learnt += float(np.square((block - learnt) @ self._matrix).sum())
+        for group in self._groups:
+            group.take(weights[:, group.kinds], (block - bare)[:, group.columns])
+
+    def _corrected(self, params: Array, weights: Array) -> Array:
+        """Add the corrections so far to parameters, in place."""
         for group in self._groups:
             if group.corrections is not None:
                 params[:, group.columns] += weights[:, group.kinds] @ group.corrections
         return params
-
-    def take(self, index: int, block: Array) -> None:
-        """Learn from superframe `index`, shape (32, P), as it was decoded; in order of time."""
-        gap = block - self._moved.params(index)
-        weights = self._moved.weights(index)
-        self.gain.bare += float(np.square(gap @ self._matrix).sum())
-        lacking = gap.copy()
-        for group in self._groups:
-            if group.corrections is not None:
-                lacking[:, group.columns] -= weights[:, group.kinds] @ group.corrections
-            group.take(weights[:, group.kinds], gap[:, group.columns])
-        self.gain.learnt += float(np.square(lacking @ self._matrix).sum())
 
 
 @dataclass(slots=True)
@@ -84,4 +89,4 @@ class _Group:
             self._right = np.zeros((weights.shape[1], gap.shape[1]))
         self._square = self._square + weights.T @ weights
         self._right = self._right + weights.T @ gap
-        self.corrections = np.asarray(np.linalg.solve(self._square, self._right), np.float64)
+        _, self.corrections, _ = dposv(self._square, self._right)

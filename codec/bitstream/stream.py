@@ -9,11 +9,11 @@ Specification: spec/bitstream.md, section 8.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bitstream.analysis import block_at
 from codec.bitstream.bits import (
     FILE_BYTES,
     FILE_FIELDS,
@@ -31,8 +31,9 @@ from codec.bitstream.file_score import NOTHING_TOLD, Told, read_told
 from codec.bitstream.learning import Learner
 from codec.bitstream.records import OVERHEAD_BYTES, read_records, record_bytes, write_records
 from codec.bitstream.resynthesis.whole import WholeResynthesis
-from codec.bitstream.spread import Spread, line_of, spread_by_error, spread_by_size
+from codec.bitstream.spread import MOST_COST, ByError, BySize, ScoreChoice, spread
 from codec.bitstream.superframe import DecodedSuperframe, Superframe, merge_scores
+from codec.bitstream.versions import Spread, Take, line_of
 from codec.bitstream.window import MAX_BYTES, MIN_BYTES
 from codec.cuer.motion import MOST_PARAM, Motion
 from codec.cuer.voice import Voice
@@ -86,6 +87,27 @@ class StreamHead:
         return range(self.first_tick // TICKS, end)
 
 
+@dataclass(frozen=True, slots=True)
+class ChosenStream:
+    """A stream file, and what became of the score.
+
+    Attributes
+    ----------
+    data : bytes
+        The file.
+    scored : bool
+        Whether it tells the score.
+    score_cost : float or None
+        How much larger the file is for its score, or how much greater its error at the rate, as a
+        share; negative if the score helps. Estimated where there is no doubt; None if the motion
+        has no score or the choice was not left to the encoder.
+    """
+
+    data: bytes
+    scored: bool
+    score_cost: float | None
+
+
 def encode_stream(
     motion: Motion,
     voice: Voice,
@@ -93,7 +115,7 @@ def encode_stream(
     rate_bps: float | None = None,
     error_mm: float | None = None,
     constant: bool = False,
-    drop_score: bool = False,
+    score: ScoreChoice = "auto",
     options: CueingOptions = DEFAULT_OPTIONS,
 ) -> bytes:
     """Return a motion as a stream file.
@@ -112,9 +134,10 @@ def encode_stream(
     constant : bool
         Give every superframe the same size, as on air; the rate is that of the superframes. Up to
         150 bit/s they are compact: the score alone.
-    drop_score : bool
-        Leave the score, and with it the keys, out if it costs more than it saves: the motion is
-        then never coded worse for its score.
+    score : {"auto", "keep", "drop"}
+        Tell the score, and so the keys, if the file is at most 1 % larger with it, or its error at
+        the rate at most 1 % greater; always; or never. Compact superframes of constant size are
+        nothing without it.
     options : CueingOptions
         Under which the score's keys follow from its phones.
 
@@ -127,6 +150,27 @@ def encode_stream(
     CueError
         If both or an impossible value is given, or the motion is empty or begins before 0.
     """
+    return choose_stream(
+        motion, voice, rate_bps=rate_bps, error_mm=error_mm, constant=constant, score=score,
+        options=options,
+    ).data  # fmt: skip
+
+
+def choose_stream(
+    motion: Motion,
+    voice: Voice,
+    *,
+    rate_bps: float | None = None,
+    error_mm: float | None = None,
+    constant: bool = False,
+    score: ScoreChoice = "auto",
+    options: CueingOptions = DEFAULT_OPTIONS,
+) -> ChosenStream:
+    """Return a motion as a stream file, with what became of its score.
+
+    Parameters, Raises
+        As `encode_stream`.
+    """
     head = _head_of(motion, coding_for(voice))
     if rate_bps is not None and error_mm is not None:
         raise CueError("a rate and an error cannot both be given")
@@ -134,61 +178,78 @@ def encode_stream(
         raise CueError("superframes of constant size need a rate")
     if rate_bps is not None and not MIN_RATE_BPS <= rate_bps <= MAX_RATE_BPS:
         raise CueError(f"rate {rate_bps} bit/s is not within {MIN_RATE_BPS}..{MAX_RATE_BPS}")
+    if score not in get_args(ScoreChoice):
+        raise CueError(f"score {score!r} is none of {', '.join(get_args(ScoreChoice))}")
+    voice.check_motion(motion)
+    if score == "drop":
+        motion = replace(motion, score=None)
     if rate_bps is not None and constant:
-        size = int(rate_bps * SUPERFRAME_S / 8)
+        return _constant(motion, voice, head, rate_bps, score, options)
+    take = Take(motion, voice, head.indices, options)
+    if rate_bps is not None:
+        return _within_rate(motion, take, head, rate_bps, score, options)
+    limit = 2.0 if error_mm is None else error_mm
+    if not 0.05 <= limit <= 1000:
+        raise CueError(f"error {limit} mm is not within 0.05..1000")
+    return _of_records(head, spread(take, ByError(limit, len(head.indices), record_bytes), score))
+
+
+def _constant(
+    motion: Motion,
+    voice: Voice,
+    head: StreamHead,
+    rate_bps: float,
+    score: ScoreChoice,
+    options: CueingOptions,
+) -> ChosenStream:
+    """Return the file of superframes of one size."""
+    size = int(rate_bps * SUPERFRAME_S / 8)
+
+    def made(motion: Motion) -> bytes:
         if size <= MAX_BYTES:
             return _compact(motion, voice, head, size, options)
         encoder = SuperframeEncoder(voice, l0_bytes=size, l1_bytes=0, lead=0, options=options)
         body = b"".join(encoder.encode(motion, index).l0 for index in head.indices)
         return _head_bytes(replace(head, l0=size)) + body
-    if rate_bps is not None:
-        return _within_rate(motion, voice, head, rate_bps, drop=drop_score, options=options)
-    limit = 2.0 if error_mm is None else error_mm
-    if not 0.05 <= limit <= 1000:
-        raise CueError(f"error {limit} mm is not within 0.05..1000")
-    voice.check_motion(motion)
-    return _of_records(head, spread_by_error(
-        motion, coding_for(voice), head.indices, limit, record_bytes, drop=drop_score,
-        options=options,
-    ))  # fmt: skip
+
+    kept = made(motion)
+    if motion.score is None or score == "keep" or size <= MAX_BYTES:
+        return ChosenStream(kept, motion.score is not None, None)
+    without = made(replace(motion, score=None))
+    take = Take(motion, voice, head.indices, options)
+    errors = [take.error_of(np.stack(_drawn(data, voice)[0])) for data in (kept, without)]
+    cost = errors[0] / errors[1] - 1
+    return ChosenStream(kept if cost <= MOST_COST else without, cost <= MOST_COST, cost)
 
 
 def _within_rate(
     motion: Motion,
-    voice: Voice,
+    take: Take,
     head: StreamHead,
     rate_bps: float,
-    *,
-    drop: bool,
+    score: ScoreChoice,
     options: CueingOptions,
-) -> bytes:
+) -> ChosenStream:
     """Return the file of least error whose bytes keep a rate: spread, or compact if that fits."""
     room = int(rate_bps * motion.duration_s / 8) - FILE_BYTES - _CRC_BYTES
     compact = b""
     size = room // len(head.indices)
     if motion.score is not None and MIN_BYTES <= size <= MAX_BYTES:
-        compact = _compact(motion, voice, head, size, options)
-    voice.check_motion(motion)
+        compact = _compact(motion, take.voice, head, size, options)
     try:
-        found = spread_by_size(
-            motion, coding_for(voice), head.indices, room - OVERHEAD_BYTES, record_bytes, drop=drop,
-            options=options,
-        )  # fmt: skip
+        found = spread(take, BySize(room - OVERHEAD_BYTES, len(head.indices), record_bytes), score)
     except CueError:
         if not compact:
             raise
-        return compact
-    spread = _of_records(head, found)
+        return ChosenStream(compact, scored=True, score_cost=None)
     if not compact:
-        return spread
-    return min((spread, compact), key=lambda data: _error(data, motion, voice))
-
-
-def _error(data: bytes, motion: Motion, voice: Voice) -> float:
-    """Return the squared error of a file in the markers' metric."""
-    blocks = [block_at(motion, index) for index in read_head(data).indices]
-    gap = np.concatenate(_drawn(data, voice)[0]) - np.concatenate(blocks)
-    return float(np.square(gap @ coding_for(voice).residual.matrix).sum())
+        return _of_records(head, found)
+    ratio = take.error_of(np.stack(_drawn(compact, take.voice)[0])) / take.error_of(found.blocks)
+    if ratio > (1.0 if found.told else 1 + MOST_COST):
+        return _of_records(head, found)
+    # The cost of a score that was left out is that of the file without it: none.
+    cost = found.cost if found.told else 0.0
+    return ChosenStream(compact, True, None if cost is None else (1 + cost) * ratio - 1)
 
 
 def _compact(
@@ -199,8 +260,9 @@ def _compact(
     return _head_bytes(replace(head, l0=size)) + body
 
 
-def _of_records(head: StreamHead, spread: Spread) -> bytes:
-    return write_records(_head_bytes(head), spread.told, spread.payloads)
+def _of_records(head: StreamHead, found: Spread) -> ChosenStream:
+    data = write_records(_head_bytes(head), found.told, found.payloads)
+    return ChosenStream(data, bool(found.told), found.cost)
 
 
 def _head_of(motion: Motion, coding: Coding) -> StreamHead:

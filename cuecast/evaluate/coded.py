@@ -89,7 +89,7 @@ def coded(voice: Voice, motion: Motion, count: int, size: int) -> Outcome:
 
 def coded_within(voice: Voice, motion: Motion, error_mm: float) -> Outcome:
     """Return what becomes of a motion in a file that keeps an error: superframes of any length."""
-    data = encode_stream(motion, voice, error_mm=error_mm)
+    data = encode_stream(motion, voice, error_mm=error_mm, score="keep")
     found, frames = decode_stream(data, voice), list(read_superframes(data))
     squares = squares_of(voice, motion.params, found.params)
     end = len(frames) * SUPERFRAME_S

@@ -8,19 +8,19 @@ capture` made of them, told what is known of the camera. Both reach the codec as
 would: through a film and `synth.capture`.
 
 Every take is coded as a file of a mean rate, or of a greatest error, three times: with its score,
-without, and with whichever of the two is better (``encode --drop-score``).
+without, and as ``encode`` chooses: the score is kept where it costs at most a hundredth.
 """
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from codec.analysis.compare import compare_motions
-from codec.bitstream.stream import decode_stream, encode_stream
+from codec.bitstream.spread import ScoreChoice
+from codec.bitstream.stream import choose_stream, decode_stream
 from codec.cuer.motion import Motion, load_motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Score
@@ -125,29 +125,28 @@ _BAR_WIDTH = 0.38
 
 
 def _summary(figures: np.ndarray[Any, np.dtype[np.float64]]) -> Row:
-    """Return the figures of a wish; `figures` are those of each take: with score, without, free."""
-    scored, free = figures[:, 0] / figures[:, 1], figures[:, 2] / figures[:, 1]
-    means = [round(float(x), 3) for x in figures.mean(axis=0)]
+    """Return the figures of a wish; `figures` are those of each take, as `_figures` says."""
+    scored, auto = figures[:, 0] / figures[:, 1], figures[:, 2] / figures[:, 1]
+    means = [round(float(x), 3) for x in figures[:, :3].mean(axis=0)]
     return {
-        "with_score": means[0], "without_score": means[1], "better_of_both": means[2],
+        "with_score": means[0], "without_score": means[1], "chosen": means[2],
         "worst_ratio": round(float(scored.max()), 4),
         "worse_takes": int(np.sum(scored > _WORSE)),
-        "worst_ratio_free": round(float(free.max()), 4),
+        "worst_ratio_chosen": round(float(auto.max()), 4),
+        "kept_takes": int(figures[:, 3].sum()),
     }  # fmt: skip
 
 
 def _figures(motion: Motion, voice: Voice, wish: str) -> list[float]:
-    """Return error in mm, or bit/s, of a take with its score, without, and with the better."""
-    plain = replace(motion, score=None)
-    return [
-        _figure(take, voice, drop_score=drop, **_WISHES[wish])
-        for take, drop in ((motion, False), (plain, False), (motion, True))
-    ]
+    """Return error in mm, or bit/s, of a take with score, without, as chosen; if it was kept."""
+    choices: tuple[ScoreChoice, ...] = ("keep", "drop", "auto")
+    made = [choose_stream(motion, voice, score=score, **_WISHES[wish]) for score in choices]
+    figures = [_figure(one.data, motion, voice, in_bits="mm" in wish) for one in made]
+    return [*figures, float(made[-1].scored)]
 
 
-def _figure(motion: Motion, voice: Voice, **wish: Any) -> float:
-    data = encode_stream(motion, voice, **wish)
-    if "error_mm" in wish:
+def _figure(data: bytes, motion: Motion, voice: Voice, *, in_bits: bool) -> float:
+    if in_bits:
         return 8 * len(data) / motion.duration_s
     return compare_motions(motion, decode_stream(data, voice), voice).marker_rms_mm
 

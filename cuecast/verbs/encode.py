@@ -2,8 +2,9 @@
 
 import argparse
 
-from cuecast.command.arguments import add_voice, bit_rate, positive
-from cuecast.command.files import write_bytes
+from cuecast.command.arguments import add_json, add_voice, bit_rate, positive, print_json
+from cuecast.command.errors import UsageError
+from cuecast.command.files import PIPE, write_bytes
 from cuecast.command.progress import note
 
 SUMMARY = "a motion as few bits"
@@ -20,26 +21,42 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--constant", action="store_true",
         help="give every superframe the same size, as on air; with --rate",
     )  # fmt: skip
-    parser.add_argument(
-        "--drop-score", action="store_true",
-        help="leave the score, and its keys, out if it costs more than it saves",
+    told = parser.add_mutually_exclusive_group()
+    told.add_argument(
+        "--keep-score", action="store_true",
+        help="tell the score, and so the keys, whatever it costs (default: if the file is at most "
+        "1 %% larger with it, or less exact at the rate)",
     )  # fmt: skip
+    told.add_argument(
+        "--drop-score", action="store_true", help="leave the score, and so the keys, out"
+    )
     add_voice(parser)
+    add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the stream."""
-    from codec.bitstream.stream import encode_stream, read_head, told_by
+    from codec.bitstream.stream import choose_stream
     from codec.cuer.motion import load_motion
     from cuecast.command.voices import coding_voice
 
+    if args.json and args.output == PIPE:
+        raise UsageError("--json and -o - would share the standard output")
     motion, voice = load_motion(args.motion), coding_voice(args.voice)
-    data = encode_stream(
+    found = choose_stream(
         motion, voice, rate_bps=args.rate, error_mm=args.error, constant=args.constant,
-        drop_score=args.drop_score,
+        score="keep" if args.keep_score else "drop" if args.drop_score else "auto",
     )  # fmt: skip
-    write_bytes(args.output, data)
-    scored = motion.score is None or read_head(data).l0 or told_by(data).line is not None
-    if not scored:
-        note("the score did not pay: the stream does without it and its keys")
+    write_bytes(args.output, found.data)
+    percent = None if found.score_cost is None else round(100 * found.score_cost, 2)
+    if args.json:
+        print_json({
+            "bytes": len(found.data), "duration_s": round(motion.duration_s, 3),
+            "bps": round(8 * len(found.data) / motion.duration_s, 1),
+            "score": "none" if motion.score is None else "kept" if found.scored else "left out",
+            "score_cost_percent": percent,
+        })  # fmt: skip
+    elif percent is not None:
+        what = "error" if args.rate else "size"
+        note(f"score {'kept' if found.scored else 'and keys left out'}: {percent:+g} % of {what}")
     return 0

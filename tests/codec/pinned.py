@@ -178,9 +178,9 @@ def on_air(score: Score | None, l0: int, l1: int, seed: int = 0, **given: Any) -
     return found
 
 
-def filed(score: Score | None, seed: int = 0, **given: Any) -> dict[str, Any]:
-    """A stream file, read back and described."""
-    data = encode_stream(moved(score, seed), voice(), **given)
+def filed(cues: Score | None, seed: int = 0, **given: Any) -> dict[str, Any]:
+    """A stream file, read back and described; the score is kept unless something else is asked."""
+    data = encode_stream(moved(cues, seed), voice(), **{"score": "keep"} | given)
     motion = decode_stream(data, voice())
     head, document = read_head(data), inspect_stream(data)
     return {
@@ -298,7 +298,7 @@ def cases() -> dict[str, Case]:
     file("file-rate", babble(37, (4, 9)), 2, rate_bps=600)
     file("file-low", babble(38, (4, 9)), 3, rate_bps=140)
     file("file-constant", usual, 4, rate_bps=337.5, constant=True)
-    file("file-dropped", babble(39, (3, 20)), 5, rate_bps=900, drop_score=True)
+    file("file-dropped", babble(39, (3, 20)), 5, rate_bps=900, score="auto")
     file("file-keys", read_off(6), 6, rate_bps=800)
     file("file-overrides", overridden(7), 7, error_mm=1.0)
     file("file-no-score", None, 8, error_mm=4.0)

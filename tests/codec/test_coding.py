@@ -93,7 +93,7 @@ def test_streams_of_other_tables_are_refused(
 
 
 def test_files_of_other_tables_are_refused(toy_voice: Voice, motion: Motion, folder: Path) -> None:
-    data = encode_stream(motion, toy_voice, rate_bps=400)
+    data = encode_stream(motion, toy_voice, rate_bps=400, score="keep")
     assert decode_stream(data, toy_voice).score is not None
     keep_coding(trained(toy_voice))
     with pytest.raises(VoiceError, match="those of voice toy here are"):

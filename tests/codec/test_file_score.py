@@ -155,7 +155,7 @@ def moving(voice: Voice, *, kept: bool) -> Motion:
 def test_a_score_that_tells_nothing_costs_itself(toy_voice: Voice, kept: bool) -> None:
     """Prediction and learning are left alone where they do not pay."""
     motion = moving(toy_voice, kept=kept)
-    told = encode_stream(motion, toy_voice, error_mm=3.0)
+    told = encode_stream(motion, toy_voice, error_mm=3.0, score="keep")
     bare = encode_stream(replace(motion, score=None), toy_voice, error_mm=3.0)
     frames = list(read_superframes(told))
     assert len(told) <= 1.02 * len(bare) + len(write_told_of(told)) + len(frames)
@@ -177,7 +177,7 @@ def test_options_of_cueing_are_told(toy_voice: Voice) -> None:
     phones = [Phone("k", 0.5, 0.7), Phone("ə", 0.7, 1.0)]
     score = Score(tuple(phones), tuple(cue(phones, options)))
     motion = replace(moving(toy_voice, kept=True), score=score)
-    data = encode_stream(motion, toy_voice, rate_bps=900, options=options)
+    data = encode_stream(motion, toy_voice, rate_bps=900, score="keep", options=options)
     assert told_by(data).options == options
     found = decode_stream(data, toy_voice)
     assert found.score is not None

@@ -13,12 +13,21 @@ from codec.analysis.compare import Comparison, compare_motions
 from codec.bitstream.bits import FILE_BYTES
 from codec.bitstream.coding import coding_for
 from codec.bitstream.inspect import describe, inspect_stream
-from codec.bitstream.stream import decode_stream, encode_stream, read_head, read_superframes
+from codec.bitstream.spread import MOST_COST, ScoreChoice
+from codec.bitstream.stream import (
+    choose_stream,
+    decode_stream,
+    encode_stream,
+    read_head,
+    read_superframes,
+)
 from codec.cuer.motion import Motion
-from codec.cuer.voice import Voice
+from codec.cuer.voice import Voice, load_voice
 from codec.cues.cueing import cue
 from codec.cues.score import Phone, Score
 from codec.errors import BitstreamError, CueError, VoiceError
+from synth.rules.performance import motion_of
+from synth.scoring.text_score import score_from_text
 
 MakeMotion = Callable[..., Motion]
 
@@ -50,7 +59,7 @@ def make(toy_voice: Voice) -> MakeMotion:
 @pytest.mark.parametrize("rate", [25.0, 50.0, 120.0])
 def test_round_trip(toy_voice: Voice, make: MakeMotion, rate: float, start: float) -> None:
     motion = make(3.0, rate=rate, start=start)
-    decoded = decode_stream(encode_stream(motion, toy_voice, error_mm=2.0), toy_voice)
+    decoded = decode_stream(encode_stream(motion, toy_voice, error_mm=2.0, score="keep"), toy_voice)
     assert decoded.rate_hz == 50
     assert decoded.start_s == pytest.approx(start)
     assert decoded.duration_s == pytest.approx(3.0)
@@ -68,12 +77,12 @@ def test_constant_rates_are_kept(toy_voice: Voice, make: MakeMotion, rate_bps: f
     assert 0 <= rate_bps - 8 * sizes.pop() / 0.64 < 12.5
 
 
-@pytest.mark.parametrize("drop_score", [False, True])
+@pytest.mark.parametrize("score", ["auto", "keep", "drop"])
 @pytest.mark.parametrize("rate_bps", [200, 337.5, 1000])
 def test_mean_rates_are_kept_and_used(
-    toy_voice: Voice, make: MakeMotion, rate_bps: float, drop_score: bool
+    toy_voice: Voice, make: MakeMotion, rate_bps: float, score: ScoreChoice
 ) -> None:
-    data = encode_stream(make(6.4), toy_voice, rate_bps=rate_bps, drop_score=drop_score)
+    data = encode_stream(make(6.4), toy_voice, rate_bps=rate_bps, score=score)
     assert 0.9 * rate_bps < 8 * len(data) / 6.4 <= rate_bps
     assert len({len(frame.l0) for frame in read_superframes(data)}) > 2
 
@@ -90,7 +99,7 @@ def test_a_score_never_makes_a_file_worse(
     """The motion of `make` has nothing to do with its score."""
     motion = make(6.4)
     plain = replace(motion, score=None)
-    told = encode_stream(motion, toy_voice, drop_score=True, **wish)  # type: ignore[arg-type]
+    told = encode_stream(motion, toy_voice, **wish)  # type: ignore[arg-type]
     bare = encode_stream(plain, toy_voice, **wish)  # type: ignore[arg-type]
     if "error_mm" in wish:
         assert len(told) <= 1.01 * len(bare)
@@ -100,6 +109,47 @@ def test_a_score_never_makes_a_file_worse(
         for data in (told, bare)
     ]
     assert errors[0] <= 1.01 * errors[1]
+
+
+@pytest.mark.parametrize(
+    "wish", [{"error_mm": 4.0}, {"rate_bps": 150.0}, {"rate_bps": 337.5, "constant": True}]
+)
+def test_a_score_that_costs_is_left_out_unless_it_is_to_be_kept(
+    toy_voice: Voice, make: MakeMotion, wish: dict[str, float]
+) -> None:
+    motion = make(6.4)
+    auto = choose_stream(motion, toy_voice, **wish)  # type: ignore[arg-type]
+    assert not auto.scored
+    assert auto.score_cost is not None
+    assert auto.score_cost > MOST_COST
+    assert decode_stream(auto.data, toy_voice).score is None
+    kept = choose_stream(motion, toy_voice, score="keep", **wish)  # type: ignore[arg-type]
+    assert kept.scored
+    score = decode_stream(kept.data, toy_voice).score
+    assert score is not None
+    assert motion.score is not None
+    assert len(score.keys) == len(motion.score.keys)
+    dropped = choose_stream(motion, toy_voice, score="drop", **wish)  # type: ignore[arg-type]
+    assert dropped.data == auto.data
+
+
+@pytest.mark.parametrize("wish", [{"error_mm": 4.0}, {"rate_bps": 337.5}, {"rate_bps": 150.0}])
+def test_a_score_that_helps_is_kept(wish: dict[str, float]) -> None:
+    voice = load_voice()
+    motion = motion_of(score_from_text("Un bon vin blanc.", start_s=0.5), voice)
+    auto = choose_stream(motion, voice, **wish)  # type: ignore[arg-type]
+    assert auto.scored
+    assert auto.score_cost is not None
+    assert auto.score_cost < 0
+    assert auto.data == encode_stream(motion, voice, score="keep", **wish)  # type: ignore[arg-type]
+
+
+def test_what_was_not_left_to_the_encoder_has_no_cost(toy_voice: Voice, make: MakeMotion) -> None:
+    motion = make(2.0)
+    assert choose_stream(motion, toy_voice, score="drop").score_cost is None
+    assert choose_stream(replace(motion, score=None), toy_voice).score_cost is None
+    with pytest.raises(CueError, match="score 'some' is none of auto, keep, drop"):
+        choose_stream(motion, toy_voice, score="some")  # type: ignore[arg-type]
 
 
 def test_errors_shrink_with_the_limit(toy_voice: Voice, make: MakeMotion) -> None:
@@ -122,7 +172,9 @@ def test_motion_without_a_score_stays_without(toy_voice: Voice, make: MakeMotion
 
 def test_inspection_needs_no_voice(toy_voice: Voice, make: MakeMotion) -> None:
     motion = make(2.0)
-    document = inspect_stream(encode_stream(motion, toy_voice, rate_bps=400, constant=True))
+    document = inspect_stream(
+        encode_stream(motion, toy_voice, rate_bps=400, constant=True, score="keep")
+    )
     assert motion.score is not None
     assert document["coding"] == coding_for(toy_voice).identity
     assert document["duration_s"] == 2.0

@@ -42,7 +42,8 @@ def test_three_legs_side_by_side(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert rows[0]["with_score"] < rows[0]["without_score"]
     assert rows[4]["worst_ratio"] > 1
     assert rows[4]["worse_takes"] == 1
-    assert all(row["worst_ratio_free"] <= legs._WORSE for row in rows)
+    assert [row["kept_takes"] for row in (rows[0], rows[4])] == [1, 1]
+    assert all(row["worst_ratio_chosen"] <= legs._WORSE for row in rows)
 
 
 def test_a_folder_without_takes_is_told(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 from codec.bitstream.coding import coding_for
 from codec.bitstream.joining import join_line
 from codec.bitstream.score_coding import part_of
+from codec.bitstream.spread import ScoreChoice
 from codec.bitstream.stream import (
     decode_stream,
     encode_stream,
@@ -100,12 +101,12 @@ def test_markers(case: dict[str, Any]) -> None:
         assert np.abs(drawn[int(t)][shown] - np.array(points)).max() < 0.01
 
 
-@pytest.mark.parametrize("drop", [False, True])
-def test_a_file_of_the_encoder(drop: bool) -> None:
+@pytest.mark.parametrize("score", ["auto", "keep"])
+def test_a_file_of_the_encoder(score: ScoreChoice) -> None:
     """From bytes to keys by the reference alone."""
     voice = load_voice()
     motion = motion_of(score_from_text("Un bon vin blanc, puis du pain.", start_s=0.7), voice)
-    data = encode_stream(motion, voice, rate_bps=500, drop_score=drop)
+    data = encode_stream(motion, voice, rate_bps=500, score=score)
     again = decode_stream(data, voice)
     assert motion.score is not None
     assert again.score is not None
