@@ -263,7 +263,8 @@ def earlier_marks(
 ) -> list[str]:
     """Return the carriers in which a programme has a cuer already, by a look at two places.
 
-    A mark of another key is not seen.
+    A mark of another key is not seen, nor one so changed that receivers have to guess what happened
+    to it: these never come to guess, since the mark that will be made is found first.
     """
     found: dict[str, int] = {}
     with open_programme(programme, track=track) as opened:
@@ -274,7 +275,7 @@ def earlier_marks(
             opened.seek(start_s)
             try:
                 reception = ProgrammeReceiver(
-                    opened, voice, key=key, start_s=start_s, keep_keys=False
+                    opened, voice, key=key, start_s=start_s, keep_keys=False, guess=False
                 )
             except CueError:  # neither a sound nor a picture that could have one
                 return []

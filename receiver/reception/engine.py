@@ -52,6 +52,8 @@ class Receiver:
         Keep the keys for `summary`: some kilobytes a minute.
     trust : Trust, optional
         Whose cues these should be.
+    guess : bool
+        Whether it is guessed what happened to a sound in which no mark is found.
 
     Attributes
     ----------
@@ -67,7 +69,9 @@ class Receiver:
     def __init__(
         self, fs: int = 0, channels: int = 0, *, voice: Voice | None = None, key: int = 0,
         start_s: float = 0.0, keep_keys: bool = True, trust: Trust | None = None,
+        guess: bool = True,
     ) -> None:  # fmt: skip
+        self._guess = guess
         self.voice = load_voice() if voice is None else voice
         self._carrier: AudioReceiver | None = None
         self._pictures: PictureCarriers | None = None
@@ -128,7 +132,7 @@ class Receiver:
         CueError
             If the carrier does not exist at this rate or number of channels.
         """
-        self._carrier = AudioReceiver(fs, channels, key=self._key)
+        self._carrier = AudioReceiver(fs, channels, key=self._key, guess=self._guess)
         self.fs, self.channels = fs, channels
         self._sound_s, self._samples = start_s, 0
 

@@ -54,6 +54,8 @@ class ProgrammeReceiver:
         Time of the programme's zero on the clock in which events are told.
     trust : Trust, optional
         Whose cues these should be; its clock counts from the programme's zero.
+    guess : bool
+        Whether it is guessed what happened to a sound in which no mark is found.
 
     Attributes
     ----------
@@ -70,13 +72,14 @@ class ProgrammeReceiver:
     def __init__(
         self, programme: Programme, voice: Voice, *, key: int = 0, start_s: float = 0.0,
         listen: bool = True, look: bool = True, keep_keys: bool = True, clock_s: float = 0.0,
-        trust: Trust | None = None,
+        trust: Trust | None = None, guess: bool = True,
     ) -> None:  # fmt: skip
         self._programme = programme
         self._begin_s = clock_s + start_s
         self.receiver = Receiver(
-            voice=voice, key=key, start_s=self._begin_s, keep_keys=keep_keys, trust=trust
-        )
+            voice=voice, key=key, start_s=self._begin_s, keep_keys=keep_keys, trust=trust,
+            guess=guess,
+        )  # fmt: skip
         self._sound: _Listening | None = None
         self._picture: _Looking | None = None
         place = programme, self.receiver, start_s, clock_s

@@ -98,6 +98,15 @@ def test_blocks_do_not_matter_to_guesses() -> None:
     assert [(s.l0, s.position_s) for s in whole] == [(s.l0, s.position_s) for s in parts]
 
 
+def test_a_receiver_that_does_not_guess_finds_what_is_whole() -> None:
+    for x, guess, locked in (
+        (marked(), False, True), (crossed(marked()), True, True), (crossed(marked()), False, False)
+    ):  # fmt: skip
+        receiver = AudioReceiver(FS, 2, guess=guess)
+        found = [*receiver.process(x[: 4 * FS]), *receiver.flush()]
+        assert receiver.locked == bool(found) == locked
+
+
 def test_a_weight_learnt_wrongly_does_no_harm() -> None:
     """What was learnt may say that every good cell is bad: without it the sound is read."""
     tape = Tape()

@@ -116,6 +116,9 @@ class AudioReceiver:
         1 to 6, see `AudioEmbedder`.
     key : int
         Seed of the layout that the embedder used.
+    guess : bool
+        Whether it is guessed what happened to the sound where no mark is found: most of the cost of
+        a search in vain.
 
     Attributes
     ----------
@@ -137,8 +140,9 @@ class AudioReceiver:
     False
     """
 
-    def __init__(self, fs: int, channels: int, *, key: int = 0) -> None:
+    def __init__(self, fs: int, channels: int, *, key: int = 0, guess: bool = True) -> None:
         check_format(fs, channels)
+        self._guessing = guess
         self._fs, self._channels, self._key = fs, channels, key
         self._nominal = fs / FS
         self._quantum = SLOT_FRAMES * HOP * fs // FS
@@ -309,7 +313,7 @@ class AudioReceiver:
 
     def _guess(self) -> list[ReceivedSuperframe]:
         """Listen again to the last seconds: for turned bands ever again, for all else at times."""
-        if self._now < self._turned_at:
+        if self._now < self._turned_at or not self._guessing:
             return []
         if self._guesses is None:
             self._turned_at = self._now + self._turned_every
