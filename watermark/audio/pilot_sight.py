@@ -30,6 +30,9 @@ ROWS_PER_FRAME = SEARCH_HOP // STRIDE
 CENTRE = (DECIMATION - 1) / 2
 """A search frame's samples lie this much later than the mark's frame begins (48 kHz samples)."""
 
+ROWS_AT_ONCE = 240
+"""Transforms made together: what they need stays in the processor's cache."""
+
 
 def slot_frequencies() -> NDArray[np.float64]:
     """Centre of each pilot slot in radians per sample at the search's rate, shape (PILOT_SLOTS,).
@@ -81,21 +84,34 @@ class PilotSight:
         before : ndarray of float32, shape (ROWS_PER_FRAME, bands)
             For the next frames, of which the first starts `STRIDE` samples after these.
         """
+        frames = np.lib.stride_tricks.sliding_window_view(sound, 2 * SEARCH_HOP)[::STRIDE]
+        shape = PILOT_SLOTS, len(frames)
+        projections, alive = np.empty(shape, np.complex64), np.empty(shape, np.float32)
+        for i in range(0, len(frames), ROWS_AT_ONCE):
+            part = slice(i, i + ROWS_AT_ONCE)
+            before = self._project(frames[part], before, projections[:, part], alive[:, part])
+        return projections, alive, before
+
+    def _project(
+        self,
+        frames: NDArray[np.float32],
+        before: NDArray[np.float32],
+        projections: NDArray[np.complex64],
+        alive: NDArray[np.float32],
+    ) -> NDArray[np.float32]:
+        """Fill in what some frames give; return the last thresholds."""
         from watermark.audio import _kernels
 
-        frames = np.lib.stride_tricks.sliding_window_view(sound, 2 * SEARCH_HOP)[::STRIDE]
         spectra = analyse(frames, SEARCH_HOP, int(self._masker.edges[-1]))
         # The scale of the mark's own transform, which sees DECIMATION times as many samples.
         power = (DECIMATION / 2) * (spectra.real**2 + spectra.imag**2)
         threshold = self._masker.thresholds(power)
         earlier = np.concatenate([before, threshold])
         units = self._masker.amplitudes(threshold, earlier[: len(threshold)]).astype(np.float32)
-        shape = PILOT_SLOTS, len(threshold)
-        projections, alive = np.empty(shape, np.complex64), np.empty(shape, np.float32)
         _kernels.pilot_projections(
             spectra, units, self._cells.first_bin, self._signs, projections, alive
         )
-        return projections, alive, earlier[len(threshold) :]
+        return np.asarray(earlier[len(threshold) :])
 
 
 @lru_cache(maxsize=4)

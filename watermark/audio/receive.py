@@ -53,7 +53,7 @@ HISTORY_S, LONG_HISTORY_S = 2.4, 10.0
 """Sound that is kept while locked, enough to search again from a superframe that failed, and while
 searching, for what may be read of it once the sound is understood."""
 
-PAUSES_S = (2.2, 2.2, 2.2, 14.0, 45.0, 130.0, 240.0)
+PAUSES_S = (2.2, 2.2, 2.2, 35.0, 60.0, 130.0, 240.0)
 """Search in vain before each round of guesses; the last one is repeated. Every second round tries
 all speeds; the third round begins 8 s after the start."""
 
