@@ -84,10 +84,13 @@ class Masker:
         First bin of each band.
     matrix : ndarray of float64, shape (bands, bands)
         See `spreading`.
+    floor : float
+        Band power per bin below which a band is silent.
     """
 
     edges: NDArray[np.int64]
     matrix: NDArray[np.float64]
+    floor: float = FLOOR
 
     def thresholds(self, power: NDArray[np.float64]) -> NDArray[np.float64]:
         """Masking threshold per band, each frame for itself.
@@ -107,7 +110,7 @@ class Masker:
         spread = np.minimum(energy @ self.matrix, energy * CAP)
         compressed = REFERENCE * (spread / REFERENCE) ** COMPRESSION
         threshold = np.minimum(compressed, energy * CAP)
-        threshold[energy < FLOOR] = 0.0
+        threshold[energy < self.floor] = 0.0
         return np.asarray(threshold)
 
     def amplitudes(
@@ -125,13 +128,13 @@ class Masker:
         ndarray of float64, shape (T, edges[-1])
         """
         # A band that was silent gives no limit: the floor's own power stands in for it.
-        limited = np.minimum(threshold, GROWTH * np.maximum(before, FLOOR * CAP))
+        limited = np.minimum(threshold, GROWTH * np.maximum(before, self.floor * CAP))
         return np.repeat(np.sqrt(limited), np.diff(self.edges), axis=1)
 
 
 @lru_cache(maxsize=4)
-def make_masker(bins: int = HOP) -> Masker:
-    """Return the model of the bands that begin below `bins`."""
+def make_masker(bins: int = HOP, *, floor: float = FLOOR) -> Masker:
+    """Return the model of the bands that begin below `bins`, silent below a floor."""
     edges = band_edges()
     count = int(np.searchsorted(edges, bins))
-    return Masker(edges[: count + 1], np.ascontiguousarray(spreading(edges)[:count, :count]))
+    return Masker(edges[: count + 1], np.ascontiguousarray(spreading(edges)[:count, :count]), floor)

@@ -14,7 +14,7 @@ from watermark.audio.align import Fit, View, find_delay, read_view, search_fit
 from watermark.audio.demodulate import Demodulator, Reading
 from watermark.audio.equaliser import Equaliser, Known, lean, path_of, score_phases
 from watermark.audio.layout import make_pilots
-from watermark.audio.masking import make_masker
+from watermark.audio.masking import FLOOR, make_masker
 from watermark.audio.profile import PILOT_STEPS, PROFILES, SUPERFRAME, TIER_LEVELS
 from watermark.audio.resampling_tape import Tape
 from watermark.link.superframe import ReceivedSuperframe
@@ -40,6 +40,9 @@ BESIDE_FINE = (np.arange(-1.0, 1.1, 0.5), np.arange(-150.0, 151.0, 50.0))
 COARSE_SCORE, BESIDE_SCORE = 24.0, 36.0
 """Correlation of pilots from which a place beside is looked at closely, and read: three and four
 and a half standard deviations of noise."""
+
+DEEP = 1e-2 * FLOOR
+"""Floor of the mask where a superframe fails: a gain of -20 dB may have moved its quiet bands there."""
 
 FOLLOW = 0.3
 """Delay tried on either side with the decoded bits of each following superframe, samples."""
@@ -109,7 +112,7 @@ class Reader:
 
     def __init__(self, key: int, nominal: float) -> None:
         self._key, self._nominal = key, nominal
-        self._masker = make_masker()
+        self._masker, self._deep = make_masker(), make_masker(floor=DEEP)
         self._demodulators: dict[int, Demodulator] = {}
 
     def demodulator(self, number: int) -> Demodulator:
@@ -126,7 +129,8 @@ class Reader:
     def read(self, tape: Tape, track: Track, raw: View, *, due: bool) -> Reading:
         """Read with the phases that the track has, then without, or the other way round.
 
-        Where bands are turned, at last with phases that this superframe itself tells.
+        Then with bands that are too quiet for a programme of full loudness; where bands are turned,
+        at last with phases that this superframe itself tells.
         """
         demodulator, turned = track.demodulator, track.equaliser.turned
         for view in _views(track, raw) if turned else [raw]:
@@ -134,6 +138,13 @@ class Reader:
             reading = demodulator.read(view, levels, due=due)
             if reading.decoded.l0 is not None:
                 return self.complete(tape, track, reading)
+        deep = read_view(tape, track.position, track.ratio, self._deep)
+        if np.count_nonzero(deep.amplitudes) > np.count_nonzero(raw.amplitudes):
+            view = as_used(track, deep)
+            softer = demodulator.likely_levels(view, track.level, track.offset)
+            again = demodulator.read(view, softer, due=due, brief=True)
+            if again.decoded.l0 is not None:
+                return self.complete(tape, track, again)
         if turned:
             pilots, profile = make_pilots(self._key), demodulator.profile
             tier = math.floor((levels[0] - track.offset) / TIER_LEVELS + 1e-6)
