@@ -27,6 +27,9 @@ CLUE_LIMIT = 5.0
 CODER_BITS = 200.0
 """Bits per frame of the coder that is thought to have pressed the sound; 150 to 350 do as well."""
 
+FARTHEST = 5
+"""Steps to either side at which a delay is sought: more than a young lock's clock is wrong by."""
+
 
 @dataclass(frozen=True, slots=True)
 class Fit:
@@ -136,10 +139,22 @@ def search_fit(
 def find_delay(
     view: View, cells: Cells, step: float, expected: NDArray[np.float64], reach: float
 ) -> float:
-    """Delay, at most `reach` samples, of a place that is nearly right: by a parabola."""
+    """Delay of a place that is nearly right: by a parabola.
+
+    Tried are delays `reach` samples apart, on from the place as long as they fit better, but not
+    beyond `FARTHEST` of them.
+    """
+    score = _Score(view, cells, step, expected)
     grid = np.array([-reach, 0.0, reach])
-    scores = _Score(view, cells, step, expected)(grid, 0.0)
-    return _peak(grid, scores, int(scores.argmax()))
+    scores = score(grid, 0.0)
+    at = int(scores.argmax())
+    while at in (0, grid.size - 1) and grid.size < 2 * FARTHEST + 1:
+        beyond = np.array([grid[0] - reach, grid[-1] + reach])
+        below, above = score(beyond, 0.0)
+        grid = np.array([beyond[0], *grid, beyond[1]])
+        scores = np.array([below, *scores, above])
+        at = int(scores.argmax())
+    return _peak(grid, scores, at)
 
 
 class _Score:

@@ -453,8 +453,7 @@ class AudioReceiver:
             self._search = None
             self._correct(track, raw, reading)
             return [self._deliver(track, reading)]
-        moved = self._reader.find_beside(self._tape, track, raw)
-        if moved is not None:
+        for moved in self._reader.elsewhere(self._tape, track, raw):
             raw = self._reader.view(self._tape, moved)
             again = self._reader.read(self._tape, moved, raw, due=False)
             if again.decoded.l0 is not None:

@@ -5,6 +5,7 @@ and seeks a superframe beside it. Specification: spec/audio-carrier.md, section 
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,6 +47,10 @@ DEEP = 1e-2 * FLOOR
 
 FOLLOW = 0.3
 """Delay tried on either side with the decoded bits of each following superframe, samples."""
+
+YOUNG, LIKELY_CLOCK = 4, 1.5e-4
+"""Superframes after which a clock is known well enough, and how far it may be from its nominal rate
+to be believed nominal before: that of one superframe is known to 30 ppm."""
 
 BACK_GAIN = 0.5
 """Part of the delay of a superframe of the past by which the place of the one before moves."""
@@ -183,6 +188,17 @@ class Reader:
             fit = search_fit(view, pilots.cells, step, expected, grid)
             self.move(track, fit)
         return fit.score / DEVIATION
+
+    def elsewhere(self, tape: Tape, track: Track, raw: View) -> Iterator[Track]:
+        """Places where a superframe that failed may lie: by the nominal clock, by its pilots."""
+        error = self._nominal - track.ratio
+        if track.age < YOUNG and 0 < abs(error) < LIKELY_CLOCK * self._nominal:
+            # Both clocks agree in the middle of the superframe before.
+            position = track.position + SUPERFRAME / 2 * error
+            yield replace(track, position=position, ratio=self._nominal, misses=0, age=0)
+        moved = self.find_beside(tape, track, raw)
+        if moved is not None:
+            yield moved
 
     def find_beside(self, tape: Tape, track: Track, raw: View) -> Track | None:
         """Find by its pilots where a superframe lies that the clock has led astray."""
