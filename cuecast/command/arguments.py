@@ -201,10 +201,6 @@ def not_negative(text: str) -> float:
     return value
 
 
-USUAL_GRADE = -0.42
-"""That of `watermark.audio.profile`, said again because help and errors load no arithmetic."""
-
-
 def grade(text: str) -> float:
     """Read an objective difference grade."""
     value = float(text)

@@ -37,7 +37,7 @@ from cuecast.dubbing.read_back import Sent, earlier_marks, read_back, true_psnr_
 from cuecast.dubbing.signing import Signing
 from cuecast.media.rewrite import Stage, rewrite_sound
 from receiver.media.programme import SoundFormat
-from watermark.audio.profile import STANDARD, USUAL_GRADE, Profile, find_profile
+from watermark.audio.profile import STANDARD, Profile, find_profile
 from watermark.link.superframe import SUPERFRAME_S
 
 LEAD = 2
@@ -70,8 +70,8 @@ class DubOptions:
         Which of the programme's sounds, from 0.
     audio_codec, audio_bit_rate, video_codec, video_bit_rate : optional
         Of the output, if not those of the programme.
-    grade : float
-        Objective difference grade (ITU-R BS.1387) that the mark aims at.
+    grade : float, optional
+        Objective difference grade (ITU-R BS.1387) that the mark aims at, if not the profile's own.
     graded : bool
         Whether to grade the marked sound with the quality meter.
     through : str, optional
@@ -94,7 +94,7 @@ class DubOptions:
     audio_bit_rate: int | None = None
     video_codec: str | None = None
     video_bit_rate: int | None = None
-    grade: float = USUAL_GRADE
+    grade: float | None = None
     graded: bool = True
     through: str | None = None
     read_back: bool = False

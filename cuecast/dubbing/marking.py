@@ -15,7 +15,6 @@ from codec.errors import CueError
 from receiver.media.programme import SoundFormat
 from watermark.audio.embed import AudioEmbedder, Source
 from watermark.audio.mix import RATES
-from watermark.audio.profile import USUAL_GRADE
 from watermark.audio.rehearsal import Rehearsal
 from watermark.link.superframe import SUPERFRAME_S
 from watermark.quality.resample import Resampler
@@ -41,8 +40,8 @@ class MarkingStage:
         Name of the carrier's profile.
     key : int
         Key of the watermark.
-    grade : float
-        Objective difference grade (ITU-R BS.1387) that the mark aims at.
+    grade : float, optional
+        Objective difference grade (ITU-R BS.1387) that the mark aims at, if not the profile's own.
     graded : bool
         Whether to report the grade that the embedder's meter gives.
     rehearsal : Rehearsal, optional
@@ -56,7 +55,7 @@ class MarkingStage:
 
     def __init__(
         self, sound: SoundFormat, source: Source, *, name: str, profile: str = "standard",
-        key: int = 0, grade: float = USUAL_GRADE, graded: bool = True,
+        key: int = 0, grade: float | None = None, graded: bool = True,
         rehearsal: Rehearsal | None = None,
     ) -> None:  # fmt: skip
         if sound.fs < min(RATES):

@@ -28,7 +28,7 @@ from cuecast.evaluate.sound_channels import CUT_S, Channel, Sound, find_channel
 from cuecast.evaluate.tables import wilson_interval
 from receiver.media.sound import read_sound
 from watermark.audio.embed import AudioEmbedder
-from watermark.audio.profile import USUAL_GRADE, Profile, find_profile
+from watermark.audio.profile import Profile, find_profile
 from watermark.audio.receive import AudioReceiver
 from watermark.link.superframe import SUPERFRAME_S
 from watermark.quality import peaq, pesq_wb, segmental_snr_db
@@ -130,7 +130,7 @@ class Marked:
 
 
 def mark_clip(
-    path: Path, profile: str, grade: float, seed: int, *, limit_s: float | None = None
+    path: Path, profile: str, grade: float | None, seed: int, *, limit_s: float | None = None
 ) -> Marked:
     """Write pseudorandom superframes into a sound file's programme.
 
@@ -180,8 +180,8 @@ def _grade(text: str) -> float:
 
 
 def _embed(
-    sound: Sound, fs: int, payloads: Sequence[tuple[bytes, bytes]], profile: Profile, grade: float,
-    coder: str | None,
+    sound: Sound, fs: int, payloads: Sequence[tuple[bytes, bytes]], profile: Profile,
+    grade: float | None, coder: str | None,
 ) -> tuple[Sound, float | None]:  # fmt: skip
     """Mark a whole sound; return it and mid over mark in dB."""
     embedder = AudioEmbedder(
@@ -252,7 +252,7 @@ def evaluate_audio(
     clips: Sequence[Path],
     channels: Sequence[str],
     *,
-    grade: float = USUAL_GRADE,
+    grade: float | None = None,
     starts: int = 8,
     limit_s: float | None = None,
     seed: int = 0,
@@ -266,8 +266,8 @@ def evaluate_audio(
         Sound files.
     channels : sequence of str
         NAME or PROFILE:NAME, names as in `cuecast.evaluate.sound_channels.CHANNELS`.
-    grade : float
-        Objective difference grade that the embedder aims at.
+    grade : float, optional
+        Objective difference grade that the embedder aims at, if not each profile's own.
     starts : int
         Random starts of reception per row.
     limit_s : float, optional

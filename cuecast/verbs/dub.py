@@ -9,7 +9,6 @@ from typing import Any
 
 from cuecast.command.arguments import (
     CARRIERS,
-    USUAL_GRADE,
     add_json,
     add_key,
     add_motion,
@@ -105,13 +104,14 @@ def add_dubbing(parser: argparse.ArgumentParser) -> None:
             f"--{kind}-bitrate", type=bit_rate, metavar="BPS", help=f"such as {example}"
         )
     parser.add_argument(
-        "--grade", type=grade, default=USUAL_GRADE, metavar="ODG",
-        help="how much of the mark a listener may notice, from 0 (nothing) to -4 (BS.1387)",
+        "--grade", type=grade, metavar="ODG",
+        help="how much of the mark a listener may notice, from 0 (nothing) to -4 (BS.1387; "
+        "default: the profile's own)",
     )  # fmt: skip
     parser.add_argument(
         "--through", metavar="CODER",
         help="the broadcaster's coder, such as aac:64k: the mark is rehearsed through it; or none "
-        "(default: aac:64k for robust, else none)",
+        "(default: aac:64k for robust, aac:128k,mp2:192k for standard and high)",
     )  # fmt: skip
     parser.add_argument("--no-grade", action="store_true", help="do not run the quality meter")
     parser.add_argument(

@@ -7,7 +7,7 @@ from codec.cuer.voice import load_voice
 from codec.cues.timeline import SUPERFRAME_S, TICK_S
 from cuecast.evaluate.records import catalogue
 from watermark import PROFILES
-from watermark.audio.profile import USUAL_GRADE
+from watermark.audio.profile import ROBUST, USUAL_GRADE
 
 
 def values() -> dict[str, Any]:
@@ -22,5 +22,6 @@ def values() -> dict[str, Any]:
         "parameters": len(voice.layout),
         "profiles": PROFILES,
         "usual_grade": USUAL_GRADE,
+        "robust_grade": ROBUST.grade,
         "clips": sorted(catalogue().values(), key=lambda clip: clip["name"]),
     }

@@ -5,10 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.command import arguments
 from cuecast.dubbing.marking import MarkingStage
 from receiver.media.programme import SoundFormat
-from watermark.audio import profile
 from watermark.audio.profile import find_profile
 
 STANDARD = find_profile("standard")
@@ -68,10 +66,6 @@ def test_blocks_do_not_matter() -> None:
         for block in (1000, 77777)
     ]
     np.testing.assert_allclose(y[0], y[1], atol=1e-6)
-
-
-def test_verbs_and_embedder_aim_at_the_same_grade() -> None:
-    assert arguments.USUAL_GRADE == profile.USUAL_GRADE
 
 
 def test_report_grades_the_mark() -> None:

@@ -17,7 +17,7 @@ from watermark.audio.design import MarkDesigner
 from watermark.audio.division import MarkShares
 from watermark.audio.level_control import LevelControl
 from watermark.audio.mix import add_mark, check_format, front_of, mid_of, side_of
-from watermark.audio.profile import FS, HOP, LEVELS, SUPERFRAME, USUAL_GRADE, find_profile
+from watermark.audio.profile import FS, HOP, LEVELS, SUPERFRAME, find_profile
 from watermark.audio.rehearsal import TRUST, Rehearsal
 from watermark.audio.resampling_tape import Tape
 from watermark.link.superframe import SUPERFRAME_S
@@ -29,7 +29,8 @@ EQUALISATION = 0.8
 """Part of the differences in need that the levels follow; the need is an estimate."""
 
 MOST_RAISED = 2.0
-"""Levels by which a single superframe may stand higher because its rehearsal fell short."""
+"""Levels by which a single superframe may stand higher because its rehearsal fell short, as long as
+the passage keeps its grade."""
 
 PASSAGE_SUPERFRAMES = 32
 """Superframes of which it is remembered what was enough: 20 s."""
@@ -115,8 +116,8 @@ class AudioEmbedder:
         Gives the payloads (L0, L1) of superframe k, on air from k * 0.64 s.
     profile : str
         Name of a `Profile`.
-    grade : float
-        Objective difference grade to aim at (ITU-R BS.1387): 0 imperceptible, -1 perceptible but
+    grade : float, optional
+        Objective difference grade to aim at, the profile's own by default (ITU-R BS.1387): 0 imperceptible, -1 perceptible but
         not annoying. The level of the mark follows it; with a rehearsal it is the lowest grade, of
         passages that need it, and others have a better one.
     level : int, optional
@@ -150,7 +151,7 @@ class AudioEmbedder:
         source: Source,
         *,
         profile: str = "standard",
-        grade: float = USUAL_GRADE,
+        grade: float | None = None,
         level: int | None = None,
         key: int = 0,
         rehearsal: Rehearsal | None = None,
@@ -161,7 +162,8 @@ class AudioEmbedder:
         self._profile = find_profile(profile)
         self._designer = MarkDesigner(self._profile, key)
         self._front = min(channels, 2)
-        control = LevelControl(grade, self._front, quiet=rehearsal is not None)
+        wanted = self._profile.grade if grade is None else grade
+        control = LevelControl(wanted, self._front, quiet=rehearsal is not None)
         self._control = control if level is None else None
         self._rehearsal = rehearsal if level is None else None
         self._stretch_length = stretch
@@ -266,12 +268,14 @@ class AudioEmbedder:
 
             enough = [self._sufficient(k, need) for k, need in zip(numbers, needs, strict=True)]
 
+            most = max(MOST_RAISED - self._control.overdrawn, 0.0)
+
             def attempt(base: float | None) -> _Stretch:
                 levels = None
                 if base is not None:
                     plain = [_level(base, need) for need in needs]
                     levels = [
-                        min(max(level, least), level + MOST_RAISED)
+                        min(max(level, least), level + most)
                         for level, least in zip(plain, enough, strict=True)
                     ]
                 return self._stretch(host, side[:-HOP], payloads, levels)

@@ -32,6 +32,9 @@ SLOT_FRAMES = 8
 USUAL_GRADE = -0.42
 """Grade to aim at unless told otherwise: what the loop misses it by leaves clips above -0.5."""
 
+HARD_LINE_GRADE = -1.0
+"""The same for coders that spoil the sound more than that themselves."""
+
 FIRST_PILOT_BIN = 6
 """Lowest bin of the pilots: 300 Hz; a bin is 50 Hz wide."""
 
@@ -82,6 +85,8 @@ class Profile:
         Place in `PILOT_STEPS` of the pilots' step at the lowest levels.
     coder_bits : float
         Bits per frame of 10 ms of the coder that the embedder has in mind.
+    grade : float
+        Grade to aim at unless told otherwise; with a rehearsal, that of passages that need it.
     """
 
     name: str
@@ -96,6 +101,7 @@ class Profile:
     strength: float
     lowest_tier: int
     coder_bits: float
+    grade: float = USUAL_GRADE
 
     def __post_init__(self) -> None:
         if PILOT_BINS % self.cell_bins:
@@ -170,6 +176,7 @@ ROBUST = Profile(
     strength=1.75,
     lowest_tier=1,
     coder_bits=350.0,
+    grade=HARD_LINE_GRADE,
 )
 
 STANDARD = Profile(
