@@ -117,9 +117,9 @@ class AudioEmbedder:
     profile : str
         Name of a `Profile`.
     grade : float, optional
-        Objective difference grade to aim at, the profile's own by default (ITU-R BS.1387): 0 imperceptible, -1 perceptible but
-        not annoying. The level of the mark follows it; with a rehearsal it is the lowest grade, of
-        passages that need it, and others have a better one.
+        Objective difference grade to aim at (ITU-R BS.1387), the profile's own by default:
+        0 imperceptible, -1 perceptible but not annoying. The level of the mark follows it; with a
+        rehearsal it is the lowest grade, of passages that need it, and others have a better one.
     level : int, optional
         Fixed level instead, see `watermark.audio.profile.LEVELS`.
     key : int

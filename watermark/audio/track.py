@@ -43,7 +43,7 @@ COARSE_SCORE, BESIDE_SCORE = 24.0, 36.0
 and a half standard deviations of noise."""
 
 DEEP = 1e-2 * FLOOR
-"""Floor of the mask where a superframe fails: a gain of -20 dB may have moved its quiet bands there."""
+"""Floor of the mask where a superframe fails: a gain of -20 dB may have moved quiet bands there."""
 
 FOLLOW = 0.3
 """Delay tried on either side with the decoded bits of each following superframe, samples."""
