@@ -16,7 +16,7 @@ from unittest.mock import patch
 
 from spec.reference import files
 from spec.reference.identity import identity as identity_of
-from spec.reference.markers import identity, markers, read_voice
+from spec.reference.markers import Array, identity, markers, read_voice
 from spec.reference.motion import BASES, read_coding
 from spec.reference.superframe import MalformedError, crc, decode, record
 
@@ -30,6 +30,14 @@ FRAMES = (0, 1, 13, 31, 37, 63, 70, 95)
 
 SHOWN = (5, 25, 63 + 7, 63 + 30)
 """Markers that are: nose bridge, lower lip, two of the hand."""
+
+MOVEMENTS = (
+    (0.6, 2.5, 0.33, 0.05, 0.35, 0.003, 0.4, 0.4, 0.2, 0.5, 0.15, 0.4, 0.12, 0.5, 0.3, 0.02, -0.04,
+     0.03, 0.06, 0.05, 0.15, 0.9, 0.35, 0.4),
+    (0.8, 3.0, 0.2, 0.15, 0.25, 0.001, 0.2, 0.7, 0.14, 2.0, 0.02, 0.3, 0.04, 0.9, 0.0, -0.03, 0.05,
+     0.0, 0.12, 0.05, 0.15, 1.2, 0.2, 0.6),
+)  # fmt: skip
+"""Constants of movement (table 5) of other voices: with undershoot, and with no usual stroke."""
 
 EVEN = 4 * [31 * [32 * [0]]]
 """Scales that do for reading what comes before coefficients."""
@@ -186,6 +194,26 @@ def cases(coding: str) -> Iterator[tuple[str, str, bytes, bool]]:
     yield "constant", "F6", head(0, 64, 16 * "0", 5 << 12 | 1) + bytes(12), False
 
 
+def others(coding: dict[str, Array]) -> Iterator[tuple[str, bytes, dict[str, list[float]]]]:
+    """Yield identifier, file, and what is other than in the voice: movement and lateness."""
+    rng = random.Random(10)
+    count = coding["targets.late"].shape[0]
+    for i in range(6):
+        late = [rng.randrange(-50, 80) / 1000 for _ in range(count)]
+        records = [told(rng, i // 2 % 2, False, i > 1)] + [payload(rng, 9) for _ in range(3)]
+        other = {"movement": list(MOVEMENTS[i % 2]), "late": late}
+        yield f"other-movement-{i}", whole(head(32, 96, 16 * "0"), records), other
+
+
+def moved(coding: dict[str, Array], other: Case) -> dict[str, Array]:
+    """Return coding tables with another voice's movement, if a case states one."""
+    return coding | {
+        f"targets.{name}": Array((len(other[name]),), other[name], b"")
+        for name in ("movement", "late")
+        if name in other
+    }
+
+
 def invalid() -> Iterator[tuple[str, str, bytes]]:
     """Yield identifier, the paragraph that is broken, and a file."""
     good = whole(head(0, 32, 16 * "0"), [b"", b"\xfc"])
@@ -229,17 +257,25 @@ def main(path: str) -> None:
         ]
         for basis in BASES
     ]
+
+    def seen(found: files.File, tables: dict[str, Array]) -> Case:
+        frames = files.parameters(found, scales, tables)
+        return {
+            str(t): [[round(x, 3) for x in markers(voice, frames[t])[m]] for m in SHOWN]
+            for t in FRAMES
+        }
+
     rows = []
     for case, section, data, shown in cases(name):
         found = files.read(data)
         row = {"id": case, "section": section, "valid": True, "file": data.hex(), **said(found)}
         if shown:
-            frames = files.parameters(found, scales, coding)
-            row["markers"] = {
-                str(t): [[round(x, 3) for x in markers(voice, frames[t])[m]] for m in SHOWN]
-                for t in FRAMES
-            }
+            row["markers"] = seen(found, coding)
         rows.append(row)
+    for case, data, other in others(coding):
+        found = files.read(data)
+        row = {"id": case, "section": "4 to 8", "valid": True, "file": data.hex(), **said(found)}
+        rows.append(row | other | {"markers": seen(found, moved(coding, other))})
     for case, section, data in invalid():
         try:
             files.read(data)

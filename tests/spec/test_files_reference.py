@@ -2,12 +2,14 @@
 
 import json
 import zlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from codec.bitstream import stream
 from codec.bitstream.coding import coding_for
 from codec.bitstream.joining import join_line
 from codec.bitstream.score_coding import part_of
@@ -19,6 +21,7 @@ from codec.bitstream.stream import (
     read_superframes,
     told_by,
 )
+from codec.cuer.movement import Movement
 from codec.cuer.voice import load_voice
 from codec.cues.score import PLACEMENT_NUMBER
 from codec.errors import BitstreamError
@@ -93,9 +96,15 @@ def test_a_line_of_one_silence_is_a_file_without_keys() -> None:
 
 
 @pytest.mark.parametrize("case", DRAWN, ids=lambda case: case["id"])
-def test_markers(case: dict[str, Any]) -> None:
+def test_markers(case: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     shown = DOCUMENT["shown"]
     voice = load_voice()
+    if "movement" in case:
+        own = coding_for(voice)
+        late, movement = np.array(case["late"]), Movement(*case["movement"])
+        other = replace(own, targets=replace(own.targets, movement=movement, late=late))
+        object.__setattr__(other, "identity", case["coding"])
+        monkeypatch.setattr(stream, "coding_for", lambda _: other)
     drawn = voice.reconstruct(decode_stream(file_of(case), voice).params)
     for t, points in case["markers"].items():
         assert np.abs(drawn[int(t)][shown] - np.array(points)).max() < 0.01
