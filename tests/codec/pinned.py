@@ -35,7 +35,7 @@ from codec.bitstream.encoder import SuperframeEncoder
 from codec.bitstream.inspect import describe, describe_bits, inspect_stream
 from codec.bitstream.slow import SlowSender
 from codec.bitstream.stream import decode_stream, encode_stream, read_head, read_superframes
-from codec.bitstream.superframe import ScoreMerger, Superframe, merge_scores
+from codec.bitstream.superframe import ScoreMerger, Superframe, merge_scores, resynthesis_of
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.cueing import CueingOptions, cue
@@ -43,6 +43,7 @@ from codec.cues.phonology import CONSONANTS, VOWELS
 from codec.cues.score import Key, Phone, Score
 from codec.cues.timeline import SUPERFRAME_S, TICK_S
 from codec.errors import BitstreamError, CueError
+from codec.training.coding_tables import near, parts_of
 from tests.codec.speech import SENTENCE, spoken
 
 PINNED = Path(__file__).parents[1] / "data" / "pinned.json"
@@ -100,7 +101,7 @@ def at_length(score: Score, times: float) -> Score:
 
 
 def moved(score: Score | None, seed: int) -> Motion:
-    """A motion that wanders, with a score."""
+    """A motion that wanders, with a score; of an even number it is near what the score says."""
     rng = np.random.default_rng(seed)
     times = np.arange(SUPERFRAMES * 32) * TICK_S
     channels = len(voice().layout)
@@ -108,7 +109,14 @@ def moved(score: Score | None, seed: int) -> Motion:
     size = rng.uniform(0, 0.8, (3, channels)) * rng.random(channels)
     waves = (size[:, None] * np.sin(times[:, None] * speed[:, None] + phase[:, None])).sum(axis=0)
     waves += np.cumsum(rng.normal(0, 0.05, waves.shape), axis=0) * 0.9
-    return Motion(waves.astype(np.float32), 50, 0.0, voice().layout, voice().identity, score)
+    motion = Motion(waves.astype(np.float32), 50, 0.0, voice().layout, voice().identity, score)
+    if score is None or seed % 2:
+        return motion
+    coding, parts = coding_for(voice()), parts_of(motion, SUPERFRAMES)
+    blocks = [resynthesis_of(coding, near(parts, k), k).params() for k in range(SUPERFRAMES)]
+    offset = 0.4 * rng.normal(size=channels)  # another cuer's hand: what is learnt
+    cued = np.concatenate(blocks) * rng.uniform(0.8, 1.2, channels) + offset + 0.1 * waves
+    return replace(motion, params=cued.astype(np.float32))
 
 
 def crc(data: Iterable[bytes]) -> int:
@@ -305,6 +313,16 @@ def cases() -> dict[str, Case]:
     file("file-options", babble(40, (4, 12)), 9, rate_bps=500, options=OPTIONS)
     file("file-slow", spoken(SENTENCE[:12], 0.8), 10, rate_bps=700)
     file("file-slow-keys", at_length(overridden(11), 7.0), 11, rate_bps=700)
+    for number, rate in enumerate((250, 400, 900, 2500)):
+        score = babble(50 + number, (3, 8 + number))
+        file(f"file-cued-{rate}", score, 20 + 2 * number, rate_bps=rate)
+        file(f"file-steady-{rate}", score, 30 + 2 * number, rate_bps=rate, constant=True)
+        file(f"file-dropped-{rate}", score, 40 + number, rate_bps=rate, drop_score=True)
+    for error_mm in (0.5, 1.5, 3.0, 9.0):
+        file(f"file-{error_mm}-mm", babble(60, (3, 9)), 50, error_mm=error_mm)
+    air("cued", babble(61, (3, 9)), 20, 7, 60, protected=True)
+    air("cued-large", babble(62, (3, 9)), 60, 90, 62)
+    air("cued-small", babble(63, (5, 12)), 15, 4, 64)
     for mode in (SCORE, PLAIN, COMPACT):
         for size in (6, 9, 11) if mode == COMPACT else (12, 24, 70):
             made[f"noise-{mode}-{size}"] = partial(noise, mode, size, 2 * size)
