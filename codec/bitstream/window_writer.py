@@ -183,25 +183,49 @@ class WindowWriter:
         while self._next < len(line.starts) and not line.numbers[self._next]:
             self._next += 1
         if self._next < len(line.starts) and line.starts[self._next] < begin + EARLIEST:
-            # Speech that no timing keeps up with loses keys.
+            # Speech that no timing keeps up with loses keys; it goes on with a consonant, as a
+            # vowel could be taken for that of the last one told.
             while self._next < len(line.starts) and (
-                line.starts[self._next] < begin + EARLIEST or not self._starts_key(self._next)
+                line.starts[self._next] < begin + EARLIEST
+                or not is_consonant(line.numbers[self._next])
             ):
                 self._next += 1
         if self._next == len(line.starts) or line.starts[self._next] > begin + LAST:
             return self._empty(index)
         start = self._next - self._needs_pause(self._next)
-        best = start, self._empty(index)
+        best = start, self._empty(index), _Timing(FINE)
         for timing in self._timings(index, start):
             payload = self._code(index, start, timing)
             window = self._window_of(payload)
             reached = start + len(window.numbers)
-            best = max(best, (reached, payload), key=lambda pair: pair[0])
+            best = max(best, (reached, payload, timing), key=lambda told: told[0])
             if self._suffices(index + 1, reached, timing):
-                best = reached, payload
+                best = reached, payload, timing
                 break
-        self._next = best[0]
-        return best[1]
+        self._next, payload, timing = best
+        if self._loses_vowel(index + 1, self._next):
+            self._next, payload = self._without_half(index, start, self._next - 1, timing)
+        return payload
+
+    def _loses_vowel(self, index: int, k: int) -> bool:
+        """Return whether `index` comes too late for a vowel `k` whose consonant is told before."""
+        line = self._line
+        if k == len(line.starts) or not is_vowel(line.numbers[k]) or self._starts_key(k):
+            return False
+        return line.starts[k] < index * TICKS + EARLIEST
+
+    def _without_half(
+        self, index: int, start: int, end: int, timing: "_Timing"
+    ) -> tuple[int, bytes]:
+        """Return the longest payload that ends with a pause, before phone `end` at most.
+
+        A consonant whose vowel is lost would be another key.
+        """
+        for k in range(end, start, -1):
+            payload = self._code(index, start, timing, end=k)
+            if len(self._window_of(payload).numbers) == k - start:
+                return k, payload
+        return start, self._empty(index)
 
     def _suffices(self, index: int, k: int, timing: "_Timing") -> bool:
         """Return whether a window that ends before phone `k` leaves `index` on enough time."""
@@ -322,8 +346,11 @@ class WindowWriter:
         tick = min(max(tick + unit // 4, EARLIEST), LAST) - EARLIEST
         return tick + EARLIEST - tick % unit
 
-    def _code(self, index: int, first: int, timing: "_Timing") -> bytes:
-        """Return the code of the phones from number `first` on, cut off at its room."""
+    def _code(self, index: int, first: int, timing: "_Timing", *, end: int | None = None) -> bytes:
+        """Return the code of the phones from number `first` on, cut off at its room.
+
+        Before phone `end` it says that a pause follows.
+        """
         line, tables = self._line, score_tables()
         tick = self._begin(index, first, timing.timing)
         encoder = self._opened(index, tick, timing)
@@ -342,8 +369,8 @@ class WindowWriter:
                 row, limit = length_row(number, spoken, timing.timing, tables)
                 unit, units = UNIT[timing.timing], limit + 1
                 if k + 1 < len(line.starts):
-                    end = line.starts[k + 1] - index * TICKS
-                    units = min(max((end - tick + unit // 2) // unit, 1), limit + 1)
+                    until = line.starts[k + 1] - index * TICKS
+                    units = min(max((until - tick + unit // 2) // unit, 1), limit + 1)
                 encoder.put(units - 1, row, limit)
                 if number == 0 and units > limit:
                     break
@@ -351,7 +378,8 @@ class WindowWriter:
             context, spoken = (context[1], number), ticks if number else 0
             tick += ticks
             meant.append((number, tick - ticks, tick, len(encoder)))
-            if number and k + 1 < len(line.starts) and self._outlasts(index, k + 1, tick):
+            last = k + 1 == end or self._outlasts(index, k + 1, tick)
+            if number and last:
                 # The next window begins where it really ends.
                 encoder.put(letter_of(0), tables.next[context])
                 row, limit = length_row(0, spoken, timing.timing, tables)
@@ -363,7 +391,8 @@ class WindowWriter:
 
     def _outlasts(self, index: int, k: int, tick: int) -> bool:
         """Return whether the phone before `k` lasts longer than a window can tell."""
-        return self._line.starts[k] - index * TICKS - tick > _LONGER
+        starts = self._line.starts
+        return k < len(starts) and starts[k] - index * TICKS - tick > _LONGER
 
     def _cut(self, encoder: RangeEncoder, meant: Sequence[_Meant]) -> bytes:
         """Return a code cut to its room such that it tells as many phones as possible.
