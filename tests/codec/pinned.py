@@ -306,7 +306,8 @@ def cases() -> dict[str, Case]:
     file("file-rate", babble(37, (4, 9)), 2, rate_bps=600)
     file("file-low", babble(38, (4, 9)), 3, rate_bps=140)
     file("file-constant", usual, 4, rate_bps=337.5, constant=True)
-    file("file-dropped", babble(39, (3, 20)), 5, rate_bps=900, score="auto")
+    file("file-auto", babble(39, (3, 20)), 5, rate_bps=900, score="auto")
+    file("file-dropped", babble(39, (3, 20)), 5, rate_bps=900, score="drop")
     file("file-keys", read_off(6), 6, rate_bps=800)
     file("file-overrides", overridden(7), 7, error_mm=1.0)
     file("file-no-score", None, 8, error_mm=4.0)
@@ -317,7 +318,7 @@ def cases() -> dict[str, Case]:
         score = babble(50 + number, (3, 8 + number))
         file(f"file-cued-{rate}", score, 20 + 2 * number, rate_bps=rate)
         file(f"file-steady-{rate}", score, 30 + 2 * number, rate_bps=rate, constant=True)
-        file(f"file-dropped-{rate}", score, 40 + number, rate_bps=rate, drop_score=True)
+        file(f"file-auto-{rate}", score, 40 + number, rate_bps=rate, score="auto")
     for error_mm in (0.5, 1.5, 3.0, 9.0):
         file(f"file-{error_mm}-mm", babble(60, (3, 9)), 50, error_mm=error_mm)
     air("cued", babble(61, (3, 9)), 20, 7, 60, protected=True)
