@@ -1,6 +1,7 @@
 """Keys of a text whose times are unknown: found, left out, told when they are another text's."""
 
 import itertools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,10 @@ from codec.cuer.voice import load_voice
 from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, Key, Score
 from codec.errors import CueError
 from synth.capture.cues import _kernels
-from synth.capture.cues.follow import follow_keys
+from synth.capture.cues.follow import Followed, follow_keys
 from synth.capture.cues.lattice import lattice
 from synth.capture.cues.looks import ANYBODYS, KEYS, looks_of
-from synth.capture.cues.recognise import nearness, prices, recognise_keys
+from synth.capture.cues.recognise import Held, Run, _stayed, nearness, prices, recognise_keys
 from synth.capture.cues.seen import Seen, fingers_of
 from synth.capture.transcript import read_transcript
 
@@ -163,3 +164,35 @@ def test_transcripts_are_texts_or_phones() -> None:
     assert len(paused.keys) == 6
     with pytest.raises(CueError, match="nothing that is spoken"):
         read_transcript("...")
+
+
+def test_a_hand_that_passes_a_key_does_not_show_it() -> None:
+    """Next to rest a key must be held; within a phrase it may be short."""
+    rest, short, held = KEYS.index((0, 0)), KEYS.index((5, 5)), KEYS.index((2, 3))
+    runs = [
+        Run(rest, 0, 20, 1.0), Run(short, 22, 24, 0.3), Run(held, 30, 40, 0.9),
+        Run(short, 45, 47, 0.6), Run(held, 52, 60, 0.9), Run(short, 62, 63, 0.3),
+    ]  # fmt: skip
+    assert _stayed(runs, 30.0) == [runs[0], *runs[2:5]]
+    assert _stayed(runs, 50.0) == [runs[0], *runs[2:5]]
+    longer = [runs[0], replace(runs[1], end=27), *runs[2:]]
+    assert _stayed(longer, 30.0) == longer[:-1]
+
+
+def test_few_keys_agree_by_chance() -> None:
+    held = [Held(1, 1, 0.0, 0.1, 0.5)] * 36
+    assert Followed(tuple(held), 0.5, ANYBODYS).believed
+    assert not Followed(tuple(held[:9]), 0.5, ANYBODYS).believed
+    assert Followed(tuple(held[:9]), 0.56, ANYBODYS).believed
+
+
+def test_fingers_are_shortened_together() -> None:
+    """A palm that turns away is likelier than fingers that disagree by as much."""
+    together = np.array([-0.2, -0.2, -0.2, -0.2, 0.0, 0.0, 0.0])
+    apart = together * [1, -1, 1, -1, 0, 0, 0]
+    fits = []
+    for off in (together, apart):
+        seen = shown([(4, 3)], hold=9)
+        seen.fingers[:] += off
+        fits.append(lattice(seen, ANYBODYS).hold[10:14, KEYS.index((4, 3))].sum())
+    assert fits[0] > fits[1] + 1.0

@@ -36,9 +36,10 @@ _BAND = 300
 _AROUND_S = 0.1
 """Seconds about a key's moment that tell how well it fits."""
 
-_AGREES = 0.45
-"""Mean probability of a text's keys from which it is believed: on takes of real and virtual cuers
-their own texts had more, those of other takes less."""
+_AGREES, _FEW_AGREE = 0.4, 0.4
+"""Mean probability of a text's keys from which it is believed, and how much more by the root of
+their number: few keys agree by chance. On takes of real and virtual cuers their own texts had more,
+those of other takes less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,7 @@ class Followed:
     @property
     def believed(self) -> bool:
         """Whether the hand shows this text."""
-        return self.agreement >= _AGREES
+        return self.agreement >= _AGREES + _FEW_AGREE / float(np.sqrt(len(self.held)))
 
 
 def follow_keys(seen: Seen, keys: Sequence[Key], *, looks: Looks = ANYBODYS) -> Followed:
