@@ -60,6 +60,9 @@ MOST_CPU_S = 90
 MOST_BYTES = 8 << 30
 """Address space of a mutant's process."""
 
+TOLD = 10
+"""Mutants after which it is told how many were tried."""
+
 _PYTEST = "-x -q -p no:cacheprovider -W ignore::pytest.PytestAssertRewriteWarning".split()
 """Plugins are loaded before the fork, which pytest warns of."""
 
@@ -232,6 +235,8 @@ def judged(room: str, mutants: list[Mutant], folder: Path) -> list[Mutant]:
             forge.test(mutant)
         except KeyboardInterrupt:
             return mutants[: number - 1]
+        if number % TOLD == 0:
+            print(f"[{number}/{len(mutants)}] tried", file=sys.stderr, flush=True)
         if mutant.outcome == "survived":
             if (mutant.path, mutant.before, mutant.after) in explained:
                 mutant.outcome = "equivalent"
