@@ -194,6 +194,40 @@ def cases(coding: str) -> Iterator[tuple[str, str, bytes, bool]]:
     yield "constant", "F6", head(0, 64, 16 * "0", 5 << 12 | 1) + bytes(12), False
 
 
+def following(
+    rng: random.Random, coding: str, before: bytes, sequence: int, consonant: bool
+) -> bytes:
+    """Return a superframe that begins with the phone that ends another one (J1).
+
+    If wanted, it ends with a consonant of its own, which no vowel follows (J4).
+    """
+    score = decode(before[:24], None, EVEN, coding).score or {}
+    last = (score["numbers"] or [score["first"]])[-1]
+    while True:
+        frame = constant(rng, coding, 0, sequence)
+        own = decode(frame[:24], None, EVEN, coding).score or {}
+        ends = own["numbers"][-1:]
+        alone = ends and ends[0] > 16 and not own["ahead"] and 8 <= own["starts"][-1] < 20
+        if own["first"] == last and (alone or not consonant):
+            return frame
+
+
+def more_drawn(coding: str) -> Iterator[tuple[str, bytes]]:
+    """Yield identifier and file: superframes that tell one line, and the last of the phones."""
+    rng = random.Random(11)
+    for i in range(3):
+        frames = [constant(rng, coding, 0, 1)]
+        for k in (2, 3):
+            frames.append(following(rng, coding, frames[-1], k, consonant=k == 3 and i > 0))
+        yield f"drawn-joined-{i}", head(32, 96, coding, 24 << 12 | 6) + b"".join(frames)
+    while True:
+        once = told(rng, 0, False, False)
+        file = whole(head(32, 96, coding), [once] + 3 * [b"\xfc"])
+        if any(n == 37 and 32 <= a < 96 for n, a, _ in files.read(file).line or []):
+            yield "drawn-last-phone", file
+            return
+
+
 def others(coding: dict[str, Array]) -> Iterator[tuple[str, bytes, dict[str, list[float]]]]:
     """Yield identifier, file, and what is other than in the voice: movement and lateness."""
     rng = random.Random(10)
@@ -272,6 +306,10 @@ def main(path: str) -> None:
         if shown:
             row["markers"] = seen(found, coding)
         rows.append(row)
+    for case, data in more_drawn(name):
+        found = files.read(data)
+        row = {"id": case, "section": "4 to 8", "valid": True, "file": data.hex(), **said(found)}
+        rows.append(row | {"markers": seen(found, coding)})
     for case, data, other in others(coding):
         found = files.read(data)
         row = {"id": case, "section": "4 to 8", "valid": True, "file": data.hex(), **said(found)}
