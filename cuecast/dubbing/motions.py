@@ -13,7 +13,7 @@ from codec.cues.score import Score
 from codec.errors import CueError
 from synth.joined.concatenation import ConcatenativeSynthesiser
 from synth.prosody.passages import passages
-from synth.rules.gesture import GestureSynthesiser
+from synth.rules.bodiless import RuledCuer, ruled_cuer
 
 RATE_HZ = 50.0
 """Frames per second of the motion inside superframes."""
@@ -75,8 +75,8 @@ class SynthesisedMotion:
         self.score = score
         self.rate_hz = RATE_HZ
         self._voice = voice
-        self._synthesiser = GestureSynthesiser(
-            voice.name, rate_hz=RATE_HZ, seed=seed, options=options, alignment=alignment
+        self._synthesiser = ruled_cuer(
+            voice, rate_hz=RATE_HZ, seed=seed, options=options, alignment=alignment
         )
 
     def window(self, start_s: float, frames: int) -> Motion:
@@ -94,16 +94,14 @@ class SynthesisedMotion:
         return self._synthesiser.motion(self.score, start_s, frames, self._voice)
 
 
-def ruled_motion(
-    pieces: Iterable[Score], cuer: GestureSynthesiser, voice: Voice
-) -> Iterator[Motion]:
+def ruled_motion(pieces: Iterable[Score], cuer: RuledCuer, voice: Voice) -> Iterator[Motion]:
     """Yield the motion of a score from time 0 on, in constant memory.
 
     Parameters
     ----------
     pieces : iterable of Score
         In order of time; how the score is cut into pieces changes nothing.
-    cuer : GestureSynthesiser
+    cuer : RuledCuer
     voice : Voice
         What her motion is expressed in.
     """

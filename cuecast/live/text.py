@@ -15,7 +15,7 @@ from codec.cuer.voice import Voice
 from codec.cues.score import Key, Phone, Score
 from codec.errors import CueError
 from cuecast.dubbing.motions import RATE_HZ
-from synth.rules.gesture import GestureSynthesiser
+from synth.rules.bodiless import ruled_cuer
 from synth.scoring.text_score import Reading, score_from_text
 from synth.subtitles import spoken
 
@@ -97,7 +97,7 @@ class LiveMotion:
         How the text is read and cued.
     seed : int
     alignment : str
-        See `GestureSynthesiser`.
+        See `synth.rules.bodiless.ruled_cuer`.
 
     Attributes
     ----------
@@ -111,8 +111,8 @@ class LiveMotion:
         self, voice: Voice, reading: Reading, *, seed: int = 0, alignment: str = "attina"
     ) -> None:
         self._voice, self._reading = voice, reading
-        self._cuer = GestureSynthesiser(
-            voice.name, rate_hz=RATE_HZ, seed=seed, options=reading.options, alignment=alignment
+        self._cuer = ruled_cuer(
+            voice, rate_hz=RATE_HZ, seed=seed, options=reading.options, alignment=alignment
         )
         self.rate_hz = RATE_HZ
         self._phones: deque[Phone] = deque()

@@ -104,10 +104,10 @@ def _motion(
         )
         return perform(pieces, units, rate_hz=args.rate, speech=args.speech)
     from cuecast.dubbing.motions import ruled_motion
-    from synth.rules.gesture import GestureSynthesiser
+    from synth.rules.bodiless import ruled_cuer
 
-    cuer = GestureSynthesiser(
-        voice.name, rate_hz=args.rate, seed=args.seed, alignment=args.alignment, options=options
+    cuer = ruled_cuer(
+        voice, rate_hz=args.rate, seed=args.seed, alignment=args.alignment, options=options
     )
     return ruled_motion(pieces, cuer, voice)
 

@@ -79,13 +79,27 @@ def articulate(line: PhoneLine, times: FloatArray) -> FloatArray:
     targets, strength = viseme_table()
     for first in range(0, len(times), _FRAMES_AT_ONCE):
         block = slice(first, min(first + _FRAMES_AT_ONCE, len(times)))
-        low, high = times[block.start] - _REACH_S, times[block.stop - 1] + _REACH_S
-        near = np.flatnonzero((line.end > low) & (line.start < high))
+        pull, near = dominance(line, times[block])
         number = line.number[near]
-        pull = _pull(times[block], line.start[near], line.end[near])
         weights = pull @ strength[number] + _REST_DOMINANCE
         out[block] = (pull @ (strength * targets)[number]) / weights
     return out
+
+
+def dominance(line: PhoneLine, times: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return the dominance (T, N) of the phones that have a say at some times, and which they are.
+
+    Parameters
+    ----------
+    line : PhoneLine
+    times : ndarray, shape (T,)
+        Increasing, seconds.
+    """
+    if not len(times):
+        return np.zeros((0, 0)), np.zeros(0, dtype=np.int64)
+    low, high = times[0] - _REACH_S, times[-1] + _REACH_S
+    near = np.flatnonzero((line.end > low) & (line.start < high))
+    return _pull(times, line.start[near], line.end[near]), near
 
 
 def _pull(times: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:

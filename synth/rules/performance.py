@@ -7,7 +7,7 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Score
 from codec.errors import CueError
-from synth.rules.gesture import GestureSynthesiser
+from synth.rules.bodiless import ruled_cuer
 
 _AFTER_S = 1.5
 """Seconds behind the last phone: the longest way of the hand back to its rest, and a breath."""
@@ -30,7 +30,8 @@ def motion_of(
     ----------
     score : Score
     voice : Voice
-        Of the parameters; its name is that of the cuer who performs.
+        Of the parameters; the virtual cuer of its name performs, or its own targets if there is
+        none.
     seed : int
         Of the small motions.
     rate_hz : float
@@ -52,8 +53,6 @@ def motion_of(
     """
     if not score.phones:
         raise CueError("the score is empty: nothing is said in it")
-    cuer = GestureSynthesiser(
-        voice.name, rate_hz=rate_hz, seed=seed, alignment=alignment, options=options
-    )
+    cuer = ruled_cuer(voice, rate_hz=rate_hz, seed=seed, alignment=alignment, options=options)
     frames = math.ceil((score.phones[-1].end + _AFTER_S) * rate_hz)
     return cuer.motion(score, 0.0, frames, voice)
