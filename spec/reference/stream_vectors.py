@@ -140,6 +140,22 @@ def replacing(rng: random.Random, before: int, most: int, this: int) -> bytes:
                 return file
 
 
+def of_neither(rng: random.Random) -> bytes:
+    """Return a file with a key of neither consonant nor vowel (F11)."""
+    read, seen = files.open_phone, list[int]()
+
+    def noted(*args: Any) -> int:
+        seen.append(read(*args))
+        return seen[-1]
+
+    with patch.object(files, "open_phone", noted):
+        while True:
+            seen.clear()
+            file = searched(rng, 1, lambda line: len(line) > 5)
+            if (0, 0) in zip(seen[-20::2], seen[-19::2], strict=False):
+                return file
+
+
 def outrun(rng: random.Random, bytes_behind: int) -> bytes:
     """Return a file whose line is read up to some bytes behind its code (F10)."""
     seen: list[int] = []
@@ -306,6 +322,15 @@ def main(path: str) -> None:
         if shown:
             row["markers"] = seen(found, coding)
         rows.append(row)
+    rng = random.Random(12)
+    for case, data in (
+        ("silence-to-the-end", searched(rng, 1, lambda line: line == [[0, -33, 128]])),
+        ("neither-phone", of_neither(rng)),
+    ):
+        found = files.read(data)
+        rows.append(
+            {"id": case, "section": "F11, F12", "valid": True, "file": data.hex(), **said(found)}
+        )
     for case, data in more_drawn(name):
         found = files.read(data)
         row = {"id": case, "section": "4 to 8", "valid": True, "file": data.hex(), **said(found)}
