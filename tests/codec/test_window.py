@@ -78,7 +78,7 @@ def test_twelve_bytes_keep_every_key_and_its_time(score: Score) -> None:
 
 @pytest.mark.parametrize("size", [7, 9, 12])
 def test_usual_speech_fits(size: int) -> None:
-    score = spoken(4 * SENTENCE)
+    score = spoken(10 * SENTENCE)
     assert names(score_of(windows_of(score, size))) == names(score)
 
 
