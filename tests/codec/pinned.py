@@ -28,7 +28,7 @@ from codec.bitstream.bits import (
     identity_bits,
 )
 from codec.bitstream.checks import check_of, with_check
-from codec.bitstream.coding import coding_for
+from codec.bitstream.coding import coding_for, derive_coding
 from codec.bitstream.compact_encoder import CompactEncoder
 from codec.bitstream.decoder import SuperframeDecoder
 from codec.bitstream.encoder import SuperframeEncoder
@@ -45,6 +45,7 @@ from codec.cues.timeline import SUPERFRAME_S, TICK_S
 from codec.errors import BitstreamError, CueError
 from codec.training.coding_tables import near, parts_of
 from tests.codec.speech import SENTENCE, spoken
+from tests.receiver.standin import make_voice
 
 PINNED = Path(__file__).parents[1] / "data" / "pinned.json"
 SUPERFRAMES = 10
@@ -273,6 +274,16 @@ def in_any_order(score: Score, seed: int) -> dict[str, Any]:
     }
 
 
+def derived() -> dict[str, Any]:
+    """The coding of a voice without trained tables."""
+    coding = derive_coding(make_voice())
+    bases = (coding.residual, coding.loose, coding.plain, coding.filmed)
+    return {
+        "scales": [base.scales.sum(axis=1).tolist() for base in bases],
+        "mean": course([coding.mean]),
+    }
+
+
 def cases() -> dict[str, Case]:
     """All cases by name."""
     usual, slow = spoken(SENTENCE), SlowSender({0: 7, 3: 9})
@@ -327,6 +338,7 @@ def cases() -> dict[str, Case]:
     for mode in (SCORE, PLAIN, COMPACT):
         for size in (6, 9, 11) if mode == COMPACT else (12, 24, 70):
             made[f"noise-{mode}-{size}"] = partial(noise, mode, size, 2 * size)
+    made["derived"] = derived
     made["any-order"] = lambda: in_any_order(babble(41, (4, 9)), 12)
     made["any-order-keys"] = lambda: in_any_order(overridden(13), 13)
     return made
