@@ -96,8 +96,22 @@ def transcribe(word: str) -> tuple[str, ...]:
     ipa = _ipa(_respell(word))
     if "(en)" in ipa:
         ipa = _ipa(_as_french(_respell(word)))
-    phones = to_phones(ipa)
+    phones = _single(to_phones(ipa))
     return _palatal(word, phones) if "gn" in word else phones
+
+
+def _single(phones: tuple[str, ...]) -> tuple[str, ...]:
+    """Return phones without consonants said twice, as the library does with kk and zz.
+
+    Examples
+    --------
+    >>> _single(("a", "k", "k", "u", "a", "a"))
+    ('a', 'k', 'u', 'a', 'a')
+    """
+    return tuple(
+        phone for before, phone in pairwise(["", *phones])
+        if phone != before or phone in _VOWELS
+    )  # fmt: skip
 
 
 def _ipa(word: str) -> str:
@@ -117,9 +131,21 @@ def _ipa(word: str) -> str:
 
 
 def _respell(word: str) -> str:
-    """Return a word spelled so that the library reads it as French, with the ends of names."""
+    """Return a word spelled so that the library reads it as French, with the ends of names.
+
+    Common words with these ends stand in the lexicon. T before i is s there, unless s or x comes
+    before it.
+
+    Examples
+    --------
+    >>> [_respell(word) for word in ("artaxerxès", "dioclétien", "sébastien", "croatie", "hélios")]
+    ['artaxerxèsse', 'dioclécien', 'sébastien', 'croacie', 'héliosse']
+    """
     word = re.sub(r"ouent$", "oue", word.replace("sch", "ch"))
-    word = re.sub(r"(?<=[bcdfgklmnprtvz])([iou]|è)s$", r"\1sse", word)
+    word = re.sub(r"(?<=[bcdfgklmnprtvxz])([iou]|è)s$", r"\1sse", word)
+    word = re.sub(r"ios$", "iosse", word)
+    word = re.sub(r"(?<=[^sx])tien(nes?|s?)$", r"cien\1", word)
+    word = re.sub(r"([aéo]|en)tie(s?)$", r"\1cie\2", word)
     if _FOREIGN_SIGN.search(word):
         word = re.sub(r"(?<=[^aeiouyé])er$", "ère", word)
         word = re.sub(r"ey$", "i", word)
