@@ -38,17 +38,17 @@ __all__ = ["Aligned", "Passage", "align"]
 ROUNDS = 2
 """The second time the rate of speech is known."""
 
-FILLER_COST = 2.0
+FILLER_COST = 3.3
 """What a frame of other speech costs above the likeliest phone, in the logarithm: the right phones
-cost 0.1 to 1.3 more than the likeliest, those of other texts 1.8 to 3.1."""
+cost 0.1 to 1.3 more than the likeliest, under music more, those of other texts 1.8 to 3.1."""
 
-FILLER_ENTRY = 6.0
-"""What a stretch of other speech costs, however long; of 6 and 15 both misplace as few words."""
+FILLER_ENTRY = 10.0
+"""What a stretch of other speech costs, however long; of 10 and 20 both misplace as few words."""
 
-SKIP_COST = 60.0
+SKIP_COST = 100.0
 """What a word that is not spoken costs, as much as some 30 frames of other speech."""
 
-SLOPE = 0.1
+SLOPE = 0.17
 """What each frame costs by which a word begins outside its subtitle."""
 
 LEAST_FIT = -4.0

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from codec.cues.phonology import PHONES
 from codec.errors import CueError
 from codec.files.npz import read_arrays
+from synth.alignment.lasting import without_lasting
 
 Array = NDArray[np.float32]
 
@@ -112,9 +113,14 @@ def heard(x: NDArray[np.float64]) -> Array:
     >>> heard(np.zeros(1600)).shape
     (11, 38)
     """
+    return likely(listen(x, load_ear()), len(x))
+
+
+def likely(features: Array, samples: int) -> Array:
+    """Return what `heard` does, from what `listen` found in so many samples."""
     weights, offsets = load_phones()
-    rough = listen(x, load_ear()) @ weights + offsets
-    place = np.arange(len(x) // HOP + 1) / _EVERY
+    rough = features @ weights + offsets
+    place = np.arange(samples // HOP + 1) / _EVERY
     before = np.minimum(place.astype(np.int64), len(rough) - 1)
     after = np.minimum(before + 1, len(rough) - 1)
     part = (place - place.astype(np.int64)).astype(np.float32)[:, None]
@@ -123,7 +129,7 @@ def heard(x: NDArray[np.float64]) -> Array:
 
 def listen(x: NDArray[np.float64], ear: Mapping[str, Array]) -> Array:
     """Return the ear's features of a sound of any length, 50 a second, shape (frames, 512)."""
-    x = np.pad(x, (0, max(0, _WINDOW - len(x))))
+    x = without_lasting(np.pad(x, (0, max(0, _WINDOW - len(x)))))
     loud = (x / (x.std() + 1e-9) * _LEVEL).astype(np.float32)
     chunk, overlap, step = _CHUNK_S * FS, _OVERLAP_S * FS, _EVERY * HOP
     parts = []

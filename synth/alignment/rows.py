@@ -35,8 +35,9 @@ _PAUSE_FRAMES = 5
 _LENGTH_SPREAD = 0.45
 """Standard deviation of the logarithm of durations about the usual ones."""
 
-_LENGTH_WEIGHT = 2.0
-"""Neighbouring frames of 10 ms tell nearly the same: their costs together count too much."""
+_LENGTH_WEIGHT = 3.3
+"""Neighbouring frames of 10 ms tell nearly the same, so that their costs together count too much:
+of 1.0, 2.0, 3.3 and 4.4 the third misplaces fewest words, with music and with texts condensed."""
 
 _FAR_FRAMES = 200
 """A word is looked for up to 2 s from where its subtitle expects it."""

@@ -1,19 +1,21 @@
 """Teach `synth.alignment.hearing` the phones of French.
 
 Run as ``python -m synth.training.train_hearing --whisper model.bin --speech DIR --texts FILE
---music DIR``. Whisper base (MIT licence) is the ear. The speech is that of June Wallack for
-Asterisk (Debian's asterisk-core-sounds-fr-g722, CC BY-SA 3.0; its texts are in
-asterisk-core-sounds-fr), the music that of asterisk-moh-opsound-g722 (CC BY-SA 3.0). A first layer
-learns from renderings of espeak-ng, whose times are known; with it the recordings are aligned; the
-second learns from both, the recordings also slower and lower, over music and in noise. Every tenth
-recording is kept out and gives the figure printed.
+--music DIR --voices DIR``. Whisper base (MIT licence) is the ear. The speech is that of June
+Wallack for Asterisk (Debian's asterisk-core-sounds-fr-g722, CC BY-SA 3.0; its texts are in
+asterisk-core-sounds-fr), the music that of asterisk-moh-opsound-g722, the voices that are made to
+sing over it those of asterisk-core-sounds-en-g722, -es-, -it- and -ru-g722 (all CC BY-SA 3.0). A
+first layer learns from renderings of espeak-ng, whose times are known; with it the recordings are
+aligned, a second layer learns from both, and with that they are aligned again. The third layer
+learns from the recordings as they are, over music and songs, slower and lower, and in noise. Every
+tenth recording is kept out and gives the figure printed.
 """
 
 import argparse
 import gzip
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import av
@@ -25,12 +27,21 @@ from codec.cues.phonology import PAUSE, PHONE_NUMBER, PHONES
 from codec.cues.score import Phone
 from codec.files.npz import write_arrays
 from synth.alignment.align import Passage, align
-from synth.alignment.hearing import EAR_ASSET, FS, PHONES_ASSET, listen, load_ear, load_phones
+from synth.alignment.hearing import (
+    EAR_ASSET,
+    FS,
+    PHONES_ASSET,
+    likely,
+    listen,
+    load_ear,
+    load_phones,
+)
 from synth.alignment.sound import mono
 from synth.speech.espeak_voice import render
 from synth.text.espeak import RATE_HZ
 from synth.text.pronounce import phonemise
 from synth.text.sentences import read_sentences
+from synth.training.singing import songs
 from synth.training.whisper_ear import ear_of, read_weights
 
 _FRAME_S = 0.02
@@ -48,7 +59,13 @@ _READ_AT_HZ = (RATE_HZ, 25_600, 19_000)
 _SLOWER = (6, 5)
 """By how much slower and lower recordings are heard as well, as if a man spoke."""
 
-_MUSIC_DB, _NOISE_DB = (-2.0, 15.0), (3.0, 20.0)
+_BYTES_PER_S = 8_000
+"""Of G.722."""
+
+_SONGS_S = 240.0
+"""Length of the songs that are made."""
+
+_MUSIC_DB, _NOISE_DB = (-4.0, 10.0), (3.0, 20.0)
 """Range of the voice's strength over music and over noise in dB."""
 
 _LEVEL = 0.05
@@ -80,6 +97,12 @@ def read_sound(path: Path) -> Sound:
         frames = [frame.to_ndarray().reshape(-1) for frame in container.decode(audio=0)]
         rate = container.streams.audio[0].rate
     return mono(np.concatenate(frames).astype(np.float64) / 32768, rate)
+
+
+def read_sounds(folder: Path) -> list[Sound]:
+    """Return the G.722 files below a folder that hold a second or more."""
+    paths = sorted(folder.rglob("*.g722"))
+    return [read_sound(path) for path in paths if path.stat().st_size >= _BYTES_PER_S]
 
 
 def recorded(folder: Path, texts: Path) -> Iterator[Passage]:
@@ -140,22 +163,46 @@ def over(item: Spoken, other: Sound, decibels: float) -> Spoken:
 
 
 def conditions(
-    items: Sequence[Spoken], music: Sequence[Sound], rng: np.random.Generator
+    items: Sequence[Spoken],
+    music: Sequence[Sound],
+    sung: Sequence[Sound],
+    rng: np.random.Generator,
 ) -> Iterator[Spoken]:
-    """Yield the recordings as they are, over music, and slower or in a narrow band with noise."""
+    """Yield the recordings as they are, over music, over songs, and harder still.
+
+    Harder are: slower over music, or in a narrow band with noise.
+    """
     for number, item in enumerate(items):
-        length = len(item.sound)
         yield item
-        piece = music[int(rng.integers(len(music)))]
-        piece = np.roll(piece, -int(rng.integers(len(piece))))
-        yield over(item, np.resize(piece, length), rng.uniform(*_MUSIC_DB))
+        yield over(item, _stretch(music, len(item.sound), rng), rng.uniform(*_MUSIC_DB))
+        yield over(item, _stretch(sung, len(item.sound), rng), rng.uniform(*_MUSIC_DB))
         if number % 2:
-            yield slower(item)
+            lower = slower(item)
+            yield over(lower, _stretch(music, len(lower.sound), rng), rng.uniform(*_MUSIC_DB))
             continue
-        noisy = over(item, rng.normal(size=length), rng.uniform(*_NOISE_DB))
+        noisy = over(item, rng.normal(size=len(item.sound)), rng.uniform(*_NOISE_DB))
         edges = [rng.uniform(80, 300), rng.uniform(3400, 6500)]
         band = signal.butter(4, edges, "bandpass", fs=FS, output="sos")
         yield Spoken(signal.sosfilt(band, noisy.sound), item.phones)
+
+
+def _stretch(sounds: Sequence[Sound], length: int, rng: np.random.Generator) -> Sound:
+    """Return so much of one of some sounds, from anywhere in it on."""
+    piece = sounds[int(rng.integers(len(sounds)))]
+    return np.resize(np.roll(piece, -int(rng.integers(len(piece)))), length)
+
+
+def aligned(passages: Sequence[Passage], features: Sequence[NDArray[np.float32]]) -> list[Spoken]:
+    """Return the recordings whose words are all found, by the layer that is used now."""
+    known = [
+        replace(passage, heard=likely(found, len(passage.samples)))
+        for passage, found in zip(passages, features, strict=True)
+    ]
+    return [
+        Spoken(passage.samples, found.phones)
+        for passage, found in zip(known, align(known), strict=True)
+        if found.spoken.all()
+    ]
 
 
 def frames_of(items: Iterator[Spoken]) -> Frames:
@@ -216,27 +263,31 @@ def main() -> None:
     parser.add_argument("--speech", type=Path, required=True, help="folder of recordings (.g722)")
     parser.add_argument("--texts", type=Path, required=True, help="what they say (.txt.gz)")
     parser.add_argument("--music", type=Path, required=True, help="folder of music (.g722)")
+    parser.add_argument("--voices", type=Path, required=True, help="folder of voices (.g722)")
     options = parser.parse_args()
-    rng = np.random.default_rng(1)
     write_arrays(EAR_ASSET, ear_of(read_weights(options.whisper)))
     load_ear.cache_clear()
     synthetic = frames_of(joined(rendered()))
-    keep(learn(synthetic, rng))
+    keep(learn(synthetic, np.random.default_rng(1)))
     passages = list(recorded(options.speech, options.texts))
-    items = [
-        Spoken(passage.samples, found.phones)
-        for passage, found in zip(passages, align(passages), strict=True)
-        if found.spoken.all()
-    ]
-    music = [read_sound(path) for path in sorted(options.music.rglob("*.g722"))]
+    features = [listen(passage.samples, load_ear()) for passage in passages]
+    items = aligned(passages, features)
+    keep(learn(_together(frames_of(joined(items)), synthetic), np.random.default_rng(2)))
+    items = aligned(passages, features)
+    rng = np.random.default_rng(3)
+    music, voices = read_sounds(options.music), read_sounds(options.voices)
     taught = [item for number, item in enumerate(items) if number % 10]
-    natural = frames_of(conditions(list(joined(taught)), music, rng))
-    features, labels = (np.concatenate([natural[i], synthetic[i]]) for i in range(2))
-    keep(learn((features, labels), rng))
-    features, labels = frames_of(joined(items[::10]))
+    sung = songs(voices, music, rng, _SONGS_S)
+    natural = frames_of(conditions(list(joined(taught)), music, sung, rng))
+    keep(learn(_together(natural, synthetic), np.random.default_rng(4)))
+    found, labels = frames_of(joined(items[::10]))
     weights, offsets = load_phones()
-    right = float((np.argmax(features @ weights + offsets, axis=1) == labels).mean())
+    right = float((np.argmax(found @ weights + offsets, axis=1) == labels).mean())
     print(f"{len(items)} recordings; {right:.1%} of the frames that were kept out are right")
+
+
+def _together(first: Frames, second: Frames) -> Frames:
+    return np.concatenate([first[0], second[0]]), np.concatenate([first[1], second[1]])
 
 
 if __name__ == "__main__":
