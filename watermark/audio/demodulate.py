@@ -148,9 +148,10 @@ class Demodulator:
         yield from ((level, learnt, longer) for level in levels[:count])
         noisy = self.reliability.weights(clues, exponents=NOISY)
         for level in levels[: LONG_LEVELS if due else 1]:
-            for weights in (self.reliability.plain(), self._certain(view, level), noisy):
+            for weights in (self.reliability.plain(), np.full((1, 1), EVEN)):
+                yield level, weights, longer
+            for weights in (self._certain(view, level), noisy):
                 yield level, weights, LONG_LIST_SIZE
-            yield level, np.full((1, 1), EVEN), longer
 
     def _certain(self, view: View, level: float) -> NDArray[np.float64]:
         """Weights by how near cells lie to a point of either bit, they and their neighbours.

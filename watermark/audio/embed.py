@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from watermark.audio.design import MarkDesigner
 from watermark.audio.division import MarkShares
-from watermark.audio.level_control import LevelControl
+from watermark.audio.level_control import QUIETEST, LevelControl
 from watermark.audio.mix import add_mark, check_format, front_of, mid_of, side_of
 from watermark.audio.profile import FS, HOP, LEVELS, SUPERFRAME, find_profile
 from watermark.audio.rehearsal import TRUST, Rehearsal
@@ -274,8 +274,9 @@ class AudioEmbedder:
                 levels = None
                 if base is not None:
                     plain = [_level(base, need) for need in needs]
+                    raised = 0.0 if base == QUIETEST else most
                     levels = [
-                        min(max(level, least), level + most)
+                        min(max(level, least), level + raised)
                         for level, least in zip(plain, enough, strict=True)
                     ]
                 return self._stretch(host, side[:-HOP], payloads, levels)

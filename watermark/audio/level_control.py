@@ -8,6 +8,7 @@ forgets, and its memory is constant. Specification: none, an embedder may choose
 """
 
 import copy
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
@@ -44,6 +45,9 @@ STRIVING, STRIVING_LIMITS = 0.5, (-0.15, 0.05)
 
 BASE_LIMITS = (-4.0, len(LEVELS) + 3.0)
 """Beyond these all superframes have the lowest or the highest level."""
+
+QUIETEST = -math.inf
+"""Base level at which all superframes have the lowest level, even those that need more."""
 
 MOVE_LIMITS = (-1.5, 1.5)
 """Levels by which the base may change between stretches."""
@@ -196,7 +200,7 @@ class LevelControl:
         Parameters
         ----------
         attempt : callable
-            Gives the stretch at a base level, and unmarked for None.
+            Gives the stretch at a base level, which may be `QUIETEST`, and unmarked for None.
         enough : float, optional
             Base level that suffices; a better grade is aimed at where it is below that of the
             wanted one.
@@ -259,7 +263,7 @@ class LevelControl:
             self.base = float(np.clip(self.base + error / GRADES_PER_LEVEL, *BASE_LIMITS))
             chosen = hear(self.base)
             grade = chosen.grade or 0.0
-        return hear(None) if grade < self._wanted - GIVE_UP else chosen
+        return self._last_resort(hear) if grade < self._wanted - GIVE_UP else chosen
 
     def _begin_softly(
         self, hear: Callable[[float | None], _Heard[T]], chosen: _Heard[T], enough: float
@@ -282,4 +286,9 @@ class LevelControl:
             grade = chosen.grade or 0.0
             if grade >= self._wanted - GIVE_UP:
                 return chosen
-        return hear(None)
+        return self._last_resort(hear)
+
+    def _last_resort(self, hear: Callable[[float | None], _Heard[T]]) -> _Heard[T]:
+        """Write a stretch at the lowest level, whatever it needs; if that is heard, not at all."""
+        chosen = hear(QUIETEST)
+        return hear(None) if (chosen.grade or 0.0) < self._wanted - GIVE_UP else chosen

@@ -1,0 +1,141 @@
+"""Adapting never does worse than not adapting, whatever was learnt, needed, rehearsed or guessed.
+
+Each property hands one adapting part something wrong, drawn at random, and asks for what is there
+without it.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.watermark.test_carrier import embed, host, payload
+from watermark.audio.align import CLUE_LIMIT, View, read_view
+from watermark.audio.demodulate import Demodulator
+from watermark.audio.design import MarkDesigner
+from watermark.audio.embed import AudioEmbedder
+from watermark.audio.equaliser import Equaliser
+from watermark.audio.level_control import GIVE_UP
+from watermark.audio.masking import make_masker
+from watermark.audio.profile import LEVELS, STANDARD, SUPERFRAME, USUAL_GRADE
+from watermark.audio.receive import AudioReceiver
+from watermark.audio.rehearsal import Rehearsal
+from watermark.audio.reliability import LARGEST_EXPONENT, LIMITS
+from watermark.audio.resampling_tape import Tape
+from watermark.audio.track import Reader, Track
+
+FS = 48000
+Sound = NDArray[np.float32]
+
+
+@pytest.fixture(scope="module")
+def marked() -> Sound:
+    return embed(host(4.0, channels=1))
+
+
+def tape_of(sound: Sound) -> Tape:
+    tape = Tape()
+    tape.append(sound.mean(axis=1).astype(np.float64))
+    return tape
+
+
+def misled(rng: np.random.Generator) -> Demodulator:
+    """A demodulator that has learnt anything that it may."""
+    demodulator = Demodulator(STANDARD, 0)
+    reliability = demodulator.reliability
+    reliability._resultant[:] = rng.choice(LIMITS, STANDARD.groups)
+    reliability._exponents[:] = rng.uniform(-LARGEST_EXPONENT, LARGEST_EXPONENT, 3)
+    return demodulator
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_weights_and_clues(marked: Sound, seed: int) -> None:
+    """What a receiver without a past reads in noise, one with any past reads, too."""
+    rng = np.random.default_rng(seed)
+    noisy = marked + rng.normal(0, 0.012, marked.shape).astype(np.float32)
+    tape, read = tape_of(noisy), 0
+    for k in range(1, 5):
+        view = read_view(tape, float(k * SUPERFRAME), 1.0, make_masker())
+        fresh = Demodulator(STANDARD, 0)
+        levels = fresh.likely_levels(view, 6)
+        if fresh.read(view, levels).decoded.l0 == payload(k)[0]:
+            read += 1
+            assert misled(rng).read(view, levels).decoded.l0 == payload(k)[0]
+    assert read
+
+
+def test_clues_are_bounded(marked: Sound) -> None:
+    view = read_view(tape_of(marked), float(SUPERFRAME), 1.0, make_masker())
+    loud = View(view.spectra * np.geomspace(1e-6, 1e6, 64)[:, np.newaxis], view.amplitudes)
+    clues = loud.clues(Demodulator(STANDARD, 0).layout.cells, make_masker())
+    assert np.abs(clues).max() <= CLUE_LIMIT
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_level_gain_phases_and_clock(marked: Sound, seed: int) -> None:
+    """A track that is wrong in all that it has learnt still reads what lies at its place."""
+    rng = np.random.default_rng(seed)
+    reader, tape = Reader(0, 1.0), tape_of(marked)
+    demodulator = reader.demodulator(STANDARD.number)
+    phases = rng.uniform(-np.pi, np.pi, demodulator.bands)
+    level = float(rng.integers(len(LEVELS)))
+    for track in (
+        Track(2.0 * SUPERFRAME, 1.0, demodulator, level, Equaliser(demodulator.bands)),
+        Track(2.0 * SUPERFRAME, 1.0, demodulator, level, Equaliser(demodulator.bands), 0.5),
+        Track(2.0 * SUPERFRAME, 1.0, demodulator, level, Equaliser(demodulator.bands, phases)),
+    ):
+        raw = reader.view(tape, track)
+        assert reader.read(tape, track, raw, due=True).decoded.l0 == payload(2)[0]
+    drift = rng.uniform(-6e-5, 6e-5)
+    led_astray = replace(track, position=track.position + drift * SUPERFRAME / 2, ratio=1 + drift)
+    places = reader.elsewhere(tape, led_astray, reader.view(tape, led_astray))
+    assert abs(next(places).position - track.position) < 0.01
+
+
+class Line:
+    """A line that adds noise of some deviation."""
+
+    def __init__(self, noise: float = 0.004) -> None:
+        self._rng, self._noise = np.random.default_rng(0), noise
+
+    def process(self, sound: Sound) -> Sound:
+        return (sound + self._rng.normal(0, self._noise, sound.shape)).astype(np.float32)
+
+
+def heard(x: Sound, rehearsal: Rehearsal | None, line: Line) -> tuple[int, float]:
+    """Superframes that come through a line, and the grade of the mark."""
+    embedder = AudioEmbedder(FS, 1, payload, rehearsal=rehearsal)
+    y = np.concatenate([embedder.process(x), embedder.flush()])
+    receiver = AudioReceiver(FS, 1)
+    found = receiver.process(line.process(y)) + receiver.flush()
+    got = {(s.l0, s.l1) for s in found}
+    grade = embedder.report().odg
+    assert grade is not None
+    return sum(payload(k) in got for k in range(len(x) // SUPERFRAME)), grade
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_rehearsal(seed: int) -> None:
+    """A rehearsed mark comes through where the plain one does, at no worse a grade."""
+    x = host(7.0, channels=1, seed=seed)
+    plain, _ = heard(x, None, Line())
+    rehearsed, grade = heard(x, Rehearsal(STANDARD, 0, Line()), Line())
+    assert rehearsed >= plain
+    assert grade > USUAL_GRADE - 0.08
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_need_and_a_rehearsal_that_lies(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever need and rehearsal say, a clear line is served at a bounded grade.
+
+    In a few seconds the loop holds what it promises of each stretch, not yet that of a passage.
+    """
+    rng = np.random.default_rng(seed)
+    monkeypatch.setattr(MarkDesigner, "need", lambda *_: float(rng.uniform(-12, 24)))
+    monkeypatch.setattr(Rehearsal, "shortage", lambda *_: float(rng.uniform(-1.5, 5)))
+    monkeypatch.setattr(Rehearsal, "enough", lambda *_: float(rng.uniform(-12, 24)))
+    x = host(7.0, channels=1, seed=seed)
+    came, grade = heard(x, Rehearsal(STANDARD, 0, Line()), Line(0.0))
+    assert came == len(x) // SUPERFRAME
+    assert grade > USUAL_GRADE - GIVE_UP
