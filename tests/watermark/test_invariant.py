@@ -16,7 +16,7 @@ from watermark.audio.demodulate import Demodulator
 from watermark.audio.design import MarkDesigner
 from watermark.audio.embed import AudioEmbedder
 from watermark.audio.equaliser import Equaliser
-from watermark.audio.level_control import GIVE_UP
+from watermark.audio.level_control import GIVE_UP, QUIETEST, LevelControl
 from watermark.audio.masking import make_masker
 from watermark.audio.profile import LEVELS, STANDARD, SUPERFRAME, USUAL_GRADE
 from watermark.audio.receive import AudioReceiver
@@ -44,25 +44,24 @@ def misled(rng: np.random.Generator) -> Demodulator:
     """A demodulator that has learnt anything that it may."""
     demodulator = Demodulator(STANDARD, 0)
     reliability = demodulator.reliability
-    reliability._resultant[:] = rng.choice(LIMITS, STANDARD.groups)
+    reliability._resultant[:] = rng.choice(LIMITS, STANDARD.groups, p=(0.9, 0.1))
     reliability._exponents[:] = rng.uniform(-LARGEST_EXPONENT, LARGEST_EXPONENT, 3)
     return demodulator
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_weights_and_clues(marked: Sound, seed: int) -> None:
+def test_weights_and_clues(marked: Sound) -> None:
     """What a receiver without a past reads in noise, one with any past reads, too."""
-    rng = np.random.default_rng(seed)
-    noisy = marked + rng.normal(0, 0.012, marked.shape).astype(np.float32)
-    tape, read = tape_of(noisy), 0
-    for k in range(1, 5):
-        view = read_view(tape, float(k * SUPERFRAME), 1.0, make_masker())
-        fresh = Demodulator(STANDARD, 0)
-        levels = fresh.likely_levels(view, 6)
-        if fresh.read(view, levels).decoded.l0 == payload(k)[0]:
-            read += 1
-            assert misled(rng).read(view, levels).decoded.l0 == payload(k)[0]
-    assert read
+    rng, read = np.random.default_rng(0), 0
+    for noise in (0.015, 0.0165, 0.018):
+        tape = tape_of(marked + rng.normal(0, noise, marked.shape).astype(np.float32))
+        for k in range(1, 5):
+            view = read_view(tape, float(k * SUPERFRAME), 1.0, make_masker())
+            fresh = Demodulator(STANDARD, 0)
+            levels = fresh.likely_levels(view, 6)
+            if fresh.read(view, levels[:2]).decoded.l0 == payload(k)[0]:
+                read += 1
+                assert misled(rng).read(view, levels).decoded.l0 == payload(k)[0]
+    assert read >= 3
 
 
 def test_clues_are_bounded(marked: Sound) -> None:
@@ -76,17 +75,20 @@ def test_clues_are_bounded(marked: Sound) -> None:
 def test_level_gain_phases_and_clock(marked: Sound, seed: int) -> None:
     """A track that is wrong in all that it has learnt still reads what lies at its place."""
     rng = np.random.default_rng(seed)
-    reader, tape = Reader(0, 1.0), tape_of(marked)
+    noise = rng.normal(0, 0.013, marked.shape).astype(np.float32)
+    reader, tape = Reader(0, 1.0), tape_of(marked + noise)
     demodulator = reader.demodulator(STANDARD.number)
-    phases = rng.uniform(-np.pi, np.pi, demodulator.bands)
-    level = float(rng.integers(len(LEVELS)))
-    for track in (
-        Track(2.0 * SUPERFRAME, 1.0, demodulator, level, Equaliser(demodulator.bands)),
-        Track(2.0 * SUPERFRAME, 1.0, demodulator, level, Equaliser(demodulator.bands), 0.5),
-        Track(2.0 * SUPERFRAME, 1.0, demodulator, level, Equaliser(demodulator.bands, phases)),
+    bands, level = demodulator.bands, float(rng.integers(len(LEVELS)))
+    track = Track(2.0 * SUPERFRAME, 1.0, demodulator, 6.0, Equaliser(bands))
+    phases = Equaliser(bands, rng.uniform(-np.pi, np.pi, bands))
+    for wrong in (
+        track,
+        replace(track, level=level),
+        replace(track, level=level, offset=1.5),
+        replace(track, equaliser=phases),
     ):
-        raw = reader.view(tape, track)
-        assert reader.read(tape, track, raw, due=True).decoded.l0 == payload(2)[0]
+        raw = reader.view(tape, wrong)
+        assert reader.read(tape, wrong, raw, due=True).decoded.l0 == payload(2)[0]
     drift = rng.uniform(-6e-5, 6e-5)
     led_astray = replace(track, position=track.position + drift * SUPERFRAME / 2, ratio=1 + drift)
     places = reader.elsewhere(tape, led_astray, reader.view(tape, led_astray))
@@ -123,6 +125,22 @@ def test_rehearsal(seed: int) -> None:
     rehearsed, grade = heard(x, Rehearsal(STANDARD, 0, Line()), Line())
     assert rehearsed >= plain
     assert grade > USUAL_GRADE - 0.08
+
+
+class Loud:
+    """A stretch that is heard at any base level but the quietest."""
+
+    def __init__(self, base: float | None) -> None:
+        rng = np.random.default_rng(0)
+        self.base, self.clean = base, host(2.56, channels=1).astype(np.float64)
+        amount = 0.0 if base is None else 1e-4 if base == QUIETEST else 0.05
+        self.marked = self.clean + amount * rng.normal(size=self.clean.shape)
+
+
+def test_need_that_is_heard() -> None:
+    """A stretch whose needs are heard at any base is written without them, not left unmarked."""
+    made = LevelControl(USUAL_GRADE, 1).settle(Loud)
+    assert made.base == QUIETEST
 
 
 @pytest.mark.parametrize("seed", range(2))

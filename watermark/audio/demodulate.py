@@ -148,7 +148,7 @@ class Demodulator:
         yield from ((level, learnt, longer) for level in levels[:count])
         noisy = self.reliability.weights(clues, exponents=NOISY)
         for level in levels[: LONG_LEVELS if due else 1]:
-            for weights in (self.reliability.plain(), np.full((1, 1), EVEN)):
+            for weights in (self.reliability.plain(clues) ** CAUTION, np.full((1, 1), EVEN)):
                 yield level, weights, longer
             for weights in (self._certain(view, level), noisy):
                 yield level, weights, LONG_LIST_SIZE
@@ -207,7 +207,8 @@ class Demodulator:
         expected = self.expected(reading.decoded)
         soft = view.soft(self.layout.cells, self.profile.step(reading.level))
         learnt = self.reliability.weights(reading.clues)
-        for weights in (self._local(soft, expected), learnt, self.reliability.plain()):
+        plain = self.reliability.plain(reading.clues)
+        for weights in (self._local(soft, expected), learnt, plain):
             llr = self.layout.gather(soft * weights)
             l1 = self.link.second(llr, list_size=LONGEST_LIST_SIZE)
             if l1 is not None:

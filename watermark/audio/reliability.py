@@ -73,10 +73,9 @@ class Reliability:
         used = self._exponents if exponents is None else exponents
         return np.asarray(2 * r * (2 - r**2) / (1 - r**2) * np.exp(np.tensordot(used, clues, 1)))
 
-    def plain(self) -> NDArray[np.float64]:
-        """Weights of the cells before anything was learnt, shape (1, groups)."""
-        r = np.geomspace(PRIOR_LOW, PRIOR_HIGH, self._resultant.size)
-        return np.asarray(2 * r * (2 - r**2) / (1 - r**2))[np.newaxis]
+    def plain(self, clues: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Weights before anything was learnt, see `weights`."""
+        return Reliability(self._resultant.size).weights(clues)
 
     def learn(
         self,

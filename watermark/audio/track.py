@@ -134,7 +134,7 @@ class Reader:
     def read(self, tape: Tape, track: Track, raw: View, *, due: bool) -> Reading:
         """Read with the phases that the track has, then without, or the other way round.
 
-        Then at the gain at which it was marked, with bands that are too quiet for a programme of full loudness; where bands are turned,
+        Then with bands that are too quiet for a programme of full loudness; where bands are turned,
         at last with phases that this superframe itself tells.
         """
         demodulator, turned = track.demodulator, track.equaliser.turned
@@ -143,11 +143,6 @@ class Reader:
             reading = demodulator.read(view, levels, due=due)
             if reading.decoded.l0 is not None:
                 return self.complete(tape, track, reading)
-        if track.offset:
-            plain = demodulator.likely_levels(raw, track.level - track.offset)
-            again = demodulator.read(raw, plain, due=due, brief=True)
-            if again.decoded.l0 is not None:
-                return self.complete(tape, track, again)
         deep = read_view(tape, track.position, track.ratio, self._deep)
         if np.count_nonzero(deep.amplitudes) > np.count_nonzero(raw.amplitudes):
             view = as_used(track, deep)
