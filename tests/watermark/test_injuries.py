@@ -142,7 +142,9 @@ def test_decoded_bits_tell_where_their_neighbours_can_be_trusted() -> None:
             view, 5.0, np.zeros((3, *ideal.shape)), soft, demodulator.layout.gather(soft),
             Decoded(l0, None, first),
         )  # fmt: skip
-        plain = demodulator.layout.gather(soft * demodulator.reliability.plain(np.zeros((3, *ideal.shape))))
+        plain = demodulator.layout.gather(
+            soft * demodulator.reliability.plain(np.zeros((3, *ideal.shape)))
+        )
         lost += demodulator.link.second(plain, list_size=64) is None
         again = demodulator.read_second(reading, view)
         assert again.decoded.l1 in (l1, None)
