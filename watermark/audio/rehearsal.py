@@ -48,7 +48,8 @@ superframe in 150 was lost that had grade left, with 2.0 nobody gains."""
 
 LEAST_ENOUGH = 170.0
 """Information that a short message asks for: its code is short, and what it bears varies more. With
-136 bits (robust) a superframe in 200 was lost through AAC 64k, by which none had run out of grade."""
+136 bits (robust) a superframe in 200 was lost through AAC 64k, none of which had run out of grade.
+"""
 
 REMEMBERED = 64
 """Superframes whose median information is what is usual: 41 s, as long as a passage."""
