@@ -248,10 +248,11 @@ def judged(room: str, mutants: list[Mutant], folder: Path) -> list[Mutant]:
     return mutants
 
 
-def keep(path: Path, room: str, tried: list[Mutant], total: int) -> dict[str, Any]:
+def keep(path: Path, room: str, tried: list[Mutant], total: int, seed: int) -> dict[str, Any]:
     """Add what was tried of a room to a record, and return its counts.
 
-    The score leaves out the equivalent ones. What was tried earlier counts unless tried again.
+    The score leaves out the equivalent ones. What was tried earlier counts unless tried again; the
+    seed is that of the last sample.
     """
     from cuecast.evaluate.records import make_record, read_record
 
@@ -260,13 +261,13 @@ def keep(path: Path, room: str, tried: list[Mutant], total: int) -> dict[str, An
     outcomes = before | {f"{m.path} {m.operator} {m.occurrence}": m.outcome for m in tried}
     count = Counter(outcomes.values())
     row = {
-        "room": room, "mutants": total, "tried": len(outcomes), "killed": count["killed"],
-        "survived": count["survived"], "equivalent": count["equivalent"],
+        "room": room, "seed": seed, "mutants": total, "tried": len(outcomes),
+        "killed": count["killed"], "survived": count["survived"], "equivalent": count["equivalent"],
         "score": round(count["killed"] / max(1, count["killed"] + count["survived"]), 3),
     }  # fmt: skip
     rows = [old for old in rows if old["room"] != room] + [row | {"outcomes": outcomes}]
     rows.sort(key=lambda one: list(ROOMS).index(one["room"]))
-    document = make_record("mutation", (), rows, seed=0, clips=None)
+    document = make_record("mutation", (), rows, seed=seed, clips=None)
     document["command"] = "python -m tests.mutation"
     path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
     return row
@@ -305,7 +306,7 @@ def main() -> None:
             for room in args.rooms or ROOMS
         }
         for room, (tried, total) in rooms.items():
-            print(keep(record, room, tried, total), flush=True)
+            print(keep(record, room, tried, total, args.seed), flush=True)
 
 
 if __name__ == "__main__":
