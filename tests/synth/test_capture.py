@@ -124,6 +124,42 @@ def test_a_left_handed_cuer_is_mirrored(tmp_path: Path) -> None:
     assert_alike(plain("agathe").motion, left.motion)
 
 
+@pytest.mark.parametrize("left", [False, True])
+def test_a_hand_alone(tmp_path: Path, left: bool) -> None:
+    """The paper's first corpus: fingers as with a head; face at rest, nobody tells keys."""
+    observed = taken("agathe").observed.copy()
+    if left:
+        observed = mirrored(observed)
+    observed[:, :N_FACE] = np.nan
+    found = captured(tmp_path, 0.001 * rigid.rigid_motion(observed, TURN), unit="m")
+    whole = plain("agathe").motion
+    fingers = VOICE.hand_columns[:12]
+    gap = found.motion.params[:, fingers] - whole.params[:, fingers]
+    moved = whole.params[:, fingers] - whole.params[:, fingers].mean(0)
+    assert np.linalg.norm(gap) < 0.2 * np.linalg.norm(moved)  # measured 0.1
+    assert found.report["place"]["left_hand"] is left
+    assert found.report["residual_mm"]["fingers"] < 2.0
+    assert found.report["residual_mm"]["head"] is None
+    assert found.motion.params[:, VOICE.face_columns].std(0).max() < 1e-6
+    assert found.motion.score is None
+    assert any("no head is seen" in note for note in found.report["notes"])
+    assert not any("hardly seen" in note for note in found.report["notes"])
+
+
+def test_which_hand_is_not_told_where_none_is_seen(tmp_path: Path) -> None:
+    observed = taken("claire").observed.copy()
+    observed[:, N_FACE:] = np.nan
+    assert captured(tmp_path, observed).report["place"]["left_hand"] is None
+
+
+def test_a_palm_that_is_hardly_seen_has_no_place(tmp_path: Path) -> None:
+    observed = taken("claire").observed.copy()
+    kept = marker_indices(["F1T", "F2T", "F3T", "F4T", "F5T", "F21", "F31", "F41", "K2", "K3"])
+    observed[:, np.setdiff1d(np.arange(len(MARKERS)), kept)] = np.nan
+    with pytest.raises(CueError, match="2 markers of the palm are seen, 4 needed"):
+        captured(tmp_path, observed)
+
+
 def test_swapped_and_nameless_markers_and_ghosts(tmp_path: Path) -> None:
     clean, take = taken("claire"), taken("claire", True)
     markers = take.observed.copy()

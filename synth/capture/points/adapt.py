@@ -94,6 +94,8 @@ def _adapt_face(
     if still:
         expected[:N_FACE_PARAMETERS] = voice.gestures.viseme_targets[0]
     viewed = seen.sum(0) >= _LEAST_VIEWS
+    if not viewed[RIGID_FACE_COLUMNS].any():
+        return model, NO_CONTACT
     offset = np.zeros((layout.N_FACE, 3))
     for step in range(_FACE_ROUNDS):
         moved = replace(model, mean=(model.mean + offset).astype(np.float32))

@@ -11,8 +11,14 @@ from codec.errors import CueError
 from synth.capture.finish import finish, resting_when_away
 from synth.capture.options import Captured, CaptureOptions
 from synth.capture.points.adapt import adapt
+from synth.capture.points.hand_place import find_hand_place
 from synth.capture.points.labels import Naming, find_names
-from synth.capture.points.place import LEAST_HEAD_MARKERS, Place, find_place
+from synth.capture.points.place import (
+    LEAST_HEAD_MARKERS,
+    Place,
+    find_place,
+    shows_head,
+)
 from synth.capture.points.solve import HAND, LEAST_HAND_MARKERS, Quality, resting, solve
 from synth.capture.points.speaker import Speaker
 from synth.capture.sources.readers import read_points
@@ -61,8 +67,11 @@ def capture_markers(path: Path, kind: str, voice: Voice, options: CaptureOptions
     recording = read_points(path, kind)
     naming = _named(recording, options)
     sample = naming.markers(recording.spread(_SAMPLED_FRAMES))
+    has_hand = int(naming.found[HAND].sum()) >= LEAST_HAND_MARKERS
     try:
-        place = find_place(sample, recording.unit, voice)
+        has_head = shows_head(sample)
+        find = find_place if has_head or not has_hand else find_hand_place
+        place = find(sample, recording.unit, voice)
     except CueError as error:
         raise CueError(f"{path}: {error}") from error
     speaker = _speaker(voice, place.apply(sample), options)
@@ -72,7 +81,6 @@ def capture_markers(path: Path, kind: str, voice: Voice, options: CaptureOptions
         parts.append(part.astype(np.float32))
         seen.append(shown)
     params = np.concatenate(parts)
-    has_hand = int(naming.found[HAND].sum()) >= LEAST_HAND_MARKERS
     if has_hand:
         columns = voice.hand_columns
         params[:, columns] = resting_when_away(
@@ -81,8 +89,9 @@ def capture_markers(path: Path, kind: str, voice: Voice, options: CaptureOptions
         )  # fmt: skip
     report = _report(recording, naming, place, speaker, quality)
     return finish(
-        voice, params, recording.rate_hz, recording.start_s, options, report, has_hand=has_hand
-    )
+        voice, params, recording.rate_hz, recording.start_s, options, report,
+        has_hand=has_hand and has_head,
+    )  # fmt: skip
 
 
 def _named(recording: Recording, options: CaptureOptions) -> Naming:
@@ -126,6 +135,7 @@ def _report(
     gap = quality.longest_gap / recording.rate_hz
     worst = sorted(names, key=lambda n: quality.seen[layout.MARKER_NUMBER[n]])[:5]
     repairs = quality.repairs
+    hand_seen = bool(quality.seen[HAND].any())
     return {
         "input": {
             "file": recording.name, "kind": recording.kind, "frames": recording.n_frames,
@@ -139,7 +149,8 @@ def _report(
         },
         "place": {
             "unit_mm": place.unit_mm, "head_size": round(place.scale, 4),
-            "left_handed_axes": place.left_axes, "left_hand": place.left_handed,
+            "left_handed_axes": place.left_axes,
+            "left_hand": place.left_handed if hand_seen else None,
             "turned_deg": round(float(np.degrees(np.linalg.norm(place.motion[:3]))), 1),
         },
         "speaker": {
@@ -180,7 +191,7 @@ def _notes(recording: Recording, naming: Naming, place: Place, quality: Quality)
         notes.append(
             f"the hand is hardly seen for {lost:.2f} s: bridged, at rest after {_AWAY_S:g} s"
         )
-    if quality.head_unknown:
+    if quality.head_unknown and quality.seen[: layout.N_FACE].any():
         lost = quality.head_unknown / recording.rate_hz
         notes.append(f"the head is hardly seen for {lost:.2f} s: bridged")
     if quality.repairs.dropped > _MOST_REPAIRED * max(int(quality.seen.sum()), 1):

@@ -130,6 +130,25 @@ def find_place(markers: FloatArray, unit: str, voice: Voice) -> Place:
     return _calm(place)
 
 
+def shows_head(markers: FloatArray) -> bool:
+    """Return whether frames (T, 113, 3) ever show enough of a head to know where it is."""
+    body, _ = median_body(markers[:, _head_columns(markers)])
+    return bool(np.isfinite(body).all(-1).sum() >= LEAST_HEAD_MARKERS)
+
+
+def hand_error(hand: FloatArray, voice: Voice) -> float:
+    """Return the median distance in mm of some frames (T, 50, 3) from the hand model."""
+    count = np.isfinite(hand).all(-1).sum(1)
+    best = np.argsort(-count, kind="stable")[:_HAND_FRAMES]
+    best = best[count[best] >= _LEAST_HAND_MARKERS]
+    if not len(best):
+        return float("inf")
+    seen = np.asarray(np.isfinite(hand[best]).all(-1))
+    x = np.where(seen[..., None], hand[best], 0.0)
+    gap = np.linalg.norm(voice.hand.reconstruct(invert_hand(voice.hand, x, seen)) - x, axis=-1)
+    return float(np.median(gap[seen]))
+
+
 def _calm(place: Place) -> Place:
     """Return `place` without a change if the recording is in the voice's coordinates already."""
     small = (
@@ -223,22 +242,30 @@ def _size(
 ) -> tuple[float, float, list[str]]:
     """Return the unit in millimetres, the head's size against the voice's, and remarks."""
     reference = voice.face.mean[columns].astype(np.float64)
-    ratio = _median_distance_ratio(body, reference)
-    low, high = _SIZES
-    if unit in UNITS_MM and low <= ratio * UNITS_MM[unit] <= high:
-        return UNITS_MM[unit], ratio * UNITS_MM[unit], []
-    fitting = [mm for mm in (1.0, 1000.0, 10.0, 100.0) if low <= ratio * mm <= high]
-    if not fitting:
-        raise CueError(
-            f"the head's markers have {ratio:.3g} times the distances of a head in millimetres: "
-            "other points under these names, or an unknown unit"
-        )
-    name = next(name for name, mm in UNITS_MM.items() if mm == fitting[0])
+    ratio = distance_ratio(body, reference)
+    unit_mm = unit_of(ratio, unit, "head")
+    if unit in UNITS_MM and UNITS_MM[unit] == unit_mm:
+        return unit_mm, ratio * unit_mm, []
+    name = next(name for name, mm in UNITS_MM.items() if mm == unit_mm)
     said = f"the file says {unit!r}" if unit else "the file names none"
-    return fitting[0], ratio * fitting[0], [f"unit {name} by the size of the head; {said}"]
+    return unit_mm, ratio * unit_mm, [f"unit {name} by the size of the head; {said}"]
 
 
-def _median_distance_ratio(a: FloatArray, b: FloatArray) -> float:
+def unit_of(ratio: float, unit: str, what: str) -> float:
+    """Return the unit in mm in which distances are those of a head or hand."""
+    low, high = _SIZES
+    units = (UNITS_MM[unit],) if unit in UNITS_MM else ()
+    for mm in (*units, 1.0, 1000.0, 10.0, 100.0):
+        if low <= ratio * mm <= high:
+            return float(mm)
+    raise CueError(
+        f"the {what}'s markers have {ratio:.3g} times the distances of a {what} in millimetres: "
+        "other points under these names, or an unknown unit"
+    )
+
+
+def distance_ratio(a: FloatArray, b: FloatArray) -> float:
+    """Return how much farther apart the points of `a` are than those of `b`, both (N, 3)."""
     rows, columns = np.triu_indices(len(a), 1)
     of_a, of_b = (np.linalg.norm(x[rows] - x[columns], axis=1) for x in (a, b))
     return float(np.median(of_a / of_b))
@@ -254,22 +281,9 @@ def _fit(body: FloatArray, columns: NDArray[np.intp], voice: Voice) -> tuple[Flo
 
 def _uses_left_hand(markers: FloatArray, place: Place, voice: Voice) -> bool:
     """Return whether the hand model explains the mirror image of the hand better."""
-    hand = markers[:, layout.N_FACE :]
-    count = np.isfinite(hand).all(-1).sum(1)
-    best = np.argsort(-count, kind="stable")[:_HAND_FRAMES]
-    best = best[count[best] >= _LEAST_HAND_MARKERS]
-    if not len(best):
-        return False
-    upright = place.apply(markers[best])[:, layout.N_FACE :]
-    errors = []
-    for flip in (1.0, -1.0):
-        x = upright * np.array([flip, 1.0, 1.0])
-        seen = np.asarray(np.isfinite(x).all(-1))
-        x = np.where(seen[..., None], x, 0.0)
-        found = invert_hand(voice.hand, x, seen)
-        gap = np.linalg.norm(voice.hand.reconstruct(found) - x, axis=-1)
-        errors.append(float(np.median(gap[seen])))
-    return errors[1] < errors[0]
+    upright = place.apply(markers)[:, layout.N_FACE :]
+    as_it_is, mirror = (hand_error(upright * [flip, 1.0, 1.0], voice) for flip in (1.0, -1.0))
+    return bool(mirror < as_it_is)
 
 
 _REACH_MM = 30.0

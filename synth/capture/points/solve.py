@@ -139,7 +139,9 @@ def _window(
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Return parameters and where the hand is seen."""
     voice = speaker.voice
-    parts: list[tuple[slice, FaceModel | HandModel]] = [(FACE, speaker.face)]
+    parts: list[tuple[slice, FaceModel | HandModel]] = []
+    if naming.found[FACE].sum() >= _LEAST_SHOWN:
+        parts.append((FACE, speaker.face))
     if has_hand:
         parts.append((HAND, speaker.hand))
     found = {part.start: _invert(model, markers[:, part]) for part, model in parts}
@@ -165,9 +167,11 @@ def _window(
         found[part.start] = bridge(model, world, shown, found[part.start], rate_hz=rate_hz)
         model_markers[:, part] = model.reconstruct(found[part.start])
     quality.count(markers[own], model_markers[own])
-    params[:, voice.face_columns] = found[FACE.start]
+    if FACE.start in found:
+        params[:, voice.face_columns] = found[FACE.start]
     if has_hand:
-        params[:, voice.hand_columns] = speaker.to_voice(found[HAND.start], found[FACE.start])
+        face = params[:, voice.face_columns]
+        params[:, voice.hand_columns] = speaker.to_voice(found[HAND.start], face)
     seen = np.isfinite(markers[:, HAND]).all(-1).sum(1)
     return params, np.asarray(seen >= LEAST_HAND_MARKERS)
 

@@ -272,7 +272,7 @@ def _report(
         },
         "place": {
             "aspect": round(picture.aspect, 4), "mm_per_width": round(picture.mm_per_width, 2),
-            "left_hand": picture.mirrored,
+            "left_hand": None if fit is None else picture.mirrored,
         },
         "seen": {
             "face": round(float(np.isfinite(face[..., 0]).any(1).mean()), 4),
