@@ -231,6 +231,12 @@ def test_too_little_is_told(tmp_path: Path, names: tuple[str, ...], message: str
         captured(tmp_path, points, names)
 
 
+def test_a_take_of_four_frames(tmp_path: Path) -> None:
+    """Too few to learn a face from; numpy warned of a mean of nothing."""
+    found = captured(tmp_path, taken("claire").observed[:4])
+    assert np.isfinite(found.motion.params).all()
+
+
 def test_other_points_under_these_names_are_refused(tmp_path: Path) -> None:
     take = taken("claire")
     with pytest.raises(CueError, match="other points under these names"):

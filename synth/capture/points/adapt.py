@@ -108,7 +108,7 @@ def _adapt_face(
         offset += _middle(moved.residual(parameters, x), seen, viewed)
         if step == 0 and not still:
             firm = RIGID_FACE_COLUMNS[viewed[RIGID_FACE_COLUMNS]]
-            if np.sqrt((offset[firm] ** 2).sum(-1).mean()) < _SAME_FACE_MM:
+            if firm.size and np.sqrt((offset[firm] ** 2).sum(-1).mean()) < _SAME_FACE_MM:
                 return model, NO_CONTACT
     adapted = replace(model, mean=(model.mean + offset).astype(np.float32))
     return adapted, Contact(adapted.mean[viewed].astype(np.float64), offset[viewed])
