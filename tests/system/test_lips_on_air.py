@@ -1,5 +1,8 @@
 """The lips after the broadcast: dubbed, coded as television does, received, drawn."""
 
+import difflib
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,25 +24,55 @@ from cuecast.media.film import write_film
 from receiver.media.sound import read_sound
 from synth.prosody.pacing import READABLE
 from synth.scoring.text_score import Reading, score_from_subtitles
+from synth.subtitles import Subtitle, read_subtitles
 
 TWINS_MM = 0.7
 """Visemes that are nearer to each other are one to the eye: the a of *patte* and *pâte*."""
 
+LATE_S = 0.15
+"""Seconds by which a phone's time may be rounded on the way."""
+
 LIPS = [MARKER_NUMBER[n] for n in (*layout.UPPER_LIP, *layout.LOWER_LIP, *layout.LIP_CORNERS)]
+
+
+ROOT = Path(__file__).parents[2]
+
+FILM = ROOT.parent / "shared" / "data" / "audio" / "film_mix.flac"
+"""A man's voice over an orchestra: `robust` loses superframes on the demonstration's few tones."""
+
+
+def demonstration(folder: Path) -> list[Subtitle]:
+    """Write the demonstration's sound as ``a.flac`` and return what is said in it."""
+    sound, subtitles = make_sound()
+    write_film(folder / "a.flac", sound, FS, encoder="flac")
+    return subtitles
+
+
+def film(folder: Path) -> list[Subtitle]:
+    """Write that of a film with a poem."""
+    if not FILM.is_file():
+        pytest.skip("no ../shared/data beside the project")
+    shutil.copyfile(FILM, folder / "a.flac")
+    return list(read_subtitles(ROOT / "tests" / "data" / "une_charogne.srt"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("profile", "bit_rate", "heard_share", "least"),
-    [("standard", 128_000, 0.9, {"consonants": 0.97, "vowels": 0.95})],
-)  # fmt: skip
+    ("programme", "profile", "bit_rate", "least"),
+    [
+        (demonstration, "standard", 128_000, {"consonants": 0.97, "vowels": 0.95}),
+        (film, "robust", 64_000, {"consonants": 0.9, "vowels": 0.9}),
+    ],
+)
 def test_lips_keep_their_word(
-    tmp_path: Path, profile: str, bit_rate: int, heard_share: float, least: dict[str, float]
+    tmp_path: Path,
+    programme: Callable[[Path], list[Subtitle]],
+    profile: str,
+    bit_rate: int,
+    least: dict[str, float],
 ) -> None:
     voice = load_voice()
-    sound, subtitles = make_sound()
-    score = score_from_subtitles(subtitles, reading=Reading(pace=READABLE))
-    write_film(tmp_path / "a.flac", sound, FS, encoder="flac")
+    score = score_from_subtitles(programme(tmp_path), reading=Reading(pace=READABLE))
     options = DubOptions(audio_codec="flac", profiles={"audio": profile})
     dub(tmp_path / "a.flac", SynthesisedMotion(score, voice), voice, tmp_path / "b.flac", options)
     write_film(
@@ -47,9 +80,8 @@ def test_lips_keep_their_word(
     )
     received = receive(tmp_path / "c.m4a", voice).motion
     assert received is not None
-    arrived = {(p.symbol, round(p.start / 0.02)) for p in (received.score or score).phones}
-    heard = [p for p in score.phones if (p.symbol, round(p.start / 0.02)) in arrived]
-    assert len(heard) > heard_share * len(score.phones)
+    heard = arrived(score.phones, (received.score or score).phones)
+    assert len(heard) > 0.9 * len(score.phones)
     gaps = [closing(voice, received, p) for p in heard if p.symbol in "pbm"]
     assert len(gaps) >= 5
     told = {
@@ -66,6 +98,14 @@ def test_lips_keep_their_word(
     assert min(gaps) >= -1.0, "lips are pressed through each other"
     for name, share in least.items():
         assert shares[name] >= share, name
+
+
+def arrived(sent: tuple[Phone, ...], received: tuple[Phone, ...]) -> list[Phone]:
+    """Return the received phones that were sent, in order: `robust` rounds their times."""
+    one, other = ([phone.symbol for phone in line] for line in (sent, received))
+    blocks = difflib.SequenceMatcher(None, one, other, autojunk=False).get_matching_blocks()
+    pairs = [(sent[b.a + i], received[b.b + i]) for b in blocks for i in range(b.size)]
+    return [found for phone, found in pairs if abs(found.start - phone.start) < LATE_S]
 
 
 def lips_of(voice: Voice, face: np.ndarray) -> np.ndarray:
