@@ -214,7 +214,7 @@ def in_step(
         if i and j and cost[i, j] == cost[i - 1, j - 1] + price(i - 1, j - 1):
             i, j = i - 1, j - 1
             line.append((i, j))
-        elif i and cost[i, j] == cost[i - 1, j] + _SKIPPED:
+        elif i and (not j or cost[i, j] == cost[i - 1, j] + _SKIPPED):
             i -= 1
             line.append((i, None))
         else:
