@@ -10,7 +10,7 @@ import scipy.signal
 from numpy.typing import NDArray
 
 from tests.watermark.test_carrier import embed, host, payload, receive
-from watermark.audio.align import View, read_view
+from watermark.audio.align import View, find_delay, read_view
 from watermark.audio.demodulate import Demodulator, Reading
 from watermark.audio.equaliser import PHASES, Equaliser, Known, lean, path_of
 from watermark.audio.guesses import make_guesses, speeds
@@ -19,6 +19,7 @@ from watermark.audio.masking import make_masker
 from watermark.audio.profile import STANDARD
 from watermark.audio.receive import AudioReceiver
 from watermark.audio.resampling_tape import Tape
+from watermark.audio.track import FOLLOW, Reader, Track
 from watermark.link.link import Decoded
 
 Sound = NDArray[np.float32]
@@ -89,6 +90,33 @@ def test_every_superframe_is_read(injure: Callable[[Sound], Sound]) -> None:
     assert [(s.l0, s.l1) for s in found] == [payload(k) for k in range(9)]
     places = [s.position_s for s in found]
     assert places == sorted(places)
+
+
+def test_bands_beneath_the_floor_are_read() -> None:
+    """Where the mask's floor hides the bands of a softened programme, a lower one finds them."""
+    tape, reader = Tape(), Reader(0, 1.0)
+    tape.append(marked().mean(axis=1).astype(np.float64))
+    demodulator = reader.demodulator(STANDARD.number)
+    reader._masker = make_masker(floor=1e-2)
+    track = Track(30720.0, 1.0, demodulator, 6.0, Equaliser(demodulator.bands))
+    raw = reader.view(tape, track)
+    levels = demodulator.likely_levels(raw, 6.0)
+    assert demodulator.read(raw, levels).decoded.l0 is None
+    assert reader.read(tape, track, raw, due=True).decoded.l0 == payload(1)[0]
+
+
+def test_a_clock_that_leads_astray_is_noticed() -> None:
+    """The delay of a superframe is found where it is more than one step of the trial."""
+    tape = Tape()
+    tape.append(marked().mean(axis=1).astype(np.float64))
+    demodulator = Demodulator(STANDARD, 0)
+    view = read_view(tape, 30720.0, 1.0, make_masker())
+    reading = demodulator.read(view, demodulator.likely_levels(view, 6))
+    expected, cells = demodulator.expected(reading.decoded), demodulator.layout.cells
+    for delay in (-1.0, -0.2, 0.6, 1.3):
+        late = read_view(tape, 30720.0 - delay, 1.0, make_masker())
+        found = find_delay(late, cells, STANDARD.step(reading.level), expected, FOLLOW)
+        assert abs(found - delay) < 0.15
 
 
 def test_blocks_do_not_matter_to_guesses() -> None:
