@@ -35,7 +35,7 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
         "text": set(),
         "body": set(),
         "subtitles": {"text"},
-        "prosody": {"text", "subtitles"},
+        "prosody": {"text", "subtitles", "rules"},
         "speech": {"text"},
         "rules": {"body"},
         "scoring": {"text", "subtitles", "prosody"},

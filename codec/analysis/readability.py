@@ -58,6 +58,13 @@ class Classes:
     ----------
     targets : ndarray, shape (9, 6, 113, 3)
         Markers of every shape at every placement, mm, with the same head.
+
+    Attributes
+    ----------
+    tips : ndarray of float64, shape (9, 6, 3)
+        Where the finger that a shape points with is at each placement, mm.
+    fingers : ndarray of float64, shape (9, F, 3)
+        The fingers' markers of each shape at one placement, mm.
     """
 
     def __init__(self, targets: NDArray[np.floating]) -> None:
@@ -66,9 +73,9 @@ class Classes:
         relative = _against_head(flat, flat[0, _RIGID_FACE]).reshape(keys.shape)
         self._skull = flat[0, _RIGID_FACE]
         tips = relative[np.arange(9)[:, None], np.arange(len(PLACEMENTS)), _TIPS[:, None]]
-        self._tips = tips
+        self.tips = tips
         self._back = relative[:, 1, _BACK]
-        self._fingers = relative[:, 1, _FINGERS]
+        self.fingers = relative[:, 1, _FINGERS]
 
     def distances(self, markers: NDArray[np.floating]) -> tuple[FloatArray, FloatArray]:
         """Return how far a hand is from each shape and placement.
@@ -90,10 +97,10 @@ class Classes:
         for shape in SHAPES:
             motion, _ = rigid.estimate_motion(self._back[shape], x[:, _BACK])
             fingers = rigid.inverse_rigid_motion(x[:, _FINGERS], motion)
-            apart = np.square(fingers - self._fingers[shape]).sum(axis=2).mean(axis=1)
+            apart = np.square(fingers - self.fingers[shape]).sum(axis=2).mean(axis=1)
             shapes[:, shape] = np.sqrt(apart)
         tips = x[:, _TIPS]
-        return shapes, np.linalg.norm(tips[:, :, None] - self._tips, axis=3)
+        return shapes, np.linalg.norm(tips[:, :, None] - self.tips, axis=3)
 
 
 def _against_head(markers: FloatArray, skull: FloatArray) -> FloatArray:

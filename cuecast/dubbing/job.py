@@ -9,6 +9,8 @@ from typing import Any
 from codec.authentication.announcement import SigningKey, load_signing_key
 from codec.cuer.motion import load_motion
 from codec.cuer.voice import Voice
+from codec.cues.cueing import CueingOptions
+from codec.cues.score import Score
 from cuecast.command.arguments import CARRIERS
 from cuecast.command.errors import UsageError
 from cuecast.command.progress import note, seconds_bar
@@ -24,7 +26,7 @@ from cuecast.dubbing.inputs import (
 )
 from cuecast.dubbing.motions import GivenMotion, JoinedMotion, MotionSource, SynthesisedMotion
 from cuecast.dubbing.read_back import shortfalls
-from cuecast.dubbing.readability import in_words, readability
+from cuecast.dubbing.readability import in_words, watched
 from cuecast.media.subtitles import choose_track, read_track, text_tracks
 from receiver.media.programme import open_programme
 from synth.prosody.pace_report import PaceReport
@@ -159,10 +161,20 @@ def _motion(
         said |= {"alignment": confidence.report()}
     else:
         score = score_from_subtitles(subtitles, warn=tell, reading=reading, told=pace)
-    figures = readability(score, voice, options)
+    source = _source(args, score, voice, options)
+    seen = watched(source, voice, options)
+    pace.seen(seen.shown)
+    figures = seen.figures()
     said |= {"pace": pace.report() | figures}
     tell(str(pace))
     tell(in_words(figures))
+    return source
+
+
+def _source(
+    args: argparse.Namespace, score: Score, voice: Voice, options: CueingOptions
+) -> MotionSource:
+    """Return what performs a score."""
     # Who has nothing to say rests: for that no units are needed.
     if (args.units or args.method == "units") and score.keys:
         from cuecast.dubbing.performance import unit_synthesiser

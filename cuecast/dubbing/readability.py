@@ -1,118 +1,188 @@
-"""Whether what a score implies can be read: figures of its movement, for reports.
+"""Whether a cuer can be read: one meter for all that moves, sent or received.
 
-The movement is the one that a receiver draws from the score alone, with the voice's own targets:
-it needs no motion, and is that of every way to make one up to small differences.
+`Seen` looks at the motion itself, part by part in constant memory: what is synthesised, joined,
+read from a file or received. `cuecast evaluate readability` and the reports of ``dub``, ``keys``
+and ``synth`` state its figures.
 """
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.analysis.readability import HELD_S, Classes, Shown, peak_speed, shown_keys
-from codec.bitstream.joining import join
-from codec.bitstream.resynthesis.course import Resynthesis
-from codec.bitstream.resynthesis.targets import Targets
-from codec.bitstream.score_coding import part_of
-from codec.cuer.movement import FLOWING
+from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import PLACEMENTS, SHAPES, Key, Score
-from codec.cues.timeline import SUPERFRAME_S, TICK_S, TICKS, to_line
+from cuecast.dubbing.motions import MotionSource
 
-_AT_ONCE = 48
-"""Superframes drawn at a time: half a minute."""
+PICTURES_S = 0.12
+"""Three pictures at 25 a second, whenever the first one is taken."""
 
-_AROUND = 4
-"""Superframes known beside them: the hand may be on its way for so long."""
+_AT_ONCE_S = 30.0
+"""Motion that is looked at together."""
+
+_AROUND_S = 1.2
+"""Motion that is looked at with a key, before and after it."""
+
+_WINDOW = 256
+"""Frames that a source is asked for at once."""
 
 _PHRASE_S = 0.3
 """A gap between keys that does not end a phrase."""
 
+_SAME_S = 1e-6
+"""Seconds within which times count as the same."""
+
 
 class Seen:
-    """Sees a score part by part.
+    """Looks at a moving cuer.
 
     Parameters
     ----------
-    voice : Voice
+    classes : Classes
+        Of the cuer.
+    rate_hz : float
+        Frames per second of her motion.
     options : CueingOptions
-        Where charts of the code differ.
+        Which gaps between keys return to rest.
     """
 
-    def __init__(self, voice: Voice, options: CueingOptions = DEFAULT_OPTIONS) -> None:
-        self._voice, self._options = voice, options
-        self._held: list[float] = []
+    def __init__(
+        self, classes: Classes, rate_hz: float, options: CueingOptions = DEFAULT_OPTIONS
+    ) -> None:
+        self._classes, self._rate_hz, self._options = classes, rate_hz, options
+        self._parts: list[NDArray[np.floating]] = []
+        self._start_s = self._end_s = 0.0
+        self._waiting: list[Key] = []
+        self._looked_s = 0.0
         self._peak = 0.0
-        self._apart = [0.0, 0.0]
-        self._last: Key | None = None
+        self.shown: list[Shown] = []
+        """Every key so far, and how long it is shown."""
 
-    def add(self, score: Score | None) -> None:
-        """Draw what a further part of a score implies, and look at it."""
-        if score is None or not score.keys:
-            return
-        shown, peak = seen_keys(score, self._voice, self._options)
-        self._held += [item.held_s for item in shown]
-        self._peak = max(self._peak, peak)
-        for key in score.keys:
-            before, self._last = self._last, key
-            if before is not None and key.start - before.end < _PHRASE_S:
-                self._apart[0] += key.start - before.start
-                self._apart[1] += 1
+    def add(self, markers: NDArray[np.floating], start_s: float, keys: Iterable[Key] = ()) -> None:
+        """Look at further motion.
+
+        Parameters
+        ----------
+        markers : ndarray, shape (T, 113, 3)
+            Millimetres; follows what was added before.
+        start_s : float
+            Time of the first frame, seconds.
+        keys : iterable of Key
+            Further keys, in order of time; may come before or after their motion.
+        """
+        if not self._parts:
+            self._start_s = self._looked_s = start_s
+        if len(markers):
+            self._parts.append(markers)
+            self._end_s = start_s + len(markers) / self._rate_hz
+        self._waiting += keys
+        if self._end_s - self._looked_s > _AT_ONCE_S:
+            self._look(self._end_s - _AROUND_S)
+
+    def peak_m_s(self) -> float:
+        """Return the greatest speed of a knuckle, m/s."""
+        self._look(np.inf)
+        return self._peak
 
     def figures(self) -> dict[str, Any]:
-        """Return ``keys``, ``keys_per_s``, ``held_share``, ``hold_p10_s`` and ``peak_m_s``.
+        """Return the figures of all that was seen.
 
-        Keys per second are those inside phrases; the share is that of keys that are held for
-        `codec.analysis.readability.HELD_S` or more, then the 10th percentile of that time, then
-        the greatest speed of a knuckle.
+        They are ``keys``, ``keys_per_s``, ``held_share``, ``three_pictures_share``, ``hold_p10_s``
+        and ``peak_m_s``. Keys per second are those inside phrases; the shares are those of keys
+        that are held for
+        `codec.analysis.readability.HELD_S` or more, and that three of 25 pictures a second show
+        whenever they are taken; then the 10th percentile of that time, then the greatest speed of
+        a knuckle.
         """
-        held = np.array(self._held)
-        apart_s, count = self._apart
+        self._look(np.inf)
+        held = np.array([item.held_s for item in self.shown])
         return {
             "keys": len(held),
-            "keys_per_s": round(count / apart_s, 2) if apart_s else 0.0,
-            "held_share": round(float(np.mean(held >= HELD_S - 1e-6)), 4) if len(held) else 1.0,
+            "keys_per_s": round(keys_per_s([item.key for item in self.shown]), 2),
+            "held_share": round(share_held(held, HELD_S), 4),
+            "three_pictures_share": round(share_held(held, PICTURES_S), 4),
             "hold_p10_s": round(float(np.percentile(held, 10)), 3) if len(held) else 0.0,
             "peak_m_s": round(self._peak, 2),
         }
 
+    def _look(self, until_s: float) -> None:
+        """Look at all keys that end before a time, and forget what is not needed for the next."""
+        if not self._parts:
+            return
+        markers = np.concatenate(self._parts)
+        ready = [key for key in self._waiting if key.end <= until_s]
+        self._waiting = self._waiting[len(ready) :]
+        if ready:
+            self.shown += shown_keys(
+                markers, Score((), tuple(ready)), self._classes, rate_hz=self._rate_hz,
+                start_s=self._start_s, options=self._options,
+            )  # fmt: skip
+        self._peak = max(self._peak, peak_speed(markers, self._rate_hz))
+        needed_s = self._end_s - 2 * _AROUND_S
+        if self._waiting:
+            needed_s = min(needed_s, self._waiting[0].start - _AROUND_S)
+        first = int(np.clip((needed_s - self._start_s) * self._rate_hz, 0, len(markers) - 1))
+        self._parts = [markers[first:]]
+        self._start_s += first / self._rate_hz
+        self._looked_s = self._end_s
 
-def readability(
-    score: Score, voice: Voice, options: CueingOptions = DEFAULT_OPTIONS
-) -> dict[str, Any]:
-    """Return how well the keys of a score can be seen, as `Seen.figures` does."""
-    seen = Seen(voice, options)
-    seen.add(score)
-    return seen.figures()
+
+def keys_per_s(keys: Sequence[Key]) -> float:
+    """Return keys per second inside phrases, 0 if there are none."""
+    apart = [
+        other.start - one.start
+        for one, other in itertools.pairwise(keys)
+        if other.start - one.end < _PHRASE_S
+    ]
+    return len(apart) / sum(apart) if apart else 0.0
+
+
+def share_held(held: NDArray[np.floating], least_s: float) -> float:
+    """Return the share of keys that are held so long; 1 if there are none."""
+    return float(np.mean(held >= least_s - _SAME_S)) if len(held) else 1.0
+
+
+def watched(source: MotionSource, voice: Voice, options: CueingOptions = DEFAULT_OPTIONS) -> Seen:
+    """Return what is seen of the motion for a score."""
+    seen = Seen(classes_of(voice), source.rate_hz, options)
+    keys = source.score.keys
+    if not keys:
+        return seen
+    seen.add(np.zeros((0, 113, 3)), 0.0, keys)
+    first = int(max(0.0, keys[0].start - _AROUND_S) * source.rate_hz)
+    last = int((keys[-1].end + _AROUND_S) * source.rate_hz)
+    for at in range(first, last, _WINDOW):
+        motion = source.window(at / source.rate_hz, min(_WINDOW, last - at))
+        seen.add(voice.reconstruct(motion.params), motion.start_s)
+    return seen
+
+
+def watched_motion(motion: Motion, voice: Voice, options: CueingOptions = DEFAULT_OPTIONS) -> Seen:
+    """Return what is seen of a motion that knows its score, such as a received one."""
+    seen = Seen(classes_of(voice), motion.rate_hz, options)
+    keys = motion.score.keys if motion.score else ()
+    end_s = motion.start_s + len(motion.params) / motion.rate_hz
+    whole = [k for k in keys if k.start >= motion.start_s and k.end <= end_s]
+    seen.add(np.zeros((0, 113, 3)), motion.start_s, whole)
+    for at in range(0, len(motion.params), _WINDOW):
+        part = voice.reconstruct(motion.params[at : at + _WINDOW])
+        seen.add(part, motion.start_s + at / motion.rate_hz)
+    return seen
 
 
 def in_words(figures: dict[str, Any]) -> str:
-    """Return the figures of `readability` in one line."""
+    """Return the figures of `Seen` in one line."""
     return (
         f"readable: {figures['keys_per_s']} keys/s, {100 * figures['held_share']:.1f} % held for "
-        f"{1000 * HELD_S:.0f} ms, a tenth for less than {1000 * figures['hold_p10_s']:.0f} ms, "
+        f"{1000 * HELD_S:.0f} ms, {100 * figures['three_pictures_share']:.1f} % in three pictures, "
+        f"a tenth for less than {1000 * figures['hold_p10_s']:.0f} ms, "
         f"peak {figures['peak_m_s']} m/s"
     )
-
-
-def seen_keys(
-    score: Score, voice: Voice, options: CueingOptions = DEFAULT_OPTIONS
-) -> tuple[list[Shown], float]:
-    """Return how long each key of a score is shown, and the hand's greatest speed, m/s."""
-    classes = classes_of(voice)
-    shown: list[Shown] = []
-    peak = 0.0
-    for start_s, end_s, markers, first_s in implied(score, voice, options):
-        keys = tuple(key for key in score.keys if start_s <= key.start < end_s)
-        if keys:
-            shown += shown_keys(
-                markers, Score((), keys), classes, rate_hz=1 / TICK_S, start_s=first_s,
-                options=options,
-            )  # fmt: skip
-        peak = max(peak, peak_speed(markers, 1 / TICK_S))
-    return shown, peak
 
 
 def classes_of(voice: Voice) -> Classes:
@@ -126,29 +196,3 @@ def classes_of(voice: Voice) -> Classes:
     params[:, face + hand + table.neutral_head.size :] = table.placement_targets.reshape(n, -1)
     markers = voice.reconstruct(params).astype(np.float64)
     return Classes(markers.reshape(len(SHAPES), len(PLACEMENTS), *markers.shape[1:]))
-
-
-def implied(
-    score: Score, voice: Voice, options: CueingOptions = DEFAULT_OPTIONS
-) -> Iterator[tuple[float, float, NDArray[np.float32], float]]:
-    """Yield what a score looks like, piece by piece.
-
-    Yields
-    ------
-    start_s, end_s : float
-        The stretch that a piece is for.
-    markers : ndarray of float32, shape (T, 113, 3)
-        At 50 Hz, reaching beyond the stretch on both sides.
-    first_s : float
-        Time of the first frame.
-    """
-    line, targets = to_line(score, options), Targets.of(voice, FLOWING)
-    begin = int(score.keys[0].start // SUPERFRAME_S) - 1
-    end = int(score.keys[-1].end // SUPERFRAME_S) + 2
-    for k in range(begin, end, _AT_ONCE):
-        last = min(k + _AT_ONCE, end)
-        known = {i: part_of(line, i) for i in range(k - _AROUND, last + _AROUND)}
-        first_tick = (k - 1) * TICKS
-        params = Resynthesis(join(known), targets, first_tick, (last - k + 2) * TICKS).params()
-        markers = voice.reconstruct(params)
-        yield k * SUPERFRAME_S, last * SUPERFRAME_S, markers, first_tick * TICK_S

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.analysis.readability import HELD_S, Classes, peak_speed, shown_keys
+from codec.analysis.readability import HELD_S, Classes
 from codec.analysis.recognise import Recogniser, fit_recogniser
 from codec.cuer.voice import load_voice
 from codec.cues.cueing import cue
@@ -29,6 +29,7 @@ from codec.cues.phonology import VOWELS
 from codec.cues.score import PLACEMENT_NUMBER, Key, Phone, Score
 from codec.errors import CueError
 from cuecast.demo.content import make_sound
+from cuecast.dubbing.readability import Seen
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.strokes import RATE_HZ, REAL, film_of, rows_within, stroke_figures
 from receiver.drawing.render import render_frames, write_picture
@@ -90,6 +91,9 @@ _STRIP_SIZE = (240, 320)
 
 _LONG_WAYS = {("side", "chin"), ("side", "mouth"), ("side", "throat")}
 """Placements from and to which the film strip shows the hand on its way."""
+
+_SEEN = ("keys_per_s", "held_share", "hold_p10_s", "three_pictures_share", "peak_m_s")
+"""What rows say of the motion, by the meter of all reports."""
 
 _SUBTITLES = {".srt", ".vtt", ".ttml", ".dfxp", ".xml", ".stl", ".ass", ".ssa"}
 
@@ -192,22 +196,19 @@ def figures(
         return {"keys_said": len(said), "keys_shown": 0}
     cuer = GestureSynthesiser(rate_hz=_FRAMES_HZ, seed=seed)
     markers = _markers(cuer, score)
-    shown = shown_keys(markers, score, Classes(cuer.targets()[0]), rate_hz=_FRAMES_HZ)
-    held = np.array([item.held_s for item in shown])
-    starts = np.array([key.start for key in score.keys])
-    inner = np.diff(starts)
-    inner = inner[inner < 1.0]
+    seen = Seen(Classes(cuer.targets()[0]), _FRAMES_HZ)
+    seen.add(markers, 0.0, score.keys)
+    found = seen.figures()
+    held = np.array([item.held_s for item in seen.shown])
+    report.seen(seen.shown)
     told = report.report()
     every = round(_FRAMES_HZ / _PICTURES_HZ)
     taken = read_keys(reader, markers[::every])
     return {
         "keys_said": len(said), "keys_shown": len(score.keys),
         "words_left_out": told["words_left_out"], "lag_s": told["lag_s"],
-        "keys_per_s": float(1 / inner.mean()) if len(inner) else 0.0,
-        "held_share": float(np.mean(held >= HELD_S - 1e-6)),
-        "hold_p10_s": float(np.percentile(held, 10)),
-        "three_pictures_share": float(np.mean(held >= _PICTURES / _PICTURES_HZ - 1e-6)),
-        "peak_m_s": peak_speed(markers, _FRAMES_HZ),
+        "unreadable_subtitles": sum(not row["readable"] for row in told["subtitles"]),
+        **{name: found[name] for name in _SEEN},
         "verbatim_share": float(np.sum(held >= HELD_S - 1e-6)) / max(len(said), 1),
         "read_share": in_common(taken, _gestures(said)),
     }  # fmt: skip

@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     from codec.cuer.motion import MotionWriter
     from codec.cuer.voice import load_voice
     from cuecast.dubbing.aligning import Confidence
-    from cuecast.dubbing.readability import Seen, in_words
+    from cuecast.dubbing.readability import Seen, classes_of, in_words
     from synth.prosody.pace_report import PaceReport
 
     confidence = Confidence()
@@ -73,16 +73,18 @@ def run(args: argparse.Namespace) -> int:
         return 1
     voice = load_voice(args.voice)
     parts = _motion(args, itertools.chain([first], pieces), voice)
-    seen = Seen(voice, reading_of(args).options)
+    seen = Seen(classes_of(voice), args.rate, reading_of(args).options)
     with MotionWriter(args.output) as writer, seconds_bar(length_s, "synth") as advance:
         for part in parts:
             writer.append(part)
-            seen.add(part.score)
+            keys = part.score.keys if part.score else ()
+            seen.add(voice.reconstruct(part.params), part.start_s, keys)
             advance(part.duration_s)
     if args.align:
         note(str(confidence))
-    note(str(pace))
     figures = seen.figures()
+    pace.seen(seen.shown)
+    note(str(pace))
     note(in_words(figures))
     if args.report:
         report = {"pace": pace.report() | figures}

@@ -81,7 +81,7 @@ class Habits:
     opening: float = 1.0
     asymmetry: float = 0.05
     head_mobility: float = 1.0
-    scatter_mm: float = 4.0
+    scatter_mm: float = 2.0
     scatter_deg: float = 2.0
     undershoot: float = 0.02
 

@@ -45,9 +45,6 @@ _FAR_S = 0.16
 _FROM_REST_S, _TO_REST_S = -0.04, -0.05
 """For a key at the beginning or the end, where nothing hurries."""
 
-_SHARE_AT_CHIN, _SHARE_TO_CHIN = 0.25, 4.0
-"""Of the spare time, for a key at the chin and for the one before it."""
-
 Form = tuple[int, str, int]
 """Hand shape, placement and number of phones of a key."""
 
@@ -69,17 +66,6 @@ def least_s(before: Form | None, here: Form, after: Form | None) -> float:
     ends = _TO_REST_S if after is None else _ends_s(here, after)
     far = after is not None and (here[1], after[1]) in _FAR
     return max(SEEN_S + begins - ends, _FAR_S if far else 0.0)
-
-
-def spare_share(here: Form, after: Form | None) -> float:
-    """Return how much of the spare time a key takes, against others.
-
-    The hand leaves a long key earlier, so that time does not help at the chin, which is soon left
-    for the mouth's surroundings; a longer key before it does: the hand sets out earlier.
-    """
-    if here[1] == "chin" and (after is None or after[1] != "chin"):
-        return _SHARE_AT_CHIN
-    return _SHARE_TO_CHIN if after is not None and after[1] == "chin" else 1.0
 
 
 def _begins_s(before: Form, here: Form) -> float:

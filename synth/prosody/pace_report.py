@@ -1,9 +1,11 @@
 """What became of each subtitle on the cuer's clock: her pace and lag, and what she left out."""
 
-from collections.abc import Callable
+import bisect
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
+from codec.analysis.readability import Shown
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
 from codec.cues.score import Phone
 from synth.prosody.pacing import PacedWord
@@ -11,6 +13,12 @@ from synth.subtitles import Subtitle
 
 HARDEST_KEYS = 6.0
 """Keys a second above which less than half of the time of a key is left to see it."""
+
+THREE_PICTURES_S = 0.12
+"""Seconds of a key that three of 25 pictures a second show, whenever they are taken."""
+
+_SAME_S = 1e-6
+"""Seconds within which times count as the same."""
 
 _FEWEST_KEYS = 4
 """Fewer keys have no rate."""
@@ -80,6 +88,22 @@ class PaceReport:
         elif source.subtitle is not None:
             now.lag_s = max(now.lag_s, word.lag_s)
 
+    def seen(self, shown: Iterable[Shown]) -> None:
+        """Count the keys of every subtitle that three pictures cannot show, and warn of them."""
+        self._close()
+        starts = [row["cued"][0] for row in self._rows]
+        for item in shown:
+            number = bisect.bisect_right(starts, item.key.start + _SAME_S) - 1
+            if number >= 0 and item.held_s < THREE_PICTURES_S - _SAME_S:
+                self._rows[number]["short_keys"] += 1
+        for row in self._rows:
+            if row["short_keys"]:
+                row["readable"] = False
+                self._warn(
+                    f"{_where(row)}: {row['short_keys']} of {row['keys']} keys stand for less than "
+                    "three pictures"
+                )
+
     def report(self) -> dict[str, Any]:
         """Return the pace of everything heard, and that of every subtitle."""
         self._close()
@@ -108,16 +132,27 @@ class PaceReport:
         count, rate = now.rate(self._options)
         rate = rate if count >= _FEWEST_KEYS else 0.0
         start_s = now.subtitle.start_s if now.subtitle else 0.0
+        cued = [now.phones[0].start, now.phones[-1].end] if now.phones else self._until()
         line = now.subtitle.line if now.subtitle else 1
         self._rows.append(
             {
                 "start": start_s, "line": line, "keys": count, "keys_per_s": round(rate, 2),
                 "lag_s": round(now.lag_s, 3), "left_out": now.words, "mute_e": now.mute,
+                "cued": cued, "short_keys": 0,
                 "readable": rate <= HARDEST_KEYS and not now.words,
             }
         )  # fmt: skip
-        where = f"subtitle at {start_s:.2f} s (line {line})"
+        where = _where(self._rows[-1])
         if now.words:
             self._warn(f"{where}: no time for {len(now.words)} words: {' '.join(now.words)}")
         if rate > HARDEST_KEYS:
             self._warn(f"{where}: {rate:.1f} keys/s cannot be read, {HARDEST_KEYS:g} can")
+
+    def _until(self) -> list[float]:
+        """Return the span of a subtitle of which nothing is left."""
+        end_s = self._rows[-1]["cued"][1] if self._rows else 0.0
+        return [end_s, end_s]
+
+
+def _where(row: dict[str, Any]) -> str:
+    return f"subtitle at {row['start']:.2f} s (line {row['line']})"

@@ -17,19 +17,25 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.analysis.readability import HELD_S
+from codec.cuer.movement import FLOWING
 from codec.cues.cueing import (
     DEFAULT_OPTIONS,
     NO_CONSONANT_SHAPE,
     NO_VOWEL_PLACEMENT,
     SHAPE_OF,
     CueingOptions,
+    cue,
 )
 from codec.cues.phonology import VOWELS
-from codec.cues.score import Phone
+from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, Phone
 from codec.errors import CueError
 from synth.prosody.importance import importance, links
-from synth.prosody.key_times import Form, least_s, spare_share
+from synth.prosody.key_times import Form, least_s
+from synth.prosody.mirror import held_keys
+from synth.prosody.settling import WANTED_S, Line, Settler
 from synth.prosody.taut_string import taut_string
+from synth.rules.sight import sight_of
 from synth.subtitles import Subtitle
 from synth.text.words import Word
 
@@ -70,6 +76,21 @@ _REST_ROOM_S = 0.95
 
 _RISE_S = 0.3
 """Nothing is shown earlier: the hand has to rise first."""
+
+_MENDED, _MENDED_SHARE = 2, 0.02
+"""So many keys of a block, and this share of them, are mended by looking at performances."""
+
+_VARIANTS = 12
+"""Performances that are looked at for one key."""
+
+_NEAR_KEYS = 3
+"""Keys on both sides that count with it."""
+
+_LEAST_TICKS = 2
+"""Ticks that a phone keeps."""
+
+_KNOWN_KEYS = 4
+"""Keys of the block before that still matter."""
 
 _GRID_HZ = 50
 """Ticks of the bitstream's grid in a second."""
@@ -157,12 +178,11 @@ def pace_words(
     options : CueingOptions
         Where charts of the code differ.
     """
-    free_s = _RISE_S
-    for block in _blocks(words, pace):
-        for paced in _Block(block, pace, options, free_s).paced():
-            if paced.phones:
-                free_s = paced.phones[-1].end
-            yield paced
+    before = _Before()
+    for words_of_block in _blocks(words, pace):
+        block = _Block(words_of_block, pace, options, before)
+        yield from block.paced()
+        before = block.before
 
 
 def _blocks(words: Iterable[TimedWord], pace: Pace) -> Iterator[list[TimedWord]]:
@@ -207,8 +227,8 @@ class _Keys:
         How long the speaker takes for it, seconds.
     consonant : ndarray, shape (N,)
         Share of the consonant in keys of two phones.
-    share : ndarray, shape (N,)
-        How much of the spare time each key takes, against the others.
+    key : ndarray of int64, shape (N,)
+        Key numbers, 6 shape + placement.
     """
 
     members: list[list[tuple[int, int]]]
@@ -217,7 +237,7 @@ class _Keys:
     pause: FloatArray
     said: FloatArray
     consonant: FloatArray
-    share: FloatArray
+    key: NDArray[np.int64]
 
     @property
     def work(self) -> FloatArray:
@@ -227,16 +247,30 @@ class _Keys:
     @property
     def parts(self) -> FloatArray:
         """How much of the spare time goes to each key and to the pause after it, (N,)."""
-        return np.asarray(self.share + (np.append(self.pause[1:], 0.0) > 0))
+        return np.asarray(1.0 + (np.append(self.pause[1:], 0.0) > 0))
+
+
+@dataclass(frozen=True, slots=True)
+class _Before:
+    """What was said last: keys on the grid, and the phones of these keys."""
+
+    line: Line | None = None
+    phones: tuple[Phone, ...] = ()
+
+    @property
+    def free_s(self) -> float:
+        """From when on the cuer is free."""
+        return self.phones[-1].end if self.phones else _RISE_S
 
 
 class _Block:
-    """Words that are paced together, after a time at which the cuer is free."""
+    """Words that are paced together, after others; `before` is what the next ones come after."""
 
     def __init__(
-        self, words: Sequence[TimedWord], pace: Pace, options: CueingOptions, free_s: float
+        self, words: Sequence[TimedWord], pace: Pace, options: CueingOptions, before: _Before
     ) -> None:
-        self._words, self._pace, self._options, self._free_s = words, pace, options, free_s
+        self._words, self._pace, self._options, self.before = words, pace, options, before
+        self._free_s = before.free_s
         self._latest_s = max(pace.max_lag_s - 0.5 / _GRID_HZ, 0.0)
         self._kept = [True] * len(words)
         self._mute = [False] * len(words)
@@ -252,7 +286,7 @@ class _Block:
         start, length = self._schedule(keys)
         spans = _spans(keys, start, length)
         lags = {
-            member: float(start[k] - keys.first[k])
+            member: self._lag_s(float(start[k] - keys.first[k]))
             for k, members in enumerate(keys.members)
             for member in members
         }
@@ -263,6 +297,12 @@ class _Block:
             lag = next((lags[w, i] for i in range(len(word.phones)) if (w, i) in lags), 0.0)
             mute = sum(p.symbol == "ə" for p in word.phones) if self._mute[w] else 0
             yield PacedWord(word, phones, lag, mute)
+
+    def _lag_s(self, found_s: float) -> float:
+        """Return a lag without what the grid's rounding adds beyond its bounds."""
+        bounded_s = min(max(found_s, -LEAD_S), self._pace.max_lag_s)
+        rounded = abs(found_s - bounded_s) <= 0.5 / _GRID_HZ + _SAME_S
+        return bounded_s if rounded else found_s
 
     def _said(self) -> Iterator[tuple[int, int, bool]]:
         """Yield word and phone number of what stays, and whether a pause comes before it."""
@@ -315,8 +355,8 @@ class _Block:
         pause = _LEAST_PAUSE_S * np.array(paused, dtype=float)
         consonant = np.clip(part, 1 - _LONGEST_CONSONANT, _LONGEST_CONSONANT)
         said = np.array([sum(x.end - x.start for x in p) for p in phones])
-        share = np.array([spare_share(*pair) for pair in zip(forms, afters, strict=True)])
-        return _Keys(members, first, np.array(least), pause, said, consonant, share)
+        key = np.array([len(PLACEMENTS) * f[0] + PLACEMENT_NUMBER[f[1]] for f in forms], np.int64)
+        return _Keys(members, first, np.array(least), pause, said, consonant, key)
 
     def _late(self, keys: _Keys, lead_s: float) -> tuple[int, int] | None:
         """Return the first key that comes too late at the quickest, and where the hurry began."""
@@ -385,7 +425,7 @@ class _Block:
                 break
         due = even + taken
         extra = np.clip(spare, 0.0, slowest)
-        length = keys.least + keys.share * extra
+        length = keys.least + extra
         start, clock = np.empty(n), self._free_s
         for k in range(n):
             pause = keys.pause[k] + (extra[k - 1] if k and keys.pause[k] else 0.0)
@@ -396,7 +436,87 @@ class _Block:
         gap = start[1:] - ends[:-1]
         hurried = (gap >= self._options.rest_gap_s) & (gap < _REST_ROOM_S)
         ends[:-1][hurried] = start[1:][hurried] - self._options.rest_gap_s + 2.0 / _GRID_HZ
-        return start, np.maximum(ends - start, length)
+        return self._settled(keys, start, start + np.maximum(ends - start, length), lead_s)
+
+    def _settled(
+        self, keys: _Keys, start: FloatArray, end: FloatArray, lead_s: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return start and length of each key, moved so that it is seen, seconds."""
+        settler = Settler(sight_of(), self._options, _REST_ROOM_S)
+        line = settler.settled(self._line(keys, start, end, lead_s))
+        held = self._held(keys, line)
+        short = np.flatnonzero(held < WANTED_S - _SAME_S)
+        few = short[np.argsort(held[short], kind="stable")][
+            : _MENDED + int(_MENDED_SHARE * len(held))
+        ]
+        for k in sorted(few.tolist()):
+            line = self._performed_better(keys, line, settler, k)
+        fresh = slice(line.frozen, None)
+        start, end = line.start[fresh] / _GRID_HZ, line.end[fresh] / _GRID_HZ
+        last = line[max(len(line.start) - _KNOWN_KEYS, 0) :]
+        phones = [*self.before.phones, *itertools.chain(*self._phones(keys, start, end))]
+        since_s = last.start[0] / _GRID_HZ - _SAME_S
+        self.before = _Before(last, tuple(p for p in phones if p.start >= since_s))
+        return start, end - start
+
+    def _line(self, keys: _Keys, start: FloatArray, end: FloatArray, lead_s: float) -> Line:
+        """Return keys in ticks, after those of the block before."""
+        early = np.minimum(np.maximum(keys.first - lead_s, self._free_s), start)
+        phones = np.array([len(members) for members in keys.members])
+        least = _LEAST_TICKS * phones
+        pause = np.ceil(_GRID_HZ * keys.pause - _SAME_S).astype(np.int64)
+        begins, ends = (np.round(_GRID_HZ * x).astype(np.int64) for x in (start, end))
+        for k in range(1, len(begins)):
+            begins[k] = max(begins[k], begins[k - 1] + least[k - 1] + pause[k])
+        ends[:-1] = np.where(
+            pause[1:] > 0, np.minimum(ends[:-1], begins[1:] - pause[1:]), begins[1:]
+        )
+        line = Line(
+            start=begins, end=np.maximum(ends, begins + least),
+            early=np.ceil(_GRID_HZ * early - _SAME_S).astype(np.int64),
+            late=np.floor(_GRID_HZ * (keys.first + self._latest_s) + _SAME_S).astype(np.int64),
+            least=least, pause=pause, key=keys.key,
+            lag=np.where(phones > 1, FLOWING.lag_share * keys.consonant, 0.0),
+        )  # fmt: skip
+        before = self.before.line
+        return line if before is None else line.after(before)
+
+    def _performed_better(self, keys: _Keys, line: Line, settler: Settler, k: int) -> Line:
+        """Return the line, or the variant near a key whose performance shows more keys."""
+        near = max(k - _NEAR_KEYS, 0), min(k + _NEAR_KEYS + 1, len(keys.first))
+
+        def worth(other: Line) -> float:
+            held = self._held(keys, other, *near)
+            return float((held >= HELD_S).sum() + np.clip(held / WANTED_S, 0.0, 1.0).sum())
+
+        best, most = line, worth(line) + _SAME_S
+        for other in settler.variants(line, line.frozen + k, _VARIANTS):
+            found = worth(other)
+            if found > most:
+                best, most = other, found
+            if most >= 2 * (near[1] - near[0]):
+                break
+        return best
+
+    def _held(self, keys: _Keys, line: Line, first: int = 0, last: int | None = None) -> FloatArray:
+        """Return how long keys of a line are held in a performance, seconds."""
+        fresh = slice(line.frozen, None)
+        phones = self._phones(keys, line.start[fresh] / _GRID_HZ, line.end[fresh] / _GRID_HZ)
+        around = slice(max(first - _KNOWN_KEYS, 0), None if last is None else last + _KNOWN_KEYS)
+        told = [phone for at in phones[around] for phone in at]
+        if around.start == 0:
+            told = [*self.before.phones, *told]
+        held = held_keys(told, tuple(cue(told, self._options)), options=self._options)
+        before = len(held) - len(phones[around])
+        return held[before + first - around.start :][: None if last is None else last - first]
+
+    def _phones(self, keys: _Keys, start: FloatArray, end: FloatArray) -> list[list[Phone]]:
+        """Return the phones of each key."""
+        spans = _spans(keys, start, end - start)
+        return [
+            [Phone(self._words[w].phones[i].symbol, *spans[w, i]) for w, i in members]
+            for members in keys.members
+        ]
 
 
 def _spans(

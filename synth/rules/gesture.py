@@ -47,7 +47,7 @@ _MEETS_HAND_DEG = {
 
 _TWIST_DEG = {"rest": -5.0, "side": 2.0, "mouth": 0.0, "chin": -1.0, "cheek": 3.0, "throat": -3.0}
 _HEAD_DRIFT = np.array([*np.radians([1.2, 0.8, 0.5]), 1.2, 1.0, 1.4])
-_ARC = np.array([-0.24, -0.13, 0.1])
+ARC = np.array([-0.24, -0.13, 0.1])
 """How far the middle of a stroke lies outwards, upwards and to the front, per mm of way;
 real cuers' strokes bend outwards by a fifth of their length."""
 
@@ -57,7 +57,7 @@ _OUT_OF_STEP_S = {"thumb": -0.02, "index": -0.01, "middle": 0.0, "ring": 0.008, 
 _FINGER_DRIFT_DEG = 0.8
 """Standard deviation in degrees of each finger joint's slow drift."""
 
-_WRIST_DRIFT_DEG = 1.5
+_WRIST_DRIFT_DEG = 1.0
 """That of the wrist."""
 
 _ARM_DRIFT = np.array([0.008] * 3 + [1.0] * 3)  # rad, mm
@@ -67,6 +67,12 @@ _FREE_WRIST_DEG = (16.0, 6.0, 9.0)
 
 _FREE_ARM = 25.0  # times the usual drift
 _TURN_SCATTER = 0.01  # rad
+_WIDEST = 2.0
+"""Standard deviations to which the scatter is bounded."""
+
+_AIM = {"rest": 1.0, "side": 1.0, "mouth": 0.5, "chin": 0.5, "cheek": 0.8, "throat": 1.0}
+"""Share of the scatter at each placement: mouth and chin, 37 mm apart, are aimed at with care."""
+
 _SCATTERED = np.array([0.25] * 3 + [1.0] * (len(HAND_ANGLES) - 3))
 """Shares of the scatter in wrist and fingers: the wrist's would carry the tip 6 mm away."""
 
@@ -267,7 +273,7 @@ class GestureSynthesiser:
             here = slice(*np.searchsorted(times, [g.leave[number], g.reach[number]]))
             elapsed = (times[here] - g.leave[number]) / (g.reach[number] - g.leave[number])
             part = self._profile(elapsed**self._movement.power)
-            out[here] += np.outer(4.0 * part * (1.0 - part) * path[number - 1], _ARC)
+            out[here] += np.outer(4.0 * part * (1.0 - part) * path[number - 1], ARC)
         return out
 
     def targets(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -280,10 +286,9 @@ class GestureSynthesiser:
         visemes : ndarray of float32, shape (38, 113, 3)
             The face of every phone, the hand at rest, mm.
         """
-        shape, placement = (grid.ravel() for grid in np.mgrid[0:9, 0 : len(PLACEMENTS)])
-        angles, forearm = self._key_targets(shape, placement)
-        still = np.zeros((len(shape), 6))
-        face = np.zeros((len(shape), len(self.body.unit_names)))
+        angles, forearm = self.key_poses()
+        still = np.zeros((len(angles), 6))
+        face = np.zeros((len(angles), len(self.body.unit_names)))
         keys = self.body.markers(Pose(face, still, angles, forearm))
         units = viseme_table()[0] @ self._unit_matrix
         n = len(units)
@@ -294,6 +299,11 @@ class GestureSynthesiser:
         return keys.reshape(9, len(PLACEMENTS), -1, 3).astype(np.float32), visemes.astype(
             np.float32
         )
+
+    def key_poses(self) -> tuple[FloatArray, FloatArray]:
+        """Return hand angles (54, 31) and forearm poses (54, 6) of all keys, by shape."""
+        shape, placement = (grid.ravel() for grid in np.mgrid[0:9, 0 : len(PLACEMENTS)])
+        return self._key_targets(shape, placement)
 
     def labels(self, score: Score, start_s: float, n_frames: int) -> Labels:
         """Return what is held in each frame."""
@@ -340,6 +350,7 @@ class GestureSynthesiser:
         habits = self.body.habits
         for number, moment in enumerate(gestures.reach):
             noise = normals_at(moment, len(HAND_ANGLES) + 6, self._seed)
+            noise = _AIM[names[number]] * np.clip(noise, -_WIDEST, _WIDEST)
             angles[number] += habits.scatter_deg * noise[6:] * _SCATTERED
             forearm[number, :3] += _TURN_SCATTER * noise[:3]
             forearm[number, 3:] += habits.scatter_mm * noise[3:6]

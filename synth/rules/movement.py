@@ -20,6 +20,7 @@ from codec.cuer.movement import FLOWING, Movement
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import PLACEMENT_NUMBER, Key, Score
 from codec.errors import CueError
+from synth.rules import _kernels
 
 FloatArray = NDArray[np.float64]
 
@@ -102,10 +103,12 @@ class Gestures:
 _LONG_AGO_S = -1e6
 """A time in seconds before any that occurs."""
 
+_REST = 0, 0
+"""Shape and placement of the hand at rest."""
+
 _TYPICAL_WAY_MM = 60.0
 """Way in mm of a stroke whose targets nobody told."""
 
-_Row = tuple[int, int, float, float]
 Way = Callable[[tuple[int, int], tuple[int, int]], float]
 Profile = Callable[[FloatArray], FloatArray]
 
@@ -139,33 +142,62 @@ def plan_gestures(
         If `alignment` is unknown.
     """
     check_alignment(alignment)
-    rows: list[_Row] = [(0, 0, _LONG_AGO_S, _LONG_AGO_S)]
-    previous: Key | None = None
-    for key in score.keys:
-        target = key.start + _lag(key, score, alignment, movement.lag_share)
+    keys = score.keys
+    target = [key.start + _lag(key, score, alignment, movement.lag_share) for key in keys]
+    rested = [
+        before is None or key.start - before.end >= options.rest_gap_s
+        for before, key in zip((None, *keys), keys, strict=False)
+    ]
+    shown, ways = [_REST], list[float]()
+    for key, from_rest in zip(keys, rested, strict=True):
+        if from_rest and ways:
+            shown.append(_REST)
         here = key.shape, PLACEMENT_NUMBER[key.placement]
-        rested = previous is None or key.start - previous.end >= options.rest_gap_s
-        if rested and previous is not None:
-            lead = min(movement.first_lead_s, 0.5 * (key.start - previous.end))
-            rows.append(_to_rest(previous, key.start - lead, movement))
-        way_mm = way(rows[-1][:2], here)
-        if previous is None:
-            lead = movement.first_lead_s
-        elif not rested:
-            most = movement.most_lead_s + movement.lead_s_per_mm * way_mm
-            apart_s = key.start - previous.start
-            quick_s = min(apart_s, movement.hurried_s)
-            lead = movement.lead_share * quick_s + movement.calm_share * (apart_s - quick_s)
-            lead = max(min(lead, most), movement.least_lead_s)
-        least_s = movement.peak_s_per_mm * way_mm
-        leave = max(min(key.start - lead, target - least_s), _free(rows[-1], movement))
-        late_s = min(leave + least_s, target + movement.late_s)
-        reach = max(target, late_s, leave + movement.shortest_s)
-        rows.append((*here, leave, reach))
-        previous = key
-    if previous is not None:
-        rows.append(_to_rest(previous, math.inf, movement))
-    return _assemble(rows, movement)
+        ways.append(way(shown[-1], here))
+        shown.append(here)
+    if keys:
+        shown.append(_REST)
+    start, end = (np.array([getattr(key, name) for key in keys]) for name in ("start", "end"))
+    leave, reach = timed_strokes(
+        start, end, np.array(target), np.array(rested, dtype=bool), np.array(ways), movement
+    )
+    shape, placement = np.array(shown, dtype=np.int64).T.copy()
+    return Gestures(shape, placement, leave, reach)
+
+
+def timed_strokes(
+    start: FloatArray,
+    end: FloatArray,
+    target: FloatArray,
+    rested: NDArray[np.bool_],
+    way: FloatArray,
+    movement: Movement = FLOWING,
+) -> tuple[FloatArray, FloatArray]:
+    """Return when the hand leaves for each target and reaches it, the rests' included.
+
+    Parameters
+    ----------
+    start, end, target : ndarray, shape (N,)
+        When each key sounds, and when the hand should be there, seconds.
+    rested : ndarray of bool, shape (N,)
+        Whether it comes from rest; the first one does.
+    way : ndarray, shape (N,)
+        From where it comes, mm.
+    movement : Movement
+
+    Returns
+    -------
+    leave, reach : ndarray, shape (G,)
+        The rest before everything, each key after the rest before it if there is one, the rest.
+    """
+    m, most = movement, 2 * len(start) + 2
+    leave, reach = np.full(most, _LONG_AGO_S), np.full(most, _LONG_AGO_S)
+    count = _kernels.strokes_into(
+        start, end, target, rested, way, m.lead_share, m.calm_share, m.hurried_s, m.least_lead_s,
+        m.most_lead_s, m.lead_s_per_mm, m.overlap, m.shortest_s, m.peak_s_per_mm, m.late_s,
+        m.first_lead_s, m.rest_delay_s, m.rest_move_s, leave, reach,
+    )  # fmt: skip
+    return leave[:count], reach[:count]
 
 
 def target_times(
@@ -186,17 +218,6 @@ def check_alignment(name: str) -> None:
         raise CueError(f"unknown alignment {name!r}; known: {', '.join(ALIGNMENTS)}")
 
 
-def _to_rest(key: Key, before: float, movement: Movement) -> _Row:
-    leave = key.end + movement.rest_delay_s
-    reach = max(min(leave + movement.rest_move_s, before), leave + movement.shortest_s)
-    return 0, 0, leave, reach
-
-
-def _free(row: _Row, movement: Movement) -> float:
-    """Return when the next stroke may begin."""
-    return row[3] - movement.overlap * (row[3] - row[2])
-
-
 def _lag(key: Key, score: Score, alignment: str, share: float) -> float:
     """Return how long after the key's acoustic start its target is reached, seconds."""
     if len(key.phones) < 2:
@@ -211,16 +232,6 @@ def _vowel_onset(key: Key, score: Score) -> float:
     if number < len(score.phones) and score.phones[number].start < key.end:
         return score.phones[number].start
     return 0.5 * (key.start + key.end)
-
-
-def _assemble(rows: list[_Row], movement: Movement) -> Gestures:
-    shape, placement = (np.array([row[i] for row in rows], dtype=np.int64) for i in (0, 1))
-    leave, reach = (np.array([row[i] for row in rows]) for i in (2, 3))
-    for number in range(1, len(rows)):
-        free = _free((0, 0, leave[number - 1], reach[number - 1]), movement)
-        leave[number] = max(leave[number], free)
-        reach[number] = max(reach[number], leave[number] + 1e-3, reach[number - 1] + 1e-3)
-    return Gestures(shape, placement, leave, reach)
 
 
 def moved(

@@ -1,0 +1,258 @@
+"""Compiled loops of the hand's timing and of what is seen of it."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+N_PLACEMENTS = 6
+"""Placements, rest included: key number = 6 shape + placement."""
+
+
+@njit(cache=True)
+def strokes_into(
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+    target: NDArray[np.float64],
+    rested: NDArray[np.bool_],
+    way: NDArray[np.float64],
+    lead_share: float,
+    calm_share: float,
+    hurried: float,
+    least_lead: float,
+    most_lead: float,
+    lead_per_mm: float,
+    overlap: float,
+    shortest: float,
+    peak_per_mm: float,
+    late: float,
+    first_lead: float,
+    rest_delay: float,
+    rest_move: float,
+    leave: NDArray[np.float64],
+    reach: NDArray[np.float64],
+) -> int:
+    """Time the strokes to N keys and to the rests between and after them, and count them.
+
+    start, end, target (N,) are when a key sounds and when the hand should be there, rested (N,)
+    whether it comes from rest, way (N,) from where, mm. Gesture 0 is the rest before everything:
+    its times are there already.
+    """
+    g = 0
+    for i in range(start.size):
+        lead = first_lead
+        if rested[i] and i > 0:
+            lead = min(first_lead, 0.5 * (start[i] - end[i - 1]))
+            g += 1
+            leave[g] = end[i - 1] + rest_delay
+            reach[g] = max(min(leave[g] + rest_move, start[i] - lead), leave[g] + shortest)
+        elif not rested[i]:
+            apart = start[i] - start[i - 1]
+            quick = min(apart, hurried)
+            lead = lead_share * quick + calm_share * (apart - quick)
+            lead = max(min(lead, most_lead + lead_per_mm * way[i]), least_lead)
+        least = peak_per_mm * way[i]
+        free = reach[g] - overlap * (reach[g] - leave[g])
+        g += 1
+        leave[g] = max(min(start[i] - lead, target[i] - least), free)
+        reach[g] = max(target[i], min(leave[g] + least, target[i] + late), leave[g] + shortest)
+    if start.size:
+        g += 1
+        leave[g] = end[-1] + rest_delay
+        reach[g] = leave[g] + max(rest_move, shortest)
+    for i in range(1, g + 1):
+        leave[i] = max(leave[i], reach[i - 1] - overlap * (reach[i - 1] - leave[i - 1]))
+        reach[i] = max(reach[i], leave[i] + 1e-3, reach[i - 1] + 1e-3)
+    return g + 1
+
+
+@njit(cache=True)
+def _jerk(time: float, leave: float, reach: float, begin: float, end: float, stroke: float,
+          power: float) -> float:  # fmt: skip
+    """Return how far a channel has come on a stroke, 0..1."""
+    apart = min(1.0, (reach - leave) / stroke)
+    first = leave + apart * begin
+    length = max(reach + apart * end - first, 0.5 * (reach - leave))
+    u = (time - first) / length
+    if u <= 0.0:
+        return 0.0
+    if u >= 1.0:
+        return 1.0
+    u = u**power
+    return float(u * u * u * (10.0 - 15.0 * u + 6.0 * u * u))
+
+
+@njit(cache=True)
+def seen_into(
+    leave: NDArray[np.float64],
+    reach: NDArray[np.float64],
+    key: NDArray[np.int64],
+    step: float,
+    lateness: NDArray[np.float64],
+    stroke: float,
+    power: float,
+    arc: NDArray[np.float64],
+    place: NDArray[np.float64],
+    tip: NDArray[np.float64],
+    knuckle: NDArray[np.float64],
+    goal: NDArray[np.float64],
+    gram: NDArray[np.float64],
+    clear: NDArray[np.float64],
+    begun: NDArray[np.float64],
+    held: NDArray[np.float64],
+    peak: NDArray[np.float64],
+) -> None:
+    """Find how long each of G targets is seen, and how fast the knuckles are on the way to it.
+
+    Parameters
+    ----------
+    leave, reach, key : ndarray, shape (G,)
+        Strokes; key number of each target.
+    step : float
+        Between the moments that are looked at, seconds.
+    lateness : ndarray, shape (4,)
+        How much later than the place the turn begins and ends, then the fingers.
+    place : ndarray, shape (54, 3)
+        Wrist of each key.
+    tip : ndarray, shape (9, 54, 3)
+        From the wrist to the tip that a shape points with, turned as for each key.
+    knuckle : ndarray, shape (54, K, 3)
+        From the wrist to the knuckles.
+    goal : ndarray, shape (9, 6, 3)
+        Where the tip is for each key.
+    gram : ndarray, shape (9, 9)
+        Inner products of the shapes' markers.
+    clear : ndarray, shape (2,)
+        By how many mm the place, and the shape, has to be nearer than any other.
+    begun, held : ndarray, shape (G,)
+        Out: from when and how long each target is nearer than any other, seconds.
+    peak : ndarray, shape (G,)
+        Out: greatest speed of a knuckle, mm/s.
+    """
+    n = leave.size
+    begun[:], held[:], peak[:] = 0.0, 0.0, 0.0
+    if n < 2:
+        return
+    n_knuckles = knuckle.shape[1]
+    moved, turned, shaped = np.zeros(n), np.zeros(n), np.zeros(n)
+    at, x, before = np.zeros(3), np.zeros(3), np.zeros((n_knuckles, 3))
+    now = np.zeros((n_knuckles, 3))
+    last_margin, since, sure = np.zeros(n), np.zeros(n), np.zeros(n)
+    last_margin[:] = -1.0
+    low = 1
+    margin_s = 0.2
+    time = leave[1] - 0.1
+    first = True
+    while time < reach[n - 1] + 0.1:
+        while low < n - 1 and reach[low] + margin_s < time:
+            low += 1
+        high = low
+        while high < n and leave[high] - margin_s < time:
+            high += 1
+        # Shares of the targets base .. high - 1; what came before is done with.
+        base = low - 1
+        moved[base], turned[base], shaped[base] = 1.0, 1.0, 1.0
+        at[:] = place[key[base]]
+        for g in range(low, high):
+            p = _jerk(time, leave[g], reach[g], 0.0, 0.0, stroke, power)
+            q = _jerk(time, leave[g], reach[g], lateness[0], lateness[1], stroke, power)
+            r = _jerk(time, leave[g], reach[g], lateness[2], lateness[3], stroke, power)
+            moved[g], turned[g], shaped[g] = p, q, r
+            long = 0.0
+            for c in range(3):
+                d = place[key[g], c] - place[key[g - 1], c]
+                at[c] += p * d
+                long += d * d
+            for c in range(3):
+                at[c] += 4.0 * p * (1.0 - p) * np.sqrt(long) * arc[c]
+        for k in range(n_knuckles):
+            for c in range(3):
+                value = at[c] + knuckle[key[base], k, c]
+                for g in range(low, high):
+                    value += turned[g] * (knuckle[key[g], k, c] - knuckle[key[g - 1], k, c])
+                now[k, c] = value
+        if not first:
+            fastest = 0.0
+            for k in range(n_knuckles):
+                speed = 0.0
+                for c in range(3):
+                    speed += (now[k, c] - before[k, c]) ** 2
+                fastest = max(fastest, np.sqrt(speed) / step)
+            for g in range(low, high):
+                if leave[g] <= time <= reach[g] + 0.1:
+                    peak[g] = max(peak[g], fastest)
+        before[:] = now
+        first = False
+        for g in range(low - 1, high):
+            if g == 0:
+                continue
+            shape = key[g] // N_PLACEMENTS
+            margin = _shape_margin(shape, key, base, low, high, shaped, gram) - clear[1]
+            for c in range(3):
+                x[c] = at[c] + tip[shape, key[base], c]
+                for j in range(low, high):
+                    x[c] += turned[j] * (tip[shape, key[j], c] - tip[shape, key[j - 1], c])
+            away = _place_margin(x, goal[shape], key[g] % N_PLACEMENTS) - clear[0]
+            margin = min(margin, away)
+            old = last_margin[g]
+            if margin > 0.0 and old <= 0.0:
+                since[g] = time if old == -1.0 else time - step * margin / (margin - old)
+            if margin > 0.0:
+                sure[g] = time - since[g]
+            elif old > 0.0:
+                sure[g] += step * old / (old - margin)
+            if sure[g] > held[g]:
+                held[g], begun[g] = sure[g], since[g]
+            if margin <= 0.0:
+                sure[g] = 0.0
+            last_margin[g] = margin
+        time += step
+
+
+@njit(cache=True)
+def _place_margin(x: NDArray[np.float64], goal: NDArray[np.float64], own: int) -> float:
+    """Return by how much a point is nearer to its own goal than to any other, mm."""
+    best, mine = np.inf, 0.0
+    for p in range(goal.shape[0]):
+        d = 0.0
+        for c in range(3):
+            d += (x[c] - goal[p, c]) ** 2
+        d = np.sqrt(d)
+        if p == own:
+            mine = d
+        else:
+            best = min(best, d)
+    return best - mine
+
+
+@njit(cache=True)
+def _shape_margin(
+    own: int,
+    key: NDArray[np.int64],
+    base: int,
+    low: int,
+    high: int,
+    shaped: NDArray[np.float64],
+    gram: NDArray[np.float64],
+) -> float:
+    """Return by how much a blend of shapes is nearer to its own one than to any other, mm."""
+    n = gram.shape[0]
+    share = np.zeros(n)
+    share[key[base] // N_PLACEMENTS] = 1.0
+    for g in range(low, high):
+        share[key[g] // N_PLACEMENTS] += shaped[g]
+        share[key[g - 1] // N_PLACEMENTS] -= shaped[g]
+    whole = 0.0
+    for i in range(n):
+        for j in range(n):
+            whole += share[i] * share[j] * gram[i, j]
+    best, mine = np.inf, 0.0
+    for c in range(n):
+        d = whole + gram[c, c]
+        for i in range(n):
+            d -= 2.0 * share[i] * gram[i, c]
+        d = np.sqrt(max(d, 0.0))
+        if c == own:
+            mine = d
+        else:
+            best = min(best, d)
+    return best - mine

@@ -1,0 +1,69 @@
+"""One meter for all motion: streams, sources, and what a subtitle is told."""
+
+import numpy as np
+import pytest
+
+from codec.analysis.readability import HELD_S, Shown
+from codec.cuer.voice import load_voice
+from codec.cues.score import Key
+from cuecast.dubbing.motions import SynthesisedMotion, whole_motion
+from cuecast.dubbing.readability import Seen, classes_of, watched, watched_motion
+from synth.prosody.pace_report import PaceReport
+from synth.prosody.pacing import READABLE
+from synth.scoring.text_score import Reading, score_from_subtitles
+from synth.subtitles import Subtitle
+
+LINES = [
+    Subtitle(1.0 + 20.0 * n, 5.0 + 20.0 * n, text, n + 1)
+    for n, text in enumerate(("Le chat dort.", "Il fait beau.", "La nuit vient."))
+]
+
+
+@pytest.fixture(scope="module")
+def source() -> SynthesisedMotion:
+    score = score_from_subtitles(LINES, reading=Reading(pace=READABLE))
+    return SynthesisedMotion(score, load_voice())
+
+
+def test_parts_change_nothing(source: SynthesisedMotion) -> None:
+    voice = load_voice()
+    motion = whole_motion(source, 50.0)
+    markers = voice.reconstruct(motion.params)
+    whole = Seen(classes_of(voice), 50.0)
+    whole.add(markers, 0.0, source.score.keys)
+    parts = Seen(classes_of(voice), 50.0)
+    keys = list(source.score.keys)
+    for at in range(0, len(markers), 77):
+        until_s = (at + 77) / 50.0
+        due = [key for key in keys if key.end <= until_s]
+        keys = keys[len(due) :]
+        parts.add(markers[at : at + 77], at / 50.0, due)
+    parts.add(markers[:0], 50.0, keys)
+    assert parts.figures() == whole.figures()
+    assert watched(source, voice).figures() == whole.figures()
+    assert watched_motion(motion, voice).figures() == whole.figures()
+    assert whole.figures()["keys"] == len(source.score.keys)
+    assert whole.figures()["held_share"] == 1.0
+
+
+def test_what_stands_still_for_a_moment_is_told() -> None:
+    report, warned = PaceReport(), list[str]()
+    told = PaceReport(warn=warned.append)
+    score = score_from_subtitles(LINES, reading=Reading(pace=READABLE), told=told)
+    last = score.keys[-1]
+    told.seen([Shown(key, key.start, 0.11 if key is last else 0.2) for key in score.keys])
+    rows = told.report()["subtitles"]
+    assert [row["short_keys"] for row in rows] == [0, 0, 1]
+    assert [row["readable"] for row in rows] == [True, True, False]
+    assert warned == [
+        "subtitle at 41.00 s (line 3): 1 of 5 keys stand for less than three pictures"
+    ]
+    report.seen([Shown(Key(0.0, 1.0, ("a",), 5, "side"), 0.0, 0.0)])
+    assert report.report()["subtitles"] == []
+
+
+def test_nothing_said_is_nothing_seen() -> None:
+    seen = Seen(classes_of(load_voice()), 50.0)
+    assert seen.figures()["keys"] == 0
+    assert seen.peak_m_s() == 0.0
+    assert np.isclose(HELD_S, 0.1)
