@@ -56,7 +56,10 @@ def run(args: argparse.Namespace) -> int:
             "score": "none" if motion.score is None else "kept" if found.scored else "left out",
             "score_cost_percent": percent,
         })  # fmt: skip
-    elif percent is not None:
-        what = "error" if args.rate else "size"
-        note(f"score {'kept' if found.scored else 'and keys left out'}: {percent:+g} % of {what}")
+    elif percent is not None and not found.scored and not args.drop_score:
+        what = "its error" if args.rate else "the file"
+        note(
+            f"score and keys left out: with them {what} would be {percent:g} % greater "
+            "(--keep-score)"
+        )
     return 0

@@ -119,9 +119,10 @@ class PaceReport:
     def __str__(self) -> str:
         """Return one line for the reader of the command line."""
         report = self.report()
+        rate = f"up to {report['keys_per_s']:.1f} keys/s in a subtitle, "
         return (
-            f"pace: up to {report['keys_per_s']:.1f} keys/s in a subtitle, at most "
-            f"{report['lag_s']:.2f} s behind, {report['words_left_out']} words and "
+            f"pace: {rate if report['keys_per_s'] else ''}at most {report['lag_s']:.2f} s behind, "
+            f"{report['words_left_out']} words and "
             f"{report['mute_e_left_out']} mute e left out"
         )
 

@@ -55,7 +55,7 @@ def normalise(text: str, own: Collection[str] = ()) -> list[str]:
     >>> normalise("Aujourd’hui, l'homme qu'on attend…")
     ["aujourd'hui", ',', "l'", 'homme', "qu'", 'on', 'attend', '.']
     """
-    line = unicodedata.normalize("NFC", text).translate(_TRANSLATION)
+    line = _plain(unicodedata.normalize("NFC", text)).translate(_TRANSLATION)
     line, kept = _set_aside(line, own)
     line = shortened(_lower_shouting(line))
     for pattern, reading in RULES:
@@ -68,6 +68,16 @@ def normalise(text: str, own: Collection[str] = ()) -> list[str]:
         elif tokens:
             _add_pause(tokens, piece[0] if piece[0] in PAUSES else SHORT_PAUSE)
     return [kept.get(token, token) for token in tokens]
+
+
+def _plain(text: str) -> str:
+    """Return a text with ordinary letters and digits for those of other widths and weights."""
+    return "".join(
+        unicodedata.normalize("NFKC", sign)
+        if not sign.isascii() and unicodedata.category(sign) in ("Lu", "Ll", "Nd")
+        else sign
+        for sign in text
+    )
 
 
 def _set_aside(line: str, own: Collection[str]) -> tuple[str, dict[str, str]]:

@@ -123,9 +123,9 @@ def _stretches(
 
 def _items(token: str, user_lexicon: Mapping[str, tuple[Variant, ...]]) -> list[Item]:
     """Return the token as one item, or cut at its hyphens if only its parts are known."""
-    if token[0].isupper():
-        token = token.lower()
-        return [Item(token, lookup_name(token))]
+    if token[0].isupper() and (name := lookup_name(token.lower())):
+        return [Item(token.lower(), name)]
+    token = token.lower()
     known = user_lexicon.get(token) or lookup(token) or lookup_name(token)
     if known:
         return [Item(token, known)]

@@ -135,7 +135,9 @@ def test_user_lexicon(tmp_path: Path) -> None:
         read_user_lexicon(tmp_path / "none.txt")
 
 
-@pytest.mark.parametrize("text", ["", "...", "♪", "!?", "§§ 🙂", "1" * 400, "a" * 3000, "\x00"])
+@pytest.mark.parametrize(
+    "text", ["", "...", "♪", "𝐀", "Ա", "ǅ", "!?", "§§ 🙂", "1" * 400, "a" * 3000, "\x00"]
+)
 def test_odd_text_does_not_fail(text: str) -> None:
     phonemise(text)
 
