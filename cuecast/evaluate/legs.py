@@ -103,13 +103,13 @@ def plot(rows: Sequence[Row], figure: Any) -> None:
     for axes, (wish, unit, title) in zip(panels, _DRAWN, strict=True):
         found = {row["leg"]: row for row in rows if row["wish"] == wish}
         for side, (field, label) in enumerate(_BARS.items()):
-            places = np.arange(len(legs)) + (side - 0.5) * _BAR_WIDTH
+            places = np.arange(len(legs)) + (side - 1) * _BAR_WIDTH
             axes.bar(places, [found[leg][field] for leg in legs], _BAR_WIDTH, label=label)
         axes.set_xticks(range(len(legs)), [re.sub(", |/", "\n", leg) for leg in legs])
         axes.set_ylabel(unit)
         axes.set_title(title)
         axes.spines[["top", "right"]].set_visible(False)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
 _DRAWN = (
@@ -118,9 +118,9 @@ _DRAWN = (
 )
 """Wishes that are drawn, with unit and title."""
 
-_BARS = {"with_score": "with its score", "without_score": "without"}
+_BARS = {"with_score": "with its score", "without_score": "without", "chosen": "as encode chooses"}
 
-_BAR_WIDTH = 0.38
+_BAR_WIDTH = 0.27
 """Share of the distance between two legs."""
 
 
