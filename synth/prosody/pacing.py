@@ -17,25 +17,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.analysis.readability import HELD_S
-from codec.cuer.movement import FLOWING
 from codec.cues.cueing import (
     DEFAULT_OPTIONS,
     NO_CONSONANT_SHAPE,
     NO_VOWEL_PLACEMENT,
     SHAPE_OF,
     CueingOptions,
-    cue,
 )
 from codec.cues.phonology import VOWELS
 from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, Phone
 from codec.errors import CueError
 from synth.prosody.importance import importance, links
 from synth.prosody.key_times import Form, least_s
-from synth.prosody.mirror import held_keys
-from synth.prosody.settling import WANTED_S, Line, Settler
+from synth.prosody.seen_keys import GRID_HZ, SAME_S, Keys, Said, SeenKeys, spans
+from synth.prosody.settling import REST_ROOM_S
 from synth.prosody.taut_string import taut_string
-from synth.rules.sight import sight_of
 from synth.subtitles import Subtitle
 from synth.text.words import Word
 
@@ -71,32 +67,8 @@ _LEAST_PAUSE_S = 0.06
 _PAUSE_FROM_S = 0.1
 """A silence of the speaker that is a pause, where the text has no mark for it."""
 
-_REST_ROOM_S = 0.95
-"""Shorter silences are too short for the hand to rest and to be back: she holds the last key."""
-
 _RISE_S = 0.3
 """Nothing is shown earlier: the hand has to rise first."""
-
-_MENDED, _MENDED_SHARE = 2, 0.02
-"""So many keys of a block, and this share of them, are mended by looking at performances."""
-
-_VARIANTS = 12
-"""Performances that are looked at for one key."""
-
-_NEAR_KEYS = 3
-"""Keys on both sides that count with it."""
-
-_LEAST_TICKS = 2
-"""Ticks that a phone keeps."""
-
-_KNOWN_KEYS = 4
-"""Keys of the block before that still matter."""
-
-_GRID_HZ = 50
-"""Ticks of the bitstream's grid in a second."""
-
-_SAME_S = 1e-9
-"""Seconds within which times count as the same: what rounding leaves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +150,7 @@ def pace_words(
     options : CueingOptions
         Where charts of the code differ.
     """
-    before = _Before()
+    before = Said()
     for words_of_block in _blocks(words, pace):
         block = _Block(words_of_block, pace, options, before)
         yield from block.paced()
@@ -211,67 +183,15 @@ def _widest_pause(block: Sequence[TimedWord]) -> int:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Keys:
-    """Keys of the words that stay, N of them.
-
-    Attributes
-    ----------
-    members : list of list of (int, int)
-        Word and phone numbers of each key.
-    first : ndarray, shape (N,)
-        When the speaker says it, seconds.
-    least, pause : ndarray, shape (N,)
-        Shortest length of the key, and of the pause before it, seconds.
-    said : ndarray, shape (N,)
-        How long the speaker takes for it, seconds.
-    consonant : ndarray, shape (N,)
-        Share of the consonant in keys of two phones.
-    key : ndarray of int64, shape (N,)
-        Key numbers, 6 shape + placement.
-    """
-
-    members: list[list[tuple[int, int]]]
-    first: FloatArray
-    least: FloatArray
-    pause: FloatArray
-    said: FloatArray
-    consonant: FloatArray
-    key: NDArray[np.int64]
-
-    @property
-    def work(self) -> FloatArray:
-        """Shortest way from the start of each key to that of the next, (N,)."""
-        return np.asarray(self.least + np.append(self.pause[1:], 0.0))
-
-    @property
-    def parts(self) -> FloatArray:
-        """How much of the spare time goes to each key and to the pause after it, (N,)."""
-        return np.asarray(1.0 + (np.append(self.pause[1:], 0.0) > 0))
-
-
-@dataclass(frozen=True, slots=True)
-class _Before:
-    """What was said last: keys on the grid, and the phones of these keys."""
-
-    line: Line | None = None
-    phones: tuple[Phone, ...] = ()
-
-    @property
-    def free_s(self) -> float:
-        """From when on the cuer is free."""
-        return self.phones[-1].end if self.phones else _RISE_S
-
-
 class _Block:
     """Words that are paced together, after others; `before` is what the next ones come after."""
 
     def __init__(
-        self, words: Sequence[TimedWord], pace: Pace, options: CueingOptions, before: _Before
+        self, words: Sequence[TimedWord], pace: Pace, options: CueingOptions, before: Said
     ) -> None:
         self._words, self._pace, self._options, self.before = words, pace, options, before
-        self._free_s = before.free_s
-        self._latest_s = max(pace.max_lag_s - 0.5 / _GRID_HZ, 0.0)
+        self._free_s = before.phones[-1].end if before.phones else _RISE_S
+        self._latest_s = max(pace.max_lag_s - 0.5 / GRID_HZ, 0.0)
         self._kept = [True] * len(words)
         self._mute = [False] * len(words)
         gaps = [b.phones[0].start - a.phones[-1].end for a, b in itertools.pairwise(words)]
@@ -284,7 +204,7 @@ class _Block:
         """Yield the words on the cuer's clock."""
         keys = self._with_room()
         start, length = self._schedule(keys)
-        spans = _spans(keys, start, length)
+        found = spans(keys, start, length)
         lags = {
             member: self._lag_s(float(start[k] - keys.first[k]))
             for k, members in enumerate(keys.members)
@@ -292,7 +212,7 @@ class _Block:
         }
         for w, word in enumerate(self._words):
             phones = tuple(
-                Phone(p.symbol, *spans[w, i]) for i, p in enumerate(word.phones) if (w, i) in spans
+                Phone(p.symbol, *found[w, i]) for i, p in enumerate(word.phones) if (w, i) in found
             )
             lag = next((lags[w, i] for i in range(len(word.phones)) if (w, i) in lags), 0.0)
             mute = sum(p.symbol == "ə" for p in word.phones) if self._mute[w] else 0
@@ -301,7 +221,7 @@ class _Block:
     def _lag_s(self, found_s: float) -> float:
         """Return a lag without what the grid's rounding adds beyond its bounds."""
         bounded_s = min(max(found_s, -LEAD_S), self._pace.max_lag_s)
-        rounded = abs(found_s - bounded_s) <= 0.5 / _GRID_HZ + _SAME_S
+        rounded = abs(found_s - bounded_s) <= 0.5 / GRID_HZ + SAME_S
         return bounded_s if rounded else found_s
 
     def _said(self) -> Iterator[tuple[int, int, bool]]:
@@ -319,7 +239,7 @@ class _Block:
                     paused = False
             before = w
 
-    def _keys(self) -> _Keys:
+    def _keys(self) -> Keys:
         members: list[list[tuple[int, int]]] = []
         form: list[tuple[int, str]] = []
         paused: list[bool] = []
@@ -342,7 +262,7 @@ class _Block:
         phones = [[self._words[w].phones[i] for w, i in m] for m in members]
         first = np.array([p[0].start for p in phones])
         part = [
-            (p[0].end - p[0].start) / max(p[-1].end - p[-1].start + p[0].end - p[0].start, _SAME_S)
+            (p[0].end - p[0].start) / max(p[-1].end - p[-1].start + p[0].end - p[0].start, SAME_S)
             for p in phones
         ]
         forms = [(*two, len(m)) for two, m in zip(form, members, strict=True)]
@@ -356,9 +276,10 @@ class _Block:
         consonant = np.clip(part, 1 - _LONGEST_CONSONANT, _LONGEST_CONSONANT)
         said = np.array([sum(x.end - x.start for x in p) for p in phones])
         key = np.array([len(PLACEMENTS) * f[0] + PLACEMENT_NUMBER[f[1]] for f in forms], np.int64)
-        return _Keys(members, first, np.array(least), pause, said, consonant, key)
+        symbols = [[p.symbol for p in x] for x in phones]
+        return Keys(members, first, np.array(least), pause, said, consonant, key, symbols)
 
-    def _late(self, keys: _Keys, lead_s: float) -> tuple[int, int] | None:
+    def _late(self, keys: Keys, lead_s: float) -> tuple[int, int] | None:
         """Return the first key that comes too late at the quickest, and where the hurry began."""
         clock, begun = self._free_s, 0
         for k, (first, least, pause) in enumerate(
@@ -367,12 +288,12 @@ class _Block:
             clock += pause
             if clock <= first - lead_s:
                 clock, begun = first - lead_s, k
-            if clock > first + self._latest_s + _SAME_S:
+            if clock > first + self._latest_s + SAME_S:
                 return begun, k
             clock += least
         return None
 
-    def _with_room(self) -> _Keys:
+    def _with_room(self) -> Keys:
         """Leave out what there is no time for, and return the keys of the rest."""
         keys, dropped = self._keys(), list[int]()
         while late := self._late(keys, LEAD_S):
@@ -404,7 +325,7 @@ class _Block:
                 keys = again
         return keys
 
-    def _schedule(self, keys: _Keys) -> tuple[FloatArray, FloatArray]:
+    def _schedule(self, keys: Keys) -> tuple[FloatArray, FloatArray]:
         """Return start and length of each key, seconds."""
         n = len(keys.first)
         if n == 0:
@@ -434,112 +355,14 @@ class _Block:
         ends = start + np.maximum(length, keys.said)
         ends[:-1] = np.minimum(ends[:-1], start[1:] - keys.pause[1:])
         gap = start[1:] - ends[:-1]
-        hurried = (gap >= self._options.rest_gap_s) & (gap < _REST_ROOM_S)
-        ends[:-1][hurried] = start[1:][hurried] - self._options.rest_gap_s + 2.0 / _GRID_HZ
-        return self._settled(keys, start, start + np.maximum(ends - start, length), lead_s)
-
-    def _settled(
-        self, keys: _Keys, start: FloatArray, end: FloatArray, lead_s: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return start and length of each key, moved so that it is seen, seconds."""
-        settler = Settler(sight_of(), self._options, _REST_ROOM_S)
-        line = settler.settled(self._line(keys, start, end, lead_s))
-        held = self._held(keys, line)
-        short = np.flatnonzero(held < WANTED_S - _SAME_S)
-        few = short[np.argsort(held[short], kind="stable")][
-            : _MENDED + int(_MENDED_SHARE * len(held))
-        ]
-        for k in sorted(few.tolist()):
-            line = self._performed_better(keys, line, settler, k)
-        fresh = slice(line.frozen, None)
-        start, end = line.start[fresh] / _GRID_HZ, line.end[fresh] / _GRID_HZ
-        last = line[max(len(line.start) - _KNOWN_KEYS, 0) :]
-        phones = [*self.before.phones, *itertools.chain(*self._phones(keys, start, end))]
-        since_s = last.start[0] / _GRID_HZ - _SAME_S
-        self.before = _Before(last, tuple(p for p in phones if p.start >= since_s))
-        return start, end - start
-
-    def _line(self, keys: _Keys, start: FloatArray, end: FloatArray, lead_s: float) -> Line:
-        """Return keys in ticks, after those of the block before."""
+        hurried = (gap >= self._options.rest_gap_s) & (gap < REST_ROOM_S)
+        ends[:-1][hurried] = start[1:][hurried] - self._options.rest_gap_s + 2.0 / GRID_HZ
         early = np.minimum(np.maximum(keys.first - lead_s, self._free_s), start)
-        phones = np.array([len(members) for members in keys.members])
-        least = _LEAST_TICKS * phones
-        pause = np.ceil(_GRID_HZ * keys.pause - _SAME_S).astype(np.int64)
-        begins, ends = (np.round(_GRID_HZ * x).astype(np.int64) for x in (start, end))
-        for k in range(1, len(begins)):
-            begins[k] = max(begins[k], begins[k - 1] + least[k - 1] + pause[k])
-        ends[:-1] = np.where(
-            pause[1:] > 0, np.minimum(ends[:-1], begins[1:] - pause[1:]), begins[1:]
-        )
-        line = Line(
-            start=begins, end=np.maximum(ends, begins + least),
-            early=np.ceil(_GRID_HZ * early - _SAME_S).astype(np.int64),
-            late=np.floor(_GRID_HZ * (keys.first + self._latest_s) + _SAME_S).astype(np.int64),
-            least=least, pause=pause, key=keys.key,
-            lag=np.where(phones > 1, FLOWING.lag_share * keys.consonant, 0.0),
-        )  # fmt: skip
-        before = self.before.line
-        return line if before is None else line.after(before)
-
-    def _performed_better(self, keys: _Keys, line: Line, settler: Settler, k: int) -> Line:
-        """Return the line, or the variant near a key whose performance shows more keys."""
-        near = max(k - _NEAR_KEYS, 0), min(k + _NEAR_KEYS + 1, len(keys.first))
-
-        def worth(other: Line) -> float:
-            held = self._held(keys, other, *near)
-            return float((held >= HELD_S).sum() + np.clip(held / WANTED_S, 0.0, 1.0).sum())
-
-        best, most = line, worth(line) + _SAME_S
-        for other in settler.variants(line, line.frozen + k, _VARIANTS):
-            found = worth(other)
-            if found > most:
-                best, most = other, found
-            if most >= 2 * (near[1] - near[0]):
-                break
-        return best
-
-    def _held(self, keys: _Keys, line: Line, first: int = 0, last: int | None = None) -> FloatArray:
-        """Return how long keys of a line are held in a performance, seconds."""
-        fresh = slice(line.frozen, None)
-        phones = self._phones(keys, line.start[fresh] / _GRID_HZ, line.end[fresh] / _GRID_HZ)
-        around = slice(max(first - _KNOWN_KEYS, 0), None if last is None else last + _KNOWN_KEYS)
-        told = [phone for at in phones[around] for phone in at]
-        if around.start == 0:
-            told = [*self.before.phones, *told]
-        held = held_keys(told, tuple(cue(told, self._options)), options=self._options)
-        before = len(held) - len(phones[around])
-        return held[before + first - around.start :][: None if last is None else last - first]
-
-    def _phones(self, keys: _Keys, start: FloatArray, end: FloatArray) -> list[list[Phone]]:
-        """Return the phones of each key."""
-        spans = _spans(keys, start, end - start)
-        return [
-            [Phone(self._words[w].phones[i].symbol, *spans[w, i]) for w, i in members]
-            for members in keys.members
-        ]
-
-
-def _spans(
-    keys: _Keys, start: FloatArray, length: FloatArray
-) -> dict[tuple[int, int], tuple[float, float]]:
-    """Return start and end of each phone on the grid."""
-    spans: dict[tuple[int, int], tuple[float, float]] = {}
-    step = -(1 << 40)
-    for k, members in enumerate(keys.members):
-        end = start[k] + length[k]
-        if k + 1 < len(start) and not keys.pause[k + 1]:
-            end = start[k + 1]
-        bounds = np.linspace(start[k], end, len(members) + 1)
-        if len(members) == 2:
-            bounds[1] = start[k] + keys.consonant[k] * (end - start[k])
-        step = max(step, round(bounds[0] * _GRID_HZ))
-        for member, bound in zip(members, bounds[1:].tolist(), strict=True):
-            after = max(step + 1, round(bound * _GRID_HZ))
-            spans[member] = step / _GRID_HZ, after / _GRID_HZ
-            step = after
-        if k + 1 < len(start) and keys.pause[k + 1]:
-            step += 1
-    return spans
+        late = keys.first + self._latest_s
+        ends = start + np.maximum(ends - start, length)
+        seen = SeenKeys(keys, self._options, self.before)
+        start, length, self.before = seen.settled(start, ends, early, late)
+        return start, length
 
 
 def _has_mute(word: TimedWord) -> bool:

@@ -45,6 +45,9 @@ _SHIFTS = (-4, -2, -1, 1, 2, 4)
 _FAR_SHIFTS = (-6, -4, -2, -1, 0, 1, 2, 4, 6, 8)
 """Ticks of a key's shift, and of that of all keys after it up to the next pause, in variants."""
 
+REST_ROOM_S = 0.95
+"""Shorter silences are too short for the hand to rest and to be back: she holds the last key."""
+
 _FROM, _LENGTHS = (-1, 0, 1), (1, 2)
 """Where runs of keys that are shifted begin, against the key in question, and how long they are;
 besides, all keys up to the next pause."""
@@ -118,7 +121,7 @@ class Settler:
     """
 
     def __init__(
-        self, sight: Sight, options: CueingOptions = DEFAULT_OPTIONS, room_s: float = 0.95
+        self, sight: Sight, options: CueingOptions = DEFAULT_OPTIONS, room_s: float = REST_ROOM_S
     ) -> None:
         self._sight, self._rest_gap_s = sight, options.rest_gap_s
         self._rest = round(options.rest_gap_s / TICK_S)
