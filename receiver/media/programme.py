@@ -28,6 +28,13 @@ _EXACT_DURATION = {"mov", "mp4", "matroska", "flac", "wav", "aiff"}
 _TOLERATED_SHORTFALL_S = 1.0
 """Last packets without a duration make the end uncertain by a picture or two."""
 
+_SILENT_S = 1.0
+"""A stream that sends nothing while another of its kind sends for so long has ended: no packet
+waits longer than a second in a decoder (ISO/IEC 13818-1, 2.4.2.6)."""
+
+_MOST_HELD = 4096
+"""Packets of a possible successor that are kept: a second of any sound or picture has fewer."""
+
 LENIENT: dict[str, Any] = (
     {"metadata_errors": "ignore"} if int(av.__version__.partition(".")[0]) < 19 else {}
 )
@@ -192,11 +199,9 @@ class Programme:
         reading = self.container
         while True:
             begin = self._at
+            read = self._read(reading)
             try:
-                for packet in reading.demux(_readable(reading)):
-                    if packet.size:
-                        self._note_end(packet)
-                        yield packet
+                yield from self._followed(read) if follow and self._is_broadcast else read
             except av.FFmpegError as error:
                 raise CueError(f"{self.name}: damaged: {reason(error)}") from error
             except IndexError:  # streams that came later, which the library cannot end
@@ -206,6 +211,34 @@ class Programme:
                         reading = later
                         continue
             return
+
+    @property
+    def _is_broadcast(self) -> bool:
+        return self.container.format.name == "mpegts"
+
+    def _read(self, reading: InputContainer) -> Iterator[Any]:
+        for packet in reading.demux(_readable(reading)):
+            if packet.size:
+                self._note_end(packet)
+                yield packet
+
+    def _followed(self, packets: Iterator[Any]) -> Iterator[Any]:
+        """Choose another sound or picture where one begins when the chosen one has ended."""
+        successions = [_Succession("audio", self._track), _Succession("video", 0)]
+        for packet in packets:
+            for succession, chosen in zip(successions, (self.sound, self.picture), strict=True):
+                if chosen is not None and packet.stream.type == succession.kind:
+                    ready, stream = succession.take(packet, chosen)
+                    if succession.kind == "audio":
+                        self.sound = stream
+                    else:
+                        self.picture = stream
+                    yield from ready
+                    break
+            else:
+                yield packet
+        for succession in successions:
+            yield from succession.held
 
     def close(self) -> None:
         """Close what was opened beside the first container."""
@@ -255,6 +288,56 @@ class Programme:
         if time is not None:
             end = (time + (packet.duration or 0)) * packet.time_base
             self._end_s = max(self._end_s, float(end))
+
+
+class _Succession:
+    """Which stream of a kind goes on where the chosen one has ended.
+
+    A recording of which the broadcaster changed the streams' addresses holds both from the start,
+    for FFmpeg also looks at a file's end. Streams that are sent beside the chosen one are other
+    languages and never follow it.
+
+    Parameters
+    ----------
+    kind : str
+        ``audio`` or ``video``.
+    track : int
+        Which of several that begin together is meant, from 0.
+    """
+
+    def __init__(self, kind: str, track: int) -> None:
+        self.kind = kind
+        self.held: list[Any] = []
+        self._track = track
+        self._beside: set[int] = set()
+
+    def take(self, packet: Any, chosen: Any) -> tuple[list[Any], Any]:
+        """Take a packet of the kind; give those that may be passed on, and the stream chosen."""
+        number = packet.stream.index
+        if number == chosen.index or len(self.held) >= _MOST_HELD:
+            self._beside |= {other.stream.index for other in self.held}
+            return [*self._released(), packet], chosen
+        if number in self._beside:
+            return [packet], chosen
+        self.held.append(packet)
+        if self._span_s(number) < _SILENT_S:
+            return [], chosen
+        streams = {other.stream.index: other.stream for other in self.held}
+        following = [streams[at] for at in sorted(streams)]
+        stream = following[self._track if self._track < len(following) else 0]
+        return self._released(), stream
+
+    def _released(self) -> list[Any]:
+        held, self.held = self.held, []
+        return held
+
+    def _span_s(self, number: int) -> float:
+        times = [
+            float(other.dts * other.time_base)
+            for other in self.held
+            if other.stream.index == number and other.dts is not None
+        ]
+        return abs(times[-1] - times[0]) if times else 0.0
 
 
 @contextmanager

@@ -30,10 +30,12 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def at_other_addresses(data: bytes) -> bytes:
-    """The same packets as another service, under other identifiers."""
+def at_other_addresses(data: bytes, *, service: bool = True) -> bytes:
+    """The same packets under other identifiers, as another service or the same one."""
     file = BytesIO()
-    options = {"mpegts_start_pid": "1024", "mpegts_pmt_start_pid": "1280", "mpegts_service_id": "7"}
+    options = {"mpegts_start_pid": "1024"}
+    if service:
+        options |= {"mpegts_pmt_start_pid": "1280", "mpegts_service_id": "7"}
     with av.open(BytesIO(data), "r") as old, av.open(file, "w", "mpegts", options=options) as new:
         streams = {stream.index: new.add_stream_from_template(stream) for stream in old.streams}
         for packet in old.demux():

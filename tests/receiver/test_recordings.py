@@ -20,10 +20,11 @@ from tests.receiver.test_line import at_other_addresses
 VOICE = load_voice()
 
 
-def test_a_recording_goes_on_at_other_addresses(tmp_path: Path) -> None:
+@pytest.mark.parametrize("service", [True, False])
+def test_a_recording_goes_on_at_other_addresses(service: bool, tmp_path: Path) -> None:
     marked = marked_noise(VOICE, make_motion(VOICE, duration_s=16.0), 8)
     first = transport_stream(marked)
-    second = at_other_addresses(transport_stream(marked, start_s=8.0))
+    second = at_other_addresses(transport_stream(marked, start_s=8.0), service=service)
     path = tmp_path / "recording.ts"
     path.write_bytes(first)
     alone = receive(path, VOICE, look=False).summary["superframes"]["received"]
@@ -68,3 +69,26 @@ def test_another_sound_is_hinted_at(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert main(["receive", str(path)]) == 1
     assert "it has 1 more: try --track" in capsys.readouterr().err
     assert main(["receive", str(path), "--track", "1"]) == 0
+
+
+@pytest.mark.parametrize(("last_s", "follows"), [(6.0, False), (2.0, True)])
+def test_a_language_that_begins_later_is_not_followed(
+    last_s: float, follows: bool, tmp_path: Path
+) -> None:
+    path = tmp_path / "languages.ts"
+    with av.open(str(path), "w") as out:
+        streams: list[Any] = [out.add_stream("mp2", rate=48000) for _ in range(2)]
+        for number in range(250):
+            for stream, begin_s, end_s in zip(streams, (0.0, 2.0), (last_s, 6.0), strict=True):
+                if begin_s <= number * 0.024 < end_s:
+                    frame = av.AudioFrame(format="s16", layout="stereo", samples=1152)
+                    frame.sample_rate, frame.pts = 48000, number * 1152
+                    out.mux(stream.encode(frame))
+    with open_programme(path) as programme:
+        first = programme.sound.index
+        packets = [
+            (p.stream.index, p.stream is programme.sound) for p in programme.packets(follow=True)
+        ]
+        assert (programme.sound.index != first) == follows
+        assert len(packets) >= (240 if not follows else 225)
+        assert packets[-1][1] or not follows
