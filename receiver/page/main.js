@@ -34,6 +34,7 @@ class Page {
     this.markers = new Float64Array(3 * model.markers.length);
     this.link = "connecting";
     this.drawn = { timeS: NaN, nowMs: NaN, visibility: 0 };
+    this.scene = "";
     this.settings = new Settings(() => this.apply());
     this.controls = new Controls(document, this);
     this.feed = new Feed(`ws://${location.host}/feed`, {
@@ -57,6 +58,7 @@ class Page {
     this.video.addEventListener("error", () => this.stage.say(this.words().failed));
     for (const name of ["loadedmetadata", "resize"]) this.video.addEventListener(name, () => this.apply());
     window.addEventListener("resize", () => this.apply());
+    document.addEventListener("visibilitychange", () => { this.scene = ""; });
     setInterval(() => this.report(false), REPORT_MS);
   }
 
@@ -151,13 +153,24 @@ class Page {
       contrast: this.settings.get("contrast"),
       dot: 0.62 * this.settings.get("dot") / 100,
     };
-    if (this.showsAvatar()) this.avatar.draw(timeS, look);
-    else this.points.draw(this.markers, look);
+    this.draw(timeS, look);
     const words = this.words();
     this.stage.showStatus(this.state(timeS, visibility), words, this.whose);
     this.stage.showCuer(visibility > 0);
     const hand = visibility > 0 ? this.reader.read(this.markers) : null;
     this.stage.showKeys(this.timeline.keysAround(timeS, 2, 2, hand), words);
+  }
+
+  /** Draw the cuer, unless she stands there as she is: a programme that rests costs nothing. */
+  draw(timeS, look) {
+    const view = this.showsAvatar() ? this.avatar : this.points;
+    const { clientWidth, clientHeight, id } = view.canvas;
+    const size = [clientWidth, clientHeight, window.devicePixelRatio];
+    const scene = [id, timeS, ...size, ...Object.values(look), ...this.params].join();
+    if (scene === this.scene) return;
+    this.scene = scene;
+    if (this.showsAvatar()) this.avatar.draw(timeS, look);
+    else this.points.draw(this.markers, look);
   }
 }
 

@@ -279,6 +279,34 @@ def test_every_control_has_a_name(programme: Path) -> None:
     watch(programme, visit)
 
 
+DRAWINGS = """new Promise((resolve) => {
+    const view = cuecast.points;
+    const draw = view.draw;
+    let count = 0;
+    let ticks = 0;
+    view.draw = (...given) => { count += 1; draw.apply(view, given); };
+    %s
+    const wait = () => { if ((ticks += 1) < 12) requestAnimationFrame(wait); else finish(); };
+    const finish = () => { view.draw = draw; resolve(count); };
+    requestAnimationFrame(wait);
+})"""
+
+
+def test_a_cuer_who_stands_still_is_drawn_once(programme: Path) -> None:
+    """A set that rests on a picture has nothing to draw; a choice, a step, a size are drawn."""
+
+    async def visit(page: Page) -> None:
+        await page.until("cuecast.timeline.knownFrom(0) > 19")
+        await seek(page, 3.0)
+        assert await page.evaluate(DRAWINGS % "") == 0
+        assert await page.evaluate(DRAWINGS % "cuecast.settings.toggle('mirror');") == 1
+        assert await page.evaluate(DRAWINGS % "cuecast.settings.set('size', 'large');") >= 1
+        assert await page.evaluate(DRAWINGS % "cuecast.seekTo(3.04);") >= 1
+        assert await page.evaluate(DRAWINGS % "cuecast.video.play();") > 3
+
+    watch(programme, visit)
+
+
 BOX = "getComputedStyle(document.getElementById('inset')).visibility"
 
 
