@@ -70,8 +70,7 @@ class PlainPictures:
                 continue
             form = (frame.width, frame.height, frame.format.name)
             if self._graph is None or form != self._form:
-                self._form = form
-                self._graph = self._filters(frame)
+                self._graph, self._form = self._filters(frame), form
                 self._inside.clear()
             self._graph.push(frame)
             self._inside.append(shown_s)

@@ -246,7 +246,12 @@ class PictureDecoder:
         for frame in frames:
             if frame.pts is not None:
                 unit = frame.time_base or self._programme.picture.time_base
-                yield from self.grid.put(converted(frame, self.format), frame.pts * unit)
+                try:
+                    shown = converted(frame, self.format)
+                except (av.FFmpegError, ValueError):  # damage made it one that nothing can scale
+                    self.damaged += 1
+                    continue
+                yield from self.grid.put(shown, frame.pts * unit)
 
     def time_s(self, place: int) -> float:
         """Time of a place of the grid on the programme's clock."""

@@ -87,10 +87,7 @@ class SoundDecoder:
         try:
             frames = self._programme.sound.decode(packet)
         except av.FFmpegError as error:
-            if self._strict and self.samples:
-                at = self.samples / self.format.fs
-                raise CueError(f"{name}: damaged sound at {at:.2f} s: {reason(error)}") from error
-            self.damaged += 1
+            self._note_damage(error)
             frames = []
         if packet is None and self._strict and self.damaged and not self.samples and not frames:
             raise CueError(f"{name}: damaged sound: none of it could be decoded")
@@ -133,18 +130,32 @@ class SoundDecoder:
         self._filled += late
         return np.concatenate([np.zeros((late, block.shape[1]), np.float32), block])
 
+    def _note_damage(self, error: Exception) -> None:
+        if self._strict and self.samples:
+            at = f"{self.samples / self.format.fs:.2f} s"
+            raise CueError(
+                f"{self._programme.name}: damaged sound at {at}: {reason(error)}"
+            ) from error
+        self.damaged += 1
+
     def _samples(self, frame: av.AudioFrame) -> NDArray[np.float32]:
         """Return the frame's samples, in this decoder's rate and channels."""
         fmt = self.format
         if frame.sample_rate == fmt.fs and frame.layout.nb_channels == fmt.channels:
             return as_float(frame)
-        if self._converter is None:  # the programme changed between stereo and surround, or rate
-            self._converter = av.AudioResampler(format="fltp", layout=fmt.layout, rate=fmt.fs)
-        try:
-            frames = self._converter.resample(frame)
-        except ValueError:
-            self._converter = None
-            return self._samples(frame)
+        for _ in range(2):  # the converter may be one for the frames of before
+            if (
+                self._converter is None
+            ):  # the programme changed between stereo and surround, or rate
+                self._converter = av.AudioResampler(format="fltp", layout=fmt.layout, rate=fmt.fs)
+            try:
+                frames = self._converter.resample(frame)
+                break
+            except (ValueError, av.FFmpegError) as error:
+                self._converter, failure = None, error
+        else:
+            self._note_damage(failure)
+            frames = []
         blocks = [as_float(converted) for converted in frames]
         return np.concatenate(blocks) if blocks else np.zeros((0, fmt.channels), np.float32)
 
