@@ -87,14 +87,21 @@ def test_a_genuine_programme_is_verified(width: int, most_s: float, clock_s: flo
     assert "forged" not in found
 
 
-@pytest.mark.parametrize("width", [9, 2])
+@pytest.mark.parametrize(
+    ("width", "phases"),
+    [
+        (9, (0, 3, 7)), (2, (0, 27)),
+        pytest.param(9, tuple(range(LAYOUTS[9].block)), marks=pytest.mark.slow),
+        pytest.param(2, (0, 10, 27), marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
 @pytest.mark.parametrize("how", ["clock", "likely"])
-def test_tuned_in_anywhere(width: int, how: str) -> None:
+def test_tuned_in_anywhere(width: int, phases: tuple[int, ...], how: str) -> None:
     """Within ten seconds at 9 bits, a minute at 2, whatever the phase; so with a good guess."""
     layout = LAYOUTS[width]
     sent = signed(6 * layout.block, width)
     after = []
-    for start in range(layout.block) if width == 9 else (0, 10, 27):
+    for start in phases:
         verifier = Verifier(announced(), likely_s=(BEGIN_S - 3000, BEGIN_S + 2e6))
         stream = list(enumerate(sent))[start + layout.block :]
         for index, (data, field) in stream:
@@ -130,7 +137,7 @@ def test_the_hour_s_chain_goes_over_into_the_next() -> None:
 def test_losses_are_unknown_and_verified_again() -> None:
     """The keys of lost blocks follow from later ones."""
     rng = np.random.default_rng(3)
-    stream = [(i, s if rng.random() > 0.03 else None) for i, s in enumerate(signed(400))]
+    stream = [(i, s if rng.random() > 0.03 else None) for i, s in enumerate(signed(250))]
     verifier = Verifier(announced())
     found = list(statuses(run(verifier, stream, BEGIN_S)).values())
     assert "forged" not in found
@@ -155,8 +162,8 @@ def test_a_changed_superframe_is_not_verified() -> None:
 def test_a_forged_programme_is_never_verified(what: str) -> None:
     """Also where the forger knows all keys that were on air until then."""
     rng = np.random.default_rng(5)
-    genuine, forged = signed(60), []
-    other = signed(60, number=1)
+    genuine, forged = signed(40), []
+    other = signed(40, number=1)
     for index, (_, (value, _)) in enumerate(genuine):
         data = rng.bytes(18)
         field = {
@@ -206,7 +213,7 @@ def test_time_is_told() -> None:
 
 
 def test_another_broadcaster_is_unknown() -> None:
-    found = statuses(run(Verifier(announced()), enumerate(signed(60, number=1)), BEGIN_S))
+    found = statuses(run(Verifier(announced()), enumerate(signed(40, number=1)), BEGIN_S))
     assert set(found.values()) == {"unknown"}
 
 

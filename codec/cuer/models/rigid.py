@@ -318,6 +318,7 @@ def estimate_motion(
     w = np.ones(b.shape[:2]) if weights is None else np.asarray(weights, dtype=np.float64)
     b = np.where(w[..., None] > 0, b, 0.0)
     motion, solved = _procrustes(a, b, w)
+    used = w
     for _ in range(rounds - 1):
         distance = np.linalg.norm(rigid_motion(a, motion) - b, axis=-1)
         ordered = np.sort(np.where(w > 0, distance, np.inf), axis=1)
@@ -325,7 +326,11 @@ def estimate_motion(
         median = np.take_along_axis(ordered, middle[:, None], axis=1)
         # A gross outlier drags the first fit away from every marker; the median lets it recover.
         limit = np.maximum(np.maximum(outlier_mm, 2 * median), ordered[:, 2:3])
-        motion, solved = _procrustes(a, b, np.where(distance <= limit, w, 0.0))
+        kept = np.where(distance <= limit, w, 0.0)
+        if np.array_equal(kept, used):
+            break  # the same markers have the same fit
+        motion, solved = _procrustes(a, b, kept)
+        used = kept
     return motion, solved
 
 
