@@ -14,6 +14,7 @@ figures stand beside those of real cuers (`cuecast.evaluate.strokes`).
 import difflib
 import itertools
 from collections.abc import Iterator, Sequence
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -261,6 +262,7 @@ def slowed(scores: Sequence[Score], keys_per_s: float = _REAL_PACE) -> list[Scor
     return slow
 
 
+@cache
 def taught_reader() -> Recogniser:
     """Return a recogniser that has seen slow cueing."""
     slow = Reading(pace=Pace(syllables_per_s=_SLOW))

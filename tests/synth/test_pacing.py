@@ -56,18 +56,25 @@ def paced(subtitles: list[Subtitle], pace: Pace = READABLE) -> tuple[list[PacedW
 SYMBOLS = st.lists(st.sampled_from([*VOWELS, *CONSONANTS]), min_size=1, max_size=6)
 
 
-@settings(max_examples=60)
+Speech = list[tuple[list[str], float, float, bool]]
+WORDS = st.tuples(SYMBOLS, st.floats(0.02, 0.3), st.floats(0, 2), st.booleans())
+
+
+@settings(max_examples=40)
 @example([(["e", "a", "e", "a"], 1 / 32, 0.0, False)], 0.0)  # no word of a block has room
-@given(
-    st.lists(
-        st.tuples(SYMBOLS, st.floats(0.02, 0.3), st.floats(0, 2), st.booleans()),
-        min_size=1, max_size=25,
-    ),
-    st.floats(0, 2.5),
-)  # fmt: skip
-def test_bounds_hold_whatever_is_said(
-    said: list[tuple[list[str], float, float, bool]], max_lag_s: float
-) -> None:
+@given(st.lists(WORDS, min_size=1, max_size=8), st.floats(0, 2.5))
+def test_bounds_hold_whatever_is_said(said: Speech, max_lag_s: float) -> None:
+    within_bounds(said, max_lag_s)
+
+
+@pytest.mark.slow
+@settings(max_examples=200)
+@given(st.lists(WORDS, min_size=8, max_size=25), st.floats(0, 2.5))
+def test_bounds_hold_over_several_blocks(said: Speech, max_lag_s: float) -> None:
+    within_bounds(said, max_lag_s)
+
+
+def within_bounds(said: Speech, max_lag_s: float) -> None:
     words, clock = [], 2.0
     for symbols, length_s, gap_s, marked in said:
         phones = []
@@ -99,8 +106,26 @@ def test_room_is_used_and_nothing_is_left_out_where_there_is_some() -> None:
     assert len(told) == 4 * 15
 
 
-def test_what_does_not_fit_is_left_out_by_importance_and_reported() -> None:
-    told, report = paced(news(6, 24.0))
+@pytest.fixture(scope="module")
+def hurried() -> tuple[list[PacedWord], PaceReport, list[str]]:
+    """News of twice what can be cued: words, report, warnings."""
+    told: list[PacedWord] = []
+    lines: list[str] = []
+    report = PaceReport(warn=lines.append)
+
+    def tell(word: PacedWord) -> None:
+        told.append(word)
+        report(word)
+
+    score_from_subtitles(news(5, 24.0), reading=Reading(pace=READABLE), told=tell)
+    report.report()
+    return told, report, lines
+
+
+def test_what_does_not_fit_is_left_out_by_importance_and_reported(
+    hurried: tuple[list[PacedWord], PaceReport, list[str]],
+) -> None:
+    told, report, _ = hurried
     figures = report.report()
     left = [word.source.word for word in told if not word.phones]
     assert left
@@ -112,11 +137,10 @@ def test_what_does_not_fit_is_left_out_by_importance_and_reported() -> None:
     assert not all(row["readable"] for row in figures["subtitles"])
 
 
-def test_warns_by_subtitle_and_lists_the_words() -> None:
-    lines: list[str] = []
-    report = PaceReport(warn=lines.append)
-    reading = Reading(pace=READABLE)
-    score_from_subtitles(news(6, 24.0), reading=reading, told=report)
+def test_warns_by_subtitle_and_lists_the_words(
+    hurried: tuple[list[PacedWord], PaceReport, list[str]],
+) -> None:
+    _, report, lines = hurried
     figures = report.report()
     short = [row for row in figures["subtitles"] if row["left_out"]]
     assert len([line for line in lines if "no time for" in line]) == len(short)
@@ -125,8 +149,8 @@ def test_warns_by_subtitle_and_lists_the_words() -> None:
 
 def test_a_text_without_a_programme_is_whole_and_slow() -> None:
     report = PaceReport()
-    fast = score_from_text(TEXT * 30)
-    slow = score_from_text(TEXT * 30, reading=Reading(pace=READABLE), told=report)
+    fast = score_from_text(TEXT * 12)
+    slow = score_from_text(TEXT * 12, reading=Reading(pace=READABLE), told=report)
     assert len(slow.keys) == len(fast.keys)
     assert report.report()["words_left_out"] == 0
     assert report.report()["lag_s"] == 0
