@@ -29,6 +29,9 @@ _FILLED_S, _FILLED_SHARE = 60.0, 25.0
 """Silence that gaps may be filled with: a minute, and so many times what was decoded. Sounds that
 pause send a packet of 20 ms in 0.4 s; what has more gaps than that is made to cost time."""
 
+_MOST_PLANES = 8
+"""PyAV (18, 19) reads beyond the list of a frame's planes where it has so many."""
+
 _CONVERTED_RATE = 48_000
 """Rate in Hz to which sounds are brought whose own rate the carrier does not know."""
 
@@ -141,13 +144,14 @@ class SoundDecoder:
     def _samples(self, frame: av.AudioFrame) -> NDArray[np.float32]:
         """Return the frame's samples, in this decoder's rate and channels."""
         fmt = self.format
-        if frame.sample_rate == fmt.fs and frame.layout.nb_channels == fmt.channels:
+        same = frame.sample_rate == fmt.fs and frame.layout.nb_channels == fmt.channels
+        if same and not (frame.format.is_planar and fmt.channels >= _MOST_PLANES):
             return as_float(frame)
         for _ in range(2):  # the converter may be one for the frames of before
             if (
                 self._converter is None
             ):  # the programme changed between stereo and surround, or rate
-                self._converter = av.AudioResampler(format="fltp", layout=fmt.layout, rate=fmt.fs)
+                self._converter = av.AudioResampler(format="flt", layout=fmt.layout, rate=fmt.fs)
             try:
                 frames = self._converter.resample(frame)
                 break

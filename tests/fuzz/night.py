@@ -18,6 +18,7 @@ import time
 import traceback
 import warnings
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from pathlib import Path
 from types import FrameType
@@ -69,8 +70,13 @@ def attempt(name: str, data: bytes) -> str:
     return ""
 
 
-def fuzz(name: str, seconds: float, inputs: int, seed: int) -> dict[str, Any]:
-    """Feed one target; return how many inputs it took, how many broke it, and what it needed."""
+def fuzz(
+    name: str, seconds: float, inputs: int, seed: int, last: Path | None = None
+) -> dict[str, Any]:
+    """Feed one target; return how many inputs it took, how many broke it, and what it needed.
+
+    Each input is kept in the file `last`, if there is one, until the next: it may end the process.
+    """
     warnings.simplefilter("error")
     rng = np.random.default_rng([seed, list(TARGETS).index(name)])
     target = TARGETS[name]
@@ -84,6 +90,8 @@ def fuzz(name: str, seconds: float, inputs: int, seed: int) -> dict[str, Any]:
     while done < inputs and time.monotonic() - begin < seconds:
         data = mutated(seeds, rng, text=target.text)
         done += 1
+        if last is not None:
+            last.write_bytes(data)
         wrong = attempt(name, data)
         now = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         if peak <= base + MOST_MEMORY_KB < now:
@@ -94,15 +102,33 @@ def fuzz(name: str, seconds: float, inputs: int, seed: int) -> dict[str, Any]:
             cause = wrong.strip().splitlines()[-1]
             if cause not in causes and len(causes) < 10:
                 causes.add(cause)
-                FOUND.mkdir(exist_ok=True)
-                path = FOUND / f"{name}-{hashlib.sha256(data).hexdigest()[:12]}"
-                path.write_bytes(data)
-                print(f"{name}: {path.name}\n{wrong}", file=sys.stderr, flush=True)
+                tell(name, data, wrong)
     took = time.monotonic() - begin
     return {
         "target": name, "inputs": done, "broken": broken, "took_s": round(took),
         "grown_mb": round((peak - base) / 1000), "peak_mb": round(peak / 1000),
     }  # fmt: skip
+
+
+def tell(name: str, data: bytes, wrong: str) -> None:
+    """Keep an input that broke a target, and say what it did."""
+    FOUND.mkdir(exist_ok=True)
+    path = FOUND / f"{name}-{hashlib.sha256(data).hexdigest()[:12]}"
+    path.write_bytes(data)
+    print(f"{name}: {path.name}\n{wrong}", file=sys.stderr, flush=True)
+
+
+def in_a_process(name: str, seconds: float, inputs: int, seed: int) -> dict[str, Any] | None:
+    """Feed one target in a process of its own; nothing if an input ended that."""
+    with tempfile.TemporaryDirectory() as folder:
+        last = Path(folder) / "last"
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as child:
+            try:
+                return child.submit(fuzz, name, seconds, inputs, seed, last).result()
+            except BrokenProcessPool:
+                data = last.read_bytes() if last.exists() else b""
+        tell(name, data, "it ended the process")
+        return None
 
 
 def covered(name: str, inputs: int, seed: int) -> dict[str, int]:
@@ -154,11 +180,10 @@ def main() -> int:
     failed = 0
     for name in names:
         run = (name, args.seconds / len(names), args.inputs, args.seed)
-        if args.here:
-            told = fuzz(*run)
-        else:
-            with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as child:
-                told = child.submit(fuzz, *run).result()
+        told = fuzz(*run) if args.here else in_a_process(*run)
+        if told is None:
+            failed += 1
+            continue
         print(
             f"{name:12} {told['inputs']:9} inputs {told['broken']:5} broke it "
             f"{told['took_s']:7} s {told['grown_mb']:4} MB more",

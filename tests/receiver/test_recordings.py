@@ -12,7 +12,7 @@ from codec.cuer.voice import load_voice
 from cuecast.command.cli import main
 from cuecast.dubbing.receive import receive
 from receiver.media.programme import open_programme
-from receiver.media.sound import SoundDecoder, sound_blocks
+from receiver.media.sound import SoundDecoder, read_sound, sound_blocks
 from tests.receiver.air import marked_noise, transport_stream
 from tests.receiver.standin import make_motion
 from tests.receiver.test_line import at_other_addresses
@@ -92,3 +92,21 @@ def test_a_language_that_begins_later_is_not_followed(
         assert (programme.sound.index != first) == follows
         assert len(packets) >= (240 if not follows else 225)
         assert packets[-1][1] or not follows
+
+
+def test_eight_channels_are_read(tmp_path: Path) -> None:
+    """PyAV ends the process where it is asked for the numbers of such a frame."""
+    path = tmp_path / "surround.ts"
+    wide = av.AudioResampler(format="fltp", layout="7.1", rate=48000)
+    words = np.random.default_rng(1).integers(-3000, 3000, (1, 8 * 9600)).astype(np.int16)
+    with av.open(str(path), "w") as out:
+        stream: Any = out.add_stream("aac", rate=48000)
+        stream.layout, stream.bit_rate = "7.1", 512_000
+        frame = av.AudioFrame.from_ndarray(words, format="s16", layout="7.1")
+        frame.sample_rate, frame.pts = 48000, 0
+        for part in wide.resample(frame):
+            out.mux(stream.encode(part))
+        out.mux(stream.encode(None))
+    samples, fs = read_sound(path)
+    assert (samples.shape[1], fs) == (8, 48000)
+    assert (samples.std(axis=0) > 0.001).all()
