@@ -32,7 +32,7 @@ from docs.generate.verbs import options_of, parsers_of
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted(p for p in DOCS.rglob("*.md") if "records" not in p.parts)]
 SHORT_LINES, SHORT_S = 2, 8
-pytestmark = pytest.mark.long
+pytestmark = pytest.mark.long(75)
 
 KINDS = {"console", "python", "sh", "text", "{toctree}", "{eval-rst}"}
 

@@ -32,6 +32,8 @@ from codec.authentication.verifier import Verdict, Verifier
 from codec.errors import CueError
 from spec.reference import authentication as reference
 
+pytestmark = pytest.mark.long(13)
+
 BEGIN_S = EPOCH_S + 300 * 86400.0 + 0.3
 Sent = tuple[bytes, tuple[int, int]]
 

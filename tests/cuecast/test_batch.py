@@ -31,7 +31,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FAST = ("--no-grade", "--no-read-back")
 MANY = 4
 
-pytestmark = pytest.mark.long
+pytestmark = pytest.mark.long(28)
 
 
 @pytest.fixture(scope="module")

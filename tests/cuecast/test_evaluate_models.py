@@ -15,8 +15,6 @@ from synth.corpus.scores import drill, isolated_sounds, shape_transitions
 from synth.corpus.studio import Studio, surround
 from synth.rules.gesture import GestureSynthesiser
 
-pytestmark = pytest.mark.long
-
 RATE_HZ = 30.0
 
 

@@ -32,6 +32,8 @@ from synth.prosody.pacing import READABLE
 from synth.rules.gesture import GestureSynthesiser
 from synth.scoring.text_score import score_from_text
 
+pytestmark = pytest.mark.long(9)
+
 TOOL = Path(__file__).resolve().parents[3] / "shared" / "tools" / "real_cuers.py"
 LINES = (
     "Le patron du café raconte une belle histoire à ses amis.",

@@ -27,6 +27,8 @@ from synth.capture.tracker.landmark_maps import FACE_LANDMARKS
 from synth.scoring.text_score import score_from_text
 from synth.text.sentences import read_sentences
 
+pytestmark = pytest.mark.long(12)
+
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "real_cuers"
 
 

@@ -17,6 +17,8 @@ from cuecast.demo.content import FS, make_sound
 from cuecast.demo.run import as_srt
 from cuecast.media.dolby import settings_of
 
+pytestmark = pytest.mark.long(8)
+
 SECONDS = 8
 _WEIGHTS = {"FL": 1.0, "FR": 1.0, "FC": 1.0, "SL": 1.41, "SR": 1.41, "BL": 1.41, "BR": 1.41}
 

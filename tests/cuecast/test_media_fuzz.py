@@ -21,7 +21,7 @@ from cuecast.dubbing.motions import SynthesisedMotion
 from cuecast.dubbing.receive import receive
 from receiver.media.programme import open_programme
 
-pytestmark = pytest.mark.long
+pytestmark = pytest.mark.long(7)
 
 VOICE = load_voice()
 FPS, FS, SECONDS = 25, 48_000, 2

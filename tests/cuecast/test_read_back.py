@@ -23,7 +23,7 @@ from cuecast.media.film import write_film
 from cuecast.media.picture import light_of, rewrite_picture
 from receiver.media.programme import SoundFormat
 
-pytestmark = pytest.mark.long
+pytestmark = pytest.mark.long(16)
 
 LINES = 3
 """Subtitles that are cued: the last one begins when the sound is over."""

@@ -18,7 +18,7 @@ from tests.receiver.air import marked_noise, transport_stream
 from tests.receiver.standin import make_motion
 from tests.receiver.transmitter import Transmitter
 
-pytestmark = pytest.mark.long
+pytestmark = pytest.mark.long(12)
 
 SECONDS = 10
 FAST = 2

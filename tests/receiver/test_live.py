@@ -27,7 +27,7 @@ from tests.receiver.seeded import seeded_speech, was_sent
 from tests.receiver.standin import make_motion
 from tests.receiver.test_faults import TOLERANCE_S
 
-pytestmark = pytest.mark.long
+pytestmark = pytest.mark.long(22)
 
 VOICE = load_voice()
 MOTION = replace(make_motion(VOICE, duration_s=16.0), score=seeded_speech(14.0))

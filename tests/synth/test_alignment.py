@@ -25,6 +25,8 @@ from synth.text.espeak import RATE_HZ
 from synth.text.pronounce import phonemise
 from synth.text.words import Word
 
+pytestmark = pytest.mark.long(8)
+
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 VERSE = "Rappelez-vous l'objet que nous vîmes, mon âme, ce beau matin d'été si doux."
 

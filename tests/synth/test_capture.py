@@ -20,6 +20,8 @@ from synth.corpus.capture import Take
 from synth.corpus.framing import mirrored
 from tests.synth import studio_files as files
 
+pytestmark = pytest.mark.long(11)
+
 VOICE = load_voice()
 TURN = [0.4, 1.9, -1.1, 800.0, -300.0, 1500.0]
 

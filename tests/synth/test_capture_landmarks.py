@@ -25,6 +25,8 @@ from synth.capture.tracker.picture import _MIRROR
 from tests.synth import landmark_files as tables
 from tests.synth import studio_files as files
 
+pytestmark = pytest.mark.long(8)
+
 VOICE = load_voice()
 SECONDS = 4.0
 FEW = (17, 314, 405, 321, 375, 291, 84, 181, 91, 146, 0, 267, 269, 270, 409, 37, 39, 40, 185, 61,

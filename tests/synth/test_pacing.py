@@ -33,6 +33,8 @@ from synth.scoring.text_score import (
 from synth.subtitles import Subtitle
 from synth.text.words import Word
 
+pytestmark = pytest.mark.long(7)
+
 TEXT = "Le président de la République ne veut pas présenter les mesures aux syndicats ce matin."
 
 

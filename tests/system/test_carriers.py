@@ -11,7 +11,7 @@ from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
 from cuecast.demo.run import as_srt
 from cuecast.media.film import write_film
 
-pytestmark = pytest.mark.long
+pytestmark = pytest.mark.long(10)
 
 SECONDS = 5
 

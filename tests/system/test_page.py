@@ -26,6 +26,8 @@ from tests.chromium import Page, browse
 from tests.receiver.node import PAGE
 from tests.receiver.standin import make_motion, make_voice
 
+pytestmark = pytest.mark.long(60)
+
 ARTEFACTS = Path(__file__).resolve().parents[2] / "artefacts" / "page"
 VOICE = make_voice()
 MOTION = make_motion(VOICE, duration_s=20.0)

@@ -15,7 +15,7 @@ from tests.receiver.air import marked_noise, transport_stream
 from tests.receiver.standin import make_motion
 from tests.receiver.transmitter import Transmitter
 
-pytestmark = pytest.mark.long
+pytestmark = pytest.mark.long(24)
 
 ARTEFACTS = Path(__file__).resolve().parents[2] / "artefacts" / "page"
 VOICE = load_voice()

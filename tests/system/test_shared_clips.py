@@ -25,7 +25,7 @@ ARTEFACTS = ROOT / "artefacts" / "watch"
 POEM = ROOT / "tests" / "data" / "une_charogne.srt"
 
 pytestmark = [
-    pytest.mark.long,
+    pytest.mark.long(30),
     pytest.mark.skipif(not DATA.is_dir(), reason="no ../shared/data beside the project"),
 ]
 

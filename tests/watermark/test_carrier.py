@@ -12,6 +12,8 @@ from watermark.audio.receive import MAX_MISSES, AudioReceiver
 from watermark.audio.resampling_tape import Tape
 from watermark.link.superframe import SUPERFRAME_S, ReceivedSuperframe
 
+pytestmark = pytest.mark.long(9)
+
 Sound = NDArray[np.float32]
 CLIP = Path(__file__).resolve().parents[3] / "shared" / "data" / "audio" / "film_mix.flac"
 

@@ -15,6 +15,8 @@ from watermark.video.profile import (
 )
 from watermark.video.receive import VideoReceiver
 
+pytestmark = pytest.mark.long(10)
+
 
 def psnr_db(a: list[np.ndarray], b: list[np.ndarray]) -> float:
     error = np.mean([np.mean((x.astype(float) - y) ** 2) for x, y in zip(a, b, strict=True)])
