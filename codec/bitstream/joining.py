@@ -193,17 +193,16 @@ def _keys_of(line: Sequence[Sounding], parts: Parts) -> list[Key]:
         for options in every
         for key in cue(phones, options)
         for tick in (round(key.start / TICK_S),)
-        if len(every) == 1 or _options_at(tick, parts) == options
+        if len(every) == 1 or options_at(parts, tick // TICKS) == options
     ]
     return sorted(keys, key=lambda key: key.start)
 
 
-def _options_at(tick: int, parts: Parts) -> CueingOptions:
-    """Return the options of the superframe nearest to a tick."""
+def options_at(parts: Parts, index: int) -> CueingOptions:
+    """Return the options of the superframe nearest to one, of two the later (J4)."""
     if not parts:
         return DEFAULT_OPTIONS
-    at = tick // TICKS
-    return parts[min(parts, key=lambda k: (abs(k - at), -k))].options
+    return parts[min(parts, key=lambda k: (abs(k - index), -k))].options
 
 
 def _overridden(key: Key, tick: int, parts: Parts) -> Key:

@@ -4,19 +4,17 @@ Of files that tell their score once (8.1); those of constant superframes are dec
 """
 
 import zlib
+from contextlib import suppress
 from dataclasses import dataclass, field
 
+from spec.reference.joining import LANGUAGE, Cue, Sound, cues_of
 from spec.reference.markers import Array
 from spec.reference.motion import (
     EARLIER,
-    LANGUAGE,
     PARTS,
     REST_GAPS,
-    Cue,
-    Sound,
     Stroke,
     constants,
-    cues_of,
     drawn,
     held,
     mouths,
@@ -245,14 +243,20 @@ def keys(out: File) -> list[Cue]:
 
 
 def parameters(out: File, scales: Scales, coding: dict[str, Array]) -> list[list[float]]:
-    """(F13) Return the parameters of all superframes of a file, frame by frame."""
+    """(F6, F13) Return the parameters of all superframes of a file, frame by frame.
+
+    Frames of a missing superframe are empty.
+    """
     if out.l0:
-        pairs = [(payload[: out.l0], payload[out.l0 :]) for payload in out.payloads]
-        parts = {
-            k: decode(l0, l1, scales, out.coding)
-            for k, (l0, l1) in zip(out.indices, pairs, strict=True)
-        }
-        return [frame for k in parts for frame in joined(k, parts, coding)]
+        parts = {}
+        for k, payload in zip(out.indices, out.payloads, strict=True):
+            with suppress(MalformedError):
+                parts[k] = decode(payload[: out.l0], payload[out.l0 :], scales, out.coding)
+        return [
+            frame
+            for k in out.indices
+            for frame in (joined(k, parts, coding) if k in parts else 32 * [[]])
+        ]
     decoded = [record(payload, 0 if out.line else 1, scales) for payload in out.payloads]
     if out.line is None:
         return [frame for told in decoded for frame in drawn(told, None, coding)]

@@ -1,7 +1,6 @@
-"""Sections 4 to 6 of spec/bitstream.md in plain numbers, from the text: superframes to parameters.
+"""Sections 5 and 6 of spec/bitstream.md in plain numbers, from the text: scores to parameters.
 
-Standard library only, slow on purpose. It joins superframes of mode 0 of which none between was
-lost and of which none replaces keys; what else section 4 says is not here.
+Standard library only, slow on purpose. Superframes without windows; the superframe itself is there.
 """
 
 import ast
@@ -12,11 +11,10 @@ import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from spec.reference.joining import TICKS, Cue, Sound, keys_of, line_of, near
 from spec.reference.markers import Array
-from spec.reference.superframe import TABLES, Decoded, order
+from spec.reference.superframe import Decoded, order
 
-TICKS = 32
-LANGUAGE = TABLES["language"]
 PARTS = ("face", "hand", "head", "forearm")
 BASES = ("residual", "loose", "plain", "filmed")
 POWERS = (1.0, 0.75, 0.55, 0.42)
@@ -30,25 +28,6 @@ NAMES = (
     "undershoot", "natural",
 )  # fmt: skip
 """Table 5."""
-
-
-@dataclass
-class Sound:
-    """A phone on the line; times in ticks."""
-
-    number: int
-    start: int
-    end: int
-
-
-@dataclass
-class Cue:
-    """A key: its number (6 shape + placement), its times, the ticks of its consonant if of two."""
-
-    number: int
-    start: int
-    end: int
-    consonant: int
 
 
 @dataclass
@@ -74,66 +53,6 @@ def read_coding(path: Path) -> dict[str, Array]:
                 shape = tuple(described["shape"])
                 arrays[name.removesuffix(".npy")] = Array(shape, numbers, data[end:])
     return arrays
-
-
-def line_of(parts: dict[int, Decoded]) -> list[Sound]:
-    """(J1 to J3) Return the line of phones of superframes that follow one another."""
-    line: list[Sound] = []
-    for k in sorted(parts):
-        told, begin = parts[k].score or {}, TICKS * k
-        end = begin + told["first_end"]
-        if k - 1 in parts and line[-1].number == told["first"] and line[-1].start < begin:
-            line[-1].end = end
-        else:
-            if line:
-                line[-1].end = max(begin - 1, line[-1].start)
-            line.append(Sound(told["first"], begin - 1, end))
-        ends = [*told["starts"], TICKS][1:]
-        for number, start, stop in zip(told["numbers"], told["starts"], ends, strict=True):
-            line.append(Sound(number, begin + start, begin + stop))
-        if k + 1 not in parts:
-            last = line[-1]
-            last.end = max(begin + TICKS, last.start + (4 if last.number else 0))
-            if told["ahead"]:
-                line.append(Sound(told["ahead"], last.end, last.end + 4))
-    return line
-
-
-def cues_of(line: list[Sound], cheek: list[int]) -> list[Cue]:
-    """(J4, S11) Return the keys that follow from a line by the chart."""
-    placements = dict(LANGUAGE["placement"])
-    for symbol, chosen in zip(("œ̃", "ə", "œ"), cheek, strict=True):
-        if chosen:
-            placements[symbol] = "cheek"
-    names, phones = LANGUAGE["placements"], LANGUAGE["phones"]
-
-    def number(shape: int, placement: str) -> int:
-        return len(names) * shape + int(names.index(placement))
-
-    alone = LANGUAGE["placement_without_vowel"]
-    cues: list[Cue] = []
-    waiting: Sound | None = None
-    for sound in (s for s in line if s.number):
-        symbol = phones[sound.number]
-        if waiting is not None:
-            shape = LANGUAGE["shape"][phones[waiting.number]]
-            if waiting.end == sound.start and symbol in placements:
-                ticks = waiting.end - waiting.start
-                key = number(shape, placements[symbol])
-                cues.append(Cue(key, waiting.start, sound.end, ticks))
-                waiting = None
-                continue
-            cues.append(Cue(number(shape, alone), waiting.start, waiting.end, 0))
-            waiting = None
-        if symbol in LANGUAGE["shape"]:
-            waiting = sound
-        else:
-            key = number(LANGUAGE["shape_without_consonant"], placements[symbol])
-            cues.append(Cue(key, sound.start, sound.end, 0))
-    if waiting is not None:
-        shape = LANGUAGE["shape"][phones[waiting.number]]
-        cues.append(Cue(number(shape, alone), waiting.start, waiting.end, 0))
-    return cues
 
 
 def constants(coding: dict[str, Array]) -> dict[str, float]:
@@ -340,10 +259,9 @@ def parameters(
     told = parts[index]
     predicted = None
     if told.mode == 0:
-        near = {k: parts[k] for k in (index - 1, index, index + 1) if k in parts}
-        score = told.score or {}
-        line = line_of(near)
-        found = strokes(cues_of(line, score["cheek"]), REST_GAPS[score["rest_gap"]], coding)
+        scores = near(index, parts)
+        line = line_of(scores)
+        found = strokes(keys_of(line, scores), REST_GAPS[scores[index]["rest_gap"]], coding)
         first = TICKS * index
         face = mouths(line, coding, first)
         rest = moving(found, coding, first, told.course, told.shift)

@@ -9,7 +9,7 @@ import json
 import random
 import sys
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -18,6 +18,7 @@ from spec.reference import files
 from spec.reference.identity import identity as identity_of
 from spec.reference.markers import Array, identity, markers, read_voice
 from spec.reference.motion import BASES, read_coding
+from spec.reference.stream_bytes import EVEN, head, numbered, payload, resting, told, whole
 from spec.reference.superframe import MalformedError, crc, decode, record
 
 ASSETS = Path(__file__).parents[2] / "codec" / "assets"
@@ -31,6 +32,14 @@ FRAMES = (0, 1, 13, 31, 37, 63, 70, 95)
 SHOWN = (5, 25, 63 + 7, 63 + 30)
 """Markers that are: nose bridge, lower lip, two of the hand."""
 
+EVERY = 11
+"""Of how many frames of numbered files the markers of one are stated."""
+
+SEEDS = (
+    0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 12, 16, 18, 30, 31, 48, 54, 72, 116, 124, 148, 175,
+)  # fmt: skip
+"""Numbers of files, each of which tells a misreading of sections 4 and 5 that others do not."""
+
 MOVEMENTS = (
     (0.6, 2.5, 0.33, 0.05, 0.35, 0.003, 0.4, 0.4, 0.2, 0.5, 0.15, 0.4, 0.12, 0.5, 0.3, 0.02, -0.04,
      0.03, 0.06, 0.05, 0.15, 0.9, 0.35, 0.4),
@@ -39,53 +48,7 @@ MOVEMENTS = (
 )  # fmt: skip
 """Constants of movement (table 5) of other voices: with undershoot, and with no usual stroke."""
 
-EVEN = 4 * [31 * [32 * [0]]]
-"""Scales that do for reading what comes before coefficients."""
-
 Case = dict[str, Any]
-
-
-def head(first: int, ticks: int, coding: str, lengths: int = 0) -> bytes:
-    """(Section 8) Return the head of a file."""
-    body = b"CUES\4" + bytes.fromhex(coding) + first.to_bytes(4, "big") + ticks.to_bytes(4, "big")
-    body += lengths.to_bytes(3, "big")
-    return body + crc(body, 16, 0x1021, 0xFFFF).to_bytes(2, "big")
-
-
-def whole(start: bytes, records: list[bytes]) -> bytes:
-    """(F7) Return a file of records."""
-    data = start
-    for one in records:
-        long = len(one) >= 255
-        data += bytes([255]) + len(one).to_bytes(3, "big") if long else bytes([len(one)])
-        data += one
-    return data + zlib.crc32(data).to_bytes(4, "big")
-
-
-def payload(rng: random.Random, size: int) -> bytes:
-    """Return a payload of a step at which nothing is beyond drawing."""
-    data = bytearray(rng.randbytes(size))
-    data[0] = rng.randrange(20, 26) << 2 | data[0] & 3
-    return bytes(data)
-
-
-def told(rng: random.Random, form: int, special: bool, learns: bool) -> bytes:
-    """Return what a file says once, at random but for its first symbols."""
-    while True:
-        data = bytearray(rng.randbytes(60))
-        data[0] = form << 7 | data[0] & 127
-        if special:
-            data[0] |= 127
-            data[1] |= 192
-        try:
-            found = files.read(whole(head(40, 96, 16 * "0"), [bytes(data)] + 4 * [b"\xfc"]))
-        except MalformedError:
-            continue
-        line = found.line or []
-        sounding = [phone for phone in line if phone[0] and 32 <= phone[1] < 96]
-        replaces = bool(found.replaced) or any(found.cheek)
-        if found.learns == learns and len(sounding) > 4 and (not special or form or replaces):
-            return bytes(data)
 
 
 def shifted(rng: random.Random, shift: int) -> bytes:
@@ -308,11 +271,12 @@ def main(path: str) -> None:
         for basis in BASES
     ]
 
-    def seen(found: files.File, tables: dict[str, Array]) -> Case:
+    def seen(found: files.File, tables: dict[str, Array], shown: Sequence[int] = FRAMES) -> Case:
         frames = files.parameters(found, scales, tables)
         return {
             str(t): [[round(x, 3) for x in markers(voice, frames[t])[m]] for m in SHOWN]
-            for t in FRAMES
+            for t in shown
+            if frames[t]
         }
 
     rows = []
@@ -339,6 +303,18 @@ def main(path: str) -> None:
         found = files.read(data)
         row = {"id": case, "section": "4 to 8", "valid": True, "file": data.hex(), **said(found)}
         rows.append(row | other | {"markers": seen(found, moved(coding, other))})
+    rng = random.Random(13)
+    for gap, ticks in ((1, 25), (0, 12)):
+        data = resting(rng, name, gap, ticks)
+        found = files.read(data)
+        row = {"id": f"drawn-rest-{ticks}", "section": "4 to 8", "valid": True, "file": data.hex()}
+        rows.append(row | said(found) | {"markers": seen(found, coding, range(0, 96, EVERY))})
+    for seed in SEEDS:
+        data, other = numbered(seed, name, coding["targets.late"].shape[0])
+        found = files.read(data)
+        row = {"id": f"drawn-number-{seed}", "section": "4 to 8", "valid": True, "file": data.hex()}
+        points = seen(found, moved(coding, other), range(0, found.ticks, EVERY))
+        rows.append(row | said(found) | other | {"markers": points})
     for case, section, data in invalid():
         try:
             files.read(data)

@@ -26,7 +26,7 @@ from codec.cuer.voice import load_voice
 from codec.cues.score import PLACEMENT_NUMBER
 from codec.errors import BitstreamError
 from spec.reference import files
-from spec.reference.stream_vectors import head, whole
+from spec.reference.stream_bytes import head, whole
 from spec.reference.superframe import MalformedError
 from synth.rules.performance import motion_of
 from synth.scoring.text_score import score_from_text

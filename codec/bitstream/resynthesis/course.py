@@ -11,7 +11,7 @@ from codec.bitstream.resynthesis.movements import Movements, movements
 from codec.bitstream.resynthesis.targets import N_KEYS, PARTS, PARTS_PER_S, Targets
 from codec.cuer.movement import Movement
 from codec.cues.phonology import PHONES
-from codec.cues.timeline import Sounding
+from codec.cues.timeline import TICKS, Sounding
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -135,7 +135,7 @@ class Resynthesis:
 
     def __init__(self, joined: Joined, targets: Targets, first_tick: int, n_frames: int) -> None:
         self._rule = targets.movement
-        self._moves = movements(joined, self._rule, targets.places)
+        self._moves = movements(joined, self._rule, targets.places, at=first_tick // TICKS)
         face = phone_weights(joined.line, first_tick, n_frames) @ targets.face
         self._width = face.shape[1]
         self._still = np.empty((n_frames, self._width + targets.moving.shape[1]))

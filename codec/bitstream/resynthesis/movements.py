@@ -1,5 +1,6 @@
 """When the hand moves: the movements that a line of keys implies (P1 to P3)."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -7,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bitstream.joining import Joined
+from codec.bitstream.joining import Joined, options_at
 from codec.bitstream.resynthesis.targets import PARTS, PARTS_PER_S
+from codec.bitstream.score_coding import is_consonant, is_vowel
 from codec.cuer.movement import FLOWING, Movement
-from codec.cues.cueing import DEFAULT_OPTIONS
 from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS
 from codec.cues.timeline import TICK_S, Sounding
 
@@ -38,7 +39,7 @@ class Movements:
 
 
 def movements(
-    joined: Joined, movement: Movement = FLOWING, places: Places | None = None
+    joined: Joined, movement: Movement = FLOWING, places: Places | None = None, *, at: int = 0
 ) -> Movements:
     """Return the movements of the hand that a line implies (P1 to P3).
 
@@ -50,11 +51,16 @@ def movements(
         Of the voice.
     places : ndarray, shape (54, 3), optional
         Where the hand is for each key, mm; without them no way is long.
+    at : int
+        The superframe that is predicted: it tells after which silence the hand rests.
     """
     line = joined.line
-    options = next((part.options for part in joined.parts.values()), DEFAULT_OPTIONS)
-    gap = round(options.rest_gap_s / TICK_S) * PARTS
-    length = {s.start: s.end - s.start for s in line}
+    gap = round(options_at(joined.parts, at).rest_gap_s / TICK_S) * PARTS
+    length = {
+        one.start: one.end - one.start
+        for one, two in itertools.pairwise(s for s in line if s.number)
+        if one.end == two.start and is_consonant(one.number) and is_vowel(two.number)
+    }
     lost = [s for s in line if s.open_start and s.open_end]
     rule = _Rule.of(movement)
     rows = [_Row(_REST_KEY, -(1 << 40), -(1 << 40))]
