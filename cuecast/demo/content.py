@@ -125,16 +125,19 @@ def make_pictures(seconds: float) -> Iterator[NDArray[np.uint8]]:
     y, x = np.arange(HEIGHT, dtype=np.float64)[:, None], np.arange(WIDTH, dtype=np.float64)
     horizon = 0.62 * HEIGHT
     above = y <= horizon
+    below = slice(int(above.sum()), HEIGHT)
     sky = np.clip(1 - y / horizon, 0, 1)
-    depth = 0.9 * np.maximum(y - horizon, 0) ** 0.7
+    depth = 0.9 * (y[below] - horizon) ** 0.7
+    picture = np.empty((HEIGHT, WIDTH, 3))
     for number in range(round(seconds * PICTURE_RATE)):
         t = number / PICTURE_RATE
         sun_x, sun_y = WIDTH * (0.25 + 0.01 * t), HEIGHT * (0.30 + 0.006 * t)
         glow = np.exp(-np.hypot(x - sun_x, y - sun_y) / 70)
         across = 0.02 * x - 2 * t
         waves = 0.5 + 0.5 * (np.sin(depth) * np.cos(across) + np.cos(depth) * np.sin(across))
-        water = ~above * waves * (0.25 + 0.5 * np.exp(-(((x - sun_x) / 90) ** 2)))
-        red = 60 + 110 * (1 - sky) * above + 190 * glow + 90 * water
-        green = 40 + 50 * (1 - sky) + 140 * glow + 70 * water
-        blue = 90 + 60 * sky + 60 * glow + 60 * water
-        yield np.clip(np.stack([red, green, blue], axis=2), 0, 255).astype(np.uint8)
+        water = waves * (0.25 + 0.5 * np.exp(-(((x - sun_x) / 90) ** 2)))
+        picture[..., 0] = 60 + 110 * (1 - sky) * above + 190 * glow
+        picture[..., 1] = 40 + 50 * (1 - sky) + 140 * glow
+        picture[..., 2] = 90 + 60 * sky + 60 * glow
+        picture[below] += water[..., None] * (90, 70, 60)
+        yield np.clip(picture, 0, 255).astype(np.uint8)

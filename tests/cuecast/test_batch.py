@@ -29,7 +29,7 @@ from tests.cuecast.deadly import deadly
 
 ROOT = Path(__file__).resolve().parents[2]
 FAST = ("--no-grade", "--no-read-back")
-MANY = 4
+MANY = 3
 
 pytestmark = pytest.mark.long(28)
 

@@ -50,10 +50,10 @@ def rng() -> np.random.Generator:
 
 @pytest.fixture(scope="module")
 def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Tables of sixteen sentences and what was cued in them."""
+    """Tables of twelve sentences and what was cued in them."""
     clips = tmp_path_factory.mktemp("clips")
     rows = []
-    for number, text in enumerate(read_sentences()[:16]):
+    for number, text in enumerate(read_sentences()[:12]):
         score = score_from_text(text, start_s=1.0)
         filmed_as_csv("solange/minimum-jerk", score, clips / f"u{number:02d}.csv", noise_mm=1.0)
         rows.append([f"u{number:02d}", " ".join(phone.symbol for phone in score.phones)])
@@ -79,8 +79,8 @@ def test_a_folder_teaches_and_others_are_read(
     rows = evaluation.evaluate(options(laboratory, tmp_path, "real", "claire"))
     every, classes = rows[:2], rows[2:]
     assert [row["cuer"] for row in every] == ["real", "claire"]
-    assert every[0]["recall"] > 0.7  # measured 0.86
-    assert every[1]["recall"] > 0.6  # measured 0.8
+    assert every[0]["recall"] > 0.7  # measured 0.80
+    assert every[1]["recall"] > 0.6  # measured 0.90
     assert every[1]["landmarks"] == "simulated tracker"
     assert [row["of"] for row in classes][:2] == ["shape 1", "shape 2"]
     assert classes[-1]["of"] == "throat"

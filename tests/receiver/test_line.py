@@ -21,7 +21,7 @@ from tests.receiver.transmitter import Transmitter
 pytestmark = pytest.mark.long(12)
 
 SECONDS = 10
-FAST = 2
+FAST = 3
 
 
 def free_port() -> int:

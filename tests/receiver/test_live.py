@@ -292,7 +292,7 @@ def test_hls_window_that_slides(tmp_path: Path) -> None:
     """A live playlist of three pieces: the oldest leaves when the next one comes."""
     data = stream()
     size = (len(data) // 10 // PACKET + 1) * PACKET
-    pieces = [data[at : at + size] for at in range(0, len(data), size)]
+    pieces = [data[at : at + size] for at in range(0, len(data), size)][:7]
 
     def publish(last: int, end: bool) -> None:
         first = max(0, last - 2)
@@ -315,7 +315,7 @@ def test_hls_window_that_slides(tmp_path: Path) -> None:
         publish(last, end=last == len(pieces) - 1)
     thread.join(20)
     assert not thread.is_alive()
-    assert broadcast.metrics.document()["superframes_received_total"] >= 12
+    assert broadcast.metrics.document()["superframes_received_total"] >= 8
 
 
 def test_sound_alone_through_a_pipe() -> None:
