@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.analysis import _kernels
 from codec.cuer import layout
 from codec.cuer.models import rigid
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
@@ -27,6 +28,9 @@ _FINE_HZ = 200.0
 
 _BEFORE_S, _AFTER_S = 0.6, 0.5
 """How far from a key's sound it is looked for."""
+
+_ROUNDS = 3
+"""Fits of the back of the hand, each without the markers that the one before left far off."""
 
 _RIGID_FACE = layout.marker_indices(layout.RIGID_FACE)
 _BACK = layout.marker_indices((*layout.PALM, *layout.KNUCKLES[1:], *layout.WRIST))
@@ -93,12 +97,12 @@ class Classes:
             Distance of the pointing finger's tip for a hand of each shape, mm.
         """
         x = _against_head(np.asarray(markers, dtype=np.float64), self._skull)
-        shapes = np.empty((len(x), 9))
-        for shape in SHAPES:
-            motion, _ = rigid.estimate_motion(self._back[shape], x[:, _BACK])
-            fingers = rigid.inverse_rigid_motion(x[:, _FINGERS], motion)
-            apart = np.square(fingers - self.fingers[shape]).sum(axis=2).mean(axis=1)
-            shapes[:, shape] = np.sqrt(apart)
+        shapes = np.empty((len(x), len(SHAPES)))
+        _kernels.shapes_apart_into(
+            np.ascontiguousarray(x[:, _BACK]), np.ascontiguousarray(x[:, _FINGERS]),
+            np.ascontiguousarray(self._back), np.ascontiguousarray(self.fingers),
+            rigid.OUTLIER_MM, _ROUNDS, shapes,
+        )  # fmt: skip
         tips = x[:, _TIPS]
         return shapes, np.linalg.norm(tips[:, :, None] - self.tips, axis=3)
 

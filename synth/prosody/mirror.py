@@ -15,8 +15,8 @@ from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Key, Phone, Score
 from synth.rules.gesture import GestureSynthesiser
 
-_RATE_HZ = 25.0
-"""Pictures per second, as many as a viewer sees."""
+_RATE_HZ = 50.0
+"""Frames per second at which she is looked at: those of all reports."""
 
 _AROUND_S = 0.6
 """Seconds of motion before the first key and after the last one."""

@@ -1,11 +1,11 @@
 """Keys that are timed, put on the bitstream's grid and moved so that each is seen.
 
-The settler moves them by what a quick model tells of the sight of a key. The few that it leaves too
-short are moved again, by what the virtual cuer herself shows.
+The settler moves them by what a quick model tells of the sight of a key. Those that a performance of
+the virtual cuer then shows too short are moved again, by what she shows.
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,14 +26,14 @@ GRID_HZ = 50
 SAME_S = 1e-9
 """Seconds within which times count as the same: what rounding leaves."""
 
-_MENDED, _MENDED_SHARE = 2, 0.02
-"""So many keys of a block, and this share of them, are mended by looking at performances."""
+_LOOKS = 6
+"""How often the keys are settled again by what a performance shows."""
 
-_VARIANTS = 12
-"""Performances that are looked at for one key."""
+_SURE_S = WANTED_S + 0.005
+"""So long a key should be seen in a performance."""
 
-_NEAR_KEYS = 3
-"""Keys on both sides that count with it."""
+_CAUTION_S = 0.005
+"""By how much less is counted on for a key, each time that it was seen too short."""
 
 _LEAST_TICKS = 2
 """Ticks that a phone keeps."""
@@ -126,21 +126,39 @@ class SeenKeys:
         early, late : ndarray, shape (N,)
             Bounds of the starts, seconds.
         """
-        settler = Settler(sight_of(), self._options)
-        line = settler.settled(self._line(start, end, early, late))
-        held = self._held(line)
-        short = np.flatnonzero(held < WANTED_S - SAME_S)
-        few = short[np.argsort(held[short], kind="stable")][
-            : _MENDED + int(_MENDED_SHARE * len(held))
-        ]
-        for k in sorted(few.tolist()):
-            line = self._performed_better(line, settler, k)
+        line = self._best(self._line(start, end, early, late))
         fresh = slice(line.frozen, None)
         start, end = line.start[fresh] / GRID_HZ, line.end[fresh] / GRID_HZ
         last = line[max(len(line.start) - _KNOWN_KEYS, 0) :]
         phones = [*self._before.phones, *itertools.chain(*self._phones(start, end))]
         since_s = last.start[0] / GRID_HZ - SAME_S
         return start, end - start, Said(last, tuple(p for p in phones if p.start >= since_s))
+
+    def _best(self, plain: Line) -> Line:
+        """Return the line of which a performance shows most, never one that is worse than `plain`.
+
+        What a performance shows differs from the model's sight key by key; settling goes on from
+        the difference.
+        """
+        settler = Settler(sight_of(), self._options)
+        line = settler.settled(plain)
+        held = self._held(line)
+        best, most = line, held
+        caution = np.zeros(len(held))
+        for _ in range(_LOOKS):
+            short = held < _SURE_S - SAME_S
+            if not short.any():
+                break
+            caution += _CAUTION_S * short
+            more = line.more.copy()
+            more[line.frozen :] = held - settler.seen(line) - caution
+            line = settler.settled(replace(line, more=more), np.flatnonzero(short))
+            held = self._held(line)
+            if _worth(held) > _worth(most):
+                best, most = line, held
+        if most.min() < _SURE_S - SAME_S and _worth(self._held(plain)) > _worth(most):
+            return plain
+        return best
 
     def _line(
         self, start: FloatArray, end: FloatArray, early: FloatArray, late: FloatArray
@@ -162,38 +180,18 @@ class SeenKeys:
             late=np.floor(GRID_HZ * late + SAME_S).astype(np.int64),
             least=least, pause=pause, key=keys.key,
             lag=np.where(phones > 1, FLOWING.lag_share * keys.consonant, 0.0),
+            more=np.zeros(len(begins)),
         )  # fmt: skip
         before = self._before.line
         return line if before is None else line.after(before)
 
-    def _performed_better(self, line: Line, settler: Settler, k: int) -> Line:
-        """Return the line, or the variant near a key whose performance shows more keys."""
-        near = max(k - _NEAR_KEYS, 0), min(k + _NEAR_KEYS + 1, len(self._keys.first))
-
-        def worth(other: Line) -> float:
-            held = self._held(other, *near)
-            return float((held >= HELD_S).sum() + np.clip(held / WANTED_S, 0.0, 1.0).sum())
-
-        best, most = line, worth(line) + SAME_S
-        for other in settler.variants(line, line.frozen + k, _VARIANTS):
-            found = worth(other)
-            if found > most:
-                best, most = other, found
-            if most >= 2 * (near[1] - near[0]):
-                break
-        return best
-
-    def _held(self, line: Line, first: int = 0, last: int | None = None) -> FloatArray:
-        """Return how long keys of a line are held in a performance, seconds."""
+    def _held(self, line: Line) -> FloatArray:
+        """Return how long the keys of a line are held in a performance, seconds."""
         fresh = slice(line.frozen, None)
         phones = self._phones(line.start[fresh] / GRID_HZ, line.end[fresh] / GRID_HZ)
-        around = slice(max(first - _KNOWN_KEYS, 0), None if last is None else last + _KNOWN_KEYS)
-        told = [phone for at in phones[around] for phone in at]
-        if around.start == 0:
-            told = [*self._before.phones, *told]
+        told = [*self._before.phones, *itertools.chain(*phones)]
         held = held_keys(told, tuple(cue(told, self._options)), options=self._options)
-        before = len(held) - len(phones[around])
-        return held[before + first - around.start :][: None if last is None else last - first]
+        return held[len(held) - len(phones) :]
 
     def _phones(self, start: FloatArray, end: FloatArray) -> list[list[Phone]]:
         """Return the phones of each key."""
@@ -202,6 +200,12 @@ class SeenKeys:
             [Phone(symbol, *found[at]) for symbol, at in zip(symbols, members, strict=True)]
             for symbols, members in zip(self._keys.symbols, self._keys.members, strict=True)
         ]
+
+
+def _worth(held: FloatArray) -> float:
+    """Return what a performance is worth that shows keys for so many seconds."""
+    seen = (held >= HELD_S - SAME_S).sum() + (held >= WANTED_S - SAME_S).sum()
+    return float(seen + np.clip(held / _SURE_S, 0.0, 1.0).sum())
 
 
 def spans(

@@ -4,10 +4,10 @@ How long a key is seen depends on the ways to it and from it and on how long its
 hand that has time leaves early, so more time for a key does not always help it. So the planned line
 is looked at with `synth.rules.sight`, and where a key is not seen for three pictures, or a knuckle
 is too fast, runs of keys are shifted against their neighbours; the best shift is taken, if it helps
-the keys together.
+the keys together. Who is known to be short also gets ticks from keys that can spare them, one by one
+from whom it costs least, however far away: the way to the chin needs many at once.
 """
 
-import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from codec.analysis.readability import HELD_S
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from synth.rules.sight import Sight
 
@@ -30,7 +31,10 @@ WANTED_S = 0.12
 _SPREAD_S = 0.02
 """How far what is seen lies from what is planned: drift, scatter and head (standard deviation)."""
 
-_EASY_S, _EASE = 0.18, 0.4
+_KNOWN_SPREAD_S = 0.01
+"""The same once a performance has been looked at."""
+
+_EASY_S, _EASE = 0.18, 0.2
 """Up to so long more time is better still; weight of that against a key that is not seen."""
 
 _FASTEST_M_S, _TOO_FAST = 1.3, 8.0
@@ -42,15 +46,15 @@ _WORTH = 0.02
 _SHIFTS = (-4, -2, -1, 1, 2, 4)
 """Ticks of a shift."""
 
-_FAR_SHIFTS = (-6, -4, -2, -1, 0, 1, 2, 4, 6, 8)
-"""Ticks of a key's shift, and of that of all keys after it up to the next pause, in variants."""
-
 REST_ROOM_S = 0.95
 """Shorter silences are too short for the hand to rest and to be back: she holds the last key."""
 
 _FROM, _LENGTHS = (-1, 0, 1), (1, 2)
 """Where runs of keys that are shifted begin, against the key in question, and how long they are;
 besides, all keys up to the next pause."""
+
+_GIVERS, _GIVEN = 24, 8
+"""Keys on both sides of one in need that may give it ticks, and how many ticks it gets at most."""
 
 _TOUCHED, _AROUND = 2, 2
 """Keys on both sides of a shift's ends whose sight it changes, and those looked at beside them."""
@@ -78,6 +82,8 @@ class Line:
         Key numbers, 6 shape + placement.
     lag : ndarray of float64
         Part of the key's length after which the hand should be there.
+    more : ndarray of float64
+        How much longer each was seen in a performance than the model tells, seconds.
     frozen : int
         So many of the first keys stay as they are: they have been said.
     """
@@ -90,6 +96,7 @@ class Line:
     pause: Ticks
     key: Ticks
     lag: FloatArray
+    more: FloatArray
     frozen: int = 0
 
     def __getitem__(self, part: slice) -> "Line":
@@ -126,14 +133,32 @@ class Settler:
         self._sight, self._rest_gap_s = sight, options.rest_gap_s
         self._rest = round(options.rest_gap_s / TICK_S)
         self._room = round(room_s / TICK_S)
+        self._prices: dict[tuple[int, ...], float] = {}
+        self._spread_s = _SPREAD_S
 
-    def settled(self, line: Line) -> Line:
-        """Return a line whose keys are seen as long as shifts can make it."""
+    def seen(self, line: Line) -> FloatArray:
+        """Return how long the model sees the keys that have not been said, seconds."""
+        return self._look(line, line.frozen, len(line.start))[0]
+
+    def settled(self, line: Line, short: Ticks | None = None) -> Line:
+        """Return a line whose keys are seen as long as shifts can make it.
+
+        Parameters
+        ----------
+        line : Line
+        short : ndarray of int64, optional
+            Numbers of the keys, from the first that is not frozen on, that a performance showed too
+            short: only these are mended, but with ticks of keys that are farther away too. Without
+            them all that the model does not see for certain.
+        """
         if not len(line.start):
             return line
         first = line.frozen
-        costs = self._costs(line, first, len(line.start))
-        for k in (first + np.flatnonzero(costs > _BAR)).tolist():
+        self._spread_s = _SPREAD_S if short is None else _KNOWN_SPREAD_S
+        self._prices = {}
+        if short is None:
+            short = np.flatnonzero(self._costs(line, first, len(line.start)) > _BAR)
+        for k in (first + short).tolist():
             for _ in range(_ROUNDS):
                 better = self._mended(line, k)
                 if better is None:
@@ -145,7 +170,7 @@ class Settler:
         """Return the line with the best shift near a key, None if none is worth it."""
         if self._cost(line, [(k, k + 1)]) <= _BAR:
             return None
-        most, found = _WORTH, None
+        most, found = self._given(line, k) if self._spread_s < _SPREAD_S else (_WORTH, None)
         for i, j in self._runs(line, k):
             spans = _near(i, j, len(line.start))
             now = self._cost(line, spans)
@@ -158,33 +183,62 @@ class Settler:
                     most, found = gain, moved
         return found
 
-    def variants(self, line: Line, k: int, most: int) -> list[Line]:
-        """Return other lines near a key, those first that the model thinks best.
+    def _given(self, line: Line, k: int) -> tuple[float, Line | None]:
+        """Return the best gain of ticks that others give to a key or the one before, and the line.
 
-        Parameters
-        ----------
-        line : Line
-        k : int
-            Number of a key that is not frozen.
-        most : int
-            So many lines.
+        Every tick comes from whom it costs least; gains may need several ticks to show.
         """
-        n = len(line.start)
-        spans = [(max(k - _TOUCHED - 1, 0), min(k + _TOUCHED + 1, n))]
-        found: list[tuple[float, int, Line]] = []
-        for i in sorted({max(k - 1, line.frozen), k}):
-            for later, shift in itertools.product(_FAR_SHIFTS, _FAR_SHIFTS):
-                one = self._run_shifted(line, k + 1, later) if k + 1 < n else line
-                two = self._shifted(one, i, k + 1, shift) if one is not None and shift else one
-                if two is not None and two is not line:
-                    found.append((self._cost(two, spans), len(found), two))
-        return [other for _, _, other in sorted(found)[:most]]
+        most, found = _WORTH, None
+        first, last = max(k - _GIVERS, line.frozen), min(k + _GIVERS + 1, len(line.start))
+        for taker in range(max(k - 1, line.frozen), k + 1):
+            near = max(taker - 1, 0), min(taker + _TOUCHED + 1, len(line.start))
+            now = self._cost(line, [near])
+            prices = {giver: self._price(line, giver) for giver in range(first, last)}
+            other, paid = line, 0.0
+            for _ in range(_GIVEN):
+                giver = self._cheapest(other, taker, prices)
+                paid += prices[giver]
+                if giver == taker or paid > now - most:
+                    break
+                other = self._handed(other, giver, taker) or other
+                prices[giver] = self._price(other, giver)
+                if now - self._cost(other, [near]) - paid > most:
+                    gain = self._cost(line, [(first, last)]) - self._cost(other, [(first, last)])
+                    if gain > most:
+                        most, found = gain, other
+        return most, found
 
-    def _run_shifted(self, line: Line, i: int, shift: int) -> Line | None:
-        """Return the line with all keys from one to the next pause shifted, None without room."""
-        if not shift:
-            return line
-        return self._shifted(line, i, self._until_pause(line, i), shift)
+    def _cheapest(self, line: Line, taker: int, prices: dict[int, float]) -> int:
+        """Return which key gives a tick to another one for least; the taker if none can."""
+        first, last = min(prices), max(prices) + 1
+        ahead = (line.late - line.start)[taker + 1 : last] <= 0
+        behind = (line.start - line.early)[first + 1 : taker + 1][::-1] <= 0
+        lowest = taker - (int(behind.argmax()) if behind.any() else len(behind))
+        highest = taker + (int(ahead.argmax()) if ahead.any() else len(ahead))
+        givers = [d for d in range(lowest, highest + 1) if d != taker]
+        givers.sort(key=lambda d: (prices[d], abs(d - taker)))
+        return next((d for d in givers if self._handed(line, d, taker) is not None), taker)
+
+    def _handed(self, line: Line, giver: int, taker: int) -> Line | None:
+        """Return the line with one tick of a key handed to another, None if that cannot be."""
+        if giver > taker:
+            return self._shifted(line, taker + 1, giver + 1, 1)
+        return self._shifted(line, giver + 1, taker + 1, -1)
+
+    def _price(self, line: Line, k: int) -> float:
+        """Return what it costs that a key, or the pause after it, is one tick shorter."""
+        low, high = max(k - _TOUCHED - _AROUND, 0), min(k + _TOUCHED + _AROUND + 1, len(line.start))
+        part = line[low:high]
+        at = k - low
+        sight = k, *(part.start - part.start[0]).tolist(), *(part.end - part.start[0]).tolist()
+        if sight not in self._prices:
+            free = replace(part, early=part.early - 1)
+            other = self._shifted(free, at + 1, len(part.start), -1)
+            span = [(max(at - 1, 0), min(at + _TOUCHED + 1, len(part.start)))]
+            self._prices[sight] = (
+                np.inf if other is None else self._cost(other, span) - self._cost(part, span)
+            )
+        return self._prices[sight]
 
     @staticmethod
     def _until_pause(line: Line, i: int) -> int:
@@ -231,8 +285,10 @@ class Settler:
     def _costs(self, line: Line, first: int, last: int) -> FloatArray:
         """Return the costs of some keys: those that are not seen, and too fast ones."""
         held, peak = self._look(line, first, last)
-        unseen = ndtr((WANTED_S - held) / _SPREAD_S)
+        held = held + line.more[first:last]
+        unseen = ndtr((WANTED_S - held) / self._spread_s) + ndtr((HELD_S - held) / self._spread_s)
         uneasy = _EASE * np.maximum(_EASY_S - held, 0.0) / _EASY_S
+        uneasy += np.maximum(HELD_S - held, 0.0) / HELD_S
         return np.asarray(unseen + uneasy + _TOO_FAST * np.maximum(peak - _FASTEST_M_S, 0.0))
 
     def _look(self, line: Line, first: int, last: int) -> tuple[FloatArray, FloatArray]:

@@ -136,6 +136,7 @@ def seen_into(
     moved, turned, shaped = np.zeros(n), np.zeros(n), np.zeros(n)
     at, x, before = np.zeros(3), np.zeros(3), np.zeros((n_knuckles, 3))
     now = np.zeros((n_knuckles, 3))
+    share, apart, away = np.zeros(len(gram)), np.zeros(len(gram)), np.zeros(goal.shape[1])
     last_margin, since, sure = np.zeros(n), np.zeros(n), np.zeros(n)
     last_margin[:] = -1.0
     low = 1
@@ -182,17 +183,22 @@ def seen_into(
                     peak[g] = max(peak[g], fastest)
         before[:] = now
         first = False
+        _blend_apart(key, base, low, high, shaped, gram, share, apart)
         for g in range(low - 1, high):
             if g == 0:
                 continue
             shape = key[g] // N_PLACEMENTS
-            margin = _shape_margin(shape, key, base, low, high, shaped, gram) - clear[1]
+            margin = _margin(apart, shape) - clear[1]
             for c in range(3):
                 x[c] = at[c] + tip[shape, key[base], c]
                 for j in range(low, high):
                     x[c] += turned[j] * (tip[shape, key[j], c] - tip[shape, key[j - 1], c])
-            away = _place_margin(x, goal[shape], key[g] % N_PLACEMENTS) - clear[0]
-            margin = min(margin, away)
+            for p in range(away.size):
+                away[p] = 0.0
+                for c in range(3):
+                    away[p] += (x[c] - goal[shape, p, c]) ** 2
+                away[p] = np.sqrt(away[p])
+            margin = min(margin, _margin(away, key[g] % N_PLACEMENTS) - clear[0])
             old = last_margin[g]
             if margin > 0.0 and old <= 0.0:
                 since[g] = time if old == -1.0 else time - step * margin / (margin - old)
@@ -209,50 +215,41 @@ def seen_into(
 
 
 @njit(cache=True)
-def _place_margin(x: NDArray[np.float64], goal: NDArray[np.float64], own: int) -> float:
-    """Return by how much a point is nearer to its own goal than to any other, mm."""
-    best, mine = np.inf, 0.0
-    for p in range(goal.shape[0]):
-        d = 0.0
-        for c in range(3):
-            d += (x[c] - goal[p, c]) ** 2
-        d = np.sqrt(d)
-        if p == own:
-            mine = d
-        else:
-            best = min(best, d)
-    return best - mine
+def _margin(apart: NDArray[np.float64], own: int) -> float:
+    """Return by how much the own one of some distances is less than any other."""
+    best = np.inf
+    for p in range(apart.size):
+        if p != own:
+            best = min(best, apart[p])
+    return float(best - apart[own])
 
 
 @njit(cache=True)
-def _shape_margin(
-    own: int,
+def _blend_apart(
     key: NDArray[np.int64],
     base: int,
     low: int,
     high: int,
     shaped: NDArray[np.float64],
     gram: NDArray[np.float64],
-) -> float:
-    """Return by how much a blend of shapes is nearer to its own one than to any other, mm."""
+    share: NDArray[np.float64],
+    apart: NDArray[np.float64],
+) -> None:
+    """Find how far a blend of shapes is from each of them, mm; `share` is room for its shares."""
     n = gram.shape[0]
-    share = np.zeros(n)
+    share[:] = 0.0
     share[key[base] // N_PLACEMENTS] = 1.0
     for g in range(low, high):
         share[key[g] // N_PLACEMENTS] += shaped[g]
         share[key[g - 1] // N_PLACEMENTS] -= shaped[g]
     whole = 0.0
     for i in range(n):
-        for j in range(n):
-            whole += share[i] * share[j] * gram[i, j]
-    best, mine = np.inf, 0.0
+        if share[i] != 0.0:
+            for j in range(n):
+                whole += share[i] * share[j] * gram[i, j]
     for c in range(n):
         d = whole + gram[c, c]
         for i in range(n):
-            d -= 2.0 * share[i] * gram[i, c]
-        d = np.sqrt(max(d, 0.0))
-        if c == own:
-            mine = d
-        else:
-            best = min(best, d)
-    return best - mine
+            if share[i] != 0.0:
+                d -= 2.0 * share[i] * gram[i, c]
+        apart[c] = np.sqrt(max(d, 0.0))

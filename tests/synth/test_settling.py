@@ -27,7 +27,7 @@ def line_of(lengths: list[int], keys: list[tuple[int, str]], slack: int = 60) ->
         start=start, end=start + np.array(lengths), early=start - slack, late=start + slack,
         least=np.full(n, 4), pause=np.zeros(n, dtype=np.int64),
         key=np.array([6 * shape + PLACEMENT_NUMBER[name] for shape, name in keys]),
-        lag=np.full(n, 0.15),
+        lag=np.full(n, 0.15), more=np.zeros(n),
     )  # fmt: skip
 
 
@@ -86,3 +86,12 @@ def test_every_key_of_slow_verse_is_held() -> None:
     held = held_keys(score.phones, score.keys)
     assert len(held) == len(score.keys)
     assert held.min() >= HELD_S
+
+
+def test_a_key_in_need_gets_ticks_from_far_away() -> None:
+    keys = [(3, "side"), (1, "side")] * 5 + [(4, "chin")] + [(5, "side"), (2, "side")] * 5
+    line = line_of([11] * 7 + [6, 6, 6, 12, 6, 6, 6] + [11] * 7, keys)
+    settler = Settler(sight_of())
+    short = np.flatnonzero(settler.seen(line) < 0.12)
+    assert {8, 10, 12} <= set(short.tolist())
+    assert settler.seen(settler.settled(line, short)).min() > 0.13
