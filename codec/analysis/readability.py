@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from codec.analysis import _kernels
 from codec.cuer import layout
 from codec.cuer.models import rigid
+from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, SHAPES, Key, Score
 
@@ -105,6 +106,19 @@ class Classes:
         )  # fmt: skip
         tips = x[:, _TIPS]
         return shapes, np.linalg.norm(tips[:, :, None] - self.tips, axis=3)
+
+
+def classes_of(voice: Voice) -> Classes:
+    """Return the keys of a voice's gesture table, to compare its moving hand with."""
+    table, n = voice.gestures, len(SHAPES) * len(PLACEMENTS)
+    params = np.zeros((n, len(voice.layout)), dtype=np.float32)
+    face = len(voice.face_columns) - table.neutral_head.size
+    hand = table.shape_targets.shape[1]
+    params[:, face : face + hand] = np.repeat(table.shape_targets, len(PLACEMENTS), axis=0)
+    params[:, face + hand : face + hand + table.neutral_head.size] = table.neutral_head
+    params[:, face + hand + table.neutral_head.size :] = table.placement_targets.reshape(n, -1)
+    markers = voice.reconstruct(params).astype(np.float64)
+    return Classes(markers.reshape(len(SHAPES), len(PLACEMENTS), *markers.shape[1:]))
 
 
 def _against_head(markers: FloatArray, skull: FloatArray) -> FloatArray:

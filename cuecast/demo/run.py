@@ -17,6 +17,7 @@ from cuecast.dubbing.readability import in_words, watched
 from cuecast.dubbing.receive import receive
 from cuecast.media.film import write_film
 from cuecast.media.rewrite import Unchanged, rewrite_sound
+from synth.prosody.mirror import Performing
 from synth.prosody.pace_report import PaceReport
 from synth.prosody.pacing import READABLE
 from synth.scoring.text_score import Reading, score_from_subtitles
@@ -75,7 +76,8 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Out
         pictures=make_pictures(duration_s), picture_rate=PICTURE_RATE,
     )  # fmt: skip
     pace = PaceReport(warn=say)
-    score = score_from_subtitles(subtitles, reading=Reading(pace=READABLE), told=pace)
+    reading = Reading(pace=READABLE, performing=Performing(seed=seed))
+    score = score_from_subtitles(subtitles, reading=reading, told=pace)
     source = SynthesisedMotion(score, voice, seed=seed)
 
     say(f"    {pace}")

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from codec.cues.score import Score
     from synth.alignment.score import Judged
+    from synth.prosody.mirror import Performing
     from synth.prosody.pacing import Pace
     from synth.scoring.text_score import Reading, Told
     from synth.subtitles import Subtitle
@@ -32,7 +33,17 @@ def reading_of(args: argparse.Namespace) -> "Reading":
         Style(liaison=args.liaison, final_schwa=args.final_schwa),
         read_user_lexicon(args.lexicon) if args.lexicon else {},
         pace_of(args),
+        _performing(args),
     )
+
+
+def _performing(args: argparse.Namespace) -> "Performing":
+    """Return who is to cue, where the command lets that be told."""
+    from synth.prosody.mirror import CLAIRE, Performing
+
+    if "voice" not in args:
+        return CLAIRE
+    return Performing(args.voice, args.seed, args.alignment)
 
 
 def pace_of(args: argparse.Namespace) -> "Pace | None":

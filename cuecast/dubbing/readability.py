@@ -12,11 +12,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.analysis.readability import HELD_S, Classes, Shown, peak_speed, shown_keys
+from codec.analysis.readability import (
+    HELD_S,
+    Classes,
+    Shown,
+    classes_of,
+    peak_speed,
+    shown_keys,
+)
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
-from codec.cues.score import PLACEMENTS, SHAPES, Key, Score
+from codec.cues.score import Key, Score
 from cuecast.dubbing.motions import MotionSource
 
 PICTURES_S = 0.12
@@ -183,16 +190,3 @@ def in_words(figures: dict[str, Any]) -> str:
         f"a tenth for less than {1000 * figures['hold_p10_s']:.0f} ms, "
         f"peak {figures['peak_m_s']} m/s"
     )
-
-
-def classes_of(voice: Voice) -> Classes:
-    """Return the keys of a voice's gesture table, to compare its moving hand with."""
-    table, n = voice.gestures, len(SHAPES) * len(PLACEMENTS)
-    params = np.zeros((n, len(voice.layout)), dtype=np.float32)
-    face = len(voice.face_columns) - table.neutral_head.size
-    hand = table.shape_targets.shape[1]
-    params[:, face : face + hand] = np.repeat(table.shape_targets, len(PLACEMENTS), axis=0)
-    params[:, face + hand : face + hand + table.neutral_head.size] = table.neutral_head
-    params[:, face + hand + table.neutral_head.size :] = table.placement_targets.reshape(n, -1)
-    markers = voice.reconstruct(params).astype(np.float64)
-    return Classes(markers.reshape(len(SHAPES), len(PLACEMENTS), *markers.shape[1:]))

@@ -35,6 +35,7 @@ from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.strokes import RATE_HZ, REAL, film_of, rows_within, stroke_figures
 from receiver.drawing.render import render_frames, write_picture
 from synth.measured.cuer import MEASURED, performer
+from synth.prosody.mirror import Performing
 from synth.prosody.pace_report import PaceReport
 from synth.prosody.pacing import READABLE, Pace
 from synth.rules.gesture import GestureSynthesiser
@@ -191,7 +192,8 @@ def figures(
     `codec.analysis.readability.HELD_S`; ``read_share`` that of those which the reader took in.
     """
     report = PaceReport()
-    score = score_from_subtitles(subtitles, reading=Reading(pace=pace), told=report)
+    reading = Reading(pace=pace, performing=Performing(seed=seed))
+    score = score_from_subtitles(subtitles, reading=reading, told=report)
     said = [key for subtitle in subtitles for key in score_from_text(subtitle.text).keys]
     if not score.keys:
         return {"keys_said": len(said), "keys_shown": 0}
@@ -320,7 +322,8 @@ def in_common(found: Sequence[tuple[int, int]], wanted: Sequence[tuple[int, int]
 def strip(path: Path, subtitles: Sequence[Subtitle], seed: int = 0) -> None:
     """Draw successive pictures of the cuer, 25 a second, as one PNG: from the side to the face."""
     voice = load_voice()
-    score = score_from_subtitles(subtitles, reading=Reading(pace=READABLE))
+    reading = Reading(pace=READABLE, performing=Performing(seed=seed))
+    score = score_from_subtitles(subtitles, reading=reading)
     half = itertools.pairwise(score.keys[len(score.keys) // 2 :])
     ways = (one.start for one, other in half if (one.placement, other.placement) in _LONG_WAYS)
     middle = next(ways, score.keys[len(score.keys) // 2].start)

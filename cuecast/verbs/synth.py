@@ -58,10 +58,11 @@ def run(args: argparse.Namespace) -> int:
     if args.method == "rules" and (args.speech or args.units):
         note("cuecast synth: --speech and --units need --method units")
         return 2
+    from codec.analysis.readability import classes_of
     from codec.cuer.motion import MotionWriter
     from codec.cuer.voice import load_voice
     from cuecast.dubbing.aligning import Confidence
-    from cuecast.dubbing.readability import Seen, classes_of, in_words
+    from cuecast.dubbing.readability import Seen, in_words
     from synth.prosody.pace_report import PaceReport
 
     confidence = Confidence()

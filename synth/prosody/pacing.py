@@ -29,6 +29,7 @@ from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, Phone
 from codec.errors import CueError
 from synth.prosody.importance import importance, links
 from synth.prosody.key_times import Form, least_s
+from synth.prosody.mirror import CLAIRE, Mirror, Performing, mirror_of
 from synth.prosody.seen_keys import GRID_HZ, SAME_S, Keys, Said, SeenKeys, spans
 from synth.prosody.settling import REST_ROOM_S
 from synth.prosody.taut_string import taut_string
@@ -139,6 +140,7 @@ def pace_words(
     words: Iterable[TimedWord],
     pace: Pace = READABLE,
     options: CueingOptions = DEFAULT_OPTIONS,
+    performing: Performing = CLAIRE,
 ) -> Iterator[PacedWord]:
     """Yield the words on the cuer's clock, in order and in constant memory.
 
@@ -149,10 +151,12 @@ def pace_words(
     pace : Pace
     options : CueingOptions
         Where charts of the code differ.
+    performing : Performing
+        Who is to cue: what she would show is looked at.
     """
-    before = Said()
+    before, mirror = Said(), mirror_of(performing, options)
     for words_of_block in _blocks(words, pace):
-        block = _Block(words_of_block, pace, options, before)
+        block = _Block(words_of_block, pace, options, before, mirror)
         yield from block.paced()
         before = block.before
 
@@ -187,8 +191,10 @@ class _Block:
     """Words that are paced together, after others; `before` is what the next ones come after."""
 
     def __init__(
-        self, words: Sequence[TimedWord], pace: Pace, options: CueingOptions, before: Said
-    ) -> None:
+        self, words: Sequence[TimedWord], pace: Pace, options: CueingOptions, before: Said,
+        mirror: Mirror,
+    ) -> None:  # fmt: skip
+        self._mirror = mirror
         self._words, self._pace, self._options, self.before = words, pace, options, before
         self._free_s = before.phones[-1].end if before.phones else _RISE_S
         self._latest_s = max(pace.max_lag_s - 0.5 / GRID_HZ, 0.0)
@@ -360,7 +366,7 @@ class _Block:
         early = np.minimum(np.maximum(keys.first - lead_s, self._free_s), start)
         late = keys.first + self._latest_s
         ends = start + np.maximum(ends - start, length)
-        seen = SeenKeys(keys, self._options, self.before)
+        seen = SeenKeys(keys, self._options, self.before, self._mirror)
         start, length, self.before = seen.settled(start, ends, early, late)
         return start, length
 

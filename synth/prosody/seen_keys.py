@@ -1,7 +1,7 @@
 """Keys that are timed, put on the bitstream's grid and moved so that each is seen.
 
-The settler moves them by what a quick model tells of the sight of a key. Those that a performance of
-the virtual cuer then shows too short are moved again, by what she shows.
+The settler moves them by what a quick model tells of the sight of a key. Those that a performance
+of who is to cue then shows too short are moved again, by what she shows.
 """
 
 import itertools
@@ -14,9 +14,8 @@ from codec.analysis.readability import HELD_S
 from codec.cuer.movement import FLOWING
 from codec.cues.cueing import CueingOptions, cue
 from codec.cues.score import Phone
-from synth.prosody.mirror import held_keys
+from synth.prosody.mirror import Mirror
 from synth.prosody.settling import WANTED_S, Line, Settler
-from synth.rules.sight import sight_of
 
 FloatArray = NDArray[np.float64]
 
@@ -109,10 +108,13 @@ class SeenKeys:
         Which gaps send the hand to rest, and the chart of the code.
     before : Said
         What these keys come after; it stays as it is.
+    mirror : Mirror
+        Of who is to cue.
     """
 
-    def __init__(self, keys: Keys, options: CueingOptions, before: Said) -> None:
+    def __init__(self, keys: Keys, options: CueingOptions, before: Said, mirror: Mirror) -> None:
         self._keys, self._options, self._before = keys, options, before
+        self._mirror = mirror
 
     def settled(
         self, start: FloatArray, end: FloatArray, early: FloatArray, late: FloatArray
@@ -140,7 +142,7 @@ class SeenKeys:
         What a performance shows differs from the model's sight key by key; settling goes on from
         the difference.
         """
-        settler = Settler(sight_of(), self._options)
+        settler = Settler(self._mirror.sight, self._options)
         line = settler.settled(plain)
         held = self._held(line)
         best, most = line, held
@@ -190,7 +192,7 @@ class SeenKeys:
         fresh = slice(line.frozen, None)
         phones = self._phones(line.start[fresh] / GRID_HZ, line.end[fresh] / GRID_HZ)
         told = [*self._before.phones, *itertools.chain(*phones)]
-        held = held_keys(told, tuple(cue(told, self._options)), options=self._options)
+        held = self._mirror.held(told, tuple(cue(told, self._options)))
         return held[len(held) - len(phones) :]
 
     def _phones(self, start: FloatArray, end: FloatArray) -> list[list[Phone]]:

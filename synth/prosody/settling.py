@@ -4,8 +4,8 @@ How long a key is seen depends on the ways to it and from it and on how long its
 hand that has time leaves early, so more time for a key does not always help it. So the planned line
 is looked at with `synth.rules.sight`, and where a key is not seen for three pictures, or a knuckle
 is too fast, runs of keys are shifted against their neighbours; the best shift is taken, if it helps
-the keys together. Who is known to be short also gets ticks from keys that can spare them, one by one
-from whom it costs least, however far away: the way to the chin needs many at once.
+the keys together. What is known to be short also gets ticks from keys that can spare them, one by
+one where it costs least, however far away: the way to the chin needs many at once.
 """
 
 from collections.abc import Iterator, Sequence

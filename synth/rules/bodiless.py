@@ -45,6 +45,17 @@ class RuledCuer(Protocol):
         """Return some frames of a score's motion in the parameters of `voice`."""
 
 
+def has_body(name: str) -> bool:
+    """Return whether a virtual cuer of that name performs.
+
+    Examples
+    --------
+    >>> has_body("claire"), has_body("anna")
+    (True, False)
+    """
+    return name in IDENTITIES
+
+
 def ruled_cuer(
     voice: Voice, *, rate_hz: float = 50.0, seed: int = 0, alignment: str = "attina",
     options: CueingOptions = DEFAULT_OPTIONS,
@@ -68,7 +79,7 @@ def ruled_cuer(
     CueError
         If the alignment is unknown, or the rate out of range.
     """
-    if voice.name in IDENTITIES:
+    if has_body(voice.name):
         return GestureSynthesiser(
             voice.name, rate_hz=rate_hz, seed=seed, alignment=alignment, options=options
         )
@@ -127,16 +138,22 @@ class Bodiless:
         CueError
             If it is another voice.
         """
+        params = self.hand(score, start_s, n_frames, voice)
+        times = start_s + np.arange(n_frames) / self.rate_hz
+        params[:, voice.face_columns[:N_FACE_PARAMETERS]] = self._face(score, times)
+        return Motion(params, self.rate_hz, start_s, voice.layout, voice.identity, score)
+
+    def hand(
+        self, score: Score, start_s: float, n_frames: int, voice: Voice
+    ) -> NDArray[np.float32]:
+        """Return the parameters of `motion`, but with the mean face, shape (n_frames, P)."""
         if voice.identity != self._identity:
             raise CueError(f"voice {voice.name} is another one than that of the targets")
         times = start_s + np.arange(n_frames) / self.rate_hz
-        params = np.zeros((n_frames, len(voice.layout)))
+        params = np.zeros((n_frames, len(voice.layout)), dtype=np.float32)
         params[:, voice.hand_columns] = self._hand(score, times)
         params[:, voice.face_columns[N_FACE_PARAMETERS:]] = self._head
-        params[:, voice.face_columns[:N_FACE_PARAMETERS]] = self._face(score, times)
-        return Motion(
-            params.astype(np.float32), self.rate_hz, start_s, voice.layout, voice.identity, score
-        )
+        return params
 
     def _hand(self, score: Score, times: FloatArray) -> FloatArray:
         gestures = plan_gestures(

@@ -6,15 +6,16 @@ the pointing tip is nearer to its placement than to any other and the fingers to
 scatter and the head are left out. `codec.analysis.readability` measures the same on markers.
 """
 
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.analysis.readability import Classes
+from codec.analysis.readability import Classes, classes_of
 from codec.cuer import layout
+from codec.cuer.models.face import N_FACE_PARAMETERS
 from codec.cuer.movement import FLOWING, Movement
+from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS
 from codec.cues.score import PLACEMENTS, SHAPES
 from synth.rules import _kernels
@@ -30,6 +31,10 @@ _STEP_S = 0.02
 
 CLEAR_MM = np.array([8.0, 1.0])
 """By how many mm a place and a shape have to be nearer than any other to be seen for certain."""
+
+_PALM = layout.marker_indices(layout.PALM)
+_TIPS = layout.marker_indices([layout.longest_finger_tip(shape) for shape in SHAPES])
+_KNUCKLES = layout.marker_indices(layout.KNUCKLES[1:])
 
 _WRIST_ANGLES = 3
 """Angles of the hand that are the wrist's and the forearm's; the fingers' follow."""
@@ -52,6 +57,8 @@ class Sight:
         Where the tip is for each key, mm.
     gram : ndarray, shape (9, 9)
         Inner products of the shapes, mean over the fingers' markers, square mm.
+    arc : ndarray, shape (3,)
+        How far the middle of a stroke lies off the straight way, per mm of way.
     """
 
     movement: Movement
@@ -60,6 +67,7 @@ class Sight:
     knuckle: FloatArray
     goal: FloatArray
     gram: FloatArray
+    arc: FloatArray
 
     @classmethod
     def of(cls, cuer: GestureSynthesiser, movement: Movement = FLOWING) -> "Sight":
@@ -67,18 +75,50 @@ class Sight:
         angles, forearm = cuer.key_poses()
         wrist = forearm[:, 3:]
         first = len(layout.MARKERS) - layout.N_HAND
-        tips = layout.marker_indices([layout.longest_finger_tip(shape) for shape in SHAPES])
-        knuckles = layout.marker_indices(layout.KNUCKLES[1:])
         tip = [
             cuer.body.hand(_bent(angles, shape), forearm)[:, at - first] - wrist
-            for shape, at in zip(SHAPES, tips, strict=True)
+            for shape, at in zip(SHAPES, _TIPS, strict=True)
         ]
-        knuckle = cuer.body.hand(angles, forearm)[:, knuckles - first] - wrist[:, None]
+        knuckle = cuer.body.hand(angles, forearm)[:, _KNUCKLES - first] - wrist[:, None]
         classes = Classes(cuer.targets()[0])
+        return cls._from(movement, wrist, np.array(tip), knuckle, classes, ARC)
+
+    @classmethod
+    def of_voice(cls, voice: Voice) -> "Sight":
+        """Return what the hand of a voice without a body looks like, from its targets.
+
+        Its wrist turns with its place, and its ways are straight (`synth.rules.bodiless`).
+        """
+        table, n = voice.gestures, len(SHAPES) * N_PLACEMENTS
+        places = table.placement_targets.reshape(n, -1)
+
+        def markers(shapes: NDArray[np.floating]) -> FloatArray:
+            rows = np.zeros((n, len(voice.layout)), dtype=np.float32)
+            rows[:, voice.hand_columns] = np.concatenate([shapes, places], axis=1)
+            rows[:, voice.face_columns[N_FACE_PARAMETERS:]] = table.neutral_head
+            return voice.reconstruct(rows).astype(np.float64)
+
+        own = markers(np.repeat(table.shape_targets, N_PLACEMENTS, axis=0))
+        palm = own[:, _PALM].mean(axis=1)
+        tip = np.array(
+            [
+                markers(np.repeat(table.shape_targets[[shape]], n, axis=0))[:, at] - palm
+                for shape, at in zip(SHAPES, _TIPS, strict=True)
+            ]
+        )
+        still = replace(FLOWING, turn_begin_s=0.0, turn_end_s=0.0)
+        knuckle = own[:, _KNUCKLES] - palm[:, None]
+        return cls._from(still, palm, tip, knuckle, classes_of(voice), np.zeros(3))
+
+    @classmethod
+    def _from(
+        cls, movement: Movement, place: FloatArray, tip: FloatArray, knuckle: FloatArray,
+        classes: Classes, arc: FloatArray,
+    ) -> "Sight":  # fmt: skip
         fingers = classes.fingers.reshape(len(SHAPES), -1)
         gram = fingers @ fingers.T / classes.fingers.shape[1]
-        goal = classes.tips
-        return cls(movement, *map(np.ascontiguousarray, (wrist, tip, knuckle, goal, gram)))
+        whole = map(np.ascontiguousarray, (place, tip, knuckle, classes.tips, gram, arc))
+        return cls(movement, *whole)
 
     def look(
         self,
@@ -117,18 +157,12 @@ class Sight:
         m = self.movement
         lateness = np.array([m.turn_begin_s, m.turn_end_s, m.fingers_begin_s, m.fingers_end_s])
         _kernels.seen_into(
-            leave, reach, shown, _STEP_S, lateness, max(m.stroke_s, 1e-9), m.power, ARC,
+            leave, reach, shown, _STEP_S, lateness, max(m.stroke_s, 1e-9), m.power, self.arc,
             self.place, self.tip, self.knuckle, self.goal, self.gram, CLEAR_MM, begun, held, peak,
         )  # fmt: skip
         begun, held, peak = begun[at], held[at], peak[at]
         _join(key, rested, begun, held)
         return held, peak / 1000.0
-
-
-@cache
-def sight_of(identity: str = "claire") -> Sight:
-    """Return what the hand of a virtual cuer looks like."""
-    return Sight.of(GestureSynthesiser(identity))
 
 
 def _bent(angles: FloatArray, shape: int) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
 from codec.cues.score import Key, Phone, Score
 from synth.prosody.intonation import intoned
+from synth.prosody.mirror import CLAIRE, Performing
 from synth.prosody.pacing import LONGEST_LAG_S, Pace, PacedWord, TimedWord, pace_words
 from synth.prosody.timing import FASTEST, Fit, fit, on_grid, speak
 from synth.subtitles import Subtitle, spoken
@@ -41,12 +42,15 @@ class Reading:
         The user's words, from `synth.text.lexicon.read_user_lexicon`.
     pace : Pace, optional
         The cuer's own clock; without one she keeps in step with the speaker.
+    performing : Performing
+        Who is to cue at that pace.
     """
 
     options: CueingOptions = DEFAULT_OPTIONS
     style: Style = DEFAULT_STYLE
     lexicon: Mapping[str, tuple[Variant, ...]] = field(default_factory=dict)
     pace: Pace | None = None
+    performing: Performing = CLAIRE
 
     def words(self, text: str) -> tuple[Word, ...]:
         """Return the words of a text with their phones."""
@@ -60,7 +64,7 @@ class Reading:
     def cued(self, words: Iterable[TimedWord], told: Told = tell_nobody) -> Iterator[Phone]:
         """Yield the phones of words on the cuer's clock, and tell what became of each word."""
         if self.pace is not None:
-            paced = pace_words(words, self.pace, self.options)
+            paced = pace_words(words, self.pace, self.options, self.performing)
         else:
             paced = (PacedWord(word, word.phones) for word in words)
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from codec.analysis.readability import HELD_S, Shown
+from codec.analysis.readability import HELD_S, Shown, classes_of
 from codec.cuer.voice import load_voice
 from codec.cues.score import Key
 from cuecast.dubbing.motions import SynthesisedMotion, whole_motion
-from cuecast.dubbing.readability import Seen, classes_of, watched, watched_motion
+from cuecast.dubbing.readability import Seen, watched, watched_motion
 from synth.prosody.pace_report import PaceReport
 from synth.prosody.pacing import READABLE
 from synth.scoring.text_score import Reading, score_from_subtitles

@@ -1,15 +1,19 @@
 """Keys are moved so that they are seen: the quick model, the search, the performance."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from codec.analysis.readability import HELD_S, Classes, shown_keys
+from codec.cuer.voice import load_voice
 from codec.cues.cueing import cue
 from codec.cues.score import PLACEMENT_NUMBER, Phone, Score
-from synth.prosody.mirror import held_keys
+from synth.prosody.mirror import Mirror, Performing, mirror_of, mirror_of_voice
 from synth.prosody.pacing import READABLE
+from synth.prosody.seen_keys import SeenKeys
 from synth.prosody.settling import TICK_S, Line, Settler
 from synth.rules.gesture import GestureSynthesiser
-from synth.rules.sight import sight_of
 from synth.scoring.text_score import Reading, score_from_subtitles
 from synth.subtitles import Subtitle
 
@@ -33,7 +37,7 @@ def line_of(lengths: list[int], keys: list[tuple[int, str]], slack: int = 60) ->
 
 def looked(line: Line) -> tuple[np.ndarray, np.ndarray]:
     start, end = (TICK_S * x.astype(np.float64) for x in (line.start, line.end))
-    return sight_of().look(start, end, start + line.lag * (end - start), line.key)
+    return mirror_of().sight.look(start, end, start + line.lag * (end - start), line.key)
 
 
 def test_the_model_sees_what_is_measured() -> None:
@@ -51,7 +55,7 @@ def test_the_model_sees_what_is_measured() -> None:
     start, end = (np.array([getattr(key, name) for key in score.keys]) for name in ("start", "end"))
     target = np.array([at for key, at in cuer.target_times(score) if key is not None])
     numbers = np.array([6 * key.shape + PLACEMENT_NUMBER[key.placement] for key in score.keys])
-    model, _ = sight_of().look(start, end, target, numbers)
+    model, _ = mirror_of().sight.look(start, end, target, numbers)
     assert np.corrcoef(np.minimum(model, 0.5), np.minimum(measured, 0.5))[0, 1] > 0.8
     assert np.abs(np.minimum(model, 0.5) - np.minimum(measured, 0.5)).mean() < 0.03
 
@@ -60,7 +64,7 @@ def test_a_hurried_key_is_given_time_of_its_neighbours() -> None:
     keys = [(3, "side"), (1, "throat"), (5, "side"), (5, "chin"), (3, "side"), (1, "side")]
     line = line_of([14, 14, 4, 14, 14, 14], keys)
     before, _ = looked(line)
-    after, peak = looked(Settler(sight_of()).settled(line))
+    after, peak = looked(Settler(mirror_of().sight).settled(line))
     assert before.min() < 0.1
     assert after.min() >= 0.12
     assert peak.max() < 1.5
@@ -70,20 +74,20 @@ def test_bounds_and_what_was_said_stay() -> None:
     keys = [(3, "side"), (1, "throat"), (5, "side"), (5, "chin"), (3, "side"), (1, "side")]
     line = line_of([14, 14, 6, 14, 14, 14], keys, slack=2)
     said = line[:2]
-    settled = Settler(sight_of()).settled(line[2:].after(said))
+    settled = Settler(mirror_of().sight).settled(line[2:].after(said))
     assert settled.frozen == 2
     assert (settled.start[:2] == said.start).all()
     assert (settled.end[:2] == said.end).all()
     assert (np.abs(settled.start - line.start) <= 2).all()
     assert (np.diff(settled.start) >= settled.least[:-1]).all()
     same = line_of([14, 14, 6, 14, 14, 14], keys, slack=0)
-    assert (Settler(sight_of()).settled(same).start == same.start).all()
+    assert (Settler(mirror_of().sight).settled(same).start == same.start).all()
 
 
 def test_every_key_of_slow_verse_is_held() -> None:
     lines = [Subtitle(1.0 + 4.6 * n, 5.0 + 4.6 * n, text) for n, text in enumerate(VERSE)]
     score = score_from_subtitles(lines, reading=Reading(pace=READABLE))
-    held = held_keys(score.phones, score.keys)
+    held = mirror_of().held(score.phones, score.keys)
     assert len(held) == len(score.keys)
     assert held.min() >= HELD_S
 
@@ -91,7 +95,40 @@ def test_every_key_of_slow_verse_is_held() -> None:
 def test_a_key_in_need_gets_ticks_from_far_away() -> None:
     keys = [(3, "side"), (1, "side")] * 5 + [(4, "chin")] + [(5, "side"), (2, "side")] * 5
     line = line_of([11] * 7 + [6, 6, 6, 12, 6, 6, 6] + [11] * 7, keys)
-    settler = Settler(sight_of())
+    settler = Settler(mirror_of().sight)
     short = np.flatnonzero(settler.seen(line) < 0.12)
     assert {8, 10, 12} <= set(short.tolist())
     assert settler.seen(settler.settled(line, short)).min() > 0.13
+
+
+def plain(self: SeenKeys, line: Line) -> Line:
+    return line
+
+
+@pytest.mark.parametrize("who", ["agathe", "solange", "anna"])
+@pytest.mark.parametrize("deceived", [False, True])
+def test_adapting_is_never_worse_whoever_cues(
+    who: str, deceived: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those who move otherwise than Claire, and a voice without a body; also by a false model."""
+    if who == "anna":
+        mirror = mirror_of_voice(replace(load_voice(), name=who))
+    else:
+        mirror = mirror_of(Performing(who, seed=2))
+    if deceived:
+        false = replace(mirror.sight, place=mirror.sight.place[::-1].copy())
+        monkeypatch.setattr(mirror, "sight", false)
+    monkeypatch.setattr("synth.prosody.pacing.mirror_of", lambda performing, options: mirror)
+    lines = [Subtitle(1.0, 4.4, VERSE[0]), Subtitle(4.6, 8.0, VERSE[1])]
+    adapted = held_by(mirror, lines)
+    monkeypatch.setattr(SeenKeys, "_best", plain)
+    usual = held_by(mirror, lines)
+    assert len(adapted) == len(usual)
+    for least_s in (HELD_S, 0.12):
+        assert (adapted >= least_s - 1e-9).sum() >= (usual >= least_s - 1e-9).sum()
+    assert deceived or (adapted >= 0.12).mean() > (usual >= 0.12).mean()
+
+
+def held_by(mirror: Mirror, lines: list[Subtitle]) -> np.ndarray:
+    score = score_from_subtitles(lines, reading=Reading(pace=READABLE))
+    return mirror.held(score.phones, score.keys)
