@@ -36,8 +36,8 @@ def shown(line: list[tuple[int, int]], *, hold: int = 3, move: int = 6, seed: in
     y = y + 2.0 * rng.normal(size=y.shape)
     both = np.stack([y, y], axis=1)
     speed = np.linalg.norm(np.gradient(np.concatenate(tips), axis=0), axis=1) * RATE_HZ
-    seen = Seen(RATE_HZ, x, both, both, speed)
-    for values in (seen.fingers, seen.tips, seen.pointers, seen.speed):
+    seen = Seen(RATE_HZ, x, both, both, speed, np.ones(len(x)))
+    for values in (seen.fingers, seen.tips, seen.pointers, seen.speed, seen.width):
         values[:4] = values[-4:] = np.nan
     return seen
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, SHAPES
 from synth.capture.cues.looks import KEYS, POINTS_WITH, Looks
 from synth.capture.cues.seen import N_FEATURES, Seen
+from synth.capture.cues.turning import turned
 
 FloatArray = NDArray[np.float64]
 
@@ -127,8 +128,9 @@ def lattice(seen: Seen, looks: Looks) -> Lattice:
     at = np.flatnonzero(shown)
     if len(at):
         visible = Seen(
-            seen.rate_hz, seen.fingers[at], seen.tips[at], seen.pointers[at], seen.speed[at]
-        )
+            seen.rate_hz, seen.fingers[at], seen.tips[at], seen.pointers[at], seen.speed[at],
+            seen.width[at],
+        )  # fmt: skip
         hold[at] = share * _holds(visible, looks)
         way[at] = share * _ways(visible, looks)
     return Lattice(hold, way)
@@ -160,6 +162,9 @@ def _holds(seen: Seen, looks: Looks) -> FloatArray:
     ends = np.concatenate([seen.tips, seen.pointers[:, 1:]], axis=1)
     gap = (ends[:, :, None] - looks.places) / looks.places_sd
     place = _tail((gap**2).sum(-1), 2) - np.log(looks.places_sd).sum(-1)
+    if looks.turned > 0.0:
+        turn = looks.turned * turned(seen.width, _SHORT_OF_SIDE, _SIDE)
+        place[..., 1:] += turn[:, None, 1:]
     finger = np.where(_SHAPE == 0, 2, POINTS_WITH[_SHAPE])
     speed = 0.5 * (seen.speed / _HELD_MM_S) ** 2 + np.log(_HELD_MM_S / _MOVING_MM_S)
     return np.asarray(shape[:, _SHAPE] + place[:, finger, _PLACE] - speed[:, None])

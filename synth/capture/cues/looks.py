@@ -98,6 +98,10 @@ class Looks:
         Part of its log density that a frame counts in probabilities.
     short : float
         Price of a side that falls short, for how rarely a hand stops on its way there.
+    turns : bool
+        Whether the take may tell placements by the turn of the palm: a camera's may.
+    turned : float
+        What that counts, 0 to 1; 0 until the take has shown it.
     """
 
     fingers: FloatArray
@@ -107,6 +111,8 @@ class Looks:
     eagerness: float = 1.1
     sure_share: float = _SURE_SHARE
     short: float = -0.5
+    turns: bool = True
+    turned: float = 0.0
 
     def learnt(
         self,
@@ -175,5 +181,5 @@ def looks_of(voice: Voice) -> Looks:
     where[1] = 0.5 * (where[1] + ANYBODYS.places[1])
     return replace(
         ANYBODYS, fingers=fingers, places=where, eagerness=_MEASURED,
-        sure_share=_SURE_SHARE_MEASURED, short=_SHORT_MEASURED,
+        sure_share=_SURE_SHARE_MEASURED, short=_SHORT_MEASURED, turns=False,
     )  # fmt: skip

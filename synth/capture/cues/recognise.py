@@ -7,7 +7,7 @@ sure each key is follows from all lines together (forward and backward sums).
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from synth.capture.cues import _kernels
 from synth.capture.cues.lattice import COMES_FROM, KEY_OF, Lattice, lattice
 from synth.capture.cues.looks import ANYBODYS, KEYS, POINTS_WITH, Looks
 from synth.capture.cues.seen import Seen
+from synth.capture.cues.turning import turn_of
 
 FloatArray = NDArray[np.float64]
 
@@ -125,12 +126,28 @@ def recognise_keys(seen: Seen, *, looks: Looks = ANYBODYS) -> Recognised:
     -----
     A key that repeats its predecessor without a movement cannot be told from a long one.
     """
+    if looks.turns:
+        looks = replace(looks, turned=_turned(seen, looks))
     before = looks
     for _ in range(_ROUNDS):
         runs = [run for part in pieces(seen) for run in part.runs(looks, sure=False)]
         looks = looks.learnt(*_examples(seen, runs, looks), before)
     runs = [run for part in pieces(seen) for run in part.runs(looks, sure=True)]
     return Recognised(tuple(_held(seen, _stayed(runs, seen.rate_hz))), looks)
+
+
+def _turned(seen: Seen, looks: Looks) -> float:
+    """Return what the turn of the palm counts, after the keys that are recognised without it."""
+    widths, places = [], []
+    plain = replace(looks, turned=0.0)
+    for run in (run for part in pieces(seen) for run in part.runs(plain, sure=False)):
+        shape, place = KEYS[run.state]
+        at = np.arange(run.begin, run.end)
+        at = at[seen.shown[at]]
+        if shape and not run.short and len(at):
+            widths.append(seen.width[at[seen.speed[at].argmin()]])
+            places.append(place)
+    return turn_of(np.array(widths), places)
 
 
 @dataclass(frozen=True, slots=True)

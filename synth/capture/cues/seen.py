@@ -52,6 +52,9 @@ _REACH = {8: (5, 1.0), 12: (9, 1.05)}
 _PALM = [0, 5, 9, 13, 17]
 """Landmarks of the palm, as MediaPipe numbers them."""
 
+_ACROSS = (5, 17)
+"""Knuckles of index and little finger."""
+
 _FINGERS = ((5, 8), (9, 12), (13, 16), (17, 20))
 """Knuckle and tip of each finger."""
 
@@ -81,6 +84,8 @@ class Seen:
         Where the two fingers point, or would if they were straight.
     speed : ndarray of float64, shape (T,)
         Of the palm, mm/s.
+    width : ndarray of float64, shape (T,)
+        Of the palm as it is seen, of its median: a palm that turns away is narrower.
     """
 
     rate_hz: float
@@ -88,6 +93,7 @@ class Seen:
     tips: FloatArray
     pointers: FloatArray
     speed: FloatArray
+    width: FloatArray
 
     def __len__(self) -> int:
         return len(self.speed)
@@ -111,7 +117,7 @@ class Seen:
         """Return some frames."""
         return Seen(
             self.rate_hz, self.fingers[frames], self.tips[frames], self.pointers[frames],
-            self.speed[frames],
+            self.speed[frames], self.width[frames],
         )  # fmt: skip
 
 
@@ -131,6 +137,7 @@ def see(face: FloatArray, hand: FloatArray, *, rate_hz: float) -> Seen:
     out = Seen(
         rate_hz, np.full((len(points), N_FEATURES), np.nan), np.full((len(points), 2, 2), np.nan),
         np.full((len(points), 2, 2), np.nan), np.full(len(points), np.nan),
+        np.full(len(points), np.nan),
     )  # fmt: skip
     window = max(5, 2 * round(0.5 * _SMOOTHING_S * rate_hz) + 1)
     for run in _runs(shown, rate_hz):
@@ -144,6 +151,9 @@ def see(face: FloatArray, hand: FloatArray, *, rate_hz: float) -> Seen:
             x[:, _PALM].mean(1), window, 2, deriv=1, delta=1 / rate_hz, axis=0, mode="nearest"
         )
         out.speed[run] = np.linalg.norm(velocity, axis=1)
+        out.width[run] = np.linalg.norm(x[:, _ACROSS[0]] - x[:, _ACROSS[1]], axis=1)
+    if out.shown.any():
+        out.width[:] /= max(float(np.nanmedian(out.width)), 1e-6)
     return out
 
 
