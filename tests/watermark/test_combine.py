@@ -213,3 +213,14 @@ def test_superframes_of_other_sizes_are_put_together() -> None:
         assert all(found == l0 for found in got)
         recovered += heard.l0 is None and seen.l0 is None and bool(got)
     assert combiner.recovered == recovered > 2
+
+
+def test_codes_of_other_mothers_are_not_put_together() -> None:
+    rng, l0 = np.random.default_rng(4), bytes(range(20))
+    audio = replace(AUDIO, l0_coded=300)
+    assert audio.l0_mother != VIDEO.l0_mother
+    combiner = Combiner()
+    for position_s, sigma in ((0.0, 0.5), (0.64, 30.0)):
+        heard, seen = (through_noise(p, l0, sigma, position_s, rng) for p in (audio, VIDEO))
+        told = combiner.add("audio", heard, audio) + combiner.add("video", seen, VIDEO)
+        assert [s.l0 for s in told] == ([l0, l0] if sigma < 1 else [None])

@@ -36,8 +36,6 @@ def _update_llr(
     level = 0
     while level < n - 1 and (phase >> level) & 1 == 0:
         level += 1
-    if phase == 0:
-        level = n - 1
     for v in range(level, -1, -1):
         size = 1 << v
         odd = (phase >> v) & 1
