@@ -1,6 +1,7 @@
 """Pictures read and written again: luma through stages, everything else as it was."""
 
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +29,11 @@ def payload(profiles: Any, name: str) -> Any:
     return give
 
 
+@cache
 def scene(n: int) -> np.ndarray:
     y, x = np.mgrid[:HEIGHT, :WIDTH] / HEIGHT
-    return np.asarray(110 + 50 * np.sin(9 * x + n / 12) * np.cos(7 * y) + 20 * (x + y > 1))
+    luma = 110 + 50 * np.sin(9 * x + n / 12) * np.cos(7 * y) + 20 * (x + y > 1)
+    return np.asarray(luma, dtype=np.float32)
 
 
 def write_programme(path: Path, pixel_format: str = "yuv420p", *, times: Any = None) -> None:

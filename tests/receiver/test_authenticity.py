@@ -4,14 +4,17 @@ import asyncio
 import itertools
 import json
 from collections.abc import Iterable
+from functools import cache
 from io import BytesIO
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from codec.authentication.signer import Signer
 from codec.bitstream.checks import proved, with_proof
 from codec.bitstream.encoder import SuperframeEncoder
+from codec.bitstream.superframe import Superframe
 from codec.cuer.voice import load_voice
 from codec.cues.score import Key
 from receiver.live.broadcast import MediaFragment
@@ -30,20 +33,27 @@ MOTION = make_motion(VOICE, duration_s=0.64 * (COUNT + 4))
 FIRST_S = 0.31
 
 
-def superframes(*, number: int | None = 0, on_air_s: float = BEGIN_S) -> list[tuple[bytes, bytes]]:
-    """Return a signed programme; unsigned without a number of its key."""
+@cache
+def encoded(*, signed: bool) -> list[Superframe]:
     encoder = SuperframeEncoder(
         VOICE, l0_bytes=STANDARD.l0_bytes, l1_bytes=STANDARD.l1_bytes, protected=True,
-        signed=number is not None,
+        signed=signed,
     )  # fmt: skip
-    sent = [encoder.encode(MOTION, k + 2) for k in range(COUNT)]
+    return [encoder.encode(MOTION, k + 2) for k in range(COUNT)]
+
+
+def superframes(*, number: int | None = 0, on_air_s: float = BEGIN_S) -> list[tuple[bytes, bytes]]:
+    """Return a signed programme; unsigned without a number of its key."""
+    sent = encoded(signed=number is not None)
     if number is None:
         return [(s.l0, s.l1) for s in sent]
     signer = Signer(key(number), on_air_s, 9)
     return [(with_proof(s.l0, signer.take(proved(s.l0))), s.l1) for s in sent]
 
 
-SENT = superframes()
+@cache
+def genuine() -> list[tuple[bytes, bytes]]:
+    return superframes()
 
 
 def through(
@@ -59,8 +69,8 @@ def through(
 
 def test_a_genuine_programme_passes_and_is_told() -> None:
     gate = Gate(Trust(announced()))
-    passed, events = through(gate, SENT)
-    assert [p.l0 for p in passed] == [l0 for l0, _ in SENT]
+    passed, events = through(gate, genuine())
+    assert [p.l0 for p in passed] == [l0 for l0, _ in genuine()]
     assert [(e.status, e.of) for e in events if isinstance(e, AuthenticityChanged)] == [
         ("verified", "channel 0")
     ]
@@ -74,10 +84,10 @@ def test_a_genuine_programme_passes_and_is_told() -> None:
 
 def test_only_verified_ones_pass_where_that_is_wanted() -> None:
     gate = Gate(Trust(announced(), only_verified=True))
-    passed, _ = through(gate, SENT)
+    passed, _ = through(gate, genuine())
     whole = COUNT - 24
-    assert [p.l0 for p in passed[:whole]] == [l0 for l0, _ in SENT[:whole]]
-    assert {p.l0 for p in passed} <= {l0 for l0, _ in SENT}
+    assert [p.l0 for p in passed[:whole]] == [l0 for l0, _ in genuine()[:whole]]
+    assert {p.l0 for p in passed} <= {l0 for l0, _ in genuine()}
     assert all(p.l1 is None for p in passed)
 
 
@@ -90,18 +100,22 @@ def test_nothing_of_others_passes(number: int | None) -> None:
 
 
 def test_a_forger_in_between_is_told_and_left_out() -> None:
-    forged = [*SENT[:30], *((with_proof(SENT[9][0], k % 512), b"") for k in range(2)), *SENT[32:]]
+    forged = [
+        *genuine()[:30],
+        *((with_proof(genuine()[9][0], k % 512), b"") for k in range(2)),
+        *genuine()[32:],
+    ]
     gate = Gate(Trust(announced(), only_verified=True))
     passed, events = through(gate, forged)
     assert "forged" in [e.status for e in events if isinstance(e, AuthenticityChanged)]
     assert not {forged[30][0], forged[31][0]} & {p.l0 for p in passed}
-    assert {p.l0 for p in passed} <= {l0 for l0, _ in SENT}
+    assert {p.l0 for p in passed} <= {l0 for l0, _ in genuine()}
 
 
 def test_a_replay_in_a_recording_is_told() -> None:
     later = superframes(on_air_s=BEGIN_S + 7200)
     gate = Gate(Trust(announced(), only_verified=True, tolerance_s=5.0))
-    first, _ = through(gate, SENT[:40])
+    first, _ = through(gate, genuine()[:40])
     second, events = through(gate, later, FIRST_S + 0.64 * 40 + 0.3)
     assert len(first) > 0
     assert second == []
@@ -111,7 +125,7 @@ def test_a_replay_in_a_recording_is_told() -> None:
 
 def test_losses_and_splices_of_ones_own_stay_verified() -> None:
     rng = np.random.default_rng(2)
-    lossy = [(None, None) if rng.random() < 0.04 else s for s in SENT]
+    lossy = [(None, None) if rng.random() < 0.04 else s for s in genuine()]
     gate = Gate(Trust(announced()))
     through(gate, lossy)
     told = gate.summary()
@@ -119,27 +133,31 @@ def test_losses_and_splices_of_ones_own_stay_verified() -> None:
     assert told["status"] == "verified"
 
 
-def heard(sent: list[tuple[bytes, bytes]], trust: Trust | None) -> tuple[list[Key], Receiver]:
+def marked(sent: list[tuple[bytes, bytes]]) -> NDArray[np.float32]:
     rng = np.random.default_rng(5)
     host = (0.05 * rng.normal(0, 1, (round(48000 * 0.64 * (COUNT + 1)), 1))).astype(np.float32)
     embedder = AudioEmbedder(48000, 1, lambda k: sent[min(k, COUNT - 1)])
-    marked = np.concatenate([embedder.process(host), embedder.flush()])
+    return np.concatenate([embedder.process(host), embedder.flush()])
+
+
+def heard(sound: NDArray[np.float32], trust: Trust | None) -> tuple[list[Key], Receiver]:
     receiver = Receiver(48000, 1, voice=VOICE, trust=trust)
-    events = receiver.process(marked) + receiver.flush()
+    events = receiver.process(sound) + receiver.flush()
     final = [e.keys for e in events if isinstance(e, KeysFound) and e.final]
     return list(itertools.chain(*final)), receiver
 
 
 def test_no_key_is_lost_to_it() -> None:
     """In sound: a signed programme tells the keys of an unsigned one, and whose they are."""
-    plain, receiver = heard(superframes(number=None), None)
+    plain, receiver = heard(marked(superframes(number=None)), None)
     assert receiver.summary()["authenticity"] is None
-    keys, receiver = heard(SENT, Trust(announced()))
+    sound = marked(genuine())
+    keys, receiver = heard(sound, Trust(announced()))
     assert [(k.shape, k.placement) for k in keys] == [(k.shape, k.placement) for k in plain]
     told = receiver.summary()
     assert told["authenticity"]["status"] == "verified"
     assert told["superframes"]["lost"] == 0
-    strict, receiver = heard(SENT, Trust(announced(), only_verified=True))
+    strict, receiver = heard(sound, Trust(announced(), only_verified=True))
     places = [(k.shape, k.placement) for k in keys]
     most = round(0.5 * len(keys))
     assert [(k.shape, k.placement) for k in strict][:most] == places[:most]
@@ -171,5 +189,5 @@ def test_a_broadcast_is_held_back_and_told(monkeypatch: pytest.MonkeyPatch) -> N
 def test_a_broadcast_knows_the_time(late_s: float, status: str) -> None:
     """Live: the keys' time has to be that of the clock."""
     gate = Gate(Trust(announced(), clock=lambda position_s: BEGIN_S + late_s + position_s))
-    through(gate, SENT[:40])
+    through(gate, genuine()[:40])
     assert gate.summary()["status"] == status
