@@ -14,7 +14,15 @@ from synth.capture.cues import _kernels
 from synth.capture.cues.follow import Followed, follow_keys
 from synth.capture.cues.lattice import lattice
 from synth.capture.cues.looks import ANYBODYS, KEYS, looks_of
-from synth.capture.cues.recognise import Held, Run, _stayed, nearness, prices, recognise_keys
+from synth.capture.cues.recognise import (
+    Held,
+    Run,
+    _stayed,
+    least_held_s,
+    nearness,
+    prices,
+    recognise_keys,
+)
 from synth.capture.cues.seen import Seen, fingers_of
 from synth.capture.transcript import read_transcript
 
@@ -183,7 +191,7 @@ def test_few_keys_agree_by_chance() -> None:
     held = [Held(1, 1, 0.0, 0.1, 0.5)] * 36
     assert Followed(tuple(held), 0.5, ANYBODYS).believed
     assert not Followed(tuple(held[:9]), 0.5, ANYBODYS).believed
-    assert Followed(tuple(held[:9]), 0.56, ANYBODYS).believed
+    assert Followed(tuple(held[:9]), 0.58, ANYBODYS).believed
 
 
 def test_fingers_are_shortened_together() -> None:
@@ -196,3 +204,13 @@ def test_fingers_are_shortened_together() -> None:
         seen.fingers[:] += off
         fits.append(lattice(seen, ANYBODYS).hold[10:14, KEYS.index((4, 3))].sum())
     assert fits[0] > fits[1] + 1.0
+
+
+def test_fingers_ahead_of_the_hand_are_no_key_of_their_own() -> None:
+    rest, mouth, side, throat, other = (
+        KEYS.index(key) for key in ((0, 0), (5, 2), (1, 1), (1, 5), (3, 5))
+    )
+    assert least_held_s(mouth, side, throat) == pytest.approx(0.1)
+    assert least_held_s(mouth, side, other) == least_held_s(side, throat, other) == 0.0
+    assert 0.0 < least_held_s(rest, side, other) < least_held_s(rest, side, throat)
+    assert least_held_s(side, rest, side) == 0.0

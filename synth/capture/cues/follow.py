@@ -36,7 +36,7 @@ _BAND = 300
 _AROUND_S = 0.1
 """Seconds about a key's moment that tell how well it fits."""
 
-_AGREES, _FEW_AGREE = 0.4, 0.4
+_AGREES, _FEW_AGREE = 0.43, 0.4
 """Mean probability of a text's keys from which it is believed, and how much more by the root of
 their number: few keys agree by chance. On takes of real and virtual cuers their own texts had more,
 those of other takes less."""

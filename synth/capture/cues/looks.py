@@ -108,7 +108,7 @@ class Looks:
     fingers_sd: FloatArray
     places: FloatArray
     places_sd: FloatArray
-    eagerness: float = 1.1
+    eagerness: float = 1.2
     sure_share: float = _SURE_SHARE
     short: float = -0.5
     turns: bool = True
