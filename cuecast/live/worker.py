@@ -11,20 +11,21 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from multiprocessing import get_context
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from codec.errors import CueError
 from cuecast.command.files import PIPE
-from cuecast.live.interpreter import InterpretedMotion, warm_recognition
 from cuecast.live.packets import Pes
 from cuecast.live.pcm import MarkedPcm, PcmForm, PcmMarker
 from cuecast.live.sound import LiveOptions, MarkedPes, SoundMarker
 from cuecast.live.text import Caption, LiveMotion, read_caption
-from cuecast.live.waiting import WaitingRoom
 from cuecast.media.timed_text import subtitles_of_packet
 from synth.scoring.text_score import Reading
+
+if TYPE_CHECKING:
+    from cuecast.live.waiting import WaitingRoom
 
 _WAITING = 4000
 """Messages that may wait for the process: minutes of sound."""
@@ -243,8 +244,11 @@ class _Marking:
         self._reported_s = 0.0
         self.over = False
         self._room: WaitingRoom | None = None
-        if isinstance(self._motion, InterpretedMotion):
-            self._room = WaitingRoom(
+        if cuer.motion == PIPE:
+            # Seeing keys takes libraries that nothing else here needs.
+            from cuecast.live import waiting
+
+            self._room = waiting.WaitingRoom(
                 self._motion, ahead_s=options.ahead_s, seen_s=options.seen_s,
                 hold_s=None if patience_s is None else hold_s,
             )  # fmt: skip
@@ -374,7 +378,7 @@ class _Marking:
                 "captions_left_out_total": self._motion.left_out,
                 "cuer_lag_seconds": self._motion.lag_s,
             }
-        if isinstance(self._motion, InterpretedMotion):
+        if self._room is not None:
             figures |= {
                 "poses_total": self._motion.poses, "keys_recognised_total": self._motion.keys,
             }  # fmt: skip
@@ -383,7 +387,9 @@ class _Marking:
 
 def _warm(motion: Any, cuer: Cuer, voice: Any, options: LiveOptions) -> None:
     """Load what would otherwise be loaded while the first sound waits."""
-    if isinstance(motion, InterpretedMotion):
+    if cuer.motion == PIPE:
+        from cuecast.live.interpreter import warm_recognition
+
         warm_recognition(voice)
     elif not isinstance(motion, LiveMotion):
         motion.window(0.0, 1)
@@ -396,6 +402,8 @@ def _motion(cuer: Cuer, voice: Any) -> Any:
     """Return the motion that a `Cuer` stands for."""
     motions = importlib.import_module("cuecast.dubbing.motions")
     if cuer.motion == PIPE:
+        from cuecast.live.interpreter import InterpretedMotion
+
         return InterpretedMotion(voice)
     if cuer.motion:
         from codec.cuer.motion import load_motion
