@@ -28,7 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     files = ["--secret", str(folder / "k.key"), "--public", str(folder / "k.pub")]
     assert main(["key", "new", "one", *files, "--days", "1", "--from", "2027-01-31"]) == 0
     _, subtitles = make_sound()
-    (folder / "a.srt").write_text(as_srt(subtitles), encoding="utf-8")
+    (folder / "a.srt").write_text(as_srt(subtitles[:4]), encoding="utf-8")
     rng = np.random.default_rng(3)
     pcm = rng.normal(0, 2000, (SECONDS * 48_000, 2)).astype("<i2")
     (folder / "a.pcm").write_bytes(pcm.tobytes())
