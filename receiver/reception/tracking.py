@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from codec.bitstream.bits import COMPACT, SEQUENCES, Header, read_header
 from codec.bitstream.decoder import SuperframeDecoder
@@ -21,6 +22,7 @@ from codec.cuer.voice import Voice
 from codec.cues.score import Key, Phone
 from codec.cues.timeline import TICK_S
 from codec.errors import BitstreamError, VoiceError
+from receiver.reception.calm import Calm
 from receiver.reception.events import (
     SUPERFRAME_S,
     Event,
@@ -110,6 +112,8 @@ class Tracker:
     def __init__(self, voice: Voice) -> None:
         self._voice = voice
         self._decoder = SuperframeDecoder(voice, lips=True)
+        self._calm = Calm(voice, RATE_HZ)
+        self._ends: dict[int, NDArray[np.float32]] = {}
         self._merger = ScoreMerger()
         self.state: State = "searching"
         self.received = self.received_l1 = self.lost = 0
@@ -205,6 +209,7 @@ class Tracker:
             self._epoch += 1
         self._decoder, self._grid = decoder, grid
         self._layers.clear()
+        self._ends.clear()
         self._richness.clear()
         self._recent.clear()
 
@@ -250,6 +255,7 @@ class Tracker:
         self._layers[index] = decoded.layers
         for old in [i for i in self._layers if i < index - SEQUENCES]:
             del self._layers[old]
+            self._ends.pop(old, None)
             self._richness.pop(old, None)
         for neighbour in (index - 1, index + 1):
             if neighbour in self._layers:
@@ -265,6 +271,8 @@ class Tracker:
 
     def _piece(self, decoded: DecodedSuperframe) -> MotionPiece:
         params = np.clip(decoded.params, -MOST_PARAM, MOST_PARAM)
+        params = self._calm.calmed(params, self._ends.get(decoded.index - 1))
+        self._ends[decoded.index] = params[-1]
         return MotionPiece(
             decoded.start_s + self._shift_s(), RATE_HZ, params, decoded.layers,
             self._epoch, self._placed(decoded.phones),

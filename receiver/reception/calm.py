@@ -1,0 +1,78 @@
+"""No hand faster than a reader can follow: what quantisation and joins add to its speed is held up.
+
+A superframe that says its strokes in few bits, or joins another one that chose another course, can
+carry the hand faster than the sender's ever was. The hand that is shown goes the same way, but no
+faster than `FASTEST_M_S`, and catches up in the next frames. Frames that are slow enough stay as
+they are, to the bit.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.cuer import layout
+from codec.cuer.voice import Voice
+
+FASTEST_M_S = 1.45
+"""Metres per second of a knuckle: with the motion of the head less than the 1.5 asked of a cuer."""
+
+_JUMP_MM = 60.0
+"""A step from frame to frame that is longer is a splice, not a stroke: it is shown as it is."""
+
+_TRIES = 3
+"""A hand that turns does not move in proportion to its parameters: so often is a step shortened."""
+
+_KNUCKLES = layout.marker_indices(layout.KNUCKLES[1:]) - layout.N_FACE
+
+
+class Calm:
+    """Bounds the speed of the hand.
+
+    Parameters
+    ----------
+    voice : Voice
+    rate_hz : float
+        Frames per second.
+    """
+
+    def __init__(self, voice: Voice, rate_hz: float) -> None:
+        self._hand, self._columns = voice.hand, voice.hand_columns
+        self._most_mm = 1000.0 * FASTEST_M_S / rate_hz
+
+    def calmed(
+        self, params: NDArray[np.float32], before: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
+        """Return parameters whose hand is never too fast.
+
+        Parameters
+        ----------
+        params : ndarray of float32, shape (T, P)
+        before : ndarray of float32, shape (P,), optional
+            The frame that was shown before the first one.
+        """
+        line = params if before is None else np.concatenate([before[None], params])
+        hand = line[:, self._columns].astype(np.float64)
+        at = self._knuckles(hand)
+        steps = _ways(at[:-1], at[1:])
+        if steps.max(initial=0.0) <= self._most_mm:
+            return params
+        out = line.copy()
+        for t in np.flatnonzero(steps <= _JUMP_MM) + 1:
+            share = 1.0
+            for _ in range(_TRIES):
+                way_mm = _ways(at[t - 1], at[t])
+                if way_mm <= self._most_mm:
+                    break
+                share *= self._most_mm / way_mm
+                going = out[t - 1, self._columns] + share * (hand[t] - out[t - 1, self._columns])
+                out[t, self._columns] = going
+                at[t] = self._knuckles(out[[t]][:, self._columns])[0]
+        return out[len(line) - len(params) :]
+
+    def _knuckles(self, hand: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Return the knuckles of hands, mm."""
+        return self._hand.reconstruct(hand.astype(np.float64))[:, _KNUCKLES].astype(np.float64)
+
+
+def _ways(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the longest way of a knuckle, shape (T,)."""
+    return np.asarray(np.linalg.norm(other - one, axis=-1).max(axis=-1))

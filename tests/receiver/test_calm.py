@@ -1,0 +1,77 @@
+"""The hand that is shown is never too fast, and the same whatever the pieces."""
+
+import numpy as np
+import pytest
+
+from codec.analysis.readability import peak_speed
+from codec.bitstream.decoder import SuperframeDecoder
+from codec.bitstream.encoder import SuperframeEncoder
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice, load_voice
+from cuecast.dubbing.motions import SynthesisedMotion
+from receiver.reception.assemble import Assembler
+from receiver.reception.calm import FASTEST_M_S, Calm
+from receiver.reception.tracking import RATE_HZ, Tracker
+from synth.scoring.text_score import score_from_text
+
+
+@pytest.fixture(scope="module")
+def voice() -> Voice:
+    return load_voice()
+
+
+@pytest.fixture(scope="module")
+def stroke(voice: Voice) -> np.ndarray:
+    """A hand that rises to the chin within a tenth of a second."""
+    source = SynthesisedMotion(score_from_text("Chou !", start_s=1.0), voice)
+    slow = source.window(0.0, 96).params
+    at = np.interp(np.arange(60), [0, 24, 29, 59], [0, 30, 52, 80])
+    return slow[np.round(at).astype(int)]
+
+
+def test_fast_strokes_catch_up(voice: Voice, stroke: np.ndarray) -> None:
+    calmed = Calm(voice, RATE_HZ).calmed(stroke)
+    fast, now = (peak_speed(voice.reconstruct(x), RATE_HZ) for x in (stroke, calmed))
+    assert fast > 2.0
+    assert now < FASTEST_M_S + 0.05
+    face = [c for c in range(stroke.shape[1]) if c not in voice.hand_columns]
+    np.testing.assert_array_equal(calmed[:, face], stroke[:, face])
+    np.testing.assert_allclose(calmed[-20:], stroke[-20:], atol=1e-6)
+
+
+def test_slow_frames_stay_to_the_bit(voice: Voice, stroke: np.ndarray) -> None:
+    slow = np.repeat(stroke, 6, axis=0)[:90]
+    smooth = np.apply_along_axis(lambda x: np.convolve(x, np.ones(24) / 24, "same"), 0, slow)
+    smooth = smooth[24:-24].astype(np.float32)
+    assert Calm(voice, RATE_HZ).calmed(smooth) is smooth
+
+
+@pytest.mark.parametrize("cut", [24, 27, 29])
+def test_pieces_go_on_where_the_one_before_ended(
+    voice: Voice, stroke: np.ndarray, cut: int
+) -> None:
+    calm = Calm(voice, RATE_HZ)
+    first = calm.calmed(stroke[:cut])
+    parts = np.concatenate([first, calm.calmed(stroke[cut:], first[-1])])
+    np.testing.assert_allclose(parts, calm.calmed(stroke), atol=1e-5)
+
+
+def test_a_splice_is_not_a_stroke(voice: Voice, stroke: np.ndarray) -> None:
+    cut = np.concatenate([stroke[:2], stroke[-2:]])
+    np.testing.assert_array_equal(Calm(voice, RATE_HZ).calmed(cut), cut)
+
+
+def test_what_is_received_is_calm_across_superframes(voice: Voice, stroke: np.ndarray) -> None:
+    there_and_back = np.concatenate([stroke, stroke[::-1]])
+    params = np.concatenate([there_and_back, there_and_back[:8], there_and_back])[:192]
+    sent = Motion(params, RATE_HZ, 0.0, voice.layout, voice.identity, None)
+    encoder, bare = SuperframeEncoder(voice, l0_bytes=80, l1_bytes=80), SuperframeDecoder(voice)
+    tracker, assembler, drawn = Tracker(voice), Assembler(voice), []
+    for index in range(6):
+        frame = encoder.encode(sent, index)
+        drawn.append(bare.push(frame.l0, frame.l1, index).params)
+        for event in tracker.take(frame.l0, frame.l1, 0.64 * index - 1.28):
+            assembler.add(event)
+    received = assembler.motion().params
+    assert peak_speed(voice.reconstruct(np.concatenate(drawn)), RATE_HZ) > 1.6
+    assert peak_speed(voice.reconstruct(received), RATE_HZ) < FASTEST_M_S + 0.05
