@@ -59,7 +59,7 @@ class Calm:
         for t in np.flatnonzero(steps <= _JUMP_MM) + 1:
             share = 1.0
             for _ in range(_TRIES):
-                way_mm = _ways(at[t - 1], at[t])
+                way_mm = float(_ways(at[t - 1], at[t]))
                 if way_mm <= self._most_mm:
                     break
                 share *= self._most_mm / way_mm

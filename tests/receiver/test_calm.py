@@ -26,7 +26,7 @@ def stroke(voice: Voice) -> np.ndarray:
     source = SynthesisedMotion(score_from_text("Chou !", start_s=1.0), voice)
     slow = source.window(0.0, 96).params
     at = np.interp(np.arange(60), [0, 24, 29, 59], [0, 30, 52, 80])
-    return slow[np.round(at).astype(int)]
+    return np.asarray(slow[np.round(at).astype(int)])
 
 
 def test_fast_strokes_catch_up(voice: Voice, stroke: np.ndarray) -> None:
