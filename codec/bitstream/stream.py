@@ -33,7 +33,7 @@ from codec.bitstream.records import OVERHEAD_BYTES, read_records, record_bytes, 
 from codec.bitstream.resynthesis.whole import WholeResynthesis
 from codec.bitstream.spread import MOST_COST, ByError, BySize, ScoreChoice, spread
 from codec.bitstream.superframe import DecodedSuperframe, Superframe, merge_scores
-from codec.bitstream.versions import Spread, Take, line_of
+from codec.bitstream.versions import Progress, Spread, Take, line_of, silent
 from codec.bitstream.window import MAX_BYTES, MIN_BYTES
 from codec.cuer.motion import MOST_PARAM, Motion
 from codec.cuer.voice import Voice
@@ -165,10 +165,20 @@ def choose_stream(
     constant: bool = False,
     score: ScoreChoice = "auto",
     options: CueingOptions = DEFAULT_OPTIONS,
+    progress: Progress = silent,
 ) -> ChosenStream:
     """Return a motion as a stream file, with what became of its score.
 
-    Parameters, Raises
+    Parameters
+    ----------
+    motion, voice, rate_bps, error_mm, constant, score, options
+        As of `encode_stream`.
+    progress : callable
+        Is told the seconds of motion that were worked on, each time: files take several rounds.
+
+    Raises
+    ------
+    CueError
         As `encode_stream`.
     """
     head = _head_of(motion, coding_for(voice))
@@ -184,8 +194,8 @@ def choose_stream(
     if score == "drop":
         motion = replace(motion, score=None)
     if rate_bps is not None and constant:
-        return _constant(motion, voice, head, rate_bps, score, options)
-    take = Take(motion, voice, head.indices, options)
+        return _constant(motion, voice, head, rate_bps, score, options, progress)
+    take = Take(motion, voice, head.indices, options, progress)
     if rate_bps is not None:
         return _within_rate(motion, take, head, rate_bps, score, options)
     limit = 2.0 if error_mm is None else error_mm
@@ -201,6 +211,7 @@ def _constant(
     rate_bps: float,
     score: ScoreChoice,
     options: CueingOptions,
+    progress: Progress,
 ) -> ChosenStream:
     """Return the file of superframes of one size."""
     size = int(rate_bps * SUPERFRAME_S / 8)
@@ -209,8 +220,11 @@ def _constant(
         if size <= MAX_BYTES:
             return _compact(motion, voice, head, size, options)
         encoder = SuperframeEncoder(voice, l0_bytes=size, l1_bytes=0, lead=0, options=options)
-        body = b"".join(encoder.encode(motion, index).l0 for index in head.indices)
-        return _head_bytes(replace(head, l0=size)) + body
+        body = bytearray()
+        for index in head.indices:
+            body += encoder.encode(motion, index).l0
+            progress(SUPERFRAME_S)
+        return _head_bytes(replace(head, l0=size)) + bytes(body)
 
     kept = made(motion)
     if motion.score is None or score == "keep" or size <= MAX_BYTES:

@@ -35,12 +35,19 @@ from codec.bitstream.score_coding import part_of
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import CueingOptions
-from codec.cues.timeline import TICKS, Line, to_line, to_ticks
+from codec.cues.timeline import SUPERFRAME_S, TICKS, Line, to_line, to_ticks
 
 Array = NDArray[np.float64]
 
 COARSE = 24
 """Step at which superframes are weighed before the right one is known."""
+
+Progress = Callable[[float], None]
+
+
+def silent(seconds: float) -> None:
+    """Show no progress."""
+
 
 _GOLDEN = (5**0.5 - 1) / 2
 """Golden section: it orders superframes so that every beginning is spread evenly."""
@@ -102,13 +109,20 @@ class Take:
     voice : Voice
     indices : range
     options : CueingOptions
+    progress : callable
+        Is told the seconds of motion of each superframe that was worked on, in each round.
     """
 
     def __init__(
-        self, motion: Motion, voice: Voice, indices: range, options: CueingOptions
-    ) -> None:
+        self, motion: Motion, voice: Voice, indices: range, options: CueingOptions,
+        progress: Progress = silent,
+    ) -> None:  # fmt: skip
+        self.progress = progress
         self.indices, self.voice, self.coding = indices, voice, coding_for(voice)
-        self.blocks = np.stack([block_at(motion, index) for index in indices])
+        self.blocks = np.empty((len(indices), TICKS, motion.params.shape[1]))
+        for block, index in zip(self.blocks, indices, strict=True):
+            block[:] = block_at(motion, index)
+            progress(SUPERFRAME_S)
         begin = to_ticks(motion.start_s) - TICKS * indices.start
         self._covered = slice(begin, begin + to_ticks(motion.duration_s))
         self._told = Told(None, options, learning=False)
@@ -146,9 +160,11 @@ class Take:
                 Analysis(k, Header(PLAIN, k % SEQUENCES, 0), None, False, {}, (), block - mean)
                 for k, block in zip(self.indices, self.blocks, strict=True)
             )
-            self._bare[step] = [
-                _Part(plan_of(bare, {}), choose(bare, self.coding.bases, step)) for bare in analyses
-            ]
+            self._bare[step] = []
+            for bare in analyses:
+                part = _Part(plan_of(bare, {}), choose(bare, self.coding.bases, step))
+                self._bare[step].append(part)
+                self.progress(SUPERFRAME_S)
         return self._bare[step]
 
     def error_of(self, blocks: Array, every: int = 1) -> float:
@@ -201,6 +217,7 @@ class Version:
         for block, bare in zip(take.blocks, self._parts, strict=True):
             ways = self._ways(block, bare, step, width, learner)
             chosen.append(min(ways, key=lambda part: self._weight(part, step)))
+            take.progress(SUPERFRAME_S)
             if self._learning:
                 learner.take(bare.plan.analysis.index, self._done(chosen[-1], block, step))
         self._parts = chosen
@@ -309,6 +326,7 @@ class Version:
                 self._made[k, step] = self._written(k, int(step), learner)
             payload, blocks[k] = self._made[k, step]
             payloads.append(payload)
+            self._take.progress(SUPERFRAME_S)
             if self._learning and learner is not None:
                 learner.take(self._take.indices[k], blocks[k])
         return Spread(self.told, payloads, blocks)

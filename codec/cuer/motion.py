@@ -27,6 +27,9 @@ MOST_PARAM = 1000.0
 """Magnitude of parameters at most. They are in standard deviations or so of a cuer's movements:
 what is a hundred times as large as any pose is damage, and overflows what draws or codes it."""
 
+MOST_START_S = 1e10
+"""Seconds from the clock's zero at most, either way: farther away times lose their microseconds."""
+
 
 @dataclass(frozen=True, slots=True)
 class Motion:
@@ -39,7 +42,7 @@ class Motion:
     rate_hz : float
         Frames per second, within 1..1000.
     start_s : float
-        Time of the first frame on the programme's clock, seconds.
+        Time of the first frame on the programme's clock, seconds; up to `MOST_START_S`.
     layout : tuple of str
         Names of the parameters: ``face.*``, ``hand.*``, ``head.*``, ``forearm.*``.
     voice : str
@@ -66,7 +69,7 @@ class Motion:
                 f"motion holds parameters up to {np.abs(params).max():.3g}, the limit is "
                 f"{MOST_PARAM:g}"
             )
-        if not (1 <= self.rate_hz <= 1000 and np.isfinite(self.start_s)):
+        if not (1 <= self.rate_hz <= 1000 and abs(self.start_s) <= MOST_START_S):
             raise CueError(f"motion has rate {self.rate_hz} Hz and start {self.start_s} s")
         object.__setattr__(self, "params", params)
 
@@ -245,6 +248,8 @@ def load_motion(path: str | os.PathLike[str]) -> Motion:
             tuple(map(str, arrays["layout"])), str(arrays["voice"]),
             Score.from_json(text) if text else None,
         )  # fmt: skip
+    except CueError as error:
+        raise CueError(f"{path}: {error}") from error
     except (KeyError, ValueError, TypeError) as error:
         raise CueError(f"{path}: not a motion file: {error}") from error
 

@@ -5,7 +5,7 @@ import argparse
 from cuecast.command.arguments import add_json, add_voice, bit_rate, positive, print_json
 from cuecast.command.errors import UsageError
 from cuecast.command.files import PIPE, write_bytes
-from cuecast.command.progress import note
+from cuecast.command.progress import note, seconds_bar
 
 SUMMARY = "a motion as few bits"
 
@@ -43,10 +43,12 @@ def run(args: argparse.Namespace) -> int:
     if args.json and args.output == PIPE:
         raise UsageError("--json and -o - would share the standard output")
     motion, voice = load_motion(args.motion), coding_voice(args.voice)
-    found = choose_stream(
-        motion, voice, rate_bps=args.rate, error_mm=args.error, constant=args.constant,
-        score="keep" if args.keep_score else "drop" if args.drop_score else "auto",
-    )  # fmt: skip
+    with seconds_bar(None, "encode, some rounds") as advance:
+        found = choose_stream(
+            motion, voice, rate_bps=args.rate, error_mm=args.error, constant=args.constant,
+            score="keep" if args.keep_score else "drop" if args.drop_score else "auto",
+            progress=advance,
+        )  # fmt: skip
     write_bytes(args.output, found.data)
     percent = None if found.score_cost is None else round(100 * found.score_cost, 2)
     if args.json:

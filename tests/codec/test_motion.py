@@ -150,6 +150,16 @@ def test_parameters_beyond_any_pose_are_damage(value: float) -> None:
         replace(motion(), params=np.full((5, 2), value, np.float32))
 
 
+def test_a_damaged_motion_file_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "m.npz"
+    save_motion(motion(), path)
+    good = dict(np.load(path))
+    for name, value in (("params", good["params"] + np.float32(3e38)), ("start_s", 1e300)):
+        np.savez(path, **(good | {name: value}))
+        with pytest.raises(CueError, match=r"^\S*m\.npz: motion (holds|has rate)"):
+            load_motion(path)
+
+
 def hostile(path: Path, member: bytes) -> Path:
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("params.npy", member)
