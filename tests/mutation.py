@@ -265,10 +265,12 @@ def keep(path: Path, room: str, tried: list[Mutant], total: int, seed: int) -> d
         "killed": count["killed"], "survived": count["survived"], "equivalent": count["equivalent"],
         "score": round(count["killed"] / max(1, count["killed"] + count["survived"]), 3),
     }  # fmt: skip
-    rows = [old for old in rows if old["room"] != room] + [row | {"outcomes": outcomes}]
+    told: dict[str, Any] = row | {"outcomes": outcomes}
+    rows = [old for old in rows if old["room"] != room] + [told]
     rows.sort(key=lambda one: list(ROOMS).index(one["room"]))
     document = make_record("mutation", (), rows, seed=seed, clips=None)
-    document["command"] = "python -m tests.mutation"
+    document["command"] = "python -m tests.mutation ROOM --sample N --seed SEED --record FILE"
+    told["commit"] = document["commit"]
     path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
     return row
 

@@ -156,12 +156,13 @@ def _modules(room: str) -> list[str]:
 
 
 def keep(path: Path, told: dict[str, Any], seed: int) -> None:
-    """Put the figures of a target into a record."""
+    """Put the figures of a target into a record; rows of other runs keep their commit and seed."""
     rows = read_record(path)["results"] if path.exists() else []
     rows = [row for row in rows if row["target"] != told["target"]] + [told]
     rows.sort(key=lambda row: list(TARGETS).index(row["target"]))
     document = make_record("fuzz", (), rows, seed=seed, clips=None)
-    document["command"] = "python -m tests.fuzz.night"
+    told |= {"seed": seed, "commit": document["commit"]}
+    document["command"] = "python -m tests.fuzz.night TARGET --inputs N --seed SEED --record FILE"
     path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
 

@@ -129,7 +129,10 @@ def recognise_keys(seen: Seen, *, looks: Looks = ANYBODYS) -> Recognised:
 
     Notes
     -----
-    A key that repeats its predecessor without a movement cannot be told from a long one.
+    A key that repeats its predecessor without a movement cannot be told from a long one. Of the
+    right keys of 64 real utterances 21 of 819 stand for two; they are held longer (0.3 s in the
+    median, others 0.1 s), yet of those held for more than 0.5 s only 3 of 9 do. Splitting keys by
+    their duration would be wrong more often than right, so none is split: a text tells.
     """
     if looks.turns:
         looks = replace(looks, turned=_turned(seen, looks))
