@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from codec.cuer import layout
 from codec.cuer.voice import Voice
 
-FASTEST_M_S = 1.45
+FASTEST_M_S = 1.42
 """Metres per second of a knuckle: with the motion of the head less than the 1.5 asked of a cuer."""
 
 _JUMP_MM = 60.0
