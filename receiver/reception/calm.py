@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.cuer import layout
+from codec.cuer.models import rigid
 from codec.cuer.voice import Voice
 
 FASTEST_M_S = 1.42
-"""Metres per second of a knuckle: with the motion of the head less than the 1.5 asked of a cuer."""
+"""Metres per second of a knuckle against the head; 1.5 are asked of a cuer."""
 
 _JUMP_MM = 60.0
 """A step from frame to frame that is longer is a splice, not a stroke: it is shown as it is."""
@@ -21,7 +22,8 @@ _JUMP_MM = 60.0
 _TRIES = 3
 """A hand that turns does not move in proportion to its parameters: so often is a step shortened."""
 
-_KNUCKLES = layout.marker_indices(layout.KNUCKLES[1:]) - layout.N_FACE
+_KNUCKLES = layout.marker_indices(layout.KNUCKLES[1:])
+_HEAD = layout.marker_indices(layout.RIGID_FACE)
 
 
 class Calm:
@@ -35,7 +37,7 @@ class Calm:
     """
 
     def __init__(self, voice: Voice, rate_hz: float) -> None:
-        self._hand, self._columns = voice.hand, voice.hand_columns
+        self._voice, self._columns = voice, voice.hand_columns
         self._most_mm = 1000.0 * FASTEST_M_S / rate_hz
 
     def calmed(
@@ -50,8 +52,9 @@ class Calm:
             The frame that was shown before the first one.
         """
         line = params if before is None else np.concatenate([before[None], params])
-        hand = line[:, self._columns].astype(np.float64)
-        at = self._knuckles(hand)
+        hand = line[:, self._columns]
+        skull = self._voice.reconstruct(line[:1])[0, _HEAD].astype(np.float64)
+        at = self._knuckles(line, skull)
         steps = _ways(at[:-1], at[1:])
         if steps.max(initial=0.0) <= self._most_mm:
             return params
@@ -65,12 +68,16 @@ class Calm:
                 share *= self._most_mm / way_mm
                 going = out[t - 1, self._columns] + share * (hand[t] - out[t - 1, self._columns])
                 out[t, self._columns] = going
-                at[t] = self._knuckles(out[[t]][:, self._columns])[0]
+                at[t] = self._knuckles(out[[t]], skull)[0]
         return out[len(line) - len(params) :]
 
-    def _knuckles(self, hand: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Return the knuckles of hands, mm."""
-        return self._hand.reconstruct(hand.astype(np.float64))[:, _KNUCKLES].astype(np.float64)
+    def _knuckles(
+        self, params: NDArray[np.float32], skull: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the knuckles as seen from the head, whose markers come to lie on `skull`, mm."""
+        markers = self._voice.reconstruct(params).astype(np.float64)
+        head, _ = rigid.estimate_motion(skull, markers[:, _HEAD])
+        return rigid.inverse_rigid_motion(markers[:, _KNUCKLES], head)
 
 
 def _ways(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
