@@ -155,7 +155,7 @@ class Seen(View):
 
 
 def test_decoded_bits_tell_where_their_neighbours_can_be_trusted() -> None:
-    """Of a superframe with L0, of which a third is noise, L1 is read that plain weights lose."""
+    """Of a superframe with L0, of which 4 ninths are noise, L1 is read that plain weights lose."""
     demodulator, lost = Demodulator(STANDARD, 0), 0
     l0, l1 = payload(3)
     bits = demodulator.link.encode(l0, l1)
@@ -163,7 +163,7 @@ def test_decoded_bits_tell_where_their_neighbours_can_be_trusted() -> None:
     first = np.where(np.arange(bits.size) < STANDARD.l0_coded, bits, -1)
     for seed in range(6):
         rng = np.random.default_rng(seed)
-        soft = 0.4 * ideal * (np.arange(64) < 40)[:, np.newaxis]
+        soft = 0.4 * ideal * (np.arange(64) < 36)[:, np.newaxis]
         soft = np.clip(soft + rng.normal(0, 0.6, ideal.shape), -1, 1)
         view = Seen(np.zeros((64, 480), dtype=np.complex128), soft)
         reading = Reading(

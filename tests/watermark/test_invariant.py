@@ -151,7 +151,6 @@ def test_need_and_a_rehearsal_that_lies(seed: int, monkeypatch: pytest.MonkeyPat
     """
     rng = np.random.default_rng(seed)
     monkeypatch.setattr(MarkDesigner, "need", lambda *_: float(rng.uniform(-12, 24)))
-    monkeypatch.setattr(Rehearsal, "shortage", lambda *_: float(rng.uniform(-1.5, 5)))
     monkeypatch.setattr(Rehearsal, "enough", lambda *_: float(rng.uniform(-12, 24)))
     x = host(7.0, channels=1, seed=seed)
     came, grade = heard(x, Rehearsal(STANDARD, 0, Line()), Line(0.0))

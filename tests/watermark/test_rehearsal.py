@@ -1,5 +1,7 @@
 """A mark that is rehearsed through the broadcaster's coder."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -40,15 +42,22 @@ def marked(x: Sound, rehearsal: Rehearsal | None) -> Sound:
     return np.concatenate([*blocks, embedder.flush()])
 
 
+def level(rehearsal: Rehearsal, k: int) -> float:
+    enough = rehearsal.enough(k)
+    assert enough is not None
+    return enough
+
+
 def test_superframes_that_drown_stand_higher() -> None:
     x = np.random.default_rng(1).normal(0, 0.05, (12 * FS, 1)).astype(np.float32)
     rehearsal = Rehearsal(ROBUST, 0, Drowning())
     y, plain = marked(x, rehearsal), marked(x, None)
     assert len(y) == len(x)
-    assert np.median([rehearsal.shortage(k) for k in (9, 10, 11)]) > 2
-    assert abs(np.median([rehearsal.shortage(k) for k in range(6)])) < 1
-    assert rehearsal.shortage(100) == 0.0
-    span = slice(round(6.0 * FS), round(7.5 * FS))
+    assert min(level(rehearsal, k) for k in (7, 8, 9)) > 2 + max(
+        level(rehearsal, k) for k in (1, 2)
+    )
+    assert rehearsal.enough(100) is None
+    span = slice(round(4.5 * FS), round(6.0 * FS))
     power = [float(((z - x)[span] ** 2).sum()) for z in (y, plain)]
     assert power[0] > 1.2 * power[1]
 
@@ -74,10 +83,7 @@ def test_the_worst_of_several_coders_counts() -> None:
     x = np.random.default_rng(1).normal(0, 0.05, (12 * FS, 1)).astype(np.float32)
     rehearsal = Rehearsal(ROBUST, 0, Clear(), Drowning())
     marked(x, rehearsal)
-    bad, good = rehearsal.enough(10), rehearsal.enough(4)
-    assert bad is not None
-    assert good is not None
-    assert bad > good + 2
+    assert level(rehearsal, 8) > level(rehearsal, 2) + 2
 
 
 def test_a_fixed_level_is_not_rehearsed() -> None:
@@ -112,3 +118,25 @@ def test_unknown_coders_are_named() -> None:
         CoderStream("aac")
     with pytest.raises(CueError, match=r"^coder 'fdk:64k': say it"):
         CoderStream("fdk:64k")
+
+
+def test_grade_goes_where_it_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the grade does not suffice for all, every superframe is short by the same."""
+    need = [6.0 + 3.0 * (k % 2) for k in range(20)]
+    monkeypatch.setattr(Rehearsal, "enough", lambda _, k: need[k])
+    written: list[float] = []
+    stretch = AudioEmbedder._stretch
+
+    def spy(self: AudioEmbedder, *args: Any) -> Any:
+        written[self._next :] = args[3]
+        return stretch(self, *args)
+
+    monkeypatch.setattr(AudioEmbedder, "_stretch", spy)
+    x = np.random.default_rng(1).normal(0, 0.05, (12 * FS, 1)).astype(np.float32)
+    rehearsal = Rehearsal(ROBUST, 0, Clear())
+    embedder = AudioEmbedder(FS, 1, payload, profile="robust", grade=-0.05, rehearsal=rehearsal)
+    embedder.process(x)
+    short = [a - b for a, b in zip(need, written, strict=False)][4:]
+    assert len(short) == 8
+    assert max(short) > 0.2
+    assert max(short) - min(short) < 0.5

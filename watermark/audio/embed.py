@@ -18,7 +18,7 @@ from watermark.audio.division import MarkShares
 from watermark.audio.level_control import QUIETEST, LevelControl
 from watermark.audio.mix import add_mark, check_format, front_of, mid_of, side_of
 from watermark.audio.profile import FS, HOP, LEVELS, SUPERFRAME, find_profile
-from watermark.audio.rehearsal import TRUST, Rehearsal
+from watermark.audio.rehearsal import LEVELS_PER_DOUBLING, MARGIN, Rehearsal
 from watermark.audio.resampling_tape import Tape
 from watermark.link.superframe import SUPERFRAME_S
 
@@ -28,9 +28,23 @@ STRETCH = 4
 EQUALISATION = 0.8
 """Part of the differences in need that the levels follow; the need is an estimate."""
 
-MOST_RAISED = 2.0
-"""Levels by which a single superframe may stand higher because its rehearsal fell short, as long as
-the passage keeps its grade."""
+MEASURED = 0.24
+"""Standard deviation of the level that a rehearsal finds, in levels: information that is measured
+on a superframe's cells errs by 8 %."""
+
+LEAST_TRUST = 0.3
+"""Least part by which it is believed that a superframe needs another level than usual."""
+
+LEAST_MARGIN = 1.5
+"""Information in units of the message's and its checks' bits to which superframes are lowered where
+their passage has no grade left for `MARGIN`: below 1.1 they fail, and one that is coded again has
+8 % more or less (standard deviation)."""
+
+MOST_LOWERED = LEVELS_PER_DOUBLING * math.log2(MARGIN / LEAST_MARGIN)
+"""The same in levels."""
+
+FIRST_BASE = 5.5
+"""Base level of the first rehearsal: what suffices as a rule."""
 
 PASSAGE_SUPERFRAMES = 32
 """Superframes of which it is remembered what was enough: 20 s."""
@@ -262,29 +276,26 @@ class AudioEmbedder:
             made = self._stretch(host, side[:-HOP], payloads, [self._level] * count)
         else:
             needs = [self._need(k) for k in numbers]
-            if self._rehearsal is not None:
-                short = [self._rehearsal.shortage(k) for k in numbers]
-                needs = [a + b / EQUALISATION for a, b in zip(needs, short, strict=True)]
-
             enough = [self._sufficient(k, need) for k, need in zip(numbers, needs, strict=True)]
-
-            most = max(MOST_RAISED - self._control.overdrawn, 0.0)
+            control, sufficient = self._control, self._sufficient_base()
+            lowered = MOST_LOWERED + control.overdrawn
+            floor = -math.inf if sufficient is None else sufficient - lowered
 
             def attempt(base: float | None) -> _Stretch:
                 levels = None
                 if base is not None:
-                    plain = [_level(base, need) for need in needs]
-                    raised = 0.0 if base == QUIETEST else most
-                    levels = [
-                        min(max(level, least), level + raised)
-                        for level, least in zip(plain, enough, strict=True)
-                    ]
+                    levels = [_level(base, need) for need in needs]
+                    if sufficient is not None and base != QUIETEST:
+                        above = max(control.base, floor) - sufficient + base - control.base
+                        levels = [
+                            plain if least is None else _level(least + above)
+                            for plain, least in zip(levels, enough, strict=True)
+                        ]
                 return self._stretch(host, side[:-HOP], payloads, levels)
 
-            base = float(np.median(self._enough)) if self._enough else None
-            made = self._control.settle(attempt, enough=base)
-            if base is not None:
-                self._control.strive(base - self._control.base)
+            made = control.settle(attempt, enough=sufficient, least=floor)
+            if sufficient is not None:
+                control.strive(sufficient - control.base)
         self._before, self._tail = made.mid[-HOP:], made.tail
         self._mark.append(made.mark)
         across, taken = self._shares.settle(made.divided)
@@ -304,25 +315,29 @@ class AudioEmbedder:
         while (first := self._rehearsal.count) < end:
             count = min(self._stretch_length, end - first)
             needs = [self._need(k) for k in range(first, first + count)]
-            base = self._control.base
-            if self._enough:
-                base = min(float(np.median(self._enough)), base + MOST_RAISED)
+            base = self._control.base if self._enough else FIRST_BASE
             levels = [_level(base, need) for need in needs]
             self._rehearsal.send(*self._sound(first, count), levels)
             self._needs |= dict(zip(range(first, first + count), needs, strict=True))
 
-    def _sufficient(self, number: int, need: float) -> float:
-        """Level that suffices for a superframe by its rehearsal.
+    def _sufficient_base(self) -> float | None:
+        """Return the base level at which half a passage has what it needs, None if unknown."""
+        return float(np.median(self._enough)) if self._enough else None
 
-        Coders are capricious: that one needs less than usual is believed in part.
+    def _sufficient(self, number: int, need: float) -> float | None:
+        """Level that suffices for a superframe by its rehearsal, None if unknown.
+
+        A measurement errs: what of the passage's scatter is more than that is believed. Source:
+        James and Stein, "Estimation with quadratic loss", 1961.
         """
         level = None if self._rehearsal is None else self._rehearsal.enough(number)
         if level is None:
-            return 0.0
-        self._enough.append(level - EQUALISATION * (need - NEUTRAL_NEED))
-        usual = float(np.median(self._enough)) + EQUALISATION * (need - NEUTRAL_NEED)
-        trust = TRUST if level < usual else 1.0
-        return min(usual + trust * (level - usual), len(LEVELS) - 1.0)
+            return None
+        extra = EQUALISATION * (need - NEUTRAL_NEED)
+        self._enough.append(level - extra)
+        usual = float(np.median(self._enough)) + extra
+        scatter = max(float(np.var(self._enough)), MEASURED**2)
+        return usual + max(1 - MEASURED**2 / scatter, LEAST_TRUST) * (level - usual)
 
     def _need(self, number: int) -> float:
         """Level that a superframe needs."""
@@ -390,7 +405,7 @@ class AudioEmbedder:
         return add_mark(x, mark, across, taken).astype(np.float32)
 
 
-def _level(base: float, need: float) -> float:
+def _level(base: float, need: float = NEUTRAL_NEED) -> float:
     """Level of a superframe at a base level."""
     level = base + EQUALISATION * (need - NEUTRAL_NEED)
     return min(max(level, 0.0), len(LEVELS) - 1.0)

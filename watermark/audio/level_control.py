@@ -194,7 +194,13 @@ class LevelControl:
         """Grade of the programme so far, None for silence."""
         return self._passage.whole
 
-    def settle(self, attempt: Callable[[float | None], T], *, enough: float | None = None) -> T:
+    def settle(
+        self,
+        attempt: Callable[[float | None], T],
+        *,
+        enough: float | None = None,
+        least: float = -math.inf,
+    ) -> T:
         """Return the attempt that serves the wanted grade.
 
         Parameters
@@ -204,6 +210,9 @@ class LevelControl:
         enough : float, optional
             Base level that suffices; a better grade is aimed at where it is below that of the
             wanted one.
+        least : float
+            Base level below which superframes would fail: only a stretch that grades far too low
+            by itself is written more softly.
         """
 
         def hear(base: float | None) -> _Heard[T]:
@@ -220,12 +229,14 @@ class LevelControl:
                 chosen = self._soften(hear, grade)
             self._started = True
             base = self.base
-            while self._spoils(chosen) and base > self.base - SOFTER * SOFTER_TRIALS:
-                base -= SOFTER
+            softest = max(self.base - SOFTER * SOFTER_TRIALS, least)
+            while self._spoils(chosen) and base > softest:
+                base = max(base - SOFTER, softest)
                 chosen = hear(base)
         passage = self._passage.add(chosen.meter, self.base)
         if passage is not None and grade is not None:
             self._learn(passage)
+        self.base = max(self.base, least)
         return chosen.made
 
     @property
@@ -263,7 +274,7 @@ class LevelControl:
             self.base = float(np.clip(self.base + error / GRADES_PER_LEVEL, *BASE_LIMITS))
             chosen = hear(self.base)
             grade = chosen.grade or 0.0
-        return self._last_resort(hear) if grade < self._wanted - GIVE_UP else chosen
+        return self._soften(hear, grade) if grade < self._wanted - GIVE_UP else chosen
 
     def _begin_softly(
         self, hear: Callable[[float | None], _Heard[T]], chosen: _Heard[T], enough: float

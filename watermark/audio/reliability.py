@@ -10,6 +10,7 @@ Source: Mardia and Jupp, "Directional Statistics", 2000, section 5.3. Specificat
 """
 
 import numpy as np
+import scipy.ndimage
 from numpy.typing import NDArray
 
 PRIOR_LOW, PRIOR_HIGH = 0.5, 0.08
@@ -33,6 +34,14 @@ PRIOR_EXPONENTS = (0.0, 0.0, -0.3)
 
 NOISY = np.array([0.5, 0.0, 0.0])
 """Exponents to be tried where the learnt ones fail: noise was added, and covers the soft cells."""
+
+
+CAUTION = (0.5, 0.75)
+"""Exponents of the cells' own weights and of what clues say when bits are read: what was learnt is
+not quite what is there. On seven clips and channels they give 1 to 3 % more correlation than 1."""
+
+SMOOTHING = 1.0
+"""Deviation in cells of the window over which resultants are then averaged: 0.3 to 2 % more."""
 
 
 class Reliability:
@@ -69,13 +78,18 @@ class Reliability:
         exponents : ndarray of float64, shape (3,), optional
             To be used instead of the learnt ones.
         """
-        r = self._resultant
         used = self._exponents if exponents is None else exponents
-        return np.asarray(2 * r * (2 - r**2) / (1 - r**2) * np.exp(np.tensordot(used, clues, 1)))
+        return np.asarray(_concentration(self._resultant) * np.exp(np.tensordot(used, clues, 1)))
+
+    def cautious(self, clues: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Weights with which bits are read that nothing is known of, see `weights`."""
+        smooth = scipy.ndimage.gaussian_filter1d(self._resultant, SMOOTHING, mode="nearest")
+        told = np.exp(CAUTION[1] * np.tensordot(self._exponents, clues, 1))
+        return np.asarray(_concentration(smooth) ** CAUTION[0] * told)
 
     def plain(self, clues: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Weights before anything was learnt, see `weights`."""
-        return Reliability(self._resultant.size).weights(clues)
+        """Cautious weights before anything was learnt."""
+        return Reliability(self._resultant.size).cautious(clues)
 
     def learn(
         self,
@@ -95,3 +109,8 @@ class Reliability:
         curvature = (clues**2 * np.abs(slope)).sum(axis=(1, 2)) + RIDGE
         moved = self._exponents + PACE * gradient / curvature
         self._exponents = np.clip(moved, -LARGEST_EXPONENT, LARGEST_EXPONENT)
+
+
+def _concentration(r: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Log-likelihood ratio of a cosine of 1 at a mean resultant length, about."""
+    return 2 * r * (2 - r**2) / (1 - r**2)
