@@ -105,8 +105,9 @@ def plain(self: SeenKeys, line: Line) -> Line:
     return line
 
 
-@pytest.mark.parametrize("who", ["agathe", "solange", "anna"])
-@pytest.mark.parametrize("deceived", [False, True])
+@pytest.mark.parametrize(
+    ("who", "deceived"), [("agathe", False), ("solange", True), ("anna", False)]
+)
 def test_adapting_is_never_worse_whoever_cues(
     who: str, deceived: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
