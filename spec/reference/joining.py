@@ -121,11 +121,12 @@ def lasting(line: list[Sound], ahead: int, end: int) -> None:
 
 def taking(line: list[Sound], first: int, end: int) -> None:
     """(J8) Let the first phone of a superframe be the last stand-in of the one before."""
-    is_vowel = first <= 16
-    if not is_vowel and line[-1].number <= 16:
+    phones, vowels = LANGUAGE["phones"], LANGUAGE["placement"]
+    is_vowel = phones[first] in vowels
+    if not is_vowel and phones[line[-1].number] in vowels:
         line.pop()
     last = line[-1]
-    if is_vowel and last.number > 16:
+    if is_vowel and phones[last.number] not in vowels:
         last.end = (last.start + end) // 2
         line.append(Sound(first, last.end, end))
     else:
