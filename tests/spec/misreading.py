@@ -60,14 +60,14 @@ class Misreading(ast.NodeTransformer):
         return node
 
 
-def ends(passes: Callable[[], bool]) -> bool:
+def ends(passes: Callable[[], bool], seconds: float = SECONDS) -> bool:
     """Return whether a decoder gives all vectors within some time."""
 
     def late(*_: object) -> None:
         raise TimeoutError
 
     signal.signal(signal.SIGPROF, late)
-    signal.setitimer(signal.ITIMER_PROF, SECONDS)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         return passes()
     except TimeoutError:
