@@ -23,7 +23,11 @@ _TRIES = 3
 """A hand that turns does not move in proportion to its parameters: so often is a step shortened."""
 
 _KNUCKLES = layout.marker_indices(layout.KNUCKLES[1:])
+_OF_HAND = _KNUCKLES - layout.N_FACE
 _HEAD = layout.marker_indices(layout.RIGID_FACE)
+
+_HEAD_MM = 5.0
+"""So much from frame to frame the head may add: slower hands are not looked at against it."""
 
 
 class Calm:
@@ -53,6 +57,9 @@ class Calm:
         """
         line = params if before is None else np.concatenate([before[None], params])
         hand = line[:, self._columns]
+        plain = self._voice.hand.reconstruct(hand.astype(np.float64))[:, _OF_HAND]
+        if _ways(plain[:-1], plain[1:]).max(initial=0.0) <= self._most_mm - _HEAD_MM:
+            return params
         skull = self._voice.reconstruct(line[:1])[0, _HEAD].astype(np.float64)
         at = self._knuckles(line, skull)
         steps = _ways(at[:-1], at[1:])
@@ -76,7 +83,7 @@ class Calm:
     ) -> NDArray[np.float64]:
         """Return the knuckles as seen from the head, whose markers come to lie on `skull`, mm."""
         markers = self._voice.reconstruct(params).astype(np.float64)
-        head, _ = rigid.estimate_motion(skull, markers[:, _HEAD])
+        head, _ = rigid.estimate_motion(skull, markers[:, _HEAD], rounds=1)
         return rigid.inverse_rigid_motion(markers[:, _KNUCKLES], head)
 
 
