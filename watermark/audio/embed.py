@@ -279,7 +279,10 @@ class AudioEmbedder:
             enough = [self._sufficient(k, need) for k, need in zip(numbers, needs, strict=True)]
             control, sufficient = self._control, self._sufficient_base()
             lowered = MOST_LOWERED + control.overdrawn
-            floor = -math.inf if sufficient is None else sufficient - lowered
+            floor, spare = -math.inf, 1.0
+            if sufficient is not None:
+                floor = sufficient - lowered
+                spare = min(max((control.base - floor) / lowered, 0.0), 1.0)
 
             def attempt(base: float | None) -> _Stretch:
                 levels = None
@@ -288,7 +291,9 @@ class AudioEmbedder:
                     if sufficient is not None and base != QUIETEST:
                         above = max(control.base, floor) - sufficient + base - control.base
                         levels = [
-                            plain if least is None else _level(least + above)
+                            plain
+                            if least is None
+                            else _level(least + above + spare * max(plain - least - above, 0.0))
                             for plain, least in zip(levels, enough, strict=True)
                         ]
                 return self._stretch(host, side[:-HOP], payloads, levels)
