@@ -11,6 +11,7 @@ import shutil
 import sys
 import tempfile
 from contextlib import contextmanager
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -57,6 +58,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--map", metavar="FILE",
         help="labels and our markers: CSV with two columns, or JSON; others go by name",
     )  # fmt: skip
+    markers.add_argument(
+        "--propose-map", metavar="FILE",
+        help="for labels that name no marker: write a map (CSV or .json) by where the points are; "
+        "with --output the motion goes by it",
+    )  # fmt: skip
     markers.add_argument("--subject", metavar="NAME", help="only labels such as NAME:FH0")
     markers.add_argument(
         "--calibration", metavar="TAKE", help="the same speaker and markers, her face at rest"
@@ -97,8 +103,11 @@ def run(args: argparse.Namespace) -> int:
     if not args.input and not args.markers_chart:
         note("cuecast capture: a recording or --markers-chart is needed")
         return 2
-    if bool(args.input) != bool(args.output):
+    if bool(args.input) != bool(args.output) and not (args.input and args.propose_map):
         note("cuecast capture: a recording goes with --output")
+        return 2
+    if args.propose_map and (args.live or not args.input):
+        note("cuecast capture: --propose-map needs a recording of markers")
         return 2
     voice = load_voice(args.voice)
     if args.markers_chart:
@@ -107,8 +116,14 @@ def run(args: argparse.Namespace) -> int:
             return 0
     if args.live:
         return _live(args, voice)
-    with seconds_bar(None, Path(args.input).name) as advance, _as_file(args.input) as path:
-        captured = capture(path, voice, _options(args, advance))
+    with _as_file(args.input) as path:
+        options = _options(args)
+        if args.propose_map:
+            options = _proposed(args, path, voice, options)
+            if not args.output:
+                return 0
+        with seconds_bar(None, Path(args.input).name) as advance:
+            captured = capture(path, voice, replace(options, progress=advance))
     if args.plot:
         from cuecast.evaluate.tables import PAGE_IN, write_plot
 
@@ -194,7 +209,36 @@ def _as_file(path: str) -> "Iterator[str]":
         yield str(spooled)
 
 
-def _options(args: argparse.Namespace, advance: Any) -> "CaptureOptions":
+def _proposed(
+    args: argparse.Namespace, path: str, voice: "Voice", options: "CaptureOptions"
+) -> "CaptureOptions":
+    """Write a map that is proposed, tell of it, and return the options with it."""
+    from codec.errors import CueError
+    from synth.capture.points.labels import write_map
+    from synth.capture.points.propose import SURE, propose_map
+    from synth.capture.sources.readers import read_markers
+
+    recording = read_markers(path, "a map is proposed for markers")
+    try:
+        found = propose_map(recording, voice, mapping=options.mapping, subject=args.subject)
+    except CueError as error:
+        raise CueError(f"{path}: {error}") from error
+    mapping = {**options.mapping, **found.sure}
+    unsure = [pair for pair in found.pairs if pair[2] < SURE]
+    write_map(args.propose_map, mapping, unsure=unsure)
+    note(
+        f"{args.propose_map}: {len(found.sure)} of {found.points} labels are sure, "
+        f"{found.points - len(found.sure)} left out, {found.known} were known; "
+        f"from the models, mm: face {found.face_mm:.2f}, hand {found.hand_mm:.2f}"
+    )
+    if args.json and not args.output:
+        fields = ("label", "marker", "confidence")
+        pairs = [dict(zip(fields, pair, strict=True)) for pair in found.pairs]
+        print_json({**asdict(found), "pairs": pairs, "sure": len(found.sure)})
+    return replace(options, mapping=mapping)
+
+
+def _options(args: argparse.Namespace) -> "CaptureOptions":
     from synth.capture.options import CaptureOptions
     from synth.capture.points.labels import read_map
     from synth.scoring.textgrid import read_textgrid
@@ -211,7 +255,6 @@ def _options(args: argparse.Namespace, advance: Any) -> "CaptureOptions":
         frame_rate_hz=args.frame_rate,
         aspect=args.aspect,
         tracker=args.tracker,
-        progress=advance,
     )
 
 

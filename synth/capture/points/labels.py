@@ -6,10 +6,11 @@ of ours are left over; those without a name may be markers whose identity the sy
 """
 
 import csv
+import io
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from codec.cuer.layout import MARKERS
 from codec.errors import CueError
+from codec.files.whole import whole_file
 
 MAX_MAP_BYTES = 1 << 20
 """Bytes of a map of labels at most: a bound against wrong files."""
@@ -134,6 +136,42 @@ def read_map(path: str | os.PathLike[str]) -> dict[str, str]:
         twice = next(n for n in mapping.values() if list(mapping.values()).count(n) > 1)
         raise CueError(f"{path}: two labels are mapped to {twice}")
     return mapping
+
+
+def write_map(
+    path: str | os.PathLike[str],
+    pairs: Mapping[str, str],
+    *,
+    unsure: Iterable[tuple[str, str, float]] = (),
+) -> None:
+    """Write a mapping from labels to our markers: JSON by its name, else CSV.
+
+    Parameters
+    ----------
+    path : path-like
+    pairs : mapping of str to str
+    unsure : iterable of (str, str, float)
+        Labels, markers and how sure that is: in CSV they stand as comments, which `read_map` skips.
+
+    Raises
+    ------
+    CueError
+        If the file cannot be written, or CSV cannot hold a label.
+    """
+    if Path(path).suffix.casefold() == ".json":
+        text = json.dumps(dict(pairs), ensure_ascii=False, indent=1) + "\n"
+    else:
+        comment = next((label for label in pairs if label.startswith("#")), None)
+        if comment is not None:
+            raise CueError(f"{path}: {comment!r} would be a comment in CSV: name it .json")
+        out = io.StringIO()
+        rows = csv.writer(out, lineterminator="\n")
+        rows.writerow(("label", "marker"))
+        rows.writerows(pairs.items())
+        rows.writerows((f"# {label}", name, f"{sure:.2f}") for label, name, sure in unsure)
+        text = out.getvalue()
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 def _from_json(text: str) -> list[tuple[str, str]]:

@@ -21,7 +21,7 @@ from synth.capture.points.place import (
 )
 from synth.capture.points.solve import HAND, LEAST_HAND_MARKERS, Quality, resting, solve
 from synth.capture.points.speaker import Speaker
-from synth.capture.sources.readers import read_points
+from synth.capture.sources.readers import read_markers, read_points
 from synth.capture.sources.recording import Recording
 
 _SAMPLED_FRAMES = 400
@@ -105,7 +105,7 @@ def _named(recording: Recording, options: CaptureOptions) -> Naming:
         more = "" if len(recording.labels) <= _LISTED else ", ..."
         raise CueError(
             f"{recording.name}: {int(naming.found.sum())} of its {len(recording.labels)} labels "
-            f"name markers of the cuer; it has {shown}{more}: give --map"
+            f"name markers of the cuer; it has {shown}{more}: give --map or --propose-map"
         )
     return naming
 
@@ -113,12 +113,7 @@ def _named(recording: Recording, options: CaptureOptions) -> Naming:
 def _speaker(voice: Voice, sample: np.ndarray, options: CaptureOptions) -> Speaker:
     if options.calibration is None:
         return adapt(voice, sample)
-    from synth.capture.sources.sniff import kind_of
-
-    kind = kind_of(options.calibration)
-    if kind not in ("c3d", "trc", "tsv", "points"):
-        raise CueError(f"{options.calibration}: a calibration holds markers, this is {kind}")
-    still = read_points(options.calibration, kind)
+    still = read_markers(options.calibration, "a calibration holds markers")
     naming = _named(still, options)
     frames = naming.markers(still.spread(_SAMPLED_FRAMES))
     placed = find_place(frames, still.unit, voice).apply(frames)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from codec.files.c3d_points import open_c3d
 from synth.capture.sources.recording import MAX_LABELS, Recording, Spool, numbers, text_lines
+from synth.capture.sources.sniff import kind_of
 
 _HEADER_LINES = 64
 """Lines within which a table's header ends."""
@@ -36,6 +37,26 @@ def read_points(path: str | os.PathLike[str], kind: str) -> Recording:
         return read(str(path))
     except (ValueError, IndexError, OverflowError, csv.Error) as error:
         raise CueError(f"{path}: malformed: {error}") from error
+
+
+def read_markers(path: str | os.PathLike[str], why: str) -> Recording:
+    """Return the recording in a file of markers of whatever kind.
+
+    Parameters
+    ----------
+    path : path-like
+    why : str
+        Begin of the message for files of other kinds.
+
+    Raises
+    ------
+    CueError
+        If the file is missing, malformed, or holds no markers.
+    """
+    kind = kind_of(path)
+    if kind not in ("c3d", "trc", "tsv", "points"):
+        raise CueError(f"{path}: {why}, this is {kind}")
+    return read_points(path, kind)
 
 
 def _read_c3d(path: str) -> Recording:
