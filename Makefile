@@ -16,10 +16,10 @@ unexport PYTHONDONTWRITEBYTECODE
 demo: $(VENV)/installed
 	$(BIN)/cuecast demo --out $(OUT)
 
-# Three workers for two cores: live tests and browsers wait for the clock. Tests of one file share
-# what they made, and files that take long come first (tests/conftest.py).
+# Two workers for two cores: live tests keep time with the clock. Tests of one file share what they
+# made, and files that take long come first (tests/conftest.py).
 test: $(VENV)/installed
-	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # Everything, the slow sweeps too, to its end whatever fails.
 nightly: $(VENV)/installed
