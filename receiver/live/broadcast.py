@@ -182,7 +182,11 @@ class Broadcast:
                 self._open_writer(0, 0)
                 if self._receiver is None:
                     self._receiver = Receiver(
-                        voice=self._voice, key=self._key, keep_keys=False, trust=self._trust
+                        voice=self._voice,
+                        key=self._key,
+                        keep_keys=False,
+                        trust=self._trust,
+                        calm=True,
                     )
             without_sound = 0
             for packet in self._packets(container, streams):
@@ -236,7 +240,7 @@ class Broadcast:
             self._end_receiver()
             self._receiver = Receiver(
                 block.fs, samples.shape[1], voice=self._voice, key=self._key,
-                start_s=block.time_s, keep_keys=False, trust=self._trust,
+                start_s=block.time_s, keep_keys=False, trust=self._trust, calm=True,
             )  # fmt: skip
             self._looks.restart()
         if block.fresh or self._writer is None:

@@ -1,4 +1,4 @@
-"""No hand faster than a reader can follow: what quantisation and joins add to its speed is held up.
+"""No hand faster than a reader can follow: what quantisation and joins add to it is not shown.
 
 A superframe that says its strokes in few bits, or joins another one that chose another course, can
 carry the hand faster than the sender's ever was. The hand that is shown goes the same way, but no

@@ -54,6 +54,8 @@ class Receiver:
         Whose cues these should be.
     guess : bool
         Whether it is guessed what happened to a sound in which no mark is found.
+    calm : bool
+        Whether the hand is held up where it is too fast to be read: for what is shown.
 
     Attributes
     ----------
@@ -69,7 +71,7 @@ class Receiver:
     def __init__(
         self, fs: int = 0, channels: int = 0, *, voice: Voice | None = None, key: int = 0,
         start_s: float = 0.0, keep_keys: bool = True, trust: Trust | None = None,
-        guess: bool = True,
+        guess: bool = True, calm: bool = False,
     ) -> None:  # fmt: skip
         self._guess = guess
         self.voice = load_voice() if voice is None else voice
@@ -77,7 +79,7 @@ class Receiver:
         self._pictures: PictureCarriers | None = None
         self._combiner = Combiner()
         self.witness: Callable[[Found], None] | None = None
-        self._tracker = Tracker(self.voice)
+        self._tracker = Tracker(self.voice, calm=calm)
         self._gate = None if trust is None else Gate(trust)
         self.fs, self.channels = fs, channels
         self._key, self._start_s = key, start_s

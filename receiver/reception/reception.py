@@ -56,6 +56,8 @@ class ProgrammeReceiver:
         Whose cues these should be; its clock counts from the programme's zero.
     guess : bool
         Whether it is guessed what happened to a sound in which no mark is found.
+    calm : bool
+        Whether the hand is held up where it is too fast to be read: for what is shown.
 
     Attributes
     ----------
@@ -72,13 +74,13 @@ class ProgrammeReceiver:
     def __init__(
         self, programme: Programme, voice: Voice, *, key: int = 0, start_s: float = 0.0,
         listen: bool = True, look: bool = True, keep_keys: bool = True, clock_s: float = 0.0,
-        trust: Trust | None = None, guess: bool = True,
+        trust: Trust | None = None, guess: bool = True, calm: bool = False,
     ) -> None:  # fmt: skip
         self._programme = programme
         self._begin_s = clock_s + start_s
         self.receiver = Receiver(
             voice=voice, key=key, start_s=self._begin_s, keep_keys=keep_keys, trust=trust,
-            guess=guess,
+            guess=guess, calm=calm,
         )  # fmt: skip
         self._sound: _Listening | None = None
         self._picture: _Looking | None = None

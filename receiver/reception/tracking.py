@@ -100,6 +100,8 @@ class Tracker:
     ----------
     voice : Voice
         Decodes the parameters.
+    calm : bool
+        Whether the hand is held up where it is too fast to be read: for what is shown.
 
     Attributes
     ----------
@@ -109,10 +111,10 @@ class Tracker:
         Superframes whose L0 arrived, those with L1 as well, and those that did not arrive.
     """
 
-    def __init__(self, voice: Voice) -> None:
+    def __init__(self, voice: Voice, *, calm: bool = False) -> None:
         self._voice = voice
         self._decoder = SuperframeDecoder(voice, lips=True)
-        self._calm = Calm(voice, RATE_HZ)
+        self._calm = Calm(voice, RATE_HZ) if calm else None
         self._ends: dict[int, NDArray[np.float32]] = {}
         self._merger = ScoreMerger()
         self.state: State = "searching"
@@ -271,8 +273,9 @@ class Tracker:
 
     def _piece(self, decoded: DecodedSuperframe) -> MotionPiece:
         params = np.clip(decoded.params, -MOST_PARAM, MOST_PARAM)
-        params = self._calm.calmed(params, self._ends.get(decoded.index - 1))
-        self._ends[decoded.index] = params[-1]
+        if self._calm is not None:
+            params = self._calm.calmed(params, self._ends.get(decoded.index - 1))
+            self._ends[decoded.index] = params[-1]
         return MotionPiece(
             decoded.start_s + self._shift_s(), RATE_HZ, params, decoded.layers,
             self._epoch, self._placed(decoded.phones),

@@ -57,7 +57,7 @@ class ProgrammeTuner:
             programme.seek(begin_s)
             reception = ProgrammeReceiver(
                 programme, self.voice, key=self.key, start_s=begin_s, keep_keys=False,
-                clock_s=programme.player_s, trust=self.trust,
+                clock_s=programme.player_s, trust=self.trust, calm=True,
             )  # fmt: skip
             for progress in reception.progress():
                 until_s = progress.until_s
