@@ -31,7 +31,7 @@ from watermark.audio.embed import AudioEmbedder
 from watermark.audio.profile import Profile, find_profile
 from watermark.audio.receive import AudioReceiver
 from watermark.link.superframe import SUPERFRAME_S
-from watermark.quality import peaq, pesq_wb, segmental_snr_db
+from watermark.quality import peaq, peaq_advanced, pesq_wb, segmental_snr_db
 from watermark.quality.loudness import loudness_lufs
 
 USUAL = (
@@ -78,6 +78,8 @@ class AudioRow:
         Superframes accepted with a payload that was never sent.
     odg, snr_db : float
         Objective difference grade of the marked clip before the channel, and mid over mark.
+    odg_advanced : float
+        The same grade by the advanced version of the meter, which the embedder does not listen to.
     segmental_snr_db : float
         Sound over mark, mean of short segments.
     pesq : float or None
@@ -101,6 +103,7 @@ class AudioRow:
     l0_lost: int
     wrong: int
     odg: float
+    odg_advanced: float
     snr_db: float
     segmental_snr_db: float
     pesq: float | None
@@ -122,6 +125,7 @@ class Marked:
     sound: Sound
     payloads: tuple[tuple[bytes, bytes], ...]
     odg: float
+    odg_advanced: float
     snr_db: float
     segmental_snr_db: float
     pesq: float | None
@@ -151,8 +155,7 @@ def mark_clip(
     begin = time.process_time()
     marked, snr_db = _embed(sound, fs, payloads, chosen, grade, coder or None)
     xrt = len(sound) / fs / (time.process_time() - begin)
-    front = slice(None, 2)
-    odg = peaq(sound[:, front], marked[:, front], fs).odg
+    pair = sound[:, :2], marked[:, :2]
     if snr_db is None:
         raise CueError(f"{path.name} cannot carry: nothing was marked")
     speech = "speech" in path.stem and importlib.util.find_spec("pesq") is not None
@@ -163,7 +166,8 @@ def mark_clip(
         profile=chosen,
         sound=marked,
         payloads=payloads,
-        odg=odg,
+        odg=peaq(*pair, fs).odg,
+        odg_advanced=peaq_advanced(*pair, fs).odg,
         snr_db=snr_db,
         segmental_snr_db=segmental_snr_db(sound.mean(axis=1), marked.mean(axis=1), fs),
         pesq=pesq_wb(sound.mean(axis=1), marked.mean(axis=1), fs) if speech else None,
@@ -225,6 +229,7 @@ def measure(
         l0_lost=l0_lost,
         wrong=wrong,
         odg=marked.odg,
+        odg_advanced=marked.odg_advanced,
         snr_db=marked.snr_db,
         segmental_snr_db=marked.segmental_snr_db,
         pesq=marked.pesq,
@@ -312,7 +317,8 @@ def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
         seed=options.seed,
         progress=lambda row: options.say(
             f"{row.clip} {row.profile}:{row.channel}: "
-            f"{row.superframes_lost} of {row.superframes_sent} lost at grade {row.odg:.2f}"
+            f"{row.superframes_lost} of {row.superframes_sent} lost "
+            f"at grade {row.odg:.2f}, advanced {row.odg_advanced:.2f}"
         ),
     )
     sent = sum(row.superframes_sent for row in rows)

@@ -37,6 +37,7 @@ def test_rows(clip: Path) -> None:
         assert row.superframes_sent >= 5
         assert row.tune_in_median_s is not None
         assert row.tune_in_median_s < 3
+        assert -1 < row.odg_advanced < 0.22
 
 
 def test_verb_writes_figures(clip: Path, tmp_path: Path) -> None:

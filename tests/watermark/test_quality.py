@@ -179,7 +179,7 @@ def test_inner_kernels_agree_with_their_python(name: str) -> None:
     bands = ear.bands
     arguments = {
         "spread_into": (pair[0], bands[1], bands[2], bands[3], np.empty(BANDS)),
-        "adapt_into": (pair, bands[5], np.ones((14, BANDS)), np.empty((2, BANDS))),
+        "adapt_into": (pair, bands[5], 3, 4, np.ones((14, BANDS)), np.empty((2, BANDS))),
         "modulation_into": (pair, bands[5], FRAME_RATE, np.ones((14, BANDS)), np.empty((2, BANDS))),
         "detection_into": (pair, np.zeros(BANDS), np.zeros(BANDS)),
         "group_into": (
@@ -202,9 +202,9 @@ def test_scalar_kernels_agree_with_their_python() -> None:
     power = rng.exponential(size=(2, 1025))
     power[:, 600:] *= 1e-4
     for name, arguments in {
-        "loudness": (pair[0], bands[6], bands[7]),
-        "noise_loudness": (pair, modulation, bands[0]),
-        "modulation_difference": (modulation, pair[0], bands[0]),
+        "loudness": (pair[0], bands[6], bands[7], 1.07664),
+        "noise_loudness": (*pair, *modulation, bands[0], 1.5, 0.15, 0.5),
+        "modulation_difference": (modulation, pair[0], bands[0], 100.0),
         "bandwidths": (power[0], power[1]),
     }.items():
         kernel = getattr(_kernels, name)

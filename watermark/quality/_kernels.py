@@ -71,11 +71,12 @@ def spread_into(
 ) -> None:
     """Spread energy over bands; slopes add up in the domain of the power 0.4."""
     n = bands.size
-    lower = 10.0 ** (-2.7 * 0.25 * 0.4)
+    width = 27.0 / (n - 1)  # of a band in Bark, see `ear.SPREAD_BARK`
+    lower = 10.0 ** (-2.7 * width * 0.4)
     for b in range(n):
         out[b] = 0.0
     for b in range(n):
-        slope = upper_slope[b] * bands[b] ** 0.05
+        slope = upper_slope[b] * bands[b] ** (0.2 * width)
         upper_gain = (1.0 - slope ** (n - b)) / (1.0 - slope)
         peak = (bands[b] / (lower_gain[b] + upper_gain - 1.0)) ** 0.4
         step = slope**0.4
@@ -93,9 +94,17 @@ def spread_into(
 
 @njit(cache=True)
 def adapt_into(
-    excitation: FloatArray, decay: FloatArray, state: FloatArray, out: FloatArray
+    excitation: FloatArray,
+    decay: FloatArray,
+    below: int,
+    above: int,
+    state: FloatArray,
+    out: FloatArray,
 ) -> None:
-    """Level and pattern adaptation of both excitations, shape (2, bands)."""
+    """Level and pattern adaptation of both excitations, shape (2, bands).
+
+    Corrections are averaged over `below` and `above` neighbouring bands.
+    """
     n = decay.size
     cross, power = 0.0, 0.0
     for b in range(n):
@@ -115,7 +124,7 @@ def adapt_into(
         ratio[0, b] = min(1.0, r)
         ratio[1, b] = min(1.0, 1.0 / r)
     for b in range(n):
-        low, high = max(0, b - 3), min(n - 1, b + 4)
+        low, high = max(0, b - below), min(n - 1, b + above)
         for s in range(2):
             mean = 0.0
             for m in range(low, high + 1):
@@ -143,36 +152,53 @@ def modulation_into(
 
 
 @njit(cache=True)
-def loudness(excitation: FloatArray, threshold: FloatArray, index: FloatArray) -> float:
-    """Total loudness in sone of one excitation pattern."""
+def loudness(
+    excitation: FloatArray, threshold: FloatArray, index: FloatArray, unit: float
+) -> float:
+    """Total loudness in sone of one excitation pattern; `unit` belongs to the ear model."""
     total = 0.0
     for b in range(threshold.size):
         s = index[b]
-        scale = 1.07664 * (threshold[b] / (s * 1e4)) ** 0.23
+        scale = unit * (threshold[b] / (s * 1e4)) ** 0.23
         total += max(0.0, scale * ((1.0 - s + s * excitation[b] / threshold[b]) ** 0.23 - 1.0))
     return total * 24.0 / threshold.size
 
 
 @njit(cache=True)
-def noise_loudness(adapted: FloatArray, modulation: FloatArray, noise: FloatArray) -> float:
-    """Partial loudness in sone of what the test adds to the reference."""
+def noise_loudness(
+    masker: FloatArray,
+    heard: FloatArray,
+    masker_modulation: FloatArray,
+    heard_modulation: FloatArray,
+    noise: FloatArray,
+    alpha: float,
+    factor: float,
+    offset: float,
+) -> float:
+    """Partial loudness in sone of what one excitation has above another that masks it.
+
+    alpha, factor, offset : how masking falls with the difference, grows with the modulation, and
+    its value without any.
+    """
     total = 0.0
     for b in range(noise.size):
-        ref, test = adapted[0, b], adapted[1, b]
-        s_ref = 0.15 * modulation[0, b] + 0.5
-        s_test = 0.15 * modulation[1, b] + 0.5
-        beta = math.exp(-1.5 * (test - ref) / ref)
-        extra = max(0.0, s_test * test - s_ref * ref)
-        ratio = 1.0 + extra / (noise[b] + s_ref * ref * beta)
-        total += (noise[b] / s_test) ** 0.23 * (ratio**0.23 - 1.0)
+        s_masker = factor * masker_modulation[b] + offset
+        s_heard = factor * heard_modulation[b] + offset
+        beta = math.exp(-alpha * (heard[b] - masker[b]) / masker[b])
+        extra = max(0.0, s_heard * heard[b] - s_masker * masker[b])
+        ratio = 1.0 + extra / (noise[b] + s_masker * masker[b] * beta)
+        total += (noise[b] / s_heard) ** 0.23 * (ratio**0.23 - 1.0)
     return max(0.0, total * 24.0 / noise.size)
 
 
 @njit(cache=True)
 def modulation_difference(
-    modulation: FloatArray, mean: FloatArray, noise: FloatArray
+    modulation: FloatArray, mean: FloatArray, noise: FloatArray, quiet: float
 ) -> tuple[float, float, float]:
-    """Plain and asymmetric difference of the modulations in percent, and the frame's weight."""
+    """Plain and asymmetric difference of the modulations in percent, and the frame's weight.
+
+    Bands weigh less the nearer they are to `quiet` times the internal noise's loudness.
+    """
     plain, asymmetric, weight = 0.0, 0.0, 0.0
     n = noise.size
     for b in range(n):
@@ -180,7 +206,7 @@ def modulation_difference(
         difference = abs(ref - test)
         plain += difference / (1.0 + ref)
         asymmetric += (0.1 if ref > test else 1.0) * difference / (0.01 + ref)
-        weight += mean[b] / (mean[b] + 100.0 * noise[b] ** 0.3)
+        weight += mean[b] / (mean[b] + quiet * noise[b] ** 0.3)
     return 100.0 * plain / n, 100.0 * asymmetric / n, weight
 
 
@@ -264,7 +290,7 @@ def frames_into(
                 row = SMEARED + s
                 state[row, b] = smear[b] * state[row, b] + (1.0 - smear[b]) * spread[s, b]
                 excitation[s, b] = max(state[row, b], spread[s, b])
-        adapt_into(excitation, decay, state, adapted)
+        adapt_into(excitation, decay, 3, 4, state, adapted)
         modulation_into(spread, decay, frame_rate, state, modulation)
 
         mean, largest = 0.0, 0.0
@@ -273,11 +299,13 @@ def frames_into(
             mean += ratio / n
             largest = max(largest, ratio)
         out[t, NMR_MEAN], out[t, NMR_MAX] = mean, largest
-        plain, asymmetric, weight = modulation_difference(modulation, state[MEAN], noise)
+        plain, asymmetric, weight = modulation_difference(modulation, state[MEAN], noise, 100.0)
         out[t, MOD_1], out[t, MOD_2], out[t, MOD_WEIGHT] = plain, asymmetric, weight
-        out[t, NOISE_LOUDNESS] = noise_loudness(adapted, modulation, noise)
-        out[t, LOUDNESS_REF] = loudness(excitation[0], bands[6], bands[7])
-        out[t, LOUDNESS_TEST] = loudness(excitation[1], bands[6], bands[7])
+        out[t, NOISE_LOUDNESS] = noise_loudness(
+            adapted[0], adapted[1], modulation[0], modulation[1], noise, 1.5, 0.15, 0.5
+        )
+        out[t, LOUDNESS_REF] = loudness(excitation[0], bands[6], bands[7], 1.07664)
+        out[t, LOUDNESS_TEST] = loudness(excitation[1], bands[6], bands[7], 1.07664)
         width_ref, width_test = bandwidths(power[0, t], power[1, t])
         out[t, BANDWIDTH_REF], out[t, BANDWIDTH_TEST] = width_ref, width_test
         detection_into(excitation, probability[t], steps[t])

@@ -30,8 +30,11 @@ BINS = FRAME // 2 + 1
 BANDS = 109
 """Bands of the basic version, a quarter of a Bark each."""
 
-BAND_WIDTH_BARK = 0.25
-"""Width of a band in Bark."""
+WIDE_BANDS = 55
+"""Bands of the advanced version's spectral part, half a Bark each."""
+
+SPREAD_BARK = 27.0
+"""Width of all bands but one in Bark: tells the width of a band from their number."""
 
 FULL_SCALE_DB = 92.0  # sound pressure level of a sine at full scale
 REFERENCE_SINE_HZ = 1019.5  # of that sine: it falls between two bins
@@ -49,11 +52,11 @@ class EarTables:
         Hann window times the playback level; input in full scales, squares in sound pressure.
     outer_ear : ndarray, shape (1025,)
         Power response of the outer and middle ear per bin.
-    first, last : ndarray of int64, shape (109,)
+    first, last : ndarray of int64, shape (bands,)
         Bins that hold the lower and upper edge of each band.
-    first_share, last_share : ndarray, shape (109,)
+    first_share, last_share : ndarray, shape (bands,)
         Parts of those two bins that belong to the band.
-    bands : ndarray, shape (9, 109)
+    bands : ndarray, shape (9, bands)
         Per band: internal noise; level-independent part of the upper slope of spreading; sum of
         its lower slope; what it makes of a flat unit; decay per frame of time spreading (30 ms at
         100 Hz) and of adaptation (50 ms at 100 Hz); excitation at the threshold and threshold
@@ -69,12 +72,8 @@ class EarTables:
     bands: FloatArray
 
 
-LOWER_DECAY = 10 ** (-2.7 * BAND_WIDTH_BARK)
-"""Factor from band to band below an excitation: 27 dB per Bark."""
-
-
-def band_edges() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Lower edge, centre and upper edge of the 109 bands in Hz.
+def band_edges(bands: int = BANDS) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lower edge, centre and upper edge of the bands in Hz.
 
     Examples
     --------
@@ -82,43 +81,66 @@ def band_edges() -> tuple[FloatArray, FloatArray, FloatArray]:
     >>> [round(float(x[0]), 3) for x in (low, centre, high)]
     [80.0, 91.708, 103.445]
     """
-    bark = 7 * np.arcsinh(80 / 650) + BAND_WIDTH_BARK * np.arange(BANDS)
+    width = SPREAD_BARK / (bands - 1)
+    bark = 7 * np.arcsinh(80 / 650) + width * np.arange(bands)
     top = 7 * np.arcsinh(18_000 / 650)
-    high_bark = np.minimum(bark + BAND_WIDTH_BARK, top)
+    high_bark = np.minimum(bark + width, top)
     low, centre, high = (650 * np.sinh(z / 7) for z in (bark, (bark + high_bark) / 2, high_bark))
     return low, centre, high
 
 
-def decay(centre_hz: FloatArray, at_100_hz_s: float) -> FloatArray:
-    """Decay per frame of a one-pole filter: `at_100_hz_s` at 100 Hz, towards 8 ms above."""
-    tau_s = 0.008 + (100 / centre_hz) * (at_100_hz_s - 0.008)
-    return np.exp(-1 / (FRAME_RATE * tau_s))
+def decay(
+    centre_hz: FloatArray,
+    at_100_hz_s: float,
+    *,
+    least_s: float = 0.008,
+    frame_rate: float = FRAME_RATE,
+) -> FloatArray:
+    """Decay per frame of a one-pole filter: `at_100_hz_s` at 100 Hz, towards `least_s` above."""
+    tau_s = least_s + (100 / centre_hz) * (at_100_hz_s - least_s)
+    return np.exp(-1 / (frame_rate * tau_s))
+
+
+def internal_noise(centre_hz: FloatArray) -> FloatArray:
+    """Noise of the ear itself in each band."""
+    return np.power(10.0, 0.1456 * (centre_hz / 1000) ** -0.8)
+
+
+def loudness_rows(centre_hz: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Excitation at the threshold and threshold index of the loudness formula."""
+    khz = centre_hz / 1000
+    index_db = -2 - 2.05 * np.arctan(khz / 4) - 0.75 * np.arctan((khz / 1.6) ** 2)
+    return np.power(10.0, 0.364 * khz**-0.8), np.power(10.0, 0.1 * index_db)
+
+
+def ear_response_db(khz: FloatArray) -> FloatArray:
+    """Response of the outer and middle ear."""
+    return -2.184 * khz**-0.8 + 6.5 * np.exp(-0.6 * (khz - 3.3) ** 2) - 0.001 * khz**3.6
 
 
 @cache
-def ear_tables() -> EarTables:
-    """Compute the tables (once per process)."""
-    low, centre, high = band_edges()
-    khz = centre / 1000
-    upper_slope = np.power(10.0, (-2.4 - 23 / centre) * BAND_WIDTH_BARK)
-    band = np.arange(BANDS)
-    lower_gain = np.cumsum(np.power(LOWER_DECAY, band.astype(np.float64)))
-    mask_db = np.where(band * BAND_WIDTH_BARK <= 12, 3.0, 0.25 * band * BAND_WIDTH_BARK)
-    bands = np.stack(
+def ear_tables(bands: int = BANDS) -> EarTables:
+    """Compute the tables for 109 or 55 bands (once per process)."""
+    low, centre, high = band_edges(bands)
+    width = SPREAD_BARK / (bands - 1)
+    upper_slope = np.power(10.0, (-2.4 - 23 / centre) * width)
+    band = np.arange(bands)
+    lower_gain = np.cumsum(np.power(10.0 ** (-2.7 * width), band.astype(np.float64)))
+    mask_db = np.where(band * width <= 12, 3.0, 0.25 * band * width)
+    rows = np.stack(
         [
-            10 ** (0.1456 * khz**-0.8),
+            internal_noise(centre),
             upper_slope,
             lower_gain,
             _spread_unit(upper_slope, lower_gain),
             decay(centre, 0.030),
             decay(centre, 0.050),
-            10 ** (0.364 * khz**-0.8),
-            10 ** (0.1 * (-2 - 2.05 * np.arctan(khz / 4) - 0.75 * np.arctan((khz / 1.6) ** 2))),
+            *loudness_rows(centre),
             10 ** (-mask_db / 10),
         ]
     )
     window = np.multiply(_level() / 2, 1 - np.cos(2 * np.pi * np.arange(FRAME) / (FRAME - 1)))
-    return EarTables(window, _outer_ear(), *_band_bins(low, high), bands)
+    return EarTables(window, _outer_ear(), *_band_bins(low, high), rows)
 
 
 def _level() -> float:
@@ -130,9 +152,8 @@ def _level() -> float:
 
 
 def _outer_ear() -> FloatArray:
-    khz = np.arange(1, BINS) * (FS / FRAME / 1000)
-    response_db = -2.184 * khz**-0.8 + 6.5 * np.exp(-0.6 * (khz - 3.3) ** 2) - 0.001 * khz**3.6
-    return np.concatenate([[0.0], 10 ** (response_db / 10)])
+    khz = np.arange(1, BINS, dtype=np.float64) * (FS / FRAME / 1000)
+    return np.concatenate([[0.0], 10 ** (ear_response_db(khz) / 10)])
 
 
 def _band_bins(
@@ -149,6 +170,6 @@ def _band_bins(
 
 def _spread_unit(upper_slope: FloatArray, lower_gain: FloatArray) -> FloatArray:
     """Spread a flat pattern of ones: the normalisation of spreading."""
-    out = np.empty(BANDS)
-    _kernels.spread_into(np.ones(BANDS), upper_slope, lower_gain, np.ones(BANDS), out)
+    out, ones = np.empty(upper_slope.size), np.ones(upper_slope.size)
+    _kernels.spread_into(ones, upper_slope, lower_gain, ones, out)
     return out

@@ -234,9 +234,16 @@ _ODG_MIN, _ODG_MAX = -3.98, 0.22
 
 def distortion_index(movs: Movs) -> float:
     """Distortion index: large is good, 1.5 and more is transparent."""
-    low, high = _INPUT[:, 0], _INPUT[:, 1]
-    hidden = _HIDDEN_BIAS + ((movs.as_array() - low) / (high - low)) @ _INPUT[:, 2:]
-    return float(_BIAS + _HIDDEN @ (1 / (1 + np.exp(-hidden))))
+    return network(movs.as_array(), _INPUT, _HIDDEN_BIAS, _HIDDEN, _BIAS)
+
+
+def network(
+    values: FloatArray, table: FloatArray, hidden_bias: FloatArray, weights: FloatArray, bias: float
+) -> float:
+    """Evaluate a network with one hidden layer; rows of `table` as in `_INPUT`."""
+    low, high = table[:, 0], table[:, 1]
+    hidden = hidden_bias + ((values - low) / (high - low)) @ table[:, 2:]
+    return float(bias + weights @ (1 / (1 + np.exp(-hidden))))
 
 
 def difference_grade(index: float) -> float:

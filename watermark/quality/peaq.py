@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from codec.errors import CueError
 from watermark.quality import _kernels
-from watermark.quality.ear import BANDS, FRAME, FRAME_RATE, FS, HOP, ear_tables
+from watermark.quality.ear import BANDS, FRAME, FRAME_RATE, HOP, ear_tables
 from watermark.quality.movs import (
     AUDIBLE_DELAY_FRAMES,
     AUDIBLE_SONE,
@@ -27,11 +27,10 @@ from watermark.quality.movs import (
     distortion_index,
     harmonic_structure,
 )
-from watermark.quality.resample import Resampler
+from watermark.quality.stream import Bounded, Frames, Intake, active_frames
 
 FloatArray = NDArray[np.float64]
 
-_ACTIVE_SUM = 200 / 32768  # of five neighbouring magnitudes: where a programme begins and ends
 _BATCH = 32  # frames analysed at once; bounds the memory
 
 
@@ -89,20 +88,18 @@ class PeaqMeter:
     """
 
     def __init__(self, fs: int, channels: int, *, segment_s: float | None = None) -> None:
-        if channels not in (1, 2):
-            raise CueError(f"PEAQ grades 1 or 2 channels, not {channels}")
+        self._intake = Intake(fs, channels)
         if segment_s is not None and segment_s <= 0:
             raise CueError(f"segment of {segment_s} s: must be longer than 0 s")
         self._channels = channels
         self._segment_frames = 0 if segment_s is None else max(1, round(segment_s * FRAME_RATE))
-        self._resamplers = (Resampler(fs, FS, channels), Resampler(fs, FS, channels))
-        self._pending = (np.empty((0, channels)), np.empty((0, channels)))
+        self._frames = Frames(channels, FRAME, HOP, _BATCH)
         self._state = np.zeros((channels, 14, BANDS))
         self._frame = 0
         self._audible_from: int | None = None
-        self._averages = {WHOLE: _Bounded(channels)}
+        self._averages = {WHOLE: self._fresh()}
         if self._segment_frames:
-            self._averages[SEGMENT] = _Bounded(channels)
+            self.begin(SEGMENT)
 
     def process(self, reference: ArrayLike, test: ArrayLike) -> list[PeaqResult]:
         """Take the next samples of both signals.
@@ -122,15 +119,11 @@ class PeaqMeter:
         CueError
             If the two blocks differ in shape.
         """
-        blocks = [self._checked(x) for x in (reference, test)]
-        if blocks[0].shape != blocks[1].shape:
-            raise CueError(f"test has shape {blocks[1].shape}, reference {blocks[0].shape}")
-        self._append([r.process(x) for r, x in zip(self._resamplers, blocks, strict=True)])
-        return self._drain()
+        return self._analyse_all(self._intake.take(reference, test))
 
     def begin(self, name: str) -> None:
         """Average from here on under a name of the caller's, see `grade`; from scratch if known."""
-        self._averages[name] = _Bounded(self._channels)
+        self._averages[name] = self._fresh()
 
     def end(self, name: str = WHOLE) -> None:
         """Average no longer under a name; by default, no longer for `result`."""
@@ -138,7 +131,13 @@ class PeaqMeter:
 
     def grade(self, name: str) -> PeaqResult | None:
         """Grade of the whole frames since `begin`, None for silence."""
-        return self._averages[name].grade()
+        bounded = self._averages[name]
+        if bounded.start is None:
+            return None
+        movs = bounded.kept.movs()
+        index = distortion_index(movs)
+        start_s, end_s = bounded.start / FRAME_RATE, (bounded.end + 1) / FRAME_RATE
+        return PeaqResult(difference_grade(index), index, movs, start_s, end_s)
 
     def result(self) -> PeaqResult:
         """Grade everything so far, as if the programme ended here; more may follow.
@@ -149,43 +148,24 @@ class PeaqMeter:
             If nothing above the level of silence has been seen.
         """
         rest = copy.deepcopy(self)
-        rest._append([r.flush() for r in rest._resamplers])
-        rest._drain()
-        left = rest._pending[0].shape[0]
+        rest._analyse_all(rest._intake.flush())
+        left = rest._frames.left
         if left >= HOP or (left > 0 and rest._frame == 0):
-            rest._append([np.zeros((FRAME - left, rest._channels))] * 2)
-            rest._drain()
+            rest._analyse_all(np.zeros((2, FRAME - left, rest._channels)))
         grade = rest.grade(WHOLE)
         if grade is None:
             raise CueError("nothing to grade: the reference is silent")
         return grade
 
-    def _checked(self, block: ArrayLike) -> FloatArray:
-        x = np.asarray(block, dtype=np.float64)
-        if x.ndim == 1 and self._channels == 1:
-            x = x[:, None]
-        if x.ndim != 2 or x.shape[1] != self._channels:
-            raise CueError(f"block of shape {x.shape}: expected (n, {self._channels})")
-        return x
+    def _fresh(self) -> Bounded[MovAverages]:
+        return Bounded(MovAverages(self._channels))
 
-    def _append(self, blocks: list[FloatArray]) -> None:
-        ref, test = self._pending
-        self._pending = (np.concatenate([ref, blocks[0]]), np.concatenate([test, blocks[1]]))
-
-    def _drain(self) -> list[PeaqResult]:
-        grades = []
-        while (ready := (self._pending[0].shape[0] - FRAME) // HOP + 1) > 0:
-            count = min(ready, _BATCH)
-            length = (count - 1) * HOP + FRAME
-            pair = np.stack([x[:length] for x in self._pending])
-            grades += self._analyse(pair)
-            ref, test = self._pending
-            self._pending = (ref[count * HOP :], test[count * HOP :])
-        return grades
+    def _analyse_all(self, pair: FloatArray) -> list[PeaqResult]:
+        return [grade for batch in self._frames.batches(pair) for grade in self._analyse(batch)]
 
     def _analyse(self, pair: FloatArray) -> list[PeaqResult]:
         """Run (2, n, channels) samples that make whole frames through the model."""
-        active = _active_frames(pair[0])
+        active = active_frames(pair[0], FRAME, HOP)
         count = active.size
         features = np.empty((self._channels, count, 10))
         ehs = np.empty((self._channels, count))
@@ -229,43 +209,6 @@ class PeaqMeter:
         grade = self.grade(SEGMENT)
         self.begin(SEGMENT)
         return [] if grade is None else [grade]
-
-
-class _Bounded:
-    """Averages from the first to the last frame that is not silent."""
-
-    def __init__(self, channels: int) -> None:
-        self._averages = MovAverages(channels)
-        self._kept = self._averages
-        self._start: int | None = None
-        self._end = 0
-
-    def add(self, frame: Frame, index: int, *, active: bool, settled: bool, audible: bool) -> None:
-        if active:
-            self._kept = self._averages
-            self._start = index if self._start is None else self._start
-            self._end = index + 1
-        elif self._start is None:
-            return
-        elif self._kept is self._averages:  # silence may be the end: keep the sums before it
-            self._averages = copy.deepcopy(self._kept)
-        self._averages.add(frame, settled=settled, audible=audible)
-
-    def grade(self) -> PeaqResult | None:
-        if self._start is None:
-            return None
-        movs = self._kept.movs()
-        index = distortion_index(movs)
-        start_s, end_s = self._start / FRAME_RATE, (self._end + 1) / FRAME_RATE
-        return PeaqResult(difference_grade(index), index, movs, start_s, end_s)
-
-
-def _active_frames(samples: FloatArray) -> NDArray[np.bool_]:
-    """Tell for each frame of (n, channels) samples whether it holds more than silence."""
-    magnitude = np.pad(np.cumsum(np.abs(samples), axis=0), ((1, 0), (0, 0)))
-    loud = ((magnitude[5:] - magnitude[:-5]) >= _ACTIVE_SUM).any(axis=1)
-    frames = sliding_window_view(loud, FRAME - 4)[::HOP]
-    return np.asarray(frames.any(axis=1), dtype=np.bool_)
 
 
 def _run_model(
