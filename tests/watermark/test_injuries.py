@@ -13,7 +13,7 @@ from tests.watermark.test_carrier import embed, host, payload, receive
 from watermark.audio.align import View, find_delay, read_view
 from watermark.audio.demodulate import Demodulator, Reading
 from watermark.audio.equaliser import PHASES, Equaliser, Known, lean, path_of
-from watermark.audio.guesses import make_guesses, speeds
+from watermark.audio.guesses import Stretch, make_guesses, speeds
 from watermark.audio.layout import Cells
 from watermark.audio.masking import make_masker
 from watermark.audio.profile import STANDARD
@@ -217,3 +217,38 @@ def test_speeds_leave_no_gap() -> None:
 def test_silence_is_guessed_about_in_peace() -> None:
     assert len(list(make_guesses(np.zeros((FS, 6)), thorough=True))) > 30
     assert AudioReceiver(FS, 6).process(np.zeros((4 * FS, 6), dtype=np.float32)) == []
+
+
+@pytest.mark.parametrize(
+    ("channels", "expected"),
+    [
+        ((1, 1), set()),
+        ((1, -1), {(0.5, -0.5)}),
+        ((1, 0), {(1.0, 0.0)}),
+        ((0, 0), set()),
+        ((1, "other"), {(0.5, -0.5), (1.0, 0.0), (0.0, 1.0)}),
+    ],
+)
+def test_mixes_that_tell_nothing_new_are_not_searched(
+    channels: tuple[float, float | str], expected: set[tuple[float, ...]]
+) -> None:
+    rng = np.random.default_rng(0)
+    one, other = rng.normal(0, 0.1, (2, 9600))
+    sound = np.stack([other if c == "other" else c * one for c in channels], axis=1)
+    guesses = list(make_guesses(sound, thorough=False))
+    usual = next(i for i, guess in enumerate(guesses) if len(guess.steps) > 1)
+    assert {guess.mix.weights for guess in guesses[:usual]} == expected
+
+
+def test_a_stretch_is_heard_at_any_speed() -> None:
+    """At the search's rate, in its band, as if the whole sound were read at that speed."""
+    rng = np.random.default_rng(1)
+    sos = scipy.signal.ellip(10, 0.1, 80, 2700, fs=FS, output="sos")
+    sound = scipy.signal.sosfilt(sos, rng.normal(size=FS // 2))
+    stretch = Stretch(sound, 700, 1.0)
+    for speed in (0.95, 1.0, 1.0031, 1.05):
+        found = stretch.low(speed, 0.4)
+        direct = stretch.tape.read(700.0, 4 * speed, found.size)
+        assert found.size == int(0.4 * 12000 / speed)
+        # Its beginning lacks what was before.
+        np.testing.assert_allclose(found[20:], direct[20:], atol=2e-3 * sound.std())

@@ -236,6 +236,10 @@ def test_checks_are_remainders(bits: list[int]) -> None:
         assert found == divided(bits, width, polynomial)
 
 
+def accepts(one: Any, message: np.ndarray, llr: np.ndarray) -> bool:
+    return bool(one._passes(message[np.newaxis])[0]) and bool(one._significant(message, llr))
+
+
 @pytest.mark.parametrize(("length", "accepted"), [(1344, False), (300, True)])
 def test_noise_that_passes_the_check_is_not_a_message(length: int, accepted: bool) -> None:
     """At low rates the codeword has to stand out of noise; at high rates the check has to do."""
@@ -247,12 +251,12 @@ def test_noise_that_passes_the_check_is_not_a_message(length: int, accepted: boo
         coded = first.encode(payload)
         message = np.unpackbits(np.frombuffer(payload, np.uint8)).astype(np.int64)
         message = np.concatenate([message, crc_bits(message, L0_CHECK)])
-        assert first._accepts(message, noisy(coded, 1.5, 1))
+        assert accepts(first, message, noisy(coded, 1.5, 1))
         noise = rng.normal(size=coded.size)
-        assert first._accepts(message, noise) is accepted
+        assert accepts(first, message, noise) is accepted
         wrong = message.copy()
         wrong[5] ^= 1
-        assert not first._accepts(wrong, noisy(coded, 1.5, 1))
+        assert not accepts(first, wrong, noisy(coded, 1.5, 1))
 
 
 @pytest.mark.parametrize(("share", "accepted"), [(1.02, True), (0.92, False)])
@@ -269,7 +273,7 @@ def test_how_far_a_message_has_to_stand_out(share: float, accepted: bool) -> Non
     # Correlation c = a n and energy a^2 n + |noise|^2: the amplitude for a wanted ratio.
     limit = share * np.sqrt(2 * np.log(2) * first.code.message)
     amplitude = np.sqrt(limit**2 * (noise @ noise) / (length**2 - limit**2 * length))
-    assert first._accepts(message, amplitude * signal + noise) is accepted
+    assert accepts(first, message, amplitude * signal + noise) is accepted
 
 
 def test_words_of_a_key_s_stream() -> None:

@@ -5,10 +5,21 @@ import pytest
 
 from codec.errors import CueError
 from tests.watermark.test_carrier import embed, host
-from watermark.audio import _kernels
-from watermark.audio.acquire import PilotSearch, search_stretch
+from watermark.audio import _kernels, _search_kernels, _sight_kernels
+from watermark.audio.acquire import LARGEST_PENALTY, PilotSearch, search_stretch
 from watermark.audio.dither import project, soft_values
 from watermark.audio.layout import make_pilots
+from watermark.audio.masking import make_masker
+from watermark.audio.mdct import analyse
+from watermark.audio.pilot_sight import (
+    DECIMATION,
+    PARTS,
+    ROWS_PER_FRAME,
+    SEARCH_HOP,
+    STRIDE,
+    make_sight,
+)
+from watermark.audio.profile import FRAMES_PER_SUPERFRAME, PILOTS_PER_FRAME
 from watermark.audio.resampling_tape import Tape, impulse_responses
 
 
@@ -54,68 +65,114 @@ def versions(kernel: Any) -> list[Any]:
 
 def test_pilot_kernels() -> None:
     rng = np.random.default_rng(1)
-    soft = rng.standard_normal((3, 180)).astype(np.float32)
+    soft = rng.integers(-PARTS, PARTS + 1, (3, 435)).astype(np.int16)
     shift = np.stack([np.ones(8, dtype=np.int64), rng.integers(0, 3, 8)])
-    penalty = np.array([0.5, 0.0], dtype=np.float32)
-    group = rng.integers(0, 3, 16)
-    sign = rng.choice([-1.0, 1.0], 16).astype(np.float32)
-    rows = np.arange(7) + 10 * np.arange(16)[:, np.newaxis] + np.repeat(shift, 2, axis=1)[..., None]
+    penalty = np.array([PARTS // 2, 0], dtype=np.int16)
+    group = rng.integers(0, 3, 40)
+    sign = rng.choice([-1, 1], 40).astype(np.int16)
+    rows = np.arange(7) + 10 * np.arange(40)[:, np.newaxis] + np.repeat(shift, 5, axis=1)[..., None]
     pilots = sign[:, np.newaxis] * soft[group[:, np.newaxis], rows]
     direct = pilots.sum(axis=1) - penalty[:, np.newaxis]
-    for add in versions(_kernels.pilot_sums):
-        sums = np.zeros((8, 9), dtype=np.float32)
-        add(np.pad(soft, ((0, 0), (5, 0))), 5, 10, 2, group, sign, sums)
-        for find in versions(_kernels.drift_peaks):
-            peak, drift = np.empty(7, dtype=np.float32), np.empty(7, dtype=np.int32)
+    for add in versions(_search_kernels.pilot_sums):
+        sums = np.zeros((8, 9), dtype=np.int16)
+        add(np.pad(soft, ((0, 0), (5, 0))), 5, 10, 5, group, sign, sums)
+        for find in versions(_search_kernels.drift_peaks):
+            peak, drift = np.empty(7, dtype=np.int16), np.empty(7, dtype=np.int16)
             find(sums, shift, penalty, peak, drift)
             np.testing.assert_array_equal(drift, direct.argmax(axis=0))
-            np.testing.assert_allclose(peak, direct.max(axis=0), rtol=1e-5)
+            np.testing.assert_array_equal(peak, direct.max(axis=0))
+
+
+def test_largest_sums_fit_their_numbers() -> None:
+    """All pilots right, or all wrong and the clock as well."""
+    largest = PARTS * PILOTS_PER_FRAME * FRAMES_PER_SUPERFRAME + PARTS * LARGEST_PENALTY
+    assert largest <= np.iinfo(np.int16).max
 
 
 def test_superframes_before_are_added() -> None:
     rng = np.random.default_rng(3)
-    past, peak = rng.normal(size=30).astype(np.float32), rng.normal(size=5).astype(np.float32)
-    lag, weights = rng.integers(9, 13, 3), np.array([0.7, 0.5], dtype=np.float32)
-    error = rng.integers(0, 3, 5).astype(np.int32)
-    for add in versions(_kernels.add_priors):
-        for floor in (-9.0, 0.8):
-            score = np.empty(5, dtype=np.float32)
-            add(peak, error, lag, past, weights, past.max(), np.float32(floor), score)
-            for i in range(5):
-                back = 30 + i - lag[error[i]]
-                one = peak[i] + max(past[back + d] for d in (-1, 0, 1))
-                back -= lag[error[i]]
-                two = one + max(past[back + d] for d in (-2, -1, 0, 1, 2))
-                expected = max(peak[i], 0.7 * one, 0.5 * two)
-                assert score[i] == pytest.approx(expected, rel=1e-5) or (
-                    score[i] == peak[i] and expected <= floor
-                )
+    past = rng.normal(0, PARTS, 200).astype(np.int16)
+    lag, weights = rng.integers(80, 84, 3), np.array([0.7, 0.5], dtype=np.float32)
+    for size in (5, _search_kernels.BLOCK + 5):
+        peak = rng.normal(0, PARTS, size).astype(np.int16)
+        error = rng.integers(0, 3, size).astype(np.int16)
+        scores = []
+        for i in range(size):
+            back = 200 + i - lag[error[i]]
+            one = int(peak[i]) + max(past[back + d] for d in (-1, 0, 1))
+            back -= lag[error[i]]
+            two = one + max(past[back + d] for d in (-2, -1, 0, 1, 2))
+            scores.append(max(peak[i], 0.7 * one, 0.5 * two))
+        for find in versions(_search_kernels.best_sum):
+            ceiling = np.float32(past.max())
+            found = find(peak, error, lag, past, weights, ceiling, np.float32(-9 * PARTS))
+            assert found == (pytest.approx(max(scores), rel=1e-5), int(np.argmax(scores)))
+            floor = np.float32(1.01 * max(scores))
+            assert find(peak, error, lag, past, weights, ceiling, floor)[0] < floor
+            alone = find(peak, error, lag, past, weights[:0], ceiling, floor)
+            assert alone == (peak.max(), peak.argmax())
+
+
+def test_sight_is_the_receiver_s_mask_and_projection() -> None:
+    """What slides on in 32 bits shows what whole transforms show, also where a sound begins."""
+    rng, cells = np.random.default_rng(2), make_pilots(0).cells
+    sound = rng.normal(size=2400) * np.repeat([1e-2, 0.3, 0.0, 1e-3, 0.1, 0.01], 400)
+    sight, masker = make_sight(0), make_masker(cells.last_bin)
+    seen, alive, last = sight.look(sound.astype(np.float32), sight.silence)
+    frames = np.lib.stride_tricks.sliding_window_view(sound, 2 * SEARCH_HOP)[::STRIDE]
+    spectra = np.sqrt(DECIMATION) * analyse(frames, SEARCH_HOP, int(masker.edges[-1]))
+    threshold = masker.thresholds(np.abs(spectra) ** 2 / 2)
+    before = np.concatenate([np.zeros((ROWS_PER_FRAME, threshold.shape[1])), threshold])
+    units = masker.amplitudes(threshold, before[: len(threshold)])
+    for own, part in ((seen.real, spectra.real), (seen.imag, spectra.imag)):
+        projections, living = project(part, units, cells)
+        np.testing.assert_array_equal(alive.T != 0, living)
+        np.testing.assert_allclose(own.T, projections, rtol=2e-3, atol=5e-3)
+    np.testing.assert_allclose(last.T, before[-ROWS_PER_FRAME:], rtol=2e-3, atol=1e-15)
+    assert not living.all()
+    assert living.any()
+
+
+def test_sight_goes_on_from_where_it_ended() -> None:
+    sight = make_sight(0)
+    sound = np.random.default_rng(5).normal(size=3600).astype(np.float32)
+    whole = sight.look(sound, sight.silence)
+    first = sight.look(sound[: 1200 + 2 * SEARCH_HOP - STRIDE], sight.silence)
+    second = sight.look(sound[1200:], first[2])
+    for n in range(2):
+        joined = np.concatenate([first[n], second[n]], axis=1)
+        np.testing.assert_allclose(joined, whole[n], rtol=1e-3, atol=1e-3)
+
+
+def test_sight_kernels_agree_with_their_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    sight = make_sight(0)
+    sound = np.random.default_rng(6).normal(size=2 * SEARCH_HOP + 3 * STRIDE).astype(np.float32)
+    compiled = sight.look(sound, sight.silence)
+    for name in ("slide", "mask", "project", "look"):
+        kernel = getattr(_sight_kernels, name)
+        monkeypatch.setattr(_sight_kernels, name, getattr(kernel, "py_func", kernel))
+    plain = sight.look(sound, sight.silence)
+    for one, other in zip(compiled, plain, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-5)
 
 
 def test_soft_values_of_the_search_are_the_receiver_s() -> None:
     rng, cells = np.random.default_rng(2), make_pilots(0).cells
-    spectra = (rng.normal(size=(3, 60)) + 1j * rng.normal(size=(3, 60))).astype(np.complex64)
-    amplitudes = rng.uniform(0.05, 0.2, (3, 60)).astype(np.float32)
-    amplitudes[1, 20] = 0.0
-    angle = rng.uniform(0, 6, (2, 6))
-    turn, steps = np.exp(1j * angle).astype(np.complex64), np.array([3.0, 7.0], dtype=np.float32)
-    signs, dither = cells.signs.astype(np.float32), cells.dither.astype(np.float32)
-    for look, kernel in zip(
-        versions(_kernels.pilot_projections), versions(_kernels.pilot_soft), strict=True
-    ):
-        seen, alive = np.empty((6, 3), np.complex64), np.empty((6, 3), np.float32)
-        look(spectra, amplitudes, cells.first_bin, signs, seen, alive)
-        soft = np.full((2, 6, 9), 7.0, dtype=np.float32)
-        kernel(seen, alive, turn, dither, steps, 2, soft)
-        assert (soft[:, :, [0, 1, 8]] == 7.0).all()
+    seen = (rng.normal(size=(6, 3)) + 1j * rng.normal(size=(6, 3))).astype(np.complex64)
+    alive = np.ones((6, 3), dtype=np.float32)
+    alive[2, 1] = 0.0
+    turn = np.exp(1j * rng.uniform(0, 6, (2, 6))).astype(np.complex64)
+    steps = np.array([3.0, 7.0], dtype=np.float32)
+    for kernel in versions(_search_kernels.pilot_soft):
+        soft = np.full((2, 6, 9), 7, dtype=np.int16)
+        kernel(seen, alive, turn, cells.dither.astype(np.float32), steps, 2, soft)
+        assert (soft[:, :, [0, 1, 8]] == 7).all()
         for t in range(2):
-            bins = np.zeros(60)
-            bins[cells.first_bin : cells.last_bin] = np.repeat(angle[t], cells.bins)
-            turned = (spectra * np.exp(1j * bins)).real.astype(np.float64)
-            projections, living = project(turned, amplitudes.astype(np.float64), cells)
+            projections = (seen * turn[t][:, np.newaxis]).real.T.astype(np.float64)
             for s, step in enumerate(steps):
-                expected = soft_values(projections, living, cells, float(step))
-                np.testing.assert_allclose(soft[s, :, 2 + t : 8 : 2].T, expected, atol=5e-4)
+                expected = soft_values(projections, alive.T > 0, cells, float(step))
+                found = soft[s, :, 2 + t : 8 : 2].T / PARTS
+                np.testing.assert_allclose(found, expected, atol=1.1 / PARTS)
 
 
 def test_a_stretch_is_searched_as_the_stream_is() -> None:
@@ -138,7 +195,7 @@ def test_a_stretch_is_searched_as_the_stream_is() -> None:
 
 def test_turned_scores_count_the_best_phase_of_each_slot() -> None:
     rng = np.random.default_rng(4)
-    hop, frames, profiles, places, steps = 3, 5, 2, 4, 1.7
+    hop, frames, profiles, places, steps = 3, 12, 3, 4, 1.7
     rows = hop * (frames - 1) + places
     projections = (rng.normal(size=(2, rows)) + 1j * rng.normal(size=(2, rows))).astype(
         np.complex64
@@ -146,7 +203,8 @@ def test_turned_scores_count_the_best_phase_of_each_slot() -> None:
     alive = (rng.random((2, rows)) > 0.2).astype(np.float32)
     dither = rng.random(2).astype(np.float32)
     slots = np.stack([rng.permuted([0, 1]) for _ in range(frames)], axis=1)
-    signs = rng.choice([-1.0, 1.0], (2, profiles, frames)).astype(np.float32)
+    signs = rng.choice([-1, 1], (2, profiles, frames)).astype(np.int16)
+    signs[0] = signs[0, 0]
     turn = np.exp(2j * np.pi * np.arange(6) / 6).astype(np.complex64)
     soft = alive * np.cos(
         2 * np.pi * ((projections * turn[:, None, None]).real / steps - dither[:, None])
@@ -160,7 +218,7 @@ def test_turned_scores_count_the_best_phase_of_each_slot() -> None:
                     if slots[n, f] == s:
                         total += sign * soft[:, s, hop * f : hop * f + places]
             expected[p] += total.max(axis=0)
-    for find in versions(_kernels.turned_scores):
-        score = np.empty((profiles, places), dtype=np.float32)
+    for find in versions(_search_kernels.turned_scores):
+        score = np.empty((profiles, places), dtype=np.int16)
         find(projections, alive, dither, np.float32(1 / steps), turn, hop, slots, signs, score)
-        np.testing.assert_allclose(score, expected, atol=5e-3)
+        np.testing.assert_allclose(score / PARTS, expected, atol=2 * frames * 0.5 / PARTS)

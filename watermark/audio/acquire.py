@@ -17,6 +17,7 @@ from watermark.audio.layout import make_pilots
 from watermark.audio.pilot_sight import (
     CENTRE,
     DECIMATION,
+    PARTS,
     ROWS_PER_FRAME,
     SEARCH_HOP,
     STRIDE,
@@ -69,8 +70,8 @@ DEVIATION = math.sqrt(0.5 * PILOTS_PER_FRAME * FRAMES_PER_SUPERFRAME)
 THRESHOLD = 4.8
 """Least score of a candidate in standard deviations of unmarked sound."""
 
-FLOOR = np.float32(THRESHOLD * DEVIATION)
-"""The same as a score."""
+FLOOR = np.float32(THRESHOLD * DEVIATION * PARTS)
+"""The same as a score of the compiled loops."""
 
 WEIGHTS = (0.66, 0.507)
 """Weights of the scores of a superframe summed with that of the one before, and of the two before:
@@ -121,7 +122,7 @@ class _Correlator:
     def __init__(self, key: int) -> None:
         pilots = make_pilots(key)
         self._slots = np.ascontiguousarray(pilots.slots.T)
-        self._signs = np.ascontiguousarray(pilots.signs.transpose(2, 0, 1), dtype=np.float32)
+        self._signs = np.ascontiguousarray(pilots.signs.transpose(2, 0, 1), dtype=np.int16)
         tiers = range(len(PILOT_STEPS))
         pairs = [(t, p.number) for t in tiers for p in PROFILES.values() if p.levels_of(t)]
         self.pairs = np.array(pairs, dtype=np.int64)
@@ -130,9 +131,8 @@ class _Correlator:
         drift = np.round(CLOCK_ERRORS_PPM[:, np.newaxis] * 1e-6 * middle * ROW_HOP)
         slack = int(np.abs(drift).max())
         self._shift = np.ascontiguousarray(drift + slack, dtype=np.int64)
-        self._penalty = np.minimum(
-            CLOCK_PENALTY * np.abs(CLOCK_ERRORS_PPM), LARGEST_PENALTY
-        ).astype(np.float32)
+        penalty = np.minimum(CLOCK_PENALTY * np.abs(CLOCK_ERRORS_PPM), LARGEST_PENALTY)
+        self._penalty = np.round(PARTS * penalty).astype(np.int16)
         self._lag = PERIOD + np.round(CLOCK_ERRORS_PPM * 1e-6 * PERIOD).astype(np.int64)
         self.oldest = len(WEIGHTS) * (int(self._lag.max()) + 1)
         span = (FRAMES_PER_SUPERFRAME - 1) * ROW_HOP
@@ -140,9 +140,9 @@ class _Correlator:
 
     def find(
         self,
-        soft: NDArray[np.float32],
+        soft: NDArray[np.int16],
         row: int,
-        peaks: NDArray[np.float32],
+        peaks: NDArray[np.int16],
         past: int,
         ceilings: NDArray[np.float32] | None,
     ) -> tuple[int, float, int, int] | None:
@@ -150,11 +150,11 @@ class _Correlator:
 
         Parameters
         ----------
-        soft : ndarray of float32, shape (tiers, PILOT_SLOTS, rows)
-            Soft values, of which the places' own begin at `row`.
+        soft : ndarray of int16, shape (tiers, PILOT_SLOTS, rows)
+            Soft values in `PARTS`, of which the places' own begin at `row`.
         row : int
             See there.
-        peaks : ndarray of float32, shape (pairs, n)
+        peaks : ndarray of int16, shape (pairs, n)
             Scores of superframes by themselves; those of this quantum are written at `past`.
         past : int
             See there.
@@ -166,12 +166,12 @@ class _Correlator:
         tuple of (pair, score, place, clock error), or None
             The best one, if it is worth an attempt.
         """
-        from watermark.audio import _kernels
+        from watermark.audio import _search_kernels
 
         best = np.empty(len(self.pairs), dtype=np.float32)
         where = np.empty((len(self.pairs), 2), dtype=np.int64)
         weights = np.array(() if ceilings is None else WEIGHTS, dtype=np.float32)
-        _kernels.correlate_pilots(
+        _search_kernels.correlate_pilots(
             soft, row - self.kept, PLACES, ROW_HOP, SEGMENT_FRAMES, self._slots, self._signs,
             self.pairs, self._shift, self._penalty, self._lag, weights, FLOOR,
             np.zeros_like(best) if ceilings is None else ceilings, peaks, past, best, where,
@@ -187,7 +187,11 @@ class _Correlator:
         tier, profile = self.pairs[n]
         start = PLACE * (first + float(place)) + DECIMATION * TURNS[0] - CENTRE
         return Candidate(
-            start, float(CLOCK_ERRORS_PPM[error]), int(profile), int(tier), score / DEVIATION
+            start,
+            float(CLOCK_ERRORS_PPM[error]),
+            int(profile),
+            int(tier),
+            score / (PARTS * DEVIATION),
         )
 
 
@@ -241,13 +245,13 @@ class PilotSearch:
 
     def process(self, sound: NDArray[np.float64]) -> Candidate | None:
         """Take the next `needed` samples; return the best candidate that they complete."""
-        from watermark.audio import _kernels
+        from watermark.audio import _search_kernels
 
         self._sound = np.concatenate([self._sound, sound.astype(np.float32)])
         projections, alive, self._before = self._sight.look(self._sound, self._before)
         self._sound = self._sound[QUANTUM:]
         row, past = self._soft.extend(), self._peaks.extend()
-        _kernels.pilot_soft(
+        _search_kernels.pilot_soft(
             projections, alive, self._turn, self._dither, self._steps, row, self._soft.values
         )
         found = self._correlator.find(
@@ -269,17 +273,17 @@ def search_stretch(key: int, sound: NDArray[np.float64]) -> Candidate | None:
     sound : ndarray of float64, shape (n,)
         Samples at 12 kHz. Where it is longer than two superframes, scores are summed as ever.
     """
-    from watermark.audio import _kernels
+    from watermark.audio import _search_kernels
 
     sight, correlator = make_sight(key), _make_correlator(key)
     projections, alive, _ = sight.look(sound.astype(np.float32), sight.silence)
     rows = alive.shape[1] * TURNS.size
-    soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, rows), dtype=np.float32)
+    soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, rows), dtype=np.int16)
     dither = make_pilots(key).cells.dither.astype(np.float32)
     steps = np.array(PILOT_STEPS, dtype=np.float32)
-    _kernels.pilot_soft(projections, alive, _turns(None), dither, steps, 0, soft)
+    _search_kernels.pilot_soft(projections, alive, _turns(None), dither, steps, 0, soft)
     past, pairs = correlator.oldest, len(correlator.pairs)
-    peaks = np.zeros((pairs, past + rows), dtype=np.float32)
+    peaks = np.zeros((pairs, past + rows), dtype=np.int16)
     ceilings = np.zeros(pairs, dtype=np.float32) if rows - correlator.kept > PERIOD else None
     best = None
     for row in range(correlator.kept, rows - PLACES + 1, PLACES):
@@ -306,16 +310,16 @@ class _Store:
 
     Attributes
     ----------
-    values : ndarray of float32, shape (*shape, places)
+    values : ndarray of int16, shape (*shape, places)
         The store.
     """
 
     def __init__(self, shape: tuple[int, ...], kept: int) -> None:
         self.kept, self._end = kept, kept
-        self.values = np.zeros((*shape, kept + SPARE * PLACES), dtype=np.float32)
+        self.values = np.zeros((*shape, kept + SPARE * PLACES), dtype=np.int16)
 
     @property
-    def last(self) -> NDArray[np.float32]:
+    def last(self) -> NDArray[np.int16]:
         """Values of the last quantum."""
         return self.values[..., self._end - PLACES : self._end]
 

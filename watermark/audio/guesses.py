@@ -10,11 +10,14 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
+import scipy.fft
 from numpy.typing import NDArray
 
 from watermark.audio.acquire import CLOCK_ERRORS_PPM
 from watermark.audio.mix import has_centre, weights_of
-from watermark.audio.profile import PILOT_STEPS
+from watermark.audio.pilot_sight import DECIMATION, LOW_REACH
+from watermark.audio.profile import FS, PILOT_STEPS
+from watermark.audio.resampling_tape import REACH, Tape
 
 STRETCH_S, SHORT_STRETCH_S = 2.2, 1.36
 """Sound on which a guess is tried: a superframe and its successor, and one superframe, wherever
@@ -48,6 +51,10 @@ LONGEST_SKEW = 48
 
 FINE = 8
 """Parts of a sample to which that is found."""
+
+ALIKE = 1e-8
+"""Part of a mix's power by which another must differ from it: what is 80 dB softer than two
+channels of the same sound tells nothing else."""
 
 LEAST_LIKENESS = 4.0
 """Ratio of the highest to the next correlation from which a skew is believed."""
@@ -90,6 +97,36 @@ class Guess:
     steps: tuple[tuple[float, ...], ...] = (PILOT_STEPS,)
     speed: float = 1.0
     stretch_s: float = STRETCH_S
+
+
+class Stretch:
+    """A mix that is searched again and again, as it is and as the search's sound.
+
+    Parameters
+    ----------
+    sound : ndarray of float64, shape (n,)
+        The mix.
+    start : int
+        Place of its first sample.
+    nominal : float
+        Samples that come for one of the mark's own at its usual speed.
+
+    Attributes
+    ----------
+    tape : Tape
+        The mix.
+    """
+
+    def __init__(self, sound: NDArray[np.float64], start: int, nominal: float) -> None:
+        self.tape, self._low = Tape(start), Tape()
+        self.tape.append(sound)
+        step = DECIMATION * nominal
+        self._low.append(self.tape.read(start, step, int(sound.size / step), LOW_REACH))
+
+    def low(self, speed: float, seconds: float) -> NDArray[np.float64]:
+        """Return the first seconds at the search's rate, as if they came at some speed."""
+        count = min(int(seconds * FS / DECIMATION), self._low.end)
+        return self._low.read(0.0, speed, int(count / speed), LOW_REACH)
 
 
 def usual_mix(channels: int) -> Mix:
@@ -136,22 +173,27 @@ def speeds() -> list[float]:
 
 
 def _other_mixes(sound: NDArray[np.float64]) -> Iterator[Mix]:
+    """Yield mixes that differ from the usual one and from each other by more than a factor."""
     channels = sound.shape[1]
     if channels == 1:
         return
     rest = (0.0,) * (channels - 2)
     found = _find_skew(sound[:, 0], sound[:, 1])
-    if found is not None:
-        sign, skew = found
-        if sign < 0 or skew != 0:
-            yield Mix((0.5, 0.5 * sign, *rest), skew)
-    yield Mix((0.5, -0.5, *rest))
-    yield Mix((1.0, 0.0, *rest))
-    yield Mix((0.0, 1.0, *rest))
+    if found is not None and found[1] != 0:
+        yield Mix((0.5, 0.5 * found[0], *rest), found[1])
+    others = [(0.5, -0.5, *rest), (1.0, 0.0, *rest), (0.0, 1.0, *rest)]
     if channels > 2:
-        yield Mix((0.5, 0.5, *rest))
+        others.append((0.5, 0.5, *rest))
     if has_centre(channels):
-        yield Mix((0.0, 0.0, 1.0, *rest[1:]))
+        others.append((0.0, 0.0, 1.0, *rest[1:]))
+    products = sound.T @ sound
+    tried = [np.array(weights_of(channels))]
+    for weights in map(np.array, others):
+        power = weights @ products @ weights
+        apart = [[d @ products @ d for d in (weights - old, weights + old)] for old in tried]
+        if power > 0 and min(map(min, apart)) > ALIKE * power:
+            tried.append(weights)
+            yield Mix(tuple(map(float, weights)))
 
 
 def _find_skew(left: NDArray[np.float64], right: NDArray[np.float64]) -> tuple[int, float] | None:
@@ -159,15 +201,17 @@ def _find_skew(left: NDArray[np.float64], right: NDArray[np.float64]) -> tuple[i
 
     Source: phase transform, Knapp and Carter, IEEE Trans. ASSP 24(4), 1976.
     """
-    size = left.size
-    cross = np.fft.rfft(left).conj() * np.fft.rfft(right)
+    transforms = [scipy.fft.rfft(channel.astype(np.float32)) for channel in (left, right)]
+    cross = transforms[0].conj() * transforms[1]
     magnitude = np.abs(cross)
     if not magnitude.any():
         return None
-    cross /= magnitude + 1e-3 * magnitude.mean()
-    likeness = np.fft.irfft(cross, FINE * size)
-    reach = LONGEST_SKEW * FINE
-    near = np.concatenate([likeness[-reach:], likeness[: reach + 1]])
+    cross /= magnitude + np.float32(1e-3) * magnitude.mean()
+    likeness = scipy.fft.irfft(cross, left.size)
+    reach, margin = LONGEST_SKEW * FINE, LONGEST_SKEW + REACH + 1
+    tape = Tape(-margin)
+    tape.append(np.concatenate([likeness[-margin:], likeness[: margin + 1]]).astype(np.float64))
+    near = tape.read(-LONGEST_SKEW, 1 / FINE, 2 * reach + 1)
     peak = int(np.abs(near).argmax())
     others = np.delete(near, np.arange(max(peak - 4 * FINE, 0), peak + 4 * FINE + 1) % near.size)
     if np.abs(near[peak]) < LEAST_LIKENESS * np.sqrt(np.mean(others**2)):

@@ -74,6 +74,32 @@ def analyse(frames: NDArray[Any], hop: int, bins: int | None = None) -> NDArray[
     return np.asarray(lapped)
 
 
+def sliding_tables(
+    hop: int, bins: int, advance: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Tables by which the lapped transform of frames `advance` samples apart slides on.
+
+    The plain transform of a frame, with phases counted from the sound's first sample, is that of
+    the frame before, plus the waves that came in and less those that left. Source: Jacobsen and
+    Lyons, "The sliding DFT", IEEE Signal Processing Magazine 20(2), 2003.
+
+    Returns
+    -------
+    wave : ndarray of float32, shape (2 * hop, 2 * (bins + 1))
+        Waves of the plain transform's bins at each sample of a period: real parts, imaginary ones.
+    turn : ndarray of float32, shape (2 * hop // advance, 4 * bins)
+        For each frame of a period the factors of two neighbouring bins of which the lapped one is
+        the sum, turned to the frame's start: real and imaginary parts of the own and of the next.
+    """
+    k, tables = np.arange(bins + 1), _tables(hop)
+    angle = np.pi / hop * (np.arange(2 * hop)[:, np.newaxis] * k % (2 * hop))
+    start = np.exp(1j * angle[::advance])
+    own, following = tables.own[:bins] * start[:, :-1], tables.next[:bins] * start[:, 1:]
+    wave = np.concatenate([np.cos(angle), -np.sin(angle)], axis=1)
+    turn = np.concatenate([own.real, own.imag, following.real, following.imag], axis=1)
+    return wave.astype(np.float32), turn.astype(np.float32)
+
+
 def synthesise(coefficients: NDArray[np.float64], hop: int) -> NDArray[np.float64]:
     """Overlap-add the inverse MDCT of coefficients.
 

@@ -10,9 +10,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.audio.layout import make_pilots
-from watermark.audio.masking import make_masker
-from watermark.audio.mdct import analyse
+from watermark.audio.layout import Cells, make_pilots
+from watermark.audio.masking import CAP, COMPRESSION, GROWTH, REFERENCE, make_masker
+from watermark.audio.mdct import sliding_tables
 from watermark.audio.profile import FIRST_PILOT_BIN, HOP, PILOT_BINS, PILOT_SLOTS
 
 DECIMATION = 4
@@ -31,7 +31,17 @@ CENTRE = (DECIMATION - 1) / 2
 """A search frame's samples lie this much later than the mark's frame begins (48 kHz samples)."""
 
 ROWS_AT_ONCE = 240
-"""Transforms made together: what they need stays in the processor's cache."""
+"""Transforms that slide on from one that is made anew: rounding errors do not grow beyond them."""
+
+PARTS = 240
+"""Parts of a soft value of 1 in a search: sums of 128, less a penalty of 8, fit 16 bits."""
+
+LOW_REACH = 6
+"""Half the length of the impulse response by which a search's sound is read, samples at its rate:
+what it keeps below 2.9 kHz is free of what lies above."""
+
+DIGITS = 12
+"""Binary digits of the mask's exponent: wrong by 5e-5, the mask by 1e-3 at full scale."""
 
 
 def slot_frequencies() -> NDArray[np.float64]:
@@ -54,14 +64,27 @@ class PilotSight:
     """
 
     def __init__(self, key: int) -> None:
-        self._cells = make_pilots(key).cells
-        self._masker = make_masker(self._cells.last_bin)
-        self._signs = (np.sqrt(DECIMATION) * self._cells.signs).astype(np.float32)
+        cells = make_pilots(key).cells
+        masker = make_masker(cells.last_bin)
+        self._edges = masker.edges
+        bins = int(masker.edges[-1])
+        self._wave, self._turn = sliding_tables(SEARCH_HOP, bins, STRIDE)
+        # The scale of the mark's own transform, which sees DECIMATION times as many samples.
+        self._signs = np.zeros(bins, dtype=np.float32)
+        self._signs[cells.first_bin : cells.last_bin] = (
+            np.sqrt(DECIMATION / cells.bins) * cells.signs
+        )
+        self._scale = (DECIMATION / 2 / np.diff(masker.edges)).astype(np.float32)
+        self._spread = masker.matrix.astype(np.float32)
+        limits = CAP, masker.floor, REFERENCE, GROWTH, masker.floor * CAP
+        self._limits = np.array(limits, dtype=np.float32)
+        self._digits = np.array([int(COMPRESSION * 2**n) & 1 for n in range(1, DIGITS + 1)])
+        self._parts = _parts(masker.edges, cells)
 
     @property
     def silence(self) -> NDArray[np.float32]:
         """Thresholds to start with, see `look`."""
-        return np.zeros((ROWS_PER_FRAME, self._masker.edges.size - 1), dtype=np.float32)
+        return np.zeros((self._edges.size - 1, ROWS_PER_FRAME), dtype=np.float32)
 
     def look(
         self, sound: NDArray[np.float32], before: NDArray[np.float32]
@@ -72,7 +95,7 @@ class PilotSight:
         ----------
         sound : ndarray of float32, shape (n,)
             Samples at the search's rate.
-        before : ndarray of float32, shape (ROWS_PER_FRAME, bands)
+        before : ndarray of float32, shape (bands, ROWS_PER_FRAME)
             Thresholds of the frames that start up to a hop earlier.
 
         Returns
@@ -81,37 +104,31 @@ class PilotSight:
             In units of the mask.
         alive : ndarray of float32, shape (PILOT_SLOTS, rows)
             1, or 0 where a bin of the slot is silent.
-        before : ndarray of float32, shape (ROWS_PER_FRAME, bands)
+        before : ndarray of float32, shape (bands, ROWS_PER_FRAME)
             For the next frames, of which the first starts `STRIDE` samples after these.
         """
-        frames = np.lib.stride_tricks.sliding_window_view(sound, 2 * SEARCH_HOP)[::STRIDE]
-        shape = PILOT_SLOTS, len(frames)
+        from watermark.audio import _sight_kernels
+
+        shape = PILOT_SLOTS, max((sound.size - 2 * SEARCH_HOP) // STRIDE + 1, 0)
         projections, alive = np.empty(shape, np.complex64), np.empty(shape, np.float32)
-        for i in range(0, len(frames), ROWS_AT_ONCE):
-            part = slice(i, i + ROWS_AT_ONCE)
-            before = self._project(frames[part], before, projections[:, part], alive[:, part])
-        return projections, alive, before
+        last = before.copy()
+        _sight_kernels.look(
+            sound, self._wave, self._turn, self._signs, self._edges, self._scale, self._parts,
+            self._spread, self._digits, self._limits, last, projections, alive, ROWS_AT_ONCE,
+        )  # fmt: skip
+        return projections, alive, last
 
-    def _project(
-        self,
-        frames: NDArray[np.float32],
-        before: NDArray[np.float32],
-        projections: NDArray[np.complex64],
-        alive: NDArray[np.float32],
-    ) -> NDArray[np.float32]:
-        """Fill in what some frames give; return the last thresholds."""
-        from watermark.audio import _kernels
 
-        spectra = analyse(frames, SEARCH_HOP, int(self._masker.edges[-1]))
-        # The scale of the mark's own transform, which sees DECIMATION times as many samples.
-        power = (DECIMATION / 2) * (spectra.real**2 + spectra.imag**2)
-        threshold = self._masker.thresholds(power)
-        earlier = np.concatenate([before, threshold])
-        units = self._masker.amplitudes(threshold, earlier[: len(threshold)]).astype(np.float32)
-        _kernels.pilot_projections(
-            spectra, units, self._cells.first_bin, self._signs, projections, alive
-        )
-        return np.asarray(earlier[len(threshold) :])
+def _parts(edges: NDArray[np.int64], cells: Cells) -> NDArray[np.int64]:
+    """Slot, band, first bin and end of each stretch that lies in one slot and one band."""
+    parts = []
+    for slot in range(cells.dither.size):
+        first = cells.first_bin + slot * cells.bins
+        for band in range(edges.size - 1):
+            low, high = max(first, edges[band]), min(first + cells.bins, edges[band + 1])
+            if low < high:
+                parts.append((slot, band, low, high))
+    return np.array(parts, dtype=np.int64)
 
 
 @lru_cache(maxsize=4)

@@ -21,10 +21,10 @@ from watermark.audio.acquire import Candidate, PilotSearch, search_stretch
 from watermark.audio.align import View, find_delay, search_fit
 from watermark.audio.demodulate import Reading
 from watermark.audio.equaliser import Equaliser, Known, path_of, score_phases
-from watermark.audio.guesses import STRETCH_S, Guess, Mix, make_guesses, usual_mix
+from watermark.audio.guesses import STRETCH_S, Guess, Mix, Stretch, make_guesses, usual_mix
 from watermark.audio.layout import make_pilots
 from watermark.audio.mix import check_format
-from watermark.audio.pilot_sight import DECIMATION
+from watermark.audio.pilot_sight import DECIMATION, LOW_REACH
 from watermark.audio.profile import (
     FS,
     HOP,
@@ -257,10 +257,10 @@ class AudioReceiver:
         while self._search is not None:
             count = self._search.needed
             start = self._origin + self._searched * step
-            if start + count * step + self._tape.reach(step) > self._tape.end:
+            if start + count * step + self._tape.reach(step, LOW_REACH) > self._tape.end:
                 return None
             self._searched += count
-            candidate = self._search.process(self._tape.read(start, step, count))
+            candidate = self._search.process(self._tape.read(start, step, count, LOW_REACH))
             if candidate is not None:
                 return candidate
         return None
@@ -307,6 +307,7 @@ class AudioReceiver:
 
     def _reset_guesses(self) -> None:
         self._guesses: Iterator[Guess] | None = None
+        self._last_stretch = (self._mix, 0), Stretch(np.zeros(0), 0, self._nominal)
         self._turned_at, self._turned_every = float(self._now + self._stretch), self._stretch / 2
         self._round = 0
         self._guess_at = self._now + PAUSES_S[0] * self._fs
@@ -340,20 +341,21 @@ class AudioReceiver:
 
     def _try_guess(self, guess: Guess, start: int) -> list[ReceivedSuperframe]:
         """Search a stretch as if a guess were true."""
-        tape = Tape(start)
-        length = int(guess.stretch_s * self._fs)
-        tape.append(self._mixed(guess.mix, start, length))
-        heard = _Heard(tape, guess.mix)
-        pace = self._nominal * guess.speed
-        step, total = DECIMATION * pace, int(length / (DECIMATION * pace))
+        if (guess.mix, start) != self._last_stretch[0]:
+            sound = self._mixed(guess.mix, start, self._stretch)
+            self._last_stretch = (guess.mix, start), Stretch(sound, start, self._nominal)
+        stretch = self._last_stretch[1]
+        heard = _Heard(stretch.tape, guess.mix)
+        low = stretch.low(guess.speed, guess.stretch_s)
         if guess.steps:
-            for turned in self._turned.find(tape.read(start, step, total), guess.steps):
+            for turned in self._turned.find(low, guess.steps):
                 if found := self._try_turned(heard, turned):
                     return found
             return []
-        best = search_stretch(self._key, tape.read(start, step, total))
+        best = search_stretch(self._key, low)
         if best is None or best.significance < LEAST_AT_SPEED:
             return []
+        pace = self._nominal * guess.speed
         return self._try(heard, start, pace, best, None, delays=(0.0,))
 
     def _try_turned(self, heard: _Heard, candidate: TurnedCandidate) -> list[ReceivedSuperframe]:

@@ -24,20 +24,22 @@ KAISER_BETA = 9.0
 
 
 @lru_cache(maxsize=16)
-def impulse_responses(cutoff: float) -> NDArray[np.float64]:
+def impulse_responses(cutoff: float, length: int = REACH) -> NDArray[np.float64]:
     """Low-pass responses at all fractions of a sample.
 
     Parameters
     ----------
     cutoff : float
         Edge of the pass band as a part of half the input rate, 0 to 1; 1 interpolates only.
+    length : int
+        Half the length in samples of the slower rate.
 
     Returns
     -------
     ndarray of float64, shape (STEPS + 1, taps)
         Row p: weights of the samples around an index whose fraction is p / STEPS.
     """
-    reach = round(REACH / cutoff)
+    reach = round(length / cutoff)
     distance = np.arange(2 * reach) - (reach - 1)
     t = np.arange(STEPS + 1)[:, np.newaxis] / STEPS - distance
     window = np.i0(KAISER_BETA * np.sqrt(np.clip(1 - (t / reach) ** 2, 0, None)))
@@ -94,12 +96,17 @@ class Tape:
         """Drop all samples with an index below `before`."""
         self.first = min(max(before, self.first), self.end)
 
-    def reach(self, ratio: float) -> int:
-        """Return how many samples on either side of a position are looked at."""
-        return round(REACH / _cutoff(ratio)) + 2
+    def reach(self, ratio: float, length: int = REACH) -> int:
+        """Return how many samples on either side of a position are looked at, see `read`."""
+        return round(length / _cutoff(ratio)) + 2
 
-    def read(self, position: float, ratio: float, count: int) -> NDArray[np.float64]:
+    def read(
+        self, position: float, ratio: float, count: int, length: int = REACH
+    ) -> NDArray[np.float64]:
         """Return samples at ``position + n * ratio`` for n below `count`; silence outside.
+
+        `length` is half that of the impulse response in samples of the slower rate: a shorter one
+        is for those who look at low frequencies only.
 
         Raises
         ------
@@ -112,7 +119,7 @@ class Tape:
             return self._cut(round(position), count)
         from watermark.audio import _kernels
 
-        table = impulse_responses(_cutoff(ratio))
+        table = impulse_responses(_cutoff(ratio), length)
         margin = table.shape[1] // 2
         begin = math.floor(position) - margin
         sound = self._cut(begin, math.ceil(count * ratio) + 2 * margin + 2)

@@ -53,7 +53,7 @@ class TurnedSearch:
     def __init__(self, key: int) -> None:
         pilots, self._key = make_pilots(key), key
         self._slots = np.ascontiguousarray(pilots.slots.T)
-        self._signs = np.ascontiguousarray(pilots.signs.transpose(2, 0, 1), dtype=np.float32)
+        self._signs = np.ascontiguousarray(pilots.signs.transpose(2, 0, 1), dtype=np.int16)
         self._dither = pilots.cells.dither.astype(np.float32)
         angle = 2 * np.pi * np.arange(TURNS) / TURNS
         self._turn = np.exp(1j * angle).astype(np.complex64)
@@ -76,14 +76,15 @@ class TurnedSearch:
         self, projections: NDArray[np.complex64], alive: NDArray[np.float32], step: float
     ) -> TurnedCandidate:
         """Likeliest place of pilots of one step."""
-        from watermark.audio import _kernels
+        from watermark.audio import _search_kernels
 
         places = projections.shape[1] - (FRAMES_PER_SUPERFRAME - 1) * ROWS_PER_FRAME
-        score = np.empty((len(PROFILES), places), dtype=np.float32)
-        _kernels.turned_scores(
+        sums = np.empty((len(PROFILES), places), dtype=np.int16)
+        _search_kernels.turned_scores(
             projections, alive, self._dither, np.float32(1 / step),
-            self._turn, ROWS_PER_FRAME, self._slots, self._signs, score,
+            self._turn, ROWS_PER_FRAME, self._slots, self._signs, sums,
         )  # fmt: skip
+        score = sums.astype(np.float32)
         score -= score.mean(axis=1, keepdims=True)
         score /= score.std(axis=1, keepdims=True) + 1e-9
         period = FRAMES_PER_SUPERFRAME * ROWS_PER_FRAME

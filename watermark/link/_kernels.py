@@ -7,6 +7,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+FEW = 64
+"""Values up to which those that are kept are sorted by insertion."""
+
 
 @njit(cache=True)
 def polar_transform(x: NDArray[np.int64]) -> None:
@@ -20,74 +23,116 @@ def polar_transform(x: NDArray[np.int64]) -> None:
 
 
 @njit(cache=True)
+def _next_node(frozen: NDArray[np.int64], phase: int, n: int) -> int:
+    """Return the level of the largest block at `phase` with no input free but the last one."""
+    level = 0
+    while level < n and phase & ((2 << level) - 1) == 0:
+        for i in range(phase + (1 << level) - 1, phase + (2 << level) - 1):
+            if not frozen[i]:
+                return level
+        level += 1
+    return level
+
+
+@njit(cache=True)
 def _update_llr(
     alpha: NDArray[np.float64],
     alpha_row: NDArray[np.int64],
-    left: NDArray[np.int64],
+    left: NDArray[np.uint8],
     left_row: NDArray[np.int64],
     phase: int,
+    lowest: int,
     n: int,
     paths: int,
 ) -> None:
-    """Bring the log-likelihood ratios of all paths to leaf `phase` (section 6.3).
+    """Bring the log-likelihood ratios of all paths to the block of level `lowest` at `phase`.
 
     Level v holds blocks of size 2**v at alpha[:, 2**v : 2**(v+1)]; level n is the channel.
+    Specification: section 6.3.
     """
-    level = 0
+    level = lowest
     while level < n - 1 and (phase >> level) & 1 == 0:
         level += 1
-    for v in range(level, -1, -1):
+    ratios, bits, width = alpha.reshape(-1), left.reshape(-1), alpha.shape[1]
+    for v in range(min(level, n - 1), lowest - 1, -1):
         size = 1 << v
         odd = (phase >> v) & 1
         for p in range(paths):
-            source = alpha_row[p, v + 1]
-            bits = left_row[p, v]
-            for i in range(size):
-                a = alpha[source, 2 * size + i]
-                b = alpha[source, 3 * size + i]
-                if odd:
-                    u = left[bits, size + i]
-                    alpha[p, size + i] = b - a if u else b + a
-                else:
+            # Unsigned indices let the compiler see that none is negative, and vectorise.
+            low = np.uint64(alpha_row[p, v + 1] * width + 2 * size)
+            high, out = low + np.uint64(size), np.uint64(p * width + size)
+            if odd:
+                own = np.uint64(left_row[p, v] * left.shape[1] + size)
+                for j in range(size):
+                    i = np.uint64(j)
+                    a, b = ratios[low + i], ratios[high + i]
+                    ratios[out + i] = b - a if bits[own + i] else b + a
+            else:
+                for j in range(size):
+                    i = np.uint64(j)
+                    a, b = ratios[low + i], ratios[high + i]
                     small = min(abs(a), abs(b))
-                    alpha[p, size + i] = small if (a < 0) == (b < 0) else -small
+                    ratios[out + i] = small if (a < 0) == (b < 0) else -small
         for p in range(paths):
             alpha_row[p, v] = p
 
 
 @njit(cache=True)
 def _update_bits(
-    left: NDArray[np.int64],
+    left: NDArray[np.uint8],
     left_row: NDArray[np.int64],
-    work: NDArray[np.int64],
-    decided: NDArray[np.int64],
+    work: NDArray[np.uint8],
+    decided: NDArray[np.uint8],
     phase: int,
+    level: int,
     n: int,
     paths: int,
 ) -> None:
-    """Carry the decided bits up to the highest block that `phase` completes."""
-    top = 0
+    """Carry the decided bits of a block of a level up to the highest block that it completes."""
+    top = level
     while top < n and (phase >> top) & 1:
         top += 1
+    if top == n:
+        return
+    bits, width, whole = left.reshape(-1), left.shape[1], 1 << top
     for p in range(paths):
-        work[0] = decided[p]
-        for v in range(top):
-            size = 1 << v
-            row = left_row[p, v]
-            for i in range(size):
-                bit = work[i]
-                work[i] = left[row, size + i] ^ bit
-                work[size + i] = bit
-        if top < n:
-            size = 1 << top
-            for i in range(size):
-                left[paths + p, size + i] = work[i]
-    if top < n:
-        size = 1 << top
-        for p in range(paths):
-            for i in range(size):
-                left[p, size + i] = left[paths + p, size + i]
-            left_row[p, top] = p
+        for j in range(1 << level):
+            work[np.uint64(j)] = decided[p]
+        for v in range(level, top):
+            size = np.uint64(1 << v)
+            own = np.uint64(left_row[p, v] * width) + size
+            for j in range(1 << v):
+                i = np.uint64(j)
+                low = work[i]
+                work[size + i] = low
+                work[i] = low ^ bits[own + i]
+        spare = np.uint64((paths + p) * width + whole)
+        for j in range(whole):
+            bits[spare + np.uint64(j)] = work[np.uint64(j)]
+    for p in range(paths):
+        own, spare = np.uint64(p * width + whole), np.uint64((paths + p) * width + whole)
+        for j in range(whole):
+            bits[own + np.uint64(j)] = bits[spare + np.uint64(j)]
+        left_row[p, top] = p
+
+
+@njit(cache=True)
+def _least(candidate: NDArray[np.float64], kept: int) -> NDArray[np.int64]:
+    """Return the places of the `kept` least values, ascending, equal ones in their old order."""
+    if candidate.size > FEW:
+        return np.argsort(candidate, kind="mergesort")[:kept]
+    order = np.empty(kept, dtype=np.int64)
+    count = 0
+    for i in range(candidate.size):
+        if count == kept and candidate[i] >= candidate[order[count - 1]]:
+            continue
+        place = min(count, kept - 1)
+        while place and candidate[order[place - 1]] > candidate[i]:
+            order[place] = order[place - 1]
+            place -= 1
+        order[place] = i
+        count = min(count + 1, kept)
+    return order
 
 
 @njit(cache=True)
@@ -101,8 +146,11 @@ def scl_decode(
     """Successive-cancellation list decoding of one polar codeword.
 
     Fills words (list_size, N) with the decided input bits and metrics (list_size,) with the path
-    metrics, best path first; returns the number of paths. Positive llr means bit 0.
-    Source: Tal and Vardy 2015; metric of Balatsoukas-Stimming, Parizi and Burg 2015.
+    metrics, best path first; returns the number of paths. Positive llr means bit 0. Blocks with
+    one input at most that is not frozen are decided as a whole: their metric is the sum over their
+    ratios. Sources: Tal and Vardy 2015; metric of Balatsoukas-Stimming, Parizi and Burg 2015;
+    blocks of Hashemi, Condo and Gross, "Fast simplified successive-cancellation list decoding of
+    polar codes", WCNC workshops 2017.
     """
     size = llr.size
     n = 0
@@ -110,59 +158,56 @@ def scl_decode(
         n += 1
     alpha = np.zeros((list_size, 2 * size))
     alpha_row = np.zeros((list_size, n + 1), dtype=np.int64)
-    left = np.zeros((2 * list_size, size), dtype=np.int64)
+    left = np.zeros((2 * list_size, size), dtype=np.uint8)
     left_row = np.zeros((list_size, n + 1), dtype=np.int64)
-    work = np.zeros(size, dtype=np.int64)
-    decided = np.zeros(list_size, dtype=np.int64)
-    trace_bit = np.zeros((list_size, size), dtype=np.int64)
+    work = np.zeros(size, dtype=np.uint8)
+    decided = np.zeros(list_size, dtype=np.uint8)
+    trace_bit = np.zeros((list_size, size), dtype=np.uint8)
     trace_path = np.zeros((list_size, size), dtype=np.int64)
     new_alpha_row = np.zeros_like(alpha_row)
     new_left_row = np.zeros_like(left_row)
     candidate = np.zeros(2 * list_size)
     metric = np.zeros(list_size)
-    new_metric = np.zeros(list_size)
-    for i in range(size):
-        alpha[0, size + i] = llr[i]
-    paths = 1
-    for phase in range(size):
-        _update_llr(alpha, alpha_row, left, left_row, phase, n, paths)
-        if frozen[phase]:
+    alpha[0, size:] = llr
+    paths, phase = 1, 0
+    last = np.empty(size, dtype=np.int64)
+    free = 0
+    while phase < size:
+        level = _next_node(frozen, phase, n)
+        block = 1 << level
+        _update_llr(alpha, alpha_row, left, left_row, phase, level, n, paths)
+        phase += block
+        for p in range(paths):
+            zero, one = metric[p], metric[p]
+            for i in range(block, 2 * block):
+                ratio = alpha[p, i]
+                zero += max(-ratio, 0.0)
+                one += max(ratio, 0.0)
+            candidate[2 * p], candidate[2 * p + 1] = zero, one
+        if frozen[phase - 1]:
             for p in range(paths):
-                leaf = alpha[p, 1]
-                if leaf < 0:
-                    metric[p] -= leaf
-                decided[p] = 0
-                trace_path[p, phase] = p
-                trace_bit[p, phase] = 0
+                metric[p], decided[p] = candidate[2 * p], 0
         else:
-            for p in range(paths):
-                leaf = alpha[p, 1]
-                candidate[2 * p] = metric[p] + (-leaf if leaf < 0 else 0.0)
-                candidate[2 * p + 1] = metric[p] + (leaf if leaf > 0 else 0.0)
-            order = np.argsort(candidate[: 2 * paths], kind="mergesort")
             kept = min(2 * paths, list_size)
+            order = _least(candidate[: 2 * paths], kept)
             for q in range(kept):
                 parent = order[q] // 2
-                bit = order[q] & 1
-                new_metric[q] = candidate[order[q]]
-                decided[q] = bit
-                trace_path[q, phase] = parent
-                trace_bit[q, phase] = bit
+                metric[q], decided[q] = candidate[order[q]], order[q] & 1
+                trace_path[q, free], trace_bit[q, free] = parent, order[q] & 1
                 for v in range(n + 1):
                     new_alpha_row[q, v] = alpha_row[parent, v]
                     new_left_row[q, v] = left_row[parent, v]
-            paths = kept
-            for q in range(paths):
-                metric[q] = new_metric[q]
-                for v in range(n + 1):
-                    alpha_row[q, v] = new_alpha_row[q, v]
-                    left_row[q, v] = new_left_row[q, v]
-        _update_bits(left, left_row, work, decided, phase, n, paths)
+            alpha_row, new_alpha_row = new_alpha_row, alpha_row
+            left_row, new_left_row = new_left_row, left_row
+            last[free] = phase - 1
+            paths, free = kept, free + 1
+        _update_bits(left, left_row, work, decided, phase - 1, level, n, paths)
     order = np.argsort(metric[:paths], kind="mergesort")
     for q in range(paths):
         p = order[q]
         metrics[q] = metric[p]
-        for phase in range(size - 1, -1, -1):
-            words[q, phase] = trace_bit[p, phase]
-            p = trace_path[p, phase]
+        words[q] = 0
+        for i in range(free - 1, -1, -1):
+            words[q, last[i]] = trace_bit[p, i]
+            p = trace_path[p, i]
     return paths

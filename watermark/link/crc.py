@@ -37,6 +37,22 @@ def crc_bits(bits: Iterable[int], width: int) -> NDArray[np.int64]:
     return (register >> np.arange(width - 1, -1, -1)) & 1
 
 
+def passes(messages: NDArray[np.int64], width: int) -> NDArray[np.bool_]:
+    """Whether messages, shape (n, bits), end with the check bits of what stands before.
+
+    Examples
+    --------
+    >>> bits = np.array([1, 0, 1, 1])
+    >>> message = np.concatenate([bits, crc_bits(bits, 16)])
+    >>> passes(np.stack([message, 1 - message]), 16).tolist()
+    [True, False]
+    """
+    count = messages.shape[1] - width
+    weights = np.concatenate([_weights(count, width), 1 << np.arange(width - 1, -1, -1)])
+    found = np.bitwise_xor.reduce(np.where(messages != 0, weights, 0), axis=1)
+    return np.asarray(found == _start(count, width))
+
+
 def _shift(register: int, width: int) -> int:
     """Return the register times x, modulo the polynomial."""
     shifted = (register << 1) & ((1 << width) - 1)

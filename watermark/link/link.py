@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.link.crc import crc_bits
+from watermark.link.crc import crc_bits, passes
 from watermark.link.polar import PolarCode, make_code
 
 L0_CHECK = 24
@@ -87,24 +87,20 @@ class _Class:
         return self.code.encode(np.concatenate([bits, crc_bits(bits, self.check)]))
 
     def decode(self, llr: NDArray[np.float64], list_size: int) -> bytes | None:
-        message = self.code.decode(
-            llr, accept=lambda message: self._accepts(message, llr), list_size=list_size
-        )
-        if message is None:
-            return None
-        return np.packbits(message[: 8 * self.size].astype(np.uint8)).tobytes()
+        messages = self.code.paths(llr, list_size)
+        for message in messages[self._passes(messages)]:
+            if self._significant(message, llr):
+                return np.packbits(message[: 8 * self.size].astype(np.uint8)).tobytes()
+        return None
 
-    def _accepts(self, message: NDArray[np.int64], llr: NDArray[np.float64]) -> bool:
-        if not self._passes(message):
-            return False
+    def _passes(self, messages: NDArray[np.int64]) -> NDArray[np.bool_]:
+        return passes(messages, self.check)
+
+    def _significant(self, message: NDArray[np.int64], llr: NDArray[np.float64]) -> bool:
         if self.code.message > SIGNIFICANT_RATE * self.code.length:
             return True
         largest = np.sqrt(2 * np.log(2) * self.code.message * (llr @ llr))
         return bool(llr @ (1.0 - 2.0 * self.code.encode(message)) >= SIGNIFICANCE * largest)
-
-    def _passes(self, message: NDArray[np.int64]) -> bool:
-        bits = message[: 8 * self.size]
-        return bool(np.array_equal(crc_bits(bits, self.check), message[8 * self.size :]))
 
 
 class Link:

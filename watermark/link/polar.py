@@ -77,6 +77,13 @@ class PolarCode:
         >>> code.decode(1.0 - 2.0 * word, accept=lambda message: True).tolist()[:5]
         [0, 1, 0, 1, 0]
         """
+        for word in self.paths(llr, list_size):
+            if accept(word):
+                return np.asarray(word)
+        return None
+
+    def paths(self, llr: NDArray[np.float64], list_size: int) -> NDArray[np.int64]:
+        """Return the likeliest messages, shape (paths, message), best first; see `decode`."""
         from watermark.link import _kernels
 
         size = self.frozen.size
@@ -86,10 +93,7 @@ class PolarCode:
         metrics = np.zeros(list_size)
         folded = np.ascontiguousarray(mother.reshape(-1, size).sum(axis=0))
         count = _kernels.scl_decode(folded, self.frozen, list_size, words, metrics)
-        for word in words[:count, self.frozen == 0]:
-            if accept(word):
-                return np.asarray(word)
-        return None
+        return words[:count, self.frozen == 0]
 
 
 def polarisation_weight(size: int) -> NDArray[np.float64]:
