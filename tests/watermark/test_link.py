@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.audio.profile import ROBUST, STANDARD
+from watermark.audio.profile import HIGH, ROBUST, STANDARD, Profile
 from watermark.link import _kernels
 from watermark.link.crc import crc_bits
 from watermark.link.keystream import stream_words
-from watermark.link.link import L0_CHECK, SIGNIFICANT_RATE, Link
+from watermark.link.link import L0_CHECK, SIGNIFICANT_RATE, Link, _Class
 from watermark.link.polar import longest_mother, make_code
 
 
@@ -83,6 +83,24 @@ def test_the_longer_list_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     link.decode(llr, list_size=4)
     link.second(llr)
     assert asked == [8, 8, 4, 4, 8]
+
+
+@pytest.mark.parametrize(("profile", "asked"), [(STANDARD, 64), (HIGH, 16)])
+def test_few_paths_are_asked_for_the_short_check(
+    profile: Profile, asked: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A check of 16 bits lets one in 65536 wrong paths pass."""
+    asked_of: list[int] = []
+
+    def refused(messages: NDArray[np.int64], check: int) -> NDArray[np.bool_]:
+        asked_of.append(len(messages))
+        return np.zeros(len(messages), dtype=bool)
+
+    link, rng = Link(profile), np.random.default_rng(1)
+    coded = link.encode(bytes(profile.l0_bytes), bytes(profile.l1_bytes))
+    monkeypatch.setattr("watermark.link.link.passes", refused)
+    assert link.second(0.3 * ratios(coded) + rng.normal(size=coded.size), list_size=512) is None
+    assert asked_of == [asked]
 
 
 def test_codes_that_cannot_be() -> None:
@@ -243,7 +261,7 @@ def accepts(one: Any, message: np.ndarray, llr: np.ndarray) -> bool:
 @pytest.mark.parametrize(("length", "accepted"), [(1344, False), (300, True)])
 def test_noise_that_passes_the_check_is_not_a_message(length: int, accepted: bool) -> None:
     """At low rates the codeword has to stand out of noise; at high rates the check has to do."""
-    first = Link._make_class("L0", 12, L0_CHECK, length)
+    first = _Class("L0", 12, L0_CHECK, make_code(8 * 12 + L0_CHECK, length))
     assert (first.code.message > SIGNIFICANT_RATE * first.code.length) is accepted
     rng = np.random.default_rng(3)
     for _ in range(8):
