@@ -1,7 +1,10 @@
 """What the sound carrier costs, beside FFmpeg's own AAC encode of the same programme in one run.
 
-In: a sound file; out: processor times as multiples of that encode's. Ratios hold on other machines
-and under load, speeds do not. Run: ``python tests/bench/sound_cost.py CLIP``.
+In: sound files; out: processor times as multiples of that encode's and how many times faster than
+real time that is. Ratios hold on other machines and under load, speeds less so. Unmarked sound is
+searched from its start, where rounds of guesses come thick, over several lengths; a file that is
+shorter is repeated. Run: ``python tests/bench/sound_cost.py CLIP ...``; with ``--only search``
+nothing is marked, which takes a fraction of the time.
 """
 
 import argparse
@@ -21,6 +24,11 @@ from watermark.audio.profile import FS, find_profile
 from watermark.audio.receive import AudioReceiver
 
 BLOCK = 4800
+
+SEARCHED_S = (20.0, 40.0, 160.0)
+"""Lengths of unmarked sound, seconds: three rounds of guesses lie in the first 10 s, one in four
+minutes later on."""
+
 Sound = NDArray[np.float32]
 
 
@@ -53,27 +61,53 @@ def cost_s(work: Callable[[], object]) -> float:
     return min(times)
 
 
+def lasting(x: Sound, seconds: float) -> Sound:
+    """Return the first seconds of a sound, of a short one repeated."""
+    count = round(seconds * FS)
+    return np.tile(x, (-(-count // len(x)), 1))[:count]
+
+
+def report(name: str, x: Sound, works: dict[str, Callable[[], object]]) -> None:
+    """Print what works on a sound cost, beside its encode."""
+    seconds = len(x) / FS
+    encoding = cost_s(partial(encode, x, FS, codec="aac", bit_rate=128_000))
+    print(f"{name}, {seconds:.0f} s: one AAC encode {seconds / encoding:.0f} times real time")
+    for work_name, work in works.items():
+        spent = cost_s(work)
+        print(
+            f"  {work_name}: {spent / encoding:.2f} encodes, {seconds / spent:.0f} times real time",
+            flush=True,
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("clip", type=Path)
+    parser.add_argument("clips", type=Path, nargs="+", metavar="clip")
     parser.add_argument("--profile", default="standard")
+    parser.add_argument("--only", choices=["search"], help="leave the rest out")
+    parser.add_argument(
+        "--search-s", type=float, nargs="*", default=SEARCHED_S, metavar="SECONDS",
+        help="lengths of unmarked sound, default: %(default)s",
+    )  # fmt: skip
     options = parser.parse_args()
-    x, fs = soundfile.read(options.clip, dtype="float32", always_2d=True)
-    if fs != FS:
-        parser.error(f"{options.clip}: {fs} Hz, must be {FS}")
-    marked = mark(x, options.profile, None)
-    encoding = cost_s(partial(encode, x, FS, codec="aac", bit_rate=128_000))
-    works: dict[str, Callable[[], object]] = {
-        "mark without rehearsal": partial(mark, x, options.profile, "none"),
-        "mark as dub does": partial(mark, x, options.profile, None),
-        "receive": partial(receive, marked),
-        "search unmarked sound": partial(receive, x),
-    }
-    seconds = len(x) / FS
-    print(f"{seconds:.0f} s, one AAC encode: {seconds / encoding:.0f} times real time")
-    for name, work in works.items():
-        spent = cost_s(work)
-        print(f"{name}: {spent / encoding:.2f} encodes, {seconds / spent:.0f} times real time")
+    for path in options.clips:
+        x, fs = soundfile.read(path, dtype="float32", always_2d=True)
+        if fs != FS:
+            parser.error(f"{path}: {fs} Hz, must be {FS}")
+        name = f"{path.stem}, {x.shape[1]} channels"
+        receive(x[: 8 * FS])  # loops are compiled, tables made
+        for seconds in options.search_s:
+            part = lasting(x, seconds)
+            report(name, part, {"search unmarked sound": partial(receive, part)})
+        if options.only == "search":
+            continue
+        marked = mark(x, options.profile, None)
+        works: dict[str, Callable[[], object]] = {
+            "mark without rehearsal": partial(mark, x, options.profile, "none"),
+            "mark as dub does": partial(mark, x, options.profile, None),
+            "receive": partial(receive, marked),
+        }
+        report(name, x, works)
 
 
 if __name__ == "__main__":

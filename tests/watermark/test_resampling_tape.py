@@ -65,7 +65,7 @@ def versions(kernel: Any) -> list[Any]:
 
 def test_pilot_kernels() -> None:
     rng = np.random.default_rng(1)
-    soft = rng.integers(-PARTS, PARTS + 1, (3, 435)).astype(np.int16)
+    soft = rng.integers(-PARTS, PARTS + 1, (3, 435)).astype(np.int8)
     shift = np.stack([np.ones(8, dtype=np.int64), rng.integers(0, 3, 8)])
     penalty = np.array([PARTS // 2, 0], dtype=np.int16)
     group = rng.integers(0, 3, 40)
@@ -87,6 +87,7 @@ def test_largest_sums_fit_their_numbers() -> None:
     """All pilots right, or all wrong and the clock as well."""
     largest = PARTS * PILOTS_PER_FRAME * FRAMES_PER_SUPERFRAME + PARTS * LARGEST_PENALTY
     assert largest <= np.iinfo(np.int16).max
+    assert np.iinfo(np.int8).max > PARTS
 
 
 def test_superframes_before_are_added() -> None:
@@ -106,11 +107,12 @@ def test_superframes_before_are_added() -> None:
         for find in versions(_search_kernels.best_sum):
             ceiling = np.float32(past.max())
             found = find(peak, error, lag, past, weights, ceiling, np.float32(-9 * PARTS))
-            assert found == (pytest.approx(max(scores), rel=1e-5), int(np.argmax(scores)))
+            best = pytest.approx(max(scores), rel=1e-5)
+            assert found == (best, int(np.argmax(scores)), peak.max())
             floor = np.float32(1.01 * max(scores))
             assert find(peak, error, lag, past, weights, ceiling, floor)[0] < floor
             alone = find(peak, error, lag, past, weights[:0], ceiling, floor)
-            assert alone == (peak.max(), peak.argmax())
+            assert alone == (peak.max(), peak.argmax(), peak.max())
 
 
 def test_sight_is_the_receiver_s_mask_and_projection() -> None:
@@ -164,7 +166,7 @@ def test_soft_values_of_the_search_are_the_receiver_s() -> None:
     turn = np.exp(1j * rng.uniform(0, 6, (2, 6))).astype(np.complex64)
     steps = np.array([3.0, 7.0], dtype=np.float32)
     for kernel in versions(_search_kernels.pilot_soft):
-        soft = np.full((2, 6, 9), 7, dtype=np.int16)
+        soft = np.full((2, 6, 9), 7, dtype=np.int8)
         kernel(seen, alive, turn, cells.dither.astype(np.float32), steps, 2, soft)
         assert (soft[:, :, [0, 1, 8]] == 7).all()
         for t in range(2):

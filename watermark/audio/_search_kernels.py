@@ -19,13 +19,14 @@ COSINE = (
     np.float32(61.07633166),
     np.float32(-59.49797175),
 )
-"""Polynomial in the square of a phase, -1/2 to 1/2, that is its cosine within 1.5e-3, less than
-half of one of `PARTS`: interpolation at Chebyshev's points."""
+"""Polynomial in the square of a phase, -1/2 to 1/2, that is its cosine within 1.5e-3, a fifth
+of one of `PARTS`: interpolation at Chebyshev's points."""
 
 PAIRED = 2
 """Sums of which the correlations of two profiles are made: what they share, where they differ."""
 
 Parts = NDArray[np.int16]
+Soft = NDArray[np.int8]
 
 
 @njit(cache=True)
@@ -36,7 +37,7 @@ def pilot_soft(
     dither: NDArray[np.float32],
     steps: NDArray[np.float32],
     first: int,
-    soft: Parts,
+    soft: Soft,
 ) -> None:
     """soft[s, g, first + i * turns + t] = soft value of cell g in row i, turned by turn[t, g].
 
@@ -45,7 +46,7 @@ def pilot_soft(
     turns, count = turn.shape[0], alive.shape[1]
     one = np.float32(1)
     real, imaginary = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
-    value = np.empty((turns, count), dtype=np.int16)
+    value = np.empty((turns, count), dtype=np.int8)
     for g in range(dither.size):
         for i in range(count):
             real[i], imaginary[i] = projections[g, i].real, projections[g, i].imag
@@ -68,7 +69,7 @@ def soft_row(
     a: np.float32,
     z: np.float32,
     dither: np.float32,
-    out: Parts,
+    out: Soft,
 ) -> None:
     """out[i] = alive[i] cos 2 pi (a real[i] - z imaginary[i] - dither)."""
     c0, c1, c2, c3 = COSINE
@@ -78,12 +79,12 @@ def soft_row(
         phase -= np.floor(phase + half)
         u = phase * phase
         cosine = c0 + u * (c1 + u * (c2 + u * c3))
-        out[i] = np.int16(np.floor(parts * alive[i] * cosine + half))
+        out[i] = np.int8(np.floor(parts * alive[i] * cosine + half))
 
 
 @njit(cache=True)
 def add_rows(
-    values: Parts, starts: NDArray[np.int64], signs: Parts, count: int, total: Parts
+    values: Soft, starts: NDArray[np.int64], signs: Parts, count: int, total: Parts
 ) -> None:
     """total[i] += signs[n] values[starts[n] + i] for each n below count."""
     places = total.size
@@ -103,7 +104,7 @@ def add_rows(
 
 @njit(cache=True)
 def pilot_sums(
-    soft: Parts,
+    soft: Soft,
     first: int,
     hop: int,
     segment: int,
@@ -156,8 +157,8 @@ def best_sum(
     weights: NDArray[np.float32],
     ceiling: np.float32,
     floor: np.float32,
-) -> tuple[np.float32, int]:
-    """Return the largest of all peaks and weighted sums with those before, and its place.
+) -> tuple[np.float32, int, np.float32]:
+    """Return the largest of all peaks and weighted sums with those before, its place, and the peak.
 
     The peak one before lies lag[error[i]] places back, the next one twice as far, each at the best
     of places nearby; past ends where peak begins and nowhere exceeds ceiling. Sums that cannot
@@ -166,12 +167,13 @@ def best_sum(
     least = np.float32(np.inf)
     for back in range(1, weights.size + 1):
         least = min(least, floor / weights[back - 1] - back * ceiling)
-    top, where = np.float32(-np.inf), 0
+    top, where, summit = np.float32(-np.inf), 0, np.float32(-np.inf)
     for first in range(0, peak.size, BLOCK):
         block = peak[first : first + BLOCK]
         highest = np.int16(-32768)
         for i in range(block.size):
             highest = max(highest, block[i])
+        summit = max(summit, np.float32(highest))
         if highest <= top and highest < least:
             continue
         for i in range(first, first + block.size):
@@ -187,12 +189,12 @@ def best_sum(
                     score = max(score, weights[back - 1] * total)
             if score > top:
                 top, where = score, i
-    return top, where
+    return top, where, summit
 
 
 @njit(cache=True)
 def correlate_pilots(
-    soft: Parts,
+    soft: Soft,
     first: int,
     places: int,
     hop: int,
@@ -208,14 +210,16 @@ def correlate_pilots(
     ceiling: NDArray[np.float32],
     peaks: Parts,
     past: int,
+    highest: NDArray[np.float32],
     best: NDArray[np.float32],
     where: NDArray[np.int64],
 ) -> None:
     """best[n] = largest score of tier and profile pairs[n], where[n] its start and clock error.
 
     soft has the shape (tiers, slots, rows) and counts from row `first` on. The peaks of the
-    `places` starts looked at are written to peaks[n, past:]; those before are bounded by
-    ceiling[n]. slots[n] and signs[n] are those of pilot n of each frame, signs by profile.
+    `places` starts looked at are written to peaks[n, past:], the largest of them to highest[n];
+    those before are bounded by ceiling[n]. slots[n] and signs[n] are those of pilot n of each
+    frame, signs by profile.
     """
     common = np.empty((slots.shape[1] // segment, places + shift.max()), dtype=np.int16)
     error = np.empty(places, dtype=np.int16)
@@ -229,7 +233,8 @@ def correlate_pilots(
         pilot_sums(soft[tier], first, hop, segment, slots[1], signs[1, pairs[n, 1]], sums)
         peak = peaks[n, past : past + places]
         drift_peaks(sums, shift, penalty, peak, error)
-        best[n], top = best_sum(peak, error, lag, peaks[n, :past], weights, ceiling[n], floor)
+        before = peaks[n, :past]
+        best[n], top, highest[n] = best_sum(peak, error, lag, before, weights, ceiling[n], floor)
         where[n, 0], where[n, 1] = top, error[top]
 
 
@@ -253,7 +258,7 @@ def turned_scores(
     profiles, places = score.shape
     rows = projections.shape[1]
     real, imaginary = np.empty(rows, dtype=np.float32), np.empty(rows, dtype=np.float32)
-    soft = np.empty(rows, dtype=np.int16)
+    soft = np.empty(rows, dtype=np.int8)
     sums = np.empty((PAIRED, places), dtype=np.int16)
     starts = np.empty((PAIRED, slots.shape[1]), dtype=np.int64)
     values = np.empty((PAIRED, slots.shape[1]), dtype=np.int16)

@@ -14,7 +14,7 @@ ADVANCE = 4
 """Samples by which a frame lies after the one before."""
 
 
-@njit(cache=True, fastmath={"reassoc", "contract"})
+@njit(cache=True, fastmath={"contract"})
 def slide(
     sound: Floats,
     wave: Floats,

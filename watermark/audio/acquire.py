@@ -9,6 +9,7 @@ Specification: section 7.1.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,17 +141,18 @@ class _Correlator:
 
     def find(
         self,
-        soft: NDArray[np.int16],
+        soft: NDArray[np.int8],
         row: int,
         peaks: NDArray[np.int16],
         past: int,
         ceilings: NDArray[np.float32] | None,
+        highest: NDArray[np.float32],
     ) -> tuple[int, float, int, int] | None:
         """Score the places of one quantum.
 
         Parameters
         ----------
-        soft : ndarray of int16, shape (tiers, PILOT_SLOTS, rows)
+        soft : ndarray of int8, shape (tiers, PILOT_SLOTS, rows)
             Soft values in `PARTS`, of which the places' own begin at `row`.
         row : int
             See there.
@@ -160,6 +162,8 @@ class _Correlator:
             See there.
         ceilings : ndarray of float32, shape (pairs,), or None
             Largest score before; None where superframes count by themselves.
+        highest : ndarray of float32, shape (pairs,)
+            To be filled with the largest one of this quantum.
 
         Returns
         -------
@@ -174,7 +178,8 @@ class _Correlator:
         _search_kernels.correlate_pilots(
             soft, row - self.kept, PLACES, ROW_HOP, SEGMENT_FRAMES, self._slots, self._signs,
             self.pairs, self._shift, self._penalty, self._lag, weights, FLOOR,
-            np.zeros_like(best) if ceilings is None else ceilings, peaks, past, best, where,
+            np.zeros_like(best) if ceilings is None else ceilings, peaks, past,
+            highest, best, where,
         )  # fmt: skip
         n = int(best.argmax())
         if best[n] < FLOOR:
@@ -231,10 +236,11 @@ class PilotSearch:
         self._dither = make_pilots(key).cells.dither.astype(np.float32)
         self._steps = (scale * np.array(PILOT_STEPS)).astype(np.float32)
         pairs, oldest = len(self._correlator.pairs), self._correlator.oldest
-        self._peaks = _Store((pairs,), oldest)
+        self._peaks = _Store((pairs,), oldest, np.int16)
+        self._highest = np.zeros(pairs, dtype=np.float32)
         self._ceilings = np.zeros((pairs, -(-oldest // PLACES)), dtype=np.float32)
         # Silence stands before the first sample: a superframe cut by the start is found too.
-        self._soft = _Store((len(PILOT_STEPS), PILOT_SLOTS), self._correlator.kept)
+        self._soft = _Store((len(PILOT_STEPS), PILOT_SLOTS), self._correlator.kept, np.int8)
         self._sound = np.zeros(0, dtype=np.float32)
         self._count = 0
 
@@ -255,10 +261,11 @@ class PilotSearch:
             projections, alive, self._turn, self._dither, self._steps, row, self._soft.values
         )
         found = self._correlator.find(
-            self._soft.values, row, self._peaks.values, past, self._ceilings.max(axis=1)
-        )
+            self._soft.values, row, self._peaks.values, past, self._ceilings.max(axis=1),
+            self._highest,
+        )  # fmt: skip
         first = self._correlator.first + self._count * PLACES
-        self._ceilings[:, self._count % self._ceilings.shape[1]] = self._peaks.last.max(axis=1)
+        self._ceilings[:, self._count % self._ceilings.shape[1]] = self._highest
         self._count += 1
         return None if found is None else self._correlator.candidate(found, first)
 
@@ -278,18 +285,18 @@ def search_stretch(key: int, sound: NDArray[np.float64]) -> Candidate | None:
     sight, correlator = make_sight(key), _make_correlator(key)
     projections, alive, _ = sight.look(sound.astype(np.float32), sight.silence)
     rows = alive.shape[1] * TURNS.size
-    soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, rows), dtype=np.int16)
+    soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, rows), dtype=np.int8)
     dither = make_pilots(key).cells.dither.astype(np.float32)
     steps = np.array(PILOT_STEPS, dtype=np.float32)
     _search_kernels.pilot_soft(projections, alive, _turns(None), dither, steps, 0, soft)
     past, pairs = correlator.oldest, len(correlator.pairs)
     peaks = np.zeros((pairs, past + rows), dtype=np.int16)
     ceilings = np.zeros(pairs, dtype=np.float32) if rows - correlator.kept > PERIOD else None
-    best = None
+    best, highest = None, np.empty(pairs, dtype=np.float32)
     for row in range(correlator.kept, rows - PLACES + 1, PLACES):
-        found = correlator.find(soft, row, peaks, past, ceilings)
+        found = correlator.find(soft, row, peaks, past, ceilings, highest)
         if ceilings is not None:
-            ceilings = np.maximum(ceilings, peaks[:, past : past + PLACES].max(axis=1))
+            ceilings = np.maximum(ceilings, highest)
         past += PLACES
         if found is not None:
             candidate = correlator.candidate(found, row + correlator.first)
@@ -307,21 +314,20 @@ class _Store:
         Rows; places are the last axis.
     kept : int
         Places that are remembered, zero at first.
+    kind : type
+        Of the values.
 
     Attributes
     ----------
-    values : ndarray of int16, shape (*shape, places)
+    values : ndarray, shape (*shape, places)
         The store.
     """
 
-    def __init__(self, shape: tuple[int, ...], kept: int) -> None:
+    def __init__(
+        self, shape: tuple[int, ...], kept: int, kind: type[np.signedinteger[Any]]
+    ) -> None:
         self.kept, self._end = kept, kept
-        self.values = np.zeros((*shape, kept + SPARE * PLACES), dtype=np.int16)
-
-    @property
-    def last(self) -> NDArray[np.int16]:
-        """Values of the last quantum."""
-        return self.values[..., self._end - PLACES : self._end]
+        self.values = np.zeros((*shape, kept + SPARE * PLACES), dtype=kind)
 
     def extend(self) -> int:
         """Return where the next `PLACES` values are to be written, after what is remembered."""

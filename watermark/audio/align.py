@@ -5,7 +5,7 @@ found by turning phases instead of transforming again, and the delay and drift u
 bits fit best. Specification: section 7.2.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +77,9 @@ class View:
 
     spectra: NDArray[np.complex128]
     amplitudes: NDArray[np.float64]
+    _projected: dict[int, tuple[Cells, NDArray[np.float64], NDArray[np.bool_]]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def turned(self, phases: NDArray[np.float64]) -> "View":
         """Return the view with the phases, shape (HOP,), added to its bins."""
@@ -104,8 +107,11 @@ class View:
 
     def soft(self, cells: Cells, step: float, *, harmonic: int = 1) -> NDArray[np.float64]:
         """Soft values of cells at a step, shape (64, groups); second harmonics suit both bits."""
-        amplitudes = self.amplitudes[:, : cells.last_bin]
-        projections, alive = project(self.spectra[:, : cells.last_bin].real, amplitudes, cells)
+        if id(cells) not in self._projected:
+            amplitudes = self.amplitudes[:, : cells.last_bin]
+            found = project(self.spectra[:, : cells.last_bin].real, amplitudes, cells)
+            self._projected[id(cells)] = cells, *found
+        _, projections, alive = self._projected[id(cells)]
         return soft_values(projections, alive, cells, step, harmonic=harmonic)
 
 
@@ -171,22 +177,23 @@ class _Score:
         # Projections at delay d are the real parts of sums of these, turned by d.
         self._terms = np.where(dead, 0.0, view.spectra[:, bins] * cells.signs)
         self._terms /= np.where(dead, 1.0, unit) * (step * np.sqrt(cells.bins))
-        self._frequency = np.pi / HOP * (np.arange(cells.first_bin, cells.last_bin) + 0.5)
-        self._dither = cells.dither[:, np.newaxis, np.newaxis]
+        self._cells = cells
         alive = ~dead.reshape(len(unit), -1, cells.bins).any(axis=2)
-        self._expected = (expected * alive).T
+        self._expected = expected * alive
 
     def __call__(self, delays: NDArray[np.float64], drift_ppm: float) -> NDArray[np.float64]:
         """Scores of some delays at one drift."""
-        terms = self._terms
-        if drift_ppm:
-            frames = Fit(0.0, drift_ppm, self.pivot).delays()
-            terms = terms * np.exp(1j * np.outer(frames, self._frequency))
-        groups = len(self._expected)
-        turn = np.exp(1j * np.outer(self._frequency, delays)).reshape(groups, -1, delays.size)
-        cells = terms.reshape(len(terms), groups, -1).transpose(1, 0, 2)
-        soft = np.cos(2 * np.pi * ((cells @ turn).real - self._dither))
-        return np.asarray(np.einsum("gtd,gt->d", soft, self._expected))
+        from watermark.audio import _kernels
+
+        frames, cells = Fit(0.0, drift_ppm, self.pivot).delays(), self._cells
+        frequency = np.pi / HOP * (np.arange(cells.first_bin, cells.last_bin) + 0.5)
+        turn = np.exp(1j * np.outer(frequency, delays))
+        score = np.zeros(delays.size)
+        _kernels.fit_scores(
+            self._terms, self._expected, cells.dither, frames * frequency[0],
+            frames * (np.pi / HOP), turn, score,
+        )  # fmt: skip
+        return score
 
 
 def _peak(grid: NDArray[np.float64], values: NDArray[np.float64], i: int) -> float:
