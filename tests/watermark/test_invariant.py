@@ -72,9 +72,12 @@ class Misleading(View):
     def clues(self, *_: Any) -> NDArray[np.float64]:
         return np.tile(1.0 - 2.0 * HOLDING, (3, 1, STANDARD.groups))
 
-    def soft(self, cells: Cells, step: float, *, harmonic: int = 1) -> NDArray[np.float64]:
-        certain = np.tile(1.0 - 2.0 * HOLDING, (1, STANDARD.groups))
-        return self.amplitudes if harmonic == 1 else certain
+    def soft(self, cells: Cells, step: float) -> NDArray[np.float64]:
+        return self.amplitudes
+
+    def errors(self, cells: Cells, step: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        shape = (64, cells.dither.size)
+        return np.broadcast_to(0.25 * HOLDING, shape), np.ones(shape, dtype=bool)
 
 
 HOLDING = np.arange(64)[:, np.newaxis] % 2 == 0

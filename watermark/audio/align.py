@@ -105,14 +105,25 @@ class View:
         clues -= clues.mean(axis=1, keepdims=True)
         return np.asarray(np.clip(clues, -CLUE_LIMIT, CLUE_LIMIT))
 
-    def soft(self, cells: Cells, step: float, *, harmonic: int = 1) -> NDArray[np.float64]:
-        """Soft values of cells at a step, shape (64, groups); second harmonics suit both bits."""
+    def errors(self, cells: Cells, step: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Places of cells on the lattice of bit 0 in steps, and whether they carry.
+
+        Both have the shape (64, groups); whole steps are the lattice's points.
+        """
+        projections, alive = self._project(cells)
+        return projections / step - cells.dither, alive
+
+    def soft(self, cells: Cells, step: float) -> NDArray[np.float64]:
+        """Soft values of cells at a step, shape (64, groups); 0 where a cell cannot carry."""
+        return soft_values(*self._project(cells), cells, step)
+
+    def _project(self, cells: Cells) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         if id(cells) not in self._projected:
             amplitudes = self.amplitudes[:, : cells.last_bin]
             found = project(self.spectra[:, : cells.last_bin].real, amplitudes, cells)
             self._projected[id(cells)] = cells, *found
         _, projections, alive = self._projected[id(cells)]
-        return soft_values(projections, alive, cells, step, harmonic=harmonic)
+        return projections, alive
 
 
 def read_view(tape: Tape, position: float, ratio: float, masker: Masker) -> View:

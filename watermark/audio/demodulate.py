@@ -4,6 +4,7 @@ In: a `View`; out: soft values, log-likelihood ratios and what the link makes of
 found by trying: the one that worked last first. Specification: sections 6 and 7.3.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -13,6 +14,7 @@ import scipy.ndimage
 from numpy.typing import NDArray
 
 from watermark.audio.align import View
+from watermark.audio.covered import Coverage
 from watermark.audio.equaliser import band_of
 from watermark.audio.layout import make_layout, make_pilots
 from watermark.audio.masking import make_masker
@@ -26,11 +28,9 @@ LIST_SIZE, LONG_LIST_SIZE, LONGEST_LIST_SIZE = 8, 32, 512
 TRIED_LEVELS = 8
 """Levels at which a superframe is tried: those of the two tiers whose pilots fit best."""
 
-NEIGHBOURS = (2.0, 2.0)
-"""Deviation in frames and cells of the window in which neighbours are looked at."""
-
-CERTAINTY, CERTAINTY_LIMITS = 3.0, (-0.3, 0.5)
-"""Exponent of weights by the agreement there, and its limits; found with an announcer over it."""
+COVERED_LEVELS, COVERED_ROUNDS = 3, 3
+"""Levels at which a superframe is read as one that another sound covers in part, the most
+promising, and rounds of decoding and estimation in turns at each."""
 
 NEARBY = (1.5, 2.5)
 """Deviation in frames and cells of the window in which decoded bits tell of their neighbours."""
@@ -42,8 +42,8 @@ EVEN = 1.0
 """Weight of all cells where none is trusted more than another."""
 
 LONG_LEVELS, DUE_LEVELS = 2, 4
-"""Levels at which a longer list is tried: the likeliest at a candidate, all of the tier whose
-pilots fit best where a superframe is due."""
+"""Levels at which a longer list is tried at a candidate, and where a superframe is due: half of
+them the likeliest, half the most promising."""
 
 
 SPARE_TIERS = 2
@@ -93,6 +93,7 @@ class Demodulator:
         self._pilots = make_pilots(key)
         self._masker = make_masker()
         self._announced = self._pilots.expected(profile.number)
+        self._coverage = Coverage(profile, self.layout, self._pilots)
 
     @property
     def bands(self) -> int:
@@ -119,15 +120,22 @@ class Demodulator:
         return [level for part in levels for level in sorted(part, key=lambda x: abs(x - last))]
 
     def read(
-        self, view: View, levels: list[float], *, due: bool = True, brief: bool = False
+        self,
+        view: View,
+        levels: list[float],
+        *,
+        offset: float = 0.0,
+        due: bool = True,
+        brief: bool = False,
     ) -> Reading:
         """Read at the first of `levels` that the link accepts; else at the first of all.
 
         What fails everywhere is tried again at the first few with a longer list, then with other
         weights than the learnt ones: harder where a superframe is due, not at all in brief.
+        `offset` is by how much a gain moved all levels.
         """
         clues = view.clues(self.layout.cells, self._masker)
-        attempts = self._attempts(view, clues, levels, due=due)
+        attempts = self._attempts(view, clues, levels, offset, due=due)
         for level, weights, list_size in islice(attempts, len(levels) if brief else None):
             reading = self._read_at(view, clues, level, weights, list_size)
             if reading.decoded.l0 is not None:
@@ -135,28 +143,53 @@ class Demodulator:
         return reading
 
     def _attempts(
-        self, view: View, clues: NDArray[np.float64], levels: list[float], *, due: bool
+        self,
+        view: View,
+        clues: NDArray[np.float64],
+        levels: list[float],
+        offset: float,
+        *,
+        due: bool,
     ) -> Iterator[tuple[float, NDArray[np.float64], int]]:
         """Levels, weights and sizes of the decoder's list, the likeliest first."""
         learnt = self.reliability.cautious(clues)
         yield from ((level, learnt, LIST_SIZE) for level in levels)
+        covered = self._evidence(view, levels, offset)
+        promising = sorted(covered, key=lambda level: -self._coverage.promise(covered[level]))
+        for level in promising[:COVERED_LEVELS]:
+            for weights in self._rounds(view, level, covered[level]):
+                yield level, weights, LONG_LIST_SIZE
         count, longer = (DUE_LEVELS, LONGEST_LIST_SIZE) if due else (LONG_LEVELS, LONG_LIST_SIZE)
-        yield from ((level, learnt, longer) for level in levels[:count])
+        likely = dict.fromkeys([*levels[: count // 2], *promising[: count // 2]])
+        yield from ((level, learnt, longer) for level in likely)
         noisy = self.reliability.weights(clues, exponents=NOISY)
         for level in levels[: LONG_LEVELS if due else 1]:
             for weights in (self.reliability.plain(clues), np.full((1, 1), EVEN)):
                 yield level, weights, longer
-            for weights in (self._certain(view, level), noisy):
-                yield level, weights, LONG_LIST_SIZE
+            yield level, noisy, LONG_LIST_SIZE
 
-    def _certain(self, view: View, level: float) -> NDArray[np.float64]:
-        """Weights by how near cells lie to a point of either bit, they and their neighbours.
+    def _evidence(
+        self, view: View, levels: list[float], offset: float
+    ) -> dict[float, NDArray[np.float64]]:
+        """Collect what cells and pilots tell of their neighbours, see `Coverage.clues`."""
+        told = {}
+        for level in levels:
+            tier = math.floor((level - offset) / TIER_LEVELS + 1e-6)
+            pilot_step = self.profile.pilot_step(0) * 2 ** (tier + offset / TIER_LEVELS)
+            told[level] = self._coverage.clues(view, level, pilot_step)
+        return told
 
-        Nothing needs to be known for that: another sound that covers part of the cells shows.
-        """
-        agreement = view.soft(self.layout.cells, self.profile.step(level), harmonic=2)
-        near = scipy.ndimage.gaussian_filter(agreement, NEIGHBOURS, mode="nearest")
-        return np.asarray(np.exp(CERTAINTY * np.clip(near, *CERTAINTY_LIMITS)))
+    def _rounds(
+        self, view: View, level: float, told: NDArray[np.float64]
+    ) -> Iterator[NDArray[np.float64]]:
+        """Weights by what covers a superframe, then by what the decoder made of them, in turns."""
+        soft = view.soft(self.layout.cells, self.profile.step(level))
+        weights = self._coverage.alone(told)
+        yield weights
+        for _ in range(COVERED_ROUNDS):
+            beliefs = self.link.beliefs(self.layout.gather(soft * weights))
+            weights = self._coverage.with_bits(told, soft, self.layout.spread(beliefs))
+            yield weights
 
     def _read_at(
         self,

@@ -49,14 +49,9 @@ def soft_values(
     alive: NDArray[np.bool_],
     cells: Cells,
     step: float,
-    *,
-    harmonic: int = 1,
 ) -> NDArray[np.float64]:
-    """Soft value of each cell: +1 on a point of bit 0, -1 on a point of bit 1, 0 if silent.
-
-    Its second harmonic is +1 on the points of both bits.
-    """
-    phase = 2 * np.pi * harmonic * (projections / step - cells.dither)
+    """Soft value of each cell: +1 on a point of bit 0, -1 on a point of bit 1, 0 if silent."""
+    phase = 2 * np.pi * (projections / step - cells.dither)
     return np.where(alive, np.cos(phase), 0.0)
 
 

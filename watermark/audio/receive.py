@@ -76,7 +76,7 @@ FAILED_BEFORE_GUESSING = 3
 TURNED_GRID = (np.array([-1.0, -0.5, 0.0, 0.5, 1.0]), np.arange(-320.0, 321.0, 80.0))
 """Delays and drifts tried around a place whose phases are known by its pilots."""
 
-UNREADABLE = 3
+UNREADABLE = 10
 """Superframes in a row that cannot be read before the past is left alone."""
 
 SURE = 5.0
@@ -304,7 +304,9 @@ class AudioReceiver:
             moved = replace(track, position=track.position + delay * self._nominal)
             raw = self._reader.view(heard.tape, moved)
             view = as_used(moved, raw)
-            reading = demodulator.read(view, moved_levels, due=False, brief=not sure)
+            reading = demodulator.read(
+                view, moved_levels, offset=self._offset, due=False, brief=not sure
+            )
             if reading.decoded.l0 is not None:
                 return self._lock(heard.mix, moved, raw, reading)
         return []
@@ -388,7 +390,8 @@ class AudioReceiver:
         for equaliser, level in likely_phases(demodulator, view, known, levels):
             moved = replace(track, level=level, equaliser=equaliser)
             brief = candidate.significance < SURE_TURNED
-            reading = demodulator.read(as_used(moved, view), [level], due=False, brief=brief)
+            used = as_used(moved, view)
+            reading = demodulator.read(used, [level], offset=offset, due=False, brief=brief)
             if reading.decoded.l0 is not None:
                 return self._lock(heard.mix, moved, view, reading)
         return []

@@ -140,14 +140,14 @@ class Reader:
         demodulator, turned = track.demodulator, track.equaliser.turned
         for view in _views(track, raw) if turned else [raw]:
             levels = demodulator.likely_levels(view, track.level, track.offset)
-            reading = demodulator.read(view, levels, due=due)
+            reading = demodulator.read(view, levels, offset=track.offset, due=due)
             if reading.decoded.l0 is not None:
                 return self.complete(tape, track, reading)
         deep = read_view(tape, track.position, track.ratio, self._deep)
         if np.count_nonzero(deep.amplitudes) > np.count_nonzero(raw.amplitudes):
             view = as_used(track, deep)
             softer = demodulator.likely_levels(view, track.level, track.offset)
-            again = demodulator.read(view, softer, due=due, brief=True)
+            again = demodulator.read(view, softer, offset=track.offset, due=due, brief=True)
             if again.decoded.l0 is not None:
                 return self.complete(tape, track, again)
         if turned:
@@ -157,7 +157,8 @@ class Reader:
             known = Known(pilots.cells, step, pilots.expected(profile.number))
             likely = likely_phases(demodulator, raw, known, levels[:TIER_LEVELS])
             for equaliser, level in likely:
-                again = demodulator.read(raw.turned(equaliser.bins), [level], due=False)
+                turned_view = raw.turned(equaliser.bins)
+                again = demodulator.read(turned_view, [level], offset=track.offset, due=False)
                 if again.decoded.l0 is not None:
                     return self.complete(tape, replace(track, equaliser=equaliser), again)
         return reading

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 FEW = 64
 """Values up to which those that are kept are sorted by insertion."""
 
+_SURE = 1 - 1e-9
+"""Largest belief."""
+
 
 @njit(cache=True)
 def polar_transform(x: NDArray[np.int64]) -> None:
@@ -211,3 +214,46 @@ def scl_decode(
             words[q, last[i]] = trace_bit[p, i]
             p = trace_path[p, i]
     return paths
+
+
+@njit(cache=True, inline="always")
+def _join(a: float, b: float) -> float:
+    """Belief of two that are independent, short of certainty."""
+    return min(max((a + b) / (1.0 + a * b), -_SURE), _SURE)
+
+
+@njit(cache=True)
+def polar_beliefs(
+    told: NDArray[np.float64], frozen: NDArray[np.int64], rounds: int, out: NDArray[np.float64]
+) -> None:
+    """Fill out (N,) with what the code lets expect of each coded bit, -1 for 1 to 1 for 0.
+
+    told (N,) is what the channel says of each, in the same terms, less than 1; its own word is left
+    out of a bit's belief. Belief propagation on the butterflies of the encoder, to and fro.
+    Source: Arikan, IEEE Com. Letters 12(6), 2008.
+    """
+    size = told.size
+    n = 0
+    while (1 << n) < size:
+        n += 1
+    down, up = np.zeros((n + 1, size)), np.zeros((n + 1, size))
+    down[n] = told
+    up[0] = _SURE * (frozen != 0)
+    for _ in range(rounds):
+        for layer in range(n - 1, -1, -1):
+            half = 1 << layer
+            for start in range(0, size, 2 * half):
+                for a in range(start, start + half):
+                    b = a + half
+                    x, y = down[layer + 1, a], down[layer + 1, b]
+                    down[layer, a] = x * _join(y, up[layer, b])
+                    down[layer, b] = _join(y, up[layer, a] * x)
+        for layer in range(n):
+            half = 1 << layer
+            for start in range(0, size, 2 * half):
+                for a in range(start, start + half):
+                    b = a + half
+                    x, y = down[layer + 1, a], down[layer + 1, b]
+                    up[layer + 1, a] = up[layer, a] * _join(y, up[layer, b])
+                    up[layer + 1, b] = _join(up[layer, b], up[layer, a] * x)
+    out[:] = up[n]

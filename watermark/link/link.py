@@ -166,6 +166,14 @@ class Link:
         l1 = self.second(llr, list_size=list_size)
         return first if l1 is None else self.complete(first, l1)
 
+    def beliefs(self, llr: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Expect each coded bit by all others, see `PolarCode.beliefs`."""
+        cut = self._first.code.length
+        parts = [self._first.code.beliefs(llr[:cut])]
+        if self._second is not None:
+            parts.append(self._second.code.beliefs(llr[cut:]))
+        return np.concatenate(parts)
+
     def complete(self, first: Decoded, l1: bytes) -> Decoded:
         """Join L1 to a superframe of which only L0 was known."""
         coded = first.coded.copy()

@@ -16,6 +16,12 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 
+BELIEF_ROUNDS = 8
+"""Rounds of belief propagation: near the limit of decoding further ones change nothing."""
+
+CERTAIN = 1 - 1e-6
+"""Largest belief that the channel may state."""
+
 BETA = 2**0.25
 """Base of the polarisation weight."""
 
@@ -94,6 +100,39 @@ class PolarCode:
         folded = np.ascontiguousarray(mother.reshape(-1, size).sum(axis=0))
         count = _kernels.scl_decode(folded, self.frozen, list_size, words, metrics)
         return words[:count, self.frozen == 0]
+
+    def beliefs(self, llr: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Expect each coded bit by all others: mean of 1 for 0 and -1 for 1.
+
+        Parameters
+        ----------
+        llr : ndarray of float64, shape (length,)
+            Log-likelihood ratios, positive for 0.
+
+        Returns
+        -------
+        ndarray of float64, shape (length,)
+
+        Examples
+        --------
+        >>> code = make_code(20, 100)
+        >>> llr = 3.0 - 6.0 * code.encode(np.arange(20) % 2)
+        >>> erased = np.where(np.arange(100) == 7, 0.0, llr)
+        >>> bool(code.beliefs(erased)[7] * llr[7] > 2.9)
+        True
+        """
+        from watermark.link import _kernels
+
+        size = self.frozen.size
+        mother = np.zeros(-(-self.length // size) * size)
+        mother[: self.length] = llr
+        folded = mother.reshape(-1, size).sum(axis=0)
+        told = np.clip(np.tanh(folded / 2), -CERTAIN, CERTAIN)
+        code = np.empty(size)
+        _kernels.polar_beliefs(told, self.frozen, BELIEF_ROUNDS, code)
+        at = np.arange(self.length) % size
+        repeated = np.clip(np.tanh((folded[at] - llr) / 2), -CERTAIN, CERTAIN)
+        return np.asarray((code[at] + repeated) / (1 + code[at] * repeated))
 
 
 def polarisation_weight(size: int) -> NDArray[np.float64]:
