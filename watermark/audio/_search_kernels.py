@@ -22,6 +22,9 @@ COSINE = (
 """Polynomial in the square of a phase, -1/2 to 1/2, that is its cosine within 1.5e-3, a fifth
 of one of `PARTS`: interpolation at Chebyshev's points."""
 
+LOWEST = np.int16(-(2**14))
+"""Lower than any score, and less than 2**15 from each."""
+
 PAIRED = 2
 """Sums of which the correlations of two profiles are made: what they share, where they differ."""
 
@@ -133,7 +136,7 @@ def drift_peaks(
     The score is the sum over the eight segments s of sums[s, i + shift[d, s]], less penalty[d].
     """
     places = peak.size
-    peak[:] = np.int16(-32768)
+    peak[:] = LOWEST
     for d in range(shift.shape[0]):
         at = shift[d]
         a, b = sums[0, at[0] : at[0] + places], sums[1, at[1] : at[1] + places]
@@ -143,9 +146,10 @@ def drift_peaks(
         less, number = penalty[d], np.int16(d)
         for i in range(places):
             total = np.int16(a[i] + b[i] + c[i] + e[i] + f[i] + g[i] + h[i] + k[i] - less)
-            better = total > peak[i]
-            drift[i] = number if better else drift[i]
-            peak[i] = total if better else peak[i]
+            # No branch: not all processors can store some lanes of a vector and leave the others.
+            better = np.int16(total > peak[i])
+            drift[i] = np.int16(drift[i] + better * (number - drift[i]))
+            peak[i] = np.int16(peak[i] + better * (total - peak[i]))
 
 
 @njit(cache=True)
@@ -164,32 +168,45 @@ def best_sum(
     of places nearby; past ends where peak begins and nowhere exceeds ceiling. Sums that cannot
     reach floor may be left out.
     """
-    least = np.float32(np.inf)
-    for back in range(1, weights.size + 1):
+    count = weights.size
+    least, shortest, longest = np.float32(np.inf), lag.min(), lag.max()
+    # near[n - 1, i] is the highest peak within n places of first[n - 1] + i.
+    near = np.empty((count, peak.size + count * (longest - shortest)), dtype=np.int16)
+    first = np.empty(count, dtype=np.int64)
+    for back in range(1, count + 1):
         least = min(least, floor / weights[back - 1] - back * ceiling)
+        start, own = past.size - back * longest, near[back - 1]
+        span = peak.size + back * (longest - shortest)
+        first[back - 1] = start
+        own[:span] = past[start - back : start - back + span]
+        for shift in range(1 - back, back + 1):
+            highest_of(own, past[start + shift : start + shift + span])
     top, where, summit = np.float32(-np.inf), 0, np.float32(-np.inf)
-    for first in range(0, peak.size, BLOCK):
-        block = peak[first : first + BLOCK]
-        highest = np.int16(-32768)
+    for begin in range(0, peak.size, BLOCK):
+        block = peak[begin : begin + BLOCK]
+        highest = LOWEST
         for i in range(block.size):
             highest = max(highest, block[i])
         summit = max(summit, np.float32(highest))
         if highest <= top and highest < least:
             continue
-        for i in range(first, first + block.size):
+        for i in range(begin, begin + block.size):
             score = np.float32(peak[i])
             total = score
             if total >= least:
-                for back in range(1, weights.size + 1):
-                    place = past.size + i - back * lag[error[i]]
-                    nearby = past[place - back]
-                    for shift in range(1 - back, back + 1):
-                        nearby = max(nearby, past[place + shift])
-                    total += nearby
-                    score = max(score, weights[back - 1] * total)
+                for n in range(count):
+                    total += near[n, past.size + i - (n + 1) * lag[error[i]] - first[n]]
+                    score = max(score, weights[n] * total)
             if score > top:
                 top, where = score, i
     return top, where, summit
+
+
+@njit(cache=True)
+def highest_of(one: Parts, other: Parts) -> None:
+    """one[i] = the larger of one[i] and other[i]."""
+    for i in range(other.size):
+        one[i] = max(one[i], other[i])
 
 
 @njit(cache=True)
@@ -268,7 +285,7 @@ def turned_scores(
     for s in range(projections.shape[0]):
         for i in range(rows):
             real[i], imaginary[i] = projections[s, i].real, projections[s, i].imag
-        best[:] = np.int16(-32768)
+        best[:] = LOWEST
         for t in range(turn.size):
             a, z = turn[t].real * pace, turn[t].imag * pace
             soft_row(real, imaginary, alive[s], a, z, dither[s], soft)

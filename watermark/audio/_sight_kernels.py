@@ -33,40 +33,38 @@ def slide(
     bin. energy[j, r] is scale[j] times that of band j, bins edges[j] on, in frame r; real[p, r] and
     imaginary[p, r] are sums over bins parts[p, 2] to parts[p, 3], the last left out.
     """
-    period, cycle, bins = wave.shape[0], turn.shape[0], signs.size
-    both = 2 * bins + 2
-    waves, turns = wave.reshape(-1), turn.reshape(-1)
-    # Transforms of the frame, not yet turned to its own start: the real parts, the imaginary ones.
-    plain = np.zeros(both, dtype=np.float32)
+    period, bins, both = wave.shape[1], signs.size, signs.size + 1
+    # The plain transform of the frame: real parts, imaginary parts.
+    x, y = np.zeros(both, dtype=np.float32), np.zeros(both, dtype=np.float32)
+    x_next, y_next = x[1:], y[1:]
     signed_x, signed_y = np.empty(bins, dtype=np.float32), np.empty(bins, dtype=np.float32)
     power = np.empty(bins, dtype=np.float32)
+    a0, a1, a2, a3 = wave[0, 0], wave[0, 1], wave[0, 2], wave[0, 3]
+    b0, b1, b2, b3 = wave[1, 0], wave[1, 1], wave[1, 2], wave[1, 3]
+    on_x, on_y = turn[0], turn[1]
+    own_x, own_y, other_x, other_y = turn[2], turn[3], turn[4], turn[5]
     for i in range(period):
-        sample, row = sound[i], wave[i]
+        sample, wave_x, wave_y = sound[i], wave[0, i], wave[1, i]
         for k in range(both):
-            plain[k] += sample * row[k]
+            x[k] += sample * wave_x[k]
+            y[k] += sample * wave_y[k]
     for r in range(energy.shape[1]):
         if r:
             i = ADVANCE * (r - 1)
             d0, d1 = sound[i + period] - sound[i], sound[i + period + 1] - sound[i + 1]
             d2, d3 = sound[i + period + 2] - sound[i + 2], sound[i + period + 3] - sound[i + 3]
-            # Unsigned indices let the compiler see that none is negative, and vectorise.
-            w = i % period * both
             for k in range(both):
-                plain[np.uint64(k)] += (
-                    d0 * waves[np.uint64(w + k)] + d1 * waves[np.uint64(w + both + k)]
-                ) + (
-                    d2 * waves[np.uint64(w + 2 * both + k)]
-                    + d3 * waves[np.uint64(w + 3 * both + k)]
-                )
-        t = r % cycle * 4 * bins
+                a = x[k] + ((d0 * a0[k] + d1 * a1[k]) + (d2 * a2[k] + d3 * a3[k]))
+                b = y[k] + ((d0 * b0[k] + d1 * b1[k]) + (d2 * b2[k] + d3 * b3[k]))
+                x[k], y[k] = a * on_x[k] - b * on_y[k], a * on_y[k] + b * on_x[k]
         for k in range(bins):
-            x, x_next = plain[np.uint64(k)], plain[np.uint64(k + 1)]
-            y, y_next = plain[np.uint64(bins + 1 + k)], plain[np.uint64(bins + 2 + k)]
-            c, d = turns[np.uint64(t + k)], turns[np.uint64(t + bins + k)]
-            e, f = turns[np.uint64(t + 2 * bins + k)], turns[np.uint64(t + 3 * bins + k)]
-            a, b = c * x - d * y + e * x_next - f * y_next, c * y + d * x + e * y_next + f * x_next
-            signed_x[np.uint64(k)], signed_y[np.uint64(k)] = signs[k] * a, signs[k] * b
-            power[np.uint64(k)] = a * a + b * b
+            a = (own_x[k] * x[k] - own_y[k] * y[k]) + (
+                other_x[k] * x_next[k] - other_y[k] * y_next[k]
+            )
+            b = (own_x[k] * y[k] + own_y[k] * x[k]) + (
+                other_x[k] * y_next[k] + other_y[k] * x_next[k]
+            )
+            signed_x[k], signed_y[k], power[k] = signs[k] * a, signs[k] * b, a * a + b * b
         for j in range(energy.shape[0]):
             total = np.float32(0)
             for k in range(edges[j], edges[j + 1]):

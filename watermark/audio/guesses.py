@@ -147,7 +147,7 @@ def make_guesses(sound: NDArray[np.float64], *, thorough: bool) -> Iterator[Gues
     yield Guess(usual, tuple(tuple(ladder[first : first + LADDER_PART]) for first in parts))
     for speed in likely_speeds():
         yield Guess(plain, (), speed)
-    for speed in speeds() if thorough else ():
+    for speed in speeds()[NEAR:] if thorough else ():
         yield Guess(plain, (), speed, SHORT_STRETCH_S)
 
 

@@ -79,24 +79,23 @@ def sliding_tables(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Tables by which the lapped transform of frames `advance` samples apart slides on.
 
-    The plain transform of a frame, with phases counted from the sound's first sample, is that of
-    the frame before, plus the waves that came in and less those that left. Source: Jacobsen and
-    Lyons, "The sliding DFT", IEEE Signal Processing Magazine 20(2), 2003.
+    The plain transform of a frame is that of the frame before, plus the waves that came in and
+    less those that left, turned on. Source: Jacobsen and Lyons, "The sliding DFT", IEEE Signal
+    Processing Magazine 20(2), 2003.
 
     Returns
     -------
-    wave : ndarray of float32, shape (2 * hop, 2 * (bins + 1))
-        Waves of the plain transform's bins at each sample of a period: real parts, imaginary ones.
-    turn : ndarray of float32, shape (2 * hop // advance, 4 * bins)
-        For each frame of a period the factors of two neighbouring bins of which the lapped one is
-        the sum, turned to the frame's start: real and imaginary parts of the own and of the next.
+    wave : ndarray of float32, shape (2, 2 * hop, bins + 1)
+        Waves of the plain transform's bins at each sample of a frame, real and imaginary parts.
+    turn : ndarray of float32, shape (6, bins + 1)
+        Real and imaginary parts of the factor from frame to frame, and of those of two neighbouring
+        bins of which the lapped one is the sum.
     """
     k, tables = np.arange(bins + 1), _tables(hop)
     angle = np.pi / hop * (np.arange(2 * hop)[:, np.newaxis] * k % (2 * hop))
-    start = np.exp(1j * angle[::advance])
-    own, following = tables.own[:bins] * start[:, :-1], tables.next[:bins] * start[:, 1:]
-    wave = np.concatenate([np.cos(angle), -np.sin(angle)], axis=1)
-    turn = np.concatenate([own.real, own.imag, following.real, following.imag], axis=1)
+    wave = np.stack([np.cos(angle), -np.sin(angle)])
+    factors = np.exp(1j * angle[advance]), tables.own[: bins + 1], tables.next[: bins + 1]
+    turn = np.concatenate([[factor.real, factor.imag] for factor in factors])
     return wave.astype(np.float32), turn.astype(np.float32)
 
 
