@@ -147,6 +147,22 @@ def test_a_weight_learnt_wrongly_does_no_harm() -> None:
     assert demodulator.read(view, levels).decoded.l0 == payload(1)[0]
 
 
+def test_phases_of_one_superframe_are_used_at_once() -> None:
+    """The next one may be weak: what taught them tells whether they serve."""
+    tape = Tape()
+    tape.append(marked().mean(axis=1).astype(np.float64))
+    demodulator = Demodulator(STANDARD, 0)
+    bands, cells = demodulator.bands, demodulator.layout.cells
+    plain = read_view(tape, 30720.0, 1.0, make_masker())
+    reading = demodulator.read(plain, demodulator.likely_levels(plain, 6))
+    known = Known(cells, STANDARD.step(reading.level), demodulator.expected(reading.decoded))
+    for bend, used in ((0.0, False), (2.5, True)):
+        equaliser = Equaliser(bands)
+        bent = Equaliser(bands, np.linspace(0.0, bend, bands))
+        equaliser.learn(plain.turned(bent.bins), known)
+        assert equaliser.used == used
+
+
 def covered(x: NDArray[np.float64], duty: float, amplitude: float) -> NDArray[np.float64]:
     """Noise over patches of 0.15 s and two thirds of an octave, as a voice would leave gaps."""
     rng, out = np.random.default_rng(3), x.copy()

@@ -9,6 +9,8 @@ superframe to the next. Source: decoding and estimation in turns as in Berrou an
 Trans. Com. 44(10), 1996. Specification: section 7.3.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.ndimage
 from numpy.typing import NDArray
@@ -35,19 +37,16 @@ BITS = ((1.5, 1.0), (6.0, 2.0))
 FEW_PILOTS, FEW_BITS = 0.05, 0.3
 """Share of pilots in a window, and believed bits in it, at which half of what they tell counts."""
 
-ALONE = np.array([4.98, 9.35, 6.25, 1.35, 0.33])
-"""Logarithm of the weight for each clue of one (cells in three windows, pilots), and of no clue:
-logistic regression on five clips, each under two voices and under itself backwards at -6 dB. What
-was found on four of them reads as many superframes of the fifth."""
+ALONE = np.array([11.2, 21.4, 15.1, 3.33, 0.13])
+"""Logarithm of the odds that a cell is untouched, for each clue of one (cells in three windows,
+pilots) and of no clue. By logistic regression of the bits on five clips, each under two voices and
+under itself backwards at -6 dB; what four of them teach reads as many superframes of the fifth."""
 
-WITH_BITS = np.array([4.55, 2.21, 4.49, 0.97, 0.53, 1.58, -0.5])
+WITH_BITS = np.array([8.94, 4.67, 4.39, 1.63, 1.43, 2.92, -1.5])
 """The same with the two clues of believed bits, found on superframes near the limit."""
 
-LIMITS = (-4.0, 3.0)
-"""Logarithms of weights stay within."""
-
-ENOUGH = 2.0
-"""Weight above which a cell promises no more."""
+LARGEST_ODDS = 6.0
+"""Logarithms of odds stay within."""
 
 TRUNCATED = 3.0
 """Deviations at which windows end."""
@@ -62,71 +61,95 @@ class Coverage:
         self._profile, self._layout, self._pilots = profile, layout, pilots
         self._expected = pilots.expected(profile.number)
         alphas = np.linspace(*profile.alphas, profile.groups)
-        self._unknown = _evidence(alphas, 2)
-        self._known = _evidence(np.full(pilots.cells.dither.size, np.mean(profile.alphas)), 1)
+        self._untouched = _density(alphas, 1)
+        self._unknown = np.log(_density(alphas, 2))
+        of_pilots = np.full(pilots.cells.dither.size, np.mean(profile.alphas))
+        self._known = np.log(_density(of_pilots, 1))
         first = layout.cells.first_bin + layout.cells.bins * np.arange(profile.groups)
         slot = (first - pilots.cells.first_bin) // pilots.cells.bins
         self._slot = np.clip(slot, 0, pilots.cells.dither.size - 1)
         self._inside = slot == self._slot
 
-    def clues(self, view: View, level: float, pilot_step: float) -> Array:
-        """Give the mean evidence around each cell that it is untouched, shape (4, 64, groups).
-
-        Natural logarithms of likelihood ratios: of cells, whose bits are not known, in three
-        windows; of pilots, which are.
-        """
+    def look(self, view: View, level: float, pilot_step: float) -> "Covered":
+        """Look at a superframe at a level."""
         errors, alive = view.errors(self._layout.cells, self._profile.step(level))
         own = np.where(alive, _look_up(self._unknown, errors), 0.0)
         clues = [_mean_around(own, window) for window in CELLS]
-        errors, alive = view.errors(self._pilots.cells, pilot_step)
-        errors = errors - (1 - self._expected) / 4
-        seen = alive & (self._expected != 0)
-        told = np.where(seen, _look_up(self._known, errors), 0.0)
+        of_pilots, living = view.errors(self._pilots.cells, pilot_step)
+        of_pilots = of_pilots - (1 - self._expected) / 4
+        seen = living & (self._expected != 0)
+        told = np.where(seen, _look_up(self._known, of_pilots), 0.0)
         told, share = (
             _mean_around((values * 1.0)[:, self._slot] * self._inside, PILOTS)
             for values in (told, seen)
         )
         clues.append(told / (share + FEW_PILOTS))
-        return np.stack(clues)
+        zero, one = (_look_up(self._untouched, errors - bit / 2) for bit in (0, 1))
+        soft = np.where(alive, np.cos(2 * np.pi * errors), 0.0)
+        return Covered(np.stack(clues), soft, np.where(alive, zero, 1.0), np.where(alive, one, 1.0))
 
-    def promise(self, clues: Array) -> float:
-        """Tell how much cells seem to say at a level.
 
-        Under a voice the true one of twelve is among the two largest nine times of ten.
+@dataclass(frozen=True, slots=True)
+class Covered:
+    """A superframe at a level, of which another sound covers a part.
+
+    Attributes
+    ----------
+    clues : ndarray of float64, shape (4, 64, groups)
+        Mean evidence around each cell that it is untouched, natural logarithms of likelihood
+        ratios: of cells, whose bits are not known, in three windows; of pilots, which are.
+    soft : ndarray of float64, shape (64, groups)
+        Soft values.
+    zero, one : ndarray of float64, shape (64, groups)
+        Densities of an untouched cell of either bit; that of a covered one is 1.
+    """
+
+    clues: Array
+    soft: Array
+    zero: Array
+    one: Array
+
+    @property
+    def promise(self) -> float:
+        """Number of cells that seem untouched.
+
+        Under a voice the true one of twelve levels is among the two largest nine times of ten.
         """
-        return float((np.minimum(self.alone(clues), ENOUGH) ** 2).sum())
+        return float(_share(ALONE, self.clues).sum())
 
-    def alone(self, clues: Array) -> Array:
-        """Weights where nothing is known of the bits, shape (64, groups)."""
-        return _weights(ALONE, clues)
-
-    def with_bits(self, clues: Array, soft: Array, believed: Array) -> Array:
-        """Weights where something is believed of the bits.
+    def ratios(self, believed: Array | None = None) -> Array:
+        """Log-likelihood ratios of the cells, shape (64, groups).
 
         Parameters
         ----------
-        clues : ndarray of float64, shape (4, 64, groups)
-            See `clues`.
-        soft : ndarray of float64, shape (64, groups)
-            Soft values of the cells.
-        believed : ndarray of float64, shape (64, groups)
-            What other cells let expect of them, -1 to 1; 0 where there is no bit.
+        believed : ndarray of float64, shape (64, groups), optional
+            What other cells let expect of each, -1 to 1; 0 where there is no bit.
         """
-        trust = np.where(soft != 0, believed**2, 0.0)
+        if believed is None:
+            share = _share(ALONE, self.clues)
+        else:
+            share = _share(WITH_BITS, np.concatenate([self.clues, self._agreement(believed)]))
+        return np.asarray(np.log1p(share * (self.zero - 1)) - np.log1p(share * (self.one - 1)))
+
+    def _agreement(self, believed: Array) -> Array:
+        """Tell how well soft values around each cell agree with what is believed of them."""
+        trust = np.where(self.soft != 0, believed**2, 0.0)
         agreement = []
         for window in BITS:
             few = FEW_BITS / (2 * np.pi * window[0] * window[1])
-            agreed, weight = (_mean_beside(x, window) for x in (soft * believed, trust))
+            agreed, weight = (_mean_beside(x, window) for x in (self.soft * believed, trust))
             agreement.append(agreed / (weight + few))
-        return _weights(WITH_BITS, np.concatenate([clues, agreement]))
+        return np.stack(agreement)
 
 
-def _weights(factors: Array, clues: Array) -> Array:
-    return np.asarray(np.exp(np.clip(np.tensordot(factors[:-1], clues, 1) + factors[-1], *LIMITS)))
+def _share(factors: Array, clues: Array) -> Array:
+    """Probability that cells are untouched."""
+    odds = np.tensordot(factors[:-1], clues, 1) + factors[-1]
+    return np.asarray(1 / (1 + np.exp(-np.clip(odds, -LARGEST_ODDS, LARGEST_ODDS))))
 
 
-def _evidence(alphas: Array, first: int) -> Array:
-    """Log-likelihood ratio of untouched against covered by the error on one step.
+def _density(alphas: Array, first: int) -> Array:
+    """Density of an untouched cell's error on one step, that of a covered one being 1.
 
     An embedder leaves an even spread of errors, to which some noise comes. With the harmonics from
     `first` on and their multiples: 2 where the bit is not known. Shape (alphas, POINTS).
@@ -135,7 +158,7 @@ def _evidence(alphas: Array, first: int) -> Array:
     left = (1 - alphas)[:, np.newaxis]
     terms = 2 * np.sinc(left * k) * np.exp(-2 * (np.pi * k * UNTOUCHED) ** 2)
     density = 1 + terms @ np.cos(2 * np.pi * np.outer(k, np.arange(POINTS) / POINTS))
-    return np.asarray(np.log((1 - STRAY) * np.maximum(density, 0.0) + STRAY))
+    return np.asarray((1 - STRAY) * np.maximum(density, 0.0) + STRAY)
 
 
 def _look_up(table: Array, errors: Array) -> Array:

@@ -14,7 +14,7 @@ import scipy.ndimage
 from numpy.typing import NDArray
 
 from watermark.audio.align import View
-from watermark.audio.covered import Coverage
+from watermark.audio.covered import Coverage, Covered
 from watermark.audio.equaliser import band_of
 from watermark.audio.layout import make_layout, make_pilots
 from watermark.audio.masking import make_masker
@@ -136,10 +136,10 @@ class Demodulator:
         """
         clues = view.clues(self.layout.cells, self._masker)
         attempts = self._attempts(view, clues, levels, offset, due=due)
-        for level, weights, list_size in islice(attempts, len(levels) if brief else None):
-            reading = self._read_at(view, clues, level, weights, list_size)
+        for level, ratios, list_size in islice(attempts, len(levels) if brief else None):
+            reading = self._read_at(view, clues, level, ratios, list_size)
             if reading.decoded.l0 is not None:
-                return self._settle(reading, weights)
+                return self._settle(reading)
         return reading
 
     def _attempts(
@@ -151,71 +151,65 @@ class Demodulator:
         *,
         due: bool,
     ) -> Iterator[tuple[float, NDArray[np.float64], int]]:
-        """Levels, weights and sizes of the decoder's list, the likeliest first."""
+        """Levels, ratios of the cells and sizes of the decoder's list, the likeliest first."""
+
+        def weighted(level: float, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+            return view.soft(self.layout.cells, self.profile.step(level)) * weights
+
         learnt = self.reliability.cautious(clues)
-        yield from ((level, learnt, LIST_SIZE) for level in levels)
-        covered = self._evidence(view, levels, offset)
-        promising = sorted(covered, key=lambda level: -self._coverage.promise(covered[level]))
+        yield from ((level, weighted(level, learnt), LIST_SIZE) for level in levels)
+        covered = {level: self._look(view, level, offset) for level in levels}
+        promising = sorted(levels, key=lambda level: -covered[level].promise)
         for level in promising[:COVERED_LEVELS]:
-            for weights in self._rounds(view, level, covered[level]):
-                yield level, weights, LONG_LIST_SIZE
+            ratios = covered[level].ratios()
+            yield level, ratios, LONG_LIST_SIZE
+            for _ in range(COVERED_ROUNDS):
+                believed = self.link.beliefs(self.layout.gather(ratios))
+                ratios = covered[level].ratios(self.layout.spread(believed))
+                yield level, ratios, LONG_LIST_SIZE
         count, longer = (DUE_LEVELS, LONGEST_LIST_SIZE) if due else (LONG_LEVELS, LONG_LIST_SIZE)
         likely = dict.fromkeys([*levels[: count // 2], *promising[: count // 2]])
-        yield from ((level, learnt, longer) for level in likely)
+        yield from ((level, weighted(level, learnt), longer) for level in likely)
         noisy = self.reliability.weights(clues, exponents=NOISY)
         for level in levels[: LONG_LEVELS if due else 1]:
             for weights in (self.reliability.plain(clues), np.full((1, 1), EVEN)):
-                yield level, weights, longer
-            yield level, noisy, LONG_LIST_SIZE
+                yield level, weighted(level, weights), longer
+            yield level, weighted(level, noisy), LONG_LIST_SIZE
 
-    def _evidence(
-        self, view: View, levels: list[float], offset: float
-    ) -> dict[float, NDArray[np.float64]]:
-        """Collect what cells and pilots tell of their neighbours, see `Coverage.clues`."""
-        told = {}
-        for level in levels:
-            tier = math.floor((level - offset) / TIER_LEVELS + 1e-6)
-            pilot_step = self.profile.pilot_step(0) * 2 ** (tier + offset / TIER_LEVELS)
-            told[level] = self._coverage.clues(view, level, pilot_step)
-        return told
-
-    def _rounds(
-        self, view: View, level: float, told: NDArray[np.float64]
-    ) -> Iterator[NDArray[np.float64]]:
-        """Weights by what covers a superframe, then by what the decoder made of them, in turns."""
-        soft = view.soft(self.layout.cells, self.profile.step(level))
-        weights = self._coverage.alone(told)
-        yield weights
-        for _ in range(COVERED_ROUNDS):
-            beliefs = self.link.beliefs(self.layout.gather(soft * weights))
-            weights = self._coverage.with_bits(told, soft, self.layout.spread(beliefs))
-            yield weights
+    def _look(self, view: View, level: float, offset: float) -> Covered:
+        """Look for what covers a superframe; its pilots have the step of their tier."""
+        tier = math.floor((level - offset) / TIER_LEVELS + 1e-6)
+        pilot_step = self.profile.pilot_step(0) * 2 ** (tier + offset / TIER_LEVELS)
+        return self._coverage.look(view, level, pilot_step)
 
     def _read_at(
         self,
         view: View,
         clues: NDArray[np.float64],
         level: float,
-        weights: NDArray[np.float64],
+        ratios: NDArray[np.float64],
         list_size: int,
     ) -> Reading:
         soft = view.soft(self.layout.cells, self.profile.step(level))
-        llr = self.layout.gather(soft * weights)
+        llr = self.layout.gather(ratios)
         decoded = self.link.decode(llr, list_size=list_size)
         return Reading(view, level, clues, soft, llr, decoded)
 
-    def _settle(self, reading: Reading, weights: NDArray[np.float64]) -> Reading:
+    def _settle(self, reading: Reading) -> Reading:
         """Move to the level at which the decoded bits fit best: L0 survives a wrong one."""
         expected = self.expected(reading.decoded)
 
-        def fit(level: float) -> float:
-            soft = reading.view.soft(self.layout.cells, self.profile.step(level))
-            return float((soft * expected).sum())
+        def soft(level: float) -> NDArray[np.float64]:
+            return reading.view.soft(self.layout.cells, self.profile.step(level))
 
-        best = max((reading.level + change for change in (0, -2, -1, 1, 2)), key=fit)
+        best = max(
+            (reading.level + change for change in (0, -2, -1, 1, 2)),
+            key=lambda level: float((soft(level) * expected).sum()),
+        )
         if best == reading.level:
             return reading
-        again = self._read_at(reading.view, reading.clues, best, weights, LIST_SIZE)
+        ratios = soft(best) * self._local(soft(best), expected)
+        again = self._read_at(reading.view, reading.clues, best, ratios, LIST_SIZE)
         return reading if again.decoded.l0 is None else again
 
     def read_second(self, reading: Reading, view: View) -> Reading:

@@ -42,6 +42,9 @@ MEMORY = 0.8
 GAIN = 1.08
 """Agreement that turned phases must bring, in units of that of plain ones, to be used first."""
 
+GAIN_AT_ONCE = 1.15
+"""The same on the very superframe that told them, where there were none before."""
+
 Table = NDArray[np.float64]
 """Scores of each band and phase, shape (bands, PHASES)."""
 
@@ -172,12 +175,21 @@ class Equaliser:
         if table.max(axis=1).sum() < GAIN * table[:, 0].sum() and not self.used:
             self._table, self._phases = MEMORY * self._table + table, np.zeros(len(table))
             return
-        own = np.round(self._phases * PHASES / (2 * np.pi)).astype(np.int64) % PHASES
-        turned = np.take_along_axis(table, own[:, np.newaxis], axis=1).sum()
-        self.used = bool(turned > GAIN * table[:, 0].sum())
+        new = not self._phases.any()
+        turned = _along(table, self._phases)
         self._table = MEMORY * self._table + table
         path = path_of(self._table, np.zeros(1))[2]
         self._phases = path + 2 * np.pi / PHASES * _between(self._table, path)
+        if new:
+            self.used = _along(table, path) > GAIN_AT_ONCE * table[:, 0].sum()
+        else:
+            self.used = turned > GAIN * table[:, 0].sum()
+
+
+def _along(table: Table, phases: NDArray[np.float64]) -> float:
+    """Sum the scores of the bands at their nearest phases."""
+    at = np.round(phases * PHASES / (2 * np.pi)).astype(np.int64) % PHASES
+    return float(np.take_along_axis(table, at[:, np.newaxis], axis=1).sum())
 
 
 def _between(table: Table, path: NDArray[np.float64]) -> NDArray[np.float64]:
