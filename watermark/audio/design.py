@@ -62,6 +62,7 @@ class MarkDesigner:
         payload: tuple[bytes, bytes],
         level: float,
         *,
+        gains: NDArray[np.float64] | None = None,
         rounds: int = ITERATIONS,
     ) -> MarkedSuperframe:
         """Design a mark.
@@ -77,6 +78,8 @@ class MarkDesigner:
         level : float
             Index into `LEVELS`; what lies between two of them has the step of the nearer one and a
             part of the quantisation error that makes up for it.
+        gains : ndarray of float64, shape (64,), optional
+            Gain of each frame's mark.
         rounds : int
             How often the mask is derived.
         """
@@ -93,7 +96,8 @@ class MarkDesigner:
             living = float(project(coefficients, unit, self._layout.cells)[1].mean())
             if living < CARRYING:
                 return MarkedSuperframe(np.zeros(host.size), carries=False)
-            mark = synthesise(self._change(coefficients, unit, wanted, announced, level), HOP)
+            change = self._change(coefficients, unit, wanted, announced, level)
+            mark = synthesise(change if gains is None else gains[:, np.newaxis] * change, HOP)
             sound[HOP:] = host + mark
             spectra = analyse(frames_of(sound, HOP), HOP)
         return MarkedSuperframe(mark, carries=True)

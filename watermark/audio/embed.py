@@ -6,7 +6,7 @@ grade, and added to its front channels. Specification: sections 2 and 4.4.
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ from watermark.audio.level_control import QUIETEST, LevelControl
 from watermark.audio.mix import add_mark, check_format, front_of, mid_of, side_of
 from watermark.audio.profile import FS, HOP, LEVELS, SUPERFRAME, find_profile
 from watermark.audio.rehearsal import LEVELS_PER_DOUBLING, MARGIN, Rehearsal
+from watermark.audio.relief import Relief
 from watermark.audio.resampling_tape import Tape
 from watermark.link.superframe import SUPERFRAME_S
 
@@ -288,7 +289,7 @@ class AudioEmbedder:
                 floor = sufficient - lowered
                 spare = min(max(1.0 - SPARED * (sufficient - control.base) / lowered, 0.0), 1.0)
 
-            def attempt(base: float | None) -> _Stretch:
+            def attempt(base: float | None, relief: Relief | None = None) -> _Stretch:
                 levels = None
                 if base is not None:
                     levels = [_level(base, need) for need in needs]
@@ -300,7 +301,7 @@ class AudioEmbedder:
                             else _level(least + above + spare * max(plain - least - above, 0.0))
                             for plain, least in zip(levels, enough, strict=True)
                         ]
-                return self._stretch(host, side[:-HOP], payloads, levels)
+                return self._stretch(host, side[:-HOP], payloads, levels, relief)
 
             made = control.settle(attempt, enough=sufficient, least=floor)
             if sufficient is not None:
@@ -369,15 +370,20 @@ class AudioEmbedder:
         side: NDArray[np.float64],
         payloads: list[tuple[bytes, bytes]],
         levels: list[float] | None,
+        relief: Relief | None = None,
     ) -> _Stretch:
         """Write superframes into `host`, shape (superframes * SUPERFRAME + HOP,), or none."""
         marked = host.copy()
         marked[:HOP] += self._tail
         before, silent = self._before, [True] * len(payloads)
+        parts: Sequence[NDArray[np.float64] | None] = [None] * len(payloads)
+        if levels is not None and relief is not None:
+            parts = list(relief.parts())
+            levels = [_level(x + y) for x, y in zip(levels, relief.levels(), strict=True)]
         if levels is not None:
             for i, (payload, level) in enumerate(zip(payloads, levels, strict=True)):
                 span = slice(i * SUPERFRAME, (i + 1) * SUPERFRAME + HOP)
-                made = self._designer.design(before, marked[span], payload, level)
+                made = self._designer.design(before, marked[span], payload, level, gains=parts[i])
                 marked[span] += made.mark
                 before = marked[(i + 1) * SUPERFRAME - HOP : (i + 1) * SUPERFRAME]
                 silent[i] = not made.carries

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.audio.profile import FS, LEVELS
+from watermark.audio.profile import FS, HOP, LEVELS
+from watermark.audio.relief import Moments, Relief
 from watermark.quality import PeaqMeter
 from watermark.quality.peaq import WHOLE
 
@@ -102,6 +103,16 @@ RIPE = 0.25
 SOFTER, SOFTER_TRIALS = 0.75, 3
 """Levels by which that is tried, and how often."""
 
+SHORT = 0.06
+"""Above the lowest grade by less than this, moments that are noticed most are relieved."""
+
+OVERSPENT, COSTLY = 0.01, 0.5
+"""Below the lowest grade by more than this, levels make up only for this part of the information
+that relief takes: with none two clips whose grade is short lost 7 of 312 superframes, so none."""
+
+RELIEVED = 0.01
+"""Gain of a stretch's own grade that relief must bring."""
+
 
 class _Passage:
     """Running grade and mean base of the last half to whole passage, by one meter that runs on."""
@@ -111,6 +122,7 @@ class _Passage:
         for name in HALVES:
             self._meter.begin(name)
         self._bases: dict[str, list[float]] = {name: [] for name in HALVES}
+        self._moments = Moments()
         self._count = 0
         self.last: float | None = None
         self.maturity = 0.0
@@ -131,6 +143,14 @@ class _Passage:
             return False
         return grade < self.last - SPOILT
 
+    def grade_with(self, meter: PeaqMeter) -> float | None:
+        """Grade of the passage with what a meter heard last."""
+        return _odg(meter, self._older)
+
+    def relief(self, meter: PeaqMeter, samples: int) -> NDArray[np.float64] | None:
+        """Gains that relieve what stands out in the stretch that a meter heard last."""
+        return self._moments.gains(meter.detections, samples // HOP)
+
     def tried(self, attempt: Attempt) -> tuple[PeaqMeter, float | None]:
         """Let a copy of the meter hear an attempt; give it and the attempt's own grade."""
         meter = copy.deepcopy(self._meter)
@@ -138,9 +158,10 @@ class _Passage:
         meter.process(attempt.clean, attempt.marked)
         return meter, _odg(meter, OWN)
 
-    def add(self, meter: PeaqMeter, base: float) -> float | None:
+    def add(self, meter: PeaqMeter, base: float, samples: int) -> float | None:
         """Go on from the attempt that was chosen; return the passage's grade, None for silence."""
         self._meter = meter
+        self._moments.add(meter.detections, samples)
         for bases in self._bases.values():
             bases.append(base)
         older = self._older
@@ -182,7 +203,7 @@ class LevelControl:
     def __init__(self, target: float, channels: int, *, quiet: bool = False) -> None:
         if not -4 < target < 0:
             raise CueError(f"grade {target} to aim at is not within -4..0")
-        self._wanted = target
+        self._wanted, self._rehearsed = target, quiet
         self._best = max(target, QUIET_GRADE) if quiet else target
         self._target = target
         self.base = START_BASE
@@ -196,7 +217,7 @@ class LevelControl:
 
     def settle(
         self,
-        attempt: Callable[[float | None], T],
+        attempt: Callable[[float | None, Relief | None], T],
         *,
         enough: float | None = None,
         least: float = -math.inf,
@@ -206,7 +227,8 @@ class LevelControl:
         Parameters
         ----------
         attempt : callable
-            Gives the stretch at a base level, which may be `QUIETEST`, and unmarked for None.
+            Gives the stretch at a base level, which may be `QUIETEST`, and unmarked for None;
+            with relief where that is given.
         enough : float, optional
             Base level that suffices; a better grade is aimed at where it is below that of the
             wanted one.
@@ -214,9 +236,10 @@ class LevelControl:
             Base level below which superframes would fail: only a stretch that grades far too low
             by itself is written more softly.
         """
+        relief: Relief | None = None
 
         def hear(base: float | None) -> _Heard[T]:
-            made = attempt(base)
+            made = attempt(base, relief)
             return _Heard(made, *self._passage.tried(made))
 
         chosen = hear(self.base)
@@ -229,11 +252,17 @@ class LevelControl:
                 chosen = self._soften(hear, grade)
             self._started = True
             base = self.base
+            if (relief := self._relief(chosen)) is not None:
+                relieved = hear(base)
+                if self._better(relieved, chosen):
+                    chosen = relieved
+                else:
+                    relief = None
             softest = max(self.base - SOFTER * SOFTER_TRIALS, least)
             while self._spoils(chosen) and base > softest:
                 base = max(base - SOFTER, softest)
                 chosen = hear(base)
-        passage = self._passage.add(chosen.meter, self.base)
+        passage = self._passage.add(chosen.meter, self.base, len(chosen.made.clean))
         if passage is not None and grade is not None:
             self._learn(passage)
         self.base = max(self.base, least)
@@ -250,6 +279,26 @@ class LevelControl:
         """Aim at another grade, better or as far as the wanted one, where levels lack or exceed."""
         change = float(np.clip(-STRIVING * GRADES_PER_LEVEL * lack, *STRIVING_LIMITS))
         self._target = min(max(self._target + change, self._wanted), self._best)
+
+    def _relief(self, heard: _Heard[T]) -> Relief | None:
+        """Relief to try where a rehearsed stretch and its passage have hardly any grade left."""
+        passage = self._passage.grade_with(heard.meter)
+        if not self._rehearsed or passage is None or passage > self._wanted + SHORT:
+            return None
+        if heard.grade is None or heard.grade > self._wanted:
+            return None
+        gains = self._passage.relief(heard.meter, len(heard.made.clean))
+        if gains is None:
+            return None
+        return Relief(gains, COSTLY if passage < self._wanted - OVERSPENT else 1.0)
+
+    def _better(self, heard: _Heard[T], than: _Heard[T]) -> bool:
+        """Whether relief serves the stretch, and its passage not worse."""
+        own, passage = heard.grade, self._passage.grade_with(heard.meter)
+        own_before, passage_before = than.grade, self._passage.grade_with(than.meter)
+        if own is None or own_before is None or passage is None or passage_before is None:
+            return False
+        return own > own_before + RELIEVED and passage >= passage_before
 
     def _spoils(self, heard: _Heard[T]) -> bool:
         """Whether a stretch drags the passage below its grade by itself."""
