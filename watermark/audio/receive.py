@@ -65,7 +65,7 @@ PATIENCE, MOST_SELDOM = 1.1, 3
 limit in stretches."""
 
 DELAYS = (0.0, 0.5, -0.5)
-"""Delays in samples at which a candidate is tried."""
+"""Delays in samples at which a candidate is tried, those beside its place briefly."""
 
 LEAST_AT_SPEED = 5.2
 """Least significance of a candidate at a guessed speed: tens of speeds are tried."""
@@ -305,8 +305,9 @@ class AudioReceiver:
             raw = self._reader.view(heard.tape, moved)
             view = as_used(moved, raw)
             reading = demodulator.read(
-                view, moved_levels, offset=self._offset, due=False, brief=not sure
-            )
+                view, moved_levels, offset=self._offset, due=False,
+                brief=delay != 0 or not sure,
+            )  # fmt: skip
             if reading.decoded.l0 is not None:
                 return self._lock(heard.mix, moved, raw, reading)
         return []
