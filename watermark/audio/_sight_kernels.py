@@ -26,12 +26,14 @@ def slide(
     energy: Floats,
     real: Floats,
     imaginary: Floats,
+    count: int,
 ) -> None:
-    """Powers of the bands and signed sums over parts of slots in frames `ADVANCE` samples apart.
+    """Powers of bands and signed sums over parts of slots in frames `ADVANCE` samples apart.
 
-    wave and turn are the tables of `watermark.audio.mdct.sliding_tables`, signs has one entry per
-    bin. energy[j, r] is scale[j] times that of band j, bins edges[j] on, in frame r; real[p, r] and
-    imaginary[p, r] are sums over bins parts[p, 2] to parts[p, 3], the last left out.
+    `count` frames are looked at. wave and turn are the tables of
+    `watermark.audio.mdct.sliding_tables`, signs has one entry per bin. energy[j, r] is scale[j]
+    times that of band j, bins edges[j] on, in frame r; real[p, r] and imaginary[p, r] are sums over
+    bins parts[p, 2] to parts[p, 3], the last left out.
     """
     period, bins, both = wave.shape[1], signs.size, signs.size + 1
     # The plain transform of the frame: real parts, imaginary parts.
@@ -48,7 +50,7 @@ def slide(
         for k in range(both):
             x[k] += sample * wave_x[k]
             y[k] += sample * wave_y[k]
-    for r in range(energy.shape[1]):
+    for r in range(count):
         if r:
             i = ADVANCE * (r - 1)
             d0, d1 = sound[i + period] - sound[i], sound[i + period + 1] - sound[i + 1]
@@ -87,13 +89,15 @@ def mask(
     floor: np.float32,
     reference: np.float32,
     thresholds: Floats,
+    hop: int,
+    count: int,
 ) -> None:
-    """thresholds[j, r] of band j in frame r: see `watermark.audio.masking.Masker.thresholds`.
+    """thresholds[j, hop + r] = masking threshold of band j in frame r, of `count`.
 
-    The exponent of the compression has the binary digits `digits` after its point: powers are
-    products of repeated square roots.
+    See `watermark.audio.masking.Masker.thresholds`. The exponent of the compression has the binary
+    digits `digits` after its point: powers are products of repeated square roots.
     """
-    bands, count = energy.shape
+    bands = energy.shape[0]
     spread_power, root = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
     for j in range(bands):
         spread_power[:] = np.float32(0)
@@ -101,7 +105,7 @@ def mask(
             gain, row = spread[i, j], energy[i]
             for r in range(count):
                 spread_power[r] += gain * row[r]
-        own, out = energy[j], thresholds[j]
+        own, out = energy[j], thresholds[j, hop:]
         for r in range(count):
             root[r] = min(spread_power[r], cap * own[r]) / reference
             out[r] = reference
@@ -126,19 +130,22 @@ def project(
     imaginary: Floats,
     projections: NDArray[np.complex64],
     alive: Floats,
+    first: int,
+    count: int,
 ) -> None:
-    """projections[g, r] = projection of slot g in frame r; alive[g, r] = 0 if a bin is silent.
+    """projections[g, first + r] = projection of slot g in frame r, of `count`.
 
-    Frame r has the thresholds[:, hop + r]; those a hop earlier, or `least`, limit them by `growth`.
-    Part p lies in slot parts[p, 0] and band parts[p, 1]; parts go from slot to slot.
+    alive[g, first + r] = 1, or 0 if a bin is silent. Frame r has the thresholds[:, hop + r]; those
+    a hop earlier, or `least`, limit them by `growth`. Part p lies in slot parts[p, 0] and band
+    parts[p, 1]; parts go from slot to slot.
     """
-    slots, count = projections.shape
+    slots = projections.shape[0]
     one, nothing = np.float32(1), np.float32(0)
     x, y = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
     p = 0
     for g in range(slots):
         x[:], y[:] = nothing, nothing
-        living, out = alive[g], projections[g]
+        living, out = alive[g, first : first + count], projections[g, first:]
         living[:] = one
         while p < parts.shape[0] and parts[p, 0] == g:
             now, before = thresholds[parts[p, 1], hop:], thresholds[parts[p, 1]]
@@ -187,17 +194,15 @@ def look(
     thresholds[:, :hop] = before
     for first in range(0, count, rows):
         n = min(rows, count - first)
+        # Whole arrays, of which the first n count: parts of them would be no contiguous ones.
         slide(
             sound[ADVANCE * first :], wave, turn, signs, edges, scale, parts,
-            energy[:, :n], real[:, :n], imaginary[:, :n],
+            energy, real, imaginary, n,
         )  # fmt: skip
-        mask(
-            energy[:, :n], spread, digits, limits[0], limits[1], limits[2],
-            thresholds[:, hop : hop + n],
-        )  # fmt: skip
+        mask(energy, spread, digits, limits[0], limits[1], limits[2], thresholds, hop, n)
         project(
-            thresholds[:, : hop + n], hop, limits[3], limits[4], parts, real[:, :n],
-            imaginary[:, :n], projections[:, first : first + n], alive[:, first : first + n],
+            thresholds, hop, limits[3], limits[4], parts, real, imaginary,
+            projections, alive, first, n,
         )  # fmt: skip
         thresholds[:, :hop] = thresholds[:, n : n + hop].copy()
     before[:] = thresholds[:, :hop]
