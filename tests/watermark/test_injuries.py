@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+import scipy.ndimage
 import scipy.signal
 from numpy.typing import NDArray
 
@@ -16,7 +17,7 @@ from watermark.audio.equaliser import PHASES, Equaliser, Known, lean, path_of
 from watermark.audio.guesses import Stretch, make_guesses, speeds
 from watermark.audio.layout import Cells
 from watermark.audio.masking import make_masker
-from watermark.audio.profile import STANDARD
+from watermark.audio.profile import STANDARD, SUPERFRAME
 from watermark.audio.receive import AudioReceiver
 from watermark.audio.resampling_tape import Tape
 from watermark.audio.track import FOLLOW, Reader, Track
@@ -161,6 +162,35 @@ def test_phases_of_one_superframe_are_used_at_once() -> None:
         bent = Equaliser(bands, np.linspace(0.0, bend, bands))
         equaliser.learn(plain.turned(bent.bins), known)
         assert equaliser.used == used
+
+
+def test_a_clock_that_changes_within_a_superframe_is_followed() -> None:
+    """With the bend the cells are as on a steady clock; the track goes on with the change."""
+    sound, bend, start = marked().mean(axis=1).astype(np.float64), 1e-3, 30720.0
+    there = np.arange(sound.size, dtype=np.float64)
+    place = (there - start) / SUPERFRAME - 0.5
+    inside = np.abs(place) < 1
+    there[inside] += 0.5 * bend * SUPERFRAME * (place[inside] ** 2 - 0.25)
+    at = np.interp(np.arange(sound.size), there, np.arange(sound.size))
+    steady, bent = Tape(), Tape()
+    steady.append(sound)
+    bent.append(scipy.ndimage.map_coordinates(sound, [at], order=5))
+    demodulator = Demodulator(STANDARD, 0)
+    plain = read_view(steady, start, 1.0, make_masker())
+    reading = demodulator.read(plain, demodulator.likely_levels(plain, 6))
+    expected, cells = demodulator.expected(reading.decoded), demodulator.layout.cells
+
+    def agreement(view: View) -> float:
+        return float((view.soft(cells, STANDARD.step(reading.level)) * expected).sum())
+
+    followed, not_followed = (
+        agreement(read_view(bent, start, 1.0, make_masker(), bend=b)) for b in (bend, 0.0)
+    )
+    assert followed > 0.9 * agreement(plain) > 1.1 * not_followed
+    track = Track(start, 1.0 + bend, demodulator, 6.0, Equaliser(demodulator.bands))
+    track.bent(1.0)
+    track.advance()
+    assert track.ratio == pytest.approx((1 + bend) ** 2)
 
 
 def covered(x: NDArray[np.float64], duty: float, amplitude: float) -> NDArray[np.float64]:

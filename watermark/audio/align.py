@@ -126,10 +126,19 @@ class View:
         return projections, alive
 
 
-def read_view(tape: Tape, position: float, ratio: float, masker: Masker) -> View:
-    """Read the superframe at `position` of the tape; `ratio` is tape samples per 48 kHz sample."""
+def read_view(
+    tape: Tape, position: float, ratio: float, masker: Masker, *, bend: float = 0.0
+) -> View:
+    """Read the superframe at `position` of the tape; `ratio` is tape samples per 48 kHz sample.
+
+    `bend` is by how much the ratio, relative to itself, grows per superframe; `ratio` is its mean.
+    """
     sound = tape.read(position - HOP * ratio, ratio, SUPERFRAME + 2 * HOP)
     spectra = analyse(frames_of(sound, HOP), HOP)
+    if bend:
+        place = (np.arange(len(spectra)) - 0.5) / FRAMES_PER_SUPERFRAME - 0.5
+        delays = 0.5 * bend * SUPERFRAME * (place**2 - 0.25)
+        spectra = spectra * np.exp(1j * np.outer(delays, np.pi / HOP * (np.arange(HOP) + 0.5)))
     threshold = masker.thresholds(np.abs(spectra) ** 2 / 2)
     return View(spectra[1:], masker.amplitudes(threshold[1:], threshold[:-1]))
 

@@ -94,8 +94,9 @@ LOCK_IN = (
 )
 """Delays and drifts tried with the decoded bits of the first superframe, from coarse to fine."""
 
-SAME_PLACE = 1.0
-"""A search that ends within so many samples of the place expected has found nothing new."""
+SAME_PLACE, SAME_CLOCK = 1.0, 2e-4
+"""A search that ends within so many samples of the place expected, and with a ratio that differs by
+a smaller part from what was expected, has found nothing new."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -407,9 +408,14 @@ class AudioReceiver:
         known = self._track
         if known is not None and known.demodulator is track.demodulator:
             steps = round((track.position - known.position) / (SUPERFRAME * known.ratio))
-            due = known.position + steps * SUPERFRAME * known.ratio
+            expected = known.ratio * (1 + known.bend) ** steps
+            due = known.position + steps * SUPERFRAME * expected
             delay = (track.position - due) / self._nominal
-            if abs(delay) <= SAME_PLACE:
+            if abs(track.ratio / expected - 1) > SAME_CLOCK:
+                if abs(delay) <= SAME_PLACE:
+                    track.bend = known.bend
+                    track.bent(expected)
+            elif abs(delay) <= SAME_PLACE:
                 track = replace(
                     known, position=due, level=track.level, misses=0,
                     equaliser=track.equaliser, offset=track.offset,
@@ -426,7 +432,7 @@ class AudioReceiver:
     def _read_back(self, track: Track) -> list[ReceivedSuperframe]:
         """Read superframes that were on air before one that was found."""
         found: list[ReceivedSuperframe] = []
-        past, failed = replace(track), 0
+        past, failed = replace(track, bend=0.0), 0
         first = self._tape.first + (HOP if self._tape.first else -HOP) * track.ratio
         first = max(first, self._last_told + 0.5 * SUPERFRAME * track.ratio)
         while failed < UNREADABLE:
@@ -461,8 +467,10 @@ class AudioReceiver:
         raw = self._reader.view(self._tape, track)
         reading = self._reader.read(self._tape, track, raw, due=True)
         if reading.decoded.l0 is not None:
-            self._search = None
-            self._correct(track, raw, reading)
+            self._search, expected = None, track.ratio
+            self._correct(track, raw, reading, wide=bool(track.bend))
+            if track.bend:
+                track.bent(expected)
             return [self._deliver(track, reading)]
         for moved in self._reader.elsewhere(self._tape, track, raw):
             raw = self._reader.view(self._tape, moved)
@@ -470,6 +478,8 @@ class AudioReceiver:
             if again.decoded.l0 is not None:
                 self._search, self._track = None, moved
                 self._correct(moved, raw, again, wide=True)
+                if not track.misses:
+                    moved.bent(track.ratio)
                 return [self._deliver(moved, again)]
         track.misses += 1
         if self._search is None:
@@ -507,5 +517,5 @@ class AudioReceiver:
             self._last_start = track.position
         if told:
             self._last_told = track.position
-        track.position += SUPERFRAME * track.ratio
+        track.advance()
         return result

@@ -59,6 +59,11 @@ LEAST_DELAY_GAIN, LEAST_PACE_GAIN = 0.2, 0.02
 """Parts of a measured delay by which an old lock corrects place and, per superframe, clock."""
 
 
+LEAST_BEND, LARGEST_BEND, BEND_GAIN = 6e-5, 2e-3, 0.5
+"""Relative change of the clock from a superframe to the next from which it counts, twice what one
+fit errs by; its limit; and the part of a further change that is believed."""
+
+
 @dataclass(slots=True)
 class Track:
     """Where the next superframe is expected and how it is written.
@@ -81,6 +86,8 @@ class Track:
         Superframes in a row that failed.
     age : int
         Superframes that corrected the place after the first.
+    bend : float
+        Part of itself by which the ratio grows per superframe: tapes whose speed changes.
     """
 
     position: float
@@ -91,6 +98,20 @@ class Track:
     offset: float = 0.0
     misses: int = 0
     age: int = 0
+    bend: float = 0.0
+
+    def advance(self) -> None:
+        """Go on to the next superframe."""
+        self.position += SUPERFRAME * self.ratio
+        self.ratio *= 1 + self.bend
+
+    def bent(self, expected: float) -> None:
+        """Learn from a ratio, measured where another was expected, how the clock changes."""
+        change = self.ratio / expected - 1
+        bend = self.bend + (BEND_GAIN * change if self.bend else change)
+        self.bend = (
+            float(np.clip(bend, -LARGEST_BEND, LARGEST_BEND)) if abs(bend) > LEAST_BEND else 0.0
+        )
 
     def gains(self) -> tuple[float, float]:
         """Parts of the next delay by which place and clock are corrected.
@@ -129,7 +150,7 @@ class Reader:
 
     def view(self, tape: Tape, track: Track) -> View:
         """Return the cells of the superframe at a track's place."""
-        return read_view(tape, track.position, track.ratio, self._masker)
+        return read_view(tape, track.position, track.ratio, self._masker, bend=track.bend)
 
     def read(self, tape: Tape, track: Track, raw: View, *, due: bool) -> Reading:
         """Read with the phases that the track has, then without, or the other way round.
@@ -143,7 +164,7 @@ class Reader:
             reading = demodulator.read(view, levels, offset=track.offset, due=due)
             if reading.decoded.l0 is not None:
                 return self.complete(tape, track, reading)
-        deep = read_view(tape, track.position, track.ratio, self._deep)
+        deep = read_view(tape, track.position, track.ratio, self._deep, bend=track.bend)
         if np.count_nonzero(deep.amplitudes) > np.count_nonzero(raw.amplitudes):
             view = as_used(track, deep)
             softer = demodulator.likely_levels(view, track.level, track.offset)
@@ -191,7 +212,9 @@ class Reader:
         return fit.score / DEVIATION
 
     def elsewhere(self, tape: Tape, track: Track, raw: View) -> Iterator[Track]:
-        """Places where a superframe that failed may lie: by the nominal clock, by its pilots."""
+        """Places where a superframe that failed may lie: by steadier clocks, by its pilots."""
+        if track.bend:
+            yield replace(track, ratio=track.ratio / (1 + track.bend), bend=0.0)
         error = self._nominal - track.ratio
         if track.age < YOUNG and 0 < abs(error) < LIKELY_CLOCK * self._nominal:
             # Both clocks agree in the middle of the superframe before.
