@@ -34,12 +34,13 @@ def worse(x: np.ndarray) -> np.ndarray:
 
 @pytest.mark.skipif(not GIVEN.exists(), reason="needs the graded pairs of ../shared/data/quality")
 def test_agrees_with_given_grades() -> None:
-    # Required: 0.25 on average, 0.5 at most. Measured over all 20 pairs: 0.005 and 0.014.
+    # Required: 0.25 on average, 0.5 at most. Measured over all 20 pairs: 0.0005 at most, which is
+    # how the given grades are rounded.
     rows = json.loads((GIVEN / "odg.json").read_text())
     for row in rows[::3]:
         reference, fs = soundfile.read(GIVEN / f"{row['clip']}.ref.flac")
         test, _ = soundfile.read(GIVEN / f"{row['clip']}.{row['degradation']}.flac")
-        assert peaq(reference, test, fs).odg == pytest.approx(row["odg_basic"], abs=0.05)
+        assert peaq(reference, test, fs).odg == pytest.approx(row["odg_basic"], abs=0.002)
 
 
 def test_identical_signals_are_transparent() -> None:
@@ -140,6 +141,14 @@ def test_harmonic_error_is_found() -> None:
     noise_like, comb_like = harmonic_structure(power, np.ones((2, 2)))
     assert comb_like > 5 * noise_like
     assert harmonic_structure(power, np.zeros((2, 2))).tolist() == [-1, -1]
+
+
+def test_what_happens_at_0_hz_is_no_harmonic_error() -> None:
+    power = np.exp(0.2 * np.random.default_rng(3).standard_normal((2, 1, 1025)))
+    shifted = power.copy()
+    shifted[1, :, 0] *= 1e6
+    same = harmonic_structure(power, np.ones((2, 1)))
+    np.testing.assert_allclose(harmonic_structure(shifted, np.ones((2, 1))), same)
 
 
 def test_resampler_keeps_a_tone_and_its_phase() -> None:

@@ -183,10 +183,12 @@ def harmonic_structure(power: FloatArray, energy: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray of float64, shape (T,)
-        Largest value of the spectrum of the normalised autocorrelation, -1 where both are silent.
+        Largest value of the spectrum of the normalised autocorrelation that exceeds the one before
+        it, -1 where both are silent.
     """
     ratio = np.log(np.maximum(power[1, :, : 2 * LAGS - 1], _FLOOR))
     ratio -= np.log(np.maximum(power[0, :, : 2 * LAGS - 1], _FLOOR))
+    ratio[:, 0] = 0.0  # the ear does not hear 0 Hz
     head = np.fft.rfft(ratio[:, :LAGS], 2 * LAGS)
     whole = np.fft.rfft(ratio, 2 * LAGS)
     product = np.fft.irfft(np.conj(head) * whole, 2 * LAGS)[:, :LAGS]
@@ -198,7 +200,7 @@ def harmonic_structure(power: FloatArray, energy: FloatArray) -> FloatArray:
     np.divide(product, norm, out=correlation, where=norm > 1e-20)
     correlation -= correlation.mean(axis=1, keepdims=True)
     spectrum = np.abs(np.fft.rfft(correlation * _WINDOW, axis=1)) ** 2
-    peak = np.where(spectrum[:, 1:] > spectrum[:, :1], spectrum[:, 1:], 0.0).max(axis=1)
+    peak = np.where(spectrum[:, 1:] > spectrum[:, :-1], spectrum[:, 1:], 0.0).max(axis=1)
     return np.where((energy < SILENT).all(axis=0), -1.0, peak)
 
 
