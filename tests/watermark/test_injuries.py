@@ -19,7 +19,7 @@ from watermark.audio.layout import Cells
 from watermark.audio.masking import make_masker
 from watermark.audio.profile import STANDARD, SUPERFRAME
 from watermark.audio.receive import AudioReceiver
-from watermark.audio.resampling_tape import Tape
+from watermark.audio.resampling_tape import PairTape, Tape
 from watermark.audio.track import FOLLOW, Reader, Track
 from watermark.link.link import Decoded
 
@@ -206,7 +206,7 @@ def covered(x: NDArray[np.float64], duty: float, amplitude: float) -> NDArray[np
 
 def test_what_covers_a_superframe_shows() -> None:
     """With weights of the past or the same for all cells one of seven is read, not four."""
-    sound = marked().mean(axis=1).astype(np.float64)
+    sound = embed(host(6.0, channels=1, seed=5))[:, 0].astype(np.float64)
     tape = Tape()
     tape.append(covered(sound, 0.6, 0.6 * float(sound.std())))
     demodulator, read = Demodulator(STANDARD, 0), 0
@@ -315,7 +315,9 @@ def test_a_stretch_is_heard_at_any_speed() -> None:
     rng = np.random.default_rng(1)
     sos = scipy.signal.ellip(10, 0.1, 80, 2700, fs=FS, output="sos")
     sound = scipy.signal.sosfilt(sos, rng.normal(size=FS // 2))
-    stretch = Stretch(sound, 700, 1.0)
+    tape = PairTape(700)
+    tape.append_pair(sound, np.zeros_like(sound))
+    stretch = Stretch(tape, 1.0)
     for speed in (0.95, 1.0, 1.0031, 1.05):
         found = stretch.low(speed, 0.4)
         direct = stretch.tape.read(700.0, 4 * speed, found.size)

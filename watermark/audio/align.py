@@ -15,8 +15,10 @@ from watermark.audio.dither import project, soft_values
 from watermark.audio.layout import Cells
 from watermark.audio.masking import Masker
 from watermark.audio.mdct import analyse, frames_of
+from watermark.audio.places import Places
 from watermark.audio.profile import FRAMES_PER_SUPERFRAME, HOP, SUPERFRAME
-from watermark.audio.resampling_tape import Tape
+from watermark.audio.resampling_tape import PairTape, Tape
+from watermark.audio.stereo import channels_of, stereo_units
 
 CLUES = 3
 """What may tell how far a cell can be trusted: its strength, its frame's, and a coder's noise."""
@@ -73,17 +75,20 @@ class View:
         See `watermark.audio.mdct.analyse`.
     amplitudes : ndarray of float64, shape (64, bins)
         The mark's unit, see `Masker.amplitudes`.
+    paired : bool
+        Whether bins come from left and right, too.
     """
 
     spectra: NDArray[np.complex128]
     amplitudes: NDArray[np.float64]
+    paired: bool = False
     _projected: dict[int, tuple[Cells, NDArray[np.float64], NDArray[np.bool_]]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
 
     def turned(self, phases: NDArray[np.float64]) -> "View":
         """Return the view with the phases, shape (HOP,), added to its bins."""
-        return View(self.spectra * np.exp(1j * phases), self.amplitudes)
+        return View(self.spectra * np.exp(1j * phases), self.amplitudes, self.paired)
 
     def clues(self, cells: Cells, masker: Masker) -> NDArray[np.float64]:
         """Logarithms of the power of each cell's unit, of its frame and of a coder's noise.
@@ -127,20 +132,42 @@ class View:
 
 
 def read_view(
-    tape: Tape, position: float, ratio: float, masker: Masker, *, bend: float = 0.0
+    tape: Tape,
+    position: float,
+    ratio: float,
+    masker: Masker,
+    places: Places | None = None,
+    *,
+    bend: float = 0.0,
 ) -> View:
     """Read the superframe at `position` of the tape; `ratio` is tape samples per 48 kHz sample.
 
-    `bend` is by how much the ratio, relative to itself, grows per superframe; `ratio` is its mean.
+    Where `places` are given and the tape has a side that is not silent, bins are read from left or
+    right that stand there, else all from the mid. `bend` is by how much the ratio, relative to
+    itself, grows per superframe; `ratio` is its mean.
     """
-    sound = tape.read(position - HOP * ratio, ratio, SUPERFRAME + 2 * HOP)
+    first, count = position - HOP * ratio, SUPERFRAME + 2 * HOP
+    spectra = _bent(tape.read(first, ratio, count), bend)
+    side = None
+    if places is not None and isinstance(tape, PairTape):
+        side = tape.side.read(first, ratio, count)
+    if places is not None and side is not None and side.any():
+        beside = _bent(side, bend)
+        channels = channels_of(spectra[1:], beside[1:])
+        units = stereo_units(spectra, beside, masker)
+        return View(np.choose(places.bins, channels), np.choose(places.bins, units), paired=True)
+    threshold = masker.thresholds(np.abs(spectra) ** 2 / 2)
+    return View(spectra[1:], masker.amplitudes(threshold[1:], threshold[:-1]))
+
+
+def _bent(sound: NDArray[np.float64], bend: float) -> NDArray[np.complex128]:
+    """Spectra of a superframe's sound whose speed changes, see `read_view`."""
     spectra = analyse(frames_of(sound, HOP), HOP)
     if bend:
         place = (np.arange(len(spectra)) - 0.5) / FRAMES_PER_SUPERFRAME - 0.5
         delays = 0.5 * bend * SUPERFRAME * (place**2 - 0.25)
         spectra = spectra * np.exp(1j * np.outer(delays, np.pi / HOP * (np.arange(HOP) + 0.5)))
-    threshold = masker.thresholds(np.abs(spectra) ** 2 / 2)
-    return View(spectra[1:], masker.amplitudes(threshold[1:], threshold[:-1]))
+    return np.asarray(spectra)
 
 
 Grid = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -148,13 +175,19 @@ Grid = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def search_fit(
-    view: View, cells: Cells, step: float, expected: NDArray[np.float64], grid: Grid
+    view: View,
+    cells: Cells,
+    step: float,
+    expected: NDArray[np.float64],
+    grid: Grid,
+    *,
+    harmonic: int = 1,
 ) -> Fit:
     """Delay and drift under which `expected` soft values, shape (64, groups), fit best.
 
-    Found on a grid and refined by a parabola in each direction.
+    Found on a grid and refined by a parabola in each direction. Second harmonics suit both bits.
     """
-    score = _Score(view, cells, step, expected)
+    score = _Score(view, cells, step, expected, harmonic)
     delay_grid, drift_grid = grid
     scores = np.stack([score(delay_grid, drift) for drift in drift_grid], axis=1)
     i, j = np.unravel_index(int(scores.argmax()), scores.shape)
@@ -187,7 +220,12 @@ class _Score:
     """Correlation of a view with expected soft values, as a function of delay and drift."""
 
     def __init__(
-        self, view: View, cells: Cells, step: float, expected: NDArray[np.float64]
+        self,
+        view: View,
+        cells: Cells,
+        step: float,
+        expected: NDArray[np.float64],
+        harmonic: int = 1,
     ) -> None:
         seen = np.abs(expected * view.soft(cells, step)).sum(axis=1)
         self.pivot = float((np.arange(seen.size) * seen).sum() / max(seen.sum(), 1e-9))
@@ -196,8 +234,8 @@ class _Score:
         dead = unit <= 0
         # Projections at delay d are the real parts of sums of these, turned by d.
         self._terms = np.where(dead, 0.0, view.spectra[:, bins] * cells.signs)
-        self._terms /= np.where(dead, 1.0, unit) * (step * np.sqrt(cells.bins))
-        self._cells = cells
+        self._terms /= np.where(dead, 1.0, unit) * (step / harmonic * np.sqrt(cells.bins))
+        self._cells, self._dither = cells, harmonic * cells.dither
         alive = ~dead.reshape(len(unit), -1, cells.bins).any(axis=2)
         self._expected = expected * alive
 
@@ -210,7 +248,7 @@ class _Score:
         turn = np.exp(1j * np.outer(frequency, delays))
         score = np.zeros(delays.size)
         _kernels.fit_scores(
-            self._terms, self._expected, cells.dither, frames * frequency[0],
+            self._terms, self._expected, self._dither, frames * frequency[0],
             frames * (np.pi / HOP), turn, score,
         )  # fmt: skip
         return score

@@ -18,6 +18,7 @@ from watermark.audio.covered import Coverage, Covered
 from watermark.audio.equaliser import band_of
 from watermark.audio.layout import make_layout, make_pilots
 from watermark.audio.masking import make_masker
+from watermark.audio.places import LEFT, MID, RIGHT, make_places
 from watermark.audio.profile import LEVELS, TIER_LEVELS, Profile
 from watermark.audio.reliability import LIMITS, NOISY, Reliability
 from watermark.link.link import Decoded, Link
@@ -32,8 +33,17 @@ COVERED_LEVELS, COVERED_ROUNDS = 3, 3
 """Levels at which a superframe is read as one that another sound covers in part, the most
 promising, and rounds of decoding and estimation in turns at each."""
 
+UNTOLD = 24.0
+"""Correlation of pilots, three standard deviations of noise, below which they hardly tell a level:
+the last one and its neighbours are tried, too."""
+
 NEARBY = (1.5, 2.5)
 """Deviation in frames and cells of the window in which decoded bits tell of their neighbours."""
+
+SINGLE, SURELY, LEAST_STANDING = 2.5, 2.0, 0.02
+"""Standard deviations by which cells of one place must lie nearer to points of either bit than
+those of another, for the sound to be taken for a single channel; how many the others must have to
+be given weight; and their least weight."""
 
 SHRINK = 20.0
 """Cells that the mean of all frames counts for beside them; 10 to 40 do as well."""
@@ -82,14 +92,28 @@ class Reading:
     decoded: Decoded
 
 
+def _kinds(places: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Which cells are alike, shape (4, groups): low ones, and above those of mid, left, right."""
+    above = np.arange(places.size) >= np.flatnonzero(places)[0]
+    kinds = [~above, *((places == place) & above for place in (MID, LEFT, RIGHT))]
+    return np.array(kinds, dtype=np.float64)
+
+
+def _agreement(soft: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Second harmonic of soft values, in which both bits agree."""
+    return np.where(soft != 0, 2 * soft**2 - 1, 0.0)
+
+
 class Demodulator:
     """Reads the superframes of a profile and learns how far each cell can be trusted."""
 
     def __init__(self, profile: Profile, key: int) -> None:
         self.profile = profile
         self.layout = make_layout(profile, key)
+        self.places = make_places(profile, key)
+        self._kinds = _kinds(self.places.cells)
         self.link = Link(profile)
-        self.reliability = Reliability(profile.groups)
+        self.reliability = Reliability(profile.groups, self._kinds)
         self._pilots = make_pilots(key)
         self._masker = make_masker()
         self._announced = self._pilots.expected(profile.number)
@@ -117,6 +141,10 @@ class Demodulator:
         if ranked[0] not in own:
             chosen.insert(0, ranked[0])
         levels = [[tier * TIER_LEVELS + i + offset for i in range(TIER_LEVELS)] for tier in chosen]
+        if scores[ranked[0]] < UNTOLD:
+            every = (level + offset for level in range(len(LEVELS)))
+            others = sorted(set(every) - set(levels[0]), key=lambda x: abs(x - last))
+            levels[1:] = [others[: TRIED_LEVELS - TIER_LEVELS]]
         return [level for part in levels for level in sorted(part, key=lambda x: abs(x - last))]
 
     def read(
@@ -157,7 +185,10 @@ class Demodulator:
             return view.soft(self.layout.cells, self.profile.step(level)) * weights
 
         learnt = self.reliability.cautious(clues)
-        yield from ((level, weighted(level, learnt), LIST_SIZE) for level in levels)
+        yield from (
+            (level, self._standing(view, level) * weighted(level, learnt), LIST_SIZE)
+            for level in levels
+        )
         covered = {level: self._look(view, level, offset) for level in levels}
         promising = sorted(levels, key=lambda level: -covered[level].promise)
         for level in promising[:COVERED_LEVELS]:
@@ -175,12 +206,56 @@ class Demodulator:
             for weights in (self.reliability.plain(clues), np.full((1, 1), EVEN)):
                 yield level, weighted(level, weights), longer
             yield level, weighted(level, noisy), LONG_LIST_SIZE
+        for kind, level in self.lone_levels(view, levels):
+            yield level, weighted(level, np.maximum(kind, LEAST_STANDING)), longer
 
     def _look(self, view: View, level: float, offset: float) -> Covered:
         """Look for what covers a superframe; its pilots have the step of their tier."""
         tier = math.floor((level - offset) / TIER_LEVELS + 1e-6)
         pilot_step = self.profile.pilot_step(0) * 2 ** (tier + offset / TIER_LEVELS)
         return self._coverage.look(view, level, pilot_step)
+
+    def _standing(self, view: View, level: float) -> NDArray[np.float64]:
+        """Factors of weights, shape (groups,): a single channel bears what stands there.
+
+        They are 1 unless cells of one place lie nearer to a point of either bit than others.
+        """
+        if view.paired:
+            return np.ones(self.profile.groups)
+        soft = view.soft(self.layout.cells, self.profile.step(level))
+        return self._factors(_agreement(soft), soft != 0)
+
+    def lone_levels(
+        self, view: View, levels: list[float]
+    ) -> list[tuple[NDArray[np.float64], float]]:
+        """Cells of left and of right, shape (groups,), and the level at which they seem written."""
+        if view.paired:
+            return []
+        cells = self.layout.cells
+        soft = [view.soft(cells, self.profile.step(level)) for level in levels]
+        near = [_agreement(at_level).sum(axis=0) for at_level in soft]
+        return [(kind, levels[int((near @ kind).argmax())]) for kind in self._kinds[2:]]
+
+    def trust(self, reading: Reading) -> NDArray[np.float64]:
+        """Weights of cells whose bits are known, shape (64, groups)."""
+        weights = self.reliability.weights(reading.clues)
+        if reading.view.paired:
+            return weights
+        expected = self.expected(reading.decoded)
+        known = (expected != 0) & (reading.soft != 0)
+        return weights * self._factors(np.where(known, reading.soft * expected, 0.0), known)
+
+    def _factors(self, near: NDArray[np.float64], seen: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Factors of weights by how near the cells of each place lie to the right points."""
+        cells = np.maximum(self._kinds @ seen.sum(axis=0), 1)
+        mean, deviation = self._kinds @ near.sum(axis=0) / cells, np.sqrt(0.5 / cells)
+        best = int(mean[1:].argmax()) + 1
+        apart = SINGLE * np.hypot(deviation, deviation[best])
+        if not (mean[1:] < mean[best] - apart[1:]).any():
+            return np.ones(self.profile.groups)
+        sure = mean - SURELY * deviation
+        factors = np.clip(sure / max(sure[best], deviation[best]), LEAST_STANDING, 1.0)
+        return np.asarray(factors @ self._kinds)
 
     def _read_at(
         self,

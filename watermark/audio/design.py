@@ -15,6 +15,7 @@ from watermark.audio.dither import mark_change, project
 from watermark.audio.layout import make_layout, make_pilots
 from watermark.audio.masking import make_masker
 from watermark.audio.mdct import analyse, frames_of, synthesise
+from watermark.audio.places import MID
 from watermark.audio.profile import HOP, Profile
 from watermark.link.link import Link
 
@@ -37,7 +38,7 @@ CARRYING = 0.35
 
 @dataclass(frozen=True, slots=True)
 class MarkedSuperframe:
-    """Mark of one superframe: samples, shape (SUPERFRAME + HOP,), and whether it is one."""
+    """Mark of one superframe: samples, shape (1 or 2, SUPERFRAME + HOP), and whether it is one."""
 
     mark: NDArray[np.float64]
     carries: bool
@@ -64,14 +65,15 @@ class MarkDesigner:
         *,
         gains: NDArray[np.float64] | None = None,
         rounds: int = ITERATIONS,
+        leaning: int | None = MID,
     ) -> MarkedSuperframe:
         """Design a mark.
 
         Parameters
         ----------
-        before : ndarray of float64, shape (HOP,)
+        before : ndarray of float64, shape (1, HOP)
             Finished samples just before the superframe.
-        host : ndarray of float64, shape (SUPERFRAME + HOP,)
+        host : ndarray of float64, shape (1, SUPERFRAME + HOP)
             The programme's mid with the tail of the mark before.
         payload : tuple of (bytes, bytes)
             L0 and L1.
@@ -82,24 +84,25 @@ class MarkDesigner:
             Gain of each frame's mark.
         rounds : int
             How often the mask is derived.
+        leaning : int, optional
+            Place towards which pilots lean in two channels; with None, all cells stand in the mid.
         """
-        sound = np.concatenate([before, host])
-        open_frames = ~pre_echoing(sound)[:, np.newaxis]
-        wanted = open_frames * self._layout.spread(1.0 - 2.0 * self._link.encode(*payload))
-        announced = open_frames * self._announced
+        sound = np.concatenate([before[0], host[0]])
+        wanted, announced = self._wanted(sound, payload)
         spectra = analyse(frames_of(sound, HOP), HOP)
         coefficients = spectra[1:].real
-        mark = np.zeros(host.size)
-        for _ in range(rounds):
+        mark = np.zeros(host.shape)
+        for left in reversed(range(rounds)):
             threshold = self._masker.thresholds(np.abs(spectra) ** 2 / 2)
             unit = self._masker.amplitudes(threshold[1:], threshold[:-1])
             living = float(project(coefficients, unit, self._layout.cells)[1].mean())
             if living < CARRYING:
-                return MarkedSuperframe(np.zeros(host.size), carries=False)
+                return MarkedSuperframe(np.zeros(host.shape), carries=False)
             change = self._change(coefficients, unit, wanted, announced, level)
-            mark = synthesise(change if gains is None else gains[:, np.newaxis] * change, HOP)
-            sound[HOP:] = host + mark
-            spectra = analyse(frames_of(sound, HOP), HOP)
+            mark[0] = synthesise(change if gains is None else gains[:, np.newaxis] * change, HOP)
+            if left:
+                sound[HOP:] = host[0] + mark[0]
+                spectra = analyse(frames_of(sound, HOP), HOP)
         return MarkedSuperframe(mark, carries=True)
 
     def need(
@@ -123,6 +126,14 @@ class MarkDesigner:
             coded.append(analyse(frames_of(side, HOP), HOP))
         noise = coder_noise(coded, self._masker, self._profile.coder_bits)
         return needed_level(noise, unit, self._masker, self._layout.cells, self._profile)
+
+    def _wanted(
+        self, sound: NDArray[np.float64], payload: tuple[bytes, bytes]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Soft values that data cells and pilots are to have, 0 where nothing is written."""
+        open_frames = ~pre_echoing(sound)[:, np.newaxis]
+        data = self._layout.spread(1.0 - 2.0 * self._link.encode(*payload))
+        return open_frames * data, open_frames * self._announced
 
     def _change(
         self,

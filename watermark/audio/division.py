@@ -1,4 +1,4 @@
-"""How the mark of the mid is divided among left, right and centre.
+"""How the mark of the mid is divided among left, right and centre of more than two channels.
 
 In: the programme and the mark of its mid; out: what goes from right to left, and what the centre
 takes from both. In each band and frame each channel takes part by what it masks by itself, so that
@@ -24,11 +24,11 @@ class MarkShares:
     Parameters
     ----------
     channels : int
-        Of the programme. Of one channel nothing is divided.
+        Of the programme. Of one or two channels nothing is divided.
     """
 
     def __init__(self, channels: int) -> None:
-        front = 0 if channels == 1 else 3 if has_centre(channels) else 2
+        front = 0 if channels < 3 else 3 if has_centre(channels) else 2
         self._tapes = [Tape() for _ in range(front)]
         self._masker = make_masker()
         self._tails = np.zeros((2, HOP))

@@ -1,7 +1,8 @@
 """The audio embedder: a programme in blocks in, the same programme with its mark out.
 
-The mark of each superframe is designed on the programme's mid, at the level that gives the wanted
-grade, and added to its front channels. Specification: sections 2 and 4.4.
+The mark of each superframe is designed on the programme's mid, of two channels on mid and side, at
+the level that gives the wanted grade, and added to its front channels. Specification: sections 2
+and 4.4.
 """
 
 import math
@@ -21,6 +22,7 @@ from watermark.audio.profile import FS, HOP, LEVELS, SUPERFRAME, find_profile
 from watermark.audio.rehearsal import LEVELS_PER_DOUBLING, MARGIN, Rehearsal
 from watermark.audio.relief import Relief
 from watermark.audio.resampling_tape import Tape
+from watermark.audio.stereo_design import StereoDesigner, leaning_of
 from watermark.link.superframe import SUPERFRAME_S
 
 STRETCH = 4
@@ -56,6 +58,10 @@ PASSAGE_SUPERFRAMES = 32
 
 NEUTRAL_NEED = 5.0
 """Need of a superframe that is written at the base level."""
+
+SHORT = (0.5, -0.25)
+"""Levels that a passage of two channels lacks from which all its cells are written in the mid, of
+which coders keep most, and again in left and right, for who hears one channel only."""
 
 Source = Callable[[int], tuple[bytes, bytes]]
 """Payloads (L0, L1) of the superframe on air from programme time k * 0.64 s."""
@@ -96,24 +102,23 @@ class _Stretch:
 
     Attributes
     ----------
-    mid : ndarray of float64, shape (n,)
-        The programme's mid with all marks.
     clean, marked : ndarray of float64, shape (n, 1 or 2)
         The programme's front without and with marks, for grading.
     mark : ndarray of float64, shape (n,)
         What was added to the mid.
-    tail : ndarray of float64, shape (HOP,)
-        Part of the last superframe's mark that lies beyond.
+    end, tail : ndarray of float64, shape (rows, HOP)
+        The last samples of what was designed (mid; of two channels, mid and side), and the part of
+        the last superframe's mark that lies beyond.
     divided : ndarray of float64, shape (2, n + HOP)
         See `MarkShares.divide`.
     silent : tuple of bool
         For each superframe, whether it cannot carry.
     """
 
-    mid: NDArray[np.float64]
     clean: NDArray[np.float64]
     marked: NDArray[np.float64]
     mark: NDArray[np.float64]
+    end: NDArray[np.float64]
     tail: NDArray[np.float64]
     divided: NDArray[np.float64]
     silent: tuple[bool, ...]
@@ -179,7 +184,9 @@ class AudioEmbedder:
         check_format(fs, channels)
         self._fs, self._channels, self._source = fs, channels, source
         self._profile = find_profile(profile)
-        self._designer = MarkDesigner(self._profile, key)
+        self._rows = 2 if channels == 2 else 1
+        designer = StereoDesigner if channels == 2 else MarkDesigner
+        self._designer = designer(self._profile, key)
         self._front = min(channels, 2)
         wanted = self._profile.grade if grade is None else grade
         control = LevelControl(wanted, self._front, quiet=rehearsal is not None)
@@ -190,6 +197,7 @@ class AudioEmbedder:
         self._needs: dict[int, float] = {}
         self._enough: deque[float] = deque(maxlen=PASSAGE_SUPERFRAMES)
         self._level = level or 0
+        self._apart = True
         self._programme = np.zeros((0, channels))
         self._given = 0
         self._host = Tape()
@@ -197,8 +205,8 @@ class AudioEmbedder:
         self._mark = Tape()
         self._shares = MarkShares(channels)
         self._across, self._taken = Tape(), Tape()
-        self._before = np.zeros(HOP)
-        self._tail = np.zeros(HOP)
+        self._before = np.zeros((self._rows, HOP))
+        self._tail = np.zeros((self._rows, HOP))
         self._next = 0
         self._host_power = self._mark_power = 0.0
         self._silent: list[int] = []
@@ -278,7 +286,7 @@ class AudioEmbedder:
         self._shares.begin(start, ratio, count * SUPERFRAME)
         payloads = [self._source(k) for k in numbers]
         if self._control is None:
-            made = self._stretch(host, side[:-HOP], payloads, [self._level] * count)
+            made = self._stretch(host, side, payloads, [self._level] * count)
         else:
             needs = [self._need(k) for k in numbers]
             enough = [self._sufficient(k, need) for k, need in zip(numbers, needs, strict=True)]
@@ -286,6 +294,7 @@ class AudioEmbedder:
             lowered = MOST_LOWERED + control.overdrawn
             floor, spare = -math.inf, 1.0
             if sufficient is not None:
+                self._apart = control.lack(sufficient) < SHORT[0 if self._apart else 1]
                 floor = sufficient - lowered
                 spare = min(max(1.0 - SPARED * (sufficient - control.base) / lowered, 0.0), 1.0)
 
@@ -301,12 +310,12 @@ class AudioEmbedder:
                             else _level(least + above + spare * max(plain - least - above, 0.0))
                             for plain, least in zip(levels, enough, strict=True)
                         ]
-                return self._stretch(host, side[:-HOP], payloads, levels, relief)
+                return self._stretch(host, side, payloads, levels, relief)
 
             made = control.settle(attempt, enough=sufficient, least=floor)
             if sufficient is not None:
                 control.strive(sufficient - control.base)
-        self._before, self._tail = made.mid[-HOP:], made.tail
+        self._before, self._tail = made.end, made.tail
         self._mark.append(made.mark)
         across, taken = self._shares.settle(made.divided)
         self._across.append(across)
@@ -327,7 +336,9 @@ class AudioEmbedder:
             needs = [self._need(k) for k in range(first, first + count)]
             base = self._control.base if self._enough else FIRST_BASE
             levels = [_level(base, need) for need in needs]
-            self._rehearsal.send(*self._sound(first, count), levels)
+            self._rehearsal.send(
+                *self._sound(first, count), levels, apart=self._rows == 2 and self._apart
+            )
             self._needs |= dict(zip(range(first, first + count), needs, strict=True))
 
     def _sufficient_base(self) -> float | None:
@@ -373,8 +384,9 @@ class AudioEmbedder:
         relief: Relief | None = None,
     ) -> _Stretch:
         """Write superframes into `host`, shape (superframes * SUPERFRAME + HOP,), or none."""
-        marked = host.copy()
-        marked[:HOP] += self._tail
+        sound = np.stack([host, side][: self._rows])
+        marked = sound.copy()
+        marked[:, :HOP] += self._tail
         before, silent = self._before, [True] * len(payloads)
         parts: Sequence[NDArray[np.float64] | None] = [None] * len(payloads)
         if levels is not None and relief is not None:
@@ -383,18 +395,23 @@ class AudioEmbedder:
         if levels is not None:
             for i, (payload, level) in enumerate(zip(payloads, levels, strict=True)):
                 span = slice(i * SUPERFRAME, (i + 1) * SUPERFRAME + HOP)
-                made = self._designer.design(before, marked[span], payload, level, gains=parts[i])
-                marked[span] += made.mark
-                before = marked[(i + 1) * SUPERFRAME - HOP : (i + 1) * SUPERFRAME]
+                leaning = leaning_of(self._next + i) if self._apart else None
+                made = self._designer.design(
+                    before, marked[:, span], payload, level, gains=parts[i], leaning=leaning
+                )
+                marked[:, span] += made.mark
+                before = marked[:, (i + 1) * SUPERFRAME - HOP : (i + 1) * SUPERFRAME]
                 silent[i] = not made.carries
-        mark = marked - host
-        divided = self._shares.divide(mark)
+        mark = marked - sound
+        divided = self._shares.divide(mark[0])
+        divided[0] += mark[1:].sum(axis=0)
+        inner = slice(0, -HOP)
         return _Stretch(
-            mid=marked[:-HOP],
-            clean=front_of(host[:-HOP], side, self._front),
-            marked=front_of(marked[:-HOP], side + divided[0, :-HOP], self._front),
-            mark=mark[:-HOP],
-            tail=mark[-HOP:],
+            clean=front_of(host[inner], side[inner], self._front),
+            marked=front_of(marked[0, inner], (side + divided[0])[inner], self._front),
+            mark=mark[0, inner],
+            end=marked[:, -2 * HOP : -HOP],
+            tail=mark[:, -HOP:],
             divided=divided,
             silent=tuple(silent),
         )

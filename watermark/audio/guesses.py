@@ -17,7 +17,7 @@ from watermark.audio.acquire import CLOCK_ERRORS_PPM
 from watermark.audio.mix import has_centre, weights_of
 from watermark.audio.pilot_sight import DECIMATION, LOW_REACH
 from watermark.audio.profile import FS, PILOT_STEPS
-from watermark.audio.resampling_tape import REACH, Tape
+from watermark.audio.resampling_tape import REACH, PairTape, Tape
 
 STRETCH_S, SHORT_STRETCH_S = 2.2, 1.36
 """Sound on which a guess is tried: a superframe and its successor, and one superframe, wherever
@@ -75,6 +75,14 @@ class Mix:
     weights: tuple[float, ...]
     skew: float = 0.0
 
+    @property
+    def side(self) -> "Mix | None":
+        """Mix of what the first channels have beside this one, None for one that is no mid."""
+        left, right, *rest = self.weights if len(self.weights) > 1 else (1.0, 0.0)
+        if abs(left) != abs(right) or any(rest):
+            return None
+        return Mix((left, -right, *rest), self.skew)
+
 
 @dataclass(frozen=True, slots=True)
 class Guess:
@@ -104,24 +112,16 @@ class Stretch:
 
     Parameters
     ----------
-    sound : ndarray of float64, shape (n,)
-        The mix.
-    start : int
-        Place of its first sample.
+    tape : PairTape
+        The mix and its side.
     nominal : float
         Samples that come for one of the mark's own at its usual speed.
-
-    Attributes
-    ----------
-    tape : Tape
-        The mix.
     """
 
-    def __init__(self, sound: NDArray[np.float64], start: int, nominal: float) -> None:
-        self.tape, self._low = Tape(start), Tape()
-        self.tape.append(sound)
-        step = DECIMATION * nominal
-        self._low.append(self.tape.read(start, step, int(sound.size / step), LOW_REACH))
+    def __init__(self, tape: PairTape, nominal: float) -> None:
+        self.tape, self._low = tape, Tape()
+        step, count = DECIMATION * nominal, tape.end - tape.first
+        self._low.append(tape.read(tape.first, step, int(count / step), LOW_REACH))
 
     def low(self, speed: float, seconds: float) -> NDArray[np.float64]:
         """Return the first seconds at the search's rate, as if they came at some speed."""

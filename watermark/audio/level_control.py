@@ -275,6 +275,10 @@ class LevelControl:
         short = 0.0 if last is None else max(self._wanted - last, 0.0)
         return OVERDRAWN * self._passage.maturity * short / GRADES_PER_LEVEL
 
+    def lack(self, enough: float) -> float:
+        """Levels that a passage lacks though it has the lowest grade, below 0 if none."""
+        return enough - self.base if self._target <= self._wanted + CLOSE_ENOUGH else -math.inf
+
     def strive(self, lack: float) -> None:
         """Aim at another grade, better or as far as the wanted one, where levels lack or exceed."""
         change = float(np.clip(-STRIVING * GRADES_PER_LEVEL * lack, *STRIVING_LIMITS))

@@ -85,6 +85,8 @@ class Profile:
         Place in `PILOT_STEPS` of the pilots' step at the lowest levels.
     coder_bits : float
         Bits per frame of 10 ms of the coder that the embedder has in mind.
+    side_period : int
+        In stereo, of so many blocks one stands in left and one in right: as few as bear a message.
     grade : float
         Grade to aim at unless told otherwise; with a rehearsal, that of passages that need it.
     """
@@ -101,6 +103,7 @@ class Profile:
     strength: float
     lowest_tier: int
     coder_bits: float
+    side_period: int = 4
     grade: float = USUAL_GRADE
 
     def __post_init__(self) -> None:
@@ -207,6 +210,7 @@ HIGH = Profile(
     strength=0.75,
     lowest_tier=0,
     coder_bits=500.0,
+    side_period=8,
 )
 
 DISCREET = Profile(

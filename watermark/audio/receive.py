@@ -34,7 +34,7 @@ from watermark.audio.profile import (
     TIER_LEVELS,
     Profile,
 )
-from watermark.audio.resampling_tape import Tape
+from watermark.audio.resampling_tape import PairTape, Tape
 from watermark.audio.track import FOLLOW, Reader, Track, as_used, likely_phases, received
 from watermark.audio.turned_search import TurnedCandidate, TurnedSearch
 from watermark.link.superframe import ReceivedSuperframe
@@ -103,7 +103,7 @@ a smaller part from what was expected, has found nothing new."""
 class _Heard:
     """A sound that is searched, and how it was mixed."""
 
-    tape: Tape
+    tape: PairTape
     mix: Mix
 
 
@@ -154,7 +154,7 @@ class AudioReceiver:
         self._reader = Reader(key, self._nominal)
         self._sounds = [Tape() for _ in range(channels)]
         self._mix = usual_mix(channels)
-        self._tape = Tape()
+        self._tape = PairTape()
         self._now = 0
         self._track: Track | None = None
         self._start_search(0.0)
@@ -238,7 +238,12 @@ class AudioReceiver:
         known = self._now - (math.ceil(abs(skew)) + self._tape.reach(1.0) if skew else 0)
         count = known - self._tape.end
         if count > 0:
-            self._tape.append(self._mixed(self._mix, self._tape.end, count))
+            self._mix_to(self._tape, self._mix, count)
+
+    def _mix_to(self, tape: PairTape, mix: Mix, count: int) -> None:
+        """Append a mix, and what is beside it."""
+        beside = self._mixed(mix.side, tape.end, count) if mix.side else np.zeros(count)
+        tape.append_pair(self._mixed(mix, tape.end, count), beside)
 
     def _mixed(self, mix: Mix, start: int, count: int) -> NDArray[np.float64]:
         out = np.zeros(count)
@@ -251,7 +256,7 @@ class AudioReceiver:
     def _use(self, mix: Mix) -> None:
         """Listen to another mix from here on, and to what is remembered of it."""
         if mix != self._mix:
-            self._mix, self._tape = mix, Tape(self._sounds[0].first)
+            self._mix, self._tape = mix, PairTape(self._sounds[0].first)
             self._extend()
 
     # Searching
@@ -301,21 +306,38 @@ class AudioReceiver:
         sure = self._reader.pull_in(heard.tape, track, candidate) >= SURE
         levels = sorted(range(len(LEVELS)), key=lambda level: abs(level - own.start - 1.4))
         moved_levels = [level + self._offset for level in levels[:TRIED_LEVELS]]
-        for delay in delays if sure else delays[:1]:
-            moved = replace(track, position=track.position + delay * self._nominal)
+        for moved, whole in self._places(heard, track, moved_levels, delays if sure else ()):
             raw = self._reader.view(heard.tape, moved)
             view = as_used(moved, raw)
             reading = demodulator.read(
-                view, moved_levels, offset=self._offset, due=False,
-                brief=delay != 0 or not sure,
-            )  # fmt: skip
+                view, moved_levels, offset=self._offset, due=False, brief=not whole
+            )
             if reading.decoded.l0 is not None:
                 return self._lock(heard.mix, moved, raw, reading)
         return []
 
+    def _places(
+        self, heard: _Heard, track: Track, levels: list[float], delays: tuple[float, ...]
+    ) -> Iterator[tuple[Track, bool]]:
+        """Yield a candidate's place and, if it is to be tried by all means, variants.
+
+        With each goes whether it is worth more than a brief attempt.
+        """
+        if not delays:
+            yield track, False
+            return
+        for delay in delays:
+            yield replace(track, position=track.position + delay * self._nominal), delay == 0
+        raw = self._reader.view(heard.tape, track)
+        if raw.paired:
+            # More channels than two have all cells in the mid, and may have been mixed down.
+            yield replace(track, pair=False), True
+        else:
+            yield from ((moved, True) for moved in self._reader.lone(track, raw, levels))
+
     def _reset_guesses(self) -> None:
         self._guesses: Iterator[Guess] | None = None
-        self._last_stretch = (self._mix, 0), Stretch(np.zeros(0), 0, self._nominal)
+        self._last_stretch = (self._mix, 0), Stretch(PairTape(), self._nominal)
         self._turned_at, self._turned_every = float(self._now + self._stretch), self._stretch / 2
         self._round = 0
         self._guess_at = self._now + PAUSES_S[0] * self._fs
@@ -350,8 +372,9 @@ class AudioReceiver:
     def _try_guess(self, guess: Guess, start: int) -> list[ReceivedSuperframe]:
         """Search a stretch as if a guess were true."""
         if (guess.mix, start) != self._last_stretch[0]:
-            sound = self._mixed(guess.mix, start, self._stretch)
-            self._last_stretch = (guess.mix, start), Stretch(sound, start, self._nominal)
+            tape = PairTape(start)
+            self._mix_to(tape, guess.mix, self._stretch)
+            self._last_stretch = (guess.mix, start), Stretch(tape, self._nominal)
         stretch = self._last_stretch[1]
         heard = _Heard(stretch.tape, guess.mix)
         low = stretch.low(guess.speed, guess.stretch_s)
@@ -418,7 +441,7 @@ class AudioReceiver:
             elif abs(delay) <= SAME_PLACE:
                 track = replace(
                     known, position=due, level=track.level, misses=0,
-                    equaliser=track.equaliser, offset=track.offset,
+                    equaliser=track.equaliser, offset=track.offset, pair=track.pair,
                 )  # fmt: skip
                 self._reader.nudge(track, delay)
         self._search = None
@@ -441,11 +464,13 @@ class AudioReceiver:
                 break
             raw = self._reader.view(self._tape, past)
             reading = self._reader.read(self._tape, past, raw, due=False)
-            if reading.decoded.l0 is None and (
-                moved := self._reader.find_beside(self._tape, past, raw)
-            ):
-                past, raw = moved, self._reader.view(self._tape, moved)
-                reading = self._reader.read(self._tape, past, raw, due=False)
+            if reading.decoded.l0 is None:
+                for moved in self._reader.elsewhere(self._tape, past, raw):
+                    again = self._reader.view(self._tape, moved)
+                    reading = self._reader.read(self._tape, moved, again, due=False)
+                    if reading.decoded.l0 is not None:
+                        past, raw = moved, again
+                        break
             failed = 0 if reading.decoded.l0 is not None else failed + 1
             if not failed:
                 found.insert(0, received(past, reading, self._fs))
@@ -478,7 +503,7 @@ class AudioReceiver:
             if again.decoded.l0 is not None:
                 self._search, self._track = None, moved
                 self._correct(moved, raw, again, wide=True)
-                if not track.misses:
+                if not track.misses and moved.pair == track.pair:
                     moved.bent(track.ratio)
                 return [self._deliver(moved, again)]
         track.misses += 1
@@ -495,7 +520,7 @@ class AudioReceiver:
         demodulator = track.demodulator
         expected = demodulator.expected(reading.decoded)
         cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
-        weighted = expected * demodulator.reliability.weights(reading.clues)
+        weighted = expected * demodulator.trust(reading)
         if wide:
             for grid in LOCK_IN:
                 view = as_used(track, self._reader.view(self._tape, track))

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from watermark.audio.align import read_view
 from watermark.audio.demodulate import Demodulator
-from watermark.audio.design import MarkDesigner
 from watermark.audio.masking import make_masker
 from watermark.audio.mix import front_of
 from watermark.audio.profile import FS, HOP, SUPERFRAME, Profile
-from watermark.audio.resampling_tape import Tape
+from watermark.audio.resampling_tape import PairTape, Tape
+from watermark.audio.stereo_design import StereoDesigner
 from watermark.link.link import L0_CHECK, L1_CHECK
 
 LEARNING_S = 2.0
@@ -64,6 +64,7 @@ class Through(Protocol):
 @dataclass(frozen=True, slots=True)
 class _Sent:
     number: int
+    apart: bool
     start: int
     payload: tuple[bytes, bytes]
     level: float
@@ -74,14 +75,15 @@ class _Ear:
 
     def __init__(self, through: Through) -> None:
         self._through = through
-        self.heard = Tape()
+        self.heard = PairTape()
         self.delay: int | None = None
         self.waiting: deque[_Sent] = deque()
 
     def take(self, marked: NDArray[np.float64], sent: Tape) -> None:
         """Send marked sound."""
-        heard = self._through.process(marked.astype(np.float32)).mean(axis=1)
-        self.heard.append(heard.astype(np.float64))
+        heard = self._through.process(marked.astype(np.float32))
+        left, right = heard[:, 0].astype(np.float64), heard[:, -1].astype(np.float64)
+        self.heard.append_pair((left + right) / 2, (left - right) / 2)
         if self.delay is None and self.heard.end >= LEARNING_S * FS + LONGEST_DELAY:
             self.delay = self._find_delay(sent)
         self.heard.forget(self.heard.end - 8 * SUPERFRAME)
@@ -123,10 +125,10 @@ class Rehearsal:
 
     def __init__(self, profile: Profile, key: int, *through: Through) -> None:
         self._ears = [_Ear(coder) for coder in through]
-        self._designer = MarkDesigner(profile, key)
+        self._designer = StereoDesigner(profile, key)
         self._demodulator = Demodulator(profile, key)
         self._masker = make_masker()
-        self._before, self._tail = np.zeros(HOP), np.zeros(HOP)
+        self._before, self._tail = np.zeros((2, HOP)), np.zeros((2, HOP))
         self._sent = Tape()
         self._doublings: dict[int, float] = {}
         self._levels: dict[int, float] = {}
@@ -142,7 +144,12 @@ class Rehearsal:
         return self._levels[number] + LEVELS_PER_DOUBLING * missing
 
     def send(
-        self, mid: NDArray[np.float64], side: NDArray[np.float64], levels: list[float]
+        self,
+        mid: NDArray[np.float64],
+        side: NDArray[np.float64],
+        levels: list[float],
+        *,
+        apart: bool = False,
     ) -> None:
         """Try the next superframes, and learn from what has come back by now.
 
@@ -152,27 +159,32 @@ class Rehearsal:
             The programme; `side` is silence where there is none.
         levels : list of float
             Level of each superframe, see `MarkDesigner.design`.
+        apart : bool
+            Whether cells stand in left and right, too: the side is marked.
         """
         if self.count == 0:
             run_in = _run_in(2 if side.any() else 1)
             self._sent.append(run_in.mean(axis=1))
             self._listen(run_in)
-        marked = mid.copy()
-        marked[:HOP] += self._tail
+        # Where the side is not marked, the mark is that of mono.
+        sound = np.stack([mid, side if apart else np.zeros_like(side)])
+        marked = sound.copy()
+        marked[:, :HOP] += self._tail
         for i, level in enumerate(levels):
             span = slice(i * SUPERFRAME, (i + 1) * SUPERFRAME + HOP)
             payload = self._anything()
-            made = self._designer.design(self._before, marked[span], payload, level, rounds=1)
-            marked[span] += made.mark
-            self._before = marked[(i + 1) * SUPERFRAME - HOP : (i + 1) * SUPERFRAME]
+            made = self._designer.design(self._before, marked[:, span], payload, level, rounds=1)
+            marked[:, span] += made.mark
+            self._before = marked[:, (i + 1) * SUPERFRAME - HOP : (i + 1) * SUPERFRAME]
             if made.carries:
                 start = self._sent.end + i * SUPERFRAME
                 for ear in self._ears:
-                    ear.waiting.append(_Sent(self.count, start, payload, level))
+                    ear.waiting.append(_Sent(self.count, apart, start, payload, level))
             self.count += 1
-        self._tail = (marked - mid)[-HOP:]
-        self._sent.append(marked[:-HOP])
-        self._listen(front_of(marked, side, 2 if side.any() else 1)[:-HOP])
+        self._tail = (marked - sound)[:, -HOP:]
+        self._sent.append(marked[0, :-HOP])
+        beside = marked[1] if apart else side
+        self._listen(front_of(marked[0], beside, 2 if beside.any() else 1)[:-HOP])
 
     def end(self) -> None:
         """Let the coder say the rest."""
@@ -196,7 +208,8 @@ class Rehearsal:
         """Compare a superframe with what was meant."""
         demodulator = self._demodulator
         cells = demodulator.layout.cells
-        view = read_view(ear.heard, sent.start + (ear.delay or 0), 1.0, self._masker)
+        places = demodulator.places if sent.apart else None
+        view = read_view(ear.heard, sent.start + (ear.delay or 0), 1.0, self._masker, places)
         soft = view.soft(cells, demodulator.profile.step(round(sent.level)))
         bits = demodulator.link.encode(*sent.payload)
         agreement = soft * demodulator.layout.spread(1.0 - 2.0 * bits)

@@ -51,6 +51,8 @@ class Reliability:
     ----------
     groups : int
         Number of cell positions, from low to high.
+    kinds : ndarray of float64, shape (kinds, groups), optional
+        Which of them are alike, 1 or 0: the first kind lies low, the second is the usual one.
 
     Examples
     --------
@@ -62,7 +64,8 @@ class Reliability:
     True
     """
 
-    def __init__(self, groups: int) -> None:
+    def __init__(self, groups: int, kinds: NDArray[np.float64] | None = None) -> None:
+        self._kinds = kinds
         self._resultant = np.geomspace(PRIOR_LOW, PRIOR_HIGH, groups)
         self._exponents = np.array(PRIOR_EXPONENTS)
 
@@ -83,13 +86,23 @@ class Reliability:
 
     def cautious(self, clues: NDArray[np.float64]) -> NDArray[np.float64]:
         """Weights with which bits are read that nothing is known of, see `weights`."""
-        smooth = scipy.ndimage.gaussian_filter1d(self._resultant, SMOOTHING, mode="nearest")
+        even = self._unevenness()
+        smooth = even * scipy.ndimage.gaussian_filter1d(
+            self._resultant / even, SMOOTHING, mode="nearest"
+        )
         told = np.exp(CAUTION[1] * np.tensordot(self._exponents, clues, 1))
-        return np.asarray(_concentration(smooth) ** CAUTION[0] * told)
+        return np.asarray(_concentration(np.clip(smooth, *LIMITS)) ** CAUTION[0] * told)
 
     def plain(self, clues: NDArray[np.float64]) -> NDArray[np.float64]:
         """Cautious weights before anything was learnt."""
         return Reliability(self._resultant.size).cautious(clues)
+
+    def _unevenness(self) -> NDArray[np.float64]:
+        """Resultant of each cell's kind in units of the usual one's, shape (groups,)."""
+        if self._kinds is None:
+            return np.ones(self._resultant.size)
+        mean = self._kinds @ self._resultant / self._kinds.sum(axis=1)
+        return np.asarray(np.where(self._kinds[0] > 0, 1.0, mean / mean[1] @ self._kinds))
 
     def learn(
         self,

@@ -135,3 +135,32 @@ class Tape:
                 begin - self.first : end - self.first
             ]
         return out
+
+
+class PairTape(Tape):
+    """The mid of two channels, and beside it their side.
+
+    Parameters
+    ----------
+    first : int
+        Index of the first sample that is to come.
+
+    Attributes
+    ----------
+    side : Tape
+        Half the difference of left and right.
+    """
+
+    def __init__(self, first: int = 0) -> None:
+        super().__init__(first)
+        self.side = Tape(first)
+
+    def append_pair(self, mid: NDArray[np.float64], side: NDArray[np.float64]) -> None:
+        """Add samples of both at the end."""
+        self.append(mid)
+        self.side.append(side)
+
+    def forget(self, before: int) -> None:
+        """Drop all samples with an index below `before`."""
+        super().forget(before)
+        self.side.forget(before)

@@ -15,9 +15,15 @@ from watermark.audio.align import Fit, View, find_delay, read_view, search_fit
 from watermark.audio.demodulate import Demodulator, Reading
 from watermark.audio.equaliser import Equaliser, Known, lean, path_of, score_phases
 from watermark.audio.layout import make_pilots
-from watermark.audio.masking import FLOOR, make_masker
-from watermark.audio.profile import PILOT_STEPS, PROFILES, SUPERFRAME, TIER_LEVELS
-from watermark.audio.resampling_tape import Tape
+from watermark.audio.masking import FLOOR, Masker, make_masker
+from watermark.audio.profile import (
+    FRAMES_PER_SUPERFRAME,
+    PILOT_STEPS,
+    PROFILES,
+    SUPERFRAME,
+    TIER_LEVELS,
+)
+from watermark.audio.resampling_tape import PairTape, Tape
 from watermark.link.superframe import ReceivedSuperframe
 
 TURNED_TRIALS = 3
@@ -44,6 +50,13 @@ and a half standard deviations of noise."""
 
 DEEP = 1e-2 * FLOOR
 """Floor of the mask where a superframe fails: a gain of -20 dB may have moved quiet bands there."""
+
+LONE_IN = (np.arange(-0.8, 0.9, 0.2), np.arange(-60.0, 61.0, 20.0))
+"""Delays and drifts at which cells of left or of right are tried where neither bits nor wide pilots
+tell: they lie high, where a quarter of a sample spoils them."""
+
+LONE_SCORE = 3.5
+"""Standard deviations above unmarked sound that they must then have."""
 
 FOLLOW = 0.3
 """Delay tried on either side with the decoded bits of each following superframe, samples."""
@@ -88,6 +101,8 @@ class Track:
         Superframes that corrected the place after the first.
     bend : float
         Part of itself by which the ratio grows per superframe: tapes whose speed changes.
+    pair : bool
+        Whether cells of two channels stand in left and right; else all in the mid.
     """
 
     position: float
@@ -99,6 +114,7 @@ class Track:
     misses: int = 0
     age: int = 0
     bend: float = 0.0
+    pair: bool = True
 
     def advance(self) -> None:
         """Go on to the next superframe."""
@@ -150,7 +166,7 @@ class Reader:
 
     def view(self, tape: Tape, track: Track) -> View:
         """Return the cells of the superframe at a track's place."""
-        return read_view(tape, track.position, track.ratio, self._masker, bend=track.bend)
+        return _look(tape, track, self._masker)
 
     def read(self, tape: Tape, track: Track, raw: View, *, due: bool) -> Reading:
         """Read with the phases that the track has, then without, or the other way round.
@@ -164,7 +180,13 @@ class Reader:
             reading = demodulator.read(view, levels, offset=track.offset, due=due)
             if reading.decoded.l0 is not None:
                 return self.complete(tape, track, reading)
-        deep = read_view(tape, track.position, track.ratio, self._deep, bend=track.bend)
+        if track.offset:
+            nominal = demodulator.likely_levels(as_used(track, raw), track.level - track.offset)
+            again = demodulator.read(as_used(track, raw), nominal, due=due, brief=True)
+            if again.decoded.l0 is not None:
+                track.offset = 0.0
+                return self.complete(tape, track, again)
+        deep = _look(tape, track, self._deep)
         if np.count_nonzero(deep.amplitudes) > np.count_nonzero(raw.amplitudes):
             view = as_used(track, deep)
             softer = demodulator.likely_levels(view, track.level, track.offset)
@@ -211,8 +233,32 @@ class Reader:
             self.move(track, fit)
         return fit.score / DEVIATION
 
+    def lone(self, track: Track, raw: View, levels: list[float]) -> Iterator[Track]:
+        """Places where cells of left, or of right, seem written in a single channel."""
+        demodulator, cells = track.demodulator, track.demodulator.layout.cells
+        view = as_used(track, raw)
+        found = []
+        for kind, _ in demodulator.lone_levels(view, levels[:1]):
+            expected = kind * np.ones((FRAMES_PER_SUPERFRAME, 1))
+            least = LONE_SCORE * math.sqrt(expected.sum() / 2)
+            for level in levels[:TIER_LEVELS]:
+                step = demodulator.profile.step(level)
+                fit = search_fit(view, cells, step, expected, LONE_IN, harmonic=2)
+                if fit.score > least:
+                    found.append((fit.score, level, fit))
+        for _, level, fit in sorted(found, key=lambda x: -x[0])[:TURNED_TRIALS]:
+            moved = replace(track, level=level, misses=0, age=0)
+            self.move(moved, fit)
+            yield moved
+
     def elsewhere(self, tape: Tape, track: Track, raw: View) -> Iterator[Track]:
-        """Places where a superframe that failed may lie: by steadier clocks, by its pilots."""
+        """Places where a superframe that failed may lie: by steadier clocks, by its pilots.
+
+        The first is its own, with its cells in mid, left and right if they were in the mid before,
+        and the other way round.
+        """
+        if isinstance(tape, PairTape) and (raw.paired or not track.pair):
+            yield replace(track, pair=not track.pair)
         if track.bend:
             yield replace(track, ratio=track.ratio / (1 + track.bend), bend=0.0)
         error = self._nominal - track.ratio
@@ -223,6 +269,9 @@ class Reader:
         moved = self.find_beside(tape, track, raw)
         if moved is not None:
             yield moved
+        if not raw.paired:
+            levels = track.demodulator.likely_levels(raw, track.level, track.offset)
+            yield from self.lone(track, raw, levels)
 
     def find_beside(self, tape: Tape, track: Track, raw: View) -> Track | None:
         """Find by its pilots where a superframe lies that the clock has led astray."""
@@ -245,7 +294,7 @@ class Reader:
         demodulator = past.demodulator
         cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
         weighted = demodulator.expected(reading.decoded)
-        weighted = weighted * demodulator.reliability.weights(reading.clues)
+        weighted = weighted * demodulator.trust(reading)
         delay = find_delay(reading.view, cells, step, weighted, FOLLOW)
         past.position += BACK_GAIN * delay * self._nominal
         past.equaliser.learn(raw, Known(cells, step, weighted))
@@ -277,6 +326,11 @@ def likely_phases(
         (Equaliser(phases.size, phases + lean(delay, phases.size)), level)
         for _, delay, phases, level in paths[:TURNED_TRIALS]
     ]
+
+
+def _look(tape: Tape, track: Track, masker: Masker) -> View:
+    places = track.demodulator.places if track.pair else None
+    return read_view(tape, track.position, track.ratio, masker, places, bend=track.bend)
 
 
 def _views(track: Track, raw: View) -> list[View]:
