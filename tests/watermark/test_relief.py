@@ -46,10 +46,10 @@ def test_places_go_on_from_stretch_to_stretch() -> None:
     assert np.flatnonzero(first < 1)[-1] == np.flatnonzero(later < 1)[-1]
 
 
-def test_levels_make_up_for_a_part() -> None:
+def test_levels_make_up_for_what_is_taken() -> None:
     gains = np.ones(2 * FRAMES_PER_SUPERFRAME)
     gains[FRAMES_PER_SUPERFRAME:] = np.sqrt(0.5)
-    np.testing.assert_allclose(Relief(gains, 0.5).levels(), [0.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(Relief(gains).levels(), [0.0, 2.0], atol=1e-12)
     assert Relief(gains).parts().shape == (2, FRAMES_PER_SUPERFRAME)
 
 

@@ -40,27 +40,24 @@ class Relief:
     ----------
     gains : ndarray of float64, shape (frames,)
         Gain of each frame's mark.
-    compensated : float
-        Part of the information taken that levels make up for.
     """
 
     gains: NDArray[np.float64]
-    compensated: float = 1.0
 
     def parts(self) -> NDArray[np.float64]:
         """Gains of each superframe's frames, shape (superframes, 64)."""
         return self.gains.reshape(-1, FRAMES_PER_SUPERFRAME)
 
     def levels(self) -> NDArray[np.float64]:
-        """Levels that each superframe stands higher, shape (superframes,).
+        """Levels that make up for the information taken from each superframe, shape (superframes,).
 
         Examples
         --------
-        >>> float(Relief(np.full(FRAMES_PER_SUPERFRAME, 0.5**0.5), 1.0).levels()[0].round(6))
+        >>> float(Relief(np.full(FRAMES_PER_SUPERFRAME, 0.5**0.5)).levels()[0].round(6))
         2.0
         """
         kept = np.square(self.parts()).mean(axis=1)
-        return np.asarray(-self.compensated * LEVELS_PER_DOUBLING * np.log2(kept))
+        return np.asarray(-LEVELS_PER_DOUBLING * np.log2(kept))
 
 
 class Moments:
