@@ -228,7 +228,8 @@ class Reader:
         pilots, step = make_pilots(self._key), PILOT_STEPS[candidate.tier] * 2 ** (track.offset / 4)
         expected = pilots.expected(candidate.profile)
         for grid in PULL_IN:
-            view = as_used(track, self.view(tape, track))
+            # Pilots stand in the mid.
+            view = as_used(track, self.view(tape, replace(track, pair=False)))
             fit = search_fit(view, pilots.cells, step, expected, grid)
             self.move(track, fit)
         return fit.score / DEVIATION
