@@ -42,6 +42,9 @@ TURNS = np.arange(-1.5, 2.1, 0.5)
 PLACE = DECIMATION * STRIDE / TURNS.size
 """Distance of the places tried: 2 samples at 48 kHz."""
 
+FIRST_PLACE = DECIMATION * float(TURNS[0]) - CENTRE
+"""Where the first of them lies, in samples at 48 kHz from the first one of the sound."""
+
 ROW_HOP = ROWS_PER_FRAME * TURNS.size
 """Places tried per frame."""
 
@@ -190,7 +193,7 @@ class _Correlator:
         """Make a candidate of a place that was found in a quantum whose first place is given."""
         n, score, place, error = found
         tier, profile = self.pairs[n]
-        start = PLACE * (first + float(place)) + DECIMATION * TURNS[0] - CENTRE
+        start = PLACE * (first + float(place)) + FIRST_PLACE
         return Candidate(
             start,
             float(CLOCK_ERRORS_PPM[error]),
@@ -270,6 +273,33 @@ class PilotSearch:
         return None if found is None else self._correlator.candidate(found, first)
 
 
+def pilot_places(key: int, sound: NDArray[np.float64]) -> NDArray[np.int8]:
+    """Soft values of pilots at all places of a stretch, in `PARTS`.
+
+    Parameters
+    ----------
+    key : int
+        Seed of the layout.
+    sound : ndarray of float64, shape (n,)
+        Samples at 12 kHz.
+
+    Returns
+    -------
+    ndarray of int8, shape (tiers, PILOT_SLOTS, places)
+        Places are `PLACE` samples apart, the first one is at `FIRST_PLACE`.
+    """
+    from watermark.audio import _search_kernels
+
+    sight = make_sight(key)
+    projections, alive, _ = sight.look(sound.astype(np.float32), sight.silence)
+    rows = alive.shape[1] * TURNS.size
+    soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, rows), dtype=np.int8)
+    dither = make_pilots(key).cells.dither.astype(np.float32)
+    steps = np.array(PILOT_STEPS, dtype=np.float32)
+    _search_kernels.pilot_soft(projections, alive, _turns(None), dither, steps, 0, soft)
+    return soft
+
+
 def search_stretch(key: int, sound: NDArray[np.float64]) -> Candidate | None:
     """Best candidate among the superframes that lie whole in a stretch.
 
@@ -280,15 +310,8 @@ def search_stretch(key: int, sound: NDArray[np.float64]) -> Candidate | None:
     sound : ndarray of float64, shape (n,)
         Samples at 12 kHz. Where it is longer than two superframes, scores are summed as ever.
     """
-    from watermark.audio import _search_kernels
-
-    sight, correlator = make_sight(key), _make_correlator(key)
-    projections, alive, _ = sight.look(sound.astype(np.float32), sight.silence)
-    rows = alive.shape[1] * TURNS.size
-    soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, rows), dtype=np.int8)
-    dither = make_pilots(key).cells.dither.astype(np.float32)
-    steps = np.array(PILOT_STEPS, dtype=np.float32)
-    _search_kernels.pilot_soft(projections, alive, _turns(None), dither, steps, 0, soft)
+    correlator, soft = _make_correlator(key), pilot_places(key, sound)
+    rows = soft.shape[2]
     past, pairs = correlator.oldest, len(correlator.pairs)
     peaks = np.zeros((pairs, past + rows), dtype=np.int16)
     ceilings = np.zeros(pairs, dtype=np.float32) if rows - correlator.kept > PERIOD else None

@@ -73,12 +73,12 @@ class Coverage:
     def look(self, view: View, level: float, pilot_step: float) -> "Covered":
         """Look at a superframe at a level."""
         errors, alive = view.errors(self._layout.cells, self._profile.step(level))
-        own = np.where(alive, _look_up(self._unknown, errors), 0.0)
+        own = self.of_cells(errors, alive)
         clues = [_mean_around(own, window) for window in CELLS]
         of_pilots, living = view.errors(self._pilots.cells, pilot_step)
         of_pilots = of_pilots - (1 - self._expected) / 4
         seen = living & (self._expected != 0)
-        told = np.where(seen, _look_up(self._known, of_pilots), 0.0)
+        told = self.of_pilots(of_pilots, seen)
         told, share = (
             _mean_around((values * 1.0)[:, self._slot] * self._inside, PILOTS)
             for values in (told, seen)
@@ -87,6 +87,14 @@ class Coverage:
         zero, one = (_look_up(self._untouched, errors - bit / 2) for bit in (0, 1))
         soft = np.where(alive, np.cos(2 * np.pi * errors), 0.0)
         return Covered(np.stack(clues), soft, np.where(alive, zero, 1.0), np.where(alive, one, 1.0))
+
+    def of_cells(self, errors: Array, alive: NDArray[np.bool_]) -> Array:
+        """Evidence of cells whose bits are not known, shape (n, groups), see `View.errors`."""
+        return np.where(alive, _look_up(self._unknown, errors), 0.0)
+
+    def of_pilots(self, errors: Array, alive: NDArray[np.bool_]) -> Array:
+        """Evidence of pilots, shape (n, PILOT_SLOTS), by their errors from where they should be."""
+        return np.where(alive, _look_up(self._known, errors), 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -117,7 +117,7 @@ class Demodulator:
         self._pilots = make_pilots(key)
         self._masker = make_masker()
         self._announced = self._pilots.expected(profile.number)
-        self._coverage = Coverage(profile, self.layout, self._pilots)
+        self.coverage = Coverage(profile, self.layout, self._pilots)
 
     @property
     def bands(self) -> int:
@@ -213,7 +213,7 @@ class Demodulator:
         """Look for what covers a superframe; its pilots have the step of their tier."""
         tier = math.floor((level - offset) / TIER_LEVELS + 1e-6)
         pilot_step = self.profile.pilot_step(0) * 2 ** (tier + offset / TIER_LEVELS)
-        return self._coverage.look(view, level, pilot_step)
+        return self.coverage.look(view, level, pilot_step)
 
     def _standing(self, view: View, level: float) -> NDArray[np.float64]:
         """Factors of weights, shape (groups,): a single channel bears what stands there.

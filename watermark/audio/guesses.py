@@ -2,7 +2,7 @@
 
 In: a stretch of all channels; out: guesses in the order in which they are worth trying: bands
 turned in phase (a crossover, a rotator, a polarity), one channel inverted, late or alone, another
-gain, another speed. Specification: section 7.1.
+gain, another speed, another duration at its pitch. Specification: section 7.1.
 """
 
 from collections.abc import Iterator
@@ -99,12 +99,15 @@ class Guess:
         Samples that come for one of the mark's own.
     stretch_s : float
         Sound in which to search, seconds.
+    stretched : bool
+        Whether its duration was changed at its pitch.
     """
 
     mix: Mix
     steps: tuple[tuple[float, ...], ...] = (PILOT_STEPS,)
     speed: float = 1.0
     stretch_s: float = STRETCH_S
+    stretched: bool = False
 
 
 class Stretch:
@@ -147,6 +150,7 @@ def make_guesses(sound: NDArray[np.float64], *, thorough: bool) -> Iterator[Gues
     yield Guess(usual, tuple(tuple(ladder[first : first + LADDER_PART]) for first in parts))
     for speed in likely_speeds():
         yield Guess(plain, (), speed)
+    yield Guess(plain, stretched=True)
     for speed in speeds()[NEAR:] if thorough else ():
         yield Guess(plain, (), speed, SHORT_STRETCH_S)
 

@@ -35,6 +35,7 @@ from watermark.audio.profile import (
     Profile,
 )
 from watermark.audio.resampling_tape import PairTape, Tape
+from watermark.audio.stretched import StretchedFollower
 from watermark.audio.track import FOLLOW, Reader, Track, as_used, likely_phases, received
 from watermark.audio.turned_search import TurnedCandidate, TurnedSearch
 from watermark.link.superframe import ReceivedSuperframe
@@ -152,6 +153,7 @@ class AudioReceiver:
         self._nominal = fs / FS
         self._quantum = SLOT_FRAMES * HOP * fs // FS
         self._reader = Reader(key, self._nominal)
+        self._stretched = StretchedFollower(key, fs, self._nominal, self._reader)
         self._sounds = [Tape() for _ in range(channels)]
         self._mix = usual_mix(channels)
         self._tape = PairTape()
@@ -171,7 +173,8 @@ class AudioReceiver:
     @property
     def locked(self) -> bool:
         """Whether superframes are being followed."""
-        return self._track is not None and self._track.misses <= self.patience
+        usual = self._track is not None and self._track.misses <= self.patience
+        return usual or self._stretched.locked
 
     @property
     def profile(self) -> Profile | None:
@@ -223,7 +226,10 @@ class AudioReceiver:
             found += self._try(self._heard, self._origin, self._pace, candidate, self._equaliser)
         while self._track is not None and self._complete(self._track):
             found += self._follow(self._track)
-        if self._track is None or self._track.misses >= FAILED_BEFORE_GUESSING:
+        while self._stretched.complete(self._tape):
+            found += self._follow_stretched()
+        lost = self._track is None or self._track.misses >= FAILED_BEFORE_GUESSING
+        if lost and self._stretched.misses >= FAILED_BEFORE_GUESSING:
             found += self._guess()
         kept_s = LONG_HISTORY_S if self._track is None else HISTORY_S
         for tape in (self._tape, *self._sounds):
@@ -350,6 +356,8 @@ class AudioReceiver:
             self._turned_at = self._now + self._turned_every
             self._turned_every = min(self._turned_every * PATIENCE, MOST_SELDOM * self._stretch)
             found = self._try_guess(Guess(self._mix), self._now - self._stretch)
+            if not found and self._profile is not None:
+                found = self._try_guess(Guess(self._mix, stretched=True), self._now - self._stretch)
             if found or self._now < self._guess_at:
                 return found
             self._stretch_start = self._now - self._stretch
@@ -378,6 +386,8 @@ class AudioReceiver:
         stretch = self._last_stretch[1]
         heard = _Heard(stretch.tape, guess.mix)
         low = stretch.low(guess.speed, guess.stretch_s)
+        if guess.stretched:
+            return self._lock_stretched(low, start)
         if guess.steps:
             for turned in self._turned.find(low, guess.steps):
                 if found := self._try_turned(heard, turned):
@@ -388,6 +398,35 @@ class AudioReceiver:
             return []
         pace = self._nominal * guess.speed
         return self._try(heard, start, pace, best, None, delays=(0.0,))
+
+    def _lock_stretched(self, low: NDArray[np.float64], start: int) -> list[ReceivedSuperframe]:
+        """Lock onto sound of another duration at its pitch, if a stretch of it tells of any."""
+        known = self._profile is not None
+        found = self._stretched.lock(low, self._tape, start, self._last_told, known=known)
+        if found is None:
+            return []
+        self._track = self._search = None
+        self._reset_guesses()
+        self._profile = self._stretched.profile
+        if self.first_lock_s is None:
+            self.first_lock_s = self._now / self._fs
+        return self._note(found)
+
+    def _follow_stretched(self) -> list[ReceivedSuperframe]:
+        """Read the superframe of stretched sound that is due; give the lock up where none is."""
+        position = self._stretched.position
+        found = self._note(self._stretched.follow(self._tape))
+        if not self._stretched.locked:
+            self._start_search(position)
+        return found
+
+    def _note(self, found: list[ReceivedSuperframe]) -> list[ReceivedSuperframe]:
+        """Note where superframes of stretched sound were."""
+        for superframe in found:
+            self._last_told = superframe.position_s * self._fs
+            if superframe.l0 is not None:
+                self._last_start = self._last_told
+        return found
 
     def _try_turned(self, heard: _Heard, candidate: TurnedCandidate) -> list[ReceivedSuperframe]:
         """Decode at a place whose bands have phases of their own, and lock there."""
@@ -445,6 +484,7 @@ class AudioReceiver:
                 )  # fmt: skip
                 self._reader.nudge(track, delay)
         self._search = None
+        self._stretched.forget()
         self._reset_guesses()
         self._track = track
         self._profile = track.demodulator.profile

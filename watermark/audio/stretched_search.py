@@ -1,0 +1,87 @@
+"""Acquisition in sound that was stretched at its pitch: pilots that lie in pieces.
+
+Within a piece pilots lie as ever; from piece to piece some milliseconds are left out or heard
+twice. In: sound at 12 kHz; out: the likeliest path of a superframe's pilots, by dynamic programming
+(Viterbi, IEEE Trans. IT 13(2), 1967). Specification: W43.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.audio.acquire import FIRST_PLACE, PLACE, ROW_HOP, pilot_places
+from watermark.audio.layout import make_pilots
+from watermark.audio.pilot_sight import PARTS
+from watermark.audio.profile import FRAMES_PER_SUPERFRAME, PILOT_STEPS, PROFILES
+
+SEGMENT, JUMP, PENALTY = 4, 1000, 8.0
+"""Frames that a jump may part, the longest jump in samples, and the correlation of pilots that it
+must be worth: of 24 true superframes 21 were found so, each the best of its stretch."""
+
+LEAST = 45.0
+"""Correlation from which a path of pilots is worth an attempt: of 100 stretches of unmarked sound
+one in ten reaches it."""
+
+LEAST_KNOWN = 40.0
+"""The same in a programme in which a mark was read before."""
+
+
+@dataclass(frozen=True, slots=True)
+class StretchedCandidate:
+    """A superframe that pilots tell of.
+
+    Attributes
+    ----------
+    profile, tier : int
+        Number of the profile that the pilots announce, and tier of their levels.
+    places : ndarray of float64, shape (64,)
+        Where its frames begin, about: samples at 48 kHz from the first one searched.
+    score : float
+        Correlation of its pilots, less what its jumps cost.
+    """
+
+    profile: int
+    tier: int
+    places: NDArray[np.float64]
+    score: float
+
+
+def find_stretched(
+    key: int, sound: NDArray[np.float64], *, least: float = LEAST
+) -> StretchedCandidate | None:
+    """Best candidate of a least score that lies whole in some 2 s, samples at 12 kHz, if any."""
+    from watermark.audio import _stretched_kernels
+
+    soft, pilots = pilot_places(key, sound), make_pilots(key)
+    slots = np.ascontiguousarray(pilots.slots.T)
+    segments = FRAMES_PER_SUPERFRAME // SEGMENT
+    count = soft.shape[2] - ROW_HOP * (SEGMENT - 1)
+    if count <= FRAMES_PER_SUPERFRAME * ROW_HOP:
+        return None
+    reach = math.ceil(JUMP / (PLACE * _stretched_kernels.BLOCK))
+    score = np.empty(count, dtype=np.int32)
+    origin = np.zeros((segments, count), dtype=np.int32)
+    best: StretchedCandidate | None = None
+    for tier in range(len(PILOT_STEPS)):
+        for profile in PROFILES.values():
+            if not profile.levels_of(tier):
+                continue
+            signs = np.ascontiguousarray(pilots.signs[profile.number].T, dtype=np.int16)
+            _stretched_kernels.follow_pilots(
+                soft[tier], slots, signs, ROW_HOP, SEGMENT, reach, round(PENALTY * PARTS),
+                score, origin,
+            )  # fmt: skip
+            at = int(score.argmax())
+            if score[at] < least * PARTS or (best is not None and score[at] <= best.score * PARTS):
+                continue
+            starts = [at]
+            for j in range(segments - 1, 0, -1):
+                starts.append(int(origin[j, starts[-1]]))
+            frame = ROW_HOP * np.arange(SEGMENT)
+            places = np.add.outer(np.array(starts[::-1]), frame).reshape(-1)
+            best = StretchedCandidate(
+                profile.number, tier, PLACE * places + FIRST_PLACE, score[at] / PARTS
+            )
+    return best
