@@ -205,6 +205,8 @@ CHANNELS: dict[str, Channel] = {
     "other_voice": injuries.other_voice,
     "speed_25_24": partial(at_other_speed, ppm=1e6 / 24),
     "speed_24_25": partial(at_other_speed, ppm=-1e6 / 25),
+    "tempo_25_24": partial(injuries.at_tempo, tempo=25 / 24),
+    "tempo_24_25": partial(injuries.at_tempo, tempo=24 / 25),
     "speed_plus_2000ppm": partial(at_other_speed, ppm=2000.0),
     "he_aac_64": partial(injuries.he_aac, bit_rate=64_000),
     "room": _room,

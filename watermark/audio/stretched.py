@@ -5,7 +5,7 @@ all is as it was, from piece to piece some milliseconds are left out or heard tw
 has a few jumps at unknown places. In: sound; out: superframes. Pilots tell where one begins,
 pilots and the lattice itself where each of its frames lies: the likeliest path, by dynamic
 programming. Source: Verhelst and Roelands, "An overlap-add technique based on waveform similarity",
-ICASSP 1993 (what such a stretch does); Viterbi, IEEE Trans. IT 13(2), 1967. Specification: W43.
+ICASSP 1993 (what such a stretch does); Viterbi, IEEE Trans. IT 13(2), 1967. Specification: W48.
 """
 
 from collections.abc import Iterator
@@ -49,7 +49,7 @@ EVEN, MAX_EVEN = 1.0, 4
 """Samples that are no jump, and superframes in a row without one after which the sound is left to
 the usual search."""
 
-UNREADABLE = 3
+UNREADABLE = 6
 """Superframes in a row that cannot be read before the past is left alone."""
 
 LEVELS_BESIDE = (0, -1, 1, -2, 2)
