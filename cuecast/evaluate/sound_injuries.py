@@ -98,9 +98,11 @@ def at_tempo(x: Sound, fs: int, *, tempo: float) -> Sound:
     source = graph.add_abuffer(
         sample_rate=fs, format="fltp", layout=layout, time_base=Fraction(1, fs)
     )
-    change, sink = graph.add("atempo", f"{tempo:.9f}"), graph.add("abuffersink")
+    change, planar = graph.add("atempo", f"{tempo:.9f}"), graph.add("aformat", "sample_fmts=fltp")
+    sink = graph.add("abuffersink")
     source.link_to(change)
-    change.link_to(sink)
+    change.link_to(planar)
+    planar.link_to(sink)
     graph.configure()
     parts: list[NDArray[Any]] = []
 

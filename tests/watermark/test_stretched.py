@@ -11,9 +11,9 @@ from watermark.audio.demodulate import Demodulator
 from watermark.audio.guesses import Stretch
 from watermark.audio.layout import make_pilots
 from watermark.audio.masking import make_masker
-from watermark.audio.profile import HOP, STANDARD, SUPERFRAME
+from watermark.audio.profile import HOP, STANDARD
 from watermark.audio.receive import AudioReceiver
-from watermark.audio.resampling_tape import Tape
+from watermark.audio.resampling_tape import PairTape, Tape
 from watermark.audio.stretched_path import Paths
 from watermark.audio.stretched_search import find_stretched
 
@@ -35,10 +35,16 @@ def in_pieces(x: NDArray[np.float32], dropped: int) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=1)
 def marked() -> NDArray[np.float32]:
-    return embed(host(8.0, channels=1, seed=5))
+    return embed(host(6.0, channels=1, seed=5))
 
 
-@pytest.mark.parametrize(("dropped", "blocks"), [(400, [4800]), (-384, [4800, 30011])])
+def stretch(sound: NDArray[np.float64]) -> Stretch:
+    tape = PairTape()
+    tape.append(sound)
+    return Stretch(tape, 1.0)
+
+
+@pytest.mark.parametrize(("dropped", "blocks"), [(400, [4800]), (-384, [4800, 100_000])])
 def test_pieces_are_followed(dropped: int, blocks: list[int]) -> None:
     heard, results = in_pieces(marked().copy(), dropped), []
     for block in blocks:
@@ -50,19 +56,19 @@ def test_pieces_are_followed(dropped: int, blocks: list[int]) -> None:
     assert all(result == results[0] for result in results)
     sent = {payload(k)[0]: payload(k)[1] for k in range(14)}
     read = [l0 for l0, _, _ in results[0] if l0 is not None]
-    assert len(set(read)) == len(read) >= 6
+    assert len(set(read)) == len(read) >= 5
     assert all(l0 in sent and l1 in (None, sent[l0]) for l0, l1, _ in results[0] if l0 is not None)
 
 
 def test_sound_without_a_mark_tells_of_no_path() -> None:
     for seed in range(3):
         sound = host(2.2, channels=1, seed=seed)[:, 0].astype(np.float64)
-        assert find_stretched(0, Stretch(sound, 0, 1.0).low(1.0, 2.2)) is None
+        assert find_stretched(0, stretch(sound).low(1.0, 2.2)) is None
 
 
 def test_a_path_jumps_where_the_sound_does() -> None:
     heard = in_pieces(marked().copy(), 400)[:, 0].astype(np.float64)
-    candidate = find_stretched(0, Stretch(heard[:105600], 0, 1.0).low(1.0, 2.2))
+    candidate = find_stretched(0, stretch(heard[:105600]).low(1.0, 2.2))
     assert candidate is not None
     assert candidate.profile == STANDARD.number
     tape = Tape()
@@ -75,10 +81,7 @@ def test_a_path_jumps_where_the_sound_does() -> None:
     view, places = paths.view(found[level][1], level)
     reading = demodulator.read(view, [level])
     assert reading.decoded.l0 in {payload(k)[0] for k in range(14)}
-    steps = np.diff(places)
-    jumps = np.flatnonzero(steps != HOP)
-    assert 2 <= jumps.size <= 4
-    # The frame that lies over a seam may be found on either side.
-    moved = np.abs(steps[jumps] - HOP)
-    assert np.all((moved > 396) & (moved < 404))
-    assert abs(places[-1] - places[0] - (SUPERFRAME - HOP) + 400 * jumps.size) < 4
+    # Between its seams the superframe has one jump of 400 samples to each; an end may go astray.
+    jumps = np.diff(places) - HOP
+    assert 2 <= np.count_nonzero(np.abs(jumps + 400) < 4) <= 4
+    assert np.count_nonzero(np.abs(jumps) < 1) >= 58

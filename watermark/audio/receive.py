@@ -387,7 +387,7 @@ class AudioReceiver:
         heard = _Heard(stretch.tape, guess.mix)
         low = stretch.low(guess.speed, guess.stretch_s)
         if guess.stretched:
-            return self._lock_stretched(low, start)
+            return self._lock_stretched(heard, low, start)
         if guess.steps:
             for turned in self._turned.find(low, guess.steps):
                 if found := self._try_turned(heard, turned):
@@ -399,12 +399,16 @@ class AudioReceiver:
         pace = self._nominal * guess.speed
         return self._try(heard, start, pace, best, None, delays=(0.0,))
 
-    def _lock_stretched(self, low: NDArray[np.float64], start: int) -> list[ReceivedSuperframe]:
+    def _lock_stretched(
+        self, heard: _Heard, low: NDArray[np.float64], start: int
+    ) -> list[ReceivedSuperframe]:
         """Lock onto sound of another duration at its pitch, if a stretch of it tells of any."""
+        tape = self._tape if heard.mix == self._mix else heard.tape
         known = self._profile is not None
-        found = self._stretched.lock(low, self._tape, start, self._last_told, known=known)
+        found = self._stretched.lock(low, tape, start, self._last_told, known=known)
         if found is None:
             return []
+        self._use(heard.mix)
         self._track = self._search = None
         self._reset_guesses()
         self._profile = self._stretched.profile

@@ -18,7 +18,8 @@ from watermark.audio.layout import Pilots
 from watermark.audio.masking import Masker
 from watermark.audio.mdct import analyse
 from watermark.audio.profile import FRAMES_PER_SUPERFRAME, HOP
-from watermark.audio.resampling_tape import Tape
+from watermark.audio.resampling_tape import PairTape, Tape
+from watermark.audio.stereo import channels_of
 
 GRID = 2
 """Distance in samples of the places at which a frame is looked for at first."""
@@ -69,6 +70,9 @@ class Paths:
         around = np.round((centre - self._begin) / nominal).astype(np.int64)
         count = int(around.max()) + REACH + HOP + MARGIN
         self._sound = tape.read(self._begin, nominal, count)
+        self._side = np.zeros(0)
+        if isinstance(tape, PairTape):
+            self._side = tape.side.read(self._begin, nominal, count)
         self._first = around - REACH
         frames = np.lib.stride_tricks.sliding_window_view(self._sound, 2 * HOP)
         rows = np.arange(self._first.min(), self._first.max() + 2 * REACH + GRID, GRID)
@@ -161,21 +165,32 @@ class Paths:
         whole = np.floor(places)
         turn = np.exp(1j * np.outer(places - whole, frequency))
         view = self._view(whole)
-        return View(view.spectra * turn, view.amplitudes), places
+        return View(view.spectra * turn, view.amplitudes, view.paired), places
 
     def on_tape(self, places: Array) -> Array:
         """Places as samples of the tape."""
         return np.asarray(self._begin + places * self._nominal)
 
     def _view(self, places: Array) -> View:
-        frames = np.lib.stride_tricks.sliding_window_view(self._sound, 2 * HOP)
         at = places.astype(np.int64)
-        spectra = analyse(frames[at], HOP)
-        thresholds = [
-            self._masker.thresholds(np.abs(x) ** 2 / 2)
-            for x in (spectra, analyse(frames[at - HOP], HOP))
-        ]
-        return View(spectra, self._masker.amplitudes(*thresholds))
+        own, before = self._spectra(self._sound, at), self._spectra(self._sound, at - HOP)
+        if not self._side.any():
+            units = self._unit(own, before)
+            return View(own, units)
+        beside = self._spectra(self._side, at), self._spectra(self._side, at - HOP)
+        channels, earlier = channels_of(own, beside[0]), channels_of(before, beside[1])
+        units = np.stack([self._unit(x, y) for x, y in zip(channels, earlier, strict=True)])
+        bins = self._demodulator.places.bins
+        return View(np.choose(bins, channels), np.choose(bins, units), paired=True)
+
+    @staticmethod
+    def _spectra(sound: Array, at: NDArray[np.int64]) -> NDArray[np.complex128]:
+        frames = np.lib.stride_tricks.sliding_window_view(sound, 2 * HOP)
+        return np.asarray(analyse(frames[at], HOP))
+
+    def _unit(self, own: NDArray[np.complex128], before: NDArray[np.complex128]) -> Array:
+        thresholds = (self._masker.thresholds(np.abs(x) ** 2 / 2) for x in (own, before))
+        return self._masker.amplitudes(*thresholds)
 
     def _told(self, level: float, expected: Array | None) -> Callable[[int, int], Array]:
         profile, coverage = self._demodulator.profile, self._demodulator.coverage
