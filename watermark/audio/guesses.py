@@ -137,8 +137,14 @@ def usual_mix(channels: int) -> Mix:
     return Mix(weights_of(channels))
 
 
-def make_guesses(sound: NDArray[np.float64], *, thorough: bool) -> Iterator[Guess]:
-    """Guess about a stretch of sound, shape (n, channels); thoroughly, at all speeds."""
+def make_guesses(
+    sound: NDArray[np.float64], *, again: bool = False, thorough: bool
+) -> Iterator[Guess]:
+    """Guess about a stretch of sound, shape (n, channels).
+
+    After the first round `again` for another duration at the same pitch, too; thoroughly at all
+    speeds.
+    """
     channels = sound.shape[1]
     plain = usual_mix(channels)
     for mix in _other_mixes(sound):
@@ -150,7 +156,8 @@ def make_guesses(sound: NDArray[np.float64], *, thorough: bool) -> Iterator[Gues
     yield Guess(usual, tuple(tuple(ladder[first : first + LADDER_PART]) for first in parts))
     for speed in likely_speeds():
         yield Guess(plain, (), speed)
-    yield Guess(plain, stretched=True)
+    if again:
+        yield Guess(plain, stretched=True)
     for speed in speeds()[NEAR:] if thorough else ():
         yield Guess(plain, (), speed, SHORT_STRETCH_S)
 

@@ -364,6 +364,7 @@ class AudioReceiver:
             sound = [tape.read(self._stretch_start, 1.0, self._stretch) for tape in self._sounds]
             self._guesses = make_guesses(
                 np.stack(sound, axis=1),
+                again=self._round > 0,
                 thorough=self._round % 2 == 1 or self._round + 1 == len(PAUSES_S),
             )
             self._turned_at = self._now

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from watermark.audio.acquire import FIRST_PLACE, PLACE, ROW_HOP, pilot_places
 from watermark.audio.layout import make_pilots
 from watermark.audio.pilot_sight import PARTS
-from watermark.audio.profile import FRAMES_PER_SUPERFRAME, PILOT_STEPS, PROFILES
+from watermark.audio.profile import FRAMES_PER_SUPERFRAME, PILOT_STEPS, PROFILES, Profile
 
 SEGMENT, JUMP, PENALTY = 4, 1000, 8.0
 """Frames that a jump may part, the longest jump in samples, and the correlation of pilots that it
@@ -52,36 +52,39 @@ def find_stretched(
     key: int, sound: NDArray[np.float64], *, least: float = LEAST
 ) -> StretchedCandidate | None:
     """Best candidate of a least score that lies whole in some 2 s, samples at 12 kHz, if any."""
-    from watermark.audio import _stretched_kernels
+    from watermark.audio._stretched_kernels import BLOCK, follow_pilots
 
     soft, pilots = pilot_places(key, sound), make_pilots(key)
     slots = np.ascontiguousarray(pilots.slots.T)
     segments = FRAMES_PER_SUPERFRAME // SEGMENT
-    count = soft.shape[2] - ROW_HOP * (SEGMENT - 1)
-    if count <= FRAMES_PER_SUPERFRAME * ROW_HOP:
+    room = soft.shape[2] - ROW_HOP * (SEGMENT - 1)
+    if room <= FRAMES_PER_SUPERFRAME * ROW_HOP:
         return None
-    reach = math.ceil(JUMP / (PLACE * _stretched_kernels.BLOCK))
-    score = np.empty(count, dtype=np.int32)
-    origin = np.zeros((segments, count), dtype=np.int32)
-    best: StretchedCandidate | None = None
+    score = np.empty(room // BLOCK * BLOCK, dtype=np.int16)
+    doublings = math.ceil(math.log2(JUMP / (PLACE * BLOCK)))
+    penalty = np.int16(round(PENALTY * PARTS))
+
+    def follow(tier: int, profile: Profile, origin: NDArray[np.int32]) -> None:
+        signs = np.ascontiguousarray(pilots.signs[profile.number].T, dtype=np.int16)
+        follow_pilots(soft[tier], slots, signs, ROW_HOP, SEGMENT, doublings, penalty, score, origin)
+
+    best = None
     for tier in range(len(PILOT_STEPS)):
         for profile in PROFILES.values():
             if not profile.levels_of(tier):
                 continue
-            signs = np.ascontiguousarray(pilots.signs[profile.number].T, dtype=np.int16)
-            _stretched_kernels.follow_pilots(
-                soft[tier], slots, signs, ROW_HOP, SEGMENT, reach, round(PENALTY * PARTS),
-                score, origin,
-            )  # fmt: skip
-            at = int(score.argmax())
-            if score[at] < least * PARTS or (best is not None and score[at] <= best.score * PARTS):
-                continue
-            starts = [at]
-            for j in range(segments - 1, 0, -1):
-                starts.append(int(origin[j, starts[-1]]))
-            frame = ROW_HOP * np.arange(SEGMENT)
-            places = np.add.outer(np.array(starts[::-1]), frame).reshape(-1)
-            best = StretchedCandidate(
-                profile.number, tier, PLACE * places + FIRST_PLACE, score[at] / PARTS
-            )
-    return best
+            follow(tier, profile, np.empty((0, 0), dtype=np.int32))
+            highest = int(score.max())
+            if highest >= least * PARTS and (best is None or highest > best[0]):
+                best = highest, tier, profile
+    if best is None:
+        return None
+    origin = np.empty((segments, score.size), dtype=np.int32)
+    highest, tier, profile = best
+    follow(tier, profile, origin)
+    starts = [int(score.argmax())]
+    for j in range(segments - 1, 0, -1):
+        starts.append(int(origin[j, starts[-1]]))
+    frame = ROW_HOP * np.arange(SEGMENT)
+    places = np.add.outer(np.array(starts[::-1]), frame).reshape(-1)
+    return StretchedCandidate(profile.number, tier, PLACE * places + FIRST_PLACE, highest / PARTS)
