@@ -128,7 +128,8 @@ def test_grade_goes_where_it_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     stretch = AudioEmbedder._stretch
 
     def spy(self: AudioEmbedder, *args: Any) -> Any:
-        written[self._next :] = args[3]
+        if len(args) < 5:  # what is relieved in parts is made louder elsewhere
+            written[self._next :] = args[3]
         return stretch(self, *args)
 
     monkeypatch.setattr(AudioEmbedder, "_stretch", spy)

@@ -9,6 +9,7 @@ from watermark.audio.equaliser import Equaliser
 from watermark.audio.layout import make_pilots
 from watermark.audio.places import LEFT, MID, RIGHT, make_places
 from watermark.audio.profile import PROFILES, STANDARD
+from watermark.audio.receive import AudioReceiver
 from watermark.audio.resampling_tape import PairTape
 from watermark.audio.stereo_design import LEANING_PERIOD, leaning_of
 from watermark.audio.track import Reader, Track
@@ -57,6 +58,20 @@ def test_more_channels_that_were_mixed_down_are_read() -> None:
     right = y[:, 1] + np.sqrt(0.5) * (y[:, 2] + y[:, 5])
     down = np.stack([left, right], axis=1).astype(np.float32)
     assert payloads(down) == [payload(k) for k in range(6)]
+
+
+def test_cells_are_read_where_known_bits_fit_better() -> None:
+    """Left and right of narrow stereo tell of what stands in the mid, but less."""
+    common, own = host(3.0, channels=1, seed=5), host(3.0, seed=6)
+    x = (common + 0.1 * own).astype(np.float32)
+    middle = x.mean(axis=1, keepdims=True)
+    for marked, apart in ((embed(x), True), (x + embed(middle) - middle, False)):
+        receiver = AudioReceiver(48000, 2)
+        found = receiver.process(marked)
+        assert [s.l0 for s in found] == [payload(k)[0] for k in range(len(found))]
+        assert len(found) >= 3
+        assert receiver._track is not None
+        assert receiver._track.pair is apart
 
 
 def test_a_gain_learnt_wrongly_does_no_harm(marked: Sound) -> None:

@@ -113,6 +113,10 @@ class _Stretch:
         See `MarkShares.divide`.
     silent : tuple of bool
         For each superframe, whether it cannot carry.
+    levels : list of float, or None
+        Their levels; None where nothing was written.
+    parts : sequence of ndarray, or of None
+        Parts of their marks that are left, see `Relief.parts`.
     """
 
     clean: NDArray[np.float64]
@@ -122,6 +126,8 @@ class _Stretch:
     tail: NDArray[np.float64]
     divided: NDArray[np.float64]
     silent: tuple[bool, ...]
+    levels: list[float] | None
+    parts: Sequence[NDArray[np.float64] | None]
 
 
 class AudioEmbedder:
@@ -197,7 +203,7 @@ class AudioEmbedder:
         self._needs: dict[int, float] = {}
         self._enough: deque[float] = deque(maxlen=PASSAGE_SUPERFRAMES)
         self._level = level or 0
-        self._apart = True
+        self._apart = self._control is None
         self._programme = np.zeros((0, channels))
         self._given = 0
         self._host = Tape()
@@ -294,7 +300,8 @@ class AudioEmbedder:
             lowered = MOST_LOWERED + control.overdrawn
             floor, spare = -math.inf, 1.0
             if sufficient is not None:
-                self._apart = control.lack(sufficient) < SHORT[0 if self._apart else 1]
+                if self._next:
+                    self._apart = control.lack(sufficient) < SHORT[0 if self._apart else 1]
                 floor = sufficient - lowered
                 spare = min(max(1.0 - SPARED * (sufficient - control.base) / lowered, 0.0), 1.0)
 
@@ -310,9 +317,16 @@ class AudioEmbedder:
                             else _level(least + above + spare * max(plain - least - above, 0.0))
                             for plain, least in zip(levels, enough, strict=True)
                         ]
-                return self._stretch(host, side, payloads, levels, relief)
+                if levels is None or relief is None:
+                    return self._stretch(host, side, payloads, levels)
+                levels = [_level(x + y) for x, y in zip(levels, relief.levels(), strict=True)]
+                return self._stretch(host, side, payloads, levels, list(relief.parts()))
 
             made = control.settle(attempt, enough=sufficient, least=floor)
+            if not self._next and (sufficient is None or control.lack(sufficient) < SHORT[1]):
+                # Whether the grade suffices is known by now: what was settled, written apart.
+                self._apart = True
+                made = self._stretch(host, side, payloads, made.levels, made.parts)
             if sufficient is not None:
                 control.strive(sufficient - control.base)
         self._before, self._tail = made.end, made.tail
@@ -381,17 +395,14 @@ class AudioEmbedder:
         side: NDArray[np.float64],
         payloads: list[tuple[bytes, bytes]],
         levels: list[float] | None,
-        relief: Relief | None = None,
+        parts: Sequence[NDArray[np.float64] | None] | None = None,
     ) -> _Stretch:
         """Write superframes into `host`, shape (superframes * SUPERFRAME + HOP,), or none."""
         sound = np.stack([host, side][: self._rows])
         marked = sound.copy()
         marked[:, :HOP] += self._tail
         before, silent = self._before, [True] * len(payloads)
-        parts: Sequence[NDArray[np.float64] | None] = [None] * len(payloads)
-        if levels is not None and relief is not None:
-            parts = list(relief.parts())
-            levels = [_level(x + y) for x, y in zip(levels, relief.levels(), strict=True)]
+        parts = parts or [None] * len(payloads)
         if levels is not None:
             for i, (payload, level) in enumerate(zip(payloads, levels, strict=True)):
                 span = slice(i * SUPERFRAME, (i + 1) * SUPERFRAME + HOP)
@@ -414,6 +425,8 @@ class AudioEmbedder:
             tail=mark[:, -HOP:],
             divided=divided,
             silent=tuple(silent),
+            levels=levels,
+            parts=parts,
         )
 
     def _finished(self) -> int:

@@ -541,14 +541,16 @@ class AudioReceiver:
             self._correct(track, raw, reading, wide=bool(track.bend))
             if track.bend:
                 track.bent(expected)
+            self._reader.settle_pair(self._tape, track, reading)
             return [self._deliver(track, reading)]
         for moved in self._reader.elsewhere(self._tape, track, raw):
             raw = self._reader.view(self._tape, moved)
-            again = self._reader.read(self._tape, moved, raw, due=False)
+            there = moved.pair != track.pair
+            again = self._reader.read(self._tape, moved, raw, due=there)
             if again.decoded.l0 is not None:
                 self._search, self._track = None, moved
-                self._correct(moved, raw, again, wide=True)
-                if not track.misses and moved.pair == track.pair:
+                self._correct(moved, raw, again, wide=not there)
+                if not track.misses and not there:
                     moved.bent(track.ratio)
                 return [self._deliver(moved, again)]
         track.misses += 1

@@ -16,6 +16,7 @@ from watermark.audio.demodulate import Demodulator, Reading
 from watermark.audio.equaliser import Equaliser, Known, lean, path_of, score_phases
 from watermark.audio.layout import make_pilots
 from watermark.audio.masking import FLOOR, Masker, make_masker
+from watermark.audio.places import MID
 from watermark.audio.profile import (
     FRAMES_PER_SUPERFRAME,
     PILOT_STEPS,
@@ -64,6 +65,9 @@ FOLLOW = 0.3
 YOUNG, LIKELY_CLOCK = 4, 1.5e-4
 """Superframes after which a clock is known well enough, and how far it may be from its nominal rate
 to be believed nominal before: that of one superframe is known to 30 ppm."""
+
+CLEARLY = 1.0
+"""Standard deviations by which known bits must fit better for cells to be read elsewhere."""
 
 BACK_GAIN = 0.5
 """Part of the delay of a superframe of the past by which the place of the one before moves."""
@@ -273,6 +277,22 @@ class Reader:
         if not raw.paired:
             levels = track.demodulator.likely_levels(raw, track.level, track.offset)
             yield from self.lone(track, raw, levels)
+
+    def settle_pair(self, tape: Tape, track: Track, reading: Reading) -> None:
+        """Go on with cells in mid, left and right, or all in the mid: as known bits fit clearly."""
+        other = replace(track, pair=not track.pair)
+        if not isinstance(tape, PairTape):
+            return
+        raw = self.view(tape, other)
+        if raw.paired == reading.view.paired:
+            return
+        demodulator = track.demodulator
+        expected = demodulator.expected(reading.decoded) * (demodulator.places.cells != MID)
+        step = demodulator.profile.step(reading.level)
+        there = as_used(other, raw).soft(demodulator.layout.cells, step)
+        gain = float(((there - reading.soft) * expected).sum())
+        if gain > CLEARLY * math.sqrt(np.count_nonzero(expected) / 2):
+            track.pair = other.pair
 
     def find_beside(self, tape: Tape, track: Track, raw: View) -> Track | None:
         """Find by its pilots where a superframe lies that the clock has led astray."""
