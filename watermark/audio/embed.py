@@ -43,6 +43,11 @@ LEAST_MARGIN = 1.5
 their passage has no grade left for `MARGIN`: below 1.1 they fail, and one that is coded again has
 8 % more or less (standard deviation)."""
 
+EASE = LEVELS_PER_DOUBLING * math.log2(MARGIN / 1.8)
+"""Levels by which passages with grade to spare may stand below `MARGIN`: aiming at 1.8 times the
+needed information throughout lost none of 2232 superframes of twelve clips and sounds better, but
+6 of 124 of a clip whose grade is short; with this it lost 2 of 186."""
+
 SPARED = 3.0
 """How fast superframes that have more than enough give way where the grade is short: at a third of
 what all may lack they do as the others. With 1 a clip whose grade is short lost 4 of 124."""
@@ -328,7 +333,7 @@ class AudioEmbedder:
                 self._apart = True
                 made = self._stretch(host, side, payloads, made.levels, made.parts)
             if sufficient is not None:
-                control.strive(sufficient - control.base)
+                control.strive(sufficient - EASE - control.base)
         self._before, self._tail = made.end, made.tail
         self._mark.append(made.mark)
         across, taken = self._shares.settle(made.divided)
