@@ -46,7 +46,7 @@ their passage has no grade left for `MARGIN`: below 1.1 they fail, and one that 
 EASE = LEVELS_PER_DOUBLING * math.log2(MARGIN / 1.8)
 """Levels by which passages with grade to spare may stand below `MARGIN`: aiming at 1.8 times the
 needed information throughout lost none of 2232 superframes of twelve clips and sounds better, but
-6 of 124 of a clip whose grade is short; with this it lost 2 of 186."""
+6 of 186 of a clip whose grade is short; with this it lost 2."""
 
 SPARED = 3.0
 """How fast superframes that have more than enough give way where the grade is short: at a third of

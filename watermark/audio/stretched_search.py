@@ -18,11 +18,11 @@ from watermark.audio.profile import FRAMES_PER_SUPERFRAME, PILOT_STEPS, PROFILES
 
 SEGMENT, JUMP, PENALTY = 4, 1000, 8.0
 """Frames that a jump may part, the longest jump in samples, and the correlation of pilots that it
-must be worth: of 24 true superframes 21 were found so, each the best of its stretch."""
+must be worth: in 12 stretches of marked clips the best path was a true one."""
 
 LEAST = 45.0
-"""Correlation from which a path of pilots is worth an attempt: of 100 stretches of unmarked sound
-one in ten reaches it."""
+"""Correlation from which a path of pilots is worth an attempt: 11 of 12 true ones have more, and 8
+of 100 stretches of unmarked sound, of which the largest has 46.7."""
 
 LEAST_KNOWN = 40.0
 """The same in a programme in which a mark was read before."""

@@ -35,7 +35,7 @@ wrong paths lie near the true one and are significant, too: of `standard` 5 %, o
 
 LONG_MESSAGE, LONG_SIGNIFICANCE = 200, 1.0
 """Message bits from which a second class counts as long, and what is asked of it instead of
-`SIGNIFICANCE`: 20 % of the wrong paths reach that. With 512 paths at 0.97, one in forty of the
+`SIGNIFICANCE`: 13 % of the wrong paths reach that. With 512 paths at 0.97, one in fifty of the
 superframes of `high` that failed gave a wrong message (`tests/bench/second_class.py`)."""
 
 SIGNIFICANT_RATE = 1 / 3
