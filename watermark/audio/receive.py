@@ -356,7 +356,7 @@ class AudioReceiver:
             self._turned_at = self._now + self._turned_every
             self._turned_every = min(self._turned_every * PATIENCE, MOST_SELDOM * self._stretch)
             found = self._try_guess(Guess(self._mix), self._now - self._stretch)
-            if not found and self._profile is not None:
+            if not found and self._recent:
                 found = self._try_guess(Guess(self._mix, stretched=True), self._now - self._stretch)
             if found or self._now < self._guess_at:
                 return found
@@ -400,13 +400,17 @@ class AudioReceiver:
         pace = self._nominal * guess.speed
         return self._try(heard, start, pace, best, None, delays=(0.0,))
 
+    @property
+    def _recent(self) -> bool:
+        """Whether a mark was read not long ago."""
+        return self._now - self._last_start < LONG_HISTORY_S * self._fs
+
     def _lock_stretched(
         self, heard: _Heard, low: NDArray[np.float64], start: int
     ) -> list[ReceivedSuperframe]:
         """Lock onto sound of another duration at its pitch, if a stretch of it tells of any."""
         tape = self._tape if heard.mix == self._mix else heard.tape
-        known = self._profile is not None
-        found = self._stretched.lock(low, tape, start, self._last_told, known=known)
+        found = self._stretched.lock(low, tape, start, self._last_told, known=self._recent)
         if found is None:
             return []
         self._use(heard.mix)

@@ -164,7 +164,7 @@ class StretchedFollower:
         told : float
             Place of the last superframe that was handed out.
         known : bool
-            Whether a mark was read in this programme before.
+            Whether a mark was read not long ago: less is asked then.
 
         Returns
         -------

@@ -25,7 +25,8 @@ LEAST = 45.0
 of 100 stretches of unmarked sound, of which the largest has 46.7."""
 
 LEAST_KNOWN = 40.0
-"""The same in a programme in which a mark was read before."""
+"""The same where a mark was read not long ago: more than half of those unmarked stretches
+reach it, too."""
 
 
 @dataclass(frozen=True, slots=True)
