@@ -55,7 +55,7 @@ class SuperframeDecoder:
         self._contents: dict[int, Content] = {}
         self._layers: dict[int, tuple[str, ...]] = {}
         self._previewed: dict[int, tuple[int, Preview]] = {}
-        self._foreign: int | None = None
+        self._foreign: tuple[int, bytes] | None = None
 
     def push(self, l0: bytes | None, l1: bytes | None, index: int) -> DecodedSuperframe:
         """Take the parts of superframe `index` and return what they say now.
@@ -129,8 +129,8 @@ class SuperframeDecoder:
     def admits(self, l0: bytes) -> bool:
         """Return whether an L0 part is whole and of this decoder's coding (H5, M2).
 
-        A single part that is not may be damaged; two that tell the same other identity are
-        another's.
+        A single part that is not may be damaged, and so may two of equal bytes, as where a recorder
+        wrote zeros; two different ones with the same other identity are another stream's (H6).
 
         Parameters
         ----------
@@ -155,9 +155,9 @@ class SuperframeDecoder:
         if not is_possible(l0):
             return False
         if not is_compact(l0):
-            heard = heard_mask(l0)
-            if heard != self._foreign:
-                self._foreign = heard
+            heard, before = heard_mask(l0), self._foreign
+            self._foreign = heard, l0
+            if before is None or before[0] != heard or before[1] == l0:
                 return False
         read_header(l0)
         told = "" if is_compact(l0) else f" it begins with {heard_mask(l0):04x},"

@@ -18,6 +18,7 @@ from spec.reference import files
 from spec.reference.identity import identity as identity_of
 from spec.reference.markers import Array, identity, markers, read_voice
 from spec.reference.motion import BASES, read_coding
+from spec.reference.purposes import described
 from spec.reference.stream_bytes import EVEN, head, numbered, payload, resting, told, whole
 from spec.reference.superframe import MalformedError, crc, decode, record
 
@@ -327,6 +328,7 @@ def main(path: str) -> None:
             "id": case, "section": section, "valid": False, "file": stated,
             "packed": len(data) >= 1000,
         })  # fmt: skip
+    rows = [row | described("stream", row["id"]) for row in rows]
     lines = ",\n".join("  " + json.dumps(row, ensure_ascii=False) for row in rows)
     start = json.dumps({"section": "4 to 8", "origin": ORIGIN, "shown": SHOWN})[:-1]
     Path(path).write_text(f'{start}, "cases": [\n{lines}\n]}}\n', encoding="utf-8")

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from spec.reference import superframe
+from spec.reference.purposes import described
 from spec.reference.range_decoder import RangeDecoder
 from spec.reference.superframe import (
     CORRECTIONS,
@@ -345,6 +346,7 @@ def main(path: str) -> None:
         cases.append({
             "id": name, "section": section, "valid": False, "l0": l0.hex(), "l1": "",
         })  # fmt: skip
+    cases = [case | described("superframe", case["id"]) for case in cases]
     lines = ",\n".join("  " + json.dumps(case, ensure_ascii=False) for case in cases)
     head = json.dumps(
         {"section": "2, 3, 6", "origin": ORIGIN, "identity": IDENTITY, "bases": BASES}

@@ -207,8 +207,13 @@ def test_another_voice_is_refused(toy_voice: Voice, perform: Callable[..., Motio
     for number, identity in enumerate(("1" * 16, "2" * 16, "3" * 16)):
         # One that fits no check may be damaged.
         assert decoder.push(with_check(body, identity), None, 64 * number).concealed
+    # The same bytes again may be a recorder's; different ones of the same identity are not.
+    assert decoder.push(with_check(body, "3" * 16), None, 0).concealed
+    for number in range(3):
+        assert decoder.push(bytes(20), None, number).concealed
+    assert decoder.push(with_check(body, "3" * 16), None, 0).concealed
     with pytest.raises(VoiceError, match="it begins with 3333, the identity of voice toy"):
-        decoder.push(with_check(body, "3" * 16), None, 0)
+        decoder.push(with_check(body[:-1] + bytes([body[-1] ^ 1]), "3" * 16), None, 0)
     assert not decoder.push(frame.l0, None, 0).concealed
     other = Motion(motion.params, 50, 0.0, motion.layout, "0" * 16, motion.score)
     with pytest.raises(VoiceError, match="voice 0000000000000000"):
