@@ -1,6 +1,7 @@
 """What was said, without times: a sentence in French, or its phones.
 
 Phones stand apart, in IPA or in the ASCII letters of French corpora (``z^`` for ʒ, ``a~`` for ɑ̃).
+These write ``o`` for ɔ and ``o^`` for o; a line that has none of their own symbols is read as IPA.
 """
 
 from codec.cues.cueing import cue
@@ -10,10 +11,11 @@ from codec.errors import CueError
 from synth.scoring.text_score import score_from_text
 
 _ASCII = {
-    "r": "ʁ", "z^": "ʒ", "s^": "ʃ", "gn": "ɲ", "ng": "ŋ", "h": "ɥ", "e^": "ɛ", "o^": "ɔ", "x": "ə",
-    "x^": "ø", "x_": "ø", "i~": "ɛ̃", "e~": "ɛ̃", "a~": "ɑ̃", "o~": "ɔ̃", "x~": "œ̃",
+    "r": "ʁ", "z^": "ʒ", "s^": "ʃ", "gn": "ɲ", "ng": "ŋ", "h": "ɥ", "e^": "ɛ", "o^": "o", "o": "ɔ",
+    "x": "ə", "x^": "œ", "x_": "ø", "i~": "ɛ̃", "e~": "ɛ̃", "a~": "ɑ̃", "o~": "ɔ̃", "x~": "œ̃",
 }  # fmt: skip
-_PAUSES = {PAUSE, "_", "q", "<start>", "<end>", "#", "sil", "sp"}
+_MARKS = {"q", "<start>", "<end>"}
+_PAUSES = {PAUSE, "_", "#", "sil", "sp", *_MARKS}
 
 _LENGTH_S, _PAUSE_S = 0.1, 1.0
 """Seconds of a phone and of a pause in a text without times; only their order counts."""
@@ -36,11 +38,16 @@ def read_transcript(text: str) -> Score:
     --------
     >>> [str(key) for key in read_transcript("b o~ z^ u r").keys]
     ['24', '31', '13']
+    >>> [key.placement for key in read_transcript("n u v o^").keys]
+    ['chin', 'side']
+    >>> [key.placement for key in read_transcript("n u v ɔ").keys]
+    ['chin', 'chin']
     >>> [str(key) for key in read_transcript("Bonjour !").keys]
     ['24', '31', '13']
     """
     words = text.split()
-    symbols = [_ASCII.get(word, word) for word in words]
+    ascii_line = any(word in _MARKS or (word in _ASCII and word != "o") for word in words)
+    symbols = [_ASCII.get(word, word) for word in words] if ascii_line else words
     known = all(symbol in PHONE_NUMBER or word in _PAUSES for word, symbol in zip(
         words, symbols, strict=True
     ))  # fmt: skip

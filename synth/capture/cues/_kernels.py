@@ -10,39 +10,46 @@ FAR = -1e18
 
 
 @njit(cache=True)
-def likeliest(hold, way, enter, edge, states):  # type: ignore[no-untyped-def]
+def likeliest(hold, shapes, places, shape_of, end_of, enter, edge, states):  # type: ignore[no-untyped-def]
     """Write the held key of each frame, or -1 on the way, to `states` (T,).
 
-    `hold` (T, K) and `way` (T, K, K) are log densities, `enter` (K, K) is the price of going from
-    the first key to the second and `edge` that of a line that begins or ends at a key; key 0 is
-    rest.
+    `hold` (T, K) are log densities; those of the way from key `a` to `b` are the sum of `shapes`
+    (T, S, S) at `shape_of` (K,) of both and of `places` (T, E, E) at `end_of` (K,). `enter` (K, K)
+    is the price of going from the first key to the second and `edge` that of a line that begins or
+    ends at a key; key 0 is rest.
     """
     n, k = hold.shape
     held = np.empty((n, k))
     moving = np.full((k, k), FAR)
-    from_way = np.empty((n, k), np.int64)
+    from_way = np.empty((n, k), np.int16)
     began = np.zeros((n, k, k), np.bool_)
     for b in range(k):
         held[0, b] = hold[0, b] + (0.0 if b == 0 else enter[0, b] + edge)
         from_way[0, b] = -2
         if b > 0:
-            moving[0, b] = way[0, 0, b] + enter[0, b]
+            way = shapes[0, 0, shape_of[b]] + places[0, end_of[0], end_of[b]]
+            moving[0, b] = way + enter[0, b]
     for t in range(1, n):
         for b in range(k):
-            best, origin = held[t - 1, b], -1
-            for a in range(k):
-                if moving[a, b] > best:
-                    best, origin = moving[a, b], a
-            held[t, b] = best + hold[t, b]
-            from_way[t, b] = origin
+            held[t, b] = held[t - 1, b]
+            from_way[t, b] = -1
         for a in range(k):
             for b in range(k):
+                if moving[a, b] > held[t, b]:
+                    held[t, b] = moving[a, b]
+                    from_way[t, b] = a
+        for b in range(k):
+            held[t, b] += hold[t, b]
+        for a in range(k):
+            s, e = shape_of[a], end_of[a]
+            for b in range(k):
                 start = held[t - 1, a] + enter[a, b]
+                way = shapes[t, s, shape_of[b]] + places[t, e, end_of[b]]
                 if a != b and start > moving[a, b]:
-                    moving[a, b] = start + way[t, a, b]
+                    moving[a, b] = start + way
                     began[t, a, b] = True
                 else:
-                    moving[a, b] += way[t, a, b]
+                    moving[a, b] += way
     best, at, source = held[n - 1, 0], 0, -1
     for b in range(1, k):
         if held[n - 1, b] + edge > best:
@@ -70,88 +77,87 @@ def likeliest(hold, way, enter, edge, states):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def nearness(hold, way, enter, edge, out):  # type: ignore[no-untyped-def]
+def nearness(hold, shapes, places, shape_of, end_of, enter, edge, out):  # type: ignore[no-untyped-def]
     """Write to `out` (T, K) how likely each key is held, coming or just left in each frame.
 
     Arguments as for `likeliest`. Forward and backward sums (Baum 1972), scaled frame by frame.
     """
     n, k = hold.shape
     forward_hold, forward_way = np.zeros((n, k)), np.zeros((n, k, k))
-    e_hold, e_way = np.empty((n, k)), np.empty((n, k, k))
-    price = np.exp(enter)
+    e_hold, price = np.empty((n, k)), np.exp(enter)
+    e_shapes, e_places = np.empty(shapes.shape), np.empty(places.shape)
     for t in range(n):
-        top = FAR
-        for a in range(k):
-            top = max(top, hold[t, a])
-            for b in range(k):
-                top = max(top, way[t, a, b])
-        for a in range(k):
-            e_hold[t, a] = math.exp(hold[t, a] - top)
-            for b in range(k):
-                e_way[t, a, b] = math.exp(way[t, a, b] - top)
+        top_shape, top_place, top = shapes[t].max(), places[t].max(), hold[t].max()
+        # Ways are scaled by two tables' greatest values, held keys by the same.
+        both = max(top, top_shape + top_place)
+        e_shapes[t] = np.exp(shapes[t] - top_shape)
+        e_places[t] = np.exp(places[t] - top_place + (top_shape + top_place - both))
+        e_hold[t] = np.exp(hold[t] - both)
     for b in range(k):
         forward_hold[0, b] = e_hold[0, b] * (1.0 if b == 0 else price[0, b] * math.exp(edge))
         if b > 0:
-            forward_way[0, 0, b] = e_way[0, 0, b] * price[0, b]
+            way = e_shapes[0, 0, shape_of[b]] * e_places[0, end_of[0], end_of[b]]
+            forward_way[0, 0, b] = way * price[0, b]
+    into = np.empty(k)
     for t in range(1, n):
         total = 0.0
-        for b in range(k):
-            into = forward_hold[t - 1, b]
-            for a in range(k):
-                into += forward_way[t - 1, a, b]
-            forward_hold[t, b] = into * e_hold[t, b]
-            total += forward_hold[t, b]
-            for a in range(k):
+        into[:] = forward_hold[t - 1]
+        for a in range(k):
+            s, e, before = shape_of[a], end_of[a], forward_hold[t - 1, a]
+            for b in range(k):
+                old = forward_way[t - 1, a, b]
+                into[b] += old
                 if a != b:
-                    value = forward_way[t - 1, a, b] + forward_hold[t - 1, a] * price[a, b]
-                    forward_way[t, a, b] = value * e_way[t, a, b]
-                    total += forward_way[t, a, b]
+                    way = e_shapes[t, s, shape_of[b]] * e_places[t, e, end_of[b]]
+                    value = (old + before * price[a, b]) * way
+                    forward_way[t, a, b] = value
+                    total += value
         for b in range(k):
-            forward_hold[t, b] /= total
+            forward_hold[t, b] = into[b] * e_hold[t, b]
+            total += forward_hold[t, b]
+        scale = 1.0 / total
+        for b in range(k):
+            forward_hold[t, b] *= scale
             for a in range(k):
-                forward_way[t, a, b] /= total
+                forward_way[t, b, a] *= scale
     after_hold, after_way = np.zeros(k), np.zeros((k, k))
     for a in range(k):
         after_hold[a] = 1.0 if a == 0 else math.exp(edge)
         after_way[a, 0] = 1.0 if a > 0 else 0.0
-    before_hold, before_way = np.empty(k), np.empty((k, k))
     for t in range(n - 1, -1, -1):
         total = 0.0
-        for a in range(k):
-            out[t, a] = 0.0
+        out[t] = 0.0
         for a in range(k):
             share = forward_hold[t, a] * after_hold[a]
             out[t, a] += share
             total += share
             for b in range(k):
-                if a != b:
-                    share = forward_way[t, a, b] * after_way[a, b]
-                    out[t, a] += share
-                    out[t, b] += share
-                    total += share
+                share = forward_way[t, a, b] * after_way[a, b]
+                out[t, a] += share
+                out[t, b] += share
+                total += share
         for a in range(k):
             out[t, a] /= max(total, 1e-300)
         if t == 0:
             break
+        # After the frame before: what this frame and those that follow say.
+        into[:] = e_hold[t] * after_hold
         scale = 0.0
         for a in range(k):
-            stay = e_hold[t, a] * after_hold[a]
+            s, e, stay = shape_of[a], end_of[a], into[a]
             for b in range(k):
                 if a != b:
-                    stay += price[a, b] * e_way[t, a, b] * after_way[a, b]
-            before_hold[a] = stay
+                    way = e_shapes[t, s, shape_of[b]] * e_places[t, e, end_of[b]]
+                    way *= after_way[a, b]
+                    stay += price[a, b] * way
+                    after_way[a, b] = way + into[b]
+            after_hold[a] = stay
             scale += stay
-            for b in range(k):
-                if a != b:
-                    before_way[a, b] = (
-                        e_way[t, a, b] * after_way[a, b] + e_hold[t, b] * after_hold[b]
-                    )
-                else:
-                    before_way[a, b] = 0.0
+        scale = 1.0 / max(scale, 1e-300)
         for a in range(k):
-            after_hold[a] = before_hold[a] / max(scale, 1e-300)
+            after_hold[a] *= scale
             for b in range(k):
-                after_way[a, b] = before_way[a, b] / max(scale, 1e-300)
+                after_way[a, b] *= scale
 
 
 @njit(cache=True)

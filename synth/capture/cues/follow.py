@@ -174,8 +174,7 @@ class _Paths:
             for one, number in kinds.items():
                 hold[core, number] = single[core][:, one].max(1)
             for (a, b), number in ways.items():
-                best = densities.way[own][:, a][:, :, b].max((1, 2))
-                way[core, number] = np.where(shown, best, 0.0)
+                way[core, number] = np.where(shown, densities.way(a, b)[own], 0.0)
         columns = np.array([kinds[one] for one in line], dtype=np.int64)
         return cls(hold, way, columns, pair, single, near)
 

@@ -8,6 +8,7 @@ placements; fingers and hand need not keep step. Heavy tails (Student's t) let s
 All are log densities of the same features, so that holds and ways can be weighed.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,7 +33,9 @@ _SHORT = tuple(
 )
 """Shape and number of the place of each state short of the side."""
 
-_SHAPE = np.array([shape for shape, _ in (*KEYS, *_SHORT)])
+SHAPE_OF = np.array([shape for shape, _ in (*KEYS, *_SHORT)])
+"""Shape of each state."""
+
 _PLACE = np.array([place for _, place in (*KEYS, *_SHORT)])
 
 KEY_OF = np.array([*range(len(KEYS)), *(KEYS.index((shape, _SIDE)) for shape, _ in _SHORT)])
@@ -99,7 +102,10 @@ _PLACES = range(1, len(PLACEMENTS) + len(_SHORT_OF_SIDE))
 _TARGETS = ((0, 1), *((place, finger) for finger in (0, 1) for place in _PLACES))
 """Place and pointing finger of the ends of a way."""
 
-_END = np.array([_TARGETS.index((p, int(POINTS_WITH[s]))) if s else 0 for s, p in (*KEYS, *_SHORT)])
+END_OF = np.array(
+    [_TARGETS.index((p, int(POINTS_WITH[s]))) if s else 0 for s, p in (*KEYS, *_SHORT)]
+)
+"""Number of the end of ways that each state is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,12 +115,25 @@ class Lattice:
     Attributes
     ----------
     hold : ndarray of float64, shape (T, S)
-    way : ndarray of float64, shape (T, S, S)
-        From the first state to the second.
+    shapes : ndarray of float64, shape (T, 9, 9)
+        Of fingers and speed on the way from the first shape to the second.
+    places : ndarray of float64, shape (T, E, E)
+        Of the tip on the way from the first end to the second; each state has one of the ends.
     """
 
     hold: FloatArray
-    way: FloatArray
+    shapes: FloatArray
+    places: FloatArray
+
+    def way(self, first: Sequence[int], second: Sequence[int]) -> FloatArray:
+        """Return the best density of ways from some states to others, shape (T,)."""
+        a, b = np.ix_(list(first), list(second))
+        both = self.shapes[:, SHAPE_OF[a], SHAPE_OF[b]] + self.places[:, END_OF[a], END_OF[b]]
+        return np.asarray(both.max((1, 2)))
+
+    def scaled(self, share: float) -> "Lattice":
+        """Return the lattice whose frames count only a part."""
+        return Lattice(share * self.hold, share * self.shapes, share * self.places)
 
 
 def lattice(seen: Seen, looks: Looks) -> Lattice:
@@ -123,8 +142,9 @@ def lattice(seen: Seen, looks: Looks) -> Lattice:
     shown = seen.shown
     looks = _with_short_sides(looks)
     hold = np.full((len(seen), len(KEY_OF)), _UNSEEN)
-    way = np.full((len(seen), len(KEY_OF), len(KEY_OF)), _UNSEEN)
-    hold[:, 0] = way[:, 0, :] = way[:, :, 0] = 0.0
+    shapes = np.full((len(seen), len(SHAPES), len(SHAPES)), _UNSEEN)
+    places = np.zeros((len(seen), len(_TARGETS), len(_TARGETS)))
+    hold[:, 0] = shapes[:, 0, :] = shapes[:, :, 0] = 0.0
     at = np.flatnonzero(shown)
     if len(at):
         visible = Seen(
@@ -132,8 +152,10 @@ def lattice(seen: Seen, looks: Looks) -> Lattice:
             seen.width[at],
         )  # fmt: skip
         hold[at] = share * _holds(visible, looks)
-        way[at] = share * _ways(visible, looks)
-    return Lattice(hold, way)
+        speed = 0.5 * (visible.speed / _MOVING_MM_S) ** 2
+        shapes[at] = share * (_shape_ways(visible.fingers, looks.fingers) - speed[:, None, None])
+        places[at] = share * _place_ways(visible.pointers, looks)
+    return Lattice(hold, shapes, places)
 
 
 def _with_short_sides(looks: Looks) -> Looks:
@@ -165,9 +187,9 @@ def _holds(seen: Seen, looks: Looks) -> FloatArray:
     if looks.turned > 0.0:
         turn = looks.turned * turned(seen.width, _SHORT_OF_SIDE, _SIDE)
         place[..., 1:] += turn[:, None, 1:]
-    finger = np.where(_SHAPE == 0, 2, POINTS_WITH[_SHAPE])
+    finger = np.where(SHAPE_OF == 0, 2, POINTS_WITH[SHAPE_OF])
     speed = 0.5 * (seen.speed / _HELD_MM_S) ** 2 + np.log(_HELD_MM_S / _MOVING_MM_S)
-    return np.asarray(shape[:, _SHAPE] + place[:, finger, _PLACE] - speed[:, None])
+    return np.asarray(shape[:, SHAPE_OF] + place[:, finger, _PLACE] - speed[:, None])
 
 
 def _slack(shape: FloatArray, rate_hz: float) -> FloatArray:
@@ -178,14 +200,6 @@ def _slack(shape: FloatArray, rate_hz: float) -> FloatArray:
         best[step:] = np.maximum(best[step:], shape[:-step] - price)
         best[:-step] = np.maximum(best[:-step], shape[step:] - price)
     return best
-
-
-def _ways(seen: Seen, looks: Looks) -> FloatArray:
-    shape = _shape_ways(seen.fingers, looks.fingers)
-    place = _place_ways(seen.pointers, looks)
-    speed = 0.5 * (seen.speed / _MOVING_MM_S) ** 2
-    both = shape[:, _SHAPE[:, None], _SHAPE] + place[:, _END[:, None], _END]
-    return np.asarray(both - speed[:, None, None])
 
 
 def _shape_ways(fingers: FloatArray, targets: FloatArray) -> FloatArray:

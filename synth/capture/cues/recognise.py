@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from codec.cues.score import PLACEMENT_NUMBER
 from synth.capture.cues import _kernels
-from synth.capture.cues.lattice import COMES_FROM, KEY_OF, Lattice, lattice
+from synth.capture.cues.lattice import COMES_FROM, END_OF, KEY_OF, SHAPE_OF, Lattice, lattice
 from synth.capture.cues.looks import ANYBODYS, KEYS, POINTS_WITH, Looks
 from synth.capture.cues.seen import Seen
 from synth.capture.cues.turning import turn_of
@@ -184,8 +184,7 @@ class Piece:
     def runs(self, looks: Looks, *, sure: bool) -> list[Run]:
         """Return the keys held from `core` on, with their probabilities if they are asked for."""
         densities = lattice(self.seen, looks)
-        states = np.empty(len(self.seen), dtype=np.int64)
-        _kernels.likeliest(densities.hold, densities.way, prices(looks), _EDGE, states)
+        states, _ = likeliest(densities, looks)
         near = nearness(densities, looks) if sure else np.ones((len(states), len(KEYS)))
         found = []
         for state, a, b in _runs(states):
@@ -199,17 +198,27 @@ class Piece:
 
 def line_value(seen: Seen, looks: Looks = ANYBODYS) -> float:
     """Return the log likelihood of the best line of keys, but for a constant of the frames."""
-    densities = lattice(seen, looks)
-    states = np.empty(len(seen), dtype=np.int64)
-    return float(_kernels.likeliest(densities.hold, densities.way, prices(looks), _EDGE, states))
+    return likeliest(lattice(seen, looks), looks)[1]
+
+
+def likeliest(densities: Lattice, looks: Looks) -> tuple[NDArray[np.int64], float]:
+    """Return the held state of each frame, or -1 on the way, (T,), and the line's likelihood."""
+    states = np.empty(len(densities.hold), dtype=np.int64)
+    value = _kernels.likeliest(
+        densities.hold, densities.shapes, densities.places, SHAPE_OF, END_OF, prices(looks),
+        _EDGE, states,
+    )  # fmt: skip
+    return states, float(value)
 
 
 def nearness(densities: Lattice, looks: Looks) -> FloatArray:
     """Return how likely each key is at hand in each frame: held, coming or just left, (T, 41)."""
     near, share = np.empty_like(densities.hold), looks.sure_share
+    part = densities.scaled(share)
     _kernels.nearness(
-        share * densities.hold, share * densities.way, share * prices(looks), share * _EDGE, near
-    )
+        part.hold, part.shapes, part.places, SHAPE_OF, END_OF, share * prices(looks),
+        share * _EDGE, near,
+    )  # fmt: skip
     whole = near[:, : len(KEYS)].copy()
     for state in range(len(KEYS), len(KEY_OF)):
         whole[:, KEY_OF[state]] += near[:, state]
