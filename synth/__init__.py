@@ -18,16 +18,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from synth.alignment.score import score_from_recording as align
-    from synth.alignment.score import sound_of
     from synth.capture.capture import capture as capture_motion
     from synth.capture.options import CaptureOptions
-    from synth.rules.performance import motion_of
-    from synth.scoring.text_score import keys_of
-    from synth.scoring.text_score import score_from_subtitles as score_of_subtitles
-    from synth.scoring.text_score import score_from_text as score_of_text
-    from synth.subtitles.model import Subtitle
-    from synth.subtitles.read import read_subtitles
+    from synth.language.subtitles.model import Subtitle
+    from synth.language.subtitles.read import read_subtitles
+    from synth.motion.rules.performance import motion_of
+    from synth.planning.alignment.score import score_from_recording as align
+    from synth.planning.alignment.score import sound_of
+    from synth.planning.scoring.text_score import keys_of
+    from synth.planning.scoring.text_score import score_from_subtitles as score_of_subtitles
+    from synth.planning.scoring.text_score import score_from_text as score_of_text
 
 __all__ = [
     "CaptureOptions",
@@ -44,15 +44,15 @@ __all__ = [
 
 _HOMES = {
     "CaptureOptions": "synth.capture.options",
-    "Subtitle": "synth.subtitles.model",
-    "align": "synth.alignment.score:score_from_recording",
+    "Subtitle": "synth.language.subtitles.model",
+    "align": "synth.planning.alignment.score:score_from_recording",
     "capture_motion": "synth.capture.capture:capture",
-    "keys_of": "synth.scoring.text_score",
-    "motion_of": "synth.rules.performance",
-    "read_subtitles": "synth.subtitles.read",
-    "score_of_subtitles": "synth.scoring.text_score:score_from_subtitles",
-    "score_of_text": "synth.scoring.text_score:score_from_text",
-    "sound_of": "synth.alignment.score",
+    "keys_of": "synth.planning.scoring.text_score",
+    "motion_of": "synth.motion.rules.performance",
+    "read_subtitles": "synth.language.subtitles.read",
+    "score_of_subtitles": "synth.planning.scoring.text_score:score_from_subtitles",
+    "score_of_text": "synth.planning.scoring.text_score:score_from_text",
+    "sound_of": "synth.planning.alignment.score",
 }
 """Where each name lives: it is imported when it is first asked for, so that importing is cheap."""
 

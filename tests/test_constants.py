@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("codec", "synth", "watermark", "receiver", "cuecast")
+PACKAGES = ("codec", "synth", "watermark", "receiver", "cuecast", "lab")
 CALLS = {"array", "Fraction", "cumulative", "radians"}
 """Functions whose result is a constant if their arguments are."""
 

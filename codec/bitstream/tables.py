@@ -1,6 +1,6 @@
 """The static tables of the bitstream: frequencies of phones, lengths and coefficients.
 
-Read once from ``codec/assets/tables.json``, where `codec.training.format_tables` wrote them as
+Read once from ``codec/assets/tables.json``, where `lab.format_tables` wrote them as
 integers; they are part of the format's version and are the same for every voice (spec/bitstream.md,
 section 7).
 """

@@ -40,7 +40,7 @@ def train_voice(voice: Voice, *, progress: Callable[[int, int], None]) -> None:
         If the voice is no virtual cuer's.
     """
     from codec.training.coding_tables import train_coding
-    from synth.training.build_coding import examples
+    from synth.studio.recital import examples
 
     if trained_path(voice) is not None:
         return

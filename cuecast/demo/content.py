@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import resample_poly
 
-from synth.speech.espeak_voice import speak
-from synth.subtitles import Subtitle
+from synth.language.subtitles import Subtitle
+from synth.units.speech.espeak_voice import speak
 
 FS = 48_000
 """Rate in Hz of the sound."""

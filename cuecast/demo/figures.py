@@ -13,7 +13,7 @@ from codec.cuer.voice import Voice
 from codec.cues.score import PLACEMENTS, Key
 from codec.files.whole import whole_file
 from receiver.drawing.render import render_frames
-from synth.subtitles import Subtitle
+from synth.language.subtitles import Subtitle
 
 _MOMENTS = 6
 """Keys that the strip shows."""

@@ -17,11 +17,11 @@ from cuecast.dubbing.readability import in_words, watched
 from cuecast.dubbing.receive import receive
 from cuecast.media.film import write_film
 from cuecast.media.rewrite import Unchanged, rewrite_sound
-from synth.prosody.mirror import Performing
-from synth.prosody.pace_report import PaceReport
-from synth.prosody.pacing import READABLE
-from synth.scoring.text_score import Reading, score_from_subtitles
-from synth.subtitles import Subtitle
+from synth.language.subtitles import Subtitle
+from synth.planning.prosody.pace_report import PaceReport
+from synth.planning.prosody.pacing import READABLE
+from synth.planning.prosody.simulation import Performing
+from synth.planning.scoring.text_score import Reading, score_from_subtitles
 
 BROADCASTS = (
     ("AAC 128 kbit/s in MP4", "broadcast-aac.mp4", "aac", 128_000),

@@ -12,12 +12,17 @@ from codec.cues.score import Score
 from codec.errors import CueError
 from receiver.media.programme import open_programme
 from receiver.media.sound import SoundDecoder, sound_blocks
-from synth.alignment.hearing import FS
-from synth.alignment.runs import LONGEST_TEXT_S
-from synth.alignment.score import Judged, Judgement, phones_of_recording, score_from_recording
-from synth.alignment.sound import mono
-from synth.scoring.text_score import PLAIN, Reading, Told, in_pieces, tell_nobody
-from synth.subtitles import Subtitle
+from synth.language.subtitles import Subtitle
+from synth.planning.alignment.recogniser import FS
+from synth.planning.alignment.runs import LONGEST_TEXT_S
+from synth.planning.alignment.score import (
+    Judged,
+    Judgement,
+    phones_of_recording,
+    score_from_recording,
+)
+from synth.planning.alignment.sound import mono
+from synth.planning.scoring.text_score import PLAIN, Reading, Told, in_pieces, tell_nobody
 
 _KEPT_S = 7.0
 """Sound before the last stretch that stays in memory: stretches overlap by less."""
@@ -78,7 +83,7 @@ def aligned_score(
         Which of its sounds, from 0.
     reading : Reading
     warn, judged, told : callable
-        As in `synth.alignment.score.score_from_recording`.
+        As in `synth.planning.alignment.score.score_from_recording`.
 
     Raises
     ------

@@ -11,21 +11,21 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from codec.cues.score import Score
-    from synth.alignment.score import Judged
-    from synth.prosody.mirror import Performing
-    from synth.prosody.pacing import Pace
-    from synth.scoring.text_score import Reading, Told
-    from synth.subtitles import Subtitle
-    from synth.subtitles.findings import LeftOut
-    from synth.subtitles.read import Terms
+    from synth.language.subtitles import Subtitle
+    from synth.language.subtitles.findings import LeftOut
+    from synth.language.subtitles.read import Terms
+    from synth.planning.alignment.score import Judged
+    from synth.planning.prosody.pacing import Pace
+    from synth.planning.prosody.simulation import Performing
+    from synth.planning.scoring.text_score import Reading, Told
 
 
 def reading_of(args: argparse.Namespace) -> "Reading":
     """Return what `add_reading` and `add_pace` read."""
     from codec.cues.cueing import CueingOptions
-    from synth.scoring.text_score import Reading
-    from synth.text.lexicon import read_user_lexicon
-    from synth.text.pronounce import Style
+    from synth.language.text.lexicon import read_user_lexicon
+    from synth.language.text.pronounce import Style
+    from synth.planning.scoring.text_score import Reading
 
     given = {"un": args.un, "schwa": args.schwa, "oe": args.oe, "rest_gap_s": args.rest_gap}
     return Reading(
@@ -39,7 +39,7 @@ def reading_of(args: argparse.Namespace) -> "Reading":
 
 def _performing(args: argparse.Namespace) -> "Performing":
     """Return who is to cue, where the command lets that be told."""
-    from synth.prosody.mirror import CLAIRE, Performing
+    from synth.planning.prosody.simulation import CLAIRE, Performing
 
     if "voice" not in args:
         return CLAIRE
@@ -48,7 +48,7 @@ def _performing(args: argparse.Namespace) -> "Performing":
 
 def pace_of(args: argparse.Namespace) -> "Pace | None":
     """Return the cuer's own clock, unless she keeps in step with the speaker."""
-    from synth.prosody.pacing import Pace
+    from synth.planning.prosody.pacing import Pace
 
     # Who asks for speech, or for the times of a recording, gets those of a speaker.
     spoken = getattr(args, "speech", None) or isinstance(args.align, str)
@@ -61,7 +61,7 @@ def pace_of(args: argparse.Namespace) -> "Pace | None":
 def score_of(args: argparse.Namespace, told: "Told") -> "Score":
     """Return the score of what `add_text` and `add_reading` read; `told` hears of each word."""
     if args.text is not None:
-        from synth.scoring.text_score import score_from_text
+        from synth.planning.scoring.text_score import score_from_text
 
         return score_from_text(args.text, start_s=REST_S, reading=reading_of(args), told=told)
     return score_of_subtitles(args, args.file, told)
@@ -76,7 +76,7 @@ def pieces_of(
     score follows its voices, and `judged` is told how surely; `told` hears of each word.
     """
     from cuecast.dubbing.aligning import aligned_pieces, text_as_subtitle
-    from synth.scoring.text_score import stream_score
+    from synth.planning.scoring.text_score import stream_score
 
     if args.text is not None and recording is None:
         score = score_of(args, told)
@@ -98,7 +98,7 @@ def pieces_of(
 
 def score_of_subtitles(args: argparse.Namespace, path: str, told: "Told") -> "Score":
     """Return the score of what `subtitles_of` reads."""
-    from synth.scoring.text_score import score_from_subtitles
+    from synth.planning.scoring.text_score import score_from_subtitles
 
     subtitles = subtitles_of(args, path)
     return score_from_subtitles(subtitles, warn=note, reading=reading_of(args), told=told)
@@ -106,7 +106,7 @@ def score_of_subtitles(args: argparse.Namespace, path: str, told: "Told") -> "Sc
 
 def terms_of(args: argparse.Namespace) -> "Terms":
     """Return what `add_subtitle_terms` read."""
-    from synth.subtitles.read import Terms
+    from synth.language.subtitles.read import Terms
 
     return Terms(args.strict, args.offset, args.everything)
 
@@ -124,8 +124,8 @@ def subtitles_of(
     `stream_s` is the MPEG-2 time at which their programme begins, `length_s` how long it is, if
     they have one. What is left out of the file goes to `left_out`, or else is said at once.
     """
-    from synth.subtitles import read_subtitles
-    from synth.subtitles.read import parse_subtitles
+    from synth.language.subtitles import read_subtitles
+    from synth.language.subtitles.read import parse_subtitles
 
     told = LeftOutNotes() if left_out is None else left_out
     terms = terms_of(args)
@@ -168,7 +168,7 @@ class LeftOutNotes:
 
 def unknown_report(subtitles: "Sequence[Subtitle]", reading: "Reading") -> list[dict[str, Any]]:
     """Return the words pronounced by rule for a JSON document."""
-    from synth.scoring.unknown import unknown_words
+    from synth.planning.scoring.unknown import unknown_words
 
     return [
         {"word": w.text, "phones": "".join(w.phones), "count": w.count, "line": w.line}

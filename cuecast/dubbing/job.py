@@ -29,9 +29,9 @@ from cuecast.dubbing.read_back import shortfalls
 from cuecast.dubbing.readability import in_words, watched
 from cuecast.media.subtitles import choose_track, read_track, text_tracks
 from receiver.media.programme import open_programme
-from synth.prosody.pace_report import PaceReport
-from synth.scoring.text_score import score_from_subtitles
-from synth.subtitles import Subtitle
+from synth.language.subtitles import Subtitle
+from synth.planning.prosody.pace_report import PaceReport
+from synth.planning.scoring.text_score import score_from_subtitles
 
 
 def dub_as_told(args: argparse.Namespace) -> dict[str, Any]:

@@ -11,9 +11,9 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Score
 from codec.errors import CueError
-from synth.joined.concatenation import ConcatenativeSynthesiser
-from synth.prosody.passages import passages
-from synth.rules.bodiless import RuledCuer, ruled_cuer
+from synth.motion.rules.bodiless import RuledCuer, ruled_cuer
+from synth.planning.prosody.passages import passages
+from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
 
 RATE_HZ = 50.0
 """Frames per second of the motion inside superframes."""

@@ -10,9 +10,9 @@ from codec.bitstream.coding import keep_coding
 from codec.cuer.voice import save_voice
 from codec.errors import CueError
 from codec.training.coding_tables import train_coding
-from synth.recordings.archive import write_archive
-from synth.training.build_corpora import learn_speaker
-from synth.training.corpora import read_corpora
+from synth.units.recordings.archive import write_archive
+from synth.voices.learn import learn_speaker
+from synth.voices.takes import read_corpora
 
 UNITS = "units"
 """Folder of the recorded units within that of the voice."""

@@ -14,12 +14,12 @@ from codec.cues.score import Score
 from codec.errors import CueError
 from codec.files.whole import whole_file
 from cuecast.command.progress import count_bar
-from synth.body.anatomy import IDENTITIES
-from synth.joined.concatenation import ConcatenativeSynthesiser
-from synth.recordings.archive import built_in_recordings, read_archive, write_archive
-from synth.recordings.recording import Recording
-from synth.recordings.speaker import Refusal, read_transcripts, record_speaker
-from synth.rules.gesture import GestureSynthesiser
+from synth.motion.body.anatomy import IDENTITIES
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
+from synth.units.recordings.archive import built_in_recordings, read_archive, write_archive
+from synth.units.recordings.recording import Recording
+from synth.units.recordings.speaker import Refusal, read_transcripts, record_speaker
 
 
 def unit_synthesiser(

@@ -24,15 +24,15 @@ from codec.errors import CueError
 from cuecast.demo.content import FS as MUSIC_FS
 from cuecast.demo.content import make_music
 from cuecast.evaluate.options import EvaluateOptions
-from synth.alignment.align import Aligned, Passage, align
-from synth.alignment.hearing import FS
-from synth.alignment.runs import LONGEST_PASSAGE_S
-from synth.alignment.sound import mono
-from synth.alignment.trust import CERTAIN, WITHIN_S, trust
-from synth.speech.espeak_voice import render
-from synth.text.espeak import RATE_HZ
-from synth.text.pronounce import phonemise
-from synth.text.sentences import read_sentences
+from synth.language.text.espeak import RATE_HZ
+from synth.language.text.pronounce import phonemise
+from synth.language.text.sentences import read_sentences
+from synth.planning.alignment.align import Aligned, Passage, align
+from synth.planning.alignment.confidence import CERTAIN, WITHIN_S, trust
+from synth.planning.alignment.recogniser import FS
+from synth.planning.alignment.runs import LONGEST_PASSAGE_S
+from synth.planning.alignment.sound import mono
+from synth.units.speech.espeak_voice import render
 
 CONDITIONS = ("plain", "condensed", "music", "foreign")
 

@@ -30,12 +30,12 @@ from receiver.export.arkit import live_link_csv
 from receiver.export.markers import marker_csv, trc
 from synth.capture.capture import capture
 from synth.capture.options import Captured, CaptureOptions
-from synth.corpus.capture import record
-from synth.corpus.make import Utterance, spoken
-from synth.corpus.studio import Studio
-from synth.recordings.rendered import line_of
-from synth.rules.gesture import GestureSynthesiser
-from synth.text.sentences import read_sentences
+from synth.language.text.sentences import read_sentences
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.studio.corpora import Utterance, spoken
+from synth.studio.studio import Studio
+from synth.studio.take import record
+from synth.units.recordings.rendered import line_of
 
 FloatArray = NDArray[np.float64]
 

@@ -23,8 +23,8 @@ from cuecast.evaluate.drawing import Dot, draw_dots
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.media.film import write_film
 from receiver.media.sound import read_sound
-from synth.scoring.text_score import score_from_subtitles
-from synth.subtitles import Subtitle, read_subtitles
+from synth.language.subtitles import Subtitle, read_subtitles
+from synth.planning.scoring.text_score import score_from_subtitles
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,8 +42,8 @@ from cuecast.evaluate.coded import (
     squares_of,
 )
 from cuecast.evaluate.options import EvaluateOptions
-from synth.rules.movement import LAWS
-from synth.training.build_coding import PACES, imprecise, paced, perform, recital, sentences
+from synth.motion.rules.movement import LAWS
+from synth.studio.recital import PACES, imprecise, paced, perform, recital, sentences
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from codec.cuer.layout import N_FACE
 from codec.cues.score import Score
-from synth.capture.tracker.landmark_maps import FACE_LANDMARKS, face_map, joints_of
-from synth.measured.cuer import Performer
+from synth.capture.sources.landmark_maps import FACE_LANDMARKS, face_map, joints_of
+from synth.motion.measured.cuer import Performer
 
 FloatArray = NDArray[np.float64]
 

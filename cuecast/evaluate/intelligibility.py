@@ -23,15 +23,15 @@ from cuecast.dubbing.performance import unit_synthesiser
 from cuecast.evaluate.listener import FS, Listener, french_listener
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.synthesis import held_out_sentences
-from synth.alignment.sound import mono
-from synth.joined.concatenation import ConcatenativeSynthesiser
-from synth.recordings.recording import Recording
-from synth.recordings.speaker import Utterance, read_transcripts, record_speaker
-from synth.rules.gesture import GestureSynthesiser
-from synth.scoring.text_score import score_from_text
-from synth.speech.espeak_voice import speak
-from synth.text.normalise import PAUSES, normalise
-from synth.text.pronounce import phonemise
+from synth.language.text.normalise import PAUSES, normalise
+from synth.language.text.pronounce import phonemise
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.planning.alignment.sound import mono
+from synth.planning.scoring.text_score import score_from_text
+from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
+from synth.units.recordings.recording import Recording
+from synth.units.recordings.speaker import Utterance, read_transcripts, record_speaker
+from synth.units.speech.espeak_voice import speak
 
 VOICES = ("recorded", "speaker", "units", "espeak")
 

@@ -31,10 +31,10 @@ from cuecast.evaluate.films import as_rows, film
 from cuecast.evaluate.options import EvaluateOptions
 from synth.capture.capture import capture
 from synth.capture.options import CaptureOptions
-from synth.measured.cuer import MEASURED, performer
-from synth.measured.plan import paced
-from synth.rules.movement import LAWS
-from synth.training.build_coding import perform, recital, sentences
+from synth.motion.measured.cuer import MEASURED, performer
+from synth.motion.measured.plan import paced
+from synth.motion.rules.movement import LAWS
+from synth.studio.recital import perform, recital, sentences
 
 RATES_BPS = (150.0, 337.5, 900.0)
 """Rates in bit/s that files are made to keep."""

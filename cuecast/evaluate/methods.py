@@ -18,11 +18,11 @@ from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Key, Phone, Score
 from cuecast.dubbing.motions import ruled_motion
-from synth.joined.concatenation import ConcatenativeSynthesiser
-from synth.recordings.recording import Recording
-from synth.rules.gesture import GestureSynthesiser
-from synth.rules.movement import ALIGNMENTS, plan_gestures
-from synth.scoring.text_score import score_from_text
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.motion.rules.movement import ALIGNMENTS, plan_gestures
+from synth.planning.scoring.text_score import score_from_text
+from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
+from synth.units.recordings.recording import Recording
 from watermark.audio.profile import find_profile
 from watermark.link.superframe import SUPERFRAME_S
 

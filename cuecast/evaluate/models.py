@@ -24,9 +24,9 @@ from cuecast.evaluate.models_fits import Fit, Models, Occlusion, Phases, explain
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.tables import write_results
 from cuecast.evaluate.takes import Material, Recorded, Take, performed
-from synth.body.anatomy import BY_RULE, IDENTITIES
-from synth.measured.cuer import MEASURED
-from synth.rules.movement import LAWS
+from synth.motion.body.anatomy import BY_RULE, IDENTITIES
+from synth.motion.measured.cuer import MEASURED
+from synth.motion.rules.movement import LAWS
 
 N_TRAINING = 68
 """Sentences that are learnt from, as in the paper (section 4)."""
@@ -50,7 +50,7 @@ def evaluate(options: EvaluateOptions) -> dict[str, Any] | list[dict[str, Any]]:
     Parameters
     ----------
     options : EvaluateOptions
-        ``clips`` may name a folder of corpora as `synth.corpus.make` writes it (of fewer sentences
+        ``clips`` may name a folder of corpora as `lab.corpora` writes it (of fewer sentences
         than the paper's the same share is for training); ``cuers`` names
         virtual cuers as ``identity/law``, or ``all``: one row of figures each, and one folder.
     """

@@ -34,14 +34,14 @@ from cuecast.dubbing.readability import Seen
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.strokes import RATE_HZ, REAL, film_of, rows_within, stroke_figures
 from receiver.drawing.render import render_frames, write_picture
-from synth.measured.cuer import MEASURED, performer
-from synth.prosody.mirror import Performing
-from synth.prosody.pace_report import PaceReport
-from synth.prosody.pacing import READABLE, Pace
-from synth.rules.gesture import GestureSynthesiser
-from synth.scoring.text_score import PLAIN, Reading, score_from_subtitles, score_from_text
-from synth.subtitles import Subtitle, read_subtitles
-from synth.text.sentences import read_sentences
+from synth.language.subtitles import Subtitle, read_subtitles
+from synth.language.text.sentences import read_sentences
+from synth.motion.measured.cuer import MEASURED, performer
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.planning.prosody.pace_report import PaceReport
+from synth.planning.prosody.pacing import READABLE, Pace
+from synth.planning.prosody.simulation import Performing
+from synth.planning.scoring.text_score import PLAIN, Reading, score_from_subtitles, score_from_text
 
 PACES: dict[str, Pace | None] = {"readable": READABLE, "sync": None}
 

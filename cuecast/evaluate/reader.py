@@ -27,12 +27,12 @@ from cuecast.evaluate.reading.performed import filmed_takes, simulated_takes
 from cuecast.evaluate.reading.reader import Asked, Reader, Seen, Take, teach
 from cuecast.evaluate.reading.takes import real_takes
 from cuecast.evaluate.reading.view import like
-from synth.capture.sources.video import find_tracker
-from synth.measured.cuer import MEASURED
-from synth.measured.plan import paced
-from synth.prosody.pacing import READABLE, Pace
-from synth.scoring.text_score import Reading, score_from_text
-from synth.training.build_coding import sentences
+from synth.capture.tracker.video import find_tracker
+from synth.motion.measured.cuer import MEASURED
+from synth.motion.measured.plan import paced
+from synth.planning.prosody.pacing import READABLE, Pace
+from synth.planning.scoring.text_score import Reading, score_from_text
+from synth.studio.recital import sentences
 
 _FOLDS = 4
 """Parts of the real takes; each is read by a reader taught on the others."""

@@ -17,8 +17,8 @@ from scipy.signal import savgol_filter
 from codec.cues.phonology import VOWELS
 from codec.cues.score import Key, Score
 from cuecast.evaluate.films import ASPECT, WIDTH_MM, film
-from synth.capture.tracker.landmark_maps import FACE_LANDMARKS
-from synth.measured.cuer import Performer
+from synth.capture.sources.landmark_maps import FACE_LANDMARKS
+from synth.motion.measured.cuer import Performer
 
 RATE_HZ = 30.0
 """Pictures per second of the films that the real cuers' figures come from."""

@@ -22,13 +22,13 @@ from codec.cues.score import Key, Score
 from cuecast.dubbing.performance import unit_synthesiser
 from cuecast.evaluate.methods import compare_methods
 from cuecast.evaluate.options import EvaluateOptions
-from synth.joined.units import cut_dikeys
-from synth.recordings.recording import Recording
-from synth.recordings.sentences import choose_sentences
-from synth.rules.gesture import GestureSynthesiser
-from synth.rules.movement import Gestures, plan_gestures
-from synth.scoring.text_score import score_from_text
-from synth.text.sentences import read_sentences
+from synth.language.text.sentences import read_sentences
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.motion.rules.movement import Gestures, plan_gestures
+from synth.planning.scoring.text_score import score_from_text
+from synth.units.concatenation.units import cut_dikeys
+from synth.units.recordings.recording import Recording
+from synth.units.recordings.sentences import choose_sentences
 
 ALIGNMENT = "paper"
 

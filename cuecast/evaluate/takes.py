@@ -1,7 +1,7 @@
 """Material for the evaluation of the models: recorded utterances, one after another.
 
 The built-in material is performed by the virtual cuer on the spot, so that the truth of hidden
-markers is known. A folder of corpora (C3D with TextGrid, `synth.corpus.make`) takes its place;
+markers is known. A folder of corpora (C3D with TextGrid, `synth.studio.corpora`) takes its place;
 nothing is known there of what was hidden.
 """
 
@@ -16,9 +16,13 @@ from numpy.typing import NDArray
 from codec.cuer.c3d import read_c3d
 from codec.cues.score import Key, Score
 from codec.errors import CueError
-from synth.corpus.capture import record
-from synth.corpus.framing import Framing, find_framing
-from synth.corpus.make import (
+from synth.capture.points.framing import Framing, find_framing
+from synth.language.text.espeak import RATE_HZ
+from synth.language.text.sentences import read_sentences
+from synth.motion.measured.cuer import MEASURED, performer
+from synth.motion.measured.plan import paced
+from synth.planning.scoring.drills import shape_transitions
+from synth.studio.corpora import (
     RATE_OF_CORPORA_HZ,
     ROUNDS_OF_SHAPES,
     Utterance,
@@ -26,12 +30,8 @@ from synth.corpus.make import (
     read_utterance,
     spoken,
 )
-from synth.corpus.scores import shape_transitions
-from synth.corpus.studio import Studio, surround
-from synth.measured.cuer import MEASURED, performer
-from synth.measured.plan import paced
-from synth.text.espeak import RATE_HZ
-from synth.text.sentences import read_sentences
+from synth.studio.studio import Studio, surround
+from synth.studio.take import record
 
 _FRAMING_TAKES = 3
 """Takes from which the axes of a laboratory are found."""
@@ -75,7 +75,7 @@ class Performed:
     Attributes
     ----------
     identity, law : str
-        As for `synth.measured.cuer.performer`.
+        As for `synth.motion.measured.cuer.performer`.
     utterances : tuple of Utterance
     """
 

@@ -31,7 +31,7 @@ from cuecast.media.picture import rewrite_picture
 from cuecast.media.rewrite import Unchanged, rewrite_sound
 from receiver.media.picture import PictureDecoder
 from receiver.media.programme import has_stream, open_programme
-from synth.scoring.text_score import score_from_subtitles
+from synth.planning.scoring.text_score import score_from_subtitles
 from watermark.link.superframe import SUPERFRAME_S
 
 LENGTH_S = 60.0

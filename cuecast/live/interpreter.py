@@ -18,12 +18,12 @@ from codec.cues.score import Key, Phone, Score
 from codec.cues.timeline import SUPERFRAME_S
 from codec.errors import CueError
 from cuecast.dubbing.motions import RATE_HZ
-from synth.capture.cues.looks import looks_of
+from synth.capture.cues.appearance import looks_of
+from synth.capture.cues.features import see_motion
 from synth.capture.cues.recognise import recognise_keys
-from synth.capture.cues.seen import see_motion
+from synth.capture.cues.score import is_sure, score_of
 from synth.capture.points.solve import resting
 from synth.capture.points.speaker import Speaker
-from synth.capture.score import is_sure, score_of
 
 LATE_S = 0.17
 """How late a line comes that does not tell: that of `capture --live` at 30 frames per second."""

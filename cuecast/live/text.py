@@ -15,9 +15,9 @@ from codec.cuer.voice import Voice
 from codec.cues.score import Key, Phone, Score
 from codec.errors import CueError
 from cuecast.dubbing.motions import RATE_HZ
-from synth.rules.bodiless import ruled_cuer
-from synth.scoring.text_score import Reading, score_from_text
-from synth.subtitles import spoken
+from synth.language.subtitles import spoken
+from synth.motion.rules.bodiless import ruled_cuer
+from synth.planning.scoring.text_score import Reading, score_from_text
 
 AHEAD_S = 0.3
 """How long before its first key the hand has to know of it."""
@@ -97,7 +97,7 @@ class LiveMotion:
         How the text is read and cued.
     seed : int
     alignment : str
-        See `synth.rules.bodiless.ruled_cuer`.
+        See `synth.motion.rules.bodiless.ruled_cuer`.
 
     Attributes
     ----------

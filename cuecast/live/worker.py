@@ -22,7 +22,7 @@ from cuecast.live.pcm import MarkedPcm, PcmForm, PcmMarker
 from cuecast.live.sound import LiveOptions, MarkedPes, SoundMarker
 from cuecast.live.text import Caption, LiveMotion, read_caption
 from cuecast.media.timed_text import subtitles_of_packet
-from synth.scoring.text_score import Reading
+from synth.planning.scoring.text_score import Reading
 
 if TYPE_CHECKING:
     from cuecast.live.waiting import WaitingRoom
@@ -410,8 +410,8 @@ def _motion(cuer: Cuer, voice: Any) -> Any:
 
         return motions.GivenMotion(load_motion(cuer.motion), voice)
     if cuer.subtitles:
-        from synth.scoring.text_score import score_from_subtitles
-        from synth.subtitles import read_subtitles
+        from synth.language.subtitles import read_subtitles
+        from synth.planning.scoring.text_score import score_from_subtitles
 
         subtitles = read_subtitles(cuer.subtitles)
         score = score_from_subtitles(subtitles, warn=lambda line: None, reading=cuer.reading)

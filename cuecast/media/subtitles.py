@@ -16,8 +16,8 @@ from codec.errors import CueError
 from cuecast.media.tables import PACKET, SYNC, TableReader, synchronised
 from cuecast.media.timed_text import document_of, paragraph_of, placed, subtitles_of_packet
 from receiver.media.programme import open_programme
-from synth.subtitles import Subtitle
-from synth.subtitles.read import USUAL, Terms, Told, parse_subtitles
+from synth.language.subtitles import Subtitle
+from synth.language.subtitles.read import USUAL, Terms, Told, parse_subtitles
 
 _NAMES = {
     "mov_text": "mov_text", "srt": "SubRip", "subrip": "SubRip", "text": "text",
@@ -177,7 +177,8 @@ def read_track(
     path : path
     track : TextTrack
     terms, left_out
-        As in `synth.subtitles.read.parse_subtitles`; lines are those of the track as SubRip.
+        As in `synth.language.subtitles.read.parse_subtitles`; lines are those of the track as
+        SubRip.
 
     Raises
     ------

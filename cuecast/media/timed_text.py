@@ -9,8 +9,8 @@ import zlib
 from collections.abc import Iterator
 
 from codec.errors import CueError
-from synth.subtitles import Subtitle
-from synth.subtitles.read import Terms, parse_subtitles
+from synth.language.subtitles import Subtitle
+from synth.language.subtitles.read import Terms, parse_subtitles
 
 _MEDIATIME_HZ = 10_000
 """Unit of a segment's media time: 100 microseconds (EN 303 560, 5.2.2.2.1)."""

@@ -241,7 +241,7 @@ def _proposed(
 def _options(args: argparse.Namespace) -> "CaptureOptions":
     from synth.capture.options import CaptureOptions
     from synth.capture.points.labels import read_map
-    from synth.scoring.textgrid import read_textgrid
+    from synth.planning.scoring.textgrid import read_textgrid
 
     return CaptureOptions(
         rate_hz=args.rate,
@@ -261,7 +261,7 @@ def _options(args: argparse.Namespace) -> "CaptureOptions":
 def _transcript(text: str) -> "Score":
     """Return the phones of a text, or of the file that holds it."""
     from codec.errors import CueError
-    from synth.capture.transcript import read_transcript
+    from synth.capture.cues.transcript import read_transcript
 
     path = Path(text)
     try:

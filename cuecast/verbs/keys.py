@@ -17,7 +17,7 @@ from cuecast.dubbing.inputs import pieces_of, reading_of, score_of
 
 if TYPE_CHECKING:
     from codec.cues.score import Score
-    from synth.prosody.pace_report import PaceReport
+    from synth.planning.prosody.pace_report import PaceReport
 
 SUMMARY = "the cues of a text: phones, keys, times"
 
@@ -51,13 +51,13 @@ def run(args: argparse.Namespace) -> int:
     """Print the keys of the text; 1 if nothing in it is spoken."""
     if args.unknown:
         return _unknown(args)
-    from synth.prosody.pace_report import PaceReport
+    from synth.planning.prosody.pace_report import PaceReport
 
     pace = PaceReport(reading_of(args).options, note)
     score = _score(args, pace)
     targets = _targets(args, score)
     if args.textgrid and score.phones:
-        from synth.scoring.textgrid import write_textgrid
+        from synth.planning.scoring.textgrid import write_textgrid
 
         with whole_file(args.textgrid) as path:
             write_textgrid(path, score, score.phones[-1].end)
@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
         rows = [key.as_dict() for key in score.keys]
         print_json([row | target for row, target in zip(rows, targets, strict=True)])
     else:
-        from synth.scoring.notation import as_taught
+        from synth.planning.scoring.notation import as_taught
 
         named = "  target" if args.alignment else ""
         print(f"  start     end{named}  key  taught  shape  placement  phones")
@@ -96,7 +96,7 @@ def _tell(args: argparse.Namespace, score: "Score", pace: "PaceReport") -> None:
 def _unknown(args: argparse.Namespace) -> int:
     """Print the words that no lexicon knows as lines of a lexicon."""
     from cuecast.dubbing.inputs import subtitles_of, unknown_report
-    from synth.subtitles import Subtitle
+    from synth.language.subtitles import Subtitle
 
     subtitles = [Subtitle(0, 1, args.text)] if args.text is not None else None
     rows = unknown_report(subtitles or subtitles_of(args, args.file), reading_of(args))
@@ -127,7 +127,7 @@ def _targets(args: argparse.Namespace, score: "Score") -> list[dict[str, float]]
     """Return when the hand is on the target of each key, if that was asked."""
     if not args.alignment:
         return [{} for _ in score.keys]
-    from synth.rules.movement import target_times
+    from synth.motion.rules.movement import target_times
 
     options = reading_of(args).options
     times = target_times(score, alignment=args.alignment, options=options)

@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     from codec.cuer.voice import load_voice
     from cuecast.dubbing.aligning import Confidence
     from cuecast.dubbing.readability import Seen, in_words
-    from synth.prosody.pace_report import PaceReport
+    from synth.planning.prosody.pace_report import PaceReport
 
     confidence = Confidence()
     pace = PaceReport(reading_of(args).options, note)
@@ -107,7 +107,7 @@ def _motion(
         )
         return perform(pieces, units, rate_hz=args.rate, speech=args.speech)
     from cuecast.dubbing.motions import ruled_motion
-    from synth.rules.bodiless import ruled_cuer
+    from synth.motion.rules.bodiless import ruled_cuer
 
     cuer = ruled_cuer(
         voice, rate_hz=args.rate, seed=args.seed, alignment=args.alignment, options=options

@@ -1,7 +1,7 @@
 """The avatar: a skin that follows the markers.
 
 Parameters come in, vertices of head and hand go out. The asset (``assets/avatar_NAME.npz``, made by
-``python -m synth.avatar``) holds, for head and hand each, a linear map from markers to the
+``python -m lab.avatar``) holds, for head and hand each, a linear map from markers to the
 vertices of a coarse mesh, a finer surface over that mesh, and its colours; the page computes the
 same (``page/avatar.js``).
 """

@@ -1,5 +1,5 @@
-"""Motion capture: recordings of real cuers become motions of a voice.
+"""A recorded interpreter as a motion.
 
-Markers of any laboratory, face weights of a telephone or landmarks of an image tracker come in;
-parameters of the voice, a score of recognised keys and a report of the quality go out.
+In: marker files, tables of landmarks, films, a live tracker. Out: a motion of a voice, and the keys
+that it shows. May import: `motion`, `planning`.
 """

@@ -9,9 +9,9 @@ from codec.cuer.voice import Voice
 from codec.errors import CueError
 from synth.capture.options import DEFAULTS, Captured, CaptureOptions
 from synth.capture.points.markers import capture_markers
-from synth.capture.sources.livelink import capture_live_link
 from synth.capture.sources.sniff import kind_of
 from synth.capture.tracker.landmarks import capture_landmarks
+from synth.capture.tracker.livelink import capture_live_link
 
 
 def capture(
@@ -50,7 +50,7 @@ def _capture(source: Path, kind: str, voice: Voice, options: CaptureOptions) -> 
     if kind == "landmarks":
         return capture_landmarks(source, voice, options)
     if kind == "video":
-        from synth.capture.sources.video import capture_video
+        from synth.capture.tracker.video import capture_video
 
         return capture_video(source, voice, options)
     return capture_markers(source, kind, voice, options)

@@ -11,7 +11,7 @@ from codec.bitstream.encoder import SuperframeEncoder
 from codec.bitstream.superframe import Superframe
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice, load_voice
-from synth.training.build_coding import perform, recital, sentences
+from synth.studio.recital import perform, recital, sentences
 
 SUPERFRAMES = 94
 REAL_TIME_S = SUPERFRAMES * 0.64

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from codec.cuer.voice import load_voice
-from synth.corpus.capture import record
-from synth.corpus.scores import drill
-from synth.rules.gesture import GestureSynthesiser
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.planning.scoring.drills import drill
+from synth.studio.take import record
 
 RATE_HZ = 120.0
 

@@ -3,9 +3,9 @@
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from synth.corpus.capture import record
-from synth.corpus.scores import drill
-from synth.rules.gesture import GestureSynthesiser
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.planning.scoring.drills import drill
+from synth.studio.take import record
 
 SCORE = drill(10, seed=1)
 SECONDS = 20.0

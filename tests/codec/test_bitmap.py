@@ -9,8 +9,8 @@ from codec.bitstream.stream import encode_stream, read_superframes
 from codec.bitstream.superframe import Superframe
 from codec.cuer.voice import load_voice
 from codec.errors import BitstreamError
-from synth.rules.performance import motion_of
-from synth.scoring.text_score import score_from_text
+from synth.motion.rules.performance import motion_of
+from synth.planning.scoring.text_score import score_from_text
 
 
 @pytest.fixture(scope="module", params=[87.5, 337.5])

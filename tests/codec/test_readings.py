@@ -13,7 +13,7 @@ from codec.cues.phonology import PAUSE
 from codec.cues.score import Phone, Score
 from codec.cues.timeline import TICKS, to_line
 from cuecast.evaluate.coded import counted
-from synth.training.train_durations import read_sentences
+from lab.durations import read_sentences
 
 TEXTS = Path(__file__).resolve().parents[3] / "shared" / "data" / "text"
 OPEN_O = "ɔ"

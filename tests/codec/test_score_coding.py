@@ -18,7 +18,7 @@ from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
 from codec.cues.phonology import CONSONANTS, PHONES, VOWELS
 from codec.cues.score import PLACEMENTS, Key, Phone, Score
 from codec.cues.timeline import TICK_S, TICKS, to_line, to_ticks
-from codec.training.format_tables import N, _after_two
+from lab.format_tables import N, _after_two
 
 
 @st.composite

@@ -26,8 +26,8 @@ from codec.cuer.voice import Voice, load_voice
 from codec.cues.cueing import cue
 from codec.cues.score import Phone, Score
 from codec.errors import BitstreamError, CueError, VoiceError
-from synth.rules.performance import motion_of
-from synth.scoring.text_score import score_from_text
+from synth.motion.rules.performance import motion_of
+from synth.planning.scoring.text_score import score_from_text
 
 MakeMotion = Callable[..., Motion]
 

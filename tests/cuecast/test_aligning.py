@@ -11,9 +11,9 @@ import soundfile
 from codec.errors import CueError
 from cuecast.command.cli import main
 from cuecast.dubbing.aligning import Confidence, ProgrammeVoices, aligned_score, text_as_subtitle
-from synth.alignment.hearing import FS
-from synth.speech.espeak_voice import render
-from synth.subtitles import Subtitle
+from synth.language.subtitles import Subtitle
+from synth.planning.alignment.recogniser import FS
+from synth.units.speech.espeak_voice import render
 
 PHONES = "b ɔ̃ ʒ u ʁ a t u s e b j ɛ̃ v ə n y".split()
 TEXT = "Bonjour à tous et bienvenue."
@@ -59,7 +59,7 @@ def test_words_too_few_to_be_sure(
     timed: bool, spoken: tuple[Path, list[float]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Times that were given are kept; where there are none, the sound's are better than none."""
-    monkeypatch.setattr("synth.alignment.trust.LEAST_EVIDENCE", 1e3)
+    monkeypatch.setattr("synth.planning.alignment.confidence.LEAST_EVIDENCE", 1e3)
     path, truth = spoken
     told: list[str] = []
     sure = Confidence()

@@ -10,8 +10,8 @@ import pytest
 from codec.cuer.motion import Motion, save_motion
 from codec.cuer.voice import load_voice
 from cuecast.command.cli import main
-from synth.rules.performance import motion_of
-from synth.scoring.text_score import score_from_text
+from synth.motion.rules.performance import motion_of
+from synth.planning.scoring.text_score import score_from_text
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ from cuecast.evaluate.chain import _received
 from cuecast.evaluate.records import read_record
 from cuecast.evaluate.tables import write_results
 from cuecast.media.film import write_film
-from synth.rules.performance import motion_of
-from synth.scoring.text_score import score_from_text
+from synth.motion.rules.performance import motion_of
+from synth.planning.scoring.text_score import score_from_text
 
 
 def test_results_are_written(tmp_path: Path) -> None:

@@ -11,9 +11,9 @@ from codec.cues.phonology import PAUSE
 from codec.errors import CueError
 from cuecast.evaluate import alignment
 from cuecast.evaluate.options import EvaluateOptions
-from synth.speech.espeak_voice import render
-from synth.text.espeak import RATE_HZ
-from synth.text.pronounce import phonemise
+from synth.language.text.espeak import RATE_HZ
+from synth.language.text.pronounce import phonemise
+from synth.units.speech.espeak_voice import render
 
 TEXTS = ("Le chat mange une souris, sous la table du jardin.", "Nous partons demain matin.")
 

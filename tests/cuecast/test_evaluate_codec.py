@@ -14,7 +14,7 @@ from cuecast.evaluate.baselines import BASELINES, Material, code_length
 from cuecast.evaluate.bound import Bound, bound_of
 from cuecast.evaluate.coded import Outcome, coded, lacking, row_of
 from cuecast.evaluate.options import EvaluateOptions
-from synth.training.build_coding import perform, recital, sentences
+from synth.studio.recital import perform, recital, sentences
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from codec.errors import CueError
 from cuecast.command.cli import main
 from cuecast.evaluate import intelligibility, listener
 from cuecast.evaluate.options import EvaluateOptions
-from synth.speech.espeak_voice import speak
+from synth.units.speech.espeak_voice import speak
 
 TEXTS = ("Bonjour à tous.", "Merci beaucoup, au revoir.")
 LINES = st.lists(st.sampled_from("abc"), max_size=6)

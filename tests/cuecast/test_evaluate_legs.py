@@ -11,7 +11,7 @@ from codec.cuer.voice import load_voice
 from codec.errors import CueError
 from cuecast.evaluate import legs
 from cuecast.evaluate.options import EvaluateOptions
-from synth.training.build_coding import perform, recital
+from synth.studio.recital import perform, recital
 
 
 def options(clips: Path | None, folder: Path) -> EvaluateOptions:

@@ -10,10 +10,10 @@ from codec.errors import CueError
 from cuecast.evaluate.models import _covering, cuers_named, measure, targets
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.takes import Performed, Recorded, Take, performed
-from synth.corpus.capture import record
-from synth.corpus.scores import drill, isolated_sounds, shape_transitions
-from synth.corpus.studio import Studio, surround
-from synth.rules.gesture import GestureSynthesiser
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.planning.scoring.drills import drill, isolated_sounds, shape_transitions
+from synth.studio.studio import Studio, surround
+from synth.studio.take import record
 
 RATE_HZ = 30.0
 

@@ -28,9 +28,9 @@ from cuecast.evaluate.strokes import (
     stroke_figures,
     strokes_of,
 )
-from synth.prosody.pacing import READABLE
-from synth.rules.gesture import GestureSynthesiser
-from synth.scoring.text_score import score_from_text
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.planning.prosody.pacing import READABLE
+from synth.planning.scoring.text_score import score_from_text
 
 pytestmark = pytest.mark.long(9)
 

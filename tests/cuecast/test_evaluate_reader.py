@@ -22,10 +22,10 @@ from cuecast.evaluate.reading.performed import simulated_takes
 from cuecast.evaluate.reading.reader import Reader, Take, asked, teach
 from cuecast.evaluate.reading.takes import _MIRRORED, ARCHIVE, PHONES, real_takes, seen_in
 from cuecast.evaluate.reading.view import View, like
+from synth.capture.sources.landmark_maps import FACE_LANDMARKS
 from synth.capture.sources.landmark_table import read_landmarks
-from synth.capture.tracker.landmark_maps import FACE_LANDMARKS
-from synth.scoring.text_score import score_from_text
-from synth.text.sentences import read_sentences
+from synth.language.text.sentences import read_sentences
+from synth.planning.scoring.text_score import score_from_text
 
 pytestmark = pytest.mark.long(12)
 

@@ -19,8 +19,8 @@ from cuecast.command.cli import main
 from cuecast.live.interpreter import LATE_S, SETTLED_S, InterpretedMotion, read_pose
 from cuecast.live.sound import LiveOptions
 from cuecast.live.waiting import WaitingRoom
-from synth.rules.gesture import GestureSynthesiser
-from synth.scoring.text_score import score_from_text
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.planning.scoring.text_score import score_from_text
 
 VOICE = load_voice("claire")
 RATE_HZ = 30.0

@@ -32,7 +32,7 @@ from cuecast.live.packets import (
 from cuecast.live.sound import LiveOptions, MarkedPes, SoundMarker
 from cuecast.live.text import LiveMotion
 from cuecast.media.tables import NULL_PID, PACKET
-from synth.scoring.text_score import Reading
+from synth.planning.scoring.text_score import Reading
 from watermark.audio.receive import AudioReceiver
 
 ENCODERS = {

@@ -10,7 +10,7 @@ from codec.cuer.voice import load_voice
 from codec.cues.score import Key
 from codec.errors import CueError
 from cuecast.live.text import AHEAD_S, Caption, LiveMotion, lines_of, read_caption
-from synth.scoring.text_score import Reading, keys_of
+from synth.planning.scoring.text_score import Reading, keys_of
 
 VOICE = load_voice("claire")
 LONG = "Les enfants jouent dans le jardin avec le chien du voisin."

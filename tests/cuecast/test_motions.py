@@ -18,17 +18,17 @@ from cuecast.dubbing import performance
 from cuecast.dubbing.motions import JoinedMotion, ruled_motion
 from cuecast.media.film import write_film
 from receiver.media.programme import open_programme
-from synth.joined.concatenation import ConcatenativeSynthesiser
-from synth.recordings.recording import Recording
-from synth.recordings.rendered import record
-from synth.rules.gesture import GestureSynthesiser
-from synth.rules.movement import ALIGNMENTS
-from synth.scoring.text_score import score_from_subtitles, stream_score
-from synth.scoring.textgrid import read_textgrid
-from synth.speech.espeak_voice import render
-from synth.subtitles import Subtitle
-from synth.text.espeak import RATE_HZ
-from synth.text.pronounce import phonemise
+from synth.language.subtitles import Subtitle
+from synth.language.text.espeak import RATE_HZ
+from synth.language.text.pronounce import phonemise
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.motion.rules.movement import ALIGNMENTS
+from synth.planning.scoring.text_score import score_from_subtitles, stream_score
+from synth.planning.scoring.textgrid import read_textgrid
+from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
+from synth.units.recordings.recording import Recording
+from synth.units.recordings.rendered import record
+from synth.units.speech.espeak_voice import render
 
 pytestmark = pytest.mark.long(7)
 

@@ -8,10 +8,10 @@ from codec.cuer.voice import load_voice
 from codec.cues.score import Key
 from cuecast.dubbing.motions import SynthesisedMotion, whole_motion
 from cuecast.dubbing.readability import Seen, watched, watched_motion
-from synth.prosody.pace_report import PaceReport
-from synth.prosody.pacing import READABLE
-from synth.scoring.text_score import Reading, score_from_subtitles
-from synth.subtitles import Subtitle
+from synth.language.subtitles import Subtitle
+from synth.planning.prosody.pace_report import PaceReport
+from synth.planning.prosody.pacing import READABLE
+from synth.planning.scoring.text_score import Reading, score_from_subtitles
 
 LINES = [
     Subtitle(1.0 + 20.0 * n, 5.0 + 20.0 * n, text, n + 1)

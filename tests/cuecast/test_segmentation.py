@@ -10,7 +10,7 @@ from codec.cues.score import Key, Phone, Score
 from cuecast.evaluate.models_fits import Fit
 from cuecast.evaluate.segmentation import write_page
 from cuecast.evaluate.takes import Take
-from synth.scoring.textgrid import read_textgrid
+from synth.planning.scoring.textgrid import read_textgrid
 from tests.chromium import browse
 
 RATE_HZ = 120.0

@@ -17,8 +17,8 @@ from cuecast.command.cli import main
 from cuecast.demo.content import FS, make_sound
 from cuecast.media.subtitles import choose_track, read_track, text_tracks
 from cuecast.media.tables import TableReader, checksum, read_map
-from synth.subtitles import read_subtitles
-from synth.subtitles.read import parse_subtitles
+from synth.language.subtitles import read_subtitles
+from synth.language.subtitles.read import parse_subtitles
 
 LINES = [(0.52, 2.04, "Bonjour à tous,"), (2.2, 3.96, "nous partons & revenons.")]
 SRT = "".join(

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import synth.training.build_coding
+import synth.studio.recital
 from codec.bitstream import coding as module
 from codec.bitstream.coding import coding_for, trained_path
 from codec.cuer.motion import Motion, load_motion, save_motion
 from codec.cuer.voice import Voice, load_voice, save_voice
 from cuecast.command.cli import main
 from cuecast.command.voices import coding_voice, train_voice
-from synth.training.build_coding import imprecise, perform, recital, sentences
+from synth.studio.recital import imprecise, perform, recital, sentences
 
 
 @pytest.fixture
@@ -36,7 +36,7 @@ def few_examples(voice: Voice) -> Iterator[Motion]:
 def test_a_voice_is_trained_once_into_the_users_folder(
     own: Voice, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(synth.training.build_coding, "examples", few_examples)
+    monkeypatch.setattr(synth.studio.recital, "examples", few_examples)
     steps = list[tuple[int, int]]()
     train_voice(own, progress=lambda done, total: steps.append((done, total)))
     assert steps == [(0, 3), (1, 3), (2, 3), (3, 3)]
@@ -58,7 +58,7 @@ def test_streams_of_trained_and_derived_tables_do_not_mix(
     assert main(["encode", motion, "-o", stream, "--rate", "400", *coding]) == 0
     assert "no trained coding tables" in capsys.readouterr().err
     assert main(["decode", stream, "-o", back, *coding]) == 0
-    monkeypatch.setattr(synth.training.build_coding, "examples", few_examples)
+    monkeypatch.setattr(synth.studio.recital, "examples", few_examples)
     train_voice(own, progress=lambda done, total: None)
     capsys.readouterr()
     assert main(["decode", stream, "-o", back, *coding]) == 3

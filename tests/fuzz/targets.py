@@ -44,8 +44,8 @@ from receiver.television.protocol import pack_event, parse_position
 from synth.capture.points.labels import read_map
 from synth.capture.sources.readers import read_points
 from synth.capture.sources.sniff import kind_of
-from synth.scoring.textgrid import read_textgrid, write_textgrid
-from synth.subtitles.read import parse_subtitles
+from synth.language.subtitles.read import parse_subtitles
+from synth.planning.scoring.textgrid import read_textgrid, write_textgrid
 from tests.codec.quick_search import quick_search
 from tests.fuzz.consume import consume
 
@@ -332,7 +332,7 @@ def subtitle_seeds() -> list[bytes]:
 
 
 def textgrid_seeds() -> list[bytes]:
-    from synth.scoring.text_score import score_from_text
+    from synth.planning.scoring.text_score import score_from_text
 
     with tempfile.TemporaryDirectory() as folder:
         write_textgrid(f"{folder}/t", score_from_text("Bonjour."), 3.0)
@@ -384,10 +384,10 @@ TARGETS: dict[str, Target] = {
     "c3d": Target(c3d_seeds, of_file(c3d_frames), ("codec/files/c3d_points.py",)),
     "points": Target(recordings, of_file(points_of), ("synth/capture/sources",), text=True),
     "subtitles": Target(
-        subtitle_seeds, lambda data: parse_subtitles(data), ("synth/subtitles",), text=True
+        subtitle_seeds, lambda data: parse_subtitles(data), ("synth/language/subtitles",), text=True
     ),
     "textgrids": Target(
-        textgrid_seeds, of_file(read_textgrid), ("synth/scoring/textgrid.py",), text=True
+        textgrid_seeds, of_file(read_textgrid), ("synth/planning/scoring/textgrid.py",), text=True
     ),
     "maps": Target(
         lambda: [b'{"a": "FH0"}', b"a,FH0\nb,NB\n"], of_file(read_map),

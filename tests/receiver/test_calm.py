@@ -12,7 +12,7 @@ from cuecast.dubbing.motions import SynthesisedMotion
 from receiver.reception.assemble import Assembler
 from receiver.reception.calm import FASTEST_M_S, Calm
 from receiver.reception.tracking import RATE_HZ, Tracker
-from synth.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_from_text
 
 
 @pytest.fixture(scope="module")

@@ -19,9 +19,9 @@ from codec.cues.timeline import TICK_S, to_line
 from receiver.drawing.voice_document import neutral_camera, voice_document
 from receiver.reception.events import MotionPiece
 from receiver.television.protocol import pack_motion
-from synth.prosody.pacing import READABLE
-from synth.rules.gesture import GestureSynthesiser
-from synth.scoring.text_score import Reading, score_from_text
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.planning.prosody.pacing import READABLE
+from synth.planning.scoring.text_score import Reading, score_from_text
 from tests.receiver.node import PAGE, run_node
 from tests.receiver.standin import make_motion, make_voice
 

@@ -28,8 +28,8 @@ from codec.errors import BitstreamError
 from spec.reference import files
 from spec.reference.stream_bytes import head, whole
 from spec.reference.superframe import MalformedError
-from synth.rules.performance import motion_of
-from synth.scoring.text_score import score_from_text
+from synth.motion.rules.performance import motion_of
+from synth.planning.scoring.text_score import score_from_text
 
 VECTORS = Path(__file__).parents[2] / "spec" / "vectors" / "stream.json"
 DOCUMENT = json.loads(VECTORS.read_text(encoding="utf-8"))

@@ -6,7 +6,7 @@ import pytest
 
 from codec.bitstream.coding import coding_for, trained_path
 from codec.cuer.voice import load_voice
-from codec.training.format_tables import TABLES
+from lab.format_tables import TABLES
 from spec.reference.identity import identity
 
 

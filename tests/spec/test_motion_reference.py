@@ -12,8 +12,8 @@ from codec.cuer.voice import load_voice
 from spec.reference.markers import markers, read_voice
 from spec.reference.motion import parameters, read_coding
 from spec.reference.superframe import decode
-from synth.rules.performance import motion_of
-from synth.scoring.text_score import score_from_text
+from synth.motion.rules.performance import motion_of
+from synth.planning.scoring.text_score import score_from_text
 
 ROOT = Path(__file__).parents[2]
 BASES = ("residual", "loose", "plain", "filmed")

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from codec.cuer.layout import MARKERS, N_FACE
 from codec.cues.score import Score
-from synth.corpus.scores import isolated_sounds, shape_transitions
-from synth.measured.cuer import MeasuredCuer
-from synth.measured.plan import paced
-from synth.scoring.textgrid import write_textgrid
-from synth.training.build_coding import recital, sentences
+from synth.motion.measured.cuer import MeasuredCuer
+from synth.motion.measured.plan import paced
+from synth.planning.scoring.drills import isolated_sounds, shape_transitions
+from synth.planning.scoring.textgrid import write_textgrid
+from synth.studio.recital import recital, sentences
 
 HAND = range(N_FACE, len(MARKERS))
 FACE = range(N_FACE)

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from codec.cues.score import Score
 from cuecast.evaluate.films import as_rows, film
-from synth.capture.tracker.landmark_maps import FACE_LANDMARKS
-from synth.rules.gesture import GestureSynthesiser
+from synth.capture.sources.landmark_maps import FACE_LANDMARKS
+from synth.motion.rules.gesture import GestureSynthesiser
 
 FloatArray = NDArray[np.float64]
 RATE_HZ = 30.0

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from codec.cuer.layout import MARKERS
 from codec.cues.score import Key, Phone, Score
-from synth.corpus.capture import Take, record
-from synth.corpus.studio import Studio
-from synth.rules.gesture import GestureSynthesiser
-from synth.scoring.text_score import score_from_text
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.planning.scoring.text_score import score_from_text
+from synth.studio.studio import Studio
+from synth.studio.take import Take, record
 
 TEXT = "Bonsoir, le petit chat."
 RATE_HZ = 60.0

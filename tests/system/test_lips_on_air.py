@@ -22,9 +22,9 @@ from cuecast.dubbing.motions import SynthesisedMotion
 from cuecast.dubbing.receive import receive
 from cuecast.media.film import write_film
 from receiver.media.sound import read_sound
-from synth.prosody.pacing import READABLE
-from synth.scoring.text_score import Reading, score_from_subtitles
-from synth.subtitles import Subtitle, read_subtitles
+from synth.language.subtitles import Subtitle, read_subtitles
+from synth.planning.prosody.pacing import READABLE
+from synth.planning.scoring.text_score import Reading, score_from_subtitles
 
 TWINS_MM = 0.7
 """Visemes that are nearer to each other are one to the eye: the a of *patte* and *pâte*."""

@@ -13,7 +13,7 @@ import pytest
 from cuecast.demo.content import FS, make_sound
 from cuecast.demo.run import as_srt
 from cuecast.media.film import write_film
-from synth.subtitles import Subtitle
+from synth.language.subtitles import Subtitle
 
 HOUR_S = 3600
 LONGER_MB = 60

@@ -9,9 +9,9 @@ from codec.analysis.readability import Classes
 from codec.cuer.voice import load_voice
 from codec.cues.score import PLACEMENT_NUMBER
 from receiver.television.tuner import MotionTuner
-from synth.prosody.pacing import READABLE
-from synth.rules.gesture import GestureSynthesiser
-from synth.scoring.text_score import Reading, score_from_text
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.planning.prosody.pacing import READABLE
+from synth.planning.scoring.text_score import Reading, score_from_text
 from tests.chromium import Page
 from tests.system.test_page import make_programme, watch
 

@@ -15,8 +15,8 @@ from cuecast.evaluate.reading.view import RATE_HZ, view
 from cuecast.media.film import write_film
 from receiver.drawing.render import render_frames
 from synth.capture.sources.landmark_table import read_landmarks
-from synth.capture.sources.video import track
-from synth.measured.cuer import performer
+from synth.capture.tracker.video import track
+from synth.motion.measured.cuer import performer
 
 _TRACKER_MM = 0.8
 """Noise of a tracker's landmarks of the hand in mm, as in `cuecast.evaluate.readability`."""
@@ -64,7 +64,7 @@ def filmed_takes(
     voice : Voice
     scores : sequence of Score
     tracker : str
-        Interpreter that has the image tracker, as `synth.capture.sources.video.find_tracker` says.
+        Interpreter that has the image tracker, as `synth.capture.tracker.video.find_tracker` says.
     folder : Path
         For the films.
     seed : int

@@ -15,10 +15,10 @@ from codec.cuer.voice import Voice
 from codec.errors import CueError
 from cuecast.evaluate.reading.reader import Take, asked
 from cuecast.evaluate.reading.view import RATE_HZ, View, view
+from synth.capture.cues.transcript import read_transcript
+from synth.capture.sources.landmark_maps import FACE_LANDMARKS, N_HAND_LANDMARKS
 from synth.capture.sources.landmark_table import HANDS, LandmarkTable, read_landmarks
 from synth.capture.tracker.aspect import find_aspect
-from synth.capture.tracker.landmark_maps import FACE_LANDMARKS, N_HAND_LANDMARKS
-from synth.capture.transcript import read_transcript
 
 FloatArray = NDArray[np.float64]
 

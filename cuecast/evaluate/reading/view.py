@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from synth.capture.tracker.landmark_maps import FACE_LANDMARKS
+from synth.capture.sources.landmark_maps import FACE_LANDMARKS
 
 FloatArray = NDArray[np.float64]
 
@@ -89,7 +89,7 @@ def view(face: FloatArray, hand: FloatArray) -> View:
     Parameters
     ----------
     face : ndarray of float64, shape (T, L, 2)
-        Landmarks `synth.capture.tracker.landmark_maps.FACE_LANDMARKS`, at `RATE_HZ`; y up, any
+        Landmarks `synth.capture.sources.landmark_maps.FACE_LANDMARKS`, at `RATE_HZ`; y up, any
         unit that is the same in both directions. NaN where not seen.
     hand : ndarray of float64, shape (T, 21, 2)
         Of the cueing hand, likewise.

@@ -1,5 +1,5 @@
-"""The keys that a hand shows, told from 21 points of it and from the face.
+"""Keys recognised in a recorded hand.
 
-`seen` says what is looked at, `looks` what keys look like, `lattice` how well frames agree with
-keys and with ways between them, `recognise` which keys they are, `follow` where given ones are.
+In: landmarks of hand and face, or a motion. Out: keys and phones with their times and confidences.
+May import: `sources`.
 """

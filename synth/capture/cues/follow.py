@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from codec.cues.score import PLACEMENT_NUMBER, Key
 from synth.capture.cues import _kernels
+from synth.capture.cues.appearance import ANYBODYS, KEYS, Looks
+from synth.capture.cues.features import Seen
 from synth.capture.cues.lattice import lattice
-from synth.capture.cues.looks import ANYBODYS, KEYS, Looks
 from synth.capture.cues.recognise import Held, arrival, nearness, pieces, recognise_keys
-from synth.capture.cues.seen import Seen
 
 FloatArray = NDArray[np.float64]
 

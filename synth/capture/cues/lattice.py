@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, SHAPES
-from synth.capture.cues.looks import KEYS, POINTS_WITH, Looks
-from synth.capture.cues.seen import N_FEATURES, Seen
+from synth.capture.cues.appearance import KEYS, POINTS_WITH, Looks
+from synth.capture.cues.features import N_FEATURES, Seen
 from synth.capture.cues.turning import turned
 
 FloatArray = NDArray[np.float64]

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from codec.cues.score import PLACEMENT_NUMBER
 from synth.capture.cues import _kernels
+from synth.capture.cues.appearance import ANYBODYS, KEYS, POINTS_WITH, Looks
+from synth.capture.cues.features import Seen
 from synth.capture.cues.lattice import COMES_FROM, END_OF, KEY_OF, SHAPE_OF, Lattice, lattice
-from synth.capture.cues.looks import ANYBODYS, KEYS, POINTS_WITH, Looks
-from synth.capture.cues.seen import Seen
 from synth.capture.cues.turning import turn_of
 
 FloatArray = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 from codec.cuer import layout
 from codec.cuer.voice import Voice
 from codec.errors import CueError
-from synth.capture.finish import finish, resting_when_away
+from synth.capture.cues.finish import finish, resting_when_away
 from synth.capture.options import Captured, CaptureOptions
 from synth.capture.points.adapt import adapt
 from synth.capture.points.hand_place import find_hand_place

@@ -16,8 +16,8 @@ from codec.cuer.models import rigid
 from codec.cuer.models.inversion import invert_hand
 from codec.cuer.voice import Voice
 from codec.errors import CueError
+from synth.capture.points.framing import mirrored
 from synth.capture.sources.recording import UNITS_MM
-from synth.corpus.framing import mirrored
 
 FloatArray = NDArray[np.float64]
 

@@ -34,9 +34,8 @@ from synth.capture.points.match import (
     spread_turns,
 )
 from synth.capture.points.place import LEAST_HEAD_MARKERS, Place, find_place
-from synth.capture.points.solve import FACE, HAND
+from synth.capture.points.solve import FACE, HAND, likely_postures
 from synth.capture.sources.recording import Recording
-from synth.capture.tracker.landmarks import likely_postures
 
 BoolArray = NDArray[np.bool_]
 

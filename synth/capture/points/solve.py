@@ -15,6 +15,7 @@ from codec.cuer import layout
 from codec.cuer.models.face import FaceModel
 from codec.cuer.models.hand import HandModel
 from codec.cuer.models.inversion import bridge, invert_face, invert_hand
+from codec.cuer.voice import Voice
 from synth.capture.points.labels import Naming
 from synth.capture.points.place import Place
 from synth.capture.points.relabel import Repairs, relabel
@@ -193,3 +194,11 @@ def resting(speaker: Speaker) -> FloatArray:
         [table.shape_targets[0], table.placement_targets[0, 0]]
     )
     return row
+
+
+def likely_postures(voice: Voice) -> FloatArray:
+    """Return the hand's parameters at all shapes and placements, shape (54, naH + nmH)."""
+    table = voice.gestures
+    shapes = np.repeat(table.shape_targets, table.placement_targets.shape[1], axis=0)
+    places = table.placement_targets.reshape(len(shapes), -1)
+    return np.concatenate([shapes, places], axis=1).astype(np.float64)

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from synth.capture.sources.recording import numbers, text_lines
-from synth.capture.sources.resample import MOST_FRAMES
-from synth.capture.tracker.landmark_maps import (
+from synth.capture.sources.landmark_maps import (
     FACE_LANDMARKS,
     MOST_FACE_LANDMARKS,
     N_HAND_LANDMARKS,
 )
+from synth.capture.sources.recording import numbers, text_lines
+from synth.capture.sources.resample import MOST_FRAMES
 
 FloatArray = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class LandmarkTable:
     times : ndarray of float64, shape (T,)
         Seconds from the first row on, rising.
     face : ndarray of float64, shape (T, L, 3)
-        Landmarks `synth.capture.tracker.landmark_maps.FACE_LANDMARKS`; NaN where not given.
+        Landmarks `synth.capture.sources.landmark_maps.FACE_LANDMARKS`; NaN where not given.
     hands : dict of str to ndarray of float64, shape (T, 21, 3)
         By name, of `HANDS`; NaN where not given.
     timed : bool

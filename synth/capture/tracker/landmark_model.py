@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from codec.cuer.models import rigid
 from codec.cuer.models.face import N_FACE_PARAMETERS, FaceModel
 from codec.cuer.models.hand import HandModel
-from synth.capture.tracker.landmark_maps import LandmarkMap
+from synth.capture.sources.landmark_maps import LandmarkMap
 
 FloatArray = NDArray[np.float64]
 

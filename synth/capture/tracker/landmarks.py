@@ -18,17 +18,17 @@ from codec.cuer.models.hand import HandModel
 from codec.cuer.models.inversion import bridge, invert
 from codec.cuer.voice import Voice
 from codec.errors import CueError
-from synth.capture.cues.seen import see
-from synth.capture.finish import finish, resting_when_away
+from synth.capture.cues.features import see
+from synth.capture.cues.finish import finish, resting_when_away
 from synth.capture.options import Captured, CaptureOptions
 from synth.capture.points.adapt import lowest, resized
-from synth.capture.points.solve import resting
+from synth.capture.points.solve import likely_postures, resting
 from synth.capture.points.speaker import Speaker, moved_by
+from synth.capture.sources.landmark_maps import FACE_LANDMARKS, SOFT_LANDMARKS, hand_map
 from synth.capture.sources.landmark_table import LandmarkTable, read_landmarks
 from synth.capture.sources.resample import evenly
 from synth.capture.tracker.aspect import find_aspect
 from synth.capture.tracker.closure import rescaled
-from synth.capture.tracker.landmark_maps import FACE_LANDMARKS, SOFT_LANDMARKS, hand_map
 from synth.capture.tracker.landmark_model import FACE_TRUST, HAND_TRUST, LandmarkModel
 from synth.capture.tracker.own_map import (
     FACE_RIDGE_MM2,
@@ -189,14 +189,6 @@ def _fit_hand(voice: Voice, x: FloatArray, face: FloatArray, rate_hz: float) -> 
     found[:, : model.n_shape] = rescaled(voice, found[:, : model.n_shape], shown)
     speaker = Speaker(voice, voice.face, resized(voice.hand, size), hand_size=size)
     return _HandFit(speaker.to_voice(found, face), shown, size, error)
-
-
-def likely_postures(voice: Voice) -> FloatArray:
-    """Return the hand's parameters at all shapes and placements, shape (54, naH + nmH)."""
-    table = voice.gestures
-    shapes = np.repeat(table.shape_targets, table.placement_targets.shape[1], axis=0)
-    places = table.placement_targets.reshape(len(shapes), -1)
-    return np.concatenate([shapes, places], axis=1).astype(np.float64)
 
 
 def _hand_size(plain: LandmarkModel, voice: Voice, x: FloatArray, likely: FloatArray) -> float:

@@ -17,12 +17,12 @@ from codec.cuer.models.inversion import bridge, invert
 from codec.cuer.voice import Voice
 from codec.errors import CueError
 from synth.capture.points.adapt import lowest, resized
-from synth.capture.points.solve import resting
+from synth.capture.points.solve import likely_postures, resting
 from synth.capture.points.speaker import Speaker
+from synth.capture.sources.landmark_maps import N_HAND_LANDMARKS, hand_map
 from synth.capture.sources.landmark_table import LandmarkTable
-from synth.capture.tracker.landmark_maps import N_HAND_LANDMARKS, hand_map
 from synth.capture.tracker.landmark_model import FACE_TRUST, HAND_TRUST, LandmarkModel
-from synth.capture.tracker.landmarks import likely_postures, started
+from synth.capture.tracker.landmarks import started
 from synth.capture.tracker.own_map import HAND_RIDGE_MM2, near_hand, own_map
 from synth.capture.tracker.picture import Picture, find_picture
 
@@ -130,7 +130,7 @@ class LiveLandmarks:
         time_s : float
             Rising.
         face : ndarray of float64, shape (L, 3)
-            Landmarks `synth.capture.tracker.landmark_maps.FACE_LANDMARKS`; NaN if not seen.
+            Landmarks `synth.capture.sources.landmark_maps.FACE_LANDMARKS`; NaN if not seen.
         hands : mapping of str to ndarray of float64, shape (21, 3)
             By name; NaN if not seen.
         """

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.cuer import layout
-from synth.capture.tracker.landmark_maps import (
+from synth.capture.sources.landmark_maps import (
     FACE_LANDMARKS,
     SOFT_LANDMARKS,
     LandmarkMap,

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from codec.cuer.voice import Voice
 from codec.errors import CueError
-from synth.capture.sources.landmark_table import LandmarkTable
-from synth.capture.tracker.landmark_maps import (
+from synth.capture.sources.landmark_maps import (
     FACE_LANDMARKS,
     WIDTH_LANDMARKS,
     LandmarkMap,
     face_map,
 )
+from synth.capture.sources.landmark_table import LandmarkTable
 
 FloatArray = NDArray[np.float64]
 

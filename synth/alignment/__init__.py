@@ -1,1 +1,0 @@
-"""Forced alignment: where in a recording the phones of its text are spoken."""

@@ -1,0 +1,185 @@
+"""What keys look like: where each shape's fingers are and where each placement is, with spreads.
+
+At first they are anybody's. A take then moves them to its own cuer, as far as it has shown them:
+the posterior mean of a normal distribution, and what is still unknown of it added to the spread.
+
+The placements are the mean of two cuers' finger tips (k-means of slow frames) and of a published
+model of five others (SPPAS, face box of 3752 pictures); between cuers they differ by the deviations
+given, from key to key by the spreads. The fingers are those of the virtual cuers' joints, folded
+ones as far out as trackers read them (photographs of six people, B. Bigi, CNRS, LPL).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.cuer.models.face import N_FACE_PARAMETERS
+from codec.cuer.models.hand import N_HAND_PARAMETERS
+from codec.cuer.voice import Voice
+from codec.cues.score import PLACEMENTS, SHAPES
+from synth.capture.cues.features import see_motion
+
+FloatArray = NDArray[np.float64]
+
+KEYS = ((0, 0), *((s, p) for s in SHAPES[1:] for p in range(1, len(PLACEMENTS))))
+"""Shape and placement of each state; the first is rest."""
+
+POINTS_WITH = np.array([1, 0, 1, 1, 1, 1, 0, 1, 1])
+"""Finger of each shape that points: 0 index, 1 middle finger."""
+
+_FINGERS = np.array(
+    [[0.40, 0.30, 0.20, 0.20, 0.10, 0.38, 0.60], [1.00, -0.20, -0.25, -0.22, -0.35, 0.35, 1.25],
+     [1.02, 1.07, -0.20, -0.20, -0.40, 0.35, 0.23], [0.45, 1.07, 1.03, 0.83, -0.32, 0.47, 0.70],
+     [1.03, 1.09, 1.03, 0.83, -0.32, 0.45, 0.23], [1.00, 1.09, 1.03, 0.83, 0.72, 0.35, 0.28],
+     [1.02, -0.22, -0.28, -0.23, 0.72, 0.35, 1.28], [1.03, 1.08, -0.18, -0.18, 0.68, 0.38, 0.23],
+     [0.98, 1.08, -0.18, -0.18, -0.38, 0.35, 0.85]]
+)  # fmt: skip
+"""Features of each shape (`synth.capture.cues.features`), without unit."""
+
+_FINGERS_SD = np.array([0.127, 0.15, 0.15, 0.138, 0.15, 0.104, 0.15])
+"""Spread of each feature within a person."""
+
+_FINGERS_BETWEEN = np.array([0.12, 0.15, 0.15, 0.15, 0.18, 0.12, 0.18])
+"""Spread of each feature between persons."""
+
+_PLACES = np.array(
+    [[-95.0, -235.0], [-86.0, -5.0], [-40.0, -9.0], [-12.0, -39.0], [-57.0, 37.0], [-14.0, -106.0]]
+)
+"""Where the pointing tip is for each placement, mm in the head's frame."""
+
+_PLACES_SD = np.array(
+    [[54.0, 54.0], [40.0, 26.0], [7.2, 6.3], [9.9, 8.1], [8.1, 8.1], [15.3, 13.5]]
+)
+"""Spread of each place within a person."""
+
+_PLACES_BETWEEN = np.array(
+    [[40.0, 40.0], [15.0, 12.0], [5.0, 7.0], [5.0, 9.0], [6.0, 11.0], [9.0, 16.0]]
+)
+"""Spread of each place between persons."""
+
+_TRUST = 0.7
+"""What one recognised key counts: some are wrong."""
+
+_TAIL = 6.0
+"""Squared distance, in spreads, from which a frame counts half in learning."""
+
+_MEASURED = 1.6
+"""How much more eagerly keys are told from markers than from landmarks, which are less sure."""
+
+_SURE_SHARE, _SURE_SHARE_MEASURED = 0.5, 0.7
+"""What a frame counts when it is asked how sure a key is, against what it counts in the choice of
+the line: with this, as many keys were right as their probabilities said. The first on films of real
+cuers; the second on studio takes of virtual ones by minimum jerk and lognormal law, where the first
+said 0.53 of keys of which 0.82 were right, and scores were withheld for it."""
+
+_SHORT_MEASURED = -3.0
+"""Price of a side that falls short where markers are measured: virtual cuers in a studio show the
+side itself, and at the price of films one key in thirty was lost."""
+
+_STILL_FRAMES, _STILL_HZ = 11, 30.0
+"""Frames, and their rate, of the still poses that a voice's looks are taken from."""
+
+
+@dataclass(frozen=True, slots=True)
+class Looks:
+    """Normal distributions of shapes and placements.
+
+    Attributes
+    ----------
+    fingers, fingers_sd : ndarray of float64, shape (9, 7)
+        As `synth.capture.cues.features.Seen.fingers`.
+    places, places_sd : ndarray of float64, shape (6, 2)
+        Of the pointing tip against the mouth, mm.
+    eagerness : float
+        Natural logarithm that every key is given, so that as many are too many as too few: more
+        where the hand was measured than where a camera guessed it.
+    sure_share : float
+        Part of its log density that a frame counts in probabilities.
+    short : float
+        Price of a side that falls short, for how rarely a hand stops on its way there.
+    turns : bool
+        Whether the take may tell placements by the turn of the palm: a camera's may.
+    turned : float
+        What that counts, 0 to 1; 0 until the take has shown it.
+    """
+
+    fingers: FloatArray
+    fingers_sd: FloatArray
+    places: FloatArray
+    places_sd: FloatArray
+    eagerness: float = 1.2
+    sure_share: float = _SURE_SHARE
+    short: float = -0.5
+    turns: bool = True
+    turned: float = 0.0
+
+    def learnt(
+        self,
+        fingers: list[tuple[int, FloatArray]],
+        places: list[tuple[int, FloatArray]],
+        before: "Looks",
+    ) -> "Looks":
+        """Return the looks of a cuer who has shown some shapes and placements.
+
+        Parameters
+        ----------
+        fingers, places : list of (int, ndarray)
+            Number of the shape or placement, and what was seen, shapes (7,) and (2,).
+        before : Looks
+            What was expected before anything was seen; `self` says how far out an example is.
+        """
+        means, spreads = _posterior(
+            fingers, (self.fingers, self.fingers_sd), before.fingers,
+            np.tile(_FINGERS_SD, (len(SHAPES), 1)), np.tile(_FINGERS_BETWEEN, (len(SHAPES), 1)),
+        )  # fmt: skip
+        at, wide = _posterior(
+            places, (self.places, self.places_sd), before.places, _PLACES_SD, _PLACES_BETWEEN
+        )
+        return replace(self, fingers=means, fingers_sd=spreads, places=at, places_sd=wide)
+
+
+def _posterior(
+    examples: list[tuple[int, FloatArray]], now: tuple[FloatArray, FloatArray], prior: FloatArray,
+    within: FloatArray, between: FloatArray,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Return means and spreads (C, D) after examples, far ones counting little."""
+    sums, counts = np.zeros_like(prior), np.zeros_like(prior)
+    for number, value in examples:
+        away = (value - now[0][number]) / now[1][number]
+        weight = _TRUST / (1.0 + away**2 / _TAIL)
+        sums[number] += weight * value
+        counts[number] += weight
+    variance = 1.0 / (counts / within**2 + 1.0 / between**2)
+    means = variance * (sums / within**2 + prior / between**2)
+    return means, np.sqrt(within**2 + variance)
+
+
+ANYBODYS = Looks(
+    _FINGERS,
+    np.tile(np.hypot(_FINGERS_SD, _FINGERS_BETWEEN), (len(SHAPES), 1)),
+    _PLACES,
+    np.hypot(_PLACES_SD, _PLACES_BETWEEN),
+)
+"""Before anything of a cuer is known."""
+
+
+def looks_of(voice: Voice) -> Looks:
+    """Return what keys look like in the parameters of a voice: at its own targets."""
+    table = voice.gestures
+    shapes, places = np.array(KEYS).T
+    rows = np.zeros((len(KEYS), len(voice.layout)))
+    rows[:, voice.face_columns[N_FACE_PARAMETERS:]] = table.neutral_head
+    rows[:, voice.hand_columns[:N_HAND_PARAMETERS]] = table.shape_targets[shapes]
+    rows[:, voice.hand_columns[N_HAND_PARAMETERS:]] = table.placement_targets[shapes, places]
+    seen = see_motion(voice, np.repeat(rows, _STILL_FRAMES, axis=0), rate_hz=_STILL_HZ)
+    at = np.arange(len(KEYS)) * _STILL_FRAMES + _STILL_FRAMES // 2
+    fingers = np.stack([seen.fingers[at[shapes == s]].mean(0) for s in SHAPES])
+    tips = seen.tips[at, POINTS_WITH[shapes]]
+    tips[0] = seen.pointers[at[0], 1]
+    where = np.stack([tips[places == p].mean(0) for p in range(len(PLACEMENTS))])
+    where[1] = 0.5 * (where[1] + ANYBODYS.places[1])
+    return replace(
+        ANYBODYS, fingers=fingers, places=where, eagerness=_MEASURED,
+        sure_share=_SURE_SHARE_MEASURED, short=_SHORT_MEASURED, turns=False,
+    )  # fmt: skip

@@ -1,1 +1,0 @@
-"""Motion by joining recorded units."""

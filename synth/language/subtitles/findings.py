@@ -1,0 +1,88 @@
+"""What a reader finds out about a subtitle file beside its subtitles.
+
+Files of television are rarely clean: what cannot be read is left out and remembered with its
+line and the reason, so that no subtitle is lost without a word. A strict reader refuses instead.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from codec.errors import CueError
+from synth.language.subtitles.model import Subtitle
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A part of a subtitle file that is not cued.
+
+    Attributes
+    ----------
+    line : int
+        Where it stands in its file, counted from 1 (EBU STL: its block).
+    reason : str
+        Why, in one line.
+    """
+
+    line: int
+    reason: str
+
+    def __str__(self) -> str:
+        """Return what a reader of messages wants to see."""
+        return f"line {self.line}: {self.reason}"
+
+
+@dataclass(slots=True)
+class Findings:
+    """What a reader tells of a file.
+
+    Attributes
+    ----------
+    strict : bool
+        Whether the first fault ends the reading.
+    left_out : list of LeftOut
+    language : str
+        Which the file says it is in, such as ``fr`` or ``en-GB``; "" if it does not say.
+    languages : dict of int to str
+        The same for single subtitles, by their line.
+    start_s : float or None
+        The time at which the file says that its programme starts.
+    time_of_day : bool
+        Whether times are those of a tape or a clock (SMPTE), which may start anywhere.
+    """
+
+    strict: bool = False
+    left_out: list[LeftOut] = field(default_factory=list)
+    language: str = ""
+    languages: dict[int, str] = field(default_factory=dict)
+    start_s: float | None = None
+    time_of_day: bool = False
+
+    def leave_out(self, line: int, reason: str) -> None:
+        """Remember what is left out.
+
+        Raises
+        ------
+        CueError
+            If the reading is strict; the message begins with the line.
+        """
+        if self.strict:
+            raise CueError(f"line {line}: {reason}")
+        self.left_out.append(LeftOut(line, reason))
+
+    def refuse(self, line: int, error: CueError) -> None:
+        """Remember an error whose message may begin with its line."""
+        self.leave_out(line, str(error).removeprefix(f"line {line}: "))
+
+    def made(self, start_s: float, end_s: float, text: str, line: int) -> Iterable[Subtitle]:
+        """Return the subtitle of these values, or nothing if they cannot be one."""
+        try:
+            return (Subtitle(start_s, end_s, text, line),)
+        except CueError as error:
+            self.refuse(line, error)
+            return ()
+
+    def none_left(self, line: int) -> CueError:
+        """Return the error of a file without a subtitle: its first fault if it has one."""
+        if self.left_out:
+            return CueError(str(self.left_out[0]))
+        return CueError(f"line {line}: the file has no subtitles")

@@ -1,0 +1,216 @@
+"""Reading a subtitle file: SubRip, WebVTT, ASS, EBU-TT-D / IMSC, EBU STL.
+
+What cannot be read or must not be cued is left out and told: damaged subtitles, other languages,
+the credits of those who made the file.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from codec.errors import CueError
+from synth.language.subtitles.ass import looks_like_ass, read_ass
+from synth.language.subtitles.credits import is_credit
+from synth.language.subtitles.encoding import decode
+from synth.language.subtitles.findings import Findings, LeftOut
+from synth.language.subtitles.language import FRENCH, languages
+from synth.language.subtitles.model import Subtitle
+from synth.language.subtitles.rollup import unrolled
+from synth.language.subtitles.spoken import spoken
+from synth.language.subtitles.srt import read_srt
+from synth.language.subtitles.start import programme_start_s
+from synth.language.subtitles.stl import looks_like_stl, read_stl
+from synth.language.subtitles.ttml import read_ttml
+from synth.language.subtitles.vtt import read_vtt
+
+LARGEST_BYTES = 64 * 1024 * 1024
+"""Limit of a subtitle file; a week of programme stays far below."""
+
+Told = Callable[[LeftOut], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """On which terms a subtitle file is read.
+
+    Attributes
+    ----------
+    strict : bool
+        Whether the first fault of the file is an error, and only the formats' own spelling is
+        accepted.
+    offset_s : float or None
+        Added to the file's times; None: the file's own hints tell when its programme starts.
+    everything : bool
+        Whether what is not French, and credits, are cued all the same.
+    """
+
+    strict: bool = False
+    offset_s: float | None = None
+    everything: bool = False
+
+
+USUAL = Terms()
+"""Every choice as by default."""
+
+
+def read_subtitles(
+    path: str | Path,
+    *,
+    stream_s: float | None = None,
+    length_s: float | None = None,
+    terms: Terms = USUAL,
+    left_out: Told = lambda item: None,
+) -> list[Subtitle]:
+    """Return the subtitles of a file, sorted by their start.
+
+    Parameters
+    ----------
+    path : path
+        The format is told by the content, not by the name.
+    stream_s, length_s, terms, left_out
+        As in `parse_subtitles`.
+
+    Returns
+    -------
+    list of Subtitle
+
+    Raises
+    ------
+    CueError
+        If the file cannot be read, nothing of it can be cued, or it has a fault and the terms are
+        strict; the message gives the file and the line.
+    """
+    path = Path(path)
+    try:
+        size = path.stat().st_size
+        data = path.read_bytes() if size <= LARGEST_BYTES else b""
+    except OSError as error:
+        raise CueError(f"{path}: cannot read subtitles: {error.strerror}") from error
+    if size > LARGEST_BYTES:
+        raise CueError(f"{path}: {size} bytes of subtitles, more than {LARGEST_BYTES}")
+    try:
+        return parse_subtitles(
+            data, stream_s=stream_s, length_s=length_s, terms=terms, left_out=left_out
+        )
+    except CueError as error:
+        raise CueError(f"{path}: {error}") from error
+
+
+def parse_subtitles(
+    data: bytes,
+    *,
+    stream_s: float | None = None,
+    length_s: float | None = None,
+    terms: Terms = USUAL,
+    left_out: Told = lambda item: None,
+) -> list[Subtitle]:
+    r"""Return the subtitles of the bytes of a file, sorted by their start.
+
+    Parameters
+    ----------
+    data : bytes
+    stream_s : float, optional
+        As in `synth.language.subtitles.vtt.read_vtt`.
+    length_s : float, optional
+        Length of the programme, where it is known.
+    terms : Terms
+    left_out : callable
+        Told of each part of the file that is not cued, in the order of the file.
+
+    Raises
+    ------
+    CueError
+        If no subtitle can be read, or there is a fault and the terms are strict; the message
+        begins with the line. A file whose subtitles must not be cued gives an empty list.
+
+    Examples
+    --------
+    >>> parse_subtitles(b"00:01 --> 00:02.5\nOui.")
+    [Subtitle(start_s=1.0, end_s=2.5, text='Oui.', line=1)]
+    """
+    if not data.strip():
+        raise CueError("line 1: the file is empty")
+    findings = Findings(strict=terms.strict)
+    found = sorted(_parse(data, stream_s, findings), key=lambda s: (s.start_s, s.line))
+    if not found:
+        raise findings.none_left(1)
+    found = _whole(found, findings)
+    if terms.offset_s is None:
+        found = _moved(found, -programme_start_s(found, findings, length_s), findings)
+    else:
+        found = _moved(found, terms.offset_s, findings)
+    kept = list(unrolled(_cued(found, findings, terms)))
+    for item in sorted(findings.left_out, key=lambda item: item.line):
+        left_out(item)
+    return kept
+
+
+def _parse(data: bytes, stream_s: float | None, findings: Findings) -> Iterator[Subtitle]:
+    if looks_like_stl(data):
+        return read_stl(data, findings)
+    text = decode(data, strict=findings.strict).lstrip("\ufeff")
+    opening = text.lstrip()
+    if opening.startswith("<"):
+        return read_ttml(data.lstrip(), findings)
+    if opening.startswith("WEBVTT"):
+        return read_vtt(text if findings.strict else opening, findings, stream_s=stream_s)
+    if looks_like_ass(opening):
+        return read_ass(text, findings)
+    return read_srt(text, findings)
+
+
+def _whole(subtitles: Sequence[Subtitle], findings: Findings) -> list[Subtitle]:
+    """Return the subtitles whose letters can be read."""
+    kept = []
+    for subtitle in subtitles:
+        if "\ufffd" in subtitle.text:
+            findings.leave_out(subtitle.line, "its letters cannot be read")
+        else:
+            kept.append(subtitle)
+    return kept
+
+
+def _moved(subtitles: Sequence[Subtitle], offset_s: float, findings: Findings) -> list[Subtitle]:
+    """Return the subtitles later by an offset, without those that end before the programme."""
+    if not offset_s:
+        return list(subtitles)
+    moved: list[Subtitle] = []
+    for s in subtitles:
+        if s.end_s + offset_s <= 0:
+            findings.leave_out(s.line, "over before the programme starts")
+        else:
+            start_s = max(0.0, s.start_s + offset_s)
+            moved += findings.made(start_s, s.end_s + offset_s, s.text, s.line)
+    return moved
+
+
+def _cued(subtitles: Sequence[Subtitle], findings: Findings, terms: Terms) -> Iterable[Subtitle]:
+    """Return the subtitles that are French speech."""
+    if terms.everything:
+        return subtitles
+    declared = [findings.languages.get(s.line, findings.language) for s in subtitles]
+    found = languages([spoken(s.text) for s in subtitles], declared)
+    kept = []
+    for subtitle, language in zip(subtitles, found, strict=True):
+        if _told_credit(subtitle, findings):
+            continue
+        if language != FRENCH and spoken(subtitle.text):
+            findings.left_out.append(
+                LeftOut(subtitle.line, f"not French ({language}): {_short(subtitle.text)!r}")
+            )
+        else:
+            kept.append(subtitle)
+    return kept
+
+
+def _told_credit(subtitle: Subtitle, findings: Findings) -> bool:
+    credit = is_credit(subtitle.text)
+    if credit:
+        findings.left_out.append(
+            LeftOut(subtitle.line, f"credits of the subtitles: {_short(subtitle.text)!r}")
+        )
+    return credit
+
+
+def _short(text: str) -> str:
+    return " ".join(text.split())[:40]

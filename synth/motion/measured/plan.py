@@ -1,0 +1,285 @@
+"""When she sets out and arrives, and where to: the second cuer's plan of a score.
+
+Her hand is aimed by the lips: it arrives some time before the vowel is shown. Lag, durations and
+curvature are drawn key by key from the distributions measured on real cuers; each of her joints
+takes its own time.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.cues.cueing import DEFAULT_OPTIONS
+from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, Key, Phone, Score
+from synth.motion.body.body import Body
+from synth.motion.body.shapes import all_shapes
+from synth.motion.body.skeleton import HAND_ANGLES
+from synth.motion.measured.drift_noise import Wander, normals_of
+from synth.motion.measured.strokes import Strokes
+
+FloatArray = NDArray[np.float64]
+
+KEYS_PER_S = 3.8
+"""Her pace; real cuers 3.0 to 3.9."""
+
+_EVENNESS = 0.3
+"""Power of a key's length in the sound that is left in hers."""
+
+_BEFORE_LIPS_S = (0.165, 0.12, 0.06)
+"""How long the hand is on target before the vowel's lips: mean, and spreads of what changes over
+phrases and from key to key, seconds."""
+
+_SLOW_KEYS = 5.0
+"""Keys over which the slow part of her lead changes."""
+
+_LEAST_APART_S = 0.15
+"""Seconds between arrivals at least."""
+
+# Of strokes from rest to rest: see below.
+_STROKE_S = 0.36
+_STROKE_SPREAD = 0.27
+"""Median duration from rest to rest, and its spread in natural logarithms. What an analysis finds
+above a seventh of the peak speed is shorter by a fifth."""
+
+_PER_AMPLITUDE = 0.33
+"""Durations grow with this power of the amplitude against 56 mm."""
+
+_USUAL_MM = 56.0
+"""Median amplitude of a stroke in mm, as measured on real cuers."""
+
+_LIMITS_S = (0.16, 0.62)
+"""Shortest and longest stroke in seconds."""
+
+_USED = 0.6
+"""Part of an idle time that the next stroke takes in."""
+
+_PEAK = (0.47, 0.13)
+"""Share of a stroke at which it is fastest: mean, and spread from key to key."""
+
+_LATE = (0.16, 0.08)
+"""Share of a stroke by which its second component lags: mean and spread."""
+
+_ARC_RAD = (0.35, 1.15)
+"""Angle in radians that the path turns by: mean and spread."""
+
+_FINGERS_S = ((0.03, 0.05), (-0.10, 0.07))
+"""Fingers against hand: start and end, mean and spread from key to key."""
+
+_JOINT_S = 0.035
+"""Spread in seconds of each joint's start and end about the hand's."""
+
+_LEAST_FINGERS_S = 0.12
+"""Seconds that a change of shape takes at least."""
+
+_TURN_SCATTER = 0.03
+"""Spread in radians of the arm's turn from key to key."""
+
+_SCATTER = {"rest": 25.0, "side": 15.0, "mouth": 10.0, "chin": 12.0, "cheek": 11.0, "throat": 14.0}
+"""Of the hand from key to key, mm per axis: spread of slow frames of a real cuer's finger tip."""
+
+_LUMP_MM = np.array([-20.0, 12.0])
+"""Half the way between the two places at the side where a real cuer's finger was found."""
+
+_TO_REST_S = (0.12, 0.75)
+"""Seconds after the last key at which the hand sets out for rest, and that it takes."""
+
+_WRIST = 3
+"""Angles of the wrist, which come first."""
+
+_REST_BEFORE_S = 0.55
+"""Seconds before a key by which a rest has to end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Aims of a score, rest included; G of them.
+
+    Attributes
+    ----------
+    keys : tuple of Key or None
+        None for a rest.
+    shape, placement : ndarray of int64, shape (G,)
+        The first is the rest before everything.
+    arrive, leave : ndarray of float64, shape (G,)
+        When the hand's stroke ends, and when the next one begins, seconds.
+    arm, fingers : Strokes
+        Forearm, six channels; the hand's angles, 31.
+    """
+
+    keys: tuple[Key | None, ...]
+    shape: NDArray[np.int64]
+    placement: NDArray[np.int64]
+    arrive: FloatArray
+    leave: FloatArray
+    arm: Strokes
+    fingers: Strokes
+
+
+def paced(score: Score, keys_per_s: float = KEYS_PER_S) -> Score:
+    """Return a score at the pace of real cuers, who speak as slowly as they cue.
+
+    Parameters
+    ----------
+    score : Score
+    keys_per_s : float
+        Mean pace inside phrases. Keys differ less in length than the sounds did: a consonant
+        alone asks for a gesture too. Gaps between keys keep their length.
+    """
+    if not score.keys:
+        return score
+    usual, mean = 1.0 / keys_per_s, float(np.mean([k.end - k.start for k in score.keys]))
+    before, after = [0.0], [0.0]
+    for key in score.keys:
+        for at, length in (
+            (key.start, key.start - before[-1]),
+            (key.end, usual * ((key.end - key.start) / max(mean, 1e-3)) ** _EVENNESS),
+        ):
+            if at > before[-1]:
+                before.append(at)
+                after.append(after[-1] + length)
+    before.append(before[-1] + 1e4)
+    after.append(after[-1] + 1e4)
+
+    def moved(at: float) -> float:
+        return float(np.interp(at, before, after))
+
+    return Score(
+        tuple(Phone(p.symbol, moved(p.start), moved(p.end)) for p in score.phones),
+        tuple(
+            Key(moved(k.start), moved(k.end), k.phones, k.shape, k.placement) for k in score.keys
+        ),
+    )
+
+
+def make_plan(score: Score, body: Body, wrist: FloatArray, forearm: FloatArray, seed: int) -> Plan:
+    """Return the plan of a score.
+
+    Parameters
+    ----------
+    score : Score
+    body : Body
+    wrist, forearm : ndarray of float64, shapes (9, 6, 3) and (9, 6, 6)
+        Postures at all shapes and placements.
+    seed : int
+        Of what is drawn.
+    """
+    keys, arrive = _aims(score, seed)
+    shape = np.array([0 if key is None else key.shape for key in keys], dtype=np.int64)
+    placement = np.array(
+        [0 if key is None else PLACEMENT_NUMBER[key.placement] for key in keys], dtype=np.int64
+    )
+    drawn = np.stack([normals_of(seed + 3, n, 48) for n in range(len(keys))])
+    arms = forearm[shape, placement].copy()
+    angles = all_shapes()[shape]
+    angles[:, :_WRIST] = wrist[shape, placement]
+    moving = placement > 0
+    arms[moving, :3] += _TURN_SCATTER * drawn[moving, 8:11]
+    arms[:, 3:] += np.array([_SCATTER[n] for n in PLACEMENTS])[placement, None] * drawn[:, 11:14]
+    angles[:, _WRIST:] += body.habits.scatter_deg * drawn[:, 14 : 14 + len(HAND_ANGLES) - _WRIST]
+    arms[:, 3:5] += _side_lumps(placement, drawn[:, 7])[:, None] * _LUMP_MM
+    begin, span = _times(arms, arrive, drawn)
+    leave = np.append(begin[1:], np.inf)
+    return Plan(
+        tuple(keys), shape, placement, arrive, leave,
+        _arm(arms, begin, span, drawn), _fingers(angles, begin, span, drawn, seed),
+    )  # fmt: skip
+
+
+def _side_lumps(placement: NDArray[np.int64], drawn: FloatArray) -> FloatArray:
+    """Return which end of the side each key goes to, -1 or 1; 0 elsewhere.
+
+    A hand that is at the side already moves to the other end, so that the next key is seen.
+    """
+    out = np.zeros(len(placement))
+    for number in np.flatnonzero(placement == PLACEMENT_NUMBER["side"]):
+        if number and out[number - 1]:
+            out[number] = -out[number - 1]
+        else:
+            out[number] = 1.0 if drawn[number] > 0 else -1.0
+    return out
+
+
+def _aims(score: Score, seed: int) -> tuple[list[Key | None], FloatArray]:
+    """Return what is aimed at, rests too, and when it is reached; the first is long past."""
+    keys: list[Key | None] = [None]
+    arrive = [-1e6]
+    slow = Wander(np.array([_BEFORE_LIPS_S[1]]), _SLOW_KEYS, seed + 4)
+    lag = slow.at(np.arange(float(len(score.keys))))[:, 0]
+    lag += _BEFORE_LIPS_S[2] * np.array(
+        [normals_of(seed + 4, -n - 2, 1)[0] for n, _ in enumerate(lag)]
+    )
+    gap_s = DEFAULT_OPTIONS.rest_gap_s
+    for number, key in enumerate(score.keys):
+        before = score.keys[number - 1] if number else None
+        at = _lips(key, score) - _BEFORE_LIPS_S[0] - lag[number]
+        if before is not None and key.start - before.end >= gap_s:
+            keys.append(None)
+            latest = max(at - _REST_BEFORE_S, arrive[-1] + 0.2)
+            arrive.append(min(max(before.end + sum(_TO_REST_S), arrive[-1] + 0.2), latest))
+        keys.append(key)
+        arrive.append(max(at, arrive[-1] + _LEAST_APART_S))
+    if score.keys:
+        keys.append(None)
+        arrive.append(max(score.keys[-1].end, arrive[-1]) + sum(_TO_REST_S))
+    return keys, np.array(arrive)
+
+
+def _lips(key: Key, score: Score) -> float:
+    """Return when the lips show the key's vowel, or its only sound: the middle of it."""
+    own = [p for p in score.phones if key.start - 1e-6 <= p.start < key.end - 1e-6]
+    if not own:
+        return 0.6 * key.start + 0.4 * key.end if len(key.phones) < 2 else key.end
+    last = own[-1]
+    return 0.5 * (last.start + last.end)
+
+
+def _times(
+    arms: FloatArray, arrive: FloatArray, drawn: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return start and duration of the hand's strokes; the first is long past."""
+    amplitude = np.linalg.norm(np.diff(arms[:, 3:5], axis=0, prepend=arms[:1, 3:5]), axis=1)
+    usual = _STROKE_S * np.maximum(amplitude / _USUAL_MM, 0.15) ** _PER_AMPLITUDE
+    span = np.clip(usual * np.exp(_STROKE_SPREAD * drawn[:, 0]), *_LIMITS_S)
+    # She takes part of the time that is left: few holds, slow strokes.
+    idle = np.clip(arrive - span - np.append(-np.inf, arrive[:-1]), 0.0, _LIMITS_S[1])
+    span = np.minimum(span + _USED * idle, _LIMITS_S[1])
+    begin = arrive - span
+    # A stroke may begin while the last one lasts, but not before its middle.
+    for number in range(2, len(begin)):
+        begin[number] = max(begin[number], begin[number - 1] + 0.45 * span[number - 1])
+    return begin, np.maximum(arrive - begin, 0.7 * _LIMITS_S[0])
+
+
+def _arm(arms: FloatArray, begin: FloatArray, span: FloatArray, drawn: FloatArray) -> Strokes:
+    carries = np.diff(arms, axis=0)
+    arc = np.clip(_ARC_RAD[0] + _ARC_RAD[1] * drawn[1:, 1], -2.6, 2.6)
+    across = np.zeros_like(carries)
+    across[:, 3], across[:, 4] = -carries[:, 4], carries[:, 3]
+    across[:, 5] = 0.3 * np.linalg.norm(carries[:, 3:], axis=1)
+    return Strokes(
+        arms[0], carries, begin[1:], span[1:], _peak(drawn[1:, 2]),
+        np.clip(_LATE[0] + _LATE[1] * drawn[1:, 3], 0.0, 0.4), arc, across,
+    )  # fmt: skip
+
+
+def _fingers(
+    angles: FloatArray, begin: FloatArray, span: FloatArray, drawn: FloatArray, seed: int
+) -> Strokes:
+    """Return the strokes of the hand's angles; wrist with the arm, fingers each in its time."""
+    count, width = len(angles) - 1, angles.shape[1]
+    own = np.zeros((count, 2, width))
+    for number in range(count):
+        own[number] = _JOINT_S * normals_of(seed + 5, number, 2 * width).reshape(2, width)
+    start, end = begin[1:, None] + own[:, 0], (begin + span)[1:, None] + own[:, 1]
+    fingers = slice(_WRIST, None)
+    start[:, fingers] += _FINGERS_S[0][0] + _FINGERS_S[0][1] * drawn[1:, 4:5]
+    end[:, fingers] += _FINGERS_S[1][0] + _FINGERS_S[1][1] * drawn[1:, 5:6]
+    return Strokes(
+        angles[0], np.diff(angles, axis=0), start, np.maximum(end - start, _LEAST_FINGERS_S),
+        _peak(drawn[1:, 6]), np.full(count, 0.08), np.zeros(count), np.zeros((count, width)),
+    )  # fmt: skip
+
+
+def _peak(normal: FloatArray) -> FloatArray:
+    return np.clip(_PEAK[0] + _PEAK[1] * normal, 0.28, 0.68)

@@ -1,0 +1,5 @@
+"""Subtitles placed on the sound in which they are spoken.
+
+In: captions and the programme's sound. Out: a score on the sound's clock, with a confidence for
+each caption. May import: `prosody`, `scoring`.
+"""

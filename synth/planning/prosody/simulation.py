@@ -1,0 +1,151 @@
+"""What her performance shows: the cuer who is to cue performs a plan herself, and is looked at.
+
+`synth.motion.rules.visibility` is quick and leaves out drift, scatter and the head; this is slower
+and true.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.analysis.readability import Classes, classes_of, shown_keys
+from codec.cuer.voice import Voice, load_voice
+from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cues.score import Key, Phone, Score
+from synth.motion.rules.bodiless import Bodiless, has_body
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.motion.rules.visibility import Sight
+
+_RATE_HZ = 50.0
+"""Frames per second at which she is looked at: those of all reports."""
+
+_AROUND_S = 0.6
+"""Seconds of motion before the first key and after the last one."""
+
+_KNOWN = 8
+"""Mirrors of virtual cuers that are kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class Performing:
+    """Who is to cue, by rule.
+
+    Attributes
+    ----------
+    voice : str
+        Name of a virtual cuer, or the file of a voice.
+    seed : int
+        Of a virtual cuer's small motions and scatter.
+    alignment : str
+        One of `synth.motion.rules.movement.ALIGNMENTS`.
+    """
+
+    voice: str = "claire"
+    seed: int = 0
+    alignment: str = "attina"
+
+
+CLAIRE = Performing()
+"""Who cues unless told otherwise."""
+
+
+class Performer(Protocol):
+    """Whoever performs a score in front of the mirror."""
+
+    def markers(self, score: Score, start_s: float, n_frames: int) -> NDArray[np.float32]:
+        """Return the markers of the hand and the head, shape (n_frames, 113, 3), mm."""
+
+
+class Mirror:
+    """A cuer who performs, and is looked at.
+
+    Parameters
+    ----------
+    performer : Performer
+        At 50 frames per second.
+    classes : Classes
+        Her targets.
+    sight : Sight
+        The quick model of her hand.
+    options : CueingOptions
+        Which gaps between keys return to rest.
+    """
+
+    def __init__(
+        self, performer: Performer, classes: Classes, sight: Sight, options: CueingOptions
+    ) -> None:
+        self.sight = sight
+        self._performer, self._classes, self._options = performer, classes, options
+
+    def held(self, phones: Sequence[Phone], keys: Sequence[Key]) -> NDArray[np.float64]:
+        """Return how long she shows each key of a score, seconds.
+
+        Parameters
+        ----------
+        phones : sequence of Phone
+        keys : sequence of Key
+            As `codec.cues.cueing.cue` makes them.
+        """
+        if not keys:
+            return np.zeros(0)
+        score = Score(tuple(phones), tuple(keys))
+        start_s = max(0.0, keys[0].start - _AROUND_S)
+        frames = int((keys[-1].end + _AROUND_S - start_s) * _RATE_HZ)
+        markers = self._performer.markers(score, start_s, frames)
+        shown = shown_keys(
+            markers, score, self._classes, rate_hz=_RATE_HZ, start_s=start_s, options=self._options
+        )
+        return np.array([item.held_s for item in shown])
+
+
+def mirror_of(performing: Performing = CLAIRE, options: CueingOptions = DEFAULT_OPTIONS) -> Mirror:
+    """Return the mirror of who is to cue.
+
+    Parameters
+    ----------
+    performing : Performing
+    options : CueingOptions
+        Which gaps between keys return to rest.
+
+    Raises
+    ------
+    CueError
+        If there is no such voice or alignment.
+    """
+    name = performing.voice
+    if not has_body(name):
+        voice = load_voice(name)
+        if not has_body(voice.name):
+            return mirror_of_voice(voice, performing.alignment, options)
+        name = voice.name
+    return _mirror_of_body(name, performing.seed, performing.alignment, options)
+
+
+@lru_cache(_KNOWN)
+def _mirror_of_body(name: str, seed: int, alignment: str, options: CueingOptions) -> Mirror:
+    cuer = GestureSynthesiser(
+        name, rate_hz=_RATE_HZ, seed=seed, alignment=alignment, options=options
+    )
+    return Mirror(cuer, Classes(cuer.targets()[0]), Sight.of(cuer), options)
+
+
+def mirror_of_voice(
+    voice: Voice, alignment: str = "attina", options: CueingOptions = DEFAULT_OPTIONS
+) -> Mirror:
+    """Return the mirror of a voice without a body, which performs with its own targets."""
+    cuer = Bodiless(voice, rate_hz=_RATE_HZ, alignment=alignment, options=options)
+    return Mirror(_Hand(cuer, voice), classes_of(voice), Sight.of_voice(voice), options)
+
+
+class _Hand:
+    """The hand of a voice's targets before a still face."""
+
+    def __init__(self, cuer: Bodiless, voice: Voice) -> None:
+        self._cuer, self._voice = cuer, voice
+
+    def markers(self, score: Score, start_s: float, n_frames: int) -> NDArray[np.float32]:
+        return self._voice.reconstruct(self._cuer.hand(score, start_s, n_frames, self._voice))

@@ -1,1 +1,0 @@
-"""When phones sound, and how high."""

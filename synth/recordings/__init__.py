@@ -1,1 +1,0 @@
-"""What a cuer or speaker recorded, and where it is kept."""

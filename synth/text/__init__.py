@@ -1,1 +1,0 @@
-"""French text to phones."""

@@ -1,1 +1,0 @@
-"""Programs that make the package's assets again."""

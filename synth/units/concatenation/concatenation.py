@@ -1,0 +1,313 @@
+"""Text-to-cued-speech synthesis by concatenation: the paper's own system.
+
+In: a score. Out: speech, and the motion of face, head, forearm and hand. Polysounds give sound
+and face, dikeys give hand and head (Gibert, Bailly, Elisei 2004, section 5.1).
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cues.score import Score
+from codec.errors import CueError
+from synth.motion.rules.movement import Gestures, plan_gestures
+from synth.planning.prosody.melody import Melody, plan_melody
+from synth.planning.prosody.passages import Passage, passages
+from synth.units.concatenation.assembly import Flow
+from synth.units.concatenation.dikeys import DikeyDictionary
+from synth.units.concatenation.headmotion import HeadMotion
+from synth.units.concatenation.sounds import Choice, SoundDictionary
+from synth.units.concatenation.trajectories import (
+    Trajectories,
+    calm_joins,
+    join_trajectories,
+    quickest,
+)
+from synth.units.concatenation.units import cut_dikeys, cut_sounds, with_pauses
+from synth.units.recordings.recording import Recording
+from synth.units.speech.marks import PitchMarks
+from synth.units.speech.pitch import PitchTrack
+from synth.units.speech.psola import Piece, modify_prosody
+
+_MARGIN_S = 0.03
+"""Seconds of sound on either side of a unit, for the windows of its periods."""
+
+_FADE_S = 0.005
+"""Seconds over which the sounds of units fade into each other: half a period."""
+
+_BREAK_S = 0.01
+"""Seconds between points at which time and pitch are changed."""
+
+_RATIO_LIMITS = (0.4, 3.0)
+"""Smallest and largest change of pitch: beyond them TD-PSOLA sounds rough."""
+
+_LEAD_S = 1.0
+"""Seconds before and after a passage for which its sources stand still."""
+
+_SILENT = Score((), ())
+_HAND_SMOOTHING_S = 0.028
+"""Standard deviation of a Gaussian that leaves the hand what lies below 5 Hz, nearly all of a real
+cuer's motion: dikeys squeezed into keys of less than 0.1 s undershoot instead of racing."""
+
+_HEAD_SMOOTHING_S = 0.045
+"""The same for the head, which is heavier: it meets the hand half-way, in no more of a hurry than
+it was recorded in."""
+
+
+@dataclass(frozen=True, slots=True)
+class Performance:
+    """What the synthesiser delivers.
+
+    Attributes
+    ----------
+    sound : ndarray of float32, shape (n,)
+        Speech; sample 0 stands at ``motion.start_s``.
+    fs : int
+        Its rate in Hz.
+    motion : Motion
+        With the score.
+    """
+
+    sound: NDArray[np.float32]
+    fs: int
+    motion: Motion
+
+
+class ConcatenativeSynthesiser:
+    """The dictionaries of one speaker, ready to say and cue scores.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        All at one sample rate and of one voice.
+    voice : Voice
+        The voice of the recordings' motion.
+    alignment : str
+        One of `synth.motion.rules.movement.ALIGNMENTS`: when a key's target is reached.
+    options : CueingOptions
+    seed : int
+        Of the slow motion of the head.
+
+    Raises
+    ------
+    CueError
+        If the recordings do not belong together or to the voice, or hold no unit.
+    """
+
+    def __init__(
+        self,
+        recordings: Sequence[Recording],
+        voice: Voice,
+        *,
+        alignment: str = "paper",
+        options: CueingOptions = DEFAULT_OPTIONS,
+        seed: int = 0,
+    ) -> None:
+        if len({recording.fs for recording in recordings}) != 1:
+            raise CueError("recordings differ in their sample rate, or there is none")
+        if any(recording.motion.voice != voice.identity for recording in recordings):
+            raise CueError(f"recordings were not made with voice {voice.identity}")
+        self.recordings = recordings
+        self._voice = voice
+        self._alignment = alignment
+        self._options = options
+        self.fs = recordings[0].fs
+        columns = range(len(voice.layout))
+        self._face_columns = [i for i in columns if voice.layout[i].startswith("face.")]
+        self._hand_columns = [i for i in columns if i not in self._face_columns]
+        self._head_columns = [i for i in columns if voice.layout[i].startswith("head.")]
+        self._head = HeadMotion(voice, recordings, seed=seed)
+        motions = [
+            replace(recording.motion, params=self._head.without_slow_part(number, recording))
+            for number, recording in enumerate(recordings)
+        ]
+        self._face = Trajectories(motions, self._face_columns)
+        self._hand = Trajectories(motions, self._hand_columns)
+        self._quickest_mm_s = quickest((recording.motion for recording in recordings), voice)
+        weights = _explained_variance(voice, self._hand)
+        self.sounds = SoundDictionary(recordings)
+        self.dikeys = DikeyDictionary(recordings, self._hand, weights)
+
+    def perform(
+        self, pieces: Iterable[Score], *, rate_hz: float = 50.0, start_s: float | None = None
+    ) -> Iterator[Performance]:
+        """Say and cue a score, passage by passage, in constant memory.
+
+        Parameters
+        ----------
+        pieces : iterable of Score
+            In order of time; a whole score is one piece. What is yielded does not depend on how
+            the score is cut into pieces.
+        rate_hz : float
+            Frames per second of the motion.
+        start_s : float, optional
+            When the first frame is due; by default one second before the first phone.
+
+        Yields
+        ------
+        Performance
+            Without gaps, until one second after the last phone.
+        """
+        start = None if start_s is None else round(start_s * rate_hz)
+        flow = Flow(rate_hz, self.fs, start)
+        for passage in passages(pieces):
+            first, last = (round(t * rate_hz) for t in (passage.start_s, passage.end_s))
+            gestures = plan_gestures(
+                passage.around, alignment=self._alignment, options=self._options
+            )
+            params, sound = self._make(passage, gestures, flow, first, last)
+            for at, frames, samples in flow.join(first, last, params, sound):
+                times = np.arange(at, at + len(frames)) / rate_hz
+                moving = self._head.added(frames, times, passage.around.phones, gestures)
+                score = passage.score if at + len(frames) == last else _SILENT
+                yield Performance(
+                    samples, self.fs,
+                    Motion(
+                        moving.astype(np.float32), rate_hz, at / rate_hz, self._voice.layout,
+                        self._voice.identity, score,
+                    ),
+                )  # fmt: skip
+
+    def _make(
+        self, passage: Passage, gestures: Gestures, flow: Flow, first: int, last: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+        """Return frames and samples of a passage, and of what follows it for a moment."""
+        around = passage.around
+        times = np.arange(first, last + flow.fade_frames) / flow.rate_hz
+        line = with_pauses(
+            around.phones, min(times[0], around.phones[0].start - _LEAD_S),
+            max(times[-1], around.phones[-1].end + _LEAD_S),
+        )  # fmt: skip
+        sounds = self.sounds.select(cut_sounds(line))
+        begin, end = flow.sample(first), flow.sample(last + flow.fade_frames)
+        sound = self._say(sounds, plan_melody(around.phones), begin, end)
+        return self._move(sounds, gestures, times, flow.rate_hz), sound
+
+    def _say(
+        self, choices: Sequence[Choice], melody: Melody, begin: int, end: int
+    ) -> NDArray[np.float32]:
+        """Return the samples from `begin` to `end` of the programme."""
+        sound = np.zeros(end - begin, dtype=np.float32)
+        for stretch in _stretches(choices):
+            first = round(stretch[0].target.edges_s[0] * self.fs) - begin
+            if first >= len(sound) or stretch[-1].target.edges_s[-1] * self.fs <= begin:
+                continue
+            said = self._say_stretch(stretch, melody)
+            said = said[max(-first, 0) : len(sound) - first]
+            first = max(first, 0)
+            sound[first : first + len(said)] += said.astype(np.float32)
+        return sound
+
+    def _say_stretch(self, choices: Sequence[Choice], melody: Melody) -> NDArray[np.float64]:
+        """Return the sound of units that follow each other without a gap."""
+        sources, samples, voiced, pieces = [], [], [], []
+        offset = 0
+        for choice in choices:
+            made = self.recordings[choice.recording]
+            edges = np.array(choice.source.edges_s)
+            first = max(round((edges[0] - _MARGIN_S) * self.fs), 0)
+            last = min(round((edges[-1] + _MARGIN_S) * self.fs), len(made.sound))
+            inside = (made.marks.sample >= first) & (made.marks.sample < last)
+            samples.append(made.marks.sample[inside] - first + offset)
+            voiced.append(made.marks.voiced[inside])
+            sources.append(made.sound[first:last].astype(np.float64))
+            shift_s = (offset - first) / self.fs
+            pieces.append(self._piece(choice, made.track, melody, shift_s))
+            offset += last - first
+        marks = PitchMarks(np.concatenate(samples), np.concatenate(voiced), self.fs)
+        said = modify_prosody(np.concatenate(sources), marks, pieces)
+        # A short pause may still ring with what was said before it where it was recorded.
+        fade = np.sin(np.linspace(0.0, np.pi / 2, round(_FADE_S * self.fs))) ** 2
+        n = min(len(fade), len(said))
+        said[:n] *= fade[:n]
+        said[len(said) - n :] *= fade[:n][::-1]
+        return said
+
+    def _piece(self, choice: Choice, track: PitchTrack, melody: Melody, shift_s: float) -> Piece:
+        """Return where a unit goes, with the melody's pitch over its own every 10 ms."""
+        source_edges, target_edges = _strictly_ascending(choice)
+        steps = max(int((target_edges[-1] - target_edges[0]) / _BREAK_S), 1)
+        target = np.union1d(np.linspace(target_edges[0], target_edges[-1], steps + 1), target_edges)
+        target = target[np.concatenate(([True], np.diff(target) > 1e-6))]
+        target[-1] = target_edges[-1]
+        source = np.interp(target, target_edges, source_edges)
+        known = track.f0 > 0
+        if not known.any():
+            return Piece.of(source + shift_s, target)
+        at = np.arange(len(track.f0)) * track.hop_s
+        own = np.interp(source, at[known], track.f0[known])
+        ratio = np.clip(melody.at(target) / own, *_RATIO_LIMITS)
+        return Piece.of(source + shift_s, target, ratio)
+
+    def _move(
+        self,
+        sounds: Sequence[Choice],
+        gestures: Gestures,
+        times: NDArray[np.float64],
+        rate_hz: float,
+    ) -> NDArray[np.float64]:
+        params = np.zeros((len(times), len(self._voice.layout)))
+        params[:, self._face_columns] = _joined(self._face, sounds, times)
+        dikeys = self.dikeys.select(cut_dikeys(gestures))
+        hand = _joined(self._hand, dikeys, times)
+        params[:, self._hand_columns] = hand
+        for columns, width_s in (
+            (self._hand_columns, _HAND_SMOOTHING_S), (self._head_columns, _HEAD_SMOOTHING_S)
+        ):  # fmt: skip
+            params[:, columns] = gaussian_filter1d(
+                params[:, columns], width_s * rate_hz, axis=0, mode="nearest"
+            )
+        reached = np.rint((gestures.reach[1:] - times[0]) * rate_hz).astype(np.int64)
+        return calm_joins(
+            params, self._hand_columns, reached, self._voice,
+            limit_mm_s=self._quickest_mm_s, rate_hz=rate_hz,
+        )  # fmt: skip
+
+
+def _joined(
+    source: Trajectories, choices: Sequence[Choice], times: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    return join_trajectories(
+        source, np.array([c.recording for c in choices]),
+        [c.source.edges_s for c in choices], [c.target.edges_s for c in choices], times,
+    )  # fmt: skip
+
+
+def _explained_variance(voice: Voice, motion: Trajectories) -> NDArray[np.float64]:
+    """Return the variance of the markers that one deviation of each parameter explains, mm^2."""
+    neutral = np.zeros((1 + len(motion.columns), len(voice.layout)))
+    for row, column in enumerate(motion.columns, 1):
+        neutral[row, column] = motion.deviation[row - 1]
+    markers = voice.reconstruct(neutral).astype(np.float64)
+    return np.asarray(((markers[1:] - markers[0]) ** 2).sum(axis=2).mean(axis=1))
+
+
+def _stretches(choices: Sequence[Choice]) -> Iterator[list[Choice]]:
+    """Split a line of units where the time between two of them is silent."""
+    stretch: list[Choice] = []
+    for choice in choices:
+        if stretch and choice.target.edges_s[0] - stretch[-1].target.edges_s[-1] > 1e-6:
+            yield stretch
+            stretch = []
+        stretch.append(choice)
+    if stretch:
+        yield stretch
+
+
+def _strictly_ascending(choice: Choice) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a unit's edges without those that coincide in source or target."""
+    source, target = np.array(choice.source.edges_s), np.array(choice.target.edges_s)
+    kept = [0]
+    for i in range(1, len(source)):
+        if source[i] - source[kept[-1]] > 1e-4 and target[i] - target[kept[-1]] > 1e-4:
+            kept.append(i)
+    if len(kept) == 1:
+        return np.array([source[0], source[0] + 1e-3]), np.array([target[0], target[0] + 1e-3])
+    kept[-1] = len(source) - 1
+    return source[kept], target[kept]

@@ -1,0 +1,25 @@
+"""The sentences of corpus 3: the choice from a list."""
+
+from collections.abc import Sequence
+
+from synth.units.recordings.choice import Coverage, choose, coverage
+from synth.units.recordings.rendered import line_of
+
+N_SENTENCES = 238
+"""As many as in the paper."""
+
+
+def choose_sentences(
+    sentences: Sequence[str], count: int = N_SENTENCES
+) -> tuple[list[str], list[Coverage]]:
+    """Return sentences that cover French as the whole list does, and how well they do.
+
+    Parameters
+    ----------
+    sentences : sequence of str
+    count : int
+        At most so many are chosen; they keep the order of the list.
+    """
+    lines = [line_of(text) for text in sentences]
+    chosen = sorted(choose(lines, count))
+    return [sentences[i] for i in chosen], coverage(lines, chosen)

@@ -1,0 +1,144 @@
+"""Building the avatar: small geometry, the map from markers, and the errors of the asset."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from codec.errors import CueError
+from lab.avatar.arms import lower_arms
+from lab.avatar.maps import learn
+from lab.avatar.parts import brow, cut, eyeball, join, on_skin, plain, take, tessellate
+from synth.motion.body.mesh import read_mesh
+
+MESH = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "hm08"
+
+
+def test_map_recovers_a_linear_mesh() -> None:
+    rng = np.random.default_rng(0)
+    hidden, to_markers, to_mesh = rng.normal(size=(200, 3)), rng.normal(size=(3, 30)), 4
+    markers = (hidden @ to_markers).reshape(200, 10, 3)
+    vertices = (hidden @ rng.normal(size=(3, 60)) * to_mesh).reshape(200, 20, 3)
+    found = learn(
+        markers, vertices, ridge=1e-9, rank=3,
+        rest_markers=np.zeros((10, 3)), rest=np.zeros((20, 3)),
+    )  # fmt: skip
+    assert np.abs(found.vertices(markers) - vertices).max() < 1e-4
+
+
+@pytest.mark.parametrize("division", [1, 3])
+def test_cut_divides_a_surface_along_a_level(division: int) -> None:
+    """Both sides together have the whole area, and the edge lies on the level."""
+    x, y = np.meshgrid(np.arange(6.0), np.arange(5.0))
+    points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
+    i, j = np.meshgrid(np.arange(4), np.arange(5), indexing="ij")
+    a = (i * 6 + j).ravel()
+    triangles = np.concatenate([
+        np.stack([a, a + 1, a + 7], axis=1), np.stack([a, a + 7, a + 6], axis=1)
+    ])  # fmt: skip
+
+    def level(places: np.ndarray) -> np.ndarray:
+        return np.asarray(places[:, 1] - 0.3 * places[:, 0] - 1.23)
+
+    total = 0.0
+    for side in (level, lambda places: -level(places)):
+        sources, shares, small = cut(triangles, points, side, division=division)
+        at = (points[sources] * shares[..., None]).sum(axis=1)
+        corners = at[small]
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        assert (across[:, 2] > -1e-9).all()
+        assert side(at).min() > -1e-6
+        assert np.allclose(shares.sum(axis=1), 1)
+        total += across[:, 2].sum() / 2
+    assert total == pytest.approx(20.0, abs=1e-3)
+
+
+def test_ridge_keeps_noise_small() -> None:
+    rng = np.random.default_rng(1)
+    hidden, mix = rng.normal(size=(300, 2)), rng.normal(size=(2, 30))
+    markers = (hidden @ mix).reshape(300, 10, 3)
+    vertices = (hidden @ rng.normal(size=(2, 15))).reshape(300, 5, 3)
+    rest = {"rest_markers": np.zeros((10, 3)), "rest": np.zeros((5, 3))}
+    noisy = markers + rng.normal(0, 0.3, markers.shape)
+    errors = []
+    for ridge in (1e-9, 0.1):
+        found = learn(noisy[:60], vertices[:60], ridge=ridge, rank=2, **rest)
+        errors.append(np.abs(found.vertices(noisy[60:]) - vertices[60:]).mean())
+    assert errors[1] < errors[0]
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4])
+def test_tessellation_keeps_the_surface(n: int) -> None:
+    points = np.array([[0, 0, 0], [4, 0, 0], [0, 4, 0], [4, 4, 0.0]])
+    coarse = np.array([[0, 1, 2], [1, 3, 2]])
+    sources, shares, fine = tessellate(coarse, n)
+    at = (points[sources] * shares[..., None]).sum(axis=1)
+    assert len(at) == (n + 1) ** 2
+    assert len(fine) == 2 * n * n
+    assert np.allclose(shares.sum(axis=1), 1)
+    a, b, c = (at[fine[:, k]] for k in range(3))
+    area = np.cross(b - a, c - a)[:, 2] / 2
+    assert np.allclose(area, 8 / n / n)
+
+
+def test_parts_join_and_place() -> None:
+    quads = np.array([[0, 1, 2, 3], [3, 2, 4, 4]])
+    part = take(quads, plain((1, 2, 3), 4, 5))
+    both = join([part, part])
+    assert len(both.triangles) == 6
+    assert both.triangles.max() == 9
+    points = np.arange(15.0).reshape(5, 3)
+    assert np.allclose(both.place(points), np.concatenate([points, points]))
+
+
+def test_eye_is_a_ball_that_looks_out() -> None:
+    rng = np.random.default_rng(4)
+    ball = rng.normal(size=(200, 3))
+    ball = 14 * ball / np.linalg.norm(ball, axis=1, keepdims=True) + [30, 728, 125]
+    eye = eyeball(ball, np.arange(200))
+    at = eye.place(ball)
+    radius = np.linalg.norm(at - [30, 728, 125], axis=1)
+    assert (radius > 12.5).all()
+    assert (radius < 16).all()
+    assert at[:, 2].argmax() < 48  # the pupil is in front
+
+
+def test_brow_lies_on_the_skin() -> None:
+    points = np.array([[0, 0, 0], [10, 0, 5], [0, 10, 5], [10, 10, 10.0]])
+    triangles = np.array([[0, 1, 2], [1, 3, 2]])
+    line = np.array([[2.0, 5], [5, 6], [8, 5]])
+    part = brow(points, triangles, 1, line, np.array([1.0, 1, 1]))
+    at = part.place(points)
+    assert np.allclose(at[:, 2], (at[:, 0] + at[:, 1]) / 2 + 1)
+    with pytest.raises(CueError, match="lies beside the skin"):
+        on_skin(points, triangles, np.array([[50.0, 50.0]]))
+
+
+@pytest.mark.slow
+def test_asset_is_near_the_true_mesh() -> None:
+    if not MESH.is_dir():
+        pytest.skip("the hm08 mesh is not on this machine")
+    from lab.avatar.build import build_avatar
+
+    avatar = build_avatar(MESH, "claire")
+    assert avatar.head.error_mm["from true markers"] < 0.5  # 0.09 measured
+    assert avatar.head.error_mm["from parameters"] < 0.5  # 0.16 measured
+    assert avatar.hand.error_mm["from true markers"] < 2.5  # 0.96 measured
+    assert avatar.hand.error_mm["from parameters"] < 2.5  # 1.19 measured
+
+
+@pytest.mark.skipif(not MESH.is_dir(), reason="the base mesh is not beside the repository")
+def test_arms_hang_without_stretching() -> None:
+    mesh = read_mesh(MESH)
+    hanging = lower_arms(mesh)
+    for side in "LR":
+        share = sum(mesh.weights[f"{bone}.{side}"] for bone in ("upperarm02", "lowerarm01"))
+        arm = np.flatnonzero(np.asarray(share) > 0.98)[::23]
+        before, after = (
+            np.linalg.norm(v[arm][:, None] - v[arm][None], axis=-1)
+            for v in (mesh.vertices, hanging.vertices)
+        )
+        assert np.abs(before - after).max() < 3.0
+        assert hanging.vertices[arm, 1].mean() < mesh.vertices[arm, 1].mean() - 20
+    still = np.flatnonzero(mesh.weights["head"] > 0.9)
+    assert np.array_equal(hanging.vertices[still], mesh.vertices[still])
