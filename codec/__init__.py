@@ -25,14 +25,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from codec.analysis.compare import compare_motions
-    from codec.bitstream.decoder import SuperframeDecoder
-    from codec.bitstream.encoder import SuperframeEncoder
-    from codec.bitstream.inspect import inspect_stream
-    from codec.bitstream.stream import decode_stream, encode_stream
     from codec.cuer.motion import Motion, load_motion, save_motion
     from codec.cuer.voice import Voice, load_voice, save_voice
     from codec.cues.score import Key, Phone, Score
     from codec.errors import BitstreamError, CueError, VoiceError
+    from codec.streamfile.inspect import inspect_stream
+    from codec.streamfile.stream import decode_stream, encode_stream
+    from codec.superframe.decoder import SuperframeDecoder
+    from codec.superframe.encoder import SuperframeEncoder
 
 __all__ = [
     "BitstreamError",
@@ -62,14 +62,14 @@ _HOMES = {
     "Motion": "codec.cuer.motion",
     "Phone": "codec.cues.score",
     "Score": "codec.cues.score",
-    "SuperframeDecoder": "codec.bitstream.decoder",
-    "SuperframeEncoder": "codec.bitstream.encoder",
+    "SuperframeDecoder": "codec.superframe.decoder",
+    "SuperframeEncoder": "codec.superframe.encoder",
     "Voice": "codec.cuer.voice",
     "VoiceError": "codec.errors",
     "compare_motions": "codec.analysis.compare",
-    "decode_stream": "codec.bitstream.stream",
-    "encode_stream": "codec.bitstream.stream",
-    "inspect_stream": "codec.bitstream.inspect",
+    "decode_stream": "codec.streamfile.stream",
+    "encode_stream": "codec.streamfile.stream",
+    "inspect_stream": "codec.streamfile.inspect",
     "load_motion": "codec.cuer.motion",
     "load_voice": "codec.cuer.voice",
     "save_motion": "codec.cuer.motion",

@@ -14,10 +14,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from codec.bitstream.coding import FOLDER, keep_coding
 from codec.cuer.motion import Motion, load_motion
 from codec.cuer.voice import Voice, load_voice
 from codec.errors import CueError
+from codec.superframe.coding import FOLDER, keep_coding
 from codec.training.coding_tables import train_coding
 from lab.format_tables import format_tables, write_tables
 from synth.motion.body.anatomy import IDENTITIES

@@ -1,4 +1,4 @@
-"""Offline training of the format's tables of `codec.bitstream.tables`.
+"""Offline training of the format's tables of `codec.superframe.tables`.
 
 Example scores and residuals go in, integer tables come out: counts of phones, lengths, keys and
 indices, smoothed such that every event keeps a probability. Changing them changes the format. The
@@ -14,14 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 import codec
-from codec.bitstream import _kernels
-from codec.bitstream.coding import Coding
-from codec.bitstream.preview import BEGINNING, CELL, SILENCE, preview_of
-from codec.bitstream.quantise import Setting, quantise_rd, width_mm
-from codec.bitstream.range_coder import TOTAL, cumulative
-from codec.bitstream.score_coding import is_consonant, is_vowel, letter_of, part_of
-from codec.bitstream.superframe import resynthesis_of
-from codec.bitstream.tables import (
+from codec.cuer.motion import Motion
+from codec.cues.cueing import NO_CONSONANT_SHAPE, NO_VOWEL_PLACEMENT, PLACEMENT_OF, SHAPE_OF
+from codec.cues.phonology import CONSONANTS, PHONES, VOWELS
+from codec.cues.score import PLACEMENTS, Score
+from codec.cues.timeline import TICKS, Line, to_line
+from codec.files.whole import whole_file
+from codec.superframe import _kernels
+from codec.superframe.coding import Coding
+from codec.superframe.preview import BEGINNING, CELL, SILENCE, preview_of
+from codec.superframe.quantise import Setting, quantise_rd, width_mm
+from codec.superframe.range_coder import TOTAL, cumulative
+from codec.superframe.score_coding import is_consonant, is_vowel, letter_of, part_of
+from codec.superframe.superframe import resynthesis_of
+from codec.superframe.tables import (
     CLASSES,
     CONTEXTS,
     PAUSE_LENGTHS,
@@ -31,13 +37,7 @@ from codec.bitstream.tables import (
     coefficient_tables_of,
     present_tables,
 )
-from codec.bitstream.transform import Basis
-from codec.cuer.motion import Motion
-from codec.cues.cueing import NO_CONSONANT_SHAPE, NO_VOWEL_PLACEMENT, PLACEMENT_OF, SHAPE_OF
-from codec.cues.phonology import CONSONANTS, PHONES, VOWELS
-from codec.cues.score import PLACEMENTS, Score
-from codec.cues.timeline import TICKS, Line, to_line
-from codec.files.whole import whole_file
+from codec.superframe.transform import Basis
 from codec.training.coding_tables import blocks_of, near, parts_of
 
 N = len(PHONES)
@@ -57,7 +57,7 @@ Counts = NDArray[np.float64]
 
 
 def train_score(scores: Iterable[Score]) -> dict[str, list[object]]:
-    """Return the tables of `codec.bitstream.tables.ScoreTables` as nested lists of integers.
+    """Return the tables of `codec.superframe.tables.ScoreTables` as nested lists of integers.
 
     Parameters
     ----------

@@ -40,16 +40,14 @@ ROOMS = {
         "watermark/link tests/watermark/test_link.py tests/watermark/test_combine.py",
     ),
     "bitstream": (
-        "codec/bitstream",
-        "tests/spec/test_bitstream_reference.py tests/codec/test_pinned.py "
-        "tests/codec/test_score_coding.py tests/codec/test_file_score.py "
-        "tests/codec/test_superframe.py tests/codec/test_stream.py codec/bitstream "
-        "tests/codec/test_bitmap.py tests/codec/test_checks.py tests/codec/test_coding.py "
-        "tests/codec/test_coefficients.py tests/codec/test_lips.py tests/codec/test_nesting.py "
-        "tests/codec/test_phasing.py tests/codec/test_preview.py tests/codec/test_range_coder.py "
-        "tests/codec/test_readings.py tests/codec/test_resynthesis.py tests/codec/test_window.py "
-        "tests/codec/test_threads.py tests/spec/test_identity_reference.py "
-        "tests/spec/test_misreadings.py tests/spec/test_motion_reference.py",
+        "codec/superframe codec/streamfile",
+        "tests/spec/test_bitstream_reference.py tests/codec/superframe/test_pinned.py "
+        "tests/codec/superframe/test_score_coding.py tests/codec/streamfile/test_file_score.py "
+        "tests/codec/superframe/test_superframe.py tests/codec/streamfile/test_stream.py "
+        "codec/superframe codec/streamfile tests/codec/superframe "
+        "tests/codec/analysis/test_phasing.py tests/codec/cuer/test_threads.py "
+        "tests/spec/test_identity_reference.py tests/spec/test_misreadings.py "
+        "tests/spec/test_motion_reference.py",
     ),
 }
 """What is mutated, and the tests that are asked."""
@@ -104,12 +102,16 @@ def behaviour(source: str) -> list[tuple[int, int, int, int]]:
     return spans
 
 
-def mutants_of(place: str) -> list[Mutant]:
-    """Return all mutants of a module or of a folder of them."""
+def mutants_of(places: str) -> list[Mutant]:
+    """Return all mutants of modules or of folders of them."""
     from cosmic_ray.commands.init import _all_work_items
 
-    path = ROOT / place
-    modules = sorted(path.rglob("*.py")) if path.is_dir() else [path]
+    paths = [ROOT / place for place in places.split()]
+    modules = [
+        module
+        for path in paths
+        for module in (sorted(path.rglob("*.py")) if path.is_dir() else [path])
+    ]
     spans = {str(m.relative_to(ROOT)): behaviour(m.read_text()) for m in modules}
     found = []
     for item in _all_work_items(modules, {}):

@@ -24,8 +24,9 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
         "cues": set(),
         "cuer": {"files", "cues"},
         "analysis": {"cuer", "cues"},
-        "bitstream": {"files", "cues", "cuer"},
-        "training": {"bitstream", "cuer", "cues", "files"},
+        "superframe": {"files", "cues", "cuer"},
+        "streamfile": {"superframe", "cues", "cuer"},
+        "training": {"superframe", "cuer", "cues"},
     },
     "watermark": {
         "link": set(),
@@ -85,7 +86,7 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
 and `evaluate` need them at run time: both stand on all the others, neither makes assets.
 """
 
-STATED = ("synth",)
+STATED = ("synth", "codec")
 """Packages whose rooms state in their docstring what comes in, what goes out, what they import."""
 
 ENTRIES = {"__init__.py", "__main__.py", "errors.py"}

@@ -1,7 +1,7 @@
 """The gesture table: where the parameters of a cuer go for each shape, placement and phone.
 
 A receiver that knows only the score turns it into motion by moving from target to target
-(`codec.bitstream.resynthesis`); the table is part of the voice.
+(`codec.superframe.resynthesis`); the table is part of the voice.
 """
 
 from dataclasses import dataclass

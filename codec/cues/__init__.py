@@ -1,1 +1,5 @@
-"""The symbolic line: phones, keys, and their times on the grid of ticks."""
+"""French Cued Speech itself: phones, keys, scores.
+
+In: phones with their times. Out: keys with their times, as a score; a score as ticks. May import:
+no other room.
+"""

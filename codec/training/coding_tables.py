@@ -10,18 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bitstream.coding import Coding, basis_of_any
-from codec.bitstream.joining import Joined, join
-from codec.bitstream.resynthesis.course import Course, Resynthesis, held_keys, phone_weights
-from codec.bitstream.resynthesis.movements import Movements, movements
-from codec.bitstream.resynthesis.targets import N_KEYS, Targets
-from codec.bitstream.score_coding import ScorePart, part_of
-from codec.bitstream.transform import Basis, klt, marker_metric, scales_of
 from codec.cuer.motion import Motion
 from codec.cuer.movement import FLOWING, Movement
 from codec.cuer.voice import Voice
 from codec.cues.timeline import TICKS, to_line
 from codec.errors import CueError
+from codec.superframe.coding import Coding, basis_of_any
+from codec.superframe.merging import Joined, join
+from codec.superframe.resynthesis.movements import Movements, movements
+from codec.superframe.resynthesis.targets import N_KEYS, Targets
+from codec.superframe.resynthesis.trajectory import Course, Resynthesis, held_keys, phone_weights
+from codec.superframe.score_coding import ScorePart, part_of
+from codec.superframe.transform import Basis, klt, marker_metric, scales_of
 
 Array = NDArray[np.float64]
 

@@ -44,7 +44,7 @@ def _usual_folders() -> list[Path]:
     import codec
 
     home = os.environ.get("XDG_CACHE_HOME") or str(Path("~/.cache").expanduser())
-    return [Path(str(codec.__file__)).parent / "bitstream" / "__pycache__", Path(home) / "numba"]
+    return [Path(str(codec.__file__)).parent / "superframe" / "__pycache__", Path(home) / "numba"]
 
 
 def _can_be_written(folder: Path) -> bool:

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from codec.bitstream.coding import keep_coding, trained_path
 from codec.cuer.voice import Voice, load_voice
+from codec.superframe.coding import keep_coding, trained_path
 from cuecast.command.progress import note
 
 

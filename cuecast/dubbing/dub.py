@@ -20,15 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.authentication.announcement import SigningKey
-from codec.bitstream.compact_encoder import CompactEncoder
-from codec.bitstream.encoder import SuperframeEncoder
-from codec.bitstream.payload import nest
-from codec.bitstream.window import MAX_BYTES
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Key
 from codec.errors import CueError
 from codec.files.whole import folder_beside
+from codec.superframe.compact_encoder import CompactEncoder
+from codec.superframe.encoder import SuperframeEncoder
+from codec.superframe.payload import nest
+from codec.superframe.window import MAX_BYTES
 from cuecast.dubbing.coder_stream import make_rehearsal
 from cuecast.dubbing.marking import MarkingStage
 from cuecast.dubbing.motions import RATE_HZ, MotionSource
@@ -293,7 +293,7 @@ def superframe_source(
     """Return the function that gives an embedder the payloads (L0, L1) of its superframe k.
 
     That one is on air `first` + k superframes after the programme's clock's zero. Where L1 has room
-    for it, the superframe is a nested one (`codec.bitstream.payload`): its L0 is that of a sound
+    for it, the superframe is a nested one (`codec.superframe.payload`): its L0 is that of a sound
     with the profile `beside`. With `signing` its L0 is signed.
     """
     source = _unsigned_source(motion, voice, l0_bytes, l1_bytes, first, beside, signing is not None)

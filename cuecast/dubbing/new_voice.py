@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from codec.bitstream.coding import keep_coding
 from codec.cuer.voice import save_voice
 from codec.errors import CueError
+from codec.superframe.coding import keep_coding
 from codec.training.coding_tables import train_coding
 from synth.units.recordings.archive import write_archive
 from synth.voices.learn import learn_speaker

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from codec.authentication.announcement import SigningKey
 from codec.authentication.layout import LAYOUTS
 from codec.authentication.signer import Signer
-from codec.bitstream.checks import proof_of, proved, with_proof
 from codec.errors import CueError
+from codec.superframe.checks import proof_of, proved, with_proof
 
 Source = Callable[[int], tuple[bytes, bytes]]
 

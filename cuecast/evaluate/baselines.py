@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from scipy.fft import dct, idct
 from scipy.interpolate import CubicSpline
 
-from codec.bitstream.transform import klt, marker_metric
 from codec.cuer.voice import Voice
+from codec.superframe.transform import klt, marker_metric
 
 Array = NDArray[np.float64]
 Result = tuple[float, Array]

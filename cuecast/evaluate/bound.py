@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bitstream.transform import marker_metric
 from codec.cuer.layout import MARKERS
 from codec.cuer.voice import Voice
+from codec.superframe.transform import marker_metric
 
 Array = NDArray[np.float64]
 

@@ -17,16 +17,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bitstream.encoder import SuperframeEncoder
-from codec.bitstream.joining import score_of
-from codec.bitstream.stream import RATE_HZ
-from codec.bitstream.window import read_window
-from codec.bitstream.window_writer import WindowWriter
 from codec.cuer.motion import Motion, load_motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, cue
 from codec.cues.score import Score
 from codec.cues.timeline import SUPERFRAME_S, TICKS, to_line
+from codec.streamfile.stream import RATE_HZ
+from codec.superframe.encoder import SuperframeEncoder
+from codec.superframe.merging import score_of
+from codec.superframe.window import read_window
+from codec.superframe.window_writer import WindowWriter
 from cuecast.command.voices import coding_voice
 from cuecast.evaluate.baselines import BASELINES, Material
 from cuecast.evaluate.bound import Bound, bound_of

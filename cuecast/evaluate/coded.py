@@ -8,23 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bitstream.bits import HEADER_BYTES, PLAIN, SCORE
-from codec.bitstream.checks import CRC16_BYTES
-from codec.bitstream.coding import coding_for
-from codec.bitstream.compact_encoder import CompactEncoder
-from codec.bitstream.decoder import SuperframeDecoder
-from codec.bitstream.encoder import SuperframeEncoder
-from codec.bitstream.payload import (
-    CRC8_BYTES,
-    read_beginning,
-    read_setting,
-    score_code,
-    setting_bits,
-)
-from codec.bitstream.range_coder import RangeDecoder
-from codec.bitstream.stream import decode_stream, encode_stream, read_superframes, told_by
-from codec.bitstream.superframe import DecodedSuperframe, Superframe, merge_scores, resynthesis_of
-from codec.bitstream.window import MAX_BYTES
 from codec.cuer import layout
 from codec.cuer.layout import N_FACE
 from codec.cuer.models import rigid
@@ -32,6 +15,23 @@ from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Key
 from codec.cues.timeline import SUPERFRAME_S
+from codec.streamfile.stream import decode_stream, encode_stream, read_superframes, told_by
+from codec.superframe.bits import HEADER_BYTES, PLAIN, SCORE
+from codec.superframe.checks import CRC16_BYTES
+from codec.superframe.coding import coding_for
+from codec.superframe.compact_encoder import CompactEncoder
+from codec.superframe.decoder import SuperframeDecoder
+from codec.superframe.encoder import SuperframeEncoder
+from codec.superframe.payload import (
+    CRC8_BYTES,
+    read_beginning,
+    read_setting,
+    score_code,
+    setting_bits,
+)
+from codec.superframe.range_coder import RangeDecoder
+from codec.superframe.superframe import DecodedSuperframe, Superframe, merge_scores, resynthesis_of
+from codec.superframe.window import MAX_BYTES
 from codec.training.coding_tables import blocks_of, near, parts_of
 
 Array = NDArray[np.float64]

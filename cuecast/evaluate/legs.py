@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 
 from codec.analysis.compare import compare_motions
-from codec.bitstream.spread import ScoreChoice
-from codec.bitstream.stream import choose_stream, decode_stream
 from codec.cuer.motion import Motion, load_motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Score
 from codec.errors import CueError
+from codec.streamfile.spread import ScoreChoice
+from codec.streamfile.stream import choose_stream, decode_stream
 from cuecast.command.voices import coding_voice
 from cuecast.evaluate.coded import Row
 from cuecast.evaluate.films import as_rows, film

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.analysis.recognise import Recogniser
-from codec.bitstream.decoder import SuperframeDecoder
-from codec.bitstream.encoder import SuperframeEncoder
 from codec.cuer.layout import N_FACE
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Key, Phone, Score
+from codec.superframe.decoder import SuperframeDecoder
+from codec.superframe.encoder import SuperframeEncoder
 from cuecast.dubbing.motions import ruled_motion
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.motion.rules.movement import ALIGNMENTS, plan_gestures

@@ -17,8 +17,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the motion."""
-    from codec.bitstream.stream import decode_stream
     from codec.cuer.motion import save_motion
+    from codec.streamfile.stream import decode_stream
     from cuecast.command.voices import coding_voice
 
     save_motion(decode_stream(read_bytes(args.stream), coding_voice(args.voice)), args.output)

@@ -36,8 +36,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the stream."""
-    from codec.bitstream.stream import choose_stream
     from codec.cuer.motion import load_motion
+    from codec.streamfile.stream import choose_stream
     from cuecast.command.voices import coding_voice
 
     if args.json and args.output == PIPE:

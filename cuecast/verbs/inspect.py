@@ -26,7 +26,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the fields; 1 if the superframe that is asked for is not there."""
-    from codec.bitstream.inspect import describe, inspect_stream
+    from codec.streamfile.inspect import describe, inspect_stream
 
     if args.bits or args.superframe is not None:
         return _print_bits(args)
@@ -39,9 +39,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print_bits(args: argparse.Namespace) -> int:
-    from codec.bitstream.bitmap import map_record, map_superframe
-    from codec.bitstream.inspect import describe_bits
-    from codec.bitstream.stream import read_head, read_superframes, told_by
+    from codec.streamfile.inspect import describe_bits
+    from codec.streamfile.stream import read_head, read_superframes, told_by
+    from codec.superframe.bitmap import map_record, map_superframe
 
     wanted, data = args.superframe, read_bytes(args.stream)
     frames = [frame for frame in read_superframes(data) if wanted in (None, frame.index)]

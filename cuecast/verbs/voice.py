@@ -58,8 +58,8 @@ def _list(args: argparse.Namespace) -> int:
 
 
 def _info(args: argparse.Namespace) -> int:
-    from codec.bitstream.coding import coding_for, trained_path
     from codec.cuer.voice import load_voice
+    from codec.superframe.coding import coding_for, trained_path
 
     voice = load_voice(args.voice)
     facts = {
@@ -75,8 +75,8 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def _build(args: argparse.Namespace) -> int:
-    from codec.bitstream.coding import coding_for
     from codec.cuer.voice import load_voice
+    from codec.superframe.coding import coding_for
     from cuecast.command.voices import train_voice
     from cuecast.dubbing.performance import record_folder, unit_synthesiser
 

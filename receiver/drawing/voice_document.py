@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from codec.bitstream.resynthesis.targets import Targets
 from codec.cuer.layout import MARKERS, N_FACE, longest_finger_tip
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS
 from codec.cues.score import SHAPES
+from codec.superframe.resynthesis.targets import Targets
 from receiver.drawing.avatar import OFFSET_UNIT, SHARE_UNIT, Avatar, Surface
 from receiver.drawing.camera import ASPECT, Camera, frame_cuer
 

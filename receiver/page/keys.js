@@ -22,7 +22,7 @@ const REST = { shape: 0, placement: "rest", leave: LONG_AGO_S, reach: LONG_AGO_S
 /**
  * The hand's strokes to `keys`, in order: each key's `{shape, placement, leave, reach}`, seconds.
  *
- * The rule of `codec.bitstream.resynthesis.movements`; `movement` has the voice's constants of
+ * The rule of `codec.superframe.resynthesis.movements`; `movement` has the voice's constants of
  * `codec.cuer.movement` and `places`, where its hand is for each key, mm.
  */
 export function strokesTo(keys, movement) {

@@ -13,8 +13,8 @@ from typing import Any
 
 from codec.authentication.announcement import Announcement
 from codec.authentication.verifier import Status, Verdict, Verifier
-from codec.bitstream.checks import proof_of, proved
 from codec.errors import BitstreamError
+from codec.superframe.checks import proof_of, proved
 from receiver.reception.events import SUPERFRAME_S, AuthenticityChanged, Event
 
 _ON_GRID_S = 0.1

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bitstream.payload import unnest
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import Key
+from codec.superframe.payload import unnest
 from receiver.reception.authenticity import Gate, Passed, Trust
 from receiver.reception.events import SUPERFRAME_S, Event, KeysFound, State
 from receiver.reception.picture_search import AGAIN_S, TRIAL_S, Found, PictureCarriers

@@ -14,14 +14,14 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bitstream.bits import COMPACT, SEQUENCES, Header, read_header
-from codec.bitstream.decoder import SuperframeDecoder
-from codec.bitstream.superframe import DecodedSuperframe, ScoreMerger
 from codec.cuer.motion import MOST_PARAM
 from codec.cuer.voice import Voice
 from codec.cues.score import Key, Phone
 from codec.cues.timeline import TICK_S
 from codec.errors import BitstreamError, VoiceError
+from codec.superframe.bits import COMPACT, SEQUENCES, Header, read_header
+from codec.superframe.decoder import SuperframeDecoder
+from codec.superframe.superframe import DecodedSuperframe, ScoreMerger
 from receiver.reception.calm import Calm
 from receiver.reception.events import (
     SUPERFRAME_S,

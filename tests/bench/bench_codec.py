@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codec.bitstream.decoder import SuperframeDecoder
-from codec.bitstream.encoder import SuperframeEncoder
-from codec.bitstream.superframe import Superframe
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice, load_voice
+from codec.superframe.decoder import SuperframeDecoder
+from codec.superframe.encoder import SuperframeEncoder
+from codec.superframe.superframe import Superframe
 from synth.studio.recital import perform, recital, sentences
 
 SUPERFRAMES = 94

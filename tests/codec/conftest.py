@@ -8,12 +8,12 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from codec.bitstream.coding import coding_for
-from codec.bitstream.superframe import resynthesis_of
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Score
 from codec.cues.timeline import TICKS
+from codec.superframe.coding import coding_for
+from codec.superframe.superframe import resynthesis_of
 from codec.training.coding_tables import near, parts_of
 from codec.training.fit import fit_voice
 

@@ -15,8 +15,17 @@ from typing import Any
 
 import numpy as np
 
-from codec.bitstream.bitmap import map_record, map_superframe
-from codec.bitstream.bits import (
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice, load_voice
+from codec.cues.cueing import CueingOptions, cue
+from codec.cues.phonology import CONSONANTS, VOWELS
+from codec.cues.score import Key, Phone, Score
+from codec.cues.timeline import SUPERFRAME_S, TICK_S
+from codec.errors import BitstreamError, CueError
+from codec.streamfile.inspect import describe, describe_bits, inspect_stream
+from codec.streamfile.stream import decode_stream, encode_stream, read_head, read_superframes
+from codec.superframe.bitmap import map_record, map_superframe
+from codec.superframe.bits import (
     COMPACT,
     COMPACT_SEQUENCES,
     HEADER_BYTES,
@@ -27,22 +36,13 @@ from codec.bitstream.bits import (
     crc8,
     identity_bits,
 )
-from codec.bitstream.checks import check_of, with_check
-from codec.bitstream.coding import coding_for, derive_coding
-from codec.bitstream.compact_encoder import CompactEncoder
-from codec.bitstream.decoder import SuperframeDecoder
-from codec.bitstream.encoder import SuperframeEncoder
-from codec.bitstream.inspect import describe, describe_bits, inspect_stream
-from codec.bitstream.slow import SlowSender
-from codec.bitstream.stream import decode_stream, encode_stream, read_head, read_superframes
-from codec.bitstream.superframe import ScoreMerger, Superframe, merge_scores, resynthesis_of
-from codec.cuer.motion import Motion
-from codec.cuer.voice import Voice, load_voice
-from codec.cues.cueing import CueingOptions, cue
-from codec.cues.phonology import CONSONANTS, VOWELS
-from codec.cues.score import Key, Phone, Score
-from codec.cues.timeline import SUPERFRAME_S, TICK_S
-from codec.errors import BitstreamError, CueError
+from codec.superframe.checks import check_of, with_check
+from codec.superframe.coding import coding_for, derive_coding
+from codec.superframe.compact_encoder import CompactEncoder
+from codec.superframe.decoder import SuperframeDecoder
+from codec.superframe.encoder import SuperframeEncoder
+from codec.superframe.slow_channel import SlowSender
+from codec.superframe.superframe import ScoreMerger, Superframe, merge_scores, resynthesis_of
 from codec.training.coding_tables import near, parts_of
 from tests.codec.speech import SENTENCE, spoken
 from tests.receiver.standin import make_voice

@@ -8,9 +8,9 @@ import pytest
 from scipy.io import wavfile
 
 from codec.authentication.layout import LAYOUTS, number_at
-from codec.bitstream.encoder import SuperframeEncoder
 from codec.cuer.motion import Motion
 from codec.cuer.voice import load_voice
+from codec.superframe.encoder import SuperframeEncoder
 from cuecast.command.cli import main
 from cuecast.demo.content import make_sound
 from cuecast.demo.run import as_srt

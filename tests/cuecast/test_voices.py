@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import synth.studio.recital
-from codec.bitstream import coding as module
-from codec.bitstream.coding import coding_for, trained_path
 from codec.cuer.motion import Motion, load_motion, save_motion
 from codec.cuer.voice import Voice, load_voice, save_voice
+from codec.superframe import coding as module
+from codec.superframe.coding import coding_for, trained_path
 from cuecast.command.cli import main
 from cuecast.command.voices import coding_voice, train_voice
 from synth.studio.recital import imprecise, perform, recital, sentences

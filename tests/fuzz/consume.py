@@ -8,15 +8,15 @@ import contextlib
 
 import numpy as np
 
-from codec.bitstream.bits import COMPACT, HEADER_BYTES, crc8, identity_bits
-from codec.bitstream.checks import with_check
-from codec.bitstream.coding import coding_for
-from codec.bitstream.decoder import SuperframeDecoder
-from codec.bitstream.inspect import inspect_stream
-from codec.bitstream.superframe import merge_scores
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.timeline import TICKS
 from codec.errors import BitstreamError, VoiceError
+from codec.streamfile.inspect import inspect_stream
+from codec.superframe.bits import COMPACT, HEADER_BYTES, crc8, identity_bits
+from codec.superframe.checks import with_check
+from codec.superframe.coding import coding_for
+from codec.superframe.decoder import SuperframeDecoder
+from codec.superframe.superframe import merge_scores
 
 _VOICE: list[Voice] = []
 _RENDERED = 8

@@ -1,9 +1,8 @@
 """Fuzz the decoder of superframes and stream files with coverage feedback (atheris, libFuzzer).
 
-``pip install --group fuzz`` first, then
-``python -m tests.fuzz.superframes -max_total_time=600 tests/fuzz/corpus``;
-``tests/codec/test_fuzz_corpus.py`` replays the corpus. The kernels that read bytes run as plain
-Python here: their branches are seen and their indices checked.
+``pip install --group fuzz`` first, then ``python -m tests.fuzz.superframes -max_total_time=600
+tests/fuzz/corpus``; ``tests/codec/superframe/test_fuzz_corpus.py`` replays the corpus. The kernels
+that read bytes run as plain Python here: their branches are seen and their indices checked.
 """
 
 import sys
@@ -15,10 +14,10 @@ import numba
 config: Any = numba.config
 config.DISABLE_JIT = True
 with atheris.instrument_imports(include=["codec"]):
-    import codec.bitstream._kernels
+    import codec.superframe._kernels
 config.DISABLE_JIT = False
 # The others are compiled, which needs their code as it is.
-import codec.bitstream.resynthesis._kernels  # noqa: E402, F401
+import codec.superframe.resynthesis._kernels  # noqa: E402, F401
 
 with atheris.instrument_imports(include=["codec"]):
     from tests.fuzz.consume import consume

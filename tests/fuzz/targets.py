@@ -28,12 +28,12 @@ from codec.authentication.announcement import (
 from codec.authentication.layout import EPOCH_S
 from codec.authentication.signer import Signer
 from codec.authentication.verifier import Verifier
-from codec.bitstream.encoder import SuperframeEncoder
-from codec.bitstream.lips import LipContract
 from codec.cuer.motion import load_motion, save_motion
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import Score
 from codec.files.c3d_points import open_c3d
+from codec.superframe.encoder import SuperframeEncoder
+from codec.superframe.lips import LipContract
 from cuecast.command import cli
 from receiver.live.broadcast import Broadcast
 from receiver.live.fragments import BoxSplitter
@@ -110,7 +110,7 @@ def superframes() -> list[tuple[bytes, bytes]]:
 
 def track(data: bytes) -> None:
     """Superframes on a bad line: each step of four bytes says what comes, and when."""
-    with mock.patch("codec.bitstream.decoder.LipContract", return_value=contract()):
+    with mock.patch("codec.superframe.decoder.LipContract", return_value=contract()):
         _track(data)
 
 
@@ -311,7 +311,7 @@ def recordings() -> list[bytes]:
 
 
 def c3d_seeds() -> list[bytes]:
-    from tests.codec.test_c3d_points import DEC, INTEL, MIPS, c3d
+    from tests.codec.files.test_c3d_points import DEC, INTEL, MIPS, c3d
 
     points = np.arange(60.0).reshape(5, 4, 3)
     return [c3d(points, processor=p, long=p == MIPS) for p in (INTEL, DEC, MIPS)]
@@ -350,7 +350,7 @@ def command_seeds() -> list[bytes]:
 
 TARGETS: dict[str, Target] = {
     "superframes": Target(
-        lambda: [p.read_bytes() for p in sorted(CORPUS.iterdir())], consume, ("codec/bitstream",)
+        lambda: [p.read_bytes() for p in sorted(CORPUS.iterdir())], consume, ("codec/superframe",)
     ),
     "tracker": Target(
         lambda: [*(bytes(range(i, i + 64)) for i in (0, 40, 90, 160)), bytes(64)], track,

@@ -8,9 +8,9 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bitstream.encoder import SuperframeEncoder
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
+from codec.superframe.encoder import SuperframeEncoder
 from watermark.audio.embed import AudioEmbedder
 from watermark.audio.profile import STANDARD
 

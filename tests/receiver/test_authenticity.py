@@ -12,17 +12,17 @@ import pytest
 from numpy.typing import NDArray
 
 from codec.authentication.signer import Signer
-from codec.bitstream.checks import proved, with_proof
-from codec.bitstream.encoder import SuperframeEncoder
-from codec.bitstream.superframe import Superframe
 from codec.cuer.voice import load_voice
 from codec.cues.score import Key
+from codec.superframe.checks import proved, with_proof
+from codec.superframe.encoder import SuperframeEncoder
+from codec.superframe.superframe import Superframe
 from receiver.live.broadcast import MediaFragment
 from receiver.live.server import LiveTelevision
 from receiver.reception.authenticity import Gate, Passed, Trust
 from receiver.reception.engine import Receiver
 from receiver.reception.events import AuthenticityChanged, Event, KeysFound
-from tests.codec.test_authentication import BEGIN_S, announced, key
+from tests.codec.authentication.test_authentication import BEGIN_S, announced, key
 from tests.receiver.standin import make_motion
 from watermark.audio.embed import AudioEmbedder
 from watermark.audio.profile import STANDARD

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from codec.analysis.readability import peak_speed
-from codec.bitstream.decoder import SuperframeDecoder
-from codec.bitstream.encoder import SuperframeEncoder
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice, load_voice
+from codec.superframe.decoder import SuperframeDecoder
+from codec.superframe.encoder import SuperframeEncoder
 from cuecast.dubbing.motions import SynthesisedMotion
 from receiver.reception.assemble import Assembler
 from receiver.reception.calm import FASTEST_M_S, Calm

@@ -7,10 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from codec.bitstream.encoder import SuperframeEncoder
-from codec.bitstream.superframe import Superframe
 from codec.cuer.voice import load_voice
 from codec.cues.score import Key
+from codec.superframe.encoder import SuperframeEncoder
+from codec.superframe.superframe import Superframe
 from receiver.reception.events import SUPERFRAME_S, KeysFound, MotionPiece
 from receiver.reception.tracking import Tracker
 from tests.receiver.seeded import seeded_speech, was_sent

@@ -8,11 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from codec.bitstream.bits import COMPACT_HEADER_BYTES, HEADER_BYTES, crc16
-from codec.bitstream.checks import heard_mask
-from codec.bitstream.compact_encoder import CompactEncoder
-from codec.bitstream.encoder import SuperframeEncoder
 from codec.cues.score import Key
+from codec.superframe.bits import COMPACT_HEADER_BYTES, HEADER_BYTES, crc16
+from codec.superframe.checks import heard_mask
+from codec.superframe.compact_encoder import CompactEncoder
+from codec.superframe.encoder import SuperframeEncoder
 from receiver.reception.events import SUPERFRAME_S, KeysFound, MotionPiece
 from receiver.reception.tracking import Tracker
 from receiver.television.protocol import pack_event

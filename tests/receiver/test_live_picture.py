@@ -9,8 +9,8 @@ import av
 import numpy as np
 import pytest
 
-from codec.bitstream.encoder import SuperframeEncoder
 from codec.cuer.voice import load_voice
+from codec.superframe.encoder import SuperframeEncoder
 from receiver.live.broadcast import Broadcast, Happening
 from receiver.reception.engine import Receiver
 from receiver.reception.events import Event, MotionPiece

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from codec.analysis.readability import Classes
-from codec.bitstream.joining import join
-from codec.bitstream.resynthesis.movements import movements
-from codec.bitstream.resynthesis.targets import PARTS_PER_S, Targets
-from codec.bitstream.score_coding import part_of
 from codec.cuer.movement import FLOWING
 from codec.cuer.voice import load_voice
 from codec.cues.cueing import cue
 from codec.cues.score import PLACEMENT_NUMBER, Phone, Score
 from codec.cues.timeline import TICK_S, to_line
+from codec.superframe.merging import join
+from codec.superframe.resynthesis.movements import movements
+from codec.superframe.resynthesis.targets import PARTS_PER_S, Targets
+from codec.superframe.score_coding import part_of
 from receiver.drawing.voice_document import neutral_camera, voice_document
 from receiver.reception.events import MotionPiece
 from receiver.television.protocol import pack_motion

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from codec.bitstream.bits import crc16
-from codec.bitstream.compact_encoder import CompactEncoder
-from codec.bitstream.encoder import SuperframeEncoder
-from codec.bitstream.superframe import Superframe
 from codec.cuer.motion import Motion
 from codec.cues.score import Phone
 from codec.cues.timeline import SUPERFRAME_S
+from codec.superframe.bits import crc16
+from codec.superframe.compact_encoder import CompactEncoder
+from codec.superframe.encoder import SuperframeEncoder
+from codec.superframe.superframe import Superframe
 from receiver.reception.assemble import Assembler
 from receiver.reception.events import (
     Event,

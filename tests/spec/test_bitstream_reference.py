@@ -11,17 +11,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec.bitstream import _kernels
-from codec.bitstream.bits import crc8, crc16, identity_bits, read_header
-from codec.bitstream.checks import is_compact, is_own, is_possible, proof_of, with_check
-from codec.bitstream.payload import read_l0, read_l1
-from codec.bitstream.quantise import NO_RESIDUAL, dequantise_integers, step_width
-from codec.bitstream.range_coder import RangeDecoder
-from codec.bitstream.score_coding import REST_GAPS_S, ScorePart
-from codec.bitstream.tables import coefficient_tables
-from codec.bitstream.transform import Bases, Basis
-from codec.bitstream.window import Window
 from codec.errors import BitstreamError
+from codec.superframe import _kernels
+from codec.superframe.bits import crc8, crc16, identity_bits, read_header
+from codec.superframe.checks import is_compact, is_own, is_possible, proof_of, with_check
+from codec.superframe.payload import read_l0, read_l1
+from codec.superframe.quantise import NO_RESIDUAL, dequantise_integers, step_width
+from codec.superframe.range_coder import RangeDecoder
+from codec.superframe.score_coding import REST_GAPS_S, ScorePart
+from codec.superframe.tables import coefficient_tables
+from codec.superframe.transform import Bases, Basis
+from codec.superframe.window import Window
 from spec.reference import superframe as reference
 from spec.reference.range_decoder import RangeDecoder as ReferenceDecoder
 

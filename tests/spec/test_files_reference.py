@@ -9,22 +9,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codec.bitstream import stream
-from codec.bitstream.coding import coding_for
-from codec.bitstream.joining import join_line
-from codec.bitstream.score_coding import part_of
-from codec.bitstream.spread import ScoreChoice
-from codec.bitstream.stream import (
+from codec.cuer.movement import Movement
+from codec.cuer.voice import load_voice
+from codec.cues.score import PLACEMENT_NUMBER
+from codec.errors import BitstreamError
+from codec.streamfile import stream
+from codec.streamfile.spread import ScoreChoice
+from codec.streamfile.stream import (
     decode_stream,
     encode_stream,
     read_head,
     read_superframes,
     told_by,
 )
-from codec.cuer.movement import Movement
-from codec.cuer.voice import load_voice
-from codec.cues.score import PLACEMENT_NUMBER
-from codec.errors import BitstreamError
+from codec.superframe.coding import coding_for
+from codec.superframe.merging import join_line
+from codec.superframe.score_coding import part_of
 from spec.reference import files
 from spec.reference.stream_bytes import head, whole
 from spec.reference.superframe import MalformedError

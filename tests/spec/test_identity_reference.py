@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from codec.bitstream.coding import coding_for, trained_path
 from codec.cuer.voice import load_voice
+from codec.superframe.coding import coding_for, trained_path
 from lab.format_tables import TABLES
 from spec.reference.identity import identity
 

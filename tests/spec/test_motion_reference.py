@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codec.bitstream.coding import FOLDER, coding_for
-from codec.bitstream.decoder import SuperframeDecoder
-from codec.bitstream.encoder import SuperframeEncoder
 from codec.cuer.voice import load_voice
+from codec.superframe.coding import FOLDER, coding_for
+from codec.superframe.decoder import SuperframeDecoder
+from codec.superframe.encoder import SuperframeEncoder
 from spec.reference.markers import markers, read_voice
 from spec.reference.motion import parameters, read_coding
 from spec.reference.superframe import decode

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from codec.bitstream.stream import decode_stream, encode_stream
 from codec.cuer.voice import Voice
 from codec.cues.score import Score
+from codec.streamfile.stream import decode_stream, encode_stream
 from cuecast.evaluate.films import ASPECT, film
 from cuecast.evaluate.reading.reader import Take, asked
 from cuecast.evaluate.reading.takes import seen_in

@@ -11,7 +11,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bitstream.lips import LipContract
 from codec.cuer import layout
 from codec.cuer.models.face import N_FACE_PARAMETERS
 from codec.cuer.models.hand import N_HAND_PARAMETERS
@@ -23,6 +22,7 @@ from codec.cues.phonology import PAUSE, PHONE_NUMBER
 from codec.cues.score import PLACEMENTS, SHAPES, Score
 from codec.cues.timeline import TICK_S, Sounding, to_ticks
 from codec.errors import CueError
+from codec.superframe.lips import LipContract
 from synth.motion.body.anatomy import IDENTITIES
 from synth.motion.rules.coarticulation import PhoneLine, dominance
 from synth.motion.rules.gesture import GestureSynthesiser

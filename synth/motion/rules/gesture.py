@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.bitstream.lips import LipContract
 from codec.cuer.models.face import N_FACE_PARAMETERS
 from codec.cuer.motion import Motion
 from codec.cuer.movement import FLOWING, Movement
@@ -24,6 +23,7 @@ from codec.cues.phonology import PAUSE, PHONE_NUMBER
 from codec.cues.score import PLACEMENTS, Key, Score
 from codec.cues.timeline import TICK_S, Sounding, to_ticks
 from codec.errors import CueError
+from codec.superframe.lips import LipContract
 from synth.motion.body.body import Body, Pose, load_asset, load_body
 from synth.motion.body.reach import placement_target
 from synth.motion.body.shapes import all_shapes

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec.bitstream.lips import LipContract
 from codec.cuer.layout import N_FACE
 from codec.cuer.models.face import N_FACE_PARAMETERS
 from codec.cuer.motion import load_motion
@@ -16,6 +15,7 @@ from codec.cuer.voice import Voice, load_voice, save_voice
 from codec.cues.phonology import PHONE_NUMBER
 from codec.cues.score import Score
 from codec.errors import CueError
+from codec.superframe.lips import LipContract
 from cuecast.command.cli import main
 from synth.motion.rules.bodiless import Bodiless, ruled_cuer
 from synth.motion.rules.gesture import GestureSynthesiser

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codec.bitstream.coding import trained_path
 from codec.cuer.layout import MARKERS, N_FACE
 from codec.cuer.voice import load_voice
 from codec.cues.score import SHAPES, Score
 from codec.errors import CueError
+from codec.superframe.coding import trained_path
 from cuecast.command.cli import main
 from synth.capture.cues.appearance import looks_of
 from synth.motion.measured.cuer import MeasuredCuer

@@ -1,1 +1,0 @@
-"""From bits to streams: superframes, their parts and their files."""

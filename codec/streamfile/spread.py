@@ -1,0 +1,267 @@
+"""Spreading: the bytes of a file over its superframes, where they lower the error most.
+
+Superframes of a file need not have one size. They take one step, and for as many as the limit
+allows the next wider one, so that a bit is worth the same everywhere. The score is told once for
+all, where it is worth its bits.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.cuer.layout import MARKERS
+from codec.cues.timeline import TICKS
+from codec.errors import CueError
+from codec.streamfile.versions import COARSE, Spread, Take, Version
+from codec.superframe.quantise import NO_RESIDUAL, STEPS, width_mm
+
+Array = NDArray[np.float64]
+Size = Callable[[bytes], int]
+
+ScoreChoice = Literal["auto", "keep", "drop"]
+"""Whether a file tells its score: where it costs little, always, or never."""
+
+MOST_COST = 0.01
+"""Share by which a file with its score may be larger, or less exact, than without it."""
+
+_CLEARLY_LESS = -0.12
+"""Cost by an estimate that leaves no doubt: it takes the models for linear, and is off by .07 where
+a hand rests for long."""
+
+_FRAMES = 3, 1
+"""Errors are taken of one frame in so many; then of all, if these leave a doubt."""
+
+_DOUBT = 0.04
+"""Difference of a cost from the most that leaves one: of one frame in three it is off by .03."""
+
+_NO_ERROR_MM = 1e-6
+"""Error that counts as none."""
+
+_NEAR = 2
+"""Steps by which the right one may be off for what was chosen to stay."""
+
+_SPARE_PART = 250
+"""Part of a file's room that may stay empty."""
+
+_FILLINGS = 4
+"""Times that a file is filled to its room, each time with what the last one left."""
+
+_MOST_FILLINGS = 16
+"""The same as long as it was filled beyond its room."""
+
+_TIGHTER = 0.99
+"""Factor of a limit at which a file was not exact enough, until it asks for other steps."""
+
+_RECORD_BITS, _SCORED_RECORD_BITS = 3.0, 8.0
+"""Bits that a record takes beside its payload's ideal length, about: without a score and with one
+(of 8 files of real cuers, 1 to 4 and 4 to 10)."""
+
+
+class Wish(Protocol):
+    """What a file has to keep."""
+
+    def steps(self, version: Version) -> NDArray[np.int64]:
+        """Return the steps of a version's superframes, about."""
+        ...
+
+    def told(self, version: Version) -> Spread:
+        """Return the superframes of a version that keep the wish.
+
+        Raises
+        ------
+        CueError
+            If none do.
+        """
+        ...
+
+    def more(self, one: Spread, other: Spread, take: Take) -> float:
+        """Return how much more bytes or error some superframes have than others, as a share."""
+        ...
+
+    def likely_more(self, spread: Spread, own: Version, other: Version) -> float:
+        """Return the same, about: how much more than another version will have."""
+        ...
+
+
+def spread(take: Take, wish: Wish, score: ScoreChoice) -> Spread:
+    """Return the superframes that keep a wish, with the score or without it.
+
+    Parameters
+    ----------
+    take : Take
+    wish : Wish
+    score : {"auto", "keep", "drop"}
+
+    Raises
+    ------
+    CueError
+        If none keep it.
+    """
+    if score == "drop" or not take.has_score:
+        return wish.told(_prepared(take.plain(), wish))
+    scored = _scored(take, wish)
+    if score == "keep":
+        return wish.told(scored)
+    bare = _prepared(take.plain(), wish)
+    try:
+        kept = wish.told(scored)
+    except CueError:
+        return wish.told(bare)
+    cost = wish.likely_more(kept, scored, bare)
+    if cost > _CLEARLY_LESS:
+        without = wish.told(bare)
+        cost = wish.more(kept, without, take)
+    return replace(kept if cost <= MOST_COST else without, cost=cost)
+
+
+def _more(error_mm: float, other_mm: float) -> float:
+    return error_mm / max(other_mm, _NO_ERROR_MM) - 1
+
+
+def _prepared(version: Version, wish: Wish) -> Version:
+    """Choose how superframes are told at about the right step."""
+    version.prepare(COARSE)
+    step = int(np.median(wish.steps(version)))
+    if abs(step - COARSE) > _NEAR:
+        version.prepare(step, width_mm(min(step, STEPS - 2)))
+    return version
+
+
+def _scored(take: Take, wish: Wish) -> Version:
+    """Return the motion with its score, learning what has passed if that is worth it."""
+    learning = _prepared(take.scored(learning=True), wish)
+    if learning.clearly_gains:
+        return learning
+    step = learning.prepared
+    fixed = take.scored(learning=False)
+    fixed.prepare(step, width_mm(min(step, STEPS - 2)))
+    return min(learning, fixed, key=lambda version: version.worth(step))
+
+
+@dataclass(frozen=True, slots=True)
+class ByError:
+    """The smallest superframes that keep an error together.
+
+    Attributes
+    ----------
+    error_mm : float
+        RMS over all markers and frames.
+    count : int
+        Of superframes.
+    size : callable
+        Bytes that a payload takes.
+    """
+
+    error_mm: float
+    count: int
+    size: Size
+
+    @property
+    def _most(self) -> float:
+        return self.error_mm**2 * self.count * TICKS * len(MARKERS)
+
+    def steps(self, version: Version) -> NDArray[np.int64]:
+        """Return the steps of a version's superframes."""
+        return self._widest(version, self._most)
+
+    def told(self, version: Version) -> Spread:
+        """Return the superframes of a version that keep the error."""
+        kept, best = self._most, None
+        for _ in range(_FILLINGS):
+            steps = self._widest(version, kept)
+            best = version.written(steps)
+            squares = version.squares(best)
+            if squares <= self._most:
+                break
+            kept *= self._most / squares
+            while kept > 0 and np.array_equal(self._widest(version, kept), steps):
+                kept *= _TIGHTER
+        assert best is not None
+        return best
+
+    def more(self, one: Spread, other: Spread, _: Take) -> float:
+        """Return how many more bytes some superframes have than others, as a share."""
+        return self._bytes(one) / self._bytes(other) - 1
+
+    def likely_more(self, spread: Spread, _: Version, other: Version) -> float:
+        """Return the same, about: how many more than another version will have."""
+        bits, _squares = other.at_each(self.steps(other))
+        return self._bytes(spread) / (bits / 8 + self.size(other.told)) - 1
+
+    def _bytes(self, spread: Spread) -> int:
+        return self.size(spread.told) + sum(map(self.size, spread.payloads))
+
+    def _widest(self, version: Version, most: float) -> NDArray[np.int64]:
+        return version.steps(lambda _, squares: float(squares.sum()) <= most, finest=False)
+
+
+@dataclass(frozen=True, slots=True)
+class BySize:
+    """The superframes of least error that fit into a number of bytes together.
+
+    Attributes
+    ----------
+    room : int
+        Bytes, of what is said once too.
+    count : int
+        Of superframes.
+    size : callable
+        Bytes that a payload takes.
+    """
+
+    room: int
+    count: int
+    size: Size
+
+    def steps(self, version: Version) -> NDArray[np.int64]:
+        """Return the steps of a version's superframes, about."""
+        return self._finest(version, self._spare(version))
+
+    def _spare(self, version: Version) -> float:
+        return self.count * (_SCORED_RECORD_BITS if version.told else _RECORD_BITS)
+
+    def told(self, version: Version) -> Spread:
+        """Return the superframes of a version that fit.
+
+        Raises
+        ------
+        CueError
+            If they do not even without coefficients.
+        """
+        spare, found = self._spare(version), list[Spread]()
+        for filling in range(_MOST_FILLINGS):
+            steps = self._finest(version, spare)
+            spread = version.written(steps)
+            over = sum(map(self.size, spread.payloads)) + self.size(spread.told) - self.room
+            if over <= 0:
+                found.append(spread)
+            elif (steps == NO_RESIDUAL).all():
+                break
+            enough = found and filling + 1 >= _FILLINGS
+            if enough or -self.room // _SPARE_PART <= over <= 0:
+                break
+            spare += 8.0 * over
+        if not found:
+            raise CueError(f"{self.room} bytes do not hold {self.count} superframes")
+        return min(found, key=version.squares)
+
+    def more(self, one: Spread, other: Spread, take: Take) -> float:
+        """Return how much more error some superframes have than others, as a share."""
+        cost = 0.0
+        for every in _FRAMES:
+            cost = _more(*(take.error_of(spread.blocks, every) for spread in (one, other)))
+            if abs(cost - MOST_COST) > _DOUBT:
+                break
+        return cost
+
+    def likely_more(self, spread: Spread, own: Version, other: Version) -> float:
+        """Return the same, about: how much more than another version will have."""
+        _bits, squares = other.at_each(self.steps(other))
+        return _more(float(np.sqrt(own.squares(spread))), float(np.sqrt(squares)))
+
+    def _finest(self, version: Version, spare: float) -> NDArray[np.int64]:
+        left = 8.0 * (self.room - self.size(version.told)) - spare
+        return version.steps(lambda bits, _: float(bits.sum()) <= left, finest=True)

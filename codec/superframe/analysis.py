@@ -1,0 +1,190 @@
+"""Analysis: what is to be sent of a superframe, as one frozen value.
+
+A motion and a number go in; out comes an `Analysis`: the score as the receiver will know it, and
+what the motion has beyond the prediction from that, in millimetres, ready to be quantised.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.cuer.motion import Motion
+from codec.cues.cueing import CueingOptions
+from codec.cues.score import Score
+from codec.cues.timeline import SUPERFRAME_S, TICK_S, TICKS, to_line
+from codec.superframe.bits import PLAIN, SCORE, SEQUENCES, Header
+from codec.superframe.coding import Coding
+from codec.superframe.fitting import fits
+from codec.superframe.merging import join
+from codec.superframe.payload import Content, write_l0
+from codec.superframe.preview import AHEAD, Preview, preview_of
+from codec.superframe.quantise import NOTHING_SENT, PARTS, UNUSED
+from codec.superframe.score_coding import ScorePart, evenly, part_of
+from codec.superframe.slow_channel import SlowSender
+from codec.superframe.superframe import resynthesis_of
+
+Array = NDArray[np.float64]
+
+_HISTORY = 8
+"""Superframes whose fitted scores are remembered."""
+
+
+@dataclass(frozen=True, slots=True)
+class Analysis:
+    """What is to be sent of a superframe.
+
+    Attributes
+    ----------
+    index : int
+    header : Header
+    part : ScorePart or None
+        Its score; None in mode ``plain``.
+    even : bool
+        Whether the score's phones lie at even distances (S8).
+    previews : dict of int to Preview
+        Of later superframes, by distance: those that there are, before anything is left out.
+    slow : tuple of int
+        Pieces of the slow channel.
+    lacking : ndarray of float64, shape (32, P)
+        What the prediction lacks.
+    course, shift : int
+        Form and time of the hand's movements in the prediction.
+    shares : tuple of int
+        How much of the prediction counts, by part.
+    """
+
+    index: int
+    header: Header
+    part: ScorePart | None
+    even: bool
+    previews: dict[int, Preview]
+    slow: tuple[int, ...]
+    lacking: Array
+    course: int = 0
+    shift: int = 0
+    shares: tuple[int, ...] = (0,) * PARTS
+
+    @property
+    def unpredicted(self) -> bool:
+        """Whether nothing of the prediction is used."""
+        return self.header.mode == PLAIN or self.shares == UNUSED
+
+
+def block_at(motion: Motion, index: int) -> Array:
+    """Return the 32 frames of superframe `index` at 50 Hz, shape (32, P).
+
+    Between frames of another rate the motion is interpolated linearly; before its first and
+    after its last frame it stands still.
+    """
+    times = index * SUPERFRAME_S + TICK_S * np.arange(TICKS)
+    place = np.clip((times - motion.start_s) * motion.rate_hz, 0, len(motion.params) - 1)
+    below = np.minimum(place.astype(np.int64), max(len(motion.params) - 2, 0))
+    above = np.minimum(below + 1, len(motion.params) - 1)
+    share = (place - below)[:, None]
+    return np.asarray((1 - share) * motion.params[below] + share * motion.params[above])
+
+
+class Analyst:
+    """Analyses superframes of motions, in any order.
+
+    Parameters
+    ----------
+    coding : Coding
+        Tables of the voice.
+    l0_bytes : int
+        Room for a score, its header and check.
+    lead : int
+        Superframes by which they will be on air ahead of their time.
+    options : CueingOptions
+        Under which the receiver derives keys from phones.
+    protected : bool
+        Preview later superframes.
+    signed : bool
+        Leave room for a proof.
+    slow : SlowSender
+        Tells lasting facts.
+    """
+
+    def __init__(
+        self,
+        coding: Coding,
+        l0_bytes: int,
+        lead: int,
+        options: CueingOptions,
+        *,
+        protected: bool,
+        signed: bool,
+        slow: SlowSender,
+    ) -> None:
+        self._coding = coding
+        self._l0_bytes = l0_bytes
+        self._lead = lead
+        self._options = options
+        self._protected = protected
+        self._signed = signed
+        self._slow = slow
+        self._score: Score | None = None
+        self._line = to_line(None)
+        self._fitted: dict[int, tuple[ScorePart, bool]] = {}
+
+    def analyse(self, motion: Motion, index: int) -> Analysis:
+        """Return what is to be sent of superframe `index`."""
+        block = block_at(motion, index)
+        slow = (self._slow.piece(index),) if self._slow.due(index) else ()
+        if motion.score is None:
+            header = self._header(PLAIN, index, slow)
+            return Analysis(index, header, None, False, {}, slow, block - self._coding.mean)
+        around = {k: self._part(motion.score, k) for k in (index - 1, index, index + 1)}
+        part, even = around[index]
+        joined = join({k: p for k, (p, _) in around.items()})
+        resynthesis = resynthesis_of(self._coding, joined, index)
+        fitted = fits(
+            block, lambda course, shift: resynthesis.params(course=course, shift=shift),
+            self._coding,
+        )[0]  # fmt: skip
+        header = self._header(SCORE, index, slow)
+        previews = self._previews(index) if self._protected else {}
+        return Analysis(
+            index, header, part, even, previews, slow, fitted.lacking, fitted.course, fitted.shift,
+            fitted.shares,
+        )  # fmt: skip
+
+    def _header(self, mode: int, index: int, slow: tuple[int, ...]) -> Header:
+        return Header(mode, index % SEQUENCES, self._lead, self._signed, len(slow))
+
+    def _previews(self, index: int) -> dict[int, Preview]:
+        return {
+            distance: preview_of(part_of(self._line, index + distance, self._options), distance)
+            for distance in AHEAD
+        }
+
+    def _part(self, score: Score, index: int) -> tuple[ScorePart, bool]:
+        """Return the score of a superframe as far as it fits into L0, and whether evenly."""
+        if self._score is not score:
+            self._score, self._line = score, to_line(score, self._options)
+            self._fitted.clear()
+        if index not in self._fitted:
+            if len(self._fitted) > _HISTORY:
+                self._fitted.clear()
+            self._fitted[index] = self._fit(part_of(self._line, index, self._options), index)
+        return self._fitted[index]
+
+    def _fit(self, part: ScorePart, index: int) -> tuple[ScorePart, bool]:
+        if self._fits(part, index, even=False):
+            return part, False
+        # Denser than speech can be: first the times go, then the last phones.
+        while True:
+            part = evenly(part)
+            if self._fits(part, index, even=True) or len(part.numbers) == 1:
+                return part, True
+            part = part.without_last()
+
+    def _fits(self, part: ScorePart, index: int, *, even: bool) -> bool:
+        nothing = np.zeros(self._coding.residual.scan_scales.size, dtype=np.int64)
+        slow = (0,) if self._slow.due(index) else ()
+        content = Content(self._header(SCORE, index, slow), NOTHING_SENT, part, nothing, slow=slow)
+        return (
+            write_l0(content, self._coding.bases, self._l0_bytes, self._coding.identity, even=even)
+            is not None
+        )

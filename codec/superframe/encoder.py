@@ -1,0 +1,157 @@
+"""Encoding of superframes: analyse, plan, allocate, write.
+
+Each room hands on one frozen value: `analysis` says what is to be sent of a superframe, `plan`
+what it says beside coefficients, `allocation` how finely these are told, `payload` writes bytes.
+Specification: spec/bitstream.md, section 2.
+"""
+
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.errors import CueError
+from codec.superframe.allocation import allocate, choose, content_at, without_coefficients
+from codec.superframe.analysis import Analysis, Analyst
+from codec.superframe.checks import MIN_L0_BYTES, SIGNED_BYTES
+from codec.superframe.coding import coding_for
+from codec.superframe.payload import (
+    CRC8_BYTES,
+    Content,
+    read_l0,
+    room_bits,
+    write_l0,
+    write_l0_whole,
+    write_l1,
+)
+from codec.superframe.plan import plan_of, plans
+from codec.superframe.slow_channel import SILENT, SlowSender
+from codec.superframe.superframe import Superframe
+
+
+class SuperframeEncoder:
+    """Encoder of superframes of constant size.
+
+    Every superframe is a function of the motion and the index alone, so that they can be made
+    in any order.
+
+    Parameters
+    ----------
+    voice : Voice
+        Of the motion.
+    l0_bytes, l1_bytes : int
+        Sizes of the parts, at least 5 and 0; checksums and header count.
+    lead : int
+        Superframes by which they will be on air ahead of their time, 0..3.
+    options : CueingOptions
+        Under which the receiver derives keys from phones.
+    protected : bool
+        Send previews of later superframes.
+    signed : bool
+        Leave room for a proof of who speaks (`codec.superframe.checks.with_proof`).
+    slow : SlowSender
+        Tells lasting facts.
+
+    Raises
+    ------
+    CueError
+        If a size or the lead is out of range.
+    """
+
+    def __init__(
+        self,
+        voice: Voice,
+        *,
+        l0_bytes: int,
+        l1_bytes: int,
+        lead: int = 2,
+        options: CueingOptions = DEFAULT_OPTIONS,
+        protected: bool = False,
+        signed: bool = False,
+        slow: SlowSender = SILENT,
+    ) -> None:
+        if l0_bytes < MIN_L0_BYTES + SIGNED_BYTES * signed or l1_bytes < 0 or not 0 <= lead <= 3:
+            raise CueError(f"superframe of {l0_bytes} + {l1_bytes} bytes, lead {lead}")
+        self.voice = voice
+        self._sizes = l0_bytes, l1_bytes
+        self._coding = coding_for(voice)
+        self._analyst = Analyst(
+            self._coding, l0_bytes, lead, options, protected=protected, signed=signed, slow=slow
+        )
+
+    def encode(self, motion: Motion, index: int) -> Superframe:
+        """Return a superframe of the encoder's size.
+
+        Parameters
+        ----------
+        motion : Motion
+        index : int
+            Its number: superframe k covers 0.64 s from 0.64 k s on.
+
+        Returns
+        -------
+        Superframe
+
+        Raises
+        ------
+        VoiceError
+            If the motion was made with another voice.
+        """
+        analysis, bases = self.analyse(motion, index), self._coding.bases
+        l0_bytes, l1_bytes = self._sizes
+        room = room_bits(analysis.header, l0_bytes) + 8 * max(0, l1_bytes - CRC8_BYTES)
+        for plan in plans(analysis, l0_bytes, l1_bytes):
+            written = self._write(allocate(plan, bases, room), analysis)
+            if written is not None:
+                return written
+        written = self._write(without_coefficients(plan_of(analysis, {}), bases), analysis)
+        assert written is not None, "a fitted score always fits"
+        return written
+
+    def encode_at(self, motion: Motion, index: int, step: int) -> Superframe:
+        """Return superframe `index` with the residual at a given step, in an L0 of any length.
+
+        Parameters
+        ----------
+        motion : Motion
+        index : int
+        step : int
+            Step number, 0 (finest) to 63 (no residual).
+
+        Returns
+        -------
+        Superframe
+        """
+        analysis, bases = self.analyse(motion, index), self._coding.bases
+        chosen = choose(analysis, bases, step)
+        content = content_at(plan_of(analysis, analysis.previews), bases, chosen, step)
+        return Superframe(index, write_l0_whole(content, bases, self._coding.identity), b"")
+
+    def analyse(self, motion: Motion, index: int) -> Analysis:
+        """Return what is to be sent of superframe `index`.
+
+        Parameters
+        ----------
+        motion : Motion
+        index : int
+
+        Returns
+        -------
+        Analysis
+
+        Raises
+        ------
+        VoiceError
+            If the motion was made with another voice.
+        """
+        self.voice.check_motion(motion)
+        return self._analyst.analyse(motion, index)
+
+    def _write(self, content: Content, analysis: Analysis) -> Superframe | None:
+        """Return the bytes of a superframe, None if L0 has no room for what it says."""
+        l0_bytes, l1_bytes = self._sizes
+        bases = self._coding.bases
+        l0 = write_l0(content, bases, l0_bytes, self._coding.identity, even=analysis.even)
+        if l0 is None or l1_bytes == 0:
+            return None if l0 is None else Superframe(analysis.index, l0, b"")
+        _, known = read_l0(l0, bases)
+        l1 = write_l1(l0, content.setting, content.q, known, bases, l1_bytes)
+        return Superframe(analysis.index, l0, l1)

@@ -1,0 +1,260 @@
+"""Coding of the score: which phones start in a superframe, and when.
+
+A superframe says which phone sounds as it begins and for how long, then every phone that starts
+in it with its length; the last one is cut off at the superframe's end, because the next
+superframe tells its length. If the last one is a consonant, the vowel that completes its key
+follows, so that every key that starts in the superframe is right without its neighbours.
+Keys cost nothing: both ends derive them with `codec.cues.cueing`.
+Specification: spec/bitstream.md, section 3.
+"""
+
+from dataclasses import dataclass, field
+
+from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cues.phonology import PHONES, VOWELS
+from codec.cues.timeline import TICKS, Line
+from codec.superframe.range_coder import RangeDecoder, RangeEncoder, cumulative
+from codec.superframe.tables import ScoreTables
+
+N_VOWELS = len(VOWELS)
+NOTHING = len(PHONES)
+"""Context of a phone of which only the one before it is known."""
+
+REST_GAPS_S = (0.25, 0.5, 1.0, 1.8)
+"""Silences after which the hand rests that a superframe can name."""
+
+_ON_GRID, _EVEN = 0, 1
+"""Forms of timing (S2)."""
+
+TIMING = cumulative([255, 1])
+"""Their frequencies."""
+
+PLAIN_OR_SPECIAL = cumulative([127, 1])
+"""Frequencies of special rules (S2)."""
+
+AS_RULED = cumulative([7, 1])
+"""Frequencies of a key as the rule has it (S9)."""
+
+SHAPES = cumulative([1] * 9)
+"""Frequencies of shapes (table 2)."""
+
+PLACEMENTS_TABLE = cumulative([1] * 6)
+"""Frequencies of placements (table 2)."""
+
+
+def is_consonant(number: int) -> bool:
+    """Return whether a phone number is a consonant's."""
+    return number > N_VOWELS
+
+
+def is_vowel(number: int) -> bool:
+    """Return whether a phone number is a vowel's."""
+    return 1 <= number <= N_VOWELS
+
+
+def letter_of(number: int) -> int:
+    """Return the symbol of a phone in the tables: vowels, consonants, pause (S3)."""
+    return (number - 1) % len(PHONES)
+
+
+def number_of(letter: int) -> int:
+    """Return the phone number of a symbol in the tables (S3)."""
+    return (letter + 1) % len(PHONES)
+
+
+@dataclass(frozen=True, slots=True)
+class ScorePart:
+    """The score of one superframe, in ticks from its beginning.
+
+    Attributes
+    ----------
+    first : int
+        Number of the phone that sounds just before the superframe begins.
+    first_end : int
+        Tick at which it ends, 0..32; 32 says that it lasts to the end at least.
+    numbers, starts : tuple of int
+        Phones that start within the superframe; each ends where the next one starts, the last
+        one not before the superframe's end.
+    ahead : int
+        Number of the vowel that completes the key of a final consonant, else 0.
+    options : CueingOptions
+        Under which keys that start here follow from the phones.
+    overrides : dict of int to (int, int)
+        Shape and placement number of keys that do not follow the rule, by their start.
+    coarse : bool
+        Whether it is known from a preview only: keys are right, phones and times are not.
+    """
+
+    first: int
+    first_end: int
+    numbers: tuple[int, ...]
+    starts: tuple[int, ...]
+    ahead: int = 0
+    options: CueingOptions = DEFAULT_OPTIONS
+    overrides: dict[int, tuple[int, int]] = field(default_factory=dict)
+    coarse: bool = False
+
+    def without_last(self) -> "ScorePart":
+        """Return the part without its last phone."""
+        overrides = {k: v for k, v in self.overrides.items() if k < self.starts[-1]}
+        return ScorePart(
+            self.first, self.first_end, self.numbers[:-1], self.starts[:-1], 0, self.options,
+            overrides,
+        )  # fmt: skip
+
+    def key_starts(self) -> list[int]:
+        """Return the starts of the keys that begin within the superframe."""
+        result = []
+        before = self.first
+        for number, start in zip(self.numbers, self.starts, strict=True):
+            if number and not (is_vowel(number) and is_consonant(before)):
+                result.append(start)
+            before = number
+        return result
+
+
+def part_of(line: Line, index: int, options: CueingOptions = DEFAULT_OPTIONS) -> ScorePart:
+    """Return the part of `line` that superframe `index` carries."""
+    begin = index * TICKS
+    i = line.first_after(begin)
+    j = line.first_after(begin + TICKS)
+    starts = [tick - begin for tick in line.starts[i:j]]
+    following = line.starts[i] - begin if i < len(line.starts) else TICKS
+    ahead = 0
+    if is_consonant(line.numbers[j - 1]) and j < len(line.numbers):
+        ahead = line.numbers[j] if is_vowel(line.numbers[j]) else 0
+    part = ScorePart(
+        line.numbers[i - 1], min(following, TICKS), line.numbers[i:j], tuple(starts), ahead, options
+    )
+    overrides = {
+        start: line.overrides[begin + start]
+        for start in part.key_starts()
+        if begin + start in line.overrides
+    }
+    return ScorePart(
+        part.first, part.first_end, part.numbers, part.starts, ahead, options, overrides
+    )
+
+
+def evenly(part: ScorePart) -> ScorePart:
+    """Return the same phones at even distances: what remains when their times do not fit (S8)."""
+    n = len(part.numbers)
+    starts = tuple(TICKS * i // n for i in range(n))
+    moved = dict(zip(part.starts, starts, strict=True))
+    overrides = {moved[start]: value for start, value in part.overrides.items()}
+    return ScorePart(part.first, 0, part.numbers, starts, part.ahead, part.options, overrides)
+
+
+def write_score(
+    encoder: RangeEncoder, part: ScorePart, tables: ScoreTables, *, even: bool = False
+) -> None:
+    """Append a superframe's score; `even` for a part that `evenly` made."""
+    encoder.put(_EVEN if even else _ON_GRID, TIMING)
+    special = part.options != DEFAULT_OPTIONS or bool(part.overrides)
+    encoder.put(int(special), PLAIN_OR_SPECIAL)
+    encoder.put(letter_of(part.first), tables.first)
+    context, length = (NOTHING, part.first), 0
+    if even:
+        encoder.put_bits(len(part.numbers) - 1, 5)
+    else:
+        encoder.put(part.first_end, tables.left[part.first], TICKS)
+    for i, (number, start) in enumerate(zip(part.numbers, part.starts, strict=True)):
+        encoder.put(letter_of(number), tables.next[context])
+        if not even:
+            end = part.starts[i + 1] if i + 1 < len(part.starts) else TICKS
+            row = tables.length[number, tables.tempo(length)]
+            encoder.put(end - start - 1, row, TICKS - start - 1)
+            length = end - start if number else 0
+        context = context[1], number
+    if is_consonant(context[1]):
+        encoder.put(part.ahead - 1 if part.ahead else N_VOWELS, tables.next[context], N_VOWELS)
+    if special:
+        _write_special(encoder, part)
+
+
+def read_score(decoder: RangeDecoder, tables: ScoreTables) -> ScorePart:
+    """Read what `write_score` wrote; any code is a valid score."""
+    even = decoder.get(TIMING) == _EVEN
+    special = decoder.get(PLAIN_OR_SPECIAL) == 1
+    first = number_of(decoder.get(tables.first))
+    if even:
+        first_end, numbers, starts = 0, *_read_even(decoder, tables, first)
+    else:
+        first_end = decoder.get(tables.left[first], TICKS)
+        numbers, starts = _read_on_grid(decoder, tables, first, first_end)
+    ahead = 0
+    context = (NOTHING, first, *numbers)[-2:]
+    if is_consonant(context[1]):
+        letter = decoder.get(tables.next[context], N_VOWELS)
+        ahead = letter + 1 if letter < N_VOWELS else 0
+    part = ScorePart(first, first_end, tuple(numbers), tuple(starts), ahead)
+    return _read_special(decoder, part) if special else part
+
+
+def _read_even(
+    decoder: RangeDecoder, tables: ScoreTables, first: int
+) -> tuple[list[int], list[int]]:
+    n = decoder.get_bits(5) + 1
+    numbers, context = [], (NOTHING, first)
+    for _ in range(n):
+        context = context[1], number_of(decoder.get(tables.next[context]))
+        numbers.append(context[1])
+    return numbers, [TICKS * i // n for i in range(n)]
+
+
+def _read_on_grid(
+    decoder: RangeDecoder, tables: ScoreTables, first: int, start: int
+) -> tuple[list[int], list[int]]:
+    numbers, starts, length, context = [], [], 0, (NOTHING, first)
+    while start < TICKS:
+        number = number_of(decoder.get(tables.next[context]))
+        row = tables.length[number, tables.tempo(length)]
+        length = decoder.get(row, TICKS - start - 1) + 1
+        numbers.append(number)
+        starts.append(start)
+        start += length
+        length = length if number else 0
+        context = context[1], number
+    return numbers, starts
+
+
+def write_options(encoder: RangeEncoder, options: CueingOptions) -> None:
+    """Append the options of cueing (S9)."""
+    encoder.put_bits(options.un == "cheek", 1)
+    encoder.put_bits(options.schwa == "cheek", 1)
+    encoder.put_bits(options.oe == "cheek", 1)
+    gap = min(range(4), key=lambda i: abs(REST_GAPS_S[i] - options.rest_gap_s))
+    encoder.put_bits(gap, 2)
+
+
+def read_options(decoder: RangeDecoder) -> CueingOptions:
+    """Read what `write_options` wrote."""
+    un, schwa, oe = (decoder.get_bits(1) for _ in range(3))
+    return CueingOptions(
+        un="cheek" if un else "throat",
+        schwa="cheek" if schwa else "side",
+        oe="cheek" if oe else "side",
+        rest_gap_s=REST_GAPS_S[decoder.get_bits(2)],
+    )
+
+
+def _write_special(encoder: RangeEncoder, part: ScorePart) -> None:
+    write_options(encoder, part.options)
+    for start in part.key_starts():
+        override = part.overrides.get(start)
+        encoder.put(int(override is not None), AS_RULED)
+        if override is not None:
+            encoder.put(override[0], SHAPES)
+            encoder.put(override[1], PLACEMENTS_TABLE)
+
+
+def _read_special(decoder: RangeDecoder, part: ScorePart) -> ScorePart:
+    options = read_options(decoder)
+    overrides = {
+        start: (decoder.get(SHAPES), decoder.get(PLACEMENTS_TABLE))
+        for start in part.key_starts()
+        if decoder.get(AS_RULED)
+    }
+    return ScorePart(
+        part.first, part.first_end, part.numbers, part.starts, part.ahead, options, overrides
+    )
