@@ -202,10 +202,14 @@ typedef struct cue_key {
     uint8_t placement; /* 0..5, G4 */
     uint8_t final;     /* 1: nothing of it will change */
     uint8_t option;    /* bits of the score's options and overrides */
+    uint8_t previewed; /* 1: known from a preview only */
+    uint8_t phones[2]; /* G4; 0: none */
+    uint32_t revision; /* a higher one replaces the key of the same time; duration_s 0 removes it */
 } cue_key;
 
 typedef struct cue_motion {
     uint32_t revision;   /* a frame with a higher one replaces those of the same time (P11, J4) */
+    uint32_t count;      /* parameters of this voice, CUE_PARAMETERS at most */
     uint8_t layers;      /* bit 0: L0, bit 1: L1; 0 where the frame is concealment */
     float values[CUE_PARAMETERS];
 } cue_motion;

@@ -1,0 +1,333 @@
+/* acquire.c - find superframes in sound that may start anywhere, by their pilots.
+ *
+ * In: the ring of sound, in batches of 0.16 s of starts; out: candidates. Pilots lie below 2.8 kHz,
+ * so that a rate of 12 kHz serves; every second sample at 48 kHz is tried as a start, with 35 clock
+ * errors. Each batch stands for itself: transforms, masks and soft values are made anew, so that any
+ * hypothesis (mix, polarity, gain) can be tried on any batch and none needs memory. Two hypotheses
+ * share a batch: the usual one, whose scores of up to three superframes in a row are added, and
+ * another one in rotation. Sources: sliding transform of Jacobsen and Lyons, IEEE Signal Processing
+ * Magazine 20(2), 2003. Specification: spec/audio-carrier.md, section 7.1 (W35, W37, W42).
+ */
+#include <math.h>
+#include <string.h>
+
+#include "hearing.h"
+
+enum {
+    PARTS = 120,      /* of a soft value of 1: sums of 128 and a penalty fit 16 bits */
+    SEARCH_BINS = 59, /* those of the bands that pilots touch */
+    SEARCH_HOP = 120,
+    BLOCK = BATCH / 2,
+    PERIOD = FRAMES * ROW_HOP
+};
+
+static const float deviation = 8.0f;   /* of a score in unmarked sound: sqrt(128 / 2) */
+static const float least_score = 4.8f; /* deviations from which a place is tried */
+
+static int search_bands(const cue_mask *mask) {
+    int n = 0;
+    while (mask->edge[n] < LAST_PILOT) n++;
+    return n;
+}
+
+void cue_search_init(cue_search *s) {
+    memset(s, 0, sizeof *s);
+    for (int i = 0; i < 52; i++) { /* low-pass at 0.235 of 48 kHz / 2, 52 taps, Kaiser's window */
+        double t = i - 25.5, u = 1 - t / 26 * (t / 26), x = PI * 0.235 * t, window = 0, term = 1;
+        for (int k = 1; k < 40; k++) {
+            window += term;
+            term *= 9.0 * 9.0 * u / (4.0 * k * k);
+        }
+        s->fir[i] = (float)(0.235 * sin(x) / x * window / 1093.588); /* I0(9) */
+    }
+    for (int k = 0; k < 64; k++) {
+        for (int i = 0; i < 240; i++) {
+            s->wave[0][i][k] = (float)cos(PI / SEARCH_HOP * (i * k % 240));
+            s->wave[1][i][k] = (float)-sin(PI / SEARCH_HOP * (i * k % 240));
+        }
+        double after = -PI * (0.5 + SEARCH_HOP / 2) * (k + 0.5) / SEARCH_HOP - PI / 2;
+        double size = sqrt(2.0 / SEARCH_HOP) / 2, half = PI / (4.0 * SEARCH_HOP);
+        s->slide_turn[0][k] = (float)cos(PI / SEARCH_HOP * 4 * k);
+        s->slide_turn[1][k] = (float)sin(PI / SEARCH_HOP * 4 * k);
+        s->own[0][k] = (float)(size * cos(after + half));
+        s->own[1][k] = (float)(size * sin(after + half));
+        s->next[0][k] = (float)(-size * cos(after - half));
+        s->next[1][k] = (float)(-size * sin(after - half));
+    }
+    s->active = true;
+}
+
+/* First sample of the sound of a batch at 48 kHz. */
+static int64_t first_sample(int64_t batch) { return batch * QUANTUM - LEAD_ROWS * 16; }
+
+/* Search from a place on, with the mix and the gain that a track had if there was one. */
+void cue_search_start(cue_hearing *h, double from, const cue_track *track) {
+    cue_search *s = &h->search;
+    memset(s->past, 0, sizeof s->past);
+    s->batch = (int64_t)floor(from / QUANTUM);
+    s->mix[0] = track ? track->mix[0] : 1;
+    s->mix[1] = track ? track->mix[1] : 0;
+    s->offset = track ? track->offset : 0;
+    s->active = true;
+}
+
+bool cue_search_ready(const cue_hearing *h) {
+    return h->search.active
+           && first_sample(h->search.batch) + 4 * SEARCH_SOUND + 32 <= h->now;
+}
+
+/* ---- Transforms, masks and projections of a batch ------------------------------------------ */
+
+static void low_sound(const cue_hearing *h, const float mix[2], cue_search_work *w) {
+    enum { PIECE = 128 };
+    float x[4 * PIECE + 52];
+    int64_t first = first_sample(h->search.batch);
+    for (int done = 0; done < SEARCH_SOUND; done += PIECE) {
+        int n = SEARCH_SOUND - done < PIECE ? SEARCH_SOUND - done : PIECE;
+        /* 52 taps are even: the response is centred between the samples -1 and 0 (half a sample). */
+        cue_sound_read(&h->sound, mix, (double)(first + 4 * done - 26), 1.0, 4 * n + 52, x);
+        for (int i = 0; i < n; i++) {
+            float sum = 0;
+            for (int j = 0; j < 52; j++) sum += h->search.fir[j] * x[4 * i + j];
+            w->sound[done + i] = sum;
+        }
+    }
+}
+
+/* Band powers and signed sums of slots in rows `first` to `end`. Parts of slots in different bands
+ * are scaled apart, so that sums per band are kept: slot g takes bins of at most three bands. */
+static void slide(const cue_hearing *h, cue_search_work *w, float silent) {
+    const cue_search *s = &h->search;
+    const cue_layout *layout = &h->layout;
+    int bands = search_bands(&h->mask);
+    float x[64], y[64], a[64], b[64], power[64];
+    for (int r = 0; r < ROWS; r++) {
+        const float *sound = w->sound + 4 * r;
+        if (r % 240 == 0) { /* anew: rounding errors do not grow */
+            memset(x, 0, sizeof x);
+            memset(y, 0, sizeof y);
+            for (int i = 0; i < 240; i++)
+                for (int k = 0; k < 64; k++) {
+                    x[k] += sound[i] * s->wave[0][i][k];
+                    y[k] += sound[i] * s->wave[1][i][k];
+                }
+        } else {
+            float d[4];
+            for (int i = 0; i < 4; i++) d[i] = sound[236 + i] - sound[i - 4];
+            for (int k = 0; k < 64; k++) {
+                float u = x[k], v = y[k];
+                for (int i = 0; i < 4; i++) {
+                    u += d[i] * s->wave[0][i][k];
+                    v += d[i] * s->wave[1][i][k];
+                }
+                x[k] = u * s->slide_turn[0][k] - v * s->slide_turn[1][k];
+                y[k] = u * s->slide_turn[1][k] + v * s->slide_turn[0][k];
+            }
+        }
+        for (int k = 0; k < 63; k++) {
+            a[k] = s->own[0][k] * x[k] - s->own[1][k] * y[k]
+                   + s->next[0][k] * x[k + 1] - s->next[1][k] * y[k + 1];
+            b[k] = s->own[0][k] * y[k] + s->own[1][k] * x[k]
+                   + s->next[0][k] * y[k + 1] + s->next[1][k] * x[k + 1];
+            power[k] = 2 * (a[k] * a[k] + b[k] * b[k]); /* of 48 kHz: four times, and halved */
+        }
+        float energy[BANDS], threshold[BANDS], factor[BANDS];
+        for (int j = 0; j < bands; j++) {
+            float sum = 0;
+            for (int k = h->mask.edge[j]; k < h->mask.edge[j + 1]; k++) sum += power[k];
+            energy[j] = sum / (float)(h->mask.edge[j + 1] - h->mask.edge[j]);
+        }
+        cue_mask_thresholds(&h->mask, energy, bands, bands, silent, threshold, NULL);
+        for (int j = 0; j < bands; j++) {
+            float before = r < ROWS_PER_FRAME ? 0 : w->threshold[j][r - ROWS_PER_FRAME];
+            float least = silent * 0.25118864f, limit = 4 * (before > least ? before : least);
+            w->threshold[j][r] = threshold[j];
+            threshold[j] = threshold[j] < limit ? threshold[j] : limit;
+            factor[j] = threshold[j] > 0 ? 1 / sqrtf(2 * threshold[j]) : 0; /* sqrt(4 / 8 bins) */
+        }
+        for (int g = 0, band = 0; g < SLOTS; g++) {
+            float re = 0, im = 0;
+            w->alive[g][r] = 1;
+            for (int i = 0; i < PILOT_BINS; i++) {
+                int k = FIRST_PILOT + PILOT_BINS * g + i;
+                while (h->mask.edge[band + 1] <= k) band++;
+                float unit = layout->pilot_signs[PILOT_BINS * g + i] * factor[band];
+                if (factor[band] <= 0) w->alive[g][r] = 0;
+                re += unit * a[k];
+                im += unit * b[k];
+            }
+            w->re[g][r] = w->alive[g][r] ? re : 0;
+            w->im[g][r] = w->alive[g][r] ? im : 0;
+        }
+    }
+}
+
+/* ---- Soft values and correlations ---------------------------------------------------------- */
+
+/* Soft values of all slots at a step, in PARTS, for each place: the row's projections turned on by
+ * the slot's centre frequency. Place 0 lies at row 30. */
+static void soften(const cue_hearing *h, cue_search_work *w, float step) {
+    for (int g = 0; g < SLOTS; g++) {
+        double frequency = PI / SEARCH_HOP * (FIRST_PILOT + PILOT_BINS * (g + 0.5));
+        float dither = h->layout.pilot_dither[g];
+        const float *re = w->re[g] + 30, *im = w->im[g] + 30;
+        const uint8_t *alive = w->alive[g] + 30;
+        for (int t = 0; t < TURNS; t++) {
+            float a = (float)(cos(frequency * (0.5 * t - 1.5)) / step);
+            float z = (float)(sin(frequency * (0.5 * t - 1.5)) / step);
+            int8_t *out = w->soft[g] + t;
+            for (int r = 0; r < ROWS - 30; r++) {
+                float x = re[r] * a - im[r] * z - dither;
+                x -= floorf(x + 0.5f);
+                float u = x * x;
+                float c = 0.9985258f + u * (-19.54981647f + u * (61.07633166f + u * -59.49797175f));
+                out[r * TURNS] = (int8_t)(alive[r] ? (int)(PARTS * c + 300.5f) - 300 : 0);
+            }
+        }
+    }
+}
+
+/* sums[s][i] += correlation of the pilots of eight frames for the start at place i - SLACK. */
+static void add_pilots(const cue_hearing *h, cue_search_work *w, int first, int pilot, int profile,
+                       int16_t sums[8][BLOCK + 2 * SLACK]) {
+    for (int s = 0; s < 8; s++)
+        for (int f = 8 * s; f < 8 * s + 8; f += 2) {
+            const int8_t *a = w->soft[h->layout.slots[f][pilot]] + first + f * ROW_HOP;
+            const int8_t *b = w->soft[h->layout.slots[f + 1][pilot]] + first + (f + 1) * ROW_HOP;
+            int16_t p = h->layout.pilots[profile][f][pilot];
+            int16_t q = h->layout.pilots[profile][f + 1][pilot];
+            int16_t *out = sums[s];
+            for (int i = 0; i < BLOCK + 2 * SLACK; i++)
+                out[i] = (int16_t)(out[i] + p * a[i] + q * b[i]);
+        }
+}
+
+static int clock_ppm(int d) { return (d % 2 ? -1 : 1) * (d + 1) / 2 * 120; }
+
+/* Largest score of each start over all clock errors. */
+static void find_peaks(int16_t sums[8][BLOCK + 2 * SLACK], int16_t *peak, int16_t *clock) {
+    for (int i = 0; i < BLOCK; i++) peak[i] = -16384;
+    for (int d = 0; d < CLOCKS; d++) {
+        int ppm = clock_ppm(d), size = ppm < 0 ? -ppm : ppm;
+        int16_t less = (int16_t)(size > 160 ? PARTS * 8 : PARTS * size / 20);
+        const int16_t *at[8];
+        for (int s = 0; s < 8; s++)
+            at[s] = sums[s] + SLACK + (int)lround(ppm * 1e-6 * (8 * s + 3.5) * ROW_HOP);
+        for (int i = 0; i < BLOCK; i++) {
+            int16_t total = (int16_t)(at[0][i] + at[1][i] + at[2][i] + at[3][i] + at[4][i]
+                                      + at[5][i] + at[6][i] + at[7][i] - less);
+            int16_t better = (int16_t)(total > peak[i] ? -1 : 0);
+            clock[i] = (int16_t)((clock[i] & ~better) | (d & better));
+            peak[i] = total > peak[i] ? total : peak[i];
+        }
+    }
+}
+
+static float pilot_steps(int tier) { return exp2f(1.875f + (float)tier); }
+
+/* Number of a tier and profile as marked, -1 if the profile lacks the tier: levels 0..11. */
+static int pair_of(int tier, int profile) {
+    int own = tier - cue_profiles[profile].lowest_tier;
+    return own >= 0 && own < LEVELS / TIER_LEVELS ? 3 * profile + own : -1;
+}
+
+/* Best sum of a place with those a superframe and two before: weights make them as rare in
+ * unmarked sound as a score by itself (W35). Two places share one remembered score. */
+static float summed(const cue_search *s, int pair, int place, int ppm, int16_t peak) {
+    float own = (float)peak, total = own, best = own;
+    const float weight[2] = {0.66f, 0.507f};
+    int lag = PERIOD + (int)lround(ppm * 1e-6 * PERIOD);
+    for (int n = 1; n <= 2; n++) {
+        int64_t at = (s->batch * BATCH + place - (int64_t)n * lag) >> 1;
+        int near = 0;
+        for (int d = -1; d <= 1; d++) {
+            int64_t index = at + d + 4 * (int64_t)PAST;
+            int value = s->past[pair][index % PAST];
+            near = value > near ? value : near;
+        }
+        total += 128.0f * (float)near;
+        if (weight[n - 1] * total > best) best = weight[n - 1] * total;
+    }
+    return best;
+}
+
+/* Search the starts of a batch at one pilot step; `tier` is -1 for a step that is not as marked. */
+static void search_step(cue_hearing *h, cue_search_work *w, float step, int tier,
+                        cue_candidate *best) {
+    cue_search *s = &h->search;
+    soften(h, w, step);
+    for (int first = 0; first < BATCH; first += BLOCK) {
+        /* Row LEAD_ROWS is place 0; soft values begin at row 30. */
+        int from = (LEAD_ROWS - 30) * TURNS - SLACK + first;
+        memset(w->common, 0, sizeof w->common);
+        add_pilots(h, w, from, 0, 0, w->common);
+        for (int n = 0; n < PROFILES; n++) {
+            int pair = tier < 0 ? -1 : pair_of(tier, n);
+            if (tier >= 0 && pair < 0) continue;
+            memcpy(w->sums, w->common, sizeof w->sums);
+            add_pilots(h, w, from, 1, n, w->sums);
+            find_peaks(w->sums, w->peak, w->clock);
+            for (int i = 0; i < BLOCK; i++) {
+                float score = (float)w->peak[i] / (PARTS * deviation);
+                if (pair >= 0 && w->peak[i] > 1200)
+                    score = summed(s, pair, first + i, clock_ppm(w->clock[i]), w->peak[i])
+                            / (PARTS * deviation);
+                if (score <= best->score) continue;
+                best->score = score;
+                best->profile = n;
+                best->pilot_step = step;
+                best->clock = clock_ppm(w->clock[i]) * 1e-6;
+                best->start = (double)(s->batch * QUANTUM) + 2.0 * (first + i) - 7.5 - 0.5;
+            }
+            for (int i = 0; pair >= 0 && i < BLOCK; i += 2) {
+                int16_t top = w->peak[i] > w->peak[i + 1] ? w->peak[i] : w->peak[i + 1];
+                int64_t at = ((s->batch * BATCH + first + i) >> 1) + 4 * (int64_t)PAST;
+                s->past[pair][at % PAST] = (uint8_t)(top > 0 ? top >> 7 : 0);
+            }
+        }
+    }
+}
+
+/* Power below which a band is silent: as marked, or lower where all sound is much softer. */
+static float silence(const cue_hearing *h) {
+    float usual = 3.2e-3f, part = h->search.loudest / usual; /* -25 dB */
+    return SILENT_POWER * (part > 1 ? 1 : part < 1e-3f ? 1e-3f : part);
+}
+
+static bool search(cue_hearing *h, const float mix[2], const float *steps, const int *tiers,
+                   int count, float least, cue_candidate *found) {
+    cue_search_work *w = &h->work.search;
+    *found = (cue_candidate){.score = 0, .mix = {mix[0], mix[1]}};
+    low_sound(h, mix, w);
+    slide(h, w, silence(h));
+    for (int i = 0; i < count; i++) search_step(h, w, steps[i], tiers[i], found);
+    if (found->score > h->seen.pilots) h->seen.pilots = found->score;
+    return found->score >= least;
+}
+
+bool cue_search_usual(cue_hearing *h, cue_candidate *found) {
+    float steps[TIERS];
+    int tiers[TIERS];
+    for (int i = 0; i < TIERS; i++) {
+        steps[i] = pilot_steps(i) * exp2f(h->search.offset / TIER_LEVELS);
+        tiers[i] = i;
+    }
+    return search(h, h->search.mix, steps, tiers, TIERS, least_score, found);
+}
+
+/* The rotating hypotheses: four batches in a row, which hold one start of a superframe, get the
+ * same one: polarity, mix, and eight pilot steps half an octave apart, then those between. */
+bool cue_search_other(cue_hearing *h, cue_candidate *found) {
+    static const float mixes[][2] = {{1, 0}, {-1, 0}, {1, 1}, {1, -1}, {0, 1}, {0, -1}};
+    enum { COUNT = 8, GRIDS = 6 };
+    cue_search *s = &h->search;
+    int turn = s->turn++ / 5, which = turn / GRIDS % (h->channels == 2 ? 6 : 2);
+    int grid = turn % GRIDS, tiers[COUNT];
+    float steps[COUNT];
+    for (int i = 0; i < COUNT; i++) {
+        /* 48 steps from 1/3 of the lowest to 3 times the highest, 2^(1/8) apart */
+        steps[i] = exp2f(0.375f + (float)(i * GRIDS + grid) / 8.0f);
+        tiers[i] = -1;
+    }
+    return search(h, mixes[which], steps, tiers, COUNT, 5.4f, found);
+}
