@@ -37,7 +37,7 @@ ROOMS = {
     ),
     "link": (
         "watermark/link",
-        "watermark/link tests/watermark/test_link.py tests/watermark/test_combine.py",
+        "watermark/link tests/watermark/link/test_link.py tests/watermark/link/test_combine.py",
     ),
     "bitstream": (
         "codec/superframe codec/streamfile",

@@ -25,8 +25,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from watermark.audio.embed import AudioEmbedder
-    from watermark.audio.receive import AudioReceiver
+    from watermark.audio.embed.embedder import AudioEmbedder
+    from watermark.audio.receiver import AudioReceiver
     from watermark.link.superframe import ReceivedSuperframe
     from watermark.quality.peaq import peaq as grade
     from watermark.video.embed import VideoEmbedder
@@ -43,8 +43,8 @@ __all__ = [
 ]
 
 _HOMES = {
-    "AudioEmbedder": "watermark.audio.embed",
-    "AudioReceiver": "watermark.audio.receive",
+    "AudioEmbedder": "watermark.audio.embed.embedder",
+    "AudioReceiver": "watermark.audio.receiver",
     "ReceivedSuperframe": "watermark.link.superframe",
     "VideoEmbedder": "watermark.video.embed",
     "VideoReceiver": "watermark.video.receive",
@@ -52,7 +52,11 @@ _HOMES = {
 }
 """Where each name lives: it is imported when it is first asked for, so that importing is cheap."""
 
-_CARRIERS = {"audio": "watermark.audio", "video": "watermark.video", "a335": "watermark.a335"}
+_CARRIERS = {
+    "audio": "watermark.audio.signal",
+    "video": "watermark.video",
+    "a335": "watermark.a335",
+}
 
 PROFILES: dict[str, dict[str, Any]]
 """Profiles by carrier and name; each tells ``l0_bytes``, ``l1_bytes`` and ``net_bps``."""

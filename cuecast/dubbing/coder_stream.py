@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.audio.profile import Profile
-from watermark.audio.rehearsal import Rehearsal
+from watermark.audio.embed.codec_loop import Rehearsal
+from watermark.audio.signal.profile import Profile
 
 FS = 48_000
 """Rate in Hz of the rehearsed coder."""

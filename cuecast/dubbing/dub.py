@@ -37,7 +37,7 @@ from cuecast.dubbing.read_back import Sent, earlier_marks, read_back, true_psnr_
 from cuecast.dubbing.signing import Signing
 from cuecast.media.rewrite import Stage, rewrite_sound
 from receiver.media.programme import SoundFormat
-from watermark.audio.profile import STANDARD, Profile, find_profile
+from watermark.audio.signal.profile import STANDARD, Profile, find_profile
 from watermark.link.superframe import SUPERFRAME_S
 
 LEAD = 2

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from receiver.media.programme import SoundFormat
-from watermark.audio.embed import AudioEmbedder, Source
-from watermark.audio.mix import RATES
-from watermark.audio.rehearsal import Rehearsal
+from watermark.audio.embed.codec_loop import Rehearsal
+from watermark.audio.embed.embedder import AudioEmbedder, Source
+from watermark.audio.signal.mix import RATES
 from watermark.link.superframe import SUPERFRAME_S
 from watermark.quality.resample import Resampler
 

@@ -27,9 +27,9 @@ from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.sound_channels import CUT_S, Channel, Sound, find_channel
 from cuecast.evaluate.tables import wilson_interval
 from receiver.media.sound import read_sound
-from watermark.audio.embed import AudioEmbedder
-from watermark.audio.profile import Profile, find_profile
-from watermark.audio.receive import AudioReceiver
+from watermark.audio.embed.embedder import AudioEmbedder
+from watermark.audio.receiver import AudioReceiver
+from watermark.audio.signal.profile import Profile, find_profile
 from watermark.link.superframe import SUPERFRAME_S
 from watermark.quality import peaq, peaq_advanced, pesq_wb, segmental_snr_db
 from watermark.quality.loudness import loudness_lufs

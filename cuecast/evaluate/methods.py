@@ -23,7 +23,7 @@ from synth.motion.rules.movement import ALIGNMENTS, plan_gestures
 from synth.planning.scoring.text_score import score_from_text
 from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
 from synth.units.recordings.recording import Recording
-from watermark.audio.profile import find_profile
+from watermark.audio.signal.profile import find_profile
 from watermark.link.superframe import SUPERFRAME_S
 
 _BETWEEN_S = 1.5

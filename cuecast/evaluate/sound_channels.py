@@ -15,7 +15,7 @@ import scipy.signal
 from numpy.typing import NDArray
 
 from cuecast.evaluate import sound_injuries as injuries
-from watermark.audio.resampling_tape import Tape
+from watermark.audio.signal.sample_buffer import Tape
 from watermark.link.superframe import find_named
 
 Sound = NDArray[np.float32]

@@ -1,1 +1,5 @@
-"""Programmes get their cuer while they run: streams in, the same streams out, soon after."""
+"""Programmes get their cuer while they run.
+
+In: streams. Out: the same streams with a cuer inside, soon after. May import: `command`, `dubbing`,
+`media`.
+"""

@@ -20,9 +20,9 @@ from cuecast.dubbing.motions import MotionSource
 from cuecast.live.multiplex import Send
 from cuecast.live.sound import LiveOptions, Shifted
 from cuecast.media.encode import as_samples
-from watermark.audio.embed import AudioEmbedder
-from watermark.audio.mix import check_format
-from watermark.audio.profile import find_profile
+from watermark.audio.embed.embedder import AudioEmbedder
+from watermark.audio.signal.mix import check_format
+from watermark.audio.signal.profile import find_profile
 from watermark.link.superframe import SUPERFRAME_S
 
 _TYPES = {"s16le": ("<i2", "s16", 16), "s32le": ("<i4", "s32", 32), "f32le": ("<f4", "flt", 32)}

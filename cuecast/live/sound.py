@@ -26,8 +26,8 @@ from cuecast.live.packets import TICKS_HZ, Pes, step, write_pes
 from cuecast.live.signing import LiveSigning
 from cuecast.media.dolby import settings_of
 from receiver.media.sound import as_float
-from watermark.audio.embed import AudioEmbedder
-from watermark.audio.profile import find_profile
+from watermark.audio.embed.embedder import AudioEmbedder
+from watermark.audio.signal.profile import find_profile
 from watermark.link.superframe import SUPERFRAME_S
 
 STRETCH, LOW_STRETCH = 4, 2

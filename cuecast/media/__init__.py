@@ -1,4 +1,5 @@
 """Programmes: reading their sound, and writing them again with another sound.
 
-Containers and codecs are FFmpeg's, through PyAV; nothing else in the project imports it.
+In: files of containers that FFmpeg reads. Out: samples, subtitle tracks; the programme with its new
+sound and picture. May import: `command`.
 """

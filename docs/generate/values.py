@@ -7,7 +7,7 @@ from codec.cuer.voice import load_voice
 from codec.cues.timeline import SUPERFRAME_S, TICK_S
 from cuecast.evaluate.records import catalogue
 from watermark import PROFILES
-from watermark.audio.profile import ROBUST, USUAL_GRADE
+from watermark.audio.signal.profile import ROBUST, USUAL_GRADE
 
 
 def values() -> dict[str, Any]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from receiver.live.continuity import SteadyClock
 from receiver.television.metrics import Metrics
-from watermark.audio.mix import RATES
+from watermark.audio.signal.mix import RATES
 
 CODECS = ("aac", "mp2float", "ac3", "eac3", "aac_latm")
 """Sounds of broadcasting: a programme can go on in another one at the same address."""

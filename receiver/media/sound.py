@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from receiver.media.programme import Programme, SoundFormat, open_programme, reason
-from watermark.audio.mix import RATES, check_format
+from watermark.audio.signal.mix import RATES, check_format
 from watermark.quality.resample import Resampler
 
 JITTER_S = 0.010

@@ -1,1 +1,5 @@
-"""From soft bits to keys and motion."""
+"""From soft bits to keys and motion.
+
+In: a programme's sound and picture in blocks. Out: events: keys, motion, markers, what was lost,
+who signed. May import: `media`.
+"""

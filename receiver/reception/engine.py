@@ -1,6 +1,6 @@
 """The receiver: sound in blocks of any size and pictures in, the cuer's motion and keys out.
 
-`Receiver` joins the audio carrier (`watermark.audio.receive.AudioReceiver`), those of the picture
+`Receiver` joins the audio carrier (`watermark.audio.receiver.AudioReceiver`), those of the picture
 (`receiver.reception.picture_search`) and the timeline (`receiver.reception.tracking.Tracker`). What
 arrived in several carriers is joined by `watermark.link.combine.Combiner`; any of them may begin or
 end at any time. The events do not depend on how the samples are cut into blocks; memory does not
@@ -23,7 +23,7 @@ from receiver.reception.authenticity import Gate, Passed, Trust
 from receiver.reception.events import SUPERFRAME_S, Event, KeysFound, State
 from receiver.reception.picture_search import AGAIN_S, TRIAL_S, Found, PictureCarriers
 from receiver.reception.tracking import Tracker
-from watermark.audio.receive import MAX_MISSES, AudioReceiver
+from watermark.audio.receiver import MAX_MISSES, AudioReceiver
 from watermark.link.combine import Combiner
 
 _COMPANY_S = 5.0

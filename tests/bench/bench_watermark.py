@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from watermark.audio.embed import AudioEmbedder
-from watermark.audio.profile import PROFILES
-from watermark.audio.receive import AudioReceiver
+from watermark.audio.embed.embedder import AudioEmbedder
+from watermark.audio.receiver import AudioReceiver
+from watermark.audio.signal.profile import PROFILES
 from watermark.link.polar import make_code
 
 FS, SECONDS = 48000, 10

@@ -15,7 +15,7 @@ from pathlib import Path
 from cuecast.evaluate.audio import evaluate
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.records import make_record
-from watermark.audio.profile import HIGH, PROFILES
+from watermark.audio.signal.profile import HIGH, PROFILES
 
 L1_BYTES, L0_CODED = 76, 1750
 """With the 20 bytes of `high`'s first class, 768 bits in 0.64 s; and the coded bits of that class,

@@ -15,9 +15,9 @@ import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
-from watermark.audio.profile import FS, PROFILES
-from watermark.audio.receive import AudioReceiver
-from watermark.audio.resampling_tape import Tape
+from watermark.audio.receiver import AudioReceiver
+from watermark.audio.signal.profile import FS, PROFILES
+from watermark.audio.signal.sample_buffer import Tape
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data" / "audio"
 

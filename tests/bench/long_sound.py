@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from cuecast.dubbing.coder_stream import make_rehearsal
 from cuecast.evaluate.sound_channels import find_channel
 from tests.bench.false_locks import FOLDER
-from watermark.audio.embed import AudioEmbedder
-from watermark.audio.profile import FS, SUPERFRAME, find_profile
-from watermark.audio.receive import AudioReceiver
-from watermark.audio.resampling_tape import Tape
+from watermark.audio.embed.embedder import AudioEmbedder
+from watermark.audio.receiver import AudioReceiver
+from watermark.audio.signal.profile import FS, SUPERFRAME, find_profile
+from watermark.audio.signal.sample_buffer import Tape
 
 Sound = NDArray[np.float32]
 

@@ -9,8 +9,8 @@ import argparse
 
 import numpy as np
 
-from watermark.audio.demodulate import LONGEST_LIST_SIZE
-from watermark.audio.profile import PROFILES, find_profile
+from watermark.audio.follow.demodulate import LONGEST_LIST_SIZE
+from watermark.audio.signal.profile import PROFILES, find_profile
 from watermark.link.link import Link
 
 

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from cuecast.dubbing.coder_stream import make_rehearsal
 from cuecast.evaluate.sound_channels import encode
-from watermark.audio.embed import AudioEmbedder
-from watermark.audio.profile import FS, find_profile
-from watermark.audio.receive import AudioReceiver
+from watermark.audio.embed.embedder import AudioEmbedder
+from watermark.audio.receiver import AudioReceiver
+from watermark.audio.signal.profile import FS, find_profile
 
 BLOCK = 4800
 

@@ -11,7 +11,7 @@ from cuecast.command.cli import main
 from cuecast.demo.content import FS, make_sound
 from cuecast.demo.run import as_srt
 from cuecast.live.pcm import MarkedPcm, PcmForm, PcmPassage
-from watermark.audio.receive import AudioReceiver
+from watermark.audio.receiver import AudioReceiver
 
 FORM = PcmForm("s16le", FS, 2)
 

@@ -33,7 +33,7 @@ from cuecast.live.sound import LiveOptions, MarkedPes, SoundMarker
 from cuecast.live.text import LiveMotion
 from cuecast.media.tables import NULL_PID, PACKET
 from synth.planning.scoring.text_score import Reading
-from watermark.audio.receive import AudioReceiver
+from watermark.audio.receiver import AudioReceiver
 
 ENCODERS = {
     "mp2": ("mp2", 192_000), "aac": ("aac", 128_000), "latm": ("aac", 96_000),

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from cuecast.dubbing.marking import MarkingStage
 from receiver.media.programme import SoundFormat
-from watermark.audio.profile import find_profile
+from watermark.audio.signal.profile import find_profile
 
 STANDARD = find_profile("standard")
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.superframe.encoder import SuperframeEncoder
-from watermark.audio.embed import AudioEmbedder
-from watermark.audio.profile import STANDARD
+from watermark.audio.embed.embedder import AudioEmbedder
+from watermark.audio.signal.profile import STANDARD
 
 FS = 48000
 

@@ -24,8 +24,8 @@ from receiver.reception.engine import Receiver
 from receiver.reception.events import AuthenticityChanged, Event, KeysFound
 from tests.codec.authentication.test_authentication import BEGIN_S, announced, key
 from tests.receiver.standin import make_motion
-from watermark.audio.embed import AudioEmbedder
-from watermark.audio.profile import STANDARD
+from watermark.audio.embed.embedder import AudioEmbedder
+from watermark.audio.signal.profile import STANDARD
 
 VOICE = load_voice()
 COUNT = 60

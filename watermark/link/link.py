@@ -120,7 +120,7 @@ class Link:
 
     Examples
     --------
-    >>> from watermark.audio.profile import STANDARD
+    >>> from watermark.audio.signal.profile import STANDARD
     >>> link = Link(STANDARD)
     >>> coded = link.encode(bytes(20), bytes(7))
     >>> link.decode(1.0 - 2.0 * coded).l1 == bytes(7)

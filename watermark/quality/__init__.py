@@ -3,6 +3,9 @@
 `PeaqMeter` and `peaq` grade a test signal against its reference after Recommendation
 ITU-R BS.1387 (basic version), `AdvancedMeter` and `peaq_advanced` after its advanced version;
 `snr_db`, `segmental_snr_db` and `pesq_wb` stand beside them.
+
+In: a test signal and its reference, in blocks. Out: grades, levels and ratios. May import: no other
+room.
 """
 
 from watermark.quality.advanced import AdvancedMeter, AdvancedResult, peaq_advanced

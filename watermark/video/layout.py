@@ -1,7 +1,7 @@
 """Seeded layout of a superframe's values: dither, pilots, interleaver.
 
 Specification: spec/video-carrier.md, section 5. Pseudorandom numbers come from the named streams
-of `watermark.audio.layout`.
+of `watermark.audio.signal.layout`.
 """
 
 from dataclasses import dataclass

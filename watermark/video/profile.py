@@ -6,7 +6,7 @@ Specification: spec/video-carrier.md, sections 1 and 2.
 from dataclasses import dataclass
 
 from codec.errors import CueError
-from watermark.audio.profile import STANDARD
+from watermark.audio.signal.profile import STANDARD
 from watermark.link.superframe import SUPERFRAME_S, find_named
 
 ROWS, COLUMNS = 45, 80

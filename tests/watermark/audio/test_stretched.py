@@ -1,0 +1,87 @@
+"""Sound whose duration was changed at its pitch: pieces of it, some milliseconds apart."""
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.watermark.audio.test_carrier import embed, host, payload
+from watermark.audio.follow.demodulate import Demodulator
+from watermark.audio.follow.stretched_path import Paths
+from watermark.audio.receiver import AudioReceiver
+from watermark.audio.search.hypotheses import Stretch
+from watermark.audio.search.stretched_search import find_stretched
+from watermark.audio.signal.layout import make_pilots
+from watermark.audio.signal.masking import make_masker
+from watermark.audio.signal.profile import HOP, STANDARD
+from watermark.audio.signal.sample_buffer import PairTape, Tape
+
+FS = 48000
+PIECE, SEAM = 9600, 96
+"""Samples of a piece, and over which it fades into the next one."""
+
+
+def in_pieces(x: NDArray[np.float32], dropped: int) -> NDArray[np.float32]:
+    """Leave samples out after each piece, or repeat them."""
+    fade = np.linspace(0.0, 1.0, SEAM, dtype=np.float32)[:, np.newaxis]
+    parts, at = [x[:PIECE]], PIECE + dropped
+    while at + PIECE < len(x):
+        parts[-1][-SEAM:] = (1 - fade) * parts[-1][-SEAM:] + fade * x[at - SEAM : at]
+        parts.append(x[at : at + PIECE].copy())
+        at += PIECE + dropped
+    return np.concatenate(parts)
+
+
+@lru_cache(maxsize=1)
+def marked() -> NDArray[np.float32]:
+    return embed(host(6.0, channels=1, seed=5))
+
+
+def stretch(sound: NDArray[np.float64]) -> Stretch:
+    tape = PairTape()
+    tape.append(sound)
+    return Stretch(tape, 1.0)
+
+
+@pytest.mark.parametrize(("dropped", "blocks"), [(400, [4800]), (-384, [4800, 100_000])])
+def test_pieces_are_followed(dropped: int, blocks: list[int]) -> None:
+    heard, results = in_pieces(marked().copy(), dropped), []
+    for block in blocks:
+        receiver, found = AudioReceiver(FS, 1), []
+        for first in range(0, len(heard), block):
+            found += receiver.process(heard[first : first + block])
+        found += receiver.flush()
+        results.append([(s.l0, s.l1, s.position_s) for s in found])
+    assert all(result == results[0] for result in results)
+    sent = {payload(k)[0]: payload(k)[1] for k in range(14)}
+    read = [l0 for l0, _, _ in results[0] if l0 is not None]
+    assert len(set(read)) == len(read) >= 5
+    assert all(l0 in sent and l1 in (None, sent[l0]) for l0, l1, _ in results[0] if l0 is not None)
+
+
+def test_sound_without_a_mark_tells_of_no_path() -> None:
+    for seed in range(3):
+        sound = host(2.2, channels=1, seed=seed)[:, 0].astype(np.float64)
+        assert find_stretched(0, stretch(sound).low(1.0, 2.2)) is None
+
+
+def test_a_path_jumps_where_the_sound_does() -> None:
+    heard = in_pieces(marked().copy(), 400)[:, 0].astype(np.float64)
+    candidate = find_stretched(0, stretch(heard[:105600]).low(1.0, 2.2))
+    assert candidate is not None
+    assert candidate.profile == STANDARD.number
+    tape = Tape()
+    tape.append(heard)
+    demodulator = Demodulator(STANDARD, 0)
+    paths = Paths(tape, candidate.places, 1.0, demodulator, make_pilots(0), make_masker())
+    levels = [float(level) for level in STANDARD.levels_of(candidate.tier)]
+    found = {level: paths.find(level, jump=18.0) for level in levels}
+    level = max(found, key=lambda level: found[level][0])
+    view, places = paths.view(found[level][1], level)
+    reading = demodulator.read(view, [level])
+    assert reading.decoded.l0 in {payload(k)[0] for k in range(14)}
+    # Between its seams the superframe has one jump of 400 samples to each; an end may go astray.
+    jumps = np.diff(places) - HOP
+    assert 2 <= np.count_nonzero(np.abs(jumps + 400) < 4) <= 4
+    assert np.count_nonzero(np.abs(jumps) < 1) >= 58

@@ -1,0 +1,166 @@
+"""Parts of the invisible video carrier: grid, layout, rounding, demodulation, timing, kernels."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from tests.watermark.pictures import mark, picture, source
+from watermark.audio.signal.profile import PROFILES as AUDIO_PROFILES
+from watermark.link.link import Link
+from watermark.video import _kernels
+from watermark.video.demodulate import soft_bits
+from watermark.video.embed import VideoEmbedder
+from watermark.video.grid import Grid, Region
+from watermark.video.layout import make_layout
+from watermark.video.profile import (
+    DATA,
+    PILOTS,
+    POSITIONS,
+    PROFILES,
+    find_profile,
+)
+from watermark.video.timing import Timing
+
+
+def test_cells_outside_the_picture_are_not_seen() -> None:
+    middle = Grid(480, 360, region=Region(-1 / 6, 0, 4 / 3, 1))
+    assert middle.seen[0, 0].sum() == 60
+    assert Grid(640, 360).seen.all()
+    assert np.isfinite(middle.project(picture(0, 480, 360))).all()
+
+
+def test_rounding_to_whole_levels_keeps_the_amplitudes() -> None:
+    grid = Grid(1280, 720)
+    luma = np.full((720, 1280), 128, dtype=np.uint8)
+    profile, give = find_profile("standard"), source()
+    marked = mark([luma] * 16, VideoEmbedder(1280, 720, 25, give))
+    layout, bits = make_layout(profile), np.empty(POSITIONS)
+    bits[layout.pilots] = layout.pilot_bits
+    bits[layout.data] = Link(profile).encode(*give(0))
+    place = grid.project(marked[5]).reshape(-1) / profile.step - layout.dither - bits / 2
+    error = profile.step * (place - np.round(place))
+    assert np.sqrt(np.mean(error**2)) < 0.08  # measured 0.05; 0.13 if rounded as it is
+
+
+def test_grid_ignores_brightness_and_separates_cells() -> None:
+    grid = Grid(643, 367)
+    assert np.abs(grid.project(np.full((367, 643), 200, dtype=np.uint8))).max() < 1e-3
+    rng = np.random.default_rng(0)
+    amplitude = rng.normal(size=(2, 45, 80))
+    np.testing.assert_allclose(grid.project(grid.paint(amplitude)), amplitude, atol=0.02)
+
+
+def test_positions_are_shared_out() -> None:
+    layout = make_layout(find_profile("standard"))
+    assert sorted([*layout.pilots, *layout.data]) == list(range(POSITIONS))
+    assert (layout.pilots.size, layout.data.size) == (PILOTS, DATA)
+    for profile in PROFILES.values():
+        np.testing.assert_array_equal(make_layout(profile).pilots, layout.pilots)
+
+
+def test_demodulation_of_exact_lattice_points() -> None:
+    layout = make_layout(find_profile("high"), 3)
+    bits = np.random.default_rng(1).integers(0, 2, POSITIONS)
+    bits[layout.pilots] = layout.pilot_bits ^ 1
+    values = layout.dither + bits / 2 + np.random.default_rng(2).integers(-5, 5, POSITIONS)
+    fine = np.zeros(POSITIONS)
+    soft = soft_bits(values.astype(np.float64), np.zeros(POSITIONS), layout, fine)
+    assert soft.parity == 1
+    assert soft.agreement == pytest.approx(1)
+    np.testing.assert_array_equal(soft.ratios < 0, bits[layout.data] == 1)
+
+
+def test_coarse_lattice_lies_within_the_fine_one() -> None:
+    """Whatever the receiver thinks of a texture, the bit is right; knowing it defeats noise."""
+    layout = make_layout(find_profile("robust"), 3)
+    rng = np.random.default_rng(1)
+    bits = rng.integers(0, 2, POSITIONS)
+    bits[layout.pilots] = layout.pilot_bits
+    exact = layout.dither + 3 * bits / 2 + 3 * rng.integers(-5, 5, POSITIONS)
+    still = np.zeros(POSITIONS)
+    for share in (0.0, 0.5, 1.0):
+        soft = soft_bits(exact.astype(np.float64), still, layout, np.full(POSITIONS, share))
+        np.testing.assert_array_equal(soft.ratios < 0, bits[layout.data] == 1)
+    noisy = exact + rng.normal(0, 0.35, POSITIONS)
+    wrong = []
+    for share in (0.0, 0.9):
+        ratios = soft_bits(noisy, still, layout, np.full(POSITIONS, share)).ratios
+        wrong.append(float(((ratios < 0) != bits[layout.data]).mean()))
+    assert wrong[0] > 0.3  # measured 0.44
+    assert wrong[1] < 0.06  # measured 0.03
+
+
+def test_ratios_are_calibrated() -> None:
+    """A ratio r is right with probability 1 / (1 + exp(-r)) at any noise, so that ratios add."""
+    layout = make_layout(find_profile("robust"))
+    rng = np.random.default_rng(2)
+    coarse = (rng.uniform(size=POSITIONS) < 0.3).astype(float)
+    bits = rng.integers(0, 2, POSITIONS)
+    bits[layout.pilots] = layout.pilot_bits
+    width = np.where(coarse > 0, 3, 1)
+    for sigma in (0.1, 0.3, 0.6):
+        mean = layout.dither + width * (bits / 2 + rng.integers(-3, 3, POSITIONS))
+        mean += rng.normal(0, sigma, POSITIONS)
+        ratios = soft_bits(mean, np.zeros(POSITIONS), layout, coarse).ratios
+        right = (ratios < 0) == (bits[layout.data] == 1)
+        expected = 1 / (1 + np.exp(-np.abs(ratios)))
+        assert float(right.mean()) == pytest.approx(float(expected.mean()), abs=0.03)
+
+
+def test_texture_needs_all_quarters() -> None:
+    grid = Grid(1280, 720)
+    rng = np.random.default_rng(1)
+    noise = np.repeat(np.repeat(rng.integers(90, 160, (180, 320)), 4, 0), 4, 1).astype(np.uint8)
+    assert np.median(grid.texture(noise)) > 5
+    deep = Grid(1280, 720, 10).texture(noise.astype(np.uint16) * 4)
+    np.testing.assert_allclose(deep, grid.texture(noise))
+    edge = np.full((720, 1280), 60, dtype=np.uint8)
+    edge[:, 646:] = 200
+    assert grid.texture(edge).max() == 0
+    half = np.ascontiguousarray(noise[::2, ::2])
+    np.testing.assert_allclose(Grid(640, 360).texture(half), grid.texture(noise))
+
+
+def test_mother_code_is_that_of_the_audio_carrier() -> None:
+    audio = Link(AUDIO_PROFILES["standard"])
+    l0 = bytes(range(AUDIO_PROFILES["standard"].l0_bytes))
+    heard = audio.encode(l0, bytes(AUDIO_PROFILES["standard"].l1_bytes))[:1024]
+    for profile in PROFILES.values():
+        seen = Link(profile).encode(l0, bytes(profile.l1_bytes))[:1024]
+        np.testing.assert_array_equal(seen, heard)
+
+
+def test_timing() -> None:
+    timing = Timing(Fraction(25))
+    assert (timing.span, timing.window) == (16, 12)
+    assert [timing.window_start(k) for k in (0, 1)] == [2, 18]
+    assert timing.phase(16) == (1, 1 / 32)
+    assert timing.position_s(18) == pytest.approx(0.64)
+
+
+def test_kernels_agree_with_their_python() -> None:
+    rng = np.random.default_rng(0)
+    luma = rng.integers(0, 255, (9, 11)).astype(np.uint8)
+    across, down = rng.normal(size=(2, 2, 11)).astype(np.float32)
+    down = down[:, :9].copy()
+    columns, rows = np.array([0, 4, 11]), np.array([0, 3, 6, 9])
+    for name, arguments in {
+        "project_into": (luma, across, down, columns, rows, np.empty((2, 3, 2))),
+        "paint_into": (
+            rng.normal(size=(2, 3, 2)), across, down, columns, rows,
+            np.empty((9, 11), dtype=np.float32),
+        ),
+        "texture_into": (
+            luma, np.arange(9), np.minimum(np.arange(9), 8), np.empty((2, 2)),
+        ),
+        "reduce_into": (luma, 2, np.empty((4, 5), dtype=np.float32)),
+        "add_into": (
+            luma, *rng.normal(size=(2, 9, 11)).astype(np.float32), 0.3, 255.0, np.empty_like(luma),
+        ),
+    }.items():  # fmt: skip
+        kernel = getattr(_kernels, name)
+        compiled, plain = arguments[-1].copy(), arguments[-1].copy()
+        kernel(*arguments[:-1], compiled)
+        kernel.py_func(*arguments[:-1], plain)
+        np.testing.assert_allclose(compiled, plain, rtol=1e-5, atol=1e-5)

@@ -1,0 +1,231 @@
+"""The broadcaster's own coder inside the embedder: what is to be marked is tried on it first.
+
+In: the programme some seconds ahead, and the levels that it is to have; out: the level at which
+each superframe would bear its message. The coder runs on as one stream, for its rate control has a
+long memory: before the programme it hears what is hard to code, as one that has been on air for
+long. Its superframes carry anything. Source: the copy of the receiver inside the emitter of Baras,
+Moreau and Dymarski, IEEE TASLP 14(5), 2006, with the channel between them. Specification: none.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.audio.embed.stereo_design import StereoDesigner
+from watermark.audio.follow.align import read_view
+from watermark.audio.follow.demodulate import Demodulator
+from watermark.audio.signal.masking import make_masker
+from watermark.audio.signal.mix import front_of
+from watermark.audio.signal.profile import FS, HOP, SUPERFRAME, Profile
+from watermark.audio.signal.sample_buffer import PairTape, Tape
+from watermark.link.link import L0_CHECK, L1_CHECK
+
+LEARNING_S = 2.0
+"""Sound from which the coder's delay is found."""
+
+LONGEST_DELAY = 8192
+"""Samples by which a coder may be late."""
+
+LEVELS_PER_DOUBLING = 2.0
+"""Levels that double a superframe's information, about."""
+
+RUN_IN_S, RUN_IN_AMPLITUDE, RUN_IN_BURST, RUN_IN_BURST_S = 1.5, 0.1, 4.0, 0.1
+"""Noise that coders hear first: its length, its deviation, the factor of every third part, and the
+length of a part. A fresh AAC coder of FFmpeg leaves four times the information of one that has run
+for 8 s; after 1.5 s of bursts it is as the latter."""
+
+LEAST = 4.0
+"""Information below which one measurement does not tell how little there was, bits."""
+
+MARGIN = 1.9
+"""Information that is enough, in units of the message's and its checks' bits: with 1.5 to 1.7 a
+superframe in 50 to 150 was lost that had grade left."""
+
+LEAST_ENOUGH = 170.0
+"""Information that a short message asks for: its code is short, and what it bears varies more. With
+136 bits (robust) a superframe in 200 was lost through AAC 64k, none of which had run out of grade.
+"""
+
+REMEMBERED = 64
+"""Superframes whose measurements are kept, 41 s: more than lie between rehearsal and air."""
+
+
+class Through(Protocol):
+    """A coder and its decoder as one stream, 48 kHz."""
+
+    def process(self, sound: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Take samples, shape (n, 1 or 2); return what is decoded by now, shape (m, channels)."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Sent:
+    number: int
+    apart: bool
+    start: int
+    payload: tuple[bytes, bytes]
+    level: float
+
+
+class _Ear:
+    """One coder, and what comes back from it."""
+
+    def __init__(self, through: Through) -> None:
+        self._through = through
+        self.heard = PairTape()
+        self.delay: int | None = None
+        self.waiting: deque[_Sent] = deque()
+
+    def take(self, marked: NDArray[np.float64], sent: Tape) -> None:
+        """Send marked sound."""
+        heard = self._through.process(marked.astype(np.float32))
+        left, right = heard[:, 0].astype(np.float64), heard[:, -1].astype(np.float64)
+        self.heard.append_pair((left + right) / 2, (left - right) / 2)
+        if self.delay is None and self.heard.end >= LEARNING_S * FS + LONGEST_DELAY:
+            self.delay = self._find_delay(sent)
+        self.heard.forget(self.heard.end - 8 * SUPERFRAME)
+
+    def arrived(self) -> Iterator[_Sent]:
+        """Yield what has come back whole."""
+        while self.delay is not None and self.waiting:
+            if self.waiting[0].start + self.delay + SUPERFRAME + 2 * HOP > self.heard.end:
+                return
+            yield self.waiting.popleft()
+
+    def _find_delay(self, sent: Tape) -> int:
+        """Find the samples by which the decoded sound is late, by correlation."""
+        count = int(LEARNING_S * FS)
+        size = 1 << (count + LONGEST_DELAY).bit_length()
+        original = np.fft.rfft(sent.read(0.0, 1.0, count), size)
+        heard = np.fft.rfft(self.heard.read(0.0, 1.0, count + LONGEST_DELAY), size)
+        likeness = np.fft.irfft(heard * original.conj(), size)
+        return int(likeness[:LONGEST_DELAY].argmax())
+
+
+class Rehearsal:
+    """Sends superframes through a coder and compares what comes back with what was meant.
+
+    Parameters
+    ----------
+    profile : Profile
+        Of the embedder.
+    key : int
+        Seed of the layout.
+    *through : Through
+        The coders; the one that leaves least of a superframe counts.
+
+    Attributes
+    ----------
+    count : int
+        Superframes that were sent.
+    """
+
+    def __init__(self, profile: Profile, key: int, *through: Through) -> None:
+        self._ears = [_Ear(coder) for coder in through]
+        self._designer = StereoDesigner(profile, key)
+        self._demodulator = Demodulator(profile, key)
+        self._masker = make_masker()
+        self._before, self._tail = np.zeros((2, HOP)), np.zeros((2, HOP))
+        self._sent = Tape()
+        self._doublings: dict[int, float] = {}
+        self._levels: dict[int, float] = {}
+        bits = profile.message_bits + L0_CHECK + (L1_CHECK if profile.l1_bytes else 0)
+        self._enough = float(np.log2(max(MARGIN * bits, LEAST_ENOUGH)))
+        self.count = 0
+
+    def enough(self, number: int) -> float | None:
+        """Level at which a superframe bears its message with `MARGIN`, None if unknown."""
+        if number not in self._doublings:
+            return None
+        missing = self._enough - self._doublings[number]
+        return self._levels[number] + LEVELS_PER_DOUBLING * missing
+
+    def send(
+        self,
+        mid: NDArray[np.float64],
+        side: NDArray[np.float64],
+        levels: list[float],
+        *,
+        apart: bool = False,
+    ) -> None:
+        """Try the next superframes, and learn from what has come back by now.
+
+        Parameters
+        ----------
+        mid, side : ndarray of float64, shape (superframes * SUPERFRAME + HOP,)
+            The programme; `side` is silence where there is none.
+        levels : list of float
+            Level of each superframe, see `MarkDesigner.design`.
+        apart : bool
+            Whether cells stand in left and right, too: the side is marked.
+        """
+        if self.count == 0:
+            run_in = _run_in(2 if side.any() else 1)
+            self._sent.append(run_in.mean(axis=1))
+            self._listen(run_in)
+        # Where the side is not marked, the mark is that of mono.
+        sound = np.stack([mid, side if apart else np.zeros_like(side)])
+        marked = sound.copy()
+        marked[:, :HOP] += self._tail
+        for i, level in enumerate(levels):
+            span = slice(i * SUPERFRAME, (i + 1) * SUPERFRAME + HOP)
+            payload = self._anything()
+            made = self._designer.design(self._before, marked[:, span], payload, level, rounds=1)
+            marked[:, span] += made.mark
+            self._before = marked[:, (i + 1) * SUPERFRAME - HOP : (i + 1) * SUPERFRAME]
+            if made.carries:
+                start = self._sent.end + i * SUPERFRAME
+                for ear in self._ears:
+                    ear.waiting.append(_Sent(self.count, apart, start, payload, level))
+            self.count += 1
+        self._tail = (marked - sound)[:, -HOP:]
+        self._sent.append(marked[0, :-HOP])
+        beside = marked[1] if apart else side
+        self._listen(front_of(marked[0], beside, 2 if beside.any() else 1)[:-HOP])
+
+    def end(self) -> None:
+        """Let the coder say the rest."""
+        self._listen(np.zeros((2 * LONGEST_DELAY, 1)))
+
+    def _anything(self) -> tuple[bytes, bytes]:
+        rng, profile = np.random.default_rng(self.count), self._demodulator.profile
+        return rng.bytes(profile.l0_bytes), rng.bytes(profile.l1_bytes)
+
+    def _listen(self, marked: NDArray[np.float64]) -> None:
+        """Send marked sound, and learn from what comes back."""
+        for ear in self._ears:
+            ear.take(marked, self._sent)
+            for sent in ear.arrived():
+                self._learn(sent, ear)
+        for number in sorted(self._doublings)[:-REMEMBERED]:
+            del self._doublings[number], self._levels[number]
+        self._sent.forget(self._sent.end - 8 * SUPERFRAME)
+
+    def _learn(self, sent: _Sent, ear: _Ear) -> None:
+        """Compare a superframe with what was meant."""
+        demodulator = self._demodulator
+        cells = demodulator.layout.cells
+        places = demodulator.places if sent.apart else None
+        view = read_view(ear.heard, sent.start + (ear.delay or 0), 1.0, self._masker, places)
+        soft = view.soft(cells, demodulator.profile.step(round(sent.level)))
+        bits = demodulator.link.encode(*sent.payload)
+        agreement = soft * demodulator.layout.spread(1.0 - 2.0 * bits)
+        known = np.maximum((agreement != 0).sum(axis=0), 1)
+        # Of n cells without information the squared mean is 1 / 2n on average.
+        resultant = np.maximum((agreement.sum(axis=0) / known) ** 2 - 0.5 / known, 0.0)
+        information = float((known * resultant).sum() / np.log(2))
+        doublings = float(np.log2(max(information, LEAST)))
+        # What counts is the coder that leaves least.
+        self._doublings[sent.number] = min(self._doublings.get(sent.number, np.inf), doublings)
+        self._levels[sent.number] = sent.level
+
+
+def _run_in(channels: int) -> NDArray[np.float64]:
+    """Noise with bursts, shape (n, channels)."""
+    count, part = round(RUN_IN_S * FS), round(RUN_IN_BURST_S * FS)
+    bursts = np.where(np.arange(count) // part % 3 == 0, RUN_IN_BURST, 1.0)
+    noise = np.random.default_rng(0).normal(0.0, RUN_IN_AMPLITUDE, (count, channels))
+    return np.asarray(np.clip(noise * bursts[:, np.newaxis], -1.0, 1.0))

@@ -1,0 +1,189 @@
+"""Design of one superframe's mark, with a copy of the receiver inside.
+
+In: the programme's mid, payloads and a level; out: the mark's samples. Masking thresholds are
+derived again from the marked sound until they agree with those that the mark was made with (Baras,
+Moreau and Dymarski, IEEE TASLP 14(5), 2006). Specification: sections 3 to 6.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.audio.signal.channel_choice import MID
+from watermark.audio.signal.dither import mark_change, project
+from watermark.audio.signal.layout import make_layout, make_pilots
+from watermark.audio.signal.masking import make_masker
+from watermark.audio.signal.mdct import analyse, frames_of, synthesise
+from watermark.audio.signal.profile import HOP, Profile
+from watermark.audio.signal.required_level import coder_noise, needed_level
+from watermark.link.link import Link
+
+ITERATIONS = 3
+"""Rounds of deriving the mask again; further ones gain nothing at the receiver."""
+
+ATTACK_BLOCK, ATTACK_BEFORE, ATTACK = 120, 8, 16.0
+"""Samples of a block, blocks before it, and by how much its power must exceed theirs, to be an
+attack: 2.5 ms against 20 ms, 12 dB, of the sound's differences."""
+
+ATTACK_LEAST = 1e-8
+"""Power of differences below which nothing is an attack."""
+
+HEARD_BEFORE = 120
+"""Samples of a frame before an attack from which it is left unmarked: 2.5 ms are covered."""
+
+CARRYING = 0.35
+"""A superframe with a smaller share of living cells cannot carry and is left as it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class MarkedSuperframe:
+    """Mark of one superframe: samples, shape (1 or 2, SUPERFRAME + HOP), and whether it is one."""
+
+    mark: NDArray[np.float64]
+    carries: bool
+
+
+class MarkDesigner:
+    """Designs the mark of one superframe after another, at the mark's own rate."""
+
+    def __init__(self, profile: Profile, key: int) -> None:
+        self._profile = profile
+        self._layout = make_layout(profile, key)
+        self._pilots = make_pilots(key)
+        self._alpha = np.linspace(*profile.alphas, profile.groups)
+        self._announced = self._pilots.expected(profile.number)
+        self._masker = make_masker()
+        self._link = Link(profile)
+
+    def design(
+        self,
+        before: NDArray[np.float64],
+        host: NDArray[np.float64],
+        payload: tuple[bytes, bytes],
+        level: float,
+        *,
+        gains: NDArray[np.float64] | None = None,
+        rounds: int = ITERATIONS,
+        leaning: int | None = MID,
+    ) -> MarkedSuperframe:
+        """Design a mark.
+
+        Parameters
+        ----------
+        before : ndarray of float64, shape (1, HOP)
+            Finished samples just before the superframe.
+        host : ndarray of float64, shape (1, SUPERFRAME + HOP)
+            The programme's mid with the tail of the mark before.
+        payload : tuple of (bytes, bytes)
+            L0 and L1.
+        level : float
+            Index into `LEVELS`; what lies between two of them has the step of the nearer one and a
+            part of the quantisation error that makes up for it.
+        gains : ndarray of float64, shape (64,), optional
+            Gain of each frame's mark.
+        rounds : int
+            How often the mask is derived.
+        leaning : int, optional
+            Place towards which pilots lean in two channels; with None, all cells stand in the mid.
+        """
+        sound = np.concatenate([before[0], host[0]])
+        wanted, announced = self._wanted(sound, payload)
+        spectra = analyse(frames_of(sound, HOP), HOP)
+        coefficients = spectra[1:].real
+        mark = np.zeros(host.shape)
+        for left in reversed(range(rounds)):
+            threshold = self._masker.thresholds(np.abs(spectra) ** 2 / 2)
+            unit = self._masker.amplitudes(threshold[1:], threshold[:-1])
+            living = float(project(coefficients, unit, self._layout.cells)[1].mean())
+            if living < CARRYING:
+                return MarkedSuperframe(np.zeros(host.shape), carries=False)
+            change = self._change(coefficients, unit, wanted, announced, level)
+            mark[0] = synthesise(change if gains is None else gains[:, np.newaxis] * change, HOP)
+            if left:
+                sound[HOP:] = host[0] + mark[0]
+                spectra = analyse(frames_of(sound, HOP), HOP)
+        return MarkedSuperframe(mark, carries=True)
+
+    def need(
+        self, before: NDArray[np.float64], mid: NDArray[np.float64], side: NDArray[np.float64]
+    ) -> float:
+        """Level that the superframe needs in a coder short of bits, see `coder_demand`.
+
+        Parameters
+        ----------
+        before : ndarray of float64, shape (HOP,)
+            Finished samples just before the superframe.
+        mid, side : ndarray of float64, shape (SUPERFRAME + HOP,)
+            The programme; `side` is silence where there is none.
+        """
+        sound = np.concatenate([before, mid])
+        spectra = analyse(frames_of(sound, HOP), HOP)
+        threshold = self._masker.thresholds(np.abs(spectra) ** 2 / 2)
+        unit = self._masker.amplitudes(threshold[1:], threshold[:-1])
+        coded = [spectra[1:]]
+        if side.any():
+            coded.append(analyse(frames_of(side, HOP), HOP))
+        noise = coder_noise(coded, self._masker, self._profile.coder_bits)
+        return needed_level(noise, unit, self._masker, self._layout.cells, self._profile)
+
+    def _wanted(
+        self, sound: NDArray[np.float64], payload: tuple[bytes, bytes]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Soft values that data cells and pilots are to have, 0 where nothing is written."""
+        open_frames = ~pre_echoing(sound)[:, np.newaxis]
+        data = self._layout.spread(1.0 - 2.0 * self._link.encode(*payload))
+        return open_frames * data, open_frames * self._announced
+
+    def _change(
+        self,
+        coefficients: NDArray[np.float64],
+        unit: NDArray[np.float64],
+        wanted: NDArray[np.float64],
+        announced: NDArray[np.float64],
+        level: float,
+    ) -> NDArray[np.float64]:
+        nearest = round(level)
+        share = 2 ** ((level - nearest) / 4)
+        data = mark_change(
+            coefficients,
+            unit,
+            self._layout.cells,
+            wanted,
+            step=self._profile.step(nearest),
+            alpha=self._alpha * share,
+        )
+        pilots = mark_change(
+            coefficients,
+            unit,
+            self._pilots.cells,
+            announced,
+            step=self._profile.pilot_step(nearest),
+            alpha=self._alpha.mean() * share,
+        )
+        return data + pilots
+
+
+def pre_echoing(sound: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which frames would spread their mark over the stillness before an attack.
+
+    The mask of a frame follows its loudest part, its mark has the whole frame's length.
+
+    Parameters
+    ----------
+    sound : ndarray of float64, shape (n * HOP,)
+        The frames, and `HOP` samples before them.
+
+    Returns
+    -------
+    ndarray of bool, shape (n - 2,)
+        For each frame.
+    """
+    power = np.diff(sound, prepend=sound[0]) ** 2
+    power = power.reshape(-1, ATTACK_BLOCK).mean(axis=1)
+    around = np.concatenate([np.full(ATTACK_BEFORE, np.inf), power])
+    before = np.lib.stride_tricks.sliding_window_view(around, ATTACK_BEFORE)[:-1].max(axis=1)
+    attacks = np.flatnonzero(power > ATTACK * np.maximum(before, ATTACK_LEAST)) * ATTACK_BLOCK
+    start = HOP * np.arange(1, sound.size // HOP - 1)[:, np.newaxis]
+    quiet = (attacks - start >= HEARD_BEFORE) & (attacks - start < 2 * HOP)
+    return np.asarray(quiet.any(axis=1))

@@ -1,0 +1,174 @@
+"""Design of one superframe's mark in a programme of two channels.
+
+In: mid and side, payloads and a level; out: the mark of both. Each data cell stands in the mid, in
+left or in right (`watermark.audio.signal.channel_choice`); pilots stand in the mid, and lean
+towards left or right in some superframes. Where left and right are nearly alike, a cell stands in
+all three, as in mono. Specification: sections 4.4 and 10.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from watermark.audio.embed.design import CARRYING, ITERATIONS, MarkDesigner, MarkedSuperframe
+from watermark.audio.signal.channel_choice import LEFT, MID, RIGHT, make_places
+from watermark.audio.signal.dither import mark_change, project
+from watermark.audio.signal.layout import Cells
+from watermark.audio.signal.mdct import analyse, frames_of, synthesise
+from watermark.audio.signal.profile import HOP, Profile
+from watermark.audio.signal.stereo import channels_of, stereo_units
+
+ALIKE = 1 / 16
+"""Part of a step by which the errors of a cell in its channel and in the mid may differ, so that it
+is written in both; at twice that, it is written in its own only."""
+
+LEANING = 0.6
+"""Largest change towards left or right for a pilot, in units of the largest of a cell: a pilot that
+stands in the mid and wholly in a channel of wide stereo takes four times the power of another."""
+
+LEANING_PERIOD = 6
+"""Of so many superframes one has pilots that lean towards left and one towards right: who hears one
+channel only finds it within 4 s, and the grade hardly tells."""
+
+TINY = float(np.finfo(float).tiny)
+
+
+class StereoDesigner(MarkDesigner):
+    """Designs the marks of two channels; silence beside the mid gets the mark of mono."""
+
+    def __init__(self, profile: Profile, key: int) -> None:
+        super().__init__(profile, key)
+        # Nothing is written above.
+        self._end = max(self._layout.cells.last_bin, self._pilots.cells.last_bin)
+        self._places = make_places(profile, key).bins[:, : self._end]
+
+    def design(
+        self,
+        before: NDArray[np.float64],
+        host: NDArray[np.float64],
+        payload: tuple[bytes, bytes],
+        level: float,
+        *,
+        gains: NDArray[np.float64] | None = None,
+        rounds: int = ITERATIONS,
+        leaning: int | None = MID,
+    ) -> MarkedSuperframe:
+        """Design a mark of mid and side, shapes (2, HOP) and (2, SUPERFRAME + HOP)."""
+        if not (before[1].any() or host[1].any()):
+            plain = super().design(before[:1], host[:1], payload, level, gains=gains, rounds=rounds)
+            return MarkedSuperframe(
+                np.stack([plain.mark[0], np.zeros(host.shape[1])]), plain.carries
+            )
+        sound = np.concatenate([before, host], axis=1)
+        wanted, announced = self._wanted(sound[0], payload)
+        spectra = [analyse(frames_of(x, HOP), HOP) for x in sound]
+        coefficients = channels_of(*(spectrum[1:, : self._end].real for spectrum in spectra))
+        mark, change = np.zeros(host.shape), np.zeros((2, len(self._places), HOP))
+        places = np.full_like(self._places, MID) if leaning is None else self._places
+        for left in reversed(range(rounds)):
+            units = stereo_units(spectra[0], spectra[1], self._masker)[:, :, : self._end]
+            own = np.choose(places, coefficients), np.choose(places, units)
+            if float(project(*own, self._layout.cells)[1].mean()) < CARRYING:
+                return MarkedSuperframe(np.zeros(host.shape), carries=False)
+            inner = change[:, :, : self._end]
+            inner[:] = self._data(coefficients, units, own, places, wanted, level)
+            inner += self._leaning(coefficients, units, announced, level, leaning or MID)
+            if gains is not None:
+                inner *= gains[:, np.newaxis]
+            mark = np.stack([synthesise(part, HOP) for part in change])
+            if left:
+                sound[:, HOP:] = host + mark
+                spectra = [analyse(frames_of(x, HOP), HOP) for x in sound]
+        return MarkedSuperframe(mark, carries=True)
+
+    def _data(
+        self,
+        coefficients: NDArray[np.float64],
+        units: NDArray[np.float64],
+        own: tuple[NDArray[np.float64], NDArray[np.float64]],
+        places: NDArray[np.int64],
+        wanted: NDArray[np.float64],
+        level: float,
+    ) -> NDArray[np.float64]:
+        """Find the changes of mid and side that write the data cells, shape (2, 64, bins)."""
+        cells = self._layout.cells
+        step, alpha = self._profile.step(round(level)), self._alpha * share_of(level)
+        mid = mark_change(coefficients[MID], units[MID], cells, wanted, step=step, alpha=alpha)
+        mine = mark_change(*own, cells, wanted, step=step, alpha=alpha)
+        # What the other channel would have to do for the mid to be written, too.
+        others = np.where(places == LEFT, units[RIGHT], units[LEFT])
+        largest = _largest(step, alpha, cells, self._end)
+        alike = _alike(mine, own[1], mid, units[MID], largest)
+        other = np.clip(alike * (2 * mid - mine), -largest * others, largest * others)
+        hand = (places == LEFT).astype(np.float64) - (places == RIGHT)
+        return np.stack([
+            np.where(hand != 0, (mine + other) / 2, mid),
+            np.where(hand != 0, hand * (mine - other) / 2, _across(units) * mid),
+        ])  # fmt: skip
+
+    def _leaning(
+        self,
+        coefficients: NDArray[np.float64],
+        units: NDArray[np.float64],
+        announced: NDArray[np.float64],
+        level: float,
+        channel: int,
+    ) -> NDArray[np.float64]:
+        """Find the changes of mid and side that write the pilots, shape (2, 64, bins)."""
+        cells = self._pilots.cells
+        step = self._profile.pilot_step(round(level))
+        alpha = float(self._alpha.mean() * share_of(level))
+
+        def change(x: NDArray[np.float64], unit: NDArray[np.float64]) -> NDArray[np.float64]:
+            return mark_change(x, unit, cells, announced, step=step, alpha=alpha)
+
+        mid = change(coefficients[MID], units[MID])
+        if channel == MID:
+            return np.stack([mid, _across(units) * mid])
+        sign = 1.0 if channel == LEFT else -1.0
+        x, unit = coefficients[channel], units[channel]
+        here = mid * (1 + sign * _across(units))
+        mine = change(x, unit)
+        largest = _largest(step, alpha, cells, self._end)
+        alike = _alike(mine, unit, mid, units[MID], largest)
+        more = alike * (mine - here) + (1 - alike) * change(x + here, unit)
+        limit = LEANING * largest * np.minimum(units[LEFT], units[RIGHT])
+        return np.stack([mid, _across(units) * mid + sign * np.clip(more, -limit, limit)])
+
+
+def leaning_of(number: int) -> int:
+    """Towards where the pilots of a superframe lean."""
+    return {0: LEFT, LEANING_PERIOD // 2: RIGHT}.get(number % LEANING_PERIOD, MID)
+
+
+def share_of(level: float) -> float:
+    """Part of alpha that makes up for the step of the nearest whole level."""
+    return float(2 ** ((level - round(level)) / 4))
+
+
+def _across(units: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Part of the mid's mark that left has more and right less: by what each masks."""
+    both = np.maximum(units[LEFT] + units[RIGHT], TINY)
+    return np.asarray((units[LEFT] - units[RIGHT]) / both)
+
+
+def _largest(step: float, alpha: ArrayLike, cells: Cells, bins: int) -> NDArray[np.float64]:
+    """Largest change of each bin in units of the mask, shape (bins,)."""
+    largest = np.zeros(bins)
+    change = np.asarray(alpha) * step / 2 / np.sqrt(cells.bins)
+    per_cell = np.broadcast_to(change, cells.dither.shape)
+    largest[cells.first_bin : cells.last_bin] = np.repeat(per_cell, cells.bins)
+    return largest
+
+
+def _alike(
+    mine: NDArray[np.float64],
+    unit: NDArray[np.float64],
+    mid: NDArray[np.float64],
+    mid_unit: NDArray[np.float64],
+    largest: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """How far a cell may be written in its channel and in the mid: 1 where errors agree, 0 else."""
+    alive = (unit > 0) & (mid_unit > 0) & (largest > 0)
+    apart = np.abs(mine / np.where(alive, unit, 1.0) - mid / np.where(alive, mid_unit, 1.0))
+    part = apart / np.where(largest > 0, 2 * largest, 1.0)
+    return np.where(alive, np.clip(2 - part / ALIKE, 0.0, 1.0), 0.0)

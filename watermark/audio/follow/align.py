@@ -1,0 +1,264 @@
+"""Alignment: a superframe's soft values at a hypothesised place, and how well a place fits.
+
+In: spectra of the frames at a roughly known start; out: soft values after a small delay per frame,
+found by turning phases instead of transforming again, and the delay and drift under which known
+bits fit best. Specification: section 7.2.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.audio.signal.channel_choice import Places
+from watermark.audio.signal.dither import project, soft_values
+from watermark.audio.signal.layout import Cells
+from watermark.audio.signal.masking import Masker
+from watermark.audio.signal.mdct import analyse, frames_of
+from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP, SUPERFRAME
+from watermark.audio.signal.required_level import coder_noise
+from watermark.audio.signal.sample_buffer import PairTape, Tape
+from watermark.audio.signal.stereo import channels_of, stereo_units
+
+CLUES = 3
+"""What may tell how far a cell can be trusted: its strength, its frame's, and a coder's noise."""
+
+CLUE_LIMIT = 5.0
+"""Largest deviation of a clue from its mean that counts, natural logarithm of power."""
+
+CODER_BITS = 200.0
+"""Bits per frame of the coder that is thought to have pressed the sound; 150 to 350 do as well."""
+
+FARTHEST = 5
+"""Steps to either side at which a delay is sought: more than a young lock's clock is wrong by."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """Where known bits fit best.
+
+    Attributes
+    ----------
+    delay : float
+        Samples at 48 kHz by which frame `pivot` comes later than it was read.
+    drift_ppm : float
+        Growth of the delay with time.
+    pivot : float
+        Mean number of the frames that were seen: delay and drift are independent there.
+    score : float
+        Correlation there.
+    """
+
+    delay: float
+    drift_ppm: float
+    pivot: float
+    score: float = 0.0
+
+    def delays(self) -> NDArray[np.float64]:
+        """Delay of each frame in samples, shape (64,)."""
+        frame = np.arange(FRAMES_PER_SUPERFRAME)
+        return np.asarray(self.delay + self.drift_ppm * 1e-6 * HOP * (frame - self.pivot))
+
+    @property
+    def start_delay(self) -> float:
+        """Delay of the superframe's start."""
+        return self.delay - self.drift_ppm * 1e-6 * HOP * self.pivot
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """A superframe as read from a hypothesised place.
+
+    Attributes
+    ----------
+    spectra : ndarray of complex128, shape (64, HOP)
+        See `watermark.audio.signal.mdct.analyse`.
+    amplitudes : ndarray of float64, shape (64, bins)
+        The mark's unit, see `Masker.amplitudes`.
+    paired : bool
+        Whether bins come from left and right, too.
+    """
+
+    spectra: NDArray[np.complex128]
+    amplitudes: NDArray[np.float64]
+    paired: bool = False
+    _projected: dict[int, tuple[Cells, NDArray[np.float64], NDArray[np.bool_]]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    def turned(self, phases: NDArray[np.float64]) -> "View":
+        """Return the view with the phases, shape (HOP,), added to its bins."""
+        return View(self.spectra * np.exp(1j * phases), self.amplitudes, self.paired)
+
+    def clues(self, cells: Cells, masker: Masker) -> NDArray[np.float64]:
+        """Logarithms of the power of each cell's unit, of its frame and of a coder's noise.
+
+        Returns
+        -------
+        ndarray of float64, shape (CLUES, 64, groups)
+            The noise in units of the cell's; all less the mean over the frames at each cell
+            position, and no farther than `CLUE_LIMIT` from it.
+        """
+        cut, shape = slice(cells.first_bin, cells.last_bin), (-1, cells.dither.size, cells.bins)
+        unit = self.amplitudes[:, cut].reshape(shape).mean(axis=2)
+        strength = 2 * np.log(np.maximum(unit, 1e-7))
+        frame = np.log((np.abs(self.spectra) ** 2).sum(axis=1) + 1e-12)
+        noise = coder_noise([self.spectra], masker, CODER_BITS)
+        pressed = np.repeat(noise, np.diff(masker.edges), axis=1)[:, cut]
+        pressed = np.log(pressed.reshape(shape).mean(axis=2)) - strength
+        clues = np.stack([strength, np.broadcast_to(frame[:, np.newaxis], unit.shape), pressed])
+        clues -= clues.mean(axis=1, keepdims=True)
+        return np.asarray(np.clip(clues, -CLUE_LIMIT, CLUE_LIMIT))
+
+    def errors(self, cells: Cells, step: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Places of cells on the lattice of bit 0 in steps, and whether they carry.
+
+        Both have the shape (64, groups); whole steps are the lattice's points.
+        """
+        projections, alive = self._project(cells)
+        return projections / step - cells.dither, alive
+
+    def soft(self, cells: Cells, step: float) -> NDArray[np.float64]:
+        """Soft values of cells at a step, shape (64, groups); 0 where a cell cannot carry."""
+        return soft_values(*self._project(cells), cells, step)
+
+    def _project(self, cells: Cells) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        if id(cells) not in self._projected:
+            amplitudes = self.amplitudes[:, : cells.last_bin]
+            found = project(self.spectra[:, : cells.last_bin].real, amplitudes, cells)
+            self._projected[id(cells)] = cells, *found
+        _, projections, alive = self._projected[id(cells)]
+        return projections, alive
+
+
+def read_view(
+    tape: Tape,
+    position: float,
+    ratio: float,
+    masker: Masker,
+    places: Places | None = None,
+    *,
+    bend: float = 0.0,
+) -> View:
+    """Read the superframe at `position` of the tape; `ratio` is tape samples per 48 kHz sample.
+
+    Where `places` are given and the tape has a side that is not silent, bins are read from left or
+    right that stand there, else all from the mid. `bend` is by how much the ratio, relative to
+    itself, grows per superframe; `ratio` is its mean.
+    """
+    first, count = position - HOP * ratio, SUPERFRAME + 2 * HOP
+    spectra = _bent(tape.read(first, ratio, count), bend)
+    side = None
+    if places is not None and isinstance(tape, PairTape):
+        side = tape.side.read(first, ratio, count)
+    if places is not None and side is not None and side.any():
+        beside = _bent(side, bend)
+        channels = channels_of(spectra[1:], beside[1:])
+        units = stereo_units(spectra, beside, masker)
+        return View(np.choose(places.bins, channels), np.choose(places.bins, units), paired=True)
+    threshold = masker.thresholds(np.abs(spectra) ** 2 / 2)
+    return View(spectra[1:], masker.amplitudes(threshold[1:], threshold[:-1]))
+
+
+def _bent(sound: NDArray[np.float64], bend: float) -> NDArray[np.complex128]:
+    """Spectra of a superframe's sound whose speed changes, see `read_view`."""
+    spectra = analyse(frames_of(sound, HOP), HOP)
+    if bend:
+        place = (np.arange(len(spectra)) - 0.5) / FRAMES_PER_SUPERFRAME - 0.5
+        delays = 0.5 * bend * SUPERFRAME * (place**2 - 0.25)
+        spectra = spectra * np.exp(1j * np.outer(delays, np.pi / HOP * (np.arange(HOP) + 0.5)))
+    return np.asarray(spectra)
+
+
+Grid = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Delays in samples and drifts in ppm to try."""
+
+
+def search_fit(
+    view: View,
+    cells: Cells,
+    step: float,
+    expected: NDArray[np.float64],
+    grid: Grid,
+    *,
+    harmonic: int = 1,
+) -> Fit:
+    """Delay and drift under which `expected` soft values, shape (64, groups), fit best.
+
+    Found on a grid and refined by a parabola in each direction. Second harmonics suit both bits.
+    """
+    score = _Score(view, cells, step, expected, harmonic)
+    delay_grid, drift_grid = grid
+    scores = np.stack([score(delay_grid, drift) for drift in drift_grid], axis=1)
+    i, j = np.unravel_index(int(scores.argmax()), scores.shape)
+    delay = _peak(delay_grid, scores[:, j], int(i))
+    return Fit(delay, _peak(drift_grid, scores[i], int(j)), score.pivot, float(scores[i, j]))
+
+
+def find_delay(
+    view: View, cells: Cells, step: float, expected: NDArray[np.float64], reach: float
+) -> float:
+    """Delay of a place that is nearly right: by a parabola.
+
+    Tried are delays `reach` samples apart, on from the place as long as they fit better, but not
+    beyond `FARTHEST` of them.
+    """
+    score = _Score(view, cells, step, expected)
+    grid = np.array([-reach, 0.0, reach])
+    scores = score(grid, 0.0)
+    at = int(scores.argmax())
+    while at in (0, grid.size - 1) and grid.size < 2 * FARTHEST + 1:
+        beyond = np.array([grid[0] - reach, grid[-1] + reach])
+        below, above = score(beyond, 0.0)
+        grid = np.array([beyond[0], *grid, beyond[1]])
+        scores = np.array([below, *scores, above])
+        at = int(scores.argmax())
+    return _peak(grid, scores, at)
+
+
+class _Score:
+    """Correlation of a view with expected soft values, as a function of delay and drift."""
+
+    def __init__(
+        self,
+        view: View,
+        cells: Cells,
+        step: float,
+        expected: NDArray[np.float64],
+        harmonic: int = 1,
+    ) -> None:
+        seen = np.abs(expected * view.soft(cells, step)).sum(axis=1)
+        self.pivot = float((np.arange(seen.size) * seen).sum() / max(seen.sum(), 1e-9))
+        bins = slice(cells.first_bin, cells.last_bin)
+        unit = view.amplitudes[:, bins]
+        dead = unit <= 0
+        # Projections at delay d are the real parts of sums of these, turned by d.
+        self._terms = np.where(dead, 0.0, view.spectra[:, bins] * cells.signs)
+        self._terms /= np.where(dead, 1.0, unit) * (step / harmonic * np.sqrt(cells.bins))
+        self._cells, self._dither = cells, harmonic * cells.dither
+        alive = ~dead.reshape(len(unit), -1, cells.bins).any(axis=2)
+        self._expected = expected * alive
+
+    def __call__(self, delays: NDArray[np.float64], drift_ppm: float) -> NDArray[np.float64]:
+        """Scores of some delays at one drift."""
+        from watermark.audio.follow import _kernels
+
+        frames, cells = Fit(0.0, drift_ppm, self.pivot).delays(), self._cells
+        frequency = np.pi / HOP * (np.arange(cells.first_bin, cells.last_bin) + 0.5)
+        turn = np.exp(1j * np.outer(frequency, delays))
+        score = np.zeros(delays.size)
+        _kernels.fit_scores(
+            self._terms, self._expected, self._dither, frames * frequency[0],
+            frames * (np.pi / HOP), turn, score,
+        )  # fmt: skip
+        return score
+
+
+def _peak(grid: NDArray[np.float64], values: NDArray[np.float64], i: int) -> float:
+    """Abscissa of the parabola through a maximum and its neighbours on an even grid."""
+    if not 0 < i < grid.size - 1:
+        return float(grid[i])
+    below, top, above = values[i - 1 : i + 2]
+    curvature = below - 2 * top + above
+    shift = 0.0 if curvature >= 0 else 0.5 * (below - above) / curvature
+    return float(grid[i] + shift * (grid[i + 1] - grid[i]))

@@ -1,0 +1,351 @@
+"""Demodulation of one profile's superframes: a view of sound to payloads, whatever its level.
+
+In: a `View`; out: soft values, log-likelihood ratios and what the link makes of them. The level is
+found by trying: the one that worked last first. Specification: sections 6 and 7.3.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+import scipy.ndimage
+from numpy.typing import NDArray
+
+from watermark.audio.follow.align import View
+from watermark.audio.follow.equaliser import band_of
+from watermark.audio.follow.interference import Coverage, Covered
+from watermark.audio.follow.reliability import LIMITS, NOISY, Reliability
+from watermark.audio.signal.channel_choice import LEFT, MID, RIGHT, make_places
+from watermark.audio.signal.layout import make_layout, make_pilots
+from watermark.audio.signal.masking import make_masker
+from watermark.audio.signal.profile import LEVELS, TIER_LEVELS, Profile
+from watermark.link.link import Decoded, Link
+
+LIST_SIZE, LONG_LIST_SIZE, LONGEST_LIST_SIZE = 8, 32, 512
+"""Paths that the decoder follows at first, then at a candidate, and where a superframe is due."""
+
+TRIED_LEVELS = 8
+"""Levels at which a superframe is tried: those of the two tiers whose pilots fit best."""
+
+COVERED_LEVELS, COVERED_ROUNDS = 3, 3
+"""Levels at which a superframe is read as one that another sound covers in part, the most
+promising, and rounds of decoding and estimation in turns at each."""
+
+UNTOLD = 24.0
+"""Correlation of pilots, three standard deviations of noise, below which they hardly tell a level:
+the last one and its neighbours are tried, too."""
+
+NEARBY = (1.5, 2.5)
+"""Deviation in frames and cells of the window in which decoded bits tell of their neighbours."""
+
+SINGLE, SURELY, LEAST_STANDING = 2.5, 2.0, 0.02
+"""Standard deviations by which cells of one place must lie nearer to points of either bit than
+those of another, for the sound to be taken for a single channel; how many the others must have to
+be given weight; and their least weight."""
+
+SHRINK = 20.0
+"""Cells that the mean of all frames counts for beside them; 10 to 40 do as well."""
+
+EVEN = 1.0
+"""Weight of all cells where none is trusted more than another."""
+
+LONG_LEVELS, DUE_LEVELS = 2, 4
+"""Levels at which a longer list is tried at a candidate, and where a superframe is due: half of
+them the likeliest, half the most promising."""
+
+
+SPARE_TIERS = 2
+"""Tiers beyond those of the profile that a change of gain may have led to."""
+
+GAIN_TRIAL, GAIN_WORTH = 0.25, 1.02
+"""Levels by which the gain is thought to have changed, and by how much the decoded bits must agree
+better then."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A superframe as read at one place and level.
+
+    Attributes
+    ----------
+    view : View
+        Where it was read.
+    level : float
+        Level that was assumed; with another gain, not one of those that are written.
+    clues : ndarray of float64, shape (3, 64, groups)
+        See `View.clues`.
+    soft : ndarray of float64, shape (64, groups)
+        Soft values.
+    llr : ndarray of float64, shape (data_cells,)
+        Log-likelihood ratios of the coded bits.
+    decoded : Decoded
+        What the link found.
+    """
+
+    view: View
+    level: float
+    clues: NDArray[np.float64]
+    soft: NDArray[np.float64]
+    llr: NDArray[np.float64]
+    decoded: Decoded
+
+
+def _kinds(places: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Which cells are alike, shape (4, groups): low ones, and above those of mid, left, right."""
+    above = np.arange(places.size) >= np.flatnonzero(places)[0]
+    kinds = [~above, *((places == place) & above for place in (MID, LEFT, RIGHT))]
+    return np.array(kinds, dtype=np.float64)
+
+
+def _agreement(soft: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Second harmonic of soft values, in which both bits agree."""
+    return np.where(soft != 0, 2 * soft**2 - 1, 0.0)
+
+
+class Demodulator:
+    """Reads the superframes of a profile and learns how far each cell can be trusted."""
+
+    def __init__(self, profile: Profile, key: int) -> None:
+        self.profile = profile
+        self.layout = make_layout(profile, key)
+        self.places = make_places(profile, key)
+        self._kinds = _kinds(self.places.cells)
+        self.link = Link(profile)
+        self.reliability = Reliability(profile.groups, self._kinds)
+        self._pilots = make_pilots(key)
+        self._masker = make_masker()
+        self._announced = self._pilots.expected(profile.number)
+        self.coverage = Coverage(profile, self.layout, self._pilots)
+
+    @property
+    def bands(self) -> int:
+        """Bands of the profile, see `watermark.audio.follow.equaliser`."""
+        return int(band_of(self.layout.cells)[-1]) + 1
+
+    def likely_levels(self, view: View, last: float, offset: float = 0.0) -> list[float]:
+        """Levels to try, best first: by how well their pilots fit, then by nearness to `last`.
+
+        A gain that moved all levels by `offset` may have moved them beyond those that are written:
+        where pilots fit best at such a tier, its levels come first.
+        """
+        tiers, own = len(LEVELS) // TIER_LEVELS, set(range(len(LEVELS) // TIER_LEVELS))
+        scores: dict[int, float] = {}
+        for tier in range(-SPARE_TIERS, tiers + SPARE_TIERS):
+            step = self.profile.pilot_step(0) * 2 ** (tier + offset / TIER_LEVELS)
+            soft = view.soft(self._pilots.cells, step)
+            scores[tier] = float((soft * self._announced).sum())
+        ranked = sorted(scores, key=lambda tier: -scores[tier])
+        chosen = [tier for tier in ranked if tier in own][: TRIED_LEVELS // TIER_LEVELS]
+        if ranked[0] not in own:
+            chosen.insert(0, ranked[0])
+        levels = [[tier * TIER_LEVELS + i + offset for i in range(TIER_LEVELS)] for tier in chosen]
+        if scores[ranked[0]] < UNTOLD:
+            every = (level + offset for level in range(len(LEVELS)))
+            others = sorted(set(every) - set(levels[0]), key=lambda x: abs(x - last))
+            levels[1:] = [others[: TRIED_LEVELS - TIER_LEVELS]]
+        return [level for part in levels for level in sorted(part, key=lambda x: abs(x - last))]
+
+    def read(
+        self,
+        view: View,
+        levels: list[float],
+        *,
+        offset: float = 0.0,
+        due: bool = True,
+        brief: bool = False,
+    ) -> Reading:
+        """Read at the first of `levels` that the link accepts; else at the first of all.
+
+        What fails everywhere is tried again at the first few with a longer list, then with other
+        weights than the learnt ones: harder where a superframe is due, not at all in brief.
+        `offset` is by how much a gain moved all levels.
+        """
+        clues = view.clues(self.layout.cells, self._masker)
+        attempts = self._attempts(view, clues, levels, offset, due=due)
+        for level, ratios, list_size in islice(attempts, len(levels) if brief else None):
+            reading = self._read_at(view, clues, level, ratios, list_size)
+            if reading.decoded.l0 is not None:
+                return self._settle(reading)
+        return reading
+
+    def _attempts(
+        self,
+        view: View,
+        clues: NDArray[np.float64],
+        levels: list[float],
+        offset: float,
+        *,
+        due: bool,
+    ) -> Iterator[tuple[float, NDArray[np.float64], int]]:
+        """Levels, ratios of the cells and sizes of the decoder's list, the likeliest first."""
+
+        def weighted(level: float, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+            return view.soft(self.layout.cells, self.profile.step(level)) * weights
+
+        learnt = self.reliability.cautious(clues)
+        yield from (
+            (level, self._standing(view, level) * weighted(level, learnt), LIST_SIZE)
+            for level in levels
+        )
+        covered = {level: self._look(view, level, offset) for level in levels}
+        promising = sorted(levels, key=lambda level: -covered[level].promise)
+        for level in promising[:COVERED_LEVELS]:
+            ratios = covered[level].ratios()
+            yield level, ratios, LONG_LIST_SIZE
+            for _ in range(COVERED_ROUNDS):
+                believed = self.link.beliefs(self.layout.gather(ratios))
+                ratios = covered[level].ratios(self.layout.spread(believed))
+                yield level, ratios, LONG_LIST_SIZE
+        count, longer = (DUE_LEVELS, LONGEST_LIST_SIZE) if due else (LONG_LEVELS, LONG_LIST_SIZE)
+        likely = dict.fromkeys([*levels[: count // 2], *promising[: count // 2]])
+        yield from ((level, weighted(level, learnt), longer) for level in likely)
+        noisy = self.reliability.weights(clues, exponents=NOISY)
+        for level in levels[: LONG_LEVELS if due else 1]:
+            for weights in (self.reliability.plain(clues), np.full((1, 1), EVEN)):
+                yield level, weighted(level, weights), longer
+            yield level, weighted(level, noisy), LONG_LIST_SIZE
+        for kind, level in self.lone_levels(view, levels):
+            yield level, weighted(level, np.maximum(kind, LEAST_STANDING)), longer
+
+    def _look(self, view: View, level: float, offset: float) -> Covered:
+        """Look for what covers a superframe; its pilots have the step of their tier."""
+        tier = math.floor((level - offset) / TIER_LEVELS + 1e-6)
+        pilot_step = self.profile.pilot_step(0) * 2 ** (tier + offset / TIER_LEVELS)
+        return self.coverage.look(view, level, pilot_step)
+
+    def _standing(self, view: View, level: float) -> NDArray[np.float64]:
+        """Factors of weights, shape (groups,): a single channel bears what stands there.
+
+        They are 1 unless cells of one place lie nearer to a point of either bit than others.
+        """
+        if view.paired:
+            return np.ones(self.profile.groups)
+        soft = view.soft(self.layout.cells, self.profile.step(level))
+        return self._factors(_agreement(soft), soft != 0)
+
+    def lone_levels(
+        self, view: View, levels: list[float]
+    ) -> list[tuple[NDArray[np.float64], float]]:
+        """Cells of left and of right, shape (groups,), and the level at which they seem written."""
+        if view.paired:
+            return []
+        cells = self.layout.cells
+        soft = [view.soft(cells, self.profile.step(level)) for level in levels]
+        near = [_agreement(at_level).sum(axis=0) for at_level in soft]
+        return [(kind, levels[int((near @ kind).argmax())]) for kind in self._kinds[2:]]
+
+    def trust(self, reading: Reading) -> NDArray[np.float64]:
+        """Weights of cells whose bits are known, shape (64, groups)."""
+        weights = self.reliability.weights(reading.clues)
+        if reading.view.paired:
+            return weights
+        expected = self.expected(reading.decoded)
+        known = (expected != 0) & (reading.soft != 0)
+        return weights * self._factors(np.where(known, reading.soft * expected, 0.0), known)
+
+    def _factors(self, near: NDArray[np.float64], seen: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Factors of weights by how near the cells of each place lie to the right points."""
+        cells = np.maximum(self._kinds @ seen.sum(axis=0), 1)
+        mean, deviation = self._kinds @ near.sum(axis=0) / cells, np.sqrt(0.5 / cells)
+        best = int(mean[1:].argmax()) + 1
+        apart = SINGLE * np.hypot(deviation, deviation[best])
+        if not (mean[1:] < mean[best] - apart[1:]).any():
+            return np.ones(self.profile.groups)
+        sure = mean - SURELY * deviation
+        factors = np.clip(sure / max(sure[best], deviation[best]), LEAST_STANDING, 1.0)
+        return np.asarray(factors @ self._kinds)
+
+    def _read_at(
+        self,
+        view: View,
+        clues: NDArray[np.float64],
+        level: float,
+        ratios: NDArray[np.float64],
+        list_size: int,
+    ) -> Reading:
+        soft = view.soft(self.layout.cells, self.profile.step(level))
+        llr = self.layout.gather(ratios)
+        decoded = self.link.decode(llr, list_size=list_size)
+        return Reading(view, level, clues, soft, llr, decoded)
+
+    def _settle(self, reading: Reading) -> Reading:
+        """Move to the level at which the decoded bits fit best: L0 survives a wrong one."""
+        expected = self.expected(reading.decoded)
+
+        def soft(level: float) -> NDArray[np.float64]:
+            return reading.view.soft(self.layout.cells, self.profile.step(level))
+
+        best = max(
+            (reading.level + change for change in (0, -2, -1, 1, 2)),
+            key=lambda level: float((soft(level) * expected).sum()),
+        )
+        if best == reading.level:
+            return reading
+        ratios = soft(best) * self._local(soft(best), expected)
+        again = self._read_at(reading.view, reading.clues, best, ratios, LIST_SIZE)
+        return reading if again.decoded.l0 is None else again
+
+    def read_second(self, reading: Reading, view: View) -> Reading:
+        """Read the second class where only the first was accepted, with what that one tells.
+
+        Parameters
+        ----------
+        reading : Reading
+            With L0 but without L1.
+        view : View
+            The superframe at the place where the bits of L0 fit best.
+
+        Returns
+        -------
+        Reading
+            With L1, or the one that was given.
+        """
+        expected = self.expected(reading.decoded)
+        soft = view.soft(self.layout.cells, self.profile.step(reading.level))
+        learnt = self.reliability.cautious(reading.clues)
+        plain = self.reliability.plain(reading.clues)
+        for weights in (self._local(soft, expected), learnt, plain):
+            llr = self.layout.gather(soft * weights)
+            l1 = self.link.second(llr, list_size=LONGEST_LIST_SIZE)
+            if l1 is not None:
+                return replace(reading, decoded=self.link.complete(reading.decoded, l1))
+        return reading
+
+    def _local(
+        self, soft: NDArray[np.float64], expected: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Weights by how well known cells agree around each cell of this superframe."""
+        known = (expected != 0) & (soft != 0)
+        agreement = np.where(known, soft * expected, 0.0)
+        place = agreement.sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+        near, count = (
+            scipy.ndimage.gaussian_filter(x.astype(np.float64), NEARBY, mode="constant")
+            for x in (agreement, known)
+        )
+        cells = 4 * np.pi * NEARBY[0] * NEARBY[1]
+        r = (cells * near + SHRINK * np.clip(place, *LIMITS)) / (cells * count + SHRINK)
+        r = np.clip(r, *LIMITS)
+        return np.asarray(2 * r * (2 - r**2) / (1 - r**2))
+
+    def gain_change(self, reading: Reading) -> float:
+        """Levels by which the gain seems to have changed, from the decoded bits."""
+        expected = self.expected(reading.decoded)
+        fits = []
+        for change in (-GAIN_TRIAL, 0.0, GAIN_TRIAL):
+            step = self.profile.step(reading.level + change)
+            fits.append(float((reading.view.soft(self.layout.cells, step) * expected).sum()))
+        below, here, above = fits
+        if max(below, above) <= GAIN_WORTH * here:
+            return 0.0
+        return -GAIN_TRIAL if below > above else GAIN_TRIAL
+
+    def learn(self, reading: Reading) -> None:
+        """Let a decoded superframe teach how far cells can be trusted."""
+        self.reliability.learn(reading.soft, self.expected(reading.decoded), reading.clues)
+
+    def expected(self, decoded: Decoded) -> NDArray[np.float64]:
+        """Soft values that decoded bits ask for; 0 where unknown, shape (64, groups)."""
+        known = decoded.coded >= 0
+        return self.layout.spread(np.where(known, 1.0 - 2.0 * decoded.coded, 0.0))

@@ -1,0 +1,308 @@
+"""Sound whose duration was changed at its pitch: where its superframes lie, frame by frame.
+
+A programme that is played faster at its own pitch is cut into pieces that overlap: within a piece
+all is as it was, from piece to piece some milliseconds are left out or heard twice. So a superframe
+has a few jumps at unknown places. In: sound; out: superframes. Pilots tell where one begins,
+pilots and the lattice itself where each of its frames lies: the likeliest path, by dynamic
+programming. Source: Verhelst and Roelands, "An overlap-add technique based on waveform similarity",
+ICASSP 1993 (what such a stretch does); Viterbi, IEEE Trans. IT 13(2), 1967. Specification: W48.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.audio.follow.demodulate import Demodulator, Reading
+from watermark.audio.follow.equaliser import Equaliser
+from watermark.audio.follow.stretched_path import MARGIN, REACH, Paths
+from watermark.audio.follow.track import Reader, Track, received
+from watermark.audio.search.stretched_search import LEAST, LEAST_KNOWN, find_stretched
+from watermark.audio.signal.layout import make_pilots
+from watermark.audio.signal.masking import make_masker
+from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP, LEVELS, SUPERFRAME, Profile
+from watermark.audio.signal.sample_buffer import Tape
+from watermark.link.superframe import ReceivedSuperframe
+
+JUMPS = (18.0, 9.0)
+"""Natural logarithms of the likelihood ratio that a jump must be worth, tried in turn."""
+
+TEMPI = (25 / 24, 24 / 25)
+"""Of films at 24 pictures a second that are played at 25, and the way back: what a single
+superframe, whose jumps may be anywhere, does not tell."""
+
+MOST_TEMPO, APART = 0.06, 0.01
+"""Largest change of duration that is followed, and how far tempi lie apart that are both tried."""
+
+PRIOR = 2.0
+"""Superframes that the tempo at first counts for beside those that were read."""
+
+SETTLED = 4
+"""Superframes that were read after which the tempo is known."""
+
+MAX_MISSES, MAX_UNSETTLED = 6, 1
+"""Superframes in a row that may fail before the lock is given up, and while the tempo is not known:
+the place of the next one is not, either."""
+
+EVEN, MAX_EVEN = 1.0, 4
+"""Samples that are no jump, and superframes in a row without one after which the sound is left to
+the usual search."""
+
+UNREADABLE = 6
+"""Superframes in a row that cannot be read before the past is left alone."""
+
+LEVELS_BESIDE = (0, -1, 1, -2, 2)
+"""Levels tried beside that of the superframe before."""
+
+FRAMES = np.arange(FRAMES_PER_SUPERFRAME, dtype=np.float64)
+"""Numbers of a superframe's frames."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(slots=True)
+class _Place:
+    """Where the next superframe is expected.
+
+    Attributes
+    ----------
+    position : float
+        Where it begins at an even pace: samples of the tape.
+    piece : float or None
+        Where it begins if the last piece goes on; None where that is not known.
+    tempo : float
+        Nominal duration of superframes over that which is heard, as far as is known.
+    assumed : float
+        What it was thought to be at first.
+    origin : float
+        Where the first superframe began.
+    level : float
+        Level of the superframe before.
+    count, read : int
+        Superframes since the first, and those of them that were read.
+    misses, even : int
+        Superframes in a row that failed, and that had their nominal duration.
+    """
+
+    position: float
+    tempo: float
+    assumed: float
+    origin: float
+    level: float
+    piece: float | None = None
+    count: int = 0
+    read: int = 0
+    misses: int = 0
+    even: int = 0
+
+
+class StretchedFollower:
+    """Locks onto stretched sound and follows it.
+
+    Parameters
+    ----------
+    key : int
+        Seed of the layout.
+    fs : int
+        Rate of the sound, Hz.
+    nominal : float
+        Samples that come for one of the mark's own.
+    reader : Reader
+        Whose demodulators are used.
+    """
+
+    def __init__(self, key: int, fs: int, nominal: float, reader: Reader) -> None:
+        self._key, self._fs, self._nominal, self._reader = key, fs, nominal, reader
+        self._pilots, self._masker = make_pilots(key), make_masker()
+        self._place: _Place | None = None
+        self._demodulator: Demodulator | None = None
+
+    @property
+    def locked(self) -> bool:
+        """Whether stretched sound is being followed."""
+        return self._place is not None
+
+    @property
+    def position(self) -> float:
+        """Where the next superframe is expected, samples of the tape; 0 without a lock."""
+        return 0.0 if self._place is None else self._place.position
+
+    @property
+    def profile(self) -> Profile | None:
+        """What the sound that was locked onto announced, None before."""
+        return None if self._demodulator is None else self._demodulator.profile
+
+    @property
+    def demodulator(self) -> Demodulator:
+        """That of the profile which was locked onto."""
+        assert self._demodulator is not None
+        return self._demodulator
+
+    def forget(self) -> None:
+        """Give the lock up."""
+        self._place = None
+
+    @property
+    def misses(self) -> float:
+        """Superframes in a row that failed; infinite without a lock."""
+        return np.inf if self._place is None else self._place.misses
+
+    def lock(
+        self, low: Array, tape: Tape, start: float, told: float, *, known: bool
+    ) -> list[ReceivedSuperframe] | None:
+        """Search a stretch and lock onto it.
+
+        Parameters
+        ----------
+        low : ndarray of float64, shape (n,)
+            The stretch at 12 kHz.
+        tape : Tape
+            The sound, as far back as it is remembered.
+        start : float
+            Place of the stretch on the tape.
+        told : float
+            Place of the last superframe that was handed out.
+        known : bool
+            Whether a mark was read not long ago: less is asked then.
+
+        Returns
+        -------
+        list of ReceivedSuperframe, or None
+            The one that was found, after those before it, less those that were handed out; None
+            if there is no lock.
+        """
+        candidate = find_stretched(self._key, low, least=LEAST_KNOWN if known else LEAST)
+        if candidate is None:
+            return None
+        self._demodulator = demodulator = self._reader.demodulator(candidate.profile)
+        centre = candidate.places * self._nominal + start
+        levels = [float(level) for level in demodulator.profile.levels_of(candidate.tier)]
+        paths = self._paths(tape, centre)
+        readings = self._readings(paths, levels, None, due=False)
+        read = next((one for one in readings if one[0].decoded.l0 is not None), None)
+        if read is None:
+            return None
+        reading, places = read
+        heard = float(places[-1] - places[0]) / (FRAMES_PER_SUPERFRAME - 1)
+        tempo = min(TEMPI, key=lambda likely: abs(likely * heard - HOP * self._nominal))
+        first = self._even_start(places, tempo)
+        place = _Place(first, tempo, tempo, first, reading.level)
+        found: list[ReceivedSuperframe] = []
+        if first > told + SUPERFRAME * self._nominal / 2:
+            found = [*self._read_back(tape, place, told), self._received(reading, first)]
+        self._learn(place, reading, places, place.tempo)
+        self._place = place
+        return found
+
+    def complete(self, tape: Tape) -> bool:
+        """Whether the next superframe has arrived."""
+        if self._place is None:
+            return False
+        last = self._place.position + SUPERFRAME * self._nominal / min(TEMPI)
+        return last + (REACH + HOP + 2 * MARGIN) * self._nominal <= tape.end
+
+    def follow(self, tape: Tape) -> list[ReceivedSuperframe]:
+        """Read the superframe that is due; give the lock up after some that fail."""
+        place = self._place
+        if place is None:
+            return []
+        position = place.position
+        reading, places, tempo = self._read(tape, place)
+        if reading.decoded.l0 is not None:
+            self._learn(place, reading, places, tempo)
+            if place.even >= MAX_EVEN:
+                self._place = None
+            return [self._received(reading, self._even_start(places, place.tempo))]
+        place.count, place.misses, place.piece = place.count + 1, place.misses + 1, None
+        place.position += SUPERFRAME * self._nominal / place.tempo
+        if place.misses > (MAX_MISSES if place.read >= SETTLED else MAX_UNSETTLED):
+            self._place = None
+            return []
+        return [self._received(reading, position)]
+
+    def _even_start(self, places: Array, tempo: float) -> float:
+        """Where a superframe would begin at an even pace."""
+        return float(np.median(places - HOP * self._nominal / tempo * FRAMES))
+
+    def _learn(self, place: _Place, reading: Reading, places: Array, tempo: float) -> None:
+        """Let a superframe that was read tell where the next one begins."""
+        nominal = SUPERFRAME * self._nominal
+        if place.read < SETTLED:
+            place.assumed = tempo
+        place.count, place.read = place.count + 1, place.read + 1
+        end = self._even_start(places, place.assumed) + nominal / place.assumed
+        heard = end - place.origin + PRIOR * nominal / place.assumed
+        mean = (place.count + PRIOR) * nominal / heard
+        place.tempo = min(max(mean, 1 - MOST_TEMPO), 1 + MOST_TEMPO)
+        jumps = np.abs(np.diff(places) - HOP * self._nominal) > EVEN
+        place.even = 0 if jumps.any() else place.even + 1
+        place.position, place.piece = end, float(places[-1]) + HOP * self._nominal
+        place.level, place.misses = reading.level, 0
+        self.demodulator.learn(reading)
+
+    def _read_back(self, tape: Tape, place: _Place, told: float) -> list[ReceivedSuperframe]:
+        """Read superframes that were on air before one that was found; correct its tempo."""
+        found: list[ReceivedSuperframe] = []
+        failed, nominal = 0, SUPERFRAME * self._nominal
+        oldest = tape.first + (REACH + MARGIN) * self._nominal if tape.first else -np.inf
+        first = max(oldest, told + nominal / 2, -HOP * self._nominal)
+        past = replace(place)
+        while failed < UNREADABLE and past.position - nominal / past.tempo > first:
+            reading, places, tempo = self._read(tape, past, back=True)
+            if reading.decoded.l0 is None:
+                failed += 1
+                past.position -= nominal / past.tempo
+                continue
+            failed, past.tempo = 0, tempo
+            past.position = self._even_start(places, tempo)
+            found.insert(0, self._received(reading, past.position))
+        if found:
+            place.tempo = place.assumed = past.tempo
+        return found
+
+    def _read(
+        self, tape: Tape, place: _Place, *, back: bool = False
+    ) -> tuple[Reading, Array, float]:
+        """Read the superframe that begins at a place, or that ends there; tell at which tempo.
+
+        As long as little is known of the tempo, others are tried.
+        """
+        others = [tempo for tempo in TEMPI if abs(tempo - place.tempo) > APART]
+        tempi = [place.tempo, *others] if place.read < SETTLED else [place.tempo]
+        near = [place.level + beside for beside in LEVELS_BESIDE]
+        levels = [level for level in near if 0 <= level < len(LEVELS)]
+        for tempo in tempi:
+            frames = FRAMES - FRAMES_PER_SUPERFRAME if back else FRAMES
+            paths = self._paths(tape, place.position + HOP * self._nominal / tempo * frames)
+            for reading, places in self._readings(paths, levels, place.piece, due=not back):
+                if reading.decoded.l0 is not None:
+                    return reading, places, tempo
+        return reading, places, place.tempo
+
+    def _paths(self, tape: Tape, centre: Array) -> Paths:
+        return Paths(tape, centre, self._nominal, self.demodulator, self._pilots, self._masker)
+
+    def _readings(
+        self, paths: Paths, levels: list[float], first: float | None, *, due: bool
+    ) -> Iterator[tuple[Reading, Array]]:
+        """Read along the likeliest paths, the first of them from `first` on if that is told."""
+        attempts: list[tuple[float | None, float]] = [(None, jump) for jump in JUMPS]
+        if first is not None:
+            attempts.insert(0, (first, JUMPS[0]))
+        for begin, jump in attempts:
+            found = {level: paths.find(level, jump=jump, first=begin) for level in levels}
+            level = max(found, key=lambda level: found[level][0])
+            view, places = paths.view(found[level][1], level)
+            reading = self.demodulator.read(view, [level], due=due)
+            if reading.decoded.l0 is not None and reading.decoded.l1 is None:
+                known, level = self.demodulator.expected(reading.decoded), reading.level
+                _, again = paths.find(level, jump=jump, first=begin, expected=known)
+                view, _ = paths.view(again, level, known)
+                reading = self.demodulator.read_second(reading, view)
+            yield reading, paths.on_tape(places)
+
+    def _received(self, reading: Reading, position: float) -> ReceivedSuperframe:
+        equaliser = Equaliser(self.demodulator.bands)
+        track = Track(position, self._nominal, self.demodulator, reading.level, equaliser)
+        return received(track, reading, self._fs)

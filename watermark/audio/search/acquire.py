@@ -1,0 +1,361 @@
+"""Acquisition: find superframes in sound that may start anywhere, by their pilots.
+
+In: the programme's mid; out: candidates: a superframe's start, clock error, profile and tier of
+levels. Pilots lie below 2.8 kHz, so a rate of 12 kHz serves; every second sample at 48 kHz is tried
+as a start. Scores of up to three superframes in a row are added, for weak pilots.
+Specification: section 7.1.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.audio.search.pilot_scan import (
+    CENTRE,
+    DECIMATION,
+    PARTS,
+    ROWS_PER_FRAME,
+    SEARCH_HOP,
+    STRIDE,
+    make_sight,
+    slot_frequencies,
+)
+from watermark.audio.signal.layout import make_pilots
+from watermark.audio.signal.profile import (
+    FIRST_PILOT_BIN,
+    FRAMES_PER_SUPERFRAME,
+    PILOT_BINS,
+    PILOT_SLOTS,
+    PILOT_STEPS,
+    PILOTS_PER_FRAME,
+    PROFILES,
+    SLOT_FRAMES,
+)
+
+TURNS = np.arange(-1.5, 2.1, 0.5)
+"""Samples at the search's rate by which each row's phases are turned on."""
+
+PLACE = DECIMATION * STRIDE / TURNS.size
+"""Distance of the places tried: 2 samples at 48 kHz."""
+
+FIRST_PLACE = DECIMATION * float(TURNS[0]) - CENTRE
+"""Where the first of them lies, in samples at 48 kHz from the first one of the sound."""
+
+ROW_HOP = ROWS_PER_FRAME * TURNS.size
+"""Places tried per frame."""
+
+PERIOD = FRAMES_PER_SUPERFRAME * ROW_HOP
+"""Places of a superframe."""
+
+QUANTUM = SLOT_FRAMES * SEARCH_HOP
+"""Samples that the search takes at once: 0.08 s."""
+
+PLACES = SLOT_FRAMES * ROW_HOP
+"""Places that this completes."""
+
+CLOCK_ERRORS_PPM = np.concatenate(
+    [[0.0], *([-ppm, ppm] for ppm in np.arange(120.0, 1561.0, 120.0))]
+)
+"""Clock errors tried; between them the ends of a superframe are at most 0.9 samples off."""
+
+SEGMENT_FRAMES = 8
+"""Frames whose pilots are summed as if the clock were right: 3 samples off at the largest error."""
+
+CLOCK_PENALTY, LARGEST_PENALTY = 0.05, 8.0
+"""Correlation that a clock error must be worth, per ppm and at most: most programmes have none."""
+
+DEVIATION = math.sqrt(0.5 * PILOTS_PER_FRAME * FRAMES_PER_SUPERFRAME)
+"""Standard deviation of a score in unmarked sound."""
+
+THRESHOLD = 4.8
+"""Least score of a candidate in standard deviations of unmarked sound."""
+
+FLOOR = np.float32(THRESHOLD * DEVIATION * PARTS)
+"""The same as a score of the compiled loops."""
+
+WEIGHTS = (0.66, 0.507)
+"""Weights of the scores of a superframe summed with that of the one before, and of the two before:
+they are as rare then in unmarked sound as a score by itself."""
+
+SPARE = 24
+"""Quanta for which there is room before the past is moved to the front of its store."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A place where a superframe may start.
+
+    Attributes
+    ----------
+    start : float
+        Start relative to the first sample of the search, in samples at 48 kHz.
+    clock_ppm : float
+        How much longer than nominal the superframe lasts on this clock.
+    profile : int
+        Number of the profile that the pilots announce.
+    tier : int
+        Tier of levels of the pilots.
+    significance : float
+        Score in standard deviations of unmarked sound.
+    """
+
+    start: float
+    clock_ppm: float
+    profile: int
+    tier: int
+    significance: float
+
+
+class _Correlator:
+    """Correlates soft values of pilots with those of all profiles.
+
+    Attributes
+    ----------
+    kept : int
+        Places before a quantum that its superframes began at.
+    oldest : int
+        Places back to the oldest superframe whose score is added.
+    first : int
+        The first place of all, when silence stands before the first sample.
+    """
+
+    def __init__(self, key: int) -> None:
+        pilots = make_pilots(key)
+        self._slots = np.ascontiguousarray(pilots.slots.T)
+        self._signs = np.ascontiguousarray(pilots.signs.transpose(2, 0, 1), dtype=np.int16)
+        tiers = range(len(PILOT_STEPS))
+        pairs = [(t, p.number) for t in tiers for p in PROFILES.values() if p.levels_of(t)]
+        self.pairs = np.array(pairs, dtype=np.int64)
+        frame = np.arange(FRAMES_PER_SUPERFRAME)
+        middle = frame.reshape(-1, SEGMENT_FRAMES).mean(axis=1)
+        drift = np.round(CLOCK_ERRORS_PPM[:, np.newaxis] * 1e-6 * middle * ROW_HOP)
+        slack = int(np.abs(drift).max())
+        self._shift = np.ascontiguousarray(drift + slack, dtype=np.int64)
+        penalty = np.minimum(CLOCK_PENALTY * np.abs(CLOCK_ERRORS_PPM), LARGEST_PENALTY)
+        self._penalty = np.round(PARTS * penalty).astype(np.int16)
+        self._lag = PERIOD + np.round(CLOCK_ERRORS_PPM * 1e-6 * PERIOD).astype(np.int64)
+        self.oldest = len(WEIGHTS) * (int(self._lag.max()) + 1)
+        span = (FRAMES_PER_SUPERFRAME - 1) * ROW_HOP
+        self.kept, self.first = span + 2 * slack, -span - slack
+
+    def find(
+        self,
+        soft: NDArray[np.int8],
+        row: int,
+        peaks: NDArray[np.int16],
+        past: int,
+        ceilings: NDArray[np.float32] | None,
+        highest: NDArray[np.float32],
+    ) -> tuple[int, float, int, int] | None:
+        """Score the places of one quantum.
+
+        Parameters
+        ----------
+        soft : ndarray of int8, shape (tiers, PILOT_SLOTS, rows)
+            Soft values in `PARTS`, of which the places' own begin at `row`.
+        row : int
+            See there.
+        peaks : ndarray of int16, shape (pairs, n)
+            Scores of superframes by themselves; those of this quantum are written at `past`.
+        past : int
+            See there.
+        ceilings : ndarray of float32, shape (pairs,), or None
+            Largest score before; None where superframes count by themselves.
+        highest : ndarray of float32, shape (pairs,)
+            To be filled with the largest one of this quantum.
+
+        Returns
+        -------
+        tuple of (pair, score, place, clock error), or None
+            The best one, if it is worth an attempt.
+        """
+        from watermark.audio.search import _search_kernels
+
+        best = np.empty(len(self.pairs), dtype=np.float32)
+        where = np.empty((len(self.pairs), 2), dtype=np.int64)
+        weights = np.array(() if ceilings is None else WEIGHTS, dtype=np.float32)
+        _search_kernels.correlate_pilots(
+            soft, row - self.kept, PLACES, ROW_HOP, SEGMENT_FRAMES, self._slots, self._signs,
+            self.pairs, self._shift, self._penalty, self._lag, weights, FLOOR,
+            np.zeros_like(best) if ceilings is None else ceilings, peaks, past,
+            highest, best, where,
+        )  # fmt: skip
+        n = int(best.argmax())
+        if best[n] < FLOOR:
+            return None
+        return n, float(best[n]), int(where[n, 0]), int(where[n, 1])
+
+    def candidate(self, found: tuple[int, float, int, int], first: int) -> Candidate:
+        """Make a candidate of a place that was found in a quantum whose first place is given."""
+        n, score, place, error = found
+        tier, profile = self.pairs[n]
+        start = PLACE * (first + float(place)) + FIRST_PLACE
+        return Candidate(
+            start,
+            float(CLOCK_ERRORS_PPM[error]),
+            int(profile),
+            int(tier),
+            score / (PARTS * DEVIATION),
+        )
+
+
+@lru_cache(maxsize=4)
+def _make_correlator(key: int) -> _Correlator:
+    return _Correlator(key)
+
+
+def _turns(phases: NDArray[np.float64] | None) -> NDArray[np.complex64]:
+    """Factors of the slots at the places between rows, shape (TURNS.size, PILOT_SLOTS)."""
+    angles = np.outer(TURNS, slot_frequencies())
+    if phases is not None:
+        cut = phases[FIRST_PILOT_BIN : FIRST_PILOT_BIN + PILOT_SLOTS * PILOT_BINS]
+        angles = angles + cut.reshape(PILOT_SLOTS, -1).mean(axis=1)
+    return np.asarray(np.exp(1j * angles), dtype=np.complex64)
+
+
+class PilotSearch:
+    """Sliding search for pilots of any profile.
+
+    Parameters
+    ----------
+    key : int
+        Seed of the layout.
+    scale : float
+        Factor of all steps of pilots.
+    phases : ndarray of float64, shape (HOP,), optional
+        To be added to those of the bins.
+    """
+
+    def __init__(
+        self, key: int, *, scale: float = 1.0, phases: NDArray[np.float64] | None = None
+    ) -> None:
+        self._sight, self._correlator = make_sight(key), _make_correlator(key)
+        self._before = self._sight.silence
+        self._turn = _turns(phases)
+        self._dither = make_pilots(key).cells.dither.astype(np.float32)
+        self._steps = (scale * np.array(PILOT_STEPS)).astype(np.float32)
+        pairs, oldest = len(self._correlator.pairs), self._correlator.oldest
+        self._peaks = _Store((pairs,), oldest, np.int16)
+        self._highest = np.zeros(pairs, dtype=np.float32)
+        self._ceilings = np.zeros((pairs, -(-oldest // PLACES)), dtype=np.float32)
+        # Silence stands before the first sample: a superframe cut by the start is found too.
+        self._soft = _Store((len(PILOT_STEPS), PILOT_SLOTS), self._correlator.kept, np.int8)
+        self._sound = np.zeros(0, dtype=np.float32)
+        self._count = 0
+
+    @property
+    def needed(self) -> int:
+        """Samples to hand to `process` next."""
+        return QUANTUM + 2 * SEARCH_HOP - STRIDE - self._sound.size
+
+    def process(self, sound: NDArray[np.float64]) -> Candidate | None:
+        """Take the next `needed` samples; return the best candidate that they complete."""
+        from watermark.audio.search import _search_kernels
+
+        self._sound = np.concatenate([self._sound, sound.astype(np.float32)])
+        projections, alive, self._before = self._sight.look(self._sound, self._before)
+        self._sound = self._sound[QUANTUM:]
+        row, past = self._soft.extend(), self._peaks.extend()
+        _search_kernels.pilot_soft(
+            projections, alive, self._turn, self._dither, self._steps, row, self._soft.values
+        )
+        found = self._correlator.find(
+            self._soft.values, row, self._peaks.values, past, self._ceilings.max(axis=1),
+            self._highest,
+        )  # fmt: skip
+        first = self._correlator.first + self._count * PLACES
+        self._ceilings[:, self._count % self._ceilings.shape[1]] = self._highest
+        self._count += 1
+        return None if found is None else self._correlator.candidate(found, first)
+
+
+def pilot_places(key: int, sound: NDArray[np.float64]) -> NDArray[np.int8]:
+    """Soft values of pilots at all places of a stretch, in `PARTS`.
+
+    Parameters
+    ----------
+    key : int
+        Seed of the layout.
+    sound : ndarray of float64, shape (n,)
+        Samples at 12 kHz.
+
+    Returns
+    -------
+    ndarray of int8, shape (tiers, PILOT_SLOTS, places)
+        Places are `PLACE` samples apart, the first one is at `FIRST_PLACE`.
+    """
+    from watermark.audio.search import _search_kernels
+
+    sight = make_sight(key)
+    projections, alive, _ = sight.look(sound.astype(np.float32), sight.silence)
+    rows = alive.shape[1] * TURNS.size
+    soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, rows), dtype=np.int8)
+    dither = make_pilots(key).cells.dither.astype(np.float32)
+    steps = np.array(PILOT_STEPS, dtype=np.float32)
+    _search_kernels.pilot_soft(projections, alive, _turns(None), dither, steps, 0, soft)
+    return soft
+
+
+def search_stretch(key: int, sound: NDArray[np.float64]) -> Candidate | None:
+    """Best candidate among the superframes that lie whole in a stretch.
+
+    Parameters
+    ----------
+    key : int
+        Seed of the layout.
+    sound : ndarray of float64, shape (n,)
+        Samples at 12 kHz. Where it is longer than two superframes, scores are summed as ever.
+    """
+    correlator, soft = _make_correlator(key), pilot_places(key, sound)
+    rows = soft.shape[2]
+    past, pairs = correlator.oldest, len(correlator.pairs)
+    peaks = np.zeros((pairs, past + rows), dtype=np.int16)
+    ceilings = np.zeros(pairs, dtype=np.float32) if rows - correlator.kept > PERIOD else None
+    best, highest = None, np.empty(pairs, dtype=np.float32)
+    for row in range(correlator.kept, rows - PLACES + 1, PLACES):
+        found = correlator.find(soft, row, peaks, past, ceilings, highest)
+        if ceilings is not None:
+            ceilings = np.maximum(ceilings, highest)
+        past += PLACES
+        if found is not None:
+            candidate = correlator.candidate(found, row + correlator.first)
+            if best is None or candidate.significance > best.significance:
+                best = candidate
+    return best
+
+
+class _Store:
+    """Values of the places looked at last, with room for those of the next quantum.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Rows; places are the last axis.
+    kept : int
+        Places that are remembered, zero at first.
+    kind : type
+        Of the values.
+
+    Attributes
+    ----------
+    values : ndarray, shape (*shape, places)
+        The store.
+    """
+
+    def __init__(
+        self, shape: tuple[int, ...], kept: int, kind: type[np.signedinteger[Any]]
+    ) -> None:
+        self.kept, self._end = kept, kept
+        self.values = np.zeros((*shape, kept + SPARE * PLACES), dtype=kind)
+
+    def extend(self) -> int:
+        """Return where the next `PLACES` values are to be written, after what is remembered."""
+        if self._end + PLACES > self.values.shape[-1]:
+            self.values[..., : self.kept] = self.values[..., self._end - self.kept : self._end]
+            self._end = self.kept
+        self._end += PLACES
+        return self._end - PLACES

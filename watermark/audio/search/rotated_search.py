@@ -1,0 +1,96 @@
+"""Acquisition that is blind to phase: pilots whose bands were turned each by its own angle.
+
+In: some seconds of the search's sound and the steps that pilots may have; out: the likeliest places
+with a phase for each pilot slot. Each slot is correlated at all phases, and its best one counts: of
+six slots, noise gains less by that than turned pilots do. Specification: section 7.1.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.audio.search.pilot_scan import CENTRE, DECIMATION, ROWS_PER_FRAME, STRIDE, make_sight
+from watermark.audio.signal.layout import make_pilots
+from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, PROFILES
+
+TURNS = 12
+"""Phases of a slot that are tried."""
+
+LEAST_SIGNIFICANCE = 5.5
+"""Standard deviations above the mean of all places from which one is worth an attempt."""
+
+PAIR = float(np.sqrt(0.5))
+"""Weight of the scores of two superframes in a row: their sum is as rare then as one by itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class TurnedCandidate:
+    """A place where a superframe may start, with its bands turned.
+
+    Attributes
+    ----------
+    start : float
+        Relative to the first sample searched, in samples at 48 kHz.
+    profile : int
+        Number of the profile that the pilots announce.
+    step : float
+        Quantiser step that the pilots have.
+    significance : float
+        Standard deviations above the mean of all places.
+    """
+
+    start: float
+    profile: int
+    step: float
+    significance: float
+
+
+class TurnedSearch:
+    """Search of a stretch for pilots of any profile at any phase."""
+
+    def __init__(self, key: int) -> None:
+        pilots, self._key = make_pilots(key), key
+        self._slots = np.ascontiguousarray(pilots.slots.T)
+        self._signs = np.ascontiguousarray(pilots.signs.transpose(2, 0, 1), dtype=np.int16)
+        self._dither = pilots.cells.dither.astype(np.float32)
+        angle = 2 * np.pi * np.arange(TURNS) / TURNS
+        self._turn = np.exp(1j * angle).astype(np.complex64)
+
+    def find(
+        self, sound: NDArray[np.float64], parts: tuple[tuple[float, ...], ...]
+    ) -> Iterator[TurnedCandidate]:
+        """Likeliest place in `sound`, samples at 12 kHz, of pilots of the steps of each part."""
+        sight = make_sight(self._key)
+        projections, alive, _ = sight.look(sound.astype(np.float32), sight.silence)
+        if projections.shape[1] < FRAMES_PER_SUPERFRAME * ROWS_PER_FRAME:
+            return
+        for steps in parts:
+            found = (self._best(projections, alive, step) for step in steps)
+            best = max(found, key=lambda candidate: candidate.significance)
+            if best.significance > LEAST_SIGNIFICANCE:
+                yield best
+
+    def _best(
+        self, projections: NDArray[np.complex64], alive: NDArray[np.float32], step: float
+    ) -> TurnedCandidate:
+        """Likeliest place of pilots of one step."""
+        from watermark.audio.search import _search_kernels
+
+        places = projections.shape[1] - (FRAMES_PER_SUPERFRAME - 1) * ROWS_PER_FRAME
+        sums = np.empty((len(PROFILES), places), dtype=np.int16)
+        _search_kernels.turned_scores(
+            projections, alive, self._dither, np.float32(1 / step),
+            self._turn, ROWS_PER_FRAME, self._slots, self._signs, sums,
+        )  # fmt: skip
+        score = sums.astype(np.float32)
+        score -= score.mean(axis=1, keepdims=True)
+        score /= score.std(axis=1, keepdims=True) + 1e-9
+        period = FRAMES_PER_SUPERFRAME * ROWS_PER_FRAME
+        if places > period:
+            pairs = PAIR * (score[:, :-period] + score[:, period:])
+            score[:, :-period] = np.maximum(score[:, :-period], pairs)
+        profile, place = np.unravel_index(int(score.argmax()), score.shape)
+        start = DECIMATION * STRIDE * float(place) - CENTRE
+        return TurnedCandidate(start, int(profile), step, float(score[profile, place]))

@@ -1,0 +1,91 @@
+"""Acquisition in sound that was stretched at its pitch: pilots that lie in pieces.
+
+Within a piece pilots lie as ever; from piece to piece some milliseconds are left out or heard
+twice. In: sound at 12 kHz; out: the likeliest path of a superframe's pilots, by dynamic programming
+(Viterbi, IEEE Trans. IT 13(2), 1967). Specification: W48.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.audio.search.acquire import FIRST_PLACE, PLACE, ROW_HOP, pilot_places
+from watermark.audio.search.pilot_scan import PARTS
+from watermark.audio.signal.layout import make_pilots
+from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, PILOT_STEPS, PROFILES, Profile
+
+SEGMENT, JUMP, PENALTY = 4, 1000, 8.0
+"""Frames that a jump may part, the longest jump in samples, and the correlation of pilots that it
+must be worth: in 12 stretches of marked clips the best path was a true one."""
+
+LEAST = 45.0
+"""Correlation from which a path of pilots is worth an attempt: 11 of 12 true ones have more, and 8
+of 100 stretches of unmarked sound, of which the largest has 46.7."""
+
+LEAST_KNOWN = 40.0
+"""The same where a mark was read not long ago: more than half of those unmarked stretches
+reach it, too."""
+
+
+@dataclass(frozen=True, slots=True)
+class StretchedCandidate:
+    """A superframe that pilots tell of.
+
+    Attributes
+    ----------
+    profile, tier : int
+        Number of the profile that the pilots announce, and tier of their levels.
+    places : ndarray of float64, shape (64,)
+        Where its frames begin, about: samples at 48 kHz from the first one searched.
+    score : float
+        Correlation of its pilots, less what its jumps cost.
+    """
+
+    profile: int
+    tier: int
+    places: NDArray[np.float64]
+    score: float
+
+
+def find_stretched(
+    key: int, sound: NDArray[np.float64], *, least: float = LEAST
+) -> StretchedCandidate | None:
+    """Best candidate of a least score that lies whole in some 2 s, samples at 12 kHz, if any."""
+    from watermark.audio.search._stretched_kernels import BLOCK, follow_pilots
+
+    soft, pilots = pilot_places(key, sound), make_pilots(key)
+    slots = np.ascontiguousarray(pilots.slots.T)
+    segments = FRAMES_PER_SUPERFRAME // SEGMENT
+    room = soft.shape[2] - ROW_HOP * (SEGMENT - 1)
+    if room <= FRAMES_PER_SUPERFRAME * ROW_HOP:
+        return None
+    score = np.empty(room // BLOCK * BLOCK, dtype=np.int16)
+    doublings = math.ceil(math.log2(JUMP / (PLACE * BLOCK)))
+    penalty = np.int16(round(PENALTY * PARTS))
+
+    def follow(tier: int, profile: Profile, origin: NDArray[np.int32]) -> None:
+        signs = np.ascontiguousarray(pilots.signs[profile.number].T, dtype=np.int16)
+        follow_pilots(soft[tier], slots, signs, ROW_HOP, SEGMENT, doublings, penalty, score, origin)
+
+    best = None
+    for tier in range(len(PILOT_STEPS)):
+        for profile in PROFILES.values():
+            if not profile.levels_of(tier):
+                continue
+            follow(tier, profile, np.empty((0, 0), dtype=np.int32))
+            highest = int(score.max())
+            if highest >= least * PARTS and (best is None or highest > best[0]):
+                best = highest, tier, profile
+    if best is None:
+        return None
+    origin = np.empty((segments, score.size), dtype=np.int32)
+    highest, tier, profile = best
+    follow(tier, profile, origin)
+    starts = [int(score.argmax())]
+    for j in range(segments - 1, 0, -1):
+        starts.append(int(origin[j, starts[-1]]))
+    frame = ROW_HOP * np.arange(SEGMENT)
+    places = np.add.outer(np.array(starts[::-1]), frame).reshape(-1)
+    return StretchedCandidate(profile.number, tier, PLACE * places + FIRST_PLACE, highest / PARTS)

@@ -1,0 +1,166 @@
+"""A tape of mono samples that forgets its past and can be read at any real position and speed.
+
+In: blocks of samples; out: samples interpolated at ``position + n * ratio``. One windowed-sinc
+interpolator serves conversion between sampling rates, alignment by a fraction of a sample and
+correction of a clock error. Source: Smith and Gossett, ICASSP 1984.
+"""
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+
+STEPS = 256
+"""Tabulated fractions of a sample."""
+
+REACH = 32
+"""Half the length of the impulse response in samples of the slower of both rates."""
+
+KAISER_BETA = 9.0
+"""Side lobes of the window below -90 dB."""
+
+
+@lru_cache(maxsize=16)
+def impulse_responses(cutoff: float, length: int = REACH) -> NDArray[np.float64]:
+    """Low-pass responses at all fractions of a sample.
+
+    Parameters
+    ----------
+    cutoff : float
+        Edge of the pass band as a part of half the input rate, 0 to 1; 1 interpolates only.
+    length : int
+        Half the length in samples of the slower rate.
+
+    Returns
+    -------
+    ndarray of float64, shape (STEPS + 1, taps)
+        Row p: weights of the samples around an index whose fraction is p / STEPS.
+    """
+    reach = round(length / cutoff)
+    distance = np.arange(2 * reach) - (reach - 1)
+    t = np.arange(STEPS + 1)[:, np.newaxis] / STEPS - distance
+    window = np.i0(KAISER_BETA * np.sqrt(np.clip(1 - (t / reach) ** 2, 0, None)))
+    return np.ascontiguousarray(cutoff * np.sinc(cutoff * t) * window / np.i0(KAISER_BETA))
+
+
+def _cutoff(ratio: float) -> float:
+    """Edge of the pass band at a speed, a little below half the slower rate for the window's sake.
+
+    Speeds that are nearly alike have the same, and with it the same table.
+    """
+    return math.floor(200 * 0.94 / ratio + 1e-9) / 200 if ratio > 1.01 else 1.0
+
+
+class Tape:
+    """Samples from `first` on; what lies before was forgotten, what lies beyond is unknown.
+
+    Parameters
+    ----------
+    first : int
+        Index of the first sample that is to come.
+
+    Examples
+    --------
+    >>> tape = Tape()
+    >>> tape.append(np.arange(100.0))
+    >>> tape.read(10.0, 1.0, 3).tolist()
+    [10.0, 11.0, 12.0]
+    """
+
+    def __init__(self, first: int = 0) -> None:
+        self.first = self.end = first
+        self._store = np.empty(1024)
+        self._offset = first
+
+    @property
+    def samples(self) -> NDArray[np.float64]:
+        """What is remembered, from `first` to `end`."""
+        return self._store[self.first - self._offset : self.end - self._offset]
+
+    def append(self, block: NDArray[np.float64]) -> None:
+        """Add samples at the end."""
+        if self.end - self._offset + block.size > self._store.size:
+            kept = self.samples
+            # Twice what is needed: a long tape is not copied for each short block.
+            store = np.empty(max(2 * (kept.size + block.size), self._store.size))
+            store[: kept.size] = kept
+            self._store, self._offset = store, self.first
+        begin = self.end - self._offset
+        self._store[begin : begin + block.size] = block
+        self.end += block.size
+
+    def forget(self, before: int) -> None:
+        """Drop all samples with an index below `before`."""
+        self.first = min(max(before, self.first), self.end)
+
+    def reach(self, ratio: float, length: int = REACH) -> int:
+        """Return how many samples on either side of a position are looked at, see `read`."""
+        return round(length / _cutoff(ratio)) + 2
+
+    def read(
+        self, position: float, ratio: float, count: int, length: int = REACH
+    ) -> NDArray[np.float64]:
+        """Return samples at ``position + n * ratio`` for n below `count`; silence outside.
+
+        `length` is half that of the impulse response in samples of the slower rate: a shorter one
+        is for those who look at low frequencies only.
+
+        Raises
+        ------
+        CueError
+            If the ratio is not a positive number.
+        """
+        if not 0 < ratio < 64:
+            raise CueError(f"resampling ratio {ratio} is not within 0..64")
+        if ratio == 1.0 and position == round(position):
+            return self._cut(round(position), count)
+        from watermark.audio.signal import _kernels
+
+        table = impulse_responses(_cutoff(ratio), length)
+        margin = table.shape[1] // 2
+        begin = math.floor(position) - margin
+        sound = self._cut(begin, math.ceil(count * ratio) + 2 * margin + 2)
+        out = np.empty(count)
+        _kernels.interpolate(sound, position - begin, ratio, table, out)
+        return out
+
+    def _cut(self, position: int, count: int) -> NDArray[np.float64]:
+        out = np.zeros(count)
+        begin, end = max(position, self.first), min(position + count, self.end)
+        if begin < end:
+            out[begin - position : end - position] = self.samples[
+                begin - self.first : end - self.first
+            ]
+        return out
+
+
+class PairTape(Tape):
+    """The mid of two channels, and beside it their side.
+
+    Parameters
+    ----------
+    first : int
+        Index of the first sample that is to come.
+
+    Attributes
+    ----------
+    side : Tape
+        Half the difference of left and right.
+    """
+
+    def __init__(self, first: int = 0) -> None:
+        super().__init__(first)
+        self.side = Tape(first)
+
+    def append_pair(self, mid: NDArray[np.float64], side: NDArray[np.float64]) -> None:
+        """Add samples of both at the end."""
+        self.append(mid)
+        self.side.append(side)
+
+    def forget(self, before: int) -> None:
+        """Drop all samples with an index below `before`."""
+        super().forget(before)
+        self.side.forget(before)
