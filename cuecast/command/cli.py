@@ -27,8 +27,8 @@ from cuecast.command.errors import UsageError
 from cuecast.command.progress import printable
 
 VERBS = (
-    "demo", "keys", "key", "synth", "capture", "encode", "decode", "inspect", "dub", "receive",
-    "watch", "render", "compare", "evaluate", "batch", "voice", "warm",
+    "demo", "keys", "key", "synth", "capture", "encode", "decode", "inspect", "dub", "playout",
+    "receive", "watch", "render", "compare", "evaluate", "batch", "voice", "warm",
 )  # fmt: skip
 """Verbs in the order of the help page; each is a module of `cuecast.verbs`."""
 
@@ -90,7 +90,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit status.
     """
     try:
-        args = build_parser().parse_args(argv)
+        args = build_parser().parse_args(_present(sys.argv[1:] if argv is None else argv))
     except SystemExit as stop:  # argparse has printed its page or its complaint
         return stop.code if isinstance(stop.code, int) else EXIT_USAGE
     try:
@@ -109,6 +109,15 @@ def main(argv: Sequence[str] | None = None) -> int:
             traceback.print_exc()
         print(f"cuecast: {one_line(error)}", file=sys.stderr)
         return EXIT_USAGE if isinstance(error, UsageError) else EXIT_UNUSABLE
+
+
+def _present(argv: Sequence[str]) -> list[str]:
+    """Return a command line in present words: ``dub --live`` is the verb ``playout``."""
+    words = list(argv)
+    if words[:1] == ["dub"] and "--live" in words:
+        words.remove("--live")
+        words[0] = "playout"
+    return words
 
 
 def one_line(error: BaseException) -> str:

@@ -1,8 +1,7 @@
-"""``dub --live``: the playout as the options say, with its log, its server and its live text."""
+"""A playout as the options ask for, with its log, its server and its live text."""
 
 import argparse
 import signal
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -10,12 +9,14 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
+from codec.errors import CueError
 from cuecast.command.errors import UsageError
 from cuecast.command.files import PIPE
 from cuecast.command.progress import note
 from cuecast.command.trust import seconds_of
 from cuecast.dubbing.inputs import reading_of
-from cuecast.dubbing.job import options_of
+from cuecast.live.guard import Guard, read_token
+from cuecast.live.lines import piped_lines
 from cuecast.live.pcm import PcmForm
 from cuecast.live.playout import Playout, Route
 from cuecast.live.server import PlayoutServer
@@ -23,7 +24,7 @@ from cuecast.live.sound import LiveOptions
 from cuecast.live.worker import Cuer
 
 
-def run_live(args: argparse.Namespace) -> int:
+def run_playout(args: argparse.Namespace) -> int:
     """Pass a running programme on with its cuer, until it ends or is stopped.
 
     Raises
@@ -33,29 +34,31 @@ def run_live(args: argparse.Namespace) -> int:
     CueError
         If the source or the target cannot be opened, or the target ends.
     """
-    source, target = args.programme, args.live_output or args.output
-    if target is None:
-        raise UsageError("dub --live: say where from and where to: dub --live IN OUT")
-    if [source, args.text, args.motion].count(PIPE) > 1:
+    if [args.source, args.text, args.motion].count(PIPE) > 1:
         raise UsageError(
-            "dub --live: only one of programme, live text and interpreter can be the pipe"
+            "playout: only one of programme, live text and interpreter can be the pipe"
         )
-    if tuple(args.carriers) != ("audio",):
-        raise UsageError("dub --live: only the carrier audio can be written into a running stream")
-    options = options_of(args)
+    if args.port is None and (args.token_file or args.allow_origin):
+        raise UsageError("playout: --token-file and --allow-origin need --port")
+    guard = Guard(
+        args.host, read_token(args.token_file) if args.token_file else "",
+        tuple(args.allow_origin),
+    )  # fmt: skip
+    options = LiveOptions(
+        args.profile, args.key, args.grade, args.through, args.low_delay,
+        args.seen_late, _absolute(args.sign), args.on_air and seconds_of(args.on_air),
+    )  # fmt: skip
+    options.signing()  # a key that cannot be read is an error now, and not of the marking process
     playout = Playout(
         Route(
-            source, target, args.track, args.programme_number,
+            args.source, args.target, args.track, args.programme_number,
             PcmForm.read(args.samples) if args.samples else None,
         ),
         Cuer(
             args.voice, reading_of(args), args.seed, args.alignment,
             _absolute(args.subtitles), _absolute(args.motion),
         ),
-        LiveOptions(
-            options.profiles["audio"], args.key, args.grade, args.through, args.low_delay,
-            args.seen_late, _absolute(args.sign), args.on_air and seconds_of(args.on_air),
-        ),
+        options,
         log,
     )  # fmt: skip
     with _stopping(playout):
@@ -66,7 +69,7 @@ def run_live(args: argparse.Namespace) -> int:
         if args.port is None:
             playout.run()
         else:
-            with closing(PlayoutServer(playout, args.port, log)):
+            with closing(PlayoutServer(playout, args.port, log, guard)):
                 playout.run()
     return 0
 
@@ -77,12 +80,15 @@ def log(line: str) -> None:
 
 
 def _read_captions(playout: Playout) -> None:
-    for line in sys.stdin.buffer:
-        playout.caption(line)
+    for line in piped_lines():
+        try:
+            playout.caption(line, "standard input")
+        except CueError:  # counted and logged by the playout
+            continue
 
 
 def _read_interpreter(playout: Playout) -> None:
-    for line in sys.stdin.buffer:
+    for line in piped_lines():
         playout.interpret(line)
     playout.interpret(None)
 

@@ -5,14 +5,14 @@ thread of its own takes in what comes, with the time at which it came.
 """
 
 import contextlib
-import os
 import queue
 import socket
 import struct
 import sys
 import threading
 import time
-from typing import IO
+from collections.abc import Iterator
+from typing import BinaryIO
 from urllib.parse import urlsplit
 
 from codec.errors import CueError
@@ -50,6 +50,9 @@ _NOTES = socket.CMSG_SPACE(_TIMESPEC.size)
 
 _OLDEST_S = 60.0
 """A stamp of longer ago is one of a clock that was set."""
+
+_LONGEST_LINE = 1 << 16
+"""Bytes of a line on the standard input; a longer one is passed over."""
 
 Arrival = tuple[float, bytes]
 
@@ -89,7 +92,7 @@ class Input:
                 self._socket.setsockopt(socket.SOL_SOCKET, _STAMPED, 1)
             work = self._take_datagrams
         else:
-            self._file = _opened(address, "rb", sys.stdin.buffer)
+            self._file = _opened(address, "rb")
             work = self._take_file
         threading.Thread(target=work, daemon=True, name="input").start()
 
@@ -124,13 +127,11 @@ class Input:
                 self.dropped += 1
 
     def _take_file(self) -> None:
-        read = getattr(self._file, "read1", self._file.read)
         with contextlib.suppress(OSError, ValueError):
-            while data := read(_BLOCK):
+            while data := self._file.read(_BLOCK):
                 self._arrivals.put((time.monotonic(), data))
         self._arrivals.put(None)
-        if self._file is not sys.stdin.buffer:
-            self._file.close()
+        self._file.close()
 
     def close(self) -> None:
         """Stop listening."""
@@ -164,7 +165,7 @@ class Output:
     def __init__(self, address: str) -> None:
         self._socket: socket.socket | None = None
         if not address.startswith("udp:"):
-            self._file = _opened(address, "wb", sys.stdout.buffer)
+            self._file = _opened(address, "wb")
             return
         parts = urlsplit(address)
         try:
@@ -189,8 +190,9 @@ class Output:
         """
         if self._socket is None:
             try:
-                self._file.write(data)
-                self._file.flush()
+                left = memoryview(data)
+                while left:
+                    left = left[self._file.write(left) :]
             except (OSError, ValueError) as error:
                 raise CueError(f"the output ended: {error}") from error
             return
@@ -202,15 +204,38 @@ class Output:
         """End it."""
         if self._socket is not None:
             self._socket.close()
-        elif self._file is not sys.stdout.buffer:
+        else:
             with contextlib.suppress(OSError):
                 self._file.close()
 
 
-def _opened(address: str, mode: str, pipe: IO[bytes]) -> IO[bytes]:
-    if address == "-":
-        return pipe
+def piped_lines() -> Iterator[bytes]:
+    r"""Yield the lines of the standard input without their ends, as they come.
+
+    Lines of more than 64 KiB are passed over. The file descriptor is read without Python's buffer:
+    a daemon thread that waits inside that one makes the interpreter abort at its end.
+    """
+    held, skipping = bytearray(), False
+    with open(sys.stdin.fileno(), "rb", buffering=0, closefd=False) as pipe:
+        while data := pipe.read(_LONGEST_LINE):
+            held += data
+            *lines, rest = held.split(b"\n")
+            for line in lines:
+                if not skipping and len(line) <= _LONGEST_LINE:
+                    yield bytes(line)
+                skipping = False
+            skipping |= len(rest) > _LONGEST_LINE
+            held = bytearray() if skipping else rest
+    if held and not skipping:
+        yield bytes(held)
+
+
+def _opened(address: str, mode: str) -> "BinaryIO":
+    """Open a file or, for ``-``, a standard stream without Python's buffer (see `piped_lines`)."""
+    pipe = sys.stdin if mode == "rb" else sys.stdout
     try:
-        return open(os.fspath(address), mode)
+        if address == "-":
+            return open(pipe.fileno(), mode, buffering=0, closefd=False)  # type: ignore[return-value]
+        return open(address, mode, buffering=0)  # type: ignore[return-value]
     except OSError as error:
         raise CueError(f"{address}: {error.strerror}") from error

@@ -42,6 +42,10 @@ _STALE = round(0.3 * TICKS_HZ)
 _BEHIND, _FAR_BEHIND = round(0.02 * TICKS_HZ), round(0.08 * TICKS_HZ)
 """Lateness from which empty packets, and from which further packets carry the sound too."""
 
+_RESUMED = 0.2
+"""Share of the delay for which marked sound has to be ready before marking resumes after a bypass:
+on a busy machine a shorter stretch would end at once, and each change is a joint in the sound."""
+
 _LONGEST_TICK_S = 1.0
 """A greater step of the stream's clock is a new beginning of it."""
 
@@ -159,6 +163,11 @@ class Multiplex:
     def marking(self) -> bool:
         """Whether the sound that goes out is marked."""
         return self._marking
+
+    @property
+    def audible(self) -> bool:
+        """Whether there is a sound that can be marked, as far as the tables have been read."""
+        return self._tables.programme is None or self._sound is not None
 
     @property
     def held_s(self) -> float:
@@ -314,12 +323,10 @@ class Multiplex:
             while self._marks and step(self._marks[0][1].end, pts) <= 0:
                 self._marks.popleft()
             self._exchanging = True
-            self._tell("the sound is marked")
         elif not ready and self._marking:
             while self._pending:
                 out += self._next()
             self.figures["bypasses_total"] += 1
-            self._tell("bypass: the programme passes as it is")
         self._marking = ready
         return out
 
@@ -330,7 +337,9 @@ class Multiplex:
             marks.popleft()
             self.figures["stale_packets_total"] += 1
         last = next((m for e, m in reversed(marks) if e == epoch), None)
-        return last is not None and step(last.end, pts) > 0
+        resumes = not self._marking and self.figures["bypasses_total"] > 0
+        least = round(_RESUMED * self._delay_s * TICKS_HZ) if resumes else 0
+        return last is not None and step(last.end, pts) > least
 
     def _behind(self, ticks: int) -> bool:
         """Whether marked sound is later than so much."""

@@ -179,7 +179,7 @@ class PcmPassage:
         self._count = self.marks = self.dropped = 0
         self._held: deque[_Held] = deque()
         self._marked: deque[MarkedPcm] = deque()
-        self.marking = False
+        self.marking, self.audible = False, True
         self.figures = dict.fromkeys(
             ("packets_total", "packets_lost_total", "marked_seconds_total",
              "bypass_seconds_total", "bypasses_total", "stale_packets_total"), 0.0
@@ -238,8 +238,6 @@ class PcmPassage:
         if (found is not None) != self.marking:
             self.marking = found is not None
             self.figures["bypasses_total"] += not self.marking
-            marked, passes = "the sound is marked", "bypass: the programme passes as it is"
-            self._tell(marked if self.marking else passes)
         return held.data if found is None else found
 
     def _found(self, held: _Held) -> bytes | None:

@@ -4,16 +4,20 @@ It takes packets, lets them wait a constant time, and sends them on. The marking
 process (`cuecast.live.worker`); when that is late or dead, the sound passes as it is.
 """
 
+import json
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
+from codec.errors import CueError
 from cuecast.command.files import PIPE
+from cuecast.live.guard import CAPTIONS_AT_ONCE, CAPTIONS_PER_S, RateLimit
 from cuecast.live.lines import Input, Output
 from cuecast.live.multiplex import Aligner, Multiplex
 from cuecast.live.pcm import PcmForm, PcmPassage
+from cuecast.live.readiness import STATES, Announcer, Condition, Observation, condition_of
 from cuecast.live.sound import LiveOptions
 from cuecast.live.worker import Cuer, Told, Worker
 
@@ -31,6 +35,12 @@ _LOOP_S = 0.005
 
 _SILENT_S = 2.0
 """Seconds without arrivals after which the input counts as lost."""
+
+_OBSERVED_S = 0.25
+"""Seconds between two looks at the state."""
+
+_SHOWN_CHARACTERS = 200
+"""Of a caption in the log."""
 
 _PATIENCE_S = 120.0
 """How long a pipe waits for the marking process before the programme passes as it is."""
@@ -51,6 +61,8 @@ _HELP = {
     "damaged_frames_total": ("counter", "Frames of the sound that could not be decoded."),
     "captions_total": ("counter", "Pieces of live text that are cued."),
     "captions_left_out_total": ("counter", "Pieces of live text that came too late."),
+    "captions_refused_total": ("counter", "Pieces of live text over the rate, or not allowed."),
+    "state_changes_total": ("counter", "Changes of state, those that the log sums up included."),
     "cuer_lag_seconds": ("gauge", "How far the cuer is behind the live text."),
     "poses_total": ("counter", "Frames of a live interpreter that came."),
     "keys_recognised_total": ("counter", "Keys that a live interpreter showed."),
@@ -128,6 +140,12 @@ class Playout:
                 **common,
             )  # fmt: skip
         self._plain = route.form is not None
+        self._announcer = Announcer(tell, time.monotonic)
+        self._captions = RateLimit(CAPTIONS_PER_S, CAPTIONS_AT_ONCE, time.monotonic)
+        self._refused_s = 0.0
+        self._silent = True
+        self._waiting_since_s: float | None = None
+        self._observed_s = 0.0
         self._figures["delay_seconds"] = self.delay_s
 
     def stop(self) -> None:
@@ -135,13 +153,34 @@ class Playout:
         self._stop.set()
 
     @property
-    def marking(self) -> bool:
-        """Whether the sound that goes out is marked."""
-        return self._multiplex.marking
+    def condition(self) -> Condition:
+        """State and its reason."""
+        return self._announcer.condition
 
-    def caption(self, line: bytes) -> None:
-        """Take a line of live text, from any thread."""
+    def caption(self, line: bytes, source: str) -> None:
+        """Take a line of live text, from any thread; the log names its source.
+
+        Raises
+        ------
+        CueError
+            If captions come faster than the limit.
+        """
+        if not self._captions.allows():
+            self.refuse(source, f"more than {CAPTIONS_PER_S:g} captions per second")
+            raise CueError(f"live text: more than {CAPTIONS_PER_S:g} captions per second")
+        if line.strip():
+            shown = line[:_SHOWN_CHARACTERS].decode("utf-8", "replace").strip()
+            self._tell(f"caption from {source}: {json.dumps(shown, ensure_ascii=False)}")
         self._worker.send("caption", line)
+
+    def refuse(self, source: str, why: str) -> None:
+        """Count live text that is refused; log it at most once a second."""
+        self._figures["captions_refused_total"] += 1
+        now_s = time.monotonic()
+        if now_s - self._refused_s >= 1.0:
+            self._refused_s = now_s
+            total = int(self._figures["captions_refused_total"])
+            self._tell(f"caption refused from {source}: {why} ({total} refused so far)")
 
     def interpret(self, line: bytes | None) -> None:
         """Take a line of a live interpreter, None at their end, from a thread of their own."""
@@ -159,7 +198,8 @@ class Playout:
             self._tell(f"delay {self.delay_s:g} s")
         else:
             self._tell(f"delay {self.delay_s:g} s of the stream's own clock")
-        heard_s, silent = time.monotonic(), False
+        heard_s, lost = time.monotonic(), False
+        self._observe(heard_s)
         try:
             while not (self._stop.is_set() or self._input.over):
                 arrivals = self._input.take(_LOOP_S)
@@ -168,19 +208,39 @@ class Playout:
                     self._take(data, arrived_s)
                 if arrivals:
                     heard_s = now_s
-                    if silent:
+                    if lost:
                         self._tell("input: back")
-                elif not silent and now_s - heard_s > _SILENT_S:
+                    self._silent = lost = False
+                elif not lost and now_s - heard_s > _SILENT_S:
                     self._figures["input_losses_total"] += 1
                     self._tell("input: nothing comes")
-                silent = not arrivals and now_s - heard_s > _SILENT_S
+                    self._silent = lost = True
                 self._collect()
                 self._give(now_s)
+                if now_s - self._observed_s >= _OBSERVED_S:
+                    self._observe(now_s)
+            self._observe(time.monotonic())
+            self._stop.set()
+            self._observe(time.monotonic())
             self._finish()
         finally:
             self._worker.close()
             self._input.close()
             self._output.close()
+
+    def _observe(self, now_s: float) -> None:
+        """Work out the state; log its changes."""
+        self._observed_s = now_s
+        if self._silent or not self._worker.ready:
+            self._waiting_since_s = None
+        elif self._waiting_since_s is None or self._multiplex.marking:
+            self._waiting_since_s = now_s
+        seen = Observation(
+            self._stop.is_set(), self._silent, self._worker.ready, self._worker.was_ready,
+            self._multiplex.marking, self._multiplex.audible,
+            now_s - (self._waiting_since_s or now_s), 1.5 * self.delay_s,
+        )  # fmt: skip
+        self._announcer.observe(condition_of(seen))
 
     def _take(self, data: bytes, arrived_s: float) -> None:
         packets = data if self._plain else self._aligner.process(data)
@@ -236,8 +296,13 @@ class Playout:
             "restarts_total": self._worker.restarts,
             "marking": self._multiplex.marking,
             "held_bytes": self._multiplex.held_bytes,
+            "state_changes_total": self._announcer.changes_total,
         }
-        lines = []
+        lines = ["# HELP cuecast_state 1 for the present state.", "# TYPE cuecast_state gauge"]
+        lines += [
+            f'cuecast_state{{state="{one}"}} {float(one == self.condition.state)!r}'
+            for one in STATES
+        ]
         for name, (kind, text) in _HELP.items():
             lines += [f"# HELP cuecast_{name} {text}", f"# TYPE cuecast_{name} {kind}"]
             lines.append(f"cuecast_{name} {float(figures[name])!r}")

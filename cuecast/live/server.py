@@ -1,7 +1,8 @@
-"""What a playout tells and takes over HTTP: figures for Prometheus, health, live text.
+"""Figures for Prometheus, health and live text of a playout over HTTP.
 
-``/metrics`` in Prometheus' text format; ``/health`` is 200 while the sound goes out marked, else
-503; ``/captions`` is a WebSocket that takes live text, a JSON object a message.
+``/metrics`` in Prometheus' text format; ``/health`` is 200 while sound that comes in leaves marked
+(states ready and marked), else 503, with the state and its reason as JSON; ``/captions`` is a
+WebSocket that takes live text, a JSON object a message, and answers refused ones with ``error``.
 """
 
 import asyncio
@@ -11,10 +12,14 @@ from collections.abc import Callable
 from aiohttp import WSMsgType, web
 
 from codec.errors import CueError
+from cuecast.live.guard import Guard
 from cuecast.live.playout import Playout
 
 _LONGEST_MESSAGE = 16_384
 """Bytes of a message of live text at most."""
+
+_PATIENCE = 100
+"""Refused messages after which a connection is closed."""
 
 
 class PlayoutServer:
@@ -26,8 +31,9 @@ class PlayoutServer:
     port : int
         0 for any that is free.
     tell : callable
-        Told where it listens.
-    host : str
+        Takes a line of the log.
+    guard : Guard
+        Address to listen on, and who may send live text.
 
     Raises
     ------
@@ -36,9 +42,10 @@ class PlayoutServer:
     """
 
     def __init__(
-        self, playout: Playout, port: int, tell: Callable[[str], None], host: str = "127.0.0.1"
+        self, playout: Playout, port: int, tell: Callable[[str], None], guard: Guard | None = None
     ) -> None:
-        self._playout, self._host = playout, host
+        self._playout, self._guard = playout, guard or Guard()
+        self._host = host = self._guard.host
         self._loop = asyncio.new_event_loop()
         self.port = port
         opened = threading.Event()
@@ -83,17 +90,34 @@ class PlayoutServer:
         )
 
     async def _health(self, request: web.Request) -> web.Response:
-        marking = self._playout.marking
-        return web.Response(
-            text="marked\n" if marking else "bypass\n", status=200 if marking else 503
+        condition = self._playout.condition
+        return web.json_response(
+            {"state": condition.state, "reason": condition.reason},
+            status=200 if condition.can_mark else 503,
         )
 
-    async def _captions(self, request: web.Request) -> web.WebSocketResponse:
-        socket = web.WebSocketResponse(max_msg_size=_LONGEST_MESSAGE)
+    async def _captions(self, request: web.Request) -> web.StreamResponse:
+        source = str(request.remote)
+        objection = self._guard.objection(request.headers)
+        if objection is not None:
+            self._playout.refuse(source, objection)
+            return web.Response(status=403, text=f"{objection}\n")
+        socket = web.WebSocketResponse(max_msg_size=_LONGEST_MESSAGE, heartbeat=30.0)
         await socket.prepare(request)
+        refused = 0
         async for message in socket:
-            if message.type == WSMsgType.TEXT:
-                self._playout.caption(message.data.encode())
+            if message.type == WSMsgType.ERROR:
+                self._playout.refuse(source, f"{message.data} (limit {_LONGEST_MESSAGE} bytes)")
+                break
+            if message.type != WSMsgType.TEXT:
+                continue
+            try:
+                self._playout.caption(message.data.encode(), source)
+            except CueError as error:
+                refused += 1
+                await socket.send_json({"error": str(error)})
+            if refused > _PATIENCE:
+                await socket.close(code=1008, message=b"too many captions")
         return socket
 
     def close(self) -> None:

@@ -7,7 +7,6 @@ the viewer already, in her own time, faster where she lags, and caught up with i
 
 import json
 from collections import deque
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from codec.cuer.motion import Motion
@@ -172,14 +171,3 @@ def _hastened(score: Score, start_s: float, factor: float) -> Score:
         tuple(replace(p, start=moved(p.start), end=moved(p.end)) for p in score.phones),
         tuple(replace(k, start=moved(k.start), end=moved(k.end)) for k in score.keys),
     )
-
-
-def lines_of(data: bytes, held: bytearray) -> Iterator[bytes]:
-    """Yield whole lines of a stream of bytes; what has no end yet is held."""
-    held += data
-    while (end := held.find(b"\n")) >= 0:
-        line = bytes(held[:end])
-        del held[: end + 1]
-        yield line
-    if len(held) > 4 * _LONGEST_TEXT:
-        held.clear()

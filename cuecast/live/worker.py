@@ -113,7 +113,7 @@ class Worker:
         self._failures = 0
         self._again_s = 0.0
         self.restarts = 0
-        self.ready = self.ended = False
+        self.ready = self.was_ready = self.ended = False
         self._start()
 
     def _start(self) -> None:
@@ -159,7 +159,8 @@ class Worker:
                 wait_s = 0.0
                 found = self._results.recv()
                 if isinstance(found, str):
-                    self.ready, self.ended = True, found == "ended"
+                    self.ready = self.was_ready = True
+                    self.ended = found == "ended"
                     continue
                 self._failures = 0
                 yield found
@@ -240,6 +241,7 @@ class _Marking:
         self._send, self._patience_s = send, patience_s
         self._epoch = self._passed = 0
         self._late_since: tuple[float, float] | None = None
+        self._fresh = False
         self._said = ""
         self._reported_s = 0.0
         self.over = False
@@ -319,6 +321,9 @@ class _Marking:
             return False
         now_s = time.monotonic()
         age_s = now_s - sent_s
+        self._fresh |= age_s <= self._patience_s
+        if not self._fresh:  # it came while this process was loading: its time has passed
+            return True
         if self._passed or age_s <= self._patience_s:
             self._late_since = None
             return bool(self._passed) and age_s > _CAUGHT_UP_S

@@ -21,11 +21,10 @@ from cuecast.command.arguments import (
     carrier_list,
     grade,
     natural,
-    not_negative,
     print_json,
 )
 from cuecast.command.errors import UsageError
-from cuecast.command.files import PIPE, write_json
+from cuecast.command.files import write_json
 from cuecast.command.progress import note
 from cuecast.command.trust import add_on_air
 
@@ -34,48 +33,18 @@ SUMMARY = "the programme with its cuer inside"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument(
-        "programme", metavar="PROGRAMME", help="sound or video file; with --live where it runs"
-    )
-    parser.add_argument("live_output", metavar="OUT", nargs="?", help=argparse.SUPPRESS)
+    parser.add_argument("programme", metavar="PROGRAMME", help="sound or video file")
     source = parser.add_mutually_exclusive_group()
     source.add_argument(
         "--subtitles", metavar="SUBS",
         help="what is said; - reads a pipe (default: the programme's own French subtitles)",
     )  # fmt: skip
-    source.add_argument(
-        "--motion", metavar="M.npz",
-        help="motion of the cuer; with --live, - is an interpreter: lines of `capture - --live`",
-    )  # fmt: skip
+    source.add_argument("--motion", metavar="M.npz", help="motion of the cuer")
     parser.add_argument("-o", "--output", metavar="OUT", help="the programme with its cuer")
     add_on_air(parser, "when a signed programme begins on air (default: now)")
     parser.add_argument("--report", metavar="R.json", help="what was done; - prints it")
     add_json(parser)
     add_dubbing(parser)
-    live = parser.add_argument_group("a running transport stream: dub --live IN OUT")
-    live.add_argument(
-        "--live", action="store_true",
-        help="from udp://@:PORT, a pipe (-) or a file to udp://HOST:PORT, a pipe or a file, 5 s "
-        "later; without --subtitles and --motion the stream's own text or live text is cued",
-    )  # fmt: skip
-    live.add_argument(
-        "--samples", metavar="FORM", help="plain samples instead, such as s16le:48000:2"
-    )
-    live.add_argument("--low-delay", action="store_true", help="2.5 s later")
-    live.add_argument(
-        "--text", choices=(PIPE,), help="live text as JSON lines from the standard input"
-    )
-    live.add_argument(
-        "--port", type=natural, metavar="N",
-        help="serve /metrics, /health and the WebSocket /captions for live text",
-    )  # fmt: skip
-    live.add_argument(
-        "--seen-late", type=not_negative, default=0.0, metavar="S",
-        help="how much later than the stream arrives the interpreter sees it",
-    )  # fmt: skip
-    live.add_argument(
-        "--programme-number", type=natural, metavar="N", help="which of the stream's programmes"
-    )
 
 
 def add_dubbing(parser: argparse.ArgumentParser) -> None:
@@ -132,11 +101,7 @@ def add_dubbing(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the programme and the report."""
-    if args.live:
-        from cuecast.live.command import run_live
-
-        return run_live(args)
-    if args.output is None or args.live_output is not None:
+    if args.output is None:
         raise UsageError("dub: say the output with -o OUT")
     from cuecast.dubbing.job import dub_as_told
 

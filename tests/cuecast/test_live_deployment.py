@@ -32,9 +32,7 @@ def test_unit_starts_a_playout() -> None:
         for arg in argv[2:] if arg != "$CUECAST_OPTIONS"
     ]  # fmt: skip
     args = build_parser().parse_args(given)
-    assert (args.verb, args.live, args.programme, args.live_output) == (
-        "dub", True, "udp://@:5000", "-",
-    )  # fmt: skip
+    assert (args.verb, args.source, args.target) == ("playout", "udp://@:5000", "-")
     assert service["Restart"] == "always"
     assert float(service["TimeoutStopSec"]) > 10  # what was taken in goes out first
 

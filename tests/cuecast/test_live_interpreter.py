@@ -1,11 +1,9 @@
 """A live interpreter: her lines on the programme's clock, her keys, and the sound that waits."""
 
 import difflib
-import io
 import json
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -188,12 +186,14 @@ def test_an_interpreter_is_received(
     pcm = np.random.default_rng(1).normal(0, 2000, (9 * 48_000, 2)).astype("<i2")
     (tmp_path / "a.pcm").write_bytes(pcm.tobytes())
     lines = "".join(f"{line}\n" for line in lines_of(motion)) + "not a line\n"
-    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(lines.encode())))
+    (tmp_path / "lines").write_text(lines)
     files = [str(tmp_path / name) for name in ("a.pcm", "b.pcm")]
-    live = ["dub", "--live", *files, "--samples", "s16le:48000:2", "--motion", "-", "--low-delay"]
-    assert main(live) == 0
+    live = ["playout", *files, "--samples", "s16le:48000:2", "--motion", "-", "--low-delay"]
+    with (tmp_path / "lines").open() as pipe:
+        monkeypatch.setattr(sys, "stdin", pipe)
+        assert main(live) == 0
     told = capsys.readouterr().err
-    assert "the sound is marked" in told
+    assert "state marked" in told
     assert "interpreter: not JSON" in told
     assert "interpreter: no more lines" in told
     marked = np.fromfile(tmp_path / "b.pcm", "<i2").reshape(-1, 2)

@@ -57,7 +57,7 @@ def test_a_line_of_samples_carries(tmp_path: Path) -> None:
     sound, subtitles = make_sound()
     (tmp_path / "a.srt").write_text(as_srt(subtitles[:3]), encoding="utf-8")
     (tmp_path / "a.raw").write_bytes(FORM.bytes(sound[: 7 * FS]))
-    live = ["dub", "--live", str(tmp_path / "a.raw"), str(tmp_path / "b.raw"), "--low-delay"]
+    live = ["playout", str(tmp_path / "a.raw"), str(tmp_path / "b.raw"), "--low-delay"]
     given = [*live, "--samples", "s16le:48000:2", "--subtitles", str(tmp_path / "a.srt")]
     assert main(given) == 0
     before, after = ((tmp_path / name).read_bytes() for name in ("a.raw", "b.raw"))

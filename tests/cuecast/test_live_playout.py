@@ -5,6 +5,8 @@ import json
 import os
 import signal
 import socket
+import subprocess
+import sys
 import threading
 import time
 from contextlib import closing
@@ -66,9 +68,12 @@ def test_a_file_passes_and_carries(
     air: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "b.ts"
-    live = ["dub", "--live", str(air / "a.ts"), str(out), "--low-delay", "--pace", "sync"]
+    live = ["playout", str(air / "a.ts"), str(out), "--low-delay", "--pace", "sync"]
     assert main([*live, "--subtitles", str(air / "a.srt")]) == 0
-    assert "the sound is marked" in capsys.readouterr().err
+    log = capsys.readouterr().err
+    assert "state starting: the marking process is loading" in log
+    assert "state marked" in log
+    assert "state stopping: no more input is taken" in log
     assert others(out) == others(air / "a.ts")
     assert main(["receive", str(out), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -81,16 +86,24 @@ def test_a_file_passes_and_carries(
 
 
 def test_usage(air: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    token = tmp_path / "token"
+    token.write_text("abc\n")
     for given, message in [
-        (["dub", "--live", str(air / "a.ts")], "say where from and where to"),
+        (["dub", "--live", str(air / "a.ts")], "the following arguments are required: OUT"),
         (["dub", str(air / "a.ts")], "say the output with -o OUT"),
-        (["dub", "--live", "-", "-", "--text", "-"], "only one of programme, live text"),
-        (["dub", "--live", "-", "-", "--motion", "-"], "and interpreter can be the pipe"),
-        (["dub", "--live", "-", "-", "--carriers", "video"], "only the carrier audio"),
+        (["playout", "-", "-", "--text", "-"], "only one of programme, live text"),
+        (["playout", "-", "-", "--motion", "-"], "and interpreter can be the pipe"),
+        (["playout", "-", "-", "--token-file", str(token)], "need --port"),
     ]:
         assert main(given) == 2
         assert message in capsys.readouterr().err
-    assert main(["dub", "--live", str(tmp_path / "none.ts"), str(tmp_path / "x.ts")]) == 3
+    for given, message in [
+        (["playout", str(tmp_path / "none.ts"), str(tmp_path / "x.ts")], "none.ts"),
+        (["playout", "-", "-", "--port", "0", "--host", "0.0.0.0"], "needs --token-file"),
+        (["playout", "-", "-", "--port", "0", "--token-file", str(token)], "this one 3"),
+    ]:
+        assert main(given) == 3
+        assert message in capsys.readouterr().err
 
 
 def free_port() -> int:
@@ -117,6 +130,7 @@ def test_datagrams_pass_whatever_happens_to_the_marking(air: Path) -> None:
     came = bytearray()
     with closing(PlayoutServer(playout, 0, told.append)) as server:
         os.kill(playout._worker._process.pid, signal.SIGKILL)
+        assert "state" in asyncio.run(health(server.port))
         asyncio.run(caption(server.port, "Bonsoir."))
         for at in range(0, len(data), 7 * PACKET):
             sender.sendto(data[at : at + 7 * PACKET], ("127.0.0.1", there))
@@ -135,9 +149,39 @@ def test_datagrams_pass_whatever_happens_to_the_marking(air: Path) -> None:
     assert any("the marking process ended (-9)" in line for line in told)
     assert "cuecast_restarts_total 1.0" in figures
     assert f"cuecast_packets_total {len(data) // PACKET}.0" in figures
+    assert 'cuecast_state{state="marked"} 0.0' in figures
+    assert any('caption from 127.0.0.1: "{' in line for line in told)
     assert told[-1] == "the programme has ended"
     receiver.close()
     sender.close()
+
+
+def run_command(*given: str) -> "subprocess.Popen[bytes]":
+    return subprocess.Popen(
+        [sys.executable, "-m", "cuecast", "playout", *given], stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("mode", ["--text", "--motion", "programme"])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_it_gracefully_while_a_pipe_is_open(
+    mode: str, number: signal.Signals
+) -> None:
+    """A thread that waits in Python's buffer for the pipe made the interpreter abort."""
+    back = free_port()
+    source = "-" if mode == "programme" else f"udp://127.0.0.1:{free_port()}"
+    more = [] if mode == "programme" else [mode, "-"]
+    with run_command(source, f"udp://127.0.0.1:{back}", *more) as process:
+        assert process.stderr is not None
+        log = b""
+        while b"state starting" not in log:
+            log += process.stderr.read1(4096) or pytest.fail(log.decode())  # type: ignore[attr-defined]
+        process.send_signal(number)
+        _, rest = process.communicate(timeout=60)
+        assert process.returncode == 0, (log + rest).decode()
+    assert b"state stopping" in rest
+    assert b"Fatal" not in rest
 
 
 async def caption(port: int, text: str) -> None:
@@ -148,9 +192,19 @@ async def caption(port: int, text: str) -> None:
         await line.send_str(json.dumps({"text": text}))
 
 
+async def health(port: int) -> dict[str, str]:
+    async with (
+        aiohttp.ClientSession() as session,
+        session.get(f"http://127.0.0.1:{port}/health") as answer,
+    ):
+        found: dict[str, str] = await answer.json()
+        assert answer.status == (200 if found["state"] in ("ready", "marked") else 503)
+        return found
+
+
 async def metrics(port: int) -> str:
-    async with aiohttp.ClientSession() as session:
-        async with session.get(f"http://127.0.0.1:{port}/health") as answer:
-            assert answer.status in (200, 503)
-        async with session.get(f"http://127.0.0.1:{port}/metrics") as answer:
-            return await answer.text()
+    async with (
+        aiohttp.ClientSession() as session,
+        session.get(f"http://127.0.0.1:{port}/metrics") as answer,
+    ):
+        return await answer.text()

@@ -36,7 +36,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_live_programme_is_verified(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    live = ["dub", "--live", str(folder / "a.pcm"), str(folder / "b.pcm"), "--low-delay"]
+    live = ["playout", str(folder / "a.pcm"), str(folder / "b.pcm"), "--low-delay"]
     live += ["--samples", "s16le:48000:2", "--subtitles", str(folder / "a.srt")]
     assert main([*live, "--sign", str(folder / "k.key"), "--on-air", ON_AIR]) == 0
     marked = np.fromfile(folder / "b.pcm", "<i2").reshape(-1, 2)
@@ -51,7 +51,7 @@ def test_a_live_programme_is_verified(folder: Path, capsys: pytest.CaptureFixtur
 
 
 def test_a_secret_that_is_none(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    live = ["dub", "--live", str(folder / "a.pcm"), str(folder / "c.pcm")]
+    live = ["playout", str(folder / "a.pcm"), str(folder / "c.pcm")]
     assert main([*live, "--sign", str(folder / "a.srt")]) == 3
     assert "a.srt" in capsys.readouterr().err
 

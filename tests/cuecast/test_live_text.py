@@ -9,7 +9,7 @@ import pytest
 from codec.cuer.voice import load_voice
 from codec.cues.score import Key
 from codec.errors import CueError
-from cuecast.live.text import AHEAD_S, Caption, LiveMotion, lines_of, read_caption
+from cuecast.live.text import AHEAD_S, Caption, LiveMotion, read_caption
 from synth.planning.scoring.text_score import Reading, keys_of
 
 VOICE = load_voice("claire")
@@ -86,9 +86,6 @@ def test_lines() -> None:
     assert read_caption('{"text": "Oui", "age": 3, "more": 1}', 12.0) == Caption(9.0, "Oui")
     assert read_caption('{"text": "Oui", "start": 99}', 12.0) == Caption(12.0, "Oui")
     assert read_caption(b" \n", 12.0) is None
-    held = bytearray()
-    assert list(lines_of(b"a\nb", held)) == [b"a"]
-    assert list(lines_of(b"c\n", held)) == [b"bc"]
 
 
 @pytest.mark.parametrize(

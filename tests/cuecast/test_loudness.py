@@ -124,7 +124,7 @@ def test_sets_are_told_the_same_loudness(tmp_path: Path, codec: str, *, live: bo
     given = ["--subtitles", str(tmp_path / "a.srt")]
     target = tmp_path / "b.ts"
     if live:
-        assert main(["dub", "--live", str(source), str(target), *given]) == 0
+        assert main(["playout", str(source), str(target), *given]) == 0
     else:
         fast = ["--no-grade", "--no-read-back"]
         assert main(["dub", str(source), "-o", str(target), *given, *fast]) == 0
