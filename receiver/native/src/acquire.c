@@ -18,7 +18,9 @@ enum {
     SEARCH_BINS = 59, /* those of the bands that pilots touch */
     SEARCH_HOP = 120,
     BLOCK = BATCH / 2,
-    PERIOD = FRAMES * ROW_HOP
+    PERIOD = FRAMES * ROW_HOP,
+    FEW_CLOCKS = 9,                 /* of rotating hypotheses: 480 ppm */
+    WORTH_ADDING = 22 * PARTS * 8 / 10 /* 2.2 deviations: scores below are not added up */
 };
 
 static const float deviation = 8.0f;   /* of a score in unmarked sound: sqrt(128 / 2) */
@@ -94,6 +96,9 @@ static void low_sound(const cue_hearing *h, const float mix[2], cue_search_work 
     }
 }
 
+/* Projections beyond 4000 units are of no use; soft values need them whole (see soften). */
+static float limited(float x) { return x > 4000 ? 4000 : x < -4000 ? -4000 : x; }
+
 /* Band powers and signed sums of slots in rows `first` to `end`. Parts of slots in different bands
  * are scaled apart, so that sums per band are kept: slot g takes bins of at most three bands. */
 static void slide(const cue_hearing *h, cue_search_work *w, float silent) {
@@ -156,8 +161,8 @@ static void slide(const cue_hearing *h, cue_search_work *w, float silent) {
                 re += unit * a[k];
                 im += unit * b[k];
             }
-            w->re[g][r] = w->alive[g][r] ? re : 0;
-            w->im[g][r] = w->alive[g][r] ? im : 0;
+            w->re[g][r] = w->alive[g][r] ? limited(re) : 0;
+            w->im[g][r] = w->alive[g][r] ? limited(im) : 0;
         }
     }
 }
@@ -172,17 +177,22 @@ static void soften(const cue_hearing *h, cue_search_work *w, float step) {
         float dither = h->layout.pilot_dither[g];
         const float *re = w->re[g] + 30, *im = w->im[g] + 30;
         const uint8_t *alive = w->alive[g] + 30;
+        float turn[2][TURNS];
+        float x[8], c[8];
         for (int t = 0; t < TURNS; t++) {
-            float a = (float)(cos(frequency * (0.5 * t - 1.5)) / step);
-            float z = (float)(sin(frequency * (0.5 * t - 1.5)) / step);
-            int8_t *out = w->soft[g] + t;
-            for (int r = 0; r < ROWS - 30; r++) {
-                float x = re[r] * a - im[r] * z - dither;
-                x -= floorf(x + 0.5f);
-                float u = x * x;
-                float c = 0.9985258f + u * (-19.54981647f + u * (61.07633166f + u * -59.49797175f));
-                out[r * TURNS] = (int8_t)(alive[r] ? (int)(PARTS * c + 300.5f) - 300 : 0);
+            turn[0][t] = (float)(cos(frequency * (0.5 * t - 1.5)) / step);
+            turn[1][t] = (float)(sin(frequency * (0.5 * t - 1.5)) / step);
+        }
+        for (int r = 0; r < ROWS - 30; r++) {
+            float parts = alive[r] ? PARTS : 0;
+            for (int t = 0; t < TURNS; t++) {
+                x[t] = re[r] * turn[0][t] - im[r] * turn[1][t] - dither;
+                x[t] -= (float)(int)(x[t] + 8192.5f) - 8192; /* nearest whole number */
+                float u = x[t] * x[t];
+                c[t] = 0.9985258f + u * (-19.54981647f + u * (61.07633166f + u * -59.49797175f));
             }
+            for (int t = 0; t < TURNS; t++)
+                w->soft[g][r * TURNS + t] = (int8_t)((int)(parts * c[t] + 300.5f) - 300);
         }
     }
 }
@@ -204,23 +214,38 @@ static void add_pilots(const cue_hearing *h, cue_search_work *w, int first, int 
 
 static int clock_ppm(int d) { return (d % 2 ? -1 : 1) * (d + 1) / 2 * 120; }
 
-/* Largest score of each start over all clock errors. */
-static void find_peaks(int16_t sums[8][BLOCK + 2 * SLACK], int16_t *peak, int16_t *clock) {
+static int16_t clock_penalty(int d) {
+    int size = clock_ppm(d) < 0 ? -clock_ppm(d) : clock_ppm(d);
+    return (int16_t)(size > 160 ? PARTS * 8 : PARTS * size / 20);
+}
+
+static int clock_shift(int d, int segment) {
+    return SLACK + (int)lround(clock_ppm(d) * 1e-6 * (8 * segment + 3.5) * ROW_HOP);
+}
+
+/* Largest score of each start over some clock errors. */
+static void find_peaks(int16_t sums[8][BLOCK + 2 * SLACK], int clocks, int16_t *peak) {
     for (int i = 0; i < BLOCK; i++) peak[i] = -16384;
-    for (int d = 0; d < CLOCKS; d++) {
-        int ppm = clock_ppm(d), size = ppm < 0 ? -ppm : ppm;
-        int16_t less = (int16_t)(size > 160 ? PARTS * 8 : PARTS * size / 20);
+    for (int d = 0; d < clocks; d++) {
+        int16_t less = clock_penalty(d);
         const int16_t *at[8];
-        for (int s = 0; s < 8; s++)
-            at[s] = sums[s] + SLACK + (int)lround(ppm * 1e-6 * (8 * s + 3.5) * ROW_HOP);
+        for (int s = 0; s < 8; s++) at[s] = sums[s] + clock_shift(d, s);
         for (int i = 0; i < BLOCK; i++) {
             int16_t total = (int16_t)(at[0][i] + at[1][i] + at[2][i] + at[3][i] + at[4][i]
                                       + at[5][i] + at[6][i] + at[7][i] - less);
-            int16_t better = (int16_t)(total > peak[i] ? -1 : 0);
-            clock[i] = (int16_t)((clock[i] & ~better) | (d & better));
             peak[i] = total > peak[i] ? total : peak[i];
         }
     }
+}
+
+/* Clock error that gave a start its score. */
+static int clock_of(int16_t sums[8][BLOCK + 2 * SLACK], int clocks, int place, int16_t peak) {
+    for (int d = 0; d < clocks; d++) {
+        int total = -clock_penalty(d);
+        for (int s = 0; s < 8; s++) total += sums[s][clock_shift(d, s) + place];
+        if (total == peak) return clock_ppm(d);
+    }
+    return 0;
 }
 
 static float pilot_steps(int tier) { return exp2f(1.875f + (float)tier); }
@@ -266,17 +291,20 @@ static void search_step(cue_hearing *h, cue_search_work *w, float step, int tier
             if (tier >= 0 && pair < 0) continue;
             memcpy(w->sums, w->common, sizeof w->sums);
             add_pilots(h, w, from, 1, n, w->sums);
-            find_peaks(w->sums, w->peak, w->clock);
+            int clocks = tier < 0 ? FEW_CLOCKS : CLOCKS;
+            find_peaks(w->sums, clocks, w->peak);
             for (int i = 0; i < BLOCK; i++) {
-                float score = (float)w->peak[i] / (PARTS * deviation);
-                if (pair >= 0 && w->peak[i] > 1200)
-                    score = summed(s, pair, first + i, clock_ppm(w->clock[i]), w->peak[i])
-                            / (PARTS * deviation);
+                if (w->peak[i] < WORTH_ADDING) continue;
+                float score = w->peak[i];
+                if (pair >= 0)
+                    score = summed(s, pair, first + i, clock_of(w->sums, clocks, i, w->peak[i]),
+                                   w->peak[i]);
+                score /= PARTS * deviation;
                 if (score <= best->score) continue;
                 best->score = score;
                 best->profile = n;
                 best->pilot_step = step;
-                best->clock = clock_ppm(w->clock[i]) * 1e-6;
+                best->clock = clock_of(w->sums, clocks, i, w->peak[i]) * 1e-6;
                 best->start = (double)(s->batch * QUANTUM) + 2.0 * (first + i) - 7.5 - 0.5;
             }
             for (int i = 0; pair >= 0 && i < BLOCK; i += 2) {
@@ -315,19 +343,24 @@ bool cue_search_usual(cue_hearing *h, cue_candidate *found) {
     return search(h, h->search.mix, steps, tiers, TIERS, least_score, found);
 }
 
-/* The rotating hypotheses: four batches in a row, which hold one start of a superframe, get the
- * same one: polarity, mix, and eight pilot steps half an octave apart, then those between. */
-bool cue_search_other(cue_hearing *h, cue_candidate *found) {
-    static const float mixes[][2] = {{1, 0}, {-1, 0}, {1, 1}, {1, -1}, {0, 1}, {0, -1}};
-    enum { COUNT = 8, GRIDS = 6 };
-    cue_search *s = &h->search;
-    int turn = s->turn++ / 5, which = turn / GRIDS % (h->channels == 2 ? 6 : 2);
-    int grid = turn % GRIDS, tiers[COUNT];
+/* The rotating hypotheses. Five batches in a row, which hold one start of a superframe, get the
+ * same two: a polarity or another mix at the usual steps, and eight steps of a ladder of 48 that are
+ * 2^(1/8) apart, from 1/3 of the lowest to 3 times the highest: first of the mid, in both
+ * polarities, then of another mix. */
+bool cue_search_other(cue_hearing *h, bool ladder, cue_candidate *found) {
+    static const float mixes[][2] = {{-1, 0}, {0, 1}, {0, -1}, {1, 1}, {1, -1}, {1, 0}};
+    enum { COUNT = 8, GRIDS = 6, MIXES = 6, MID_ROUNDS = 2 * GRIDS };
+    int turn = h->search.turn / 5, tiers[COUNT], count = ladder ? COUNT : TIERS;
+    int which = h->stereo ? turn % (MIXES - 1) : 0, grid = turn % GRIDS;
     float steps[COUNT];
-    for (int i = 0; i < COUNT; i++) {
-        /* 48 steps from 1/3 of the lowest to 3 times the highest, 2^(1/8) apart */
-        steps[i] = exp2f(0.375f + (float)(i * GRIDS + grid) / 8.0f);
+    if (ladder) {
+        int round = turn % (MID_ROUNDS + GRIDS);
+        which = round < GRIDS ? MIXES - 1 : 0;
+        if (round >= MID_ROUNDS && h->stereo) which = turn / (MID_ROUNDS + GRIDS) % (MIXES - 1);
+    }
+    for (int i = 0; i < count; i++) {
+        steps[i] = ladder ? exp2f(0.375f + (float)(i * GRIDS + grid) / 8.0f) : pilot_steps(i);
         tiers[i] = -1;
     }
-    return search(h, mixes[which], steps, tiers, COUNT, 5.4f, found);
+    return search(h, mixes[which], steps, tiers, count, 5.2f, found);
 }

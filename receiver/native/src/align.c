@@ -235,7 +235,7 @@ static double peak_of(const double *y, int stride, int i, int count) {
 cue_fit cue_search_fit(cue_hearing *h, const cue_view *view, cue_cells cells, float step,
                        const float *expected, int delays, float delay_step, int drifts,
                        float drift_step, int harmonic) {
-    double out[17][33];
+    double out[17][33] = {{0}};
     score s = make_score(h, view, cells, step, expected, harmonic);
     int best[2] = {0, 0};
     double first = -0.5 * (delays - 1) * delay_step, slowest = -0.5 * (drifts - 1) * drift_step;

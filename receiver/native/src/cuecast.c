@@ -206,7 +206,7 @@ cue_status cue_flush(cue_state *cue) {
     cue_status status = may_push(cue);
     if (status != CUE_OK) return status;
     uint64_t heard = cue->heard;
-    int64_t end = cue->hearing.sound.count + HOP + 256 + QUANTUM;
+    int64_t end = cue->hearing.sound.count + HOP + 256 + 2 * QUANTUM;
     while (cue->hearing.sound.count < end) push_frame(cue, nothing);
     cue->heard = heard;
     cue->ended = true;

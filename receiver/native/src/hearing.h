@@ -219,8 +219,7 @@ typedef struct cue_search_work {
     uint8_t alive[SLOTS][ROWS];
     int8_t soft[SLOTS][PLACES];
     int16_t common[8][BATCH / 2 + 2 * SLACK], sums[8][BATCH / 2 + 2 * SLACK];
-    int16_t peak[BATCH];
-    int16_t clock[BATCH];
+    int16_t peak[BATCH / 2];
 } cue_search_work;
 
 typedef struct cue_candidate {
@@ -262,7 +261,7 @@ typedef struct cue_hearing {
     int64_t now;                /* sound before it was processed */
     uint32_t channels, epoch;
     uint64_t index;
-    bool history;
+    bool history, stereo;       /* stereo: two channels that have differed */
     cue_reception state;
     cue_diagnosis seen;
     cue_view view;
@@ -307,7 +306,7 @@ void cue_search_start(cue_hearing *h, double from, const cue_track *track);
 bool cue_search_ready(const cue_hearing *h);
 /* Search the next batch under the usual hypothesis, or under the next rotating one. */
 bool cue_search_usual(cue_hearing *h, cue_candidate *found);
-bool cue_search_other(cue_hearing *h, cue_candidate *found);
+bool cue_search_other(cue_hearing *h, bool ladder, cue_candidate *found);
 
 /* track.c */
 void cue_hearing_init(cue_hearing *h, const cue_config *config);

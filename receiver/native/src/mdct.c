@@ -31,13 +31,11 @@ void cue_mdct_init(cue_mdct *m) {
 /* Transform n = HOP / stride values that lie `stride` apart. */
 static void transform(const cue_mdct *m, const cue_complex *in, cue_complex *out, int n,
                       int stride) {
-    if (n == 1) {
-        out[0] = in[0];
-        return;
+    int radix = n % 5 == 0 ? 5 : n % 3 == 0 ? 3 : n % 4 == 0 ? 4 : 2, part = n / radix;
+    for (int q = 0; q < radix; q++) {
+        if (part == 1) out[q] = in[q * stride];
+        else transform(m, in + q * stride, out + q * part, part, stride * radix);
     }
-    int radix = n % 4 == 0 ? 4 : n % 2 == 0 ? 2 : n % 3 == 0 ? 3 : 5, part = n / radix;
-    for (int q = 0; q < radix; q++)
-        transform(m, in + q * stride, out + q * part, part, stride * radix);
     for (int k = 0; k < part; k++) {
         cue_complex x[5];
         x[0] = out[k];

@@ -79,15 +79,16 @@ void cue_sound_push(cue_sound *s, float mid, float side) {
 
 /* Copy samples of a mix; silence outside of the ring. */
 static void cut(const cue_sound *s, const float mix[2], int64_t from, int count, float *out) {
-    for (int i = 0; i < count; i++) {
-        int64_t at = from + i;
-        if (at < s->first || at >= s->count) {
-            out[i] = 0;
-            continue;
-        }
-        at %= RING;
-        out[i] = mix[0] * s->ring[0][at] + mix[1] * s->ring[1][at];
+    int i = 0;
+    for (; i < count && from + i < s->first; i++) out[i] = 0;
+    while (i < count && from + i < s->count) {
+        int at = (int)((from + i) % RING), n = count - i < RING - at ? count - i : RING - at;
+        if (n > s->count - (from + i)) n = (int)(s->count - (from + i));
+        for (int j = 0; j < n; j++)
+            out[i + j] = mix[0] * s->ring[0][at + j] + mix[1] * s->ring[1][at + j];
+        i += n;
     }
+    for (; i < count; i++) out[i] = 0;
 }
 
 void cue_sound_read(const cue_sound *s, const float mix[2], double position, double ratio,
@@ -96,7 +97,7 @@ void cue_sound_read(const cue_sound *s, const float mix[2], double position, dou
         cut(s, mix, (int64_t)position, count, out);
         return;
     }
-    enum { PIECE = 240 };
+    enum { PIECE = 240, LANES = 8 };
     float x[PIECE + PIECE / 8 + TAPS + 4];
     for (int done = 0; done < count; done += PIECE) {
         double start = position + done * ratio;
@@ -111,12 +112,12 @@ void cue_sound_read(const cue_sound *s, const float mix[2], double position, dou
             int cell = (int)where < STEPS - 1 ? (int)where : STEPS - 1;
             const float *near = x + whole - (TAPS / 2 - 1), *a = s->table[cell],
                         *b = s->table[cell + 1];
-            float low = 0, high = 0;
-            for (int j = 0; j < TAPS; j++) {
-                low += near[j] * a[j];
-                high += near[j] * b[j];
-            }
-            out[done + i] = low + (where - (float)cell) * (high - low);
+            float sum[LANES] = {0}, weight = where - (float)cell, total = 0;
+            for (int j = 0; j < TAPS; j += LANES) /* lanes: the order of sums is free */
+                for (int k = 0; k < LANES; k++)
+                    sum[k] += near[j + k] * (a[j + k] + weight * (b[j + k] - a[j + k]));
+            for (int k = 0; k < LANES; k++) total += sum[k];
+            out[done + i] = total;
         }
     }
 }

@@ -27,6 +27,7 @@ void cue_hearing_reset(cue_hearing *h) {
     h->epoch++;
     h->index = 0;
     h->search.loudest = 0;
+    h->stereo = false;
     h->search.turn = 0;
     cue_search_start(h, 0, NULL);
 }
@@ -251,10 +252,18 @@ static bool read_elsewhere(cue_hearing *h, cue_track *t, enum cue_effort effort)
 /* Go on with cells in mid, left and right, or all in the mid: as known bits fit clearly. */
 static void settle_pair(cue_hearing *h, cue_track *t) {
     const cue_profile *p = &cue_profiles[t->profile];
-    float soft[FRAMES * GROUPS], gain = 0, count = 0;
+    float soft[FRAMES * GROUPS], gain = 0, count = 0, fit = 0;
     cue_track other = *t;
     bool paired = h->view.paired;
-    if (h->channels != 2) return;
+    if (!h->stereo) return;
+    for (int i = 0; i < FRAMES * cue_groups(p); i++) {
+        int bin = p->first_bin + i % cue_groups(p) * p->cell_bins;
+        if (h->layout.place[t->profile][bin] == MID || !h->reading.expected[i]) continue;
+        fit += h->reading.soft[i] * (float)h->reading.expected[i];
+        count++;
+    }
+    if (fit > 0.35f * count) return; /* good as it is */
+    count = 0;
     other.pair = !t->pair;
     view(h, &other);
     if (h->view.paired == paired) return;
@@ -417,11 +426,13 @@ static bool due(const cue_hearing *h) {
 
 void cue_hearing_step(cue_hearing *h) {
     cue_candidate found;
-    float power = 0;
+    float power = 0, beside = 0;
     for (int64_t i = h->now; i < h->now + QUANTUM; i++) {
         float x = h->sound.ring[0][i % RING];
         power += x * x / QUANTUM;
+        beside += h->sound.ring[1][i % RING] * h->sound.ring[1][i % RING] / QUANTUM;
     }
+    h->stereo |= beside > 1e-8f * power;
     h->now += QUANTUM;
     h->search.loudest *= 0.997f;
     if (power > h->search.loudest) h->search.loudest = power;
@@ -430,7 +441,9 @@ void cue_hearing_step(cue_hearing *h) {
     for (int i = 0; i < 2 && cue_search_ready(h); i++) {
         bool tried = cue_search_usual(h, &found) && try_candidate(h, &found);
         bool others = !h->tracking || h->track.misses >= 3;
-        if (!tried && others && cue_search_other(h, &found)) tried = try_candidate(h, &found);
+        for (int ladder = 0; ladder < 2 && !tried && others; ladder++)
+            tried = cue_search_other(h, ladder, &found) && try_candidate(h, &found);
+        h->search.turn++;
         h->search.batch++;
     }
     h->state = h->tracking && h->track.misses <= PATIENCE
