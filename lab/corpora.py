@@ -37,7 +37,7 @@ from synth.studio.corpora import (
 )
 from synth.studio.studio import Studio, surround
 from synth.studio.take import record
-from synth.units.recordings.choice import Coverage
+from synth.units.recordings.choice import SentenceCoverage
 from synth.units.recordings.sentences import N_SENTENCES
 
 
@@ -124,7 +124,7 @@ def _cuer(identity: str, law: str, rate_hz: float, seed: int, free: bool) -> Ges
 
 
 def write_manifest(
-    session: Session, utterances: Sequence[Utterance], report: Sequence[Coverage]
+    session: Session, utterances: Sequence[Utterance], report: Sequence[SentenceCoverage]
 ) -> None:
     """Write ``corpus.json``."""
     manifest = {

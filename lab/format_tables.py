@@ -18,7 +18,7 @@ from codec.cuer.motion import Motion
 from codec.cues.cueing import NO_CONSONANT_SHAPE, NO_VOWEL_PLACEMENT, PLACEMENT_OF, SHAPE_OF
 from codec.cues.phonology import CONSONANTS, PHONES, VOWELS
 from codec.cues.score import PLACEMENTS, Score
-from codec.cues.timeline import TICKS, Line, to_line
+from codec.cues.timeline import TICKS, ScoreLine, to_line
 from codec.files.whole import whole_file
 from codec.superframe import _kernels
 from codec.superframe.coding import Coding
@@ -134,7 +134,7 @@ class _Whole:
         self.pause = np.zeros(PAUSE_LENGTHS)
         self._ticks, self._phones = np.zeros(N), np.zeros(N)
 
-    def count(self, line: Line) -> None:
+    def count(self, line: ScoreLine) -> None:
         context = 0, 0
         for k in range(1, len(line.starts)):
             self.following[context][letter_of(line.numbers[k])] += 1
@@ -164,7 +164,7 @@ class _Keys:
         self.key = np.zeros((SILENCE + 2, SILENCE + 2))
         self.gap = np.zeros((SILENCE + 2, TICKS // CELL + 1))
 
-    def count(self, line: Line) -> None:
+    def count(self, line: ScoreLine) -> None:
         for index in range(line.starts[-1] // TICKS + 1):
             cell, before = -1, BEGINNING
             for tick, symbol in preview_of(part_of(line, index)):

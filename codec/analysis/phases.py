@@ -228,7 +228,7 @@ def _valley(speed: NDArray[np.float64], peak: int, step: int) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Profile:
+class PhaseProfile:
     """Mean and standard deviation of the phases of one kind of key, seconds."""
 
     kind: str
@@ -239,7 +239,7 @@ class Profile:
     lag_sd_s: float
 
 
-def profiles(phases: Iterable[Phase]) -> list[Profile]:
+def profiles(phases: Iterable[Phase]) -> list[PhaseProfile]:
     """Average the phases of each kind of key that occurs."""
     by_kind: dict[str, list[Phase]] = {}
     for phase in phases:
@@ -249,5 +249,5 @@ def profiles(phases: Iterable[Phase]) -> list[Profile]:
         lead = np.array([phase.lead_s for phase in group])
         lag = np.array([phase.lag_s for phase in group])
         figures = (lead.mean(), lead.std(), lag.mean(), lag.std())
-        result.append(Profile(kind, len(group), *map(float, figures)))
+        result.append(PhaseProfile(kind, len(group), *map(float, figures)))
     return result

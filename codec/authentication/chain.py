@@ -9,7 +9,7 @@ import hashlib
 import hmac
 from collections.abc import Mapping
 
-from codec.authentication.layout import HIDDEN_BITS, KEY_BYTES, SENT_BITS, Layout, Tag
+from codec.authentication.layout import HIDDEN_BITS, KEY_BYTES, SENT_BITS, ProofLayout, Tag
 
 _STEP = b"cuecast-step-1"
 _TAG = b"cuecast-tag-1"
@@ -66,7 +66,7 @@ def sent_bits(key: bytes) -> int:
     return int.from_bytes(key, "big") >> HIDDEN_BITS
 
 
-def keys_of(secret: bytes, channel: bytes, period: int, layout: Layout) -> list[bytes]:
+def keys_of(secret: bytes, channel: bytes, period: int, layout: ProofLayout) -> list[bytes]:
     """Return the keys of a period, first block first; only the broadcaster can.
 
     Parameters

@@ -49,7 +49,7 @@ class Tag:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class ProofLayout:
     """How the proof fields of one width are used.
 
     Attributes
@@ -91,8 +91,8 @@ chance once in 2**24."""
 LAYOUTS = {
     layout.width: layout
     for layout in (
-        Layout(9, 8, whole=Tag(12, 9, 24), quick=Tag(12, 7, 7)),
-        Layout(2, 44, whole=Tag(24, 45, 88), quick=Tag(16, 32, 35)),
+        ProofLayout(9, 8, whole=Tag(12, 9, 24), quick=Tag(12, 7, 7)),
+        ProofLayout(2, 44, whole=Tag(24, 45, 88), quick=Tag(16, 32, 35)),
     )
 }
 """Layouts by the width of the field: normal superframes, and compact ones."""
@@ -114,7 +114,7 @@ def time_of(number: float) -> float:
     return EPOCH_S + number * SUPERFRAME_S
 
 
-def join(whole: int, quick: int, sent: int, layout: Layout) -> int:
+def join(whole: int, quick: int, sent: int, layout: ProofLayout) -> int:
     """Return a block's fields as one number.
 
     Examples

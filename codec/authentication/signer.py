@@ -2,7 +2,7 @@
 
 from codec.authentication.announcement import SigningKey
 from codec.authentication.chain import digest_of, sent_bits, tag_of
-from codec.authentication.layout import LAYOUTS, Layout, Tag, join, number_at
+from codec.authentication.layout import LAYOUTS, ProofLayout, Tag, join, number_at
 from codec.errors import CueError
 
 
@@ -35,7 +35,7 @@ class Signer:
         if width not in LAYOUTS:
             raise CueError(f"proof fields of {width} bits: there are those of 2 and of 9")
         self._key = key
-        self._layout: Layout = LAYOUTS[width]
+        self._layout: ProofLayout = LAYOUTS[width]
         block = self._layout.block
         self.number = round(number_at(on_air_s) / block) * block + place
         if self.number < 0:

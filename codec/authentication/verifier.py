@@ -19,7 +19,7 @@ from codec.authentication.layout import (
     PERIOD,
     SENT_BITS,
     SUPERFRAME_S,
-    Layout,
+    ProofLayout,
     Tag,
     number_at,
     time_of,
@@ -58,7 +58,7 @@ class Verdict:
 
 
 @dataclass(slots=True)
-class _Seen:
+class _SeenSuperframe:
     """A superframe of the stream, and what speaks for it."""
 
     covered: bytes
@@ -107,8 +107,8 @@ class Verifier:
     status: Status = "unknown"
     reason: str = ""
     verified_after: int | None = None
-    _layout: Layout = LAYOUTS[9]
-    _seen: dict[int, _Seen] = field(default_factory=dict)
+    _layout: ProofLayout = LAYOUTS[9]
+    _seen: dict[int, _SeenSuperframe] = field(default_factory=dict)
     _open: deque[int] = field(default_factory=deque)
     _first: int | None = None
     _offset: int | None = None
@@ -146,7 +146,7 @@ class Verifier:
             if proof is not None and proof[1] != self._layout.width:
                 self._use(LAYOUTS[proof[1]])
             value = -1 if proof is None else proof[0]
-            self._seen[index] = _Seen(covered, value, utc_s)
+            self._seen[index] = _SeenSuperframe(covered, value, utc_s)
             self._open.append(index)
         if self._offset is None:
             self._look_for_keys(index)
@@ -165,7 +165,7 @@ class Verifier:
         self._first = self._offset = self._known = None
         return left
 
-    def _use(self, layout: Layout) -> None:
+    def _use(self, layout: ProofLayout) -> None:
         """Go over to fields of another width: blocks begin anew."""
         self._layout = layout
         self._offset = self._known = None

@@ -1,8 +1,8 @@
 """The score on the grid: a gapless line of phones whose boundaries are whole ticks of 20 ms.
 
-A score goes in; out comes a `Line` of phone numbers and start ticks, pauses included, that still
-gives the same keys: two phones that the cueing rule joins stay adjacent, two that it separates
-keep a pause of one tick at least. Specification: spec/bitstream.md, section 3.
+A score goes in; out comes a `ScoreLine` of phone numbers and start ticks, pauses included, that
+still gives the same keys: two phones that the cueing rule joins stay adjacent, two that it
+separates keep a pause of one tick at least. Specification: spec/bitstream.md, section 3.
 """
 
 import bisect
@@ -32,7 +32,7 @@ _BEFORE_ALL = -(1 << 40)
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class ScoreLine:
     """Phones without gaps, from the beginning of time to its end.
 
     Attributes
@@ -80,7 +80,7 @@ def to_ticks(time_s: float) -> int:
     return int((time_s * _TICKS_PER_S + 0.5) // 1)
 
 
-def to_line(score: Score | None, options: CueingOptions = DEFAULT_OPTIONS) -> Line:
+def to_line(score: Score | None, options: CueingOptions = DEFAULT_OPTIONS) -> ScoreLine:
     """Put a score on the grid.
 
     Parameters
@@ -92,7 +92,7 @@ def to_line(score: Score | None, options: CueingOptions = DEFAULT_OPTIONS) -> Li
 
     Returns
     -------
-    Line
+    ScoreLine
 
     Examples
     --------
@@ -113,7 +113,9 @@ def to_line(score: Score | None, options: CueingOptions = DEFAULT_OPTIONS) -> Li
     if phones:
         numbers.append(PHONE_NUMBER[PAUSE])
         starts.append(max(to_ticks(end_s), starts[-1] + 1))
-    return Line(tuple(numbers), tuple(starts), _overrides(score, phones, starts, numbers, options))
+    return ScoreLine(
+        tuple(numbers), tuple(starts), _overrides(score, phones, starts, numbers, options)
+    )
 
 
 def _phones_of(score: Score | None) -> list[Phone]:

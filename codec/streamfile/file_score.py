@@ -2,7 +2,7 @@
 
 On air every superframe has to stand alone. A file is read from its beginning, so that its score
 needs no beginnings and no look-ahead. Scores that were read off a hand follow no language's
-phonology: they are told key by key. A `Line` goes in, bytes come out, and back.
+phonology: they are told key by key. A `ScoreLine` goes in, bytes come out, and back.
 Specification: spec/bitstream.md, section 8.1.
 """
 
@@ -21,7 +21,7 @@ from codec.cues.cueing import (
 )
 from codec.cues.phonology import PHONES
 from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS
-from codec.cues.timeline import TICKS, Line
+from codec.cues.timeline import TICKS, ScoreLine
 from codec.errors import BitstreamError
 from codec.superframe._kernels import POSITION
 from codec.superframe.range_coder import FLIP, RangeDecoder, RangeEncoder, cumulative
@@ -74,24 +74,24 @@ _SPARE_BYTES = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class FileScore:
     """What a file says once.
 
     Attributes
     ----------
-    line : Line or None
+    line : ScoreLine or None
         None if the file has no score.
     options : CueingOptions
     learning : bool
         Whether the prediction learns from what has passed (F13).
     """
 
-    line: Line | None
+    line: ScoreLine | None
     options: CueingOptions
     learning: bool
 
 
-NOTHING_TOLD = Told(None, DEFAULT_OPTIONS, learning=False)
+NOTHING_TOLD = FileScore(None, DEFAULT_OPTIONS, learning=False)
 """What a file without a score says."""
 
 
@@ -106,7 +106,7 @@ def usual_consonant(ticks: int) -> int:
     return max(1, min((4 * ticks + 5) // 10, 7))
 
 
-def trimmed(line: Line, indices: range) -> Line:
+def trimmed(line: ScoreLine, indices: range) -> ScoreLine:
     """Return the part of a line that superframes tell, with what completes its last key.
 
     It begins with a pause, or with what sounds, one superframe before the first, and ends with a
@@ -128,15 +128,15 @@ def trimmed(line: Line, indices: range) -> Line:
             break
         numbers.append(number)
         starts.append(start)
-    return Line(tuple(numbers), tuple(starts), overrides)
+    return ScoreLine(tuple(numbers), tuple(starts), overrides)
 
 
-def write_told(told: Told, indices: range) -> bytes:
+def write_told(told: FileScore, indices: range) -> bytes:
     """Return the bytes of what a file says once, in the shorter form.
 
     Parameters
     ----------
-    told : Told
+    told : FileScore
         With a line that `trimmed` made.
     indices : range
         Superframes of the file.
@@ -156,12 +156,12 @@ def write_told(told: Told, indices: range) -> bytes:
     return min(forms, key=lambda form: form.bits).finish(certain=True)
 
 
-def _is_special(told: Told) -> bool:
+def _is_special(told: FileScore) -> bool:
     assert told.line is not None
     return told.options != DEFAULT_OPTIONS or bool(told.line.overrides)
 
 
-def _begun(told: Told, form: int) -> RangeEncoder:
+def _begun(told: FileScore, form: int) -> RangeEncoder:
     encoder = RangeEncoder()
     encoder.put(form, FORMS)
     encoder.put(int(_is_special(told)), PLAIN_OR_SPECIAL)
@@ -171,7 +171,7 @@ def _begun(told: Told, form: int) -> RangeEncoder:
     return encoder
 
 
-def read_told(data: bytes, indices: range) -> Told:
+def read_told(data: bytes, indices: range) -> FileScore:
     """Read what `write_told` wrote.
 
     Raises
@@ -190,7 +190,7 @@ def read_told(data: bytes, indices: range) -> Told:
     line = read(decoder, tables, indices, options)
     if special and form == SPOKEN:
         line = replace(line, overrides=_read_overrides(decoder, line))
-    return Told(line, options, learning)
+    return FileScore(line, options, learning)
 
 
 def _put_length(encoder: RangeEncoder, ticks: int, row: Table) -> None:
@@ -221,7 +221,7 @@ def _get_silence(decoder: RangeDecoder, room: int) -> int:
     return (1 << width - 1) + decoder.get_bits(width - 1) if width else max(room, 0)
 
 
-class _Clock:
+class _LineClock:
     """A line as it grows, from one superframe before a file's first one on."""
 
     def __init__(self, indices: range, decoder: RangeDecoder) -> None:
@@ -249,7 +249,7 @@ class _Clock:
         return self.stop - self.tick
 
 
-def _write_spoken(encoder: RangeEncoder, line: Line, indices: range) -> None:
+def _write_spoken(encoder: RangeEncoder, line: ScoreLine, indices: range) -> None:
     tables, stop, length = score_tables(), TICKS * indices.stop, 0
     starts = (TICKS * (indices.start - 1) - 1, *line.starts[1:], stop)
     _put_length(encoder, starts[1] - starts[0], tables.length[0, 0])
@@ -265,8 +265,8 @@ def _write_spoken(encoder: RangeEncoder, line: Line, indices: range) -> None:
 
 def _read_spoken(
     decoder: RangeDecoder, tables: ScoreTables, indices: range, _: CueingOptions
-) -> Line:
-    clock, length, context = _Clock(indices, decoder), 0, (NOTHING, 0)
+) -> ScoreLine:
+    clock, length, context = _LineClock(indices, decoder), 0, (NOTHING, 0)
     clock.tick += _get_length(decoder, tables.length[0, 0])
     while clock.room > 0 or clock.numbers[-1]:
         number = number_of(decoder.get(tables.next[context]))
@@ -278,10 +278,10 @@ def _read_spoken(
         clock.add(number, length)
         length = length if number else 0
         context = context[1], number
-    return Line(tuple(clock.numbers), tuple(clock.starts), {})
+    return ScoreLine(tuple(clock.numbers), tuple(clock.starts), {})
 
 
-def _key_starts(line: Line) -> list[int]:
+def _key_starts(line: ScoreLine) -> list[int]:
     """Return the starts of a line's keys (S10)."""
     return [
         start
@@ -292,7 +292,7 @@ def _key_starts(line: Line) -> list[int]:
     ]
 
 
-def _write_overrides(encoder: RangeEncoder, line: Line) -> None:
+def _write_overrides(encoder: RangeEncoder, line: ScoreLine) -> None:
     for start in _key_starts(line):
         override = line.overrides.get(start)
         encoder.put(int(override is not None), AS_RULED)
@@ -301,7 +301,7 @@ def _write_overrides(encoder: RangeEncoder, line: Line) -> None:
             encoder.put(override[1], PLACEMENTS_TABLE)
 
 
-def _read_overrides(decoder: RangeDecoder, line: Line) -> dict[int, tuple[int, int]]:
+def _read_overrides(decoder: RangeDecoder, line: ScoreLine) -> dict[int, tuple[int, int]]:
     return {
         start: (decoder.get(SHAPES), decoder.get(PLACEMENTS_TABLE))
         for start in _key_starts(line)
@@ -336,7 +336,7 @@ def _choices(symbol: int, options: CueingOptions) -> list[tuple[list[int], Table
     return [(consonants, cumulative(weights)), (vowels, cumulative([1] * len(vowels)))]
 
 
-def _keys_of(line: Line, options: CueingOptions) -> list[_Keyed] | None:
+def _keys_of(line: ScoreLine, options: CueingOptions) -> list[_Keyed] | None:
     """Return a line key by key, None if it cannot be told so."""
     if line.overrides:
         return None
@@ -400,8 +400,8 @@ def _write_keyed(
 
 def _read_keyed(
     decoder: RangeDecoder, tables: ScoreTables, indices: range, options: CueingOptions
-) -> Line:
-    clock = _Clock(indices, decoder)
+) -> ScoreLine:
+    clock = _LineClock(indices, decoder)
     clock.tick += max(_get_silence(decoder, clock.room), 1)
     while clock.room > 0 or clock.numbers[-1]:
         symbol = decoder.get(tables.alone)
@@ -418,4 +418,4 @@ def _read_keyed(
             ticks = max(ticks - part, 1)
         # A code that tells neither, which no sender writes, is the first consonant.
         clock.add(vowel or consonant or N_VOWELS + 1, ticks)
-    return Line(tuple(clock.numbers), tuple(clock.starts), {})
+    return ScoreLine(tuple(clock.numbers), tuple(clock.starts), {})

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from codec.cuer.layout import MARKERS
 from codec.cues.timeline import TICKS
 from codec.errors import CueError
-from codec.streamfile.versions import COARSE, Spread, Take, Version
+from codec.streamfile.versions import COARSE, Spread, SpreadMotion, Version
 from codec.superframe.quantise import NO_RESIDUAL, STEPS, width_mm
 
 Array = NDArray[np.float64]
@@ -77,7 +77,7 @@ class Wish(Protocol):
         """
         ...
 
-    def more(self, one: Spread, other: Spread, take: Take) -> float:
+    def more(self, one: Spread, other: Spread, take: SpreadMotion) -> float:
         """Return how much more bytes or error some superframes have than others, as a share."""
         ...
 
@@ -86,12 +86,12 @@ class Wish(Protocol):
         ...
 
 
-def spread(take: Take, wish: Wish, score: ScoreChoice) -> Spread:
+def spread(take: SpreadMotion, wish: Wish, score: ScoreChoice) -> Spread:
     """Return the superframes that keep a wish, with the score or without it.
 
     Parameters
     ----------
-    take : Take
+    take : SpreadMotion
     wish : Wish
     score : {"auto", "keep", "drop"}
 
@@ -130,7 +130,7 @@ def _prepared(version: Version, wish: Wish) -> Version:
     return version
 
 
-def _scored(take: Take, wish: Wish) -> Version:
+def _scored(take: SpreadMotion, wish: Wish) -> Version:
     """Return the motion with its score, learning what has passed if that is worth it."""
     learning = _prepared(take.scored(learning=True), wish)
     if learning.clearly_gains:
@@ -182,7 +182,7 @@ class ByError:
         assert best is not None
         return best
 
-    def more(self, one: Spread, other: Spread, _: Take) -> float:
+    def more(self, one: Spread, other: Spread, _: SpreadMotion) -> float:
         """Return how many more bytes some superframes have than others, as a share."""
         return self._bytes(one) / self._bytes(other) - 1
 
@@ -248,7 +248,7 @@ class BySize:
             raise CueError(f"{self.room} bytes do not hold {self.count} superframes")
         return min(found, key=version.squares)
 
-    def more(self, one: Spread, other: Spread, take: Take) -> float:
+    def more(self, one: Spread, other: Spread, take: SpreadMotion) -> float:
         """Return how much more error some superframes have than others, as a share."""
         cost = 0.0
         for every in _FRAMES:

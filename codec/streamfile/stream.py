@@ -20,11 +20,11 @@ from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Score
 from codec.cues.timeline import SUPERFRAME_S, TICK_S, TICKS, to_ticks
 from codec.errors import BitstreamError, CueError, VoiceError
-from codec.streamfile.file_score import NOTHING_TOLD, Told, read_told
+from codec.streamfile.file_score import NOTHING_TOLD, FileScore, read_told
 from codec.streamfile.learning import Learner
 from codec.streamfile.records import OVERHEAD_BYTES, read_records, record_bytes, write_records
 from codec.streamfile.spread import MOST_COST, ByError, BySize, ScoreChoice, spread
-from codec.streamfile.versions import Progress, Spread, Take, line_of, silent
+from codec.streamfile.versions import Progress, Spread, SpreadMotion, line_of, silent
 from codec.streamfile.whole_score import WholeResynthesis
 from codec.superframe.bits import (
     FILE_BYTES,
@@ -195,7 +195,7 @@ def choose_stream(
         motion = replace(motion, score=None)
     if rate_bps is not None and constant:
         return _constant(motion, voice, head, rate_bps, score, options, progress)
-    take = Take(motion, voice, head.indices, options, progress)
+    take = SpreadMotion(motion, voice, head.indices, options, progress)
     if rate_bps is not None:
         return _within_rate(motion, take, head, rate_bps, score, options)
     limit = 2.0 if error_mm is None else error_mm
@@ -230,7 +230,7 @@ def _constant(
     if motion.score is None or score == "keep" or size <= MAX_BYTES:
         return ChosenStream(kept, motion.score is not None, None)
     without = made(replace(motion, score=None))
-    take = Take(motion, voice, head.indices, options)
+    take = SpreadMotion(motion, voice, head.indices, options)
     errors = [take.error_of(np.stack(_drawn(data, voice)[0])) for data in (kept, without)]
     cost = errors[0] / errors[1] - 1
     return ChosenStream(kept if cost <= MOST_COST else without, cost <= MOST_COST, cost)
@@ -238,7 +238,7 @@ def _constant(
 
 def _within_rate(
     motion: Motion,
-    take: Take,
+    take: SpreadMotion,
     head: StreamHead,
     rate_bps: float,
     score: ScoreChoice,
@@ -353,7 +353,7 @@ def read_superframes(data: bytes) -> Iterator[Superframe]:
         raise BitstreamError(f"{len(data) - place} bytes too many", section="F6", bit=8 * place)
 
 
-def told_by(data: bytes) -> Told:
+def told_by(data: bytes) -> FileScore:
     """Return what a file says once for all (F8), nothing if its superframes stand alone.
 
     Raises

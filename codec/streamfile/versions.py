@@ -14,19 +14,19 @@ from numpy.typing import NDArray
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import CueingOptions
-from codec.cues.timeline import SUPERFRAME_S, TICKS, Line, to_line, to_ticks
-from codec.streamfile.file_score import Told, trimmed, write_told
+from codec.cues.timeline import SUPERFRAME_S, TICKS, ScoreLine, to_line, to_ticks
+from codec.streamfile.file_score import FileScore, trimmed, write_told
 from codec.streamfile.learning import Gain, Learner
 from codec.streamfile.whole_score import WholeResynthesis
-from codec.superframe.allocation import Choice, choose, content_at, weigh
+from codec.superframe.allocation import BasisChoice, choose, content_at, weigh
 from codec.superframe.analysis import Analysis, block_at
 from codec.superframe.bits import PLAIN, SCORE, SEQUENCES, Header
 from codec.superframe.coding import coding_for
 from codec.superframe.decoder import likely_block, residual_of
 from codec.superframe.fitting import NOMINAL_MM, fits
-from codec.superframe.merging import Joined, join_line
+from codec.superframe.merging import MergedScore, join_line
 from codec.superframe.payload import payload_of
-from codec.superframe.plan import Plan, plan_of
+from codec.superframe.plan import SuperframePlan, plan_of
 from codec.superframe.quantise import (
     NO_RESIDUAL,
     NOTHING_SENT,
@@ -83,8 +83,8 @@ class Spread:
 class _Part:
     """A superframe, ready to be told at any step."""
 
-    plan: Plan
-    choice: Choice
+    plan: SuperframePlan
+    choice: BasisChoice
 
     def setting(self, step: int) -> Setting:
         """Return how it uses its prediction at a step: whole, if nothing but that is told."""
@@ -94,13 +94,13 @@ class _Part:
         return Setting(step, 0, 0, analysis.course, analysis.shift, analysis.shares)
 
 
-def line_of(line: Line, indices: range, options: CueingOptions) -> Joined:
+def line_of(line: ScoreLine, indices: range, options: CueingOptions) -> MergedScore:
     """Return the whole score of a file, joined."""
     around = range(indices.start - 1, indices.stop + 1)
     return join_line(line, {k: part_of(line, k, options) for k in around})
 
 
-class Take:
+class SpreadMotion:
     """A motion that is to be spread, with its score or without.
 
     Parameters
@@ -125,8 +125,8 @@ class Take:
             progress(SUPERFRAME_S)
         begin = to_ticks(motion.start_s) - TICKS * indices.start
         self._covered = slice(begin, begin + to_ticks(motion.duration_s))
-        self._told = Told(None, options, learning=False)
-        self._joined: Joined | None = None
+        self._told = FileScore(None, options, learning=False)
+        self._joined: MergedScore | None = None
         self._moved: WholeResynthesis | None = None
         self._bare: dict[int, list[_Part]] = {}
         self._markers: dict[int, NDArray[np.float32]] = {}
@@ -188,7 +188,7 @@ class Take:
 class Version:
     """A take with one prediction: bits and squared errors of its superframes at any step."""
 
-    def __init__(self, take: Take, told: Told, moved: WholeResynthesis | None) -> None:
+    def __init__(self, take: SpreadMotion, told: FileScore, moved: WholeResynthesis | None) -> None:
         self._take, self._moved, self._learning = take, moved, told.learning
         self.told = write_told(told, take.indices)
         self._parts: list[_Part] = []

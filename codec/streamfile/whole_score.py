@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from codec.cues.score import PLACEMENTS, SHAPES
 from codec.cues.timeline import TICKS
-from codec.superframe.merging import Joined
+from codec.superframe.merging import MergedScore
 from codec.superframe.resynthesis.movements import Movements, movements
 from codec.superframe.resynthesis.targets import PARTS, PARTS_PER_S, Targets
 from codec.superframe.resynthesis.trajectory import (
     COURSES,
     SHIFTS,
-    Course,
+    TrajectoryProfile,
     held_keys,
     phone_weights,
 )
@@ -54,13 +54,13 @@ class WholeResynthesis:
 
     Parameters
     ----------
-    joined : Joined
+    joined : MergedScore
         The whole score.
     targets : Targets
         Of the voice.
     """
 
-    def __init__(self, joined: Joined, targets: Targets) -> None:
+    def __init__(self, joined: MergedScore, targets: Targets) -> None:
         self._targets = targets
         self._line = joined.line
         self._ends = [sounding.end for sounding in joined.line]
@@ -115,7 +115,9 @@ class WholeResynthesis:
 
         return _kept(self._weighed, (chunk, course), made)
 
-    def _course(self, first: int, n_frames: int, course: int = 0) -> tuple[slice, Course]:
+    def _course(
+        self, first: int, n_frames: int, course: int = 0
+    ) -> tuple[slice, TrajectoryProfile]:
         """Return the strokes that matter to some frames, and the course that they make."""
         begin, end = PARTS * first, PARTS * (first + n_frames)
         over = round(_BEFORE_S * PARTS_PER_S)
@@ -123,7 +125,9 @@ class WholeResynthesis:
         last = int(np.searchsorted(self._moves.leave, end + over))
         some, moves = slice(g, max(last, g + 1)), self._moves
         near = Movements(moves.key[some], moves.leave[some], moves.reach[some])
-        return some, Course(near, self._targets.movement, begin, n_frames, COURSES[course])
+        return some, TrajectoryProfile(
+            near, self._targets.movement, begin, n_frames, COURSES[course]
+        )
 
     def _chunk(self, chunk: int, course: int) -> Array:
         def made() -> Array:

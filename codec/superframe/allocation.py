@@ -1,6 +1,6 @@
 """Allocation: how finely the coefficients of a superframe are told.
 
-A `Plan` and a room in bits, or a step, go in; a `Content` comes out, ready to be written.
+A `SuperframePlan` and a room in bits, or a step, go in; a `Content` comes out, ready to be written.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from codec.superframe.analysis import Analysis
 from codec.superframe.payload import Content, choice_bits
-from codec.superframe.plan import Plan
+from codec.superframe.plan import SuperframePlan
 from codec.superframe.quantise import (
     LEVELS,
     NO_RESIDUAL,
@@ -38,7 +38,7 @@ _NEAR = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class BasisChoice:
     """A basis and a level, and what the superframe is in that basis.
 
     Attributes
@@ -53,18 +53,18 @@ class Choice:
     values: Array
 
 
-def allocate(plan: Plan, bases: Bases, room_bits: float) -> Content:
+def allocate(plan: SuperframePlan, bases: Bases, room_bits: float) -> Content:
     """Return a superframe with the finest step, and its basis, at which all coefficients fit.
 
     Parameters
     ----------
-    plan : Plan
+    plan : SuperframePlan
     bases : Bases
     room_bits : float
         Of both parts' payloads.
     """
     analysis, left = plan.analysis, room_bits - plan.bits
-    usual = Choice(0, 0, bases[0].forward(analysis.lacking))
+    usual = BasisChoice(0, 0, bases[0].forward(analysis.lacking))
     step = _finest(analysis, usual, bases, left)
     chosen = choose(analysis, bases, step)
     bare = analysis.unpredicted
@@ -73,7 +73,7 @@ def allocate(plan: Plan, bases: Bases, room_bits: float) -> Content:
     return content_at(plan, bases, chosen, _finest(analysis, chosen, bases, left - more, near))
 
 
-def content_at(plan: Plan, bases: Bases, chosen: Choice, step: int) -> Content:
+def content_at(plan: SuperframePlan, bases: Bases, chosen: BasisChoice, step: int) -> Content:
     """Return a superframe at a step, 0 (finest) to 63 (no residual)."""
     setting, q = _quantised(plan.analysis, chosen, bases, step)
     return Content(
@@ -81,20 +81,23 @@ def content_at(plan: Plan, bases: Bases, chosen: Choice, step: int) -> Content:
     )
 
 
-def without_coefficients(plan: Plan, bases: Bases) -> Content:
+def without_coefficients(plan: SuperframePlan, bases: Bases) -> Content:
     """Return a superframe that says the score alone."""
-    return content_at(plan, bases, Choice(0, 0, np.zeros(bases[0].scan_scales.size)), NO_RESIDUAL)
+    return content_at(
+        plan, bases, BasisChoice(0, 0, np.zeros(bases[0].scan_scales.size)), NO_RESIDUAL
+    )
 
 
-def choose(analysis: Analysis, bases: Bases, step: int) -> Choice:
+def choose(analysis: Analysis, bases: Bases, step: int) -> BasisChoice:
     """Return the basis and then the level at which error and bits weigh least at a step."""
     tried = [
-        Choice(number, 0, basis.forward(analysis.lacking)) for number, basis in enumerate(bases)
+        BasisChoice(number, 0, basis.forward(analysis.lacking))
+        for number, basis in enumerate(bases)
     ]
     if step == NO_RESIDUAL:
         return tried[0]
 
-    def weight(choice: Choice) -> float:
+    def weight(choice: BasisChoice) -> float:
         bits, squares = weigh(analysis, choice, bases, step)
         return squares / width_mm(step) ** 2 + WEIGHT * bits
 
@@ -103,7 +106,7 @@ def choose(analysis: Analysis, bases: Bases, step: int) -> Choice:
     least = min(weights)
     for way in _UPWARDS, _DOWNWARDS:
         for level in way:
-            other = Choice(best.basis, level, best.values)
+            other = BasisChoice(best.basis, level, best.values)
             if (worth := weight(other)) >= least:
                 break
             best, least = other, worth
@@ -112,7 +115,7 @@ def choose(analysis: Analysis, bases: Bases, step: int) -> Choice:
     return best
 
 
-def weigh(analysis: Analysis, choice: Choice, bases: Bases, step: int) -> tuple[float, float]:
+def weigh(analysis: Analysis, choice: BasisChoice, bases: Bases, step: int) -> tuple[float, float]:
     """Return the bits of all coefficients and the choice, and the squared error, mm**2."""
     if step == NO_RESIDUAL:
         return 0.0, float(np.square(choice.values).sum())
@@ -124,7 +127,7 @@ def weigh(analysis: Analysis, choice: Choice, bases: Bases, step: int) -> tuple[
 
 def _finest(
     analysis: Analysis,
-    choice: Choice,
+    choice: BasisChoice,
     bases: Bases,
     bits: float,
     among: tuple[int, int] = (0, NO_RESIDUAL),
@@ -144,7 +147,9 @@ def _finest(
     return low
 
 
-def _quantised(analysis: Analysis, choice: Choice, bases: Bases, step: int) -> tuple[Setting, Ints]:
+def _quantised(
+    analysis: Analysis, choice: BasisChoice, bases: Bases, step: int
+) -> tuple[Setting, Ints]:
     if step == NO_RESIDUAL:
         return NOTHING_SENT, np.zeros(choice.values.size, dtype=np.int64)
     setting = Setting(

@@ -17,7 +17,7 @@ from codec.superframe.checks import heard_mask, is_compact, is_own, is_possible
 from codec.superframe.coding import Coding, coding_for
 from codec.superframe.fitting import Predict
 from codec.superframe.lips import LipContract
-from codec.superframe.merging import Joined, Parts, join
+from codec.superframe.merging import MergedScore, Parts, join
 from codec.superframe.payload import Content, read_l0, read_l1, read_record
 from codec.superframe.preview import Preview, part_of_preview
 from codec.superframe.quantise import NO_RESIDUAL, UNUSED, Setting, basis_of, dequantise
@@ -219,7 +219,7 @@ class SuperframeDecoder:
         """Return whether anything is known about a superframe."""
         return index in self._contents or index in self._previewed
 
-    def _told(self, index: int, joined: Joined) -> Array:
+    def _told(self, index: int, joined: MergedScore) -> Array:
         """Return the parameters of a superframe that arrived, or was previewed."""
         content = self._contents.get(index)
         if content is not None:
@@ -237,7 +237,7 @@ class SuperframeDecoder:
         params = self._prediction(content, index, joined) + self._sent(content)
         return np.asarray(params - resynthesis_of(self._coding, joined, index).params())
 
-    def _untold(self, index: int, joined: Joined) -> Array:
+    def _untold(self, index: int, joined: MergedScore) -> Array:
         """Return likely parameters of a superframe of which nothing is known.
 
         The hand finishes what it does and, if the loss lasts, goes to rest.
@@ -263,7 +263,7 @@ class SuperframeDecoder:
         likely = self._coding.plain.between(before, after)
         return mean + resting * (rest - mean) + (1 - resting) * likely
 
-    def _prediction(self, content: Content, index: int, joined: Joined) -> Array:
+    def _prediction(self, content: Content, index: int, joined: MergedScore) -> Array:
         if content.header.mode == PLAIN:
             return self._coding.mean
         setting = content.setting

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
 from codec.cues.phonology import PHONE_NUMBER, PHONES
 from codec.cues.score import PLACEMENTS, Key, Phone, Score
-from codec.cues.timeline import TICK_S, TICKS, Line, Sounding
+from codec.cues.timeline import TICK_S, TICKS, ScoreLine, Sounding
 from codec.superframe.score_coding import N_VOWELS, ScorePart, is_consonant, is_vowel
 from codec.superframe.window import Window, join_windows
 
@@ -26,7 +26,7 @@ Parts = Mapping[int, ScorePart | Window]
 
 
 @dataclass(frozen=True, slots=True)
-class Joined:
+class MergedScore:
     """The scores of superframes as one.
 
     Attributes
@@ -85,13 +85,13 @@ class Joined:
         )
 
 
-def join(parts: Parts) -> Joined:
+def join(parts: Parts) -> MergedScore:
     """Join the scores of superframes."""
     line = _line_of(parts)
-    return Joined(parts, line, _keys_of(line, parts))
+    return MergedScore(parts, line, _keys_of(line, parts))
 
 
-def join_line(line: Line, parts: Parts) -> Joined:
+def join_line(line: ScoreLine, parts: Parts) -> MergedScore:
     """Return a whole line as one score; its parts tell options and replaced keys."""
     sounds = [
         Sounding(number, start, end)
@@ -99,7 +99,7 @@ def join_line(line: Line, parts: Parts) -> Joined:
             line.numbers[1:], line.starts[1:], [*line.starts[1:], line.starts[-1]][1:], strict=True
         )
     ]
-    return Joined(parts, sounds, _keys_of(sounds, parts))
+    return MergedScore(parts, sounds, _keys_of(sounds, parts))
 
 
 def score_of(parts: Parts) -> Score:

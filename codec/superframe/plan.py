@@ -1,6 +1,6 @@
 """Planning: what a superframe says beside its coefficients, richest first.
 
-An `Analysis` goes in; `Plan` values come out, in the order in which they are to be tried.
+An `Analysis` goes in; `SuperframePlan` values come out, in the order in which they are to be tried.
 """
 
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ _FEWEST = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class SuperframePlan:
     """What a superframe says beside its coefficients.
 
     Attributes
@@ -38,15 +38,15 @@ class Plan:
     bits: float
 
 
-def plan_of(analysis: Analysis, previews: dict[int, Preview]) -> Plan:
+def plan_of(analysis: Analysis, previews: dict[int, Preview]) -> SuperframePlan:
     """Return the plan of a superframe that tells some previews."""
     setting = Setting(0, 0, 0, analysis.course, analysis.shift, analysis.shares)
     nothing = np.zeros(0, dtype=np.int64)
     content = Content(analysis.header, setting, analysis.part, nothing, previews, analysis.slow)
-    return Plan(analysis, previews, score_code(content, even=analysis.even).bits)
+    return SuperframePlan(analysis, previews, score_code(content, even=analysis.even).bits)
 
 
-def plans(analysis: Analysis, l0_bytes: int, l1_bytes: int) -> Iterator[Plan]:
+def plans(analysis: Analysis, l0_bytes: int, l1_bytes: int) -> Iterator[SuperframePlan]:
     """Yield plans that L0 may have room for, the one with most previews first.
 
     The farthest is sparse, and for superframes that say little; where too much is said, the

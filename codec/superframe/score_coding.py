@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.phonology import PHONES, VOWELS
-from codec.cues.timeline import TICKS, Line
+from codec.cues.timeline import TICKS, ScoreLine
 from codec.superframe.range_coder import RangeDecoder, RangeEncoder, cumulative
 from codec.superframe.tables import ScoreTables
 
@@ -113,7 +113,7 @@ class ScorePart:
         return result
 
 
-def part_of(line: Line, index: int, options: CueingOptions = DEFAULT_OPTIONS) -> ScorePart:
+def part_of(line: ScoreLine, index: int, options: CueingOptions = DEFAULT_OPTIONS) -> ScorePart:
     """Return the part of `line` that superframe `index` carries."""
     begin = index * TICKS
     i = line.first_after(begin)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from codec.cues.score import Key, Phone, Score
 from codec.cues.timeline import SUPERFRAME_S, TICK_S, TICKS
 from codec.superframe.coding import Coding
-from codec.superframe.merging import Joined, score_of
+from codec.superframe.merging import MergedScore, score_of
 from codec.superframe.quantise import SHARES
 from codec.superframe.resynthesis.trajectory import Resynthesis
 from codec.superframe.score_coding import ScorePart
@@ -78,7 +78,7 @@ class DecodedSuperframe:
     slow: tuple[int, ...] = ()
 
 
-def resynthesis_of(coding: Coding, joined: Joined, index: int) -> Resynthesis:
+def resynthesis_of(coding: Coding, joined: MergedScore, index: int) -> Resynthesis:
     """Return what the scores about superframe `index` say of it (section 5)."""
     return Resynthesis(joined, coding.targets, index * TICKS, TICKS)
 

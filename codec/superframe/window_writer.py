@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
-from codec.cues.timeline import TICKS, Line
+from codec.cues.timeline import TICKS, ScoreLine
 from codec.superframe import _kernels
 from codec.superframe.bits import (
     COMPACT,
@@ -122,7 +122,7 @@ class WindowWriter:
 
     Parameters
     ----------
-    line : Line
+    line : ScoreLine
     options : CueingOptions
         Under which the receiver derives keys.
     identity : str
@@ -139,7 +139,7 @@ class WindowWriter:
 
     def __init__(
         self,
-        line: Line,
+        line: ScoreLine,
         options: CueingOptions,
         identity: str,
         size: int,
@@ -426,7 +426,7 @@ def _agrees(window: Window, meant: Sequence[_Meant]) -> bool:
     )
 
 
-def _spent(line: Line) -> list[float]:
+def _spent(line: ScoreLine) -> list[float]:
     """Return the bits of all phones before each one, timed by rule, and of all at last."""
     tables = score_tables()
     bits, context = [0.0], (NOTHING, NOTHING)
@@ -441,7 +441,7 @@ def _spent(line: Line) -> list[float]:
     return bits
 
 
-def _silences(line: Line) -> list[int]:
+def _silences(line: ScoreLine) -> list[int]:
     """Return the number of the next pause that ends a window, for each phone."""
     after, found = len(line.starts), list[int]()
     for k in range(len(line.starts) - 1, -1, -1):

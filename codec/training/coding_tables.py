@@ -16,10 +16,15 @@ from codec.cuer.voice import Voice
 from codec.cues.timeline import TICKS, to_line
 from codec.errors import CueError
 from codec.superframe.coding import Coding, basis_of_any
-from codec.superframe.merging import Joined, join
+from codec.superframe.merging import MergedScore, join
 from codec.superframe.resynthesis.movements import Movements, movements
 from codec.superframe.resynthesis.targets import N_KEYS, Targets
-from codec.superframe.resynthesis.trajectory import Course, Resynthesis, held_keys, phone_weights
+from codec.superframe.resynthesis.trajectory import (
+    Resynthesis,
+    TrajectoryProfile,
+    held_keys,
+    phone_weights,
+)
 from codec.superframe.score_coding import ScorePart, part_of
 from codec.superframe.transform import Basis, klt, marker_metric, scales_of
 
@@ -53,7 +58,7 @@ def parts_of(motion: Motion, count: int) -> dict[int, ScorePart]:
     return {k: part_of(line, k) for k in range(-1, count + 1)}
 
 
-def near(parts: dict[int, ScorePart], k: int) -> Joined:
+def near(parts: dict[int, ScorePart], k: int) -> MergedScore:
     """Return a superframe's score joined with its neighbours'."""
     return join({i: parts[i] for i in (k - 1, k, k + 1)})
 
@@ -165,16 +170,16 @@ class _Linear:
     """
 
     moves: Movements
-    course: Course
+    course: TrajectoryProfile
     held: Array
     late: list[tuple[float, float]]
 
     @classmethod
-    def of(cls, targets: Targets, joined: Joined, n_frames: int) -> "_Linear":
+    def of(cls, targets: Targets, joined: MergedScore, n_frames: int) -> "_Linear":
         moves = movements(joined, targets.movement, targets.places)
         width = np.cumsum([0, targets.hand.shape[1], targets.head.shape[1]])
         late = [(float(targets.lateness[0][i]), float(targets.lateness[1][i])) for i in width]
-        course = Course(moves, targets.movement, 0, n_frames)
+        course = TrajectoryProfile(moves, targets.movement, 0, n_frames)
         return cls(moves, course, held_keys(moves, targets.movement), late)
 
     def weights(self, group: int) -> Array:

@@ -20,7 +20,7 @@ from cuecast.media.rewrite import Unchanged, rewrite_sound
 from synth.language.subtitles import Subtitle
 from synth.planning.prosody.pace_report import PaceReport
 from synth.planning.prosody.pacing import READABLE
-from synth.planning.prosody.simulation import Performing
+from synth.planning.prosody.simulation import PerformerChoice
 from synth.planning.scoring.text_score import Reading, score_from_subtitles
 
 BROADCASTS = (
@@ -31,7 +31,7 @@ BROADCASTS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class BroadcastOutcome:
     """Reception of one broadcast: its name, what arrived, and how well it agrees."""
 
     broadcast: str
@@ -48,7 +48,7 @@ class Outcome:
         )
 
 
-def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Outcome]:
+def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[BroadcastOutcome]:
     """Run the demonstration and leave its files in `folder`.
 
     Parameters
@@ -76,7 +76,7 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Out
         pictures=make_pictures(duration_s), picture_rate=PICTURE_RATE,
     )  # fmt: skip
     pace = PaceReport(warn=say)
-    reading = Reading(pace=READABLE, performing=Performing(seed=seed))
+    reading = Reading(pace=READABLE, performing=PerformerChoice(seed=seed))
     score = score_from_subtitles(subtitles, reading=reading, told=pace)
     source = SynthesisedMotion(score, voice, seed=seed)
 
@@ -102,7 +102,7 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Out
             received = reception.motion
             save_motion(received, folder / Path(file).with_suffix(".npz").name)
             comparison = compare_motions(sent, received, voice)
-        outcomes.append(Outcome(name, reception.summary, comparison))
+        outcomes.append(BroadcastOutcome(name, reception.summary, comparison))
         say(f"4/5 received: {describe(outcomes[-1])}")
     if received is not None:
         say("5/5 drawing")
@@ -112,7 +112,7 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Out
     return outcomes
 
 
-def describe(outcome: Outcome) -> str:
+def describe(outcome: BroadcastOutcome) -> str:
     """Return one line about an outcome."""
     frames, c = outcome.summary["superframes"], outcome.comparison
     if c is None:

@@ -17,8 +17,8 @@ from typing import Any
 
 from codec.errors import CueError
 from cuecast.dubbing.catalogue import Task
-from cuecast.dubbing.ledger import BusyError, Item, clean
-from cuecast.dubbing.workers import Cluster, Outcome, Processes
+from cuecast.dubbing.ledger import BatchItem, BusyError, clean
+from cuecast.dubbing.workers import Cluster, Processes, TaskOutcome
 
 SUMMARY = "summary.csv"
 FIELDS = (
@@ -52,7 +52,7 @@ def run_task(task: Task) -> dict[str, Any]:
         return report | {"notes": notes.getvalue().splitlines()}
 
     try:
-        record, made = Item(task).run(work)
+        record, made = BatchItem(task).run(work)
     except BusyError:
         return _row(task, _BUSY)
     except (CueError, OSError) as error:
@@ -86,7 +86,7 @@ def _row(
     }
 
 
-class _Run:
+class _BatchRun:
     """One run over a catalogue: rows as they come in, and what is still to do."""
 
     def __init__(self, tasks: list[Task], folder: Path, tell: Callable[[str], None]) -> None:
@@ -99,14 +99,14 @@ class _Run:
         """Note what is done; return the rest."""
         rest = []
         for task in self._tasks:
-            record = Item(task).done()
+            record = BatchItem(task).done()
             if record is None:
                 rest.append(task)
             else:
                 self.rows[task.output] = _row(task, "done before", record=record)
         return rest
 
-    def take(self, outcome: Outcome) -> bool:
+    def take(self, outcome: TaskOutcome) -> bool:
         """Note how a task ended; tell whether it is to be given out again."""
         task, row = outcome.task, outcome.row
         if row is not None and row["status"] == _BUSY:
@@ -144,7 +144,7 @@ class _Run:
 
     def write(self) -> None:
         """Write the summary as it stands, unless another batch is just doing that."""
-        item = Item(Task("", str(self._folder / SUMMARY)))
+        item = BatchItem(Task("", str(self._folder / SUMMARY)))
         try:
             with item.locked():
                 made = item.folder / SUMMARY
@@ -188,7 +188,7 @@ def run_batch(
     """
     folder.mkdir(parents=True, exist_ok=True)
     clean(folder)
-    run = _Run(tasks, folder.absolute(), tell)
+    run = _BatchRun(tasks, folder.absolute(), tell)
     rest = run.done_before()
     try:
         if rest:

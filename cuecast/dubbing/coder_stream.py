@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.audio.embed.codec_loop import Rehearsal
-from watermark.audio.signal.profile import Profile
+from watermark.audio.embed.codec_loop import CodecLoop
+from watermark.audio.signal.profile import AudioProfile
 
 FS = 48_000
 """Rate in Hz of the rehearsed coder."""
@@ -91,12 +91,12 @@ class CoderStream:
         return np.ascontiguousarray(np.concatenate(parts, axis=1).T, dtype=np.float32)
 
 
-def make_rehearsal(profile: Profile, key: int, coder: str | None) -> Rehearsal | None:
+def make_rehearsal(profile: AudioProfile, key: int, coder: str | None) -> CodecLoop | None:
     """Prepare the rehearsal of a mark.
 
     Parameters
     ----------
-    profile : Profile
+    profile : AudioProfile
         Of the mark.
     key : int
         Its key.
@@ -112,7 +112,7 @@ def make_rehearsal(profile: Profile, key: int, coder: str | None) -> Rehearsal |
     coder = coder or USUAL.get(profile.name, "none")
     if coder == "none":
         return None
-    return Rehearsal(profile, key, *(CoderStream(one) for one in coder.split(",")))
+    return CodecLoop(profile, key, *(CoderStream(one) for one in coder.split(",")))
 
 
 def _format_of(encoder: Any) -> str:

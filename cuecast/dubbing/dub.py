@@ -37,7 +37,7 @@ from cuecast.dubbing.read_back import Sent, earlier_marks, read_back, true_psnr_
 from cuecast.dubbing.signing import Signing
 from cuecast.media.rewrite import Stage, rewrite_sound
 from receiver.media.programme import SoundFormat
-from watermark.audio.signal.profile import STANDARD, Profile, find_profile
+from watermark.audio.signal.profile import STANDARD, AudioProfile, find_profile
 from watermark.link.superframe import SUPERFRAME_S
 
 LEAD = 2
@@ -288,7 +288,7 @@ def _picture_report(seconds: list[float]) -> dict[str, Any]:
 
 def superframe_source(
     motion: MotionSource, voice: Voice, l0_bytes: int, l1_bytes: int, *, first: int = 0,
-    beside: Profile = STANDARD, signing: Signing | None = None,
+    beside: AudioProfile = STANDARD, signing: Signing | None = None,
 ) -> Callable[[int], tuple[bytes, bytes]]:  # fmt: skip
     """Return the function that gives an embedder the payloads (L0, L1) of its superframe k.
 
@@ -301,7 +301,7 @@ def superframe_source(
 
 
 def _unsigned_source(
-    motion: MotionSource, voice: Voice, l0_bytes: int, l1_bytes: int, first: int, beside: Profile,
+    motion: MotionSource, voice: Voice, l0_bytes: int, l1_bytes: int, first: int, beside: AudioProfile,
     signed: bool,
 ) -> Callable[[int], tuple[bytes, bytes]]:  # fmt: skip
     """Return the source of superframes, with room for a proof if they will be signed."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from synth.language.subtitles.read import Terms
     from synth.planning.alignment.score import Judged
     from synth.planning.prosody.pacing import Pace
-    from synth.planning.prosody.simulation import Performing
+    from synth.planning.prosody.simulation import PerformerChoice
     from synth.planning.scoring.text_score import Reading, Told
 
 
@@ -37,13 +37,13 @@ def reading_of(args: argparse.Namespace) -> "Reading":
     )
 
 
-def _performing(args: argparse.Namespace) -> "Performing":
+def _performing(args: argparse.Namespace) -> "PerformerChoice":
     """Return who is to cue, where the command lets that be told."""
-    from synth.planning.prosody.simulation import CLAIRE, Performing
+    from synth.planning.prosody.simulation import CLAIRE, PerformerChoice
 
     if "voice" not in args:
         return CLAIRE
-    return Performing(args.voice, args.seed, args.alignment)
+    return PerformerChoice(args.voice, args.seed, args.alignment)
 
 
 def pace_of(args: argparse.Namespace) -> "Pace | None":

@@ -24,7 +24,12 @@ from cuecast.dubbing.inputs import (
     terms_of,
     unknown_report,
 )
-from cuecast.dubbing.motions import GivenMotion, JoinedMotion, MotionSource, SynthesisedMotion
+from cuecast.dubbing.motions import (
+    ConcatenativeMotion,
+    GivenMotion,
+    MotionSource,
+    SynthesisedMotion,
+)
 from cuecast.dubbing.read_back import shortfalls
 from cuecast.dubbing.readability import in_words, watched
 from cuecast.media.subtitles import choose_track, read_track, text_tracks
@@ -182,7 +187,7 @@ def _source(
         units = unit_synthesiser(
             voice, args.units, alignment=args.alignment, options=options, seed=args.seed
         )
-        return JoinedMotion(score, units)
+        return ConcatenativeMotion(score, units)
     return SynthesisedMotion(
         score, voice, seed=args.seed, options=options, alignment=args.alignment
     )

@@ -59,7 +59,7 @@ def hash_of(path: str | os.PathLike[str]) -> str:
     return _hashes[known]
 
 
-class Item:
+class BatchItem:
     """An item of a batch and its place in the file system.
 
     Parameters
@@ -195,7 +195,7 @@ def clean(folder: Path) -> None:
     home = folder / WORK
     for lock in home.glob("*.lock") if home.is_dir() else ():
         try:
-            with Item(Task("", str(folder / lock.name.removesuffix(".lock")))).locked():
+            with BatchItem(Task("", str(folder / lock.name.removesuffix(".lock")))).locked():
                 pass
         except CueError:
             continue

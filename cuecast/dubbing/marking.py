@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from receiver.media.programme import SoundFormat
-from watermark.audio.embed.codec_loop import Rehearsal
+from watermark.audio.embed.codec_loop import CodecLoop
 from watermark.audio.embed.embedder import AudioEmbedder, Source
 from watermark.audio.signal.mix import RATES
 from watermark.link.superframe import SUPERFRAME_S
@@ -44,7 +44,7 @@ class MarkingStage:
         Objective difference grade (ITU-R BS.1387) that the mark aims at, if not the profile's own.
     graded : bool
         Whether to report the grade that the embedder's meter gives.
-    rehearsal : Rehearsal, optional
+    rehearsal : CodecLoop, optional
         See `AudioEmbedder`.
 
     Raises
@@ -56,7 +56,7 @@ class MarkingStage:
     def __init__(
         self, sound: SoundFormat, source: Source, *, name: str, profile: str = "standard",
         key: int = 0, grade: float | None = None, graded: bool = True,
-        rehearsal: Rehearsal | None = None,
+        rehearsal: CodecLoop | None = None,
     ) -> None:  # fmt: skip
         if sound.fs < min(RATES):
             raise CueError(

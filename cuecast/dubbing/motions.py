@@ -115,7 +115,7 @@ def ruled_motion(pieces: Iterable[Score], cuer: RuledCuer, voice: Voice) -> Iter
             yield replace(part, score=passage.score if at == end else Score((), ()))
 
 
-class JoinedMotion:
+class ConcatenativeMotion:
     """Motion joined from recorded units, for windows that mostly move forward.
 
     Raises

@@ -18,7 +18,7 @@ from synth.motion.body.anatomy import IDENTITIES
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
 from synth.units.recordings.archive import built_in_recordings, read_archive, write_archive
-from synth.units.recordings.recording import Recording
+from synth.units.recordings.recording import UnitRecording
 from synth.units.recordings.speaker import Refusal, read_transcripts, record_speaker
 
 
@@ -65,7 +65,7 @@ def record_folder(
         raise CueError(f"{target} exists already")
     cuer = GestureSynthesiser(voice.name, alignment="paper")
     utterances = read_transcripts(Path(source))
-    taken: list[Recording] = []
+    taken: list[UnitRecording] = []
     refused: list[str] = []
     for done, item in enumerate(record_speaker(utterances, cuer, voice), 1):
         if isinstance(item, Refusal):

@@ -1,8 +1,8 @@
 """Whether a cuer can be read: one meter for all that moves, sent or received.
 
-`Seen` looks at the motion itself, part by part in constant memory: what is synthesised, joined,
-read from a file or received. `cuecast evaluate readability` and the reports of ``dub``, ``keys``
-and ``synth`` state its figures.
+`VisibilityMeter` looks at the motion itself, part by part in constant memory: what is synthesised,
+joined, read from a file or received. `cuecast evaluate readability` and the reports of ``dub``,
+``keys`` and ``synth`` state its figures.
 """
 
 import itertools
@@ -45,7 +45,7 @@ _SAME_S = 1e-6
 """Seconds within which times count as the same."""
 
 
-class Seen:
+class VisibilityMeter:
     """Looks at a moving cuer.
 
     Parameters
@@ -154,9 +154,11 @@ def share_held(held: NDArray[np.floating], least_s: float) -> float:
     return float(np.mean(held >= least_s - _SAME_S)) if len(held) else 1.0
 
 
-def watched(source: MotionSource, voice: Voice, options: CueingOptions = DEFAULT_OPTIONS) -> Seen:
+def watched(
+    source: MotionSource, voice: Voice, options: CueingOptions = DEFAULT_OPTIONS
+) -> VisibilityMeter:
     """Return what is seen of the motion for a score."""
-    seen = Seen(classes_of(voice), source.rate_hz, options)
+    seen = VisibilityMeter(classes_of(voice), source.rate_hz, options)
     keys = source.score.keys
     if not keys:
         return seen
@@ -169,9 +171,11 @@ def watched(source: MotionSource, voice: Voice, options: CueingOptions = DEFAULT
     return seen
 
 
-def watched_motion(motion: Motion, voice: Voice, options: CueingOptions = DEFAULT_OPTIONS) -> Seen:
+def watched_motion(
+    motion: Motion, voice: Voice, options: CueingOptions = DEFAULT_OPTIONS
+) -> VisibilityMeter:
     """Return what is seen of a motion that knows its score, such as a received one."""
-    seen = Seen(classes_of(voice), motion.rate_hz, options)
+    seen = VisibilityMeter(classes_of(voice), motion.rate_hz, options)
     keys = motion.score.keys if motion.score else ()
     end_s = motion.start_s + len(motion.params) / motion.rate_hz
     whole = [k for k in keys if k.start >= motion.start_s and k.end <= end_s]
@@ -183,7 +187,7 @@ def watched_motion(motion: Motion, voice: Voice, options: CueingOptions = DEFAUL
 
 
 def in_words(figures: dict[str, Any]) -> str:
-    """Return the figures of `Seen` in one line."""
+    """Return the figures of `VisibilityMeter` in one line."""
     return (
         f"readable: {figures['keys_per_s']} keys/s, {100 * figures['held_share']:.1f} % held for "
         f"{1000 * HELD_S:.0f} ms, {100 * figures['three_pictures_share']:.1f} % in three pictures, "

@@ -26,7 +26,7 @@ Work = Callable[[Task], dict[str, Any]]
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class TaskOutcome:
     """How a task ended: with its row, or with the death of its worker."""
 
     task: Task
@@ -55,7 +55,7 @@ class Processes:
         """Take a task."""
         self._waiting.append(task)
 
-    def outcomes(self) -> Iterator[Outcome]:
+    def outcomes(self) -> Iterator[TaskOutcome]:
         """Yield what ends, until nothing is left; more may be submitted meanwhile."""
         while self._waiting or any(task for _, task in self._workers.values()):
             self._give_out()
@@ -67,11 +67,11 @@ class Processes:
                 try:
                     row = pipe.recv()
                     self._workers[pipe] = process, None
-                    yield Outcome(task, row)
+                    yield TaskOutcome(task, row)
                 except (EOFError, OSError):
                     del self._workers[pipe]
                     process.join(5.0)
-                    yield Outcome(task, None, f"its worker died ({_death(process.exitcode)})")
+                    yield TaskOutcome(task, None, f"its worker died ({_death(process.exitcode)})")
 
     def _give_out(self) -> None:
         while self._waiting:
@@ -172,7 +172,7 @@ class Cluster:
         """Take a task."""
         self._waiting.append(task)
 
-    def outcomes(self) -> Iterator[Outcome]:
+    def outcomes(self) -> Iterator[TaskOutcome]:
         """Yield what ends, until nothing is left; more may be submitted meanwhile."""
         futures: dict[Any, Task] = {}
         while self._waiting or futures:
@@ -196,11 +196,11 @@ class Cluster:
             for future in ended:
                 task = futures.pop(future)
                 if future.status == "finished":
-                    yield Outcome(task, future.result())
+                    yield TaskOutcome(task, future.result())
                 else:
-                    yield Outcome(task, None, f"its worker died ({future.status})")
+                    yield TaskOutcome(task, None, f"its worker died ({future.status})")
 
-    def _lost(self, futures: dict[Any, Task], error: Exception) -> Iterator[Outcome]:
+    def _lost(self, futures: dict[Any, Task], error: Exception) -> Iterator[TaskOutcome]:
         """Give back all tasks, and try to reach the scheduler again."""
         tasks = [*futures.values(), *self._waiting]
         futures.clear()
@@ -211,10 +211,10 @@ class Cluster:
         except CueError:
             for task in tasks:
                 row = {"status": "not done", "error": f"the scheduler {self._address} is gone"}
-                yield Outcome(task, row)
+                yield TaskOutcome(task, row)
             return
         for task in tasks:
-            yield Outcome(task, None, f"the scheduler was gone: {type(error).__name__}")
+            yield TaskOutcome(task, None, f"the scheduler was gone: {type(error).__name__}")
 
     def _connect(self, patience_s: float = 0.0) -> Any:
         until_s = time.monotonic() + patience_s

@@ -27,7 +27,7 @@ from cuecast.evaluate.options import EvaluateOptions
 from synth.language.text.espeak import RATE_HZ
 from synth.language.text.pronounce import phonemise
 from synth.language.text.sentences import read_sentences
-from synth.planning.alignment.align import Aligned, Passage, align
+from synth.planning.alignment.align import Aligned, SpokenPassage, align
 from synth.planning.alignment.confidence import CERTAIN, WITHIN_S, trust
 from synth.planning.alignment.recogniser import FS
 from synth.planning.alignment.runs import LONGEST_PASSAGE_S
@@ -168,7 +168,7 @@ def _measured(
 
 def _passages(
     clip: Clip, said: Sequence[tuple[float, float, str]], condition: str, rng: np.random.Generator
-) -> tuple[list[Passage], list[list[float | None]]]:
+) -> tuple[list[SpokenPassage], list[list[float | None]]]:
     """Return the passages of a clip, and for each word of theirs its time where it is known."""
     sound = clip.sound
     if condition == "music":
@@ -185,7 +185,7 @@ def _passages(
             expected += [(line[0][0] - _ROOM_S, line[-1][1] + _ROOM_S)] * len(spoken)
         first = max(0, round((lines[0][0][0] - _ROOM_S) * FS))
         piece = sound[first : round((lines[-1][-1][1] + _ROOM_S) * FS)]
-        passage = Passage(tuple(words), piece, first / FS, np.array(expected).reshape(-1, 2))
+        passage = SpokenPassage(tuple(words), piece, first / FS, np.array(expected).reshape(-1, 2))
         if words and passage.long_enough:
             passages.append(replace(passage, heard=passage.likelihoods()))
             times.append(known)
@@ -228,7 +228,7 @@ def _times(line: Sequence[tuple[float, float, str]], count: int) -> list[float |
 
 
 def _misplaced(
-    passage: Passage, found: Aligned, known: Sequence[float | None]
+    passage: SpokenPassage, found: Aligned, known: Sequence[float | None]
 ) -> list[float | None]:
     """Return by how many seconds the start of each word was misplaced."""
     firsts = np.cumsum([0, *(len(word.phones) for word in passage.words[:-1])])

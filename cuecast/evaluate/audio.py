@@ -29,7 +29,7 @@ from cuecast.evaluate.tables import wilson_interval
 from receiver.media.sound import read_sound
 from watermark.audio.embed.embedder import AudioEmbedder
 from watermark.audio.receiver import AudioReceiver
-from watermark.audio.signal.profile import Profile, find_profile
+from watermark.audio.signal.profile import AudioProfile, find_profile
 from watermark.link.superframe import SUPERFRAME_S
 from watermark.quality import peaq, peaq_advanced, pesq_wb, segmental_snr_db
 from watermark.quality.loudness import loudness_lufs
@@ -115,13 +115,13 @@ class AudioRow:
 
 
 @dataclass(frozen=True, slots=True)
-class Marked:
+class MarkedClip:
     """A marked clip and what was put into it."""
 
     clip: str
     fs: int
     setting: str
-    profile: Profile
+    profile: AudioProfile
     sound: Sound
     payloads: tuple[tuple[bytes, bytes], ...]
     odg: float
@@ -135,7 +135,7 @@ class Marked:
 
 def mark_clip(
     path: Path, profile: str, grade: float | None, seed: int, *, limit_s: float | None = None
-) -> Marked:
+) -> MarkedClip:
     """Write pseudorandom superframes into a sound file's programme.
 
     Raises
@@ -159,7 +159,7 @@ def mark_clip(
     if snr_db is None:
         raise CueError(f"{path.name} cannot carry: nothing was marked")
     speech = "speech" in path.stem and importlib.util.find_spec("pesq") is not None
-    return Marked(
+    return MarkedClip(
         clip=path.stem,
         fs=fs,
         setting=profile,
@@ -184,7 +184,7 @@ def _grade(text: str) -> float:
 
 
 def _embed(
-    sound: Sound, fs: int, payloads: Sequence[tuple[bytes, bytes]], profile: Profile,
+    sound: Sound, fs: int, payloads: Sequence[tuple[bytes, bytes]], profile: AudioProfile,
     grade: float | None, coder: str | None,
 ) -> tuple[Sound, float | None]:  # fmt: skip
     """Mark a whole sound; return it and mid over mark in dB."""
@@ -197,7 +197,7 @@ def _embed(
 
 
 def measure(
-    marked: Marked, name: str, channel: Channel, *, starts: int, rng: np.random.Generator
+    marked: MarkedClip, name: str, channel: Channel, *, starts: int, rng: np.random.Generator
 ) -> AudioRow:
     """Send a marked clip through a channel and receive it."""
     heard = channel(marked.sound, marked.fs)

@@ -28,7 +28,7 @@ from synth.planning.scoring.text_score import score_from_subtitles
 
 
 @dataclass(frozen=True, slots=True)
-class Channel:
+class BroadcastCodec:
     """A broadcast codec: container's suffix, FFmpeg's encoder, bit/s (0: lossless)."""
 
     suffix: str
@@ -37,13 +37,13 @@ class Channel:
 
 
 CHANNELS = {
-    "none": Channel(".flac", "flac", 0),
-    "aac128": Channel(".m4a", "aac", 128_000),
-    "aac96": Channel(".m4a", "aac", 96_000),
-    "mp2_192": Channel(".ts", "mp2", 192_000),
-    "ac3_192": Channel(".ts", "ac3", 192_000),
-    "mp3_128": Channel(".mp3", "libmp3lame", 128_000),
-    "opus_96": Channel(".ogg", "libopus", 96_000),
+    "none": BroadcastCodec(".flac", "flac", 0),
+    "aac128": BroadcastCodec(".m4a", "aac", 128_000),
+    "aac96": BroadcastCodec(".m4a", "aac", 96_000),
+    "mp2_192": BroadcastCodec(".ts", "mp2", 192_000),
+    "ac3_192": BroadcastCodec(".ts", "ac3", 192_000),
+    "mp3_128": BroadcastCodec(".mp3", "libmp3lame", 128_000),
+    "opus_96": BroadcastCodec(".ogg", "libopus", 96_000),
 }
 """Channels by name."""
 

@@ -31,7 +31,7 @@ from cuecast.command.voices import coding_voice
 from cuecast.evaluate.baselines import BASELINES, Material
 from cuecast.evaluate.bound import Bound, bound_of
 from cuecast.evaluate.coded import (
-    Outcome,
+    CodedMotion,
     Row,
     coded,
     coded_within,
@@ -221,7 +221,7 @@ def _others(voice: Voice, train: Array, test: Array) -> Iterator[Row]:
     for name, code in BASELINES.items():
         for step in STEPS_MM if name != "raw-8bit" else STEPS_MM[:1]:
             bps, decoded = code(material, step)
-            yield row_of(name, Outcome(bps, squares_of(voice, test, decoded)))
+            yield row_of(name, CodedMotion(bps, squares_of(voice, test, decoded)))
 
 
 def plot(results: list[Row], figure: Any) -> None:

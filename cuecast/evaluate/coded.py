@@ -44,7 +44,7 @@ KEY_TOLERANCE_S = 0.101
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class CodedMotion:
     """What became of a motion.
 
     Attributes
@@ -70,7 +70,7 @@ class Outcome:
     residual_bps: float | None = None
 
 
-def coded(voice: Voice, motion: Motion, count: int, size: int) -> Outcome:
+def coded(voice: Voice, motion: Motion, count: int, size: int) -> CodedMotion:
     """Return what becomes of the first `count` superframes at `size` bytes each."""
     encoder = (
         CompactEncoder(voice, l0_bytes=size)
@@ -87,7 +87,7 @@ def coded(voice: Voice, motion: Motion, count: int, size: int) -> Outcome:
     )
 
 
-def coded_within(voice: Voice, motion: Motion, error_mm: float) -> Outcome:
+def coded_within(voice: Voice, motion: Motion, error_mm: float) -> CodedMotion:
     """Return what becomes of a motion in a file that keeps an error: superframes of any length."""
     data = encode_stream(motion, voice, error_mm=error_mm, score="keep")
     found, frames = decode_stream(data, voice), list(read_superframes(data))
@@ -98,7 +98,7 @@ def coded_within(voice: Voice, motion: Motion, error_mm: float) -> Outcome:
     mode = PLAIN if told_by(data).line is None else SCORE
     told = sum(setting_bits(read_setting(RangeDecoder(f.l0), mode), mode) for f in frames)
     residual = (8 * sum(len(frame.l0) for frame in frames) - told) / end
-    return Outcome(8 * len(data) / end, squares, *counted(sent, keys), residual_bps=residual)
+    return CodedMotion(8 * len(data) / end, squares, *counted(sent, keys), residual_bps=residual)
 
 
 def _residual_bps(frames: Sequence[Superframe]) -> float | None:
@@ -136,14 +136,14 @@ def decoded(
     frames: Sequence[Superframe],
     lost: Set[int] = frozenset(),
     lost_l1: Set[int] = frozenset(),
-) -> Outcome:
+) -> CodedMotion:
     """Return what becomes of superframes of which some lose L0 or L1."""
     done = _received(voice, frames, lost, lost_l1)
     squares = squares_of(voice, motion.params, np.concatenate([frame.params for frame in done]))
     end = len(frames) * SUPERFRAME_S
     size = sum(len(frame.l0) + len(frame.l1) for frame in frames)
     sent = [key for key in motion.score.keys if key.start < end] if motion.score else []
-    return Outcome(8 * size / end, squares, *counted(sent, merge_scores(done).keys))
+    return CodedMotion(8 * size / end, squares, *counted(sent, merge_scores(done).keys))
 
 
 def counted(sent: Sequence[Key], got: Sequence[Key]) -> tuple[int, int, int]:
@@ -184,7 +184,7 @@ def _articulation_mm(voice: Voice, a: NDArray[np.float32], b: NDArray[np.float32
     return float(np.sqrt(np.square(faces[0] - faces[1]).sum(axis=-1).mean()))
 
 
-def row_of(name: str, *outcomes: Outcome) -> Row:
+def row_of(name: str, *outcomes: CodedMotion) -> Row:
     """Return the row of one outcome, or of several on the same motion together."""
     squares = np.mean([one.squares for one in outcomes], axis=0)
     first = outcomes[0]

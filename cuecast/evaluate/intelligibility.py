@@ -29,8 +29,8 @@ from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.alignment.sound import mono
 from synth.planning.scoring.text_score import score_from_text
 from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
-from synth.units.recordings.recording import Recording
-from synth.units.recordings.speaker import Utterance, read_transcripts, record_speaker
+from synth.units.recordings.recording import UnitRecording
+from synth.units.recordings.speaker import SpokenFile, read_transcripts, record_speaker
 from synth.units.speech.espeak_voice import speak
 
 VOICES = ("recorded", "speaker", "units", "espeak")
@@ -71,7 +71,7 @@ def evaluate(options: EvaluateOptions) -> list[Row]:
     return rows
 
 
-def _material(options: EvaluateOptions) -> tuple[list[Utterance | str], list[Utterance]]:
+def _material(options: EvaluateOptions) -> tuple[list[SpokenFile | str], list[SpokenFile]]:
     """Return what is judged, and the recordings that may make a speaker."""
     if options.clips is None:
         return list(held_out_sentences(options)[:_SENTENCES]), []
@@ -79,7 +79,7 @@ def _material(options: EvaluateOptions) -> tuple[list[Utterance | str], list[Utt
     return list(found[::2][:_SENTENCES]), found[1::2]
 
 
-def _speech(voice: str, kept: Sequence[Utterance]) -> Callable[[Utterance | str], Sound]:
+def _speech(voice: str, kept: Sequence[SpokenFile]) -> Callable[[SpokenFile | str], Sound]:
     """Return what says a text in a voice, or plays it, at the listener's rate."""
     if voice == "recorded":
         return _recorded
@@ -89,8 +89,8 @@ def _speech(voice: str, kept: Sequence[Utterance]) -> Callable[[Utterance | str]
     return lambda item: _said(synthesiser, _text(item))
 
 
-def _recorded(item: Utterance | str) -> Sound:
-    assert isinstance(item, Utterance)
+def _recorded(item: SpokenFile | str) -> Sound:
+    assert isinstance(item, SpokenFile)
     try:
         samples, fs = soundfile.read(item.path)
     except (OSError, soundfile.SoundFileError) as error:
@@ -98,7 +98,7 @@ def _recorded(item: Utterance | str) -> Sound:
     return mono(samples, fs)
 
 
-def _speaker(kept: Sequence[Utterance]) -> ConcatenativeSynthesiser:
+def _speaker(kept: Sequence[SpokenFile]) -> ConcatenativeSynthesiser:
     """Return a speaker whose units come from recordings that are not judged.
 
     Raises
@@ -108,7 +108,7 @@ def _speaker(kept: Sequence[Utterance]) -> ConcatenativeSynthesiser:
     """
     voice = load_voice()
     cuer = GestureSynthesiser(voice.name, alignment="paper")
-    taken = [item for item in record_speaker(kept, cuer, voice) if isinstance(item, Recording)]
+    taken = [item for item in record_speaker(kept, cuer, voice) if isinstance(item, UnitRecording)]
     if not taken:
         raise CueError(f"none of {len(kept)} recordings can make a speaker")
     return ConcatenativeSynthesiser(taken, voice)
@@ -120,14 +120,14 @@ def _said(synthesiser: ConcatenativeSynthesiser, text: str) -> Sound:
     return mono(np.concatenate(parts), synthesiser.fs)
 
 
-def _text(item: Utterance | str) -> str:
+def _text(item: SpokenFile | str) -> str:
     return item if isinstance(item, str) else item.text
 
 
 def _judged(
     voice: str,
-    said: Sequence[Utterance | str],
-    speech: Callable[[Utterance | str], Sound],
+    said: Sequence[SpokenFile | str],
+    speech: Callable[[SpokenFile | str], Sound],
     listener: Listener,
 ) -> Row:
     words, phones = np.zeros(2, np.int64), np.zeros(2, np.int64)

@@ -22,7 +22,7 @@ from synth.motion.rules.gesture import GestureSynthesiser
 from synth.motion.rules.movement import ALIGNMENTS, plan_gestures
 from synth.planning.scoring.text_score import score_from_text
 from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
-from synth.units.recordings.recording import Recording
+from synth.units.recordings.recording import UnitRecording
 from watermark.audio.signal.profile import find_profile
 from watermark.link.superframe import SUPERFRAME_S
 
@@ -44,14 +44,14 @@ def recital(texts: Sequence[str]) -> Score:
 
 
 def compare_methods(
-    texts: Sequence[str], recordings: Sequence[Recording], recogniser: Recogniser, voice: Voice
+    texts: Sequence[str], recordings: Sequence[UnitRecording], recogniser: Recogniser, voice: Voice
 ) -> list[dict[str, Any]]:
     """Return one row per method and alignment.
 
     Parameters
     ----------
     texts : sequence of str
-    recordings : sequence of Recording
+    recordings : sequence of UnitRecording
         Where the units come from.
     recogniser : Recogniser
     voice : Voice

@@ -20,10 +20,10 @@ from codec.analysis.recognise import Recogniser, fit_recogniser
 from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, SHAPES
 from codec.errors import CueError
 from cuecast.evaluate import models_figures
-from cuecast.evaluate.models_fits import Fit, Models, Occlusion, Phases, explain, learn
+from cuecast.evaluate.models_fits import ModelFit, Models, Occlusion, Phases, explain, learn
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.tables import write_results
-from cuecast.evaluate.takes import Material, Recorded, Take, performed
+from cuecast.evaluate.takes import EvaluatedTake, Material, Recorded, performed
 from synth.motion.body.anatomy import BY_RULE, IDENTITIES
 from synth.motion.measured.cuer import MEASURED
 from synth.motion.rules.movement import LAWS
@@ -141,7 +141,7 @@ def measure(
     }  # fmt: skip
 
 
-def _errors(seen: list[Fit], unseen: list[Fit]) -> dict[str, Any]:
+def _errors(seen: list[ModelFit], unseen: list[ModelFit]) -> dict[str, Any]:
     return {
         "hand_mae_mm": _mean(fit.hand_mm for fit in seen),
         "face_mae_mm": _mean(fit.face_mm for fit in seen),
@@ -150,7 +150,7 @@ def _errors(seen: list[Fit], unseen: list[Fit]) -> dict[str, Any]:
     }
 
 
-def _controls(models: Models, takes: list[Take]) -> dict[str, Any]:
+def _controls(models: Models, takes: list[EvaluatedTake]) -> dict[str, Any]:
     """Return the errors of hand models that should be worse."""
     kinds = {
         "reference_mm": models,
@@ -164,7 +164,7 @@ def _controls(models: Models, takes: list[Take]) -> dict[str, Any]:
     }
 
 
-def targets(take: Take, markers: NDArray[np.float32]) -> Iterator[tuple[int, int, int]]:
+def targets(take: EvaluatedTake, markers: NDArray[np.float32]) -> Iterator[tuple[int, int, int]]:
     """Yield frame, shape and placement of each target of the hand, rests too.
 
     Where the time of a target is not known it is the end of the stroke about the key's onset.
@@ -183,7 +183,7 @@ def targets(take: Take, markers: NDArray[np.float32]) -> Iterator[tuple[int, int
 Labelled = tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.int64]]
 
 
-def _labelled(takes: Sequence[Take], fits: Sequence[Fit]) -> Labelled:
+def _labelled(takes: Sequence[EvaluatedTake], fits: Sequence[ModelFit]) -> Labelled:
     """Return markers (N, 113, 3), shapes and placements of all targets."""
     frames, labels = [], []
     for take, fit in zip(takes, fits, strict=True):
@@ -201,7 +201,9 @@ def _accuracy(recogniser: Recogniser, labelled: Labelled) -> tuple[float, float]
     return round(float(right_shape.mean()), 4), round(float(right_place.mean()), 4)
 
 
-def _recognition(takes: Sequence[Take], fits: Sequence[Fit]) -> tuple[Recogniser, dict[str, Any]]:
+def _recognition(
+    takes: Sequence[EvaluatedTake], fits: Sequence[ModelFit]
+) -> tuple[Recogniser, dict[str, Any]]:
     """Learn the recogniser from one half of the targets and try it on the other.
 
     What the half that is learnt from does not show is named; it counts as not recognised.
@@ -220,7 +222,7 @@ def _named(classes: Sequence[int], names: Sequence[object]) -> str | None:
     return " ".join(str(names[label]) for label in classes) or None
 
 
-def _few(takes: Sequence[Take], fits: Sequence[Fit]) -> dict[str, Any]:
+def _few(takes: Sequence[EvaluatedTake], fits: Sequence[ModelFit]) -> dict[str, Any]:
     """Learn the recogniser from ten sentences that hold every key, try it on the others."""
     kinds = [list(targets(take, fit.markers)) for take, fit in zip(takes, fits, strict=True)]
     chosen = _covering(kinds, _FEW_SENTENCES)

@@ -11,10 +11,10 @@ from codec.analysis.phases import profiles
 from codec.analysis.recognise import Recogniser
 from codec.cues.score import PLACEMENTS
 from codec.files.whole import whole_file
-from cuecast.evaluate.models_fits import Fit, Occlusion, Phases
+from cuecast.evaluate.models_fits import ModelFit, Occlusion, Phases
 from cuecast.evaluate.segmentation import write_page
 from cuecast.evaluate.tables import PAGE_IN, write_plot
-from cuecast.evaluate.takes import Take
+from cuecast.evaluate.takes import EvaluatedTake
 
 ATTINA_MS = {"lead": 239, "lag": 37}
 """Begin before and end after the consonant's onset: Attina 2005, first experiment, CV keys."""
@@ -23,10 +23,10 @@ ATTINA_MS = {"lead": 239, "lag": 37}
 def write_all(
     out: Path,
     data: str,
-    seen: Sequence[Fit],
-    unseen: Sequence[Fit],
+    seen: Sequence[ModelFit],
+    unseen: Sequence[ModelFit],
     recogniser: Recogniser,
-    example: tuple[Take, Fit],
+    example: tuple[EvaluatedTake, ModelFit],
     phases: Phases,
     hidden: Occlusion,
 ) -> None:
@@ -48,7 +48,7 @@ def _write_csv(path: Path, data: str, header: Sequence[str], rows: Iterable[Sequ
         writer.writerows([*row, data] for row in rows)
 
 
-def _figure_3(out: Path, data: str, seen: Sequence[Fit], unseen: Sequence[Fit]) -> None:
+def _figure_3(out: Path, data: str, seen: Sequence[ModelFit], unseen: Sequence[ModelFit]) -> None:
     """Mean and standard deviation of the error of each sentence."""
     fits = [("training", fit) for fit in seen] + [("test", fit) for fit in unseen]
     _write_csv(
@@ -75,7 +75,9 @@ def _figure_3(out: Path, data: str, seen: Sequence[Fit], unseen: Sequence[Fit]) 
     write_plot(out / "figure3.png", [], draw, size_in=PAGE_IN)
 
 
-def _figure_4(out: Path, data: str, recogniser: Recogniser, example: tuple[Take, Fit]) -> None:
+def _figure_4(
+    out: Path, data: str, recogniser: Recogniser, example: tuple[EvaluatedTake, ModelFit]
+) -> None:
     """Probabilities of shapes and placements over one utterance, with its sound."""
     take, fit = example
     shape = recogniser.shape_posteriors(fit.markers)

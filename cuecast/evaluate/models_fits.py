@@ -23,7 +23,7 @@ from codec.cuer.models.inversion import FOREARM_COLUMNS, RIGID_FACE_COLUMNS, bri
 from codec.cues.score import PLACEMENTS
 from codec.training.fit_face import fit_face
 from codec.training.fit_hand import Regressors, fit_hand
-from cuecast.evaluate.takes import Material, Take
+from cuecast.evaluate.takes import EvaluatedTake, Material
 
 _TRAINING_HZ = 30.0
 """Frames per second that are learnt from: neighbours at the studio's rate are alike."""
@@ -67,7 +67,7 @@ class Models:
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
+class ModelFit:
     """How well one take is explained, millimetres.
 
     Attributes
@@ -93,13 +93,13 @@ class Fit:
     duration_s: float
     cpu_s: float
 
-    def without_markers(self) -> "Fit":
+    def without_markers(self) -> "ModelFit":
         """Return the figures alone."""
         empty = np.zeros((0, 0, 3), dtype=np.float32)
         return replace(self, markers=empty, recovered=empty)
 
 
-def learn(material: Material, training: Sequence[Take]) -> Models:
+def learn(material: Material, training: Sequence[EvaluatedTake]) -> Models:
     """Fit face and hand as the paper does: corpora 1 and 2, then jointly with sentences."""
     lines = np.concatenate([_thinned(take) for take in training])
     sounds = np.concatenate([_thinned(take) for take in material.takes(2)])
@@ -120,11 +120,11 @@ def learn(material: Material, training: Sequence[Take]) -> Models:
     return Models(face, hand, completion, hands, forearm, len(faces), taken)
 
 
-def _thinned(take: Take) -> NDArray[np.float64]:
+def _thinned(take: EvaluatedTake) -> NDArray[np.float64]:
     return take.observed[:: _step(take)].astype(np.float64)
 
 
-def _calm_hand(take: Take, stride: int) -> NDArray[np.float64]:
+def _calm_hand(take: EvaluatedTake, stride: int) -> NDArray[np.float64]:
     """Return every `stride`-th of the thinned frames of the hand, smoothed."""
     observed = take.observed[:, _HAND].astype(np.float64)
     visible = np.asarray(np.isfinite(observed).all(-1))
@@ -132,7 +132,7 @@ def _calm_hand(take: Take, stride: int) -> NDArray[np.float64]:
     return np.where(visible[..., None], calm, np.nan)[:: stride * _step(take)]
 
 
-def _step(take: Take) -> int:
+def _step(take: EvaluatedTake) -> int:
     return max(1, round(take.rate_hz / _TRAINING_HZ))
 
 
@@ -140,7 +140,7 @@ def _complete(frames: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(frames[np.isfinite(frames).all((1, 2))])
 
 
-def explain(take: Take, models: Models) -> Fit:
+def explain(take: EvaluatedTake, models: Models) -> ModelFit:
     """Invert one take and compare the models' markers with it."""
     visible = np.asarray(np.isfinite(take.observed).all(-1))
     world = np.where(visible[..., None], take.observed, 0.0).astype(np.float64)
@@ -157,7 +157,7 @@ def explain(take: Take, models: Models) -> Fit:
     markers[:, _HAND] = models.hand.reconstruct(hand)
     distance = np.linalg.norm(markers - world, axis=-1)
     on_hand, on_face = distance[:, _HAND][of_hand], distance[:, _FACE][of_face]
-    return Fit(
+    return ModelFit(
         take.name,
         float(on_hand.mean()), float(on_hand.std()), float(on_face.mean()), float(on_face.std()),
         markers, recovered.astype(np.float32), len(world) / take.rate_hz, taken,
@@ -170,7 +170,7 @@ class Occlusion:
     def __init__(self) -> None:
         self._sums: dict[tuple[str, str], NDArray[np.float64]] = {}
 
-    def add(self, take: Take, fit: Fit, recogniser: Recogniser) -> None:
+    def add(self, take: EvaluatedTake, fit: ModelFit, recogniser: Recogniser) -> None:
         """Count a take; nothing is known where there is no truth."""
         if take.truth is None:
             return
@@ -239,7 +239,7 @@ class Phases:
         self.placements: list[Phase] = []
         self.strokes: list[Phase] = []
 
-    def add(self, take: Take, fit: Fit, recogniser: Recogniser) -> None:
+    def add(self, take: EvaluatedTake, fit: ModelFit, recogniser: Recogniser) -> None:
         """Measure the gestures of a take."""
         rate_hz = take.rate_hz
         shape = recogniser.shape_posteriors(fit.markers)

@@ -30,7 +30,7 @@ from codec.cues.phonology import VOWELS
 from codec.cues.score import PLACEMENT_NUMBER, Key, Phone, Score
 from codec.errors import CueError
 from cuecast.demo.content import make_sound
-from cuecast.dubbing.readability import Seen
+from cuecast.dubbing.readability import VisibilityMeter
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.strokes import RATE_HZ, REAL, film_of, rows_within, stroke_figures
 from receiver.drawing.render import render_frames, write_picture
@@ -40,7 +40,7 @@ from synth.motion.measured.cuer import MEASURED, performer
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.prosody.pace_report import PaceReport
 from synth.planning.prosody.pacing import READABLE, Pace
-from synth.planning.prosody.simulation import Performing
+from synth.planning.prosody.simulation import PerformerChoice
 from synth.planning.scoring.text_score import PLAIN, Reading, score_from_subtitles, score_from_text
 
 PACES: dict[str, Pace | None] = {"readable": READABLE, "sync": None}
@@ -192,14 +192,14 @@ def figures(
     `codec.analysis.readability.HELD_S`; ``read_share`` that of those which the reader took in.
     """
     report = PaceReport()
-    reading = Reading(pace=pace, performing=Performing(seed=seed))
+    reading = Reading(pace=pace, performing=PerformerChoice(seed=seed))
     score = score_from_subtitles(subtitles, reading=reading, told=report)
     said = [key for subtitle in subtitles for key in score_from_text(subtitle.text).keys]
     if not score.keys:
         return {"keys_said": len(said), "keys_shown": 0}
     cuer = GestureSynthesiser(rate_hz=_FRAMES_HZ, seed=seed)
     markers = _markers(cuer, score)
-    seen = Seen(Classes(cuer.targets()[0]), _FRAMES_HZ)
+    seen = VisibilityMeter(Classes(cuer.targets()[0]), _FRAMES_HZ)
     seen.add(markers, 0.0, score.keys)
     found = seen.figures()
     held = np.array([item.held_s for item in seen.shown])
@@ -322,7 +322,7 @@ def in_common(found: Sequence[tuple[int, int]], wanted: Sequence[tuple[int, int]
 def strip(path: Path, subtitles: Sequence[Subtitle], seed: int = 0) -> None:
     """Draw successive pictures of the cuer, 25 a second, as one PNG: from the side to the face."""
     voice = load_voice()
-    reading = Reading(pace=READABLE, performing=Performing(seed=seed))
+    reading = Reading(pace=READABLE, performing=PerformerChoice(seed=seed))
     score = score_from_subtitles(subtitles, reading=reading)
     half = itertools.pairwise(score.keys[len(score.keys) // 2 :])
     ways = (one.start for one, other in half if (one.placement, other.placement) in _LONG_WAYS)

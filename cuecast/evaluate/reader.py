@@ -24,7 +24,7 @@ from cuecast.command.voices import coding_voice
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.reading.lips import LipReader, canonical, teach_lips
 from cuecast.evaluate.reading.performed import filmed_takes, simulated_takes
-from cuecast.evaluate.reading.reader import Asked, Reader, Seen, Take, teach
+from cuecast.evaluate.reading.reader import Asked, CueReader, ReaderTake, ReadKey, teach
 from cuecast.evaluate.reading.takes import real_takes
 from cuecast.evaluate.reading.view import like
 from synth.capture.tracker.video import find_tracker
@@ -51,13 +51,13 @@ REAL = "real"
 
 
 @dataclass(frozen=True, slots=True)
-class Leg:
+class ReaderTestSet:
     """What is read: a name, the pace, how landmarks came about, and the takes."""
 
     name: str
     pace: str
     landmarks: str
-    takes: Callable[[EvaluateOptions, Voice], list[Take]]
+    takes: Callable[[EvaluateOptions, Voice], list[ReaderTake]]
 
 
 @dataclass(slots=True)
@@ -114,7 +114,7 @@ def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
     return [*(_shares(name, count) for name, count in counts.items()), *_classes(counts)]
 
 
-def unseen(real: Sequence[Take]) -> Count:
+def unseen(real: Sequence[ReaderTake]) -> Count:
     """Return how well real takes are read by readers taught on the others."""
     if len(real) < 2 * _FOLDS:
         raise CueError(f"{len(real)} real takes; {2 * _FOLDS} are needed")
@@ -127,17 +127,17 @@ def unseen(real: Sequence[Take]) -> Count:
 
 
 def compared(
-    takes: Sequence[Take], known: Sequence[Take], reader: Reader, lips: LipReader,
+    takes: Sequence[ReaderTake], known: Sequence[ReaderTake], reader: CueReader, lips: LipReader,
     total: Count | None = None,
 ) -> Count:  # fmt: skip
     """Return how well the reader reads the takes of one cuer, added to `total`.
 
     Parameters
     ----------
-    takes : sequence of Take
-    known : sequence of Take
+    takes : sequence of ReaderTake
+    known : sequence of ReaderTake
         Those that she was taught on.
-    reader : Reader
+    reader : CueReader
     lips : LipReader
     total : Count, optional
     """
@@ -152,16 +152,16 @@ def compared(
     return total
 
 
-def _merged(read: Sequence[Seen]) -> list[Seen]:
+def _merged(read: Sequence[ReadKey]) -> list[ReadKey]:
     """Return keys without those that repeat the one before."""
-    out: list[Seen] = []
+    out: list[ReadKey] = []
     for key in read:
         if not out or (out[-1].shape, out[-1].place) != (key.shape, key.place):
             out.append(key)
     return out
 
 
-def _count(total: Count, wanted: Sequence[Asked], read: Sequence[Seen]) -> None:
+def _count(total: Count, wanted: Sequence[Asked], read: Sequence[ReadKey]) -> None:
     def price(i: int, j: int) -> float:
         one, key = wanted[i], read[j]
         return _WRONG * (one.shape != key.shape) + _WRONG * (key.place not in one.places)
@@ -236,8 +236,10 @@ def _scores(number: int, pace: Pace | None) -> list[Score]:
     ]
 
 
-def _simulated(cuer: str, pace: Pace | None) -> Callable[[EvaluateOptions, Voice], list[Take]]:
-    def takes(options: EvaluateOptions, voice: Voice) -> list[Take]:
+def _simulated(
+    cuer: str, pace: Pace | None
+) -> Callable[[EvaluateOptions, Voice], list[ReaderTake]]:
+    def takes(options: EvaluateOptions, voice: Voice) -> list[ReaderTake]:
         scores = _scores(_TAKES, pace)
         if cuer.endswith(MEASURED):
             scores = [paced(score) for score in scores]
@@ -246,8 +248,8 @@ def _simulated(cuer: str, pace: Pace | None) -> Callable[[EvaluateOptions, Voice
     return takes
 
 
-def _filmed(pace: Pace | None) -> Callable[[EvaluateOptions, Voice], list[Take]]:
-    def takes(options: EvaluateOptions, voice: Voice) -> list[Take]:
+def _filmed(pace: Pace | None) -> Callable[[EvaluateOptions, Voice], list[ReaderTake]]:
+    def takes(options: EvaluateOptions, voice: Voice) -> list[ReaderTake]:
         tracker = find_tracker(None)
         assert tracker is not None
         scores = _scores(_FILMS, pace)
@@ -264,12 +266,12 @@ _BY_RULE = "minimum-jerk"
 LEGS = {
     leg.name: leg
     for leg in (
-        Leg("claire", "readable", _SIMULATED, _simulated(f"claire/{_BY_RULE}", READABLE)),
-        Leg("claire-sync", "in step", _SIMULATED, _simulated(f"claire/{_BY_RULE}", None)),
-        Leg("agathe", "readable", _SIMULATED, _simulated(f"agathe/{_BY_RULE}", READABLE)),
-        Leg("second", "her own", _SIMULATED, _simulated(f"solange/{MEASURED}", None)),
-        Leg("film", "readable", TRACKED, _filmed(READABLE)),
-        Leg("film-sync", "in step", TRACKED, _filmed(None)),
+        ReaderTestSet("claire", "readable", _SIMULATED, _simulated(f"claire/{_BY_RULE}", READABLE)),
+        ReaderTestSet("claire-sync", "in step", _SIMULATED, _simulated(f"claire/{_BY_RULE}", None)),
+        ReaderTestSet("agathe", "readable", _SIMULATED, _simulated(f"agathe/{_BY_RULE}", READABLE)),
+        ReaderTestSet("second", "her own", _SIMULATED, _simulated(f"solange/{MEASURED}", None)),
+        ReaderTestSet("film", "readable", TRACKED, _filmed(READABLE)),
+        ReaderTestSet("film-sync", "in step", TRACKED, _filmed(None)),
     )
 }
 """What is read beside real takes, by name; ``--channels`` chooses."""

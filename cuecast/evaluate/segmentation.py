@@ -22,8 +22,8 @@ from codec.cuer import layout
 from codec.cues.phonology import PHONES
 from codec.cues.score import PLACEMENTS, SHAPES
 from codec.files.whole import whole_file
-from cuecast.evaluate.models_fits import Fit
-from cuecast.evaluate.takes import Take
+from cuecast.evaluate.models_fits import ModelFit
+from cuecast.evaluate.takes import EvaluatedTake
 
 _POINTS_HZ = 60.0
 """Frames per second that the page shows."""
@@ -38,7 +38,9 @@ _TENTHS_LIMIT = 32767
 """Largest whole number of tenths of a millimetre: that of 16 bits."""
 
 
-def write_page(path: Path, data: str, take: Take, fit: Fit, recogniser: Recogniser) -> None:
+def write_page(
+    path: Path, data: str, take: EvaluatedTake, fit: ModelFit, recogniser: Recogniser
+) -> None:
     """Write the page of one utterance.
 
     Parameters
@@ -47,8 +49,8 @@ def write_page(path: Path, data: str, take: Take, fit: Fit, recogniser: Recognis
         Of the HTML file.
     data : str
         What the utterance comes from, for the title.
-    take : Take
-    fit : Fit
+    take : EvaluatedTake
+    fit : ModelFit
         What the models make of it.
     recogniser : Recogniser
     """
@@ -60,7 +62,7 @@ def write_page(path: Path, data: str, take: Take, fit: Fit, recogniser: Recognis
         temporary.write_text(template.replace("__DATA__", text), encoding="utf-8")
 
 
-def _document(take: Take, fit: Fit, recogniser: Recogniser) -> dict[str, Any]:
+def _document(take: EvaluatedTake, fit: ModelFit, recogniser: Recogniser) -> dict[str, Any]:
     step = max(1, round(take.rate_hz / _POINTS_HZ))
     shape = recogniser.shape_posteriors(fit.markers)
     placement = recogniser.placement_posteriors(fit.markers, shape.argmax(1))
@@ -107,7 +109,7 @@ def _filled(
     return out
 
 
-def _sound(take: Take) -> str | None:
+def _sound(take: EvaluatedTake) -> str | None:
     """Return the sound as a data address that a browser plays."""
     if take.sound is None:
         return None
@@ -116,7 +118,7 @@ def _sound(take: Take) -> str | None:
     return "data:audio/wav;base64," + base64.b64encode(file.getvalue()).decode("ascii")
 
 
-def _wave(take: Take, duration_s: float) -> str | None:
+def _wave(take: EvaluatedTake, duration_s: float) -> str | None:
     """Return least and greatest value of each column of the drawn sound, full scale 127."""
     if take.sound is None:
         return None

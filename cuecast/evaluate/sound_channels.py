@@ -15,7 +15,7 @@ import scipy.signal
 from numpy.typing import NDArray
 
 from cuecast.evaluate import sound_injuries as injuries
-from watermark.audio.signal.sample_buffer import Tape
+from watermark.audio.signal.sample_buffer import SampleBuffer
 from watermark.link.superframe import find_named
 
 Sound = NDArray[np.float32]
@@ -95,7 +95,7 @@ def at_other_speed(x: Sound, fs: int, *, ppm: float) -> Sound:
     count = int(len(x) / ratio)
     out = np.empty((count, x.shape[1]), dtype=np.float32)
     for channel in range(x.shape[1]):
-        tape = Tape()
+        tape = SampleBuffer()
         tape.append(x[:, channel].astype(np.float64))
         out[:, channel] = tape.read(0.0, ratio, count)
     return out

@@ -27,7 +27,7 @@ from synth.motion.rules.gesture import GestureSynthesiser
 from synth.motion.rules.movement import Gestures, plan_gestures
 from synth.planning.scoring.text_score import score_from_text
 from synth.units.concatenation.units import cut_dikeys
-from synth.units.recordings.recording import Recording
+from synth.units.recordings.recording import UnitRecording
 from synth.units.recordings.sentences import choose_sentences
 
 ALIGNMENT = "paper"
@@ -86,7 +86,7 @@ def held_out_sentences(options: EvaluateOptions) -> list[str]:
     return [text for text in listed if text not in chosen]
 
 
-def learn(recordings: Sequence[Recording], voice: Voice) -> Recogniser:
+def learn(recordings: Sequence[UnitRecording], voice: Voice) -> Recogniser:
     """Return a recogniser of the targets of `recordings`."""
     frames, shapes, placements = [], [], []
     for recording in recordings:
@@ -161,7 +161,7 @@ def _arrivals(
 
 
 def head_ratios(
-    motions: Sequence[Motion], recordings: Sequence[Recording], voice: Voice
+    motions: Sequence[Motion], recordings: Sequence[UnitRecording], voice: Voice
 ) -> dict[str, float]:
     """Return how far and how fast the head moves, against the recordings.
 
@@ -186,7 +186,7 @@ def head_ratios(
 
 
 def joins_too_fast(
-    motions: Sequence[Motion], recordings: Sequence[Recording], voice: Voice
+    motions: Sequence[Motion], recordings: Sequence[UnitRecording], voice: Voice
 ) -> float:
     """Return the share of joins at which a marker exceeds the recordings' 99.9th percentile."""
     recorded = np.concatenate([_speeds(r.motion, voice).ravel() for r in recordings])

@@ -38,7 +38,7 @@ _FRAMING_TAKES = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Take:
+class EvaluatedTake:
     """One recorded utterance.
 
     Attributes
@@ -87,13 +87,13 @@ class Performed:
         """Return what the figures were obtained on."""
         return f"virtual cuer {self.identity}, {self.law}, 12 cameras, 120 Hz"
 
-    def takes(self, corpus: int) -> Iterator[Take]:
+    def takes(self, corpus: int) -> Iterator[EvaluatedTake]:
         """Yield the utterances of corpus 1, 2 or 3 in order."""
         for utterance in self.utterances:
             if utterance.name.startswith(f"corpus{corpus}/"):
                 yield self._take(utterance)
 
-    def _take(self, utterance: Utterance) -> Take:
+    def _take(self, utterance: Utterance) -> EvaluatedTake:
         free = not utterance.line
         sound, score = (
             (None, shape_transitions(rounds=ROUNDS_OF_SHAPES)) if free else spoken(utterance)
@@ -110,7 +110,7 @@ class Performed:
         studio = Studio(surround()) if free else Studio()
         made = record(cuer, score, studio=studio, seed=utterance.seed)
         reached = tuple(cuer.target_times(score))
-        return Take(
+        return EvaluatedTake(
             utterance.name, cuer.rate_hz, made.observed, made.truth, score, sound, RATE_HZ, reached
         )
 
@@ -133,7 +133,7 @@ class Recorded:
         """Return what the figures were obtained on."""
         return f"recordings in {self.folder.name}"
 
-    def takes(self, corpus: int) -> Iterator[Take]:
+    def takes(self, corpus: int) -> Iterator[EvaluatedTake]:
         """Yield the utterances of corpus 1, 2 or 3 in order of their names.
 
         Raises
@@ -148,7 +148,7 @@ class Recorded:
             sound, fs = None, RATE_HZ
             if path.with_suffix(".wav").exists():
                 sound, fs = soundfile.read(path.with_suffix(".wav"), dtype="float32")
-            yield Take(path.stem, rate_hz, observed, None, score, sound, fs, None)
+            yield EvaluatedTake(path.stem, rate_hz, observed, None, score, sound, fs, None)
 
     @property
     def sentences(self) -> int:

@@ -254,10 +254,10 @@ class _Trial:
         self._clip, self._folder, self._profile = clip, folder, profile
         self._strength, self._seed = strength, seed
         original, self._marked = folder / "original.mkv", folder / "marked.mkv"
-        timed: list[_Timed] = []
+        timed: list[_Stopwatch] = []
 
         def mark(form: PictureFormat) -> list[PictureStage]:
-            timed.append(_Timed(self._embedder(form)))
+            timed.append(_Stopwatch(self._embedder(form)))
             return [timed[0]]
 
         rewrite_picture(clip, original, lambda form: [], codec="ffv1", duration_s=seconds)
@@ -293,7 +293,7 @@ class _Trial:
                 form.width, form.height, form.fps, depth=form.depth, strength=self._strength
             )
 
-        receiver, found = _Timed(tuned()), []
+        receiver, found = _Stopwatch(tuned()), []
         late = LateReceivers(tuned, self._late_starts(starts), float(form.fps))
         frames = 0
         for _, luma in read_lumas(arrived):
@@ -345,7 +345,7 @@ class _Trial:
         return list(np.random.default_rng([self._seed, 1 << 32]).uniform(0, longest, count))
 
 
-class _Timed:
+class _Stopwatch:
     """An embedder or a receiver with a stop-watch."""
 
     def __init__(self, stage: Any) -> None:

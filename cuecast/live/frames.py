@@ -35,7 +35,7 @@ _AC3_RATES = (48000, 44100, 32000)
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class CodedFrame:
     """A frame of coded sound: its bytes, and how long it sounds in seconds."""
 
     data: bytes
@@ -109,7 +109,7 @@ class FrameCutter:
         self._read = _READERS[kind]
         self._held = b""
 
-    def process(self, data: bytes) -> Iterator[tuple[Frame, bool]]:
+    def process(self, data: bytes) -> Iterator[tuple[CodedFrame, bool]]:
         """Take bytes that follow; yield whole frames, and whether each begins in these bytes."""
         before, held = len(self._held), self._held + data
         at = 0
@@ -124,7 +124,7 @@ class FrameCutter:
             if at + size + 2 <= len(held) and not self._follows(held, at + size):
                 at += 1
                 continue
-            yield Frame(held[at : at + size], length_s), at >= before
+            yield CodedFrame(held[at : at + size], length_s), at >= before
             at += size
         self._held = held[at:]
 

@@ -51,7 +51,7 @@ _OVERLAP_S = 0.12
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
+class LivePose:
     """Parameters (P,) of the frame at `time_s` of its own clock, `age_s` after it was filmed."""
 
     time_s: float
@@ -59,7 +59,7 @@ class Pose:
     age_s: float = LATE_S
 
 
-def read_pose(line: str | bytes, count: int) -> Pose | None:
+def read_pose(line: str | bytes, count: int) -> LivePose | None:
     """Read a line: JSON with ``time`` in seconds, ``params``, and ``age`` where it is known.
 
     Parameters
@@ -70,7 +70,7 @@ def read_pose(line: str | bytes, count: int) -> Pose | None:
 
     Returns
     -------
-    Pose or None
+    LivePose or None
         None for an empty line.
 
     Raises
@@ -95,7 +95,7 @@ def read_pose(line: str | bytes, count: int) -> Pose | None:
         raise CueError(f"interpreter: {params.size} parameters, the voice has {count}")
     if not (abs(time_s) < 1e9 and 0 <= age_s < 1e3 and (np.abs(params) <= MOST_PARAM).all()):
         raise CueError(f"interpreter: no time or no parameters: {str(line)[:60]}")
-    return Pose(time_s, params, age_s)
+    return LivePose(time_s, params, age_s)
 
 
 class InterpretedMotion:
@@ -165,7 +165,7 @@ class InterpretedMotion:
         self.poses += 1
         return True
 
-    def _offset(self, pose: Pose, now_s: float) -> float:
+    def _offset(self, pose: LivePose, now_s: float) -> float:
         """Return what makes her clock the programme's: the lines that were least held up tell."""
         offset_s = now_s - pose.age_s - pose.time_s
         before = self._offset_s

@@ -67,7 +67,7 @@ class _Slot:
 
 
 @dataclass(frozen=True, slots=True)
-class _Held:
+class _HeldPackets:
     """Some packets that wait for their time, and which of them are of the sound."""
 
     due_s: float
@@ -145,7 +145,7 @@ class Multiplex:
         self._reader, self._texts = PesReader(), dict[int, PesReader]()
         self._epoch = 0
         self._pts: int | None = None
-        self._held: deque[_Held] = deque()
+        self._held: deque[_HeldPackets] = deque()
         self._stream_s = 0.0
         self._clock_s: float | None = None
         self._marks: deque[tuple[int, MarkedPes]] = deque()
@@ -202,7 +202,7 @@ class Multiplex:
                 for pes in self._texts[pid].process(packet):
                     self._read(pes)
         due_s = (self._stream_s if self._by_stream else now_s) + self._delay_s
-        self._held.append(_Held(due_s, data, slots))
+        self._held.append(_HeldPackets(due_s, data, slots))
 
     def _tick(self, packet: bytes, pid: int) -> None:
         """Follow the programme's clock."""
@@ -279,7 +279,7 @@ class Multiplex:
         while self._held:
             yield self._made(self._held.popleft())
 
-    def _made(self, held: _Held) -> bytes:
+    def _made(self, held: _HeldPackets) -> bytes:
         if not held.slots:
             return held.data
         out = bytearray()

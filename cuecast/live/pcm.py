@@ -150,7 +150,7 @@ class PcmMarker:
 
 
 @dataclass(frozen=True, slots=True)
-class _Held:
+class _HeldPcm:
     due_s: float
     first: int
     data: bytes
@@ -177,7 +177,7 @@ class PcmPassage:
         self._tell, self._wait, self._by_stream = tell, wait, by_stream
         self._part = b""
         self._count = self.marks = self.dropped = 0
-        self._held: deque[_Held] = deque()
+        self._held: deque[_HeldPcm] = deque()
         self._marked: deque[MarkedPcm] = deque()
         self.marking, self.audible = False, True
         self.figures = dict.fromkeys(
@@ -203,7 +203,7 @@ class PcmPassage:
         if not data:
             return
         clock_s = self._count / self._form.fs if self._by_stream else now_s
-        self._held.append(_Held(clock_s + self._delay_s, self._count, data))
+        self._held.append(_HeldPcm(clock_s + self._delay_s, self._count, data))
         self._send("pcm", self._form, self._count, data)
         self._count += size // self._form.frame_bytes
 
@@ -228,7 +228,7 @@ class PcmPassage:
         while self._held:
             yield self._made(self._held.popleft())
 
-    def _made(self, held: _Held) -> bytes:
+    def _made(self, held: _HeldPcm) -> bytes:
         found = self._found(held)
         while found is None and self._wait():
             found = self._found(held)
@@ -240,7 +240,7 @@ class PcmPassage:
             self.figures["bypasses_total"] += not self.marking
         return held.data if found is None else found
 
-    def _found(self, held: _Held) -> bytes | None:
+    def _found(self, held: _HeldPcm) -> bytes | None:
         """Return the marked samples in place of these, None where some are missing."""
         size = self._form.frame_bytes
         first, last = held.first, held.first + len(held.data) // size

@@ -19,7 +19,7 @@ from cuecast.live.multiplex import Aligner, Multiplex
 from cuecast.live.pcm import PcmForm, PcmPassage
 from cuecast.live.readiness import STATES, Announcer, Condition, Observation, condition_of
 from cuecast.live.sound import LiveOptions
-from cuecast.live.worker import Cuer, Told, Worker
+from cuecast.live.worker import Cuer, Worker, WorkerNote
 
 DELAY_S, LOW_DELAY_S = 5.0, 2.5
 """From in to out: the embedder's own delay (2.7 s, 1.4 s low), coding, and time to compute."""
@@ -258,7 +258,7 @@ class Playout:
     def _collect(self, wait_s: float = 0.0) -> None:
         """Take what the marking process has ready."""
         for found in self._worker.results(wait_s):
-            if isinstance(found, Told):
+            if isinstance(found, WorkerNote):
                 if found.line:
                     self._tell(found.line)
                 self._figures |= found.figures

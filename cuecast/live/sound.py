@@ -161,7 +161,7 @@ class SoundMarker:
         self._kind = ""
         self._cutter: FrameCutter | None = None
         self._decoder: Any = None
-        self._run: _Run | None = None
+        self._run: _SoundRun | None = None
         self._first = 0
         self._lost = False
         self._after: list[Samples] = []
@@ -220,7 +220,7 @@ class SoundMarker:
     def mark(self, samples: NDArray[np.float64]) -> Iterator[MarkedPes]:
         """Mark plain sound of 48 kHz and two channels as if it had come in as MPEG audio."""
         form = _Form(48_000, "stereo", 2)
-        run = _Run(
+        run = _SoundRun(
             "mp2", form, 0, 0.0, 0, self._motion, self._voice, self._options, None, 1, {},
             lambda: 192_000,
         )  # fmt: skip
@@ -278,10 +278,10 @@ class SoundMarker:
             samples = samples[cut:] if cut > _JITTER_S * fs else samples
         yield from run.process(samples)
 
-    def _jumps(self, run: "_Run", due: int) -> bool:
+    def _jumps(self, run: "_SoundRun", due: int) -> bool:
         return bool(abs(run.late(due)) > _LONGEST_GAP_S * run.fs)
 
-    def _between(self, run: "_Run", due: int) -> Samples:
+    def _between(self, run: "_SoundRun", due: int) -> Samples:
         """Return what lies between the line's end and a time stamp: silence, then what waited."""
         waited = np.concatenate([np.zeros((0, run.channels), np.float32), *self._after])
         self._lost, self._after = False, []
@@ -291,17 +291,17 @@ class SoundMarker:
         silence = np.zeros((max(0, late - len(waited)), run.channels), np.float32)
         return np.concatenate([silence, waited])[: max(0, late)]
 
-    def _new_run(self, sound: Any, stamp: int) -> "_Run":
+    def _new_run(self, sound: Any, stamp: int) -> "_SoundRun":
         per_packet = max(1, round(self._frames / max(1, self._packets)))
         form = _Form(sound.sample_rate, sound.layout.name, sound.layout.nb_channels)
-        return _Run(
+        return _SoundRun(
             self._kind, form, stamp, self._base_s, self._first, self._motion, self._voice,
             self._options, self._signing, per_packet, self._settings,
             lambda: round(self._bits / max(self._length_s, 1e-3)),
         )  # fmt: skip
 
 
-class _Run:
+class _SoundRun:
     """Sound of one form on an unbroken line: marked and coded again."""
 
     def __init__(

@@ -76,7 +76,7 @@ class Cuer:
 
 
 @dataclass(frozen=True, slots=True)
-class Marked:
+class MarkedPiece:
     """A marked piece of the sound with this number of the playout."""
 
     epoch: int
@@ -84,7 +84,7 @@ class Marked:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class WorkerNote:
     """Something to note, and figures by their names."""
 
     line: str = ""
@@ -148,7 +148,7 @@ class Worker:
             except queue.Full:
                 continue
 
-    def results(self, wait_s: float = 0.0) -> Iterator[Marked | Told]:
+    def results(self, wait_s: float = 0.0) -> Iterator[MarkedPiece | WorkerNote]:
         """Yield what came back; start the process again if it died."""
         if self._process is None:
             if time.monotonic() < self._again_s:
@@ -174,7 +174,7 @@ class Worker:
             self.restarts += 1
             self._again_s = time.monotonic() + wait_s
             if not self.ended:
-                yield Told(f"the marking process ended ({code}): again in {wait_s:.0f} s")
+                yield WorkerNote(f"the marking process ended ({code}): again in {wait_s:.0f} s")
 
     @property
     def alive(self) -> bool:
@@ -359,10 +359,10 @@ class _Marking:
 
     def _emit(self, packets: Iterator[MarkedPes] | Iterator[MarkedPcm]) -> None:
         for pes in packets:
-            self._send(Marked(self._epoch, pes))
+            self._send(MarkedPiece(self._epoch, pes))
 
     def _note(self, line: str) -> None:
-        self._send(Told(line))
+        self._send(WorkerNote(line))
 
     def _note_once(self, line: str) -> None:
         if line != self._said:
@@ -387,7 +387,7 @@ class _Marking:
             figures |= {
                 "poses_total": self._motion.poses, "keys_recognised_total": self._motion.keys,
             }  # fmt: skip
-        self._send(Told(figures=figures))
+        self._send(WorkerNote(figures=figures))
 
 
 def _warm(motion: Any, cuer: Cuer, voice: Any, options: LiveOptions) -> None:

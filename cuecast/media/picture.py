@@ -117,7 +117,7 @@ def rewrite_picture(
         form = decoder.format
         try:
             with av.open(f"file:{temporary}", "w") as output:
-                writer = _Writer(programme, decoder, output, _encoder(form, codec))
+                writer = _PictureWriter(programme, decoder, output, _encoder(form, codec))
                 writer.be_like(_first_frame(source))
                 rate = bit_rate or _measured_bit_rate(source, form)
                 writer.configure(rate, gop, size or (form.width, form.height))
@@ -130,7 +130,7 @@ def rewrite_picture(
     return replace(form, bit_rate=rate)
 
 
-class _Writer:
+class _PictureWriter:
     """The loop of `rewrite_picture`."""
 
     def __init__(

@@ -120,14 +120,14 @@ def rewrite_sound(
             raise CueError(f"{target}: cannot write: {reason(error)}") from error
         with container:
             wanted = codec or usual_codec(programme.format, Path(target).suffix)
-            writer = _Writer(programme, container, source, wanted, bit_rate, alone)
+            writer = _SoundWriter(programme, container, source, wanted, bit_rate, alone)
             try:
                 return writer.run(stage, progress)
             except av.FFmpegError as error:
                 raise CueError(f"{target}: cannot write: {reason(error)}") from error
 
 
-class _Writer:
+class _SoundWriter:
     """The loop of `rewrite_sound`: packets of `programme` in, packets of `container` out."""
 
     def __init__(

@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     from codec.cuer.motion import MotionWriter
     from codec.cuer.voice import load_voice
     from cuecast.dubbing.aligning import Confidence
-    from cuecast.dubbing.readability import Seen, in_words
+    from cuecast.dubbing.readability import VisibilityMeter, in_words
     from synth.planning.prosody.pace_report import PaceReport
 
     confidence = Confidence()
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
         return 1
     voice = load_voice(args.voice)
     parts = _motion(args, itertools.chain([first], pieces), voice)
-    seen = Seen(classes_of(voice), args.rate, reading_of(args).options)
+    seen = VisibilityMeter(classes_of(voice), args.rate, reading_of(args).options)
     with MotionWriter(args.output) as writer, seconds_bar(length_s, "synth") as advance:
         for part in parts:
             writer.append(part)

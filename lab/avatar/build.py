@@ -22,7 +22,7 @@ from lab.avatar.maps import MarkerMap, learn
 from lab.avatar.parts import FloatArray, IntArray, Part
 from lab.body import arm_weights, neck_weights
 from synth.motion.body.anatomy import identity
-from synth.motion.body.body import Body, Pose, bone_factors, load_asset, load_body
+from synth.motion.body.body import Body, BodyPose, bone_factors, load_asset, load_body
 from synth.motion.body.mesh import Mesh, read_mesh
 from synth.motion.body.placing import face_places, hand_places, sample_skin
 from synth.motion.body.skeleton import ARM_BONES, NECK_SHARE, arm_parents
@@ -83,7 +83,7 @@ class Limb:
 
 
 @dataclass(frozen=True, slots=True)
-class Avatar:
+class BuiltAvatar:
     """A built avatar.
 
     Attributes
@@ -131,7 +131,7 @@ def _whole_shares(shares: FloatArray) -> NDArray[np.uint8]:
     return parts.astype(np.uint8)
 
 
-def error_mm(avatar: Avatar) -> dict[str, float]:
+def error_mm(avatar: BuiltAvatar) -> dict[str, float]:
     """Return the errors of the maps on the sentence that they did not learn from."""
     return {
         f"{name} {what}": value
@@ -140,7 +140,7 @@ def error_mm(avatar: Avatar) -> dict[str, float]:
     }
 
 
-def build_avatar(folder: Path, cuer: str) -> Avatar:
+def build_avatar(folder: Path, cuer: str) -> BuiltAvatar:
     """Build the avatar of a cuer from the mesh in `folder`; her voice has to be built in.
 
     Raises
@@ -163,7 +163,7 @@ def build_avatar(folder: Path, cuer: str) -> Avatar:
     part = hand_part(quads, mesh.vertices, hand, joints)
     weights, blink = _weights_and_blink(posed, head.control, body, voice)
     limb = _hand(mesh, part, body, voice, origin)
-    return Avatar(head, limb, weights, blink, *_arkit_units(body, voice))
+    return BuiltAvatar(head, limb, weights, blink, *_arkit_units(body, voice))
 
 
 def _arkit_units(body: Body, voice: Voice) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
@@ -183,7 +183,7 @@ def _arm_share(mesh: Mesh) -> FloatArray:
     return np.asarray(sum(mesh.weights[f"{bone}.R"] for bone in ARM_BONES))
 
 
-def _poses(body: Body, text: str) -> Pose:
+def _poses(body: Body, text: str) -> BodyPose:
     synthesiser = GestureSynthesiser(body.name, rate_hz=_RATE_HZ)
     score = score_from_text(text, start_s=1.0)
     return synthesiser.pose(score, 0.0, int((score.keys[-1].end + 1.0) * _RATE_HZ))
@@ -211,13 +211,13 @@ def _head(mesh: Mesh, part: Part, body: Body, voice: Voice, origin: FloatArray) 
     ])  # fmt: skip
     reference = voice.face.mean.astype(np.float64)
 
-    def seen(pose: Pose) -> tuple[FloatArray, FloatArray]:
+    def seen(pose: BodyPose) -> tuple[FloatArray, FloatArray]:
         still = np.zeros_like(pose.head)
         vertices = rest + np.tensordot(pose.units, units, axes=1)
         return _aligned(body.face(pose.units, still), vertices, reference, _RIGID)
 
-    def decoded(pose: Pose) -> FloatArray:
-        markers = body.markers(Pose(pose.units, 0 * pose.head, pose.angles, pose.forearm))
+    def decoded(pose: BodyPose) -> FloatArray:
+        markers = body.markers(BodyPose(pose.units, 0 * pose.head, pose.angles, pose.forearm))
         params = voice.invert(markers, rate_hz=_RATE_HZ).params
         return voice.face.shape(params[:, :7])
 
@@ -237,12 +237,12 @@ def _hand(mesh: Mesh, part: Part, body: Body, voice: Voice, origin: FloatArray) 
     skin = Skin(rest, weights, raw["arm_frames"], origins)
     reference = voice.hand.shape(np.zeros((1, voice.hand.n_shape)))[0]
 
-    def seen(pose: Pose) -> tuple[FloatArray, FloatArray]:
+    def seen(pose: BodyPose) -> tuple[FloatArray, FloatArray]:
         markers = body.hand(pose.angles, pose.forearm)
         vertices = skin.place(*body.arm_bones(pose.angles, pose.forearm))
         return _aligned(markers, vertices, reference, _CARRIER)
 
-    def decoded(pose: Pose) -> FloatArray:
+    def decoded(pose: BodyPose) -> FloatArray:
         params = voice.invert(body.markers(pose), rate_hz=_RATE_HZ).params
         return voice.hand.shape(params[:, voice.hand_columns[: voice.hand.n_shape]])
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from synth.planning.alignment.recogniser import FS
 from synth.units.speech.marks import place_marks
 from synth.units.speech.pitch import track_pitch
-from synth.units.speech.psola import Piece, modify_prosody
+from synth.units.speech.psola import SpeechPiece, modify_prosody
 
 _SCALE = (-5, -3, 0, 2, 4, 5, 7, 9, 12)
 """Semitones of the notes from the voice's own pitch: a major scale."""
@@ -48,7 +48,7 @@ def sung(x: Sound, rng: np.random.Generator) -> Sound:
     pitch = np.where(voiced, track.f0, own)
     ratio = wanted / np.interp(source, np.arange(len(pitch)) * track.hop_s, pitch)
     slower = rng.uniform(*_DRAWN_OUT)
-    piece = Piece.of(source, source * slower, np.clip(ratio, 0.4, 2.5))
+    piece = SpeechPiece.of(source, source * slower, np.clip(ratio, 0.4, 2.5))
     return modify_prosody(x, place_marks(x, FS, track), [piece])
 
 

@@ -31,7 +31,7 @@ from lab.recogniser.whisper import ear_of, read_weights
 from synth.language.text.espeak import RATE_HZ
 from synth.language.text.pronounce import phonemise
 from synth.language.text.sentences import read_sentences
-from synth.planning.alignment.align import Passage, align
+from synth.planning.alignment.align import SpokenPassage, align
 from synth.planning.alignment.recogniser import (
     EAR_ASSET,
     FS,
@@ -105,7 +105,7 @@ def read_sounds(folder: Path) -> list[Sound]:
     return [read_sound(path) for path in paths if path.stat().st_size >= _BYTES_PER_S]
 
 
-def recorded(folder: Path, texts: Path) -> Iterator[Passage]:
+def recorded(folder: Path, texts: Path) -> Iterator[SpokenPassage]:
     """Yield recordings whose text is known and has room."""
     known = {}
     for line in gzip.decompress(texts.read_bytes()).decode().splitlines():
@@ -114,7 +114,7 @@ def recorded(folder: Path, texts: Path) -> Iterator[Passage]:
     for path in sorted(folder.rglob("*.g722")):
         text = known.get(str(path.relative_to(folder).with_suffix(""))) or known.get(path.stem, "")
         words = tuple(phonemise(text))
-        passage = Passage(words, read_sound(path))
+        passage = SpokenPassage(words, read_sound(path))
         if words and passage.long_enough:
             yield passage
 
@@ -192,7 +192,9 @@ def _stretch(sounds: Sequence[Sound], length: int, rng: np.random.Generator) -> 
     return np.resize(np.roll(piece, -int(rng.integers(len(piece)))), length)
 
 
-def aligned(passages: Sequence[Passage], features: Sequence[NDArray[np.float32]]) -> list[Spoken]:
+def aligned(
+    passages: Sequence[SpokenPassage], features: Sequence[NDArray[np.float32]]
+) -> list[Spoken]:
     """Return the recordings whose words are all found, by the layer that is used now."""
     known = [
         replace(passage, heard=likely(found, len(passage.samples)))

@@ -17,7 +17,7 @@ from codec.cuer.voice import Voice
 from codec.errors import CueError
 from receiver.live.continuity import SteadyClock
 from receiver.live.fragments import Fragments, FragmentWriter, playable
-from receiver.live.line import READ_TIMEOUT_S, DatagramLine, Line, Pipe
+from receiver.live.line import READ_TIMEOUT_S, DatagramLine, InputLine, Pipe
 from receiver.live.pictureline import PictureLine
 from receiver.live.recode import PlainPictures, recodable
 from receiver.live.soundline import SoundBlock, SoundLine
@@ -94,7 +94,7 @@ class Broadcast:
         self._key, self._format, self._once = key, format, once
         self._trust = trust
         self.metrics = Metrics()
-        self._line: Line | None = None
+        self._line: InputLine | None = None
         if not isinstance(source, str):
             self._line = Pipe(source)
         elif source.startswith("udp:"):

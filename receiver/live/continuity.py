@@ -21,7 +21,7 @@ _MAX_OVERLAP_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class LocalTime:
     """Where something lies on the local clock.
 
     Attributes
@@ -53,7 +53,7 @@ class SteadyClock:
         self._offset_s: float | None = None
         self._last: dict[str, float] = {}
 
-    def place(self, stream: str, stamp_s: float, duration_s: float = 0.0) -> Place:
+    def place(self, stream: str, stamp_s: float, duration_s: float = 0.0) -> LocalTime:
         """Return the local time of a time stamp of one of the streams.
 
         Parameters
@@ -79,4 +79,4 @@ class SteadyClock:
         elif time_s != raw_s:
             self._offset_s += time_s - raw_s
         self._last[stream] = max(time_s + duration_s, self._last.get(stream, time_s))
-        return Place(round(time_s, 9), spliced)
+        return LocalTime(round(time_s, 9), spliced)

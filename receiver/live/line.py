@@ -33,7 +33,7 @@ _RETRY_S = 0.5
 """Between two attempts to listen on a network that has gone."""
 
 
-class Line(ABC):
+class InputLine(ABC):
     """A readable source that goes on after it has pretended to end.
 
     Attributes
@@ -81,7 +81,7 @@ class Line(ABC):
         """End it for good, for whoever waits in `read` too."""
 
 
-class Pipe(Line):
+class Pipe(InputLine):
     """A binary file that is read once, from front to end."""
 
     def __init__(self, file: IO[bytes]) -> None:
@@ -98,7 +98,7 @@ class Pipe(Line):
         self.over = True
 
 
-class DatagramLine(Line):
+class DatagramLine(InputLine):
     """Datagrams that come to a port; a thread of its own takes them off the system.
 
     Parameters

@@ -22,7 +22,7 @@ REST_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class DecodedPicture:
     """A decoded picture.
 
     Attributes
@@ -85,7 +85,7 @@ class PictureLine:
         self._rests_until_s = now_s + REST_S
         self.restart()
 
-    def take(self, packet: Any, time_s: float) -> Iterator[Seen]:
+    def take(self, packet: Any, time_s: float) -> Iterator[DecodedPicture]:
         """Decode a packet that the steady clock has placed at `time_s`."""
         grid, decoder, form = self._grid, self._decoder, self.format
         if grid is None or decoder is None or form is None or not self._begins(packet, time_s):
@@ -98,7 +98,7 @@ class PictureLine:
         for frame, place_s in frames:
             shown = converted(frame, form)
             for place, held in grid.put(shown, Fraction(round(place_s * 90_000), 90_000)):
-                yield Seen(luma_of(held), float(grid.steady_time(place)), place == 0)
+                yield DecodedPicture(luma_of(held), float(grid.steady_time(place)), place == 0)
 
     def _begins(self, packet: Any, time_s: float) -> bool:
         """Whether a packet is to be decoded: not during a rest, nor before a new beginning."""

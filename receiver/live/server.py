@@ -26,7 +26,7 @@ from receiver.reception.events import (
     StateChanged,
 )
 from receiver.television.protocol import pack_event
-from receiver.television.server import Channel
+from receiver.television.server import TelevisionChannel
 
 QUIET_S = 2.0
 """Without news for this long the viewers are told that the signal is lost."""
@@ -43,7 +43,7 @@ _RECENT_FRAGMENTS = 3
 _Message = str | bytes
 
 
-class LiveTelevision(Channel):
+class LiveTelevision(TelevisionChannel):
     """A broadcast with its cuer on a local port.
 
     Parameters

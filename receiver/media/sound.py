@@ -182,7 +182,7 @@ def as_float(frame: av.AudioFrame) -> NDArray[np.float32]:
     return (x / float(1 << (8 * x.dtype.itemsize - 1))).astype(np.float32)
 
 
-class Hearing:
+class CarrierSound:
     """The sound of a programme at a rate for which the carrier is defined.
 
     Parameters

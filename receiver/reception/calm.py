@@ -30,7 +30,7 @@ _HEAD_MM = 5.0
 """So much from frame to frame the head may add: slower hands are not looked at against it."""
 
 
-class Calm:
+class SlewRateLimiter:
     """Bounds the speed of the hand.
 
     Parameters

@@ -1,10 +1,11 @@
 """The receiver: sound in blocks of any size and pictures in, the cuer's motion and keys out.
 
 `Receiver` joins the audio carrier (`watermark.audio.receiver.AudioReceiver`), those of the picture
-(`receiver.reception.picture_search`) and the timeline (`receiver.reception.tracking.Tracker`). What
-arrived in several carriers is joined by `watermark.link.combine.Combiner`; any of them may begin or
-end at any time. The events do not depend on how the samples are cut into blocks; memory does not
-grow, apart from the list of keys when asked for.
+(`receiver.reception.picture_search`) and the timeline
+(`receiver.reception.tracking.TimelineTracker`). What arrived in several carriers is joined by
+`watermark.link.combine.Combiner`; any of them may begin or end at any time. The events do not
+depend on how the samples are cut into blocks; memory does not grow, apart from the list of keys
+when asked for.
 """
 
 import math
@@ -22,7 +23,7 @@ from codec.superframe.payload import unnest
 from receiver.reception.authenticity import Gate, Passed, Trust
 from receiver.reception.events import SUPERFRAME_S, Event, KeysFound, State
 from receiver.reception.picture_search import AGAIN_S, TRIAL_S, Found, PictureCarriers
-from receiver.reception.tracking import Tracker
+from receiver.reception.tracking import TimelineTracker
 from watermark.audio.receiver import MAX_MISSES, AudioReceiver
 from watermark.link.combine import Combiner
 
@@ -79,7 +80,7 @@ class Receiver:
         self._pictures: PictureCarriers | None = None
         self._combiner = Combiner()
         self.witness: Callable[[Found], None] | None = None
-        self._tracker = Tracker(self.voice, calm=calm)
+        self._tracker = TimelineTracker(self.voice, calm=calm)
         self._gate = None if trust is None else Gate(trust)
         self.fs, self.channels = fs, channels
         self._key, self._start_s = key, start_s

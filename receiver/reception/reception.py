@@ -17,7 +17,7 @@ from codec.cuer.voice import Voice
 from codec.errors import CueError
 from receiver.media.picture import PictureDecoder, luma_of
 from receiver.media.programme import Programme
-from receiver.media.sound import Hearing, SoundDecoder
+from receiver.media.sound import CarrierSound, SoundDecoder
 from receiver.reception.authenticity import Trust
 from receiver.reception.engine import Receiver
 from receiver.reception.events import Event
@@ -134,7 +134,7 @@ class _Listening:
         self, programme: Programme, receiver: Receiver, start_s: float, clock_s: float
     ) -> None:
         self.decoder = SoundDecoder(programme, strict=False)
-        self._hearing = Hearing(programme)
+        self._hearing = CarrierSound(programme)
         self._receiver, self._start_s, self._clock_s = receiver, start_s, clock_s
         self._open = False
 

@@ -22,7 +22,7 @@ from codec.errors import BitstreamError, VoiceError
 from codec.superframe.bits import COMPACT, SEQUENCES, Header, read_header
 from codec.superframe.decoder import SuperframeDecoder
 from codec.superframe.superframe import DecodedSuperframe, ScoreMerger
-from receiver.reception.calm import Calm
+from receiver.reception.calm import SlewRateLimiter
 from receiver.reception.events import (
     SUPERFRAME_S,
     Event,
@@ -93,7 +93,7 @@ class _Copy:
     header: Header
 
 
-class Tracker:
+class TimelineTracker:
     """Keeps the timeline of one stream.
 
     Parameters
@@ -114,7 +114,7 @@ class Tracker:
     def __init__(self, voice: Voice, *, calm: bool = False) -> None:
         self._voice = voice
         self._decoder = SuperframeDecoder(voice, lips=True)
-        self._calm = Calm(voice, RATE_HZ) if calm else None
+        self._calm = SlewRateLimiter(voice, RATE_HZ) if calm else None
         self._ends: dict[int, NDArray[np.float32]] = {}
         self._merger = ScoreMerger()
         self.state: State = "searching"

@@ -63,7 +63,7 @@ _HEADERS = {
 _Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
-class Channel(ABC):
+class TelevisionChannel(ABC):
     """What every television serves: page, voice, avatar, figures, and a feed of its own kind.
 
     Parameters
@@ -281,7 +281,7 @@ def _address_of(host: str) -> str:
     return f"[{host}]" if address.version == 6 else host
 
 
-class Television(Channel):
+class Television(TelevisionChannel):
     """A programme in a file, with its cuer.
 
     Parameters

@@ -17,7 +17,7 @@ from codec.cues.phonology import CONSONANTS, PAUSE, VOWELS
 from codec.cues.score import Score
 from synth.language.text.espeak import RATE_HZ
 from synth.planning.scoring.textgrid import read_textgrid
-from synth.units.recordings.choice import Coverage
+from synth.units.recordings.choice import SentenceCoverage
 from synth.units.recordings.rendered import line_of
 from synth.units.recordings.sentences import N_SENTENCES, choose_sentences
 from synth.units.speech.espeak_voice import render
@@ -58,7 +58,7 @@ class Utterance:
 
 def plan_corpora(
     sentences: Sequence[str], *, count: int = N_SENTENCES, seed: int = 0
-) -> tuple[list[Utterance], list[Coverage]]:
+) -> tuple[list[Utterance], list[SentenceCoverage]]:
     """Return all utterances of the corpora, and the coverage report of corpus 3."""
     chosen, report = choose_sentences(sentences, count)
     utterances = [Utterance("corpus1/shapes", "", (), seed)]

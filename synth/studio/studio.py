@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from synth.motion.body.body import Body, Pose
+from synth.motion.body.body import Body, BodyPose
 from synth.studio import _kernels
 
 FloatArray = NDArray[np.float64]
@@ -103,7 +103,7 @@ class Studio:
                 f"{self.least_cameras} cameras have to see a marker, there are {len(self.cameras)}"
             )
 
-    def seen(self, body: Body, pose: Pose, markers: FloatArray) -> NDArray[np.bool_]:
+    def seen(self, body: Body, pose: BodyPose, markers: FloatArray) -> NDArray[np.bool_]:
         """Return which markers (T, 113, 3) enough cameras see, shape (T, 113)."""
         rods, radius = _rods(body, pose)
         centre, to_sphere = _head(body, pose)
@@ -146,7 +146,7 @@ class Studio:
         return observed.astype(np.float32), ghosts
 
 
-def _rods(body: Body, pose: Pose) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
+def _rods(body: Body, pose: BodyPose) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
     """Return start, end (T, 23, 3) and radius (23,) of hand, forearm and neck."""
     turns, start = body.arm_bones(pose.angles, pose.forearm)
     end = start + turns[..., 1] * body.arm_lengths[:, None]
@@ -156,7 +156,7 @@ def _rods(body: Body, pose: Pose) -> tuple[tuple[FloatArray, FloatArray], FloatA
     return (np.concatenate([start, low], axis=1), np.concatenate([end, high], axis=1)), radius
 
 
-def _head(body: Body, pose: Pose) -> tuple[FloatArray, FloatArray]:
+def _head(body: Body, pose: BodyPose) -> tuple[FloatArray, FloatArray]:
     """Return centres (T, 3, 3) and unit-sphere maps (T, 3, 3, 3) of the head's ellipsoids."""
     scale = np.array(body.anatomy.face) * body.anatomy.scale
     turns, places = body.neck(pose.head)

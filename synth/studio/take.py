@@ -18,7 +18,7 @@ _FRAMES_AT_ONCE = 2000
 
 
 @dataclass(frozen=True, slots=True)
-class Take:
+class StudioTake:
     """One performance in the studio.
 
     Attributes
@@ -49,7 +49,9 @@ class Take:
         return np.asarray(np.isfinite(self.observed[..., 0]))
 
 
-def record(cuer: Performer, score: Score, *, studio: Studio | None = None, seed: int = 0) -> Take:
+def record(
+    cuer: Performer, score: Score, *, studio: Studio | None = None, seed: int = 0
+) -> StudioTake:
     """Return the take of `score` performed by `cuer`, with a moment of rest at the end.
 
     Parameters
@@ -75,7 +77,7 @@ def record(cuer: Performer, score: Score, *, studio: Studio | None = None, seed:
     positions = np.concatenate(truth)
     rng = np.random.default_rng([seed, 71])
     observed, ghosts = studio.observe(positions, np.concatenate(seen), cuer.rate_hz, rng)
-    return Take(
+    return StudioTake(
         score, cuer.rate_hz, positions.astype(np.float32), observed, ghosts,
         cuer.labels(score, 0.0, n_frames),
     )  # fmt: skip

@@ -15,11 +15,11 @@ from codec.cuer import layout
 from codec.cues.phonology import PAUSE, PHONE_NUMBER
 from codec.cues.score import PLACEMENT_NUMBER, Score
 from codec.training.fit import UNLABELLED, TrainingSet
-from synth.capture.cues.appearance import Looks
-from synth.capture.cues.features import Seen, see
+from synth.capture.cues.appearance import KeyAppearance
+from synth.capture.cues.features import HandFeatures, see
 from synth.capture.cues.follow import Followed, follow_keys
 from synth.capture.sources.landmark_maps import LandmarkMap, face_map, hand_map
-from synth.voices.takes import FACE, HAND, Take
+from synth.voices.takes import FACE, HAND, MarkerTake
 
 FloatArray = NDArray[np.float64]
 
@@ -51,13 +51,13 @@ class Labelled:
 
     Attributes
     ----------
-    take : Take
+    take : MarkerTake
     frames : TrainingSet
     followed : Followed or None
         Of a take of sentences; None of others.
     """
 
-    take: Take
+    take: MarkerTake
     frames: TrainingSet
     followed: Followed | None = None
 
@@ -67,13 +67,13 @@ class Labelled:
         return self.followed is None or self.followed.believed
 
 
-def labelled(take: Take, looks: Looks) -> Labelled:
+def labelled(take: MarkerTake, looks: KeyAppearance) -> Labelled:
     """Return the frames of a take with labels where something is held.
 
     Parameters
     ----------
-    take : Take
-    looks : Looks
+    take : MarkerTake
+    looks : KeyAppearance
         What is known of the speaker before: of a voice with the same markers.
     """
     shape = np.full(len(take.markers), UNLABELLED, dtype=np.int64)
@@ -92,7 +92,7 @@ def labelled(take: Take, looks: Looks) -> Labelled:
     return Labelled(take, TrainingSet(take.markers, shape, place, phone), followed)
 
 
-def seen_of(take: Take) -> Seen:
+def seen_of(take: MarkerTake) -> HandFeatures:
     """Return what keys are told from in a take of face and hand."""
     faces = _landmarks(face_map(), take.markers[:, FACE])
     hands = _landmarks(hand_map(), take.markers[:, HAND])
@@ -124,7 +124,7 @@ def _label_phones(phone: NDArray[np.int64], score: Score, rate_hz: float) -> Non
 
 
 def _label_keys(
-    shape: NDArray[np.int64], place: NDArray[np.int64], seen: Seen, followed: Followed
+    shape: NDArray[np.int64], place: NDArray[np.int64], seen: HandFeatures, followed: Followed
 ) -> None:
     spread = round(_HELD_S * seen.rate_hz)
     for one in followed.held:
@@ -140,7 +140,7 @@ def _label_keys(
 
 
 def _label_rests(
-    shape: NDArray[np.int64], place: NDArray[np.int64], seen: Seen, followed: Followed
+    shape: NDArray[np.int64], place: NDArray[np.int64], seen: HandFeatures, followed: Followed
 ) -> None:
     held = [one for one in followed.held if one is not None]
     if not held:
@@ -150,7 +150,7 @@ def _label_rests(
     shape[away], place[away] = 0, PLACEMENT_NUMBER["rest"]
 
 
-def _label_shapes(shape: NDArray[np.int64], take: Take) -> None:
+def _label_shapes(shape: NDArray[np.int64], take: MarkerTake) -> None:
     """Label a take of the hand alone by the stillest moments of the fingers."""
     reach = _reach(take)
     known = np.isfinite(reach).all(1)
@@ -175,7 +175,7 @@ def _label_shapes(shape: NDArray[np.int64], take: Take) -> None:
         shape[max(0, still - spread) : still + spread + 1] = key.shape
 
 
-def _reach(take: Take) -> FloatArray:
+def _reach(take: MarkerTake) -> FloatArray:
     """Return how far the tips are from the back of the hand, (T, 45), mm; NaN if one is hidden."""
     hand = take.markers[:, HAND].astype(np.float64)
     reach = np.linalg.norm(hand[:, _TIPS, None] - hand[:, None, _BACK], axis=-1)

@@ -20,9 +20,9 @@ from codec.training.fit import UNLABELLED, TrainingSet, fit_voice
 from synth.capture.cues.appearance import looks_of
 from synth.capture.sources.resample import even_times, resample
 from synth.motion.rules.movement import Gestures
-from synth.units.recordings.recording import Recording
+from synth.units.recordings.recording import UnitRecording
 from synth.voices.holds import Labelled, labelled
-from synth.voices.takes import FACE, HAND, Take, read_corpora
+from synth.voices.takes import FACE, HAND, MarkerTake, read_corpora
 
 MOTION_HZ = 50.0
 """Rate of the motions that tables are trained on."""
@@ -51,7 +51,7 @@ class Learnt:
     voice : Voice
     motions : tuple of Motion
         Of her sentences, at 50 Hz, with their scores.
-    recordings : tuple of Recording
+    recordings : tuple of UnitRecording
         Of the sentences that have a sound beside them.
     residual_mm : dict of str to float
         Mean distance of the model from the seen markers of sentences, ``face`` and ``hand``.
@@ -63,14 +63,14 @@ class Learnt:
 
     voice: Voice
     motions: tuple[Motion, ...]
-    recordings: tuple[Recording, ...]
+    recordings: tuple[UnitRecording, ...]
     residual_mm: dict[str, float]
     borrowed: dict[str, str]
     left_out: tuple[str, ...]
 
 
 def learn_speaker(
-    folder: Path, name: str, *, takes: Sequence[Take] | None = None,
+    folder: Path, name: str, *, takes: Sequence[MarkerTake] | None = None,
     progress: Progress = lambda done, of: None,
 ) -> Learnt:  # fmt: skip
     """Return the voice of the speaker of a folder of takes.
@@ -80,7 +80,7 @@ def learn_speaker(
     folder : Path
     name : str
         Of the voice.
-    takes : sequence of Take, optional
+    takes : sequence of MarkerTake, optional
         If they have been read already (`synth.voices.takes.read_corpora`).
     progress : callable
         Told what is done and what there is to do.
@@ -122,7 +122,9 @@ def learn_speaker(
         if sound is not None:
             gestures = _gestures(one)
             recordings.append(
-                Recording.analysed(*sound, score=one.take.score, gestures=gestures, motion=motion)
+                UnitRecording.analysed(
+                    *sound, score=one.take.score, gestures=gestures, motion=motion
+                )
             )
         progress(len(given) + 2 + number, steps)
     progress(steps, steps)
@@ -172,7 +174,7 @@ def _numbers(labels: NDArray[np.int64] | None) -> NDArray[np.int64]:
     return np.asarray(labels, dtype=np.int64)
 
 
-def _motion(voice: Voice, take: Take) -> tuple[Motion, tuple[float, float]]:
+def _motion(voice: Voice, take: MarkerTake) -> tuple[Motion, tuple[float, float]]:
     """Return a take's motion at 50 Hz from time 0, and the model's errors of face and hand."""
     found = voice.invert(take.markers, rate_hz=take.rate_hz)
     away = np.linalg.norm(voice.reconstruct(found.params) - take.markers, axis=2)

@@ -19,7 +19,7 @@ from codec.errors import CueError
 from synth.capture.points.framing import find_framing
 from synth.capture.points.labels import Naming, find_names
 from synth.capture.sources.readers import read_points
-from synth.capture.sources.recording import UNITS_MM, Recording
+from synth.capture.sources.recording import UNITS_MM, PointRecording
 from synth.planning.scoring.textgrid import read_textgrid
 
 FACE = slice(0, layout.N_FACE)
@@ -42,7 +42,7 @@ _SLACK_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Take:
+class MarkerTake:
     """One file of markers and its labels.
 
     Attributes
@@ -71,7 +71,7 @@ class Take:
 
 def read_corpora(
     folder: Path, *, mapping: Mapping[str, str] | None = None, subject: str | None = None
-) -> list[Take]:
+) -> list[MarkerTake]:
     """Return the takes of a folder and the folders in it, in our axes.
 
     Parameters
@@ -95,7 +95,7 @@ def read_corpora(
         raise CueError(f"{folder}: no C3D files")
     if len(files) > MAX_TAKES:
         raise CueError(f"{folder}: {len(files)} C3D files, {MAX_TAKES} at most")
-    takes: list[Take] = []
+    takes: list[MarkerTake] = []
     for path in files:
         takes.append(_read(path, mapping, subject))
         if sum(len(take.markers) for take in takes) > MAX_FRAMES:
@@ -104,7 +104,7 @@ def read_corpora(
     return _framed(folder, takes)
 
 
-def _read(path: Path, mapping: Mapping[str, str] | None, subject: str | None) -> Take:
+def _read(path: Path, mapping: Mapping[str, str] | None, subject: str | None) -> MarkerTake:
     grid = next((p for p in (path.with_suffix(".TextGrid"), path.with_suffix(".textgrid"))
                  if p.exists()), None)  # fmt: skip
     if grid is None:
@@ -126,13 +126,13 @@ def _read(path: Path, mapping: Mapping[str, str] | None, subject: str | None) ->
         raise CueError(
             f"{grid}: labels until {last:.2f} s, the markers end after {recording.duration_s:.2f} s"
         )
-    return Take(
+    return MarkerTake(
         path, markers, recording.rate_hz, score, bool(shown[FACE].any()), bool(shown[HAND].any())
     )
 
 
 def _named(
-    path: Path, recording: Recording, mapping: Mapping[str, str] | None, subject: str | None
+    path: Path, recording: PointRecording, mapping: Mapping[str, str] | None, subject: str | None
 ) -> Naming:
     # One map serves takes of the hand alone and of the face alone.
     own = {label.rpartition(":")[2].casefold() for label in recording.labels}
@@ -148,7 +148,7 @@ def _named(
     return naming
 
 
-def _check(folder: Path, takes: Sequence[Take]) -> None:
+def _check(folder: Path, takes: Sequence[MarkerTake]) -> None:
     """Check that every marker occurs, and face and hand together."""
     seen = np.zeros(len(layout.MARKERS), dtype=np.bool_)
     for take in takes:
@@ -163,7 +163,7 @@ def _check(folder: Path, takes: Sequence[Take]) -> None:
         )
 
 
-def _framed(folder: Path, takes: Sequence[Take]) -> list[Take]:
+def _framed(folder: Path, takes: Sequence[MarkerTake]) -> list[MarkerTake]:
     """Return the takes in our axes, a left-handed cuer mirrored."""
     both = [take.markers for take in takes if take.has_face and take.has_hand]
     frames = np.concatenate(both)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.signal.profile import FS, PROFILES
-from watermark.audio.signal.sample_buffer import Tape
+from watermark.audio.signal.sample_buffer import SampleBuffer
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data" / "audio"
 
@@ -79,7 +79,7 @@ def passages(paths: list[Path], rng: np.random.Generator) -> Iterator[Sound]:
         sounds.append((sound.mean(axis=1), fs / FS))
     while True:
         for mid, ratio in sounds:
-            paced, tape = at_pace(mid, rng.uniform(*PACES)), Tape()
+            paced, tape = at_pace(mid, rng.uniform(*PACES)), SampleBuffer()
             tape.append(paced)
             speed = ratio * rng.uniform(*SPEEDS)
             yield rng.uniform(0.3, 1.0) * tape.read(0.0, speed, int(paced.size / speed))

@@ -20,7 +20,7 @@ from tests.bench.false_locks import FOLDER
 from watermark.audio.embed.embedder import AudioEmbedder
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.signal.profile import FS, SUPERFRAME, find_profile
-from watermark.audio.signal.sample_buffer import Tape
+from watermark.audio.signal.sample_buffer import SampleBuffer
 
 Sound = NDArray[np.float32]
 
@@ -43,7 +43,7 @@ def rounds(x: Sound) -> Iterator[Sound]:
 
 def at_clock(blocks: Iterator[Sound], ppm: float) -> Iterator[Sound]:
     """Play blocks on a clock that runs `ppm` fast."""
-    ratio, tapes, position = 1 + ppm * 1e-6, [Tape(), Tape()], 0.0
+    ratio, tapes, position = 1 + ppm * 1e-6, [SampleBuffer(), SampleBuffer()], 0.0
     for block in blocks:
         for tape, channel in zip(tapes, block.T, strict=True):
             tape.append(channel.astype(np.float64))

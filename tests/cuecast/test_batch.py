@@ -21,7 +21,7 @@ from cuecast.demo.content import FS, make_sound
 from cuecast.demo.run import as_srt
 from cuecast.dubbing.batch import run_task
 from cuecast.dubbing.catalogue import Task, read_catalogue
-from cuecast.dubbing.ledger import WORK, BusyError, Item
+from cuecast.dubbing.ledger import WORK, BatchItem, BusyError
 from cuecast.dubbing.workers import Processes
 from cuecast.media.film import write_film
 from cuecast.verbs.batch import _dubbing_options
@@ -84,7 +84,7 @@ def test_batch_is_restartable(
 
 def record_of(catalogue: Path, out: Path, *options: str) -> dict[str, object] | None:
     """The record of a catalogue's first programme, if a batch would leave it as it is."""
-    return Item(tasks_of(catalogue, out, *options)[0]).done()
+    return BatchItem(tasks_of(catalogue, out, *options)[0]).done()
 
 
 def tasks_of(catalogue: Path, out: Path, *options: str) -> list[Task]:
@@ -218,7 +218,7 @@ def test_item_that_kills_its_workers(tmp_path: Path) -> None:
 def test_record_without_its_output_is_finished(tmp_path: Path) -> None:
     """Killed between the record and the move: the output is not made twice."""
     (tmp_path / "in").write_bytes(b"programme")
-    item = Item(Task(str(tmp_path / "in"), str(tmp_path / "out.flac")))
+    item = BatchItem(Task(str(tmp_path / "in"), str(tmp_path / "out.flac")))
 
     def work(made: Path) -> dict[str, int]:
         made.write_bytes(b"dubbed")
@@ -245,7 +245,7 @@ def test_record_without_its_output_is_finished(tmp_path: Path) -> None:
 def test_what_changed_is_made_anew(tmp_path: Path) -> None:
     source = tmp_path / "in"
     source.write_bytes(b"programme")
-    item = Item(Task(str(source), str(tmp_path / "out.flac")))
+    item = BatchItem(Task(str(source), str(tmp_path / "out.flac")))
     item.run(lambda made: {"n": made.write_bytes(b"dubbed")})
     os.utime(source, (1, 1))
     assert item.done()  # touched, but still the same
@@ -260,7 +260,7 @@ def test_what_changed_is_made_anew(tmp_path: Path) -> None:
 
 def test_item_in_other_hands(tmp_path: Path) -> None:
     (tmp_path / "in").write_bytes(b"programme")
-    item = Item(Task(str(tmp_path / "in"), str(tmp_path / "out")))
+    item = BatchItem(Task(str(tmp_path / "in"), str(tmp_path / "out")))
     with item.locked(), pytest.raises(BusyError):
         item.run(lambda made: {})
 

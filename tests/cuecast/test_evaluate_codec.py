@@ -12,7 +12,7 @@ from codec.cuer.voice import Voice, load_voice
 from cuecast.evaluate import codec as evaluation
 from cuecast.evaluate.baselines import BASELINES, Material, code_length
 from cuecast.evaluate.bound import Bound, bound_of
-from cuecast.evaluate.coded import Outcome, coded, lacking, row_of
+from cuecast.evaluate.coded import CodedMotion, coded, lacking, row_of
 from cuecast.evaluate.options import EvaluateOptions
 from synth.studio.recital import perform, recital, sentences
 
@@ -107,7 +107,7 @@ def test_what_resynthesis_lacks_is_less_than_the_motion(voice: Voice) -> None:
 
 
 def test_outcomes_of_one_motion_count_together() -> None:
-    one, other = (Outcome(100.0, np.full(113, s), 10, 9, w) for s, w in ((4.0, 0), (12.0, 1)))
+    one, other = (CodedMotion(100.0, np.full(113, s), 10, 9, w) for s, w in ((4.0, 0), (12.0, 1)))
     row = row_of("x", one, other)
     assert row["marker_rms_mm"] == pytest.approx(8**0.5, abs=1e-3)
     assert (row["keys_total"], row["keys_correct"], row["keys_wrong"]) == (20, 18, 1)

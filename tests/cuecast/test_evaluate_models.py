@@ -9,7 +9,7 @@ import pytest
 from codec.errors import CueError
 from cuecast.evaluate.models import _covering, cuers_named, measure, targets
 from cuecast.evaluate.options import EvaluateOptions
-from cuecast.evaluate.takes import Performed, Recorded, Take, performed
+from cuecast.evaluate.takes import EvaluatedTake, Performed, Recorded, performed
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.scoring.drills import drill, isolated_sounds, shape_transitions
 from synth.studio.studio import Studio, surround
@@ -25,7 +25,7 @@ class Small:
     def __str__(self) -> str:
         return "drill"
 
-    def takes(self, corpus: int) -> Iterator[Take]:
+    def takes(self, corpus: int) -> Iterator[EvaluatedTake]:
         free = GestureSynthesiser(rate_hz=RATE_HZ, free_space=True)
         cuer = GestureSynthesiser(rate_hz=RATE_HZ, seed=3)
         if corpus == 1:
@@ -37,7 +37,7 @@ class Small:
             made = [record(cuer, drill(12, seed=k), seed=k) for k in range(3)]
         for k, take in enumerate(made):
             reached = tuple(cuer.target_times(take.score)) if corpus == 3 else None
-            yield Take(
+            yield EvaluatedTake(
                 f"{corpus}.{k}", RATE_HZ, take.observed, take.truth, take.score, None, 1, reached
             )
 
@@ -82,7 +82,7 @@ def test_pictures_and_tables_are_written_and_name_their_data(
 
 def test_without_known_times_targets_are_ends_of_strokes() -> None:
     take = next(iter(Small().takes(3)))
-    blind = Take(take.name, RATE_HZ, take.observed, take.truth, take.score, None, 1, None)
+    blind = EvaluatedTake(take.name, RATE_HZ, take.observed, take.truth, take.score, None, 1, None)
     assert take.truth is not None
     known = {frame: (s, p) for frame, s, p in targets(take, take.truth)}
     found = list(targets(blind, take.truth))

@@ -19,9 +19,9 @@ from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.reading import _kernels
 from cuecast.evaluate.reading.lips import teach_lips
 from cuecast.evaluate.reading.performed import simulated_takes
-from cuecast.evaluate.reading.reader import Reader, Take, asked, teach
+from cuecast.evaluate.reading.reader import CueReader, ReaderTake, asked, teach
 from cuecast.evaluate.reading.takes import _MIRRORED, ARCHIVE, PHONES, real_takes, seen_in
-from cuecast.evaluate.reading.view import View, like
+from cuecast.evaluate.reading.view import TakeView, like
 from synth.capture.sources.landmark_maps import FACE_LANDMARKS
 from synth.capture.sources.landmark_table import read_landmarks
 from synth.language.text.sentences import read_sentences
@@ -37,7 +37,7 @@ def options(clips: Path | None, folder: Path, *channels: str) -> EvaluateOptions
 
 
 @pytest.fixture(scope="module")
-def takes() -> list[Take]:
+def takes() -> list[ReaderTake]:
     """Forty sentences of the second cuer's body, moved by rule."""
     scores = [score_from_text(text, start_s=1.0) for text in read_sentences()[:40]]
     return simulated_takes("solange/minimum-jerk", scores)
@@ -87,7 +87,7 @@ def test_a_folder_teaches_and_others_are_read(
     assert all("real" in row and "claire taken for" in row for row in classes)
 
 
-def test_what_was_cued_teaches(takes: list[Take]) -> None:
+def test_what_was_cued_teaches(takes: list[ReaderTake]) -> None:
     """Taught by the wrong texts she reads nothing: there is no other way to the figures."""
     taught, others = takes[:32], takes[32:]
     reader = teach(taught)
@@ -103,7 +103,7 @@ def test_what_was_cued_teaches(takes: list[Take]) -> None:
     assert wrong.keys < 0.5 * wrong.asked
 
 
-def test_she_gets_used_to_another_hand(takes: list[Take]) -> None:
+def test_she_gets_used_to_another_hand(takes: list[ReaderTake]) -> None:
     """Fingers that lean and a picture that is scaled are read after a while."""
     taught, others = takes[:32], takes[32:]
     reader, bias = teach(taught), np.tile([0.5, 0.0], 6)
@@ -112,7 +112,7 @@ def test_she_gets_used_to_another_hand(takes: list[Take]) -> None:
         for take in others
     ]
 
-    def right(views: list[View], who: Reader) -> float:
+    def right(views: list[TakeView], who: CueReader) -> float:
         count = evaluation.Count()
         for take, seen in zip(others, views, strict=True):
             evaluation._count(count, take.asked, evaluation._merged(who.read(seen)))

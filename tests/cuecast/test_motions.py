@@ -15,7 +15,7 @@ from codec.errors import CueError
 from cuecast.command.arguments import REST_S
 from cuecast.command.cli import main
 from cuecast.dubbing import performance
-from cuecast.dubbing.motions import JoinedMotion, ruled_motion
+from cuecast.dubbing.motions import ConcatenativeMotion, ruled_motion
 from cuecast.media.film import write_film
 from receiver.media.programme import open_programme
 from synth.language.subtitles import Subtitle
@@ -26,7 +26,7 @@ from synth.motion.rules.movement import ALIGNMENTS
 from synth.planning.scoring.text_score import score_from_subtitles, stream_score
 from synth.planning.scoring.textgrid import read_textgrid
 from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
-from synth.units.recordings.recording import Recording
+from synth.units.recordings.recording import UnitRecording
 from synth.units.recordings.rendered import record
 from synth.units.speech.espeak_voice import render
 
@@ -56,26 +56,26 @@ def test_rules_make_the_same_motion_from_pieces_as_from_the_whole(voice: Voice) 
 
 
 @pytest.fixture(scope="module")
-def recordings(voice: Voice) -> list[Recording]:
+def recordings(voice: Voice) -> list[UnitRecording]:
     texts = ("Le chat boit du lait, il a bien soif.", "Et toi, moi non plus !")
     return list(record(texts, GestureSynthesiser(alignment="paper"), voice))
 
 
 def test_windows_of_joined_units_do_not_depend_on_their_order(
-    recordings: list[Recording], voice: Voice
+    recordings: list[UnitRecording], voice: Voice
 ) -> None:
     units = ConcatenativeSynthesiser(recordings, voice)
     score = score_from_subtitles(LINES)
     whole = [part.motion for part in units.perform([score], start_s=0.0)]
     params = np.concatenate([part.params for part in whole])
-    source = JoinedMotion(score, units)
+    source = ConcatenativeMotion(score, units)
     for k in (0, 1, 2, 7, 11, 14, 3, 0):
         window = source.window(k * 0.64, 32)
         np.testing.assert_allclose(window.params, params[k * 32 : (k + 1) * 32], atol=2e-4)
     late = source.window(60.0, 8)
     np.testing.assert_allclose(late.params, np.repeat(params[-1:], 8, axis=0), atol=2e-4)
     with pytest.raises(CueError, match="nothing is said"):
-        JoinedMotion(Score((), ()), units)
+        ConcatenativeMotion(Score((), ()), units)
 
 
 def srt(path: Path) -> str:
@@ -89,7 +89,7 @@ def srt(path: Path) -> str:
 
 def test_options_choose_method_and_alignment(
     tmp_path: Path,
-    recordings: list[Recording],
+    recordings: list[UnitRecording],
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -138,7 +138,7 @@ def test_a_plain_text_begins_at_rest(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_a_programme_is_dubbed_with_units(
-    tmp_path: Path, recordings: list[Recording], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, recordings: list[UnitRecording], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(performance, "built_in_recordings", lambda *_, **__: recordings)
     noise = np.random.default_rng(5).normal(0, 0.05, 48_000 * 11)

@@ -7,7 +7,7 @@ from codec.analysis.readability import HELD_S, Shown, classes_of
 from codec.cuer.voice import load_voice
 from codec.cues.score import Key
 from cuecast.dubbing.motions import SynthesisedMotion, whole_motion
-from cuecast.dubbing.readability import Seen, watched, watched_motion
+from cuecast.dubbing.readability import VisibilityMeter, watched, watched_motion
 from synth.language.subtitles import Subtitle
 from synth.planning.prosody.pace_report import PaceReport
 from synth.planning.prosody.pacing import READABLE
@@ -29,9 +29,9 @@ def test_parts_change_nothing(source: SynthesisedMotion) -> None:
     voice = load_voice()
     motion = whole_motion(source, 50.0)
     markers = voice.reconstruct(motion.params)
-    whole = Seen(classes_of(voice), 50.0)
+    whole = VisibilityMeter(classes_of(voice), 50.0)
     whole.add(markers, 0.0, source.score.keys)
-    parts = Seen(classes_of(voice), 50.0)
+    parts = VisibilityMeter(classes_of(voice), 50.0)
     keys = list(source.score.keys)
     for at in range(0, len(markers), 77):
         until_s = (at + 77) / 50.0
@@ -63,7 +63,7 @@ def test_what_stands_still_for_a_moment_is_told() -> None:
 
 
 def test_nothing_said_is_nothing_seen() -> None:
-    seen = Seen(classes_of(load_voice()), 50.0)
+    seen = VisibilityMeter(classes_of(load_voice()), 50.0)
     assert seen.figures()["keys"] == 0
     assert seen.peak_m_s() == 0.0
     assert np.isclose(HELD_S, 0.1)

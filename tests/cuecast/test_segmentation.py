@@ -7,9 +7,9 @@ import pytest
 
 from codec.cues.phonology import PHONES
 from codec.cues.score import Key, Phone, Score
-from cuecast.evaluate.models_fits import Fit
+from cuecast.evaluate.models_fits import ModelFit
 from cuecast.evaluate.segmentation import write_page
-from cuecast.evaluate.takes import Take
+from cuecast.evaluate.takes import EvaluatedTake
 from synth.planning.scoring.textgrid import read_textgrid
 from tests.chromium import browse
 
@@ -38,8 +38,8 @@ def page(tmp_path: Path) -> Path:
     observed = markers.copy()
     observed[10:20, 70] = np.nan
     sound = rng.normal(0, 0.1, 16000 * 2).astype(np.float32)
-    take = Take("corpus3/s<1>", RATE_HZ, observed, None, SCORE, sound, 16000, None)
-    fit = Fit(take.name, 1.0, 1.0, 1.0, 1.0, markers, markers[:, 63:], 2.0, 0.1)
+    take = EvaluatedTake("corpus3/s<1>", RATE_HZ, observed, None, SCORE, sound, 16000, None)
+    fit = ModelFit(take.name, 1.0, 1.0, 1.0, 1.0, markers, markers[:, 63:], 2.0, 0.1)
     write_page(tmp_path / "page.html", "tests </script>", take, fit, Even())  # type: ignore[arg-type]
     return tmp_path / "page.html"
 

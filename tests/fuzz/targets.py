@@ -39,7 +39,7 @@ from receiver.live.broadcast import Broadcast
 from receiver.live.fragments import BoxSplitter
 from receiver.media.programme import open_programme
 from receiver.media.sound import SoundDecoder, sound_blocks
-from receiver.reception.tracking import Tracker
+from receiver.reception.tracking import TimelineTracker
 from receiver.television.protocol import pack_event, parse_position
 from synth.capture.points.labels import read_map
 from synth.capture.sources.readers import read_points
@@ -115,7 +115,7 @@ def track(data: bytes) -> None:
 
 
 def _track(data: bytes) -> None:
-    tracker, on_air_s = Tracker(voice()), 0.0
+    tracker, on_air_s = TimelineTracker(voice()), 0.0
     for at in range(0, min(len(data), 64) - 3, 4):
         kind, which, place, jump = data[at : at + 4]
         l0, l1 = superframes()[which % SUPERFRAMES]

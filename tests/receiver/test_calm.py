@@ -10,8 +10,8 @@ from codec.superframe.decoder import SuperframeDecoder
 from codec.superframe.encoder import SuperframeEncoder
 from cuecast.dubbing.motions import SynthesisedMotion
 from receiver.reception.assemble import Assembler
-from receiver.reception.calm import FASTEST_M_S, Calm
-from receiver.reception.tracking import RATE_HZ, Tracker
+from receiver.reception.calm import FASTEST_M_S, SlewRateLimiter
+from receiver.reception.tracking import RATE_HZ, TimelineTracker
 from synth.planning.scoring.text_score import score_from_text
 
 
@@ -30,7 +30,7 @@ def stroke(voice: Voice) -> np.ndarray:
 
 
 def test_fast_strokes_catch_up(voice: Voice, stroke: np.ndarray) -> None:
-    calmed = Calm(voice, RATE_HZ).calmed(stroke)
+    calmed = SlewRateLimiter(voice, RATE_HZ).calmed(stroke)
     fast, now = (peak_speed(voice.reconstruct(x), RATE_HZ) for x in (stroke, calmed))
     assert fast > 2.0
     assert now < FASTEST_M_S + 0.01
@@ -43,14 +43,14 @@ def test_slow_frames_stay_to_the_bit(voice: Voice, stroke: np.ndarray) -> None:
     slow = np.repeat(stroke, 6, axis=0)[:90]
     smooth = np.apply_along_axis(lambda x: np.convolve(x, np.ones(24) / 24, "same"), 0, slow)
     smooth = smooth[24:-24].astype(np.float32)
-    assert Calm(voice, RATE_HZ).calmed(smooth) is smooth
+    assert SlewRateLimiter(voice, RATE_HZ).calmed(smooth) is smooth
 
 
 @pytest.mark.parametrize("cut", [24, 27, 29])
 def test_pieces_go_on_where_the_one_before_ended(
     voice: Voice, stroke: np.ndarray, cut: int
 ) -> None:
-    calm = Calm(voice, RATE_HZ)
+    calm = SlewRateLimiter(voice, RATE_HZ)
     first = calm.calmed(stroke[:cut])
     parts = np.concatenate([first, calm.calmed(stroke[cut:], first[-1])])
     np.testing.assert_allclose(parts, calm.calmed(stroke), atol=1e-5)
@@ -58,7 +58,7 @@ def test_pieces_go_on_where_the_one_before_ended(
 
 def test_a_splice_is_not_a_stroke(voice: Voice, stroke: np.ndarray) -> None:
     cut = np.concatenate([stroke[:2], stroke[-2:]])
-    np.testing.assert_array_equal(Calm(voice, RATE_HZ).calmed(cut), cut)
+    np.testing.assert_array_equal(SlewRateLimiter(voice, RATE_HZ).calmed(cut), cut)
 
 
 @pytest.mark.parametrize("shown", [True, False])
@@ -70,7 +70,7 @@ def test_what_is_shown_is_calm_across_superframes(
     params = np.concatenate([there_and_back, there_and_back[:8], there_and_back])[:192]
     sent = Motion(params, RATE_HZ, 0.0, voice.layout, voice.identity, None)
     encoder, bare = SuperframeEncoder(voice, l0_bytes=80, l1_bytes=80), SuperframeDecoder(voice)
-    tracker, assembler, drawn = Tracker(voice, calm=shown), Assembler(voice), []
+    tracker, assembler, drawn = TimelineTracker(voice, calm=shown), Assembler(voice), []
     for index in range(6):
         frame = encoder.encode(sent, index)
         drawn.append(bare.push(frame.l0, frame.l1, index).params)

@@ -12,7 +12,7 @@ from codec.cues.score import Key
 from codec.superframe.encoder import SuperframeEncoder
 from codec.superframe.superframe import Superframe
 from receiver.reception.events import SUPERFRAME_S, KeysFound, MotionPiece
-from receiver.reception.tracking import Tracker
+from receiver.reception.tracking import TimelineTracker
 from tests.receiver.seeded import seeded_speech, was_sent
 from tests.receiver.standin import make_motion
 
@@ -73,14 +73,14 @@ def watch(hours: float, seed: int) -> tuple[int, int, list[Key]]:
     """Return superframes received, keys shown, and keys that were not sent."""
     rng = np.random.default_rng(seed)
     sent = programme()[1]
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     received, shown = 0, 0
     wrong: list[Key] = []
     zeros: list[float] = []
     for l0, l1, on_air_s, index in bad_line(round(hours * 3600 / SUPERFRAME_S), rng):
         if rng.random() < 1e-3:
             received += tracker.received
-            tracker = Tracker(VOICE)  # switched off and on
+            tracker = TimelineTracker(VOICE)  # switched off and on
         zero_s = on_air_s + 2 * SUPERFRAME_S - index * SUPERFRAME_S
         zeros = [*zeros[-3:], zero_s] if not zeros or abs(zeros[-1] - zero_s) > 0.01 else zeros
         for event in [*tracker.take(l0, l1, on_air_s), *tracker.advance(on_air_s + 0.7)]:

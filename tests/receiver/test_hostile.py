@@ -14,7 +14,7 @@ from codec.superframe.checks import heard_mask
 from codec.superframe.compact_encoder import CompactEncoder
 from codec.superframe.encoder import SuperframeEncoder
 from receiver.reception.events import SUPERFRAME_S, KeysFound, MotionPiece
-from receiver.reception.tracking import Tracker
+from receiver.reception.tracking import TimelineTracker
 from receiver.television.protocol import pack_event
 from tests.receiver.seeded import was_sent
 from tests.receiver.standin import make_motion, make_voice
@@ -130,7 +130,7 @@ def endure(hours: float, seed: int) -> tuple[int, int, list[Key], float, int]:
     """Return superframes drawn, keys shown, wrong ones, longest way back, events at most."""
     rng = np.random.default_rng(seed)
     sent_keys = programme()[1]
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     wrong: list[Key] = []
     zeros: list[float] = []
     drawn = shown = most = 0

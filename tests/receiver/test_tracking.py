@@ -23,7 +23,7 @@ from receiver.reception.events import (
     SuperframeLost,
     Unreadable,
 )
-from receiver.reception.tracking import LOST_AFTER_S, Tracker
+from receiver.reception.tracking import LOST_AFTER_S, TimelineTracker
 from tests.receiver.standin import make_motion, make_voice
 
 VOICE = make_voice()
@@ -44,11 +44,13 @@ def encoded(first: int, end: int) -> list[tuple[float, Superframe]]:
 SENT = encoded(2, 22)
 
 
-def run(tracker: Tracker, sent: Iterable[tuple[float, Superframe | None]]) -> list[Event]:
+def run(tracker: TimelineTracker, sent: Iterable[tuple[float, Superframe | None]]) -> list[Event]:
     return list(_run(tracker, sent))
 
 
-def _run(tracker: Tracker, sent: Iterable[tuple[float, Superframe | None]]) -> Iterator[Event]:
+def _run(
+    tracker: TimelineTracker, sent: Iterable[tuple[float, Superframe | None]]
+) -> Iterator[Event]:
     for on_air_s, superframe in sent:
         if superframe is None:
             yield from tracker.take(None, None, on_air_s)
@@ -66,7 +68,7 @@ def keys(events: Iterable[Event]) -> list[tuple[float, int, str]]:
     return [(round(k.start, 2), k.shape, k.placement) for k in itertools.chain(*final)]
 
 
-ALL = run(Tracker(VOICE), SENT)
+ALL = run(TimelineTracker(VOICE), SENT)
 
 
 def test_motion_lies_where_it_is_due() -> None:
@@ -98,7 +100,7 @@ def test_every_key_comes_once() -> None:
 
 
 def test_a_loss_is_told_and_concealed() -> None:
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     events = run(tracker, [(t, None if i == 7 else s) for i, (t, s) in enumerate(SENT)])
     lost = [e.start_s for e in events if isinstance(e, SuperframeLost)]
     assert lost == [pytest.approx(OFFSET_S + 0.64 * 9)]
@@ -112,7 +114,7 @@ def test_a_loss_is_told_and_concealed() -> None:
 def test_a_gap_without_word_counts_the_same() -> None:
     silent = [pair for i, pair in enumerate(SENT) if i not in (5, 6)]
     told = [(t, None if i in (5, 6) else s) for i, (t, s) in enumerate(SENT)]
-    first, second = Tracker(VOICE), Tracker(VOICE)
+    first, second = TimelineTracker(VOICE), TimelineTracker(VOICE)
     a, b = run(first, silent), run(second, told)
     assert (first.received, first.lost) == (second.received, second.lost) == (18, 2)
     assert sorted(pieces(a)) == sorted(pieces(b))
@@ -120,12 +122,12 @@ def test_a_gap_without_word_counts_the_same() -> None:
 
 
 def test_duplicates_and_late_superframes_change_nothing() -> None:
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     twice = [pair for pair in SENT for _ in range(2)]
     events = run(tracker, twice)
     assert (tracker.received, tracker.lost) == (20, 0)
     assert keys(events) == keys(ALL)
-    late = Tracker(VOICE)
+    late = TimelineTracker(VOICE)
     order = [*SENT[:4], SENT[5], SENT[4], *SENT[6:]]
     swapped = pieces(run(late, order))
     assert (late.received, late.lost) == (20, 0)
@@ -134,7 +136,7 @@ def test_duplicates_and_late_superframes_change_nothing() -> None:
 
 
 def test_a_better_copy_replaces_a_worse_one() -> None:
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     t, s = SENT[3]
     poor = Superframe(s.index, s.l0, bytes(len(s.l1)))
     events = run(tracker, [*SENT[:3], (t, poor), (t, s), *SENT[4:]])
@@ -147,7 +149,7 @@ def test_a_better_copy_replaces_a_worse_one() -> None:
 
 def test_a_splice_starts_a_new_epoch() -> None:
     jumped = [(t + 100.29, s) for t, s in SENT[8:]]
-    events = run(Tracker(VOICE), [*SENT[:8], *jumped])
+    events = run(TimelineTracker(VOICE), [*SENT[:8], *jumped])
     found = pieces(events)
     assert {p.epoch for p in found.values()} == {0, 1}
     start = round(OFFSET_S + 0.64 * 11 + 100.29, 3)  # the first one lacks a neighbour
@@ -158,7 +160,7 @@ def test_a_splice_starts_a_new_epoch() -> None:
 
 
 def test_silence_means_lost() -> None:
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     run(tracker, SENT[:5])
     last_s = SENT[4][0]
     # Superframes may all come half a superframe late; the sixth that is missing is the last straw.
@@ -170,7 +172,7 @@ def test_silence_means_lost() -> None:
 
 
 def test_another_voice_is_told_and_not_drawn() -> None:
-    other = Tracker(make_voice(1))
+    other = TimelineTracker(make_voice(1))
     events = run(other, SENT)
     foreign = [e for e in events if isinstance(e, Unreadable)]
     assert len(foreign) == 1
@@ -180,7 +182,7 @@ def test_another_voice_is_told_and_not_drawn() -> None:
 
 def test_assembled_motion_is_whole() -> None:
     assembler = Assembler(VOICE)
-    for event in run(Tracker(VOICE), [p for i, p in enumerate(SENT) if not 9 <= i < 13]):
+    for event in run(TimelineTracker(VOICE), [p for i, p in enumerate(SENT) if not 9 <= i < 13]):
         assembler.add(event)
     motion = assembler.motion()
     assert motion.start_s == pytest.approx(OFFSET_S + 1.28)
@@ -212,7 +214,7 @@ def foreign(version: int | None = None, offset_s: float = 0.0) -> list[tuple[flo
 def test_a_foreign_stretch_ends_with_the_next_genuine_superframe(
     version: int | None, offset_s: float
 ) -> None:
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     sent = [*SENT[:8], *foreign(version, offset_s), *SENT[10:]]
     events = run(tracker, sent)
     assert (tracker.received, tracker.lost) == (18, 2)
@@ -230,13 +232,13 @@ def test_a_foreign_stream_is_not_believed_for_a_digit_that_agrees() -> None:
         encoder = SuperframeEncoder(voice, l0_bytes=40, l1_bytes=40)
         motion = make_motion(voice, duration_s=16.0)
         sent = [(t, encoder.encode(motion, index)) for t, index in ours]
-        drawn += sum(p.layers != () for p in pieces(run(Tracker(VOICE), sent)).values())
+        drawn += sum(p.layers != () for p in pieces(run(TimelineTracker(VOICE), sent)).values())
     assert drawn <= 6
 
 
 def test_a_pause_of_hours_is_no_loss() -> None:
     """Even where it happens to end on the old grid and number."""
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     pause_s = 64 * 400 * 0.64
     events = run(tracker, [*SENT[:8], *((t + pause_s, s) for t, s in SENT[8:])])
     assert (tracker.received, tracker.lost) == (20, 0)
@@ -248,7 +250,7 @@ def test_a_long_gap_is_told_in_bulk(told: bool) -> None:
     gap = range(20, 20 + 44)
     later = [(t + 64 * 0.64, s) for t, s in SENT]
     between = [(SENT[-1][0] + 0.64 * (k + 1), None) for k in range(len(gap))] if told else []
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     list(_run(tracker, SENT))
     events = run(tracker, [*between, later[0]])
     lost = [e for e in events if isinstance(e, SuperframeLost)]
@@ -262,14 +264,14 @@ def test_a_long_gap_is_told_in_bulk(told: bool) -> None:
 
 @pytest.mark.parametrize("gap", range(1, 12))
 def test_up_to_eight_lost_superframes_are_drawn(gap: int) -> None:
-    events = run(Tracker(VOICE), [*SENT[:5], *SENT[5 + gap :]])
+    events = run(TimelineTracker(VOICE), [*SENT[:5], *SENT[5 + gap :]])
     assert sum(e.count for e in events if isinstance(e, SuperframeLost)) == gap
     drawn = {start for start, piece in pieces(events).items() if not piece.layers}
     assert len(drawn) == min(gap, 8)
 
 
 def test_a_failure_after_reception_was_lost_changes_nothing() -> None:
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     run(tracker, SENT[:5])
     list(tracker.advance(SENT[4][0] + LOST_AFTER_S))
     later = list(tracker.take(None, None, SENT[4][0] + 0.64 * 8))
@@ -281,7 +283,7 @@ def test_a_failure_after_reception_was_lost_changes_nothing() -> None:
 def test_how_late_a_superframe_may_come(early: int, epochs: int) -> None:
     """The decoder remembers eight."""
     sent = [SENT[0], *SENT[11 - early + 1 :][: early - 1], SENT[11], SENT[11 - early]]
-    events = run(Tracker(VOICE), sent)
+    events = run(TimelineTracker(VOICE), sent)
     assert len({e.epoch for e in events if isinstance(e, MotionPiece)}) == epochs
 
 
@@ -289,12 +291,12 @@ def test_how_late_a_superframe_may_come(early: int, epochs: int) -> None:
 def test_how_long_a_pause_is_a_loss(later: int, epochs: int) -> None:
     """As long as the sequence number tells one from a splice."""
     again = (SENT[3][0] + 64 * 0.64 + 0.64 * (later - 64), SENT[3 + later - 64][1])
-    events = run(Tracker(VOICE), [*SENT[:4], again])
+    events = run(TimelineTracker(VOICE), [*SENT[:4], again])
     assert len({e.epoch for e in events if isinstance(e, MotionPiece)}) == epochs
 
 
 def test_what_is_remembered_does_not_grow() -> None:
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     for number in range(300):
         superframe = SENT[number % 16][1]
         list(
@@ -308,7 +310,7 @@ def test_what_is_remembered_does_not_grow() -> None:
 
 
 def test_what_failed_is_told_at_once() -> None:
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     for on_air_s, sent in SENT[:5]:
         list(tracker.take(sent.l0, sent.l1, on_air_s))
     for k in (5, 6):
@@ -324,7 +326,7 @@ def test_what_failed_is_told_at_once() -> None:
 
 
 def test_a_failure_long_after_the_last_superframe_is_nothing() -> None:
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     run(tracker, SENT[:5])
     lost_before = tracker.lost
     events = list(tracker.take(None, None, SENT[4][0] + 65 * 0.64))
@@ -335,7 +337,7 @@ def test_a_failure_long_after_the_last_superframe_is_nothing() -> None:
 
 
 def test_the_same_again_is_nothing_and_more_of_it_is_drawn() -> None:
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     (t, s), rest = SENT[3], SENT[:3]
     for on_air_s, sent in rest:
         list(tracker.take(sent.l0, sent.l1, on_air_s))
@@ -349,12 +351,12 @@ def test_the_same_again_is_nothing_and_more_of_it_is_drawn() -> None:
 
 
 def test_the_state_changes_when_the_superframe_has_come() -> None:
-    changes = [e for e in run(Tracker(VOICE), SENT[:1]) if isinstance(e, StateChanged)]
+    changes = [e for e in run(TimelineTracker(VOICE), SENT[:1]) if isinstance(e, StateChanged)]
     assert [(e.time_s, e.state) for e in changes] == [(SENT[0][0] + 0.64, "locked")]
 
 
 def test_a_late_superframe_makes_its_neighbours_better() -> None:
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     for number in (0, 1, 3, 4):
         list(tracker.take(SENT[number][1].l0, SENT[number][1].l1, SENT[number][0]))
     late = list(tracker.take(SENT[2][1].l0, SENT[2][1].l1, SENT[2][0]))
@@ -363,7 +365,7 @@ def test_a_late_superframe_makes_its_neighbours_better() -> None:
 
 
 def test_where_others_were_one_superframe_is_proof_enough() -> None:
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     run(tracker, [*SENT[:8], *foreign()])
     (t, s), drawn = SENT[10], []
     drawn = [e for e in tracker.take(s.l0, s.l1, t) if isinstance(e, MotionPiece) and e.layers]
@@ -375,7 +377,7 @@ def test_where_others_were_it_takes_four_compact_ones() -> None:
     encoder = CompactEncoder(VOICE, l0_bytes=12, first=2)
     motion = with_phones(MOTION)
     sent = [(OFFSET_S + 0.64 * k - LEAD_S, encoder.encode(motion, k).l0) for k in range(2, 18)]
-    tracker = Tracker(VOICE)
+    tracker = TimelineTracker(VOICE)
     drawn = []
     for number, (on_air_s, l0) in enumerate(sent):
         given = bytes([*l0[:-1], l0[-1] ^ 1]) if number in (6, 7) else l0
@@ -389,7 +391,7 @@ def test_where_others_were_it_takes_four_compact_ones() -> None:
 @pytest.mark.parametrize(("offset_s", "epochs"), [(0.09, 1), (0.11, 2), (-0.09, 1), (-0.11, 2)])
 def test_a_splice_is_told_from_a_drift(offset_s: float, epochs: int) -> None:
     moved = [(t + offset_s, s) for t, s in SENT[8:]]
-    found = pieces(run(Tracker(VOICE), [*SENT[:8], *moved]))
+    found = pieces(run(TimelineTracker(VOICE), [*SENT[:8], *moved]))
     assert len({p.epoch for p in found.values()}) == epochs
 
 
@@ -407,7 +409,7 @@ def test_keys_reach_back_over_five_superframes() -> None:
     sent = [
         (OFFSET_S + 0.64 * k - LEAD_S, encoder.encode(with_phones(slow), k)) for k in range(2, 22)
     ]
-    found = keys(run(Tracker(VOICE), sent))
+    found = keys(run(TimelineTracker(VOICE), sent))
     starts = [start for start, _, _ in found]
     assert len(starts) == len(set(starts)) > 12
     gaps = np.diff(starts)

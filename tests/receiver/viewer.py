@@ -13,7 +13,7 @@ import numpy as np
 from codec.cues.score import Key
 from receiver.live import broadcast as live
 from receiver.live.broadcast import Broadcast, Happening
-from receiver.live.continuity import Place, SteadyClock
+from receiver.live.continuity import LocalTime, SteadyClock
 from receiver.live.fragments import Fragments, FragmentWriter
 from receiver.live.memory import give_back_large_blocks
 from receiver.reception.events import KeysFound, MotionPiece
@@ -61,7 +61,7 @@ class Witness(SteadyClock):
     line: BadLine
     zeros: list[float]
 
-    def place(self, stream: str, stamp_s: float, duration_s: float = 0.0) -> Place:
+    def place(self, stream: str, stamp_s: float, duration_s: float = 0.0) -> LocalTime:
         place = super().place(stream, stamp_s, duration_s)
         for sent_s in self.line.sent_s(stamp_s)[:2]:
             zero_s = place.time_s - sent_s

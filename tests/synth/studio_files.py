@@ -10,7 +10,7 @@ from codec.cues.score import Key, Phone, Score
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.scoring.text_score import score_from_text
 from synth.studio.studio import Studio
-from synth.studio.take import Take, record
+from synth.studio.take import StudioTake, record
 
 TEXT = "Bonsoir, le petit chat."
 RATE_HZ = 60.0
@@ -28,7 +28,7 @@ def score() -> Score:
     )
 
 
-def take(identity: str, *, swaps: float = 0.0, ghosts: float = 0.0, seed: int = 5) -> Take:
+def take(identity: str, *, swaps: float = 0.0, ghosts: float = 0.0, seed: int = 5) -> StudioTake:
     """Return a take before twelve cameras."""
     cuer = GestureSynthesiser(identity, rate_hz=RATE_HZ, seed=seed)
     return record(cuer, score(), studio=Studio(swaps_per_s=swaps, ghosts_per_s=ghosts), seed=seed)

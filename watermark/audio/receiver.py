@@ -17,22 +17,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.audio.follow.align import View, find_delay, search_fit
-from watermark.audio.follow.demodulate import Reading
-from watermark.audio.follow.equaliser import Equaliser, Known, path_of, score_phases
+from watermark.audio.follow.align import SuperframeView, find_delay, search_fit
+from watermark.audio.follow.demodulate import SuperframeReading
+from watermark.audio.follow.equaliser import Equaliser, KnownCells, path_of, score_phases
 from watermark.audio.follow.stretched import StretchedFollower
-from watermark.audio.follow.track import FOLLOW, Reader, Track, as_used, likely_phases, received
+from watermark.audio.follow.track import (
+    FOLLOW,
+    Track,
+    TrackReader,
+    as_used,
+    likely_phases,
+    received,
+)
 from watermark.audio.search.acquire import Candidate, PilotSearch, search_stretch
 from watermark.audio.search.hypotheses import (
     STRETCH_S,
-    Guess,
-    Mix,
+    ChannelHypothesis,
+    ChannelMix,
     Stretch,
     make_guesses,
     usual_mix,
 )
 from watermark.audio.search.pilot_scan import DECIMATION, LOW_REACH
-from watermark.audio.search.rotated_search import TurnedCandidate, TurnedSearch
+from watermark.audio.search.rotated_search import RotatedCandidate, RotatedSearch
 from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.mix import check_format
 from watermark.audio.signal.profile import (
@@ -42,9 +49,9 @@ from watermark.audio.signal.profile import (
     SLOT_FRAMES,
     SUPERFRAME,
     TIER_LEVELS,
-    Profile,
+    AudioProfile,
 )
-from watermark.audio.signal.sample_buffer import PairTape, Tape
+from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
 from watermark.link.superframe import ReceivedSuperframe
 
 TRIED_LEVELS = 6
@@ -111,8 +118,8 @@ a smaller part from what was expected, has found nothing new."""
 class _Heard:
     """A sound that is searched, and how it was mixed."""
 
-    tape: PairTape
-    mix: Mix
+    tape: StereoBuffer
+    mix: ChannelMix
 
 
 class AudioReceiver:
@@ -159,21 +166,21 @@ class AudioReceiver:
         self._fs, self._channels, self._key = fs, channels, key
         self._nominal = fs / FS
         self._quantum = SLOT_FRAMES * HOP * fs // FS
-        self._reader = Reader(key, self._nominal)
+        self._reader = TrackReader(key, self._nominal)
         self._stretched = StretchedFollower(key, fs, self._nominal, self._reader)
-        self._sounds = [Tape() for _ in range(channels)]
+        self._sounds = [SampleBuffer() for _ in range(channels)]
         self._mix = usual_mix(channels)
-        self._tape = PairTape()
+        self._tape = StereoBuffer()
         self._now = 0
         self._track: Track | None = None
         self._start_search(0.0)
-        self._turned = TurnedSearch(key)
+        self._turned = RotatedSearch(key)
         self._stretch = int(STRETCH_S * fs)
         self._stretch_start = 0
         self._reset_guesses()
         self._last_start = self._last_told = -np.inf
         self._errors = self._counted = 0
-        self._profile: Profile | None = None
+        self._profile: AudioProfile | None = None
         self.first_lock_s: float | None = None
         self.patience = MAX_MISSES
 
@@ -184,7 +191,7 @@ class AudioReceiver:
         return usual or self._stretched.locked
 
     @property
-    def profile(self) -> Profile | None:
+    def profile(self) -> AudioProfile | None:
         """Profile that the signal announces, None before the first lock."""
         return self._profile
 
@@ -253,12 +260,12 @@ class AudioReceiver:
         if count > 0:
             self._mix_to(self._tape, self._mix, count)
 
-    def _mix_to(self, tape: PairTape, mix: Mix, count: int) -> None:
+    def _mix_to(self, tape: StereoBuffer, mix: ChannelMix, count: int) -> None:
         """Append a mix, and what is beside it."""
         beside = self._mixed(mix.side, tape.end, count) if mix.side else np.zeros(count)
         tape.append_pair(self._mixed(mix, tape.end, count), beside)
 
-    def _mixed(self, mix: Mix, start: int, count: int) -> NDArray[np.float64]:
+    def _mixed(self, mix: ChannelMix, start: int, count: int) -> NDArray[np.float64]:
         out = np.zeros(count)
         for channel, (weight, sound) in enumerate(zip(mix.weights, self._sounds, strict=True)):
             if weight:
@@ -266,10 +273,10 @@ class AudioReceiver:
                 out += weight * sound.read(start + late, 1.0, count)
         return out
 
-    def _use(self, mix: Mix) -> None:
+    def _use(self, mix: ChannelMix) -> None:
         """Listen to another mix from here on, and to what is remembered of it."""
         if mix != self._mix:
-            self._mix, self._tape = mix, PairTape(self._sounds[0].first)
+            self._mix, self._tape = mix, StereoBuffer(self._sounds[0].first)
             self._extend()
 
     # Searching
@@ -349,8 +356,8 @@ class AudioReceiver:
             yield from ((moved, True) for moved in self._reader.lone(track, raw, levels))
 
     def _reset_guesses(self) -> None:
-        self._guesses: Iterator[Guess] | None = None
-        self._last_stretch = (self._mix, 0), Stretch(PairTape(), self._nominal)
+        self._guesses: Iterator[ChannelHypothesis] | None = None
+        self._last_stretch = (self._mix, 0), Stretch(StereoBuffer(), self._nominal)
         self._turned_at, self._turned_every = float(self._now + self._stretch), self._stretch / 2
         self._round = 0
         self._guess_at = self._now + PAUSES_S[0] * self._fs
@@ -362,9 +369,11 @@ class AudioReceiver:
         if self._guesses is None:
             self._turned_at = self._now + self._turned_every
             self._turned_every = min(self._turned_every * PATIENCE, MOST_SELDOM * self._stretch)
-            found = self._try_guess(Guess(self._mix), self._now - self._stretch)
+            found = self._try_guess(ChannelHypothesis(self._mix), self._now - self._stretch)
             if not found and self._recent:
-                found = self._try_guess(Guess(self._mix, stretched=True), self._now - self._stretch)
+                found = self._try_guess(
+                    ChannelHypothesis(self._mix, stretched=True), self._now - self._stretch
+                )
             if found or self._now < self._guess_at:
                 return found
             self._stretch_start = self._now - self._stretch
@@ -385,10 +394,10 @@ class AudioReceiver:
             self._guess_at = self._now + PAUSES_S[self._round] * self._fs
         return []
 
-    def _try_guess(self, guess: Guess, start: int) -> list[ReceivedSuperframe]:
+    def _try_guess(self, guess: ChannelHypothesis, start: int) -> list[ReceivedSuperframe]:
         """Search a stretch as if a guess were true."""
         if (guess.mix, start) != self._last_stretch[0]:
-            tape = PairTape(start)
+            tape = StereoBuffer(start)
             self._mix_to(tape, guess.mix, self._stretch)
             self._last_stretch = (guess.mix, start), Stretch(tape, self._nominal)
         stretch = self._last_stretch[1]
@@ -444,7 +453,7 @@ class AudioReceiver:
                 self._last_start = self._last_told
         return found
 
-    def _try_turned(self, heard: _Heard, candidate: TurnedCandidate) -> list[ReceivedSuperframe]:
+    def _try_turned(self, heard: _Heard, candidate: RotatedCandidate) -> list[ReceivedSuperframe]:
         """Decode at a place whose bands have phases of their own, and lock there."""
         tape = heard.tape
         position = tape.first + candidate.start * self._nominal
@@ -455,7 +464,7 @@ class AudioReceiver:
         tier = math.log2(candidate.step / profile.pilot_step(0))
         nearest = min(max(round(tier), 0), (len(LEVELS) - 1) // TIER_LEVELS)
         offset = TIER_LEVELS * (tier - nearest)
-        known = Known(pilots.cells, candidate.step, pilots.expected(candidate.profile))
+        known = KnownCells(pilots.cells, candidate.step, pilots.expected(candidate.profile))
         equaliser = Equaliser(demodulator.bands)
         track = Track(position, self._nominal, demodulator, 0.0, equaliser, offset)
         view = self._reader.view(tape, track)
@@ -477,7 +486,7 @@ class AudioReceiver:
         return []
 
     def _lock(
-        self, mix: Mix, track: Track, raw: View, reading: Reading
+        self, mix: ChannelMix, track: Track, raw: SuperframeView, reading: SuperframeReading
     ) -> list[ReceivedSuperframe]:
         """Take a track that was found; where it agrees with the one before, that one goes on."""
         self._use(mix)
@@ -573,7 +582,9 @@ class AudioReceiver:
             self._start_search(track.position)
         return [failed] if track.misses <= self.patience else []
 
-    def _correct(self, track: Track, raw: View, reading: Reading, *, wide: bool = False) -> None:
+    def _correct(
+        self, track: Track, raw: SuperframeView, reading: SuperframeReading, *, wide: bool = False
+    ) -> None:
         """Let the decoded bits correct clock, level, phases and the cells' reliabilities."""
         demodulator = track.demodulator
         expected = demodulator.expected(reading.decoded)
@@ -587,13 +598,15 @@ class AudioReceiver:
         else:
             self._reader.nudge(track, find_delay(reading.view, cells, step, weighted, FOLLOW))
         track.offset += demodulator.gain_change(reading)
-        track.equaliser.learn(raw, Known(cells, step, weighted))
+        track.equaliser.learn(raw, KnownCells(cells, step, weighted))
         demodulator.learn(reading)
         self._errors += int(((reading.soft * expected) < 0).sum())
         self._counted += int((expected != 0).sum())
         track.level, track.misses = reading.level, 0
 
-    def _deliver(self, track: Track, reading: Reading, *, told: bool = True) -> ReceivedSuperframe:
+    def _deliver(
+        self, track: Track, reading: SuperframeReading, *, told: bool = True
+    ) -> ReceivedSuperframe:
         """Hand a superframe out and move the track to the next one."""
         result = received(track, reading, self._fs)
         if reading.decoded.l0 is not None:

@@ -29,7 +29,7 @@ MEMORY_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
+class _CarrierSuperframe:
     carrier: str
     superframe: ReceivedSuperframe
     profile: Rates | None
@@ -57,7 +57,7 @@ class Combiner:
 
     def __init__(self, *, list_size: int = 32) -> None:
         self._list_size = list_size
-        self._waiting: list[_Seen] = []
+        self._waiting: list[_CarrierSuperframe] = []
         self._settled: deque[float] = deque(maxlen=8)
         self._last: dict[str, float] = {}
         self.recovered = 0
@@ -101,7 +101,7 @@ class Combiner:
         ]
         if placed.l0 is not None:
             return [self._settle(placed)]
-        return self._failed(_Seen(carrier, placed, profile))
+        return self._failed(_CarrierSuperframe(carrier, placed, profile))
 
     def _placed(self, carrier: str, superframe: ReceivedSuperframe) -> ReceivedSuperframe | None:
         """Put a superframe onto the leading carrier's grid; None if it belongs to another one."""
@@ -121,7 +121,7 @@ class Combiner:
         self._waiting = [s for s in self._waiting if not _same_place(s.superframe, superframe)]
         return superframe
 
-    def _failed(self, seen: _Seen) -> list[ReceivedSuperframe]:
+    def _failed(self, seen: _CarrierSuperframe) -> list[ReceivedSuperframe]:
         here_s = seen.superframe.position_s
         if any(abs(here_s - settled_s) <= TOLERANCE_S for settled_s in self._settled):
             return []
@@ -145,7 +145,7 @@ class Combiner:
         self._waiting.append(seen)
         return []
 
-    def _together(self, a: _Seen, b: _Seen) -> ReceivedSuperframe | None:
+    def _together(self, a: _CarrierSuperframe, b: _CarrierSuperframe) -> ReceivedSuperframe | None:
         if a.profile is None or b.profile is None or a.profile.l0_bytes != b.profile.l0_bytes:
             return None
         codes = [_code(profile) for profile in (a.profile, b.profile)]
@@ -176,7 +176,7 @@ def _code(profile: Rates) -> PolarCode:
     return make_code(8 * profile.l0_bytes + L0_CHECK, profile.l0_coded, profile.l0_mother)
 
 
-def _fold(seen: _Seen, code: PolarCode) -> NDArray[np.float64]:
+def _fold(seen: _CarrierSuperframe, code: PolarCode) -> NDArray[np.float64]:
     """Ratios of the mother code's bits: those of repeated bits add."""
     if seen.superframe.ratios is None:
         return np.zeros(code.frozen.size)
@@ -186,7 +186,7 @@ def _fold(seen: _Seen, code: PolarCode) -> NDArray[np.float64]:
     return np.asarray(folded.reshape(-1, code.frozen.size).sum(axis=0))
 
 
-def _second(seen: _Seen) -> bytes | None:
+def _second(seen: _CarrierSuperframe) -> bytes | None:
     """L1 of a superframe whose L0 the carriers had only together."""
     if seen.profile is None or seen.superframe.ratios is None:
         return None

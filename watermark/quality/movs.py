@@ -70,7 +70,7 @@ class Movs:
 
 
 @dataclass(slots=True)
-class Frame:
+class FrameFeatures:
     """Features of one frame.
 
     Attributes
@@ -104,12 +104,12 @@ class MovAverages:
         """Frames that were counted."""
         return int(self._whole[k.FRAMES])
 
-    def add(self, frame: Frame, *, settled: bool, audible: bool) -> None:
+    def add(self, frame: FrameFeatures, *, settled: bool, audible: bool) -> None:
         """Count one frame.
 
         Parameters
         ----------
-        frame : Frame
+        frame : FrameFeatures
             Features of the frame.
         settled : bool
             At least half a second has passed, so that modulations may be compared.

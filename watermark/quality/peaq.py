@@ -20,7 +20,7 @@ from watermark.quality.movs import (
     AUDIBLE_DELAY_FRAMES,
     AUDIBLE_SONE,
     DELAY_FRAMES,
-    Frame,
+    FrameFeatures,
     MovAverages,
     Movs,
     difference_grade,
@@ -193,11 +193,11 @@ class PeaqMeter:
         size = steps.sum(axis=1)
         grades = []
         for t in range(count):
-            frame = Frame(by_frame[t], ehs[t], float(detection[t]), float(size[t]))
+            frame = FrameFeatures(by_frame[t], ehs[t], float(detection[t]), float(size[t]))
             grades += self._count(frame, active=bool(active[t]))
         return grades
 
-    def _count(self, frame: Frame, *, active: bool) -> list[PeaqResult]:
+    def _count(self, frame: FrameFeatures, *, active: bool) -> list[PeaqResult]:
         """Add a frame to the averages; grade the segment that ends with it."""
         x = frame.features
         loud = (x[:, _kernels.LOUDNESS_REF] > AUDIBLE_SONE) & (

@@ -18,7 +18,7 @@ from watermark.video import _kernels
 from watermark.video.grid import WHOLE, Grid, Region
 from watermark.video.profile import MIN_HEIGHT, MIN_WIDTH, VideoProfile
 from watermark.video.timing import Timing
-from watermark.video.track import Tracker
+from watermark.video.track import VideoTracker
 
 Luma = NDArray[Any]
 
@@ -98,7 +98,7 @@ class VideoReceiver:
         self._options: dict[str, Any] = {"key": key, "strength": strength}
         self._frames = 0
         self._errors = self._known = 0
-        self._trackers: dict[Region, Tracker] = {}
+        self._trackers: dict[Region, VideoTracker] = {}
         self._starts: dict[Region, int] = {}
         self._locked: dict[Region, list[ReceivedSuperframe]] = {}
         self._doubt = 0
@@ -217,7 +217,7 @@ class VideoReceiver:
         for region in regions:
             if region not in self._trackers:
                 grid = self._grid(region)
-                self._trackers[region] = Tracker(grid, self._timing, **self._options)
+                self._trackers[region] = VideoTracker(grid, self._timing, **self._options)
                 self._starts[region] = self._frames
         self._trackers = {r: t for r, t in self._trackers.items() if r in regions}
 

@@ -41,7 +41,7 @@ ATTEMPTS = 4
 """Windows that are tried for one superframe: weak pilots are often wrong by a frame or two."""
 
 
-class Tracker:
+class VideoTracker:
     """Read superframes from luma.
 
     Parameters

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from codec.cuer.movement import FLOWING, Movement
 from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS
 from codec.cues.timeline import TICK_S, Sounding
-from codec.superframe.merging import Joined, options_at
+from codec.superframe.merging import MergedScore, options_at
 from codec.superframe.resynthesis.targets import PARTS, PARTS_PER_S
 from codec.superframe.score_coding import is_consonant, is_vowel
 
@@ -39,13 +39,13 @@ class Movements:
 
 
 def movements(
-    joined: Joined, movement: Movement = FLOWING, places: Places | None = None, *, at: int = 0
+    joined: MergedScore, movement: Movement = FLOWING, places: Places | None = None, *, at: int = 0
 ) -> Movements:
     """Return the movements of the hand that a line implies (P1 to P3).
 
     Parameters
     ----------
-    joined : Joined
+    joined : MergedScore
         From `codec.superframe.merging.join`.
     movement : Movement
         Of the voice.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from codec.cuer.movement import Movement
 from codec.cues.phonology import PHONES
 from codec.cues.timeline import TICKS, Sounding
-from codec.superframe.merging import Joined
+from codec.superframe.merging import MergedScore
 from codec.superframe.resynthesis import _kernels
 from codec.superframe.resynthesis.movements import Movements, movements
 from codec.superframe.resynthesis.targets import N_KEYS, PARTS, PARTS_PER_S, Targets
@@ -47,7 +47,7 @@ def minimum_jerk(phase: Array) -> Array:
     return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
 
 
-class Course:
+class TrajectoryProfile:
     """The hand's course over some frames.
 
     Parameters
@@ -125,7 +125,7 @@ class Resynthesis:
 
     Parameters
     ----------
-    joined : Joined
+    joined : MergedScore
         The scores around the wanted frames.
     targets : Targets
         Of the voice.
@@ -133,7 +133,9 @@ class Resynthesis:
         Frame i lies at tick ``first_tick + i``.
     """
 
-    def __init__(self, joined: Joined, targets: Targets, first_tick: int, n_frames: int) -> None:
+    def __init__(
+        self, joined: MergedScore, targets: Targets, first_tick: int, n_frames: int
+    ) -> None:
         self._rule = targets.movement
         self._moves = movements(joined, self._rule, targets.places, at=first_tick // TICKS)
         face = phone_weights(joined.line, first_tick, n_frames) @ targets.face
@@ -157,7 +159,7 @@ class Resynthesis:
             Form of the hand's movements, index in `COURSES`, and their time, index in `SHIFTS`.
         """
         first = self._first + PARTS * SHIFTS[shift]
-        way = Course(self._moves, self._rule, first, len(self._still), COURSES[course])
+        way = TrajectoryProfile(self._moves, self._rule, first, len(self._still), COURSES[course])
         out = self._still.copy()
         out[:, self._width :] = way.moved(
             self._held, self._lateness, distance=self._distance, arc=self._arc

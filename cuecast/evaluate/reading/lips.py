@@ -18,8 +18,8 @@ from codec.cues.cueing import (
     SHAPE_OF,
 )
 from codec.cues.score import PLACEMENTS
-from cuecast.evaluate.reading.reader import Asked, Reader, Seen, Take
-from cuecast.evaluate.reading.view import RATE_HZ, View
+from cuecast.evaluate.reading.reader import Asked, CueReader, ReaderTake, ReadKey
+from cuecast.evaluate.reading.view import RATE_HZ, TakeView
 
 FloatArray = NDArray[np.float64]
 
@@ -110,7 +110,7 @@ class LipReader:
     consonants: _Discriminants
     vowels: _Discriminants
 
-    def phones(self, seen: View, keys: Sequence[Seen]) -> list[str]:
+    def phones(self, seen: TakeView, keys: Sequence[ReadKey]) -> list[str]:
         """Return the phones of keys that were read, in order."""
         out: list[str] = []
         for key in keys:
@@ -123,7 +123,7 @@ class LipReader:
         return out
 
 
-def teach_lips(takes: Sequence[Take], reader: Reader) -> LipReader:
+def teach_lips(takes: Sequence[ReaderTake], reader: CueReader) -> LipReader:
     """Return what the lips of takes tell, at the keys where the reader finds them."""
     raised = [take.view.lips[take.view.raised] for take in takes]
     every = np.concatenate(raised)
@@ -143,6 +143,6 @@ def teach_lips(takes: Sequence[Take], reader: Reader) -> LipReader:
     return LipReader(mean, main, _discriminants(rows, consonants), _discriminants(rows, vowels))
 
 
-def _about(seen: View, begin: int, mean: FloatArray, axes: FloatArray) -> FloatArray:
+def _about(seen: TakeView, begin: int, mean: FloatArray, axes: FloatArray) -> FloatArray:
     at = np.clip(begin + np.round(_MOMENTS_S * RATE_HZ).astype(int), 0, len(seen) - 1)
     return np.asarray(((seen.lips[at] - mean) @ axes).ravel())

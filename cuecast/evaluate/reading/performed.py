@@ -9,7 +9,7 @@ from codec.cuer.voice import Voice
 from codec.cues.score import Score
 from codec.streamfile.stream import decode_stream, encode_stream
 from cuecast.evaluate.films import ASPECT, film
-from cuecast.evaluate.reading.reader import Take, asked
+from cuecast.evaluate.reading.reader import ReaderTake, asked
 from cuecast.evaluate.reading.takes import seen_in
 from cuecast.evaluate.reading.view import RATE_HZ, view
 from cuecast.media.film import write_film
@@ -40,7 +40,7 @@ _FS = 48_000
 """Sampling rate in Hz of a film's silence."""
 
 
-def simulated_takes(cuer: str, scores: Sequence[Score], *, seed: int = 0) -> list[Take]:
+def simulated_takes(cuer: str, scores: Sequence[Score], *, seed: int = 0) -> list[ReaderTake]:
     """Return takes of ``identity/law`` as a tracker of the usual noise would see her joints."""
     identity, law = cuer.split("/")
     takes = []
@@ -50,13 +50,13 @@ def simulated_takes(cuer: str, scores: Sequence[Score], *, seed: int = 0) -> lis
             actor, score, seconds=score.phones[-1].end + _TAIL_S, noise_mm=_TRACKER_MM, seed=number
         )
         seen = view(*(points[..., :2] * [ASPECT, -1.0] for points in (face, hand)))
-        takes.append(Take(f"{cuer} {number}", seen, asked(score.keys)))
+        takes.append(ReaderTake(f"{cuer} {number}", seen, asked(score.keys)))
     return takes
 
 
 def filmed_takes(
     voice: Voice, scores: Sequence[Score], *, tracker: str, folder: Path, seed: int = 0
-) -> list[Take]:
+) -> list[ReaderTake]:
     """Return takes of the avatar: performed by rule, coded, decoded, drawn, filmed and tracked.
 
     Parameters
@@ -84,5 +84,5 @@ def filmed_takes(
         )  # fmt: skip
         aspect = track(path, tracker, path.with_suffix(".csv"))
         seen = seen_in(read_landmarks(path.with_suffix(".csv")), aspect)
-        takes.append(Take(path.stem, seen, asked(score.keys)))
+        takes.append(ReaderTake(path.stem, seen, asked(score.keys)))
     return takes

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, SHAPES, Key
 from codec.errors import CueError
 from cuecast.evaluate.reading import _kernels
-from cuecast.evaluate.reading.view import View
+from cuecast.evaluate.reading.view import TakeView
 from synth.capture.cues.follow import ALTERNATIVES
 
 FloatArray = NDArray[np.float64]
@@ -80,24 +80,24 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True)
-class Take:
+class ReaderTake:
     """A take and what was cued in it.
 
     Attributes
     ----------
     name : str
-    view : View
+    view : TakeView
     asked : tuple of Asked
         In order; none repeats the one before.
     """
 
     name: str
-    view: View
+    view: TakeView
     asked: tuple[Asked, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class ReadKey:
     """A key that was read, from frame `begin` up to `end`."""
 
     shape: int
@@ -145,7 +145,7 @@ def _normal_of(x: FloatArray) -> Normal:
 
 
 @dataclass(frozen=True, slots=True)
-class Reader:
+class CueReader:
     """What was learnt of shapes 1 to 8 and placements 1 to 5.
 
     Attributes
@@ -166,7 +166,7 @@ class Reader:
     rest: Normal
     enter: FloatArray
 
-    def densities(self, seen: View) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def densities(self, seen: TakeView) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return log densities of keys (T, 8, 5), of ways and of rest, both (T,)."""
         shape = np.stack([one.log_density(seen.fingers) for one in self.shapes], axis=1)
         place = np.stack(
@@ -184,7 +184,7 @@ class Reader:
         key[~seen.shown], way = _UNSEEN, np.where(seen.shown, way, 0.1 * _UNSEEN)
         return _FRAME_SHARE * key, _FRAME_SHARE * way, _FRAME_SHARE * rest
 
-    def align(self, take: Take) -> IntArray:
+    def align(self, take: ReaderTake) -> IntArray:
         """Return the state of each frame: 0 and last are rest, odd ones ways, others keys."""
         key, way, rest = self.densities(take.view)
         columns = [rest]
@@ -197,11 +197,11 @@ class Reader:
         _kernels.aligned(np.ascontiguousarray(np.stack(columns, axis=1)), skip, line)
         return line
 
-    def read(self, seen: View) -> list[Seen]:
+    def read(self, seen: TakeView) -> list[ReadKey]:
         """Return the keys that a take shows, in order."""
         return _keys(*self.densities(seen), self.enter)
 
-    def used_to(self, views: Sequence[View]) -> "Reader":
+    def used_to(self, views: Sequence[TakeView]) -> "CueReader":
         """Return the reader after she has read a cuer for a while, without being told anything."""
         reader = self
         for _ in range(_HABIT_ROUNDS):
@@ -212,30 +212,30 @@ class Reader:
         return reader
 
 
-def _keys(key: FloatArray, way: FloatArray, rest: FloatArray, enter: FloatArray) -> list[Seen]:
+def _keys(key: FloatArray, way: FloatArray, rest: FloatArray, enter: FloatArray) -> list[ReadKey]:
     """Return the keys of the best line through log densities (T, 8, 5), (T,) and (T,)."""
     flat = np.ascontiguousarray(key.reshape(len(key), -1))
     line = np.empty(len(way), dtype=np.int64)
     _kernels.likeliest(flat, way, rest, enter, line)
     edges = np.flatnonzero(np.diff(line, prepend=-1, append=-1))
     return [
-        Seen(1 + (state - 1) // _PLACES, 1 + (state - 1) % _PLACES, begin, end)
+        ReadKey(1 + (state - 1) // _PLACES, 1 + (state - 1) % _PLACES, begin, end)
         for begin, end in itertools.pairwise(edges.tolist())
         if 1 <= (state := int(line[begin])) <= flat.shape[1]
     ]
 
 
-def _posture(seen: View) -> FloatArray:
+def _posture(seen: TakeView) -> FloatArray:
     return np.concatenate([seen.fingers, seen.tips[:, 2:]], axis=1)
 
 
-def _tip(seen: View, shape: int) -> FloatArray:
+def _tip(seen: TakeView, shape: int) -> FloatArray:
     finger = int(shape not in _INDEX_POINTS)
     return seen.tips[:, 2 * finger : 2 * finger + 2]
 
 
 def _examples(
-    read: Iterable[tuple[View, list[Seen]]],
+    read: Iterable[tuple[TakeView, list[ReadKey]]],
 ) -> tuple[list[list[FloatArray]], list[list[FloatArray]]]:
     """Return the mean fingers of each key by shape, and the mean tips by placement."""
     fingers: list[list[FloatArray]] = [[] for _ in range(_SHAPES)]
@@ -256,7 +256,7 @@ def _moved(before: tuple[Normal, ...], examples: list[list[FloatArray]]) -> tupl
     )  # fmt: skip
 
 
-def teach(takes: Sequence[Take]) -> Reader:
+def teach(takes: Sequence[ReaderTake]) -> CueReader:
     """Return a reader who has learnt from takes without times.
 
     Raises
@@ -279,7 +279,7 @@ def teach(takes: Sequence[Take]) -> Reader:
     return replace(reader, enter=reader.enter + min(_PRICES, key=unlike))
 
 
-def _flat(take: Take) -> IntArray:
+def _flat(take: ReaderTake) -> IntArray:
     """Return states that spread the keys evenly over the frames with a raised hand."""
     up = np.flatnonzero(take.view.raised)
     if len(up) < 2 * len(take.asked):
@@ -292,7 +292,9 @@ def _flat(take: Take) -> IntArray:
     return line
 
 
-def _estimated(takes: Sequence[Take], lines: list[IntArray], before: Reader | None) -> Reader:
+def _estimated(
+    takes: Sequence[ReaderTake], lines: list[IntArray], before: CueReader | None
+) -> CueReader:
     fingers: list[list[FloatArray]] = [[] for _ in range(_SHAPES)]
     tips: list[list[FloatArray]] = [[] for _ in range(_PLACES)]
     way, rest = list[FloatArray](), list[FloatArray]()
@@ -318,7 +320,7 @@ def _estimated(takes: Sequence[Take], lines: list[IntArray], before: Reader | No
     speeds = np.concatenate([take.view.speed[take.view.raised] for take in takes])
     middle = np.median(speeds)
     use = np.log(np.outer(uses.sum(1), uses.sum(0)) / uses.sum() ** 2)
-    return Reader(
+    return CueReader(
         shapes=_with_common(fingers),
         places=tuple(_normal_of(_joined(own)) for own in tips),
         slow=_normal_of(speeds[speeds[:, 0] < middle]),

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from codec.cuer.voice import Voice
 from codec.errors import CueError
-from cuecast.evaluate.reading.reader import Take, asked
-from cuecast.evaluate.reading.view import RATE_HZ, View, view
+from cuecast.evaluate.reading.reader import ReaderTake, asked
+from cuecast.evaluate.reading.view import RATE_HZ, TakeView, view
 from synth.capture.cues.transcript import read_transcript
 from synth.capture.sources.landmark_maps import FACE_LANDMARKS, N_HAND_LANDMARKS
 from synth.capture.sources.landmark_table import HANDS, LandmarkTable, read_landmarks
@@ -32,7 +32,7 @@ _PARTS = {"hand": "hand", "lip": "face", "face": "face"}
 """Parts of the archive's columns, as in tables."""
 
 
-def real_takes(folder: Path, voice: Voice) -> list[Take]:
+def real_takes(folder: Path, voice: Voice) -> list[ReaderTake]:
     """Return the takes of real cuers in a folder.
 
     Parameters
@@ -51,13 +51,13 @@ def real_takes(folder: Path, voice: Voice) -> list[Take]:
     for name, table in _tables(folder):
         if name in said:
             seen = seen_in(table, find_aspect(table, voice).value)
-            takes.append(Take(name, seen, asked(read_transcript(said[name]).keys)))
+            takes.append(ReaderTake(name, seen, asked(read_transcript(said[name]).keys)))
     if not takes:
         raise CueError(f"{folder}: no landmarks (*.csv or {ARCHIVE}) of what {PHONES} names")
     return takes
 
 
-def seen_in(table: LandmarkTable, aspect: float) -> View:
+def seen_in(table: LandmarkTable, aspect: float) -> TakeView:
     """Return what a reader sees of a table; a left hand as a right one.
 
     Raises

@@ -51,7 +51,7 @@ _RAISED = -1.0
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class TakeView:
     """A take of T frames, in widths of the head or lengths of the palm; x to the viewer's right.
 
     Attributes
@@ -83,7 +83,7 @@ class View:
         return np.asarray(self.shown & (self.tips[:, 3] > _RAISED))
 
 
-def view(face: FloatArray, hand: FloatArray) -> View:
+def view(face: FloatArray, hand: FloatArray) -> TakeView:
     """Return what a reader sees of landmarks.
 
     Parameters
@@ -107,14 +107,14 @@ def view(face: FloatArray, hand: FloatArray) -> View:
     moved = savgol_filter(
         whole[:, _PALM].mean(1), _SMOOTHED, 2, deriv=1, delta=1 / RATE_HZ, axis=0, mode="nearest"
     )
-    return View(
+    return TakeView(
         _fingers(whole), whole[:, [8, 12]].reshape(len(whole), -1),
         np.log(np.linalg.norm(moved, axis=1) + _STILL)[:, None],
         (lips - mouth[:, None]).reshape(len(lips), -1), _bridged(seen),
     )  # fmt: skip
 
 
-def like(views: Sequence[View], usual: Sequence[View]) -> list[View]:
+def like(views: Sequence[TakeView], usual: Sequence[TakeView]) -> list[TakeView]:
     """Return the views of one cuer with means and spreads of those the reader is used to.
 
     Hands, faces and cameras differ; whoever reads somebody new gets used to that without being told

@@ -82,13 +82,13 @@ _STILL_FRAMES, _STILL_HZ = 11, 30.0
 
 
 @dataclass(frozen=True, slots=True)
-class Looks:
+class KeyAppearance:
     """Normal distributions of shapes and placements.
 
     Attributes
     ----------
     fingers, fingers_sd : ndarray of float64, shape (9, 7)
-        As `synth.capture.cues.features.Seen.fingers`.
+        As `synth.capture.cues.features.HandFeatures.fingers`.
     places, places_sd : ndarray of float64, shape (6, 2)
         Of the pointing tip against the mouth, mm.
     eagerness : float
@@ -118,15 +118,15 @@ class Looks:
         self,
         fingers: list[tuple[int, FloatArray]],
         places: list[tuple[int, FloatArray]],
-        before: "Looks",
-    ) -> "Looks":
+        before: "KeyAppearance",
+    ) -> "KeyAppearance":
         """Return the looks of a cuer who has shown some shapes and placements.
 
         Parameters
         ----------
         fingers, places : list of (int, ndarray)
             Number of the shape or placement, and what was seen, shapes (7,) and (2,).
-        before : Looks
+        before : KeyAppearance
             What was expected before anything was seen; `self` says how far out an example is.
         """
         means, spreads = _posterior(
@@ -155,7 +155,7 @@ def _posterior(
     return means, np.sqrt(within**2 + variance)
 
 
-ANYBODYS = Looks(
+ANYBODYS = KeyAppearance(
     _FINGERS,
     np.tile(np.hypot(_FINGERS_SD, _FINGERS_BETWEEN), (len(SHAPES), 1)),
     _PLACES,
@@ -164,7 +164,7 @@ ANYBODYS = Looks(
 """Before anything of a cuer is known."""
 
 
-def looks_of(voice: Voice) -> Looks:
+def looks_of(voice: Voice) -> KeyAppearance:
     """Return what keys look like in the parameters of a voice: at its own targets."""
     table = voice.gestures
     shapes, places = np.array(KEYS).T

@@ -40,8 +40,9 @@ _LEAST_RUN_S = 0.2
 """Seconds that a hand must be seen at a stretch."""
 
 _FINGERS_MM = 10.0
-"""What one palm's length of fingers' movement counts against mm of the palm's, in `Seen.flow`: of
-0 to 40 mm that which times the arrivals of three virtual cuers best (0.033 to 0.060 s off)."""
+"""What one palm's length of fingers' movement counts against mm of the palm's, in
+`HandFeatures.flow`: of 0 to 40 mm that which times the arrivals of three virtual cuers best (0.033
+to 0.060 s off)."""
 
 _STRAIGHT = 0.55, 0.08
 """Extension from which a finger's own tip tells where it points, and the softness of that."""
@@ -68,7 +69,7 @@ _PIECE = 4096
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class HandFeatures:
     """A hand over time, T frames; where it is not seen, NaN.
 
     Attributes
@@ -113,15 +114,15 @@ class Seen:
         fingers = np.gradient(self.fingers, 1.0 / self.rate_hz, axis=0)
         return np.asarray(np.hypot(self.speed, _FINGERS_MM * np.linalg.norm(fingers, axis=1)))
 
-    def part(self, frames: slice) -> "Seen":
+    def part(self, frames: slice) -> "HandFeatures":
         """Return some frames."""
-        return Seen(
+        return HandFeatures(
             self.rate_hz, self.fingers[frames], self.tips[frames], self.pointers[frames],
             self.speed[frames], self.width[frames],
         )  # fmt: skip
 
 
-def see(face: FloatArray, hand: FloatArray, *, rate_hz: float) -> Seen:
+def see(face: FloatArray, hand: FloatArray, *, rate_hz: float) -> HandFeatures:
     """Return what keys are told from.
 
     Parameters
@@ -134,7 +135,7 @@ def see(face: FloatArray, hand: FloatArray, *, rate_hz: float) -> Seen:
     """
     points = _in_head(face, hand)
     shown = np.asarray(np.isfinite(points).all((1, 2)))
-    out = Seen(
+    out = HandFeatures(
         rate_hz, np.full((len(points), N_FEATURES), np.nan), np.full((len(points), 2, 2), np.nan),
         np.full((len(points), 2, 2), np.nan), np.full(len(points), np.nan),
         np.full(len(points), np.nan),
@@ -157,7 +158,7 @@ def see(face: FloatArray, hand: FloatArray, *, rate_hz: float) -> Seen:
     return out
 
 
-def see_motion(voice: Voice, params: FloatArray, *, rate_hz: float) -> Seen:
+def see_motion(voice: Voice, params: FloatArray, *, rate_hz: float) -> HandFeatures:
     """Return what keys are told from in a voice's parameters, shape (T, P)."""
     faces, hands = [], []
     head = _resting_head(voice)
@@ -202,7 +203,7 @@ def _ears(face: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def fingers_of(x: FloatArray) -> FloatArray:
-    """Return how far the fingers are out, as in `Seen.fingers`, of a hand (T, 21, 2)."""
+    """Return how far the fingers are out, as in `HandFeatures.fingers`, of a hand (T, 21, 2)."""
     palm = 0.5 * (x[:, 9] + x[:, 13]) - x[:, 0]
     length = np.maximum(np.linalg.norm(palm, axis=1, keepdims=True), 1e-6)
     along = palm / length

@@ -14,10 +14,10 @@ from scipy.ndimage import label
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Score
-from synth.capture.cues.appearance import ANYBODYS, Looks, looks_of
-from synth.capture.cues.features import Seen, see_motion
+from synth.capture.cues.appearance import ANYBODYS, KeyAppearance, looks_of
+from synth.capture.cues.features import HandFeatures, see_motion
 from synth.capture.cues.follow import follow_keys
-from synth.capture.cues.recognise import Held, recognise_keys
+from synth.capture.cues.recognise import HeldKey, recognise_keys
 from synth.capture.cues.score import is_sure, score_of, score_of_text
 from synth.capture.options import Captured, CaptureOptions
 from synth.capture.sources.resample import even_times, resample
@@ -33,7 +33,7 @@ def finish(
     report: dict[str, Any],
     *,
     has_hand: bool,
-    seen: Seen | None = None,
+    seen: HandFeatures | None = None,
 ) -> Captured:
     """Return the motion of parameters at the recording's rate.
 
@@ -48,7 +48,7 @@ def finish(
         What has been found; keys and notes are added.
     has_hand : bool
         Whether there is a hand to recognise keys of.
-    seen : Seen, optional
+    seen : HandFeatures, optional
         What keys are told from; default: the parameters.
     """
     start_s = file_start_s if options.start_s is None else options.start_s
@@ -61,7 +61,7 @@ def finish(
         looks = ANYBODYS
         if seen is None:
             seen, looks = see_motion(voice, even, rate_hz=options.rate_hz), looks_of(voice)
-        timed = _Timed(voice, even, options.rate_hz, float(times[0]), seen, looks)
+        timed = _TimedHand(voice, even, options.rate_hz, float(times[0]), seen, looks)
         if given is not None:
             timed.compare(given, report)
         else:
@@ -76,15 +76,15 @@ def finish(
 
 
 @dataclass(frozen=True, slots=True)
-class _Timed:
+class _TimedHand:
     """What a hand did and when; `even` (T, P) are the motion's parameters."""
 
     voice: Voice
     even: NDArray[np.float64]
     rate_hz: float
     start_s: float
-    seen: Seen
-    looks: Looks
+    seen: HandFeatures
+    looks: KeyAppearance
 
     def compare(self, given: Score, report: dict[str, Any]) -> None:
         """Tell whether the hand shows the keys of a score that has times."""
@@ -131,7 +131,7 @@ class _Timed:
 _NOT_SHOWN = "the hand does not show the given {}, agreement {:.2f}"
 
 
-def _told(held: Sequence[Held]) -> dict[str, Any]:
+def _told(held: Sequence[HeldKey]) -> dict[str, Any]:
     """Return how many keys were recognised, and how surely."""
     keys = [one for one in held if one.shape]
     return {

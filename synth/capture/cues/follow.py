@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from codec.cues.score import PLACEMENT_NUMBER, Key
 from synth.capture.cues import _kernels
-from synth.capture.cues.appearance import ANYBODYS, KEYS, Looks
-from synth.capture.cues.features import Seen
+from synth.capture.cues.appearance import ANYBODYS, KEYS, KeyAppearance
+from synth.capture.cues.features import HandFeatures
 from synth.capture.cues.lattice import lattice
-from synth.capture.cues.recognise import Held, arrival, nearness, pieces, recognise_keys
+from synth.capture.cues.recognise import HeldKey, arrival, nearness, pieces, recognise_keys
 
 FloatArray = NDArray[np.float64]
 
@@ -48,17 +48,17 @@ class Followed:
 
     Attributes
     ----------
-    held : tuple of Held or None
+    held : tuple of HeldKey or None
         For each key of the text; None if it was left out. Its placement is the one that was shown.
     agreement : float
         Mean probability of the keys at their places, had nobody told the text; 0 to 1.
-    looks : Looks
+    looks : KeyAppearance
         Of this cuer.
     """
 
-    held: tuple[Held | None, ...]
+    held: tuple[HeldKey | None, ...]
     agreement: float
-    looks: Looks
+    looks: KeyAppearance
 
     @property
     def believed(self) -> bool:
@@ -66,15 +66,17 @@ class Followed:
         return self.agreement >= _AGREES + _FEW_AGREE / float(np.sqrt(len(self.held)))
 
 
-def follow_keys(seen: Seen, keys: Sequence[Key], *, looks: Looks = ANYBODYS) -> Followed:
+def follow_keys(
+    seen: HandFeatures, keys: Sequence[Key], *, looks: KeyAppearance = ANYBODYS
+) -> Followed:
     """Return where the hand shows `keys`, whose times do not count.
 
     Parameters
     ----------
-    seen : Seen
+    seen : HandFeatures
     keys : sequence of Key
         In order; at least one.
-    looks : Looks
+    looks : KeyAppearance
         What is known of the cuer before.
     """
     looks = recognise_keys(seen, looks=looks).looks
@@ -86,7 +88,7 @@ def follow_keys(seen: Seen, keys: Sequence[Key], *, looks: Looks = ANYBODYS) -> 
     at = np.empty(len(line), dtype=np.int64)
     states = np.empty(len(seen), dtype=np.int64)
     _kernels.follow(paths.hold, paths.way, paths.line, paths.pair, omit, low, high, at, states)
-    held: list[Held | None] = []
+    held: list[HeldKey | None] = []
     agreement = []
     before, flow = 0, seen.flow()
     for number in np.flatnonzero(~spare)[1:-1]:
@@ -102,7 +104,7 @@ def follow_keys(seen: Seen, keys: Sequence[Key], *, looks: Looks = ANYBODYS) -> 
         around = round(_AROUND_S * seen.rate_hz)
         sure = float(paths.near[max(0, begin - around) : end + around + 1, state].max())
         agreement.append(sure)
-        held.append(Held(*KEYS[state], reach / seen.rate_hz, end / seen.rate_hz, sure))
+        held.append(HeldKey(*KEYS[state], reach / seen.rate_hz, end / seen.rate_hz, sure))
     return Followed(tuple(held), float(np.mean(agreement)) if agreement else 0.0, looks)
 
 
@@ -149,7 +151,9 @@ class _Paths:
     near: NDArray[np.float32]
 
     @classmethod
-    def along(cls, seen: Seen, looks: Looks, line: Sequence[Alternatives]) -> "_Paths":
+    def along(
+        cls, seen: HandFeatures, looks: KeyAppearance, line: Sequence[Alternatives]
+    ) -> "_Paths":
         """Return the densities, made piece by piece so that all ways are never held at once."""
         kinds = {one: number for number, one in enumerate(dict.fromkeys(line))}
         ways: dict[tuple[Alternatives, Alternatives], int] = {}

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, SHAPES
-from synth.capture.cues.appearance import KEYS, POINTS_WITH, Looks
-from synth.capture.cues.features import N_FEATURES, Seen
+from synth.capture.cues.appearance import KEYS, POINTS_WITH, KeyAppearance
+from synth.capture.cues.features import N_FEATURES, HandFeatures
 from synth.capture.cues.turning import turned
 
 FloatArray = NDArray[np.float64]
@@ -136,7 +136,7 @@ class Lattice:
         return Lattice(share * self.hold, share * self.shapes, share * self.places)
 
 
-def lattice(seen: Seen, looks: Looks) -> Lattice:
+def lattice(seen: HandFeatures, looks: KeyAppearance) -> Lattice:
     """Return the densities; a hand that is not seen rests, or goes to or from rest."""
     share = FRAME_SHARE * 30.0 / seen.rate_hz
     shown = seen.shown
@@ -147,7 +147,7 @@ def lattice(seen: Seen, looks: Looks) -> Lattice:
     hold[:, 0] = shapes[:, 0, :] = shapes[:, :, 0] = 0.0
     at = np.flatnonzero(shown)
     if len(at):
-        visible = Seen(
+        visible = HandFeatures(
             seen.rate_hz, seen.fingers[at], seen.tips[at], seen.pointers[at], seen.speed[at],
             seen.width[at],
         )  # fmt: skip
@@ -158,7 +158,7 @@ def lattice(seen: Seen, looks: Looks) -> Lattice:
     return Lattice(hold, shapes, places)
 
 
-def _with_short_sides(looks: Looks) -> Looks:
+def _with_short_sides(looks: KeyAppearance) -> KeyAppearance:
     """Return the looks with further places: short of the side, from each of three."""
     start = looks.places[list(_SHORT_OF_SIDE)]
     way = looks.places[_SIDE] - start
@@ -174,7 +174,7 @@ def _tail(squares: FloatArray, dimensions: int, freedom: float = _FREEDOM) -> Fl
     return np.asarray(-0.5 * (freedom + dimensions) * np.log1p(squares / freedom))
 
 
-def _holds(seen: Seen, looks: Looks) -> FloatArray:
+def _holds(seen: HandFeatures, looks: KeyAppearance) -> FloatArray:
     away = (seen.fingers[:, None] - looks.fingers) / looks.fingers_sd
     squares = ((away @ _APART) * away).sum(-1)
     shape = _tail(squares, N_FEATURES, _FINGERS_FREEDOM) - _TOGETHER_VOLUME
@@ -220,7 +220,7 @@ def _shape_ways(fingers: FloatArray, targets: FloatArray) -> FloatArray:
     return np.asarray(out)
 
 
-def _place_ways(pointers: FloatArray, looks: Looks) -> FloatArray:
+def _place_ways(pointers: FloatArray, looks: KeyAppearance) -> FloatArray:
     """Return the densities of the tip between two places, (T, targets, targets)."""
     places = [place for place, _ in _TARGETS]
     other = (pointers[:, 1] - pointers[:, 0])[:, None]

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from codec.cues.score import PLACEMENT_NUMBER
 from synth.capture.cues import _kernels
-from synth.capture.cues.appearance import ANYBODYS, KEYS, POINTS_WITH, Looks
-from synth.capture.cues.features import Seen
+from synth.capture.cues.appearance import ANYBODYS, KEYS, POINTS_WITH, KeyAppearance
+from synth.capture.cues.features import HandFeatures
 from synth.capture.cues.lattice import COMES_FROM, END_OF, KEY_OF, SHAPE_OF, Lattice, lattice
 from synth.capture.cues.turning import turn_of
 
@@ -63,7 +63,7 @@ _PIECE_S, _MARGIN_S = 30.0, 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class HeldKey:
     """A key held by the hand.
 
     Attributes
@@ -89,17 +89,17 @@ class Recognised:
 
     Attributes
     ----------
-    held : tuple of Held
+    held : tuple of HeldKey
         In order of time, rests too.
-    looks : Looks
+    looks : KeyAppearance
         Of this cuer, as learnt.
     """
 
-    held: tuple[Held, ...]
-    looks: Looks
+    held: tuple[HeldKey, ...]
+    looks: KeyAppearance
 
 
-def prices(looks: Looks) -> FloatArray:
+def prices(looks: KeyAppearance) -> FloatArray:
     """Return the price of going from one state to another, (S, S): how rarely it is used."""
     keys = np.outer(_SHAPE_USE, _PLACE_USE).ravel()
     use = np.concatenate([[_REST_USE], keys / keys.sum()])
@@ -118,13 +118,13 @@ def prices(looks: Looks) -> FloatArray:
     )  # fmt: skip
 
 
-def recognise_keys(seen: Seen, *, looks: Looks = ANYBODYS) -> Recognised:
+def recognise_keys(seen: HandFeatures, *, looks: KeyAppearance = ANYBODYS) -> Recognised:
     """Return the keys that the hand holds, rests too, in order of time.
 
     Parameters
     ----------
-    seen : Seen
-    looks : Looks
+    seen : HandFeatures
+    looks : KeyAppearance
         What is known of the cuer before.
 
     Notes
@@ -144,7 +144,7 @@ def recognise_keys(seen: Seen, *, looks: Looks = ANYBODYS) -> Recognised:
     return Recognised(tuple(_held(seen, _stayed(runs, seen.rate_hz))), looks)
 
 
-def _turned(seen: Seen, looks: Looks) -> float:
+def _turned(seen: HandFeatures, looks: KeyAppearance) -> float:
     """Return what the turn of the palm counts, after the keys that are recognised without it."""
     widths, places = [], []
     plain = replace(looks, turned=0.0)
@@ -159,7 +159,7 @@ def _turned(seen: Seen, looks: Looks) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class KeyRun:
     """Frames `begin` to `end` that hold key number `state`, with a probability.
 
     `short` if the hand was not quite there.
@@ -173,15 +173,15 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class FramePiece:
     """Frames that are worked on together; those from `core` on count, up to `until`."""
 
-    seen: Seen
+    seen: HandFeatures
     first: int
     core: int
     until: int
 
-    def runs(self, looks: Looks, *, sure: bool) -> list[Run]:
+    def runs(self, looks: KeyAppearance, *, sure: bool) -> list[KeyRun]:
         """Return the keys held from `core` on, with their probabilities if they are asked for."""
         densities = lattice(self.seen, looks)
         states, _ = likeliest(densities, looks)
@@ -192,16 +192,16 @@ class Piece:
             if self.core <= begin < self.until:
                 key = int(KEY_OF[state])
                 likely = float(near[a:b, key].max())
-                found.append(Run(key, begin, end, likely, bool(COMES_FROM[state])))
+                found.append(KeyRun(key, begin, end, likely, bool(COMES_FROM[state])))
         return found
 
 
-def line_value(seen: Seen, looks: Looks = ANYBODYS) -> float:
+def line_value(seen: HandFeatures, looks: KeyAppearance = ANYBODYS) -> float:
     """Return the log likelihood of the best line of keys, but for a constant of the frames."""
     return likeliest(lattice(seen, looks), looks)[1]
 
 
-def likeliest(densities: Lattice, looks: Looks) -> tuple[NDArray[np.int64], float]:
+def likeliest(densities: Lattice, looks: KeyAppearance) -> tuple[NDArray[np.int64], float]:
     """Return the held state of each frame, or -1 on the way, (T,), and the line's likelihood."""
     states = np.empty(len(densities.hold), dtype=np.int64)
     value = _kernels.likeliest(
@@ -211,7 +211,7 @@ def likeliest(densities: Lattice, looks: Looks) -> tuple[NDArray[np.int64], floa
     return states, float(value)
 
 
-def nearness(densities: Lattice, looks: Looks) -> FloatArray:
+def nearness(densities: Lattice, looks: KeyAppearance) -> FloatArray:
     """Return how likely each key is at hand in each frame: held, coming or just left, (T, 41)."""
     near, share = np.empty_like(densities.hold), looks.sure_share
     part = densities.scaled(share)
@@ -225,13 +225,13 @@ def nearness(densities: Lattice, looks: Looks) -> FloatArray:
     return np.minimum(whole, 1.0)
 
 
-def pieces(seen: Seen) -> Iterator[Piece]:
+def pieces(seen: HandFeatures) -> Iterator[FramePiece]:
     """Yield pieces that overlap, so that memory does not grow with the take."""
     size, margin = round(_PIECE_S * seen.rate_hz), round(_MARGIN_S * seen.rate_hz)
     for core in range(0, len(seen), size):
         first, until = max(0, core - margin), min(core + size, len(seen))
         last = min(until + margin, len(seen))
-        yield Piece(seen.part(slice(first, last)), first, core, until)
+        yield FramePiece(seen.part(slice(first, last)), first, core, until)
 
 
 def _runs(states: NDArray[np.int64]) -> list[tuple[int, int, int]]:
@@ -243,7 +243,7 @@ def _runs(states: NDArray[np.int64]) -> list[tuple[int, int, int]]:
 
 
 def _examples(
-    seen: Seen, runs: list[Run], looks: Looks
+    seen: HandFeatures, runs: list[KeyRun], looks: KeyAppearance
 ) -> tuple[list[tuple[int, FloatArray]], list[tuple[int, FloatArray]]]:
     """Return fingers and places at the frames of each held key that look most like it."""
     fingers, places = [], []
@@ -263,20 +263,20 @@ def _examples(
     return fingers, places
 
 
-def _held(seen: Seen, runs: list[Run]) -> Iterator[Held]:
+def _held(seen: HandFeatures, runs: list[KeyRun]) -> Iterator[HeldKey]:
     before, flow = 0, seen.flow()
     for number, run in enumerate(runs):
         shape, place = KEYS[run.state]
         reach = arrival(flow, before, run.begin, run.end) if number else run.begin
         before = run.end
-        yield Held(
+        yield HeldKey(
             shape, place, reach / seen.rate_hz, (run.end - 1) / seen.rate_hz, run.probability
         )
 
 
-def _stayed(runs: list[Run], rate_hz: float) -> list[Run]:
+def _stayed(runs: list[KeyRun], rate_hz: float) -> list[KeyRun]:
     """Return all but what a hand passed: next to rest, or with its fingers ahead of it."""
-    rest = Run(0, 0, 0, 1.0)
+    rest = KeyRun(0, 0, 0, 1.0)
     return [
         run
         for before, run, after in zip([rest, *runs], runs, [*runs[1:], rest], strict=False)
@@ -301,7 +301,7 @@ def arrival(flow: FloatArray, before: int, begin: int, end: int) -> int:
     Parameters
     ----------
     flow : ndarray of float64, shape (T,)
-        `Seen.flow`; NaN where the hand is not seen.
+        `HandFeatures.flow`; NaN where the hand is not seen.
     before, begin, end : int
         End of the key before; begin and end of this one, frames.
 

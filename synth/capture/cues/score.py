@@ -15,7 +15,7 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, NO_CONSONANT_SHAPE, NO_VOWEL_PLACEMENT, SHAPE_OF
 from codec.cues.phonology import PHONE_NUMBER, VOWELS
 from codec.cues.score import PLACEMENTS, Key, Phone, Score
-from synth.capture.cues.recognise import Held
+from synth.capture.cues.recognise import HeldKey
 
 FloatArray = NDArray[np.float64]
 
@@ -49,14 +49,14 @@ LEAST_SURE = 0.6
 
 
 def score_of(
-    held: Sequence[Held], voice: Voice, params: FloatArray, *, rate_hz: float, start_s: float,
+    held: Sequence[HeldKey], voice: Voice, params: FloatArray, *, rate_hz: float, start_s: float,
     given: Sequence[tuple[str, ...]] | None = None,
 ) -> Score:  # fmt: skip
     """Return phones and keys for what the hand held.
 
     Parameters
     ----------
-    held : sequence of Held
+    held : sequence of HeldKey
         From `synth.capture.cues.recognise.recognise_keys` on the same parameters.
     voice : Voice
     params : ndarray, shape (T, P)
@@ -88,14 +88,14 @@ _AS_SHOWN = {
 
 
 def score_of_text(
-    held: Sequence[Held | None], keys: Sequence[Key], voice: Voice, params: FloatArray, *,
+    held: Sequence[HeldKey | None], keys: Sequence[Key], voice: Voice, params: FloatArray, *,
     rate_hz: float, start_s: float,
 ) -> Score:  # fmt: skip
     """Return phones and keys of a text at the times when the hand held them.
 
     Parameters
     ----------
-    held : sequence of Held or None
+    held : sequence of HeldKey or None
         For each of `keys`; what was left out is not in the score.
     keys : sequence of Key
         Of the text.
@@ -112,14 +112,14 @@ def score_of_text(
     )
 
 
-def is_sure(held: Sequence[Held]) -> bool:
+def is_sure(held: Sequence[HeldKey]) -> bool:
     """Return whether enough of the keys are sure."""
     keys = [one.confidence > _UNSURE for one in held if one.shape]
     return bool(keys) and sum(keys) >= LEAST_SURE * len(keys)
 
 
 def _phones_shown(
-    held: Sequence[Held], voice: Voice, params: FloatArray, rate_hz: float
+    held: Sequence[HeldKey], voice: Voice, params: FloatArray, rate_hz: float
 ) -> list[tuple[str, ...]]:
     """Return the phones of each key that is not rest, as the face shows them."""
     face = params[:, voice.face_columns[: voice.gestures.viseme_targets.shape[1]]]
@@ -139,7 +139,7 @@ def _vowel_start(begin: float, end: float) -> float:
     return begin + min(_CONSONANT_PART * (end - begin), _LONGEST_CONSONANT_S)
 
 
-def _spans(held: Sequence[Held], lags: Sequence[float]) -> list[tuple[float, float]]:
+def _spans(held: Sequence[HeldKey], lags: Sequence[float]) -> list[tuple[float, float]]:
     """Return start and end of each key's sound, seconds from the first frame.
 
     `lags` are the seconds from that start to the hand's arrival, of each key that is not rest.
@@ -186,7 +186,13 @@ class _Visemes:
 
 
 def _chosen(
-    one: Held, visemes: _Visemes, begin: float, middle: float, end: float, *, after_consonant: bool
+    one: HeldKey,
+    visemes: _Visemes,
+    begin: float,
+    middle: float,
+    end: float,
+    *,
+    after_consonant: bool,
 ) -> tuple[str, ...]:
     """Return the one or two phones of a key that the face shows best."""
     place = PLACEMENTS[one.placement]

@@ -12,7 +12,13 @@ from codec.cuer.models import rigid
 from codec.cuer.voice import Voice
 from codec.cues.score import PLACEMENT_NUMBER
 from codec.errors import CueError
-from synth.capture.points.place import Place, distance_ratio, hand_error, median_body, unit_of
+from synth.capture.points.place import (
+    Registration,
+    distance_ratio,
+    hand_error,
+    median_body,
+    unit_of,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -25,7 +31,7 @@ _LIKELY = 5, PLACEMENT_NUMBER["side"]
 """Shape and placement of the voice in whose place such a hand is put."""
 
 
-def find_hand_place(markers: FloatArray, unit: str, voice: Voice) -> Place:
+def find_hand_place(markers: FloatArray, unit: str, voice: Voice) -> Registration:
     """Return the place of a take of the hand alone: its palm is held at the side, in the middle.
 
     Parameters
@@ -56,7 +62,7 @@ def find_hand_place(markers: FloatArray, unit: str, voice: Voice) -> Place:
         motion, _ = rigid.estimate_motion(body[known] * unit_mm * flip, rest[None])
         motion = rigid.compose(motion[0], [0.0, 0.0, 0.0, *-shift * unit_mm * flip])
         told = (*notes, "the left hand cues: mirrored") if left else notes
-        places.append(Place(unit_mm, 1.0, False, left, motion, told))
+        places.append(Registration(unit_mm, 1.0, False, left, motion, told))
     errors = [hand_error(place.apply(markers)[:, layout.N_FACE :], voice) for place in places]
     return places[int(errors[1] < errors[0])]
 

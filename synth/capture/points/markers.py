@@ -15,14 +15,14 @@ from synth.capture.points.hand_place import find_hand_place
 from synth.capture.points.labels import Naming, find_names
 from synth.capture.points.place import (
     LEAST_HEAD_MARKERS,
-    Place,
+    Registration,
     find_place,
     shows_head,
 )
 from synth.capture.points.solve import HAND, LEAST_HAND_MARKERS, Quality, resting, solve
 from synth.capture.points.speaker import Speaker
 from synth.capture.sources.readers import read_markers, read_points
-from synth.capture.sources.recording import Recording
+from synth.capture.sources.recording import PointRecording
 
 _SAMPLED_FRAMES = 400
 """Frames from which a take's place and speaker are found."""
@@ -94,7 +94,7 @@ def capture_markers(path: Path, kind: str, voice: Voice, options: CaptureOptions
     )  # fmt: skip
 
 
-def _named(recording: Recording, options: CaptureOptions) -> Naming:
+def _named(recording: PointRecording, options: CaptureOptions) -> Naming:
     """Return where our markers are; say what is there instead if too few of them are."""
     try:
         naming = find_names(recording.labels, mapping=options.mapping, subject=options.subject)
@@ -121,7 +121,11 @@ def _speaker(voice: Voice, sample: np.ndarray, options: CaptureOptions) -> Speak
 
 
 def _report(
-    recording: Recording, naming: Naming, place: Place, speaker: Speaker, quality: Quality
+    recording: PointRecording,
+    naming: Naming,
+    place: Registration,
+    speaker: Speaker,
+    quality: Quality,
 ) -> dict[str, Any]:
     found = naming.found
     names = [name for name, there in zip(layout.MARKERS, found, strict=True) if there]
@@ -174,7 +178,9 @@ def _report(
     }  # fmt: skip
 
 
-def _notes(recording: Recording, naming: Naming, place: Place, quality: Quality) -> list[str]:
+def _notes(
+    recording: PointRecording, naming: Naming, place: Registration, quality: Quality
+) -> list[str]:
     notes = [*recording.notes, *place.notes]
     if int(naming.found[HAND].sum()) < LEAST_HAND_MARKERS:
         notes.append(

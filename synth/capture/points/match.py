@@ -31,7 +31,7 @@ _NEVER = 1e9
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
+class TemplateFit:
     """Points laid on a template.
 
     Attributes
@@ -89,7 +89,7 @@ def lay(
     *,
     free_scale: bool,
     kept: int = 4,
-) -> list[Fit]:
+) -> list[TemplateFit]:
     """Return how points lie on the best of some templates, the best first.
 
     Parameters
@@ -114,7 +114,7 @@ def lay(
             spread = max(float(points.var(0).sum()), _SMALLEST)
             scale = float(np.sqrt(template.var(0).sum() / spread))
         for turn in turns:
-            start = Fit(np.inf, number, scale, turn, middle - scale * turn @ centre)
+            start = TemplateFit(np.inf, number, scale, turn, middle - scale * turn @ centre)
             begun.append(_followed(start, points, template, first, free_scale))
     begun.sort(key=lambda fit: fit.error_mm2)
     done = [
@@ -124,8 +124,12 @@ def lay(
 
 
 def _followed(
-    fit: Fit, points: FloatArray, template: FloatArray, caps: Sequence[float], free_scale: bool
-) -> Fit:
+    fit: TemplateFit,
+    points: FloatArray,
+    template: FloatArray,
+    caps: Sequence[float],
+    free_scale: bool,
+) -> TemplateFit:
     """Return a fit after one round of assignment and fit per cap."""
     error = np.inf
     for cap in caps:

@@ -47,7 +47,7 @@ _LEAST_HAND_MARKERS = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Registration:
     """How the points of a recording come to a voice's coordinates and size.
 
     Attributes
@@ -89,7 +89,7 @@ class Place:
         return rigid.rigid_motion(x, self.motion) if self.motion.any() else x
 
 
-def find_place(markers: FloatArray, unit: str, voice: Voice) -> Place:
+def find_place(markers: FloatArray, unit: str, voice: Voice) -> Registration:
     """Return how a recording comes to the coordinates of `voice`.
 
     Parameters
@@ -124,7 +124,7 @@ def find_place(markers: FloatArray, unit: str, voice: Voice) -> Place:
     motion = rigid.compose(motion, [0.0, 0.0, 0.0, *-centre])
     if left_axes:
         notes.append("the axes are a left-handed system")
-    place = Place(unit_mm, scale, left_axes, False, motion, tuple(notes))
+    place = Registration(unit_mm, scale, left_axes, False, motion, tuple(notes))
     if _uses_left_hand(markers, place, voice):
         return _mirror(markers, place, voice)
     return _calm(place)
@@ -149,7 +149,7 @@ def hand_error(hand: FloatArray, voice: Voice) -> float:
     return float(np.median(gap[seen]))
 
 
-def _calm(place: Place) -> Place:
+def _calm(place: Registration) -> Registration:
     """Return `place` without a change if the recording is in the voice's coordinates already."""
     small = (
         np.linalg.norm(place.motion[:3]) < _SAME_TURN_RAD
@@ -158,12 +158,12 @@ def _calm(place: Place) -> Place:
     )
     if not small or place.left_axes or place.left_handed:
         return place
-    return Place(place.unit_mm, 1.0, False, False, np.zeros(6), place.notes)
+    return Registration(place.unit_mm, 1.0, False, False, np.zeros(6), place.notes)
 
 
-def _mirror(markers: FloatArray, place: Place, voice: Voice) -> Place:
+def _mirror(markers: FloatArray, place: Registration, voice: Voice) -> Registration:
     """Return the place of the mirror image."""
-    plain = Place(place.unit_mm, place.scale, place.left_axes, True, np.zeros(6))
+    plain = Registration(place.unit_mm, place.scale, place.left_axes, True, np.zeros(6))
     flipped = plain.apply(markers)
     columns = _head_columns(flipped)
     body, shift = median_body(flipped[:, columns])
@@ -171,7 +171,7 @@ def _mirror(markers: FloatArray, place: Place, voice: Voice) -> Place:
     motion, _ = _fit(body[known], columns[known], voice)
     motion = rigid.compose(motion, [0.0, 0.0, 0.0, *-shift])
     notes = (*place.notes, "the left hand cues: mirrored")
-    return Place(place.unit_mm, place.scale, place.left_axes, True, motion, notes)
+    return Registration(place.unit_mm, place.scale, place.left_axes, True, motion, notes)
 
 
 def _head_columns(markers: FloatArray) -> NDArray[np.intp]:
@@ -279,7 +279,7 @@ def _fit(body: FloatArray, columns: NDArray[np.intp], voice: Voice) -> tuple[Flo
     return motion[0], float(np.sqrt((gap**2).mean()))
 
 
-def _uses_left_hand(markers: FloatArray, place: Place, voice: Voice) -> bool:
+def _uses_left_hand(markers: FloatArray, place: Registration, voice: Voice) -> bool:
     """Return whether the hand model explains the mirror image of the hand better."""
     upright = place.apply(markers)[:, layout.N_FACE :]
     as_it_is, mirror = (hand_error(upright * [flip, 1.0, 1.0], voice) for flip in (1.0, -1.0))

@@ -24,18 +24,18 @@ from codec.errors import CueError
 from synth.capture.points.adapt import lowest, resized
 from synth.capture.points.labels import Naming, find_names
 from synth.capture.points.match import (
-    Fit,
     FloatArray,
     IntArray,
+    TemplateFit,
     assigned,
     lay,
     margins,
     mean_costs,
     spread_turns,
 )
-from synth.capture.points.place import LEAST_HEAD_MARKERS, Place, find_place
+from synth.capture.points.place import LEAST_HEAD_MARKERS, Registration, find_place
 from synth.capture.points.solve import FACE, HAND, likely_postures
-from synth.capture.sources.recording import Recording
+from synth.capture.sources.recording import PointRecording
 
 BoolArray = NDArray[np.bool_]
 
@@ -136,7 +136,7 @@ class Proposal:
 
 
 def propose_map(
-    recording: Recording,
+    recording: PointRecording,
     voice: Voice,
     *,
     mapping: Mapping[str, str] | None = None,
@@ -146,7 +146,7 @@ def propose_map(
 
     Parameters
     ----------
-    recording : Recording
+    recording : PointRecording
     voice : Voice
         Whose models are the template.
     mapping, subject
@@ -183,7 +183,7 @@ def propose_map(
 
 
 def _free_points(
-    recording: Recording, naming: Naming, sample: NDArray[np.float32], subject: str | None
+    recording: PointRecording, naming: Naming, sample: NDArray[np.float32], subject: str | None
 ) -> IntArray:
     """Return the columns of labels that are not known and are seen for long enough."""
     known = set(naming.columns[naming.found].tolist())
@@ -262,7 +262,7 @@ def _groups(x: FloatArray) -> list[IntArray]:
     return list(found.values())
 
 
-def _lay_face(take: _Take) -> tuple[IntArray, Place]:
+def _lay_face(take: _Take) -> tuple[IntArray, Registration]:
     """Return columns of the face's markers, and the place of all."""
     try:
         return take.known, _placed(take, take.known)
@@ -271,7 +271,7 @@ def _lay_face(take: _Take) -> tuple[IntArray, Place]:
     whole = take.voice.face.reconstruct(np.zeros((1, take.voice.face.n_parameters)))[0]
     templates = (whole, whole[: layout.N_FACE - len(layout.THROAT)])
     free = take.markers[take.markers < layout.N_FACE]
-    tried: list[tuple[float, int, Fit, np.intp]] = []
+    tried: list[tuple[float, int, TemplateFit, np.intp]] = []
     for group in _groups(take.x[:, take.points]):
         points = take.points[group]
         shown = np.isfinite(take.x[:, points, 0])
@@ -292,7 +292,7 @@ def _lay_face(take: _Take) -> tuple[IntArray, Place]:
     raise CueError("no face is found among the points")
 
 
-def _placed(take: _Take, columns: IntArray) -> Place:
+def _placed(take: _Take, columns: IntArray) -> Registration:
     face = columns.copy()
     face[layout.N_FACE :] = -1
     return find_place(_as_markers(take.x, face), take.unit, take.voice)
@@ -406,7 +406,7 @@ def _judged(
 
 
 def _believed(
-    recording: Recording,
+    recording: PointRecording,
     naming: Naming,
     points: IntArray,
     markers: IntArray,

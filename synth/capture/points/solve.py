@@ -17,10 +17,10 @@ from codec.cuer.models.hand import HandModel
 from codec.cuer.models.inversion import bridge, invert_face, invert_hand
 from codec.cuer.voice import Voice
 from synth.capture.points.labels import Naming
-from synth.capture.points.place import Place
+from synth.capture.points.place import Registration
 from synth.capture.points.relabel import Repairs, relabel
 from synth.capture.points.speaker import Speaker
-from synth.capture.sources.recording import Recording
+from synth.capture.sources.recording import PointRecording
 
 FloatArray = NDArray[np.float64]
 
@@ -88,9 +88,9 @@ class Quality:
 
 
 def solve(
-    recording: Recording,
+    recording: PointRecording,
     naming: Naming,
-    place: Place,
+    place: Registration,
     speaker: Speaker,
     quality: Quality,
     *,

@@ -145,11 +145,11 @@ def landmark_frames(
 
 def _opened(
     path: Path, lines: Iterable[str], rate_hz: float | None
-) -> "tuple[_Clock, Iterator[tuple[list[str], list[Point]]]]":
+) -> "tuple[_RowClock, Iterator[tuple[list[str], list[Point]]]]":
     """Return the clock of a table, and its rows as they come."""
     rows = csv.reader(lines)
     titles = [title.strip().strip('"').casefold() for title in next(rows, [])]
-    clock = _Clock(path, titles, rate_hz or USUAL_RATE_HZ)
+    clock = _RowClock(path, titles, rate_hz or USUAL_RATE_HZ)
     wide = {n: match for n, title in enumerate(titles) if (match := _wide(title))}
     return clock, _read_wide(wide, rows) if wide else _read_long(path, titles, rows)
 
@@ -158,7 +158,7 @@ def _wide(title: str) -> "re.Match[str] | None":
     return next((m for pattern in _WIDE if (m := pattern.match(title))), None)
 
 
-class _Clock:
+class _RowClock:
     """What tells a row's time."""
 
     def __init__(self, path: Path, titles: list[str], rate_hz: float) -> None:
@@ -231,7 +231,7 @@ def _read_long(
 
 
 def _gathered(
-    path: Path, clock: _Clock, read: Iterator[tuple[list[str], list[Point]]]
+    path: Path, clock: _RowClock, read: Iterator[tuple[list[str], list[Point]]]
 ) -> LandmarkTable:
     """Return the table of coordinates that come row by row, one or more rows a frame."""
     times: list[float] = []
@@ -255,7 +255,7 @@ def _gathered(
 
 
 def _frames(
-    clock: _Clock, read: Iterator[tuple[list[str], list[Point]]]
+    clock: _RowClock, read: Iterator[tuple[list[str], list[Point]]]
 ) -> Iterator[tuple[float, dict[str, FloatArray]]]:
     """Yield times, rising, and the parts that each frame shows."""
     now, frame = -np.inf, dict[str, FloatArray]()

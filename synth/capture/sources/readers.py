@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from codec.files.c3d_points import open_c3d
-from synth.capture.sources.recording import MAX_LABELS, Recording, Spool, numbers, text_lines
+from synth.capture.sources.recording import MAX_LABELS, PointRecording, Spool, numbers, text_lines
 from synth.capture.sources.sniff import kind_of
 
 _HEADER_LINES = 64
 """Lines within which a table's header ends."""
 
 
-def read_points(path: str | os.PathLike[str], kind: str) -> Recording:
+def read_points(path: str | os.PathLike[str], kind: str) -> PointRecording:
     """Return the recording in a file.
 
     Parameters
@@ -39,7 +39,7 @@ def read_points(path: str | os.PathLike[str], kind: str) -> Recording:
         raise CueError(f"{path}: malformed: {error}") from error
 
 
-def read_markers(path: str | os.PathLike[str], why: str) -> Recording:
+def read_markers(path: str | os.PathLike[str], why: str) -> PointRecording:
     """Return the recording in a file of markers of whatever kind.
 
     Parameters
@@ -59,18 +59,18 @@ def read_markers(path: str | os.PathLike[str], why: str) -> Recording:
     return read_points(path, kind)
 
 
-def _read_c3d(path: str) -> Recording:
+def _read_c3d(path: str) -> PointRecording:
     file = open_c3d(path)
     notes = []
     if file.missing_frames:
         notes.append(f"{file.missing_frames} of the frames that the file claims are not in it")
-    return Recording(
+    return PointRecording(
         Path(path).name, "C3D", file.labels, file.unit, file.rate_hz, file.start_s,
         file.n_frames, tuple(notes), file.frames,
     )  # fmt: skip
 
 
-def _read_trc(path: str) -> Recording:
+def _read_trc(path: str) -> PointRecording:
     """Read a TRC file (Motion Analysis, OpenSim).
 
     Line 3 holds rate, unit and numbers, line 4 the labels, each over three columns, line 5 the
@@ -91,13 +91,13 @@ def _read_trc(path: str) -> Recording:
     claimed = facts.get("NumFrames", "")
     if claimed.isdecimal() and int(claimed) > rows.count:
         notes.append(f"{int(claimed) - rows.count} of the frames that the file claims are missing")
-    return Recording(
+    return PointRecording(
         Path(path).name, "TRC", tuple(labels), facts.get("Units", "").lower(), rate_hz,
         rows.first_s, rows.count, tuple(notes), rows.points,
     )  # fmt: skip
 
 
-def _read_tsv(path: str) -> Recording:
+def _read_tsv(path: str) -> PointRecording:
     """Read what Qualisys Track Manager exports: lines of facts, then a column per coordinate."""
     facts: dict[str, list[str]] = {}
     lines = text_lines(path)
@@ -118,7 +118,7 @@ def _read_tsv(path: str) -> Recording:
     if lead not in (0, 1, 2):
         raise CueError(f"{path}: {len(labels)} markers but {count} columns of numbers")
     rows = _rows(path, _with_first(first, lines), "\t", lead=lead, labels=labels)
-    return Recording(
+    return PointRecording(
         Path(path).name, "TSV", tuple(labels), "mm", float(facts["FREQUENCY"][0]),
         rows.first_s, rows.count, tuple(rows.notes), rows.points,
     )  # fmt: skip
@@ -184,7 +184,7 @@ def _is_number(text: str) -> bool:
     return not np.isnan(numbers([text or "nan"])[0])
 
 
-def _read_csv(path: str) -> Recording:
+def _read_csv(path: str) -> PointRecording:
     """Read a table with the time in the first column, then NAME.x, NAME.y, NAME.z in any order."""
     lines = text_lines(path)
     titles = [title.strip() for title in next(csv.reader(lines))]
@@ -211,6 +211,6 @@ def _read_csv(path: str) -> Recording:
     if len(times) < 2 or times[-1] <= times[0]:
         raise CueError(f"{path}: the first column is not a time that rises")
     rate_hz = (len(times) - 1) / (times[-1] - times[0])
-    return Recording(
+    return PointRecording(
         Path(path).name, "CSV", tuple(labels), "", rate_hz, times[0], len(times), (), points,
     )  # fmt: skip

@@ -33,7 +33,7 @@ _SPOOL_ROWS = 512
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class PointRecording:
     """Labelled points over time.
 
     Attributes

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.cuer.voice import Voice
-from synth.capture.cues.features import Seen, see
+from synth.capture.cues.features import HandFeatures, see
 from synth.capture.cues.lattice import FRAME_SHARE
 from synth.capture.cues.recognise import line_value
 from synth.capture.sources.landmark_table import LandmarkTable
@@ -93,7 +93,7 @@ def _value(table: LandmarkTable, voice: Voice, aspect: float) -> float:
     return float(value + line_value(seen) - squeezed)
 
 
-def _glimpse(table: LandmarkTable, picture: Picture) -> Seen | None:
+def _glimpse(table: LandmarkTable, picture: Picture) -> HandFeatures | None:
     """Return the part of a take that shows the hand most; None if it shows none."""
     hand, face = picture.hand(table), picture.face(table)
     if hand is None:

@@ -6,7 +6,7 @@ In: the tagged words of a stretch.  Each rule looks at the words around and sets
 from collections.abc import Callable, Sequence
 
 from synth.language.text.lexicon import decode
-from synth.language.text.words import Item
+from synth.language.text.words import DraftWord
 
 _THREADS = (
     "électri fer coudre soie lain coton nylon télépho barbel tiss cuivre aiguill bobin cous dénud "
@@ -17,7 +17,7 @@ _PLURALS = frozenset("des les ces mes tes ses nos vos leurs aux deux trois quatr
 _NEGATIONS = frozenset("ne n' non pas sans jamais".split())
 
 
-def resolve(stretch: Sequence[Item]) -> None:
+def resolve(stretch: Sequence[DraftWord]) -> None:
     """Set the phones of the homographs of a stretch of words."""
     for position, item in enumerate(stretch):
         rule = _RULES.get(item.text)
@@ -25,11 +25,11 @@ def resolve(stretch: Sequence[Item]) -> None:
             item.phones = decode(rule(stretch, position))
 
 
-def _text(stretch: Sequence[Item], position: int) -> str:
+def _text(stretch: Sequence[DraftWord], position: int) -> str:
     return stretch[position].text if 0 <= position < len(stretch) else ""
 
 
-def _plus(stretch: Sequence[Item], position: int) -> str:
+def _plus(stretch: Sequence[DraftWord], position: int) -> str:
     """Return ply when it denies or compares; plys when it adds or ends the phrase."""
     before, after = _text(stretch, position - 1), _text(stretch, position + 1)
     if any(item.text in _NEGATIONS or item.text == "plus" for item in stretch[:position]):
@@ -44,7 +44,7 @@ def _plus(stretch: Sequence[Item], position: int) -> str:
     return "ply"
 
 
-def _tous(stretch: Sequence[Item], position: int) -> str:
+def _tous(stretch: Sequence[DraftWord], position: int) -> str:
     """Return tu before what it determines, tus when it stands alone."""
     after = stretch[position + 1] if position + 1 < len(stretch) else None
     if after is None or after.text == "ensemble":
@@ -55,7 +55,7 @@ def _tous(stretch: Sequence[Item], position: int) -> str:
     return "tu" if after.word_class in "NA" and not alone else "tus"
 
 
-def _fils(stretch: Sequence[Item], position: int) -> str:
+def _fils(stretch: Sequence[DraftWord], position: int) -> str:
     """Return fil for threads, which their company betrays, fis for sons."""
     if _text(stretch, position - 1) in _POSSESSIVES:
         return "fis"
@@ -63,13 +63,13 @@ def _fils(stretch: Sequence[Item], position: int) -> str:
     return "fil" if any(word.startswith(thread) for word in near for thread in _THREADS) else "fis"
 
 
-def _os(stretch: Sequence[Item], position: int) -> str:
+def _os(stretch: Sequence[DraftWord], position: int) -> str:
     """Return Os for one bone, o for several."""
     near = {_text(stretch, position - 1), _text(stretch, position - 2)}
     return "o" if near & _PLURALS else "Os"
 
 
-def _est(stretch: Sequence[Item], position: int) -> str:
+def _est(stretch: Sequence[DraftWord], position: int) -> str:
     """Return Est for the point of the compass: after d', and after l' that no subject precedes."""
     if _text(stretch, position - 1) == "d'":
         return "Est"
@@ -78,7 +78,7 @@ def _est(stretch: Sequence[Item], position: int) -> str:
     return "Est" if stretch[position].word_class in "NA" or (named and not subject) else "E"
 
 
-def _convient(stretch: Sequence[Item], position: int) -> str:
+def _convient(stretch: Sequence[DraftWord], position: int) -> str:
     """Return k§vi (from convier) for several who invite, k§vj5 (from convenir) else."""
     before = [item.text for item in stretch[:position]]
     near = [word for word in before if word not in _CLITICS][-1:]
@@ -86,7 +86,7 @@ def _convient(stretch: Sequence[Item], position: int) -> str:
     return "k§vi" if several or _plural_noun(stretch, position) else "k§vj5"
 
 
-def _plural_noun(stretch: Sequence[Item], position: int) -> bool:
+def _plural_noun(stretch: Sequence[DraftWord], position: int) -> bool:
     """Whether the word stands right after a noun in the plural and its determiner."""
     end = position
     while end and stretch[end - 1].text in _CLITICS:
@@ -97,7 +97,7 @@ def _plural_noun(stretch: Sequence[Item], position: int) -> bool:
     return any(item.text in _PLURALS for item in head[-4:-1])
 
 
-def _punch(stretch: Sequence[Item], position: int) -> str:
+def _punch(stretch: Sequence[DraftWord], position: int) -> str:
     """Return pœnʃ for a blow and for energy, pɔ̃ʃ for the drink."""
     near = [item.text for item in stretch[max(0, position - 5) : position + 4]]
     if any(word.startswith(drink) for word in near for drink in _DRINKS):
@@ -109,7 +109,7 @@ _CLITICS = frozenset("ne n' nous vous les le la l' leur lui me m' te t' se s' y 
 _DRINKS = "boi boire bu buv verre bol rhum cocktail planteur coco goût sers servi tasse".split()
 _ENERGY = frozenset("du de son ton mon ce quel plein manque sans peu leur".split())
 
-_RULES: dict[str, Callable[[Sequence[Item], int], str]] = {
+_RULES: dict[str, Callable[[Sequence[DraftWord], int], str]] = {
     "plus": _plus, "tous": _tous, "fils": _fils, "os": _os, "est": _est,
     "convient": _convient, "punch": _punch,
 }  # fmt: skip

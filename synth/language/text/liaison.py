@@ -10,7 +10,7 @@ import re
 from collections.abc import Sequence
 
 from codec.cues.phonology import VOWELS
-from synth.language.text.words import Item
+from synth.language.text.words import DraftWord
 
 _MUTE_H = re.compile(
     "h(?:a(?:bi|gi|lein|lieu|lluc|log|lt[eè]r|meç|rmon|rusp)|eb|éb|éc|ect|éd|ég|él(?!er|e$|ai|è)|elv|ém|end|"
@@ -68,21 +68,21 @@ def opens(word: str, phones: Sequence[str]) -> bool:
     return phones[0] in _VOWEL_SET or (phones[0] in ("w", "j", "ɥ") and word[0] in "oyu")
 
 
-def link(left: Item, right: Item, *, joined_left: bool = False) -> str:
+def link(left: DraftWord, right: DraftWord, *, joined_left: bool = False) -> str:
     """Return the consonant heard between two words of which the second `opens`, or "".
 
     Parameters
     ----------
-    left, right : Item
+    left, right : DraftWord
         Neighbouring words with their classes.
     joined_left : bool
         Whether a hyphen stands before `left` (``dit-on``: no link to what follows).
 
     Examples
     --------
-    >>> link(Item("les", (), word_class="D"), Item("amis", (), word_class="N"))
+    >>> link(DraftWord("les", (), word_class="D"), DraftWord("amis", (), word_class="N"))
     'z'
-    >>> link(Item("et", (), word_class="C"), Item("ami", (), word_class="N"))
+    >>> link(DraftWord("et", (), word_class="C"), DraftWord("ami", (), word_class="N"))
     ''
     """
     consonant = LINK_OF_LETTER.get(left.text[-1], "")
@@ -98,7 +98,7 @@ def link(left: Item, right: Item, *, joined_left: bool = False) -> str:
     return consonant if not inverted and _linked(left, right) else ""
 
 
-def _linked(left: Item, right: Item) -> bool:
+def _linked(left: DraftWord, right: DraftWord) -> bool:
     """Whether the classes of two words without a hyphen ask for a link."""
     word, own, other = _tail(left), left.word_class, right.word_class
     if other == "C" or right.text in ("et", "ou", "où"):
@@ -120,7 +120,7 @@ def _linked(left: Item, right: Item) -> bool:
     return own == "A" and other == "N" and word[-1] in "sx"
 
 
-def _tail(item: Item) -> str:
+def _tail(item: DraftWord) -> str:
     """Return what decides about a link: the last part of a compound numeral."""
     return item.text.rsplit("-", 1)[-1] if item.word_class == "U" else item.text
 

@@ -18,7 +18,7 @@ from synth.language.text import espeak, homographs, liaison
 from synth.language.text.lexicon import Variant, lookup, lookup_name
 from synth.language.text.normalise import PAUSES, normalise
 from synth.language.text.tagging import SUBJECT, tag
-from synth.language.text.words import Item, Word
+from synth.language.text.words import DraftWord, Word
 
 LIAISONS = ("obligatory", "none")
 SCALES = ("cent", "cents", "mille")
@@ -98,7 +98,7 @@ def phonemise(
     >>> ["".join(word.phones) for word in phonemise("Les enfants jouent.")]
     ['le', 'zɑ̃fɑ̃', 'ʒu']
     """
-    items: list[Item] = []
+    items: list[DraftWord] = []
     for stretch in _stretches(normalise(text, user_lexicon or {}), user_lexicon or {}):
         _tag(stretch)
         homographs.resolve(stretch)
@@ -109,9 +109,9 @@ def phonemise(
 
 def _stretches(
     tokens: Sequence[str], user_lexicon: Mapping[str, tuple[Variant, ...]]
-) -> Iterator[list[Item]]:
+) -> Iterator[list[DraftWord]]:
     """Yield the words between pauses, each with its variants."""
-    stretch: list[Item] = []
+    stretch: list[DraftWord] = []
     for token in tokens:
         if token in PAUSES:
             stretch[-1].pause = token
@@ -123,14 +123,14 @@ def _stretches(
         yield stretch
 
 
-def _items(token: str, user_lexicon: Mapping[str, tuple[Variant, ...]]) -> list[Item]:
+def _items(token: str, user_lexicon: Mapping[str, tuple[Variant, ...]]) -> list[DraftWord]:
     """Return the token as one item, or cut at its hyphens if only its parts are known."""
     if token[0].isupper() and (name := lookup_name(token.lower())):
-        return [Item(token.lower(), name)]
+        return [DraftWord(token.lower(), name)]
     token = token.lower()
     known = user_lexicon.get(token) or lookup(token) or lookup_name(token)
     if known:
-        return [Item(token, known)]
+        return [DraftWord(token, known)]
     parts = token.split("-")
     if len(parts) > 1:
         items = [item for part in parts for item in _items(part, user_lexicon)]
@@ -138,7 +138,7 @@ def _items(token: str, user_lexicon: Mapping[str, tuple[Variant, ...]]) -> list[
             item.hyphen = True
         return items
     guessed = _guess(token)
-    return [Item(token, guessed, guess=guessed[0].phones)]
+    return [DraftWord(token, guessed, guess=guessed[0].phones)]
 
 
 def _guess(word: str) -> tuple[Variant, ...]:
@@ -173,7 +173,7 @@ def _future(word: str) -> tuple[str, ...]:
     return (*infinitive[0].phones[:-1], "ə", "ʁ", *FUTURE_ENDINGS[match[2]])
 
 
-def _tag(stretch: Sequence[Item]) -> None:
+def _tag(stretch: Sequence[DraftWord]) -> None:
     """Choose the class of each word and the variant that the class prefers."""
     merged = []
     for item in stretch:
@@ -188,7 +188,7 @@ def _tag(stretch: Sequence[Item]) -> None:
         item.phones = max(item.variants, key=lambda v: v.classes.get(wanted, -1)).phones
 
 
-def _speak_together(stretch: Sequence[Item], style: Style) -> None:
+def _speak_together(stretch: Sequence[DraftWord], style: Style) -> None:
     """Apply what neighbours do to each other: numerals, liaison, final schwa."""
     hyphen_before = False
     for left, right in itertools.pairwise(stretch):
@@ -208,7 +208,7 @@ def _speak_together(stretch: Sequence[Item], style: Style) -> None:
         stretch[-1].phones += _final_schwa(stretch[-1], None, style)
 
 
-def _final_schwa(item: Item, following: Item | None, style: Style) -> tuple[str, ...]:
+def _final_schwa(item: DraftWord, following: DraftWord | None, style: Style) -> tuple[str, ...]:
     """Return ("ə",) if the mute e at the end of the word is spoken, else ()."""
     mute = item.text.endswith(("e", "es")) or (item.text.endswith("ent") and item.word_class == "V")
     phones = item.phones

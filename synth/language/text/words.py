@@ -31,7 +31,7 @@ class Word:
 
 
 @dataclass(slots=True)
-class Item:
+class DraftWord:
     """A word on its way: what `Word` holds, and whether a hyphen ties it to the next."""
 
     text: str

@@ -1,6 +1,6 @@
 """The virtual cuer's forward model: a pose in, points of her skin out.
 
-A `Pose` holds face-unit weights, the head's turn and shift, the hand's angles and the forearm's
+A `BodyPose` holds face-unit weights, the head's turn and shift, the hand's angles and the forearm's
 rigid motion, each per frame. `Body.markers` gives the 113 markers, `Body.points` any skin.
 """
 
@@ -43,7 +43,7 @@ REFERENCE_FOREARM = frame(
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
+class BodyPose:
     """A run of poses.
 
     Attributes
@@ -113,7 +113,7 @@ class Body:
     unit_names: tuple[str, ...]
     landmarks: dict[str, FloatArray]
 
-    def markers(self, pose: Pose) -> FloatArray:
+    def markers(self, pose: BodyPose) -> FloatArray:
         """Return the 113 markers, shape (T, 113, 3), mm."""
         return np.concatenate(
             [self.face(pose.units, pose.head), self.hand(pose.angles, pose.forearm)], axis=1
@@ -129,7 +129,7 @@ class Body:
         bones = self.arm_bones(angles, forearm)
         return self.hand_skin.place_moved(self.hand_tissue.shift(angles), *bones)
 
-    def normals(self, pose: Pose) -> FloatArray:
+    def normals(self, pose: BodyPose) -> FloatArray:
         """Return the outward normals of the skin at the markers, shape (T, 113, 3)."""
         face = self.face_skin.turned(self.face_normals, self.neck(pose.head)[0])
         bones = self.arm_bones(pose.angles, pose.forearm)

@@ -55,7 +55,7 @@ _FOREARM_ANGLES_DEG = (-95.0, -32.0, 32.0, 95.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class SkinPoints:
     """Points on the skin.
 
     Attributes
@@ -73,21 +73,21 @@ class Places:
         """Return per-vertex `values` (V, ...) at the points, shape (N, ...)."""
         return np.asarray(np.einsum("nc,nc...->n...", self.shares, values[self.corners]))
 
-    def chosen(self, numbers: NDArray[np.int64]) -> "Places":
+    def chosen(self, numbers: NDArray[np.int64]) -> "SkinPoints":
         """Return the points of those numbers."""
-        return Places(self.corners[numbers], self.shares[numbers])
+        return SkinPoints(self.corners[numbers], self.shares[numbers])
 
 
-def sample_skin(mesh: Mesh) -> Places:
+def sample_skin(mesh: Mesh) -> SkinPoints:
     """Return a dense grid of points on the skin, all vertices included."""
     step = np.linspace(0.0, 1.0, _PER_EDGE)
     u, v = (grid.ravel() for grid in np.meshgrid(step, step))
     shares = np.stack([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v], axis=1)
     corners = np.repeat(mesh.faces, len(shares), axis=0)
-    return Places(corners, np.tile(shares, (len(mesh.faces), 1)))
+    return SkinPoints(corners, np.tile(shares, (len(mesh.faces), 1)))
 
 
-def face_places(mesh: Mesh, skin: Places, layout: str | os.PathLike[str]) -> Places:
+def face_places(mesh: Mesh, skin: SkinPoints, layout: str | os.PathLike[str]) -> SkinPoints:
     """Return the 63 face markers on `skin`.
 
     Raises
@@ -140,7 +140,7 @@ def _nearest(points: FloatArray, point: FloatArray) -> int:
     return int(np.argmin(np.linalg.norm(points - point, axis=1)))
 
 
-def hand_places(mesh: Mesh, skin: Places, frames: FloatArray) -> Places:
+def hand_places(mesh: Mesh, skin: SkinPoints, frames: FloatArray) -> SkinPoints:
     """Return the 50 hand markers on `skin`, given the bones' rest frames (22, 3, 3)."""
     spots: dict[str, tuple[str, float, float]] = {}
     for number, names in enumerate(FINGERS, start=1):
@@ -162,7 +162,7 @@ def hand_places(mesh: Mesh, skin: Places, frames: FloatArray) -> Places:
 
 
 def _around_bone(
-    mesh: Mesh, skin: Places, points: FloatArray, frames: FloatArray,
+    mesh: Mesh, skin: SkinPoints, points: FloatArray, frames: FloatArray,
     bone: str, part: float, angle_deg: float,
 ) -> int:  # fmt: skip
     """Return the point at `part` of a bone's length, turned from dorsal towards ulnar."""

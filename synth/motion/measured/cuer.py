@@ -10,11 +10,11 @@ from codec.cuer.voice import Voice
 from codec.cues.phonology import PAUSE, PHONE_NUMBER
 from codec.cues.score import Key, Score
 from codec.errors import CueError
-from synth.motion.body.body import Body, Pose, load_asset, load_body
+from synth.motion.body.body import Body, BodyPose, load_asset, load_body
 from synth.motion.body.skeleton import HAND_ANGLES
-from synth.motion.measured.drift_noise import Wander
+from synth.motion.measured.drift_noise import DriftNoise
 from synth.motion.measured.face import articulators, steps
-from synth.motion.measured.plan import Plan, make_plan
+from synth.motion.measured.plan import MovementPlan, make_plan
 from synth.motion.rules.gesture import GestureSynthesiser, Labels
 from synth.motion.rules.visemes import ARTICULATORS, UNITS_OF
 
@@ -62,7 +62,7 @@ class Performer(Protocol):
     body: Body
     rate_hz: float
 
-    def pose(self, score: Score, start_s: float, n_frames: int) -> Pose:
+    def pose(self, score: Score, start_s: float, n_frames: int) -> BodyPose:
         """Return the pose of each frame."""
 
     def markers(self, score: Score, start_s: float, n_frames: int) -> NDArray[np.float32]:
@@ -145,18 +145,20 @@ class MeasuredCuer:
         reach = load_asset(f"reach_{identity}")
         self._wrist, self._forearm = reach["wrist"], reach["forearm"]
         mobility = self.body.habits.head_mobility
-        self._head = Wander(_HEAD_SD * mobility, _HEAD_STEP_S, self._seed + 10)
-        self._arm = Wander(_FREE_ARM_SD if free_space else _ARM_SD, _ARM_STEP_S, self._seed + 11)
+        self._head = DriftNoise(_HEAD_SD * mobility, _HEAD_STEP_S, self._seed + 10)
+        self._arm = DriftNoise(
+            _FREE_ARM_SD if free_space else _ARM_SD, _ARM_STEP_S, self._seed + 11
+        )
         sizes = np.full(len(HAND_ANGLES), _FINGER_SD_DEG)
         sizes[:3] = _FREE_WRIST_SD_DEG if free_space else _WRIST_SD_DEG
-        self._fingers = Wander(sizes, _FINGER_STEP_S, self._seed + 12)
+        self._fingers = DriftNoise(sizes, _FINGER_STEP_S, self._seed + 12)
         self._gains = self._unit_gains()
-        self._face = Wander(
+        self._face = DriftNoise(
             np.full(len(self.body.unit_names), _UNIT_SD), _UNIT_STEP_S, self._seed + 13
         )
-        self._planned: tuple[Score, Plan, tuple[FloatArray, FloatArray]] | None = None
+        self._planned: tuple[Score, MovementPlan, tuple[FloatArray, FloatArray]] | None = None
 
-    def pose(self, score: Score, start_s: float, n_frames: int) -> Pose:
+    def pose(self, score: Score, start_s: float, n_frames: int) -> BodyPose:
         """Return face-unit weights, head, hand angles and forearm of each frame."""
         times = start_s + np.arange(n_frames) / self.rate_hz
         plan, (at, values) = self._plan(score)
@@ -166,7 +168,7 @@ class MeasuredCuer:
         forearm[:, 3:] += _FOLLOWS * raised[:, None] * self._carried(forearm[:, 3:], head)
         angles = plan.fingers.at(times) + self._fingers.at(times)
         units = articulators(times, at, values) @ self._gains + self._face.at(times)
-        return Pose(units, head, angles, forearm)
+        return BodyPose(units, head, angles, forearm)
 
     def markers(self, score: Score, start_s: float, n_frames: int) -> NDArray[np.float32]:
         """Return the true markers, shape (n_frames, 113, 3), mm."""
@@ -202,7 +204,7 @@ class MeasuredCuer:
         plan, _ = self._plan(score)
         return [(key, float(at)) for key, at in zip(plan.keys[1:], plan.arrive[1:], strict=True)]
 
-    def _plan(self, score: Score) -> tuple[Plan, tuple[FloatArray, FloatArray]]:
+    def _plan(self, score: Score) -> tuple[MovementPlan, tuple[FloatArray, FloatArray]]:
         if self._planned is None or self._planned[0] is not score:
             plan = make_plan(score, self.body, self._wrist, self._forearm, self._seed)
             self._planned = score, plan, steps(score, self._seed)

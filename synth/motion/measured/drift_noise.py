@@ -16,7 +16,7 @@ _SPREAD = np.sqrt(0.4794)
 
 
 @dataclass(frozen=True, slots=True)
-class Wander:
+class DriftNoise:
     """Slow random motion of several channels.
 
     Attributes
@@ -37,7 +37,7 @@ class Wander:
 
         Examples
         --------
-        >>> wander = Wander(np.array([2.0]), 0.5, 7)
+        >>> wander = DriftNoise(np.array([2.0]), 0.5, 7)
         >>> bool((wander.at(np.array([3.0])) == wander.at(np.array([1.0, 3.0]))[1]).all())
         True
         """

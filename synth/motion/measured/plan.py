@@ -15,7 +15,7 @@ from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, Key, Phone, Score
 from synth.motion.body.body import Body
 from synth.motion.body.shapes import all_shapes
 from synth.motion.body.skeleton import HAND_ANGLES
-from synth.motion.measured.drift_noise import Wander, normals_of
+from synth.motion.measured.drift_noise import DriftNoise, normals_of
 from synth.motion.measured.strokes import Strokes
 
 FloatArray = NDArray[np.float64]
@@ -92,7 +92,7 @@ _REST_BEFORE_S = 0.55
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class MovementPlan:
     """Aims of a score, rest included; G of them.
 
     Attributes
@@ -152,7 +152,9 @@ def paced(score: Score, keys_per_s: float = KEYS_PER_S) -> Score:
     )
 
 
-def make_plan(score: Score, body: Body, wrist: FloatArray, forearm: FloatArray, seed: int) -> Plan:
+def make_plan(
+    score: Score, body: Body, wrist: FloatArray, forearm: FloatArray, seed: int
+) -> MovementPlan:
     """Return the plan of a score.
 
     Parameters
@@ -180,7 +182,7 @@ def make_plan(score: Score, body: Body, wrist: FloatArray, forearm: FloatArray, 
     arms[:, 3:5] += _side_lumps(placement, drawn[:, 7])[:, None] * _LUMP_MM
     begin, span = _times(arms, arrive, drawn)
     leave = np.append(begin[1:], np.inf)
-    return Plan(
+    return MovementPlan(
         tuple(keys), shape, placement, arrive, leave,
         _arm(arms, begin, span, drawn), _fingers(angles, begin, span, drawn, seed),
     )  # fmt: skip
@@ -204,7 +206,7 @@ def _aims(score: Score, seed: int) -> tuple[list[Key | None], FloatArray]:
     """Return what is aimed at, rests too, and when it is reached; the first is long past."""
     keys: list[Key | None] = [None]
     arrive = [-1e6]
-    slow = Wander(np.array([_BEFORE_LIPS_S[1]]), _SLOW_KEYS, seed + 4)
+    slow = DriftNoise(np.array([_BEFORE_LIPS_S[1]]), _SLOW_KEYS, seed + 4)
     lag = slow.at(np.arange(float(len(score.keys))))[:, 0]
     lag += _BEFORE_LIPS_S[2] * np.array(
         [normals_of(seed + 4, -n - 2, 1)[0] for n, _ in enumerate(lag)]

@@ -24,7 +24,7 @@ from codec.cues.score import PLACEMENTS, Key, Score
 from codec.cues.timeline import TICK_S, Sounding, to_ticks
 from codec.errors import CueError
 from codec.superframe.lips import LipContract
-from synth.motion.body.body import Body, Pose, load_asset, load_body
+from synth.motion.body.body import Body, BodyPose, load_asset, load_body
 from synth.motion.body.reach import placement_target
 from synth.motion.body.shapes import all_shapes
 from synth.motion.body.skeleton import ANGLE_NUMBER, HAND_ANGLES
@@ -241,7 +241,7 @@ class GestureSynthesiser:
         motion.params[:, :N_FACE_PARAMETERS] = self._lips[1].kept(face, near, ticks)
         return motion
 
-    def pose(self, score: Score, start_s: float, n_frames: int) -> Pose:
+    def pose(self, score: Score, start_s: float, n_frames: int) -> BodyPose:
         """Return face-unit weights, head, hand angles and forearm of each frame."""
         times = self.times_s(start_s, n_frames)
         plan = self._plan(score)
@@ -263,7 +263,7 @@ class GestureSynthesiser:
         forearm[:, 3:] += self._arc(plan, times)
         forearm[:, 3:] += carrier[:, 3:] * self._carried(carrier[:, :3], head)
         angles = course(plan.angles, self._begins, self._ends) + self._angle_drift.at(times)
-        return Pose(self._units(plan, times), head, angles, forearm)
+        return BodyPose(self._units(plan, times), head, angles, forearm)
 
     def _arc(self, plan: _Plan, times: FloatArray) -> FloatArray:
         """Return how far the wrist leaves the straight way, (T, 3), mm."""
@@ -290,10 +290,10 @@ class GestureSynthesiser:
         angles, forearm = self.key_poses()
         still = np.zeros((len(angles), 6))
         face = np.zeros((len(angles), len(self.body.unit_names)))
-        keys = self.body.markers(Pose(face, still, angles, forearm))
+        keys = self.body.markers(BodyPose(face, still, angles, forearm))
         units = viseme_table()[0] @ self._unit_matrix
         n = len(units)
-        at_rest = Pose(
+        at_rest = BodyPose(
             units, still[:n], np.repeat(angles[:1], n, axis=0), np.repeat(forearm[:1], n, axis=0)
         )
         visemes = self.body.markers(at_rest)

@@ -41,7 +41,7 @@ _WRIST_ANGLES = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class VisibilityModel:
     """A cuer's hand, as far as it matters to what is seen of it.
 
     Attributes
@@ -70,7 +70,7 @@ class Sight:
     arc: FloatArray
 
     @classmethod
-    def of(cls, cuer: GestureSynthesiser, movement: Movement = FLOWING) -> "Sight":
+    def of(cls, cuer: GestureSynthesiser, movement: Movement = FLOWING) -> "VisibilityModel":
         """Return what a virtual cuer's hand looks like."""
         angles, forearm = cuer.key_poses()
         wrist = forearm[:, 3:]
@@ -84,7 +84,7 @@ class Sight:
         return cls._from(movement, wrist, np.array(tip), knuckle, classes, ARC)
 
     @classmethod
-    def of_voice(cls, voice: Voice) -> "Sight":
+    def of_voice(cls, voice: Voice) -> "VisibilityModel":
         """Return what the hand of a voice without a body looks like, from its targets.
 
         Its wrist turns with its place, and its ways are straight (`synth.motion.rules.bodiless`).
@@ -114,7 +114,7 @@ class Sight:
     def _from(
         cls, movement: Movement, place: FloatArray, tip: FloatArray, knuckle: FloatArray,
         classes: Classes, arc: FloatArray,
-    ) -> "Sight":  # fmt: skip
+    ) -> "VisibilityModel":  # fmt: skip
         fingers = classes.fingers.reshape(len(SHAPES), -1)
         gram = fingers @ fingers.T / classes.fingers.shape[1]
         whole = map(np.ascontiguousarray, (place, tip, knuckle, classes.tips, gram, arc))

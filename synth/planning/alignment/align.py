@@ -24,8 +24,8 @@ from synth.planning.alignment.recogniser import FRAME_RATE
 from synth.planning.alignment.rows import (
     FILLER,
     SHORTEST_FRAMES,
-    Passage,
     Row,
+    SpokenPassage,
     is_phone,
     kinds_of,
     length_costs,
@@ -33,7 +33,7 @@ from synth.planning.alignment.rows import (
     skips_of,
 )
 
-__all__ = ["Aligned", "Passage", "align"]
+__all__ = ["Aligned", "SpokenPassage", "align"]
 
 ROUNDS = 2
 """The second time the rate of speech is known."""
@@ -78,12 +78,12 @@ class Aligned:
     spoken: NDArray[np.bool_]
 
 
-def align(passages: Sequence[Passage]) -> list[Aligned]:
+def align(passages: Sequence[SpokenPassage]) -> list[Aligned]:
     """Return the phones of each passage with their times on the programme's clock.
 
     Parameters
     ----------
-    passages : sequence of Passage
+    passages : sequence of SpokenPassage
 
     Raises
     ------
@@ -97,14 +97,14 @@ def align(passages: Sequence[Passage]) -> list[Aligned]:
     >>> from synth.language.text.pronounce import phonemise
     >>> words = tuple(phonemise("Bonjour à tous."))
     >>> spoken = render([s for word in words for s in word.phones])
-    >>> found = align([Passage(words, mono(spoken.samples, 22_050))])[0].phones
+    >>> found = align([SpokenPassage(words, mono(spoken.samples, 22_050))])[0].phones
     >>> max(abs(a.start - b.start) for a, b in zip(found, spoken.phones)) < 0.06
     True
     """
     return [_aligned(passage) for passage in passages]
 
 
-def _aligned(passage: Passage) -> Aligned:
+def _aligned(passage: SpokenPassage) -> Aligned:
     if not passage.words:
         return Aligned((), np.zeros(0), np.zeros(0, np.bool_))
     costs = _costs(passage)
@@ -114,7 +114,7 @@ def _aligned(passage: Passage) -> Aligned:
     return _found(passage, row, costs)
 
 
-def _costs(passage: Passage) -> NDArray[np.float64]:
+def _costs(passage: SpokenPassage) -> NDArray[np.float64]:
     """Return running sums of the cost of each phone, and last of other speech, in each frame."""
     cost = -passage.likelihoods().astype(np.float64).T
     best = np.delete(cost, PHONE_NUMBER[PAUSE], axis=0).min(axis=0)
@@ -134,7 +134,7 @@ def _cut(row: Row, costs: NDArray[np.float64]) -> None:
         row.starts = starts
 
 
-def _found(passage: Passage, row: Row, costs: NDArray[np.float64]) -> Aligned:
+def _found(passage: SpokenPassage, row: Row, costs: NDArray[np.float64]) -> Aligned:
     phones: list[Phone] = []
     fits, said = np.full(len(passage.words), LEAST_FIT), np.zeros(len(passage.words), np.bool_)
     units = iter([unit for unit in row.units() if is_phone(unit[0])])

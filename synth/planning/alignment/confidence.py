@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from synth.language.text.pronounce import phonemise
 from synth.language.text.sentences import read_sentences
 from synth.language.text.words import Word
-from synth.planning.alignment.align import LEAST_FIT, Aligned, Passage, align
+from synth.planning.alignment.align import LEAST_FIT, Aligned, SpokenPassage, align
 
 LEAST_EVIDENCE = 3.0
 """Standard errors by which the words must fit better than other words. Measured: 7.3 to 12 with the
@@ -50,7 +50,7 @@ TEXTS = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Trust:
+class AlignmentTrust:
     """How well words fit their sound, against others.
 
     Attributes
@@ -110,33 +110,33 @@ def certainty(fits: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(1 / (1 + np.exp(-(by_own * fits + by_near * near + constant))))
 
 
-def trust(passages: Sequence[Passage], found: Sequence[Aligned]) -> Trust:
+def trust(passages: Sequence[SpokenPassage], found: Sequence[Aligned]) -> AlignmentTrust:
     """Compare the words that were aligned with others in their place.
 
     Parameters
     ----------
-    passages : sequence of Passage
+    passages : sequence of SpokenPassage
     found : sequence of Aligned
         What `synth.planning.alignment.align.align` found in them.
     """
     own = _fits(found)
     if not len(own):
-        return Trust(0.0, LEAST_FIT, LEAST_FIT)
+        return AlignmentTrust(0.0, LEAST_FIT, LEAST_FIT)
     known = [replace(passage, heard=passage.likelihoods()) for passage in passages]
     other = [fits for strangers in decoys(known) if len(fits := _fits(align(strangers)))]
     if not other:
-        return Trust(0.0, float(own.mean()), float(own.mean()))
+        return AlignmentTrust(0.0, float(own.mean()), float(own.mean()))
     every = np.concatenate(other)
     mean = float(np.mean([fits.mean() for fits in other]))
     error = np.sqrt(own.var() / len(own) + every.var() / len(every) + TEXT_SPREAD**2)
-    return Trust(float((own.mean() - mean) / error), float(own.mean()), mean)
+    return AlignmentTrust(float((own.mean() - mean) / error), float(own.mean()), mean)
 
 
 def _fits(found: Sequence[Aligned]) -> NDArray[np.float64]:
     return np.concatenate([np.zeros(0), *(item.fits for item in found)])
 
 
-def decoys(passages: Sequence[Passage]) -> Iterator[list[Passage]]:
+def decoys(passages: Sequence[SpokenPassage]) -> Iterator[list[SpokenPassage]]:
     """Yield the passages with other words, of no more phones, from a list of sentences."""
     phones = sum(len(word.phones) for p in passages for word in p.words)
     strangers = _strangers(TEXTS * phones)
@@ -144,7 +144,9 @@ def decoys(passages: Sequence[Passage]) -> Iterator[list[Passage]]:
         yield _with_other_words(passages, strangers)
 
 
-def _with_other_words(passages: Sequence[Passage], strangers: list[Word]) -> list[Passage]:
+def _with_other_words(
+    passages: Sequence[SpokenPassage], strangers: list[Word]
+) -> list[SpokenPassage]:
     result = []
     for passage in passages:
         room = sum(len(word.phones) for word in passage.words)

@@ -44,7 +44,7 @@ _FAR_FRAMES = 200
 
 
 @dataclass(frozen=True, slots=True)
-class Passage:
+class SpokenPassage:
     """Words and the sound in which they are spoken.
 
     Attributes
@@ -109,7 +109,7 @@ def symbols_of(words: Sequence[Word]) -> list[str]:
     return [*GAP, *(s for word in words for s in (*word.phones, *GAP))]
 
 
-def row_of(passage: Passage, frames: int) -> Row:
+def row_of(passage: SpokenPassage, frames: int) -> Row:
     """Return a passage with its phones at their usual durations from the first frame on.
 
     Raises
@@ -129,7 +129,7 @@ def row_of(passage: Passage, frames: int) -> Row:
     return Row(symbols, starts, _window(passage, len(symbols), frames))
 
 
-def _window(passage: Passage, units: int, frames: int) -> NDArray[np.int64]:
+def _window(passage: SpokenPassage, units: int, frames: int) -> NDArray[np.int64]:
     """Return where the units may start: those of a word near its subtitle."""
     window = np.tile(np.array([0, 0, frames, frames]), (units, 1))
     if passage.expected_s is None:

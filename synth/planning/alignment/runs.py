@@ -25,7 +25,7 @@ _MARGIN_S = 0.4
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class CaptionRun:
     """Subtitles that are aligned together, and the stretch of sound in which to look."""
 
     subtitles: tuple[Subtitle, ...]
@@ -45,7 +45,7 @@ def said_in(subtitles: Iterable[Subtitle]) -> list[Subtitle]:
     return said
 
 
-def runs_of(said: Sequence[Subtitle]) -> Iterator[Run]:
+def runs_of(said: Sequence[Subtitle]) -> Iterator[CaptionRun]:
     """Yield runs of subtitles, cut at their widest gaps until none is longer than the limit."""
     if not said:
         return
@@ -53,7 +53,7 @@ def runs_of(said: Sequence[Subtitle]) -> Iterator[Run]:
     for first, end in pairwise(cuts):
         before = said[first].start_s - said[first - 1].end_s if first else 2 * _MARGIN_S
         after = said[end].start_s - said[end - 1].end_s if end < len(said) else 2 * _MARGIN_S
-        yield Run(
+        yield CaptionRun(
             tuple(said[first:end]),
             max(0.0, said[first].start_s - _margin(before)),
             said[end - 1].end_s + _margin(after),

@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 from codec.cues.score import Phone, Score
 from synth.language.subtitles import Subtitle
 from synth.language.text.words import Word
-from synth.planning.alignment.align import Aligned, Passage, align
-from synth.planning.alignment.confidence import FEWEST_WORDS, LEAST_EVIDENCE, Trust, trust
+from synth.planning.alignment.align import Aligned, SpokenPassage, align
+from synth.planning.alignment.confidence import FEWEST_WORDS, LEAST_EVIDENCE, AlignmentTrust, trust
 from synth.planning.alignment.recogniser import FRAME_RATE, FS, HOP, heard
-from synth.planning.alignment.runs import Run, runs_of, said_in
+from synth.planning.alignment.runs import CaptionRun, runs_of, said_in
 from synth.planning.alignment.sound import mono
 from synth.planning.prosody.pacing import TimedWord
 from synth.planning.prosody.timing import GRID_HZ
@@ -169,11 +169,11 @@ def phones_of_recording(
         around_s = LARGEST_OFFSET_S + 1.0
         for batch in _batches(runs_of(said_in(subtitles))):
             runs = _heard(batch, sound, reading, around_s, offset_s)
-            timed = _Timed.of(runs, offset_s)
+            timed = _TimedRuns.of(runs, offset_s)
             if not timed.verdict.holds:
                 moved_s = _offset(_beginning(runs), offset_s)
                 if moved_s != offset_s:
-                    elsewhere = _Timed.of(runs, moved_s)
+                    elsewhere = _TimedRuns.of(runs, moved_s)
                     if elsewhere.verdict.holds:
                         timed, offset_s, usual_lag_s = elsewhere, moved_s, None
                         side = "after" if offset_s > 0 else "before"
@@ -188,9 +188,9 @@ def phones_of_recording(
     return on_grid(reading.cued(chain.from_iterable(batches()), told))
 
 
-def _batches(runs: Iterable[Run]) -> Iterator[list[Run]]:
+def _batches(runs: Iterable[CaptionRun]) -> Iterator[list[CaptionRun]]:
     """Yield runs that share a verdict, about a minute of them."""
-    batch: list[Run] = []
+    batch: list[CaptionRun] = []
     for run in runs:
         long = batch and run.end_s - batch[0].start_s > TOGETHER_S
         if long or len(batch) == PASSAGES_AT_ONCE:
@@ -202,12 +202,12 @@ def _batches(runs: Iterable[Run]) -> Iterator[list[Run]]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Heard:
+class _HeardRun:
     """A run, its words, how many each subtitle has, and the sound around its batch.
 
     Attributes
     ----------
-    run : Run
+    run : CaptionRun
     words : tuple of Word
     counts : tuple of int
     samples : ndarray of float64, shape (n,)
@@ -217,14 +217,14 @@ class _Heard:
         Time of the first sample.
     """
 
-    run: Run
+    run: CaptionRun
     words: tuple[Word, ...]
     counts: tuple[int, ...]
     samples: NDArray[np.float64]
     heard: NDArray[np.float32]
     start_s: float
 
-    def passage(self, offset_s: float) -> Passage:
+    def passage(self, offset_s: float) -> SpokenPassage:
         """Return the words and the sound where they are expected."""
         away_s = max(self.run.start_s + offset_s - self.start_s, 0.0)
         first = min(round(away_s * FRAME_RATE), len(self.samples) // HOP)
@@ -240,7 +240,7 @@ class _Heard:
         expected_s += expected_s[-1:] * (len(self.words) - len(expected_s))
         expected = np.array(expected_s).reshape(-1, 2)
         likely = self.heard[first : first + len(samples) // HOP + 1]
-        return Passage(self.words, samples, start_s, expected, likely)
+        return SpokenPassage(self.words, samples, start_s, expected, likely)
 
     def timed(self, phones: Sequence[Phone]) -> Iterator[TimedWord]:
         """Yield the words with phones that were found, and the subtitle of each."""
@@ -265,14 +265,14 @@ class _Heard:
 
 
 def _heard(
-    batch: Sequence[Run], sound: Sound, reading: Reading, around_s: float, offset_s: float
-) -> list[_Heard]:
+    batch: Sequence[CaptionRun], sound: Sound, reading: Reading, around_s: float, offset_s: float
+) -> list[_HeardRun]:
     """Return the runs of a batch with what is said and what is heard around them, heard once."""
     start_s = max(0.0, batch[0].start_s + offset_s - around_s)
     samples = sound(start_s, max(start_s, batch[-1].end_s + offset_s + around_s))
     likely = heard(samples)
     return [
-        _Heard(
+        _HeardRun(
             run,
             tuple(reading.words(" ".join(subtitle.text for subtitle in run.subtitles))),
             tuple(len(reading.words(subtitle.text)) for subtitle in run.subtitles),
@@ -282,12 +282,12 @@ def _heard(
     ]  # fmt: skip
 
 
-def _beginning(heard: Sequence[_Heard]) -> Sequence[_Heard]:
+def _beginning(heard: Sequence[_HeardRun]) -> Sequence[_HeardRun]:
     lengths = np.cumsum([item.run.end_s - item.run.start_s for item in heard])
     return heard[: int(np.searchsorted(lengths, _OFFSET_SOUND_S)) + 1]
 
 
-def _offset(heard: Sequence[_Heard], now_s: float) -> float:
+def _offset(heard: Sequence[_HeardRun], now_s: float) -> float:
     """Return how much later than their subtitles the voices are, from some runs."""
     if sum(len(item.words) for item in heard) < 2 * FEWEST_WORDS:
         return now_s
@@ -299,19 +299,19 @@ def _offset(heard: Sequence[_Heard], now_s: float) -> float:
     return offset_s if abs(offset_s - now_s) >= _LEAST_OFFSET_S else now_s
 
 
-def _look(heard: Sequence[_Heard], offset_s: float) -> tuple[list[Passage], list[Aligned]]:
+def _look(heard: Sequence[_HeardRun], offset_s: float) -> tuple[list[SpokenPassage], list[Aligned]]:
     """Return the passages that have room where they are expected, and what is found in them."""
     passages = [passage for item in heard if (passage := item.passage(offset_s)).long_enough]
     return passages, align(passages)
 
 
-def _fit(looked: tuple[list[Passage], list[Aligned]]) -> float:
+def _fit(looked: tuple[list[SpokenPassage], list[Aligned]]) -> float:
     """Return how well the words fit, in the mean."""
     fits = np.concatenate([np.zeros(0), *(item.fits for item in looked[1])])
     return float(fits.mean()) if len(fits) else -np.inf
 
 
-def _lag(heard: Sequence[_Heard], offset_s: float) -> float:
+def _lag(heard: Sequence[_HeardRun], offset_s: float) -> float:
     """Return by how much subtitles are still early, in the median over their first words."""
     kept = [item for item in heard if item.passage(offset_s).long_enough]
     lags: list[float] = []
@@ -321,16 +321,16 @@ def _lag(heard: Sequence[_Heard], offset_s: float) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class _Timed:
+class _TimedRuns:
     """Some runs, aligned where they are long enough, and what that is worth."""
 
-    heard: Sequence[_Heard]
+    heard: Sequence[_HeardRun]
     found: Sequence[Aligned | None]
-    verdict: Trust
+    verdict: AlignmentTrust
     offset_s: float
 
     @classmethod
-    def of(cls, heard: Sequence[_Heard], offset_s: float) -> "_Timed":
+    def of(cls, heard: Sequence[_HeardRun], offset_s: float) -> "_TimedRuns":
         passages = [item.passage(offset_s) for item in heard]
         fitting = [passage for passage in passages if passage.long_enough]
         aligned = align(fitting)

@@ -31,10 +31,15 @@ from synth.language.subtitles import Subtitle
 from synth.language.text.words import Word
 from synth.planning.prosody.importance import importance, links
 from synth.planning.prosody.key_times import Form, least_s
-from synth.planning.prosody.simulation import CLAIRE, Mirror, Performing, mirror_of
+from synth.planning.prosody.simulation import (
+    CLAIRE,
+    PerformanceSimulation,
+    PerformerChoice,
+    mirror_of,
+)
 from synth.planning.prosody.taut_string import taut_string
 from synth.planning.prosody.timing_optimiser import REST_ROOM_S
-from synth.planning.prosody.visible_keys import GRID_HZ, SAME_S, Keys, Said, SeenKeys, spans
+from synth.planning.prosody.visible_keys import GRID_HZ, SAME_S, Keys, Said, VisibleKeys, spans
 
 FloatArray = NDArray[np.float64]
 
@@ -140,7 +145,7 @@ def pace_words(
     words: Iterable[TimedWord],
     pace: Pace = READABLE,
     options: CueingOptions = DEFAULT_OPTIONS,
-    performing: Performing = CLAIRE,
+    performing: PerformerChoice = CLAIRE,
 ) -> Iterator[PacedWord]:
     """Yield the words on the cuer's clock, in order and in constant memory.
 
@@ -151,7 +156,7 @@ def pace_words(
     pace : Pace
     options : CueingOptions
         Where charts of the code differ.
-    performing : Performing
+    performing : PerformerChoice
         Who is to cue: what she would show is looked at.
     """
     before, mirror = Said(), mirror_of(performing, options)
@@ -192,7 +197,7 @@ class _Block:
 
     def __init__(
         self, words: Sequence[TimedWord], pace: Pace, options: CueingOptions, before: Said,
-        mirror: Mirror,
+        mirror: PerformanceSimulation,
     ) -> None:  # fmt: skip
         self._mirror = mirror
         self._words, self._pace, self._options, self.before = words, pace, options, before
@@ -366,7 +371,7 @@ class _Block:
         early = np.minimum(np.maximum(keys.first - lead_s, self._free_s), start)
         late = keys.first + self._latest_s
         ends = start + np.maximum(ends - start, length)
-        seen = SeenKeys(keys, self._options, self.before, self._mirror)
+        seen = VisibleKeys(keys, self._options, self.before, self._mirror)
         start, length, self.before = seen.settled(start, ends, early, late)
         return start, length
 

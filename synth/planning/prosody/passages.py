@@ -29,7 +29,7 @@ _SAME_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Passage:
+class ScorePassage:
     """A stretch of a score that is performed in one go.
 
     Attributes
@@ -65,7 +65,7 @@ class _Sound:
         return self.phones[-1].end
 
 
-def passages(pieces: Iterable[Score]) -> Iterator[Passage]:
+def passages(pieces: Iterable[Score]) -> Iterator[ScorePassage]:
     """Yield the passages of a score.
 
     Parameters
@@ -89,7 +89,9 @@ def passages(pieces: Iterable[Score]) -> Iterator[Passage]:
         tail_s = min(LEAD_S, (after[0].start - last) / 2) if after else LEAD_S
         earlier = [s for s in before if s.end > first - AROUND_S] or before[-1:]
         later = [s for s in after or () if s.start < last + AROUND_S] or (after or [])[:1]
-        yield Passage(first - lead_s, last + tail_s, _score(own), _score([*earlier, *own, *later]))
+        yield ScorePassage(
+            first - lead_s, last + tail_s, _score(own), _score([*earlier, *own, *later])
+        )
         before, own = own, after
 
 

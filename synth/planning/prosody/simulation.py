@@ -18,7 +18,7 @@ from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Key, Phone, Score
 from synth.motion.rules.bodiless import Bodiless, has_body
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.motion.rules.visibility import Sight
+from synth.motion.rules.visibility import VisibilityModel
 
 _RATE_HZ = 50.0
 """Frames per second at which she is looked at: those of all reports."""
@@ -31,7 +31,7 @@ _KNOWN = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Performing:
+class PerformerChoice:
     """Who is to cue, by rule.
 
     Attributes
@@ -49,34 +49,38 @@ class Performing:
     alignment: str = "attina"
 
 
-CLAIRE = Performing()
+CLAIRE = PerformerChoice()
 """Who cues unless told otherwise."""
 
 
-class Performer(Protocol):
+class PlanPerformer(Protocol):
     """Whoever performs a score in front of the mirror."""
 
     def markers(self, score: Score, start_s: float, n_frames: int) -> NDArray[np.float32]:
         """Return the markers of the hand and the head, shape (n_frames, 113, 3), mm."""
 
 
-class Mirror:
+class PerformanceSimulation:
     """A cuer who performs, and is looked at.
 
     Parameters
     ----------
-    performer : Performer
+    performer : PlanPerformer
         At 50 frames per second.
     classes : Classes
         Her targets.
-    sight : Sight
+    sight : VisibilityModel
         The quick model of her hand.
     options : CueingOptions
         Which gaps between keys return to rest.
     """
 
     def __init__(
-        self, performer: Performer, classes: Classes, sight: Sight, options: CueingOptions
+        self,
+        performer: PlanPerformer,
+        classes: Classes,
+        sight: VisibilityModel,
+        options: CueingOptions,
     ) -> None:
         self.sight = sight
         self._performer, self._classes, self._options = performer, classes, options
@@ -102,12 +106,14 @@ class Mirror:
         return np.array([item.held_s for item in shown])
 
 
-def mirror_of(performing: Performing = CLAIRE, options: CueingOptions = DEFAULT_OPTIONS) -> Mirror:
+def mirror_of(
+    performing: PerformerChoice = CLAIRE, options: CueingOptions = DEFAULT_OPTIONS
+) -> PerformanceSimulation:
     """Return the mirror of who is to cue.
 
     Parameters
     ----------
-    performing : Performing
+    performing : PerformerChoice
     options : CueingOptions
         Which gaps between keys return to rest.
 
@@ -126,19 +132,25 @@ def mirror_of(performing: Performing = CLAIRE, options: CueingOptions = DEFAULT_
 
 
 @lru_cache(_KNOWN)
-def _mirror_of_body(name: str, seed: int, alignment: str, options: CueingOptions) -> Mirror:
+def _mirror_of_body(
+    name: str, seed: int, alignment: str, options: CueingOptions
+) -> PerformanceSimulation:
     cuer = GestureSynthesiser(
         name, rate_hz=_RATE_HZ, seed=seed, alignment=alignment, options=options
     )
-    return Mirror(cuer, Classes(cuer.targets()[0]), Sight.of(cuer), options)
+    return PerformanceSimulation(
+        cuer, Classes(cuer.targets()[0]), VisibilityModel.of(cuer), options
+    )
 
 
 def mirror_of_voice(
     voice: Voice, alignment: str = "attina", options: CueingOptions = DEFAULT_OPTIONS
-) -> Mirror:
+) -> PerformanceSimulation:
     """Return the mirror of a voice without a body, which performs with its own targets."""
     cuer = Bodiless(voice, rate_hz=_RATE_HZ, alignment=alignment, options=options)
-    return Mirror(_Hand(cuer, voice), classes_of(voice), Sight.of_voice(voice), options)
+    return PerformanceSimulation(
+        _Hand(cuer, voice), classes_of(voice), VisibilityModel.of_voice(voice), options
+    )
 
 
 class _Hand:

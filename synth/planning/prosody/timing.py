@@ -44,7 +44,7 @@ LONGEST_PAUSE_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
+class CaptionFit:
     """The phones of one subtitle, and what it took to fit them.
 
     Attributes
@@ -75,17 +75,17 @@ def on_grid(time_s: float) -> float:
     return round(time_s * GRID_HZ) / GRID_HZ
 
 
-def speak(words: Sequence[Word], start_s: float) -> Fit:
+def speak(words: Sequence[Word], start_s: float) -> CaptionFit:
     """Return the words at their natural rate from `start_s` on."""
     durations = _natural(words)
     pauses = np.array([PAUSE_S.get(word.pause, 0.0) for word in words])
     rate = len(durations) / float(durations.sum()) if len(durations) else 0.0
-    return Fit(_place(words, durations, pauses, start_s), rate)
+    return CaptionFit(_place(words, durations, pauses, start_s), rate)
 
 
 def fit(
     words: Sequence[Word], start_s: float, end_s: float, limit_s: float, *, whole: bool = False
-) -> Fit:
+) -> CaptionFit:
     """Fit words into the interval of their subtitle.
 
     Parameters
@@ -117,7 +117,7 @@ def fit(
     while kept and not whole and _shortest(kept, HARDEST) > limit_s - start_s:
         kept.pop()
     if not kept:
-        return Fit((), 0.0, 0.0, len(words))
+        return CaptionFit((), 0.0, 0.0, len(words))
     until_s = min(limit_s, max(end_s, start_s + _shortest(kept, FASTEST)))
     durations = _natural(kept)
     pauses = np.array([PAUSE_S.get(word.pause, 0.0) for word in kept])
@@ -125,7 +125,7 @@ def fit(
     durations *= len(durations) / rate / durations.sum()
     place = _place_freely if whole else _place
     phones = place(kept, durations, pauses, start_s)
-    return Fit(phones, rate, max(0.0, phones[-1].end - end_s), len(words) - len(kept))
+    return CaptionFit(phones, rate, max(0.0, phones[-1].end - end_s), len(words) - len(kept))
 
 
 def _natural(words: Sequence[Word]) -> NDArray[np.float64]:

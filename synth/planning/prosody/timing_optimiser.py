@@ -18,7 +18,7 @@ from scipy.special import ndtr
 
 from codec.analysis.readability import HELD_S
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
-from synth.motion.rules.visibility import Sight
+from synth.motion.rules.visibility import VisibilityModel
 
 FloatArray = NDArray[np.float64]
 Ticks = NDArray[np.int64]
@@ -68,7 +68,7 @@ _BAR = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class KeyLine:
     """Keys on the cuer's clock, N of them, in ticks.
 
     Attributes
@@ -100,28 +100,28 @@ class Line:
     more: FloatArray
     frozen: int = 0
 
-    def __getitem__(self, part: slice) -> "Line":
+    def __getitem__(self, part: slice) -> "KeyLine":
         """Return some of the keys."""
         arrays = {name: getattr(self, name)[part] for name in _ARRAYS}
-        return Line(**arrays, frozen=max(0, self.frozen - (part.start or 0)))
+        return KeyLine(**arrays, frozen=max(0, self.frozen - (part.start or 0)))
 
-    def after(self, before: "Line") -> "Line":
+    def after(self, before: "KeyLine") -> "KeyLine":
         """Return the line that follows keys that have been said."""
         arrays = {
             name: np.concatenate([getattr(before, name), getattr(self, name)]) for name in _ARRAYS
         }
-        return Line(**arrays, frozen=len(before.start))
+        return KeyLine(**arrays, frozen=len(before.start))
 
 
-_ARRAYS = tuple(f.name for f in fields(Line) if f.name != "frozen")
+_ARRAYS = tuple(f.name for f in fields(KeyLine) if f.name != "frozen")
 
 
-class Settler:
+class TimingOptimiser:
     """Moves keys by ticks.
 
     Parameters
     ----------
-    sight : Sight
+    sight : VisibilityModel
     options : CueingOptions
         Which gaps send the hand to rest.
     room_s : float
@@ -129,7 +129,10 @@ class Settler:
     """
 
     def __init__(
-        self, sight: Sight, options: CueingOptions = DEFAULT_OPTIONS, room_s: float = REST_ROOM_S
+        self,
+        sight: VisibilityModel,
+        options: CueingOptions = DEFAULT_OPTIONS,
+        room_s: float = REST_ROOM_S,
     ) -> None:
         self._sight, self._rest_gap_s = sight, options.rest_gap_s
         self._rest = round(options.rest_gap_s / TICK_S)
@@ -137,16 +140,16 @@ class Settler:
         self._prices: dict[tuple[int, ...], float] = {}
         self._spread_s = _SPREAD_S
 
-    def seen(self, line: Line) -> FloatArray:
+    def seen(self, line: KeyLine) -> FloatArray:
         """Return how long the model sees the keys that have not been said, seconds."""
         return self._look(line, line.frozen, len(line.start))[0]
 
-    def settled(self, line: Line, short: Ticks | None = None) -> Line:
+    def settled(self, line: KeyLine, short: Ticks | None = None) -> KeyLine:
         """Return a line whose keys are seen as long as shifts can make it.
 
         Parameters
         ----------
-        line : Line
+        line : KeyLine
         short : ndarray of int64, optional
             Numbers of the keys, from the first that is not frozen on, that a performance showed too
             short: only these are mended, but with ticks of keys that are farther away too. Without
@@ -167,7 +170,7 @@ class Settler:
                 line = better
         return line
 
-    def _mended(self, line: Line, k: int) -> Line | None:
+    def _mended(self, line: KeyLine, k: int) -> KeyLine | None:
         """Return the line with the best shift near a key, None if none is worth it."""
         if self._cost(line, [(k, k + 1)]) <= _BAR:
             return None
@@ -184,7 +187,7 @@ class Settler:
                     most, found = gain, moved
         return found
 
-    def _given(self, line: Line, k: int) -> tuple[float, Line | None]:
+    def _given(self, line: KeyLine, k: int) -> tuple[float, KeyLine | None]:
         """Return the best gain of ticks that others give to a key or the one before, and the line.
 
         Every tick comes from whom it costs least; gains may need several ticks to show.
@@ -209,7 +212,7 @@ class Settler:
                         most, found = gain, other
         return most, found
 
-    def _cheapest(self, line: Line, taker: int, prices: dict[int, float]) -> int:
+    def _cheapest(self, line: KeyLine, taker: int, prices: dict[int, float]) -> int:
         """Return which key gives a tick to another one for least; the taker if none can."""
         first, last = min(prices), max(prices) + 1
         ahead = (line.late - line.start)[taker + 1 : last] <= 0
@@ -220,13 +223,13 @@ class Settler:
         givers.sort(key=lambda d: (prices[d], abs(d - taker)))
         return next((d for d in givers if self._handed(line, d, taker) is not None), taker)
 
-    def _handed(self, line: Line, giver: int, taker: int) -> Line | None:
+    def _handed(self, line: KeyLine, giver: int, taker: int) -> KeyLine | None:
         """Return the line with one tick of a key handed to another, None if that cannot be."""
         if giver > taker:
             return self._shifted(line, taker + 1, giver + 1, 1)
         return self._shifted(line, giver + 1, taker + 1, -1)
 
-    def _price(self, line: Line, k: int) -> float:
+    def _price(self, line: KeyLine, k: int) -> float:
         """Return what it costs that a key, or the pause after it, is one tick shorter."""
         low, high = max(k - _TOUCHED - _AROUND, 0), min(k + _TOUCHED + _AROUND + 1, len(line.start))
         part = line[low:high]
@@ -242,11 +245,11 @@ class Settler:
         return self._prices[sight]
 
     @staticmethod
-    def _until_pause(line: Line, i: int) -> int:
+    def _until_pause(line: KeyLine, i: int) -> int:
         pauses = np.flatnonzero(line.start[i + 1 :] > line.end[i:-1])
         return i + 1 + int(pauses[0]) if len(pauses) else len(line.start)
 
-    def _runs(self, line: Line, k: int) -> Iterator[tuple[int, int]]:
+    def _runs(self, line: KeyLine, k: int) -> Iterator[tuple[int, int]]:
         """Yield the runs of keys that may be shifted to mend a key."""
         n = len(line.start)
         for i in (k + begin for begin in _FROM):
@@ -256,11 +259,11 @@ class Settler:
             ends.add(self._until_pause(line, i))
             yield from ((i, j) for j in sorted(ends))
 
-    def _cost(self, line: Line, spans: Sequence[tuple[int, int]]) -> float:
+    def _cost(self, line: KeyLine, spans: Sequence[tuple[int, int]]) -> float:
         """Return the cost of the keys in some spans."""
         return sum(float(self._costs(line, *span).sum()) for span in spans)
 
-    def _shifted(self, line: Line, i: int, j: int, shift: int) -> Line | None:
+    def _shifted(self, line: KeyLine, i: int, j: int, shift: int) -> KeyLine | None:
         """Return the line with keys i to j - 1 shifted, None if there is no room."""
         start, end = line.start.copy(), line.end.copy()
         start[i:j] += shift
@@ -283,7 +286,7 @@ class Settler:
                 return None
         return replace(line, start=start, end=end)
 
-    def _costs(self, line: Line, first: int, last: int) -> FloatArray:
+    def _costs(self, line: KeyLine, first: int, last: int) -> FloatArray:
         """Return the costs of some keys: those that are not seen, and too fast ones."""
         held, peak = self._look(line, first, last)
         held = held + line.more[first:last]
@@ -292,7 +295,7 @@ class Settler:
         uneasy += np.maximum(HELD_S - held, 0.0) / HELD_S
         return np.asarray(unseen + uneasy + _TOO_FAST * np.maximum(peak - _FASTEST_M_S, 0.0))
 
-    def _look(self, line: Line, first: int, last: int) -> tuple[FloatArray, FloatArray]:
+    def _look(self, line: KeyLine, first: int, last: int) -> tuple[FloatArray, FloatArray]:
         """Return how long some keys are seen, seconds, and how fast the knuckles are, m/s."""
         low, high = max(first - _AROUND, 0), min(last + _AROUND, len(line.start))
         part = slice(low, high)

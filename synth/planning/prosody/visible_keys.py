@@ -14,8 +14,8 @@ from codec.analysis.readability import HELD_S
 from codec.cuer.movement import FLOWING
 from codec.cues.cueing import CueingOptions, cue
 from codec.cues.score import Phone
-from synth.planning.prosody.simulation import Mirror
-from synth.planning.prosody.timing_optimiser import WANTED_S, Line, Settler
+from synth.planning.prosody.simulation import PerformanceSimulation
+from synth.planning.prosody.timing_optimiser import WANTED_S, KeyLine, TimingOptimiser
 
 FloatArray = NDArray[np.float64]
 
@@ -90,16 +90,16 @@ class Said:
 
     Attributes
     ----------
-    line : Line, optional
+    line : KeyLine, optional
         None before the first key.
     phones : tuple of Phone
     """
 
-    line: Line | None = None
+    line: KeyLine | None = None
     phones: tuple[Phone, ...] = ()
 
 
-class SeenKeys:
+class VisibleKeys:
     """Moves the keys of a block so that each is seen.
 
     Parameters
@@ -109,11 +109,13 @@ class SeenKeys:
         Which gaps send the hand to rest, and the chart of the code.
     before : Said
         What these keys come after; it stays as it is.
-    mirror : Mirror
+    mirror : PerformanceSimulation
         Of who is to cue.
     """
 
-    def __init__(self, keys: Keys, options: CueingOptions, before: Said, mirror: Mirror) -> None:
+    def __init__(
+        self, keys: Keys, options: CueingOptions, before: Said, mirror: PerformanceSimulation
+    ) -> None:
         self._keys, self._options, self._before = keys, options, before
         self._mirror = mirror
 
@@ -137,13 +139,13 @@ class SeenKeys:
         since_s = last.start[0] / GRID_HZ - SAME_S
         return start, end - start, Said(last, tuple(p for p in phones if p.start >= since_s))
 
-    def _best(self, plain: Line) -> Line:
+    def _best(self, plain: KeyLine) -> KeyLine:
         """Return the line of which a performance shows most, never one that is worse than `plain`.
 
         What a performance shows differs from the model's sight key by key; settling goes on from
         the difference.
         """
-        settler = Settler(self._mirror.sight, self._options)
+        settler = TimingOptimiser(self._mirror.sight, self._options)
         line = settler.settled(plain)
         held = self._held(line)
         best, most = line, held
@@ -165,7 +167,7 @@ class SeenKeys:
 
     def _line(
         self, start: FloatArray, end: FloatArray, early: FloatArray, late: FloatArray
-    ) -> Line:
+    ) -> KeyLine:
         """Return keys in ticks, after those of the block before."""
         keys = self._keys
         phones = np.array([len(members) for members in keys.members])
@@ -177,7 +179,7 @@ class SeenKeys:
         ends[:-1] = np.where(
             pause[1:] > 0, np.minimum(ends[:-1], begins[1:] - pause[1:]), begins[1:]
         )
-        line = Line(
+        line = KeyLine(
             start=begins, end=np.maximum(ends, begins + least),
             early=np.ceil(GRID_HZ * early - SAME_S).astype(np.int64),
             late=np.floor(GRID_HZ * late + SAME_S).astype(np.int64),
@@ -188,7 +190,7 @@ class SeenKeys:
         before = self._before.line
         return line if before is None else line.after(before)
 
-    def _held(self, line: Line) -> FloatArray:
+    def _held(self, line: KeyLine) -> FloatArray:
         """Return how long the keys of a line are held in a performance, seconds."""
         fresh = slice(line.frozen, None)
         phones = self._phones(line.start[fresh] / GRID_HZ, line.end[fresh] / GRID_HZ)

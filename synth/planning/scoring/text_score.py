@@ -12,8 +12,8 @@ from synth.language.text.pronounce import DEFAULT_STYLE, Style, phonemise
 from synth.language.text.words import Word
 from synth.planning.prosody.intonation import intoned
 from synth.planning.prosody.pacing import LONGEST_LAG_S, Pace, PacedWord, TimedWord, pace_words
-from synth.planning.prosody.simulation import CLAIRE, Performing
-from synth.planning.prosody.timing import FASTEST, Fit, fit, on_grid, speak
+from synth.planning.prosody.simulation import CLAIRE, PerformerChoice
+from synth.planning.prosody.timing import FASTEST, CaptionFit, fit, on_grid, speak
 
 Warn = Callable[[str], None]
 
@@ -42,7 +42,7 @@ class Reading:
         The user's words, from `synth.language.text.lexicon.read_user_lexicon`.
     pace : Pace, optional
         The cuer's own clock; without one she keeps in step with the speaker.
-    performing : Performing
+    performing : PerformerChoice
         Who is to cue at that pace.
     """
 
@@ -50,7 +50,7 @@ class Reading:
     style: Style = DEFAULT_STYLE
     lexicon: Mapping[str, tuple[Variant, ...]] = field(default_factory=dict)
     pace: Pace | None = None
-    performing: Performing = CLAIRE
+    performing: PerformerChoice = CLAIRE
 
     def words(self, text: str) -> tuple[Word, ...]:
         """Return the words of a text with their phones."""
@@ -271,7 +271,7 @@ LONGEST_BORROWED_S = 2.0
 """How far speech may run on after its subtitle: later it would meet other sounds and lips."""
 
 
-def _report(subtitle: Subtitle, found: Fit, warn: Warn) -> None:
+def _report(subtitle: Subtitle, found: CaptionFit, warn: Warn) -> None:
     where = f"subtitle at {subtitle.start_s:.2f} s (line {subtitle.line})"
     if found.left_out:
         warn(f"{where}: no room for its last {found.left_out} words")

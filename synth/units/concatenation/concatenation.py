@@ -18,11 +18,11 @@ from codec.cues.score import Score
 from codec.errors import CueError
 from synth.motion.rules.movement import Gestures, plan_gestures
 from synth.planning.prosody.melody import Melody, plan_melody
-from synth.planning.prosody.passages import Passage, passages
+from synth.planning.prosody.passages import ScorePassage, passages
 from synth.units.concatenation.assembly import Flow
 from synth.units.concatenation.dikeys import DikeyDictionary
 from synth.units.concatenation.headmotion import HeadMotion
-from synth.units.concatenation.sounds import Choice, SoundDictionary
+from synth.units.concatenation.sounds import PlacedUnit, SoundDictionary
 from synth.units.concatenation.trajectories import (
     Trajectories,
     calm_joins,
@@ -30,10 +30,10 @@ from synth.units.concatenation.trajectories import (
     quickest,
 )
 from synth.units.concatenation.units import cut_dikeys, cut_sounds, with_pauses
-from synth.units.recordings.recording import Recording
+from synth.units.recordings.recording import UnitRecording
 from synth.units.speech.marks import PitchMarks
 from synth.units.speech.pitch import PitchTrack
-from synth.units.speech.psola import Piece, modify_prosody
+from synth.units.speech.psola import SpeechPiece, modify_prosody
 
 _MARGIN_S = 0.03
 """Seconds of sound on either side of a unit, for the windows of its periods."""
@@ -84,7 +84,7 @@ class ConcatenativeSynthesiser:
 
     Parameters
     ----------
-    recordings : sequence of Recording
+    recordings : sequence of UnitRecording
         All at one sample rate and of one voice.
     voice : Voice
         The voice of the recordings' motion.
@@ -102,7 +102,7 @@ class ConcatenativeSynthesiser:
 
     def __init__(
         self,
-        recordings: Sequence[Recording],
+        recordings: Sequence[UnitRecording],
         voice: Voice,
         *,
         alignment: str = "paper",
@@ -175,7 +175,7 @@ class ConcatenativeSynthesiser:
                 )  # fmt: skip
 
     def _make(
-        self, passage: Passage, gestures: Gestures, flow: Flow, first: int, last: int
+        self, passage: ScorePassage, gestures: Gestures, flow: Flow, first: int, last: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
         """Return frames and samples of a passage, and of what follows it for a moment."""
         around = passage.around
@@ -190,7 +190,7 @@ class ConcatenativeSynthesiser:
         return self._move(sounds, gestures, times, flow.rate_hz), sound
 
     def _say(
-        self, choices: Sequence[Choice], melody: Melody, begin: int, end: int
+        self, choices: Sequence[PlacedUnit], melody: Melody, begin: int, end: int
     ) -> NDArray[np.float32]:
         """Return the samples from `begin` to `end` of the programme."""
         sound = np.zeros(end - begin, dtype=np.float32)
@@ -204,7 +204,7 @@ class ConcatenativeSynthesiser:
             sound[first : first + len(said)] += said.astype(np.float32)
         return sound
 
-    def _say_stretch(self, choices: Sequence[Choice], melody: Melody) -> NDArray[np.float64]:
+    def _say_stretch(self, choices: Sequence[PlacedUnit], melody: Melody) -> NDArray[np.float64]:
         """Return the sound of units that follow each other without a gap."""
         sources, samples, voiced, pieces = [], [], [], []
         offset = 0
@@ -229,7 +229,9 @@ class ConcatenativeSynthesiser:
         said[len(said) - n :] *= fade[:n][::-1]
         return said
 
-    def _piece(self, choice: Choice, track: PitchTrack, melody: Melody, shift_s: float) -> Piece:
+    def _piece(
+        self, choice: PlacedUnit, track: PitchTrack, melody: Melody, shift_s: float
+    ) -> SpeechPiece:
         """Return where a unit goes, with the melody's pitch over its own every 10 ms."""
         source_edges, target_edges = _strictly_ascending(choice)
         steps = max(int((target_edges[-1] - target_edges[0]) / _BREAK_S), 1)
@@ -239,15 +241,15 @@ class ConcatenativeSynthesiser:
         source = np.interp(target, target_edges, source_edges)
         known = track.f0 > 0
         if not known.any():
-            return Piece.of(source + shift_s, target)
+            return SpeechPiece.of(source + shift_s, target)
         at = np.arange(len(track.f0)) * track.hop_s
         own = np.interp(source, at[known], track.f0[known])
         ratio = np.clip(melody.at(target) / own, *_RATIO_LIMITS)
-        return Piece.of(source + shift_s, target, ratio)
+        return SpeechPiece.of(source + shift_s, target, ratio)
 
     def _move(
         self,
-        sounds: Sequence[Choice],
+        sounds: Sequence[PlacedUnit],
         gestures: Gestures,
         times: NDArray[np.float64],
         rate_hz: float,
@@ -271,7 +273,7 @@ class ConcatenativeSynthesiser:
 
 
 def _joined(
-    source: Trajectories, choices: Sequence[Choice], times: NDArray[np.float64]
+    source: Trajectories, choices: Sequence[PlacedUnit], times: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     return join_trajectories(
         source, np.array([c.recording for c in choices]),
@@ -288,9 +290,9 @@ def _explained_variance(voice: Voice, motion: Trajectories) -> NDArray[np.float6
     return np.asarray(((markers[1:] - markers[0]) ** 2).sum(axis=2).mean(axis=1))
 
 
-def _stretches(choices: Sequence[Choice]) -> Iterator[list[Choice]]:
+def _stretches(choices: Sequence[PlacedUnit]) -> Iterator[list[PlacedUnit]]:
     """Split a line of units where the time between two of them is silent."""
-    stretch: list[Choice] = []
+    stretch: list[PlacedUnit] = []
     for choice in choices:
         if stretch and choice.target.edges_s[0] - stretch[-1].target.edges_s[-1] > 1e-6:
             yield stretch
@@ -300,7 +302,7 @@ def _stretches(choices: Sequence[Choice]) -> Iterator[list[Choice]]:
         yield stretch
 
 
-def _strictly_ascending(choice: Choice) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _strictly_ascending(choice: PlacedUnit) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return a unit's edges without those that coincide in source or target."""
     source, target = np.array(choice.source.edges_s), np.array(choice.target.edges_s)
     kept = [0]

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from synth.units.concatenation.selection import select_units
-from synth.units.concatenation.sounds import Choice
+from synth.units.concatenation.sounds import PlacedUnit
 from synth.units.concatenation.trajectories import Trajectories
 from synth.units.concatenation.units import Unit, cut_dikeys
-from synth.units.recordings.recording import Recording
+from synth.units.recordings.recording import UnitRecording
 
 _DURATION_WEIGHT = 4.0
 """Cost of one second of duration error, against one standard deviation of a join."""
@@ -35,7 +35,7 @@ class DikeyDictionary:
 
     Parameters
     ----------
-    recordings : sequence of Recording
+    recordings : sequence of UnitRecording
     trajectories : Trajectories
         Their hand, forearm and head parameters.
     weights : ndarray of float64, shape (columns,)
@@ -49,7 +49,7 @@ class DikeyDictionary:
 
     def __init__(
         self,
-        recordings: Sequence[Recording],
+        recordings: Sequence[UnitRecording],
         trajectories: Trajectories,
         weights: NDArray[np.float64],
     ) -> None:
@@ -82,7 +82,7 @@ class DikeyDictionary:
         """Labels of which there is at least one dikey."""
         return frozenset(self._named)
 
-    def select(self, targets: Sequence[Unit]) -> list[Choice]:
+    def select(self, targets: Sequence[Unit]) -> list[PlacedUnit]:
         """Choose a dikey for each target.
 
         A dikey that is missing is replaced by one whose second placement is the closest to the
@@ -96,7 +96,7 @@ class DikeyDictionary:
             costs.append(_DURATION_WEIGHT * error + penalty)
         chosen = select_units(candidates, costs, self._join_cost)
         return [
-            Choice(int(self._recording[u]), self._units[u], target)
+            PlacedUnit(int(self._recording[u]), self._units[u], target)
             for u, target in zip(chosen.tolist(), targets, strict=True)
         ]
 

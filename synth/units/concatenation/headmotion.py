@@ -22,7 +22,7 @@ from synth.motion.rules.drift import Drift, normals_at
 from synth.motion.rules.gesture import FOLLOWS_HEAD
 from synth.motion.rules.movement import LAWS, Gestures, moved
 from synth.planning.prosody.melody import accents
-from synth.units.recordings.recording import Recording
+from synth.units.recordings.recording import UnitRecording
 
 FloatArray = NDArray[np.float64]
 
@@ -54,13 +54,13 @@ class HeadMotion:
     Parameters
     ----------
     voice : Voice
-    recordings : sequence of Recording
+    recordings : sequence of UnitRecording
         What she did tells how far she turns her head.
     seed : int
         Of the drift and the scatter of accents.
     """
 
-    def __init__(self, voice: Voice, recordings: Sequence[Recording], *, seed: int = 0) -> None:
+    def __init__(self, voice: Voice, recordings: Sequence[UnitRecording], *, seed: int = 0) -> None:
         self._voice = voice
         self._seed = seed
         self._head = [i for i, name in enumerate(voice.layout) if name.startswith("head.")]
@@ -90,7 +90,7 @@ class HeadMotion:
         spread = max(float((slow[:, 0] ** 2).sum()), 1e-12)
         self._nod[3:] = deviation[0] * (slow[:, 3:] * slow[:, :1]).sum(axis=0) / spread
 
-    def without_slow_part(self, number: int, recording: Recording) -> NDArray[np.float32]:
+    def without_slow_part(self, number: int, recording: UnitRecording) -> NDArray[np.float32]:
         """Return the parameters of recording `number`, its head's slow motion taken out."""
         motion = recording.motion
         follows = self._following(recording.gestures, motion.times_s)

@@ -18,7 +18,7 @@ from codec.cues.phonology import PAUSE, VOWELS
 from codec.errors import CueError
 from synth.units.concatenation.selection import select_units
 from synth.units.concatenation.units import Unit, cut_sounds, split_polysound, with_pauses
-from synth.units.recordings.recording import Recording
+from synth.units.recordings.recording import UnitRecording
 from synth.units.speech.lsp import line_spectrum_pairs, linear_prediction
 
 _LSP_ORDER = 16
@@ -52,7 +52,7 @@ _OTHER_CLASS = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class PlacedUnit:
     """A unit of a recording and the place where it goes.
 
     Attributes
@@ -90,7 +90,7 @@ class SoundDictionary:
 
     Parameters
     ----------
-    recordings : sequence of Recording
+    recordings : sequence of UnitRecording
 
     Raises
     ------
@@ -98,7 +98,7 @@ class SoundDictionary:
         If there is no recording with a phone.
     """
 
-    def __init__(self, recordings: Sequence[Recording]) -> None:
+    def __init__(self, recordings: Sequence[UnitRecording]) -> None:
         self._units: list[Unit] = []
         self._recording: list[int] = []
         self._named: dict[tuple[str, ...], list[int]] = {}
@@ -128,7 +128,7 @@ class SoundDictionary:
         """Labels of which there is at least one unit."""
         return frozenset(self._named)
 
-    def select(self, targets: Sequence[Unit]) -> list[Choice]:
+    def select(self, targets: Sequence[Unit]) -> list[PlacedUnit]:
         """Choose a unit for each target; a polysound that is missing becomes diphones.
 
         Parameters
@@ -138,7 +138,7 @@ class SoundDictionary:
 
         Returns
         -------
-        list of Choice
+        list of PlacedUnit
             At least as many as there are targets.
         """
         wanted: list[Unit] = []
@@ -154,7 +154,7 @@ class SoundDictionary:
             costs.append(_DURATION_WEIGHT * error + _SUBSTITUTE_COST * penalty)
         chosen = select_units(candidates, costs, self._join_cost)
         return [
-            Choice(self._recording[u], self._units[u], target)
+            PlacedUnit(self._recording[u], self._units[u], target)
             for u, target in zip(chosen.tolist(), wanted, strict=True)
         ]
 
@@ -175,7 +175,7 @@ class SoundDictionary:
 
 
 def _spectra(
-    recordings: Sequence[Recording], instants: Sequence[tuple[int, float]]
+    recordings: Sequence[UnitRecording], instants: Sequence[tuple[int, float]]
 ) -> NDArray[np.float64]:
     """Return line spectrum pairs around (recording, seconds), shape (n, order)."""
     result = np.zeros((len(instants), _LSP_ORDER))

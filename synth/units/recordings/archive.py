@@ -24,7 +24,7 @@ from codec.cues.score import Score
 from codec.errors import CueError
 from codec.files.npz import read_arrays, write_arrays
 from synth.motion.rules.movement import Gestures
-from synth.units.recordings.recording import Recording
+from synth.units.recordings.recording import UnitRecording
 from synth.units.speech.marks import PitchMarks
 from synth.units.speech.pitch import PitchTrack
 
@@ -39,7 +39,7 @@ Progress = Callable[[int, int], None]
 """Called with what is done and what there is to do."""
 
 
-def write_archive(folder: str | os.PathLike[str], recordings: Sequence[Recording]) -> None:
+def write_archive(folder: str | os.PathLike[str], recordings: Sequence[UnitRecording]) -> None:
     """Write recordings of one sample rate and one voice into a new folder.
 
     Raises
@@ -68,7 +68,7 @@ def write_archive(folder: str | os.PathLike[str], recordings: Sequence[Recording
         raise
 
 
-def _labels(recordings: Sequence[Recording]) -> dict[str, NDArray[Any]]:
+def _labels(recordings: Sequence[UnitRecording]) -> dict[str, NDArray[Any]]:
     first = recordings[0].motion
     scores = json.dumps([r.score.to_json() for r in recordings]).encode()
     arrays: dict[str, NDArray[Any]] = {
@@ -94,7 +94,7 @@ def _labels(recordings: Sequence[Recording]) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def read_archive(folder: str | os.PathLike[str]) -> list[Recording]:
+def read_archive(folder: str | os.PathLike[str]) -> list[UnitRecording]:
     """Read what `write_archive` wrote.
 
     Raises
@@ -115,7 +115,7 @@ def read_archive(folder: str | os.PathLike[str]) -> list[Recording]:
 
 def _recordings(
     arrays: dict[str, NDArray[Any]], sound: NDArray[np.float32], fs: int
-) -> list[Recording]:
+) -> list[UnitRecording]:
     scores = json.loads(arrays["scores"].tobytes())
     layout, voice = tuple(map(str, arrays["layout"])), str(arrays["voice"])
     rate_hz, hop_s = float(arrays["rate_hz"]), float(arrays["hop_s"])
@@ -132,7 +132,7 @@ def _recordings(
     voiced = pieces("marks", arrays["voiced"])
     gestures = [pieces("gestures", arrays[name]) for name in _GESTURE_FIELDS]
     return [
-        Recording(
+        UnitRecording(
             sounds[i],
             fs,
             Score.from_json(text),
@@ -159,7 +159,7 @@ def built_in_recordings(
     alignment: str = "paper",
     folder: Path | None = None,
     progress: Progress | None = None,
-) -> list[Recording]:
+) -> list[UnitRecording]:
     """Return recordings of the virtual cuer, from the cache or made now.
 
     Parameters
@@ -200,7 +200,7 @@ def built_in_recordings(
             shutil.rmtree(archive)
     cuer = GestureSynthesiser(identity, alignment=alignment)
     texts, _ = choose_sentences(texts)
-    recordings: list[Recording] = []
+    recordings: list[UnitRecording] = []
     for done, recording in enumerate(record(texts, cuer, voice), 1):
         recordings.append(recording)
         if progress is not None:

@@ -74,7 +74,7 @@ def _keys(symbols: Sequence[str]) -> list[Key]:
 
 
 @dataclass(frozen=True, slots=True)
-class Coverage:
+class SentenceCoverage:
     """How well chosen sentences cover what a list offers.
 
     Attributes
@@ -211,7 +211,7 @@ def _without_superfluous(
 
 def coverage(
     lines: Sequence[Sequence[str]], chosen: Iterable[int], *, wanted: int = 2
-) -> list[Coverage]:
+) -> list[SentenceCoverage]:
     """Return how well the chosen lines cover all lines, per kind of unit."""
     per_line = [units_of(line) for line in lines]
     numbers = list(chosen)
@@ -221,7 +221,7 @@ def coverage(
         have: Counter[tuple[str, ...]] = sum((per_line[i][kind] for i in numbers), Counter())
         running = sum(n for unit, n in offered.items() if have[unit])
         report.append(
-            Coverage(
+            SentenceCoverage(
                 kind,
                 len(offered),
                 sum(have[u] >= 1 for u in offered),

@@ -13,7 +13,7 @@ from synth.units.speech.pitch import PitchTrack, track_pitch
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class UnitRecording:
     """One utterance of a cuer.
 
     Attributes
@@ -51,7 +51,7 @@ class Recording:
         score: Score,
         gestures: Gestures,
         motion: Motion,
-    ) -> "Recording":
+    ) -> "UnitRecording":
         """Make a recording, finding its pitch and pitch marks."""
         track = track_pitch(sound, fs)
         return cls(sound, fs, score, gestures, motion, track, place_marks(sound, fs, track))

@@ -10,7 +10,7 @@ from codec.cues.score import Score
 from synth.language.text.espeak import RATE_HZ
 from synth.language.text.pronounce import phonemise
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.units.recordings.recording import Recording
+from synth.units.recordings.recording import UnitRecording
 from synth.units.speech.espeak_voice import render
 
 _TAIL_S = 1.0
@@ -41,7 +41,7 @@ def record(
     voice: Voice,
     *,
     options: CueingOptions = DEFAULT_OPTIONS,
-) -> Iterator[Recording]:
+) -> Iterator[UnitRecording]:
     """Yield one recording per text, at the two `RATES` in turn.
 
     Parameters
@@ -62,6 +62,6 @@ def record(
         score = Score(rendering.phones, tuple(cue(rendering.phones, options)))
         n_frames = round((len(rendering.samples) / RATE_HZ + 2 * _TAIL_S) * cuer.rate_hz)
         motion = cuer.motion(score, -_TAIL_S, n_frames, voice)
-        yield Recording.analysed(
+        yield UnitRecording.analysed(
             rendering.samples, RATE_HZ, score=score, gestures=cuer.gestures(score), motion=motion
         )

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from synth.units.recordings.choice import Coverage, choose, coverage
+from synth.units.recordings.choice import SentenceCoverage, choose, coverage
 from synth.units.recordings.rendered import line_of
 
 N_SENTENCES = 238
@@ -11,7 +11,7 @@ N_SENTENCES = 238
 
 def choose_sentences(
     sentences: Sequence[str], count: int = N_SENTENCES
-) -> tuple[list[str], list[Coverage]]:
+) -> tuple[list[str], list[SentenceCoverage]]:
     """Return sentences that cover French as the whole list does, and how well they do.
 
     Parameters

@@ -21,10 +21,10 @@ from codec.cues.score import Phone, Score
 from codec.errors import CueError
 from synth.language.text.pronounce import phonemise
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.planning.alignment.align import Passage, align
+from synth.planning.alignment.align import SpokenPassage, align
 from synth.planning.alignment.sound import mono
 from synth.planning.prosody.duration import predict_durations
-from synth.units.recordings.recording import Recording
+from synth.units.recordings.recording import UnitRecording
 
 FS = 22_050
 """Rate at which the speaker's sound is kept, Hz."""
@@ -51,7 +51,7 @@ _LEAST_EXPECTED, _MOST_EXPECTED = 0.35, 2.5
 
 
 @dataclass(frozen=True, slots=True)
-class Utterance:
+class SpokenFile:
     """A sound file and what is said in it."""
 
     path: Path
@@ -66,7 +66,7 @@ class Refusal:
     reason: str
 
 
-def read_transcripts(folder: Path) -> list[Utterance]:
+def read_transcripts(folder: Path) -> list[SpokenFile]:
     """Return the utterances of a folder.
 
     A table ``*.tsv`` with the columns ``path`` (from the folder) and ``text`` names them; without
@@ -77,35 +77,35 @@ def read_transcripts(folder: Path) -> list[Utterance]:
     CueError
         If there is no utterance, or a table lacks its columns.
     """
-    found: list[Utterance] = []
+    found: list[SpokenFile] = []
     for table in sorted(folder.glob("*.tsv")):
         with table.open(encoding="utf-8", newline="") as file:
             rows = csv.DictReader(file, delimiter="\t", quoting=csv.QUOTE_NONE)
             if not {"path", "text"} <= set(rows.fieldnames or ()):
                 raise CueError(f"{table}: no columns 'path' and 'text'")
-            found += [Utterance(folder / row["path"], row["text"] or "") for row in rows]
+            found += [SpokenFile(folder / row["path"], row["text"] or "") for row in rows]
     if not found:
         for sound in sorted(p for p in folder.rglob("*") if p.suffix.lower() in SUFFIXES):
             text = sound.with_suffix(".txt")
             if text.exists():
-                found.append(Utterance(sound, text.read_text("utf-8").strip()))
+                found.append(SpokenFile(sound, text.read_text("utf-8").strip()))
     if not found:
         raise CueError(f"{folder}: no sounds with transcripts")
     return found
 
 
 def record_speaker(
-    utterances: Sequence[Utterance],
+    utterances: Sequence[SpokenFile],
     cuer: GestureSynthesiser,
     voice: Voice,
     *,
     options: CueingOptions = DEFAULT_OPTIONS,
-) -> Iterator[Recording | Refusal]:
+) -> Iterator[UnitRecording | Refusal]:
     """Yield a recording, or the reason why there is none, for each utterance.
 
     Parameters
     ----------
-    utterances : sequence of Utterance
+    utterances : sequence of SpokenFile
         Of one speaker. Some minutes of them are aligned together.
     cuer : GestureSynthesiser
         Who cues to the speaker's voice.
@@ -113,7 +113,7 @@ def record_speaker(
         What her motion is expressed in.
     options : CueingOptions
     """
-    batch: list[tuple[Utterance, NDArray[np.float64]]] = []
+    batch: list[tuple[SpokenFile, NDArray[np.float64]]] = []
     length_s = 0.0
     for utterance in utterances:
         try:
@@ -143,11 +143,11 @@ def _read(path: Path) -> NDArray[np.float64]:
 
 
 def _recorded(
-    batch: Sequence[tuple[Utterance, NDArray[np.float64]]],
+    batch: Sequence[tuple[SpokenFile, NDArray[np.float64]]],
     cuer: GestureSynthesiser,
     voice: Voice,
     options: CueingOptions,
-) -> Iterator[Recording | Refusal]:
+) -> Iterator[UnitRecording | Refusal]:
     passages, kept = [], []
     for utterance, sound in batch:
         words = tuple(phonemise(utterance.text))
@@ -155,7 +155,7 @@ def _recorded(
         if reason:
             yield Refusal(utterance.path, reason)
             continue
-        passages.append(Passage(words, mono(sound, FS)))
+        passages.append(SpokenPassage(words, mono(sound, FS)))
         kept.append((utterance, sound))
     for (utterance, sound), found in zip(kept, align(passages), strict=True):
         recording = _cued(sound, found.phones, cuer, voice, options)
@@ -184,19 +184,19 @@ def _cued(
     cuer: GestureSynthesiser,
     voice: Voice,
     options: CueingOptions,
-) -> Recording:
+) -> UnitRecording:
     score = Score(phones, tuple(cue(phones, options)))
     first, last = round(phones[0].start * FS), round(phones[-1].end * FS)
     level = float(np.sqrt(np.mean(sound[first:last] ** 2))) + 1e-12
     levelled = np.clip(sound * (_LEVEL / level), -1.0, 1.0).astype(np.float32)
     n_frames = round((len(sound) / FS + 2 * _TAIL_S) * cuer.rate_hz)
     motion = cuer.motion(score, -_TAIL_S, n_frames, voice)
-    return Recording.analysed(
+    return UnitRecording.analysed(
         levelled, FS, score=score, gestures=cuer.gestures(score), motion=motion
     )
 
 
-def voiced_share(recording: Recording) -> float:
+def voiced_share(recording: UnitRecording) -> float:
     """Return the part of the vowels' time that has a pitch, 0..1.
 
     Where the text is not what was said, vowels fall on silence and noise.

@@ -19,7 +19,7 @@ _MAX_RATIO = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class SpeechPiece:
     """A stretch of recorded speech and where it goes.
 
     Attributes
@@ -35,7 +35,9 @@ class Piece:
     f0_ratio: NDArray[np.float64]
 
     @classmethod
-    def of(cls, source_s: ArrayLike, target_s: ArrayLike, f0_ratio: ArrayLike = 1.0) -> "Piece":
+    def of(
+        cls, source_s: ArrayLike, target_s: ArrayLike, f0_ratio: ArrayLike = 1.0
+    ) -> "SpeechPiece":
         """Make a piece of anything array-like; a scalar ratio holds everywhere.
 
         Raises
@@ -55,7 +57,9 @@ class Piece:
         return cls(source, target, ratio)
 
 
-def modify_prosody(x: ArrayLike, marks: PitchMarks, pieces: Sequence[Piece]) -> NDArray[np.float64]:
+def modify_prosody(
+    x: ArrayLike, marks: PitchMarks, pieces: Sequence[SpeechPiece]
+) -> NDArray[np.float64]:
     """Give speech new timing and a new pitch contour, and join pieces of it.
 
     Parameters
@@ -64,7 +68,7 @@ def modify_prosody(x: ArrayLike, marks: PitchMarks, pieces: Sequence[Piece]) -> 
         One channel of speech.
     marks : PitchMarks
         Its pitch marks.
-    pieces : sequence of Piece
+    pieces : sequence of SpeechPiece
         Stretches of `x` in the order in which they sound; each begins in the result where its
         predecessor ends.
 
@@ -84,7 +88,7 @@ def modify_prosody(x: ArrayLike, marks: PitchMarks, pieces: Sequence[Piece]) -> 
     >>> from synth.units.speech.marks import place_marks
     >>> x = np.sin(np.arange(8000) * 2 * np.pi * 100 / 8000)
     >>> marks = place_marks(x, 8000, PitchTrack(np.full(200, 100.0), 0.005))
-    >>> len(modify_prosody(x, marks, [Piece.of([0, 1], [0, 1.5])]))
+    >>> len(modify_prosody(x, marks, [SpeechPiece.of([0, 1], [0, 1.5])]))
     12000
     """
     from synth.units.speech import _kernels
@@ -110,7 +114,7 @@ def modify_prosody(x: ArrayLike, marks: PitchMarks, pieces: Sequence[Piece]) -> 
 
 
 def _synthesis_marks(
-    marks: PitchMarks, pieces: Sequence[Piece]
+    marks: PitchMarks, pieces: Sequence[SpeechPiece]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return target positions in samples and the analysis mark that serves each of them."""
     at = marks.sample / marks.fs

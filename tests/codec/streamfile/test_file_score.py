@@ -13,9 +13,9 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
 from codec.cues.phonology import PHONES
 from codec.cues.score import Phone, Score
-from codec.cues.timeline import Line, to_line
+from codec.cues.timeline import ScoreLine, to_line
 from codec.errors import BitstreamError
-from codec.streamfile.file_score import Told, read_told, trimmed, write_told
+from codec.streamfile.file_score import FileScore, read_told, trimmed, write_told
 from codec.streamfile.learning import Learner
 from codec.streamfile.stream import decode_stream, encode_stream, read_superframes, told_by
 from codec.streamfile.whole_score import WholeResynthesis
@@ -26,11 +26,11 @@ from codec.superframe.score_coding import part_of
 INDICES = range(2, 7)
 
 
-def lines() -> st.SearchStrategy[Line]:
+def lines() -> st.SearchStrategy[ScoreLine]:
     """Lines of phones around the superframes of a file, silences of all lengths among them."""
     phone = st.tuples(st.integers(0, 37), st.integers(1, 70))
 
-    def line(first: int, phones: list[tuple[int, int]]) -> Line:
+    def line(first: int, phones: list[tuple[int, int]]) -> ScoreLine:
         numbers, starts, tick = [0], [-(1 << 40)], first
         for number, ticks in phones:
             if number or numbers[-1]:
@@ -40,16 +40,16 @@ def lines() -> st.SearchStrategy[Line]:
         if numbers[-1]:
             numbers.append(0)
             starts.append(tick)
-        return Line(tuple(numbers), tuple(starts), {})
+        return ScoreLine(tuple(numbers), tuple(starts), {})
 
     return st.builds(line, st.integers(-10, 300), st.lists(phone, max_size=30))
 
 
 @settings(max_examples=200, deadline=None)
 @given(lines(), st.booleans(), st.booleans())
-def test_what_is_told_is_read(line: Line, cheek: bool, learning: bool) -> None:
+def test_what_is_told_is_read(line: ScoreLine, cheek: bool, learning: bool) -> None:
     options = replace(DEFAULT_OPTIONS, schwa="cheek" if cheek else "side")
-    told = Told(trimmed(line, INDICES), options, learning)
+    told = FileScore(trimmed(line, INDICES), options, learning)
     again = read_told(write_told(told, INDICES), INDICES)
     assert again.options == options
     assert again.learning == learning
@@ -62,14 +62,14 @@ def test_what_is_told_is_read(line: Line, cheek: bool, learning: bool) -> None:
 
 @settings(max_examples=100, deadline=None)
 @given(lines(), st.integers(0, 30), st.integers(0, 8), st.integers(0, 5))
-def test_replaced_keys_are_told(line: Line, which: int, shape: int, place: int) -> None:
+def test_replaced_keys_are_told(line: ScoreLine, which: int, shape: int, place: int) -> None:
     line = trimmed(line, INDICES)
     parts = {k: part_of(line, k) for k in INDICES}
     starts = [k * 32 + s for k, part in parts.items() for s in part.key_starts()]
     if not starts:
         return
     line = replace(line, overrides={starts[which % len(starts)]: (shape, place)})
-    again = read_told(write_told(Told(line, DEFAULT_OPTIONS, False), INDICES), INDICES)
+    again = read_told(write_told(FileScore(line, DEFAULT_OPTIONS, False), INDICES), INDICES)
     assert again.line is not None
     assert again.line.overrides == line.overrides
 
@@ -95,7 +95,7 @@ def test_keys_read_off_a_hand_take_few_bits() -> None:
         phones += [Phone(pair[0], start, middle), Phone(pair[1], middle, start + 0.3)]
     score = Score(tuple(phones), tuple(cue(phones)))
     line = trimmed(to_line(score), range(5, 13))
-    data = write_told(Told(line, DEFAULT_OPTIONS, True), range(5, 13))
+    data = write_told(FileScore(line, DEFAULT_OPTIONS, True), range(5, 13))
     assert len(data) < 10 * 15 / 8 + 6
 
 

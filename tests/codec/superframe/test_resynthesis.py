@@ -16,7 +16,12 @@ from codec.superframe.merging import join
 from codec.superframe.resynthesis import _kernels
 from codec.superframe.resynthesis.movements import Movements, movements
 from codec.superframe.resynthesis.targets import N_KEYS, PARTS, Targets
-from codec.superframe.resynthesis.trajectory import Course, Resynthesis, held_keys, phone_weights
+from codec.superframe.resynthesis.trajectory import (
+    Resynthesis,
+    TrajectoryProfile,
+    held_keys,
+    phone_weights,
+)
 from codec.superframe.score_coding import ScorePart, part_of
 from codec.training.coding_tables import train_coding
 
@@ -36,7 +41,7 @@ def parts_of_phones(
 
 def weights_of(moves: Movements, movement: Movement, n_frames: int) -> "np.ndarray":
     still = np.zeros(N_KEYS)
-    course = Course(moves, movement, 0, n_frames)
+    course = TrajectoryProfile(moves, movement, 0, n_frames)
     return course.moved(held_keys(moves, movement), (still, still))
 
 

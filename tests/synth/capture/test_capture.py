@@ -17,7 +17,7 @@ from codec.errors import CueError
 from synth.capture.capture import capture
 from synth.capture.options import Captured, CaptureOptions
 from synth.capture.points.framing import mirrored
-from synth.studio.take import Take
+from synth.studio.take import StudioTake
 from tests.synth import studio_files as files
 
 pytestmark = pytest.mark.long(11)
@@ -27,7 +27,7 @@ TURN = [0.4, 1.9, -1.1, 800.0, -300.0, 1500.0]
 
 
 @cache
-def taken(identity: str, faults: bool = False) -> Take:
+def taken(identity: str, faults: bool = False) -> StudioTake:
     return files.take(identity, swaps=1.0, ghosts=1.0) if faults else files.take(identity)
 
 

@@ -12,12 +12,12 @@ from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, Key, Score
 from codec.errors import CueError
 from synth.capture.cues import _kernels
 from synth.capture.cues.appearance import ANYBODYS, KEYS, looks_of
-from synth.capture.cues.features import Seen, fingers_of
+from synth.capture.cues.features import HandFeatures, fingers_of
 from synth.capture.cues.follow import Followed, follow_keys
 from synth.capture.cues.lattice import END_OF, SHAPE_OF, lattice
 from synth.capture.cues.recognise import (
-    Held,
-    Run,
+    HeldKey,
+    KeyRun,
     _stayed,
     least_held_s,
     nearness,
@@ -29,7 +29,9 @@ from synth.capture.cues.transcript import read_transcript
 RATE_HZ = 30.0
 
 
-def shown(line: list[tuple[int, int]], *, hold: int = 3, move: int = 6, seed: int = 1) -> Seen:
+def shown(
+    line: list[tuple[int, int]], *, hold: int = 3, move: int = 6, seed: int = 1
+) -> HandFeatures:
     """Return a hand that goes from key to key, from out of the picture and back."""
     rng = np.random.default_rng(seed)
     looks = ANYBODYS
@@ -44,7 +46,7 @@ def shown(line: list[tuple[int, int]], *, hold: int = 3, move: int = 6, seed: in
     y = y + 2.0 * rng.normal(size=y.shape)
     both = np.stack([y, y], axis=1)
     speed = np.linalg.norm(np.gradient(np.concatenate(tips), axis=0), axis=1) * RATE_HZ
-    seen = Seen(RATE_HZ, x, both, both, speed, np.ones(len(x)))
+    seen = HandFeatures(RATE_HZ, x, both, both, speed, np.ones(len(x)))
     for values in (seen.fingers, seen.tips, seen.pointers, seen.speed, seen.width):
         values[:4] = values[-4:] = np.nan
     return seen
@@ -190,8 +192,8 @@ def test_a_hand_that_passes_a_key_does_not_show_it() -> None:
     """Next to rest a key must be held; within a phrase it may be short."""
     rest, short, held = KEYS.index((0, 0)), KEYS.index((5, 5)), KEYS.index((2, 3))
     runs = [
-        Run(rest, 0, 20, 1.0), Run(short, 22, 24, 0.3), Run(held, 30, 40, 0.9),
-        Run(short, 45, 47, 0.6), Run(held, 52, 60, 0.9), Run(short, 62, 63, 0.3),
+        KeyRun(rest, 0, 20, 1.0), KeyRun(short, 22, 24, 0.3), KeyRun(held, 30, 40, 0.9),
+        KeyRun(short, 45, 47, 0.6), KeyRun(held, 52, 60, 0.9), KeyRun(short, 62, 63, 0.3),
     ]  # fmt: skip
     assert _stayed(runs, 30.0) == [runs[0], *runs[2:5]]
     assert _stayed(runs, 50.0) == [runs[0], *runs[2:5]]
@@ -200,7 +202,7 @@ def test_a_hand_that_passes_a_key_does_not_show_it() -> None:
 
 
 def test_few_keys_agree_by_chance() -> None:
-    held = [Held(1, 1, 0.0, 0.1, 0.5)] * 36
+    held = [HeldKey(1, 1, 0.0, 0.1, 0.5)] * 36
     assert Followed(tuple(held), 0.5, ANYBODYS).believed
     assert not Followed(tuple(held[:9]), 0.5, ANYBODYS).believed
     assert Followed(tuple(held[:9]), 0.58, ANYBODYS).believed

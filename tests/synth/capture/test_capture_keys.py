@@ -10,7 +10,7 @@ from codec.cues.phonology import PHONE_NUMBER
 from codec.cues.score import SHAPES
 from synth.capture.cues.appearance import KEYS, looks_of
 from synth.capture.cues.features import see_motion
-from synth.capture.cues.recognise import Held, arrival, recognise_keys
+from synth.capture.cues.recognise import HeldKey, arrival, recognise_keys
 from synth.capture.cues.score import is_sure, score_of
 from synth.capture.points.solve import resting
 from synth.capture.points.speaker import Speaker
@@ -40,7 +40,7 @@ def moving(line: list[tuple[int, int]], *, hold_s: float = 0.2, move_s: float = 
     return np.concatenate(out)
 
 
-def told(params: np.ndarray) -> tuple[Held, ...]:
+def told(params: np.ndarray) -> tuple[HeldKey, ...]:
     seen = see_motion(VOICE, params, rate_hz=RATE_HZ)
     return recognise_keys(seen, looks=looks_of(VOICE)).held
 
@@ -88,7 +88,7 @@ def test_fingers_that_change_alone_tell_when_a_key_is_reached() -> None:
 
 
 def test_a_sound_alone_begins_when_the_hand_arrives() -> None:
-    held = [Held(3, 1, 0.5, 0.8, 0.9), Held(6, 1, 1.0, 1.2, 0.9)]
+    held = [HeldKey(3, 1, 0.5, 0.8, 0.9), HeldKey(6, 1, 1.0, 1.2, 0.9)]
     score = score_of(
         held, VOICE, np.zeros((100, len(VOICE.layout))), rate_hz=RATE_HZ, start_s=2.0,
         given=[("s",), ("w", "a")],
@@ -105,8 +105,8 @@ def test_without_depth_keys_are_still_told() -> None:
 
 def test_a_hand_that_never_holds_a_key_is_unsure() -> None:
     assert not is_sure([])
-    assert not is_sure([Held(0, 0, 0.0, 1.0, 1.0)])
-    assert not is_sure([Held(5, 1, 0.0, 1.0, 0.3), Held(4, 1, 1.0, 2.0, 0.9)])
+    assert not is_sure([HeldKey(0, 0, 0.0, 1.0, 1.0)])
+    assert not is_sure([HeldKey(5, 1, 0.0, 1.0, 0.3), HeldKey(4, 1, 1.0, 2.0, 0.9)])
 
 
 def test_closures_tell_the_shapes_and_grow_to_scale() -> None:

@@ -15,7 +15,7 @@ from synth.capture.points.framing import mirrored
 from synth.capture.points.labels import read_map, write_map
 from synth.capture.points.match import lay, spread_turns
 from synth.capture.points.propose import SURE, Proposal, propose_map
-from synth.capture.sources.recording import Recording
+from synth.capture.sources.recording import PointRecording
 from synth.motion.measured.cuer import performer
 from synth.studio.take import record
 from tests.synth import studio_files as files
@@ -31,10 +31,10 @@ def seen(identity: str) -> np.ndarray:
     return record(cuer, files.score(), seed=5).observed.astype(np.float64)
 
 
-def recording(points: np.ndarray, labels: tuple[str, ...] | None = None) -> Recording:
+def recording(points: np.ndarray, labels: tuple[str, ...] | None = None) -> PointRecording:
     x = points.astype(np.float32)
     labels = labels or tuple(f"point {n}" for n in range(x.shape[1]))
-    return Recording("take", "TRC", labels, "", 60.0, 0.0, len(x), (), lambda a, b: x[a:b])
+    return PointRecording("take", "TRC", labels, "", 60.0, 0.0, len(x), (), lambda a, b: x[a:b])
 
 
 def shuffled(x: np.ndarray, seed: int, *, unit_mm: float, missing: int = 6, strangers: int = 3,

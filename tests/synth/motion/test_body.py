@@ -10,7 +10,7 @@ from codec.cues.score import PLACEMENTS
 from codec.errors import CueError
 from codec.files.npz import read_arrays
 from synth.motion.body.anatomy import IDENTITIES, identity
-from synth.motion.body.body import Body, Pose, load_asset, load_body
+from synth.motion.body.body import Body, BodyPose, load_asset, load_body
 from synth.motion.body.mesh import read_mesh
 from synth.motion.body.reach import placement_target
 from synth.motion.body.shapes import all_shapes, shape_angles
@@ -20,10 +20,10 @@ MESH = Path(__file__).parents[4] / "shared" / "data" / "hm08"
 BODIES = pytest.mark.parametrize("name", sorted(IDENTITIES))
 
 
-def still_pose(body: Body, angles: np.ndarray, forearm: np.ndarray | None = None) -> Pose:
+def still_pose(body: Body, angles: np.ndarray, forearm: np.ndarray | None = None) -> BodyPose:
     n = len(angles)
     arm = np.zeros((n, 6)) if forearm is None else forearm
-    return Pose(np.zeros((n, len(body.unit_names))), np.zeros((n, 6)), angles, arm)
+    return BodyPose(np.zeros((n, len(body.unit_names))), np.zeros((n, 6)), angles, arm)
 
 
 def distance(markers: np.ndarray, first: str, second: str) -> np.ndarray:
@@ -174,7 +174,7 @@ def test_unknown_cuer_is_refused() -> None:
 def test_pose_of_unequal_lengths_is_refused() -> None:
     zeros = np.zeros((2, 6))
     with pytest.raises(CueError, match=r"the parts of a pose have \[2, 3\] frames"):
-        Pose(np.zeros((3, 5)), zeros, np.zeros((2, 31)), zeros)
+        BodyPose(np.zeros((3, 5)), zeros, np.zeros((2, 31)), zeros)
 
 
 def test_a_folder_without_mesh_is_refused(tmp_path: Path) -> None:
@@ -233,7 +233,7 @@ def test_markers_are_evenly_spaced() -> None:
 
 def test_normals_point_out_of_the_skin() -> None:
     body = load_body()
-    still = Pose(
+    still = BodyPose(
         np.zeros((1, len(body.unit_names))), np.zeros((1, 6)),
         np.zeros((1, len(HAND_ANGLES))), np.zeros((1, 6)),
     )  # fmt: skip

@@ -14,7 +14,7 @@ from codec.errors import CueError
 from cuecast.evaluate.films import ASPECT, WIDTH_MM, film
 from synth.capture.sources.landmark_maps import FACE_LANDMARKS
 from synth.motion.measured.cuer import MeasuredCuer, performer
-from synth.motion.measured.drift_noise import Wander
+from synth.motion.measured.drift_noise import DriftNoise
 from synth.motion.measured.plan import paced
 from synth.motion.measured.strokes import travelled
 from synth.studio.recital import recital
@@ -73,7 +73,7 @@ def test_strokes_are_no_minimum_jerk() -> None:
 
 
 def test_wandering_has_the_spread_that_is_asked_for() -> None:
-    values = Wander(np.array([1.0, 3.0]), 0.1, 5).at(np.linspace(0.0, 1000.0, 20001))
+    values = DriftNoise(np.array([1.0, 3.0]), 0.1, 5).at(np.linspace(0.0, 1000.0, 20001))
     np.testing.assert_allclose(values.std(0), [1.0, 3.0], rtol=0.05)
 
 

@@ -17,7 +17,7 @@ from synth.language.text.espeak import RATE_HZ
 from synth.language.text.pronounce import phonemise
 from synth.language.text.words import Word
 from synth.planning.alignment import _kernels
-from synth.planning.alignment.align import Passage, align
+from synth.planning.alignment.align import SpokenPassage, align
 from synth.planning.alignment.confidence import trust
 from synth.planning.alignment.recogniser import FS, heard
 from synth.planning.alignment.score import Judgement, score_from_recording, sound_of
@@ -73,7 +73,7 @@ def test_rendering_is_found_again(words_per_minute: int, snr_db: float) -> None:
     x = np.pad(mono(spoken.samples, RATE_HZ), FS // 2)
     noise = np.random.default_rng(1).normal(size=len(x))
     x = x + noise * x.std() * 10 ** (-snr_db / 20)
-    found = align([Passage(tuple(words), x, start_s=9.5)])[0].phones
+    found = align([SpokenPassage(tuple(words), x, start_s=9.5)])[0].phones
     assert [p.symbol for p in found] == [p.symbol for p in spoken.phones]
     errors = [abs(a.start - b.start - 10.0) for a, b in zip(found, spoken.phones, strict=True)]
     assert np.median(errors) < 0.015  # measured: 11 and 8 ms
@@ -96,7 +96,7 @@ def test_labelled_passage_of_a_reading() -> None:
 def test_ten_seconds_know_their_text(verses: slice, holds: bool) -> None:
     x, fs = sf.read(shared("audio/speech_fr_m_lv.flac"))
     words = phonemise(" ".join(READING_TEXTS[verses]))
-    passage = Passage(tuple(words), mono(x[: round(10.55 * fs)], fs))
+    passage = SpokenPassage(tuple(words), mono(x[: round(10.55 * fs)], fs))
     verdict = trust([passage], align([passage]))
     assert verdict.holds == holds
     assert verdict.evidence > 5 if holds else verdict.evidence < 2.5
@@ -108,7 +108,8 @@ def test_words_that_are_not_in_the_text_do_not_move_the_others() -> None:
     words = phonemise(" ".join(READING_TEXTS[:4]))
     kept = [n for n in range(len(words)) if n % 3]
     whole, part = (
-        align([Passage(tuple(chosen), sound)])[0] for chosen in (words, [words[n] for n in kept])
+        align([SpokenPassage(tuple(chosen), sound)])[0]
+        for chosen in (words, [words[n] for n in kept])
     )
     firsts = np.cumsum([0, *(len(word.phones) for word in words)])
     starts = [whole.phones[first].start for first in firsts[:-1]]
@@ -247,10 +248,10 @@ def test_limits() -> None:
     with pytest.raises(CueError, match=r"text spans 130 s, more than the 120 s"):
         score_from_recording([Subtitle(0, 130, "Oui.")], sound_of(np.zeros(FS), FS))
     with pytest.raises(CueError, match=r"passage at 0.00 s has 0.01 s of sound for phones"):
-        align([Passage(tuple(phonemise("Oui.")), np.zeros(160))])
+        align([SpokenPassage(tuple(phonemise("Oui.")), np.zeros(160))])
     with pytest.raises(CueError, match=r"sampling rate 4000 Hz is not within 8000..192000"):
         mono(np.zeros(9), 4000)
-    assert align([Passage((), np.zeros(0))])[0].phones == ()
+    assert align([SpokenPassage((), np.zeros(0))])[0].phones == ()
     assert heard(np.zeros(0)).shape == (1, 38)
 
 

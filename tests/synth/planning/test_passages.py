@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from codec.cues.cueing import cue
 from codec.cues.score import Phone, Score
-from synth.planning.prosody.passages import AROUND_S, LONGEST_S, SILENCE_S, Passage, passages
+from synth.planning.prosody.passages import AROUND_S, LONGEST_S, SILENCE_S, ScorePassage, passages
 from synth.units.concatenation.assembly import Flow
 
 LINES = st.lists(
@@ -82,7 +82,7 @@ def test_the_cut_falls_into_the_widest_gap() -> None:
     assert len(first.score.phones) == 202
 
 
-def flowed(found: list[Passage], start: int | None = None) -> list[tuple[int, int, int]]:
+def flowed(found: list[ScorePassage], start: int | None = None) -> list[tuple[int, int, int]]:
     flow = Flow(50.0, 1000, start)
     parts = []
     for value, passage in enumerate(found):

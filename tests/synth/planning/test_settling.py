@@ -12,9 +12,14 @@ from codec.cues.score import PLACEMENT_NUMBER, Phone, Score
 from synth.language.subtitles import Subtitle
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.prosody.pacing import READABLE
-from synth.planning.prosody.simulation import Mirror, Performing, mirror_of, mirror_of_voice
-from synth.planning.prosody.timing_optimiser import TICK_S, Line, Settler
-from synth.planning.prosody.visible_keys import SeenKeys
+from synth.planning.prosody.simulation import (
+    PerformanceSimulation,
+    PerformerChoice,
+    mirror_of,
+    mirror_of_voice,
+)
+from synth.planning.prosody.timing_optimiser import TICK_S, KeyLine, TimingOptimiser
+from synth.planning.prosody.visible_keys import VisibleKeys
 from synth.planning.scoring.text_score import Reading, score_from_subtitles
 
 VERSE = (
@@ -24,10 +29,10 @@ VERSE = (
 )
 
 
-def line_of(lengths: list[int], keys: list[tuple[int, str]], slack: int = 60) -> Line:
+def line_of(lengths: list[int], keys: list[tuple[int, str]], slack: int = 60) -> KeyLine:
     start = 50 + np.cumsum([0, *lengths[:-1]])
     n = len(start)
-    return Line(
+    return KeyLine(
         start=start, end=start + np.array(lengths), early=start - slack, late=start + slack,
         least=np.full(n, 4), pause=np.zeros(n, dtype=np.int64),
         key=np.array([6 * shape + PLACEMENT_NUMBER[name] for shape, name in keys]),
@@ -35,7 +40,7 @@ def line_of(lengths: list[int], keys: list[tuple[int, str]], slack: int = 60) ->
     )  # fmt: skip
 
 
-def looked(line: Line) -> tuple[np.ndarray, np.ndarray]:
+def looked(line: KeyLine) -> tuple[np.ndarray, np.ndarray]:
     start, end = (TICK_S * x.astype(np.float64) for x in (line.start, line.end))
     return mirror_of().sight.look(start, end, start + line.lag * (end - start), line.key)
 
@@ -64,7 +69,7 @@ def test_a_hurried_key_is_given_time_of_its_neighbours() -> None:
     keys = [(3, "side"), (1, "throat"), (5, "side"), (5, "chin"), (3, "side"), (1, "side")]
     line = line_of([14, 14, 4, 14, 14, 14], keys)
     before, _ = looked(line)
-    after, peak = looked(Settler(mirror_of().sight).settled(line))
+    after, peak = looked(TimingOptimiser(mirror_of().sight).settled(line))
     assert before.min() < 0.1
     assert after.min() >= 0.12
     assert peak.max() < 1.5
@@ -74,14 +79,14 @@ def test_bounds_and_what_was_said_stay() -> None:
     keys = [(3, "side"), (1, "throat"), (5, "side"), (5, "chin"), (3, "side"), (1, "side")]
     line = line_of([14, 14, 6, 14, 14, 14], keys, slack=2)
     said = line[:2]
-    settled = Settler(mirror_of().sight).settled(line[2:].after(said))
+    settled = TimingOptimiser(mirror_of().sight).settled(line[2:].after(said))
     assert settled.frozen == 2
     assert (settled.start[:2] == said.start).all()
     assert (settled.end[:2] == said.end).all()
     assert (np.abs(settled.start - line.start) <= 2).all()
     assert (np.diff(settled.start) >= settled.least[:-1]).all()
     same = line_of([14, 14, 6, 14, 14, 14], keys, slack=0)
-    assert (Settler(mirror_of().sight).settled(same).start == same.start).all()
+    assert (TimingOptimiser(mirror_of().sight).settled(same).start == same.start).all()
 
 
 def test_every_key_of_slow_verse_is_held() -> None:
@@ -95,13 +100,13 @@ def test_every_key_of_slow_verse_is_held() -> None:
 def test_a_key_in_need_gets_ticks_from_far_away() -> None:
     keys = [(3, "side"), (1, "side")] * 5 + [(4, "chin")] + [(5, "side"), (2, "side")] * 5
     line = line_of([11] * 7 + [6, 6, 6, 12, 6, 6, 6] + [11] * 7, keys)
-    settler = Settler(mirror_of().sight)
+    settler = TimingOptimiser(mirror_of().sight)
     short = np.flatnonzero(settler.seen(line) < 0.12)
     assert {8, 10, 12} <= set(short.tolist())
     assert settler.seen(settler.settled(line, short)).min() > 0.13
 
 
-def plain(self: SeenKeys, line: Line) -> Line:
+def plain(self: VisibleKeys, line: KeyLine) -> KeyLine:
     return line
 
 
@@ -115,7 +120,7 @@ def test_adapting_is_never_worse_whoever_cues(
     if who == "anna":
         mirror = mirror_of_voice(replace(load_voice(), name=who))
     else:
-        mirror = mirror_of(Performing(who, seed=2))
+        mirror = mirror_of(PerformerChoice(who, seed=2))
     if deceived:
         false = replace(mirror.sight, place=mirror.sight.place[::-1].copy())
         monkeypatch.setattr(mirror, "sight", false)
@@ -124,7 +129,7 @@ def test_adapting_is_never_worse_whoever_cues(
     )
     lines = [Subtitle(1.0, 4.4, VERSE[0]), Subtitle(4.6, 8.0, VERSE[1])]
     adapted = held_by(mirror, lines)
-    monkeypatch.setattr(SeenKeys, "_best", plain)
+    monkeypatch.setattr(VisibleKeys, "_best", plain)
     usual = held_by(mirror, lines)
     assert len(adapted) == len(usual)
     for least_s in (HELD_S, 0.12):
@@ -132,6 +137,6 @@ def test_adapting_is_never_worse_whoever_cues(
     assert deceived or (adapted >= 0.12).mean() > (usual >= 0.12).mean()
 
 
-def held_by(mirror: Mirror, lines: list[Subtitle]) -> np.ndarray:
+def held_by(mirror: PerformanceSimulation, lines: list[Subtitle]) -> np.ndarray:
     score = score_from_subtitles(lines, reading=Reading(pace=READABLE))
     return mirror.held(score.phones, score.keys)

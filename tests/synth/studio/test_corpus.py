@@ -17,21 +17,21 @@ from codec.errors import CueError
 from lab.corpora import main
 from lab.voice import perform
 from synth.language.text.sentences import read_sentences
-from synth.motion.body.body import Pose, load_body
+from synth.motion.body.body import BodyPose, load_body
 from synth.motion.body.skeleton import HAND_ANGLES
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.scoring.drills import drill, isolated_sounds, shape_transitions
 from synth.studio import _kernels
 from synth.studio.corpora import plan_corpora, read_utterance
 from synth.studio.studio import Studio, surround
-from synth.studio.take import Take, record
+from synth.studio.take import StudioTake, record
 from synth.units.recordings.choice import KINDS, choose, coverage, units_of
 
 SYMBOLS = st.lists(st.sampled_from(["p", "a", "j", "i", "s", "ɥ", PAUSE]), min_size=1, max_size=12)
 
 
 @pytest.fixture(scope="module")
-def recording() -> Take:
+def recording() -> StudioTake:
     # Half as many lines show the hand at the mouth or cheek for five frames: strokes fill the time.
     return record(GestureSynthesiser(rate_hz=60.0), drill(8, seed=2), seed=5)
 
@@ -108,7 +108,7 @@ def test_no_sentence_cannot_be_chosen() -> None:
         choose([["a"]], 0)
 
 
-def test_gaps_of_the_face_come_with_the_hand(recording: Take) -> None:
+def test_gaps_of_the_face_come_with_the_hand(recording: StudioTake) -> None:
     face = recording.visible[:, :N_FACE]
     resting = recording.labels.placement == PLACEMENT_NUMBER["rest"]
     at_face = np.isin(recording.labels.placement, [PLACEMENT_NUMBER[p] for p in ("mouth", "cheek")])
@@ -117,14 +117,14 @@ def test_gaps_of_the_face_come_with_the_hand(recording: Take) -> None:
     assert face[at_face].mean() < face[resting].mean() - 0.002
 
 
-def test_folded_fingers_are_hidden_and_the_back_of_the_hand_is_not(recording: Take) -> None:
+def test_folded_fingers_are_hidden_and_the_back_of_the_hand_is_not(recording: StudioTake) -> None:
     fist = recording.visible[recording.labels.shape == 0]
     assert fist[:, MARKER_NUMBER["F3T"]].mean() < 0.2
     back = recording.visible[recording.labels.shape == 4]
     assert back[:, MARKER_NUMBER["P3"]].mean() > 0.9
 
 
-def test_what_is_seen_is_near_the_truth(recording: Take) -> None:
+def test_what_is_seen_is_near_the_truth(recording: StudioTake) -> None:
     error = (recording.observed - recording.truth)[recording.visible]
     assert 0.25 < error.std() < 0.5
     assert np.abs(error).max() < 2.5
@@ -139,7 +139,7 @@ def test_recordings_are_repeatable() -> None:
     assert not np.array_equal(first.observed, other.observed, equal_nan=True)
 
 
-def test_swaps_and_ghosts_come_when_asked_for(recording: Take) -> None:
+def test_swaps_and_ghosts_come_when_asked_for(recording: StudioTake) -> None:
     studio = Studio(swaps_per_s=2.0, ghosts_per_s=1.0, dropouts_per_s=0.0)
     faulty = record(GestureSynthesiser(), drill(2), studio=studio)
     away = np.linalg.norm(faulty.observed - faulty.truth, axis=2)
@@ -201,7 +201,7 @@ def test_a_rod_hides_what_lies_behind_it_only(
 
 def test_the_back_of_the_head_hides_the_ear_behind_it() -> None:
     body = load_body()
-    still = Pose(
+    still = BodyPose(
         np.zeros((1, len(body.unit_names))), np.zeros((1, 6)),
         np.zeros((1, len(HAND_ANGLES))), np.array([[0.0] * 3 + [-900.0, -900.0, 0.0]]),
     )  # fmt: skip

@@ -11,7 +11,7 @@ from synth.units.recordings.archive import (
     read_archive,
     write_archive,
 )
-from synth.units.recordings.recording import Recording
+from synth.units.recordings.recording import UnitRecording
 
 TEXTS = ["Petit à petit, l'oiseau fait son nid.", "Qui dort dîne."]
 
@@ -24,7 +24,7 @@ def voice() -> Voice:
 @pytest.fixture(scope="module")
 def built(
     voice: Voice, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Path, list[Recording], list[tuple[int, int]]]:
+) -> tuple[Path, list[UnitRecording], list[tuple[int, int]]]:
     folder = tmp_path_factory.mktemp("cache")
     steps: list[tuple[int, int]] = []
     made = built_in_recordings(
@@ -34,7 +34,7 @@ def built(
 
 
 def test_built_once_and_read_back(
-    voice: Voice, built: tuple[Path, list[Recording], list[tuple[int, int]]]
+    voice: Voice, built: tuple[Path, list[UnitRecording], list[tuple[int, int]]]
 ) -> None:
     folder, made, steps = built
     assert steps == [(1, 2), (2, 2)]
@@ -53,7 +53,7 @@ def test_built_once_and_read_back(
 
 
 def test_other_sentences_make_another_archive(
-    voice: Voice, built: tuple[Path, list[Recording], list[tuple[int, int]]]
+    voice: Voice, built: tuple[Path, list[UnitRecording], list[tuple[int, int]]]
 ) -> None:
     folder, _, _ = built
     built_in_recordings(voice, sentences=TEXTS[:1], folder=folder)
@@ -62,7 +62,7 @@ def test_other_sentences_make_another_archive(
 
 def test_a_damaged_archive_is_refused_and_made_again(
     voice: Voice,
-    built: tuple[Path, list[Recording], list[tuple[int, int]]],
+    built: tuple[Path, list[UnitRecording], list[tuple[int, int]]],
     tmp_path: Path,
 ) -> None:
     _, made, _ = built
@@ -83,7 +83,7 @@ def test_a_damaged_archive_is_refused_and_made_again(
 
 
 def test_refusals(
-    built: tuple[Path, list[Recording], list[tuple[int, int]]], tmp_path: Path
+    built: tuple[Path, list[UnitRecording], list[tuple[int, int]]], tmp_path: Path
 ) -> None:
     with pytest.raises(CueError, match="no recording"):
         write_archive(tmp_path / "none", [])

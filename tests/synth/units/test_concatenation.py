@@ -31,7 +31,7 @@ from synth.units.concatenation.units import (
     split_polysound,
     with_pauses,
 )
-from synth.units.recordings.recording import Recording
+from synth.units.recordings.recording import UnitRecording
 from synth.units.recordings.rendered import line_of, record
 
 TEXTS = (
@@ -50,12 +50,12 @@ def voice() -> Voice:
 
 
 @pytest.fixture(scope="module")
-def recordings(voice: Voice) -> list[Recording]:
+def recordings(voice: Voice) -> list[UnitRecording]:
     return list(record(TEXTS, GestureSynthesiser(alignment="paper"), voice))
 
 
 @pytest.fixture(scope="module")
-def synthesiser(recordings: list[Recording], voice: Voice) -> ConcatenativeSynthesiser:
+def synthesiser(recordings: list[UnitRecording], voice: Voice) -> ConcatenativeSynthesiser:
     return ConcatenativeSynthesiser(recordings, voice)
 
 
@@ -144,14 +144,14 @@ def test_joins_are_smoothed_towards_the_next_onset() -> None:
     np.testing.assert_allclose(joined[10:, 0], 10 + np.linspace(0, 1, 11))
 
 
-def test_recordings_are_labelled_exactly(recordings: list[Recording]) -> None:
+def test_recordings_are_labelled_exactly(recordings: list[UnitRecording]) -> None:
     for text, recording in zip(TEXTS, recordings, strict=True):
         assert [p.symbol for p in recording.score.phones] == [s for s in line_of(text) if s != "_"]
         assert recording.score.phones[-1].end <= recording.duration_s
 
 
 def test_a_recorded_sentence_comes_out_of_its_own_units(
-    synthesiser: ConcatenativeSynthesiser, recordings: list[Recording]
+    synthesiser: ConcatenativeSynthesiser, recordings: list[UnitRecording]
 ) -> None:
     recording = recordings[0]
     (performance,) = synthesiser.perform([recording.score])
@@ -198,7 +198,7 @@ def test_any_text_can_be_said_and_cued(synthesiser: ConcatenativeSynthesiser) ->
 
 
 def test_no_jump_in_the_motion(
-    synthesiser: ConcatenativeSynthesiser, recordings: list[Recording]
+    synthesiser: ConcatenativeSynthesiser, recordings: list[UnitRecording]
 ) -> None:
     voice = load_voice("claire")
     fastest = max(
@@ -240,7 +240,7 @@ def test_melody_falls_and_rises() -> None:
 
 
 def test_what_does_not_belong_together_is_refused(
-    recordings: list[Recording], voice: Voice
+    recordings: list[UnitRecording], voice: Voice
 ) -> None:
     with pytest.raises(CueError, match="sample rate, or there is none"):
         ConcatenativeSynthesiser([], voice)

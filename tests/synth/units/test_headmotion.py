@@ -11,7 +11,7 @@ from codec.cues.score import Phone, Score
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.motion.rules.movement import plan_gestures
 from synth.units.concatenation.headmotion import HeadMotion
-from synth.units.recordings.recording import Recording
+from synth.units.recordings.recording import UnitRecording
 from synth.units.recordings.rendered import record
 
 TEXTS = ("Le petit chat mange une souris grise, sous la table.", "Bonjour, madame !")
@@ -23,12 +23,12 @@ def voice() -> Voice:
 
 
 @pytest.fixture(scope="module")
-def recordings(voice: Voice) -> list[Recording]:
+def recordings(voice: Voice) -> list[UnitRecording]:
     return list(record(TEXTS, GestureSynthesiser(alignment="paper"), voice))
 
 
 @pytest.fixture(scope="module")
-def head(voice: Voice, recordings: list[Recording]) -> HeadMotion:
+def head(voice: Voice, recordings: list[UnitRecording]) -> HeadMotion:
     return HeadMotion(voice, recordings, seed=3)
 
 
@@ -62,7 +62,7 @@ def test_it_depends_on_time_and_what_is_near_alone(head: HeadMotion) -> None:
     np.testing.assert_array_equal(whole, head.at(times, line((1.0, 3), (2.1, 3))))
 
 
-def test_the_seed_decides(head: HeadMotion, voice: Voice, recordings: list[Recording]) -> None:
+def test_the_seed_decides(head: HeadMotion, voice: Voice, recordings: list[UnitRecording]) -> None:
     times, phones = np.arange(0.0, 6.0, 0.02), line((1.0, 3))
     again = HeadMotion(voice, recordings, seed=3).at(times, phones)
     np.testing.assert_array_equal(head.at(times, phones), again)
@@ -71,7 +71,7 @@ def test_the_seed_decides(head: HeadMotion, voice: Voice, recordings: list[Recor
 
 
 def test_a_hand_at_the_face_goes_with_the_head(
-    head: HeadMotion, voice: Voice, recordings: list[Recording]
+    head: HeadMotion, voice: Voice, recordings: list[UnitRecording]
 ) -> None:
     phones = tuple(line((1.0, 4)))
     score = Score(phones, tuple(cue(phones)))
@@ -92,7 +92,7 @@ def test_a_hand_at_the_face_goes_with_the_head(
 
 
 def test_taking_out_the_slow_part_leaves_face_and_fingers(
-    head: HeadMotion, recordings: list[Recording], voice: Voice
+    head: HeadMotion, recordings: list[UnitRecording], voice: Voice
 ) -> None:
     taken = head.without_slow_part(0, recordings[0])
     own = recordings[0].motion.params

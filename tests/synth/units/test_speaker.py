@@ -11,9 +11,9 @@ from codec.errors import CueError
 from cuecast.command.cli import main
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.units.recordings.archive import read_archive
-from synth.units.recordings.recording import Recording
+from synth.units.recordings.recording import UnitRecording
 from synth.units.recordings.rendered import line_of
-from synth.units.recordings.speaker import FS, Refusal, Utterance, read_transcripts, record_speaker
+from synth.units.recordings.speaker import FS, Refusal, SpokenFile, read_transcripts, record_speaker
 from synth.units.speech.espeak_voice import render
 
 TEXTS = {
@@ -42,7 +42,7 @@ def test_recordings_of_a_speaker(folder: Path) -> None:
     cuer = GestureSynthesiser(alignment="paper")
     made = list(record_speaker(read_transcripts(folder), cuer, voice))
     for recording, text in zip(made, TEXTS.values(), strict=True):
-        assert isinstance(recording, Recording)
+        assert isinstance(recording, UnitRecording)
         assert [p.symbol for p in recording.score.phones] == [s for s in line_of(text) if s != "_"]
         truth = render(line_of(text), words_per_minute=120).phones
         starts = np.array([p.start for p in recording.score.phones])
@@ -62,7 +62,7 @@ def test_what_does_not_fit_is_refused_with_a_reason(folder: Path) -> None:
     (folder / "text.wav").write_text("no sound")
     text = TEXTS["a"]
     utterances = [
-        Utterance(folder / f"{name}.wav", words)
+        SpokenFile(folder / f"{name}.wav", words)
         for name, words in (
             ("noise", text), ("short", text), ("long", "Bonjour."), ("endless", text),
             ("text", text), ("missing", text), ("a", "..."), ("a", text),
@@ -76,12 +76,12 @@ def test_what_does_not_fit_is_refused_with_a_reason(folder: Path) -> None:
     assert reasons["endless.wav"] == "longer than 60 s"
     assert reasons["text.wav"] == reasons["missing.wav"] == "not a readable sound"
     assert reasons["a.wav"] == "its text has no phone"
-    assert sum(isinstance(item, Recording) for item in items) == 1
+    assert sum(isinstance(item, UnitRecording) for item in items) == 1
 
 
 def test_transcripts_in_a_table(tmp_path: Path) -> None:
     (tmp_path / "t.tsv").write_text("path\ttext\tnote\nx/1.ogg\tUn chat.\t-\n", "utf-8")
-    assert read_transcripts(tmp_path) == [Utterance(tmp_path / "x/1.ogg", "Un chat.")]
+    assert read_transcripts(tmp_path) == [SpokenFile(tmp_path / "x/1.ogg", "Un chat.")]
     (tmp_path / "t.tsv").write_text("file\twords\n1.ogg\tUn chat.\n", "utf-8")
     with pytest.raises(CueError, match="no columns 'path' and 'text'"):
         read_transcripts(tmp_path)
@@ -116,4 +116,4 @@ def test_a_real_speaker() -> None:
     chosen = [u for u in utterances if "words" in u.path.parts][:12]
     items = list(record_speaker(chosen, GestureSynthesiser(), load_voice("claire")))
     # Measured on the first 40: none refused.
-    assert sum(isinstance(item, Recording) for item in items) >= 11
+    assert sum(isinstance(item, UnitRecording) for item in items) >= 11

@@ -13,7 +13,7 @@ from synth.units.speech import _kernels
 from synth.units.speech.lsp import line_spectrum_pairs, linear_prediction
 from synth.units.speech.marks import place_marks
 from synth.units.speech.pitch import PitchTrack, track_pitch
-from synth.units.speech.psola import Piece, modify_prosody
+from synth.units.speech.psola import SpeechPiece, modify_prosody
 
 FS = 16000
 CLIPS = Path(__file__).resolve().parents[4] / "shared" / "data" / "audio"
@@ -65,7 +65,7 @@ def test_nothing_to_find(x: NDArray[np.float64]) -> None:
     assert not track.f0.any()
     marks = place_marks(x, FS, track)
     assert not marks.voiced.any()
-    assert len(modify_prosody(x, marks, [Piece.of([0, 1], [0, 2])])) == 2 * FS
+    assert len(modify_prosody(x, marks, [SpeechPiece.of([0, 1], [0, 2])])) == 2 * FS
 
 
 def test_pitch_range_must_fit_the_rate() -> None:
@@ -87,7 +87,7 @@ def test_identity_is_exact() -> None:
     x = voice()
     marks = place_marks(x, FS, track_pitch(x, FS))
     d = len(x) / FS
-    y = modify_prosody(x, marks, [Piece.of([0, d], [0, d])])
+    y = modify_prosody(x, marks, [SpeechPiece.of([0, d], [0, d])])
     np.testing.assert_allclose(y, x, atol=1e-12)
 
 
@@ -97,7 +97,7 @@ def test_new_pitch_and_duration_are_what_was_asked_for(ratio: float, stretch: fl
     x = voice(120, 150)
     marks = place_marks(x, FS, track_pitch(x, FS))
     d = len(x) / FS
-    y = modify_prosody(x, marks, [Piece.of([0, d], [0, d * stretch], ratio)])
+    y = modify_prosody(x, marks, [SpeechPiece.of([0, d], [0, d * stretch], ratio)])
     assert len(y) == round(d * stretch * FS)
     track = track_pitch(y, FS)
     times = np.arange(len(track.f0)) * track.hop_s / stretch
@@ -115,7 +115,7 @@ def test_real_speech_without_clicks(name: str, ratio: float, stretch: float) -> 
     x = real_speech(name)
     marks = place_marks(x, FS, track_pitch(x, FS))
     d = len(x) / FS
-    y = modify_prosody(x, marks, [Piece.of([0, d], [0, d * stretch], ratio)])
+    y = modify_prosody(x, marks, [SpeechPiece.of([0, d], [0, d * stretch], ratio)])
     # Measured: at most 1.0004 times the recording's own largest step.
     assert np.abs(np.diff(y)).max() <= 1.005 * np.abs(np.diff(x)).max()
     if ratio == stretch == 1.0:
@@ -135,17 +135,17 @@ def test_real_speech_without_clicks(name: str, ratio: float, stretch: float) -> 
 )
 def test_bad_maps(source: list[float], target: list[float], ratio: float, message: str) -> None:
     with pytest.raises(CueError, match=message):
-        Piece.of(source, target, ratio)
+        SpeechPiece.of(source, target, ratio)
 
 
 def test_pieces_follow_each_other() -> None:
     x = voice(120, 150)
     marks = place_marks(x, FS, track_pitch(x, FS))
     d = len(x) / FS
-    parts = [Piece.of([0, 0.8], [0, 0.8]), Piece.of([0.8, d], [0.8, d])]
+    parts = [SpeechPiece.of([0, 0.8], [0, 0.8]), SpeechPiece.of([0.8, d], [0.8, d])]
     np.testing.assert_allclose(modify_prosody(x, marks, parts), x, atol=1e-12)
     with pytest.raises(CueError, match=r"starts at 0\.8 s, not 0\.7 s"):
-        modify_prosody(x, marks, [Piece.of([0, 0.8], [0, 0.7]), parts[1]])
+        modify_prosody(x, marks, [SpeechPiece.of([0, 0.8], [0, 0.7]), parts[1]])
     with pytest.raises(CueError, match="no piece"):
         modify_prosody(x, marks, [])
 

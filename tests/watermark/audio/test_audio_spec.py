@@ -15,7 +15,7 @@ from watermark.audio.follow.demodulate import Demodulator
 from watermark.audio.signal.layout import make_layout, make_pilots
 from watermark.audio.signal.masking import band_edges, make_masker
 from watermark.audio.signal.profile import PROFILES, STANDARD
-from watermark.audio.signal.sample_buffer import Tape
+from watermark.audio.signal.sample_buffer import SampleBuffer
 from watermark.link.crc import crc_bits
 from watermark.link.link import Link
 from watermark.link.polar import make_code
@@ -64,7 +64,7 @@ def test_sound(case: dict[str, Any]) -> None:
     expected = (bytes.fromhex(case["l0"]), bytes.fromhex(case["l1"]))
     name, key, level = case["profile"], case["key"], case["level"]
     assert reference.decode_superframe(samples, name, key, level) == expected
-    tape = Tape()
+    tape = SampleBuffer()
     tape.append(np.array(samples))
     demodulator = Demodulator(PROFILES[name], key)
     reading = demodulator.read(read_view(tape, case["start"], 1.0, make_masker()), [level])

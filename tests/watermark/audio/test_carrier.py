@@ -9,7 +9,7 @@ from watermark.audio.embed.design import pre_echoing
 from watermark.audio.embed.embedder import AudioEmbedder
 from watermark.audio.receiver import MAX_MISSES, AudioReceiver
 from watermark.audio.search.acquire import PilotSearch
-from watermark.audio.signal.sample_buffer import Tape
+from watermark.audio.signal.sample_buffer import SampleBuffer
 from watermark.link.superframe import SUPERFRAME_S, ReceivedSuperframe
 
 pytestmark = pytest.mark.long(9)
@@ -85,7 +85,7 @@ def test_blocks_do_not_matter(block: int) -> None:
 
 def test_another_clock_and_a_turned_polarity_are_found() -> None:
     y = embed(host(8.0, channels=1))
-    tape = Tape()
+    tape = SampleBuffer()
     tape.append(y[:, 0].astype(np.float64))
     fast = tape.read(0.0, 1.001, int(len(y) / 1.001) - 40)[:, np.newaxis].astype(np.float32)
     assert [(s.l0, s.l1) for s in receive(fast)] == [payload(k) for k in range(12)]
@@ -94,7 +94,7 @@ def test_another_clock_and_a_turned_polarity_are_found() -> None:
 
 
 def test_a_lock_outlives_what_cannot_be_read(monkeypatch: pytest.MonkeyPatch) -> None:
-    tape = Tape()
+    tape = SampleBuffer()
     tape.append(embed(host(10.5, channels=1))[:, 0].astype(np.float64))
     y = tape.read(0.0, 1 + 40e-6, 10 * 48000)[:, np.newaxis].astype(np.float32)
     y[2 * 48000 : 8 * 48000] = 0.0

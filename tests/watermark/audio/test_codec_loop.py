@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from cuecast.dubbing.coder_stream import CoderStream, make_rehearsal
-from watermark.audio.embed.codec_loop import Rehearsal
+from watermark.audio.embed.codec_loop import CodecLoop
 from watermark.audio.embed.embedder import AudioEmbedder
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.signal.profile import DISCREET, FS, ROBUST, STANDARD
@@ -36,13 +36,13 @@ def payload(k: int) -> tuple[bytes, bytes]:
     return np.random.default_rng(k).bytes(7), b""
 
 
-def marked(x: Sound, rehearsal: Rehearsal | None) -> Sound:
+def marked(x: Sound, rehearsal: CodecLoop | None) -> Sound:
     embedder = AudioEmbedder(FS, 1, payload, profile="robust", rehearsal=rehearsal)
     blocks = [embedder.process(x[i : i + 5000]) for i in range(0, len(x), 5000)]
     return np.concatenate([*blocks, embedder.flush()])
 
 
-def level(rehearsal: Rehearsal, k: int) -> float:
+def level(rehearsal: CodecLoop, k: int) -> float:
     enough = rehearsal.enough(k)
     assert enough is not None
     return enough
@@ -50,7 +50,7 @@ def level(rehearsal: Rehearsal, k: int) -> float:
 
 def test_superframes_that_drown_stand_higher() -> None:
     x = np.random.default_rng(1).normal(0, 0.05, (12 * FS, 1)).astype(np.float32)
-    rehearsal = Rehearsal(ROBUST, 0, Drowning())
+    rehearsal = CodecLoop(ROBUST, 0, Drowning())
     y, plain = marked(x, rehearsal), marked(x, None)
     assert len(y) == len(x)
     assert min(level(rehearsal, k) for k in (7, 8, 9)) > 2 + max(
@@ -72,7 +72,7 @@ class Clear:
 def test_what_is_enough_is_not_exceeded() -> None:
     """Where the line is clear the mark is softer than the grade allows, and still comes through."""
     x = np.random.default_rng(1).normal(0, 0.05, (12 * FS, 1)).astype(np.float32)
-    softer, plain = marked(x, Rehearsal(ROBUST, 0, Clear())), marked(x, None)
+    softer, plain = marked(x, CodecLoop(ROBUST, 0, Clear())), marked(x, None)
     assert ((softer - x) ** 2).sum() < 0.8 * ((plain - x) ** 2).sum()
     receiver = AudioReceiver(FS, 1)
     found = receiver.process(softer) + receiver.flush()
@@ -81,13 +81,13 @@ def test_what_is_enough_is_not_exceeded() -> None:
 
 def test_the_worst_of_several_coders_counts() -> None:
     x = np.random.default_rng(1).normal(0, 0.05, (12 * FS, 1)).astype(np.float32)
-    rehearsal = Rehearsal(ROBUST, 0, Clear(), Drowning())
+    rehearsal = CodecLoop(ROBUST, 0, Clear(), Drowning())
     marked(x, rehearsal)
     assert level(rehearsal, 8) > level(rehearsal, 2) + 2
 
 
 def test_a_fixed_level_is_not_rehearsed() -> None:
-    rehearsal = Rehearsal(ROBUST, 0, Drowning())
+    rehearsal = CodecLoop(ROBUST, 0, Drowning())
     embedder = AudioEmbedder(FS, 1, payload, profile="robust", level=6, rehearsal=rehearsal)
     embedder.process(np.full((6 * FS, 1), 0.1, dtype=np.float32))
     assert rehearsal.count == 0
@@ -123,7 +123,7 @@ def test_unknown_coders_are_named() -> None:
 def test_grade_goes_where_it_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the grade does not suffice for all, every superframe is short by the same."""
     need = [6.0 + 3.0 * (k % 2) for k in range(20)]
-    monkeypatch.setattr(Rehearsal, "enough", lambda _, k: need[k])
+    monkeypatch.setattr(CodecLoop, "enough", lambda _, k: need[k])
     written: list[float] = []
     stretch = AudioEmbedder._stretch
 
@@ -134,7 +134,7 @@ def test_grade_goes_where_it_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(AudioEmbedder, "_stretch", spy)
     x = np.random.default_rng(1).normal(0, 0.05, (12 * FS, 1)).astype(np.float32)
-    rehearsal = Rehearsal(ROBUST, 0, Clear())
+    rehearsal = CodecLoop(ROBUST, 0, Clear())
     embedder = AudioEmbedder(FS, 1, payload, profile="robust", grade=-0.05, rehearsal=rehearsal)
     embedder.process(x)
     short = [a - b for a, b in zip(need, written, strict=False)][4:]

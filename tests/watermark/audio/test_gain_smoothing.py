@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from watermark.audio.embed.gain_smoothing import SOFTENED, Moments, Relief
+from watermark.audio.embed.gain_smoothing import SOFTENED, GainSmoothing, Moments
 from watermark.audio.embed.level_control import LevelControl
 from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP, SUPERFRAME
 
@@ -49,14 +49,14 @@ def test_places_go_on_from_stretch_to_stretch() -> None:
 def test_levels_make_up_for_what_is_taken() -> None:
     gains = np.ones(2 * FRAMES_PER_SUPERFRAME)
     gains[FRAMES_PER_SUPERFRAME:] = np.sqrt(0.5)
-    np.testing.assert_allclose(Relief(gains).levels(), [0.0, 2.0], atol=1e-12)
-    assert Relief(gains).parts().shape == (2, FRAMES_PER_SUPERFRAME)
+    np.testing.assert_allclose(GainSmoothing(gains).levels(), [0.0, 2.0], atol=1e-12)
+    assert GainSmoothing(gains).parts().shape == (2, FRAMES_PER_SUPERFRAME)
 
 
 class Heard:
     """A stretch whose mark is heard everywhere, with relief half as much unless that is deaf."""
 
-    def __init__(self, deaf: bool, base: float | None, relief: Relief | None) -> None:
+    def __init__(self, deaf: bool, base: float | None, relief: GainSmoothing | None) -> None:
         rng = np.random.default_rng(3)
         self.clean = 0.05 * rng.standard_normal((4 * SUPERFRAME, 1))
         self.relief = relief

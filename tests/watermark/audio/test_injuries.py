@@ -11,16 +11,16 @@ import scipy.signal
 from numpy.typing import NDArray
 
 from tests.watermark.audio.test_carrier import embed, host, payload, receive
-from watermark.audio.follow.align import View, find_delay, read_view
-from watermark.audio.follow.demodulate import Demodulator, Reading
-from watermark.audio.follow.equaliser import PHASES, Equaliser, Known, lean, path_of
-from watermark.audio.follow.track import FOLLOW, Reader, Track
+from watermark.audio.follow.align import SuperframeView, find_delay, read_view
+from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
+from watermark.audio.follow.equaliser import PHASES, Equaliser, KnownCells, lean, path_of
+from watermark.audio.follow.track import FOLLOW, Track, TrackReader
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.search.hypotheses import Stretch, make_guesses, speeds
 from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.profile import STANDARD, SUPERFRAME
-from watermark.audio.signal.sample_buffer import PairTape, Tape
+from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
 from watermark.link.link import Decoded
 
 Sound = NDArray[np.float32]
@@ -56,7 +56,7 @@ def at_speed(x: Sound, ratio: float) -> Sound:
     count = int(len(x) / ratio)
     out = np.empty((count, x.shape[1]), dtype=np.float32)
     for channel in range(x.shape[1]):
-        tape = Tape()
+        tape = SampleBuffer()
         tape.append(x[:, channel].astype(np.float64))
         out[:, channel] = tape.read(0.0, ratio, count)
     return out
@@ -95,7 +95,7 @@ def test_every_superframe_is_read(injure: Callable[[Sound], Sound]) -> None:
 
 def test_bands_beneath_the_floor_are_read() -> None:
     """Where the mask's floor hides the bands of a softened programme, a lower one finds them."""
-    tape, reader = Tape(), Reader(0, 1.0)
+    tape, reader = SampleBuffer(), TrackReader(0, 1.0)
     tape.append(marked().mean(axis=1).astype(np.float64))
     demodulator = reader.demodulator(STANDARD.number)
     reader._masker = make_masker(floor=1e-2)
@@ -108,7 +108,7 @@ def test_bands_beneath_the_floor_are_read() -> None:
 
 def test_a_clock_that_leads_astray_is_noticed() -> None:
     """The delay of a superframe is found where it is more than one step of the trial."""
-    tape = Tape()
+    tape = SampleBuffer()
     tape.append(marked().mean(axis=1).astype(np.float64))
     demodulator = Demodulator(STANDARD, 0)
     view = read_view(tape, 30720.0, 1.0, make_masker())
@@ -138,7 +138,7 @@ def test_a_receiver_that_does_not_guess_finds_what_is_whole() -> None:
 
 def test_a_weight_learnt_wrongly_does_no_harm() -> None:
     """What was learnt may say that every good cell is bad: without it the sound is read."""
-    tape = Tape()
+    tape = SampleBuffer()
     tape.append(marked().mean(axis=1).astype(np.float64))
     demodulator = Demodulator(STANDARD, 0)
     view = read_view(tape, 30720.0, 1.0, make_masker())
@@ -150,13 +150,13 @@ def test_a_weight_learnt_wrongly_does_no_harm() -> None:
 
 def test_phases_of_one_superframe_are_used_at_once() -> None:
     """The next one may be weak: what taught them tells whether they serve."""
-    tape = Tape()
+    tape = SampleBuffer()
     tape.append(marked().mean(axis=1).astype(np.float64))
     demodulator = Demodulator(STANDARD, 0)
     bands, cells = demodulator.bands, demodulator.layout.cells
     plain = read_view(tape, 30720.0, 1.0, make_masker())
     reading = demodulator.read(plain, demodulator.likely_levels(plain, 6))
-    known = Known(cells, STANDARD.step(reading.level), demodulator.expected(reading.decoded))
+    known = KnownCells(cells, STANDARD.step(reading.level), demodulator.expected(reading.decoded))
     for bend, used in ((0.0, False), (2.5, True)):
         equaliser = Equaliser(bands)
         bent = Equaliser(bands, np.linspace(0.0, bend, bands))
@@ -172,7 +172,7 @@ def test_a_clock_that_changes_within_a_superframe_is_followed() -> None:
     inside = np.abs(place) < 1
     there[inside] += 0.5 * bend * SUPERFRAME * (place[inside] ** 2 - 0.25)
     at = np.interp(np.arange(sound.size), there, np.arange(sound.size))
-    steady, bent = Tape(), Tape()
+    steady, bent = SampleBuffer(), SampleBuffer()
     steady.append(sound)
     bent.append(scipy.ndimage.map_coordinates(sound, [at], order=5))
     demodulator = Demodulator(STANDARD, 0)
@@ -180,7 +180,7 @@ def test_a_clock_that_changes_within_a_superframe_is_followed() -> None:
     reading = demodulator.read(plain, demodulator.likely_levels(plain, 6))
     expected, cells = demodulator.expected(reading.decoded), demodulator.layout.cells
 
-    def agreement(view: View) -> float:
+    def agreement(view: SuperframeView) -> float:
         return float((view.soft(cells, STANDARD.step(reading.level)) * expected).sum())
 
     followed, not_followed = (
@@ -207,7 +207,7 @@ def covered(x: NDArray[np.float64], duty: float, amplitude: float) -> NDArray[np
 def test_what_covers_a_superframe_shows() -> None:
     """With weights of the past or the same for all cells one of seven is read, not four."""
     sound = embed(host(6.0, channels=1, seed=5))[:, 0].astype(np.float64)
-    tape = Tape()
+    tape = SampleBuffer()
     tape.append(covered(sound, 0.6, 0.6 * float(sound.std())))
     demodulator, read = Demodulator(STANDARD, 0), 0
     for k in range(1, 8):
@@ -217,7 +217,7 @@ def test_what_covers_a_superframe_shows() -> None:
     assert read >= 3
 
 
-class Seen(View):
+class Seen(SuperframeView):
     """A view whose soft values are given."""
 
     def soft(self, cells: Cells, step: float) -> NDArray[np.float64]:
@@ -236,7 +236,7 @@ def test_decoded_bits_tell_where_their_neighbours_can_be_trusted() -> None:
         soft = 0.4 * ideal * (np.arange(64) < 36)[:, np.newaxis]
         soft = np.clip(soft + rng.normal(0, 0.6, ideal.shape), -1, 1)
         view = Seen(np.zeros((64, 480), dtype=np.complex128), soft)
-        reading = Reading(
+        reading = SuperframeReading(
             view, 5.0, np.zeros((3, *ideal.shape)), soft, demodulator.layout.gather(soft),
             Decoded(l0, None, first),
         )  # fmt: skip
@@ -264,7 +264,7 @@ def test_a_path_of_phases_is_found() -> None:
 
 
 def test_the_equaliser_leaves_plain_sound_alone() -> None:
-    tape = Tape()
+    tape = SampleBuffer()
     tape.append(marked().mean(axis=1).astype(np.float64))
     demodulator = Demodulator(STANDARD, 0)
     equaliser = Equaliser(demodulator.bands)
@@ -273,7 +273,7 @@ def test_the_equaliser_leaves_plain_sound_alone() -> None:
         reading = demodulator.read(view, demodulator.likely_levels(view, 6))
         expected = demodulator.expected(reading.decoded)
         step = STANDARD.step(reading.level)
-        equaliser.learn(view, Known(demodulator.layout.cells, step, expected))
+        equaliser.learn(view, KnownCells(demodulator.layout.cells, step, expected))
         assert not equaliser.used
 
 
@@ -315,7 +315,7 @@ def test_a_stretch_is_heard_at_any_speed() -> None:
     rng = np.random.default_rng(1)
     sos = scipy.signal.ellip(10, 0.1, 80, 2700, fs=FS, output="sos")
     sound = scipy.signal.sosfilt(sos, rng.normal(size=FS // 2))
-    tape = PairTape(700)
+    tape = StereoBuffer(700)
     tape.append_pair(sound, np.zeros_like(sound))
     stretch = Stretch(tape, 1.0)
     for speed in (0.95, 1.0, 1.0031, 1.05):

@@ -12,20 +12,20 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.watermark.audio.test_carrier import embed, host, payload
-from watermark.audio.embed.codec_loop import Rehearsal
+from watermark.audio.embed.codec_loop import CodecLoop
 from watermark.audio.embed.design import MarkDesigner
 from watermark.audio.embed.embedder import AudioEmbedder
 from watermark.audio.embed.level_control import GIVE_UP, QUIETEST, LevelControl
-from watermark.audio.follow.align import CLUE_LIMIT, View, read_view
+from watermark.audio.follow.align import CLUE_LIMIT, SuperframeView, read_view
 from watermark.audio.follow.demodulate import Demodulator
 from watermark.audio.follow.equaliser import Equaliser
 from watermark.audio.follow.reliability import LARGEST_EXPONENT, LIMITS
-from watermark.audio.follow.track import Reader, Track
+from watermark.audio.follow.track import Track, TrackReader
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.profile import LEVELS, STANDARD, SUPERFRAME, USUAL_GRADE
-from watermark.audio.signal.sample_buffer import Tape
+from watermark.audio.signal.sample_buffer import SampleBuffer
 
 FS = 48000
 Sound = NDArray[np.float32]
@@ -36,8 +36,8 @@ def marked() -> Sound:
     return embed(host(4.0, channels=1))
 
 
-def tape_of(sound: Sound) -> Tape:
-    tape = Tape()
+def tape_of(sound: Sound) -> SampleBuffer:
+    tape = SampleBuffer()
     tape.append(sound.mean(axis=1).astype(np.float64))
     return tape
 
@@ -66,7 +66,7 @@ def test_weights_and_clues(marked: Sound) -> None:
     assert read >= 3
 
 
-class Misleading(View):
+class Misleading(SuperframeView):
     """Half its frames hold the message, the other half are noise that looks certain."""
 
     def clues(self, *_: Any) -> NDArray[np.float64]:
@@ -96,7 +96,9 @@ def test_what_nothing_learnt_from(seed: int) -> None:
 
 def test_clues_are_bounded(marked: Sound) -> None:
     view = read_view(tape_of(marked), float(SUPERFRAME), 1.0, make_masker())
-    loud = View(view.spectra * np.geomspace(1e-6, 1e6, 64)[:, np.newaxis], view.amplitudes)
+    loud = SuperframeView(
+        view.spectra * np.geomspace(1e-6, 1e6, 64)[:, np.newaxis], view.amplitudes
+    )
     clues = loud.clues(Demodulator(STANDARD, 0).layout.cells, make_masker())
     assert np.abs(clues).max() <= CLUE_LIMIT
 
@@ -106,7 +108,7 @@ def test_level_gain_phases_and_clock(marked: Sound, seed: int) -> None:
     """A track that is wrong in all that it has learnt still reads what lies at its place."""
     rng = np.random.default_rng(seed)
     noise = rng.normal(0, 0.013, marked.shape).astype(np.float32)
-    reader, tape = Reader(0, 1.0), tape_of(marked + noise)
+    reader, tape = TrackReader(0, 1.0), tape_of(marked + noise)
     demodulator = reader.demodulator(STANDARD.number)
     bands, level = demodulator.bands, float(rng.integers(len(LEVELS)))
     track = Track(2.0 * SUPERFRAME, 1.0, demodulator, 6.0, Equaliser(bands))
@@ -135,7 +137,7 @@ class Line:
         return (sound + self._rng.normal(0, self._noise, sound.shape)).astype(np.float32)
 
 
-def heard(x: Sound, rehearsal: Rehearsal | None, line: Line) -> tuple[int, float]:
+def heard(x: Sound, rehearsal: CodecLoop | None, line: Line) -> tuple[int, float]:
     """Superframes that come through a line, and the grade of the mark."""
     embedder = AudioEmbedder(FS, 1, payload, rehearsal=rehearsal)
     y = np.concatenate([embedder.process(x), embedder.flush()])
@@ -152,7 +154,7 @@ def test_rehearsal(seed: int) -> None:
     """A rehearsed mark comes through where the plain one does, at no worse a grade."""
     x = host(7.0, channels=1, seed=seed)
     plain, _ = heard(x, None, Line())
-    rehearsed, grade = heard(x, Rehearsal(STANDARD, 0, Line()), Line())
+    rehearsed, grade = heard(x, CodecLoop(STANDARD, 0, Line()), Line())
     assert rehearsed >= plain
     assert grade > USUAL_GRADE - 0.08
 
@@ -181,8 +183,8 @@ def test_need_and_a_rehearsal_that_lies(seed: int, monkeypatch: pytest.MonkeyPat
     """
     rng = np.random.default_rng(seed)
     monkeypatch.setattr(MarkDesigner, "need", lambda *_: float(rng.uniform(-12, 24)))
-    monkeypatch.setattr(Rehearsal, "enough", lambda *_: float(rng.uniform(-12, 24)))
+    monkeypatch.setattr(CodecLoop, "enough", lambda *_: float(rng.uniform(-12, 24)))
     x = host(7.0, channels=1, seed=seed)
-    came, grade = heard(x, Rehearsal(STANDARD, 0, Line()), Line(0.0))
+    came, grade = heard(x, CodecLoop(STANDARD, 0, Line()), Line(0.0))
     assert came == len(x) // SUPERFRAME
     assert grade > USUAL_GRADE - GIVE_UP

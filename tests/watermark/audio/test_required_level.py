@@ -18,7 +18,7 @@ from watermark.audio.signal.profile import (
     ROBUST,
     STANDARD,
     SUPERFRAME,
-    Profile,
+    AudioProfile,
 )
 from watermark.audio.signal.required_level import coder_noise
 from watermark.link.link import SIGNIFICANCE, Link
@@ -52,7 +52,7 @@ def test_more_bits_leave_less_noise() -> None:
 
 @pytest.mark.parametrize("profile", [ROBUST, STANDARD, DISCREET])
 def test_noise_that_passes_the_check_is_refused(
-    profile: Profile, monkeypatch: pytest.MonkeyPatch
+    profile: AudioProfile, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     link = Link(profile)
     llr = np.random.default_rng(0).normal(size=profile.data_cells)
@@ -83,7 +83,7 @@ def test_paths_in_noise_are_seldom_significant() -> None:
 
 
 @pytest.mark.parametrize("profile", PROFILES.values(), ids=PROFILES)
-def test_every_level_has_one_tier(profile: Profile) -> None:
+def test_every_level_has_one_tier(profile: AudioProfile) -> None:
     of_tiers = [level for tier in range(4) for level in profile.levels_of(tier)]
     assert of_tiers == list(range(12))
     steps = [profile.pilot_step(level) for level in range(12)]

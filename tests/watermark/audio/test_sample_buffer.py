@@ -21,7 +21,7 @@ from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.mdct import analyse
 from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, PILOTS_PER_FRAME
-from watermark.audio.signal.sample_buffer import Tape, impulse_responses
+from watermark.audio.signal.sample_buffer import SampleBuffer, impulse_responses
 
 
 def sine(positions: np.ndarray, period: float) -> np.ndarray:
@@ -30,7 +30,7 @@ def sine(positions: np.ndarray, period: float) -> np.ndarray:
 
 @pytest.mark.parametrize("ratio", [1.0, 1.0001, 44100 / 48000, 48000 / 44100, 4.0])
 def test_reads_a_sine_at_any_position_and_speed(ratio: float) -> None:
-    tape = Tape()
+    tape = SampleBuffer()
     tape.append(sine(np.arange(4000.0), 9.7))
     positions = 1000.3 + ratio * np.arange(400)
     error = tape.read(1000.3, ratio, 400) - sine(positions, 9.7)
@@ -38,7 +38,7 @@ def test_reads_a_sine_at_any_position_and_speed(ratio: float) -> None:
 
 
 def test_knows_its_limits() -> None:
-    tape = Tape()
+    tape = SampleBuffer()
     tape.append(np.ones(100))
     tape.forget(40)
     assert (tape.first, tape.end) == (40, 100)
@@ -181,7 +181,7 @@ def test_soft_values_of_the_search_are_the_receiver_s() -> None:
 def test_a_stretch_is_searched_as_the_stream_is() -> None:
     """One superframe alone: what is looked at as a whole shows what the sliding search finds."""
     mid = embed(host(1.4, channels=1))[:, 0].astype(np.float64)
-    tape = Tape()
+    tape = SampleBuffer()
     tape.append(mid)
     sound = tape.read(0.0, 4.0, mid.size // 4)
     found = search_stretch(0, sound)

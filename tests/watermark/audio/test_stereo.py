@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 from tests.watermark.audio.test_carrier import embed, host, payload, receive
 from watermark.audio.embed.stereo_design import LEANING_PERIOD, leaning_of
 from watermark.audio.follow.equaliser import Equaliser
-from watermark.audio.follow.track import Reader, Track
+from watermark.audio.follow.track import Track, TrackReader
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.signal.channel_choice import LEFT, MID, RIGHT, make_places
 from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.profile import PROFILES, STANDARD
-from watermark.audio.signal.sample_buffer import PairTape
+from watermark.audio.signal.sample_buffer import StereoBuffer
 
 Sound = NDArray[np.float32]
 
@@ -76,7 +76,7 @@ def test_cells_are_read_where_known_bits_fit_better() -> None:
 
 def test_a_gain_learnt_wrongly_does_no_harm(marked: Sound) -> None:
     """What coders add looks like a change of gain; the nominal steps are tried, too."""
-    tape, reader = PairTape(), Reader(0, 1.0)
+    tape, reader = StereoBuffer(), TrackReader(0, 1.0)
     left, right = marked.T.astype(np.float64)
     tape.append_pair((left + right) / 2, (left - right) / 2)
     demodulator = reader.demodulator(STANDARD.number)

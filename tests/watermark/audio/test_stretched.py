@@ -15,7 +15,7 @@ from watermark.audio.search.stretched_search import find_stretched
 from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.profile import HOP, STANDARD
-from watermark.audio.signal.sample_buffer import PairTape, Tape
+from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
 
 FS = 48000
 PIECE, SEAM = 9600, 96
@@ -39,7 +39,7 @@ def marked() -> NDArray[np.float32]:
 
 
 def stretch(sound: NDArray[np.float64]) -> Stretch:
-    tape = PairTape()
+    tape = StereoBuffer()
     tape.append(sound)
     return Stretch(tape, 1.0)
 
@@ -71,7 +71,7 @@ def test_a_path_jumps_where_the_sound_does() -> None:
     candidate = find_stretched(0, stretch(heard[:105600]).low(1.0, 2.2))
     assert candidate is not None
     assert candidate.profile == STANDARD.number
-    tape = Tape()
+    tape = SampleBuffer()
     tape.append(heard)
     demodulator = Demodulator(STANDARD, 0)
     paths = Paths(tape, candidate.places, 1.0, demodulator, make_pilots(0), make_masker())

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tests.bench.false_locks import listen
 from watermark.audio.embed.embedder import AudioEmbedder
 from watermark.audio.receiver import AudioReceiver
-from watermark.audio.signal.sample_buffer import Tape
+from watermark.audio.signal.sample_buffer import SampleBuffer
 from watermark.link.superframe import ReceivedSuperframe
 from watermark.quality import peaq
 
@@ -50,7 +50,7 @@ def at_speed(x: Sound, ratio: float) -> Sound:
     count = int(len(x) / ratio)
     out = np.empty((count, x.shape[1]), dtype=np.float32)
     for channel in range(x.shape[1]):
-        tape = Tape()
+        tape = SampleBuffer()
         tape.append(x[:, channel].astype(np.float64))
         out[:, channel] = tape.read(0.0, ratio, count)
     return out

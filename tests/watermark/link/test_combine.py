@@ -7,7 +7,7 @@ import pytest
 
 from codec.errors import CueError
 from watermark.audio.signal.profile import PROFILES as AUDIO_PROFILES
-from watermark.link.combine import Combiner, _fold, _Seen
+from watermark.link.combine import Combiner, _CarrierSuperframe, _fold
 from watermark.link.link import Link, Rates
 from watermark.link.polar import make_code
 from watermark.link.superframe import ReceivedSuperframe
@@ -111,12 +111,12 @@ def test_other_codes_pass_by() -> None:
 def test_ratios_are_folded_onto_the_mother_code(length: int) -> None:
     code = make_code(5, max(length, 16), 16)
     ratios = np.linspace(-30, 30, length)
-    seen = _Seen("audio", ReceivedSuperframe(None, None, 0.0, 0.0, 0.0, ratios), None)
+    seen = _CarrierSuperframe("audio", ReceivedSuperframe(None, None, 0.0, 0.0, 0.0, ratios), None)
     expected = np.zeros(16)
     for place, ratio in enumerate(ratios):
         expected[place % 16] += min(max(ratio, -20.0), 20.0)
     np.testing.assert_allclose(_fold(seen, code), expected)
-    silent = _Seen("audio", ReceivedSuperframe(None, None, 0.0, 0.0), None)
+    silent = _CarrierSuperframe("audio", ReceivedSuperframe(None, None, 0.0, 0.0), None)
     assert _fold(silent, code).tolist() == [0.0] * 16
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.audio.signal.profile import HIGH, ROBUST, STANDARD, Profile
+from watermark.audio.signal.profile import HIGH, ROBUST, STANDARD, AudioProfile
 from watermark.link import _kernels
 from watermark.link.crc import crc_bits
 from watermark.link.keystream import stream_words
@@ -87,7 +87,7 @@ def test_the_longer_list_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize(("profile", "asked"), [(STANDARD, 64), (HIGH, 16)])
 def test_few_paths_are_asked_for_the_short_check(
-    profile: Profile, asked: int, monkeypatch: pytest.MonkeyPatch
+    profile: AudioProfile, asked: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A check of 16 bits lets one in 65536 wrong paths pass."""
     asked_of: list[int] = []

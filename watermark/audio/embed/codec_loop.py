@@ -20,8 +20,8 @@ from watermark.audio.follow.align import read_view
 from watermark.audio.follow.demodulate import Demodulator
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.mix import front_of
-from watermark.audio.signal.profile import FS, HOP, SUPERFRAME, Profile
-from watermark.audio.signal.sample_buffer import PairTape, Tape
+from watermark.audio.signal.profile import FS, HOP, SUPERFRAME, AudioProfile
+from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
 from watermark.link.link import L0_CHECK, L1_CHECK
 
 LEARNING_S = 2.0
@@ -54,7 +54,7 @@ REMEMBERED = 64
 """Superframes whose measurements are kept, 41 s: more than lie between rehearsal and air."""
 
 
-class Through(Protocol):
+class CodecStream(Protocol):
     """A coder and its decoder as one stream, 48 kHz."""
 
     def process(self, sound: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -73,13 +73,13 @@ class _Sent:
 class _Ear:
     """One coder, and what comes back from it."""
 
-    def __init__(self, through: Through) -> None:
+    def __init__(self, through: CodecStream) -> None:
         self._through = through
-        self.heard = PairTape()
+        self.heard = StereoBuffer()
         self.delay: int | None = None
         self.waiting: deque[_Sent] = deque()
 
-    def take(self, marked: NDArray[np.float64], sent: Tape) -> None:
+    def take(self, marked: NDArray[np.float64], sent: SampleBuffer) -> None:
         """Send marked sound."""
         heard = self._through.process(marked.astype(np.float32))
         left, right = heard[:, 0].astype(np.float64), heard[:, -1].astype(np.float64)
@@ -95,7 +95,7 @@ class _Ear:
                 return
             yield self.waiting.popleft()
 
-    def _find_delay(self, sent: Tape) -> int:
+    def _find_delay(self, sent: SampleBuffer) -> int:
         """Find the samples by which the decoded sound is late, by correlation."""
         count = int(LEARNING_S * FS)
         size = 1 << (count + LONGEST_DELAY).bit_length()
@@ -105,16 +105,16 @@ class _Ear:
         return int(likeness[:LONGEST_DELAY].argmax())
 
 
-class Rehearsal:
+class CodecLoop:
     """Sends superframes through a coder and compares what comes back with what was meant.
 
     Parameters
     ----------
-    profile : Profile
+    profile : AudioProfile
         Of the embedder.
     key : int
         Seed of the layout.
-    *through : Through
+    *through : CodecStream
         The coders; the one that leaves least of a superframe counts.
 
     Attributes
@@ -123,13 +123,13 @@ class Rehearsal:
         Superframes that were sent.
     """
 
-    def __init__(self, profile: Profile, key: int, *through: Through) -> None:
+    def __init__(self, profile: AudioProfile, key: int, *through: CodecStream) -> None:
         self._ears = [_Ear(coder) for coder in through]
         self._designer = StereoDesigner(profile, key)
         self._demodulator = Demodulator(profile, key)
         self._masker = make_masker()
         self._before, self._tail = np.zeros((2, HOP)), np.zeros((2, HOP))
-        self._sent = Tape()
+        self._sent = SampleBuffer()
         self._doublings: dict[int, float] = {}
         self._levels: dict[int, float] = {}
         bits = profile.message_bits + L0_CHECK + (L1_CHECK if profile.l1_bytes else 0)

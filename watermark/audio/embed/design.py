@@ -15,7 +15,7 @@ from watermark.audio.signal.dither import mark_change, project
 from watermark.audio.signal.layout import make_layout, make_pilots
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.mdct import analyse, frames_of, synthesise
-from watermark.audio.signal.profile import HOP, Profile
+from watermark.audio.signal.profile import HOP, AudioProfile
 from watermark.audio.signal.required_level import coder_noise, needed_level
 from watermark.link.link import Link
 
@@ -47,7 +47,7 @@ class MarkedSuperframe:
 class MarkDesigner:
     """Designs the mark of one superframe after another, at the mark's own rate."""
 
-    def __init__(self, profile: Profile, key: int) -> None:
+    def __init__(self, profile: AudioProfile, key: int) -> None:
         self._profile = profile
         self._layout = make_layout(profile, key)
         self._pilots = make_pilots(key)

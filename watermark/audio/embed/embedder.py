@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.audio.embed.codec_loop import LEVELS_PER_DOUBLING, MARGIN, Rehearsal
+from watermark.audio.embed.codec_loop import LEVELS_PER_DOUBLING, MARGIN, CodecLoop
 from watermark.audio.embed.design import MarkDesigner
-from watermark.audio.embed.gain_smoothing import Relief
+from watermark.audio.embed.gain_smoothing import GainSmoothing
 from watermark.audio.embed.level_control import QUIETEST, LevelControl
 from watermark.audio.embed.multichannel import MarkShares
 from watermark.audio.embed.stereo_design import StereoDesigner, leaning_of
 from watermark.audio.signal.mix import add_mark, check_format, front_of, mid_of, side_of
 from watermark.audio.signal.profile import FS, HOP, LEVELS, SUPERFRAME, find_profile
-from watermark.audio.signal.sample_buffer import Tape
+from watermark.audio.signal.sample_buffer import SampleBuffer
 from watermark.link.superframe import SUPERFRAME_S
 
 STRETCH = 4
@@ -121,7 +121,7 @@ class _Stretch:
     levels : list of float, or None
         Their levels; None where nothing was written.
     parts : sequence of ndarray, or of None
-        Parts of their marks that are left, see `Relief.parts`.
+        Parts of their marks that are left, see `GainSmoothing.parts`.
     """
 
     clean: NDArray[np.float64]
@@ -159,7 +159,7 @@ class AudioEmbedder:
         Fixed level instead, see `watermark.audio.signal.profile.LEVELS`.
     key : int
         Seed of the layout, 0 to 2**64 - 1; the receiver needs the same.
-    rehearsal : Rehearsal, optional
+    rehearsal : CodecLoop, optional
         A coder on which superframes are tried first, of profile and key as here; not at a fixed
         level.
     stretch : int
@@ -189,7 +189,7 @@ class AudioEmbedder:
         grade: float | None = None,
         level: int | None = None,
         key: int = 0,
-        rehearsal: Rehearsal | None = None,
+        rehearsal: CodecLoop | None = None,
         stretch: int = STRETCH,
     ) -> None:
         check_format(fs, channels)
@@ -211,11 +211,11 @@ class AudioEmbedder:
         self._apart = self._control is None
         self._programme = np.zeros((0, channels))
         self._given = 0
-        self._host = Tape()
-        self._side = Tape()
-        self._mark = Tape()
+        self._host = SampleBuffer()
+        self._side = SampleBuffer()
+        self._mark = SampleBuffer()
         self._shares = MarkShares(channels)
-        self._across, self._taken = Tape(), Tape()
+        self._across, self._taken = SampleBuffer(), SampleBuffer()
         self._before = np.zeros((self._rows, HOP))
         self._tail = np.zeros((self._rows, HOP))
         self._next = 0
@@ -310,7 +310,7 @@ class AudioEmbedder:
                 floor = sufficient - lowered
                 spare = min(max(1.0 - SPARED * (sufficient - control.base) / lowered, 0.0), 1.0)
 
-            def attempt(base: float | None, relief: Relief | None = None) -> _Stretch:
+            def attempt(base: float | None, relief: GainSmoothing | None = None) -> _Stretch:
                 levels = None
                 if base is not None:
                     levels = [_level(base, need) for need in needs]

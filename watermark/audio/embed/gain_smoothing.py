@@ -33,7 +33,7 @@ REMEMBERED = 1920
 
 
 @dataclass(frozen=True, slots=True)
-class Relief:
+class GainSmoothing:
     """Softening of some frames of a stretch.
 
     Attributes
@@ -53,7 +53,7 @@ class Relief:
 
         Examples
         --------
-        >>> float(Relief(np.full(FRAMES_PER_SUPERFRAME, 0.5**0.5)).levels()[0].round(6))
+        >>> float(GainSmoothing(np.full(FRAMES_PER_SUPERFRAME, 0.5**0.5)).levels()[0].round(6))
         2.0
         """
         kept = np.square(self.parts()).mean(axis=1)

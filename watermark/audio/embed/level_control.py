@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.audio.embed.gain_smoothing import Moments, Relief
+from watermark.audio.embed.gain_smoothing import GainSmoothing, Moments
 from watermark.audio.signal.profile import FS, HOP, LEVELS
 from watermark.quality import PeaqMeter
 from watermark.quality.peaq import WHOLE
@@ -70,7 +70,7 @@ T = TypeVar("T", bound=Attempt)
 
 
 @dataclass(frozen=True, slots=True)
-class _Heard(Generic[T]):
+class _HeardAttempt(Generic[T]):
     """An attempt, the meter that has heard it, and its own grade, None for silence."""
 
     made: T
@@ -214,7 +214,7 @@ class LevelControl:
 
     def settle(
         self,
-        attempt: Callable[[float | None, Relief | None], T],
+        attempt: Callable[[float | None, GainSmoothing | None], T],
         *,
         enough: float | None = None,
         least: float = -math.inf,
@@ -233,11 +233,11 @@ class LevelControl:
             Base level below which superframes would fail: only a stretch that grades far too low
             by itself is written more softly.
         """
-        relief: Relief | None = None
+        relief: GainSmoothing | None = None
 
-        def hear(base: float | None) -> _Heard[T]:
+        def hear(base: float | None) -> _HeardAttempt[T]:
             made = attempt(base, relief)
-            return _Heard(made, *self._passage.tried(made))
+            return _HeardAttempt(made, *self._passage.tried(made))
 
         chosen = hear(self.base)
         if (grade := chosen.grade) is not None:
@@ -281,7 +281,7 @@ class LevelControl:
         change = float(np.clip(-STRIVING * GRADES_PER_LEVEL * lack, *STRIVING_LIMITS))
         self._target = min(max(self._target + change, self._wanted), self._best)
 
-    def _relief(self, heard: _Heard[T]) -> Relief | None:
+    def _relief(self, heard: _HeardAttempt[T]) -> GainSmoothing | None:
         """Relief to try where a rehearsed stretch and its passage have hardly any grade left."""
         passage = self._passage.grade_with(heard.meter)
         if not self._rehearsed or passage is None or passage > self._wanted + SHORT:
@@ -289,9 +289,9 @@ class LevelControl:
         if heard.grade is None or heard.grade > self._wanted:
             return None
         gains = self._passage.relief(heard.meter, len(heard.made.clean))
-        return None if gains is None else Relief(gains)
+        return None if gains is None else GainSmoothing(gains)
 
-    def _better(self, heard: _Heard[T], than: _Heard[T]) -> bool:
+    def _better(self, heard: _HeardAttempt[T], than: _HeardAttempt[T]) -> bool:
         """Whether relief serves the stretch, and its passage not worse."""
         own, passage = heard.grade, self._passage.grade_with(heard.meter)
         own_before, passage_before = than.grade, self._passage.grade_with(than.meter)
@@ -299,7 +299,7 @@ class LevelControl:
             return False
         return own > own_before + RELIEVED and passage >= passage_before
 
-    def _spoils(self, heard: _Heard[T]) -> bool:
+    def _spoils(self, heard: _HeardAttempt[T]) -> bool:
         """Whether a stretch drags the passage below its grade by itself."""
         low = heard.grade is not None and heard.grade < self._target
         return low and self._passage.spoilt(heard.meter)
@@ -312,8 +312,11 @@ class LevelControl:
         self.base = float(np.clip(self.base + move, *BASE_LIMITS))
 
     def _begin(
-        self, hear: Callable[[float | None], _Heard[T]], chosen: _Heard[T], grade: float
-    ) -> _Heard[T]:
+        self,
+        hear: Callable[[float | None], _HeardAttempt[T]],
+        chosen: _HeardAttempt[T],
+        grade: float,
+    ) -> _HeardAttempt[T]:
         """Find the base of the first stretch."""
         for _ in range(TRIALS):
             error = grade - self._target
@@ -325,8 +328,11 @@ class LevelControl:
         return self._soften(hear, grade) if grade < self._wanted - GIVE_UP else chosen
 
     def _begin_softly(
-        self, hear: Callable[[float | None], _Heard[T]], chosen: _Heard[T], enough: float
-    ) -> _Heard[T]:
+        self,
+        hear: Callable[[float | None], _HeardAttempt[T]],
+        chosen: _HeardAttempt[T],
+        enough: float,
+    ) -> _HeardAttempt[T]:
         """Find the base at which the first stretch has the best grade, but not below `enough`."""
         self._target = self._best
         chosen = self._begin(hear, chosen, chosen.grade or 0.0)
@@ -336,7 +342,9 @@ class LevelControl:
             self._target = min(max(chosen.grade or 0.0, self._wanted), self._best)
         return chosen
 
-    def _soften(self, hear: Callable[[float | None], _Heard[T]], grade: float) -> _Heard[T]:
+    def _soften(
+        self, hear: Callable[[float | None], _HeardAttempt[T]], grade: float
+    ) -> _HeardAttempt[T]:
         """Write a stretch that grades far too low at a lower base, or not at all."""
         base = self.base
         for _ in range(TRIALS):
@@ -347,7 +355,7 @@ class LevelControl:
                 return chosen
         return self._last_resort(hear)
 
-    def _last_resort(self, hear: Callable[[float | None], _Heard[T]]) -> _Heard[T]:
+    def _last_resort(self, hear: Callable[[float | None], _HeardAttempt[T]]) -> _HeardAttempt[T]:
         """Write a stretch at the lowest level, whatever it needs; if that is heard, not at all."""
         chosen = hear(QUIETEST)
         return hear(None) if (chosen.grade or 0.0) < self._wanted - GIVE_UP else chosen

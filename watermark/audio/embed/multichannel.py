@@ -13,7 +13,7 @@ from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.mdct import analyse, frames_of, synthesise
 from watermark.audio.signal.mix import has_centre
 from watermark.audio.signal.profile import HOP
-from watermark.audio.signal.sample_buffer import Tape
+from watermark.audio.signal.sample_buffer import SampleBuffer
 
 TINY = float(np.finfo(float).tiny)
 
@@ -29,7 +29,7 @@ class MarkShares:
 
     def __init__(self, channels: int) -> None:
         front = 0 if channels < 3 else 3 if has_centre(channels) else 2
-        self._tapes = [Tape() for _ in range(front)]
+        self._tapes = [SampleBuffer() for _ in range(front)]
         self._masker = make_masker()
         self._tails = np.zeros((2, HOP))
         self._across = self._own = np.zeros((0, HOP))

@@ -14,7 +14,7 @@ from watermark.audio.signal.channel_choice import LEFT, MID, RIGHT, make_places
 from watermark.audio.signal.dither import mark_change, project
 from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.mdct import analyse, frames_of, synthesise
-from watermark.audio.signal.profile import HOP, Profile
+from watermark.audio.signal.profile import HOP, AudioProfile
 from watermark.audio.signal.stereo import channels_of, stereo_units
 
 ALIKE = 1 / 16
@@ -35,7 +35,7 @@ TINY = float(np.finfo(float).tiny)
 class StereoDesigner(MarkDesigner):
     """Designs the marks of two channels; silence beside the mid gets the mark of mono."""
 
-    def __init__(self, profile: Profile, key: int) -> None:
+    def __init__(self, profile: AudioProfile, key: int) -> None:
         super().__init__(profile, key)
         # Nothing is written above.
         self._end = max(self._layout.cells.last_bin, self._pilots.cells.last_bin)

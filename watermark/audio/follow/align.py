@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.audio.signal.channel_choice import Places
+from watermark.audio.signal.channel_choice import ChannelChoice
 from watermark.audio.signal.dither import project, soft_values
 from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.masking import Masker
 from watermark.audio.signal.mdct import analyse, frames_of
 from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP, SUPERFRAME
 from watermark.audio.signal.required_level import coder_noise
-from watermark.audio.signal.sample_buffer import PairTape, Tape
+from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
 from watermark.audio.signal.stereo import channels_of, stereo_units
 
 CLUES = 3
@@ -34,7 +34,7 @@ FARTHEST = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
+class AlignmentFit:
     """Where known bits fit best.
 
     Attributes
@@ -66,7 +66,7 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class SuperframeView:
     """A superframe as read from a hypothesised place.
 
     Attributes
@@ -86,9 +86,9 @@ class View:
         default_factory=dict, init=False, repr=False, compare=False
     )
 
-    def turned(self, phases: NDArray[np.float64]) -> "View":
+    def turned(self, phases: NDArray[np.float64]) -> "SuperframeView":
         """Return the view with the phases, shape (HOP,), added to its bins."""
-        return View(self.spectra * np.exp(1j * phases), self.amplitudes, self.paired)
+        return SuperframeView(self.spectra * np.exp(1j * phases), self.amplitudes, self.paired)
 
     def clues(self, cells: Cells, masker: Masker) -> NDArray[np.float64]:
         """Logarithms of the power of each cell's unit, of its frame and of a coder's noise.
@@ -132,14 +132,14 @@ class View:
 
 
 def read_view(
-    tape: Tape,
+    tape: SampleBuffer,
     position: float,
     ratio: float,
     masker: Masker,
-    places: Places | None = None,
+    places: ChannelChoice | None = None,
     *,
     bend: float = 0.0,
-) -> View:
+) -> SuperframeView:
     """Read the superframe at `position` of the tape; `ratio` is tape samples per 48 kHz sample.
 
     Where `places` are given and the tape has a side that is not silent, bins are read from left or
@@ -149,15 +149,17 @@ def read_view(
     first, count = position - HOP * ratio, SUPERFRAME + 2 * HOP
     spectra = _bent(tape.read(first, ratio, count), bend)
     side = None
-    if places is not None and isinstance(tape, PairTape):
+    if places is not None and isinstance(tape, StereoBuffer):
         side = tape.side.read(first, ratio, count)
     if places is not None and side is not None and side.any():
         beside = _bent(side, bend)
         channels = channels_of(spectra[1:], beside[1:])
         units = stereo_units(spectra, beside, masker)
-        return View(np.choose(places.bins, channels), np.choose(places.bins, units), paired=True)
+        return SuperframeView(
+            np.choose(places.bins, channels), np.choose(places.bins, units), paired=True
+        )
     threshold = masker.thresholds(np.abs(spectra) ** 2 / 2)
-    return View(spectra[1:], masker.amplitudes(threshold[1:], threshold[:-1]))
+    return SuperframeView(spectra[1:], masker.amplitudes(threshold[1:], threshold[:-1]))
 
 
 def _bent(sound: NDArray[np.float64], bend: float) -> NDArray[np.complex128]:
@@ -175,14 +177,14 @@ Grid = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def search_fit(
-    view: View,
+    view: SuperframeView,
     cells: Cells,
     step: float,
     expected: NDArray[np.float64],
     grid: Grid,
     *,
     harmonic: int = 1,
-) -> Fit:
+) -> AlignmentFit:
     """Delay and drift under which `expected` soft values, shape (64, groups), fit best.
 
     Found on a grid and refined by a parabola in each direction. Second harmonics suit both bits.
@@ -192,11 +194,13 @@ def search_fit(
     scores = np.stack([score(delay_grid, drift) for drift in drift_grid], axis=1)
     i, j = np.unravel_index(int(scores.argmax()), scores.shape)
     delay = _peak(delay_grid, scores[:, j], int(i))
-    return Fit(delay, _peak(drift_grid, scores[i], int(j)), score.pivot, float(scores[i, j]))
+    return AlignmentFit(
+        delay, _peak(drift_grid, scores[i], int(j)), score.pivot, float(scores[i, j])
+    )
 
 
 def find_delay(
-    view: View, cells: Cells, step: float, expected: NDArray[np.float64], reach: float
+    view: SuperframeView, cells: Cells, step: float, expected: NDArray[np.float64], reach: float
 ) -> float:
     """Delay of a place that is nearly right: by a parabola.
 
@@ -221,7 +225,7 @@ class _Score:
 
     def __init__(
         self,
-        view: View,
+        view: SuperframeView,
         cells: Cells,
         step: float,
         expected: NDArray[np.float64],
@@ -243,7 +247,7 @@ class _Score:
         """Scores of some delays at one drift."""
         from watermark.audio.follow import _kernels
 
-        frames, cells = Fit(0.0, drift_ppm, self.pivot).delays(), self._cells
+        frames, cells = AlignmentFit(0.0, drift_ppm, self.pivot).delays(), self._cells
         frequency = np.pi / HOP * (np.arange(cells.first_bin, cells.last_bin) + 0.5)
         turn = np.exp(1j * np.outer(frequency, delays))
         score = np.zeros(delays.size)

@@ -1,7 +1,7 @@
 """Demodulation of one profile's superframes: a view of sound to payloads, whatever its level.
 
-In: a `View`; out: soft values, log-likelihood ratios and what the link makes of them. The level is
-found by trying: the one that worked last first. Specification: sections 6 and 7.3.
+In: a `SuperframeView`; out: soft values, log-likelihood ratios and what the link makes of them. The
+level is found by trying: the one that worked last first. Specification: sections 6 and 7.3.
 """
 
 import math
@@ -13,14 +13,14 @@ import numpy as np
 import scipy.ndimage
 from numpy.typing import NDArray
 
-from watermark.audio.follow.align import View
+from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.equaliser import band_of
-from watermark.audio.follow.interference import Coverage, Covered
+from watermark.audio.follow.interference import InterferenceEstimator, InterferenceMask
 from watermark.audio.follow.reliability import LIMITS, NOISY, Reliability
 from watermark.audio.signal.channel_choice import LEFT, MID, RIGHT, make_places
 from watermark.audio.signal.layout import make_layout, make_pilots
 from watermark.audio.signal.masking import make_masker
-from watermark.audio.signal.profile import LEVELS, TIER_LEVELS, Profile
+from watermark.audio.signal.profile import LEVELS, TIER_LEVELS, AudioProfile
 from watermark.link.link import Decoded, Link
 
 LIST_SIZE, LONG_LIST_SIZE, LONGEST_LIST_SIZE = 8, 32, 512
@@ -65,17 +65,17 @@ better then."""
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class SuperframeReading:
     """A superframe as read at one place and level.
 
     Attributes
     ----------
-    view : View
+    view : SuperframeView
         Where it was read.
     level : float
         Level that was assumed; with another gain, not one of those that are written.
     clues : ndarray of float64, shape (3, 64, groups)
-        See `View.clues`.
+        See `SuperframeView.clues`.
     soft : ndarray of float64, shape (64, groups)
         Soft values.
     llr : ndarray of float64, shape (data_cells,)
@@ -84,7 +84,7 @@ class Reading:
         What the link found.
     """
 
-    view: View
+    view: SuperframeView
     level: float
     clues: NDArray[np.float64]
     soft: NDArray[np.float64]
@@ -107,7 +107,7 @@ def _agreement(soft: NDArray[np.float64]) -> NDArray[np.float64]:
 class Demodulator:
     """Reads the superframes of a profile and learns how far each cell can be trusted."""
 
-    def __init__(self, profile: Profile, key: int) -> None:
+    def __init__(self, profile: AudioProfile, key: int) -> None:
         self.profile = profile
         self.layout = make_layout(profile, key)
         self.places = make_places(profile, key)
@@ -117,14 +117,14 @@ class Demodulator:
         self._pilots = make_pilots(key)
         self._masker = make_masker()
         self._announced = self._pilots.expected(profile.number)
-        self.coverage = Coverage(profile, self.layout, self._pilots)
+        self.coverage = InterferenceEstimator(profile, self.layout, self._pilots)
 
     @property
     def bands(self) -> int:
         """Bands of the profile, see `watermark.audio.follow.equaliser`."""
         return int(band_of(self.layout.cells)[-1]) + 1
 
-    def likely_levels(self, view: View, last: float, offset: float = 0.0) -> list[float]:
+    def likely_levels(self, view: SuperframeView, last: float, offset: float = 0.0) -> list[float]:
         """Levels to try, best first: by how well their pilots fit, then by nearness to `last`.
 
         A gain that moved all levels by `offset` may have moved them beyond those that are written:
@@ -149,13 +149,13 @@ class Demodulator:
 
     def read(
         self,
-        view: View,
+        view: SuperframeView,
         levels: list[float],
         *,
         offset: float = 0.0,
         due: bool = True,
         brief: bool = False,
-    ) -> Reading:
+    ) -> SuperframeReading:
         """Read at the first of `levels` that the link accepts; else at the first of all.
 
         What fails everywhere is tried again at the first few with a longer list, then with other
@@ -172,7 +172,7 @@ class Demodulator:
 
     def _attempts(
         self,
-        view: View,
+        view: SuperframeView,
         clues: NDArray[np.float64],
         levels: list[float],
         offset: float,
@@ -209,13 +209,13 @@ class Demodulator:
         for kind, level in self.lone_levels(view, levels):
             yield level, weighted(level, np.maximum(kind, LEAST_STANDING)), longer
 
-    def _look(self, view: View, level: float, offset: float) -> Covered:
+    def _look(self, view: SuperframeView, level: float, offset: float) -> InterferenceMask:
         """Look for what covers a superframe; its pilots have the step of their tier."""
         tier = math.floor((level - offset) / TIER_LEVELS + 1e-6)
         pilot_step = self.profile.pilot_step(0) * 2 ** (tier + offset / TIER_LEVELS)
         return self.coverage.look(view, level, pilot_step)
 
-    def _standing(self, view: View, level: float) -> NDArray[np.float64]:
+    def _standing(self, view: SuperframeView, level: float) -> NDArray[np.float64]:
         """Factors of weights, shape (groups,): a single channel bears what stands there.
 
         They are 1 unless cells of one place lie nearer to a point of either bit than others.
@@ -226,7 +226,7 @@ class Demodulator:
         return self._factors(_agreement(soft), soft != 0)
 
     def lone_levels(
-        self, view: View, levels: list[float]
+        self, view: SuperframeView, levels: list[float]
     ) -> list[tuple[NDArray[np.float64], float]]:
         """Cells of left and of right, shape (groups,), and the level at which they seem written."""
         if view.paired:
@@ -236,7 +236,7 @@ class Demodulator:
         near = [_agreement(at_level).sum(axis=0) for at_level in soft]
         return [(kind, levels[int((near @ kind).argmax())]) for kind in self._kinds[2:]]
 
-    def trust(self, reading: Reading) -> NDArray[np.float64]:
+    def trust(self, reading: SuperframeReading) -> NDArray[np.float64]:
         """Weights of cells whose bits are known, shape (64, groups)."""
         weights = self.reliability.weights(reading.clues)
         if reading.view.paired:
@@ -259,18 +259,18 @@ class Demodulator:
 
     def _read_at(
         self,
-        view: View,
+        view: SuperframeView,
         clues: NDArray[np.float64],
         level: float,
         ratios: NDArray[np.float64],
         list_size: int,
-    ) -> Reading:
+    ) -> SuperframeReading:
         soft = view.soft(self.layout.cells, self.profile.step(level))
         llr = self.layout.gather(ratios)
         decoded = self.link.decode(llr, list_size=list_size)
-        return Reading(view, level, clues, soft, llr, decoded)
+        return SuperframeReading(view, level, clues, soft, llr, decoded)
 
-    def _settle(self, reading: Reading) -> Reading:
+    def _settle(self, reading: SuperframeReading) -> SuperframeReading:
         """Move to the level at which the decoded bits fit best: L0 survives a wrong one."""
         expected = self.expected(reading.decoded)
 
@@ -287,19 +287,19 @@ class Demodulator:
         again = self._read_at(reading.view, reading.clues, best, ratios, LIST_SIZE)
         return reading if again.decoded.l0 is None else again
 
-    def read_second(self, reading: Reading, view: View) -> Reading:
+    def read_second(self, reading: SuperframeReading, view: SuperframeView) -> SuperframeReading:
         """Read the second class where only the first was accepted, with what that one tells.
 
         Parameters
         ----------
-        reading : Reading
+        reading : SuperframeReading
             With L0 but without L1.
-        view : View
+        view : SuperframeView
             The superframe at the place where the bits of L0 fit best.
 
         Returns
         -------
-        Reading
+        SuperframeReading
             With L1, or the one that was given.
         """
         expected = self.expected(reading.decoded)
@@ -329,7 +329,7 @@ class Demodulator:
         r = np.clip(r, *LIMITS)
         return np.asarray(2 * r * (2 - r**2) / (1 - r**2))
 
-    def gain_change(self, reading: Reading) -> float:
+    def gain_change(self, reading: SuperframeReading) -> float:
         """Levels by which the gain seems to have changed, from the decoded bits."""
         expected = self.expected(reading.decoded)
         fits = []
@@ -341,7 +341,7 @@ class Demodulator:
             return 0.0
         return -GAIN_TRIAL if below > above else GAIN_TRIAL
 
-    def learn(self, reading: Reading) -> None:
+    def learn(self, reading: SuperframeReading) -> None:
         """Let a decoded superframe teach how far cells can be trusted."""
         self.reliability.learn(reading.soft, self.expected(reading.decoded), reading.clues)
 

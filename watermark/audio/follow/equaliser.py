@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.audio.follow.align import View
+from watermark.audio.follow.align import SuperframeView
 from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.profile import FIRST_PILOT_BIN, HOP, PILOT_BINS
 
@@ -50,7 +50,7 @@ Table = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownCells:
     """Cells of one kind in a superframe.
 
     Attributes
@@ -74,7 +74,7 @@ def band_of(cells: Cells) -> NDArray[np.int64]:
     return np.asarray(np.maximum((first - FIRST_PILOT_BIN) // PILOT_BINS, 0))
 
 
-def score_phases(view: View, known: Known, bands: int) -> Table:
+def score_phases(view: SuperframeView, known: KnownCells, bands: int) -> Table:
     """Score every phase of every band by the cells that lie in it."""
     cells = known.cells
     cut = slice(cells.first_bin, cells.last_bin)
@@ -169,7 +169,7 @@ class Equaliser:
         """Whether any band is turned by more than one step."""
         return bool((np.cos(self._phases) < np.cos(2 * np.pi / PHASES)).any())
 
-    def learn(self, view: View, known: Known) -> None:
+    def learn(self, view: SuperframeView, known: KnownCells) -> None:
         """Take a decoded superframe, read with its phases as they came."""
         table = score_phases(view, known, len(self._table))
         if table.max(axis=1).sum() < GAIN * table[:, 0].sum() and not self.used:

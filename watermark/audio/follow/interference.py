@@ -15,9 +15,9 @@ import numpy as np
 import scipy.ndimage
 from numpy.typing import NDArray
 
-from watermark.audio.follow.align import View
-from watermark.audio.signal.layout import Layout, Pilots
-from watermark.audio.signal.profile import Profile
+from watermark.audio.follow.align import SuperframeView
+from watermark.audio.signal.layout import AudioLayout, Pilots
+from watermark.audio.signal.profile import AudioProfile
 
 UNTOUCHED, STRAY = 0.07, 0.03
 """Noise of an untouched cell in steps of the lattice, and share of such cells that lie anywhere."""
@@ -54,10 +54,10 @@ TRUNCATED = 3.0
 Array = NDArray[np.float64]
 
 
-class Coverage:
+class InterferenceEstimator:
     """Tells what covers the cells of a profile's superframes."""
 
-    def __init__(self, profile: Profile, layout: Layout, pilots: Pilots) -> None:
+    def __init__(self, profile: AudioProfile, layout: AudioLayout, pilots: Pilots) -> None:
         self._profile, self._layout, self._pilots = profile, layout, pilots
         self._expected = pilots.expected(profile.number)
         alphas = np.linspace(*profile.alphas, profile.groups)
@@ -70,7 +70,7 @@ class Coverage:
         self._slot = np.clip(slot, 0, pilots.cells.dither.size - 1)
         self._inside = slot == self._slot
 
-    def look(self, view: View, level: float, pilot_step: float) -> "Covered":
+    def look(self, view: SuperframeView, level: float, pilot_step: float) -> "InterferenceMask":
         """Look at a superframe at a level."""
         errors, alive = view.errors(self._layout.cells, self._profile.step(level))
         own = self.of_cells(errors, alive)
@@ -86,10 +86,13 @@ class Coverage:
         clues.append(told / (share + FEW_PILOTS))
         zero, one = (_look_up(self._untouched, errors - bit / 2) for bit in (0, 1))
         soft = np.where(alive, np.cos(2 * np.pi * errors), 0.0)
-        return Covered(np.stack(clues), soft, np.where(alive, zero, 1.0), np.where(alive, one, 1.0))
+        return InterferenceMask(
+            np.stack(clues), soft, np.where(alive, zero, 1.0), np.where(alive, one, 1.0)
+        )
 
     def of_cells(self, errors: Array, alive: NDArray[np.bool_]) -> Array:
-        """Evidence of cells whose bits are not known, shape (n, groups), see `View.errors`."""
+        """Evidence of cells whose bits are not known, shape (n, groups), see
+        `SuperframeView.errors`."""
         return np.where(alive, _look_up(self._unknown, errors), 0.0)
 
     def of_pilots(self, errors: Array, alive: NDArray[np.bool_]) -> Array:
@@ -98,7 +101,7 @@ class Coverage:
 
 
 @dataclass(frozen=True, slots=True)
-class Covered:
+class InterferenceMask:
     """A superframe at a level, of which another sound covers a part.
 
     Attributes

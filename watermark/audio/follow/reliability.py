@@ -77,7 +77,7 @@ class Reliability:
         Parameters
         ----------
         clues : ndarray of float64, shape (3, 64, groups)
-            See `watermark.audio.follow.align.View.clues`.
+            See `watermark.audio.follow.align.SuperframeView.clues`.
         exponents : ndarray of float64, shape (3,), optional
             To be used instead of the learnt ones.
         """

@@ -14,15 +14,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.audio.follow.demodulate import Demodulator, Reading
+from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser
 from watermark.audio.follow.stretched_path import MARGIN, REACH, Paths
-from watermark.audio.follow.track import Reader, Track, received
+from watermark.audio.follow.track import Track, TrackReader, received
 from watermark.audio.search.stretched_search import LEAST, LEAST_KNOWN, find_stretched
 from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.masking import make_masker
-from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP, LEVELS, SUPERFRAME, Profile
-from watermark.audio.signal.sample_buffer import Tape
+from watermark.audio.signal.profile import (
+    FRAMES_PER_SUPERFRAME,
+    HOP,
+    LEVELS,
+    SUPERFRAME,
+    AudioProfile,
+)
+from watermark.audio.signal.sample_buffer import SampleBuffer
 from watermark.link.superframe import ReceivedSuperframe
 
 JUMPS = (18.0, 9.0)
@@ -108,11 +114,11 @@ class StretchedFollower:
         Rate of the sound, Hz.
     nominal : float
         Samples that come for one of the mark's own.
-    reader : Reader
+    reader : TrackReader
         Whose demodulators are used.
     """
 
-    def __init__(self, key: int, fs: int, nominal: float, reader: Reader) -> None:
+    def __init__(self, key: int, fs: int, nominal: float, reader: TrackReader) -> None:
         self._key, self._fs, self._nominal, self._reader = key, fs, nominal, reader
         self._pilots, self._masker = make_pilots(key), make_masker()
         self._place: _Place | None = None
@@ -129,7 +135,7 @@ class StretchedFollower:
         return 0.0 if self._place is None else self._place.position
 
     @property
-    def profile(self) -> Profile | None:
+    def profile(self) -> AudioProfile | None:
         """What the sound that was locked onto announced, None before."""
         return None if self._demodulator is None else self._demodulator.profile
 
@@ -149,7 +155,7 @@ class StretchedFollower:
         return np.inf if self._place is None else self._place.misses
 
     def lock(
-        self, low: Array, tape: Tape, start: float, told: float, *, known: bool
+        self, low: Array, tape: SampleBuffer, start: float, told: float, *, known: bool
     ) -> list[ReceivedSuperframe] | None:
         """Search a stretch and lock onto it.
 
@@ -157,7 +163,7 @@ class StretchedFollower:
         ----------
         low : ndarray of float64, shape (n,)
             The stretch at 12 kHz.
-        tape : Tape
+        tape : SampleBuffer
             The sound, as far back as it is remembered.
         start : float
             Place of the stretch on the tape.
@@ -195,14 +201,14 @@ class StretchedFollower:
         self._place = place
         return found
 
-    def complete(self, tape: Tape) -> bool:
+    def complete(self, tape: SampleBuffer) -> bool:
         """Whether the next superframe has arrived."""
         if self._place is None:
             return False
         last = self._place.position + SUPERFRAME * self._nominal / min(TEMPI)
         return last + (REACH + HOP + 2 * MARGIN) * self._nominal <= tape.end
 
-    def follow(self, tape: Tape) -> list[ReceivedSuperframe]:
+    def follow(self, tape: SampleBuffer) -> list[ReceivedSuperframe]:
         """Read the superframe that is due; give the lock up after some that fail."""
         place = self._place
         if place is None:
@@ -225,7 +231,9 @@ class StretchedFollower:
         """Where a superframe would begin at an even pace."""
         return float(np.median(places - HOP * self._nominal / tempo * FRAMES))
 
-    def _learn(self, place: _Place, reading: Reading, places: Array, tempo: float) -> None:
+    def _learn(
+        self, place: _Place, reading: SuperframeReading, places: Array, tempo: float
+    ) -> None:
         """Let a superframe that was read tell where the next one begins."""
         nominal = SUPERFRAME * self._nominal
         if place.read < SETTLED:
@@ -241,7 +249,9 @@ class StretchedFollower:
         place.level, place.misses = reading.level, 0
         self.demodulator.learn(reading)
 
-    def _read_back(self, tape: Tape, place: _Place, told: float) -> list[ReceivedSuperframe]:
+    def _read_back(
+        self, tape: SampleBuffer, place: _Place, told: float
+    ) -> list[ReceivedSuperframe]:
         """Read superframes that were on air before one that was found; correct its tempo."""
         found: list[ReceivedSuperframe] = []
         failed, nominal = 0, SUPERFRAME * self._nominal
@@ -262,8 +272,8 @@ class StretchedFollower:
         return found
 
     def _read(
-        self, tape: Tape, place: _Place, *, back: bool = False
-    ) -> tuple[Reading, Array, float]:
+        self, tape: SampleBuffer, place: _Place, *, back: bool = False
+    ) -> tuple[SuperframeReading, Array, float]:
         """Read the superframe that begins at a place, or that ends there; tell at which tempo.
 
         As long as little is known of the tempo, others are tried.
@@ -280,12 +290,12 @@ class StretchedFollower:
                     return reading, places, tempo
         return reading, places, place.tempo
 
-    def _paths(self, tape: Tape, centre: Array) -> Paths:
+    def _paths(self, tape: SampleBuffer, centre: Array) -> Paths:
         return Paths(tape, centre, self._nominal, self.demodulator, self._pilots, self._masker)
 
     def _readings(
         self, paths: Paths, levels: list[float], first: float | None, *, due: bool
-    ) -> Iterator[tuple[Reading, Array]]:
+    ) -> Iterator[tuple[SuperframeReading, Array]]:
         """Read along the likeliest paths, the first of them from `first` on if that is told."""
         attempts: list[tuple[float | None, float]] = [(None, jump) for jump in JUMPS]
         if first is not None:
@@ -302,7 +312,7 @@ class StretchedFollower:
                 reading = self.demodulator.read_second(reading, view)
             yield reading, paths.on_tape(places)
 
-    def _received(self, reading: Reading, position: float) -> ReceivedSuperframe:
+    def _received(self, reading: SuperframeReading, position: float) -> ReceivedSuperframe:
         equaliser = Equaliser(self.demodulator.bands)
         track = Track(position, self._nominal, self.demodulator, reading.level, equaliser)
         return received(track, reading, self._fs)

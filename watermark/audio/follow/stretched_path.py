@@ -11,14 +11,14 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.audio.follow.align import View
+from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.demodulate import Demodulator
 from watermark.audio.signal.dither import project
 from watermark.audio.signal.layout import Pilots
 from watermark.audio.signal.masking import Masker
 from watermark.audio.signal.mdct import analyse
 from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP
-from watermark.audio.signal.sample_buffer import PairTape, Tape
+from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
 from watermark.audio.signal.stereo import channels_of
 
 GRID = 2
@@ -47,7 +47,7 @@ class Paths:
 
     Parameters
     ----------
-    tape : Tape
+    tape : SampleBuffer
         The sound.
     centre : ndarray of float64, shape (64,)
         Where frames begin, about: samples of the tape.
@@ -62,7 +62,7 @@ class Paths:
     """
 
     def __init__(
-        self, tape: Tape, centre: Array, nominal: float, demodulator: Demodulator,
+        self, tape: SampleBuffer, centre: Array, nominal: float, demodulator: Demodulator,
         pilots: Pilots, masker: Masker,
     ) -> None:  # fmt: skip
         self._demodulator, self._masker, self._nominal = demodulator, masker, nominal
@@ -71,7 +71,7 @@ class Paths:
         count = int(around.max()) + REACH + HOP + MARGIN
         self._sound = tape.read(self._begin, nominal, count)
         self._side = np.zeros(0)
-        if isinstance(tape, PairTape):
+        if isinstance(tape, StereoBuffer):
             self._side = tape.side.read(self._begin, nominal, count)
         self._first = around - REACH
         frames = np.lib.stride_tricks.sliding_window_view(self._sound, 2 * HOP)
@@ -146,7 +146,7 @@ class Paths:
 
     def view(
         self, places: Array, level: float, expected: Array | None = None
-    ) -> tuple[View, Array]:
+    ) -> tuple[SuperframeView, Array]:
         """View of frames at places, each piece moved to where it fits best; and those places."""
         view, places = self._view(places), places.copy()
         frequency = np.pi / HOP * (np.arange(HOP) + 0.5)
@@ -165,23 +165,23 @@ class Paths:
         whole = np.floor(places)
         turn = np.exp(1j * np.outer(places - whole, frequency))
         view = self._view(whole)
-        return View(view.spectra * turn, view.amplitudes, view.paired), places
+        return SuperframeView(view.spectra * turn, view.amplitudes, view.paired), places
 
     def on_tape(self, places: Array) -> Array:
         """Places as samples of the tape."""
         return np.asarray(self._begin + places * self._nominal)
 
-    def _view(self, places: Array) -> View:
+    def _view(self, places: Array) -> SuperframeView:
         at = places.astype(np.int64)
         own, before = self._spectra(self._sound, at), self._spectra(self._sound, at - HOP)
         if not self._side.any():
             units = self._unit(own, before)
-            return View(own, units)
+            return SuperframeView(own, units)
         beside = self._spectra(self._side, at), self._spectra(self._side, at - HOP)
         channels, earlier = channels_of(own, beside[0]), channels_of(before, beside[1])
         units = np.stack([self._unit(x, y) for x, y in zip(channels, earlier, strict=True)])
         bins = self._demodulator.places.bins
-        return View(np.choose(bins, channels), np.choose(bins, units), paired=True)
+        return SuperframeView(np.choose(bins, channels), np.choose(bins, units), paired=True)
 
     @staticmethod
     def _spectra(sound: Array, at: NDArray[np.int64]) -> NDArray[np.complex128]:

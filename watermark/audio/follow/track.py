@@ -1,7 +1,7 @@
 """Read superframes at a place in a sound: where they start, how fast, at which level and phases.
 
-A `Track` is such a place; a `Reader` reads there, refines the place by pilots or by decoded bits,
-and seeks a superframe beside it. Specification: spec/audio-carrier.md, section 7.
+A `Track` is such a place; a `TrackReader` reads there, refines the place by pilots or by decoded
+bits, and seeks a superframe beside it. Specification: spec/audio-carrier.md, section 7.
 """
 
 import math
@@ -10,9 +10,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from watermark.audio.follow.align import Fit, View, find_delay, read_view, search_fit
-from watermark.audio.follow.demodulate import Demodulator, Reading
-from watermark.audio.follow.equaliser import Equaliser, Known, lean, path_of, score_phases
+from watermark.audio.follow.align import (
+    AlignmentFit,
+    SuperframeView,
+    find_delay,
+    read_view,
+    search_fit,
+)
+from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
+from watermark.audio.follow.equaliser import Equaliser, KnownCells, lean, path_of, score_phases
 from watermark.audio.search.acquire import DEVIATION, Candidate
 from watermark.audio.signal.channel_choice import MID
 from watermark.audio.signal.layout import make_pilots
@@ -24,7 +30,7 @@ from watermark.audio.signal.profile import (
     SUPERFRAME,
     TIER_LEVELS,
 )
-from watermark.audio.signal.sample_buffer import PairTape, Tape
+from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
 from watermark.link.superframe import ReceivedSuperframe
 
 TURNED_TRIALS = 3
@@ -145,7 +151,7 @@ class Track:
         return max(place, LEAST_DELAY_GAIN), max(pace, LEAST_PACE_GAIN)
 
 
-class Reader:
+class TrackReader:
     """Reads superframes where a track says, and corrects tracks by what it read.
 
     Parameters
@@ -168,11 +174,13 @@ class Reader:
             self._demodulators[number] = Demodulator(profile, self._key)
         return self._demodulators[number]
 
-    def view(self, tape: Tape, track: Track) -> View:
+    def view(self, tape: SampleBuffer, track: Track) -> SuperframeView:
         """Return the cells of the superframe at a track's place."""
         return _look(tape, track, self._masker)
 
-    def read(self, tape: Tape, track: Track, raw: View, *, due: bool) -> Reading:
+    def read(
+        self, tape: SampleBuffer, track: Track, raw: SuperframeView, *, due: bool
+    ) -> SuperframeReading:
         """Read with the phases that the track has, then without, or the other way round.
 
         Then with bands that are too quiet for a programme of full loudness; where bands are turned,
@@ -201,7 +209,7 @@ class Reader:
             pilots, profile = make_pilots(self._key), demodulator.profile
             tier = math.floor((levels[0] - track.offset) / TIER_LEVELS + 1e-6)
             step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
-            known = Known(pilots.cells, step, pilots.expected(profile.number))
+            known = KnownCells(pilots.cells, step, pilots.expected(profile.number))
             likely = likely_phases(demodulator, raw, known, levels[:TIER_LEVELS])
             for equaliser, level in likely:
                 turned_view = raw.turned(equaliser.bins)
@@ -210,7 +218,9 @@ class Reader:
                     return self.complete(tape, replace(track, equaliser=equaliser), again)
         return reading
 
-    def complete(self, tape: Tape, track: Track, reading: Reading) -> Reading:
+    def complete(
+        self, tape: SampleBuffer, track: Track, reading: SuperframeReading
+    ) -> SuperframeReading:
         """Seek L1 where only L0 was read, at the place where the bits of L0 fit best."""
         demodulator = track.demodulator
         if reading.decoded.l0 is None or reading.decoded.l1 is not None:
@@ -227,7 +237,7 @@ class Reader:
                 return again
         return reading
 
-    def pull_in(self, tape: Tape, track: Track, candidate: Candidate) -> float:
+    def pull_in(self, tape: SampleBuffer, track: Track, candidate: Candidate) -> float:
         """Refine a candidate's place by its pilots; give their score there, in deviations."""
         pilots, step = make_pilots(self._key), PILOT_STEPS[candidate.tier] * 2 ** (track.offset / 4)
         expected = pilots.expected(candidate.profile)
@@ -238,7 +248,7 @@ class Reader:
             self.move(track, fit)
         return fit.score / DEVIATION
 
-    def lone(self, track: Track, raw: View, levels: list[float]) -> Iterator[Track]:
+    def lone(self, track: Track, raw: SuperframeView, levels: list[float]) -> Iterator[Track]:
         """Places where cells of left, or of right, seem written in a single channel."""
         demodulator, cells = track.demodulator, track.demodulator.layout.cells
         view = as_used(track, raw)
@@ -256,13 +266,13 @@ class Reader:
             self.move(moved, fit)
             yield moved
 
-    def elsewhere(self, tape: Tape, track: Track, raw: View) -> Iterator[Track]:
+    def elsewhere(self, tape: SampleBuffer, track: Track, raw: SuperframeView) -> Iterator[Track]:
         """Places where a superframe that failed may lie: by steadier clocks, by its pilots.
 
         The first is its own, with its cells in mid, left and right if they were in the mid before,
         and the other way round.
         """
-        if isinstance(tape, PairTape) and (raw.paired or not track.pair):
+        if isinstance(tape, StereoBuffer) and (raw.paired or not track.pair):
             yield replace(track, pair=not track.pair)
         if track.bend:
             yield replace(track, ratio=track.ratio / (1 + track.bend), bend=0.0)
@@ -278,10 +288,10 @@ class Reader:
             levels = track.demodulator.likely_levels(raw, track.level, track.offset)
             yield from self.lone(track, raw, levels)
 
-    def settle_pair(self, tape: Tape, track: Track, reading: Reading) -> None:
+    def settle_pair(self, tape: SampleBuffer, track: Track, reading: SuperframeReading) -> None:
         """Go on with cells in mid, left and right, or all in the mid: as known bits fit clearly."""
         other = replace(track, pair=not track.pair)
-        if not isinstance(tape, PairTape):
+        if not isinstance(tape, StereoBuffer):
             return
         raw = self.view(tape, other)
         if raw.paired == reading.view.paired:
@@ -294,7 +304,7 @@ class Reader:
         if gain > CLEARLY * math.sqrt(np.count_nonzero(expected) / 2):
             track.pair = other.pair
 
-    def find_beside(self, tape: Tape, track: Track, raw: View) -> Track | None:
+    def find_beside(self, tape: SampleBuffer, track: Track, raw: SuperframeView) -> Track | None:
         """Find by its pilots where a superframe lies that the clock has led astray."""
         pilots, profile = make_pilots(self._key), track.demodulator.profile
         tier = math.floor((track.level - track.offset) / TIER_LEVELS + 1e-6)
@@ -310,7 +320,7 @@ class Reader:
             view = as_used(moved, self.view(tape, moved))
         return moved
 
-    def learn_back(self, past: Track, raw: View, reading: Reading) -> None:
+    def learn_back(self, past: Track, raw: SuperframeView, reading: SuperframeReading) -> None:
         """Let a superframe of the past correct the place of the one before, and the phases."""
         demodulator = past.demodulator
         cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
@@ -318,9 +328,9 @@ class Reader:
         weighted = weighted * demodulator.trust(reading)
         delay = find_delay(reading.view, cells, step, weighted, FOLLOW)
         past.position += BACK_GAIN * delay * self._nominal
-        past.equaliser.learn(raw, Known(cells, step, weighted))
+        past.equaliser.learn(raw, KnownCells(cells, step, weighted))
 
-    def move(self, track: Track, fit: Fit) -> None:
+    def move(self, track: Track, fit: AlignmentFit) -> None:
         """Shift a track by a fit."""
         track.position += fit.start_delay * self._nominal
         track.ratio *= 1 + fit.drift_ppm * 1e-6
@@ -334,13 +344,13 @@ class Reader:
 
 
 def likely_phases(
-    demodulator: Demodulator, view: View, known: Known, levels: list[float]
+    demodulator: Demodulator, view: SuperframeView, known: KnownCells, levels: list[float]
 ) -> list[tuple[Equaliser, float]]:
     """Phases that pilots and the cells' second harmonics tell, the likeliest with their level."""
     certain = score_phases(view, known, demodulator.bands)
     paths = []
     for level in levels:
-        cells = Known(demodulator.layout.cells, demodulator.profile.step(level), None)
+        cells = KnownCells(demodulator.layout.cells, demodulator.profile.step(level), None)
         paths.append((*path_of(certain + score_phases(view, cells, demodulator.bands)), level))
     paths.sort(key=lambda found: -found[0])
     return [
@@ -349,23 +359,23 @@ def likely_phases(
     ]
 
 
-def _look(tape: Tape, track: Track, masker: Masker) -> View:
+def _look(tape: SampleBuffer, track: Track, masker: Masker) -> SuperframeView:
     places = track.demodulator.places if track.pair else None
     return read_view(tape, track.position, track.ratio, masker, places, bend=track.bend)
 
 
-def _views(track: Track, raw: View) -> list[View]:
+def _views(track: Track, raw: SuperframeView) -> list[SuperframeView]:
     """Give the views with and without the phases of a track, the better one first."""
     views = [raw.turned(track.equaliser.bins), raw]
     return views if track.equaliser.used else views[::-1]
 
 
-def as_used(track: Track, raw: View) -> View:
+def as_used(track: Track, raw: SuperframeView) -> SuperframeView:
     """Return the view with the phases that the track goes by."""
     return _views(track, raw)[0]
 
 
-def received(track: Track, reading: Reading, fs: int) -> ReceivedSuperframe:
+def received(track: Track, reading: SuperframeReading, fs: int) -> ReceivedSuperframe:
     """Make what is handed out of a superframe."""
     agreement = reading.soft * track.demodulator.expected(reading.decoded)
     known = np.count_nonzero(agreement) or 1

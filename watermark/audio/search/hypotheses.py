@@ -17,7 +17,7 @@ from watermark.audio.search.acquire import CLOCK_ERRORS_PPM
 from watermark.audio.search.pilot_scan import DECIMATION, LOW_REACH
 from watermark.audio.signal.mix import has_centre, weights_of
 from watermark.audio.signal.profile import FS, PILOT_STEPS
-from watermark.audio.signal.sample_buffer import REACH, PairTape, Tape
+from watermark.audio.signal.sample_buffer import REACH, SampleBuffer, StereoBuffer
 
 STRETCH_S, SHORT_STRETCH_S = 2.2, 1.36
 """Sound on which a guess is tried: a superframe and its successor, and one superframe, wherever
@@ -61,7 +61,7 @@ LEAST_LIKENESS = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Mix:
+class ChannelMix:
     """How channels become the sound that is searched.
 
     Attributes
@@ -76,21 +76,21 @@ class Mix:
     skew: float = 0.0
 
     @property
-    def side(self) -> "Mix | None":
+    def side(self) -> "ChannelMix | None":
         """Mix of what the first channels have beside this one, None for one that is no mid."""
         left, right, *rest = self.weights if len(self.weights) > 1 else (1.0, 0.0)
         if abs(left) != abs(right) or any(rest):
             return None
-        return Mix((left, -right, *rest), self.skew)
+        return ChannelMix((left, -right, *rest), self.skew)
 
 
 @dataclass(frozen=True, slots=True)
-class Guess:
+class ChannelHypothesis:
     """One thing to try.
 
     Attributes
     ----------
-    mix : Mix
+    mix : ChannelMix
         Sound in which to search.
     steps : tuple of tuple of float
         Steps that pilots may have in a search blind to phase, each part for itself; none for the
@@ -103,7 +103,7 @@ class Guess:
         Whether its duration was changed at its pitch.
     """
 
-    mix: Mix
+    mix: ChannelMix
     steps: tuple[tuple[float, ...], ...] = (PILOT_STEPS,)
     speed: float = 1.0
     stretch_s: float = STRETCH_S
@@ -115,14 +115,14 @@ class Stretch:
 
     Parameters
     ----------
-    tape : PairTape
+    tape : StereoBuffer
         The mix and its side.
     nominal : float
         Samples that come for one of the mark's own at its usual speed.
     """
 
-    def __init__(self, tape: PairTape, nominal: float) -> None:
-        self.tape, self._low = tape, Tape()
+    def __init__(self, tape: StereoBuffer, nominal: float) -> None:
+        self.tape, self._low = tape, SampleBuffer()
         step, count = DECIMATION * nominal, tape.end - tape.first
         self._low.append(tape.read(tape.first, step, int(count / step), LOW_REACH))
 
@@ -132,14 +132,14 @@ class Stretch:
         return self._low.read(0.0, speed, int(count / speed), LOW_REACH)
 
 
-def usual_mix(channels: int) -> Mix:
+def usual_mix(channels: int) -> ChannelMix:
     """Return the mix that is marked."""
-    return Mix(weights_of(channels))
+    return ChannelMix(weights_of(channels))
 
 
 def make_guesses(
     sound: NDArray[np.float64], *, again: bool = False, thorough: bool
-) -> Iterator[Guess]:
+) -> Iterator[ChannelHypothesis]:
     """Guess about a stretch of sound, shape (n, channels).
 
     After the first round `again` for another duration at the same pitch, too; thoroughly at all
@@ -148,18 +148,20 @@ def make_guesses(
     channels = sound.shape[1]
     plain = usual_mix(channels)
     for mix in _other_mixes(sound):
-        yield Guess(mix)
+        yield ChannelHypothesis(mix)
     gain = usual_gain(sound)
-    usual = Mix(tuple(gain * weight for weight in plain.weights))
+    usual = ChannelMix(tuple(gain * weight for weight in plain.weights))
     ladder = [PILOT_STEPS[0] * 2 ** (i / GAIN_STEPS) for i in GAIN_LADDER]
     parts = range(0, len(ladder), LADDER_PART)
-    yield Guess(usual, tuple(tuple(ladder[first : first + LADDER_PART]) for first in parts))
+    yield ChannelHypothesis(
+        usual, tuple(tuple(ladder[first : first + LADDER_PART]) for first in parts)
+    )
     for speed in likely_speeds():
-        yield Guess(plain, (), speed)
+        yield ChannelHypothesis(plain, (), speed)
     if again:
-        yield Guess(plain, stretched=True)
+        yield ChannelHypothesis(plain, stretched=True)
     for speed in speeds()[NEAR:] if thorough else ():
-        yield Guess(plain, (), speed, SHORT_STRETCH_S)
+        yield ChannelHypothesis(plain, (), speed, SHORT_STRETCH_S)
 
 
 def usual_gain(sound: NDArray[np.float64]) -> float:
@@ -183,7 +185,7 @@ def speeds() -> list[float]:
     return [1 + sign * 2 * reach * n for n in range(1, count + 1) for sign in (1, -1)]
 
 
-def _other_mixes(sound: NDArray[np.float64]) -> Iterator[Mix]:
+def _other_mixes(sound: NDArray[np.float64]) -> Iterator[ChannelMix]:
     """Yield mixes that differ from the usual one and from each other by more than a factor."""
     channels = sound.shape[1]
     if channels == 1:
@@ -191,7 +193,7 @@ def _other_mixes(sound: NDArray[np.float64]) -> Iterator[Mix]:
     rest = (0.0,) * (channels - 2)
     found = _find_skew(sound[:, 0], sound[:, 1])
     if found is not None and found[1] != 0:
-        yield Mix((0.5, 0.5 * found[0], *rest), found[1])
+        yield ChannelMix((0.5, 0.5 * found[0], *rest), found[1])
     others = [(0.5, -0.5, *rest), (1.0, 0.0, *rest), (0.0, 1.0, *rest)]
     if channels > 2:
         others.append((0.5, 0.5, *rest))
@@ -204,7 +206,7 @@ def _other_mixes(sound: NDArray[np.float64]) -> Iterator[Mix]:
         apart = [[d @ products @ d for d in (weights - old, weights + old)] for old in tried]
         if power > 0 and min(map(min, apart)) > ALIKE * power:
             tried.append(weights)
-            yield Mix(tuple(map(float, weights)))
+            yield ChannelMix(tuple(map(float, weights)))
 
 
 def _find_skew(left: NDArray[np.float64], right: NDArray[np.float64]) -> tuple[int, float] | None:
@@ -220,7 +222,7 @@ def _find_skew(left: NDArray[np.float64], right: NDArray[np.float64]) -> tuple[i
     cross /= magnitude + np.float32(1e-3) * magnitude.mean()
     likeness = scipy.fft.irfft(cross, left.size)
     reach, margin = LONGEST_SKEW * FINE, LONGEST_SKEW + REACH + 1
-    tape = Tape(-margin)
+    tape = SampleBuffer(-margin)
     tape.append(np.concatenate([likeness[-margin:], likeness[: margin + 1]]).astype(np.float64))
     near = tape.read(-LONGEST_SKEW, 1 / FINE, 2 * reach + 1)
     peak = int(np.abs(near).argmax())

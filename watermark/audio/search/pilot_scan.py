@@ -54,7 +54,7 @@ def slot_frequencies() -> NDArray[np.float64]:
     return np.asarray(np.pi / SEARCH_HOP * centre)
 
 
-class PilotSight:
+class PilotScan:
     """Transforms sound, derives the mask and projects the slots.
 
     Parameters
@@ -132,6 +132,6 @@ def _parts(edges: NDArray[np.int64], cells: Cells) -> NDArray[np.int64]:
 
 
 @lru_cache(maxsize=4)
-def make_sight(key: int) -> PilotSight:
+def make_sight(key: int) -> PilotScan:
     """Return the sight of a key: it has no state."""
-    return PilotSight(key)
+    return PilotScan(key)

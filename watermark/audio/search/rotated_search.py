@@ -26,7 +26,7 @@ PAIR = float(np.sqrt(0.5))
 
 
 @dataclass(frozen=True, slots=True)
-class TurnedCandidate:
+class RotatedCandidate:
     """A place where a superframe may start, with its bands turned.
 
     Attributes
@@ -47,7 +47,7 @@ class TurnedCandidate:
     significance: float
 
 
-class TurnedSearch:
+class RotatedSearch:
     """Search of a stretch for pilots of any profile at any phase."""
 
     def __init__(self, key: int) -> None:
@@ -60,7 +60,7 @@ class TurnedSearch:
 
     def find(
         self, sound: NDArray[np.float64], parts: tuple[tuple[float, ...], ...]
-    ) -> Iterator[TurnedCandidate]:
+    ) -> Iterator[RotatedCandidate]:
         """Likeliest place in `sound`, samples at 12 kHz, of pilots of the steps of each part."""
         sight = make_sight(self._key)
         projections, alive, _ = sight.look(sound.astype(np.float32), sight.silence)
@@ -74,7 +74,7 @@ class TurnedSearch:
 
     def _best(
         self, projections: NDArray[np.complex64], alive: NDArray[np.float32], step: float
-    ) -> TurnedCandidate:
+    ) -> RotatedCandidate:
         """Likeliest place of pilots of one step."""
         from watermark.audio.search import _search_kernels
 
@@ -93,4 +93,4 @@ class TurnedSearch:
             score[:, :-period] = np.maximum(score[:, :-period], pairs)
         profile, place = np.unravel_index(int(score.argmax()), score.shape)
         start = DECIMATION * STRIDE * float(place) - CENTRE
-        return TurnedCandidate(start, int(profile), step, float(score[profile, place]))
+        return RotatedCandidate(start, int(profile), step, float(score[profile, place]))

@@ -14,7 +14,12 @@ from numpy.typing import NDArray
 from watermark.audio.search.acquire import FIRST_PLACE, PLACE, ROW_HOP, pilot_places
 from watermark.audio.search.pilot_scan import PARTS
 from watermark.audio.signal.layout import make_pilots
-from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, PILOT_STEPS, PROFILES, Profile
+from watermark.audio.signal.profile import (
+    FRAMES_PER_SUPERFRAME,
+    PILOT_STEPS,
+    PROFILES,
+    AudioProfile,
+)
 
 SEGMENT, JUMP, PENALTY = 4, 1000, 8.0
 """Frames that a jump may part, the longest jump in samples, and the correlation of pilots that it
@@ -65,7 +70,7 @@ def find_stretched(
     doublings = math.ceil(math.log2(JUMP / (PLACE * BLOCK)))
     penalty = np.int16(round(PENALTY * PARTS))
 
-    def follow(tier: int, profile: Profile, origin: NDArray[np.int32]) -> None:
+    def follow(tier: int, profile: AudioProfile, origin: NDArray[np.int32]) -> None:
         signs = np.ascontiguousarray(pilots.signs[profile.number].T, dtype=np.int16)
         follow_pilots(soft[tier], slots, signs, ROW_HOP, SEGMENT, doublings, penalty, score, origin)
 

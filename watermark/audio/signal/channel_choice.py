@@ -17,7 +17,7 @@ from watermark.audio.signal.profile import (
     FRAMES_PER_SUPERFRAME,
     HOP,
     PILOT_BINS,
-    Profile,
+    AudioProfile,
 )
 
 MID, LEFT, RIGHT = range(3)
@@ -32,7 +32,7 @@ SIDE_BINS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class ChannelChoice:
     """Where bins and cells of a profile stand.
 
     Attributes
@@ -48,7 +48,7 @@ class Places:
 
 
 @lru_cache(maxsize=16)
-def make_places(profile: Profile, key: int) -> Places:
+def make_places(profile: AudioProfile, key: int) -> ChannelChoice:
     """Return the places of a profile; the key moves its pilots."""
     above = np.arange(HOP) - FIRST_SIDE_BIN
     turn = above // SIDE_BINS % profile.side_period
@@ -59,4 +59,4 @@ def make_places(profile: Profile, key: int) -> Places:
     under = first[:, :, np.newaxis] + np.arange(PILOT_BINS)
     np.put_along_axis(bins, under.reshape(FRAMES_PER_SUPERFRAME, -1), MID, axis=1)
     cells = row[profile.first_bin + profile.cell_bins * np.arange(profile.groups)]
-    return Places(bins, cells)
+    return ChannelChoice(bins, cells)

@@ -19,7 +19,7 @@ from watermark.audio.signal.profile import (
     PILOT_SLOTS,
     PILOTS_PER_FRAME,
     PROFILES,
-    Profile,
+    AudioProfile,
 )
 from watermark.link.keystream import stream_words
 
@@ -77,7 +77,7 @@ class Pilots:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class AudioLayout:
     """Data cells of a profile.
 
     Attributes
@@ -129,7 +129,7 @@ def make_pilots(key: int) -> Pilots:
 
 
 @lru_cache(maxsize=16)
-def make_layout(profile: Profile, key: int) -> Layout:
+def make_layout(profile: AudioProfile, key: int) -> AudioLayout:
     """Draw the data cells of a profile and key."""
     name = f"data {profile.number}"
     cells = _cells(name, key, profile.first_bin, profile.cell_bins, profile.groups)
@@ -141,4 +141,4 @@ def make_layout(profile: Profile, key: int) -> Layout:
     free[:, low : low + PILOT_SLOTS * per_slot] = np.repeat(open_slots, per_slot, axis=1)
     usable = np.flatnonzero(free)
     words = stream_words(f"{name} interleaver", key, usable.size)
-    return Layout(cells, usable[np.argsort(words, kind="stable")].astype(np.int64))
+    return AudioLayout(cells, usable[np.argsort(words, kind="stable")].astype(np.int64))

@@ -59,7 +59,7 @@ PILOT_STEPS = tuple(2.0 * 2 ** ((4 * tier + 3.5) / 4) for tier in range(4))
 
 
 @dataclass(frozen=True, slots=True)
-class Profile:
+class AudioProfile:
     """One way to trade rate against robustness.
 
     Attributes
@@ -166,7 +166,7 @@ class Profile:
         return self.data_cells / SUPERFRAME_S
 
 
-ROBUST = Profile(
+ROBUST = AudioProfile(
     name="robust",
     number=0,
     l0_bytes=7,
@@ -182,7 +182,7 @@ ROBUST = Profile(
     grade=HARD_LINE_GRADE,
 )
 
-STANDARD = Profile(
+STANDARD = AudioProfile(
     name="standard",
     number=1,
     l0_bytes=20,
@@ -197,7 +197,7 @@ STANDARD = Profile(
     coder_bits=500.0,
 )
 
-HIGH = Profile(
+HIGH = AudioProfile(
     name="high",
     number=2,
     l0_bytes=20,
@@ -213,7 +213,7 @@ HIGH = Profile(
     side_period=8,
 )
 
-DISCREET = Profile(
+DISCREET = AudioProfile(
     name="discreet",
     number=3,
     l0_bytes=12,
@@ -228,13 +228,13 @@ DISCREET = Profile(
     coder_bits=500.0,
 )
 
-PROFILES: dict[str, Profile] = {
+PROFILES: dict[str, AudioProfile] = {
     profile.name: profile for profile in (ROBUST, STANDARD, HIGH, DISCREET)
 }
 """Profiles by name; a profile's number is its place."""
 
 
-def find_profile(name: str) -> Profile:
+def find_profile(name: str) -> AudioProfile:
     """Return the profile called `name`.
 
     Raises

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.masking import Masker
-from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, LEVELS, Profile
+from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, LEVELS, AudioProfile
 
 CODED_BINS = 300
 """A coder spends its bits below 15 kHz."""
@@ -86,7 +86,7 @@ def needed_level(
     unit: NDArray[np.float64],
     masker: Masker,
     cells: Cells,
-    profile: Profile,
+    profile: AudioProfile,
 ) -> float:
     """Level, not whole and perhaps beyond `LEVELS`, at which a superframe bears its message.
 
@@ -100,7 +100,7 @@ def needed_level(
         Bands of `noise`.
     cells : Cells
         The profile's cells.
-    profile : Profile
+    profile : AudioProfile
         Its message is what must come through.
     """
     bins = np.arange(cells.first_bin, cells.last_bin)

@@ -54,7 +54,7 @@ def _cutoff(ratio: float) -> float:
     return math.floor(200 * 0.94 / ratio + 1e-9) / 200 if ratio > 1.01 else 1.0
 
 
-class Tape:
+class SampleBuffer:
     """Samples from `first` on; what lies before was forgotten, what lies beyond is unknown.
 
     Parameters
@@ -64,7 +64,7 @@ class Tape:
 
     Examples
     --------
-    >>> tape = Tape()
+    >>> tape = SampleBuffer()
     >>> tape.append(np.arange(100.0))
     >>> tape.read(10.0, 1.0, 3).tolist()
     [10.0, 11.0, 12.0]
@@ -137,7 +137,7 @@ class Tape:
         return out
 
 
-class PairTape(Tape):
+class StereoBuffer(SampleBuffer):
     """The mid of two channels, and beside it their side.
 
     Parameters
@@ -147,13 +147,13 @@ class PairTape(Tape):
 
     Attributes
     ----------
-    side : Tape
+    side : SampleBuffer
         Half the difference of left and right.
     """
 
     def __init__(self, first: int = 0) -> None:
         super().__init__(first)
-        self.side = Tape(first)
+        self.side = SampleBuffer(first)
 
     def append_pair(self, mid: NDArray[np.float64], side: NDArray[np.float64]) -> None:
         """Add samples of both at the end."""
