@@ -189,6 +189,16 @@ def test_wheel_holds_the_packages_and_no_lab() -> None:
     assert set(wheel) == set(MAY_IMPORT) - {"lab"}
 
 
+def test_class_names_mean_one_thing() -> None:
+    homes: dict[str, list[str]] = {}
+    for package in MAY_IMPORT:
+        for path in (ROOT / package).rglob("*.py"):
+            for node in ast.parse(path.read_text(encoding="utf-8")).body:
+                if isinstance(node, ast.ClassDef):
+                    homes.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
+    assert {name: paths for name, paths in homes.items() if len(paths) > 1} == {}
+
+
 def test_no_init_under_tests() -> None:
     assert not list((ROOT / "tests").rglob("__init__.py"))
 

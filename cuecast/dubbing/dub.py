@@ -301,8 +301,8 @@ def superframe_source(
 
 
 def _unsigned_source(
-    motion: MotionSource, voice: Voice, l0_bytes: int, l1_bytes: int, first: int, beside: AudioProfile,
-    signed: bool,
+    motion: MotionSource, voice: Voice, l0_bytes: int, l1_bytes: int, first: int,
+    beside: AudioProfile, signed: bool,
 ) -> Callable[[int], tuple[bytes, bytes]]:  # fmt: skip
     """Return the source of superframes, with room for a proof if they will be signed."""
     nests = l0_bytes == beside.l0_bytes and l1_bytes >= 2 * (beside.l0_bytes + beside.l1_bytes)

@@ -81,7 +81,7 @@ def read_pose(line: str | bytes, count: int) -> LivePose | None:
     Examples
     --------
     >>> read_pose('{"time": 2.5, "params": [0, 1.5]}', 2)
-    Pose(time_s=2.5, params=array([0. , 1.5]), age_s=0.17)
+    LivePose(time_s=2.5, params=array([0. , 1.5]), age_s=0.17)
     """
     if not line.strip():
         return None

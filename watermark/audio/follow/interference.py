@@ -91,8 +91,7 @@ class InterferenceEstimator:
         )
 
     def of_cells(self, errors: Array, alive: NDArray[np.bool_]) -> Array:
-        """Evidence of cells whose bits are not known, shape (n, groups), see
-        `SuperframeView.errors`."""
+        """Evidence of cells with unknown bits (`SuperframeView.errors`), shape (n, groups)."""
         return np.where(alive, _look_up(self._unknown, errors), 0.0)
 
     def of_pilots(self, errors: Array, alive: NDArray[np.bool_]) -> Array:
