@@ -253,6 +253,9 @@ typedef struct cue_event {
  * not sizeof(cue_event). The event is a copy and stays valid. */
 CUE_MUST_CHECK cue_status cue_next(cue_state *cue, cue_event *event) CUE_NONNULL(1, 2);
 
+/* sizeof(cue_event), for hosts that cannot read this header. */
+size_t cue_event_size(void);
+
 /* ---- Voice and trust -------------------------------------------------------------------- */
 
 /* Load voice and tables from a file made by `cuecast voice export`. The block keeps a copy, so the

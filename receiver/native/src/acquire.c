@@ -8,20 +8,17 @@
  * another one in rotation. Sources: sliding transform of Jacobsen and Lyons, IEEE Signal Processing
  * Magazine 20(2), 2003. Specification: spec/audio-carrier.md, section 7.1 (W35, W37, W42).
  */
-#include <math.h>
 #include <string.h>
 
 #include "hearing.h"
 
-enum {
-    PARTS = 120,      /* of a soft value of 1: sums of 128 and a penalty fit 16 bits */
-    SEARCH_BINS = 59, /* those of the bands that pilots touch */
-    SEARCH_HOP = 120,
-    BLOCK = BATCH / 2,
-    PERIOD = FRAMES * ROW_HOP,
-    FEW_CLOCKS = 9,                 /* of rotating hypotheses: 480 ppm */
-    WORTH_ADDING = 22 * PARTS * 8 / 10 /* 2.2 deviations: scores below are not added up */
-};
+#define PARTS 120                        /* of a soft value of 1: sums of 128 and a penalty fit 16 bits */
+#define SEARCH_BINS 59                   /* those of the bands that pilots touch */
+#define SEARCH_HOP 120
+#define BLOCK (BATCH / 2)
+#define PERIOD (FRAMES * ROW_HOP)
+#define FEW_CLOCKS 9                     /* of rotating hypotheses: 480 ppm */
+#define WORTH_ADDING (22 * PARTS * 8 / 10) /* 2.2 deviations: scores below are not added up */
 
 static const float deviation = 8.0f;   /* of a score in unmarked sound: sqrt(128 / 2) */
 static const float least_score = 4.8f; /* deviations from which a place is tried */
@@ -40,21 +37,21 @@ void cue_search_init(cue_search *s) {
             window += term;
             term *= 9.0 * 9.0 * u / (4.0 * k * k);
         }
-        s->fir[i] = (float)(0.235 * sin(x) / x * window / 1093.588); /* I0(9) */
+        s->fir[i] = (float)(0.235 * cue_sin(x) / x * window / 1093.588); /* I0(9) */
     }
     for (int k = 0; k < 64; k++) {
         for (int i = 0; i < 240; i++) {
-            s->wave[0][i][k] = (float)cos(PI / SEARCH_HOP * (i * k % 240));
-            s->wave[1][i][k] = (float)-sin(PI / SEARCH_HOP * (i * k % 240));
+            s->wave[0][i][k] = (float)cue_cos(PI / SEARCH_HOP * (i * k % 240));
+            s->wave[1][i][k] = (float)-cue_sin(PI / SEARCH_HOP * (i * k % 240));
         }
         double after = -PI * (0.5 + SEARCH_HOP / 2) * (k + 0.5) / SEARCH_HOP - PI / 2;
         double size = sqrt(2.0 / SEARCH_HOP) / 2, half = PI / (4.0 * SEARCH_HOP);
-        s->slide_turn[0][k] = (float)cos(PI / SEARCH_HOP * 4 * k);
-        s->slide_turn[1][k] = (float)sin(PI / SEARCH_HOP * 4 * k);
-        s->own[0][k] = (float)(size * cos(after + half));
-        s->own[1][k] = (float)(size * sin(after + half));
-        s->next[0][k] = (float)(-size * cos(after - half));
-        s->next[1][k] = (float)(-size * sin(after - half));
+        s->slide_turn[0][k] = (float)cue_cos(PI / SEARCH_HOP * 4 * k);
+        s->slide_turn[1][k] = (float)cue_sin(PI / SEARCH_HOP * 4 * k);
+        s->own[0][k] = (float)(size * cue_cos(after + half));
+        s->own[1][k] = (float)(size * cue_sin(after + half));
+        s->next[0][k] = (float)(-size * cue_cos(after - half));
+        s->next[1][k] = (float)(-size * cue_sin(after - half));
     }
     s->active = true;
 }
@@ -180,8 +177,8 @@ static void soften(const cue_hearing *h, cue_search_work *w, float step) {
         float turn[2][TURNS];
         float x[8], c[8];
         for (int t = 0; t < TURNS; t++) {
-            turn[0][t] = (float)(cos(frequency * (0.5 * t - 1.5)) / step);
-            turn[1][t] = (float)(sin(frequency * (0.5 * t - 1.5)) / step);
+            turn[0][t] = (float)(cue_cos(frequency * (0.5 * t - 1.5)) / step);
+            turn[1][t] = (float)(cue_sin(frequency * (0.5 * t - 1.5)) / step);
         }
         for (int r = 0; r < ROWS - 30; r++) {
             float parts = alive[r] ? PARTS : 0;
@@ -220,7 +217,7 @@ static int16_t clock_penalty(int d) {
 }
 
 static int clock_shift(int d, int segment) {
-    return SLACK + (int)lround(clock_ppm(d) * 1e-6 * (8 * segment + 3.5) * ROW_HOP);
+    return SLACK + (int)cue_nearest(clock_ppm(d) * 1e-6 * (8 * segment + 3.5) * ROW_HOP);
 }
 
 /* Largest score of each start over some clock errors. */
@@ -261,7 +258,7 @@ static int pair_of(int tier, int profile) {
 static float summed(const cue_search *s, int pair, int place, int ppm, int16_t peak) {
     float own = (float)peak, total = own, best = own;
     const float weight[2] = {0.66f, 0.507f};
-    int lag = PERIOD + (int)lround(ppm * 1e-6 * PERIOD);
+    int lag = PERIOD + (int)cue_nearest(ppm * 1e-6 * PERIOD);
     for (int n = 1; n <= 2; n++) {
         int64_t at = (s->batch * BATCH + place - (int64_t)n * lag) >> 1;
         int near = 0;

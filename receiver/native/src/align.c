@@ -4,7 +4,6 @@
  * delays are tried by turning phases instead of transforming again.
  * Specification: sections 4.4, 5 and 7.2, stereo section 10 (W18, W22, W27, W36, W43, W44).
  */
-#include <math.h>
 #include <string.h>
 
 #include "hearing.h"
@@ -191,14 +190,14 @@ static void scores_at(const score *s, double first, double delay_step, int count
     int bins = s->cells.bins;
     float cs[BINS], zs[BINS], total[MOST] = {0};
     for (int k = 0; k < bins * s->cells.groups; k++) { /* from one delay to the next */
-        cs[k] = (float)cos(delay_step * angular(s->cells.first_bin + k));
-        zs[k] = (float)sin(delay_step * angular(s->cells.first_bin + k));
+        cs[k] = (float)cue_cos(delay_step * angular(s->cells.first_bin + k));
+        zs[k] = (float)cue_sin(delay_step * angular(s->cells.first_bin + k));
     }
     for (int f = 0; f < FRAMES; f++) {
         double late = first + drift * HOP * (f - s->pivot);
         double own = late * angular(s->cells.first_bin), next = late * PI / HOP;
-        float c = (float)cos(own), z = (float)sin(own); /* of this bin at the first delay */
-        float cn = (float)cos(next), zn = (float)sin(next);
+        float c = (float)cue_cos(own), z = (float)cue_sin(own); /* of this bin at the first delay */
+        float cn = (float)cue_cos(next), zn = (float)cue_sin(next);
         for (int g = 0; g < s->cells.groups; g++) {
             int at = f * s->cells.groups + g;
             const cue_complex *terms = s->terms + at * bins;

@@ -3,7 +3,6 @@
  * The queue holds what the hearing half found, in order. cue_next hands each record to the payload
  * half only when it is taken, so that the order of events does not depend on blocks.
  */
-#include <math.h>
 #include <string.h>
 
 #include "hearing.h"
@@ -52,6 +51,8 @@ static bool valid(const cue_config *c) {
 }
 
 uint32_t cue_version(void) { return CUE_VERSION; }
+
+size_t cue_event_size(void) { return sizeof(cue_event); }
 
 cue_config cue_default_config(uint32_t rate_hz, uint32_t channels) {
     cue_config config;
@@ -142,7 +143,7 @@ static void push_frame(cue_state *cue, const float *x) {
     if (++cue->power_count == cue->config.rate_hz) {
         for (uint32_t c = 0; c < n; c++) {
             double power = cue->power[c] / (double)cue->power_count;
-            cue->hearing.seen.level_dbfs[c] = power > 1e-20 ? (float)(10 * log10(power)) : -200;
+            cue->hearing.seen.level_dbfs[c] = power > 1e-20 ? 3.01029996f * log2f((float)power) : -200;
             cue->power[c] = 0;
         }
         cue->power_count = 0;

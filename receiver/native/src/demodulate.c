@@ -6,7 +6,6 @@
  * rate (Mardia and Jupp, "Directional Statistics", 2000, section 5.3; Johnston, IEEE JSAC 6(2),
  * 1988). Specification: spec/audio-carrier.md, sections 6 and 7.3 (W37, W38, W47).
  */
-#include <math.h>
 #include <string.h>
 
 #include "hearing.h"
@@ -20,7 +19,7 @@ static float concentration(float r) { return 2 * r * (2 - r * r) / (1 - r * r); 
 
 void cue_reliability_init(cue_reliability *r, int groups) {
     for (int g = 0; g < groups; g++) /* coders treat high bands worst */
-        r->resultant[g] = 0.5f * powf(0.16f, (float)g / (float)(groups - 1));
+        r->resultant[g] = 0.5f * exp2f(-2.64385619f * (float)g / (float)(groups - 1));
     r->exponents[0] = r->exponents[1] = 0;
     r->exponents[2] = -0.3f;
 }
@@ -45,11 +44,11 @@ static void coder_noise(cue_hearing *h, const cue_view *view, float noise[FRAMES
             for (int j = 0; j < bands; j++) {
                 float spread = view->spread[block + f][j];
                 spread = spread > 1e-12f ? spread : 1e-12f;
-                noise[block + f][j] = 1e-9f * powf(spread * 1e9f, 0.7f);
+                noise[block + f][j] = 1e-9f * exp2f(0.7f * log2f(spread * 1e9f));
                 ratio[f][j] = (view->energy[block + f][j] + 1e-14f) / noise[block + f][j];
             }
         for (int round = 0; round < 12; round++) {
-            float middle = (low + high) / 2, less = expf(-middle), bits = 0;
+            float middle = (low + high) / 2, less = cue_exp(-middle), bits = 0;
             for (int f = 0; f < 4; f++)
                 for (int j = 0; j < bands; j++)
                     bits += (float)(h->mask.edge[j + 1] - h->mask.edge[j])
@@ -58,7 +57,7 @@ static void coder_noise(cue_hearing *h, const cue_view *view, float noise[FRAMES
             else low = middle;
         }
         for (int f = 0; f < 4; f++)
-            for (int j = 0; j < bands; j++) noise[block + f][j] *= expf(high);
+            for (int j = 0; j < bands; j++) noise[block + f][j] *= cue_exp(high);
     }
 }
 
@@ -68,7 +67,7 @@ static void find_clues(cue_hearing *h, const cue_view *view, int profile) {
     float noise[FRAMES][BANDS];
     coder_noise(h, view, noise);
     for (int f = 0; f < FRAMES; f++) {
-        float frame = logf(view->power[f] + 1e-12f);
+        float frame = cue_log(view->power[f] + 1e-12f);
         for (int g = 0, band = 0; g < groups; g++) {
             int at = f * groups + g;
             float unit = 0, pressed = 0;
@@ -78,9 +77,9 @@ static void find_clues(cue_hearing *h, const cue_view *view, int profile) {
                 pressed += noise[f][band];
             }
             unit /= (float)p->cell_bins;
-            h->clues[0][at] = 2 * logf(unit > 1e-7f ? unit : 1e-7f);
+            h->clues[0][at] = 2 * cue_log(unit > 1e-7f ? unit : 1e-7f);
             h->clues[1][at] = frame;
-            h->clues[2][at] = logf(pressed / (float)p->cell_bins) - h->clues[0][at];
+            h->clues[2][at] = cue_log(pressed / (float)p->cell_bins) - h->clues[0][at];
         }
     }
     for (int c = 0; c < 3; c++)
@@ -102,7 +101,7 @@ static void weigh(cue_hearing *h, const float *cells, const float *exponents, fl
             int at = f * groups + g;
             float sum = exponents[0] * h->clues[0][at] + exponents[1] * h->clues[1][at]
                         + exponents[2] * h->clues[2][at];
-            h->weights[at] = cells[g] * expf(part * sum);
+            h->weights[at] = cells[g] * cue_exp(part * sum);
         }
 }
 
@@ -124,7 +123,7 @@ static void cautious(cue_hearing *h, int profile, const cue_reliability *r) {
         float sum = 0, weight = 0;
         for (int d = -4; d <= 4; d++) {
             int at = g + d < 0 ? 0 : g + d >= groups ? groups - 1 : g + d;
-            float near = expf(-0.5f * (float)(d * d));
+            float near = cue_exp(-0.5f * (float)(d * d));
             sum += near * r->resultant[at] / even[at];
             weight += near;
         }
@@ -161,7 +160,8 @@ static void factors(const cue_hearing *h, int profile, const float *near, const 
         if (i > 1 && mean[i] > mean[best]) best = i;
     }
     for (int i = 1; i < 4; i++)
-        apart |= mean[i] < mean[best] - 2.5f * hypotf(deviation[i], deviation[best]);
+        apart |= mean[i] < mean[best] - 2.5f * sqrtf(deviation[i] * deviation[i]
+                                                      + deviation[best] * deviation[best]);
     float unit = sure[best] > deviation[best] ? sure[best] : deviation[best];
     for (int g = 0; g < groups; g++)
         out[g] = apart ? clip(sure[kind_of(h, profile, g)] / unit, 0.02f, 1) : 1;
@@ -185,6 +185,9 @@ static void standing(const cue_hearing *h, int profile, const float *soft, float
 static void local(cue_hearing *h, int profile, const float *soft, const int8_t *expected) {
     int groups = cue_groups(&cue_profiles[profile]);
     float place[GROUPS], *near = h->clues[0], *seen = h->clues[1], *pass = h->clues[2];
+    float along[21], across[13];
+    for (int d = -10; d <= 10; d++) along[d + 10] = cue_exp(-0.08f * (float)(d * d)) / 6.2665706f;
+    for (int d = -6; d <= 6; d++) across[d + 6] = cue_exp(-0.2222222f * (float)(d * d)) / 3.7599424f;
     for (int g = 0; g < groups; g++) {
         float sum = 0, count = 0;
         for (int f = 0; f < FRAMES; f++) {
@@ -204,16 +207,16 @@ static void local(cue_hearing *h, int profile, const float *soft, const int8_t *
                 float sum = 0;
                 for (int d = -10; d <= 10; d++)
                     if (g + d >= 0 && g + d < groups)
-                        sum += expf(-0.08f * (float)(d * d)) * x[f * groups + g + d];
-                pass[f * groups + g] = sum / 6.2665706f;
+                        sum += along[d + 10] * x[f * groups + g + d];
+                pass[f * groups + g] = sum;
             }
         for (int f = 0; f < FRAMES; f++)
             for (int g = 0; g < groups; g++) {
                 float sum = 0;
                 for (int d = -6; d <= 6; d++)
                     if (f + d >= 0 && f + d < FRAMES)
-                        sum += expf(-0.2222222f * (float)(d * d)) * pass[(f + d) * groups + g];
-                x[f * groups + g] = sum / 3.7599424f;
+                        sum += across[d + 6] * pass[(f + d) * groups + g];
+                x[f * groups + g] = sum;
             }
     }
     for (int i = 0; i < FRAMES * groups; i++) {
@@ -317,7 +320,7 @@ int cue_likely_levels(const cue_hearing *h, const cue_view *view, const cue_trac
     if (score[best] < 24)
         for (int reach = 0; reach < 2 * LEVELS && count < 2 * TIER_LEVELS; reach++)
             for (int sign = -1; sign <= 1 && count < 2 * TIER_LEVELS; sign += 2) {
-                float level = roundf(track->level - track->offset) + (float)(sign * reach);
+                float level = floorf(track->level - track->offset + 0.5f) + (float)(sign * reach);
                 bool known = level < 0 || level >= LEVELS || (sign > 0 && !reach);
                 for (int i = 0; i < TIER_LEVELS; i++)
                     known |= levels[i] == level + track->offset;
@@ -466,7 +469,7 @@ void cue_reliability_learn(cue_hearing *h, int profile, const cue_reading *readi
         float gradient = -20 * r->exponents[c], curvature = 20;
         for (int at = 0; at < FRAMES * groups; at++) {
             float ratio = h->weights[at] * reading->soft[at] * (float)reading->expected[at];
-            float slope = ratio / (1 + expf(clip(ratio, -30, 30))), clue = h->clues[c][at];
+            float slope = ratio / (1 + cue_exp(clip(ratio, -30, 30))), clue = h->clues[c][at];
             gradient += clue * slope;
             curvature += clue * clue * fabsf(slope);
         }

@@ -7,40 +7,47 @@
 #ifndef CUE_HEARING_H
 #define CUE_HEARING_H
 
+#include <math.h>
 #include <stdbool.h>
 
 #include "internal.h"
 
-enum {
-    FS = 48000,
-    HOP = 480,
-    FRAMES = 64,                 /* of a superframe */
-    SUPER = FRAMES * HOP,
-    BINS = 240,                  /* bins that any profile uses; W39: last is 238 at most */
-    GROUPS = 116,                /* most data cells of a frame */
-    CODED = 6912,                /* most coded bits of a superframe */
-    BANDS = 56,                  /* room for the masking bands of W23 */
-    PROFILES = 4,
-    SLOTS = 6,                   /* pilot slots, W13 */
-    PILOT_BINS = 8,
-    FIRST_PILOT = 6,
-    LAST_PILOT = FIRST_PILOT + SLOTS * PILOT_BINS,
-    LEVELS = 12,
-    TIER_LEVELS = 4,
-    TIERS = 4,
-    MESSAGE = 304,               /* most bits of a message with its check */
-    RING = 4 * FS + 4608,        /* samples of sound that are kept */
-    QUANTUM = 7680,              /* samples between two steps of the receiver, 0.16 s */
-    TAPS = 32,                   /* interpolation between samples at 48 kHz */
-    RATE_TAPS = 72,              /* conversion to 48 kHz, 96 kHz at most */
-    STEPS = 128,                 /* tabulated fractions of a sample */
-    INPUT = 256                  /* samples kept at the input's rate */
-};
+#define FS 48000
+#define HOP 480
+#define FRAMES 64                        /* of a superframe */
+#define SUPER (FRAMES * HOP)
+#define BINS 240                         /* bins that any profile uses; W39: last is 238 at most */
+#define GROUPS 116                       /* most data cells of a frame */
+#define CODED 6912                       /* most coded bits of a superframe */
+#define BANDS 56                         /* room for the masking bands of W23 */
+#define PROFILES 4
+#define SLOTS 6                          /* pilot slots, W13 */
+#define PILOT_BINS 8
+#define FIRST_PILOT 6
+#define LAST_PILOT (FIRST_PILOT + SLOTS * PILOT_BINS)
+#define LEVELS 12
+#define TIER_LEVELS 4
+#define TIERS 4
+#define MESSAGE 304                      /* most bits of a message with its check */
+#define RING (4 * FS + 4608)             /* samples of sound that are kept */
+#define QUANTUM 7680                     /* samples between two steps of the receiver, 0.16 s */
+#define TAPS 32                          /* interpolation between samples at 48 kHz */
+#define RATE_TAPS 72                     /* conversion to 48 kHz, 96 kHz at most */
+#define STEPS 128                        /* tabulated fractions of a sample */
+#define INPUT 256                        /* samples kept at the input's rate */
 
 #define PI 3.14159265358979323846
 #define SILENT_POWER 3.9810717e-10f /* 10^-9.4: W26 */
 
 typedef struct { float re, im; } cue_complex;
+
+/* Small functions in place of the library's, which would double the size of a module. */
+double cue_cos(double angle); /* within 1e-11 */
+static inline double cue_sin(double angle) { return cue_cos(angle - PI / 2); }
+static inline float cue_exp(float x) { return exp2f(x * 1.44269504f); }
+static inline float cue_log(float x) { return log2f(x) * 0.69314718f; }
+static inline float cue_power10(float x) { return exp2f(x * 3.32192809f); }
+static inline double cue_nearest(double x) { return floor(x + 0.5); }
 
 /* ---- Profiles and layout (sections 4, 8, 10) -------------------------------------------- */
 
@@ -197,20 +204,18 @@ typedef struct cue_fit {
 
 /* ---- Search (section 7.1) ---------------------------------------------------------------- */
 
-enum {
-    ROWS_PER_FRAME = 30,         /* transforms at 12 kHz per frame */
-    TURNS = 8,                   /* places between two transforms, 2 samples apart */
-    ROW_HOP = ROWS_PER_FRAME * TURNS,
-    BATCH = QUANTUM / 2,         /* places that are searched at once */
-    LEAD_ROWS = 34,              /* rows before the first place: growth limit and clock errors */
-    SLACK = 32,
-    ROWS = LEAD_ROWS + (BATCH + 63 * ROW_HOP + SLACK) / TURNS + 1,
-    SEARCH_SOUND = 4 * ROWS + 240,
-    PLACES = (ROWS - 30) * TURNS,
-    PAST = 2 * 7740 + BATCH / 2, /* scores of two superframes before, of two places each */
-    PAIRS = 12,                  /* tier and profile as marked */
-    CLOCKS = 35
-};
+#define ROWS_PER_FRAME 30                /* transforms at 12 kHz per frame */
+#define TURNS 8                          /* places between two transforms, 2 samples apart */
+#define ROW_HOP (ROWS_PER_FRAME * TURNS)
+#define BATCH (QUANTUM / 2)              /* places that are searched at once */
+#define LEAD_ROWS 34                     /* rows before the first place: growth limit and clock errors */
+#define SLACK 32
+#define ROWS (LEAD_ROWS + (BATCH + 63 * ROW_HOP + SLACK) / TURNS + 1)
+#define SEARCH_SOUND (4 * ROWS + 240)
+#define PLACES ((ROWS - 30) * TURNS)
+#define PAST (2 * 7740 + BATCH / 2)      /* scores of two superframes before, of two places each */
+#define PAIRS 12                         /* tier and profile as marked */
+#define CLOCKS 35
 
 typedef struct cue_search_work {
     float sound[SEARCH_SOUND];

@@ -3,7 +3,6 @@
  * In: the key; out: cue_layout. Everything pseudorandom is drawn from SHAKE-256 (FIPS 202).
  * Specification: spec/audio-carrier.md, sections 4, 8 and 10 (W10 to W20, W39, W43).
  */
-#include <math.h>
 #include <string.h>
 
 #include "hearing.h"

@@ -5,7 +5,6 @@
  * of its codeword is compared with what noise reaches.
  * Specification: spec/audio-carrier.md, section 6 (W29 to W35).
  */
-#include <math.h>
 #include <string.h>
 
 #include "hearing.h"
@@ -26,6 +25,7 @@ static int message_bits(const cue_profile *p, int layer) {
 
 /* W32: the inputs of largest weight. */
 void cue_link_init(cue_link *link, uint64_t *scratch) {
+    static const double root[] = {1, 1.189207115002721, 1.4142135623730951, 1.681792830507429};
     memset(link, 0, sizeof *link);
     for (int n = 0; n < PROFILES; n++)
         for (int layer = 0; layer < (cue_profiles[n].l1_bytes ? 2 : 1); layer++) {
@@ -34,7 +34,7 @@ void cue_link_init(cue_link *link, uint64_t *scratch) {
             for (int i = 0; i < size; i++) {
                 weight[i] = 0;
                 for (int j = 0; i >> j; j++)
-                    if (i >> j & 1) weight[i] += exp2(j / 4.0);
+                    if (i >> j & 1) weight[i] += root[j % 4] * (1 << j / 4);
             }
             for (int round = 0; round < 60; round++) { /* no two weights are equal */
                 double middle = (low + high) / 2;

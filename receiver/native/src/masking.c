@@ -3,7 +3,6 @@
  * In: powers of a frame's bins; out: powers per bin of the mark's unit before the growth limit.
  * Source: Schroeder, Atal and Hall, JASA 66, 1979. Specification: section 5 (W23 to W28).
  */
-#include <math.h>
 
 #include "hearing.h"
 
@@ -25,10 +24,10 @@ void cue_mask_init(cue_mask *mask) {
         double centre = bark(25.0 * (mask->edge[j] + mask->edge[j + 1])), sum = 0, gain[BANDS];
         for (int i = 0; i < n; i++) {
             double x = centre - bark(25.0 * (mask->edge[i] + mask->edge[i + 1])) + 0.474;
-            gain[i] = pow(10, 0.1 * (15.81 + 7.5 * x - 17.5 * sqrt(1 + x * x)));
+            gain[i] = (double)cue_power10((float)(0.1 * (15.81 + 7.5 * x - 17.5 * sqrt(1 + x * x))));
             sum += gain[i];
         }
-        double offset = pow(10, -0.1 * (centre / 4 > 3 ? centre / 4 : 3));
+        double offset = (double)cue_power10((float)(-0.1 * (centre / 4 > 3 ? centre / 4 : 3)));
         for (int i = 0; i < n; i++) mask->matrix[j][i] = (float)(gain[i] / sum * offset);
     }
 }
@@ -54,7 +53,7 @@ void cue_mask_thresholds(const cue_mask *mask, const float *energy, int used, in
             continue;
         }
         float least = sum < limit ? sum : limit;
-        float pressed = 1e-8f * powf(least * 1e8f, 0.7f);
+        float pressed = 1e-8f * exp2f(0.7f * log2f(least * 1e8f));
         threshold[j] = pressed < limit ? pressed : limit;
     }
 }

@@ -5,16 +5,22 @@
  * transform and its applications to audio processing", ICASSP 1999; mixed radices as in Cooley and
  * Tukey 1965. Specification: W8.
  */
-#include <math.h>
 
 #include "hearing.h"
+
+/* By the nearest whole turn and a power series. */
+double cue_cos(double angle) {
+    double turns = angle / (2 * PI), x = 2 * PI * (turns - floor(turns + 0.5)), term = 1, sum = 1;
+    for (int n = 1; n < 13; n++) sum += term *= -x * x / ((2 * n - 1) * (2 * n));
+    return sum;
+}
 
 static cue_complex mul(cue_complex a, cue_complex b) {
     return (cue_complex){a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
 }
 
 static cue_complex polar_form(double size, double angle) {
-    return (cue_complex){(float)(size * cos(angle)), (float)(size * sin(angle))};
+    return (cue_complex){(float)(size * cue_cos(angle)), (float)(size * cue_sin(angle))};
 }
 
 void cue_mdct_init(cue_mdct *m) {

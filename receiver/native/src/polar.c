@@ -6,7 +6,6 @@
  * Vardy 2015; Balatsoukas-Stimming, Parizi and Burg 2015; Hashemi, Condo and Gross, WCNC 2017.
  * Specification: spec/audio-carrier.md, section 6.3.
  */
-#include <math.h>
 #include <string.h>
 
 #include "hearing.h"

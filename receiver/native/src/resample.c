@@ -5,7 +5,6 @@
  * The conversion counts in integers, so that blocks of any size give the same samples.
  * Specification: W7.
  */
-#include <math.h>
 #include <string.h>
 
 #include "hearing.h"
@@ -23,7 +22,7 @@ static void make_table(float *table, int row, int taps, double cutoff) {
     for (int p = 0; p <= STEPS; p++)
         for (int j = 0; j < taps; j++) {
             double t = (double)p / STEPS - (j - (taps / 2 - 1)), u = 1 - t / reach * (t / reach);
-            double x = PI * cutoff * t, sinc = fabs(x) < 1e-9 ? 1 : sin(x) / x;
+            double x = PI * cutoff * t, sinc = fabs(x) < 1e-9 ? 1 : cue_sin(x) / x;
             double window = u > 0 ? bessel(beta * sqrt(u)) / bessel(beta) : 0;
             table[p * row + j] = (float)(cutoff * sinc * window);
         }

@@ -8,7 +8,6 @@
  * Source of the gains: Morrison, "Introduction to Sequential Smoothing and Prediction", 1969.
  * Specification: spec/audio-carrier.md, sections 7.1 and 7.2 (W35 to W37, W42, W46, W47).
  */
-#include <math.h>
 #include <string.h>
 
 #include "hearing.h"
@@ -53,7 +52,7 @@ void cue_hearing_init(cue_hearing *h, const cue_config *config) {
 
 /* Power below which bands are silent, at a gain that moved all levels by `offset`. */
 static float silence(float offset) {
-    return SILENT_POWER * (offset < 0 ? powf(10, offset / 2) : 1);
+    return SILENT_POWER * (offset < 0 ? cue_power10(offset / 2) : 1);
 }
 
 static void view(cue_hearing *h, const cue_track *t) {
@@ -286,7 +285,7 @@ static void lock(cue_hearing *h, cue_track t) {
     view(h, &t);
     complete(h, &t);
     if (h->tracking && known.profile == t.profile) {
-        double steps = round((t.position - known.position) / (SUPER * known.ratio));
+        double steps = cue_nearest((t.position - known.position) / (SUPER * known.ratio));
         double due = known.position + steps * SUPER * known.ratio, delay = t.position - due;
         if (fabs(t.ratio / known.ratio - 1) <= same_clock && fabs(delay) <= same_place) {
             t.position = due + 0.2 * delay; /* nothing new: the long memory of the clock stays */
@@ -321,7 +320,7 @@ static bool try_candidate(cue_hearing *h, const cue_candidate *c) {
     cue_track t = {.position = c->start, .ratio = 1 + c->clock, .mix = {c->mix[0], c->mix[1]},
                    .profile = c->profile, .pair = false};
     if (t.position < h->last_start + 0.5 * SUPER) return false;
-    float tier = log2f(c->pilot_step / cue_pilot_step(p, 0)), near = roundf(tier);
+    float tier = log2f(c->pilot_step / cue_pilot_step(p, 0)), near = floorf(tier + 0.5f);
     near = near < 0 ? 0 : near > 2 ? 2 : near;
     t.offset = TIER_LEVELS * (tier - near);
     if (fabsf(t.offset) < 0.01f) t.offset = 0;
