@@ -1,15 +1,18 @@
 """Each way in takes its seeds, some hundred mutated inputs, and what once broke it."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+from tests.fuzz.archive import inputs
 from tests.fuzz.mutate import mutated
 from tests.fuzz.night import attempt
 from tests.fuzz.targets import TARGETS
 
-REGRESSIONS = sorted((Path(__file__).parent / "fuzz" / "regressions").glob("*"))
+REGRESSIONS = {
+    f"{target}-{name}": (target, data)
+    for target in TARGETS
+    for name, data in inputs(target, "regressions").items()
+}
 SLOW = {"live": 3, "media": 10, "command": 15, "superframes": 20, "tracker": 10, "proofs": 20}
 
 
@@ -25,6 +28,6 @@ def test_seeds_and_some_mutants(name: str) -> None:
         assert attempt(name, data) == ""
 
 
-@pytest.mark.parametrize("path", REGRESSIONS, ids=lambda path: path.name)
-def test_what_once_broke_a_target(path: Path) -> None:
-    assert attempt(path.name.partition("-")[0], path.read_bytes()) == ""
+@pytest.mark.parametrize("name", REGRESSIONS)
+def test_what_once_broke_a_target(name: str) -> None:
+    assert attempt(*REGRESSIONS[name]) == ""

@@ -2,7 +2,9 @@
 
 import ast
 import re
+import sys
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -103,15 +105,26 @@ LOOSE = {
 """Further loose files: what a room's own rooms all take, and what puts them together."""
 
 
-def imported(path: Path) -> set[str]:
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
+def taken(path: Path) -> tuple[tuple[str, str], ...]:
+    """Return what a file imports: modules, and what it takes out of each ("" for all of it)."""
+    found = []
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
+            found += [(alias.name, "") for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
             assert node.level == 0, f"{path}: relative import"
-            names.add(node.module)
-    return {name for name in names if name.split(".")[0] in MAY_IMPORT}
+            found += [(node.module, alias.name) for alias in node.names]
+    return tuple(found)
+
+
+def imported(path: Path) -> set[str]:
+    return {module for module, _ in taken(path) if module.split(".")[0] in MAY_IMPORT}
 
 
 def allowed(name: str, rules: set[str]) -> bool:
@@ -129,13 +142,7 @@ def test_layers(package: str) -> None:
 
 def rooms_of(path: Path) -> set[str]:
     """Return the modules that a file imports, those taken out of packages by their own names."""
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return names
+    return {f"{module}.{name}" if name else module for module, name in taken(path)}
 
 
 @pytest.mark.parametrize("place", CORRIDORS)
@@ -193,7 +200,7 @@ def test_class_names_mean_one_thing() -> None:
     homes: dict[str, list[str]] = {}
     for package in MAY_IMPORT:
         for path in (ROOT / package).rglob("*.py"):
-            for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            for node in tree_of(path).body:
                 if isinstance(node, ast.ClassDef):
                     homes.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
     assert {name: paths for name, paths in homes.items() if len(paths) > 1} == {}
@@ -216,17 +223,8 @@ SOUND_REFERENCE = {"hearing", "hearing_view", "list_decoder", "marking"}
 
 
 def test_reference_uses_the_standard_library_and_numpy_for_sound_only() -> None:
-    import sys
-
     for path in (ROOT / "spec" / "reference").rglob("*.py"):
         more = {"spec", "numpy"} if path.stem in SOUND_REFERENCE else {"spec"}
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        for node in ast.walk(tree):
-            names = []
-            if isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom) and node.module:
-                names = [node.module]
-            for name in names:
-                top = name.split(".")[0]
-                assert top in sys.stdlib_module_names or top in more, f"{path} imports {name}"
+        for module, _ in taken(path):
+            top = module.split(".")[0]
+            assert top in sys.stdlib_module_names or top in more, f"{path} imports {module}"

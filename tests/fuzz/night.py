@@ -1,7 +1,8 @@
 """A night of fuzzing: every target in a process of its own, mutated inputs until its time is over.
 
 ``python -m tests.fuzz.night --seconds 3600`` divides the time among all targets; ``--inputs N``
-counts instead; names choose targets. What breaks a target is kept in ``tests/fuzz/found``.
+counts instead; names choose targets. What breaks a target is kept in ``tests/fuzz/found``;
+``python -m tests.fuzz.archive TARGET FILE`` makes a regression of it.
 ``--record FILE`` keeps the figures as a record, with the lines of each target's rooms that some of
 its inputs reach; what was recorded of other targets stays. Compiled kernels are not counted.
 """

@@ -1,8 +1,10 @@
 """Fuzz the decoder of superframes and stream files with coverage feedback (atheris, libFuzzer).
 
-``pip install --group fuzz`` first, then ``python -m tests.fuzz.superframes -max_total_time=600
-tests/fuzz/corpus``; ``tests/codec/superframe/test_fuzz_corpus.py`` replays the corpus. The kernels
-that read bytes run as plain Python here: their branches are seen and their indices checked.
+``pip install --group fuzz`` first, then ``python -m tests.fuzz.archive superframes --unpack
+FOLDER`` and ``python -m tests.fuzz.superframes -max_total_time=600 FOLDER``;
+``python -m tests.fuzz.archive superframes FOLDER/* --seeds`` keeps what it found interesting, and
+``tests/codec/superframe/test_fuzz_corpus.py`` replays it. The kernels that read bytes run as plain
+Python here: their branches are seen and their indices checked.
 """
 
 import sys

@@ -47,9 +47,9 @@ from synth.capture.sources.sniff import kind_of
 from synth.language.subtitles.read import parse_subtitles
 from synth.planning.scoring.textgrid import read_textgrid, write_textgrid
 from tests.codec.quick_search import quick_search
+from tests.fuzz.archive import inputs
 from tests.fuzz.consume import consume
 
-CORPUS = Path(__file__).with_name("corpus")
 SUPERFRAMES = 24
 
 
@@ -350,7 +350,8 @@ def command_seeds() -> list[bytes]:
 
 TARGETS: dict[str, Target] = {
     "superframes": Target(
-        lambda: [p.read_bytes() for p in sorted(CORPUS.iterdir())], consume, ("codec/superframe",)
+        lambda: list(inputs("superframes", "seeds").values()), consume,
+        ("codec/superframe", "codec/streamfile"),
     ),
     "tracker": Target(
         lambda: [*(bytes(range(i, i + 64)) for i in (0, 40, 90, 160)), bytes(64)], track,

@@ -1,16 +1,15 @@
-from pathlib import Path
-
 import pytest
 
+from tests.fuzz.archive import inputs
 from tests.fuzz.consume import consume
 
-CORPUS = sorted((Path(__file__).parents[2] / "fuzz" / "corpus").iterdir())
+SEEDS = inputs("superframes", "seeds")
 
 
-def test_there_is_a_corpus() -> None:
-    assert len(CORPUS) > 20
+def test_there_are_seeds() -> None:
+    assert len(SEEDS) > 20
 
 
-@pytest.mark.parametrize("path", CORPUS, ids=lambda path: path.name)
-def test_what_the_fuzzer_found_interesting_decodes_or_is_refused(path: Path) -> None:
-    consume(path.read_bytes())
+@pytest.mark.parametrize("name", SEEDS)
+def test_what_the_fuzzer_found_interesting_decodes_or_is_refused(name: str) -> None:
+    consume(SEEDS[name])
