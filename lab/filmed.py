@@ -17,7 +17,7 @@ from codec.cuer.voice import load_voice
 from codec.errors import CueError
 from cuecast.evaluate.films import ASPECT
 from cuecast.evaluate.legs import filmed_as_csv
-from synth.capture.capture import capture
+from synth.capture.capture import capture_motion
 from synth.capture.options import CaptureOptions
 from synth.motion.body.anatomy import IDENTITIES
 from synth.motion.measured.cuer import MEASURED
@@ -48,7 +48,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 score = paced(recital(sentences()[begin : begin + _SENTENCES], seed=seed))
                 table = Path(scratch) / "film.csv"
                 filmed_as_csv(f"{identity}/{MEASURED}", score, table, seed=seed)
-                found = capture(table, voice, CaptureOptions(aspect=ASPECT, keys=False)).motion
+                options = CaptureOptions(aspect=ASPECT, keys=False)
+                found = capture_motion(table, voice, options).motion
                 save_motion(replace(found, start_s=0.0), args.folder / f"{identity}-{seed}.npz")
     except (CueError, OSError) as error:
         print(f"lab.filmed: {error}", file=sys.stderr)

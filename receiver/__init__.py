@@ -24,7 +24,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from receiver.drawing.render import render_frames as draw
+    from receiver.drawing.render import draw
     from receiver.reception.engine import Receiver
     from receiver.reception.events import (
         Event,
@@ -54,7 +54,7 @@ _HOMES = {
     "StateChanged": "receiver.reception.events",
     "SuperframeLost": "receiver.reception.events",
     "Unreadable": "receiver.reception.events",
-    "draw": "receiver.drawing.render:render_frames",
+    "draw": "receiver.drawing.render",
 }
 """Where each name lives: it is imported when it is first asked for, so that importing is cheap."""
 
@@ -63,8 +63,7 @@ if not TYPE_CHECKING:  # type checkers would take any name for one of ours
     def __getattr__(name: str) -> Any:
         if name not in _HOMES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        home, _, inside = _HOMES[name].partition(":")
-        return getattr(import_module(home), inside or name)
+        return getattr(import_module(_HOMES[name]), name)
 
 
 def __dir__() -> list[str]:

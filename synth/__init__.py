@@ -18,16 +18,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from synth.capture.capture import capture as capture_motion
+    from synth.capture.capture import capture_motion
     from synth.capture.options import CaptureOptions
     from synth.language.subtitles.model import Subtitle
     from synth.language.subtitles.read import read_subtitles
     from synth.motion.rules.performance import motion_of
-    from synth.planning.alignment.score import score_from_recording as align
-    from synth.planning.alignment.score import sound_of
-    from synth.planning.scoring.text_score import keys_of
-    from synth.planning.scoring.text_score import score_from_subtitles as score_of_subtitles
-    from synth.planning.scoring.text_score import score_from_text as score_of_text
+    from synth.planning.alignment.score import align, sound_of
+    from synth.planning.scoring.text_score import keys_of, score_of_subtitles, score_of_text
 
 __all__ = [
     "CaptureOptions",
@@ -45,13 +42,13 @@ __all__ = [
 _HOMES = {
     "CaptureOptions": "synth.capture.options",
     "Subtitle": "synth.language.subtitles.model",
-    "align": "synth.planning.alignment.score:score_from_recording",
-    "capture_motion": "synth.capture.capture:capture",
+    "align": "synth.planning.alignment.score",
+    "capture_motion": "synth.capture.capture",
     "keys_of": "synth.planning.scoring.text_score",
     "motion_of": "synth.motion.rules.performance",
     "read_subtitles": "synth.language.subtitles.read",
-    "score_of_subtitles": "synth.planning.scoring.text_score:score_from_subtitles",
-    "score_of_text": "synth.planning.scoring.text_score:score_from_text",
+    "score_of_subtitles": "synth.planning.scoring.text_score",
+    "score_of_text": "synth.planning.scoring.text_score",
     "sound_of": "synth.planning.alignment.score",
 }
 """Where each name lives: it is imported when it is first asked for, so that importing is cheap."""
@@ -61,8 +58,7 @@ if not TYPE_CHECKING:  # type checkers would take any name for one of ours
     def __getattr__(name: str) -> Any:
         if name not in _HOMES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        home, _, inside = _HOMES[name].partition(":")
-        return getattr(import_module(home), inside or name)
+        return getattr(import_module(_HOMES[name]), name)
 
 
 def __dir__() -> list[str]:

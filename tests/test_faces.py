@@ -62,8 +62,8 @@ def test_types_and_homes_agree(package: str) -> None:
     for node in told.body:
         assert isinstance(node, ast.ImportFrom)
         for alias in node.names:
-            name = alias.asname or alias.name
-            typed[name] = f"{node.module}:{alias.name}" if alias.asname else node.module
+            assert alias.asname is None, f"{package}.{alias.asname} is an alias"
+            typed[alias.name] = node.module
     assert typed == module._HOMES
 
 

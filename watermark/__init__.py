@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from watermark.audio.embed.embedder import AudioEmbedder
     from watermark.audio.receiver import AudioReceiver
     from watermark.link.superframe import ReceivedSuperframe
-    from watermark.quality.peaq import peaq as grade
+    from watermark.quality.peaq import grade
     from watermark.video.embed import VideoEmbedder
     from watermark.video.receive import VideoReceiver
 
@@ -48,7 +48,7 @@ _HOMES = {
     "ReceivedSuperframe": "watermark.link.superframe",
     "VideoEmbedder": "watermark.video.embed",
     "VideoReceiver": "watermark.video.receive",
-    "grade": "watermark.quality.peaq:peaq",
+    "grade": "watermark.quality.peaq",
 }
 """Where each name lives: it is imported when it is first asked for, so that importing is cheap."""
 
@@ -71,8 +71,7 @@ if not TYPE_CHECKING:  # type checkers would take any name for one of ours
             }
         if name not in _HOMES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        home, _, inside = _HOMES[name].partition(":")
-        return getattr(import_module(home), inside or name)
+        return getattr(import_module(_HOMES[name]), name)
 
 
 def __dir__() -> list[str]:

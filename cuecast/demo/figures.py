@@ -12,7 +12,7 @@ from codec.cuer.motion import Motion, sample_params
 from codec.cuer.voice import Voice
 from codec.cues.score import PLACEMENTS, Key
 from codec.files.whole import whole_file
-from receiver.drawing.render import render_frames
+from receiver.drawing.render import draw
 from synth.language.subtitles import Subtitle
 
 _MOMENTS = 6
@@ -59,13 +59,13 @@ def draw_strip(
     times = np.array([_stillest(motion, voice, key) for key in chosen])
     screens = _pictures_at(programme, times)
     size = (_CUER_WIDTH, screens[0].shape[0])
-    markers = render_frames(motion, voice, times, size=size)
+    markers = draw(motion, voice, times, size=size)
     figure = matplotlib.figure.Figure(figsize=(16, 10), layout="constrained")
     for axes, key, time_s, screen, points in zip(
         figure.subplots(_MOMENTS // 2, 2).flat, chosen, times, screens, markers, strict=True
     ):
         corner = np.ascontiguousarray(screen[:, -_CUER_WIDTH:])
-        (cuer,) = render_frames(
+        (cuer,) = draw(
             motion, voice, np.array([time_s]), style="avatar", size=size, background=corner
         )
         axes.imshow(np.concatenate([screen[:, :-_CUER_WIDTH], cuer, points], axis=1))

@@ -21,7 +21,7 @@ from synth.language.subtitles import Subtitle
 from synth.planning.prosody.pace_report import PaceReport
 from synth.planning.prosody.pacing import READABLE
 from synth.planning.prosody.simulation import PerformerChoice
-from synth.planning.scoring.text_score import Reading, score_from_subtitles
+from synth.planning.scoring.text_score import Reading, score_of_subtitles
 
 BROADCASTS = (
     ("AAC 128 kbit/s in MP4", "broadcast-aac.mp4", "aac", 128_000),
@@ -77,7 +77,7 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Bro
     )  # fmt: skip
     pace = PaceReport(warn=say)
     reading = Reading(pace=READABLE, performing=PerformerChoice(seed=seed))
-    score = score_from_subtitles(subtitles, reading=reading, told=pace)
+    score = score_of_subtitles(subtitles, reading=reading, told=pace)
     source = SynthesisedMotion(score, voice, seed=seed)
 
     say(f"    {pace}")

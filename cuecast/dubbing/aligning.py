@@ -18,8 +18,8 @@ from synth.planning.alignment.runs import LONGEST_TEXT_S
 from synth.planning.alignment.score import (
     Judged,
     Judgement,
+    align,
     phones_of_recording,
-    score_from_recording,
 )
 from synth.planning.alignment.sound import mono
 from synth.planning.scoring.text_score import PLAIN, Reading, Told, in_pieces, tell_nobody
@@ -83,7 +83,7 @@ def aligned_score(
         Which of its sounds, from 0.
     reading : Reading
     warn, judged, told : callable
-        As in `synth.planning.alignment.score.score_from_recording`.
+        As in `synth.planning.alignment.score.align`.
 
     Raises
     ------
@@ -92,9 +92,7 @@ def aligned_score(
     """
     with ExitStack() as stack:
         voices = ProgrammeVoices(stack, programme, track=track)
-        return score_from_recording(
-            subtitles, voices, reading=reading, warn=warn, judged=judged, told=told
-        )
+        return align(subtitles, voices, reading=reading, warn=warn, judged=judged, told=told)
 
 
 def aligned_pieces(

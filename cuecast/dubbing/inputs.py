@@ -61,9 +61,9 @@ def pace_of(args: argparse.Namespace) -> "Pace | None":
 def score_of(args: argparse.Namespace, told: "Told") -> "Score":
     """Return the score of what `add_text` and `add_reading` read; `told` hears of each word."""
     if args.text is not None:
-        from synth.planning.scoring.text_score import score_from_text
+        from synth.planning.scoring.text_score import score_of_text
 
-        return score_from_text(args.text, start_s=REST_S, reading=reading_of(args), told=told)
+        return score_of_text(args.text, start_s=REST_S, reading=reading_of(args), told=told)
     return score_of_subtitles(args, args.file, told)
 
 
@@ -98,10 +98,10 @@ def pieces_of(
 
 def score_of_subtitles(args: argparse.Namespace, path: str, told: "Told") -> "Score":
     """Return the score of what `subtitles_of` reads."""
-    from synth.planning.scoring.text_score import score_from_subtitles
+    from synth.planning.scoring.text_score import score_of_subtitles
 
     subtitles = subtitles_of(args, path)
-    return score_from_subtitles(subtitles, warn=note, reading=reading_of(args), told=told)
+    return score_of_subtitles(subtitles, warn=note, reading=reading_of(args), told=told)
 
 
 def terms_of(args: argparse.Namespace) -> "Terms":

@@ -36,7 +36,7 @@ from cuecast.media.subtitles import choose_track, read_track, text_tracks
 from receiver.media.programme import open_programme
 from synth.language.subtitles import Subtitle
 from synth.planning.prosody.pace_report import PaceReport
-from synth.planning.scoring.text_score import score_from_subtitles
+from synth.planning.scoring.text_score import score_of_subtitles
 
 
 def dub_as_told(args: argparse.Namespace) -> dict[str, Any]:
@@ -165,7 +165,7 @@ def _motion(
         tell(str(confidence))
         said |= {"alignment": confidence.report()}
     else:
-        score = score_from_subtitles(subtitles, warn=tell, reading=reading, told=pace)
+        score = score_of_subtitles(subtitles, warn=tell, reading=reading, told=pace)
     source = _source(args, score, voice, options)
     seen = watched(source, voice, options)
     pace.seen(seen.shown)

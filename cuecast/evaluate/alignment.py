@@ -27,7 +27,7 @@ from cuecast.evaluate.options import EvaluateOptions
 from synth.language.text.espeak import RATE_HZ
 from synth.language.text.pronounce import phonemise
 from synth.language.text.sentences import read_sentences
-from synth.planning.alignment.align import Aligned, SpokenPassage, align
+from synth.planning.alignment.align import Aligned, SpokenPassage, align_passages
 from synth.planning.alignment.confidence import CERTAIN, WITHIN_S, trust
 from synth.planning.alignment.recogniser import FS
 from synth.planning.alignment.runs import LONGEST_PASSAGE_S
@@ -145,7 +145,7 @@ def _measured(
         said = clips[(number + 1) % len(clips)].words if condition == "foreign" else clip.words
         started = time.process_time()
         passages, times = _passages(clip, said, condition, rng)
-        found = align(passages)
+        found = align_passages(passages)
         verdict = trust(passages, found)
         spent_s += time.process_time() - started
         length_s += len(clip.sound) / FS

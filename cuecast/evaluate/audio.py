@@ -27,11 +27,11 @@ from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.sound_channels import CUT_S, Channel, Sound, find_channel
 from cuecast.evaluate.tables import wilson_interval
 from receiver.media.sound import read_sound
+from watermark import quality
 from watermark.audio.embed.embedder import AudioEmbedder
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.signal.profile import AudioProfile, find_profile
 from watermark.link.superframe import SUPERFRAME_S
-from watermark.quality import peaq, peaq_advanced, pesq_wb, segmental_snr_db
 from watermark.quality.loudness import loudness_lufs
 
 USUAL = (
@@ -166,11 +166,11 @@ def mark_clip(
         profile=chosen,
         sound=marked,
         payloads=payloads,
-        odg=peaq(*pair, fs).odg,
-        odg_advanced=peaq_advanced(*pair, fs).odg,
+        odg=quality.grade(*pair, fs).odg,
+        odg_advanced=quality.peaq_advanced(*pair, fs).odg,
         snr_db=snr_db,
-        segmental_snr_db=segmental_snr_db(sound.mean(axis=1), marked.mean(axis=1), fs),
-        pesq=pesq_wb(sound.mean(axis=1), marked.mean(axis=1), fs) if speech else None,
+        segmental_snr_db=quality.segmental_snr_db(sound.mean(axis=1), marked.mean(axis=1), fs),
+        pesq=quality.pesq_wb(sound.mean(axis=1), marked.mean(axis=1), fs) if speech else None,
         loudness_change_lu=loudness_lufs(marked, fs) - loudness_lufs(sound, fs),
         xrt=xrt,
     )

@@ -28,7 +28,7 @@ from cuecast.evaluate.options import EvaluateOptions
 from receiver.drawing.avatar import load_avatar
 from receiver.export.arkit import live_link_csv
 from receiver.export.markers import marker_csv, trc
-from synth.capture.capture import capture
+from synth.capture.capture import capture_motion
 from synth.capture.options import Captured, CaptureOptions
 from synth.language.text.sentences import read_sentences
 from synth.motion.rules.gesture import GestureSynthesiser
@@ -189,7 +189,7 @@ def _measure(
     for take in takes:
         name, truth = SOURCES[source](take, voice, options.folder)
         begun = time.process_time()
-        found = capture(options.folder / name, voice, CaptureOptions())
+        found = capture_motion(options.folder / name, voice, CaptureOptions())
         spent_s += time.process_time() - begun
         duration_s += found.motion.duration_s
         if take.identity == voice.name:

@@ -24,7 +24,7 @@ from cuecast.evaluate.options import EvaluateOptions
 from cuecast.media.film import write_film
 from receiver.media.sound import read_sound
 from synth.language.subtitles import Subtitle, read_subtitles
-from synth.planning.scoring.text_score import score_from_subtitles
+from synth.planning.scoring.text_score import score_of_subtitles
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
     voice = load_voice()
     rows = []
     for clip, subtitles in clips_of(options):
-        score = score_from_subtitles(subtitles, warn=lambda line: None)
+        score = score_of_subtitles(subtitles, warn=lambda line: None)
         rows += _through(clip, score, voice, names, options)
     return rows
 

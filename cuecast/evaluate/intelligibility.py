@@ -27,7 +27,7 @@ from synth.language.text.normalise import PAUSES, normalise
 from synth.language.text.pronounce import phonemise
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.alignment.sound import mono
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
 from synth.units.recordings.recording import UnitRecording
 from synth.units.recordings.speaker import SpokenFile, read_transcripts, record_speaker
@@ -115,7 +115,7 @@ def _speaker(kept: Sequence[SpokenFile]) -> ConcatenativeSynthesiser:
 
 
 def _said(synthesiser: ConcatenativeSynthesiser, text: str) -> Sound:
-    score = score_from_text(text, start_s=0.5)
+    score = score_of_text(text, start_s=0.5)
     parts = [part.sound for part in synthesiser.perform([score], start_s=0.0)]
     return mono(np.concatenate(parts), synthesiser.fs)
 

@@ -29,7 +29,7 @@ from cuecast.command.voices import coding_voice
 from cuecast.evaluate.coded import Row
 from cuecast.evaluate.films import as_rows, film
 from cuecast.evaluate.options import EvaluateOptions
-from synth.capture.capture import capture
+from synth.capture.capture import capture_motion
 from synth.capture.options import CaptureOptions
 from synth.motion.measured.cuer import MEASURED, performer
 from synth.motion.measured.plan import paced
@@ -207,7 +207,7 @@ def second_cuer(voice: Voice, texts: Sequence[str], folder: Path, *, seed: int =
     score = paced(recital(texts, seed=seed))
     path = folder / f"second-{seed}.csv"
     filmed_as_csv(SECOND, score, path, seed=seed)
-    found = capture(path, voice, CaptureOptions(score=score))
+    found = capture_motion(path, voice, CaptureOptions(score=score))
     return found.motion
 
 
@@ -244,4 +244,4 @@ def real_utterances(
     if not paths:
         raise CueError(f"{folder}: no tables of landmarks (*.csv)")
     for path in paths:
-        yield path.stem, capture(path, voice, options or CaptureOptions()).motion
+        yield path.stem, capture_motion(path, voice, options or CaptureOptions()).motion

@@ -20,7 +20,7 @@ from codec.superframe.encoder import SuperframeEncoder
 from cuecast.dubbing.motions import ruled_motion
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.motion.rules.movement import ALIGNMENTS, plan_gestures
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
 from synth.units.recordings.recording import UnitRecording
 from watermark.audio.signal.profile import find_profile
@@ -36,7 +36,7 @@ def recital(texts: Sequence[str]) -> Score:
     keys: list[Key] = []
     clock = 1.0
     for text in texts:
-        score = score_from_text(text, start_s=clock)
+        score = score_of_text(text, start_s=clock)
         phones += score.phones
         keys += score.keys
         clock = score.phones[-1].end + _BETWEEN_S

@@ -33,7 +33,7 @@ from cuecast.demo.content import make_sound
 from cuecast.dubbing.readability import VisibilityMeter
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.strokes import RATE_HZ, REAL, film_of, rows_within, stroke_figures
-from receiver.drawing.render import render_frames, write_picture
+from receiver.drawing.render import draw, write_picture
 from synth.language.subtitles import Subtitle, read_subtitles
 from synth.language.text.sentences import read_sentences
 from synth.motion.measured.cuer import MEASURED, performer
@@ -41,7 +41,7 @@ from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.prosody.pace_report import PaceReport
 from synth.planning.prosody.pacing import READABLE, Pace
 from synth.planning.prosody.simulation import PerformerChoice
-from synth.planning.scoring.text_score import PLAIN, Reading, score_from_subtitles, score_from_text
+from synth.planning.scoring.text_score import PLAIN, Reading, score_of_subtitles, score_of_text
 
 PACES: dict[str, Pace | None] = {"readable": READABLE, "sync": None}
 
@@ -193,8 +193,8 @@ def figures(
     """
     report = PaceReport()
     reading = Reading(pace=pace, performing=PerformerChoice(seed=seed))
-    score = score_from_subtitles(subtitles, reading=reading, told=report)
-    said = [key for subtitle in subtitles for key in score_from_text(subtitle.text).keys]
+    score = score_of_subtitles(subtitles, reading=reading, told=report)
+    said = [key for subtitle in subtitles for key in score_of_text(subtitle.text).keys]
     if not score.keys:
         return {"keys_said": len(said), "keys_shown": 0}
     cuer = GestureSynthesiser(rate_hz=_FRAMES_HZ, seed=seed)
@@ -231,7 +231,7 @@ def _markers(cuer: GestureSynthesiser, score: Score) -> NDArray[np.float32]:
 def movement_rows(seed: int = 0) -> list[dict[str, Any]]:
     """Return the movement at the pace of real cuers beside theirs: ours and the second cuer's."""
     scores = slowed(
-        [score_from_text(line, start_s=1.0) for line in read_sentences()[::_EVERY][:_SENTENCES]]
+        [score_of_text(line, start_s=1.0) for line in read_sentences()[::_EVERY][:_SENTENCES]]
     )
     rows = []
     for name, law, noise_mm in (("claire", "minimum-jerk", 0.0),
@@ -271,7 +271,7 @@ def taught_reader() -> Recogniser:
     cuer = GestureSynthesiser(rate_hz=_PICTURES_HZ, seed=41)
     frames, shapes, places = [], [], []
     for line in read_sentences()[::-1][:_TAUGHT]:
-        score = score_from_text(line, start_s=1.0, reading=slow)
+        score = score_of_text(line, start_s=1.0, reading=slow)
         markers = _markers(cuer, score)
         labels = cuer.labels(score, 0.0, len(markers))
         kept = (labels.shape >= 0) & (labels.placement >= 0)
@@ -323,14 +323,14 @@ def strip(path: Path, subtitles: Sequence[Subtitle], seed: int = 0) -> None:
     """Draw successive pictures of the cuer, 25 a second, as one PNG: from the side to the face."""
     voice = load_voice()
     reading = Reading(pace=READABLE, performing=PerformerChoice(seed=seed))
-    score = score_from_subtitles(subtitles, reading=reading)
+    score = score_of_subtitles(subtitles, reading=reading)
     half = itertools.pairwise(score.keys[len(score.keys) // 2 :])
     ways = (one.start for one, other in half if (one.placement, other.placement) in _LONG_WAYS)
     middle = next(ways, score.keys[len(score.keys) // 2].start)
     cuer = GestureSynthesiser(voice.name, seed=seed)
     motion = cuer.motion(score, round(middle, 2), 2 * _STRIP_PICTURES + 4, voice)
     times = motion.start_s + np.arange(_STRIP_PICTURES) / _PICTURES_HZ
-    pictures = list(render_frames(motion, voice, times, style="avatar", size=_STRIP_SIZE))
+    pictures = list(draw(motion, voice, times, style="avatar", size=_STRIP_SIZE))
     rows = np.split(np.array(pictures), 2)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_picture(path, np.concatenate([np.concatenate(list(row), axis=1) for row in rows]))

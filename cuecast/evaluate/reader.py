@@ -31,7 +31,7 @@ from synth.capture.tracker.video import find_tracker
 from synth.motion.measured.cuer import MEASURED
 from synth.motion.measured.plan import paced
 from synth.planning.prosody.pacing import READABLE, Pace
-from synth.planning.scoring.text_score import Reading, score_from_text
+from synth.planning.scoring.text_score import Reading, score_of_text
 from synth.studio.recital import sentences
 
 _FOLDS = 4
@@ -231,9 +231,7 @@ def _texts(number: int) -> list[str]:
 
 
 def _scores(number: int, pace: Pace | None) -> list[Score]:
-    return [
-        score_from_text(text, start_s=1.0, reading=Reading(pace=pace)) for text in _texts(number)
-    ]
+    return [score_of_text(text, start_s=1.0, reading=Reading(pace=pace)) for text in _texts(number)]
 
 
 def _simulated(

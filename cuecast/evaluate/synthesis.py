@@ -25,7 +25,7 @@ from cuecast.evaluate.options import EvaluateOptions
 from synth.language.text.sentences import read_sentences
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.motion.rules.movement import Gestures, plan_gestures
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 from synth.units.concatenation.units import cut_dikeys
 from synth.units.recordings.recording import UnitRecording
 from synth.units.recordings.sentences import choose_sentences
@@ -53,7 +53,7 @@ def evaluate(options: EvaluateOptions) -> dict[str, Any]:
     recogniser = learn(synthesiser.recordings, voice)
     texts = held_out_sentences(options)
     options.say(f"synthesising {len(texts)} sentences")
-    scores = [score_from_text(text, start_s=1.5) for text in texts]
+    scores = [score_of_text(text, start_s=1.5) for text in texts]
     started = time.process_time()
     made = [list(synthesiser.perform([score])) for score in scores]
     spent_s = time.process_time() - started

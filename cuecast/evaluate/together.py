@@ -31,7 +31,7 @@ from cuecast.media.picture import rewrite_picture
 from cuecast.media.rewrite import Unchanged, rewrite_sound
 from receiver.media.picture import PictureDecoder
 from receiver.media.programme import has_stream, open_programme
-from synth.planning.scoring.text_score import score_from_subtitles
+from synth.planning.scoring.text_score import score_of_subtitles
 from watermark.link.superframe import SUPERFRAME_S
 
 LENGTH_S = 60.0
@@ -133,7 +133,7 @@ def _built_in(folder: Path) -> Path:
 def _dubbed(programme: Path, voice: Voice, options: EvaluateOptions) -> tuple[Path, dict[str, Any]]:
     target = options.folder / "dubbed.mkv"
     _, subtitles = make_sound()
-    score = score_from_subtitles(subtitles, warn=lambda line: None)
+    score = score_of_subtitles(subtitles, warn=lambda line: None)
     choice = DubOptions(
         carriers=("audio", "video"), audio_codec="flac", video_codec="ffv1", graded=False
     )

@@ -16,7 +16,7 @@ from codec.errors import CueError
 from cuecast.dubbing.motions import RATE_HZ
 from synth.language.subtitles import spoken
 from synth.motion.rules.bodiless import ruled_cuer
-from synth.planning.scoring.text_score import Reading, score_from_text
+from synth.planning.scoring.text_score import Reading, score_of_text
 
 AHEAD_S = 0.3
 """How long before its first key the hand has to know of it."""
@@ -137,7 +137,7 @@ class LiveMotion:
         if earliest_s - (self._horizon_s + AHEAD_S) > _LONGEST_LAG_S:
             self.left_out += 1
             return False
-        score = score_from_text(text, start_s=start_s, reading=replace(self._reading, pace=None))
+        score = score_of_text(text, start_s=start_s, reading=replace(self._reading, pace=None))
         backlog_s = max(0.0, self._free_s - self._horizon_s - AHEAD_S)
         hurry = min(1.0, max(0.0, backlog_s - HURRY_FROM_S) / HURRY_FROM_S)
         score = _hastened(score, start_s, 1 + (FASTEST - 1) * hurry)

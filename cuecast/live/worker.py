@@ -416,10 +416,10 @@ def _motion(cuer: Cuer, voice: Any) -> Any:
         return motions.GivenMotion(load_motion(cuer.motion), voice)
     if cuer.subtitles:
         from synth.language.subtitles import read_subtitles
-        from synth.planning.scoring.text_score import score_from_subtitles
+        from synth.planning.scoring.text_score import score_of_subtitles
 
         subtitles = read_subtitles(cuer.subtitles)
-        score = score_from_subtitles(subtitles, warn=lambda line: None, reading=cuer.reading)
+        score = score_of_subtitles(subtitles, warn=lambda line: None, reading=cuer.reading)
         return motions.SynthesisedMotion(
             score, voice, seed=cuer.seed, options=cuer.reading.options, alignment=cuer.alignment
         )

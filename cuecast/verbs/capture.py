@@ -98,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
     """Write the motion and what is to be said of it."""
     from codec.cuer.motion import save_motion
     from codec.cuer.voice import load_voice
-    from synth.capture.capture import capture
+    from synth.capture.capture import capture_motion
 
     if not args.input and not args.markers_chart:
         note("cuecast capture: a recording or --markers-chart is needed")
@@ -123,7 +123,7 @@ def run(args: argparse.Namespace) -> int:
             if not args.output:
                 return 0
         with seconds_bar(None, Path(args.input).name) as advance:
-            captured = capture(path, voice, replace(options, progress=advance))
+            captured = capture_motion(path, voice, replace(options, progress=advance))
     if args.plot:
         from cuecast.evaluate.tables import PAGE_IN, write_plot
 

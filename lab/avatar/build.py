@@ -28,7 +28,7 @@ from synth.motion.body.placing import face_places, hand_places, sample_skin
 from synth.motion.body.skeleton import ARM_BONES, NECK_SHARE, arm_parents
 from synth.motion.body.skin import Skin, stretch
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 FACE_RANK, HAND_RANK = 10, 16
 """Directions of displacement that the linear maps keep, chosen for the size of the asset."""
@@ -185,7 +185,7 @@ def _arm_share(mesh: Mesh) -> FloatArray:
 
 def _poses(body: Body, text: str) -> BodyPose:
     synthesiser = GestureSynthesiser(body.name, rate_hz=_RATE_HZ)
-    score = score_from_text(text, start_s=1.0)
+    score = score_of_text(text, start_s=1.0)
     return synthesiser.pose(score, 0.0, int((score.keys[-1].end + 1.0) * _RATE_HZ))
 
 

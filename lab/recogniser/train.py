@@ -31,7 +31,7 @@ from lab.recogniser.whisper import ear_of, read_weights
 from synth.language.text.espeak import RATE_HZ
 from synth.language.text.pronounce import phonemise
 from synth.language.text.sentences import read_sentences
-from synth.planning.alignment.align import SpokenPassage, align
+from synth.planning.alignment.align import SpokenPassage, align_passages
 from synth.planning.alignment.recogniser import (
     EAR_ASSET,
     FS,
@@ -202,7 +202,7 @@ def aligned(
     ]
     return [
         Spoken(passage.samples, found.phones)
-        for passage, found in zip(known, align(known), strict=True)
+        for passage, found in zip(known, align_passages(known), strict=True)
         if found.spoken.all()
     ]
 

@@ -52,7 +52,7 @@ def read_picture(path: str | os.PathLike[str]) -> NDArray[np.uint8]:
     raise CueError(f"{path}: holds no picture")
 
 
-def render_frames(
+def draw(
     motion: Motion, voice: Voice, times_s: NDArray[np.float64],
     *, style: str = "points", size: tuple[int, int] = DEFAULT_SIZE,
     background: NDArray[np.uint8] | None = None, mirror: bool = False,
@@ -161,9 +161,7 @@ def render_motion(
         times = np.array([middle if at_s is None else at_s])
     else:
         times = motion.start_s + np.arange(max(1, round(motion.duration_s * fps))) / fps
-    frames = render_frames(
-        motion, voice, times, style=style, size=size, background=picture, mirror=mirror
-    )
+    frames = draw(motion, voice, times, style=style, size=size, background=picture, mirror=mirror)
     with whole_file(target) as temporary:
         write(str(temporary), _counted(frames, len(times), progress), size, fps)
 

@@ -14,7 +14,7 @@ from synth.capture.tracker.landmarks import capture_landmarks
 from synth.capture.tracker.livelink import capture_live_link
 
 
-def capture(
+def capture_motion(
     path: str | os.PathLike[str], voice: Voice, options: CaptureOptions = DEFAULTS
 ) -> Captured:
     """Return the motion that a recording shows.

@@ -18,7 +18,7 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import cue
 from codec.cues.score import Phone, Score
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 PAUSES_S = (0.3, 0.6, 1.2, 2.0)
 """Silences between sentences."""
@@ -73,7 +73,7 @@ def recital(texts: Sequence[str], *, seed: int = 0, start_s: float = 1.0) -> Sco
     rng = np.random.default_rng([seed, 71])
     score = Score((), ())
     for text in texts:
-        more = score_from_text(text, start_s=start_s)
+        more = score_of_text(text, start_s=start_s)
         score = Score(score.phones + more.phones, score.keys + more.keys)
         if more.phones:
             start_s = round(more.phones[-1].end + float(rng.choice(PAUSES_S)), 2)

@@ -11,12 +11,12 @@ from codec.cuer.motion import Motion, save_motion
 from codec.cuer.voice import load_voice
 from cuecast.command.cli import main
 from synth.motion.rules.performance import motion_of
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 
 @pytest.fixture(scope="module")
 def motion() -> Motion:
-    return motion_of(score_from_text("Un bon vin blanc.", start_s=0.5), load_voice())
+    return motion_of(score_of_text("Un bon vin blanc.", start_s=0.5), load_voice())
 
 
 def encoded(motion: Motion, folder: Path, capsys: pytest.CaptureFixture[str], *more: str) -> str:

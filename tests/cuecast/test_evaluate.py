@@ -15,7 +15,7 @@ from cuecast.evaluate.records import read_record
 from cuecast.evaluate.tables import write_results
 from cuecast.media.film import write_film
 from synth.motion.rules.performance import motion_of
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 
 def test_results_are_written(tmp_path: Path) -> None:
@@ -71,7 +71,7 @@ def test_chain(clips: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 
 def test_what_is_never_found_has_lost_everything(clips: Path) -> None:
     voice = load_voice()
-    sent = motion_of(score_from_text("Bonsoir"), voice)
+    sent = motion_of(score_of_text("Bonsoir"), voice)
     row = _received(clips / "talk.flac", sent, voice, 12)
     assert (row["superframes_sent"], row["superframes_lost"]) == (12, 12)
     assert (row["keys_total"], row["keys_correct"], row["tune_in_s"]) == (4, 0, None)

@@ -30,7 +30,7 @@ from cuecast.evaluate.strokes import (
 )
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.prosody.pacing import READABLE
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 pytestmark = pytest.mark.long(9)
 
@@ -64,7 +64,7 @@ def test_a_readable_pace_shows_more_of_the_text(reader: Recogniser) -> None:
 
 
 def test_a_still_hand_is_read_once(reader: Recogniser) -> None:
-    score = score_from_text("a")
+    score = score_of_text("a")
     cuer = GestureSynthesiser(rate_hz=25.0)
     held = cuer.markers(score, score.keys[0].start + 0.02, 1)
     assert read_keys(reader, np.repeat(held, 9, axis=0)) == [(5, PLACEMENT_NUMBER["side"])]
@@ -101,7 +101,7 @@ def test_strokes_are_those_of_the_analysis_of_real_cuers() -> None:
     spec.loader.exec_module(tool)
     films = [
         film_of(GestureSynthesiser(rate_hz=RATE_HZ), score, noise_mm=1.0)
-        for score in slowed([score_from_text(line, start_s=1.0) for line in LINES * 2])
+        for score in slowed([score_of_text(line, start_s=1.0) for line in LINES * 2])
     ]
     found = tool.merge([tool.analyse(one.hand, RATE_HZ) for one in films])
     ours = stroke_figures(films)

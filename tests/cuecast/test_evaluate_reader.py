@@ -25,7 +25,7 @@ from cuecast.evaluate.reading.view import TakeView, like
 from synth.capture.sources.landmark_maps import FACE_LANDMARKS
 from synth.capture.sources.landmark_table import read_landmarks
 from synth.language.text.sentences import read_sentences
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 pytestmark = pytest.mark.long(12)
 
@@ -39,7 +39,7 @@ def options(clips: Path | None, folder: Path, *channels: str) -> EvaluateOptions
 @pytest.fixture(scope="module")
 def takes() -> list[ReaderTake]:
     """Forty sentences of the second cuer's body, moved by rule."""
-    scores = [score_from_text(text, start_s=1.0) for text in read_sentences()[:40]]
+    scores = [score_of_text(text, start_s=1.0) for text in read_sentences()[:40]]
     return simulated_takes("solange/minimum-jerk", scores)
 
 
@@ -54,7 +54,7 @@ def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
     clips = tmp_path_factory.mktemp("clips")
     rows = []
     for number, text in enumerate(read_sentences()[:12]):
-        score = score_from_text(text, start_s=1.0)
+        score = score_of_text(text, start_s=1.0)
         filmed_as_csv("solange/minimum-jerk", score, clips / f"u{number:02d}.csv", noise_mm=1.0)
         rows.append([f"u{number:02d}", " ".join(phone.symbol for phone in score.phones)])
     with (clips / PHONES).open("w", encoding="utf-8", newline="") as file:

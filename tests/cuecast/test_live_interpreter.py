@@ -18,7 +18,7 @@ from cuecast.live.interpreter import LATE_S, SETTLED_S, InterpretedMotion, read_
 from cuecast.live.sound import LiveOptions
 from cuecast.live.waiting import WaitingRoom
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 VOICE = load_voice("claire")
 RATE_HZ = 30.0
@@ -28,7 +28,7 @@ TEXT = "Il pleut sur la ville depuis hier. Les trains restent à quai, et les é
 @pytest.fixture(scope="module")
 def filmed() -> tuple[Motion, Score]:
     """What an interpreter does, at the rate of a camera, and what she says."""
-    score = score_from_text(TEXT, start_s=0.5)
+    score = score_of_text(TEXT, start_s=0.5)
     cuer = GestureSynthesiser("claire", rate_hz=RATE_HZ)
     return cuer.motion(score, 0.0, round(9 * RATE_HZ), VOICE), score
 

@@ -23,7 +23,7 @@ from synth.language.text.espeak import RATE_HZ
 from synth.language.text.pronounce import phonemise
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.motion.rules.movement import ALIGNMENTS
-from synth.planning.scoring.text_score import score_from_subtitles, stream_score
+from synth.planning.scoring.text_score import score_of_subtitles, stream_score
 from synth.planning.scoring.textgrid import read_textgrid
 from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
 from synth.units.recordings.recording import UnitRecording
@@ -46,7 +46,7 @@ def voice() -> Voice:
 
 
 def test_rules_make_the_same_motion_from_pieces_as_from_the_whole(voice: Voice) -> None:
-    score = score_from_subtitles(LINES)
+    score = score_of_subtitles(LINES)
     parts = list(ruled_motion(stream_score(LINES), GestureSynthesiser(seed=4), voice))
     made = np.concatenate([part.params for part in parts])
     whole = GestureSynthesiser(seed=4).motion(score, 0.0, len(made), voice)
@@ -65,7 +65,7 @@ def test_windows_of_joined_units_do_not_depend_on_their_order(
     recordings: list[UnitRecording], voice: Voice
 ) -> None:
     units = ConcatenativeSynthesiser(recordings, voice)
-    score = score_from_subtitles(LINES)
+    score = score_of_subtitles(LINES)
     whole = [part.motion for part in units.perform([score], start_s=0.0)]
     params = np.concatenate([part.params for part in whole])
     source = ConcatenativeMotion(score, units)

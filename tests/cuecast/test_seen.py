@@ -11,7 +11,7 @@ from cuecast.dubbing.readability import VisibilityMeter, watched, watched_motion
 from synth.language.subtitles import Subtitle
 from synth.planning.prosody.pace_report import PaceReport
 from synth.planning.prosody.pacing import READABLE
-from synth.planning.scoring.text_score import Reading, score_from_subtitles
+from synth.planning.scoring.text_score import Reading, score_of_subtitles
 
 LINES = [
     Subtitle(1.0 + 20.0 * n, 5.0 + 20.0 * n, text, n + 1)
@@ -21,7 +21,7 @@ LINES = [
 
 @pytest.fixture(scope="module")
 def source() -> SynthesisedMotion:
-    score = score_from_subtitles(LINES, reading=Reading(pace=READABLE))
+    score = score_of_subtitles(LINES, reading=Reading(pace=READABLE))
     return SynthesisedMotion(score, load_voice())
 
 
@@ -49,7 +49,7 @@ def test_parts_change_nothing(source: SynthesisedMotion) -> None:
 def test_what_stands_still_for_a_moment_is_told() -> None:
     report, warned = PaceReport(), list[str]()
     told = PaceReport(warn=warned.append)
-    score = score_from_subtitles(LINES, reading=Reading(pace=READABLE), told=told)
+    score = score_of_subtitles(LINES, reading=Reading(pace=READABLE), told=told)
     last = score.keys[-1]
     told.seen([Shown(key, key.start, 0.11 if key is last else 0.2) for key in score.keys])
     rows = told.report()["subtitles"]

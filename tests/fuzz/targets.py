@@ -332,10 +332,10 @@ def subtitle_seeds() -> list[bytes]:
 
 
 def textgrid_seeds() -> list[bytes]:
-    from synth.planning.scoring.text_score import score_from_text
+    from synth.planning.scoring.text_score import score_of_text
 
     with tempfile.TemporaryDirectory() as folder:
-        write_textgrid(f"{folder}/t", score_from_text("Bonjour."), 3.0)
+        write_textgrid(f"{folder}/t", score_of_text("Bonjour."), 3.0)
         return [Path(f"{folder}/t").read_bytes()]
 
 

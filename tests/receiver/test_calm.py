@@ -12,7 +12,7 @@ from cuecast.dubbing.motions import SynthesisedMotion
 from receiver.reception.assemble import Assembler
 from receiver.reception.calm import FASTEST_M_S, SlewRateLimiter
 from receiver.reception.tracking import RATE_HZ, TimelineTracker
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def voice() -> Voice:
 @pytest.fixture(scope="module")
 def stroke(voice: Voice) -> np.ndarray:
     """A hand that rises to the chin within a tenth of a second."""
-    source = SynthesisedMotion(score_from_text("Chou !", start_s=1.0), voice)
+    source = SynthesisedMotion(score_of_text("Chou !", start_s=1.0), voice)
     slow = source.window(0.0, 96).params
     at = np.interp(np.arange(60), [0, 24, 29, 59], [0, 30, 52, 80])
     return np.asarray(slow[np.round(at).astype(int)])

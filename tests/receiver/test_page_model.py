@@ -21,7 +21,7 @@ from receiver.reception.events import MotionPiece
 from receiver.television.protocol import pack_motion
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.prosody.pacing import READABLE
-from synth.planning.scoring.text_score import Reading, score_from_text
+from synth.planning.scoring.text_score import Reading, score_of_text
 from tests.receiver.node import PAGE, run_node
 from tests.receiver.standin import make_motion, make_voice
 
@@ -156,7 +156,7 @@ LIT = """
 def test_the_lit_key_is_the_one_that_the_hand_shows(tmp_path: Path, reads: bool) -> None:
     """Nearest class of shape and placement, on the cuer's own markers, decides what is shown."""
     text = "Le patron du café raconte une belle histoire à ses amis, puis il ferme la porte."
-    score = score_from_text(text, start_s=1.0, reading=Reading(pace=READABLE))
+    score = score_of_text(text, start_s=1.0, reading=Reading(pace=READABLE))
     rate_hz, frames = 50.0, int(50 * (score.phones[-1].end + 1))
     voice = load_voice()
     cuer = GestureSynthesiser(rate_hz=rate_hz)
@@ -194,7 +194,7 @@ def agreement(
 
 def test_the_page_times_strokes_as_the_decoder_does(tmp_path: Path) -> None:
     voice = load_voice()
-    score = score_from_text("Le petit chat boit du lait. Il dort.", start_s=1.0)
+    score = score_of_text("Le petit chat boit du lait. Il dort.", start_s=1.0)
     phones = []
     for key in score.keys:  # the page takes half of a key for its consonant
         start, end = (TICK_S * round(t / TICK_S) for t in (key.start, key.end))

@@ -29,7 +29,7 @@ from spec.reference import files
 from spec.reference.stream_bytes import head, whole
 from spec.reference.superframe import MalformedError
 from synth.motion.rules.performance import motion_of
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 VECTORS = Path(__file__).parents[2] / "spec" / "vectors" / "stream.json"
 DOCUMENT = json.loads(VECTORS.read_text(encoding="utf-8"))
@@ -114,7 +114,7 @@ def test_markers(case: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_file_of_the_encoder(score: ScoreChoice) -> None:
     """From bytes to keys by the reference alone."""
     voice = load_voice()
-    motion = motion_of(score_from_text("Un bon vin blanc, puis du pain.", start_s=0.7), voice)
+    motion = motion_of(score_of_text("Un bon vin blanc, puis du pain.", start_s=0.7), voice)
     data = encode_stream(motion, voice, rate_bps=500, score=score)
     again = decode_stream(data, voice)
     assert motion.score is not None

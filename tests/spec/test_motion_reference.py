@@ -13,7 +13,7 @@ from spec.reference.markers import markers, read_voice
 from spec.reference.motion import parameters, read_coding
 from spec.reference.superframe import decode
 from synth.motion.rules.performance import motion_of
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 ROOT = Path(__file__).parents[2]
 BASES = ("residual", "loose", "plain", "filmed")
@@ -23,7 +23,7 @@ BASES = ("residual", "loose", "plain", "filmed")
 def test_markers_from_bytes(scored: bool) -> None:
     """Written from the text; within the text's own tolerance."""
     voice = load_voice()
-    motion = motion_of(score_from_text("Un bon vin blanc, puis du pain.", start_s=0.7), voice)
+    motion = motion_of(score_of_text("Un bon vin blanc, puis du pain.", start_s=0.7), voice)
     if not scored:
         motion = type(motion)(
             motion.params, motion.rate_hz, motion.start_s, motion.layout, motion.voice

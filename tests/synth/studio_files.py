@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from codec.cuer.layout import MARKERS
 from codec.cues.score import Key, Phone, Score
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 from synth.studio.studio import Studio
 from synth.studio.take import StudioTake, record
 
@@ -18,7 +18,7 @@ RATE_HZ = 60.0
 
 def score() -> Score:
     """Return some syllables, spoken as slowly as cuers speak."""
-    quick = score_from_text(TEXT, start_s=0.35)
+    quick = score_of_text(TEXT, start_s=0.35)
     slow = 1.5
     return Score(
         tuple(Phone(p.symbol, slow * p.start, slow * p.end) for p in quick.phones),

@@ -24,7 +24,7 @@ from cuecast.media.film import write_film
 from receiver.media.sound import read_sound
 from synth.language.subtitles import Subtitle, read_subtitles
 from synth.planning.prosody.pacing import READABLE
-from synth.planning.scoring.text_score import Reading, score_from_subtitles
+from synth.planning.scoring.text_score import Reading, score_of_subtitles
 
 TWINS_MM = 0.7
 """Visemes that are nearer to each other are one to the eye: the a of *patte* and *pâte*."""
@@ -72,7 +72,7 @@ def test_lips_keep_their_word(
     least: dict[str, float],
 ) -> None:
     voice = load_voice()
-    score = score_from_subtitles(programme(tmp_path), reading=Reading(pace=READABLE))
+    score = score_of_subtitles(programme(tmp_path), reading=Reading(pace=READABLE))
     options = DubOptions(audio_codec="flac", profiles={"audio": profile})
     dub(tmp_path / "a.flac", SynthesisedMotion(score, voice), voice, tmp_path / "b.flac", options)
     write_film(

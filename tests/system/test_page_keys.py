@@ -11,7 +11,7 @@ from codec.cues.score import PLACEMENT_NUMBER
 from receiver.television.tuner import MotionTuner
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.prosody.pacing import READABLE
-from synth.planning.scoring.text_score import Reading, score_from_text
+from synth.planning.scoring.text_score import Reading, score_of_text
 from tests.chromium import Page
 from tests.system.test_page import make_programme, watch
 
@@ -40,7 +40,7 @@ LIT = f"""(() => {{
 
 def test_the_lit_key_is_the_hand_s_in_every_picture(tmp_path: Path) -> None:
     voice = load_voice()
-    score = score_from_text(TEXT, start_s=1.0, reading=Reading(pace=READABLE))
+    score = score_of_text(TEXT, start_s=1.0, reading=Reading(pace=READABLE))
     cuer = GestureSynthesiser(rate_hz=50.0, seed=5)
     motion = cuer.motion(score, 0.0, 640, voice)
     programme = make_programme(tmp_path / "bars.mp4", 320, 180, 25, seconds=12)

@@ -1,6 +1,6 @@
 """How much a listener would notice: perceptual and plain measures of marked sound.
 
-`PeaqMeter` and `peaq` grade a test signal against its reference after Recommendation
+`PeaqMeter` and `grade` compare a test signal against its reference after Recommendation
 ITU-R BS.1387 (basic version), `AdvancedMeter` and `peaq_advanced` after its advanced version;
 `snr_db`, `segmental_snr_db` and `pesq_wb` stand beside them.
 
@@ -11,7 +11,7 @@ room.
 from watermark.quality.advanced import AdvancedMeter, AdvancedResult, peaq_advanced
 from watermark.quality.advanced_movs import AdvancedMovs
 from watermark.quality.movs import Movs
-from watermark.quality.peaq import PeaqMeter, PeaqResult, peaq
+from watermark.quality.peaq import PeaqMeter, PeaqResult, grade
 from watermark.quality.snr import pesq_wb, segmental_snr_db, snr_db
 
 __all__ = [
@@ -21,7 +21,7 @@ __all__ = [
     "Movs",
     "PeaqMeter",
     "PeaqResult",
-    "peaq",
+    "grade",
     "peaq_advanced",
     "pesq_wb",
     "segmental_snr_db",

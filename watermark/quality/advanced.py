@@ -235,7 +235,7 @@ class _Bank:
 def peaq_advanced(reference: ArrayLike, test: ArrayLike, fs: int) -> AdvancedResult:
     """Grade a test signal against its reference, both whole and aligned in time.
 
-    Parameters and errors as of `watermark.quality.peaq`.
+    Parameters and errors as of `watermark.quality.peaq.grade`.
 
     Examples
     --------

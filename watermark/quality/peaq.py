@@ -244,7 +244,7 @@ def _run_model(
     )
 
 
-def peaq(reference: ArrayLike, test: ArrayLike, fs: int) -> PeaqResult:
+def grade(reference: ArrayLike, test: ArrayLike, fs: int) -> PeaqResult:
     """Grade a test signal against its reference, both whole and aligned in time.
 
     Parameters
@@ -272,7 +272,7 @@ def peaq(reference: ArrayLike, test: ArrayLike, fs: int) -> PeaqResult:
     Examples
     --------
     >>> noise = np.random.default_rng(1).standard_normal(48000) * 0.1
-    >>> peaq(noise, noise + np.roll(noise, 7) * 0.5, 48000).odg < -1
+    >>> grade(noise, noise + np.roll(noise, 7) * 0.5, 48000).odg < -1
     True
     """
     ref = np.asarray(reference, dtype=np.float64)

@@ -13,7 +13,7 @@ from cuecast.evaluate.reading.reader import ReaderTake, asked
 from cuecast.evaluate.reading.takes import seen_in
 from cuecast.evaluate.reading.view import RATE_HZ, view
 from cuecast.media.film import write_film
-from receiver.drawing.render import render_frames
+from receiver.drawing.render import draw
 from synth.capture.sources.landmark_table import read_landmarks
 from synth.capture.tracker.video import track
 from synth.motion.measured.cuer import performer
@@ -79,7 +79,7 @@ def filmed_takes(
         path = folder / f"read-{number}.mkv"
         write_film(
             path, np.zeros((round(_FS * seconds), 1), np.float32), _FS, encoder="flac",
-            pictures=render_frames(motion, voice, times, style="avatar", size=_SIZE),
+            pictures=draw(motion, voice, times, style="avatar", size=_SIZE),
             picture_rate=_PICTURES_HZ,
         )  # fmt: skip
         aspect = track(path, tracker, path.with_suffix(".csv"))

@@ -8,7 +8,7 @@ from codec.cues.cueing import cue
 from codec.cues.phonology import PAUSE, PHONE_NUMBER
 from codec.cues.score import Phone, Score
 from codec.errors import CueError
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 _ASCII = {
     "r": "ʁ", "z^": "ʒ", "s^": "ʃ", "gn": "ɲ", "ng": "ŋ", "h": "ɥ", "e^": "ɛ", "o^": "o", "o": "ɔ",
@@ -51,7 +51,7 @@ def read_transcript(text: str) -> Score:
     known = all(symbol in PHONE_NUMBER or word in _PAUSES for word, symbol in zip(
         words, symbols, strict=True
     ))  # fmt: skip
-    score = _of_phones(words, symbols) if known and len(words) > 2 else score_from_text(text)
+    score = _of_phones(words, symbols) if known and len(words) > 2 else score_of_text(text)
     if not score.keys:
         raise CueError("the text has nothing that is spoken")
     return score

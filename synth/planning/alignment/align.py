@@ -33,7 +33,7 @@ from synth.planning.alignment.rows import (
     skips_of,
 )
 
-__all__ = ["Aligned", "SpokenPassage", "align"]
+__all__ = ["Aligned", "SpokenPassage", "align_passages"]
 
 ROUNDS = 2
 """The second time the rate of speech is known."""
@@ -78,7 +78,7 @@ class Aligned:
     spoken: NDArray[np.bool_]
 
 
-def align(passages: Sequence[SpokenPassage]) -> list[Aligned]:
+def align_passages(passages: Sequence[SpokenPassage]) -> list[Aligned]:
     """Return the phones of each passage with their times on the programme's clock.
 
     Parameters
@@ -97,7 +97,7 @@ def align(passages: Sequence[SpokenPassage]) -> list[Aligned]:
     >>> from synth.language.text.pronounce import phonemise
     >>> words = tuple(phonemise("Bonjour à tous."))
     >>> spoken = render([s for word in words for s in word.phones])
-    >>> found = align([SpokenPassage(words, mono(spoken.samples, 22_050))])[0].phones
+    >>> found = align_passages([SpokenPassage(words, mono(spoken.samples, 22_050))])[0].phones
     >>> max(abs(a.start - b.start) for a, b in zip(found, spoken.phones)) < 0.06
     True
     """

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from synth.language.text.pronounce import phonemise
 from synth.language.text.sentences import read_sentences
 from synth.language.text.words import Word
-from synth.planning.alignment.align import LEAST_FIT, Aligned, SpokenPassage, align
+from synth.planning.alignment.align import LEAST_FIT, Aligned, SpokenPassage, align_passages
 
 LEAST_EVIDENCE = 3.0
 """Standard errors by which the words must fit better than other words. Measured: 7.3 to 12 with the
@@ -117,13 +117,13 @@ def trust(passages: Sequence[SpokenPassage], found: Sequence[Aligned]) -> Alignm
     ----------
     passages : sequence of SpokenPassage
     found : sequence of Aligned
-        What `synth.planning.alignment.align.align` found in them.
+        What `synth.planning.alignment.align.align_passages` found in them.
     """
     own = _fits(found)
     if not len(own):
         return AlignmentTrust(0.0, LEAST_FIT, LEAST_FIT)
     known = [replace(passage, heard=passage.likelihoods()) for passage in passages]
-    other = [fits for strangers in decoys(known) if len(fits := _fits(align(strangers)))]
+    other = [fits for strangers in decoys(known) if len(fits := _fits(align_passages(strangers)))]
     if not other:
         return AlignmentTrust(0.0, float(own.mean()), float(own.mean()))
     every = np.concatenate(other)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from codec.cues.score import Phone, Score
 from synth.language.subtitles import Subtitle
 from synth.language.text.words import Word
-from synth.planning.alignment.align import Aligned, SpokenPassage, align
+from synth.planning.alignment.align import Aligned, SpokenPassage, align_passages
 from synth.planning.alignment.confidence import FEWEST_WORDS, LEAST_EVIDENCE, AlignmentTrust, trust
 from synth.planning.alignment.recogniser import FRAME_RATE, FS, HOP, heard
 from synth.planning.alignment.runs import CaptionRun, runs_of, said_in
@@ -113,7 +113,7 @@ def sound_of(samples: ArrayLike, fs: int) -> Sound:
     return lambda start_s, end_s: x[max(0, round(start_s * FS)) : max(0, round(end_s * FS))]
 
 
-def score_from_recording(
+def align(
     subtitles: Iterable[Subtitle],
     sound: Sound,
     *,
@@ -161,7 +161,7 @@ def phones_of_recording(
     judged: Judged = lambda judgement: None,
     told: Told = tell_nobody,
 ) -> Iterator[Phone]:
-    """Yield the phones of `score_from_recording`, some passages at a time."""
+    """Yield the phones of `align`, some passages at a time."""
 
     def batches() -> Iterator[list[TimedWord]]:
         offset_s = 0.0
@@ -302,7 +302,7 @@ def _offset(heard: Sequence[_HeardRun], now_s: float) -> float:
 def _look(heard: Sequence[_HeardRun], offset_s: float) -> tuple[list[SpokenPassage], list[Aligned]]:
     """Return the passages that have room where they are expected, and what is found in them."""
     passages = [passage for item in heard if (passage := item.passage(offset_s)).long_enough]
-    return passages, align(passages)
+    return passages, align_passages(passages)
 
 
 def _fit(looked: tuple[list[SpokenPassage], list[Aligned]]) -> float:
@@ -315,7 +315,8 @@ def _lag(heard: Sequence[_HeardRun], offset_s: float) -> float:
     """Return by how much subtitles are still early, in the median over their first words."""
     kept = [item for item in heard if item.passage(offset_s).long_enough]
     lags: list[float] = []
-    for item, found in zip(kept, align([item.passage(offset_s) for item in kept]), strict=True):
+    passages = [item.passage(offset_s) for item in kept]
+    for item, found in zip(kept, align_passages(passages), strict=True):
         lags += item.lags_s(found.phones, offset_s)
     return float(np.median(lags))
 
@@ -333,7 +334,7 @@ class _TimedRuns:
     def of(cls, heard: Sequence[_HeardRun], offset_s: float) -> "_TimedRuns":
         passages = [item.passage(offset_s) for item in heard]
         fitting = [passage for passage in passages if passage.long_enough]
-        aligned = align(fitting)
+        aligned = align_passages(fitting)
         rest = iter(aligned)
         found = [next(rest) if passage.long_enough else None for passage in passages]
         return cls(heard, found, trust(fitting, aligned), offset_s)

@@ -80,7 +80,7 @@ PLAIN = Reading()
 """Every choice as by default, in step with the speaker."""
 
 
-def score_from_text(
+def score_of_text(
     text: str,
     *,
     start_s: float = 0.0,
@@ -106,7 +106,7 @@ def score_from_text(
 
     Examples
     --------
-    >>> [(key.shape, key.placement) for key in score_from_text("Bonjour").keys]
+    >>> [(key.shape, key.placement) for key in score_of_text("Bonjour").keys]
     [(4, 'mouth'), (1, 'chin'), (3, 'side')]
     """
     words = reading.words(text)
@@ -141,10 +141,10 @@ def keys_of(text: str, *, start_s: float = 0.0, reading: Reading = PLAIN) -> tup
     >>> [(key.shape, key.placement) for key in keys_of("Oui")]
     [(6, 'mouth')]
     """
-    return score_from_text(text, start_s=start_s, reading=reading).keys
+    return score_of_text(text, start_s=start_s, reading=reading).keys
 
 
-def score_from_subtitles(
+def score_of_subtitles(
     subtitles: Iterable[Subtitle],
     *,
     reading: Reading = PLAIN,
@@ -169,7 +169,7 @@ def score_from_subtitles(
 
     Examples
     --------
-    >>> score = score_from_subtitles([Subtitle(1.0, 2.0, "Bonjour !")])
+    >>> score = score_of_subtitles([Subtitle(1.0, 2.0, "Bonjour !")])
     >>> score.phones[0].start, len(score.keys)
     (1.0, 3)
     """
@@ -184,7 +184,7 @@ def stream_score(
     warn: Warn = log_warning,
     told: Told = tell_nobody,
 ) -> Iterator[Score]:
-    """Yield the score of `score_from_subtitles` in pieces between pauses, in constant memory.
+    """Yield the score of `score_of_subtitles` in pieces between pauses, in constant memory.
 
     Examples
     --------

@@ -21,7 +21,7 @@ from codec.cues.score import Phone, Score
 from codec.errors import CueError
 from synth.language.text.pronounce import phonemise
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.planning.alignment.align import SpokenPassage, align
+from synth.planning.alignment.align import SpokenPassage, align_passages
 from synth.planning.alignment.sound import mono
 from synth.planning.prosody.duration import predict_durations
 from synth.units.recordings.recording import UnitRecording
@@ -157,7 +157,7 @@ def _recorded(
             continue
         passages.append(SpokenPassage(words, mono(sound, FS)))
         kept.append((utterance, sound))
-    for (utterance, sound), found in zip(kept, align(passages), strict=True):
+    for (utterance, sound), found in zip(kept, align_passages(passages), strict=True):
         recording = _cued(sound, found.phones, cuer, voice, options)
         share = voiced_share(recording)
         if share < _LEAST_VOICED:

@@ -27,7 +27,7 @@ from codec.streamfile.stream import (
 from codec.superframe.bits import FILE_BYTES
 from codec.superframe.coding import coding_for
 from synth.motion.rules.performance import motion_of
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 MakeMotion = Callable[..., Motion]
 
@@ -136,7 +136,7 @@ def test_a_score_that_costs_is_left_out_unless_it_is_to_be_kept(
 @pytest.mark.parametrize("wish", [{"error_mm": 4.0}, {"rate_bps": 337.5}, {"rate_bps": 150.0}])
 def test_a_score_that_helps_is_kept(wish: dict[str, float]) -> None:
     voice = load_voice()
-    motion = motion_of(score_from_text("Un bon vin blanc.", start_s=0.5), voice)
+    motion = motion_of(score_of_text("Un bon vin blanc.", start_s=0.5), voice)
     auto = choose_stream(motion, voice, **wish)  # type: ignore[arg-type]
     assert auto.scored
     assert auto.score_cost is not None

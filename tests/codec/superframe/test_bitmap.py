@@ -10,13 +10,13 @@ from codec.streamfile.stream import encode_stream, read_superframes
 from codec.superframe.bitmap import map_superframe
 from codec.superframe.superframe import Superframe
 from synth.motion.rules.performance import motion_of
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 
 @pytest.fixture(scope="module", params=[87.5, 337.5])
 def stream(request: pytest.FixtureRequest) -> bytes:
     voice = load_voice()
-    motion = motion_of(score_from_text("Bonsoir à tous, et merci.", start_s=0.5), voice)
+    motion = motion_of(score_of_text("Bonsoir à tous, et merci.", start_s=0.5), voice)
     return encode_stream(motion, voice, rate_bps=request.param, constant=True)
 
 

@@ -14,7 +14,7 @@ from codec.cuer.voice import load_voice
 from codec.cues.cueing import cue
 from codec.cues.score import Score
 from codec.errors import CueError
-from synth.capture.capture import capture
+from synth.capture.capture import capture_motion
 from synth.capture.options import Captured, CaptureOptions
 from synth.capture.points.framing import mirrored
 from synth.studio.take import StudioTake
@@ -37,7 +37,7 @@ def captured(
 ) -> Captured:  # fmt: skip
     path = tmp_path / "take.trc"
     path.write_text(files.trc(markers, labels, unit=unit), encoding="utf-8")
-    return capture(path, VOICE, options or CaptureOptions(rate_hz=files.RATE_HZ))
+    return capture_motion(path, VOICE, options or CaptureOptions(rate_hz=files.RATE_HZ))
 
 
 @cache

@@ -13,7 +13,7 @@ from codec.cuer.models import rigid
 from codec.cuer.models.inversion import invert
 from codec.cuer.voice import load_voice
 from codec.errors import CueError
-from synth.capture.capture import capture
+from synth.capture.capture import capture_motion
 from synth.capture.options import Captured, CaptureOptions
 from synth.capture.points.solve import likely_postures
 from synth.capture.sources.landmark_maps import FACE_LANDMARKS, face_map, hand_map, lesson
@@ -46,7 +46,7 @@ def captured(tmp_path: Path, text: str, options: CaptureOptions | None = None) -
     path = tmp_path / "landmarks.csv"
     path.write_text(text, encoding="utf-8")
     assert kind_of(path) == "landmarks"
-    return capture(path, VOICE, options or CaptureOptions(rate_hz=tables.RATE_HZ))
+    return capture_motion(path, VOICE, options or CaptureOptions(rate_hz=tables.RATE_HZ))
 
 
 def plane_mm(found: Captured, markers: np.ndarray) -> tuple[float, float]:
@@ -182,7 +182,7 @@ def test_nonsense_is_one_error_or_a_motion(
     path = tmp_path_factory.mktemp("odd") / "a.csv"
     path.write_text(tables.wide(face + size * rng.normal(size=face.shape), size * hand))
     try:
-        found = capture(path, VOICE)
+        found = capture_motion(path, VOICE)
     except CueError:
         return
     assert np.isfinite(found.motion.params).all()

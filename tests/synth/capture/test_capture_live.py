@@ -14,7 +14,7 @@ from synth.capture.sources.landmark_maps import FACE_LANDMARKS
 from synth.capture.sources.landmark_table import landmark_frames, read_landmarks
 from synth.capture.tracker.live import LATE_S, LiveFrame, LiveLandmarks
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 VOICE = load_voice()
 RATE_HZ = 30.0
@@ -23,7 +23,7 @@ _SKULL = marker_indices(RIGID_FACE)
 
 @pytest.fixture(scope="module")
 def shots() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    score = score_from_text("Il pleut sur la ville depuis hier.", start_s=0.5)
+    score = score_of_text("Il pleut sur la ville depuis hier.", start_s=0.5)
     cuer = GestureSynthesiser("claire", rate_hz=RATE_HZ)
     return film(cuer, score, seconds=4.0, noise_mm=2.0)
 

@@ -12,7 +12,7 @@ from codec.cuer.voice import load_voice
 from codec.errors import CueError
 from receiver.drawing.avatar import load_avatar
 from receiver.export.arkit import live_link_csv
-from synth.capture.capture import capture
+from synth.capture.capture import capture_motion
 from synth.capture.options import CaptureOptions
 from synth.capture.sources.sniff import kind_of
 from synth.capture.tracker.livelink import read_live_link
@@ -45,7 +45,7 @@ def test_there_and_back(tmp_path: Path) -> None:
     path = tmp_path / "face.csv"
     path.write_text(live_link_csv(sent, VOICE, load_avatar(VOICE)), encoding="utf-8")
     assert kind_of(path) == "livelink"
-    got = capture(path, VOICE, CaptureOptions(rate_hz=60.0))
+    got = capture_motion(path, VOICE, CaptureOptions(rate_hz=60.0))
     assert got.motion.score is None
     a, b = (VOICE.reconstruct(m.params[:150]) for m in (sent, got.motion))
     lips = slice(12, 24)
@@ -70,7 +70,7 @@ def test_a_telephones_table(tmp_path: Path, base: int) -> None:
     assert found.rate_hz == pytest.approx(base)
     assert found.units == ("jawOpen", "mouthFunnel", "mouthPucker")
     np.testing.assert_allclose(found.turns[0], [0.2, -0.1, 0.05], atol=1e-6)
-    got = capture(path, VOICE)
+    got = capture_motion(path, VOICE)
     assert got.motion.start_s == 0.0
     assert got.motion.duration_s == pytest.approx(3.0, abs=0.03)
     assert "the table shows no hand: it rests" in got.report["notes"]

@@ -9,7 +9,7 @@ import pytest
 
 from codec.cuer.voice import load_voice
 from codec.errors import CueError
-from synth.capture.capture import capture
+from synth.capture.capture import capture_motion
 from synth.capture.options import CaptureOptions
 from synth.capture.sources.sniff import kind_of
 from synth.capture.tracker.video import find_tracker, track
@@ -71,7 +71,7 @@ def test_a_film_through_a_tracker(film: Path, tmp_path: Path) -> None:
     rows.write_text(tables.long(face, hand), encoding="utf-8")
     tracker = interpreter(tmp_path, STAND_IN.format(rows=str(rows)))
     assert kind_of(film) == "video"
-    found = capture(film, VOICE, CaptureOptions(tracker=tracker))
+    found = capture_motion(film, VOICE, CaptureOptions(tracker=tracker))
     assert found.report["input"]["kind"] == "video"
     assert found.report["input"]["frames"] == FPS * SECONDS
     assert found.report["place"]["aspect"] == pytest.approx(16 / 9, rel=0.01)
@@ -86,7 +86,7 @@ def test_without_a_tracker_it_says_what_is_needed(
     if find_tracker(None) is not None:
         pytest.skip("MediaPipe is installed here")
     with pytest.raises(CueError, match=r"needs an image tracker: .*mediapipe==.*landmark CSV"):
-        capture(film, VOICE)
+        capture_motion(film, VOICE)
     monkeypatch.setenv("CUECAST_TRACKER", "/usr/bin/other-python")
     assert find_tracker(None) == "/usr/bin/other-python"
     assert find_tracker("given") == "given"
@@ -105,7 +105,7 @@ def test_without_a_tracker_it_says_what_is_needed(
 )
 def test_a_tracker_that_fails(film: Path, tmp_path: Path, script: str, message: str) -> None:
     with pytest.raises(CueError, match=message):
-        capture(film, VOICE, CaptureOptions(tracker=interpreter(tmp_path, script)))
+        capture_motion(film, VOICE, CaptureOptions(tracker=interpreter(tmp_path, script)))
 
 
 def test_no_tracker_there_and_no_film(film: Path, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from codec.cues.phonology import PHONES
 from codec.errors import CueError
 from synth.language.text.lexicon import read_user_lexicon
 from synth.language.text.pronounce import Style, phonemise
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 
 def said(text: str, **options: str) -> str:
@@ -20,7 +20,7 @@ def said(text: str, **options: str) -> str:
 
 def keys(text: str) -> str:
     letters = {"side": "s", "mouth": "m", "chin": "c", "cheek": "b", "throat": "t"}
-    return " ".join(f"{k.shape}-{letters[k.placement]}" for k in score_from_text(text).keys)
+    return " ".join(f"{k.shape}-{letters[k.placement]}" for k in score_of_text(text).keys)
 
 
 @pytest.mark.parametrize(

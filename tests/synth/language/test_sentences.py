@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from synth.language.text.pronounce import Style, phonemise
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 LABELS = Path(__file__).resolve().parents[4] / "shared" / "data" / "text" / "enst-camille-data.yaml"
 
@@ -156,7 +156,7 @@ def test_phone_error_rate(part: slice, limit: float) -> None:
 @pytest.mark.parametrize("every", [10, pytest.param(1, marks=pytest.mark.slow)])
 def test_keys_obey_the_code(every: int) -> None:
     for text, _ in sentences()[::every]:
-        score = score_from_text(text)
+        score = score_of_text(text)
         keys = [(k.shape, k.placement) for k in score.keys]
         assert keys == [key for group in groups(score.phones) for key in read(group)]
 

@@ -20,9 +20,9 @@ from cuecast.command.cli import main
 from synth.motion.rules.bodiless import Bodiless, ruled_cuer
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.motion.rules.movement import plan_gestures
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
-SCORE = score_from_text("Le bon vin blanc. Elle code.", start_s=1.0)
+SCORE = score_of_text("Le bon vin blanc. Elle code.", start_s=1.0)
 
 
 @pytest.fixture(scope="module")

@@ -17,10 +17,10 @@ from synth.language.text.espeak import RATE_HZ
 from synth.language.text.pronounce import phonemise
 from synth.language.text.words import Word
 from synth.planning.alignment import _kernels
-from synth.planning.alignment.align import SpokenPassage, align
+from synth.planning.alignment.align import SpokenPassage, align_passages
 from synth.planning.alignment.confidence import trust
 from synth.planning.alignment.recogniser import FS, heard
-from synth.planning.alignment.score import Judgement, score_from_recording, sound_of
+from synth.planning.alignment.score import Judgement, align, sound_of
 from synth.planning.alignment.sound import mono
 from synth.planning.prosody.timing import GRID_HZ
 from synth.units.speech.espeak_voice import render
@@ -73,7 +73,7 @@ def test_rendering_is_found_again(words_per_minute: int, snr_db: float) -> None:
     x = np.pad(mono(spoken.samples, RATE_HZ), FS // 2)
     noise = np.random.default_rng(1).normal(size=len(x))
     x = x + noise * x.std() * 10 ** (-snr_db / 20)
-    found = align([SpokenPassage(tuple(words), x, start_s=9.5)])[0].phones
+    found = align_passages([SpokenPassage(tuple(words), x, start_s=9.5)])[0].phones
     assert [p.symbol for p in found] == [p.symbol for p in spoken.phones]
     errors = [abs(a.start - b.start - 10.0) for a, b in zip(found, spoken.phones, strict=True)]
     assert np.median(errors) < 0.015  # measured: 11 and 8 ms
@@ -83,7 +83,7 @@ def test_rendering_is_found_again(words_per_minute: int, snr_db: float) -> None:
 def test_labelled_passage_of_a_reading() -> None:
     x, fs = sf.read(shared("audio/speech_fr_m_lv.flac"))
     subtitles = [Subtitle(*verse) for verse in READING]
-    score = score_from_recording(subtitles, sound_of(x, fs))
+    score = align(subtitles, sound_of(x, fs))
     first = sum(len(phonemise_phones(text)) for *_, text in READING[:LABELLED_VERSE])
     found = score.phones[first : first + len(LABELLED)]
     assert [p.symbol for p in found] == [symbol for symbol, _ in LABELLED]
@@ -97,7 +97,7 @@ def test_ten_seconds_know_their_text(verses: slice, holds: bool) -> None:
     x, fs = sf.read(shared("audio/speech_fr_m_lv.flac"))
     words = phonemise(" ".join(READING_TEXTS[verses]))
     passage = SpokenPassage(tuple(words), mono(x[: round(10.55 * fs)], fs))
-    verdict = trust([passage], align([passage]))
+    verdict = trust([passage], align_passages([passage]))
     assert verdict.holds == holds
     assert verdict.evidence > 5 if holds else verdict.evidence < 2.5
 
@@ -108,7 +108,7 @@ def test_words_that_are_not_in_the_text_do_not_move_the_others() -> None:
     words = phonemise(" ".join(READING_TEXTS[:4]))
     kept = [n for n in range(len(words)) if n % 3]
     whole, part = (
-        align([SpokenPassage(tuple(chosen), sound)])[0]
+        align_passages([SpokenPassage(tuple(chosen), sound)])[0]
         for chosen in (words, [words[n] for n in kept])
     )
     firsts = np.cumsum([0, *(len(word.phones) for word in words)])
@@ -153,9 +153,7 @@ def test_subtitles_that_are_early_or_late_are_moved(delay_s: float) -> None:
     notes: list[str] = []
     judged: list[Judgement] = []
     subtitles, sound = spoken_programme(delay_s, snr_db=20.0)
-    score = score_from_recording(
-        subtitles, sound_of(sound, FS), warn=notes.append, judged=judged.append
-    )
+    score = align(subtitles, sound_of(sound, FS), warn=notes.append, judged=judged.append)
     side = "after" if delay_s > 0 else "before"
     assert [note.endswith(f"s {side} their subtitles: moved") for note in notes] == (
         [True] if delay_s else []
@@ -200,9 +198,7 @@ def test_what_does_not_belong_together_is_told(kind: str) -> None:
         sound = sf_music(len(sound))
     else:
         sound = np.zeros(len(sound))
-    score = score_from_recording(
-        subtitles, sound_of(sound, FS), warn=notes.append, judged=judged.append
-    )
+    score = align(subtitles, sound_of(sound, FS), warn=notes.append, judged=judged.append)
     assert "their text is not what is said" in notes[0]
     assert {item.confidence for item in judged} == {0.0}
     assert score.phones[0].start == pytest.approx(subtitles[0].start_s, abs=0.02)
@@ -223,7 +219,7 @@ def sf_music(length: int) -> NDArray[np.float64]:
 def test_sounds_and_text_that_do_not_fit_are_timed_by_subtitle() -> None:
     notes: list[str] = []
     subtitles = [Subtitle(0.5, 0.9, 2 * VERSE), Subtitle(3.0, 4.0, "Oui."), Subtitle(5.0, 5.5, "♪")]
-    score = score_from_recording(subtitles, sound_of(np.zeros(8 * FS), FS), warn=notes.append)
+    score = align(subtitles, sound_of(np.zeros(8 * FS), FS), warn=notes.append)
     assert notes[0].startswith("subtitles from 0.50 to 4.00 s: their text is not what is said")
     for before, after in itertools.pairwise(score.phones):
         assert after.start >= before.end
@@ -234,7 +230,7 @@ def test_sounds_and_text_that_do_not_fit_are_timed_by_subtitle() -> None:
 def test_close_subtitles_do_not_cross() -> None:
     rng = np.random.default_rng(2)
     subtitles = [Subtitle(2.0 * i, 2.0 * i + 2.0, "Bonjour à tous.") for i in range(5)]
-    score = score_from_recording(subtitles, sound_of(rng.normal(size=11 * FS), FS))
+    score = align(subtitles, sound_of(rng.normal(size=11 * FS), FS))
     assert len(score.phones) == 5 * len(phonemise_phones("Bonjour à tous."))
     for before, after in itertools.pairwise(score.phones):
         assert after.start >= before.end
@@ -246,12 +242,12 @@ def phonemise_phones(text: str) -> list[str]:
 
 def test_limits() -> None:
     with pytest.raises(CueError, match=r"text spans 130 s, more than the 120 s"):
-        score_from_recording([Subtitle(0, 130, "Oui.")], sound_of(np.zeros(FS), FS))
+        align([Subtitle(0, 130, "Oui.")], sound_of(np.zeros(FS), FS))
     with pytest.raises(CueError, match=r"passage at 0.00 s has 0.01 s of sound for phones"):
-        align([SpokenPassage(tuple(phonemise("Oui.")), np.zeros(160))])
+        align_passages([SpokenPassage(tuple(phonemise("Oui.")), np.zeros(160))])
     with pytest.raises(CueError, match=r"sampling rate 4000 Hz is not within 8000..192000"):
         mono(np.zeros(9), 4000)
-    assert align([SpokenPassage((), np.zeros(0))])[0].phones == ()
+    assert align_passages([SpokenPassage((), np.zeros(0))])[0].phones == ()
     assert heard(np.zeros(0)).shape == (1, 38)
 
 

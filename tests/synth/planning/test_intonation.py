@@ -18,10 +18,10 @@ from synth.language.subtitles.read import parse_subtitles
 from synth.language.text.espeak import RATE_HZ
 from synth.language.text.pronounce import phonemise
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.planning.alignment.score import on_grid, score_from_recording, sound_of
+from synth.planning.alignment.score import align, on_grid, sound_of
 from synth.planning.prosody.intonation import asks_with_a_word
 from synth.planning.prosody.melody import plan_melody
-from synth.planning.scoring.text_score import score_from_subtitles, score_from_text, stream_score
+from synth.planning.scoring.text_score import score_of_subtitles, score_of_text, stream_score
 from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
 from synth.units.recordings.rendered import record
 from synth.units.speech.espeak_voice import render
@@ -47,13 +47,13 @@ FALLS = (
 
 @pytest.mark.parametrize("text", RISES)
 def test_a_question(text: str) -> None:
-    assert score_from_text(text).phones[-1].contour == "question"
+    assert score_of_text(text).phones[-1].contour == "question"
 
 
 @pytest.mark.parametrize("text", FALLS)
 def test_a_question_with_an_asking_word_first(text: str) -> None:
     assert asks_with_a_word(phonemise(text))
-    assert score_from_text(text).phones[-1].contour == "interrogation"
+    assert score_of_text(text).phones[-1].contour == "interrogation"
 
 
 def marks(score: Score) -> list[str]:
@@ -74,7 +74,7 @@ def marks(score: Score) -> list[str]:
     ],
 )  # fmt: skip
 def test_sentences_of_one_subtitle(text: str, expected: list[str]) -> None:
-    assert marks(score_from_subtitles([Subtitle(1.0, 6.0, text)])) == expected
+    assert marks(score_of_subtitles([Subtitle(1.0, 6.0, text)])) == expected
 
 
 @pytest.mark.parametrize(
@@ -91,22 +91,22 @@ def test_sentences_of_one_subtitle(text: str, expected: list[str]) -> None:
 def test_a_question_over_two_subtitles(first: str, second: str, expected: list[str]) -> None:
     change_s = 1.0 + 0.07 * len(first)
     subtitles = [Subtitle(1.0, change_s, first), Subtitle(change_s + 0.1, change_s + 2, second)]
-    assert marks(score_from_subtitles(subtitles)) == expected
+    assert marks(score_of_subtitles(subtitles)) == expected
     pieces = list(stream_score(subtitles))
     assert [mark for piece in pieces for mark in marks(piece)] == expected
 
 
 def test_a_new_sentence_after_a_pause_forgets_the_asking_word() -> None:
     subtitles = [Subtitle(1.0, 2.0, "Où est-il"), Subtitle(5.0, 6.0, "Tu viens ?")]
-    assert marks(score_from_subtitles(subtitles)) == ["question"]
+    assert marks(score_of_subtitles(subtitles)) == ["question"]
 
 
 def test_words_without_room_leave_their_mark_to_those_before() -> None:
     crowded = "Est-ce que tu viens avec nous demain matin à la gare de la ville voisine ?"
-    score = score_from_subtitles(
+    score = score_of_subtitles(
         [Subtitle(1.0, 1.6, crowded), Subtitle(1.6, 4.0, "Oui.")], warn=lambda line: None
     )
-    assert len(score.phones) < len(score_from_text(crowded).phones)
+    assert len(score.phones) < len(score_of_text(crowded).phones)
     assert marks(score) == ["question", "statement"]
 
 
@@ -116,9 +116,7 @@ def test_a_recording_keeps_the_marks() -> None:
     spoken = render([s for w in words for s in (*w.phones, *(["_"] if w.pause else []))])
     length_s = len(spoken.samples) / RATE_HZ
     subtitles = [Subtitle(0.0, length_s, text)]
-    score = score_from_recording(
-        subtitles, sound_of(spoken.samples, RATE_HZ), warn=lambda line: None
-    )
+    score = align(subtitles, sound_of(spoken.samples, RATE_HZ), warn=lambda line: None)
     assert marks(score) == ["question", "statement"]
     assert [p.contour for p in on_grid([Phone("a", 0.0, 0.1, "question")])] == ["question"]
 
@@ -131,7 +129,7 @@ def test_contours_stand_in_no_file_and_no_comparison() -> None:
     assert Score((asked,), ()).shifted(1.0).phones[0].contour == "question"
     with pytest.raises(CueError, match="unknown contour 'loud'"):
         Phone("a", 0.0, 0.1, "loud")
-    asked_score, told = score_from_text("Tu viens demain ?"), score_from_text("Tu viens demain.")
+    asked_score, told = score_of_text("Tu viens demain ?"), score_of_text("Tu viens demain.")
     assert asked_score == told
     assert asked_score.to_json() == told.to_json()
 
@@ -202,7 +200,7 @@ Est-ce que tu vas
 def test_the_voice_rises_where_subtitles_ask(
     synthesiser: ConcatenativeSynthesiser, tmp_path: Path
 ) -> None:
-    score = score_from_subtitles(parse_subtitles(SUBTITLES))
+    score = score_of_subtitles(parse_subtitles(SUBTITLES))
     target = tmp_path / "said.wav"
     for _ in perform([score], synthesiser, rate_hz=50.0, speech=str(target)):
         pass
@@ -241,7 +239,7 @@ def test_an_independent_pitch_tracker_agrees(
     parselmouth = pytest.importorskip("parselmouth", reason="needs praat-parselmouth (GPL)")
     rises = {}
     for text in ("Tu viens demain.", "Tu viens demain ?", "Où vas-tu demain ?"):
-        score = score_from_text(text, start_s=1.0)
+        score = score_of_text(text, start_s=1.0)
         sound = np.concatenate([p.sound for p in synthesiser.perform([score], start_s=0.0)])
         pitch = parselmouth.Sound(sound.astype(np.float64), synthesiser.fs).to_pitch_ac(
             time_step=0.01, pitch_floor=75.0, pitch_ceiling=450.0
@@ -256,7 +254,7 @@ def test_an_independent_pitch_tracker_agrees(
 
 def test_pieces_do_not_change_the_melody(synthesiser: ConcatenativeSynthesiser) -> None:
     subtitles = parse_subtitles(SUBTITLES)
-    whole = list(synthesiser.perform([score_from_subtitles(subtitles)], start_s=0.0))
+    whole = list(synthesiser.perform([score_of_subtitles(subtitles)], start_s=0.0))
     parts = list(synthesiser.perform(stream_score(subtitles), start_s=0.0))
     for a, b in itertools.zip_longest(whole, parts):
         np.testing.assert_array_equal(a.sound, b.sound)

@@ -5,11 +5,11 @@ import pytest
 from codec.cues.score import PLACEMENTS, Key
 from codec.errors import CueError
 from synth.planning.scoring.notation import as_taught, read_taught
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 
 
 def test_bonjour() -> None:
-    assert " ".join(map(as_taught, score_from_text("bonjour").keys)) == "4-m 1-c 3-s"
+    assert " ".join(map(as_taught, score_of_text("bonjour").keys)) == "4-m 1-c 3-s"
 
 
 def test_every_key_is_read_back() -> None:

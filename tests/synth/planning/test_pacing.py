@@ -28,8 +28,8 @@ from synth.planning.prosody.pacing import (
 from synth.planning.prosody.taut_string import taut_string
 from synth.planning.scoring.text_score import (
     Reading,
-    score_from_subtitles,
-    score_from_text,
+    score_of_subtitles,
+    score_of_text,
     words_of_subtitles,
 )
 
@@ -51,7 +51,7 @@ def paced(subtitles: list[Subtitle], pace: Pace = READABLE) -> tuple[list[PacedW
         told.append(word)
         report(word)
 
-    score_from_subtitles(subtitles, reading=Reading(pace=pace), told=tell)
+    score_of_subtitles(subtitles, reading=Reading(pace=pace), told=tell)
     return told, report
 
 
@@ -119,7 +119,7 @@ def hurried() -> tuple[list[PacedWord], PaceReport, list[str]]:
         told.append(word)
         report(word)
 
-    score_from_subtitles(news(5, 24.0), reading=Reading(pace=READABLE), told=tell)
+    score_of_subtitles(news(5, 24.0), reading=Reading(pace=READABLE), told=tell)
     report.report()
     return told, report, lines
 
@@ -151,8 +151,8 @@ def test_warns_by_subtitle_and_lists_the_words(
 
 def test_a_text_without_a_programme_is_whole_and_slow() -> None:
     report = PaceReport()
-    fast = score_from_text(TEXT * 12)
-    slow = score_from_text(TEXT * 12, reading=Reading(pace=READABLE), told=report)
+    fast = score_of_text(TEXT * 12)
+    slow = score_of_text(TEXT * 12, reading=Reading(pace=READABLE), told=report)
     assert len(slow.keys) == len(fast.keys)
     assert report.report()["words_left_out"] == 0
     assert report.report()["lag_s"] == 0
@@ -163,7 +163,7 @@ def test_a_text_without_a_programme_is_whole_and_slow() -> None:
 def test_slower_only_where_told() -> None:
     rates = []
     for syllables in (1.5, 2.5, 4.0):
-        score = score_from_text(TEXT, reading=Reading(pace=Pace(1.5, syllables)))
+        score = score_of_text(TEXT, reading=Reading(pace=Pace(1.5, syllables)))
         rates.append(len(score.keys) / (score.phones[-1].end - score.phones[0].start))
     assert rates[0] < rates[1] < rates[2]
 
@@ -183,9 +183,9 @@ def test_long_programmes_in_constant_memory() -> None:
 
 
 def test_step_with_the_speaker_without_a_pace() -> None:
-    plain = score_from_subtitles(news(3, 15.0))
+    plain = score_of_subtitles(news(3, 15.0))
     told: list[PacedWord] = []
-    assert score_from_subtitles(news(3, 15.0), told=told.append) == plain
+    assert score_of_subtitles(news(3, 15.0), told=told.append) == plain
     assert max(abs(word.lag_s) for word in told) == 0
 
 

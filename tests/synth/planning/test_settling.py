@@ -20,7 +20,7 @@ from synth.planning.prosody.simulation import (
 )
 from synth.planning.prosody.timing_optimiser import TICK_S, KeyLine, TimingOptimiser
 from synth.planning.prosody.visible_keys import VisibleKeys
-from synth.planning.scoring.text_score import Reading, score_from_subtitles
+from synth.planning.scoring.text_score import Reading, score_of_subtitles
 
 VERSE = (
     "Cherche un peu la chaîne dans la neige,",
@@ -91,7 +91,7 @@ def test_bounds_and_what_was_said_stay() -> None:
 
 def test_every_key_of_slow_verse_is_held() -> None:
     lines = [Subtitle(1.0 + 4.6 * n, 5.0 + 4.6 * n, text) for n, text in enumerate(VERSE)]
-    score = score_from_subtitles(lines, reading=Reading(pace=READABLE))
+    score = score_of_subtitles(lines, reading=Reading(pace=READABLE))
     held = mirror_of().held(score.phones, score.keys)
     assert len(held) == len(score.keys)
     assert held.min() >= HELD_S
@@ -138,5 +138,5 @@ def test_adapting_is_never_worse_whoever_cues(
 
 
 def held_by(mirror: PerformanceSimulation, lines: list[Subtitle]) -> np.ndarray:
-    score = score_from_subtitles(lines, reading=Reading(pace=READABLE))
+    score = score_of_subtitles(lines, reading=Reading(pace=READABLE))
     return mirror.held(score.phones, score.keys)

@@ -10,7 +10,7 @@ from codec.errors import CueError
 from synth.language.subtitles import Subtitle
 from synth.language.text.pronounce import phonemise
 from synth.planning.prosody.timing import FASTEST, GRID_HZ, HARDEST, SLOWEST, fit
-from synth.planning.scoring.text_score import score_from_subtitles, score_from_text, stream_score
+from synth.planning.scoring.text_score import score_of_subtitles, score_of_text, stream_score
 
 SENTENCE = "Ce beau matin d'été si doux, au détour d'un sentier, une charogne infâme."
 
@@ -56,7 +56,7 @@ def test_gap_is_borrowed_before_compressing() -> None:
 def test_words_without_room_are_left_out_and_reported() -> None:
     notes: list[str] = []
     lines = [Subtitle(0.0, 0.5, SENTENCE, 2), Subtitle(0.5, 2.0, "Oui.", 6)]
-    score = score_from_subtitles(lines, warn=notes.append)
+    score = score_of_subtitles(lines, warn=notes.append)
     assert len(notes) == 2
     assert notes[0].startswith("subtitle at 0.00 s (line 2): no room for its last")
     assert score.phones[-1].symbol == "i"
@@ -69,7 +69,7 @@ def test_empty_interval() -> None:
 
 def test_overlapping_subtitles_are_spoken_in_turn() -> None:
     lines = [Subtitle(0.0, 3.0, SENTENCE), Subtitle(1.0, 4.0, "Oui, bien."), Subtitle(1.0, 4.0, "")]
-    score = score_from_subtitles(lines, warn=lambda _: None)
+    score = score_of_subtitles(lines, warn=lambda _: None)
     for before, after in itertools.pairwise(score.phones):
         assert after.start >= before.end
 
@@ -77,14 +77,14 @@ def test_overlapping_subtitles_are_spoken_in_turn() -> None:
 def test_pieces_of_a_stream_are_the_whole_score() -> None:
     lines = [Subtitle(2.0 * i, 2.0 * i + 1.9, "Rappelez-vous, mon âme !") for i in range(5)]
     pieces = list(stream_score(lines))
-    whole = score_from_subtitles(lines)
+    whole = score_of_subtitles(lines)
     assert tuple(p for piece in pieces for p in piece.phones) == whole.phones
     assert tuple(k for piece in pieces for k in piece.keys) == whole.keys
 
 
 def test_text_starts_where_asked() -> None:
-    assert score_from_text("Oui.", start_s=1.009).phones[0].start == 1.0
-    assert score_from_text("").phones == ()
+    assert score_of_text("Oui.", start_s=1.009).phones[0].start == 1.0
+    assert score_of_text("").phones == ()
 
 
 def test_endless_subtitles_are_streamed() -> None:

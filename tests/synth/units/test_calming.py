@@ -2,7 +2,7 @@ import numpy as np
 
 from codec.cuer.voice import load_voice
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.planning.scoring.text_score import score_from_text
+from synth.planning.scoring.text_score import score_of_text
 from synth.units.concatenation.trajectories import calm_joins, quickest
 
 RATE_HZ = 50.0
@@ -10,7 +10,7 @@ RATE_HZ = 50.0
 
 def test_quick_joins_are_slowed_and_nothing_else_changes() -> None:
     voice = load_voice()
-    score = score_from_text("Le chat boit du lait et il a bien soif.", start_s=1.0)
+    score = score_of_text("Le chat boit du lait et il a bien soif.", start_s=1.0)
     cuer = GestureSynthesiser(rate_hz=RATE_HZ)
     motion = cuer.motion(score, 0.0, 200, voice)
     params = motion.params.astype(np.float64)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codec.errors import CueError
-from watermark.quality import PeaqMeter, _kernels, peaq, pesq_wb, segmental_snr_db, snr_db
+from watermark.quality import PeaqMeter, _kernels, grade, pesq_wb, segmental_snr_db, snr_db
 from watermark.quality.ear import BANDS, FRAME_RATE, band_edges, ear_tables
 from watermark.quality.loudness import loudness_lufs
 from watermark.quality.movs import harmonic_structure
@@ -40,12 +40,12 @@ def test_agrees_with_given_grades() -> None:
     for row in rows[::3]:
         reference, fs = soundfile.read(GIVEN / f"{row['clip']}.ref.flac")
         test, _ = soundfile.read(GIVEN / f"{row['clip']}.{row['degradation']}.flac")
-        assert peaq(reference, test, fs).odg == pytest.approx(row["odg_basic"], abs=0.002)
+        assert grade(reference, test, fs).odg == pytest.approx(row["odg_basic"], abs=0.002)
 
 
 def test_identical_signals_are_transparent() -> None:
     x = programme(2.0, 2)
-    result = peaq(x, x, FS)
+    result = grade(x, x, FS)
     assert result.odg > 0.15
     assert result.movs.rms_noise_loud == 0
     assert result.movs.rel_dist_frames == 0
@@ -54,7 +54,7 @@ def test_identical_signals_are_transparent() -> None:
 def test_more_noise_is_worse() -> None:
     x = programme(2.0)
     noise = np.random.default_rng(6).standard_normal(x.shape)
-    grades = [peaq(x, x + gain * noise, FS).odg for gain in (0.001, 0.01, 0.03, 0.1)]
+    grades = [grade(x, x + gain * noise, FS).odg for gain in (0.001, 0.01, 0.03, 0.1)]
     assert grades == sorted(grades, reverse=True)
 
 
@@ -84,7 +84,7 @@ def test_split_into_blocks_does_not_matter(cuts: list[int]) -> None:
     meter = PeaqMeter(FS, 1)
     for ref, test in zip(np.split(x, np.sort(cuts)), np.split(y, np.sort(cuts)), strict=True):
         meter.process(ref, test)
-    assert meter.result().odg == pytest.approx(peaq(x, y, FS).odg, abs=1e-9)
+    assert meter.result().odg == pytest.approx(grade(x, y, FS).odg, abs=1e-9)
 
 
 def test_result_leaves_the_meter_as_it_was() -> None:
@@ -92,19 +92,19 @@ def test_result_leaves_the_meter_as_it_was() -> None:
     y = worse(x)
     meter = PeaqMeter(FS, 1)
     meter.process(x[:50_000], y[:50_000])
-    assert meter.result() == peaq(x[:50_000], y[:50_000], FS)
+    assert meter.result() == grade(x[:50_000], y[:50_000], FS)
     meter.process(x[50_000:], y[50_000:])
-    assert meter.result() == peaq(x, y, FS)
+    assert meter.result() == grade(x, y, FS)
 
 
 def test_silence_around_the_programme_does_not_count() -> None:
     x = programme(2.0)
     silence = np.zeros((FS, 1))
     around = [np.concatenate([silence, s, silence]) for s in (x, worse(x))]
-    whole = peaq(around[0], around[1], FS)
+    whole = grade(around[0], around[1], FS)
     assert whole.start_s == pytest.approx(1.0, abs=2 / FRAME_RATE)
     assert whole.end_s == pytest.approx(3.0, abs=2 / FRAME_RATE)
-    assert whole.movs.total_nmr == pytest.approx(peaq(x, worse(x), FS).movs.total_nmr, abs=0.3)
+    assert whole.movs.total_nmr == pytest.approx(grade(x, worse(x), FS).movs.total_nmr, abs=0.3)
 
 
 def test_segments() -> None:
@@ -122,7 +122,7 @@ def test_other_rates_give_like_results() -> None:
     x = programme(2.0)
     y = worse(x)
     low = [np.concatenate([(r := Resampler(FS, 44_100, 1)).process(s), r.flush()]) for s in (x, y)]
-    found, expected = peaq(low[0], low[1], 44_100).movs, peaq(x, y, FS).movs
+    found, expected = grade(low[0], low[1], 44_100).movs, grade(x, y, FS).movs
     assert found.total_nmr == pytest.approx(expected.total_nmr, abs=0.2)
     assert found.avg_mod_diff_1 == pytest.approx(expected.avg_mod_diff_1, rel=0.1)
 
@@ -131,7 +131,7 @@ def test_stereo_of_one_channel_is_like_mono() -> None:
     x = programme(2.0)
     y = worse(x)
     both = [np.repeat(s, 2, axis=1) for s in (x, y)]
-    assert peaq(both[0], both[1], FS).odg == pytest.approx(peaq(x, y, FS).odg, abs=1e-9)
+    assert grade(both[0], both[1], FS).odg == pytest.approx(grade(x, y, FS).odg, abs=1e-9)
 
 
 def test_harmonic_error_is_found() -> None:
@@ -232,7 +232,7 @@ def test_polyphase_agrees_with_its_python() -> None:
 
 def test_refusals() -> None:
     with pytest.raises(CueError, match="nothing to grade: the reference is silent"):
-        peaq(np.zeros(FS), np.zeros(FS), FS)
+        grade(np.zeros(FS), np.zeros(FS), FS)
     with pytest.raises(CueError, match="nothing to grade"):
         PeaqMeter(FS, 2).result()
     with pytest.raises(CueError, match="1 or 2 channels, not 6"):

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codec.errors import CueError
-from watermark.quality import AdvancedMeter, _bank_kernels, bank, peaq, peaq_advanced
+from watermark.quality import AdvancedMeter, _bank_kernels, bank, grade, peaq_advanced
 from watermark.quality.advanced import WHOLE
 from watermark.quality.advanced_movs import BankAverages, SpectralAverages
 from watermark.quality.ear import WIDE_BANDS, band_edges, ear_tables
@@ -229,7 +229,7 @@ def test_averages_of_a_name_begin_when_told() -> None:
 def test_the_two_versions_hear_alike_where_nothing_is_sharp() -> None:
     x = noise(2.0)
     y = x + 0.1 * noise(2.0, seed=6)
-    assert abs(peaq(x, y, FS).odg - peaq_advanced(x, y, FS).odg) < 1
+    assert abs(grade(x, y, FS).odg - peaq_advanced(x, y, FS).odg) < 1
 
 
 def test_refusals() -> None:
