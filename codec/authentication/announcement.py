@@ -1,8 +1,9 @@
 """The two files of a broadcaster's key: the secret one, and what receivers are given.
 
-The public file holds an Ed25519 key (RFC 8032, by the library `cryptography`), the ends of all
-chains for some time, and a signature over both. A file that continues an earlier one is signed by
-the same key, and can come from anywhere. Specification: spec/authentication.md, section 4.
+The public file holds an Ed25519 key (RFC 8032, by the library `cryptography`), the time for which
+it holds, the ends of all chains of that time, and a signature over all of it. A file that continues
+an earlier one is signed by the same key, and can come from anywhere. Specification:
+spec/authentication.md, section 5.
 """
 
 import base64
@@ -12,21 +13,35 @@ import json
 import os
 import secrets
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from codec.authentication.chain import Chain, keys_of
-from codec.authentication.layout import KEY_BYTES, LAYOUTS, PERIOD, SUPERFRAME_S, number_at
+from codec.authentication.layout import (
+    KEY_BYTES,
+    LAYOUTS,
+    PERIOD,
+    SUPERFRAME_S,
+    number_at,
+    time_of,
+)
 from codec.errors import CueError
 
-_FORMAT = "cuecast-key-1"
+_FORMATS = {"secret": "cuecast-key-1", "public": "cuecast-key-3"}
+"""Formats of the two files; a secret of the first edition serves the second."""
+
+_FIRST_EDITION = (
+    "a public key of the first edition, of which proofs can be forged: get the broadcaster's new "
+    "one, made by `cuecast key renew`"
+)
 
 _MOST_BYTES = 16 << 20
 """Bytes of a key's file at most."""
 
-_MOST_PERIODS = 30 * 366 * 24
-"""Periods of an hour that a key may hold for: thirty years."""
+_MOST_PERIODS = 357
+"""Periods that a key may hold for: thirty years."""
 
 _LONGEST_NAME = 80
 """Letters of a channel's name at most."""
@@ -42,17 +57,19 @@ class Announcement:
         As the broadcaster calls himself.
     public_key : bytes
         Ed25519, 32 bytes.
-    first_period : int
-        Of those for which ends of chains are given.
+    first, until : int
+        Numbers on the public clock between which it holds, `until` excluded.
     ends : dict of int to bytes
-        By the width of the proof fields: 8 bytes per period, what comes before its first key.
+        By the width of the proof fields: the end of the chain of each period of that time, 8 bytes
+        each.
     signature : bytes
         Ed25519 over all else, 64 bytes.
     """
 
     name: str
     public_key: bytes
-    first_period: int
+    first: int
+    until: int
     ends: dict[int, bytes]
     signature: bytes
 
@@ -69,14 +86,30 @@ class Announcement:
 
     @property
     def periods(self) -> range:
-        """Periods for which it holds."""
-        return range(self.first_period, self.first_period + len(self.ends[9]) // KEY_BYTES)
+        """Periods of which the ends are given."""
+        return range(self.first // PERIOD, -(-self.until // PERIOD))
 
-    def end_of(self, period: int, width: int) -> bytes | None:
-        """Return the end of a period's chain, None outside `periods`."""
-        if period not in self.periods:
-            return None
-        at = (period - self.first_period) * KEY_BYTES
+    @property
+    def dates(self) -> tuple[str, str]:
+        """Dates between which it holds."""
+        begin, end = (
+            datetime.fromtimestamp(time_of(number), UTC).isoformat(timespec="minutes")
+            for number in (self.first, self.until)
+        )
+        return begin, end
+
+    @property
+    def span(self) -> str:
+        """Dates between which it holds, in words."""
+        return "from {} to {}".format(*self.dates)
+
+    def blocks(self, length: int) -> range:
+        """Return the blocks of `length` superframes that end in the time for which it holds."""
+        return range(self.first // length, -(-self.until // length))
+
+    def end_of(self, period: int, width: int) -> bytes:
+        """Return the end of a period's chain."""
+        at = (period - self.periods.start) * KEY_BYTES
         return self.ends[width][at : at + KEY_BYTES]
 
     def chain(self, period: int, width: int) -> Chain:
@@ -116,7 +149,7 @@ class SigningKey:
         """As that of the announcement."""
         return hashlib.sha256(self.public_key).digest()[:8]
 
-    def keys(self, period: int, width: int) -> list[bytes]:
+    def keys(self, period: int, width: int) -> tuple[bytes, ...]:
         """Return the keys of a period, first block first."""
         return keys_of(self._part(b"chains"), self.channel, period, LAYOUTS[width])
 
@@ -134,20 +167,18 @@ class SigningKey:
         progress : callable
             Called with the number of periods done and of all.
         """
-        first = int(number_at(begin_s)) // PERIOD
-        count = int(days * 86400 / (PERIOD * SUPERFRAME_S)) + 2
-        if days < 1 or not 0 <= first <= first + count < _MOST_PERIODS:
+        first = int(number_at(begin_s))
+        until = first + int(days * 86400 / SUPERFRAME_S)
+        if days < 1 or not 0 <= first < until <= _MOST_PERIODS * PERIOD:
             raise CueError(f"{days} days from {begin_s:.0f} s on: not within 30 years from 2026")
-        ends: dict[int, list[bytes]] = {width: [] for width in LAYOUTS}
-        for done, period in enumerate(range(first, first + count), start=1):
-            for width, found in ends.items():
-                found.append(Chain(self.channel, period, width).before(self.keys(period, width)[0]))
-            progress(done, count)
-        joined = {width: b"".join(found) for width, found in ends.items()}
-        bare = Announcement(self.name, self.public_key, first, joined, b"")
-        return Announcement(
-            self.name, self.public_key, first, joined, self._private().sign(_signed(bare))
-        )
+        ends = dict.fromkeys(LAYOUTS, b"")
+        bare = Announcement(self.name, self.public_key, first, until, ends, b"")
+        for done, period in enumerate(bare.periods, start=1):
+            for width in LAYOUTS:
+                keys = self.keys(period, width)
+                ends[width] += Chain(self.channel, period, width).before(keys[0], 0)
+            progress(done, len(bare.periods))
+        return replace(bare, signature=self._private().sign(_signed(bare)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the secret file, for its owner only; it does not replace another one.
@@ -157,7 +188,7 @@ class SigningKey:
         CueError
             If the file exists, or cannot be written.
         """
-        document = {"format": _FORMAT, "kind": "secret", "name": self.name}
+        document = {"format": _FORMATS["secret"], "kind": "secret", "name": self.name}
         text = json.dumps(document | {"secret": _text(self.secret)}, indent=1) + "\n"
         try:
             handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -212,7 +243,7 @@ def load_announcement(path: str | os.PathLike[str]) -> Announcement:
     try:
         found = Announcement(
             _checked_name(document["name"]), _bytes(document["public_key"]),
-            int(document["first_period"]),
+            int(document["first"]), int(document["until"]),
             {width: _bytes(document["ends"][str(width)]) for width in LAYOUTS},
             _bytes(document["signature"]),
         )  # fmt: skip
@@ -229,7 +260,9 @@ def _check(found: Announcement, path: str | os.PathLike[str]) -> None:
     except ImportError:
         raise CueError("keys need the package cryptography") from None
     sizes = {len(ends) for ends in found.ends.values()}
-    if len(sizes) != 1 or max(sizes) % KEY_BYTES or not 0 <= found.first_period < _MOST_PERIODS:
+    last = _MOST_PERIODS * PERIOD
+    fits = 0 <= found.first < found.until <= last and sizes == {KEY_BYTES * len(found.periods)}
+    if not fits:
         raise CueError(f"{path}: not a public key of cuecast: its chains do not fit")
     try:
         Ed25519PublicKey.from_public_bytes(found.public_key).verify(found.signature, _signed(found))
@@ -239,8 +272,9 @@ def _check(found: Announcement, path: str | os.PathLike[str]) -> None:
 
 def _document(announcement: Announcement) -> dict[str, Any]:
     return {
-        "format": _FORMAT, "kind": "public", "name": announcement.name,
-        "public_key": _text(announcement.public_key), "first_period": announcement.first_period,
+        "format": _FORMATS["public"], "kind": "public", "name": announcement.name,
+        "public_key": _text(announcement.public_key),
+        "first": announcement.first, "until": announcement.until,
         "ends": {str(width): _text(ends) for width, ends in announcement.ends.items()},
     }  # fmt: skip
 
@@ -267,7 +301,10 @@ def _load(path: str | os.PathLike[str], kind: str) -> dict[str, Any]:
         if len(data) > _MOST_BYTES:
             raise ValueError(f"more than {_MOST_BYTES} bytes")
         document = json.loads(data)
-        if document["format"] != _FORMAT or document["kind"] != kind:
+        found = document["format"], document["kind"]
+        if kind == "public" and found == (_FORMATS["secret"], kind):
+            raise CueError(f"{path}: {_FIRST_EDITION}")
+        if found != (_FORMATS[kind], kind):
             raise ValueError(f"a {document['kind']} of {document['format']}")
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise CueError(f"{path}: not a {kind} key of cuecast: {error}") from error

@@ -1,23 +1,24 @@
 """The chain of keys, and the tags that are made with them.
 
-A chain begins with a secret and ends with what is published; who knows a key knows all before it
-in time, and none after. SHA-256 throughout (FIPS 180-4). Specification: spec/authentication.md,
-section 3.
+A chain begins with a secret and ends with a published value; a key leads to all earlier ones and to
+no later one. Each step is a function of its own (Kogan, Manohar, Boneh: "T/Key", CCS 2017), so that
+a chain's length makes inverting it no cheaper. SHA-256 throughout (FIPS 180-4). Specification:
+spec/authentication.md, section 3.
 """
 
 import hashlib
 import hmac
-from collections.abc import Mapping
+from collections.abc import Iterable
+from functools import lru_cache
 
-from codec.authentication.layout import HIDDEN_BITS, KEY_BYTES, SENT_BITS, ProofLayout, Tag
+from codec.authentication.layout import HIDDEN_BITS, KEY_BYTES, SENT_BITS, TAG_BITS, ProofLayout
 
-_STEP = b"cuecast-step-1"
-_TAG = b"cuecast-tag-1"
-_DATA = b"cuecast-data-1"
-_BEGIN = b"cuecast-begin-1"
+_STEP = b"cuecast-step-3"
+_TAG = b"cuecast-tag-3"
+_BEGIN = b"cuecast-begin-3"
 
 _HIDDEN = [number.to_bytes(HIDDEN_BITS // 8, "big") for number in range(1 << HIDDEN_BITS)]
-"""What may be the bytes of a key that are not sent."""
+"""All values of the bytes of a key that are not sent."""
 
 
 class Chain:
@@ -26,7 +27,7 @@ class Chain:
     Parameters
     ----------
     channel : bytes
-        What all chains of a broadcaster share, 8 bytes.
+        Common to all chains of a broadcaster, 8 bytes.
     period : int
     width : int
         Of the proof fields.
@@ -37,21 +38,32 @@ class Chain:
             _STEP + channel + period.to_bytes(4, "big") + width.to_bytes(1, "big")
         ).digest()
 
-    def before(self, key: bytes, steps: int = 1) -> bytes:
-        """Return the key so many blocks before `key`."""
+    def before(self, key: bytes, place: int, steps: int = 1) -> bytes:
+        """Return the key `steps` blocks before that of the block at `place` of the period.
+
+        The end of the chain is `place` + 1 steps before.
+        """
         prefix, sha256 = self._prefix, hashlib.sha256
-        for _ in range(steps):
-            key = sha256(prefix + key).digest()[:KEY_BYTES]
+        for at in range(place, place - steps, -1):
+            key = sha256(prefix + at.to_bytes(4, "big") + key).digest()[:KEY_BYTES]
         return key
 
-    def find(self, sent: int, known: bytes, steps: int) -> bytes | None:
-        """Return the key whose sent bits these are and which leads to a known one in `steps`."""
-        head, sha256 = self._prefix + sent.to_bytes(SENT_BITS // 8, "big"), hashlib.sha256
-        if steps == 1:  # the usual case
-            found = [h for h in _HIDDEN if sha256(head + h).digest()[:KEY_BYTES] == known]
-        else:
-            found = [h for h in _HIDDEN if self.before(head[-SENT_BITS // 8 :] + h, steps) == known]
-        return head[-SENT_BITS // 8 :] + found[0] if found else None
+    def places(self, key: bytes, earlier: bytes, places: Iterable[int]) -> list[int]:
+        """Return where in the period a key may stand that follows an earlier one."""
+        prefix, sha256 = self._prefix, hashlib.sha256
+        return [
+            at
+            for at in places
+            if sha256(prefix + at.to_bytes(4, "big") + key).digest()[:KEY_BYTES] == earlier
+        ]
+
+    def find(self, sent: int, place: int, known: bytes, steps: int) -> bytes | None:
+        """Return the key with these sent bits that leads to a known one in `steps`, if any does."""
+        head = sent.to_bytes(SENT_BITS // 8, "big")
+        for hidden in _HIDDEN:
+            if self.before(head + hidden, place, steps) == known:
+                return head + hidden
+        return None
 
 
 def sent_bits(key: bytes) -> int:
@@ -62,11 +74,11 @@ def sent_bits(key: bytes) -> int:
     >>> hex(sent_bits(bytes(range(8))))
     '0x102030405'
     """
-    assert 8 * len(key) == SENT_BITS + HIDDEN_BITS
     return int.from_bytes(key, "big") >> HIDDEN_BITS
 
 
-def keys_of(secret: bytes, channel: bytes, period: int, layout: ProofLayout) -> list[bytes]:
+@lru_cache(maxsize=4)
+def keys_of(secret: bytes, channel: bytes, period: int, layout: ProofLayout) -> tuple[bytes, ...]:
     """Return the keys of a period, first block first; only the broadcaster can.
 
     Parameters
@@ -75,36 +87,32 @@ def keys_of(secret: bytes, channel: bytes, period: int, layout: ProofLayout) -> 
         The broadcaster's, 32 bytes.
     """
     message = _BEGIN + channel + period.to_bytes(4, "big") + layout.width.to_bytes(1, "big")
-    key = hmac.digest(secret, message, "sha256")[:KEY_BYTES]
-    chain, keys = Chain(channel, period, layout.width), [key]
-    for _ in range(layout.blocks - 1):
-        key = chain.before(key)
-        keys.append(key)
-    return keys[::-1]
+    keys = [hmac.digest(secret, message, "sha256")[:KEY_BYTES]]
+    chain = Chain(channel, period, layout.width)
+    for place in range(layout.blocks - 1, 0, -1):
+        keys.append(chain.before(keys[-1], place))
+    return tuple(keys[::-1])
 
 
-def digest_of(superframes: Mapping[int, bytes]) -> bytes:
-    """Return what tags are made of: a digest of superframes by distance before the block's end.
+def tag_of(channel: bytes, key: bytes, distance: int, covered: bytes) -> int:
+    """Return the 24 bits of the tag of a superframe.
 
-    Those that are not there are left out: what was never sent, and what was lost.
+    Parameters
+    ----------
+    channel, key : bytes
+        8 bytes each.
+    distance : int
+        Superframes from this one to the end of the key's block, 1 for the last one.
+    covered : bytes
+        The superframe, as far as it is proved.
     """
-    digest = hashlib.sha256(_DATA)
-    for distance in sorted(superframes):
-        data = superframes[distance]
-        digest.update(distance.to_bytes(2, "big") + len(data).to_bytes(2, "big") + data)
-    return digest.digest()
+    found = hashlib.sha256(_TAG + channel + key + distance.to_bytes(2, "big") + covered).digest()
+    return int.from_bytes(found[: TAG_BITS // 8], "big")
 
 
-def tag_of(key: bytes, digest: bytes, tag: Tag) -> int:
-    """Return a tag of the superframes with this digest."""
-    found = hashlib.sha256(_TAG + tag.reach.to_bytes(1, "big") + key + digest).digest()
-    return int.from_bytes(found[:4], "big") >> 32 - tag.bits
-
-
-def agreeing(sent: int, digest: bytes, tag: Tag, told: int) -> list[bytes]:
-    """Return the keys with these sent bits under which a tag agrees."""
-    key = sent.to_bytes(SENT_BITS // 8, "big")
-    head, sha256 = _TAG + tag.reach.to_bytes(1, "big") + key, hashlib.sha256
-    first = told >> tag.bits - 8
-    likely = [key + h for h in _HIDDEN if sha256(head + h + digest).digest()[0] == first]
-    return [key for key in likely if tag_of(key, digest, tag) == told]
+def agreeing(channel: bytes, sent: int, distance: int, covered: bytes, tag: int) -> list[bytes]:
+    """Return the keys with these sent bits under which a superframe has this tag."""
+    key, sha256 = sent.to_bytes(SENT_BITS // 8, "big"), hashlib.sha256
+    head, tail, told = _TAG + channel + key, distance.to_bytes(2, "big") + covered, TAG_BITS // 8
+    wanted = tag.to_bytes(told, "big")
+    return [key + h for h in _HIDDEN if sha256(head + h + tail).digest()[:told] == wanted]

@@ -1,8 +1,8 @@
 """Blocks of superframes and the bits of them that prove where they come from.
 
-Superframes are numbered on a public clock. A block's proof fields together hold, in this order,
-the whole tag, the quick tag and the part of the block's key that is sent. Specification:
-spec/authentication.md, section 2.
+Superframes are numbered on a public clock. A block's proof fields together hold, in this order, the
+checks, the quick tag and the part of the block's key that is sent. Specification:
+spec/authentication.md, sections 1 and 2.
 """
 
 from dataclasses import dataclass
@@ -13,44 +13,30 @@ SUPERFRAME_S = 0.64
 EPOCH_S = 1_767_225_600
 """Superframe 0 of the public clock was due at 2026-01-01 00:00 UTC (seconds since 1970)."""
 
-PERIOD = 5632
-"""Superframes that share a chain of keys: an hour and four seconds, whole blocks of each kind."""
+PERIOD = 4_147_200
+"""Superframes that share a chain of keys: 30.72 days, whole blocks of each kind."""
 
 KEY_BYTES = 8
 """Bytes of a key of a block."""
 
 SENT_BITS = 48
-"""Bits of it that are sent; the others are found by trying."""
+"""Bits of it that are sent; receivers try all values of the others, which saves a quarter of the
+time that a key takes."""
 
 HIDDEN_BITS = 8 * KEY_BYTES - SENT_BITS
-"""Bits of a key that are not sent: the receiver tries them all, and so saves a quarter of the time
-that a key takes."""
+"""Bits of a key that are not sent."""
 
+CHECK_BITS = 12
+"""Bits of a check, and of each of the two symbols of a superframe."""
 
-@dataclass(frozen=True, slots=True)
-class Tag:
-    """A tag over some superframes, told by their distance before the end of its block.
-
-    Attributes
-    ----------
-    bits : int
-    nearest, farthest : int
-        Distances of the superframes that are covered; 1 is the last one of the block.
-    """
-
-    bits: int
-    nearest: int
-    farthest: int
-
-    @property
-    def reach(self) -> int:
-        """Superframes that it covers."""
-        return self.farthest - self.nearest + 1
+TAG_BITS = 2 * CHECK_BITS
+"""Bits of a superframe's tag, and bits that have to agree before a superframe counts as verified: a
+forged one does by chance once in 2**24."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProofLayout:
-    """How the proof fields of one width are used.
+    """Use of the proof fields of one width.
 
     Attributes
     ----------
@@ -58,25 +44,23 @@ class ProofLayout:
         Bits of a superframe's field.
     block : int
         Superframes of a block.
-    whole : Tag
-        Of so many superframes that each is covered by `NEEDED_BITS` bits of tags in all.
-    quick : Tag
-        Of few, the last ones that can be covered: verifies soon after tuning in.
+    checks : int
+        Checks of the superframes of the block before, at the beginning of the fields.
     """
 
     width: int
     block: int
-    whole: Tag
-    quick: Tag
+    checks: int
 
     def __post_init__(self) -> None:
-        assert self.width * self.block == self.quick.bits + self.whole.bits + SENT_BITS
+        assert self.width * self.block == CHECK_BITS * self.checks + TAG_BITS + SENT_BITS
         assert PERIOD % self.block == 0
-        assert self.whole.reach % self.block == 0
-        assert self.whole.bits * self.whole.reach >= NEEDED_BITS * self.block
-        # A tag covers no superframe that is on air after its first bit.
-        assert self.whole.nearest >= self.block
-        assert self.quick.nearest >= self.block - self.whole.bits // self.width
+        assert CHECK_BITS * self.checks % self.width == 0
+
+    @property
+    def quick(self) -> int:
+        """Place in the block of the superframe that the quick tag covers: just before the tag."""
+        return CHECK_BITS * self.checks // self.width - 1
 
     @property
     def blocks(self) -> int:
@@ -84,17 +68,7 @@ class ProofLayout:
         return PERIOD // self.block
 
 
-NEEDED_BITS = 24
-"""Bits of tags that have to agree before a superframe counts as verified: a forged one does by
-chance once in 2**24."""
-
-LAYOUTS = {
-    layout.width: layout
-    for layout in (
-        ProofLayout(9, 8, whole=Tag(12, 9, 24), quick=Tag(12, 7, 7)),
-        ProofLayout(2, 44, whole=Tag(24, 45, 88), quick=Tag(16, 32, 35)),
-    )
-}
+LAYOUTS = {layout.width: layout for layout in (ProofLayout(9, 16, 6), ProofLayout(2, 96, 10))}
 """Layouts by the width of the field: normal superframes, and compact ones."""
 
 
@@ -114,12 +88,15 @@ def time_of(number: float) -> float:
     return EPOCH_S + number * SUPERFRAME_S
 
 
-def join(whole: int, quick: int, sent: int, layout: ProofLayout) -> int:
+def join(checks: list[int], quick: int, sent: int) -> int:
     """Return a block's fields as one number.
 
     Examples
     --------
-    >>> hex(join(0x123, 0xABC, 0x456789ABCDEF, LAYOUTS[9]))
-    '0x123abc456789abcdef'
+    >>> hex(join([0x123, 0xABC], 0xDEF012, 0x456789ABCDEF))
+    '0x123abcdef012456789abcdef'
     """
-    return (whole << layout.quick.bits | quick) << SENT_BITS | sent
+    number = 0
+    for check in checks:
+        number = number << CHECK_BITS | check
+    return (number << TAG_BITS | quick) << SENT_BITS | sent

@@ -1,29 +1,22 @@
 """Who speaks in a stream that is being received: verdicts on its superframes, some seconds late.
 
-A superframe is *verified* when tags of `NEEDED_BITS` bits that cover it agree under keys that lead
-to the announced chain; *forged* when a tag of which nothing is missing does not, or when the keys
-are those of another time; *unknown* when no more tags can come. Specification:
-spec/authentication.md, section 5.
+A superframe is *verified* when 24 bits agree that cover it, under a key that leads to the announced
+chain, and the clock says that it arrived soon after it was on air; *forged* when a block's checks
+deny it, or it is from another time; *unknown* when no more proofs can come. Specification:
+spec/authentication.md, section 6.
 """
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
 from codec.authentication.announcement import Announcement
-from codec.authentication.chain import Chain, agreeing, digest_of, tag_of
-from codec.authentication.layout import (
-    LAYOUTS,
-    NEEDED_BITS,
-    PERIOD,
-    SENT_BITS,
-    SUPERFRAME_S,
-    ProofLayout,
-    Tag,
-    number_at,
-    time_of,
-)
+from codec.authentication.chain import agreeing, tag_of
+from codec.authentication.checks import agree
+from codec.authentication.layout import LAYOUTS, SUPERFRAME_S, ProofLayout, time_of
+from codec.authentication.received import ArrivedSuperframe, ReceivedProofs
+from codec.authentication.search import ChainSearch, KnownKey
 
 Status = Literal["unknown", "verified", "forged"]
 
@@ -31,11 +24,22 @@ _FAR_STEPS = 4
 """Steps of the chain up to which all hidden bits are tried by the chain alone; beyond, the quick
 tag sorts them first: it is one hash, not many."""
 
+_OTHERS = 8
+"""Superframes in a row with fields of another width after which the stream is taken to have gone
+over to it: fewer may be somebody else's."""
 
-_STRIDES = (1, 3, 5, 7)
-"""Every so manyth superframe is tried as a block's last one while no key is found, more seldom
-after every four blocks in vain: trying costs as much as all other reception. No stride shares a
-factor with the length of a block, so that each place has its turn."""
+_MISSES = 2
+"""Blocks in a row with keys of nobody's after which the stream's place is looked for anew."""
+
+_WAIT = 5
+"""Blocks after which a superframe's verdict is given: its own, that of its checks, and three more
+for a key that was lost."""
+
+_LOCATING = 4
+"""Spare checks where one changed superframe is looked for: 24 bits, and 24 for the many that are
+tried."""
+
+_CHANGED = "changed on its way"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,26 +62,6 @@ class Verdict:
 
 
 @dataclass(slots=True)
-class _SeenSuperframe:
-    """A superframe of the stream, and what speaks for it."""
-
-    covered: bytes
-    proof: int
-    utc_s: float | None
-    agreed_bits: int = 0
-    denied: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class _Known:
-    """A key of the chain: that of the block at `place` in its period; -1 is the chain's end."""
-
-    period: int
-    place: int
-    key: bytes
-
-
-@dataclass(slots=True)
 class Verifier:
     """Checks one stream, from any place on, against one broadcaster's announcement.
 
@@ -85,8 +69,8 @@ class Verifier:
     ----------
     announcement : Announcement
     tolerance_s : float
-        How far the time that the keys tell may be from the time at which superframes arrive, or
-        from that of the first ones where no clock is given.
+        How far the time on air, by the keys, may be from the time of arrival by the clock; where no
+        superframe has a time of arrival, from the time that the first key implies.
     likely_s : tuple of float
         Times at which superframes may have been on air, seconds since 1970: where no clock is
         given, the first key is found sooner if one of them is right.
@@ -95,10 +79,13 @@ class Verifier:
     ----------
     status : str
         Of the stream: that of its last block of which the key is known.
+    reason : str
+        Why it is not verified.
     verified_after : int or None
         Superframes from the first one to the first time that the stream was verified.
-    on_air_s : float or None
-        When superframe 0 was on air by the keys, seconds since 1970 (UTC).
+    age_s : float or None
+        How long ago the last superframe that was checked had been on air when it arrived; None
+        without a clock.
     """
 
     announcement: Announcement
@@ -107,21 +94,33 @@ class Verifier:
     status: Status = "unknown"
     reason: str = ""
     verified_after: int | None = None
-    _layout: ProofLayout = LAYOUTS[9]
-    _seen: dict[int, _SeenSuperframe] = field(default_factory=dict)
+    age_s: float | None = None
+    _received: ReceivedProofs = field(default_factory=ReceivedProofs)
     _open: deque[int] = field(default_factory=deque)
     _first: int | None = None
+    _last: int = 0
     _offset: int | None = None
-    _told_offset: float | None = None
-    _known: _Known | None = None
-    _unsettled: set[int] = field(default_factory=set)
-    _settled_until: int = 0
-    _tried: int = 0
+    _first_offset: int | None = None
+    _has_clock: bool = False
+    _latest: dict[int, KnownKey] = field(default_factory=dict)
+    _known: KnownKey | None = None
+    _pending: list[int] = field(default_factory=list)
+    _next: int = 0
+    _misses: int = 0
+    _others: int = 0
+    _search: ChainSearch = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._search = ChainSearch(self.announcement, self.tolerance_s, self.likely_s)
 
     @property
     def on_air_s(self) -> float | None:
         """When superframe 0 was on air by the keys, seconds since 1970 (UTC)."""
         return None if self._offset is None else time_of(self._offset)
+
+    @property
+    def _layout(self) -> ProofLayout:
+        return self._received.layout
 
     def take(
         self, index: int, covered: bytes | None, proof: tuple[int, int] | None,
@@ -138,20 +137,22 @@ class Verifier:
         proof : (int, int) or None
             The field and its width; None if there is none.
         utc_s : float or None
-            When it was on air by a clock that one trusts, seconds since 1970.
+            When it arrived by a clock that one trusts, seconds since 1970.
         """
         if self._first is None:
             self._first = index
+        self._last = index
         if covered is not None:
-            if proof is not None and proof[1] != self._layout.width:
-                self._use(LAYOUTS[proof[1]])
-            value = -1 if proof is None else proof[0]
-            self._seen[index] = _SeenSuperframe(covered, value, utc_s)
+            self._has_clock |= utc_s is not None
+            self._received.by_index[index] = ArrivedSuperframe(covered, proof, utc_s)
             self._open.append(index)
-        if self._offset is None:
-            self._look_for_keys(index)
-        else:
+            self._follow_width(proof)
+        if self._offset is not None:
             self._settle_until(index)
+        if self._offset is None:
+            found = self._search.look(self._received, index, self._latest.get(self._layout.width))
+            if found is not None:
+                self._lock(found, index - self._layout.block + 1)
         verdicts = list(self._decided(index))
         self._forget(index)
         return verdicts
@@ -159,250 +160,197 @@ class Verifier:
     def finish(self) -> list[Verdict]:
         """Return the verdicts that were still open; the stream has ended or begins anew."""
         left = [self._verdict(index) for index in self._open]
-        self._seen.clear()
+        self._received.by_index.clear()
         self._open.clear()
-        self._unsettled.clear()
-        self._first = self._offset = self._known = None
+        self._unlock()
+        self._first = None
         return left
 
-    def _use(self, layout: ProofLayout) -> None:
-        """Go over to fields of another width: blocks begin anew."""
-        self._layout = layout
+    def _follow_width(self, proof: tuple[int, int] | None) -> None:
+        """Go over to fields of another width when enough of them have come."""
+        if proof is None or proof[1] == self._layout.width:
+            self._others = 0
+            return
+        self._others += 1
+        if self._others >= _OTHERS:
+            self._received.layout = LAYOUTS[proof[1]]
+            self._others = 0
+            self._unlock()
+
+    def _unlock(self) -> None:
+        """Look for the stream's place anew; the latest key stays known."""
+        self._search.restart(found=self._offset is not None)
         self._offset = self._known = None
-        self._unsettled.clear()
+        self._pending.clear()
+        self._misses = 0
 
-    def _window(self, begin: int, tag: Tag) -> tuple[dict[int, bytes], bool]:
-        """Return what is there of a tag's superframes, by distance, and whether all of it is."""
-        end = begin + self._layout.block
-        there = {
-            distance: self._seen[end - distance].covered
-            for distance in range(tag.nearest, tag.farthest + 1)
-            if end - distance in self._seen
-        }
-        return there, len(there) == tag.reach
-
-    def _look_for_keys(self, index: int) -> None:
-        """Try whether the last superframes were a block of this broadcaster's."""
-        layout = self._layout
-        stride = _STRIDES[min(self._tried // (4 * layout.block), len(_STRIDES) - 1)]
-        begin = index - layout.block + 1
-        if index % stride:
-            return
-        whole, quick, sent = self._told(begin)
-        window, complete = self._window(begin, layout.quick)
-        if quick is None or sent is None or not complete:
-            return
-        self._tried += 1
-        keys = agreeing(sent, digest_of(window), layout.quick, quick)
-        window, complete = self._window(begin, layout.whole)
-        digest = digest_of(window)
-        sure = [key for key in keys if whole == tag_of(key, digest, layout.whole)]
-        utc_s = self._seen[index].utc_s
-        if not sure and complete and whole is not None:
-            return
-        for key in sure or keys:
-            found = self._locate(key, self._likely_periods(utc_s, every=bool(sure)))
-            if found is not None:
-                self._lock(found, begin)
-                return
-
-    def _locate(self, key: bytes, periods: Iterable[int]) -> _Known | None:
-        """Return which key of which period this is."""
-        width = self._layout.width
-        for period in periods:
-            end = self.announcement.end_of(period, width)
-            chain, earlier = self.announcement.chain(period, width), key
-            for place in range(self._layout.blocks):
-                earlier = chain.before(earlier)
-                if earlier == end:
-                    return _Known(period, place, key)
-        return None
-
-    def _likely_periods(self, utc_s: float | None, *, every: bool) -> Iterable[int]:
-        """Return the periods in which a block may be: about a time, or all, if there is none."""
-        periods = self.announcement.periods
-        if utc_s is None and every:
-            return reversed(periods)
-        reach_s = max(self.tolerance_s, PERIOD * SUPERFRAME_S)
-        times = self.likely_s if utc_s is None else (utc_s,)
-        return sorted({
-            period
-            for time_s in times
-            for away_s in (-reach_s, 0.0, reach_s)
-            for period in (int(number_at(time_s + away_s) // PERIOD),)
-            if period in periods
-        })  # fmt: skip
-
-    def _lock(self, known: _Known, begin: int) -> None:
+    def _lock(self, known: KnownKey, begin: int) -> None:
         """Begin with the first key that was found: that of the block at index `begin`."""
         layout = self._layout
-        self._known, self._tried = known, 0
-        self._offset = known.period * PERIOD + known.place * layout.block - begin
-        if self._told_offset is None:
-            self._told_offset = float(self._offset)
-        block = (begin + self._offset) // layout.block
-        oldest = (min(self._seen) + self._offset) // layout.block
-        self._unsettled = set(range(oldest, block + 1))
-        self._settled_until = block + 1
-        self._check_time(begin)
-        self._settle(known)
-
-    def _check_time(self, begin: int) -> None:
-        """Compare the time that a key tells with that of arrival, or of the first key."""
-        assert self._offset is not None
-        assert self._told_offset is not None
-        utc_s = self._seen[begin].utc_s if begin in self._seen else None
-        told = self._told_offset if utc_s is None else number_at(utc_s) - begin
-        away_s = (self._offset - told) * SUPERFRAME_S
-        late = abs(away_s) > self.tolerance_s
-        self.reason = f"from another time, {away_s:+.0f} s away" if late else ""
+        block = known.period * layout.blocks + known.place
+        self._offset = block * layout.block - begin
+        if self._first_offset is None:
+            self._first_offset = self._offset
+        oldest = (min(self._received.by_index) + self._offset) // layout.block
+        self._pending = list(range(oldest, block + 1))
+        self._next = block + 1
+        self._learn(known)
 
     def _settle_until(self, index: int) -> None:
-        """Learn the keys of the blocks that have ended, and check what they prove."""
-        assert self._offset is not None
-        layout = self._layout
-        while (self._settled_until + 1) * layout.block - 1 <= index + self._offset:
-            block = self._settled_until
-            self._settled_until += 1
-            self._unsettled.add(block)
-            begin = block * layout.block - self._offset
-            earlier = self._key_before(block)
-            if earlier is None:
-                self.status = "unknown"
-                continue
-            keys = self._keys_after(earlier, block, begin)
-            if keys is None:
-                continue
-            key = next(iter(keys), None)
-            if key is None:
-                self.status, self.reason = "forged", "its keys are not the broadcaster's"
-            else:
-                self._known = _Known(earlier.period, block % layout.blocks, key)
-                self._check_time(begin)
-                self._settle(self._known)
+        """Find the keys of the blocks that have ended, and check what they prove."""
+        while self._offset is not None:
+            block = self._next
+            if (block + 1) * self._layout.block - 1 > index + self._offset:
+                return
+            self._next += 1
+            self._pending.append(block)
+            self._settle(block, block * self._layout.block - self._offset)
 
-    def _key_before(self, block: int) -> _Known | None:
-        """Return the latest key from which that of a block can be told, None if none is given."""
-        layout = self._layout
-        period = block // layout.blocks
-        if self._known is not None and self._known.period == period:
-            return self._known
-        end = self.announcement.end_of(period, layout.width)
-        return None if end is None else _Known(period, -1, end)
+    def _settle(self, block: int, begin: int) -> None:
+        """Find the key of a block; without it, those of later blocks lead to it."""
+        period, place = divmod(block, self._layout.blocks)
+        if block not in self.announcement.blocks(self._layout.block):
+            self.status, self.reason = "unknown", f"the key file holds {self.announcement.span}"
+            return
+        keys = self._keys_of(period, place, begin)
+        if keys:
+            self._misses = 0
+            self._learn(KnownKey(period, place, keys[0]))
+        elif keys is not None:
+            self._misses += 1
+            self.status, self.reason = "forged", "its keys are not the broadcaster's"
+            if self._misses >= _MISSES:
+                self._unlock()
+        elif len(self._pending) >= _WAIT:
+            self.status, self.reason = "unknown", "no proofs arrive"
 
-    def _keys_after(self, earlier: _Known, block: int, begin: int) -> Iterable[bytes] | None:
-        """Return the block's key as its fields say, if they do; None if too many of them are lost.
-
-        Far from the last key that is known, a tag sorts those that are tried.
-        """
-        layout = self._layout
-        _, quick, sent = self._told(begin)
+    def _keys_of(self, period: int, place: int, begin: int) -> list[bytes] | None:
+        """Return the block's key if its fields say one that leads to the chain; None if lost."""
+        width, sent = self._layout.width, self._received.sent(begin)
         if sent is None:
             return None
-        chain = self.announcement.chain(earlier.period, layout.width)
-        steps = block % layout.blocks - earlier.place
+        known = self._known
+        if known is None or known.period != period:
+            known = KnownKey(period, -1, self.announcement.end_of(period, width))
+        chain, steps = self.announcement.chain(period, width), place - known.place
         if steps <= _FAR_STEPS:
-            key = chain.find(sent, earlier.key, steps)
-            return () if key is None else (key,)
-        window, complete = self._window(begin, layout.quick)
-        if quick is None or not complete:
+            key = chain.find(sent, place, known.key, steps)
+            return [] if key is None else [key]
+        quick = self._received.quick(begin)
+        if quick is None:
             return None
-        keys = agreeing(sent, digest_of(window), layout.quick, quick)
-        return (key for key in keys if chain.before(key, steps) == earlier.key)
+        distance = self._layout.block - self._layout.quick
+        keys = agreeing(self.announcement.channel, sent, distance, quick[1], quick[0])
+        return [key for key in keys if chain.before(key, place, steps) == known.key]
 
-    def _settle(self, known: _Known) -> None:
-        """Check the tags of all blocks whose keys follow from this one."""
-        chain = self.announcement.chain(known.period, self._layout.width)
-        per_period = self._layout.blocks
-        for block in sorted(self._unsettled):
-            period, place = divmod(block, per_period)
-            if period != known.period or place > known.place:
-                continue
-            self._unsettled.discard(block)
-            self._check_tags(block, chain, known)
+    def _learn(self, known: KnownKey) -> None:
+        """Check all blocks whose keys follow from this one."""
+        layout, self._known = self._layout, known
+        latest = self._latest.get(layout.width)
+        if latest is None or (known.period, known.place) > (latest.period, latest.place):
+            self._latest[layout.width] = known
+        chain = self.announcement.chain(known.period, layout.width)
+        for block in self._pending:
+            period, place = divmod(block, layout.blocks)
+            if period == known.period:
+                self._check(block, chain.before(known.key, known.place, known.place - place))
+        self._pending.clear()
 
-    def _check_tags(self, block: int, chain: Chain, known: _Known) -> None:
-        layout = self._layout
+    def _check(self, block: int, key: bytes) -> None:
+        """Compare the tags of a block, whose key is known, with what arrived."""
+        layout, received = self._layout, self._received
         assert self._offset is not None
         begin = block * layout.block - self._offset
-        key = chain.before(known.key, known.place - block % layout.blocks)
-        end = begin + layout.block
-        agreed = denied = False
-        whole, quick, _ = self._told(begin)
-        for tag, told in ((layout.quick, quick), (layout.whole, whole)):
-            window, complete = self._window(begin, tag)
-            if told is None or not window:
-                continue
-            if tag_of(key, digest_of(window), tag) == told:
-                agreed = True
-                for distance in window:
-                    self._seen[end - distance].agreed_bits += tag.bits
-            elif complete and not any(self._seen[end - d].denied for d in window):
-                denied = True
-                self._deny([end - d for d in window], sure=tag is layout.quick)
-        if denied:
-            self.status, self.reason = "forged", self.reason or "changed on its way"
-        elif self.reason:
-            self.status = "forged"
+        before, channel = begin - layout.block, self.announcement.channel
+        agreed: set[int] = set()
+        denied: set[int] = set()
+        changed = False
+        quick = received.quick(begin)
+        if quick is not None:
+            changed = tag_of(channel, key, layout.block - layout.quick, quick[1]) != quick[0]
+            agreed |= set() if changed else {begin + layout.quick}
+        tags = {
+            index - before: tag_of(channel, key, begin + layout.block - index, arrived.covered)
+            for index, arrived in received.between(before, begin).items()
+        }
+        if any(received.checks(begin).values()):  # else nothing was sent before
+            wrong = self._wrong(begin, tags)
+            if wrong is not None:
+                denied = {before + place for place in wrong}
+                agreed |= {before + place for place in tags} - denied
+        late = self._late(before, begin + layout.block)
+        for index in agreed | denied:
+            arrived = received.by_index[index]
+            if index in agreed and not late:
+                arrived.agreed, arrived.reason = True, ""
+            elif not arrived.agreed:
+                arrived.agreed, arrived.reason = False, late or _CHANGED
+        if late or changed or denied:
+            self.status, self.reason = "forged", late or _CHANGED
         elif agreed:
-            self.status = "verified"
+            self.status, self.reason = "verified", ""
             if self.verified_after is None and self._first is not None:
-                self.verified_after = begin + layout.block - self._first
+                self.verified_after = self._last + 1 - self._first
 
-    def _deny(self, indices: list[int], *, sure: bool) -> None:
-        """Note that of these superframes one at least is not what was sent."""
-        for index in indices:
-            seen = self._seen[index]
-            if sure or not seen.agreed_bits:
-                seen.denied = "changed on its way"
+    def _wrong(self, begin: int, tags: dict[int, int]) -> list[int] | None:
+        """Return the places of superframes of the block before that are not what was sent.
 
-    def _told(self, begin: int) -> tuple[int | None, int | None, int | None]:
-        """Return whole tag, quick tag and sent bits of the key that a block's fields say."""
-        layout = self._layout
-        whole, both = layout.whole.bits, layout.whole.bits + layout.quick.bits
-        return (
-            self._bits(begin, 0, whole),
-            self._bits(begin, whole, layout.quick.bits),
-            self._bits(begin, both, SENT_BITS),
-        )
+        None if too many were lost to say it.
+        """
+        layout, received = self._layout, self._received
+        before, checks = begin - layout.block, received.checks(begin)
+        missing = [place for place in range(layout.block) if place not in tags]
+        whole = agree(checks, tags, missing)
+        if whole is None and self._first is not None:  # the first ones may never have been sent
+            lost = [place for place in missing if before + place > self._first]
+            return [] if agree(checks, tags, lost) else None
+        if whole is None or whole:
+            return None if whole is None else []
+        for index in received.between(before, begin + layout.block):
+            place = index - before
+            rest = {at: tag for at, tag in tags.items() if at != place}
+            told = received.checks(begin, without=index)
+            if agree(told, rest, set(missing) | ({place} & set(tags)), spare=_LOCATING):
+                return [place] if place in tags else []
+        return list(tags)
 
-    def _bits(self, begin: int, at: int, count: int) -> int | None:
-        """Return some bits of a block's fields, None where one of the fields was lost."""
-        width, value = self._layout.width, 0
-        first, last = at // width, (at + count - 1) // width
-        for index in range(begin + first, begin + last + 1):
-            seen = self._seen.get(index)
-            if seen is None or seen.proof < 0:
-                return None
-            value = value << width | seen.proof
-        return value >> (last + 1) * width - at - count & (1 << count) - 1
+    def _late(self, first: int, stop: int) -> str:
+        """Return why these superframes are from another time, "" if they are not."""
+        assert self._offset is not None
+        assert self._first_offset is not None
+        ages = [
+            arrived.utc_s - time_of(index + self._offset)
+            for index, arrived in self._received.between(first, stop).items()
+            if arrived.utc_s is not None
+        ]
+        if ages:
+            self.age_s = ages[-1]
+            away_s = max(ages, key=abs)
+        elif self._has_clock:
+            return "without a time of arrival"
+        else:
+            away_s = (self._first_offset - self._offset) * SUPERFRAME_S
+        if abs(away_s) <= self.tolerance_s:
+            return ""
+        return f"from another time, {away_s:.0f} s old; {self.tolerance_s:g} s are allowed"
 
     def _decided(self, index: int) -> Iterator[Verdict]:
         """Yield the verdicts that later superframes cannot change."""
-        layout = self._layout
-        latest = index - layout.whole.farthest - layout.block
+        latest = index - _WAIT * self._layout.block
         while self._open:
             oldest = self._open[0]
-            seen = self._seen[oldest]
-            ready = seen.denied or seen.agreed_bits >= NEEDED_BITS or oldest < latest
-            if not ready:
+            if self._received.by_index[oldest].agreed is None and oldest > latest:
                 return
             self._open.popleft()
             yield self._verdict(oldest)
 
     def _verdict(self, index: int) -> Verdict:
-        seen = self._seen[index]
-        if seen.denied:
-            return Verdict(index, "forged", seen.denied)
-        if seen.agreed_bits < NEEDED_BITS:
+        arrived = self._received.by_index[index]
+        if arrived.agreed is None:
             return Verdict(index, "unknown")
-        return Verdict(index, "forged", self.reason) if self.reason else Verdict(index, "verified")
+        return Verdict(index, "verified" if arrived.agreed else "forged", arrived.reason)
 
     def _forget(self, index: int) -> None:
-        layout = self._layout
-        oldest = index - 2 * layout.whole.farthest - layout.block
-        for old in [k for k in self._seen if k < oldest]:
-            del self._seen[old]
-        if self._offset is not None:
-            gone = (oldest + self._offset) // layout.block
-            self._unsettled = {block for block in self._unsettled if block >= gone}
+        known, oldest = self._received.by_index, index - (_WAIT + 1) * self._layout.block
+        for old in [at for at in known if at < oldest]:
+            del known[old]

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cuecast.command.arguments import positive
 from cuecast.command.errors import UsageError
 
 if TYPE_CHECKING:
@@ -14,11 +15,14 @@ if TYPE_CHECKING:
 _RECORDING_S = 5.0
 """How far the time of a recording's keys may move within it: no sender's clock drifts so much."""
 
-LIVE_S = 60.0
-"""How late a broadcast may come that is received live: as late as streams do."""
+LIVE_S = 10.0
+"""How old a broadcast may be that is received live, unless --late says otherwise."""
 
-HOLD_S = 16.0
-"""After so long a superframe is verified: two blocks' tags and their keys, less its lead."""
+STREAM_S = 60.0
+"""How old one may be that comes by HTTP: players and servers hold it back for segments."""
+
+HOLD_S = 30.0
+"""After so long a superframe is verified though a key was lost: three blocks, less its lead."""
 
 
 def add_trust(parser: argparse.ArgumentParser) -> None:
@@ -26,6 +30,11 @@ def add_trust(parser: argparse.ArgumentParser) -> None:
     whose = parser.add_mutually_exclusive_group()
     whose.add_argument("--verify", metavar="PUBLIC", help="tell whether the cues are of this key")
     whose.add_argument("--trust", metavar="PUBLIC", help="show only cues verified by this key")
+    parser.add_argument(
+        "--late", type=positive, metavar="S",
+        help=f"how old verified cues may be where the time is known: {LIVE_S:.0f} s by default, "
+        f"{STREAM_S:.0f} s by HTTP; who can hold a programme back for less can forge it",
+    )  # fmt: skip
 
 
 def trust_of(args: argparse.Namespace, *, live: bool = False) -> "Trust | None":
@@ -37,14 +46,17 @@ def trust_of(args: argparse.Namespace, *, live: bool = False) -> "Trust | None":
     from receiver.reception.authenticity import Trust
 
     announcement, strict = load_announcement(path), args.trust is not None
+    late_s = args.late
+    if late_s is None:
+        late_s = STREAM_S if str(args.programme).startswith("http") else LIVE_S
     if live:
-        return Trust(announcement, strict, lambda position_s: time.time(), LIVE_S)
+        return Trust(announcement, strict, lambda position_s: time.time(), late_s)
     told = getattr(args, "on_air", None)
     if told is None:
         likely = (*_written_s(args.programme), time.time())
         return Trust(announcement, strict, tolerance_s=_RECORDING_S, likely_s=likely)
     begin_s = seconds_of(told)
-    return Trust(announcement, strict, lambda position_s: begin_s + position_s, LIVE_S)
+    return Trust(announcement, strict, lambda position_s: begin_s + position_s, late_s)
 
 
 def _written_s(path: str) -> tuple[float, ...]:

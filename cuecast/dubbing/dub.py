@@ -137,14 +137,13 @@ def dub(
     """
     if not options.carriers:
         raise CueError("no carrier: nothing to dub into")
-    _check_earlier(programme, voice, options)
+    told = _check_earlier(programme, voice, options)
     carriers: dict[str, dict[str, Any]] = {}
     sound_profile = find_profile(options.profiles["audio"])
     picture = {name: options.profiles[name] for name in options.carriers if name != "audio"}
     report: dict[str, Any] = {}
     signing = None if options.sign is None else Signing(options.sign, options.on_air_s)
     seconds: list[float] = []
-    told: list[str] = []
     sent = Sent()
 
     def advance(length_s: float) -> None:
@@ -177,11 +176,16 @@ def dub(
     return report
 
 
-def _check_earlier(programme: str | os.PathLike[str], voice: Voice, options: DubOptions) -> None:
-    """Refuse a programme that has a cuer already, unless she is to be replaced in full."""
+def _check_earlier(
+    programme: str | os.PathLike[str], voice: Voice, options: DubOptions
+) -> list[str]:
+    """Refuse a programme that has a cuer already, unless she is to be replaced in full.
+
+    Return what the report says of it.
+    """
     earlier = earlier_marks(programme, voice, key=options.key, track=options.track)
     if not earlier:
-        return
+        return []
     names = " and ".join(earlier)
     if not options.replace:
         raise CueError(
@@ -194,6 +198,12 @@ def _check_earlier(programme: str | os.PathLike[str], voice: Voice, options: Dub
             f"{programme}: the cuer that it has in {' and '.join(kept)} would stay: "
             f"add it to --carriers"
         )
+    if any(earlier.values()) and options.sign is None:
+        return [
+            "the cuer that is replaced is signed, the new one is not: sets that verify report it; "
+            "sign it with --sign"
+        ]
+    return []
 
 
 def _told_keys(keys: Sequence[Key], duration_s: float) -> dict[str, Any]:

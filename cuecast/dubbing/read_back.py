@@ -5,6 +5,7 @@ they were sent, how many keys a viewer sees, and the true PSNR of the picture. N
 programme was dubbed before is the same look with less patience.
 """
 
+import contextlib
 import math
 import os
 import tempfile
@@ -19,7 +20,8 @@ import numpy as np
 
 from codec.cuer.voice import Voice
 from codec.cues.score import Key
-from codec.errors import CueError
+from codec.errors import BitstreamError, CueError
+from codec.superframe.checks import proof_of
 from cuecast.media.rewrite import Unchanged, rewrite_sound
 from receiver.media.picture import picture_format, read_lumas
 from receiver.media.programme import open_programme
@@ -260,13 +262,16 @@ def true_psnr_db(programme: str | os.PathLike[str], target: str | os.PathLike[st
 
 def earlier_marks(
     programme: str | os.PathLike[str], voice: Voice, *, key: int = 0, track: int = 0
-) -> list[str]:
-    """Return the carriers in which a programme has a cuer already, by a look at two places.
+) -> dict[str, bool]:
+    """Return the carriers in which a programme has a cuer already, and whether she is signed.
+
+    Two places are looked at.
 
     A mark of another key is not seen, nor one so changed that receivers have to guess what happened
     to it: these never come to guess, since the mark that will be made is found first.
     """
     found: dict[str, int] = {}
+    signed: set[str] = set()
     with open_programme(programme, track=track) as opened:
         length_s = opened.duration_s or 0.0
     places = [0.0] if length_s < 4 * _LOOK_S else [0.0, length_s / 2]
@@ -278,8 +283,8 @@ def earlier_marks(
                     opened, voice, key=key, start_s=start_s, keep_keys=False, guess=False
                 )
             except CueError:  # neither a sound nor a picture that could have one
-                return []
-            reception.receiver.witness = lambda one: _count(found, one)
+                return {}
+            reception.receiver.witness = lambda one: _count(found, signed, one)
             try:
                 for reached in reception.progress():
                     if (
@@ -289,9 +294,11 @@ def earlier_marks(
                         break
             except CueError:  # what is wrong with it, dubbing will tell
                 continue
-    return sorted(name for name, count in found.items() if count >= _PROOF)
+    return {name: name in signed for name in sorted(found) if found[name] >= _PROOF}
 
 
-def _count(found: dict[str, int], one: Found) -> None:
+def _count(found: dict[str, int], signed: set[str], one: Found) -> None:
     if one.superframe.l0 is not None:
         found[one.carrier] = found.get(one.carrier, 0) + 1
+        with contextlib.suppress(BitstreamError):
+            signed |= {one.carrier} if proof_of(one.superframe.l0) is not None else set()

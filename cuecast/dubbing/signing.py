@@ -3,7 +3,6 @@
 from collections.abc import Callable
 
 from codec.authentication.announcement import SigningKey
-from codec.authentication.layout import LAYOUTS
 from codec.authentication.signer import Signer
 from codec.errors import CueError
 from codec.superframe.checks import proof_of, proved, with_proof
@@ -21,21 +20,22 @@ class Signing:
         When the programme's clock is at zero, seconds since 1970 (UTC).
     kept : int, optional
         How many superframes back a carrier may be behind another one; None: any.
-    used : int
-        End of the numbers on the public clock that are used already; no number is used twice.
+    after : Signer, optional
+        What signed until now: no number is used twice.
     """
 
     def __init__(
-        self, key: SigningKey, on_air_s: float, *, kept: int | None = None, used: int = 0
-    ) -> None:
-        self._key, self._on_air_s, self._kept, self._used = key, on_air_s, kept, used
+        self, key: SigningKey, on_air_s: float, *, kept: int | None = None,
+        after: Signer | None = None,
+    ) -> None:  # fmt: skip
+        self._key, self._on_air_s, self._kept, self._after = key, on_air_s, kept, after
         self._signer: Signer | None = None
         self._signed: dict[int, tuple[bytes, int]] = {}
 
     @property
-    def used(self) -> int:
-        """End of the numbers on the public clock that are used."""
-        return self._used if self._signer is None else self._signer.number
+    def signer(self) -> Signer | None:
+        """What has signed last."""
+        return self._after if self._signer is None else self._signer
 
     def source(self, source: Source, first: int) -> Source:
         """Return a source of signed superframes; the first one is on air in place `first`."""
@@ -56,9 +56,9 @@ class Signing:
         field = proof_of(l0)
         assert field is not None, "a superframe without a place for its proof"
         if self._signer is None:
-            self._signer = Signer(self._key, self._on_air_s, field[1], place=place)
-            block = LAYOUTS[field[1]].block
-            self._signer.number += block * max(0, -(-(self._used - self._signer.number) // block))
+            self._signer = Signer(
+                self._key, self._on_air_s, field[1], place=place, after=self._after
+            )
         elif self._signed and place != max(self._signed) + 1:
             raise CueError(f"superframe {place} is to be signed out of its turn")
         value = self._signer.take(covered)

@@ -44,6 +44,6 @@ class LiveSigning:
             begins_s = self._on_air_s + start_s
         self._last = Signing(
             self._key, begins_s - first * SUPERFRAME_S, kept=_KEPT,
-            used=0 if self._last is None else self._last.used,
+            after=None if self._last is None else self._last.signer,
         )  # fmt: skip
         return self._last

@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
         return _show(args)
     begin_s = time.time() if args.begin is None else _seconds(args.begin)
     key = new_key(args.name) if args.action == "new" else load_signing_key(args.secret)
-    with count_bar("hours") as advance:
+    with count_bar("months") as advance:
         announcement = key.announce(begin_s, args.days, advance)
     if args.action == "new":
         key.save(args.secret)
@@ -67,13 +67,9 @@ def _seconds(date: str) -> float:
 
 def _show(args: argparse.Namespace) -> int:
     from codec.authentication.announcement import load_announcement
-    from codec.authentication.layout import PERIOD, time_of
 
     found = load_announcement(args.public)
-    begin, end = (
-        datetime.fromtimestamp(time_of(period * PERIOD), UTC).isoformat(timespec="minutes")
-        for period in (found.periods.start, found.periods.stop)
-    )
+    begin, end = found.dates
     pinned = args.pinned is None or found.continues(load_announcement(args.pinned))
     told = {
         "name": found.name, "fingerprint": found.fingerprint, "from": begin, "to": end,

@@ -72,7 +72,13 @@ def run(args: argparse.Namespace) -> int:
     if args.trust is not None and whose is not None and whose["superframes"]["unknown"]:
         note(
             f"note: {whose['superframes']['unknown']} superframes are not shown: nothing proves "
-            "them; what proves the last quarter of a minute comes after it"
+            "them; what proves the last 20 s comes after them; the key file holds "
+            f"{whose['holds']}"
+        )
+    if whose is not None and whose["downgraded_s"] is not None:
+        note(
+            f"warning: from {whose['downgraded_s']:.1f} s on the cues are not signed, though "
+            f"{whose['of']} signs: somebody may have replaced them"
         )
     if args.output is not None and reception.motion is not None:
         save_motion(reception.motion, args.output)

@@ -24,7 +24,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_trust(parser)
     parser.add_argument(
         "--hold", type=not_negative, metavar="S",
-        help=f"show a broadcast S seconds later ({HOLD_S:.0f} with --trust; 58 for robust sound)",
+        help=f"show a broadcast S seconds later ({HOLD_S:.0f} with --trust; 123 for robust sound)",
     )  # fmt: skip
     add_voice(parser)
     add_key(parser)

@@ -80,6 +80,7 @@ export class Stage {
     this.status.dataset.whose = whose ? whose.status : "";
     let text = words[state];
     if (whose) text += ` · ${words[whose.status]}${whose.status === "verified" ? ` (${whose.of})` : ""}`;
+    if (whose && Math.abs(whose.age_s) >= 1) text += ` · ${Math.round(whose.age_s)} s`;
     if (this.statusText.textContent !== text) this.statusText.textContent = text;
   }
 

@@ -2,16 +2,17 @@
 
 Superframes as received go in, those that may be drawn come out: all of them at once where the
 viewer only wants to be told, only verified ones, some seconds later, where he wants no others.
-Specification: spec/authentication.md, section 5.
+Specification: spec/authentication.md, section 6.
 """
 
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, Literal
 
 from codec.authentication.announcement import Announcement
+from codec.authentication.layout import number_at
 from codec.authentication.verifier import Status, Verdict, Verifier
 from codec.errors import BitstreamError
 from codec.superframe.checks import proof_of, proved
@@ -22,6 +23,9 @@ _ON_GRID_S = 0.1
 
 _LONGEST_GAP = 64
 """Superframes that may be missing within a run; after more of them the blocks begin anew."""
+
+_UNSIGNED = 4
+"""Superframes in a row without a proof after which the cues count as unsigned."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +41,8 @@ class Trust:
         Gives the time at which a superframe at a position on the programme's clock was on air,
         seconds since 1970; None where nobody knows: that of the first keys then counts.
     tolerance_s : float
-        How far the keys' time may be from the clock's.
+        How far the time on air by the keys may be from the clock's. Whoever can hold a programme
+        back may forge it if he holds it back for less than this.
     likely_s : tuple of float
         Times at which a recording without a clock may have been on air, seconds since 1970: if one
         of them is right within an hour, it is verified sooner.
@@ -83,7 +88,11 @@ class Gate:
         self._last = -1
         self._held: dict[int, Passed] = {}
         self._counts: Counter[str] = Counter()
-        self._status: Status = "unknown"
+        self._status: Status | Literal["unsigned"] = "unknown"
+        self._reason = ""
+        self._bare, self._was_signed = 0, False
+        self._clock_s: float | None = None
+        self._downgraded_s: float | None = None
         self._verified_s: float | None = None
         self._on_air_s: float | None = None
 
@@ -102,7 +111,11 @@ class Gate:
         self._last = index
         self._held[index] = superframe
         covered, proof = _read(l0)
-        verdicts = self._verifier.take(index, covered, proof, utc_s=self._trust.clock(on_air_s))
+        self._bare = 0 if proof is not None else self._bare + 1
+        self._was_signed |= proof is not None
+        utc_s = self._trust.clock(on_air_s)
+        self._clock_s = utc_s
+        verdicts = self._verifier.take(index, covered, proof, utc_s=utc_s)
         return passed + self._released(verdicts), self._told(on_air_s + SUPERFRAME_S)
 
     def finish(self) -> list[Passed]:
@@ -123,8 +136,11 @@ class Gate:
             "of": announcement.name,
             "fingerprint": announcement.fingerprint,
             "status": self._status,
-            "reason": self._verifier.reason,
+            "reason": self._reason,
+            "age_s": None if self._verifier.age_s is None else round(self._verifier.age_s, 1),
+            "holds": announcement.span,
             "verified_s": self._verified_s,
+            "downgraded_s": self._downgraded_s,
             "on_air": None if on_air is None else on_air.isoformat(timespec="seconds"),
             "superframes": {name: self._counts[name] for name in ("verified", "unknown", "forged")},
         }
@@ -156,17 +172,34 @@ class Gate:
                 released.append(Passed(superframe.l0, None, superframe.on_air_s))
         return released if self._trust.only_verified else []
 
+    def _now(self) -> tuple[Status | Literal["unsigned"], str]:
+        """Return what is known of the stream now, and why it is not verified."""
+        if self._bare >= _UNSIGNED:
+            if self._was_signed:
+                return "unsigned", "signed cues were replaced by unsigned ones"
+            return "unsigned", f"not signed, though {self._trust.announcement.name} signs"
+        announcement, status = self._trust.announcement, self._verifier.status
+        now_s = self._clock_s
+        if status != "unknown" or now_s is None:
+            return status, self._verifier.reason
+        if not announcement.first <= number_at(now_s) < announcement.until:
+            date = datetime.fromtimestamp(now_s, UTC).isoformat(timespec="minutes")
+            return status, f"the key file holds {announcement.span}, not at {date}"
+        return status, self._verifier.reason
+
     def _told(self, now_s: float) -> list[Event]:
-        verifier = self._verifier
-        if verifier.status == self._status:
+        verifier, before = self._verifier, (self._status, bool(self._reason))
+        self._status, self._reason = self._now()
+        if (self._status, bool(self._reason)) == before:
             return []
-        self._status = verifier.status
-        if self._verified_s is None and verifier.status == "verified":
+        if self._downgraded_s is None and self._status == "unsigned":
+            self._downgraded_s = round(now_s - _UNSIGNED * SUPERFRAME_S, 3)
+        if self._verified_s is None and self._status == "verified":
             self._verified_s = round(now_s, 3)
             if verifier.on_air_s is not None and self._base_s is not None:
                 self._on_air_s = verifier.on_air_s - self._base_s
         return [
             AuthenticityChanged(
-                now_s, verifier.status, self._trust.announcement.name, verifier.reason
+                now_s, self._status, self._trust.announcement.name, self._reason, verifier.age_s
             )
         ]

@@ -126,17 +126,20 @@ class AuthenticityChanged:
     ----------
     time_s : float
     status : str
-        ``verified``, ``unknown`` or ``forged``.
+        ``verified``, ``unknown`` or ``forged``; ``unsigned`` where the cues carry no proof.
     of : str
         The broadcaster's name.
     reason : str
-        Why they are forged.
+        Why they are not verified.
+    age_s : float or None
+        How old they are on arrival, by the keys; None where no clock is right.
     """
 
     time_s: float
-    status: Literal["unknown", "verified", "forged"]
+    status: Literal["unknown", "verified", "forged", "unsigned"]
     of: str
     reason: str = ""
+    age_s: float | None = None
 
 
 Event = StateChanged | MotionPiece | KeysFound | SuperframeLost | Unreadable | AuthenticityChanged

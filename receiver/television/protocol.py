@@ -76,9 +76,9 @@ def pack_event(event: Event) -> str | bytes:
             return json.dumps({"type": "lost", "time_s": start_s, "count": count})
         case Unreadable(time_s, message):
             return json.dumps({"type": "unreadable", "time_s": time_s, "message": message})
-        case AuthenticityChanged(time_s, status, of, reason):
+        case AuthenticityChanged(time_s, status, of, reason, age_s):
             told = {"type": "authenticity", "time_s": time_s, "status": status, "of": of}
-            return json.dumps(told | {"reason": reason})
+            return json.dumps(told | {"reason": reason, "age_s": age_s})
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.io import wavfile
 
-from codec.authentication.layout import LAYOUTS, number_at
+from codec.authentication.layout import number_at
 from codec.cuer.motion import Motion
 from codec.cuer.voice import load_voice
 from codec.superframe.encoder import SuperframeEncoder
@@ -47,7 +47,7 @@ def test_a_live_programme_is_verified(folder: Path, capsys: pytest.CaptureFixtur
     told = json.loads(capsys.readouterr().out)["authenticity"]
     assert told["status"] == "verified"
     assert told["superframes"]["forged"] == 0
-    assert told["superframes"]["verified"] >= 4
+    assert told["superframes"]["verified"] >= 1  # by a quick tag: a block's checks come after it
 
 
 def test_a_secret_that_is_none(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -71,14 +71,17 @@ def test_no_number_is_used_twice_and_memory_does_not_grow(folder: Path) -> None:
     signing = LiveSigning(str(folder / "k.key"), ON_AIR_S, 5.0)
     source, used = unsigned(), 0
     for first in range(40):
-        one = signing.run(0.64 * first, first)
+        one = signing.run(0.3 * first, first)
         one.source(source, first)(0)
-        assert one.used > used
-        used = one.used
-    assert used - number_at(ON_AIR_S) < 40 * LAYOUTS[9].block + 8
+        assert one.signer is not None
+        assert one.signer.number > used
+        used = one.signer.number
+    assert used - number_at(ON_AIR_S) == pytest.approx(40, abs=1)
     long = signing.run(100.0, 40)
     signed = long.source(source, 40)
     for k in range(200):
         signed(k)
     assert len(long._signed) <= 64
-    assert long.used >= used + 200
+    assert long.signer is not None
+    assert long.signer.number >= used + 200
+    assert len(long.signer._sent) <= 32

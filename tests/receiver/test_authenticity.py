@@ -4,6 +4,7 @@ import asyncio
 import itertools
 import json
 from collections.abc import Iterable
+from datetime import UTC, datetime
 from functools import cache
 from io import BytesIO
 
@@ -68,7 +69,7 @@ def through(
 
 
 def test_a_genuine_programme_passes_and_is_told() -> None:
-    gate = Gate(Trust(announced()))
+    gate = Gate(Trust(announced(), clock=BEGIN_S.__add__))
     passed, events = through(gate, genuine())
     assert [p.l0 for p in passed] == [l0 for l0, _ in genuine()]
     assert [(e.status, e.of) for e in events if isinstance(e, AuthenticityChanged)] == [
@@ -76,8 +77,11 @@ def test_a_genuine_programme_passes_and_is_told() -> None:
     ]
     told = gate.summary()
     assert told["status"] == "verified"
-    assert told["verified_s"] - FIRST_S <= 6.5
-    assert told["superframes"]["verified"] >= COUNT - 24
+    assert told["verified_s"] - FIRST_S <= 15.4
+    assert told["age_s"] == pytest.approx(FIRST_S, abs=0.4)
+    assert told["superframes"]["verified"] >= COUNT - 32
+    assert told["downgraded_s"] is None
+    assert told["holds"] == announced().span
     assert told["superframes"]["forged"] == 0
     assert told["on_air"].startswith("2026-10-2")
 
@@ -85,7 +89,7 @@ def test_a_genuine_programme_passes_and_is_told() -> None:
 def test_only_verified_ones_pass_where_that_is_wanted() -> None:
     gate = Gate(Trust(announced(), only_verified=True))
     passed, _ = through(gate, genuine())
-    whole = COUNT - 24
+    whole = COUNT - 32
     assert [p.l0 for p in passed[:whole]] == [l0 for l0, _ in genuine()[:whole]]
     assert {p.l0 for p in passed} <= {l0 for l0, _ in genuine()}
     assert all(p.l1 is None for p in passed)
@@ -96,7 +100,7 @@ def test_nothing_of_others_passes(number: int | None) -> None:
     gate = Gate(Trust(announced(), only_verified=True))
     passed, _ = through(gate, superframes(number=number))
     assert passed == []
-    assert gate.summary()["status"] == "unknown"
+    assert gate.summary()["status"] == ("unsigned" if number is None else "unknown")
 
 
 def test_a_forger_in_between_is_told_and_left_out() -> None:
@@ -105,7 +109,7 @@ def test_a_forger_in_between_is_told_and_left_out() -> None:
         *((with_proof(genuine()[9][0], k % 512), b"") for k in range(2)),
         *genuine()[32:],
     ]
-    gate = Gate(Trust(announced(), only_verified=True))
+    gate = Gate(Trust(announced(), only_verified=True, clock=BEGIN_S.__add__))
     passed, events = through(gate, forged)
     assert "forged" in [e.status for e in events if isinstance(e, AuthenticityChanged)]
     assert not {forged[30][0], forged[31][0]} & {p.l0 for p in passed}
@@ -181,7 +185,7 @@ def test_a_broadcast_is_held_back_and_told(monkeypatch: pytest.MonkeyPatch) -> N
     told = json.loads(sent[0][1])
     assert told == {
         "type": "authenticity", "time_s": 1.0, "status": "verified", "of": "channel 0",
-        "reason": "",
+        "reason": "", "age_s": None,
     }  # fmt: skip
 
 
@@ -189,5 +193,32 @@ def test_a_broadcast_is_held_back_and_told(monkeypatch: pytest.MonkeyPatch) -> N
 def test_a_broadcast_knows_the_time(late_s: float, status: str) -> None:
     """Live: the keys' time has to be that of the clock."""
     gate = Gate(Trust(announced(), clock=lambda position_s: BEGIN_S + late_s + position_s))
-    through(gate, genuine()[:40])
+    _, events = through(gate, genuine()[:40])
     assert gate.summary()["status"] == status
+    (told,) = [e for e in events if isinstance(e, AuthenticityChanged)]
+    assert told.age_s == pytest.approx(late_s + FIRST_S, abs=0.4)
+
+
+def test_unsigned_cues_in_place_of_signed_ones_are_reported() -> None:
+    """Within four superframes; and signed ones again, within a block."""
+    unsigned = superframes(number=None)
+    sent = [*genuine()[:34], *unsigned[34:44], *genuine()[44:]]
+    gate = Gate(Trust(announced(), clock=BEGIN_S.__add__))
+    _, events = through(gate, sent)
+    told = [e for e in events if isinstance(e, AuthenticityChanged)]
+    assert [e.status for e in told][:2] == ["verified", "unsigned"]
+    assert told[1].time_s == pytest.approx(FIRST_S + 38 * 0.64)
+    assert told[1].reason == "signed cues were replaced by unsigned ones"
+    assert gate.summary()["downgraded_s"] == pytest.approx(FIRST_S + 34 * 0.64)
+    assert [e.status for e in told][2] != "unsigned"
+
+
+@pytest.mark.parametrize("days", [-40.0, 400.0])
+def test_a_key_file_of_another_time_is_answered_with_dates(days: float) -> None:
+    at_s = BEGIN_S + days * 86400
+    gate = Gate(Trust(announced(), clock=lambda position_s: at_s + position_s))
+    _, events = through(gate, superframes(on_air_s=at_s)[:20])
+    (told,) = [e for e in events if isinstance(e, AuthenticityChanged)]
+    assert told.status == "unknown"
+    date = datetime.fromtimestamp(at_s, UTC).isoformat(timespec="minutes")[:10]
+    assert told.reason.startswith(f"the key file holds {announced().span}, not at {date}")

@@ -1,8 +1,9 @@
 """Authentic cues: genuine ones are verified soon, forged, replayed and spliced ones never."""
 
 import itertools
+import json
 import stat
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -31,6 +32,7 @@ from codec.authentication.signer import Signer
 from codec.authentication.verifier import Verdict, Verifier
 from codec.errors import CueError
 from spec.reference import authentication as reference
+from tests.codec.quick_search import quick_search
 
 pytestmark = pytest.mark.long(13)
 
@@ -48,6 +50,7 @@ def announced(number: int = 0) -> Announcement:
     return key(number).announce(BEGIN_S, 1)
 
 
+@cache
 def signed(
     count: int, width: int = 9, *, on_air_s: float = BEGIN_S, number: int = 0, seed: int = 1
 ) -> list[Sent]:
@@ -73,93 +76,103 @@ def statuses(verdicts: list[Verdict]) -> dict[int, str]:
     return {verdict.index: verdict.status for verdict in verdicts}
 
 
-@pytest.mark.parametrize(("width", "most_s"), [(9, 5.2), (2, 28.2)])
+@pytest.fixture
+def quick() -> Iterator[None]:
+    with quick_search(key(), announced().periods):
+        yield
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("width", [9, 2])
 @pytest.mark.parametrize("clock_s", [None, BEGIN_S + 3.0])
-def test_a_genuine_programme_is_verified(width: int, most_s: float, clock_s: float | None) -> None:
-    count = 300 if width == 2 else 80
-    verifier = Verifier(announced())
-    verdicts = run(verifier, enumerate(signed(count, width)), clock_s)
-    assert verifier.verified_after is not None
-    assert verifier.verified_after * SUPERFRAME_S <= most_s
-    assert verifier.status == "verified"
-    assert [v.index for v in verdicts] == list(range(count))
-    found = [v.status for v in verdicts]
-    tail = LAYOUTS[width].whole.farthest
-    assert set(found[:-tail]) == {"verified"}
-    assert "forged" not in found
-
-
-@pytest.mark.parametrize(
-    ("width", "phases"),
-    [
-        (9, (0, 3, 7)), (2, (0, 27)),
-        pytest.param(9, tuple(range(LAYOUTS[9].block)), marks=pytest.mark.slow),
-        pytest.param(2, (0, 10, 27), marks=pytest.mark.slow),
-    ],
-)  # fmt: skip
-@pytest.mark.parametrize("how", ["clock", "likely"])
-def test_tuned_in_anywhere(width: int, phases: tuple[int, ...], how: str) -> None:
-    """Within ten seconds at 9 bits, a minute at 2, whatever the phase; so with a good guess."""
+@pytest.mark.parametrize("start", [0, 5, 11])
+def test_a_genuine_programme_is_verified(width: int, clock_s: float | None, start: int) -> None:
+    """After one block, or two where no clock tells the hour; all but the last block and a piece."""
     layout = LAYOUTS[width]
-    sent = signed(6 * layout.block, width)
-    after = []
-    for start in phases:
-        verifier = Verifier(announced(), likely_s=(BEGIN_S - 3000, BEGIN_S + 2e6))
-        stream = list(enumerate(sent))[start + layout.block :]
-        for index, (data, field) in stream:
-            utc_s = BEGIN_S + index * SUPERFRAME_S if how == "clock" else None
-            verifier.take(index, data, field, utc_s=utc_s)
-            if verifier.verified_after is not None:
-                break
-        assert verifier.verified_after is not None
-        after.append(verifier.verified_after * SUPERFRAME_S)
-    assert max(after) <= (9.0 if width == 9 else 50.0)
-    assert np.mean(after) <= (6.8 if width == 9 else 39.1)
-
-
-def test_without_time_or_guess_a_whole_window_tells_the_hour() -> None:
-    verifier = Verifier(announced())
-    run(verifier, list(enumerate(signed(60)))[11:])
+    verifier = Verifier(announced(), tolerance_s=5.0)
+    count = 6 * layout.block
+    verdicts = run(verifier, list(enumerate(signed(count, width)))[start:], clock_s)
     assert verifier.verified_after is not None
-    assert verifier.verified_after * SUPERFRAME_S <= 20.0
+    blocks = 1 + (start > layout.quick) + (clock_s is None)
+    assert verifier.verified_after == blocks * layout.block - start
     assert verifier.status == "verified"
+    assert verifier.age_s == (None if clock_s is None else pytest.approx(3.0, abs=0.33))
+    assert [v.index for v in verdicts] == list(range(start, count))
+    found = [v.status for v in verdicts]
+    assert "forged" not in found
+    assert set(found[layout.block : -layout.block]) == {"verified"}
+    if start == 0:
+        assert set(found[: -layout.block]) == {"verified"}
 
 
-def test_the_hour_s_chain_goes_over_into_the_next() -> None:
-    begin_s = time_of((number_at(BEGIN_S) // PERIOD + 1) * PERIOD - 30)
-    for lost in (range(0), range(28, 33)):
-        verifier = Verifier(announced())
-        stream = [(i, None if i in lost else s) for i, s in enumerate(signed(80, on_air_s=begin_s))]
-        found = statuses(run(verifier, stream, begin_s))
+def test_tuned_in_by_trying() -> None:
+    """The whole way, all hidden bits tried: as the quick search of the other tests finds it."""
+    verifier = Verifier(announced(), tolerance_s=5.0)
+    run(verifier, list(enumerate(signed(33)))[3:], BEGIN_S)
+    assert verifier.status == "verified"
+    assert verifier.verified_after == 13
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_recording_is_found_near_a_likely_time_and_anywhere() -> None:
+    for likely_s in ((BEGIN_S - 3000,), (BEGIN_S + 2e6,), ()):
+        verifier = Verifier(announced(), likely_s=likely_s)
+        for index, (data, field) in list(enumerate(signed(60)))[11:]:
+            verifier.take(index, data, field)
+        assert verifier.status == "verified"
+        assert verifier.on_air_s == pytest.approx(BEGIN_S, abs=0.33)
+
+
+def test_a_period_s_chain_goes_over_into_the_next() -> None:
+    begin_s = time_of((number_at(BEGIN_S) // PERIOD + 1) * PERIOD - 40)
+    held = key().announce(begin_s - 3600, 1)
+    assert len(held.periods) == 2
+    for lost in (range(0), range(38, 43)):
+        verifier = Verifier(held, tolerance_s=5.0)
+        stream = [(i, None if i in lost else s) for i, s in enumerate(signed(90, on_air_s=begin_s))]
+        with quick_search(key(), held.periods):
+            found = statuses(run(verifier, stream, begin_s))
         assert verifier.status == "verified"
         assert "forged" not in found.values()
-        assert found[50] == "verified" or lost
+        assert found[60] == "verified"
 
 
-def test_losses_are_unknown_and_verified_again() -> None:
-    """The keys of lost blocks follow from later ones."""
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize(
+    ("width", "loss", "least"),
+    [(9, 0.01, 0.99), (9, 0.05, 0.85), (2, 0.01, 0.97), (2, 0.05, 0.1)],
+)
+def test_losses_cost_little(width: int, loss: float, least: float) -> None:
+    """Of those that arrive: 99.8 and 90 %, of compact ones 98 and 14 %; none counts as forged."""
     rng = np.random.default_rng(3)
-    stream = [(i, s if rng.random() > 0.03 else None) for i, s in enumerate(signed(250))]
-    verifier = Verifier(announced())
-    found = list(statuses(run(verifier, stream, BEGIN_S)).values())
+    count = 200 * LAYOUTS[width].block
+    stream = [(i, s if rng.random() > loss else None) for i, s in enumerate(signed(count, width))]
+    verdicts = run(Verifier(announced()), stream, BEGIN_S)
+    found = [v.status for v in verdicts][: -2 * LAYOUTS[width].block]
     assert "forged" not in found
-    assert verifier.verified_after is not None
-    assert found.count("verified") > 0.3 * len(found)
+    assert found.count("verified") / len(found) > least
 
 
-def test_a_changed_superframe_is_not_verified() -> None:
-    """At every place within a block."""
-    sent = signed(60)
-    for index in range(20, 45, 3):
-        changed = list(sent)
-        data, proof = changed[index]
-        changed[index] = (bytes([data[0] ^ 1]) + data[1:], proof)
-        found = statuses(run(Verifier(announced()), enumerate(changed), BEGIN_S))
-        assert found[index] == "forged"
-        assert found[index - 20] == "verified" or index < 36
-        assert list(found.values())[:8] == ["verified"] * 8
+def test_one_changed_superframe_costs_itself_alone() -> None:
+    """At every place within a block; a changed proof costs nothing."""
+    sent = signed(70)
+    for index in range(20, 41, 4):
+        for part in (0, 1):
+            changed = list(sent)
+            data, (value, width) = changed[index]
+            changed[index] = (
+                (bytes([data[0] ^ 1]) + data[1:], (value, width))
+                if part == 0
+                else (data, (value ^ 8, width))
+            )
+            with quick_search(key(), announced().periods):
+                found = statuses(run(Verifier(announced()), enumerate(changed), BEGIN_S))
+            assert found[index] == ("forged" if part == 0 else "verified")
+            others = [found[i] for i in range(48) if i != index]
+            assert others == ["verified"] * len(others)
 
 
+@pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("what", ["nothing", "noise", "another's", "zeros", "his own tags"])
 def test_a_forged_programme_is_never_verified(what: str) -> None:
     """Also where the forger knows all keys that were on air until then."""
@@ -183,95 +196,95 @@ def test_a_forged_programme_is_never_verified(what: str) -> None:
     assert verifier.status != "verified"
 
 
+@pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("hours", [-0.05, 1.0, 5.0])
 def test_a_replay_is_told(hours: float) -> None:
     then_s = BEGIN_S + 10 * 3600
     verifier = Verifier(announced())
-    found = statuses(run(verifier, enumerate(signed(80, on_air_s=then_s)), then_s + hours * 3600))
+    sent = signed(80, on_air_s=then_s)
+    clock_s = time_of(round(number_at(then_s))) + hours * 3600
+    found = statuses(run(verifier, enumerate(sent), clock_s))
     assert "verified" not in found.values()
-    if abs(hours) < 1.5:
-        assert verifier.status == "forged"
-        assert verifier.reason.startswith("from another time")
+    assert verifier.status == "forged"
+    assert verifier.reason.startswith(f"from another time, {hours * 3600:.0f} s old")
 
 
+@pytest.mark.usefixtures("quick")
 def test_a_replay_without_a_clock_is_told_by_what_came_before() -> None:
     """Another hour of the same broadcaster, cut into a recording."""
     verifier = Verifier(announced())
-    first = signed(60)
-    later = signed(60, on_air_s=BEGIN_S + 7200, seed=2)
+    first = signed(70)
+    later = signed(70, on_air_s=BEGIN_S + 7200, seed=2)
     verdicts = run(verifier, enumerate(first))
     assert statuses(verdicts)[5] == "verified"
-    found = statuses(run(verifier, enumerate(later, start=60)))
+    found = statuses(run(verifier, enumerate(later, start=70)))
     assert "verified" not in found.values()
-    assert verifier.reason.startswith("from another time, +71")
+    assert verifier.reason.startswith("from another time, -71")
 
 
-def test_time_is_told() -> None:
-    verifier = Verifier(announced())
-    stream = list(enumerate(signed(40)))
-    for index, (data, field) in stream:
-        verifier.take(index, data, field)
-    assert verifier.on_air_s == pytest.approx(BEGIN_S, abs=2.6)
-
-
+@pytest.mark.usefixtures("quick")
 def test_another_broadcaster_is_unknown() -> None:
     found = statuses(run(Verifier(announced()), enumerate(signed(40, number=1)), BEGIN_S))
     assert set(found.values()) == {"unknown"}
 
 
-@pytest.mark.parametrize("width", [9, 2])
-def test_all_keys_under_which_a_tag_agrees_are_found(width: int) -> None:
-    """The quick search tells what trying each key with `tag_of` tells."""
-    tag, digest, sent = LAYOUTS[width].quick, bytes(range(32)), 0x800012345678
+def test_all_keys_under_which_a_tag_agrees_are_found() -> None:
+    """The quick search finds what trying each key with `tag_of` finds."""
+    sent, data, channel = 0x800012345678, b"covered", b"channel!"
     first = sent << HIDDEN_BITS
     keys = [(first | hidden).to_bytes(8, "big") for hidden in range(1 << HIDDEN_BITS)]
-    tags = [tag_of(key, digest, tag) for key in keys]
-    for told in (0, tags[0], max(tags), (1 << tag.bits) - 1):
+    tags = [tag_of(channel, key, 9, data) for key in keys]
+    for told in (tags[0], max(tags), 5):
         expected = [key for key, found in zip(keys, tags, strict=True) if found == told]
-        assert agreeing(sent, digest, tag, told) == expected
+        assert agreeing(channel, sent, 9, data, told) == expected
 
 
 def test_keys_lead_to_earlier_ones_only() -> None:
-    keys = keys_of(b"s" * 32, b"channel!", 7, LAYOUTS[2])
+    layout = LAYOUTS[2]
+    keys = keys_of(b"s" * 32, b"channel!", 7, layout)
     chain = Chain(b"channel!", 7, 2)
-    assert len(set(keys)) == len(keys) == 128
-    assert all(chain.before(b) == a for a, b in itertools.pairwise(keys))
-    assert chain.before(keys[90], 50) == keys[40]
-    assert chain.find(sent_bits(keys[5]), keys[3], 2) == keys[5]
-    assert chain.find(sent_bits(keys[5]) ^ 1, keys[3], 2) is None
-    assert chain.find(sent_bits(keys[6]), keys[5], 1) == keys[6]
-    digest, tag = b"d" * 32, LAYOUTS[2].quick
-    assert agreeing(sent_bits(keys[6]), digest, tag, tag_of(keys[6], digest, tag)) == [keys[6]]
-    assert keys_of(b"s" * 32, b"channel!", 8, LAYOUTS[2])[0] != keys[0]
-    assert keys_of(b"s" * 32, b"another!", 7, LAYOUTS[2])[0] != keys[0]
+    assert len(set(keys)) == len(keys) == layout.blocks == 43200
+    assert all(chain.before(b, n) == a for n, (a, b) in enumerate(itertools.pairwise(keys), 1))
+    assert chain.before(keys[90], 90, 50) == keys[40]
+    assert chain.find(sent_bits(keys[5]), 5, keys[3], 2) == keys[5]
+    assert chain.find(sent_bits(keys[5]) ^ 1, 5, keys[3], 2) is None
+    assert chain.find(sent_bits(keys[6]), 6, keys[5], 1) == keys[6]
+    assert chain.find(sent_bits(keys[6]), 7, keys[5], 1) is None  # each step is its own function
+    assert chain.places(keys[6], keys[5], range(1, 100)) == [6]
+    assert keys_of(b"s" * 32, b"channel!", 8, layout)[0] != keys[0]
+    assert keys_of(b"s" * 32, b"another!", 7, layout)[0] != keys[0]
 
 
 @pytest.mark.parametrize("width", [9, 2])
 def test_the_specification_s_reference_agrees(width: int) -> None:
-    """Blocks that it reads from the text only: keys, tags, places."""
-    layout = LAYOUTS[width]
-    signer = Signer(key(), BEGIN_S, width)
-    first = signer.number
-    sent = signed(3 * layout.block, width)
-    for block in (1, 2):
-        begin = -(-first // layout.block) * layout.block + (block - 1) * layout.block
-        period, place = divmod(begin, PERIOD)
-        at = begin - first
-        fields = [value for _, (value, _) in sent[at : at + layout.block]]
-        end = announced().end_of(period, width)
-        assert end is not None
-        found = reference.key_of_block(
-            fields, width, place // layout.block, period, announced().channel, end
-        )
-        assert found is not None
-        until = at + layout.block
-        before = {until - i: data for i, (data, _) in enumerate(sent[:until])}
-        told = reference.told_tags(fields, width)
-        assert reference.tags_of(before, width, found) == told
-        changed = before | {layout.block + 1: b"x"}
-        assert reference.tags_of(changed, width, found)[0] != told[0]
-        changed = before | {layout.quick.nearest: b"x"}
-        assert reference.tags_of(changed, width, found)[1] != told[1]
+    """Blocks that it reads from the text only: keys, tags, checks."""
+    layout, channel = LAYOUTS[width], announced().channel
+    first = Signer(key(), BEGIN_S, width).number
+    sent = {first + n: one for n, one in enumerate(signed(3 * layout.block, width))}
+    block = first // layout.block + 2
+    begin, (period, place) = block * layout.block, divmod(block, layout.blocks)
+    assert reference.PERIOD == PERIOD
+    fields = [sent[begin + at][1][0] for at in range(layout.block)]
+    checks, quick, bits = reference.split(fields, width)
+    known = place - 1, key().keys(period, width)[place - 1]
+    found = reference.key_of_block(bits, channel, period, width, place, known)
+    assert found == key().keys(period, width)[place]
+    before = begin - layout.block
+    assert announced().end_of(period, width) == reference.before(
+        key().keys(period, width)[0], channel, period, width, 0
+    )
+    tags = {
+        at: reference.tag_of(sent[before + at][0], channel, found, 2 * layout.block - at)
+        for at in range(layout.block)
+    }
+    q = reference.LAYOUTS[width][2]
+    assert reference.tag_of(sent[begin + q][0], channel, found, layout.block - q) == quick
+    assert reference.checks_of(tags, layout.checks) == checks
+    arrived = {at: tag for at, tag in tags.items() if at not in (3, 8)}
+    told = dict(enumerate(checks))
+    assert reference.agree(told, arrived, layout.block) is True
+    assert reference.agree(told, arrived | {5: arrived[5] ^ 1}, layout.block) is False
+    assert reference.agree({0: checks[0]}, tags, layout.block) is None
 
 
 def test_files(tmp_path: Path) -> None:
@@ -300,12 +313,25 @@ def test_an_announcement_that_was_changed_is_refused(tmp_path: Path) -> None:
     ends = {width: bytes(8) + ends[8:] for width, ends in announcement.ends.items()}
     for changed in (
         replace(announcement, name="another"), replace(announcement, ends=ends),
-        replace(announcement, first_period=announcement.first_period + 1),
+        replace(announcement, first=announcement.first + 1),
+        replace(announcement, until=announcement.until + 9),
         replace(announcement, public_key=key(1).public_key),
     ):  # fmt: skip
         changed.save(tmp_path / "x.pub")
         with pytest.raises(CueError, match="the signature is not that of the key in it"):
             load_announcement(tmp_path / "x.pub")
+
+
+def test_a_key_of_the_first_edition_is_refused(tmp_path: Path) -> None:
+    old = {"format": "cuecast-key-1", "kind": "public", "name": "one", "first_period": 7}
+    (tmp_path / "x.pub").write_text(json.dumps(old))
+    with pytest.raises(CueError, match=r"x\.pub: a public key of the first edition, of which"):
+        load_announcement(tmp_path / "x.pub")
+
+
+def test_dates() -> None:
+    held = key().announce(EPOCH_S, 2)
+    assert held.span == "from 2026-01-01T00:00+00:00 to 2026-01-03T00:00+00:00"
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "cuecast-key-1"}', "[" * 5000, "\0"])
