@@ -1,7 +1,7 @@
 """What keys look like: where each shape's fingers are and where each placement is, with spreads.
 
-At first they are anybody's. A take then moves them to its own cuer, as far as it has shown them:
-the posterior mean of a normal distribution, and what is still unknown of it added to the spread.
+At first they are anybody's. A take then moves them to its own cuer, as far as it has shown them
+(`synth.capture.cues.between`), and what is still unknown of her is added to the spread.
 
 The placements are the mean of two cuers' finger tips (k-means of slow frames) and of a published
 model of five others (SPPAS, face box of 3752 pictures); between cuers they differ by the deviations
@@ -18,6 +18,13 @@ from codec.cuer.models.face import N_FACE_PARAMETERS
 from codec.cuer.models.hand import N_HAND_PARAMETERS
 from codec.cuer.voice import Voice
 from codec.cues.score import PLACEMENTS, SHAPES
+from synth.capture.cues.between import (
+    CuerPrior,
+    KeyExample,
+    between_fingers,
+    between_places,
+    between_stances,
+)
 from synth.capture.cues.features import see_motion
 
 FloatArray = NDArray[np.float64]
@@ -40,9 +47,6 @@ _FINGERS = np.array(
 _FINGERS_SD = np.array([0.127, 0.15, 0.15, 0.138, 0.15, 0.104, 0.15])
 """Spread of each feature within a person."""
 
-_FINGERS_BETWEEN = np.array([0.12, 0.15, 0.15, 0.15, 0.18, 0.12, 0.18])
-"""Spread of each feature between persons."""
-
 _PLACES = np.array(
     [[-95.0, -235.0], [-86.0, -5.0], [-40.0, -9.0], [-12.0, -39.0], [-57.0, 37.0], [-14.0, -106.0]]
 )
@@ -53,16 +57,18 @@ _PLACES_SD = np.array(
 )
 """Spread of each place within a person."""
 
-_PLACES_BETWEEN = np.array(
-    [[40.0, 40.0], [15.0, 12.0], [5.0, 7.0], [5.0, 9.0], [6.0, 11.0], [9.0, 16.0]]
+_STANCES = np.array(
+    [[0.99, 1.0], [1.08, 1.02], [0.96, 0.94], [0.86, 1.0], [1.01, 0.94], [0.82, 0.94]]
 )
-"""Spread of each place between persons."""
+"""Direction of the palm, radians, and its width at each placement. The direction is that of the
+virtual cuers' arms; a hand that comes to touch mouth, cheek or throat turns about the forearm, so
+that a camera sees its palm narrower."""
 
-_TRUST = 0.7
-"""What one recognised key counts: some are wrong."""
+_STANCES_SD = np.array([[0.6, 0.1], *[[0.1, 0.06]] * 5])
+"""Spread of them within a person."""
 
-_TAIL = 6.0
-"""Squared distance, in spreads, from which a frame counts half in learning."""
+_STANCE_BETWEEN = (0.04, 0.02)
+"""Spread of direction and width at one placement between persons."""
 
 _MEASURED = 1.6
 """How much more eagerly keys are told from markers than from landmarks, which are less sure."""
@@ -91,6 +97,8 @@ class KeyAppearance:
         As `synth.capture.cues.features.HandFeatures.fingers`.
     places, places_sd : ndarray of float64, shape (6, 2)
         Of the pointing tip against the mouth, mm.
+    stances, stances_sd : ndarray of float64, shape (6, 2)
+        Of the palm at each placement, as `synth.capture.cues.features.HandFeatures.stance`.
     eagerness : float
         Natural logarithm that every key is given, so that as many are too many as too few: more
         where the hand was measured than where a camera guessed it.
@@ -98,69 +106,72 @@ class KeyAppearance:
         Part of its log density that a frame counts in probabilities.
     short : float
         Price of a side that falls short, for how rarely a hand stops on its way there.
-    turns : bool
-        Whether the take may tell placements by the turn of the palm: a camera's may.
-    turned : float
-        What that counts, 0 to 1; 0 until the take has shown it.
     """
 
     fingers: FloatArray
     fingers_sd: FloatArray
     places: FloatArray
     places_sd: FloatArray
+    stances: FloatArray
+    stances_sd: FloatArray
     eagerness: float = 1.2
     sure_share: float = _SURE_SHARE
     short: float = -0.5
-    turns: bool = True
-    turned: float = 0.0
 
-    def learnt(
-        self,
-        fingers: list[tuple[int, FloatArray]],
-        places: list[tuple[int, FloatArray]],
-        before: "KeyAppearance",
-    ) -> "KeyAppearance":
-        """Return the looks of a cuer who has shown some shapes and placements.
+    def learnt(self, seen: "KeyExamples", before: "KeyAppearance") -> "KeyAppearance":
+        """Return the looks of a cuer who has shown some keys.
 
         Parameters
         ----------
-        fingers, places : list of (int, ndarray)
-            Number of the shape or placement, and what was seen, shapes (7,) and (2,).
+        seen : KeyExamples
         before : KeyAppearance
             What was expected before anything was seen; `self` says how far out an example is.
         """
-        means, spreads = _posterior(
-            fingers, (self.fingers, self.fingers_sd), before.fingers,
-            np.tile(_FINGERS_SD, (len(SHAPES), 1)), np.tile(_FINGERS_BETWEEN, (len(SHAPES), 1)),
-        )  # fmt: skip
-        at, wide = _posterior(
-            places, (self.places, self.places_sd), before.places, _PLACES_SD, _PLACES_BETWEEN
+        fingers, places, stances = _priors(before.fingers, before.places, before.stances)
+        now = (
+            fingers.posterior(seen.fingers, self.fingers, self.fingers_sd),
+            places.posterior(seen.places, self.places, self.places_sd),
+            stances.posterior(seen.stances, self.stances, self.stances_sd),
         )
-        return replace(self, fingers=means, fingers_sd=spreads, places=at, places_sd=wide)
+        return replace(
+            self, fingers=now[0][0], fingers_sd=now[0][1], places=now[1][0], places_sd=now[1][1],
+            stances=now[2][0], stances_sd=now[2][1],
+        )  # fmt: skip
 
 
-def _posterior(
-    examples: list[tuple[int, FloatArray]], now: tuple[FloatArray, FloatArray], prior: FloatArray,
-    within: FloatArray, between: FloatArray,
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Return means and spreads (C, D) after examples, far ones counting little."""
-    sums, counts = np.zeros_like(prior), np.zeros_like(prior)
-    for number, value in examples:
-        away = (value - now[0][number]) / now[1][number]
-        weight = _TRUST / (1.0 + away**2 / _TAIL)
-        sums[number] += weight * value
-        counts[number] += weight
-    variance = 1.0 / (counts / within**2 + 1.0 / between**2)
-    means = variance * (sums / within**2 + prior / between**2)
-    return means, np.sqrt(within**2 + variance)
+@dataclass(frozen=True, slots=True)
+class KeyExamples:
+    """What some held keys showed: fingers by shape; places and stances by placement."""
+
+    fingers: tuple[KeyExample, ...] = ()
+    places: tuple[KeyExample, ...] = ()
+    stances: tuple[KeyExample, ...] = ()
 
 
-ANYBODYS = KeyAppearance(
-    _FINGERS,
-    np.tile(np.hypot(_FINGERS_SD, _FINGERS_BETWEEN), (len(SHAPES), 1)),
-    _PLACES,
-    np.hypot(_PLACES_SD, _PLACES_BETWEEN),
-)
+def _priors(
+    fingers: FloatArray, places: FloatArray, stances: FloatArray
+) -> tuple[CuerPrior, CuerPrior, CuerPrior]:
+    """Return what is known of cuers whose means are these."""
+    axes = ((0,), (1,))
+    return (
+        CuerPrior(
+            fingers, np.tile(_FINGERS_SD, (len(SHAPES), 1)), (tuple(range(fingers.shape[1])),),
+            (between_fingers(),),
+        ),
+        CuerPrior(places, _PLACES_SD, axes, between_places(places)),
+        CuerPrior(stances, _STANCES_SD, axes, between_stances(*_STANCE_BETWEEN)),
+    )  # fmt: skip
+
+
+def _of_nobody(fingers: FloatArray, places: FloatArray, stances: FloatArray) -> KeyAppearance:
+    """Return looks before anything of a cuer is known, with these means."""
+    priors = _priors(fingers, places, stances)
+    return KeyAppearance(
+        fingers, priors[0].spreads, places, priors[1].spreads, stances, priors[2].spreads
+    )
+
+
+ANYBODYS = _of_nobody(_FINGERS, _PLACES, _STANCES)
 """Before anything of a cuer is known."""
 
 
@@ -179,7 +190,10 @@ def looks_of(voice: Voice) -> KeyAppearance:
     tips[0] = seen.pointers[at[0], 1]
     where = np.stack([tips[places == p].mean(0) for p in range(len(PLACEMENTS))])
     where[1] = 0.5 * (where[1] + ANYBODYS.places[1])
+    stances = np.stack([seen.stance[at[places == p]].mean(0) for p in range(len(PLACEMENTS))])
+    # Palms of virtual cuers do not turn as a camera sees them: nothing is expected of the width.
+    stances[:, 1] = stances[1:, 1].mean()
     return replace(
-        ANYBODYS, fingers=fingers, places=where, eagerness=_MEASURED,
-        sure_share=_SURE_SHARE_MEASURED, short=_SHORT_MEASURED, turns=False,
+        _of_nobody(fingers, where, stances), eagerness=_MEASURED,
+        sure_share=_SURE_SHARE_MEASURED, short=_SHORT_MEASURED,
     )  # fmt: skip

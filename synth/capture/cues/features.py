@@ -85,8 +85,9 @@ class HandFeatures:
         Where the two fingers point, or would if they were straight.
     speed : ndarray of float64, shape (T,)
         Of the palm, mm/s.
-    width : ndarray of float64, shape (T,)
-        Of the palm as it is seen, of its median: a palm that turns away is narrower.
+    stance : ndarray of float64, shape (T, 2)
+        Direction of the palm from the wrist, radians, 0 to the viewer's right, pi/2 up; and its
+        width as it is seen, of its median: a palm that turns away is narrower.
     """
 
     rate_hz: float
@@ -94,7 +95,7 @@ class HandFeatures:
     tips: FloatArray
     pointers: FloatArray
     speed: FloatArray
-    width: FloatArray
+    stance: FloatArray
 
     def __len__(self) -> int:
         return len(self.speed)
@@ -118,7 +119,7 @@ class HandFeatures:
         """Return some frames."""
         return HandFeatures(
             self.rate_hz, self.fingers[frames], self.tips[frames], self.pointers[frames],
-            self.speed[frames], self.width[frames],
+            self.speed[frames], self.stance[frames],
         )  # fmt: skip
 
 
@@ -138,7 +139,7 @@ def see(face: FloatArray, hand: FloatArray, *, rate_hz: float) -> HandFeatures:
     out = HandFeatures(
         rate_hz, np.full((len(points), N_FEATURES), np.nan), np.full((len(points), 2, 2), np.nan),
         np.full((len(points), 2, 2), np.nan), np.full(len(points), np.nan),
-        np.full(len(points), np.nan),
+        np.full((len(points), 2), np.nan),
     )  # fmt: skip
     window = max(5, 2 * round(0.5 * _SMOOTHING_S * rate_hz) + 1)
     for run in _runs(shown, rate_hz):
@@ -152,9 +153,11 @@ def see(face: FloatArray, hand: FloatArray, *, rate_hz: float) -> HandFeatures:
             x[:, _PALM].mean(1), window, 2, deriv=1, delta=1 / rate_hz, axis=0, mode="nearest"
         )
         out.speed[run] = np.linalg.norm(velocity, axis=1)
-        out.width[run] = np.linalg.norm(x[:, _ACROSS[0]] - x[:, _ACROSS[1]], axis=1)
+        palm = 0.5 * (x[:, 9] + x[:, 13]) - x[:, 0]
+        out.stance[run, 0] = np.unwrap(np.arctan2(palm[:, 1], palm[:, 0]))
+        out.stance[run, 1] = np.linalg.norm(x[:, _ACROSS[0]] - x[:, _ACROSS[1]], axis=1)
     if out.shown.any():
-        out.width[:] /= max(float(np.nanmedian(out.width)), 1e-6)
+        out.stance[:, 1] /= max(float(np.nanmedian(out.stance[:, 1])), 1e-6)
     return out
 
 

@@ -17,7 +17,8 @@ from synth.capture.cues import _kernels
 from synth.capture.cues.appearance import ANYBODYS, KEYS, KeyAppearance
 from synth.capture.cues.features import HandFeatures
 from synth.capture.cues.lattice import lattice
-from synth.capture.cues.recognise import HeldKey, arrival, nearness, pieces, recognise_keys
+from synth.capture.cues.line import nearness, pieces
+from synth.capture.cues.recognise import HeldKey, arrival, recognise_keys
 
 FloatArray = NDArray[np.float64]
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, SHAPES
 from synth.capture.cues.appearance import KEYS, POINTS_WITH, KeyAppearance
 from synth.capture.cues.features import N_FEATURES, HandFeatures
-from synth.capture.cues.turning import turned
 
 FloatArray = NDArray[np.float64]
 
@@ -149,7 +148,7 @@ def lattice(seen: HandFeatures, looks: KeyAppearance) -> Lattice:
     if len(at):
         visible = HandFeatures(
             seen.rate_hz, seen.fingers[at], seen.tips[at], seen.pointers[at], seen.speed[at],
-            seen.width[at],
+            seen.stance[at],
         )  # fmt: skip
         hold[at] = share * _holds(visible, looks)
         speed = 0.5 * (visible.speed / _MOVING_MM_S) ** 2
@@ -167,7 +166,29 @@ def _with_short_sides(looks: KeyAppearance) -> KeyAppearance:
         looks,
         places=np.concatenate([looks.places, start + _SHORT_PART * way]),
         places_sd=np.concatenate([looks.places_sd, spread]),
+        stances=_between_side(looks.stances),
+        stances_sd=_between_side(looks.stances_sd),
     )
+
+
+def _between_side(stances: FloatArray) -> FloatArray:
+    """Return values of placements (6, D) with those halfway to the side behind them."""
+    halfway = 0.5 * (stances[list(_SHORT_OF_SIDE)] + stances[_SIDE])
+    return np.concatenate([stances, halfway])
+
+
+def _stance(stance: FloatArray, looks: KeyAppearance) -> FloatArray:
+    """Return log densities of the palm's stance at each place, less those anywhere, (T, places)."""
+    out = np.zeros((len(stance), len(looks.stances)))
+    for x, means, spreads in zip(stance.T, looks.stances.T, looks.stances_sd.T, strict=True):
+        own, wide = means[1 : len(PLACEMENTS)], spreads[1 : len(PLACEMENTS)]
+        spread = np.sqrt(np.mean(wide**2) + np.var(own))
+        anywhere = _tail(((x - own.mean()) / spread) ** 2, 1) - np.log(spread)
+        here = _tail(((x[:, None] - means) / spreads) ** 2, 1) - np.log(spreads)
+        out += here - anywhere[:, None]
+    # A hand at rest may be turned in any way.
+    out[:, 0] = 0.0
+    return out
 
 
 def _tail(squares: FloatArray, dimensions: int, freedom: float = _FREEDOM) -> FloatArray:
@@ -184,9 +205,7 @@ def _holds(seen: HandFeatures, looks: KeyAppearance) -> FloatArray:
     ends = np.concatenate([seen.tips, seen.pointers[:, 1:]], axis=1)
     gap = (ends[:, :, None] - looks.places) / looks.places_sd
     place = _tail((gap**2).sum(-1), 2) - np.log(looks.places_sd).sum(-1)
-    if looks.turned > 0.0:
-        turn = looks.turned * turned(seen.width, _SHORT_OF_SIDE, _SIDE)
-        place[..., 1:] += turn[:, None, 1:]
+    place += _stance(seen.stance, looks)[:, None]
     finger = np.where(SHAPE_OF == 0, 2, POINTS_WITH[SHAPE_OF])
     speed = 0.5 * (seen.speed / _HELD_MM_S) ** 2 + np.log(_HELD_MM_S / _MOVING_MM_S)
     return np.asarray(shape[:, SHAPE_OF] + place[:, finger, _PLACE] - speed[:, None])

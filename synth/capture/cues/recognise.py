@@ -1,48 +1,23 @@
 """The keys that a hand shows, without being told what was said.
 
-A line of keys and ways between them is laid through the frames by dynamic programming (Viterbi
-1967); what it shows of this cuer's shapes and placements is learnt, and the line laid again. How
-sure each key is follows from all lines together (forward and backward sums).
+A line of keys is laid through the frames; what it shows of this cuer's shapes and placements is
+learnt, and the line laid again.
 """
 
-import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.cues.score import PLACEMENT_NUMBER
-from synth.capture.cues import _kernels
-from synth.capture.cues.appearance import ANYBODYS, KEYS, POINTS_WITH, KeyAppearance
+from synth.capture.cues.appearance import ANYBODYS, KEYS, KeyAppearance
 from synth.capture.cues.features import HandFeatures
-from synth.capture.cues.lattice import COMES_FROM, END_OF, KEY_OF, SHAPE_OF, Lattice, lattice
-from synth.capture.cues.turning import turn_of
+from synth.capture.cues.line import KeyRun, joined, pieces
 
 FloatArray = NDArray[np.float64]
 
-# How often French uses each shape and placement: see below.
-_SHAPE_USE = np.array([0.152, 0.105, 0.209, 0.070, 0.298, 0.131, 0.009, 0.027])
-_PLACE_USE = np.array([0.539, 0.159, 0.136, 0.030, 0.137])
-"""How often French uses each shape and placement, by the frequency of words (Lexique 3.83)."""
-
-_ELSEWHERE = -1.0
-"""Price of a side that falls short from where the hand did not come."""
-
-_SAME_SHAPE, _SAME_AT_SIDE = -0.5, -0.4
-"""Prices of two keys of one shape in a row, and more if the first is at the side: fingers that form
-the next shape ahead of the hand look like a key of their own."""
-
-_NEVER = -50.0
-"""Price of what does not happen: a key that follows itself, the one short of its place."""
-
-_REST_USE = 0.14
-"""How often the hand rests, of all keys."""
-
-_EDGE = -3.0
-"""Price of a line that begins or ends at a key, not at rest."""
-
-_ROUNDS = 2
+_ROUNDS = 3
 """Rounds in which looks are learnt from the keys and keys told by the looks."""
 
 _ARRIVED = 1.0 / 7.0
@@ -57,9 +32,6 @@ _AHEAD_S = 0.1
 """A key at the side that is held no longer before one of its shape elsewhere is none either: the
 fingers have formed the next shape before the hand sets out. On 64 takes of a real cuer none of 19
 such keys up to 0.04 s was right, 7 of 19 up to 0.12 s; whoever cues both stays longer."""
-
-_PIECE_S, _MARGIN_S = 30.0, 4.0
-"""Seconds that are searched at once, and those on either side that are not kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,25 +71,6 @@ class Recognised:
     looks: KeyAppearance
 
 
-def prices(looks: KeyAppearance) -> FloatArray:
-    """Return the price of going from one state to another, (S, S): how rarely it is used."""
-    keys = np.outer(_SHAPE_USE, _PLACE_USE).ravel()
-    use = np.concatenate([[_REST_USE], keys / keys.sum()])
-    eager = np.where(np.arange(len(use)) > 0, looks.eagerness, 0.0)
-    enter = (np.log(use) + eager)[KEY_OF] + np.where(COMES_FROM > 0, looks.short, 0.0)
-    shape, place = np.array(KEYS)[KEY_OF].T
-    same = (shape[:, None] == shape) & (shape > 0)
-    from_side = same & (place == PLACEMENT_NUMBER["side"])[:, None]
-    # The place of a state that falls short is where it is, so it is none that one comes from.
-    placed = np.where(COMES_FROM > 0, -1, place)
-    elsewhere = (COMES_FROM > 0) & (placed[:, None] != COMES_FROM)
-    itself = (KEY_OF[:, None] == KEY_OF) & ~np.eye(len(KEY_OF), dtype=np.bool_)
-    return np.asarray(
-        enter + _SAME_SHAPE * same + _SAME_AT_SIDE * from_side + _ELSEWHERE * elsewhere
-        + _NEVER * itself
-    )  # fmt: skip
-
-
 def recognise_keys(seen: HandFeatures, *, looks: KeyAppearance = ANYBODYS) -> Recognised:
     """Return the keys that the hand holds, rests too, in order of time.
 
@@ -134,133 +87,23 @@ def recognise_keys(seen: HandFeatures, *, looks: KeyAppearance = ANYBODYS) -> Re
     median, others 0.1 s), yet of those held for more than 0.5 s only 3 of 9 do. Splitting keys by
     their duration would be wrong more often than right, so none is split: a text tells.
     """
-    if looks.turns:
-        looks = replace(looks, turned=_turned(seen, looks))
-    before = looks
-    for _ in range(_ROUNDS):
-        runs = [run for part in pieces(seen) for run in part.runs(looks, sure=False)]
-        looks = looks.learnt(*_examples(seen, runs, looks), before)
-    runs = [run for part in pieces(seen) for run in part.runs(looks, sure=True)]
+    looks, runs = _adapted(seen, looks)
     return Recognised(tuple(_held(seen, _stayed(runs, seen.rate_hz))), looks)
 
 
-def _turned(seen: HandFeatures, looks: KeyAppearance) -> float:
-    """Return what the turn of the palm counts, after the keys that are recognised without it."""
-    widths, places = [], []
-    plain = replace(looks, turned=0.0)
-    for run in (run for part in pieces(seen) for run in part.runs(plain, sure=False)):
-        shape, place = KEYS[run.state]
-        at = np.arange(run.begin, run.end)
-        at = at[seen.shown[at]]
-        if shape and not run.short and len(at):
-            widths.append(seen.width[at[seen.speed[at].argmin()]])
-            places.append(place)
-    return turn_of(np.array(widths), places)
+def _adapted(seen: HandFeatures, before: KeyAppearance) -> tuple[KeyAppearance, list[KeyRun]]:
+    """Return the looks of this cuer and the keys that she shows by them.
 
-
-@dataclass(frozen=True, slots=True)
-class KeyRun:
-    """Frames `begin` to `end` that hold key number `state`, with a probability.
-
-    `short` if the hand was not quite there.
+    Looks by which the take is less likely than it was before are not hers: nothing is learnt then.
     """
-
-    state: int
-    begin: int
-    end: int
-    probability: float
-    short: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class FramePiece:
-    """Frames that are worked on together; those from `core` on count, up to `until`."""
-
-    seen: HandFeatures
-    first: int
-    core: int
-    until: int
-
-    def runs(self, looks: KeyAppearance, *, sure: bool) -> list[KeyRun]:
-        """Return the keys held from `core` on, with their probabilities if they are asked for."""
-        densities = lattice(self.seen, looks)
-        states, _ = likeliest(densities, looks)
-        near = nearness(densities, looks) if sure else np.ones((len(states), len(KEYS)))
-        found = []
-        for state, a, b in _runs(states):
-            begin, end = self.first + a, self.first + b
-            if self.core <= begin < self.until:
-                key = int(KEY_OF[state])
-                likely = float(near[a:b, key].max())
-                found.append(KeyRun(key, begin, end, likely, bool(COMES_FROM[state])))
-        return found
-
-
-def line_value(seen: HandFeatures, looks: KeyAppearance = ANYBODYS) -> float:
-    """Return the log likelihood of the best line of keys, but for a constant of the frames."""
-    return likeliest(lattice(seen, looks), looks)[1]
-
-
-def likeliest(densities: Lattice, looks: KeyAppearance) -> tuple[NDArray[np.int64], float]:
-    """Return the held state of each frame, or -1 on the way, (T,), and the line's likelihood."""
-    states = np.empty(len(densities.hold), dtype=np.int64)
-    value = _kernels.likeliest(
-        densities.hold, densities.shapes, densities.places, SHAPE_OF, END_OF, prices(looks),
-        _EDGE, states,
-    )  # fmt: skip
-    return states, float(value)
-
-
-def nearness(densities: Lattice, looks: KeyAppearance) -> FloatArray:
-    """Return how likely each key is at hand in each frame: held, coming or just left, (T, 41)."""
-    near, share = np.empty_like(densities.hold), looks.sure_share
-    part = densities.scaled(share)
-    _kernels.nearness(
-        part.hold, part.shapes, part.places, SHAPE_OF, END_OF, share * prices(looks),
-        share * _EDGE, near,
-    )  # fmt: skip
-    whole = near[:, : len(KEYS)].copy()
-    for state in range(len(KEYS), len(KEY_OF)):
-        whole[:, KEY_OF[state]] += near[:, state]
-    return np.minimum(whole, 1.0)
-
-
-def pieces(seen: HandFeatures) -> Iterator[FramePiece]:
-    """Yield pieces that overlap, so that memory does not grow with the take."""
-    size, margin = round(_PIECE_S * seen.rate_hz), round(_MARGIN_S * seen.rate_hz)
-    for core in range(0, len(seen), size):
-        first, until = max(0, core - margin), min(core + size, len(seen))
-        last = min(until + margin, len(seen))
-        yield FramePiece(seen.part(slice(first, last)), first, core, until)
-
-
-def _runs(states: NDArray[np.int64]) -> list[tuple[int, int, int]]:
-    """Return state, begin and end of each stretch that holds a key."""
-    edges = np.flatnonzero(np.diff(states, prepend=-2, append=-2))
-    return [
-        (int(states[a]), int(a), int(b)) for a, b in itertools.pairwise(edges) if states[a] >= 0
-    ]
-
-
-def _examples(
-    seen: HandFeatures, runs: list[KeyRun], looks: KeyAppearance
-) -> tuple[list[tuple[int, FloatArray]], list[tuple[int, FloatArray]]]:
-    """Return fingers and places at the frames of each held key that look most like it."""
-    fingers, places = [], []
-    for run in runs:
-        shape, place = KEYS[run.state]
-        at = np.arange(run.begin, run.end)
-        if shape == 0 or not seen.shown[at].any():
-            continue
-        at = at[seen.shown[at]]
-        away = (seen.fingers[at] - looks.fingers[shape]) / looks.fingers_sd[shape]
-        fingers.append((shape, seen.fingers[at[(away**2).sum(1).argmin()]]))
-        if run.short:
-            continue
-        tips = seen.tips[at, POINTS_WITH[shape]]
-        gap = (tips - looks.places[place]) / looks.places_sd[place]
-        places.append((place, tips[(gap**2).sum(1).argmin()]))
-    return fingers, places
+    plain = lines = [part.line(before) for part in pieces(seen)]
+    looks = before
+    for _ in range(_ROUNDS):
+        looks = looks.learnt(joined([line.examples(looks) for line in lines]), before)
+        lines = [part.line(looks) for part in pieces(seen)]
+    if sum(line.value for line in lines) < sum(line.value for line in plain):
+        looks, lines = before, plain
+    return looks, [run for line in lines for run in line.runs()]
 
 
 def _held(seen: HandFeatures, runs: list[KeyRun]) -> Iterator[HeldKey]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from codec.cuer.voice import Voice
 from synth.capture.cues.features import HandFeatures, see
 from synth.capture.cues.lattice import FRAME_SHARE
-from synth.capture.cues.recognise import line_value
+from synth.capture.cues.line import line_value
 from synth.capture.sources.landmark_table import LandmarkTable
 from synth.capture.sources.resample import evenly
 from synth.capture.tracker.picture import Picture, find_picture, unlike_face
