@@ -1,5 +1,7 @@
 """A receiver of sound as spec/hearing.md describes it, written from that text, in numpy.
 
+Of spec/audio-carrier.md it needs sections 4 to 6 and 10.
+
 A whole recording in, superframes out. Slow on purpose: nothing is kept from one attempt to another.
 """
 

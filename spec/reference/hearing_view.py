@@ -1,6 +1,6 @@
 """Superframes as spec/hearing.md reads them: layout, spectra and units, soft values, fits.
 
-Written from that text and audio-carrier.md, in numpy: samples at 48 kHz in, soft values out.
+Written from that text and spec/audio-carrier.md, in numpy: samples at 48 kHz in, soft values out.
 """
 
 import math

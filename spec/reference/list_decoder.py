@@ -1,6 +1,6 @@
 """List decoding of spec/hearing.md, section 4, in numpy: ratios of a class to its payload.
 
-Written from the text, slow on purpose. Numbers of paths, ratios positive for a bit of 0.
+Written from that text and spec/audio-carrier.md. Ratios are positive for a bit of 0.
 """
 
 import math

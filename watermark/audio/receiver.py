@@ -5,7 +5,7 @@ there. Where it finds nothing, guesses about what happened to the sound are trie
 seconds, one after another (`watermark.audio.search.hypotheses`). Locked: the place of each next
 superframe is predicted, and corrected by the bits that were decoded. A superframe that fails starts
 a new search beside the prediction, so that a splice is found while a mere gap is bridged. What was
-heard before the lock is then read, too. Specification: section 7.
+heard before the lock is then read, too. Specification: spec/audio-carrier.md, W35 to W42 and W47.
 """
 
 import math

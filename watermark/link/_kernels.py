@@ -51,7 +51,7 @@ def _update_llr(
     """Bring the log-likelihood ratios of all paths to the block of level `lowest` at `phase`.
 
     Level v holds blocks of size 2**v at alpha[:, 2**v : 2**(v+1)]; level n is the channel.
-    Specification: section 6.3.
+    Specification: spec/audio-carrier.md, W31 to W33.
     """
     level = lowest
     while level < n - 1 and (phase >> level) & 1 == 0:

@@ -1,4 +1,4 @@
-"""Cyclic redundancy checks of the link layer. Specification: section 6.2."""
+"""Cyclic redundancy checks of the link layer. Specification: spec/audio-carrier.md, W30."""
 
 from collections.abc import Iterable
 from functools import lru_cache

@@ -2,7 +2,7 @@
 
 In: L0 and L1 bytes; out: one bit per data cell in the interleaver's order; and back from one
 log-likelihood ratio per bit, so that the ratios of several carriers may be added before decoding.
-Specification: section 6.
+Specification: spec/audio-carrier.md, W29 to W34.
 """
 
 from dataclasses import dataclass

@@ -4,7 +4,8 @@ In: message bits; out: coded bits; and back from log-likelihood ratios. A code o
 mother code of N = 2**n; when E > N the codeword is repeated cyclically, and the ratios of the
 repeated bits add. Sources: Arikan 2009; order of reliability by the beta expansion of He et al.,
 "Beta-expansion: a theoretical framework for fast and recursive construction of polar codes",
-Globecom 2017; list decoding with a check of Tal and Vardy 2015. Specification: section 6.3.
+Globecom 2017; list decoding with a check of Tal and Vardy 2015.
+Specification: spec/audio-carrier.md, W31 to W33.
 """
 
 from collections.abc import Callable

@@ -4,7 +4,8 @@ In: the programme some seconds ahead, and the levels that it is to have; out: th
 each superframe would bear its message. The coder runs on as one stream, for its rate control has a
 long memory: before the programme it hears what is hard to code, as one that has been on air for
 long. Its superframes carry anything. Source: the copy of the receiver inside the emitter of Baras,
-Moreau and Dymarski, IEEE TASLP 14(5), 2006, with the channel between them. Specification: none.
+Moreau and Dymarski, IEEE TASLP 14(5), 2006, with the channel between them.
+Specification: spec/audio-carrier.md, W20 and W40 leave this to the embedder.
 """
 
 from collections import deque

@@ -2,7 +2,7 @@
 
 In: the programme's mid, payloads and a level; out: the mark's samples. Masking thresholds are
 derived again from the marked sound until they agree with those that the mark was made with (Baras,
-Moreau and Dymarski, IEEE TASLP 14(5), 2006). Specification: sections 3 to 6.
+Moreau and Dymarski, IEEE TASLP 14(5), 2006). Specification: spec/audio-carrier.md, W18 to W28.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,8 @@
 """The audio embedder: a programme in blocks in, the same programme with its mark out.
 
 The mark of each superframe is designed on the programme's mid, of two channels on mid and side, at
-the level that gives the wanted grade, and added to its front channels. Specification: sections 2
-and 4.4.
+the level that gives the wanted grade, and added to its front channels.
+Specification: spec/audio-carrier.md, W5 to W7, W20 and W21.
 """
 
 import math

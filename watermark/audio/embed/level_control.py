@@ -4,7 +4,8 @@ In: what a stretch of the programme sounds like at any base level; out: the stre
 level that gives the programme the wanted grade. Superframes stand above or below the base by what
 they need to come through, so stretches differ in grade: it is the running passage that has the
 wanted one. A stretch that would be much worse is written more softly or not at all. The loop
-forgets, and its memory is constant. Specification: none, an embedder may choose levels freely.
+forgets, and its memory is constant.
+Specification: spec/audio-carrier.md, W20 leaves the choice of levels to the embedder.
 """
 
 import copy

@@ -3,7 +3,7 @@
 In: the programme and the mark of its mid; out: what goes from right to left, and what the centre
 takes from both. In each band and frame each channel takes part by what it masks by itself, so that
 the mark is as well hidden in one as in the other, and a silent channel stays silent; the mid bears
-the whole. Specification: W6.
+the whole. Specification: spec/audio-carrier.md, W6.
 """
 
 import numpy as np

@@ -3,7 +3,7 @@
 In: mid and side, payloads and a level; out: the mark of both. Each data cell stands in the mid, in
 left or in right (`watermark.audio.signal.channel_choice`); pilots stand in the mid, and lean
 towards left or right in some superframes. Where left and right are nearly alike, a cell stands in
-all three, as in mono. Specification: sections 4.4 and 10.
+all three, as in mono. Specification: spec/audio-carrier.md, W43 to W46.
 """
 
 import numpy as np

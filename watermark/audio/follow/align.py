@@ -2,7 +2,7 @@
 
 In: spectra of the frames at a roughly known start; out: soft values after a small delay per frame,
 found by turning phases instead of transforming again, and the delay and drift under which known
-bits fit best. Specification: section 7.2.
+bits fit best. Specification: spec/audio-carrier.md, W36.
 """
 
 from dataclasses import dataclass, field

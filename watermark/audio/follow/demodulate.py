@@ -1,7 +1,8 @@
 """Demodulation of one profile's superframes: a view of sound to payloads, whatever its level.
 
 In: a `SuperframeView`; out: soft values, log-likelihood ratios and what the link makes of them. The
-level is found by trying: the one that worked last first. Specification: sections 6 and 7.3.
+level is found by trying: the one that worked last first.
+Specification: spec/audio-carrier.md, W29 to W38.
 """
 
 import math

@@ -6,7 +6,7 @@ turns the projections. Known cells (pilots, decoded bits) tell the phase of a ba
 values that they should have; unknown ones by the second harmonic, in which both bits agree. A path
 through the bands joins both. Sources: blind phase recovery by the M-th power, Viterbi and Viterbi,
 IEEE Trans. IT 29(4), 1983; the path by the algorithm of Viterbi, IEEE Trans. IT 13(2), 1967.
-Specification: section 7.2.
+Specification: spec/audio-carrier.md, W41.
 """
 
 from dataclasses import dataclass

@@ -6,7 +6,7 @@ leaves others untouched, in patches of time and frequency. Untouched cells keep 
 between the lattice's points, whatever their bits; known pilots tell more, and so do the bits that
 the decoder has come to believe. Each tells of its neighbourhood; nothing is learnt from one
 superframe to the next. Source: decoding and estimation in turns as in Berrou and Glavieux, IEEE
-Trans. Com. 44(10), 1996. Specification: section 7.3.
+Trans. Com. 44(10), 1996. Specification: spec/audio-carrier.md, W38.
 """
 
 from dataclasses import dataclass

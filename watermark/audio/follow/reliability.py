@@ -6,7 +6,8 @@ kappa the ratio of a cosine c is 2 kappa c, and kappa follows from the mean resu
 a superframe the weights follow the strength of each cell and of its frame, upwards where noise was
 added and downwards where a coder was short of bits, and the noise that a coder would have left
 there: three exponents, learnt by logistic regression.
-Source: Mardia and Jupp, "Directional Statistics", 2000, section 5.3. Specification: section 7.3.
+Source: Mardia and Jupp, "Directional Statistics", 2000, section 5.3.
+Specification: spec/audio-carrier.md, W38.
 """
 
 import numpy as np

@@ -5,7 +5,8 @@ all is as it was, from piece to piece some milliseconds are left out or heard tw
 has a few jumps at unknown places. In: sound; out: superframes. Pilots tell where one begins,
 pilots and the lattice itself where each of its frames lies: the likeliest path, by dynamic
 programming. Source: Verhelst and Roelands, "An overlap-add technique based on waveform similarity",
-ICASSP 1993 (what such a stretch does); Viterbi, IEEE Trans. IT 13(2), 1967. Specification: W48.
+ICASSP 1993 (what such a stretch does); Viterbi, IEEE Trans. IT 13(2), 1967.
+Specification: spec/audio-carrier.md, W48.
 """
 
 from collections.abc import Iterator

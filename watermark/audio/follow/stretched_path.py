@@ -3,7 +3,7 @@
 In: sound around a superframe; out: where each of its frames lies, and the view of them. Frames lie
 `HOP` samples apart within a piece, and anywhere near from piece to piece. What their cells and
 pilots say of a place is the log-likelihood ratio of `watermark.audio.follow.interference`; a jump
-costs. Specification: W48.
+costs. Specification: spec/audio-carrier.md, W48.
 """
 
 from collections.abc import Callable

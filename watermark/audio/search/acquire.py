@@ -3,7 +3,7 @@
 In: the programme's mid; out: candidates: a superframe's start, clock error, profile and tier of
 levels. Pilots lie below 2.8 kHz, so a rate of 12 kHz serves; every second sample at 48 kHz is tried
 as a start. Scores of up to three superframes in a row are added, for weak pilots.
-Specification: section 7.1.
+Specification: spec/audio-carrier.md, W35.
 """
 
 import math

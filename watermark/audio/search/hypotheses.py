@@ -2,7 +2,8 @@
 
 In: a stretch of all channels; out: guesses in the order in which they are worth trying: bands
 turned in phase (a crossover, a rotator, a polarity), one channel inverted, late or alone, another
-gain, another speed, another duration at its pitch. Specification: section 7.1.
+gain, another speed, another duration at its pitch.
+Specification: spec/audio-carrier.md, W35 and W42.
 """
 
 from collections.abc import Iterator

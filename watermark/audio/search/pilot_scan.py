@@ -2,7 +2,7 @@
 
 In: sound at 12 kHz; out: the complex projection of each pilot slot on its signs, for every fourth
 sample. Pilots lie below 2.8 kHz, so that rate serves; what lies between two places is reached by
-turning the phases of the slots. Specification: sections 4.2 and 7.1.
+turning the phases of the slots. Specification: spec/audio-carrier.md, W13 to W15 and W35.
 """
 
 from functools import lru_cache

@@ -2,7 +2,8 @@
 
 In: some seconds of the search's sound and the steps that pilots may have; out: the likeliest places
 with a phase for each pilot slot. Each slot is correlated at all phases, and its best one counts: of
-six slots, noise gains less by that than turned pilots do. Specification: section 7.1.
+six slots, noise gains less by that than turned pilots do.
+Specification: spec/audio-carrier.md, W41.
 """
 
 from collections.abc import Iterator

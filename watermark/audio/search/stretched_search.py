@@ -2,7 +2,7 @@
 
 Within a piece pilots lie as ever; from piece to piece some milliseconds are left out or heard
 twice. In: sound at 12 kHz; out: the likeliest path of a superframe's pilots, by dynamic programming
-(Viterbi, IEEE Trans. IT 13(2), 1967). Specification: W48.
+(Viterbi, IEEE Trans. IT 13(2), 1967). Specification: spec/audio-carrier.md, W48.
 """
 
 import math

@@ -2,7 +2,7 @@
 
 A single channel of wide stereo does not bear what stands in the mid, so some cells of two channels
 stand in left alone and some in right. Low ones, of which coders keep most, and all pilots stand in
-the mid. Specification: section 10.
+the mid. Specification: spec/audio-carrier.md, W43.
 """
 
 from dataclasses import dataclass

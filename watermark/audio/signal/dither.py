@@ -4,7 +4,7 @@ In: MDCT coefficients, the mask's amplitudes and bits; out: marked coefficients;
 soft value per cell. A cell is a few neighbouring coefficients of one frame; each is divided by the
 mask's amplitude, and their projection on a sign sequence is moved towards the nearest point of a
 lattice that the bit shifts by half a step. Sources: Chen and Wornell, IEEE Trans. IT 47(4), 2001;
-Costa, IEEE Trans. IT 29(3), 1983. Specification: section 4.
+Costa, IEEE Trans. IT 29(3), 1983. Specification: spec/audio-carrier.md, W18, W19 and W22.
 """
 
 import numpy as np

@@ -4,7 +4,7 @@ In: power spectra of successive frames; out: amplitude of the mark's unit per bi
 derives it again from the marked and coded sound, so the model uses band powers only, no peaks and
 no decisions. Source: spreading function of Schroeder, Atal and Hall (JASA 66, 1979), offset of
 ITU-R BS.1387-2 annex 2 section 2.1.7; growth limit against pre-echo as in ISO/IEC 11172-3 annex D.
-Specification: section 5.
+Specification: spec/audio-carrier.md, W23 to W28.
 """
 
 from dataclasses import dataclass

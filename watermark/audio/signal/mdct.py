@@ -4,7 +4,7 @@ In: samples; out: complex spectra whose real part is the MDCT (hop N, sine windo
 whose squared magnitude is a power that hardly depends on the phase of the sound. One real FFT gives
 both. Sources: Malvar, "A modulated complex lapped transform and its applications to audio
 processing", ICASSP 1999, and "Fast algorithm for the modulated complex lapped transform", IEEE
-Signal Processing Letters 10(1), 2003. Specification: section 3.
+Signal Processing Letters 10(1), 2003. Specification: spec/audio-carrier.md, W8 and W9.
 """
 
 from dataclasses import dataclass

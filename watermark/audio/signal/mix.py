@@ -1,6 +1,7 @@
 """Channels of a programme to the one signal that is marked, and the mark back into the channels.
 
-Specification: section 2. What left takes more of the mark right takes less, so it stands
+Specification: spec/audio-carrier.md, W5 to W7. What left takes more of the mark right takes less,
+so it stands
 unattenuated in the mid of stereo and in a mono downmix. What a centre takes comes back there too.
 """
 

@@ -5,7 +5,7 @@ transform coder of constant rate raises its noise over the masking threshold unt
 suffice; a mark of constant loudness drowns where the programme is loud and dense, and has strength
 to spare in pauses. Sources: perceptual entropy, Johnston, IEEE J. Sel. Areas Commun. 6(2), 1988;
 spread-transform dither modulation, Chen and Wornell, IEEE Trans. IT 47(4), 2001. Specification:
-none, an embedder may choose levels freely.
+spec/audio-carrier.md, W20 leaves the choice of levels to the embedder.
 """
 
 import numpy as np
