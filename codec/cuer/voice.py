@@ -68,7 +68,7 @@ class Voice:
         if self.gestures.neutral_head.size != self.face.n_motion:
             raise VoiceError("gesture table and face model differ in the head's parameters")
         digest = hashlib.sha256(FORMAT.encode())
-        for key, array in _arrays(self):
+        for key, array in arrays_of(self):
             digest.update(f"{key}{array.shape}".encode())
             digest.update(array.astype("<f4").tobytes())
         object.__setattr__(self, "identity", digest.hexdigest()[:16])
@@ -180,7 +180,7 @@ class Voice:
         return Motion(params, rate_hz, start_s, self.layout, self.identity, score)
 
 
-def _arrays(voice: Voice) -> Iterator[tuple[str, NDArray[np.float32]]]:
+def arrays_of(voice: Voice) -> Iterator[tuple[str, NDArray[np.float32]]]:
     for part, kind in _PARTS.items():
         for item in fields(kind):
             yield f"{part}.{item.name}", getattr(getattr(voice, part), item.name)
@@ -200,7 +200,7 @@ def save_voice(voice: Voice, path: str | os.PathLike[str]) -> None:
         "name": np.array(voice.name, dtype=np.str_),
         "identity": np.array(voice.identity, dtype=np.str_),
     }
-    write_arrays(path, header | dict(_arrays(voice)))
+    write_arrays(path, header | dict(arrays_of(voice)))
 
 
 def load_voice(path_or_name: str | os.PathLike[str] = "claire") -> Voice:

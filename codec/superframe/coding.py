@@ -78,7 +78,7 @@ class Coding:
 
     def __post_init__(self) -> None:
         digest = hashlib.sha256(f"{FORMAT}{self.voice}".encode() + tables_digest())
-        for name, array in _arrays(self):
+        for name, array in arrays_of(self):
             # What is derived may differ in its last bits from machine to machine.
             if self.trained or array.dtype.kind == "i":
                 digest.update(f"{name}{array.shape}".encode() + array.tobytes())
@@ -133,7 +133,7 @@ def keep_coding(coding: Coding, folder: Path | None = None) -> Path:
     return path
 
 
-def _arrays(coding: Coding) -> Iterator[tuple[str, NDArray[np.generic]]]:
+def arrays_of(coding: Coding) -> Iterator[tuple[str, NDArray[np.generic]]]:
     """Yield all numbers of a coding as they are stored."""
     for name in _TARGETS:
         yield f"targets.{name}", getattr(coding.targets, name).astype("<f4")
@@ -149,7 +149,7 @@ def _arrays(coding: Coding) -> Iterator[tuple[str, NDArray[np.generic]]]:
 
 def save_coding(coding: Coding, path: str | os.PathLike[str]) -> None:
     """Write tables as float32 and int16 arrays."""
-    write_arrays(path, dict(_arrays(coding)) | {"voice": np.array(coding.voice, dtype=np.str_)})
+    write_arrays(path, dict(arrays_of(coding)) | {"voice": np.array(coding.voice, dtype=np.str_)})
 
 
 def load_coding(path: str | os.PathLike[str], voice: Voice) -> Coding:

@@ -36,13 +36,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", metavar="FOLDER",
         help="where a speaker's units go; with --corpora a new folder, named as the voice",
     )  # fmt: skip
-    for action in (listing, info, build):
+    export = actions.add_parser(
+        "export", help="one file of voice and tables for the receiver of devices and pages"
+    )
+    export.add_argument("voice", nargs="?", default="claire", metavar="V", help="name or file")
+    export.add_argument("-o", "--output", required=True, metavar="F.bin", help="file to write")
+    for action in (listing, info, build, export):
         add_json(action)
 
 
 def run(args: argparse.Namespace) -> int:
     """Do what the action says."""
-    actions = {"list": _list, "info": _info, "build": _build}
+    actions = {"list": _list, "info": _info, "build": _build, "export": _export}
     return actions[args.action](args)
 
 
@@ -69,6 +74,28 @@ def _info(args: argparse.Namespace) -> int:
         "layout": list(voice.layout),
         "coding": coding_for(voice).identity,
         "tables": str(trained_path(voice) or "derived"),
+    }
+    _show(args, facts)
+    return 0
+
+
+def _export(args: argparse.Namespace) -> int:
+    import zlib
+
+    from codec.cuer.voice import load_voice
+    from codec.files.whole import whole_file
+    from receiver.export.device_voice import DIGEST_BYTES, device_voice
+
+    voice = load_voice(args.voice)
+    data = device_voice(voice)
+    with whole_file(args.output) as path:
+        path.write_bytes(data)
+    facts = {
+        "name": voice.name,
+        "identity": voice.identity,
+        "bytes": len(data),
+        "compressed": len(zlib.compress(data, 9)),
+        "sha256": data[-DIGEST_BYTES:].hex(),
     }
     _show(args, facts)
     return 0

@@ -1,0 +1,143 @@
+"""Verdicts on cases, and the class that a decoder reaches."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+CLASSES: dict[str, tuple[str, ...]] = {
+    "keys": ("superframes: score", "losses: keys"),
+    "motion": ("superframes: coefficients", "losses: markers", "windows", "lips"),
+    "hearing": ("sound",),
+}
+"""Groups of cases that each class needs besides those of the classes before it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What became of one case.
+
+    Attributes
+    ----------
+    case, group : str
+        Name of the case, and the group that it belongs to.
+    section : str
+        Paragraphs that it tests, or the one that is violated where that is known.
+    passed : bool
+    detail : str
+        What was expected and what came; empty where it passed.
+    """
+
+    case: str
+    group: str
+    section: str
+    passed: bool
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """All verdicts on one decoder.
+
+    Attributes
+    ----------
+    name : str
+        What the decoder calls itself.
+    verdicts : tuple of Verdict
+    skipped : tuple of str
+        Groups that the decoder says it does not do.
+    """
+
+    name: str
+    verdicts: tuple[Verdict, ...]
+    skipped: tuple[str, ...] = ()
+
+    @property
+    def failed(self) -> tuple[Verdict, ...]:
+        """Verdicts of cases that did not pass."""
+        return tuple(v for v in self.verdicts if not v.passed)
+
+    def reached(self) -> tuple[str, ...]:
+        """Return the classes of which every group was tested and passed, in their order.
+
+        Examples
+        --------
+        >>> fine = [Verdict("a", group, "", True) for group in CLASSES["keys"]]
+        >>> Report("one", tuple(fine)).reached()
+        ('keys',)
+        >>> Report("one", (*fine, Verdict("b", "lips", "K3", False))).reached()
+        ('keys',)
+        """
+        tested = Counter(v.group for v in self.verdicts)
+        broken = {v.group for v in self.failed}
+        found = []
+        for name, groups in CLASSES.items():
+            if not all(tested[group] for group in groups) or broken & set(groups):
+                if name == "hearing":
+                    continue
+                break
+            found.append(name)
+        return tuple(found)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the report for JSON."""
+        return {
+            "decoder": self.name,
+            "classes": list(self.reached()),
+            "groups": self.counts(),
+            "skipped": list(self.skipped),
+            "failed": [asdict(v) for v in self.failed],
+        }
+
+    def counts(self) -> dict[str, dict[str, int]]:
+        """Return cases and passed ones by group."""
+        groups: dict[str, dict[str, int]] = {}
+        for verdict in self.verdicts:
+            count = groups.setdefault(verdict.group, {"cases": 0, "passed": 0})
+            count["cases"] += 1
+            count["passed"] += verdict.passed
+        return groups
+
+
+def difference(expected: Any, found: Any) -> str:
+    """Return where two values differ, empty if they do not.
+
+    Examples
+    --------
+    >>> difference([1, 2], [1, 3]), difference({"a": [0]}, {"a": [0]})
+    ('[1]: 2 expected, got 3', '')
+    >>> difference({"a": 1}, {"b": 1})
+    '.a: 1 expected, got nothing'
+    """
+    if isinstance(expected, dict) and isinstance(found, dict):
+        for name in [*expected, *(n for n in found if n not in expected)]:
+            if name not in found or name not in expected:
+                given = found.get(name, "nothing")
+                return f".{name}: {expected.get(name, 'nothing')} expected, got {given}"
+            inside = difference(expected[name], found[name])
+            if inside:
+                return f".{name}{inside}"
+        return ""
+    if isinstance(expected, list) and isinstance(found, list):
+        for i, (one, two) in enumerate(zip(expected, found, strict=False)):
+            inside = difference(one, two)
+            if inside:
+                return f"[{i}]{inside}"
+        if len(expected) != len(found):
+            return f": {len(expected)} items expected, got {len(found)}"
+        return ""
+    return "" if expected == found else f": {expected} expected, got {found}"
+
+
+def worst(points: Sequence[Sequence[float]], others: Sequence[Sequence[float]]) -> float:
+    """Return the greatest distance between points of the same number, mm.
+
+    Examples
+    --------
+    >>> worst([(0, 0, 0), (1, 2, 3)], [(0, 0, 0), (1, 2, 3.5)])
+    0.5
+    """
+    return max(
+        sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) ** 0.5
+        for a, b in zip(points, others, strict=True)
+    )

@@ -1,0 +1,260 @@
+/* cue_conform.c - a decoder for `cuecast conform`: one JSON object a line in, one a line out.
+ *
+ * The protocol is in docs/reference/conformance.md. Requests are flat objects without blanks around
+ * colons; this program looks fields up by name and is no JSON parser.
+ * Build: cc -std=c11 -O2 -Iinclude -Isrc tools/cue_conform.c src/[a-z]*.c -lm -o cue_conform
+ */
+#include "payload.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MOST_LINE_BYTES = 1 << 22, MOST_BYTES = 1 << 20 };
+
+static char line[MOST_LINE_BYTES];
+static uint8_t first_bytes[MOST_BYTES], second_bytes[MOST_BYTES];
+static cue_payload *payload; /* the decoder under test, in one block */
+static cue_bases bases;      /* of the vectors, which have none of a voice */
+static cue_content content;
+static cue_coefficients found;
+static int32_t shift; /* numbers of the timeline less those of the requests */
+
+static const char *field(const char *name)
+{
+    char wanted[64];
+    snprintf(wanted, sizeof wanted, "\"%s\":", name);
+    const char *at = strstr(line, wanted);
+    return at ? at + strlen(wanted) : 0;
+}
+
+static long number(const char *name, long otherwise)
+{
+    const char *at = field(name);
+    return at ? strtol(at, 0, 10) : otherwise;
+}
+
+static int nibble(int c)
+{
+    return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
+}
+
+/* Bytes of a field in hexadecimal; 0 if it is absent or empty. */
+static size_t hex(const char *name, uint8_t *out)
+{
+    const char *at = field(name);
+    size_t n = 0;
+    if (!at || *at++ != '"') return 0;
+    for (; n < MOST_BYTES && nibble(at[0]) >= 0 && nibble(at[1]) >= 0; at += 2)
+        out[n++] = (uint8_t)(nibble(at[0]) << 4 | nibble(at[1]));
+    return n;
+}
+
+static size_t text(const char *name, char *out, size_t bytes)
+{
+    const char *at = field(name);
+    size_t n = 0;
+    if (at && *at++ == '"')
+        while (*at && *at != '"' && n + 1 < bytes) out[n++] = *at++;
+    out[n] = 0;
+    return n;
+}
+
+static void print_score(const cue_score *s)
+{
+    printf(",\"score\":");
+    if (!s->kind) {
+        printf("null");
+        return;
+    }
+    printf("{\"cheek\":[%d,%d,%d],\"rest_gap\":%d", s->cheek[0], s->cheek[1], s->cheek[2],
+           s->rest_gap);
+    if (s->kind == 2)
+        printf(",\"begin\":%d,\"end\":%d", s->first_end, s->end);
+    else
+        printf(",\"first\":%d,\"first_end\":%d,\"ahead\":%d", s->first, s->first_end, s->ahead);
+    printf(",\"numbers\":[");
+    for (int i = 0; i < s->count; i++) printf("%s%d", i ? "," : "", s->number[i]);
+    printf("],\"starts\":[");
+    for (int i = 0; i < s->count; i++) printf("%s%d", i ? "," : "", s->start[i]);
+    printf("]");
+    if (s->kind == 1) {
+        const char *between = "";
+        printf(",\"overrides\":{");
+        for (int t = 0; t < TICKS; t++)
+            if (s->replaced[t]) {
+                printf("%s\"%d\":[%d,%d]", between, t, (s->replaced[t] - 1) / PLACEMENTS,
+                       (s->replaced[t] - 1) % PLACEMENTS);
+                between = ",";
+            }
+        printf("}");
+    }
+    printf("}");
+}
+
+static void print_sparse(const char *name, const int64_t *values)
+{
+    const char *between = "";
+    printf(",\"%s\":{", name);
+    for (int i = 0; i < found.count; i++)
+        if (values[i]) {
+            printf("%s\"%d\":%lld", between, i, (long long)values[i]);
+            between = ",";
+        }
+    printf("}");
+}
+
+static void print_content(void)
+{
+    const cue_content *c = &content;
+    printf("{\"valid\":true,\"header\":[%d,%d,%d,%d,%d],\"slow\":[", c->mode, c->sequence, c->lead,
+           c->is_signed, c->proof);
+    for (int i = 0; i < c->slow_count; i++) printf("%s%d", i ? "," : "", c->slow[i]);
+    printf("],\"setting\":[%d,%d,%d,%d,%d,%d,%d,%d,%d]", c->step, c->basis, c->level, c->course,
+           c->shift, c->shares[0], c->shares[1], c->shares[2], c->shares[3]);
+    print_score(&c->score);
+    const char *between = "";
+    printf(",\"previews\":{");
+    for (int d = 0; d < 3; d++) {
+        if (!(c->previews >> d & 1)) continue;
+        printf("%s\"%d\":[", between, 2 * d + 2);
+        for (int i = 0; i < c->preview[d].count; i++)
+            printf("%s[%d,%d]", i ? "," : "", c->preview[d].tick[i], c->preview[d].symbol[i]);
+        printf("]");
+        between = ",";
+    }
+    printf("}");
+    print_sparse("indices", found.index);
+    print_sparse("values", found.value);
+    printf("}\n");
+}
+
+static int load_voice(void)
+{
+    static uint8_t file[1 << 20];
+    char path[1024];
+    text("binary", path, sizeof path);
+    FILE *in = fopen(path, "rb");
+    if (!in) return 0;
+    size_t n = fread(file, 1, sizeof file, in);
+    fclose(in);
+    return cue_payload_voice(payload, file, n) == CUE_OK;
+}
+
+static void do_bases(void)
+{
+    uint8_t identity[8];
+    const char *at = field("scales");
+    hex("identity", identity);
+    bases.identity = (uint16_t)(identity[0] << 8 | identity[1]);
+    bases.channels = (int)number("channels", 4);
+    for (int b = 0; at && b < BASES; b++)
+        for (int c = 0; c < bases.channels; c++)
+            for (int f = 0; f < TICKS; f++) {
+                while (*at && *at != '-' && (*at < '0' || *at > '9')) at++;
+                bases.scales[b][c][f] = (int16_t)strtol(at, (char **)&at, 10);
+            }
+    cue_bases_order(&bases);
+    printf("{}\n");
+}
+
+static void do_push(void)
+{
+    size_t n0 = hex("l0", first_bytes), n1 = hex("l1", second_bytes);
+    long index = number("index", 0);
+    cue_rule rule;
+    int before = payload->started;
+    cue_payload_put(payload, first_bytes, n0, second_bytes, n1, 0.64 * (double)index, &rule);
+    if (!before && payload->started) shift = payload->last - (int32_t)index;
+    printf("{\"section\":\"%s\"}\n", cue_rule_name(rule));
+}
+
+static void print_frames(const float (*shown)[MOST_P])
+{
+    const char *at = field("frames"), *between = "";
+    printf(",\"markers\":{");
+    while (at && *at && *at != ']') {
+        if (*at < '0' || *at > '9') {
+            at++;
+            continue;
+        }
+        long t = strtol(at, (char **)&at, 10);
+        double parameters[MOST_P], place[CUE_MARKERS][3];
+        for (int k = 0; k < MOST_P; k++) parameters[k] = (double)shown[t & 31][k];
+        cue_markers_of(&payload->model, parameters, place);
+        printf("%s\"%ld\":[", between, t);
+        for (int i = 0; i < CUE_MARKERS; i++)
+            printf("%s[%.4f,%.4f,%.4f]", i ? "," : "", place[i][0], place[i][1], place[i][2]);
+        printf("]");
+        between = ",";
+    }
+    printf("}");
+}
+
+static void do_draw(void)
+{
+    int32_t index = (int32_t)number("index", 0) + shift;
+    const cue_slot *s = cue_payload_draw(payload, index, number("lips", 0) != 0);
+    if (!s) {
+        printf("{\"arrived\":false,\"keys\":[],\"markers\":{}}\n");
+        return;
+    }
+    const char *between = "";
+    printf("{\"arrived\":%s,\"keys\":[", s->state == 2 ? "true" : "false");
+    for (int i = 0; i < s->keys; i++) {
+        const cue_shown_key *key = &s->key[i];
+        if (key->end == key->start) continue;
+        printf("%s[%d,%d,%d]", between, key->number, key->start - TICKS * shift,
+               key->end - TICKS * shift);
+        between = ",";
+    }
+    printf("]");
+    print_frames(s->shown);
+    printf("}\n");
+}
+
+static void answer(void)
+{
+    char what[32];
+    cue_rule rule;
+    text("do", what, sizeof what);
+    if (!strcmp(what, "hello")) {
+        printf("{\"name\":\"cuecast native\",\"protocol\":1,\"format\":%d,"
+               "\"does\":[\"superframe\",\"draw\"]}\n", CUE_FORMAT);
+    } else if (!strcmp(what, "voice")) {
+        printf("{\"loaded\":%s,", load_voice() ? "true" : "false");
+        printf("\"malformed_at\":%d}\n", (int)payload->bad_at - 1);
+    } else if (!strcmp(what, "bases")) {
+        do_bases();
+    } else if (!strcmp(what, "superframe")) {
+        size_t n0 = hex("l0", first_bytes), n1 = hex("l1", second_bytes);
+        rule = cue_superframe_read(first_bytes, n0, second_bytes, n1, &payload->tables, &bases,
+                                   &content, &found);
+        if (rule != RULE_NONE)
+            printf("{\"valid\":false,\"section\":\"%s\"}\n", cue_rule_name(rule));
+        else
+            print_content();
+    } else if (!strcmp(what, "reset")) {
+        cue_payload_reset(payload);
+        printf("{}\n");
+    } else if (!strcmp(what, "push")) {
+        do_push();
+    } else if (!strcmp(what, "draw")) {
+        do_draw();
+    } else {
+        printf("{\"unsupported\":true}\n");
+    }
+}
+
+int main(void)
+{
+    cue_config config = {.size = sizeof config, .rate_hz = 48000, .channels = 2};
+    payload = malloc(cue_payload_size(&config));
+    if (!payload || cue_payload_init(payload, &config) != CUE_OK) return 2;
+    while (fgets(line, sizeof line, stdin)) {
+        answer();
+        fflush(stdout);
+    }
+    free(payload);
+    return 0;
+}
