@@ -85,7 +85,8 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
         "live": {"command", "dubbing", "media"},
         "demo": {"command", "dubbing", "media"},
         "evaluate": {"command", "media", "dubbing", "demo"},
-        "verbs": {"command", "media", "dubbing", "live", "demo", "evaluate"},
+        "conformance": set(),
+        "verbs": {"command", "conformance", "media", "dubbing", "live", "demo", "evaluate"},
     },
 }
 """Who may import whom inside a package, or inside a room: each room, and those it may lean on.

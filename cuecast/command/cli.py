@@ -28,7 +28,8 @@ from cuecast.command.progress import printable
 
 VERBS = (
     "demo", "keys", "key", "synth", "capture", "encode", "decode", "inspect", "dub", "playout",
-    "receive", "watch", "render", "compare", "evaluate", "batch", "voice", "warm",
+    "receive", "watch", "render", "compare", "evaluate", "batch", "voice",
+    "conform", "warm",
 )  # fmt: skip
 """Verbs in the order of the help page; each is a module of `cuecast.verbs`."""
 

@@ -96,7 +96,9 @@ class Program:
             if not piece:
                 raise CueError(self._ended(what))
             if size > _MOST_BYTES:
-                raise CueError(f"{self.name}: answer to {what!r} is longer than {_MOST_BYTES} bytes")
+                raise CueError(
+                    f"{self.name}: answer to {what!r} is longer than {_MOST_BYTES} bytes"
+                )
             pieces.append(piece)
         line, _, self._rest = b"".join(pieces).partition(b"\n")
         return line

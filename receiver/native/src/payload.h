@@ -144,7 +144,7 @@ cue_rule cue_superframe_read(const uint8_t *l0, size_t n0, const uint8_t *l1, si
 /* F7: payload of a file that tells its score once. */
 void cue_record_read(const uint8_t *data, size_t bytes, unsigned mode, const cue_tables *tables,
                      const cue_bases *bases, cue_content *out, cue_coefficients *found);
-unsigned cue_crc(const uint8_t *data, size_t bytes, unsigned width, unsigned polynomial,
+unsigned cue_check_of(const uint8_t *data, size_t bytes, unsigned width, unsigned polynomial,
                  unsigned preset);
 
 void cue_score_read(cue_range *r, const cue_tables *tables, cue_score *out);
@@ -292,7 +292,8 @@ struct cue_payload {
 /* Take a superframe of any size that was on air from on_air_s on; n0 = 0: it did not arrive. */
 cue_status cue_payload_put(cue_payload *payload, const uint8_t *l0, size_t n0, const uint8_t *l1,
                            size_t n1, double on_air_s, cue_rule *rule);
-/* Draw a superframe from all that is known by now; 0 if nothing is. For tests and files. */
+/* Draw a superframe from all that is known by now; 0 if nothing is. The line around it is in
+ * work.line then. For tests. */
 const cue_slot *cue_payload_draw(cue_payload *payload, int32_t number, int lips);
 
 void cue_sha256(const uint8_t *data, size_t bytes, uint8_t digest[32]);

@@ -21,7 +21,7 @@ const char *cue_rule_name(cue_rule rule)
     return NAMES[rule];
 }
 
-unsigned cue_crc(const uint8_t *data, size_t bytes, unsigned width, unsigned polynomial,
+unsigned cue_check_of(const uint8_t *data, size_t bytes, unsigned width, unsigned polynomial,
                  unsigned preset)
 {
     unsigned crc = preset, top = 1U << (width - 1U), mask = (top << 1) - 1U;
@@ -92,12 +92,12 @@ static int fits(const uint8_t *l0, size_t n0, int is_signed, const uint8_t *l1, 
     if (is_signed) {
         /* The proof is the last nine bits before the check: as 0, from the bytes before it on. */
         uint8_t last[2] = {l0[n0 - 4] & 0xFE, 0};
-        check = cue_crc(l0, n0 - 4, 16, 0x1021, 0xFFFF);
-        check = cue_crc(last, 2, 16, 0x1021, check) ^ mask;
+        check = cue_check_of(l0, n0 - 4, 16, 0x1021, 0xFFFF);
+        check = cue_check_of(last, 2, 16, 0x1021, check) ^ mask;
     }
     uint8_t bound[2] = {(uint8_t)(check >> 8), (uint8_t)(check & 255)};
-    unsigned crc = cue_crc(bound, 2, 8, 0x2F, 0xFF);
-    return (cue_crc(l1, n1 - 1, 8, 0x2F, crc) ^ 0xFF) == l1[n1 - 1];
+    unsigned crc = cue_check_of(bound, 2, 8, 0x2F, 0xFF);
+    return (cue_check_of(l1, n1 - 1, 8, 0x2F, crc) ^ 0xFF) == l1[n1 - 1];
 }
 
 cue_rule cue_superframe_read(const uint8_t *l0, size_t n0, const uint8_t *l1, size_t n1,
@@ -113,7 +113,7 @@ cue_rule cue_superframe_read(const uint8_t *l0, size_t n0, const uint8_t *l1, si
     out->is_signed = l0[1] >> 3 & 1;
     if (out->is_signed && n0 < 7) return RULE_H1;
     unsigned check = (unsigned)l0[n0 - 2] << 8 | l0[n0 - 1];
-    if ((cue_crc(l0, n0 - 2, 16, 0x1021, 0xFFFF) ^ bases->identity) != check) return RULE_H6;
+    if ((cue_check_of(l0, n0 - 2, 16, 0x1021, 0xFFFF) ^ bases->identity) != check) return RULE_H6;
     if (l0[0] >> 6) return RULE_H2;
     if (out->is_signed) out->proof = (uint16_t)(((l0[n0 - 4] & 1) << 8) | l0[n0 - 3]); /* H12 */
     cue_range r;

@@ -201,9 +201,10 @@ static void do_draw(void)
     }
     const char *between = "";
     printf("{\"arrived\":%s,\"keys\":[", s->state == 2 ? "true" : "false");
-    for (int i = 0; i < s->keys; i++) {
-        const cue_shown_key *key = &s->key[i];
-        if (key->end == key->start) continue;
+    const cue_line *joined = &payload->work.line;
+    for (int i = 0; i < joined->cues; i++) {
+        const cue_cue *key = &joined->cue[i];
+        if (!key->certain || cue_floor(key->start, TICKS) != index) continue;
         printf("%s[%d,%d,%d]", between, key->number, key->start - TICKS * shift,
                key->end - TICKS * shift);
         between = ",";
