@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from cuecast.conformance.program import Program
-from cuecast.conformance.verdict import Verdict, difference, worst
+from cuecast.conformance.verdict import Verdict, difference, verdict_on, worst
 
 TOLERANCE_MM = 0.01
 """Limit of section 9 for marker positions."""
@@ -37,7 +37,7 @@ def examine_files(program: Program, document: dict[str, Any]) -> Iterator[Verdic
         _push(program, superframes)
         detail = _compare_markers(program, wanted, lips=False)
         group = "losses: markers" if "number" in case["id"] else "superframes: coefficients"
-        yield Verdict(case["id"], group, case["section"], not detail, detail)
+        yield verdict_on(case, group, detail)
 
 
 def examine_reception(program: Program, document: dict[str, Any]) -> Iterator[Verdict]:
@@ -50,7 +50,7 @@ def examine_reception(program: Program, document: dict[str, Any]) -> Iterator[Ve
         }
         detail = _compare_keys(program, case) if "keys" in case else ""
         detail = detail or _compare_markers(program, wanted, lips=case["lips"])
-        yield Verdict(case["id"], case["group"], case["section"], not detail, detail)
+        yield verdict_on(case, case["group"], detail)
 
 
 def _push(program: Program, superframes: list[dict[str, Any]]) -> None:

@@ -3,13 +3,14 @@
 import json
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
+from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import PLACEMENT_NUMBER
 from codec.cues.timeline import TICK_S, TICKS
-from codec.cuer.voice import Voice, load_voice
 from codec.errors import BitstreamError, CueError
 from codec.superframe.bits import read_header
 from codec.superframe.checks import is_compact, is_own, is_possible, proof_of
@@ -74,10 +75,8 @@ class Own:
             read_header(l0)
             content, known = read_l0(l0, self._bases)
             if l1:
-                try:
+                with suppress(BitstreamError):  # (H7) an L1 of another L0 is left out
                     content = read_l1(l0, l1, content, known, self._bases)
-                except BitstreamError:
-                    pass  # (H7) of another L0
         except BitstreamError as error:
             return {"valid": False, "section": error.section}
         found = proof_of(l0)
@@ -174,8 +173,9 @@ def main() -> None:
     own = Own()
     for line in sys.stdin:
         request = json.loads(line)
-        answer = own.requests.get(request["do"], lambda _: {"unsupported": True})
-        print(json.dumps(answer(request), separators=(",", ":")), flush=True)
+        known = own.requests.get(request["do"])
+        answer = known(request) if known else {"unsupported": True}
+        print(json.dumps(answer, separators=(",", ":")), flush=True)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from cuecast.conformance.program import Program
-from cuecast.conformance.verdict import Verdict, difference
+from cuecast.conformance.verdict import Verdict, difference, verdict_on
 
 SCORE, COEFFICIENTS = "superframes: score", "superframes: coefficients"
 
@@ -35,7 +35,7 @@ def examine_superframes(program: Program, document: dict[str, Any]) -> Iterator[
                 wanted = {name: case[name] for name in names}
                 found = {name: answer[name] for name in names if name in answer}
                 detail = difference(wanted, found)
-            yield Verdict(case["id"], group, case["section"], not detail, detail)
+            yield verdict_on(case, group, detail)
 
 
 def _refusal(case: dict[str, Any], answer: dict[str, Any]) -> Verdict:
@@ -46,4 +46,4 @@ def _refusal(case: dict[str, Any], answer: dict[str, Any]) -> Verdict:
         detail = f"accepted, though it violates {section}"
     elif answer.get("section") != section:
         detail = f"refused by {answer.get('section')}, it violates {section}"
-    return Verdict(case["id"], SCORE, section, not detail, detail)
+    return verdict_on(case, SCORE, detail)

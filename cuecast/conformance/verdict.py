@@ -1,5 +1,6 @@
 """Verdicts on cases, and the class that a decoder reaches."""
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -26,6 +27,8 @@ class Verdict:
     passed : bool
     detail : str
         What was expected and what came; empty where it passed.
+    suggests : str
+        Where to look if it did not.
     """
 
     case: str
@@ -33,6 +36,13 @@ class Verdict:
     section: str
     passed: bool
     detail: str = ""
+    suggests: str = ""
+
+
+def verdict_on(case: dict[str, Any], group: str, detail: str) -> Verdict:
+    """Return the verdict on a case of a vector file; no detail means that it passed."""
+    suggests = case.get("failure_suggests", "") if detail else ""
+    return Verdict(case["id"], group, case["section"], not detail, detail, suggests)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +147,4 @@ def worst(points: Sequence[Sequence[float]], others: Sequence[Sequence[float]]) 
     >>> worst([(0, 0, 0), (1, 2, 3)], [(0, 0, 0), (1, 2, 3.5)])
     0.5
     """
-    return max(
-        sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) ** 0.5
-        for a, b in zip(points, others, strict=True)
-    )
+    return max(math.dist(a, b) for a, b in zip(points, others, strict=True))

@@ -39,6 +39,7 @@ def run(args: argparse.Namespace) -> int:
             print(f"{group:>28}  {count['passed']} of {count['cases']}")
         for verdict in report.failed[:_SHOWN]:
             print(f"{verdict.case} violates {verdict.section}: {verdict.detail}")
+            print(f"    look at: {verdict.suggests}")
         if len(report.failed) > _SHOWN:
             note(f"{len(report.failed) - _SHOWN} more failures: --json has all of them")
         print(f"classes reached: {', '.join(report.reached()) or 'none'}")

@@ -120,7 +120,17 @@ STREAM: Rows = (
     ("endless", "a line of a day from one byte: refused early", "F10; a decoder that runs on"),
 )  # fmt: skip
 
-TABLES = {"superframe": SUPERFRAME, "stream": STREAM}
+RECEPTION: Rows = (
+    ("lost-.*", "keys of a line of which superframes were lost, previews among them",
+     "keys that J5 leaves open; nearest preview (V3), stand-ins and what follows them (J8)"),
+    ("windows-.*", "keys and markers of compact superframes, some of them lost",
+     "silences, squeezing and holes between windows (J6, J7); options of the nearest (J4); four "
+     "windows before and one behind predict (section 5)"),
+    ("lips-.*", "markers with the lips as they are shown",
+     "weights of phones (K1), rivals (K3), the two moves one after the other (K4, K5)"),
+)  # fmt: skip
+
+TABLES = {"superframe": SUPERFRAME, "stream": STREAM, "reception": RECEPTION}
 
 
 def described(document: str, case: str) -> dict[str, str]:

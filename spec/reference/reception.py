@@ -3,6 +3,7 @@
 From the text: keys of a line with holes, the line of compact superframes, lips as they are shown.
 """
 
+import itertools
 import math
 from dataclasses import dataclass, field
 
@@ -184,7 +185,7 @@ def strokes_of(
     """
     held = [Cue(c.number, c.start, c.end, c.consonant) for c in cues]
     limit = round(rest_gap * 50)
-    for one, two in zip(held, held[1:], strict=False):
+    for one, two in itertools.pairwise(held):
         lost = any(one.end <= begin and end <= two.start for begin, end in line.lost)
         if lost and two.start - one.end >= limit:
             one.end = two.start

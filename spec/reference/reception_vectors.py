@@ -1,7 +1,8 @@
 """The vectors of reception: superframes drawn at random, with losses, windows and lips.
 
-``python -m spec.reference.reception_vectors spec/vectors/reception.json`` writes them, the same ones
-each time. To be run for a new version of the format, of the built-in voice or of its tables only.
+``python -m spec.reference.reception_vectors spec/vectors/reception.json`` writes them, the same
+ones each time. To be run for a new version of the format, of the built-in voice or of its tables
+only.
 """
 
 import json
@@ -14,6 +15,7 @@ from typing import Any
 from spec.reference.identity import identity as identity_of
 from spec.reference.markers import Array, identity, markers, read_voice
 from spec.reference.motion import BASES, read_coding
+from spec.reference.purposes import described
 from spec.reference.reception import (
     line_of_windows,
     line_with_holes,
@@ -121,6 +123,7 @@ def case_of(
             stated[str(32 * k + t)] = {str(m): [round(x, 3) for x in places[m]] for m in SHOWN}
     return {
         "id": name, "group": group, "section": section, "valid": True, "lips": shown_lips,
+        **described("reception", name),
         "superframes": [
             {"index": FIRST + k, "l0": "" if k in lost else l0.hex(), "l1": ""}
             for k, l0 in enumerate(frames)
