@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from cuecast.conformance.program import Program
-from cuecast.conformance.verdict import Verdict, difference, verdict_on, worst
+from cuecast.conformance.verdict import CaseVerdict, difference, verdict_on, worst
 
 TOLERANCE_MM = 0.01
 """Limit of section 9 for marker positions."""
@@ -13,7 +13,7 @@ _HEAD_BYTES = 26
 _TICKS = 32
 
 
-def examine_files(program: Program, document: dict[str, Any]) -> Iterator[Verdict]:
+def examine_files(program: Program, document: dict[str, Any]) -> Iterator[CaseVerdict]:
     """Yield verdicts on the files of constant superframes in `spec/vectors/stream.json`.
 
     Their superframes are pushed one by one, as from a carrier; broken ones are lost.
@@ -40,7 +40,7 @@ def examine_files(program: Program, document: dict[str, Any]) -> Iterator[Verdic
         yield verdict_on(case, group, detail)
 
 
-def examine_reception(program: Program, document: dict[str, Any]) -> Iterator[Verdict]:
+def examine_reception(program: Program, document: dict[str, Any]) -> Iterator[CaseVerdict]:
     """Yield verdicts on the cases of `spec/vectors/reception.json`."""
     for case in document["cases"]:
         _push(program, case["superframes"])

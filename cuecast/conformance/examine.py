@@ -13,7 +13,7 @@ from codec.superframe.coding import coding_for, save_coding
 from cuecast.conformance.drawing import examine_files, examine_reception
 from cuecast.conformance.program import Program
 from cuecast.conformance.superframes import examine_superframes
-from cuecast.conformance.verdict import Report, Verdict
+from cuecast.conformance.verdict import CaseVerdict, ConformanceReport
 from receiver.export.device_voice import device_voice
 
 PROTOCOL = 1
@@ -22,7 +22,9 @@ VECTORS = Path(__file__).parents[2] / "spec" / "vectors"
 """Where a checkout has the vectors."""
 
 
-def examine(command: Sequence[str], vectors: str | os.PathLike[str] | None = None) -> Report:
+def examine(
+    command: Sequence[str], vectors: str | os.PathLike[str] | None = None
+) -> ConformanceReport:
     """Examine the decoder that a command starts.
 
     Parameters
@@ -33,7 +35,7 @@ def examine(command: Sequence[str], vectors: str | os.PathLike[str] | None = Non
 
     Returns
     -------
-    Report
+    ConformanceReport
 
     Raises
     ------
@@ -52,12 +54,12 @@ def examine(command: Sequence[str], vectors: str | os.PathLike[str] | None = Non
         _give_voice(program, Path(files))
         verdicts = list(_examined(program, does, documents))
         skipped = tuple(name for name in ("superframe", "draw") if name not in does)
-    return Report(str(hello.get("name", program.name)), tuple(verdicts), skipped)
+    return ConformanceReport(str(hello.get("name", program.name)), tuple(verdicts), skipped)
 
 
 def _examined(
     program: Program, does: Sequence[str], documents: dict[str, Any]
-) -> Iterator[Verdict]:
+) -> Iterator[CaseVerdict]:
     if "superframe" in does:
         yield from examine_superframes(program, documents["superframe"])
     if "draw" in does:

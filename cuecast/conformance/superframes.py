@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from cuecast.conformance.program import Program
-from cuecast.conformance.verdict import Verdict, difference, verdict_on
+from cuecast.conformance.verdict import CaseVerdict, difference, verdict_on
 
 SCORE, COEFFICIENTS = "superframes: score", "superframes: coefficients"
 
@@ -15,7 +15,7 @@ FIELDS = {
 """Fields of a vector that each group compares."""
 
 
-def examine_superframes(program: Program, document: dict[str, Any]) -> Iterator[Verdict]:
+def examine_superframes(program: Program, document: dict[str, Any]) -> Iterator[CaseVerdict]:
     """Yield a verdict on each case and group."""
     program.ask(
         "bases",
@@ -38,7 +38,7 @@ def examine_superframes(program: Program, document: dict[str, Any]) -> Iterator[
             yield verdict_on(case, group, detail)
 
 
-def _refusal(case: dict[str, Any], answer: dict[str, Any]) -> Verdict:
+def _refusal(case: dict[str, Any], answer: dict[str, Any]) -> CaseVerdict:
     """Return the verdict on a part that breaks a rule."""
     section = case["section"]
     detail = ""

@@ -15,7 +15,7 @@ CLASSES: dict[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class CaseVerdict:
     """What became of one case.
 
     Attributes
@@ -39,31 +39,31 @@ class Verdict:
     suggests: str = ""
 
 
-def verdict_on(case: dict[str, Any], group: str, detail: str) -> Verdict:
+def verdict_on(case: dict[str, Any], group: str, detail: str) -> CaseVerdict:
     """Return the verdict on a case of a vector file; no detail means that it passed."""
     suggests = case.get("failure_suggests", "") if detail else ""
-    return Verdict(case["id"], group, case["section"], not detail, detail, suggests)
+    return CaseVerdict(case["id"], group, case["section"], not detail, detail, suggests)
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class ConformanceReport:
     """All verdicts on one decoder.
 
     Attributes
     ----------
     name : str
         What the decoder calls itself.
-    verdicts : tuple of Verdict
+    verdicts : tuple of CaseVerdict
     skipped : tuple of str
         Groups that the decoder says it does not do.
     """
 
     name: str
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[CaseVerdict, ...]
     skipped: tuple[str, ...] = ()
 
     @property
-    def failed(self) -> tuple[Verdict, ...]:
+    def failed(self) -> tuple[CaseVerdict, ...]:
         """Verdicts of cases that did not pass."""
         return tuple(v for v in self.verdicts if not v.passed)
 
@@ -72,10 +72,10 @@ class Report:
 
         Examples
         --------
-        >>> fine = [Verdict("a", group, "", True) for group in CLASSES["keys"]]
-        >>> Report("one", tuple(fine)).reached()
+        >>> fine = [CaseVerdict("a", group, "", True) for group in CLASSES["keys"]]
+        >>> ConformanceReport("one", tuple(fine)).reached()
         ('keys',)
-        >>> Report("one", (*fine, Verdict("b", "lips", "K3", False))).reached()
+        >>> ConformanceReport("one", (*fine, CaseVerdict("b", "lips", "K3", False))).reached()
         ('keys',)
         """
         tested = Counter(v.group for v in self.verdicts)
