@@ -181,6 +181,7 @@ class Voice:
 
 
 def arrays_of(voice: Voice) -> Iterator[tuple[str, NDArray[np.float32]]]:
+    """Yield name and content of all arrays of a voice file (O2)."""
     for part, kind in _PARTS.items():
         for item in fields(kind):
             yield f"{part}.{item.name}", getattr(getattr(voice, part), item.name)

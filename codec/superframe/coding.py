@@ -134,7 +134,7 @@ def keep_coding(coding: Coding, folder: Path | None = None) -> Path:
 
 
 def arrays_of(coding: Coding) -> Iterator[tuple[str, NDArray[np.generic]]]:
-    """Yield all numbers of a coding as they are stored."""
+    """Yield all numbers of a coding as they are stored (table 4)."""
     for name in _TARGETS:
         yield f"targets.{name}", getattr(coding.targets, name).astype("<f4")
     yield "targets.places", coding.targets.places.astype("<f4")
