@@ -24,27 +24,50 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from codec.analysis.compare import compare_motions
+    from codec.analysis.compare import Comparison, compare_motions
+    from codec.authentication.announcement import Announcement, SigningKey
+    from codec.authentication.chain import Chain
+    from codec.cuer.gestures import GestureTable
+    from codec.cuer.models.face import FaceModel
+    from codec.cuer.models.hand import HandModel
     from codec.cuer.motion import Motion, load_motion, save_motion
     from codec.cuer.voice import Voice, load_voice, save_voice
+    from codec.cues.cueing import CueingOptions
     from codec.cues.score import Key, Phone, Score
     from codec.errors import BitstreamError, CueError, VoiceError
     from codec.streamfile.inspect import inspect_stream
     from codec.streamfile.stream import decode_stream, encode_stream
     from codec.superframe.decoder import SuperframeDecoder
     from codec.superframe.encoder import SuperframeEncoder
+    from codec.superframe.score_coding import ScorePart
+    from codec.superframe.slow_channel import SlowSender
+    from codec.superframe.superframe import DecodedSuperframe, Superframe
+    from codec.superframe.window import Window
 
 __all__ = [
+    "Announcement",
     "BitstreamError",
+    "Chain",
+    "Comparison",
     "CueError",
+    "CueingOptions",
+    "DecodedSuperframe",
+    "FaceModel",
+    "GestureTable",
+    "HandModel",
     "Key",
     "Motion",
     "Phone",
     "Score",
+    "ScorePart",
+    "SigningKey",
+    "SlowSender",
+    "Superframe",
     "SuperframeDecoder",
     "SuperframeEncoder",
     "Voice",
     "VoiceError",
+    "Window",
     "compare_motions",
     "decode_stream",
     "encode_stream",
@@ -56,16 +79,29 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Announcement": "codec.authentication.announcement",
     "BitstreamError": "codec.errors",
+    "Chain": "codec.authentication.chain",
+    "Comparison": "codec.analysis.compare",
     "CueError": "codec.errors",
+    "CueingOptions": "codec.cues.cueing",
+    "DecodedSuperframe": "codec.superframe.superframe",
+    "FaceModel": "codec.cuer.models.face",
+    "GestureTable": "codec.cuer.gestures",
+    "HandModel": "codec.cuer.models.hand",
     "Key": "codec.cues.score",
     "Motion": "codec.cuer.motion",
     "Phone": "codec.cues.score",
     "Score": "codec.cues.score",
+    "ScorePart": "codec.superframe.score_coding",
+    "SigningKey": "codec.authentication.announcement",
+    "SlowSender": "codec.superframe.slow_channel",
+    "Superframe": "codec.superframe.superframe",
     "SuperframeDecoder": "codec.superframe.decoder",
     "SuperframeEncoder": "codec.superframe.encoder",
     "Voice": "codec.cuer.voice",
     "VoiceError": "codec.errors",
+    "Window": "codec.superframe.window",
     "compare_motions": "codec.analysis.compare",
     "decode_stream": "codec.streamfile.stream",
     "encode_stream": "codec.streamfile.stream",

@@ -21,12 +21,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from cuecast.command.cli import main
     from cuecast.dubbing.dub import DubOptions, dub
-    from cuecast.dubbing.motions import GivenMotion, SynthesisedMotion
+    from cuecast.dubbing.motions import GivenMotion, MotionSource, SynthesisedMotion
     from cuecast.dubbing.receive import Reception, receive
 
 __all__ = [
     "DubOptions",
     "GivenMotion",
+    "MotionSource",
     "Reception",
     "SynthesisedMotion",
     "dub",
@@ -37,6 +38,7 @@ __all__ = [
 _HOMES = {
     "DubOptions": "cuecast.dubbing.dub",
     "GivenMotion": "cuecast.dubbing.motions",
+    "MotionSource": "cuecast.dubbing.motions",
     "Reception": "cuecast.dubbing.receive",
     "SynthesisedMotion": "cuecast.dubbing.motions",
     "dub": "cuecast.dubbing.dub",
@@ -45,9 +47,14 @@ _HOMES = {
 }
 """Where each name lives: it is imported when it is first asked for, so that importing is cheap."""
 
+__version__: str
+"""Version of the installed distribution."""
+
 if not TYPE_CHECKING:  # type checkers would take any name for one of ours
 
     def __getattr__(name: str) -> Any:
+        if name == "__version__":
+            return import_module("cuecast.command.version").installed_version()
         if name not in _HOMES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         return getattr(import_module(_HOMES[name]), name)

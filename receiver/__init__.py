@@ -25,8 +25,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from receiver.drawing.render import draw
+    from receiver.reception.authenticity import Trust
     from receiver.reception.engine import Receiver
     from receiver.reception.events import (
+        AuthenticityChanged,
         Event,
         KeysFound,
         MotionPiece,
@@ -36,23 +38,27 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    "AuthenticityChanged",
     "Event",
     "KeysFound",
     "MotionPiece",
     "Receiver",
     "StateChanged",
     "SuperframeLost",
+    "Trust",
     "Unreadable",
     "draw",
 ]
 
 _HOMES = {
+    "AuthenticityChanged": "receiver.reception.events",
     "Event": "receiver.reception.events",
     "KeysFound": "receiver.reception.events",
     "MotionPiece": "receiver.reception.events",
     "Receiver": "receiver.reception.engine",
     "StateChanged": "receiver.reception.events",
     "SuperframeLost": "receiver.reception.events",
+    "Trust": "receiver.reception.authenticity",
     "Unreadable": "receiver.reception.events",
     "draw": "receiver.drawing.render",
 }

@@ -19,16 +19,39 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from synth.capture.capture import capture_motion
-    from synth.capture.options import CaptureOptions
+    from synth.capture.options import Captured, CaptureOptions
+    from synth.language.subtitles.findings import LeftOut
     from synth.language.subtitles.model import Subtitle
-    from synth.language.subtitles.read import read_subtitles
+    from synth.language.subtitles.read import Terms, read_subtitles
+    from synth.language.text.lexicon import Variant
+    from synth.language.text.pronounce import Style
+    from synth.language.text.words import Word
     from synth.motion.rules.performance import motion_of
-    from synth.planning.alignment.score import align, sound_of
-    from synth.planning.scoring.text_score import keys_of, score_of_subtitles, score_of_text
+    from synth.planning.alignment.score import Judgement, align, sound_of
+    from synth.planning.prosody.pacing import Pace, PacedWord, TimedWord
+    from synth.planning.prosody.simulation import PerformerChoice
+    from synth.planning.scoring.text_score import (
+        Reading,
+        keys_of,
+        score_of_subtitles,
+        score_of_text,
+    )
 
 __all__ = [
     "CaptureOptions",
+    "Captured",
+    "Judgement",
+    "LeftOut",
+    "Pace",
+    "PacedWord",
+    "PerformerChoice",
+    "Reading",
+    "Style",
     "Subtitle",
+    "Terms",
+    "TimedWord",
+    "Variant",
+    "Word",
     "align",
     "capture_motion",
     "keys_of",
@@ -41,7 +64,19 @@ __all__ = [
 
 _HOMES = {
     "CaptureOptions": "synth.capture.options",
+    "Captured": "synth.capture.options",
+    "Judgement": "synth.planning.alignment.score",
+    "LeftOut": "synth.language.subtitles.findings",
+    "Pace": "synth.planning.prosody.pacing",
+    "PacedWord": "synth.planning.prosody.pacing",
+    "PerformerChoice": "synth.planning.prosody.simulation",
+    "Reading": "synth.planning.scoring.text_score",
+    "Style": "synth.language.text.pronounce",
     "Subtitle": "synth.language.subtitles.model",
+    "Terms": "synth.language.subtitles.read",
+    "TimedWord": "synth.planning.prosody.pacing",
+    "Variant": "synth.language.text.lexicon",
+    "Word": "synth.language.text.words",
     "align": "synth.planning.alignment.score",
     "capture_motion": "synth.capture.capture",
     "keys_of": "synth.planning.scoring.text_score",

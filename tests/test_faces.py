@@ -5,26 +5,43 @@ import importlib
 import inspect
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import pytest
 
+import cuecast
+
 ROOT = Path(__file__).resolve().parents[1]
 
-FACES = {
+ENTRIES = {
     "codec": """BitstreamError CueError Key Motion Phone Score SuperframeDecoder SuperframeEncoder
-        Voice VoiceError compare_motions decode_stream encode_stream inspect_stream load_motion
-        load_voice save_motion save_voice""",
+        Voice VoiceError compare_motions decode_stream encode_stream inspect_stream
+        load_motion load_voice save_motion save_voice""",
     "synth": """CaptureOptions Subtitle align capture_motion keys_of motion_of read_subtitles
         score_of_subtitles score_of_text sound_of""",
-    "watermark": """AudioEmbedder AudioReceiver PROFILES ReceivedSuperframe VideoEmbedder
+    "watermark": """PROFILES AudioEmbedder AudioReceiver ReceivedSuperframe VideoEmbedder
         VideoReceiver grade""",
-    "receiver": """Event KeysFound MotionPiece Receiver StateChanged SuperframeLost Unreadable
-        draw""",
+    "receiver": """Event KeysFound MotionPiece Receiver StateChanged SuperframeLost
+        Unreadable draw""",
     "cuecast": """DubOptions GivenMotion Reception SynthesisedMotion dub main receive""",
 }
-"""The faces of this version. They follow semantic versioning: what leaves one breaks programs."""
+"""The names that a program begins with, by package. What leaves a face breaks programs."""
+
+VALUES = {
+    "codec": """Announcement Chain Comparison CueingOptions DecodedSuperframe FaceModel GestureTable
+        HandModel ScorePart SigningKey SlowSender Superframe Window""",
+    "synth": """Captured Judgement LeftOut Pace PacedWord PerformerChoice Reading Style Terms
+        TimedWord Variant Word""",
+    "watermark": """AudioProfile CodecLoop CodecStream EmbedReport Movs PeaqResult VideoProfile
+        VideoReport""",
+    "receiver": """AuthenticityChanged Trust""",
+    "cuecast": """MotionSource""",
+}
+"""The types in their signatures."""
+
+FACES = {package: f"{ENTRIES[package]} {VALUES[package]}" for package in ENTRIES}
 
 HEAVY = {"numpy", "scipy", "numba", "av", "aiohttp", "matplotlib", "soundfile"}
 
@@ -98,7 +115,7 @@ def undocumented(label: str, thing: Any) -> list[str]:
 def test_public_names_tell_what_they_take_and_give(package: str) -> None:
     module = importlib.import_module(package)
     missing = []
-    for name in module.__all__:
+    for name in ENTRIES[package].split():
         thing = getattr(module, name)
         if inspect.isfunction(thing):
             missing += undocumented(name, thing)
@@ -111,3 +128,68 @@ def test_public_names_tell_what_they_take_and_give(package: str) -> None:
                 if inspect.isfunction(method) and not label.startswith("_"):
                     missing += undocumented(f"{name}.{label}", method)
     assert missing == []
+
+
+@pytest.mark.parametrize("package", FACES)
+def test_values_say_what_they_hold(package: str) -> None:
+    for name in VALUES[package].split():
+        assert len(inspect.getdoc(getattr(importlib.import_module(package), name)) or "") > 20
+
+
+def test_types_of_signatures_are_in_a_face() -> None:
+    """Whatever a public function or method takes or gives can be imported from a face."""
+    public = [getattr(importlib.import_module(p), name) for p in FACES for name in FACES[p].split()]
+    known = {thing for thing in public if isinstance(thing, type)}
+    missing = {
+        f"{found.__module__}.{found.__name__} in {thing.__name__}"
+        for thing in public if callable(thing) and not is_error(thing)
+        for found in types_of_ours(thing) if found not in known
+    }  # fmt: skip
+    assert missing == set()
+
+
+def is_error(thing: Any) -> bool:
+    return isinstance(thing, type) and issubclass(thing, Exception)
+
+
+def types_of_ours(thing: Any) -> set[type]:
+    """Return the project's own types in the annotations of a function, or of a class's public
+    attributes and methods."""
+    functions = [thing]
+    if isinstance(thing, type):
+        members = [m for name, m in vars(thing).items() if not name.startswith("_")]
+        members = [getattr(m, "fget", getattr(m, "__func__", m)) for m in members]
+        functions += [vars(thing).get("__init__"), *members]
+    found: set[type] = set()
+    for function in functions:
+        if isinstance(function, type) or inspect.isfunction(function):
+            for name, annotation in hints_of(function).items():
+                if not name.startswith("_"):
+                    found |= ours_in(annotation)
+    return found
+
+
+def ours_in(annotation: Any) -> set[type]:
+    if isinstance(annotation, type) and annotation.__module__.split(".")[0] in FACES:
+        return {annotation}
+    if isinstance(annotation, list):  # the parameters of a Callable
+        return {found for one in annotation for found in ours_in(one)}
+    return {found for one in get_args(annotation) for found in ours_in(one)}
+
+
+def hints_of(thing: Any) -> dict[str, Any]:
+    """Return resolved annotations; names that only type checkers import are looked up, too."""
+    module = sys.modules[thing.__module__]
+    names = dict(vars(module))
+    for node in ast.parse(inspect.getsource(module)).body:
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            for one in node.body:
+                assert isinstance(one, ast.ImportFrom)
+                assert one.module
+                home = importlib.import_module(one.module)
+                names |= {a.asname or a.name: getattr(home, a.name) for a in one.names}
+    return get_type_hints(thing, names)
+
+
+def test_one_version() -> None:
+    assert cuecast.__version__ == version("cuecast")

@@ -25,29 +25,49 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from watermark.audio.embed.embedder import AudioEmbedder
+    from watermark.audio.embed.codec_loop import CodecLoop, CodecStream
+    from watermark.audio.embed.embedder import AudioEmbedder, EmbedReport
     from watermark.audio.receiver import AudioReceiver
+    from watermark.audio.signal.profile import AudioProfile
     from watermark.link.superframe import ReceivedSuperframe
-    from watermark.quality.peaq import grade
-    from watermark.video.embed import VideoEmbedder
+    from watermark.quality.movs import Movs
+    from watermark.quality.peaq import PeaqResult, grade
+    from watermark.video.embed import VideoEmbedder, VideoReport
+    from watermark.video.profile import VideoProfile
     from watermark.video.receive import VideoReceiver
 
 __all__ = [
     "PROFILES",
     "AudioEmbedder",
+    "AudioProfile",
     "AudioReceiver",
+    "CodecLoop",
+    "CodecStream",
+    "EmbedReport",
+    "Movs",
+    "PeaqResult",
     "ReceivedSuperframe",
     "VideoEmbedder",
+    "VideoProfile",
     "VideoReceiver",
+    "VideoReport",
     "grade",
 ]
 
 _HOMES = {
     "AudioEmbedder": "watermark.audio.embed.embedder",
+    "AudioProfile": "watermark.audio.signal.profile",
     "AudioReceiver": "watermark.audio.receiver",
+    "CodecLoop": "watermark.audio.embed.codec_loop",
+    "CodecStream": "watermark.audio.embed.codec_loop",
+    "EmbedReport": "watermark.audio.embed.embedder",
+    "Movs": "watermark.quality.movs",
+    "PeaqResult": "watermark.quality.peaq",
     "ReceivedSuperframe": "watermark.link.superframe",
     "VideoEmbedder": "watermark.video.embed",
+    "VideoProfile": "watermark.video.profile",
     "VideoReceiver": "watermark.video.receive",
+    "VideoReport": "watermark.video.embed",
     "grade": "watermark.quality.peaq",
 }
 """Where each name lives: it is imported when it is first asked for, so that importing is cheap."""

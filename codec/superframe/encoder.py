@@ -95,7 +95,7 @@ class SuperframeEncoder:
         VoiceError
             If the motion was made with another voice.
         """
-        analysis, bases = self.analyse(motion, index), self._coding.bases
+        analysis, bases = self._analysed(motion, index), self._coding.bases
         l0_bytes, l1_bytes = self._sizes
         room = room_bits(analysis.header, l0_bytes) + 8 * max(0, l1_bytes - CRC8_BYTES)
         for plan in plans(analysis, l0_bytes, l1_bytes):
@@ -120,28 +120,13 @@ class SuperframeEncoder:
         -------
         Superframe
         """
-        analysis, bases = self.analyse(motion, index), self._coding.bases
+        analysis, bases = self._analysed(motion, index), self._coding.bases
         chosen = choose(analysis, bases, step)
         content = content_at(plan_of(analysis, analysis.previews), bases, chosen, step)
         return Superframe(index, write_l0_whole(content, bases, self._coding.identity), b"")
 
-    def analyse(self, motion: Motion, index: int) -> Analysis:
-        """Return what is to be sent of superframe `index`.
-
-        Parameters
-        ----------
-        motion : Motion
-        index : int
-
-        Returns
-        -------
-        Analysis
-
-        Raises
-        ------
-        VoiceError
-            If the motion was made with another voice.
-        """
+    def _analysed(self, motion: Motion, index: int) -> Analysis:
+        """Return the content of superframe `index`; refuse a motion of another voice."""
         self.voice.check_motion(motion)
         return self._analyst.analyse(motion, index)
 

@@ -17,7 +17,6 @@ import threading
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from importlib.metadata import PackageNotFoundError, version
 from types import FrameType
 from typing import NoReturn
 
@@ -25,6 +24,7 @@ from codec.errors import CueError
 from cuecast.command.cache import prepare_cache
 from cuecast.command.errors import UsageError
 from cuecast.command.progress import printable
+from cuecast.command.version import installed_version
 
 VERBS = (
     "demo", "keys", "key", "synth", "capture", "encode", "decode", "inspect", "dub", "playout",
@@ -156,11 +156,8 @@ def _termination_as_interrupt() -> Iterator[None]:
 
 
 class _TellVersion(argparse.Action):
-    """Print the version when it is asked for: sources that are not installed have none to tell."""
+    """Print the version."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> NoReturn:
-        try:
-            print(f"cuecast {version('cuecast')}")
-        except PackageNotFoundError:
-            print("cuecast, not installed")
+        print(f"cuecast {installed_version()}")
         parser.exit()

@@ -19,6 +19,7 @@ from typing import Any
 
 from codec.errors import CueError
 from cuecast.command.files import write_json
+from cuecast.command.version import installed_version
 from cuecast.dubbing.catalogue import Task
 
 WORK = ".cuecast-batch"
@@ -33,17 +34,6 @@ _hashes: dict[tuple[str, int, int], str] = {}
 
 class BusyError(CueError):
     """Another process works on this item."""
-
-
-def version() -> str:
-    """Return the version of the program that goes into records."""
-    from importlib.metadata import PackageNotFoundError
-    from importlib.metadata import version as installed
-
-    try:
-        return installed("cuecast")
-    except PackageNotFoundError:  # run from a folder
-        return "0"
 
 
 def hash_of(path: str | os.PathLike[str]) -> str:
@@ -117,7 +107,7 @@ class BatchItem:
                 if not _is_still(stamp, Path(path)):
                     raise CueError(f"{path}: it changed while it was worked on")
             record = report | {
-                "task": self._told(), "version": version(), "inputs": inputs,
+                "task": self._told(), "version": installed_version(), "inputs": inputs,
                 "output": _stamp(made),
             }  # fmt: skip
             write_json(str(self.folder / "record.json"), record)
@@ -151,7 +141,7 @@ class BatchItem:
         """Whether a record is of this task, of its inputs as they are, and of this version."""
         return (
             record["task"] == self._told()
-            and record["version"] == version()
+            and record["version"] == installed_version()
             and set(record["inputs"]) == set(self.task.inputs)
             and all(_is_still(stamp, Path(path)) for path, stamp in record["inputs"].items())
         )

@@ -23,6 +23,7 @@ import av
 import numpy as np
 
 from codec.errors import CueError
+from cuecast.command.version import installed_version
 
 RECORD_VERSION = 1
 """Version of the documents' form."""
@@ -75,7 +76,7 @@ def make_record(
         "kind": kind,
         "command": shlex.join(["cuecast", *_without_folders(arguments)]),
         "commit": commit(),
-        "version": _version("cuecast"),
+        "version": installed_version(),
         "date": datetime.now(UTC).strftime("%Y-%m-%d"),
         "seed": seed,
         "machine": machine(),

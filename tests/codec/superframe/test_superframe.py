@@ -311,7 +311,7 @@ def test_superframes_of_a_step_say_what_was_quantised(
     for step in range(2, 34, 2):
         for k in range(16):
             content, _ = read_l0(encoder.encode_at(motion, k, step).l0, bases)
-            analysis = encoder.analyse(motion, k)
+            analysis = encoder._analysed(motion, k)
             chosen = choose(analysis, bases, step)
             sent = content_at(plan_of(analysis, {}), bases, chosen, step)
             np.testing.assert_array_equal(content.q, sent.q)
