@@ -44,7 +44,7 @@ def pilot_soft(
 ) -> None:
     """soft[s, g, first + i * turns + t] = soft value of cell g in row i, turned by turn[t, g].
 
-    The step is steps[s]; see watermark.dither.
+    The step is steps[s]; see `watermark.audio.signal.dither`.
     """
     turns, count = turn.shape[0], alive.shape[1]
     one = np.float32(1)
