@@ -101,7 +101,7 @@ static double weight(const cue_sound *s, double time)
     double h = 0.5 * (s->end - s->start), core = fmax(0.4 * h, fmin(1.0, h));
     double x = fabs(time - 0.5 * ((double)s->start + (double)s->end));
     if (x >= core + 2.5) return 0.0;
-    return x <= core ? 1.0 : 0.5 + 0.5 * cos(3.14159265358979323846 * (x - core) / 2.5);
+    return x <= core ? 1.0 : 0.5 + 0.5 * cue_cos(3.14159265358979323846 * (x - core) / 2.5);
 }
 
 void cue_lips(const cue_sound *sounds, int count, const cue_model *m, int32_t first, cue_block *block)

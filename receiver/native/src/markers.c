@@ -12,8 +12,8 @@ static void move(double q[3], const double motion[6])
     const double *r = motion;
     double n2 = r[0] * r[0] + r[1] * r[1] + r[2] * r[2], n = sqrt(n2), a = 1.0, b = 0.5;
     if (n > 1e-6) {
-        a = sin(n) / n;
-        b = (1.0 - cos(n)) / n2;
+        a = cue_sine(n) / n;
+        b = (1.0 - cue_cos(n)) / n2;
     }
     double once[3] = {r[1] * q[2] - r[2] * q[1], r[2] * q[0] - r[0] * q[2],
                       r[0] * q[1] - r[1] * q[0]};
@@ -53,8 +53,8 @@ void cue_markers_of(const cue_model *m, const double *parameters, double place[]
     for (int a = 0; a < m->n_angles; a++) { /* O9 */
         double angle = (double)m->angle_mean[a];
         for (int i = 0; i < N_HAND; i++) angle += hand[i] * (double)m->angle_directions[i][a];
-        row[1 + a] = cos(angle);
-        row[1 + m->n_angles + a] = sin(angle);
+        row[1 + a] = cue_cos(angle);
+        row[1 + m->n_angles + a] = cue_sine(angle);
     }
     for (int i = 0; i < HAND_MARKERS; i++) {
         double *q = place[FACE_MARKERS + i];

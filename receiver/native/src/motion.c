@@ -30,7 +30,7 @@ static void mouths(const cue_sound *sounds, int count, const cue_model *m, int32
             double x = fabs(first + t - middle), f = fmax((x - length / 2) / width, 0.0);
             if (f >= 1.0) continue;
             double ratio = x / (0.3 * length + 2.5);
-            sum[t][s->number] += exp(-ratio * sqrt(ratio)) * (1.0 - f) * (1.0 - f);
+            sum[t][s->number] += cue_exponential(-ratio * sqrt(ratio)) * (1.0 - f) * (1.0 - f);
         }
     }
     for (int t = 0; t < TICKS; t++) {
@@ -72,7 +72,7 @@ static void travel(const cue_stroke *strokes, int count, const double *held, con
             }
             begun = 1;
             double u = fmin((time - start) / lasts, 1.0);
-            double p = jerk(power == 1.0 ? u : pow(u, power));
+            double p = jerk(power == 1.0 ? u : cue_power(u, power));
             value += p * (held[g] - held[g - 1]) + 4.0 * p * (1.0 - p) * far[g] * bend;
         }
         out->value[t][column] = held[base] + value;

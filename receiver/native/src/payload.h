@@ -296,6 +296,12 @@ cue_status cue_payload_put(cue_payload *payload, const uint8_t *l0, size_t n0, c
  * work.line then. For tests. */
 const cue_slot *cue_payload_draw(cue_payload *payload, int32_t number, int lips);
 
+/* Elementary functions; x of a power is 0..1. cue_cos is that of the hearing half. */
+double cue_exponential(double x);
+double cue_power(double x, double exponent);
+double cue_cos(double angle);
+static inline double cue_sine(double angle) { return cue_cos(angle - 1.57079632679489661923); }
+
 void cue_sha256(const uint8_t *data, size_t bytes, uint8_t digest[32]);
 
 #endif

@@ -121,7 +121,7 @@ void cue_residual(const cue_content *content, const cue_coefficients *found, con
     if (content->step == 63) return;
     for (int f = 0; f < TICKS; f++)
         for (int t = 0; t < TICKS; t++)
-            wave[f][t] = sqrt((f ? 2.0 : 1.0) / TICKS) * cos(pi * (2 * t + 1) * f / (2.0 * TICKS));
+            wave[f][t] = sqrt((f ? 2.0 : 1.0) / TICKS) * cue_cos(pi * (2 * t + 1) * f / (2.0 * TICKS));
     for (int n = 0; n < found->count; n++) {
         if (found->value[n] == 0) continue;
         int place = bases->scan[content->basis][n];

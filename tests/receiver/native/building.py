@@ -10,23 +10,39 @@ import pytest
 
 NATIVE = Path(__file__).parents[3] / "receiver" / "native"
 FLAGS = ("-std=c11", "-O1", "-Wall", "-Wextra", "-Wconversion")
+INCLUDES = (f"-I{NATIVE / 'include'}", f"-I{NATIVE / 'src'}")
 SANITIZE = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+
+
+@functools.cache
+def library(*flags: str) -> tuple[str, str]:
+    """Return the compiler and an archive of all sources; a warning is an error."""
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    archiver = shutil.which("ar")
+    if compiler is None or archiver is None:
+        pytest.skip("no C compiler")
+    folder = Path(tempfile.mkdtemp())
+    sources = sorted(str(path) for path in (NATIVE / "src").glob("*.c"))
+    _quietly([compiler, *FLAGS, *flags, *INCLUDES, "-c", *sources], folder)
+    objects = sorted(str(path) for path in folder.glob("*.o"))
+    _quietly([archiver, "rcs", "libcuecast.a", *objects], folder)
+    return compiler, str(folder / "libcuecast.a")
 
 
 @functools.cache
 def built(name: str, *flags: str) -> str:
     """Return a program of `tools`, `tests` or `examples`; a warning is an error."""
-    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-    if compiler is None:
-        pytest.skip("no C compiler")
+    compiler, archive = library(*flags)
     source = next(NATIVE.glob(f"*/{name}.c"))
-    program = Path(tempfile.mkdtemp()) / name
-    sources = sorted(str(path) for path in (NATIVE / "src").glob("*.c"))
-    command = [
-        compiler, *FLAGS, *flags, f"-I{NATIVE / 'include'}", f"-I{NATIVE / 'src'}", str(source),
-        *sources, "-lm", "-o", str(program),
-    ]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    program = Path(archive).parent / name
+    _quietly(
+        [compiler, *FLAGS, *flags, *INCLUDES, str(source), archive, "-lm", "-o", str(program)],
+        program.parent,
+    )
+    return str(program)
+
+
+def _quietly(command: list[str], folder: Path) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
     assert done.returncode == 0, done.stderr
     assert "warning" not in done.stderr, done.stderr
-    return str(program)
