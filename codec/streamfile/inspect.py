@@ -11,11 +11,12 @@ from codec.superframe.bitmap import Field, map_superframe
 from codec.superframe.bits import MODES, PLAIN, SCORE
 from codec.superframe.checks import is_own
 from codec.superframe.merging import score_of
-from codec.superframe.payload import read_beginning, read_setting
+from codec.superframe.payload import read_beginning
 from codec.superframe.quantise import LEVELS, NO_RESIDUAL, SHARES, Setting, width_mm
 from codec.superframe.range_coder import RangeDecoder
 from codec.superframe.resynthesis.trajectory import SHIFTS
 from codec.superframe.score_coding import ScorePart, part_of
+from codec.superframe.settings import read_setting
 from codec.superframe.superframe import Superframe
 from codec.superframe.window import Window
 
@@ -85,7 +86,7 @@ def _row(frame: Superframe, coding: str) -> tuple[dict[str, Any], ScorePart | Wi
     row |= {"mode": MODES[header.mode], "sequence": header.sequence, "lead": header.lead}
     row |= _said(content.setting)
     row["slow"] = list(content.slow)
-    row["previews"] = sorted(frame.index + distance for distance in content.previews)
+    row["previews"] = sorted(frame.index + distance for distance in content.previews if distance)
     return row | _spoken(frame.index, part), part
 
 

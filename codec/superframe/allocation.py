@@ -3,13 +3,14 @@
 A `SuperframePlan` and a room in bits, or a step, go in; a `Content` comes out, ready to be written.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.superframe.analysis import Analysis
-from codec.superframe.payload import Content, choice_bits
+from codec.superframe.payload import Content
 from codec.superframe.plan import SuperframePlan
 from codec.superframe.quantise import (
     LEVELS,
@@ -22,6 +23,7 @@ from codec.superframe.quantise import (
     weigh_rd,
     width_mm,
 )
+from codec.superframe.settings import choice_bits
 from codec.superframe.tables import coefficient_tables
 from codec.superframe.transform import Bases
 
@@ -67,10 +69,59 @@ def allocate(plan: SuperframePlan, bases: Bases, room_bits: float) -> Content:
     usual = BasisChoice(0, 0, bases[0].forward(analysis.lacking))
     step = _finest(analysis, usual, bases, left)
     chosen = choose(analysis, bases, step)
-    bare = analysis.unpredicted
-    more = choice_bits(bare, chosen.basis, chosen.level) - choice_bits(bare, 0, 0)
+    more = _choice_bits(analysis, chosen.basis, chosen.level) - _choice_bits(analysis, 0, 0)
     near = max(step - _NEAR, 0), min(step + _NEAR, NO_RESIDUAL)
     return content_at(plan, bases, chosen, _finest(analysis, chosen, bases, left - more, near))
+
+
+_MARGINS = 0.0, 3.0, 6.0
+"""Bits that stay free when a superframe is filled: where L0 ends, a symbol may have to be repeated
+in L1."""
+
+_FINER, _WIDER = 5, 2
+"""Steps about the usual one at which a superframe is filled."""
+
+_WEIGHTS = 0.02, 1.0
+"""Least and greatest weight of bits at which it is filled."""
+
+_HALVINGS = 6
+"""Times that the range of weights is halved."""
+
+
+def fillings(plan: SuperframePlan, bases: Bases, room_bits: float) -> Iterator[Content]:
+    """Yield superframes that use their room to the full, of the least errors that there are.
+
+    A finer step than the usual one, with bits weighed more, fills it as well as a wider one with
+    bits weighed less; which is best differs.
+
+    Parameters
+    ----------
+    plan, bases, room_bits
+        As for `allocate`.
+    """
+    usual = allocate(plan, bases, room_bits).setting
+    if usual.step == NO_RESIDUAL:
+        return
+    analysis, tables = plan.analysis, coefficient_tables()
+    basis = bases[usual.basis]
+    values = basis.forward(analysis.lacking)
+    left = room_bits - plan.bits + _choice_bits(analysis, 0, 0)
+    left -= _choice_bits(analysis, usual.basis, usual.level)
+    for margin in _MARGINS:
+        best = np.inf, usual, WEIGHT
+        for step in range(max(usual.step - _FINER, 0), min(usual.step + _WIDER, NO_RESIDUAL - 1)):
+            setting = replace(usual, step=step)
+            low, high = np.log(_WEIGHTS)
+            for _ in range(_HALVINGS):
+                middle = (low + high) / 2
+                weight = float(np.exp(middle))
+                bits, squares = weigh_rd(values, setting, basis, tables, weight=weight)
+                low, high = (low, middle) if bits <= left - margin else (middle, high)
+                if bits <= left - margin and squares < best[0]:
+                    best = squares, setting, weight
+        _, setting, weight = best
+        q = quantise_rd(values, setting, basis, tables, weight=weight)
+        yield Content(analysis.header, setting, analysis.part, q, plan.previews, analysis.slow)
 
 
 def content_at(plan: SuperframePlan, bases: Bases, chosen: BasisChoice, step: int) -> Content:
@@ -122,7 +173,12 @@ def weigh(analysis: Analysis, choice: BasisChoice, bases: Bases, step: int) -> t
     setting = Setting(step, choice.basis, choice.level)
     basis = basis_of(bases, setting)
     bits, squares = weigh_rd(choice.values, setting, basis, coefficient_tables())
-    return bits + choice_bits(analysis.unpredicted, choice.basis, choice.level), squares
+    return bits + _choice_bits(analysis, choice.basis, choice.level), squares
+
+
+def _choice_bits(analysis: Analysis, basis: int, level: int) -> float:
+    filmed = analysis.header.filmed
+    return choice_bits(basis, level, unpredicted=analysis.unpredicted, filmed=filmed)
 
 
 def _finest(

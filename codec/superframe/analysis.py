@@ -15,16 +15,20 @@ from codec.cues.score import Score
 from codec.cues.timeline import SUPERFRAME_S, TICK_S, TICKS, to_line
 from codec.superframe.bits import PLAIN, SCORE, SEQUENCES, Header
 from codec.superframe.coding import Coding
-from codec.superframe.fitting import fits
+from codec.superframe.fitting import NOMINAL_MM, fits
+from codec.superframe.labels import OWN, labels_of
 from codec.superframe.merging import join
 from codec.superframe.payload import Content, write_l0
-from codec.superframe.preview import AHEAD, Preview, preview_of
+from codec.superframe.preview import AHEAD, Preview, part_of_preview, preview_of, thinned
 from codec.superframe.quantise import NOTHING_SENT, PARTS, UNUSED
 from codec.superframe.score_coding import ScorePart, evenly, part_of
 from codec.superframe.slow_channel import SlowSender
 from codec.superframe.superframe import resynthesis_of
 
 Array = NDArray[np.float64]
+
+LABELLED_AHEAD = 2, 4
+"""Distances of the superframes whose labels a filmed one tells beside its own."""
 
 _HISTORY = 8
 """Superframes whose fitted scores are remembered."""
@@ -43,7 +47,8 @@ class Analysis:
     even : bool
         Whether the score's phones lie at even distances (S8).
     previews : dict of int to Preview
-        Of later superframes, by distance: those that there are, before anything is left out.
+        Of other superframes, by distance: those that there are, before anything is left out. Of
+        a filmed superframe its labels, its own at distance 0.
     slow : tuple of int
         Pieces of the slow channel.
     lacking : ndarray of float64, shape (32, P)
@@ -104,6 +109,10 @@ class Analyst:
         Leave room for a proof.
     slow : SlowSender
         Tells lasting facts.
+    filmed : bool
+        Tell keys as labels (section 3.4).
+    begin : int or None
+        First superframe on air; None for that in which a motion begins.
     """
 
     def __init__(
@@ -116,7 +125,10 @@ class Analyst:
         protected: bool,
         signed: bool,
         slow: SlowSender,
+        filmed: bool = False,
+        begin: int | None = None,
     ) -> None:
+        self._filmed, self._begin = filmed, begin
         self._coding = coding
         self._l0_bytes = l0_bytes
         self._lead = lead
@@ -135,25 +147,61 @@ class Analyst:
         if motion.score is None:
             header = self._header(PLAIN, index, slow)
             return Analysis(index, header, None, False, {}, slow, block - self._coding.mean)
-        around = {k: self._part(motion.score, k) for k in (index - 1, index, index + 1)}
+        return self._ways(motion, motion.score, index, NOMINAL_MM)[0]
+
+    def ways(self, motion: Motion, index: int, width_mm: float) -> list[Analysis]:
+        """Return what is to be sent of a superframe by the likely uses of its prediction.
+
+        Parameters
+        ----------
+        motion : Motion
+        index : int
+        width_mm : float
+            Of the step at which uses are compared.
+        """
+        if motion.score is None:
+            return [self.analyse(motion, index)]
+        return self._ways(motion, motion.score, index, width_mm)
+
+    def _ways(self, motion: Motion, score: Score, index: int, width_mm: float) -> list[Analysis]:
+        block = block_at(motion, index)
+        slow = (self._slow.piece(index),) if self._slow.due(index) else ()
+        around = {k: self._part(score, k) for k in (index - 1, index, index + 1)}
         part, even = around[index]
         joined = join({k: p for k, (p, _) in around.items()})
         resynthesis = resynthesis_of(self._coding, joined, index)
-        fitted = fits(
-            block, lambda course, shift: resynthesis.params(course=course, shift=shift),
-            self._coding,
-        )[0]  # fmt: skip
         header = self._header(SCORE, index, slow)
-        previews = self._previews(index) if self._protected else {}
-        return Analysis(
-            index, header, part, even, previews, slow, fitted.lacking, fitted.course, fitted.shift,
-            fitted.shares,
-        )  # fmt: skip
+        previews = self._previews(motion, index)
+        return [
+            Analysis(
+                index, header, part, even, previews, slow, fitted.lacking, fitted.course,
+                fitted.shift, fitted.shares,
+            )
+            for fitted in fits(
+                block, lambda course, shift: resynthesis.params(course=course, shift=shift),
+                self._coding, width_mm,
+            )
+        ]  # fmt: skip
 
     def _header(self, mode: int, index: int, slow: tuple[int, ...]) -> Header:
-        return Header(mode, index % SEQUENCES, self._lead, self._signed, len(slow))
+        return Header(mode, index % SEQUENCES, self._lead, self._signed, len(slow), self._filmed)
 
-    def _previews(self, index: int) -> dict[int, Preview]:
+    def _previews(self, motion: Motion, index: int) -> dict[int, Preview]:
+        """Return the previews of a superframe; of a filmed one its labels and those of others."""
+        if self._filmed:
+            own = {OWN: self._labels(index)}
+            if not self._protected:
+                return own
+            near, far = LABELLED_AHEAD
+            if self._line.starts[-1] < TICKS * (index + near):
+                # The end of all that is known, as always in a live programme.
+                return own | {-1: self._labels(index - 1)}
+            # What begins a programme has not been previewed.
+            begin = int(motion.start_s // SUPERFRAME_S) if self._begin is None else self._begin
+            other = -1 if index - 1 - near < begin <= index - 1 else far
+            return own | {k: self._labels(index + k) for k in (near, other)}
+        if not self._protected:
+            return {}
         return {
             distance: preview_of(part_of(self._line, index + distance, self._options), distance)
             for distance in AHEAD
@@ -170,20 +218,32 @@ class Analyst:
             self._fitted[index] = self._fit(part_of(self._line, index, self._options), index)
         return self._fitted[index]
 
+    def _labels(self, index: int) -> Preview:
+        """Return the labels of a superframe, as many as fit into L0."""
+        labels = labels_of(preview_of(part_of(self._line, index, self._options)))
+        while labels and not self._fits(part_of_preview(labels), index, {OWN: labels}, even=False):
+            labels = thinned(labels) if len(labels) > 1 else ()
+        return labels
+
     def _fit(self, part: ScorePart, index: int) -> tuple[ScorePart, bool]:
-        if self._fits(part, index, even=False):
+        if self._filmed:
+            return part_of_preview(self._labels(index)), False
+        if self._fits(part, index, {}, even=False):
             return part, False
         # Denser than speech can be: first the times go, then the last phones.
         while True:
             part = evenly(part)
-            if self._fits(part, index, even=True) or len(part.numbers) == 1:
+            if self._fits(part, index, {}, even=True) or len(part.numbers) == 1:
                 return part, True
             part = part.without_last()
 
-    def _fits(self, part: ScorePart, index: int, *, even: bool) -> bool:
+    def _fits(
+        self, part: ScorePart, index: int, previews: dict[int, Preview], *, even: bool
+    ) -> bool:
         nothing = np.zeros(self._coding.residual.scan_scales.size, dtype=np.int64)
         slow = (0,) if self._slow.due(index) else ()
-        content = Content(self._header(SCORE, index, slow), NOTHING_SENT, part, nothing, slow=slow)
+        header = self._header(SCORE, index, slow)
+        content = Content(header, NOTHING_SENT, part, nothing, previews, slow)
         return (
             write_l0(content, self._coding.bases, self._l0_bytes, self._coding.identity, even=even)
             is not None

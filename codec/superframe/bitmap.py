@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from codec.cues.phonology import PHONES
 from codec.errors import BitstreamError
-from codec.superframe import payload, preview, score_coding, window
+from codec.superframe import labels, payload, preview, score_coding, settings, window
 from codec.superframe.bits import (
     COMPACT_FIELDS,
     COMPACT_HEADER_BYTES,
@@ -37,7 +37,7 @@ from codec.superframe.tables import score_tables
 
 _HEADER_PARAGRAPHS = {
     "version": "H2", "mode": "H3", "sequence": "H4", "lead": "section 2", "signed": "H12",
-    "slow": "H8", "spare": "section 2", "compact": "H3",
+    "slow": "H8", "filmed": "H13", "compact": "H3",
 }  # fmt: skip
 
 
@@ -141,8 +141,10 @@ def _symbols(l0: bytes, header: Header) -> tuple[list["_Symbol"], int]:
         return watched.symbols, NO_RESIDUAL
     watched = _Watched(l0[HEADER_BYTES:-CRC16_BYTES], header.tail, "H8", "step")
     list(payload.read_slow(watched, header))
-    setting = _setting(watched, mode)
-    if mode != PLAIN:
+    setting = _setting(watched, mode, filmed=header.filmed)
+    if mode != PLAIN and header.filmed:
+        labels.read_labels(watched, score_tables())
+    elif mode != PLAIN:
         watched.plain = "S9", "option"
         score_coding.read_score(watched, score_tables())
         watched.plain = "V2", "tick"
@@ -150,13 +152,13 @@ def _symbols(l0: bytes, header: Header) -> tuple[list["_Symbol"], int]:
     return watched.symbols, setting.step
 
 
-def _setting(watched: "_Watched", mode: int) -> Setting:
+def _setting(watched: "_Watched", mode: int, *, filmed: bool = False) -> Setting:
     """Read the setting; its step is said in mm."""
     first = len(watched.symbols)
-    setting = payload.read_setting(watched, mode)
-    step = watched.symbols[first]
+    setting = settings.read_setting(watched, mode, filmed=filmed)
+    step = watched.symbols[first + filmed]
     told = "no residual" if setting.step == NO_RESIDUAL else f"{width_mm(setting.step):.2f} mm"
-    watched.symbols[first] = _Symbol(step.name, step.bits, f"{setting.step}: {told}", "H8")
+    watched.symbols[first + filmed] = _Symbol(step.name, step.bits, f"{setting.step}: {told}", "H8")
     return setting
 
 
@@ -238,12 +240,13 @@ def _named_tables() -> list[tuple[NDArray[np.int64], str, str]]:
     t = score_tables()
     return [
         (FLIP, "bit", "G2"),
-        *((table, "basis", "H8") for table in payload.BASES),
-        (payload.LEVELS, "level", "H8"),
-        (payload.COURSES, "course", "H8"),
-        (payload.SHIFTS, "shift", "H8"),
-        (payload.USES, "use", "H8"),
-        (payload.SHARE, "share", "P10"),
+        (settings.EIGHTHS, "eighth", "H13"),
+        *((table, "basis", "H8") for table in settings.BASES),
+        (settings.LEVELS, "level", "H8"),
+        (settings.COURSES, "course", "H8"),
+        (settings.SHIFTS, "shift", "H8"),
+        *((table, "use", "H8") for table in settings.USES),
+        (settings.SHARE, "share", "P10"),
         (score_coding.TIMING, "timing", "S2"),
         (score_coding.PLAIN_OR_SPECIAL, "special", "S2"),
         (score_coding.AS_RULED, "replaced", "S9"),
@@ -258,6 +261,9 @@ def _named_tables() -> list[tuple[NDArray[np.int64], str, str]]:
         (t.key, "key", "V2"),
         (t.gap, "gap", "V2"),
         (preview.WHICH, "previews", "V1"),
+        (labels.WHICH, "labels", "V6"),
+        (labels.AFTER_REST, "gap", "V7"),
+        (labels.AFTER_KEY, "gap", "V7"),
         (window.SLOW, "slow", "M1"),
         (window.TIMING, "timing", "M3"),
         (window.BEGIN, "begin", "M4"),

@@ -22,7 +22,7 @@ MODES = ("score", "plain", "compact")
 SCORE, PLAIN, COMPACT = range(len(MODES))
 
 HEADER_FIELDS = {
-    "version": 2, "mode": 2, "sequence": 6, "lead": 2, "signed": 1, "slow": 2, "spare": 1,
+    "version": 2, "mode": 2, "sequence": 6, "lead": 2, "signed": 1, "slow": 2, "filmed": 1,
 }  # fmt: skip
 """The header of L0: names and widths in bits, first field in the highest bits."""
 
@@ -125,6 +125,8 @@ class Header:
     slow : int
         Pieces of the slow channel that the payload begins with, 0..3; compact superframes tell it
         in the payload.
+    filmed : bool
+        Whether the cuer was filmed: her score is told as labels, and superframes are blended.
     """
 
     mode: int
@@ -132,6 +134,7 @@ class Header:
     lead: int
     signed: bool = False
     slow: int = 0
+    filmed: bool = False
 
     @property
     def sequences(self) -> int:
@@ -141,7 +144,12 @@ class Header:
     def to_bytes(self) -> bytes:
         """Return the two bytes, or the one of compact mode."""
         fields = COMPACT_FIELDS if self.mode == COMPACT else HEADER_FIELDS
-        values = {"version": VERSION_CODE, "mode": self.mode, "compact": 1, "spare": 0}
+        values = {
+            "version": VERSION_CODE,
+            "mode": self.mode,
+            "compact": 1,
+            "filmed": int(self.filmed),
+        }
         values |= {"sequence": self.sequence, "lead": self.lead}
         values |= {"signed": int(self.signed), "slow": self.slow}
         return pack_fields(fields, values)
@@ -175,8 +183,9 @@ def read_header(l0: bytes) -> Header:
         return Header(COMPACT, fields["sequence"], COMPACT_LEAD, bool(fields["signed"]))
     fields = unpack_fields(HEADER_FIELDS, l0[:HEADER_BYTES])
     return Header(
-        fields["mode"], fields["sequence"], fields["lead"], bool(fields["signed"]), fields["slow"]
-    )
+        fields["mode"], fields["sequence"], fields["lead"], bool(fields["signed"]),
+        fields["slow"], bool(fields["filmed"]),
+    )  # fmt: skip
 
 
 def identity_mask(identity: str) -> int:

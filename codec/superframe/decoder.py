@@ -96,8 +96,8 @@ class SuperframeDecoder:
             for distance, preview in content.previews.items():
                 # The nearest preview is the best one.
                 known = self._previewed.get(index + distance)
-                if known is None or distance <= known[0]:
-                    self._previewed[index + distance] = distance, preview
+                if known is None or abs(distance) <= known[0]:
+                    self._previewed[index + distance] = abs(distance), preview
 
     def _forget(self, index: int) -> None:
         for old in [k for k in self._contents if abs(k - index) > _HISTORY]:
@@ -185,9 +185,15 @@ class SuperframeDecoder:
         score = joined.score()
         begin, end = index * SUPERFRAME_S - 1e-6, (index + 1) * SUPERFRAME_S - 1e-6
         params = self._told(index, joined) if self._tells(index) else self._untold(index, joined)
+        if self._is_filmed(index):
+            sides = (
+                self._told(k, join(self._parts(k))) if self._is_filmed(k) else None
+                for k in (index - 1, index + 1)
+            )
+            params = blended(params, *sides)
         if self._lips is not None:
             face, ticks = params[:, :N_FACE_PARAMETERS], index * TICKS + np.arange(float(TICKS))
-            params[:, :N_FACE_PARAMETERS] = self._lips.kept(face, joined.line, ticks)
+            params[:, :N_FACE_PARAMETERS] = self._lips.kept(face, joined.spoken(), ticks)
         return DecodedSuperframe(
             index,
             index * SUPERFRAME_S,
@@ -218,6 +224,10 @@ class SuperframeDecoder:
     def _tells(self, index: int) -> bool:
         """Return whether anything is known about a superframe."""
         return index in self._contents or index in self._previewed
+
+    def _is_filmed(self, index: int) -> bool:
+        content = self._contents.get(index)
+        return content is not None and content.header.filmed
 
     def _told(self, index: int, joined: MergedScore) -> Array:
         """Return the parameters of a superframe that arrived, or was previewed."""
@@ -273,6 +283,32 @@ class SuperframeDecoder:
 
     def _sent(self, content: Content) -> Array:
         return residual_of(content.setting, content.q, self._coding)
+
+
+BLEND = np.array([0.4, 0.225, 0.1, 0.025])[:, None]
+"""Parts of the jump at a border that the frames next to it take, the nearest first (Q7): of lengths
+3 to 12, three slopes and five heights the least error on 8 takes of a real cuer."""
+
+
+def blended(params: Array, before: Array | None, after: Array | None) -> Array:
+    """Return a filmed superframe whose borders to filmed neighbours are smoothed (Q7).
+
+    Parameters
+    ----------
+    params : ndarray of float64, shape (32, P)
+    before, after : ndarray of float64, shape (32, P), or None
+    """
+    result = params.copy()
+    if before is not None:
+        result[: len(BLEND)] -= BLEND * _jump(before, params)
+    if after is not None:
+        result[-len(BLEND) :] += BLEND[::-1] * _jump(params, after)
+    return result
+
+
+def _jump(left: Array, right: Array) -> Array:
+    """Return how far two superframes are apart in the middle between their frames, shape (P,)."""
+    return np.asarray((3 * right[0] - right[1] - 3 * left[-1] + left[-2]) / 2)
 
 
 def residual_of(setting: Setting, q: Ints, coding: Coding) -> Array:

@@ -5,18 +5,29 @@ what it says beside coefficients, `allocation` how finely these are told, `paylo
 Specification: spec/bitstream.md, section 2.
 """
 
+import numpy as np
+
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.errors import CueError
-from codec.superframe.allocation import allocate, choose, content_at, without_coefficients
+from codec.superframe.allocation import (
+    allocate,
+    choose,
+    content_at,
+    fillings,
+    without_coefficients,
+)
 from codec.superframe.analysis import Analysis, Analyst
 from codec.superframe.checks import MIN_L0_BYTES, SIGNED_BYTES
 from codec.superframe.coding import coding_for
+from codec.superframe.decoder import residual_of
+from codec.superframe.filmed import is_filmed
 from codec.superframe.payload import (
     CRC8_BYTES,
     Content,
     read_l0,
+    read_l1,
     room_bits,
     write_l0,
     write_l0_whole,
@@ -25,6 +36,16 @@ from codec.superframe.payload import (
 from codec.superframe.plan import plan_of, plans
 from codec.superframe.slow_channel import SILENT, SlowSender
 from codec.superframe.superframe import Superframe
+
+_FILMED_BYTES = 8
+"""Bytes of L0 from which a superframe can be a filmed one: labels and a slow piece fit."""
+
+_LEAST_S = 2.0
+"""Length of a motion that says whether it was filmed."""
+
+FILMED_MM = 108.0
+"""Width of the steps at which uses of the prediction are compared for filmed cuers: that at which
+27 bytes hold one who cues."""
 
 
 class SuperframeEncoder:
@@ -49,6 +70,12 @@ class SuperframeEncoder:
         Leave room for a proof of who speaks (`codec.superframe.checks.with_proof`).
     slow : SlowSender
         Tells lasting facts.
+    filmed : bool, optional
+        Tell keys as labels, and weigh all uses of the prediction and all steps by the error that
+        remains: for cuers whose movement the score predicts badly. Default: with `protected`, as
+        a motion of 2 s or more asks (`codec.superframe.filmed.is_filmed`), else not.
+    begin : int, optional
+        First superframe on air; default: that in which the motion begins.
 
     Raises
     ------
@@ -67,15 +94,24 @@ class SuperframeEncoder:
         protected: bool = False,
         signed: bool = False,
         slow: SlowSender = SILENT,
+        filmed: bool | None = None,
+        begin: int | None = None,
     ) -> None:
         if l0_bytes < MIN_L0_BYTES + SIGNED_BYTES * signed or l1_bytes < 0 or not 0 <= lead <= 3:
             raise CueError(f"superframe of {l0_bytes} + {l1_bytes} bytes, lead {lead}")
         self.voice = voice
         self._sizes = l0_bytes, l1_bytes
         self._coding = coding_for(voice)
-        self._analyst = Analyst(
-            self._coding, l0_bytes, lead, options, protected=protected, signed=signed, slow=slow
-        )
+        self._analysts = {
+            seen: Analyst(
+                self._coding, l0_bytes, lead, options, protected=protected, signed=signed,
+                slow=slow, filmed=seen, begin=begin,
+            )
+            for seen in (False, True)
+        }  # fmt: skip
+        few = l0_bytes < _FILMED_BYTES + SIGNED_BYTES * signed
+        self._filmed = False if few or (filmed is None and not protected) else filmed
+        self._decided: tuple[Motion, bool] | None = None
 
     def encode(self, motion: Motion, index: int) -> Superframe:
         """Return a superframe of the encoder's size.
@@ -95,6 +131,9 @@ class SuperframeEncoder:
         VoiceError
             If the motion was made with another voice.
         """
+        if self._is_filmed(motion):
+            self.voice.check_motion(motion)
+            return self._encode_filmed(motion, index)
         analysis, bases = self._analysed(motion, index), self._coding.bases
         l0_bytes, l1_bytes = self._sizes
         room = room_bits(analysis.header, l0_bytes) + 8 * max(0, l1_bytes - CRC8_BYTES)
@@ -128,7 +167,47 @@ class SuperframeEncoder:
     def _analysed(self, motion: Motion, index: int) -> Analysis:
         """Return the content of superframe `index`; refuse a motion of another voice."""
         self.voice.check_motion(motion)
-        return self._analyst.analyse(motion, index)
+        return self._analysts[self._is_filmed(motion)].analyse(motion, index)
+
+    def _is_filmed(self, motion: Motion) -> bool:
+        """Return whether a motion is coded as a filmed one: a window of one says nothing of it."""
+        if self._filmed is not None:
+            return self._filmed
+        if motion.score is None or motion.duration_s < _LEAST_S:
+            return False
+        if self._decided is None or self._decided[0] is not motion:
+            self._decided = motion, is_filmed(motion, self.voice)
+        return self._decided[1]
+
+    def _encode_filmed(self, motion: Motion, index: int) -> Superframe:
+        """Return the superframe of least error among all uses of the prediction."""
+        bases, (l0_bytes, l1_bytes) = self._coding.bases, self._sizes
+        found: list[tuple[float, Superframe]] = []
+        for analysis in self._analysts[True].ways(motion, index, FILMED_MM):
+            room = room_bits(analysis.header, l0_bytes) + 8 * max(0, l1_bytes - CRC8_BYTES)
+            for plan in plans(analysis, l0_bytes, l1_bytes):
+                made = [
+                    (self._error(written, analysis), written)
+                    for content in fillings(plan, bases, room)
+                    if (written := self._write(content, analysis)) is not None
+                ]
+                found += made
+                if made:
+                    break
+        if found:
+            return min(found, key=lambda one: one[0])[1]
+        own = dict(list(analysis.previews.items())[:1])
+        written = self._write(without_coefficients(plan_of(analysis, own), bases), analysis)
+        assert written is not None, "fitted labels always fit"
+        return written
+
+    def _error(self, superframe: Superframe, analysis: Analysis) -> float:
+        """Return the squared error that a superframe leaves in the markers' metric, mm**2."""
+        content, known = read_l0(superframe.l0, self._coding.bases)
+        if superframe.l1:
+            content = read_l1(superframe.l0, superframe.l1, content, known, self._coding.bases)
+        gap = analysis.lacking - residual_of(content.setting, content.q, self._coding)
+        return float(np.square(gap @ self._coding.residual.matrix).sum())
 
     def _write(self, content: Content, analysis: Analysis) -> Superframe | None:
         """Return the bytes of a superframe, None if L0 has no room for what it says."""

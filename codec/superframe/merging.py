@@ -57,6 +57,15 @@ class MergedScore:
             and not (round(key.start / TICK_S) in unfinished and len(key.phones) == 1)
         ]
 
+    def spoken(self) -> list[Sounding]:
+        """Return the line without what merely stands for keys (J8)."""
+        coarse = self._coarse()
+        return [s for s in self.line if s.start // TICKS not in coarse]
+
+    def _coarse(self) -> set[int]:
+        parts = self.parts.items()
+        return {k for k, part in parts if isinstance(part, ScorePart) and part.coarse}
+
     def _doubtful(self, key: Key, before: Key | None) -> bool:
         """Return whether a key with an unknown start may lack its consonant, be known, or differ.
 
@@ -71,13 +80,11 @@ class MergedScore:
 
     def score(self) -> Score:
         """Return phones and keys; those that are known from previews only have no phones."""
-        coarse = {
-            k for k, part in self.parts.items() if isinstance(part, ScorePart) and part.coarse
-        }
+        coarse = self._coarse()
         if not coarse:
             return Score(tuple(phones_of(self.line)), tuple(self.keys()))
         return Score(
-            tuple(phones_of([s for s in self.line if s.start // TICKS not in coarse])),
+            tuple(phones_of(self.spoken())),
             tuple(
                 replace(key, phones=()) if round(key.start / TICK_S) // TICKS in coarse else key
                 for key in self.keys()

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from codec.errors import BitstreamError
 from codec.superframe import _kernels
-from codec.superframe.bits import COMPACT, HEADER_BYTES, PLAIN, SCORE, Header, crc8, read_header
+from codec.superframe.bits import COMPACT, HEADER_BYTES, PLAIN, Header, crc8, read_header
 from codec.superframe.checks import (
     CRC16_BYTES,
     MIN_L0_BYTES,
@@ -26,25 +26,23 @@ from codec.superframe.checks import (
     least_bytes,
     with_check,
 )
-from codec.superframe.preview import Preview, read_previews, write_previews
+from codec.superframe.labels import OWN, read_labels, write_labels
+from codec.superframe.preview import Preview, part_of_preview, read_previews, write_previews
 from codec.superframe.quantise import (
     NO_RESIDUAL,
     NOTHING_SENT,
-    PARTS,
-    UNUSED,
     Setting,
     basis_of,
     raised,
 )
 from codec.superframe.range_coder import (
     FLIP,
-    TOTAL,
     RangeDecoder,
     RangeEncoder,
-    cumulative,
     encode_intervals,
 )
 from codec.superframe.score_coding import ScorePart, read_score, write_score
+from codec.superframe.settings import put_setting, read_setting
 from codec.superframe.tables import coefficient_tables, score_tables
 from codec.superframe.transform import Bases, Basis
 from codec.superframe.window import MAX_BYTES, MIN_BYTES, PIECE_BITS, Window, read_window
@@ -53,33 +51,6 @@ Ints = NDArray[np.int64]
 
 CRC8_BYTES = 1
 """Bytes of L1's check."""
-
-STEP_BITS = 6
-"""Bits of the step (H8)."""
-
-BASES = cumulative([8, 4, 2, 2]), cumulative([1, 1, 15, 15])
-"""Tables of the basis, with a prediction and without."""
-
-LEVELS = cumulative([14, 5, 5, 3, 2.5, 1.5, 1])
-"""Frequencies of the levels (H8)."""
-
-COURSES = cumulative([12, 2, 1, 1])
-"""Frequencies of the courses (H8)."""
-
-SHIFTS = cumulative([10, 2, 2, 1, 1])
-"""Frequencies of the shifts (H8)."""
-
-WHOLE, NONE, BY_PART = range(3)
-"""Ways in which a superframe uses its prediction (H8)."""
-
-USES = cumulative([8, 4, 4])
-"""Their frequencies."""
-
-SHARE = cumulative([6, 2, 8])
-"""Frequencies of a part's share of the prediction (H8)."""
-
-_BASIS_BITS = [np.log2(TOTAL) - np.log2(np.diff(row)) for row in BASES]
-_LEVEL_BITS = np.log2(TOTAL) - np.log2(np.diff(LEVELS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +66,7 @@ class Content:
     q : ndarray of int64, shape (32 P,)
         Quantised coefficients in scan order.
     previews : dict of int to Preview
-        By distance, in mode ``score``.
+        By distance, in mode ``score``; of a filmed superframe its labels, its own at distance 0.
     slow : tuple of int
         Pieces of the slow channel, 16 bits each.
     """
@@ -113,43 +84,13 @@ def score_code(content: Content, *, even: bool) -> RangeEncoder:
     encoder, setting = RangeEncoder(), content.setting
     for piece in content.slow:
         encoder.put_bits(piece, PIECE_BITS)
-    encoder.put_bits(setting.step, STEP_BITS)
-    if setting.step != NO_RESIDUAL:
-        _put_setting(encoder, setting, content.header.mode)
-    if isinstance(content.part, ScorePart):
+    put_setting(encoder, setting, content.header.mode, filmed=content.header.filmed)
+    if isinstance(content.part, ScorePart) and content.header.filmed:
+        write_labels(encoder, content.previews, score_tables())
+    elif isinstance(content.part, ScorePart):
         write_score(encoder, content.part, score_tables(), even=even)
         write_previews(encoder, content.previews, score_tables())
     return encoder
-
-
-def use_of(setting: Setting) -> int:
-    """Return the way in which a superframe with a score uses its prediction."""
-    if setting.shares == UNUSED:
-        return NONE
-    return BY_PART if any(setting.shares) else WHOLE
-
-
-def _put_setting(encoder: RangeEncoder, setting: Setting, mode: int) -> None:
-    use = use_of(setting) if mode == SCORE else NONE
-    if mode == SCORE:
-        encoder.put(use, USES)
-    encoder.put(setting.basis, BASES[use == NONE])
-    encoder.put(setting.level, LEVELS)
-    if use == NONE:
-        return
-    encoder.put(setting.course, COURSES)
-    encoder.put(setting.shift, SHIFTS)
-    for share in setting.shares if use == BY_PART else ():
-        encoder.put(share, SHARE)
-
-
-def setting_bits(setting: Setting, mode: int) -> float:
-    """Return the length of the symbols that say a setting, bits."""
-    encoder = RangeEncoder()
-    encoder.put_bits(setting.step, STEP_BITS)
-    if setting.step != NO_RESIDUAL:
-        _put_setting(encoder, setting, mode)
-    return encoder.bits
 
 
 def coefficient_code(
@@ -166,12 +107,6 @@ def coefficient_code(
         coefficient_tables().magnitude, starts, freqs, ends,
     )  # fmt: skip
     return starts[:n], freqs[:n], ends
-
-
-def choice_bits(unpredicted: bool, basis: int, level: int) -> float:
-    """Return the length of the symbols that name a basis and a level, bits."""
-    bits: float = _BASIS_BITS[unpredicted][basis] + _LEVEL_BITS[level]
-    return bits
 
 
 def coefficient_bits(q: Ints, setting: Setting, basis: Basis) -> float:
@@ -282,12 +217,21 @@ def _agrees(decoder: RangeDecoder, content: Content) -> bool:
     """Return whether a payload cut to its room still says this setting, score and previews."""
     if tuple(read_slow(decoder, content.header)) != content.slow:
         return False
-    if read_setting(decoder, content.header.mode) != content.setting:
+    header = content.header
+    if read_setting(decoder, header.mode, filmed=header.filmed) != content.setting:
         return False
-    return content.part is None or (
-        read_score(decoder, score_tables()) == content.part
-        and read_previews(decoder, score_tables()) == content.previews
-    )
+    if content.part is None:
+        return True
+    return _read_score(decoder, content.header) == (content.part, content.previews)
+
+
+def _read_score(decoder: RangeDecoder, header: Header) -> tuple[ScorePart, dict[int, Preview]]:
+    """Return the score of a superframe of mode ``score``, or its labels, and its previews."""
+    if header.filmed:
+        lists = read_labels(decoder, score_tables())
+        return part_of_preview(lists[OWN]), lists
+    part = read_score(decoder, score_tables())
+    return part, read_previews(decoder, score_tables())
 
 
 def read_l0(l0: bytes, bases: Bases) -> tuple[Content, int]:
@@ -339,11 +283,10 @@ def _read_beginning(l0: bytes) -> tuple[Content, RangeDecoder | None]:
         raise BitstreamError(f"L0 of {len(l0)} bytes, at least {least_bytes(l0)}", section="H1")
     decoder = RangeDecoder(l0[HEADER_BYTES:-CRC16_BYTES], tail=header.tail)
     slow = tuple(read_slow(decoder, header))
-    setting = read_setting(decoder, header.mode)
+    setting = read_setting(decoder, header.mode, filmed=header.filmed)
     if header.mode == PLAIN:
         return Content(header, setting, None, nothing, slow=slow), decoder
-    part = read_score(decoder, score_tables())
-    previews = read_previews(decoder, score_tables())
+    part, previews = _read_score(decoder, header)
     return Content(header, setting, part, nothing, previews, slow), decoder
 
 
@@ -351,22 +294,6 @@ def read_slow(decoder: RangeDecoder, header: Header) -> Iterator[int]:
     """Yield the pieces of the slow channel that a payload begins with (H8)."""
     for _ in range(header.slow):
         yield decoder.get_bits(PIECE_BITS)
-
-
-def read_setting(decoder: RangeDecoder, mode: int) -> Setting:
-    """Return the setting that follows (H8)."""
-    step = decoder.get_bits(STEP_BITS)
-    if step == NO_RESIDUAL:
-        return NOTHING_SENT
-    use = decoder.get(USES) if mode == SCORE else NONE
-    basis, level = decoder.get(BASES[use == NONE]), decoder.get(LEVELS)
-    if use == NONE:
-        return Setting(step, basis, level, shares=UNUSED if mode == SCORE else (0,) * PARTS)
-    course, shift = decoder.get(COURSES), decoder.get(SHIFTS)
-    if use == WHOLE:
-        return Setting(step, basis, level, course, shift)
-    shares = tuple(decoder.get(SHARE) for _ in range(PARTS))
-    return Setting(step, basis, level, course, shift, shares)
 
 
 def _read_coefficients(

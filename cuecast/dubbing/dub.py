@@ -324,11 +324,12 @@ def _unsigned_source(
             b"",
         )
     fine = SuperframeEncoder(
-        voice, l0_bytes=l0_bytes, l1_bytes=fine_bytes, lead=LEAD, protected=True, signed=signed
-    )
+        voice, l0_bytes=l0_bytes, l1_bytes=fine_bytes, lead=LEAD, protected=True, signed=signed,
+        filmed=motion.filmed, begin=first + LEAD,
+    )  # fmt: skip
     coarse = SuperframeEncoder(
         voice, l0_bytes=l0_bytes, l1_bytes=beside.l1_bytes if nests else 0, lead=LEAD,
-        protected=True, signed=signed,
+        protected=True, signed=signed, filmed=motion.filmed, begin=first + LEAD,
     )  # fmt: skip
 
     def source(k: int) -> tuple[bytes, bytes]:

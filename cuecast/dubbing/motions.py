@@ -11,6 +11,7 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Score
 from codec.errors import CueError
+from codec.superframe.filmed import is_filmed
 from synth.motion.rules.bodiless import RuledCuer, ruled_cuer
 from synth.planning.prosody.passages import passages
 from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
@@ -32,6 +33,10 @@ class MotionSource(Protocol):
     @property
     def rate_hz(self) -> float:
         """Frames per second."""
+
+    @property
+    def filmed(self) -> bool:
+        """Whether a camera saw the cuer, rather than that a model moves her by the score."""
 
     def window(self, start_s: float, frames: int) -> Motion:
         """Return a window of the motion.
@@ -74,6 +79,7 @@ class SynthesisedMotion:
     ) -> None:
         self.score = score
         self.rate_hz = RATE_HZ
+        self.filmed = False
         self._voice = voice
         self._synthesiser = ruled_cuer(
             voice, rate_hz=RATE_HZ, seed=seed, options=options, alignment=alignment
@@ -127,6 +133,7 @@ class ConcatenativeMotion:
     def __init__(self, score: Score, synthesiser: ConcatenativeSynthesiser) -> None:
         self.score = score
         self.rate_hz = RATE_HZ
+        self.filmed = False
         self._synthesiser = synthesiser
         self._restart()
 
@@ -174,6 +181,7 @@ class GivenMotion:
         voice.check_motion(motion)
         self.score = motion.score or Score((), ())
         self.rate_hz = RATE_HZ
+        self.filmed = is_filmed(motion, voice)
         self._motion = motion
 
     def window(self, start_s: float, frames: int) -> Motion:

@@ -25,11 +25,10 @@ from codec.superframe.encoder import SuperframeEncoder
 from codec.superframe.payload import (
     CRC8_BYTES,
     read_beginning,
-    read_setting,
     score_code,
-    setting_bits,
 )
 from codec.superframe.range_coder import RangeDecoder
+from codec.superframe.settings import read_setting, setting_bits
 from codec.superframe.superframe import DecodedSuperframe, Superframe, merge_scores, resynthesis_of
 from codec.superframe.window import MAX_BYTES
 from codec.training.coding_tables import blocks_of, near, parts_of

@@ -442,6 +442,11 @@ class Shifted:
         """Frames per second."""
         return self._motion.rate_hz
 
+    @property
+    def filmed(self) -> bool:
+        """Whether a camera saw the cuer."""
+        return self._motion.filmed
+
     def window(self, start_s: float, frames: int) -> Motion:
         """Return the motion from `start_s` on."""
         found = self._motion.window(start_s + self._offset_s, frames)

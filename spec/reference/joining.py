@@ -37,16 +37,20 @@ Told = dict[str, Any]
 
 
 def near(index: int, parts: dict[int, Decoded]) -> dict[int, Told]:
-    """(J1, J8) Return the scores of a superframe and its neighbours, as far as they are known."""
+    """(J1, J8, V8) Return the scores of a superframe and its neighbours, as far as known."""
     found: dict[int, Told] = {}
     for k in (index - 1, index, index + 1):
+        if k in parts and parts[k].filmed and parts[k].mode == 0:
+            # (V8)
+            found[k] = stand_in(parts[k].previews["0"])
+            continue
         if k in parts:
             # One of mode 1 tells no score, and is not lost.
             score = parts[k].score
             if score is not None:
                 found[k] = score
             continue
-        for distance in (2, 4, 6):
+        for distance in (-1, 2, 4, 6):
             before = parts.get(k - distance)
             if before is not None and str(distance) in before.previews:
                 found[k] = stand_in(before.previews[str(distance)])
@@ -87,7 +91,7 @@ def line_of(scores: dict[int, Told]) -> list[Sound]:
         end = begin + told["first_end"]
         before = scores.get(k - 1)
         if "stands" in told:
-            if before is not None:
+            if before is not None and line:
                 lasting(line, before["ahead"], end)
         elif (
             before is not None and "stands" in before and line and line[-1].number and told["first"]

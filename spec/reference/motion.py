@@ -255,13 +255,39 @@ def residual(decoded: Decoded, coding: dict[str, Array]) -> list[list[float]]:
 def parameters(
     index: int, parts: dict[int, Decoded], coding: dict[str, Array]
 ) -> list[list[float]]:
+    """(Q5, Q7) Return the parameters of a superframe, blended with its neighbours if filmed."""
+    frames = unblended(index, parts, coding)
+    sides = [
+        unblended(k, parts, coding)
+        if parts[index].filmed and k in parts and parts[k].filmed
+        else None
+        for k in (index - 1, index + 1)
+    ]
+    blended = [list(frame) for frame in frames]
+    for i, weight in enumerate((0.4, 0.225, 0.1, 0.025)):
+        if sides[0] is not None:
+            added = zip(frames[i], jump(sides[0], frames), strict=True)
+            blended[i] = [x - weight * y for x, y in added]
+        if sides[1] is not None:
+            added = zip(frames[-1 - i], jump(frames, sides[1]), strict=True)
+            blended[-1 - i] = [x + weight * y for x, y in added]
+    return blended
+
+
+def jump(former: list[list[float]], latter: list[list[float]]) -> list[float]:
+    """(Q7) Return how far two superframes are apart at their border."""
+    around = zip(former[-2], former[-1], latter[0], latter[1], strict=True)
+    return [(3 * c - d - 3 * b + a) / 2 for a, b, c, d in around]
+
+
+def unblended(index: int, parts: dict[int, Decoded], coding: dict[str, Array]) -> list[list[float]]:
     """(P8, P10, Q5) Return the parameters of a superframe from it and its neighbours."""
     told = parts[index]
     predicted = None
     if told.mode == 0:
         scores = near(index, parts)
         line = line_of(scores)
-        found = strokes(keys_of(line, scores), REST_GAPS[scores[index]["rest_gap"]], coding)
+        found = strokes(keys_of(line, scores), REST_GAPS[scores[index].get("rest_gap", 1)], coding)
         first = TICKS * index
         face = mouths(line, coding, first)
         rest = moving(found, coding, first, told.course, told.shift)

@@ -60,10 +60,10 @@ def shifted(rng: random.Random, shift: int) -> bytes:
             return data
 
 
-def constant(rng: random.Random, coding: str, mode: int, sequence: int) -> bytes:
+def constant(rng: random.Random, coding: str, mode: int, sequence: int, filmed: int = 0) -> bytes:
     """Return a superframe of constant size, whose score replaces nothing."""
     while True:
-        body = (mode << 12 | sequence << 6).to_bytes(2, "big") + payload(rng, 20)
+        body = (mode << 12 | sequence << 6 | filmed).to_bytes(2, "big") + payload(rng, 20)
         check = crc(body, 16, 0x1021, 0xFFFF) ^ int(coding[:4], 16)
         l0 = body + check.to_bytes(2, "big")
         score = decode(l0, None, EVEN, coding).score
@@ -208,6 +208,28 @@ def more_drawn(coding: str) -> Iterator[tuple[str, bytes]]:
             return
 
 
+def filmed(coding: str) -> Iterator[tuple[str, bytes]]:
+    """Yield identifier and file: filmed superframes (V8, Q7).
+
+    Of each case the modes and the marks of its superframes; a mark of 2 is a lost one.
+    """
+    rng = random.Random(14)
+    for i, (modes, marks) in enumerate((
+        ("000", "111"), ("000", "101"), ("011", "111"), ("0000000", "1121111"),
+        ("0001000", "1121211"), ("0000000", "0112110"), ("0000000", "1121121"),
+    )):  # fmt: skip
+        frames = [
+            constant(rng, coding, int(mode), 1 + k, int(mark == "1"))
+            for k, (mode, mark) in enumerate(zip(modes, marks, strict=True))
+        ]
+        parts = [
+            rng.randbytes(30) if mark == "2" else frame
+            for frame, mark in zip(frames, marks, strict=True)
+        ]
+        ticks = 32 * len(frames)
+        yield f"drawn-filmed-{i}", head(32, ticks, coding, 24 << 12 | 6) + b"".join(parts)
+
+
 def others(coding: dict[str, Array]) -> Iterator[tuple[str, bytes, dict[str, list[float]]]]:
     """Yield identifier, file, and what is other than in the voice: movement and lateness."""
     rng = random.Random(10)
@@ -300,6 +322,11 @@ def main(path: str) -> None:
         found = files.read(data)
         row = {"id": case, "section": "4 to 8", "valid": True, "file": data.hex(), **said(found)}
         rows.append(row | {"markers": seen(found, coding)})
+    for case, data in filmed(name):
+        found = files.read(data)
+        row = {"id": case, "section": "3.4, 4 to 8", "valid": True, "file": data.hex()}
+        points = seen(found, coding, range(0, found.ticks, EVERY // 2))
+        rows.append(row | said(found) | {"markers": points})
     for case, data, other in others(coding):
         found = files.read(data)
         row = {"id": case, "section": "4 to 8", "valid": True, "file": data.hex(), **said(found)}

@@ -19,6 +19,12 @@ LEVEL = [14336, 5120, 5120, 3072, 2560, 1536, 1024]
 COURSE = [24576, 4096, 2048, 2048]
 USE = [16384, 8192, 8192]
 SHARE = [12288, 4096, 16384]
+FILMED_STEP = [512, 1024, 4096, 21504, 4096, 512, 512, 512]
+FILMED_USE = [12288, 18432, 2048]
+FILMED_BASIS = [1024, 1024, 3072, 27648]
+LISTS = [1024, 20480, 4096, 1024, 6144]
+AFTER_REST = [2560, 2560, 2560, 2048, 2048, 2048, 1536, 1536, 15872]
+AFTER_KEY = [3072, 6656, 7168, 5632, 3584, 2560, 1536, 1024, 1536]
 SLOW = [32512, 256]
 SHIFTS = [20480, 4096, 4096, 2048, 2048]
 SPECIAL = [32512, 256]
@@ -44,6 +50,7 @@ class Decoded:
     lead: int = 0
     signed: int = 0
     proof: int = 0
+    filmed: int = 0
     slow: list[int] = field(default_factory=list)
     step: int = 63
     basis: int = 0
@@ -93,8 +100,11 @@ def decode(l0: bytes, l1: bytes | None, bases: list[list[list[int]]], identity: 
     out.proof = int.from_bytes(body[-2:], "big") & 511 if signed else 0
     decoder = RangeDecoder(body[2:], tail=9 * signed)
     out.slow = [decoder.bits(16) for _ in range(head >> 1 & 3)]
+    out.filmed = head & 1
     setting(decoder, out)
-    if out.mode == 0:
+    if out.mode == 0 and out.filmed:
+        out.previews = labels(decoder)
+    elif out.mode == 0:
         out.score = score(decoder)
         out.previews = previews(decoder)
     scan, scales = prepared(out, bases)
@@ -122,12 +132,16 @@ def record(payload: bytes, mode: int, bases: list[list[list[int]]]) -> Decoded:
 
 
 def setting(decoder: RangeDecoder, out: Decoded) -> None:
-    """(H8) Read how a superframe codes what its prediction lacks."""
-    out.step = decoder.bits(6)
+    """(H8, H13) Read how a superframe codes what its prediction lacks."""
+    if out.filmed:
+        out.step = 8 * decoder.symbol(FILMED_STEP)[0]
+        out.step += decoder.bits(3)
+    else:
+        out.step = decoder.bits(6)
     if out.step == 63:
         return
-    use = decoder.symbol(USE)[0] if out.mode == 0 else 1
-    out.basis = decoder.symbol(BASES[1 if use == 1 else 0])[0]
+    use = decoder.symbol(FILMED_USE if out.filmed else USE)[0] if out.mode == 0 else 1
+    out.basis = decoder.symbol(FILMED_BASIS if out.filmed else BASES[1 if use == 1 else 0])[0]
     out.level = decoder.symbol(LEVEL)[0]
     if use == 1:
         out.shares = [2, 2, 2, 2] if out.mode == 0 else [0, 0, 0, 0]
@@ -239,6 +253,25 @@ def previews(decoder: RangeDecoder) -> dict[str, list[list[int]]]:
             tick = 2 * cell + (decoder.bits(1) if distance == 2 else 1)
             last = min(decoder.symbol(tables["key"][last])[0], 40)
             found.append([tick, last])
+        result[str(distance)] = found
+    return result
+
+
+def labels(decoder: RangeDecoder) -> dict[str, list[list[int]]]:
+    """(V6, V7) Return tick and symbol of what starts, by distance; 0 is the superframe itself."""
+    result: dict[str, list[list[int]]] = {}
+    which = decoder.symbol(LISTS)[0]
+    for distance in [0, *([], [2], [-1], [2, -1], [2, 4])[which]]:
+        found = []
+        cell, last = -1, 41
+        while cell < 7:
+            row = AFTER_KEY if last < 40 else AFTER_REST
+            gap = decoder.symbol(row, 7 - cell)[0]
+            if gap == 7 - cell:
+                break
+            cell += 1 + gap
+            last = min(decoder.symbol(TABLES["score"]["key"][last])[0], 40)
+            found.append([4 * cell + 2, last])
         result[str(distance)] = found
     return result
 

@@ -62,7 +62,7 @@ def full(
 ) -> bytes:
     """Return an L0 part of modes 0 or 1 with a random payload, its step chosen or random.
 
-    `flags` are the last four bits of the header: signed, slow and spare.
+    `flags` are the last four bits of the header: signed, slow and filmed.
     """
     head = mode << 12 | rng.randrange(64) << 6 | rng.randrange(4) << 4 | flags
     payload = bytearray(rng.randbytes(size))
@@ -203,6 +203,37 @@ def parts() -> Iterator[tuple[str, str, bytes, bytes]]:
             yield f"special-vowel-{vowel}-{i}", "S10", l0, b""
     for step in (8, 15, 35):
         yield f"last-symbols-{step}", "C1, C4", last_symbols(step), b""
+    yield from filmed(random.Random(5))
+
+
+def filmed(rng: random.Random) -> Iterator[tuple[str, str, bytes, bytes]]:
+    """Yield the vectors of filmed superframes (H13, section 3.4)."""
+    for which in (["0"], ["0", "2"], ["0", "-1"], ["0", "2", "-1"], ["0", "2", "4"]):
+        for i in range(3):
+            l0 = found(
+                lambda: full(rng, 0, 12 + 6 * i, None, 1),  # noqa: B023
+                lambda out, w=which: [*out.previews] == w and out.step != 63,  # type: ignore[misc]
+            )
+            name = "-".join(["before" if one == "-1" else one for one in which])
+            yield f"filmed-lists-{name}-{i}", "H13, V6, V7", l0, l1_of(l0, rng.randbytes(8 * i))
+    for basis in range(4):
+        for mode in (0, 1):
+            l0 = found(lambda: full(rng, mode, 20, None, 1), lambda out, b=basis: out.basis == b)  # type: ignore[misc] # noqa: B023
+            yield f"filmed-basis-{basis}-mode-{mode}", "H13", l0, l1_of(l0, rng.randbytes(8))
+    for eighth in range(8):
+        l0 = found(lambda: full(rng, 1, 24, None, 1), lambda out, e=eighth: out.step // 8 == e)  # type: ignore[misc]
+        yield f"filmed-step-{eighth}", "H13", l0, l1_of(l0, rng.randbytes(8))
+    l0 = found(lambda: full(rng, 0, 24, None, 1), lambda out: out.step == 63)
+    yield "filmed-step-63", "H10, H13", l0, b""
+    l0 = found(lambda: full(rng, 0, 24, None, 1), lambda out: 0 < sum(out.shares) < 8)
+    yield "filmed-shares", "H13, P10", l0, b""
+    for i in range(6):
+        l0 = full(rng, i % 2, 12 + i, None, 9 | 2 * (i % 3))
+        yield f"filmed-signed-{i}", "H12, H13, R8", l0, l1_of(l0, rng.randbytes(8))
+    l0 = full(rng, 0, 30, None, 1)
+    while not has_key_41(l0):
+        l0 = full(rng, 0, 30, None, 1)
+    yield "filmed-key-41", "V2, V7", l0, b""
 
 
 def replacing(rng: random.Random) -> bytes:

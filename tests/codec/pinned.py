@@ -170,7 +170,7 @@ def on_air(score: Score | None, l0: int, l1: int, seed: int = 0, **given: Any) -
     if l1 < 0:
         encoder = CompactEncoder(voice(), l0_bytes=l0, **given)
     else:
-        encoder = SuperframeEncoder(voice(), l0_bytes=l0, l1_bytes=l1, **given)
+        encoder = SuperframeEncoder(voice(), l0_bytes=l0, l1_bytes=l1, filmed=False, **given)
     sent = [encoder.encode(motion, k) for k in range(SUPERFRAMES)]
     lines = {
         "whole": lambda k: "",
@@ -259,7 +259,7 @@ def noise(mode: int, size: int, more: int) -> dict[str, Any]:
 
 def in_any_order(score: Score, seed: int) -> dict[str, Any]:
     """Parts that come late, twice and in another order, by a decoder that remembers little."""
-    encoder = SuperframeEncoder(voice(), l0_bytes=20, l1_bytes=12, protected=True)
+    encoder = SuperframeEncoder(voice(), l0_bytes=20, l1_bytes=12, protected=True, filmed=False)
     motion = moved(score, seed)
     sent = [encoder.encode(motion, k) for k in range(SUPERFRAMES)]
     decoder, done = SuperframeDecoder(voice()), []

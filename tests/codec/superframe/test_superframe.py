@@ -319,7 +319,7 @@ def test_superframes_of_a_step_say_what_was_quantised(
 
 def test_the_third_preview_is_sparse(toy_voice: Voice, perform: Callable[..., Motion]) -> None:
     motion = perform(spoken(6 * SENTENCE), 24)
-    encoder = SuperframeEncoder(toy_voice, l0_bytes=40, l1_bytes=20, protected=True)
+    encoder = SuperframeEncoder(toy_voice, l0_bytes=40, l1_bytes=20, protected=True, filmed=False)
     sent = [read_beginning(encoder.encode(motion, k).l0).previews for k in range(18)]
     thirds = [previews[6] for previews in sent if 6 in previews]
     assert len(thirds) > 6
@@ -332,7 +332,7 @@ def test_the_nearest_preview_counts_in_any_order_of_arrival(
 ) -> None:
     """The nearer one tells times to a tick and every key."""
     motion = perform(spoken(6 * SENTENCE, 0.07), 24)
-    encoder = SuperframeEncoder(toy_voice, l0_bytes=40, l1_bytes=20, protected=True)
+    encoder = SuperframeEncoder(toy_voice, l0_bytes=40, l1_bytes=20, protected=True, filmed=False)
     frames = {k: encoder.encode(motion, k) for k in range(2, 12) if k != 8}
     told = []
     for order in (sorted(frames), sorted(frames, reverse=True)):
