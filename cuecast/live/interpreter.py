@@ -7,7 +7,7 @@ for the viewer as she was in the studio. Where she is missing, the cuer goes to 
 
 import json
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +18,15 @@ from codec.cues.score import Key, Phone, Score
 from codec.cues.timeline import SUPERFRAME_S
 from codec.errors import CueError
 from cuecast.dubbing.motions import RATE_HZ
-from synth.capture.cues.appearance import looks_of
-from synth.capture.cues.features import see_motion
-from synth.capture.cues.recognise import recognise_keys
+from synth.capture.cues.appearance import NOTHING_SHOWN, looks_of
+from synth.capture.cues.features import POINTS, see_motion, see_points
+from synth.capture.cues.line import joined
+from synth.capture.cues.recognise import HeldKey, recognise_keys
 from synth.capture.cues.score import is_sure, score_of
 from synth.capture.points.solve import resting
 from synth.capture.points.speaker import Speaker
+from synth.capture.sources.landmark_maps import N_HAND_LANDMARKS
+from synth.capture.sources.resample import evenly
 
 LATE_S = 0.17
 """How late a line comes that does not tell: that of `capture --live` at 30 frames per second."""
@@ -46,21 +49,34 @@ _DRIFT = 1e-3
 _NEW_CLOCK_S = 2.0
 """Lines that come so much later or earlier than those before have a new clock."""
 
+_LEARNT_KEYS = 300
+"""Examples of keys that are kept of her: of the last minute or two."""
+
+_MOST_MM = 1e5
+"""Greatest coordinate of a point that is believed."""
+
+_UNSEEN = np.full((len(POINTS) + N_HAND_LANDMARKS, 2), np.nan)
+
 _OVERLAP_S = 0.12
 """Two keys that overlap more are one key, recognised twice."""
 
 
 @dataclass(frozen=True, slots=True)
 class LivePose:
-    """Parameters (P,) of the frame at `time_s` of its own clock, `age_s` after it was filmed."""
+    """Parameters (P,) of the frame at `time_s` of its own clock, `age_s` after it was filmed.
+
+    `points` (25, 2) are the landmarks that keys are told from; NaN where the hand is not seen, and
+    of lines that have none.
+    """
 
     time_s: float
     params: NDArray[np.float64]
     age_s: float = LATE_S
+    points: NDArray[np.float64] = field(default_factory=lambda: _UNSEEN.copy(), repr=False)
 
 
 def read_pose(line: str | bytes, count: int) -> LivePose | None:
-    """Read a line: JSON with ``time`` in seconds, ``params``, and ``age`` where it is known.
+    """Read a line: JSON with ``time`` in seconds and ``params``; ``age`` and ``points`` if known.
 
     Parameters
     ----------
@@ -89,13 +105,16 @@ def read_pose(line: str | bytes, count: int) -> LivePose | None:
         found = json.loads(line)
         params = np.array(found["params"], dtype=np.float64)
         time_s, age_s = float(found["time"]), float(found.get("age", LATE_S))
+        points = np.array(found["points"], dtype=np.float64) if "points" in found else _UNSEEN
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise CueError(f"interpreter: not JSON with time and params: {str(line)[:60]}") from error
     if params.shape != (count,):
         raise CueError(f"interpreter: {params.size} parameters, the voice has {count}")
     if not (abs(time_s) < 1e9 and 0 <= age_s < 1e3 and (np.abs(params) <= MOST_PARAM).all()):
         raise CueError(f"interpreter: no time or no parameters: {str(line)[:60]}")
-    return LivePose(time_s, params, age_s)
+    if points.size != _UNSEEN.size or (np.abs(points) > _MOST_MM).any():
+        raise CueError(f"interpreter: {points.size} numbers are no points of face and hand")
+    return LivePose(time_s, params, age_s, points.reshape(_UNSEEN.shape))
 
 
 class InterpretedMotion:
@@ -122,6 +141,8 @@ class InterpretedMotion:
         self._looks = looks_of(voice)
         self._times: deque[float] = deque()
         self._rows: deque[NDArray[np.float64]] = deque()
+        self._points: deque[NDArray[np.float64]] = deque()
+        self._known, self._learnt_s = NOTHING_SHOWN, float("-inf")
         self._offset_s: float | None = None
         self._told_s = 0.0
         self._phones: deque[Phone] = deque()
@@ -162,7 +183,7 @@ class InterpretedMotion:
         gap_s = time_s - self.known_s
         if gap_s > _AWAY_S + _TO_REST_S:
             self._fill(time_s)
-        self._append(time_s, pose.params)
+        self._append(time_s, pose.params, pose.points)
         self.poses += 1
         return True
 
@@ -185,12 +206,16 @@ class InterpretedMotion:
         if time_s - _TO_REST_S > self.known_s:
             self._append(time_s - _TO_REST_S, self._rest)
 
-    def _append(self, time_s: float, row: NDArray[np.float64]) -> None:
+    def _append(
+        self, time_s: float, row: NDArray[np.float64], points: NDArray[np.float64] = _UNSEEN
+    ) -> None:
         self._times.append(time_s)
         self._rows.append(row)
+        self._points.append(points)
         while len(self._times) > 2 and self._times[1] < time_s - _KEPT_S:
             self._times.popleft()
             self._rows.popleft()
+            self._points.popleft()
 
     def window(self, start_s: float, frames: int) -> Motion:
         """Return the motion from `start_s` on, for what is known now, with the keys in it."""
@@ -227,14 +252,36 @@ class InterpretedMotion:
         if frames < SETTLED_S * RATE_HZ:
             return
         params = self._at(first_s + np.arange(frames) / RATE_HZ)
-        seen = see_motion(self._voice, params, rate_hz=RATE_HZ)
-        held = recognise_keys(seen, looks=self._looks).held
+        held = self._held(params, first_s, last_s)
         if not is_sure(held):
             return
         found = score_of(held, self._voice, params, rate_hz=RATE_HZ, start_s=first_s)
         for key, phones in _phones_of(found):
             if begin_s <= key.start < end_s:
                 self._tell(key, phones)
+
+    def _held(
+        self, params: NDArray[np.float64], first_s: float, last_s: float
+    ) -> tuple[HeldKey, ...]:
+        """Return the keys held between two times: by her landmarks, else by parameters (T, P)."""
+        times = np.array(self._times)
+        at = (times >= first_s) & (times <= last_s)
+        points = np.stack(self._points)[at] if at.any() else _UNSEEN[None]
+        if not np.isfinite(points).any():
+            seen = see_motion(self._voice, params, rate_hz=RATE_HZ)
+            return recognise_keys(seen, looks=self._looks).held
+        even, rate_hz = evenly(times[at], points.reshape(len(points), -1), name="interpreter")
+        seen = see_points(even.reshape(len(even), *_UNSEEN.shape), rate_hz=rate_hz)
+        found = recognise_keys(seen, known=self._known)
+        if last_s - self._learnt_s >= _LOOKED_AT_S:
+            # Windows overlap: each moment is learnt from once.
+            shown = joined([self._known, found.shown])
+            self._known, self._learnt_s = shown.last(_LEARNT_KEYS), last_s
+        late_s = times[at][0] - first_s
+        return tuple(
+            replace(one, reach_s=one.reach_s + late_s, leave_s=one.leave_s + late_s)
+            for one in found.held
+        )
 
     def _tell(self, key: Key, phones: list[Phone]) -> None:
         """Put a key behind those before it, unless it is one of them."""

@@ -7,6 +7,7 @@ brought to the voice; keys are recognised, so that the motion can be coded and d
 
 import argparse
 import json
+import math
 import shutil
 import sys
 import tempfile
@@ -173,7 +174,11 @@ def _live(args: argparse.Namespace, voice: "Voice") -> int:
 
 def _line(out: IO[str], frame: "LiveFrame") -> int:
     params = [round(float(value), 4) for value in frame.params]
-    out.write(json.dumps({"time": round(frame.time_s, 4), "params": params}) + "\n")
+    told: dict[str, object] = {"time": round(frame.time_s, 4), "params": params}
+    points = frame.points.ravel().tolist()
+    if all(map(math.isfinite, points)):
+        told["points"] = [round(value, 2) for value in points]
+    out.write(json.dumps(told) + "\n")
     out.flush()
     return 1
 

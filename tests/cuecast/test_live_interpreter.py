@@ -14,9 +14,11 @@ from codec.cuer.voice import load_voice
 from codec.cues.score import Key, Score
 from codec.errors import CueError
 from cuecast.command.cli import main
+from cuecast.evaluate.films import ASPECT, WIDTH_MM, film
 from cuecast.live.interpreter import LATE_S, SETTLED_S, InterpretedMotion, read_pose
 from cuecast.live.sound import LiveOptions
 from cuecast.live.waiting import WaitingRoom
+from synth.capture.cues.features import points_of
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.scoring.text_score import score_of_text
 
@@ -52,9 +54,36 @@ def test_a_line_is_read_or_refused() -> None:
         ('{"time": 1, "params": [1, NaN]}', "no time or no parameters"),
         ('{"time": Infinity, "params": [1, 2]}', "no time or no parameters"),
         ('{"time": 1, "params": [1, 1e9]}', "no time or no parameters"),
+        ('{"time": 1, "params": [1, 2], "points": [1, 2]}', "2 numbers are no points"),
+        ('{"time": 1, "params": [1, 2], "points": "x"}', "not JSON with time and params"),
     ]:
         with pytest.raises(CueError, match=message):
             read_pose(line, 2)
+
+
+def test_keys_are_told_from_landmarks_where_lines_have_them(
+    filmed: tuple[Motion, Score],
+) -> None:
+    """The parameters rest: whatever is recognised is recognised from the points."""
+    motion, score = filmed
+    cuer = GestureSynthesiser("claire", rate_hz=RATE_HZ)
+    face, hand, _ = film(cuer, score, seconds=9.0, noise_mm=0.8)
+    to_mm = np.array([WIDTH_MM, -WIDTH_MM / ASPECT])
+    points = points_of(face[..., :2] * to_mm, hand[..., :2] * to_mm)
+    live, keys = InterpretedMotion(VOICE), list[Key]()
+    rest = [0.0] * len(motion.params[0])
+    for number, row in enumerate(points):
+        line = {"time": number / RATE_HZ, "params": rest, "points": row.ravel().tolist()}
+        live.add(json.dumps(line), None)
+    for k in range(13):
+        window = live.window(k * 0.64, 32)
+        assert window.score is not None
+        keys += [key for key in window.score.keys if not keys or key.start > keys[-1].start]
+    wanted = [(key.shape, key.placement) for key in score.keys]
+    found = [(key.shape, key.placement) for key in keys]
+    matcher = difflib.SequenceMatcher(None, wanted, found, autojunk=False)
+    right = sum(block.size for block in matcher.get_matching_blocks())
+    assert right >= 0.5 * len(wanted)  # measured 19 of 30
 
 
 def test_windows_follow_her_and_tell_her_keys(filmed: tuple[Motion, Score]) -> None:

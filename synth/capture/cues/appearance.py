@@ -147,6 +147,14 @@ class KeyExamples:
     places: tuple[KeyExample, ...] = ()
     stances: tuple[KeyExample, ...] = ()
 
+    def last(self, count: int) -> "KeyExamples":
+        """Return at most the last examples of each kind."""
+        return KeyExamples(self.fingers[-count:], self.places[-count:], self.stances[-count:])
+
+
+NOTHING_SHOWN = KeyExamples()
+"""Of a cuer nobody has seen."""
+
 
 def _priors(
     fingers: FloatArray, places: FloatArray, stances: FloatArray

@@ -174,6 +174,30 @@ def see_motion(voice: Voice, params: FloatArray, *, rate_hz: float) -> HandFeatu
     return see(np.concatenate(faces), np.concatenate(hands), rate_hz=rate_hz)
 
 
+POINTS = (234, 454, *_MOUTH)
+"""Landmarks of the face that `see_points` needs, besides the 21 of the hand."""
+
+
+def points_of(face: FloatArray, hand: FloatArray) -> FloatArray:
+    """Return what `see_points` needs of landmarks as `see` takes them, (..., 25, 2), mm."""
+    slots = [FACE_LANDMARKS.index(number) for number in POINTS]
+    return np.concatenate([face[..., slots, :2], hand[..., :2]], axis=-2)
+
+
+def see_points(points: FloatArray, *, rate_hz: float) -> HandFeatures:
+    """Return what keys are told from in a few landmarks.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (T, 25, 2)
+        Landmarks `POINTS` of the face and all of the hand, mm, y up; NaN where not seen.
+    rate_hz : float
+    """
+    face = np.full((len(points), len(FACE_LANDMARKS), 2), np.nan)
+    face[:, [FACE_LANDMARKS.index(number) for number in POINTS]] = points[:, : len(POINTS)]
+    return see(face, points[:, len(POINTS) :], rate_hz=rate_hz)
+
+
 def _resting_head(voice: Voice) -> FloatArray:
     row = np.zeros((1, len(voice.layout)))
     return np.asarray(voice.reconstruct(row)[0, _RIGID_FACE], dtype=np.float64)

@@ -11,7 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.cues.score import PLACEMENT_NUMBER
-from synth.capture.cues.appearance import ANYBODYS, KEYS, KeyAppearance
+from synth.capture.cues.appearance import (
+    ANYBODYS,
+    KEYS,
+    NOTHING_SHOWN,
+    KeyAppearance,
+    KeyExamples,
+)
 from synth.capture.cues.features import HandFeatures
 from synth.capture.cues.line import KeyRun, joined, pieces
 
@@ -65,20 +71,27 @@ class Recognised:
         In order of time, rests too.
     looks : KeyAppearance
         Of this cuer, as learnt.
+    shown : KeyExamples
+        What they were learnt from in this take.
     """
 
     held: tuple[HeldKey, ...]
     looks: KeyAppearance
+    shown: KeyExamples
 
 
-def recognise_keys(seen: HandFeatures, *, looks: KeyAppearance = ANYBODYS) -> Recognised:
+def recognise_keys(
+    seen: HandFeatures, *, looks: KeyAppearance = ANYBODYS, known: KeyExamples = NOTHING_SHOWN
+) -> Recognised:
     """Return the keys that the hand holds, rests too, in order of time.
 
     Parameters
     ----------
     seen : HandFeatures
     looks : KeyAppearance
-        What is known of the cuer before.
+        What is known of cuers before.
+    known : KeyExamples
+        What this cuer has shown in other takes.
 
     Notes
     -----
@@ -87,23 +100,18 @@ def recognise_keys(seen: HandFeatures, *, looks: KeyAppearance = ANYBODYS) -> Re
     median, others 0.1 s), yet of those held for more than 0.5 s only 3 of 9 do. Splitting keys by
     their duration would be wrong more often than right, so none is split: a text tells.
     """
-    looks, runs = _adapted(seen, looks)
-    return Recognised(tuple(_held(seen, _stayed(runs, seen.rate_hz))), looks)
-
-
-def _adapted(seen: HandFeatures, before: KeyAppearance) -> tuple[KeyAppearance, list[KeyRun]]:
-    """Return the looks of this cuer and the keys that she shows by them.
-
-    Looks by which the take is less likely than it was before are not hers: nothing is learnt then.
-    """
+    before = looks.learnt(known, looks) if known.fingers else looks
     plain = lines = [part.line(before) for part in pieces(seen)]
-    looks = before
+    now, shown = before, NOTHING_SHOWN
     for _ in range(_ROUNDS):
-        looks = looks.learnt(joined([line.examples(looks) for line in lines]), before)
-        lines = [part.line(looks) for part in pieces(seen)]
+        shown = joined([line.examples(now) for line in lines])
+        now = now.learnt(joined([known, shown]), looks)
+        lines = [part.line(now) for part in pieces(seen)]
+    # Looks by which the take is less likely than before are not hers.
     if sum(line.value for line in lines) < sum(line.value for line in plain):
-        looks, lines = before, plain
-    return looks, [run for line in lines for run in line.runs()]
+        now, lines, shown = before, plain, NOTHING_SHOWN
+    runs = [run for line in lines for run in line.runs()]
+    return Recognised(tuple(_held(seen, _stayed(runs, seen.rate_hz))), now, shown)
 
 
 def _held(seen: HandFeatures, runs: list[KeyRun]) -> Iterator[HeldKey]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from codec.cuer.models.inversion import bridge, invert
 from codec.cuer.voice import Voice
 from codec.errors import CueError
+from synth.capture.cues.features import points_of
 from synth.capture.points.adapt import lowest, resized
 from synth.capture.points.solve import likely_postures, resting
 from synth.capture.points.speaker import Speaker
@@ -57,10 +58,14 @@ _AWAY_S, _TO_REST_S = 0.4, 0.25
 
 @dataclass(frozen=True, slots=True)
 class LiveFrame:
-    """Parameters `params` (P,) of the frame at `time_s`."""
+    """Parameters `params` (P,) of the frame at `time_s`, and what keys are told from.
+
+    `points` (25, 2) are landmarks of `synth.capture.cues.features.POINTS` and the hand, mm.
+    """
 
     time_s: float
     params: FloatArray
+    points: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +199,8 @@ class LiveLandmarks:
         params[self._voice.face_columns] = found[number]
         params[self._voice.hand_columns] = self._hand_of(frames, number, found)
         self._last = params
-        return LiveFrame(frames[number].time_s, params)
+        one = frames[number]
+        return LiveFrame(one.time_s, params, points_of(one.face, one.hand))
 
     def _hand_of(self, frames: list[_Solved], number: int, face: FloatArray) -> FloatArray:
         columns = self._voice.hand_columns
