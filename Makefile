@@ -11,7 +11,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Tests start many processes: each compiles what it imports anew where bytecode may not be kept.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test nightly check docs records bench clean FORCE lock sbom mutation fuzz
+.PHONY: native demo test nightly check docs records bench clean FORCE lock sbom mutation fuzz
 
 demo: $(VENV)/installed
 	$(BIN)/cuecast demo --out $(OUT)
@@ -48,6 +48,12 @@ docs/records/%.json: FORCE
 	$(if $(and $(FILMS),$(filter video,$*)),$(BIN)/cuecast evaluate video --clips $(FILMS) --record docs/records/video-clips.json > /dev/null)
 
 FORCE:
+
+# The receiver in C as a shared library and a WebAssembly module, by zig from PyPI.
+native: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --group native
+	$(BIN)/python receiver/native/build.py library
+	$(BIN)/python receiver/native/build.py wasm
 
 # What a release is installed with: `pip install --require-hashes -r requirements.lock`.
 lock: $(VENV)/installed
