@@ -52,8 +52,8 @@ FORCE:
 # The receiver in C as a shared library and a WebAssembly module, by zig from PyPI.
 native: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --group native
-	$(BIN)/python receiver/native/build.py library
-	$(BIN)/python receiver/native/build.py wasm
+	$(BIN)/python -m receiver.native.build library
+	$(BIN)/python -m receiver.native.build wasm
 
 # What a release is installed with: `pip install --require-hashes -r requirements.lock`.
 lock: $(VENV)/installed

@@ -77,6 +77,7 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
         "export": {"drawing"},
         "television": {"reception", "drawing", "media"},
         "live": {"reception", "media", "television"},
+        "native": set(),
     },
     "cuecast": {
         "command": set(),

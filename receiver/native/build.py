@@ -1,14 +1,14 @@
 """Build the native receiver: a tool with any C compiler, library and WebAssembly module with zig.
 
 In: the sources beside this file. Out: a program, a shared library, or `dist/cuecast.wasm` with
-`dist/cuecast.json`, which names the sources that it was made of. May import: nothing of the
-project.
+`dist/cuecast.json`, which names the sources that it was made of.
 
 zig comes from PyPI (``pip install --group native``) and is needed to build only; the module is
 reproducible: the same sources and the same zig give the same bytes.
 
 Examples
 --------
+>>> from receiver.native.build import exported
 >>> "cue_push" in exported() and "cue_push_planar" in exported()
 True
 """

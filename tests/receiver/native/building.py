@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 NATIVE = Path(__file__).parents[3] / "receiver" / "native"
-FLAGS = ("-std=c11", "-O1", "-Wall", "-Wextra", "-Wconversion")
+FLAGS = ("-std=c11", "-O2", "-Wall", "-Wextra", "-Wconversion")
 INCLUDES = (f"-I{NATIVE / 'include'}", f"-I{NATIVE / 'src'}")
 SANITIZE = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
