@@ -125,11 +125,11 @@ typedef struct cue_score {
 
 typedef struct cue_content {
     uint8_t mode, sequence, lead, is_signed, step, basis, level, course, shift, shares[4];
-    uint8_t slow_count, previews; /* previews: bit 0, 1, 2 for distance 2, 4, 6 */
-    uint8_t has_l1;
+    uint8_t slow_count, previews; /* previews: bit 0, 1, 2 for distance 2, 4, 6, bit 3 for -1 */
+    uint8_t has_l1, filmed;
     uint16_t proof, slow[3];
     cue_score score;
-    cue_preview preview[3];
+    cue_preview preview[4], own; /* own: labels of the superframe itself (V6) */
 } cue_content;
 
 /* Coefficients as read; scratch, not kept. */
@@ -148,7 +148,9 @@ unsigned cue_check_of(const uint8_t *data, size_t bytes, unsigned width, unsigne
                  unsigned preset);
 
 void cue_score_read(cue_range *r, const cue_tables *tables, cue_score *out);
-unsigned cue_previews_read(cue_range *r, const cue_tables *tables, cue_preview out[3]);
+unsigned cue_previews_read(cue_range *r, const cue_tables *tables, cue_preview out[4]);
+unsigned cue_labels_read(cue_range *r, const cue_tables *tables, cue_preview *own,
+                         cue_preview out[4]);
 void cue_window_read(cue_range *r, const cue_tables *tables, cue_score *out, int special);
 unsigned cue_tempo(int ticks);
 static inline unsigned cue_phone_of(unsigned letter) { return (letter + 1) % PHONES; } /* S3 */

@@ -81,7 +81,7 @@ void cue_score_read(cue_range *r, const cue_tables *t, cue_score *out)
     if (is_special) read_special(r, out);
 }
 
-unsigned cue_previews_read(cue_range *r, const cue_tables *t, cue_preview out[3])
+unsigned cue_previews_read(cue_range *r, const cue_tables *t, cue_preview out[4])
 {
     static const uint16_t which[5] = {12288, 1024, 1024, 4096, 14336}; /* V1 */
     static const uint8_t sets[5] = {0, 1, 2, 3, 7};
@@ -100,6 +100,35 @@ unsigned cue_previews_read(cue_range *r, const cue_tables *t, cue_preview out[3]
             out[d].symbol[out[d].count++] = (uint8_t)last;
         }
     }
+    return set;
+}
+
+static void read_labels(cue_range *r, const cue_tables *t, cue_preview *out)
+{
+    static const uint16_t after_rest[9] = {2560, 2560, 2560, 2048, 2048, 2048, 1536, 1536, 15872};
+    static const uint16_t after_key[9] = {3072, 6656, 7168, 5632, 3584, 2560, 1536, 1024, 1536};
+    unsigned last = 41;
+    for (int cell = -1; cell < 7;) { /* V7 */
+        int gap = (int)cue_range_symbol(r, last < 40 ? after_key : after_rest, 9,
+                                        (unsigned)(7 - cell));
+        if (gap == 7 - cell) break;
+        cell += 1 + gap;
+        last = cue_range_symbol(r, t->key[last], 42, 42);
+        if (last > 40) last = 40;
+        out->tick[out->count] = (uint8_t)(4 * cell + 2);
+        out->symbol[out->count++] = (uint8_t)last;
+    }
+}
+
+unsigned cue_labels_read(cue_range *r, const cue_tables *t, cue_preview *own, cue_preview out[4])
+{
+    static const uint16_t which[5] = {1024, 20480, 4096, 1024, 6144}; /* V6 */
+    static const uint8_t sets[5] = {0, 1, 8, 9, 3};
+    unsigned set = sets[cue_range_symbol(r, which, 5, 5)];
+    read_labels(r, t, own);
+    for (unsigned d = 0; d < 2; d++)
+        if (set >> d & 1U && !(d && set & 8U)) read_labels(r, t, &out[d]);
+    if (set & 8U) read_labels(r, t, &out[3]);
     return set;
 }
 

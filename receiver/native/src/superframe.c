@@ -12,6 +12,9 @@ static const uint16_t LEVEL[7] = {14336, 5120, 5120, 3072, 2560, 1536, 1024};
 static const uint16_t COURSE[4] = {24576, 4096, 2048, 2048};
 static const uint16_t SHIFT[5] = {20480, 4096, 4096, 2048, 2048};
 static const uint16_t USE[3] = {16384, 8192, 8192};
+static const uint16_t FILMED_STEP[8] = {512, 1024, 4096, 21504, 4096, 512, 512, 512}; /* H13 */
+static const uint16_t FILMED_USE[3] = {12288, 18432, 2048};
+static const uint16_t FILMED_BASIS[4] = {1024, 1024, 3072, 27648};
 static const uint16_t SHARE[3] = {12288, 4096, 16384};
 
 const char *cue_rule_name(cue_rule rule)
@@ -33,13 +36,15 @@ unsigned cue_check_of(const uint8_t *data, size_t bytes, unsigned width, unsigne
     return crc;
 }
 
-/* H8 and F7: how a superframe codes what its prediction lacks. */
+/* H8, H13 and F7: how a superframe codes what its prediction lacks. */
 static void read_setting(cue_range *r, cue_content *out)
 {
-    out->step = (uint8_t)cue_range_bits(r, 6);
+    unsigned coarse = out->filmed ? cue_range_symbol(r, FILMED_STEP, 8, 8) : 0;
+    out->step = (uint8_t)(8 * coarse + cue_range_bits(r, out->filmed ? 3 : 6));
     if (out->step == 63) return; /* H10 */
-    unsigned use = out->mode == 0 ? cue_range_symbol(r, USE, 3, 3) : 1;
-    out->basis = (uint8_t)cue_range_symbol(r, BASIS[use == 1], 4, 4);
+    unsigned use = out->mode == 0 ? cue_range_symbol(r, out->filmed ? FILMED_USE : USE, 3, 3) : 1;
+    const uint16_t *bases = out->filmed ? FILMED_BASIS : BASIS[use == 1];
+    out->basis = (uint8_t)cue_range_symbol(r, bases, 4, 4);
     out->level = (uint8_t)cue_range_symbol(r, LEVEL, 7, 7);
     if (use == 1) {
         if (out->mode == 0) memset(out->shares, 2, sizeof out->shares);
@@ -119,9 +124,13 @@ cue_rule cue_superframe_read(const uint8_t *l0, size_t n0, const uint8_t *l1, si
     cue_range r;
     cue_range_begin(&r, l0 + 2, n0 - 4, 9U * out->is_signed);
     out->slow_count = l0[1] >> 1 & 3;
+    out->filmed = l0[1] & 1;
     for (int i = 0; i < out->slow_count; i++) out->slow[i] = (uint16_t)cue_range_bits(&r, 16);
     read_setting(&r, out);
-    if (out->mode == 0) {
+    if (out->mode == 0 && out->filmed) {
+        out->previews = (uint8_t)cue_labels_read(&r, tables, &out->own, out->preview);
+        cue_stand_in(&out->own, &out->score); /* V8 */
+    } else if (out->mode == 0) {
         cue_score_read(&r, tables, &out->score);
         out->previews = (uint8_t)cue_previews_read(&r, tables, out->preview);
     }

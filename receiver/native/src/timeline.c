@@ -103,7 +103,9 @@ static cue_scores scores_of(cue_payload *p, int32_t first, int32_t end, int comp
 static int by_windows(cue_payload *p, int32_t number)
 {
     const cue_slot *own = find(p, number);
-    if (own && own->state == ARRIVED && own->content.score.kind == 1) return 0;
+    if (own && own->state == ARRIVED && own->content.score.kind != 2 &&
+        own->content.mode != 1)
+        return 0;
     for (int32_t k = number - BACK; k <= number + 1; k++) {
         const cue_slot *s = find(p, k);
         if (s && s->state == ARRIVED && s->content.score.kind == 2) return 1;
@@ -125,13 +127,34 @@ static void predict(cue_payload *p, int32_t number, unsigned course, unsigned sh
                 shift, &p->work, out);
 }
 
-/* Parameters of a superframe that arrived (P10, Q5). */
-static void draw_arrived(cue_payload *p, const cue_slot *s, cue_block *out)
+/* Parameters of a superframe that arrived, not blended with its neighbours (P10, Q5). */
+static void draw_alone(cue_payload *p, const cue_slot *s, cue_block *out)
 {
     predict(p, s->number, s->content.course, s->content.shift, out);
     cue_use_shares(&s->content, &p->model, out);
     for (int t = 0; t < TICKS; t++)
         for (int k = 0; k < p->model.n; k++) out->value[t][k] += (double)s->residual[t][k];
+}
+
+/* Q7: blended with neighbours where both are of a filmed cuer. */
+static void draw_arrived(cue_payload *p, const cue_slot *s, cue_block *out)
+{
+    static const double weights[4] = {0.4, 0.225, 0.1, 0.025};
+    draw_alone(p, s, out);
+    for (int side = -1; side <= 1 && s->content.filmed; side += 2) {
+        const cue_slot *near = find(p, s->number + side);
+        if (!near || near->state != ARRIVED || !near->content.filmed) continue;
+        draw_alone(p, near, &p->other_block);
+        const cue_block *former = side < 0 ? &p->other_block : out;
+        const cue_block *latter = side < 0 ? out : &p->other_block;
+        double jump[MOST_P];
+        for (int k = 0; k < p->model.n; k++)
+            jump[k] = (3.0 * latter->value[0][k] - latter->value[1][k] -
+                       3.0 * former->value[TICKS - 1][k] + former->value[TICKS - 2][k]) / 2.0;
+        for (int i = 0; i < 4; i++)
+            for (int k = 0; k < p->model.n; k++)
+                out->value[side < 0 ? i : TICKS - 1 - i][k] += side * weights[i] * jump[k];
+    }
 }
 
 /* Parameters of a superframe that did not: what its neighbours showed beyond their predictions
@@ -230,13 +253,17 @@ static void read_keys(cue_payload *p, int32_t number, int final)
         if (!cue->certain || cue->start < begin || cue->start >= end) continue;
         if (cue->end == cue->start) continue; /* J2 can leave a key no time */
         int stands = previewed && cue->start + 1 < end;
-        show_key(s, cue, stands, final);
+        cue_cue shown = *cue;
+        if (s->state == ARRIVED && s->content.filmed && cue->start + 1 < end)
+            shown.phones[0] = shown.phones[1] = 0; /* V8: stand-ins are no phones */
+        show_key(s, &shown, stands, final);
     }
     if (!final) return;
     s->finished = 1;
     for (int i = 0; i < line->sounds && !previewed && s->phones < MOST_SHOWN; i++) {
         const cue_sound *sound = &line->sound[i];
-        if (!sound->number || sound->start < begin || sound->start >= end) continue;
+        if (!sound->number || sound->stands) continue;
+        if (sound->start < begin || sound->start >= end) continue;
         s->phone[s->phones].start = sound->start;
         s->phone[s->phones].end = sound->end;
         s->phone[s->phones++].number = sound->number;
@@ -246,9 +273,10 @@ static void read_keys(cue_payload *p, int32_t number, int final)
 /* Draw and read again all that a superframe has a say in. */
 static void refresh(cue_payload *p, int32_t number)
 {
-    for (int32_t k = number - 1; k <= number + BACK; k++) {
+    for (int32_t k = number - 2; k <= number + BACK; k++) {
         cue_slot *s = find(p, k);
         if (!s || (s->state == UNKNOWN && k != number - 1)) continue;
+        if (k == number - 2 && !s->content.filmed) continue; /* Q7 reaches farther */
         if (s->state != UNKNOWN) draw(p, s);
         read_keys(p, k, state_of(p, k + 1) != UNKNOWN);
     }
@@ -306,14 +334,14 @@ static void refuse(cue_payload *p, const uint8_t *l0, size_t n0, cue_rule rule)
 
 static void take_previews(cue_payload *p, const cue_slot *from)
 {
-    for (int d = 0; d < 3; d++) {
-        int distance = 2 * d + 2;
+    for (int d = 0; d < 4; d++) {
+        int way = d == 3 ? -1 : 2 * d + 2, distance = d == 3 ? 1 : way;
         if (!(from->content.previews >> d & 1)) continue;
-        cue_slot *s = slot_of(p, from->number + distance);
+        cue_slot *s = slot_of(p, from->number + way);
         if (s->told_distance && s->told_distance < distance) continue; /* V3: the nearest is best */
         s->told_distance = (uint8_t)distance;
         s->told = from->content.preview[d];
-        s->told_pending = s->state == UNKNOWN ? s->told.count : 0;
+        s->told_pending = s->state == UNKNOWN && way > 0 ? s->told.count : 0;
         if (s->state == LOST) refresh(p, s->number);
     }
 }

@@ -63,7 +63,7 @@ static size_t text(const char *name, char *out, size_t bytes)
 static void print_score(const cue_score *s)
 {
     printf(",\"score\":");
-    if (!s->kind) {
+    if (!s->kind || s->kind == 3) {
         printf("null");
         return;
     }
@@ -115,11 +115,12 @@ static void print_content(void)
     print_score(&c->score);
     const char *between = "";
     printf(",\"previews\":{");
-    for (int d = 0; d < 3; d++) {
-        if (!(c->previews >> d & 1)) continue;
-        printf("%s\"%d\":[", between, 2 * d + 2);
-        for (int i = 0; i < c->preview[d].count; i++)
-            printf("%s[%d,%d]", i ? "," : "", c->preview[d].tick[i], c->preview[d].symbol[i]);
+    for (int d = -1; d < 4; d++) {
+        const cue_preview *list = d < 0 ? &c->own : &c->preview[d];
+        if (d < 0 ? c->mode || !c->filmed : !(c->previews >> d & 1)) continue;
+        printf("%s\"%d\":[", between, d == 3 ? -1 : 2 * d + 2);
+        for (int i = 0; i < list->count; i++)
+            printf("%s[%d,%d]", i ? "," : "", list->tick[i], list->symbol[i]);
         printf("]");
         between = ",";
     }
