@@ -141,7 +141,7 @@ def stated(content: Content, bases: Bases, proof: int) -> Answer:
             setting.step, setting.basis, setting.level, setting.course, setting.shift,
             *setting.shares,
         ],
-        "score": score_words(content.part),
+        "score": score_words(None if header.filmed else content.part),
         "previews": {
             str(d): [list(start) for start in preview] for d, preview in content.previews.items()
         },

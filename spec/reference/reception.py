@@ -44,15 +44,18 @@ class Line:
 
 
 def scores_near(parts: dict[int, Decoded], first: int, end: int) -> dict[int, Told]:
-    """(J1, J8) Return the scores of superframes, as far as they are known."""
+    """(J1, J8, V8) Return the scores of superframes, as far as they are known."""
     found: dict[int, Told] = {}
     for k in range(first, end):
+        if k in parts and parts[k].filmed and parts[k].mode == 0:
+            found[k] = stand_in(parts[k].previews["0"])  # (V8)
+            continue
         if k in parts:
             score = parts[k].score
             if score is not None:
                 found[k] = score
             continue
-        for distance in (2, 4, 6):
+        for distance in (-1, 2, 4, 6):
             before = parts.get(k - distance)
             if before is not None and str(distance) in before.previews:
                 found[k] = stand_in(before.previews[str(distance)])
