@@ -13,7 +13,7 @@ from scipy.ndimage import label
 
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
-from codec.cues.score import Score
+from codec.cues.score import PLACEMENTS, Score
 from synth.capture.cues.appearance import ANYBODYS, KeyAppearance, looks_of
 from synth.capture.cues.features import HandFeatures, see_motion
 from synth.capture.cues.follow import follow_keys
@@ -117,7 +117,7 @@ class _TimedHand:
                 _NOT_SHOWN.format("text", found.agreement) + ": keys are recognised without it"
             )
         recognised = recognise_keys(self.seen, looks=self.looks)
-        report["keys"] = _told(recognised.held)
+        report["keys"] = _told(recognised.held, self.start_s)
         if text is not None:
             report["keys"]["agreement"] = round(found.agreement, 3) if text.keys else 0.0
         if is_sure(recognised.held):
@@ -131,13 +131,22 @@ class _TimedHand:
 _NOT_SHOWN = "the hand does not show the given {}, agreement {:.2f}"
 
 
-def _told(held: Sequence[HeldKey]) -> dict[str, Any]:
-    """Return how many keys were recognised, and how surely."""
+def _told(held: Sequence[HeldKey], start_s: float) -> dict[str, Any]:
+    """Return how many keys were recognised, and how surely; then each of them, by time."""
     keys = [one for one in held if one.shape]
     return {
         "recognised": len(keys),
         "confidence": round(float(np.mean([k.confidence for k in keys])), 3) if keys else None,
-    }
+        "held": [
+            {
+                "start_s": round(start_s + key.reach_s, 3),
+                "end_s": round(start_s + key.leave_s, 3),
+                "shape": key.shape, "placement": PLACEMENTS[key.placement],
+                "confidence": round(key.confidence, 3),
+            }
+            for key in keys
+        ],
+    }  # fmt: skip
 
 
 FloatArray = NDArray[np.float64]

@@ -57,6 +57,10 @@ _OWN_FRAMES, _OWN_ROUNDS = 90, 2
 _LEAST_FACE, _LEAST_FRAMES = 8, 30
 """Landmarks that such a frame must show of the face, and frames that are needed."""
 
+LEAST_SEEN = 0.03
+"""Share of the frames that must show a hand: below, what a tracker takes for one is none, or too
+little is known to say what it did."""
+
 _SIZE_FRAMES = 20
 """Frames from which the hand's size is found."""
 
@@ -163,7 +167,7 @@ class _HandFit:
 def _fit_hand(voice: Voice, x: FloatArray, face: FloatArray, rate_hz: float) -> _HandFit | None:
     """Return the hand's parameters for landmarks (T, 21, 3), or None if it is hardly seen."""
     shown = np.isfinite(x).all(-1).sum(1) >= _LEAST_HAND
-    if shown.sum() < 2:
+    if shown.sum() < 2 or shown.mean() < LEAST_SEEN:
         return None
     likely = likely_postures(voice)
     plain = LandmarkModel(voice.hand, hand_map(), np.zeros((x.shape[1], 3)), HAND_TRUST)
@@ -250,7 +254,11 @@ def _report(
     if not table.timed:
         notes.append(f"frames are numbered, not timed: taken for {rate_hz:g} frames/s")
     if fit is None:
-        notes.append("no hand is seen: it rests")
+        notes.append(
+            f"no hand is seen in {100 * LEAST_SEEN:g} % of the frames or more: it rests"
+            if picture.hand_name
+            else "no hand is seen: it rests"
+        )
     elif fit.size <= _SIZES[0] or fit.size >= _SIZES[-1]:
         notes.append(
             f"the hand is {fit.size:.2f} times the voice's, as small or large as is looked for: "

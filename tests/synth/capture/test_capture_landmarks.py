@@ -188,6 +188,30 @@ def test_nonsense_is_one_error_or_a_motion(
     assert np.isfinite(found.motion.params).all()
 
 
+def test_nothing_is_claimed_of_a_hand_that_is_hardly_seen(tmp_path: Path) -> None:
+    """A tracker that takes something for a hand in 2 % of the frames has not seen her cue."""
+    face, hand, _ = filmed()
+    rarely = np.full_like(hand, np.nan)
+    rarely[40:42] = hand[40:42]
+    found = captured(tmp_path, tables.wide(face, rarely))
+    assert len(hand) * 0.03 > 2
+    assert found.report["seen"]["hand"] == 0.0
+    assert "keys" not in found.report
+    assert found.motion.score is None
+    assert "no hand is seen in 3 % of the frames or more: it rests" in found.report["notes"]
+
+
+def test_keys_are_reported_by_time_with_their_confidence(tmp_path: Path) -> None:
+    face, hand, _ = filmed()
+    keys = captured(tmp_path, tables.wide(face, hand)).report["keys"]
+    assert len(keys["held"]) == keys["recognised"] > 0
+    starts = [key["start_s"] for key in keys["held"]]
+    assert starts == sorted(starts)
+    assert all(key["start_s"] <= key["end_s"] for key in keys["held"])
+    mean = np.mean([key["confidence"] for key in keys["held"]])
+    assert keys["confidence"] == pytest.approx(mean, abs=2e-3)
+
+
 def test_a_face_alone_and_a_hand_alone(tmp_path: Path) -> None:
     face, hand, _ = filmed()
     found = captured(tmp_path, tables.wide(face, np.full_like(hand, np.nan)))
