@@ -74,7 +74,10 @@ def allocate(plan: SuperframePlan, bases: Bases, room_bits: float) -> Content:
     return content_at(plan, bases, chosen, _finest(analysis, chosen, bases, left - more, near))
 
 
-_MARGINS = 0.0, 3.0, 6.0
+_FILMED_CHOICES = tuple((basis, level) for basis in (3, 2) for level in range(5))
+"""Bases and levels with which a superframe is filled, beside the usual one."""
+
+_MARGINS = -2.0, 0.0, 1.0, 2.0, 3.0, 4.5, 6.0
 """Bits that stay free when a superframe is filled: where L0 ends, a symbol may have to be repeated
 in L1."""
 
@@ -103,23 +106,29 @@ def fillings(plan: SuperframePlan, bases: Bases, room_bits: float) -> Iterator[C
     if usual.step == NO_RESIDUAL:
         return
     analysis, tables = plan.analysis, coefficient_tables()
-    basis = bases[usual.basis]
-    values = basis.forward(analysis.lacking)
     left = room_bits - plan.bits + _choice_bits(analysis, 0, 0)
-    left -= _choice_bits(analysis, usual.basis, usual.level)
-    for margin in _MARGINS:
-        best = np.inf, usual, WEIGHT
-        for step in range(max(usual.step - _FINER, 0), min(usual.step + _WIDER, NO_RESIDUAL - 1)):
-            setting = replace(usual, step=step)
+    steps = range(max(usual.step - _FINER, 0), min(usual.step + _WIDER, NO_RESIDUAL - 1))
+    tried = dict.fromkeys([(usual.basis, usual.level), *_FILMED_CHOICES])
+    found: list[tuple[float, float, Setting, float]] = []
+    for number, level in tried:
+        values = bases[number].forward(analysis.lacking)
+        own = left - _choice_bits(analysis, number, level)
+        for step in steps:
+            setting = replace(usual, step=step, basis=number, level=level)
             low, high = np.log(_WEIGHTS)
             for _ in range(_HALVINGS):
                 middle = (low + high) / 2
                 weight = float(np.exp(middle))
-                bits, squares = weigh_rd(values, setting, basis, tables, weight=weight)
-                low, high = (low, middle) if bits <= left - margin else (middle, high)
-                if bits <= left - margin and squares < best[0]:
-                    best = squares, setting, weight
-        _, setting, weight = best
+                bits, squares = weigh_rd(values, setting, bases[number], tables, weight=weight)
+                low, high = (low, middle) if bits <= own else (middle, high)
+                found.append((squares, own - bits, setting, weight))
+    for margin in _MARGINS:
+        fitting = [one for one in found if one[1] >= margin]
+        if not fitting:
+            continue
+        _, _, setting, weight = min(fitting, key=lambda one: one[0])
+        basis = bases[setting.basis]
+        values = basis.forward(analysis.lacking)
         q = quantise_rd(values, setting, basis, tables, weight=weight)
         yield Content(analysis.header, setting, analysis.part, q, plan.previews, analysis.slow)
 

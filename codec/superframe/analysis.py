@@ -193,12 +193,13 @@ class Analyst:
             if not self._protected:
                 return own
             near, far = LABELLED_AHEAD
-            if self._line.starts[-1] < TICKS * (index + near):
+            last = self._labels(index - 1)
+            if last and self._line.starts[-1] < TICKS * (index + 1):
                 # The end of all that is known, as always in a live programme.
-                return own | {-1: self._labels(index - 1)}
+                return own | {-1: last}
             # What begins a programme has not been previewed.
             begin = int(motion.start_s // SUPERFRAME_S) if self._begin is None else self._begin
-            other = -1 if index - 1 - near < begin <= index - 1 else far
+            other = -1 if last and index - 1 - near < begin <= index - 1 else far
             return own | {k: self._labels(index + k) for k in (near, other)}
         if not self._protected:
             return {}
