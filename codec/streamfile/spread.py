@@ -52,8 +52,14 @@ _FILLINGS = 4
 _MOST_FILLINGS = 16
 """The same as long as it was filled beyond its room."""
 
-_TIGHTER = 0.99
-"""Factor of a limit at which a file was not exact enough, until it asks for other steps."""
+_ROUNDS = 16
+"""Times that a file is written to come near its error, at most."""
+
+_POLISHINGS = 8
+"""Times that one superframe's step is changed to come nearer still, at most."""
+
+_KEPT = 0.003
+"""Share by which a file's error may differ from the one that is asked for."""
 
 _RECORD_BITS, _SCORED_RECORD_BITS = 3.0, 8.0
 """Bits that a record takes beside its payload's ideal length, about: without a score and with one
@@ -168,19 +174,53 @@ class ByError:
         return self._widest(version, self._most)
 
     def told(self, version: Version) -> Spread:
-        """Return the superframes of a version that keep the error."""
-        kept, best = self._most, None
-        for _ in range(_FILLINGS):
+        """Return the superframes of a version that keep the error most nearly.
+
+        The error is that of the markers in the motion's own frames: padding does not count, and
+        the metric by which steps are found is linear and knows one pose.
+        """
+        kept, least, best = self._most, np.inf, None
+        below, above = 0.0, np.inf
+        chosen = np.zeros(0, dtype=np.int64), 1.0
+        seen: dict[bytes, tuple[Spread, float]] = {}
+        for _ in range(_ROUNDS):
             steps = self._widest(version, kept)
-            best = version.written(steps)
-            squares = version.squares(best)
-            if squares <= self._most:
+            if steps.tobytes() not in seen:
+                made = version.written(steps)
+                seen[steps.tobytes()] = made, version.error_of(made) / self.error_mm
+            made, ratio = seen[steps.tobytes()]
+            if abs(ratio - 1) < least:
+                best, least, chosen = made, abs(ratio - 1), (steps, ratio)
+            if least < _KEPT:
+                return made
+            below, above = (kept, above) if ratio < 1 else (below, kept)
+            # By the error's own measure at first; between limits on both sides then.
+            there = below > 0 and above < np.inf
+            kept = float(np.sqrt(below * above)) if there else kept / max(ratio, 0.1) ** 2
+            if not there and len(seen) > 1 and ((steps == 0).all() or (steps == NO_RESIDUAL).all()):
                 break
-            kept *= self._most / squares
-            while kept > 0 and np.array_equal(self._widest(version, kept), steps):
-                kept *= _TIGHTER
         assert best is not None
+        for _ in range(_POLISHINGS):
+            steps = self._nearer(version, *chosen)
+            made = version.written(steps)
+            ratio = version.error_of(made) / self.error_mm
+            if abs(ratio - 1) >= least:
+                break
+            best, least, chosen = made, abs(ratio - 1), (steps, ratio)
         return best
+
+    def _nearer(
+        self, version: Version, steps: NDArray[np.int64], ratio: float
+    ) -> NDArray[np.int64]:
+        """Return steps of which one is changed such that the error comes nearest to the limit."""
+        _, squares = version.at_own(steps)
+        wanted = squares.sum() * (1 / ratio**2 - 1)
+        moved = [np.clip(steps + way, 0, NO_RESIDUAL) for way in (-2, -1, 1, 2)]
+        gains = np.stack([version.at_own(other)[1] - squares for other in moved])
+        way, place = np.unravel_index(np.argmin(np.abs(gains - wanted)), gains.shape)
+        result = steps.copy()
+        result[place] = moved[int(way)][place]
+        return result
 
     def more(self, one: Spread, other: Spread, _: SpreadMotion) -> float:
         """Return how many more bytes some superframes have than others, as a share."""

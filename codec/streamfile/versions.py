@@ -264,12 +264,18 @@ class Version:
             self._known[step] = bits + [p.plan.bits for p in self._parts], squares
         return self._known[step]
 
+    def at_own(self, steps: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Return bits and squared errors, shape (n,) each, of superframes at steps of their own."""
+        bits, squares = np.zeros(len(steps)), np.zeros(len(steps))
+        for step in np.unique(steps):
+            here, found = steps == step, self.at(int(step))
+            bits[here], squares[here] = found[0][here], found[1][here]
+        return bits, squares
+
     def at_each(self, steps: NDArray[np.int64]) -> tuple[float, float]:
         """Return bits and squared errors of all, each at a step of its own."""
-        both = np.zeros(2)
-        for step in np.unique(steps):
-            both += np.array(self.at(int(step)))[:, steps == step].sum(axis=1)
-        return float(both[0]), float(both[1])
+        bits, squares = self.at_own(steps)
+        return float(bits.sum()), float(squares.sum())
 
     def worth(self, step: int) -> float:
         """Return what all costs at a step: squared errors in steps, and bits."""
@@ -347,3 +353,7 @@ class Version:
         """Return the squared error of superframes in the markers' metric."""
         gap = (spread.blocks - self._take.blocks) @ self._take.coding.residual.matrix
         return float(np.square(gap).sum())
+
+    def error_of(self, spread: Spread) -> float:
+        """Return the RMS over all markers of the motion's frames, mm."""
+        return self._take.error_of(spread.blocks)
