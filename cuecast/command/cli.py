@@ -23,6 +23,7 @@ from typing import NoReturn
 from codec.errors import CueError
 from cuecast.command.cache import prepare_cache
 from cuecast.command.errors import UsageError
+from cuecast.command.kinds import check_kinds
 from cuecast.command.progress import printable
 from cuecast.command.version import installed_version
 
@@ -98,6 +99,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         args.argv = tuple(sys.argv[1:] if argv is None else argv)
         with _termination_as_interrupt():
             prepare_cache(getattr(args, "cache", None))
+            check_kinds(args)
             return int(args.run(args))
     except BrokenPipeError:  # the reader of our output has gone: not our failure
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

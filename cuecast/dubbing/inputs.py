@@ -63,8 +63,18 @@ def score_of(args: argparse.Namespace, told: "Told") -> "Score":
     if args.text is not None:
         from synth.planning.scoring.text_score import score_of_text
 
+        _note_language(args.text)
         return score_of_text(args.text, start_s=REST_S, reading=reading_of(args), told=told)
-    return score_of_subtitles(args, args.file, told)
+    return score_of_file(args, args.file, told)
+
+
+def _note_language(text: str) -> None:
+    """Warn where a text is plainly not French: it is cued by the rules of French all the same."""
+    from synth.language.subtitles.language import FRENCH, languages
+
+    (language,) = languages([text], [""])
+    if language != FRENCH:
+        note(f"note: this looks like another language ({language}); it is cued as French")
 
 
 def pieces_of(
@@ -96,7 +106,7 @@ def pieces_of(
     return pieces, length_s
 
 
-def score_of_subtitles(args: argparse.Namespace, path: str, told: "Told") -> "Score":
+def score_of_file(args: argparse.Namespace, path: str, told: "Told") -> "Score":
     """Return the score of what `subtitles_of` reads."""
     from synth.planning.scoring.text_score import score_of_subtitles
 

@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from typing import Any
 
 from codec.errors import CueError
 from cuecast.command.arguments import (
@@ -82,6 +83,9 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.output is not None and reception.motion is not None:
         save_motion(reception.motion, args.output)
+    if reception.motion is None and wanted:
+        files = " and ".join(path for path in (args.output, args.markers) if path)
+        note(f"note: {files} not written: there is no motion to write")
     if args.markers is not None and reception.motion is not None:
         from receiver.export.files import export_motion
 
@@ -95,15 +99,56 @@ def run(args: argparse.Namespace) -> int:
     return 0 if summary["superframes"]["received"] else 1
 
 
-def _print(summary: dict[str, object]) -> None:
-    for name, value in summary.items():
-        if name != "keys":
-            print(f"{name:>16}  {value}")
-    keys = summary["keys"]
-    assert isinstance(keys, list)
-    print(f"{'keys':>16}  {len(keys)}")
-    for key in keys:
+def _print(summary: dict[str, Any]) -> None:
+    """Print the summary as sentences, then the keys one a line."""
+    for line in in_words(summary):
+        print(line)
+    for key in summary["keys"]:
         print(
             f"{key['start']:9.2f} {key['end']:8.2f}  {key['shape']} {key['placement']:<7} "
             f"{' '.join(key['phones'])}"
         )
+
+
+def in_words(summary: dict[str, Any]) -> list[str]:
+    """Return what a receiver found, one fact a line.
+
+    Examples
+    --------
+    >>> none = {"received": 0, "lost": 0}
+    >>> in_words({
+    ...     "duration_s": 27.0, "superframes": none, "carriers": {"audio": {"locked": False}}
+    ... })
+    ['no cuer found in 27.0 s (searched: audio)']
+    """
+    frames, carriers = summary["superframes"], summary["carriers"]
+    if not frames["received"]:
+        searched = ", ".join(carriers) or "nothing that can carry one"
+        return [f"no cuer found in {summary['duration_s']:.1f} s (searched: {searched})"]
+    lines = [
+        f"{len(summary['keys'])} keys in {summary['duration_s']:.1f} s; first found after "
+        f"{summary['tune_in_s']:.2f} s",
+        f"{frames['received']} superframes received, {frames['lost']} lost"
+        + "".join(f"; {n} of part {part}" for part, n in layers_of(summary).items()),
+    ]
+    for name, figures in carriers.items():
+        if figures["locked"]:
+            ratio = figures["ber_estimate"]
+            lines.append(
+                f"{name}: locked" + ("" if ratio is None else f", bit error ratio {ratio:.4f}")
+            )
+        else:
+            lines.append(f"{name}: nothing found")
+    if summary["recovered_together"]:
+        lines.append(f"{summary['recovered_together']} superframes only by adding carriers")
+    lines.append(f"voice {summary['voice']}; {summary['realtime_factor']:.1f} times real time")
+    if summary["authenticity"] is not None:
+        proof = summary["authenticity"]
+        count = ", ".join(f"{n} {name}" for name, n in proof["superframes"].items())
+        lines.append(f"authenticity: {proof['status']} ({count} superframes)")
+    return lines
+
+
+def layers_of(summary: dict[str, Any]) -> dict[str, int]:
+    """Return how many of each part of the superframes arrived."""
+    return {part: figures["received"] for part, figures in summary["layers"].items()}

@@ -38,6 +38,7 @@ from watermark.a335.messages import (
 )
 from watermark.a335.profile import DOMAIN, PROFILES, A335Profile
 from watermark.a335.vp1 import Vp1, parse_vp1
+from watermark.link.inputs import checked_payload
 from watermark.link.superframe import SUPERFRAME_S, ReceivedSuperframe, find_named
 
 Luma = NDArray[Any]
@@ -158,7 +159,10 @@ class A335Embedder:
     def _start_message(self, k: int, count: int) -> None:
         if self._profile.superframes > 1:
             self._long = shared_blocks(
-                [self._source(k + j) for j in range(self._profile.superframes)],
+                [
+                    checked_payload(self._source, k + j, self._profile)
+                    for j in range(self._profile.superframes)
+                ],
                 self._profile,
                 count=count,
                 version=k // self._profile.superframes & 15,
@@ -166,7 +170,7 @@ class A335Embedder:
                 convention=self._convention,
             )
             return
-        self._block = pack_block(*self._source(k), self._profile)
+        self._block = pack_block(*checked_payload(self._source, k, self._profile), self._profile)
         if self._profile.message_id == USER_PRIVATE_LONG:
             self._long = long_blocks(
                 self._block,

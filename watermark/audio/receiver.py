@@ -16,7 +16,6 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.errors import CueError
 from watermark.audio.follow.align import SuperframeView, find_delay, search_fit
 from watermark.audio.follow.demodulate import SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser, KnownCells, path_of, score_phases
@@ -52,6 +51,7 @@ from watermark.audio.signal.profile import (
     AudioProfile,
 )
 from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
+from watermark.link.inputs import checked_block
 from watermark.link.superframe import ReceivedSuperframe
 
 TRIED_LEVELS = 6
@@ -212,9 +212,7 @@ class AudioReceiver:
         -------
         list of ReceivedSuperframe
         """
-        x = np.asarray(block, dtype=np.float64)
-        if x.ndim != 2 or x.shape[1] != self._channels:
-            raise CueError(f"block of shape {x.shape}, expected (n, {self._channels})")
+        x = checked_block(block, self._channels)
         for channel, sound in enumerate(self._sounds):
             sound.append(x[:, channel])
         found: list[ReceivedSuperframe] = []

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
+from watermark.link.inputs import checked_payload
 from watermark.video import _kernels
 from watermark.video.grid import Grid
 from watermark.video.modes import make_modes
@@ -190,7 +191,7 @@ class VideoEmbedder:
         layout = mode.layout
         bits = np.empty(POSITIONS, dtype=np.int64)
         bits[layout.pilots] = layout.pilot_bits ^ (k & 1)
-        bits[layout.data] = mode.link.encode(*self._source(k))
+        bits[layout.data] = mode.link.encode(*checked_payload(self._source, k, self._profile))
         spread = np.ones((ROWS, COLUMNS))
         if self._textures:
             spread[np.mean(self._textures, axis=0) > TEXTURE] = COARSE

@@ -49,8 +49,12 @@ def motion_of(
     Raises
     ------
     CueError
-        If the score is empty, the alignment unknown, or the rate out of range.
+        If there is no score, or an empty one, the alignment unknown, or the rate out of range.
     """
+    if not isinstance(score, Score):
+        raise CueError(
+            f"motion_of takes a Score, not {type(score).__name__}: score_of_text makes one"
+        )
     if not score.phones:
         raise CueError("the score is empty: nothing is said in it")
     cuer = ruled_cuer(voice, rate_hz=rate_hz, seed=seed, alignment=alignment, options=options)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.errors import CueError
 from watermark.audio.embed.codec_loop import LEVELS_PER_DOUBLING, MARGIN, CodecLoop
 from watermark.audio.embed.design import MarkDesigner
 from watermark.audio.embed.gain_smoothing import GainSmoothing
@@ -23,6 +22,7 @@ from watermark.audio.embed.stereo_design import StereoDesigner, leaning_of
 from watermark.audio.signal.mix import add_mark, check_format, front_of, mid_of, side_of
 from watermark.audio.signal.profile import FS, HOP, LEVELS, SUPERFRAME, find_profile
 from watermark.audio.signal.sample_buffer import SampleBuffer
+from watermark.link.inputs import checked_block, checked_payload
 from watermark.link.superframe import SUPERFRAME_S
 
 STRETCH = 4
@@ -235,9 +235,7 @@ class AudioEmbedder:
         ndarray of float32, shape (m, channels)
             Marked samples, in order and without gaps.
         """
-        x = np.asarray(block, dtype=np.float64)
-        if x.ndim != 2 or x.shape[1] != self._channels:
-            raise CueError(f"block of shape {x.shape}, expected (n, {self._channels})")
+        x = checked_block(block, self._channels)
         self._programme = np.concatenate([self._programme, x])
         self._host.append(mid_of(x))
         self._side.append(side_of(x))
@@ -295,7 +293,7 @@ class AudioEmbedder:
         start = self._next * SUPERFRAME * ratio
         host, side = self._sound(self._next, count)
         self._shares.begin(start, ratio, count * SUPERFRAME)
-        payloads = [self._source(k) for k in numbers]
+        payloads = [checked_payload(self._source, k, self._profile) for k in numbers]
         if self._control is None:
             made = self._stretch(host, side, payloads, [self._level] * count)
         else:

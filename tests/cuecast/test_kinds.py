@@ -1,0 +1,133 @@
+"""Files of the wrong kind: one line that says what they are and which verbs take them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import wavfile
+
+from codec import Motion, encode_stream, load_voice, save_motion
+from codec.errors import CueError
+from cuecast.command.cli import main
+from cuecast.command.kinds import kind_of
+from cuecast.verbs.receive import in_words
+from synth import motion_of
+from watermark import PROFILES, AudioEmbedder, AudioReceiver
+
+VOICE = load_voice("claire")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    where = tmp_path_factory.mktemp("kinds")
+    still = np.zeros((64, len(VOICE.layout)), np.float32)
+    motion = Motion(still, 50.0, 0.0, VOICE.layout, VOICE.identity)
+    save_motion(motion, where / "m.npz")
+    (where / "s.cue").write_bytes(encode_stream(motion, VOICE, rate_bps=337.5))
+    np.savez(where / "other.npz", x=still)
+    wavfile.write(where / "a.wav", 48_000, np.zeros((48_000, 2), np.int16))
+    (where / "p.png").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(100))
+    (where / "a.srt").write_text("1\n00:00:00,000 --> 00:00:01,000\nBonsoir.\n")
+    return where
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [("m.npz", "motion"), ("s.cue", "stream"), ("other.npz", "archive"), ("a.wav", "media"),
+     ("p.png", "picture"), ("a.srt", None), ("none", None), (".", None)],
+)  # fmt: skip
+def test_kinds(folder: Path, name: str, kind: str | None) -> None:
+    assert kind_of(str(folder / name)) == kind
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [("decode m.npz -o x.npz", "m.npz is a motion (M.npz); decode takes a bit stream (S.cue) here. "
+      "For such a file: encode, render, compare, dub --motion"),
+     ("inspect m.npz", "inspect takes a bit stream"),
+     ("encode a.wav -o x.cue", "a.wav is a sound or video file; encode takes a motion (M.npz)"),
+     ("encode s.cue -o x.cue", "For such a file: decode, inspect"),
+     ("render other.npz -o x.png", "is an archive (npz or zip) without a motion; render takes"),
+     ("compare m.npz s.cue", "s.cue is a bit stream (S.cue); compare takes a motion"),
+     ("receive p.png", "p.png is a still picture; receive takes a sound or video file"),
+     ("dub m.npz -o x.wav --subtitles a.srt", "m.npz is a motion (M.npz); dub takes a sound"),
+     ("keys --file a.wav", "a.wav is a sound or video file; keys takes subtitles here")],
+)  # fmt: skip
+def test_wrong_files(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    given: str, message: str,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(folder)
+    assert main(given.split()) == 3
+    told = capsys.readouterr()
+    assert message in told.err
+    assert told.err.count("\n") == 1
+    assert not list(folder.glob("x.*"))
+
+
+def test_a_programme_without_a_cuer(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = folder / "nothing.npz"
+    assert main(["receive", str(folder / "a.wav"), "-o", str(out)]) == 1
+    told = capsys.readouterr()
+    assert told.out == "no cuer found in 1.0 s (searched: audio)\n"
+    assert "nothing.npz not written: there is no motion to write" in told.err
+
+
+def test_reception_in_words() -> None:
+    lines = in_words({
+        "duration_s": 27.0, "tune_in_s": 0.72, "superframes": {"received": 42, "lost": 1},
+        "layers": {"L0": {"received": 42}, "L1": {"received": 40}}, "recovered_together": 2,
+        "carriers": {"audio": {"locked": True, "ber_estimate": 0.01}, "video": {"locked": False}},
+        "keys": [], "voice": "claire", "authenticity": None, "realtime_factor": 31.0,
+    })  # fmt: skip
+    assert lines == [
+        "0 keys in 27.0 s; first found after 0.72 s",
+        "42 superframes received, 1 lost; 42 of part L0; 40 of part L1",
+        "audio: locked, bit error ratio 0.0100",
+        "video: nothing found",
+        "2 superframes only by adding carriers",
+        "voice claire; 31.0 times real time",
+    ]
+
+
+def source(k: int) -> tuple[bytes, bytes]:
+    return bytes(20), bytes(7)
+
+
+@pytest.mark.parametrize(
+    ("block", "message"),
+    [(np.zeros((9, 2), np.int16), "samples are int16, .* divide by 32768"),
+     (np.zeros((9, 2), bool), "samples are bool"),
+     (np.zeros((9, 2), complex), "samples are complex128"),
+     (np.zeros(9, np.float32), "shape .9,., expected .n, 2."),
+     (np.full((9, 2), np.nan), "not finite")],
+)  # fmt: skip
+def test_samples_of_another_kind(block: np.ndarray, message: str) -> None:  # type: ignore[type-arg]
+    with pytest.raises(CueError, match=message):
+        AudioEmbedder(48_000, 2, source).process(block)
+    with pytest.raises(CueError, match=message):
+        AudioReceiver(48_000, 2).process(block)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [(b"x" * 27, "gave bytes, expected a pair"), ((b"x", b"y"), r"parts of \(1, 1\) bytes"),
+     (None, "gave NoneType")],
+)  # fmt: skip
+def test_sources_of_another_kind(given: object, message: str) -> None:
+    assert PROFILES["audio"]["standard"].l0_bytes == 20
+    embedder = AudioEmbedder(48_000, 1, lambda k: given)  # type: ignore[arg-type, return-value]
+    with pytest.raises(CueError, match=message):
+        embedder.process(np.zeros((480_000, 1), np.float32))
+
+
+def test_a_text_is_no_score() -> None:
+    with pytest.raises(CueError, match="takes a Score, not str: score_of_text makes one"):
+        motion_of("Bonsoir", VOICE)  # type: ignore[arg-type]
+
+
+def test_a_text_of_another_language_is_noted(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["keys", "Hello world"]) == 0
+    assert "note: this looks like another language (en)" in capsys.readouterr().err
+    assert main(["keys", "Bonsoir à tous"]) == 0
+    assert "language" not in capsys.readouterr().err
