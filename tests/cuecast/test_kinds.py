@@ -102,7 +102,7 @@ def source(k: int) -> tuple[bytes, bytes]:
      (np.zeros(9, np.float32), "shape .9,., expected .n, 2."),
      (np.full((9, 2), np.nan), "not finite")],
 )  # fmt: skip
-def test_samples_of_another_kind(block: np.ndarray, message: str) -> None:  # type: ignore[type-arg]
+def test_samples_of_another_kind(block: np.ndarray, message: str) -> None:
     with pytest.raises(CueError, match=message):
         AudioEmbedder(48_000, 2, source).process(block)
     with pytest.raises(CueError, match=message):
