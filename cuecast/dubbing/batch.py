@@ -41,14 +41,14 @@ def run_task(task: Task) -> dict[str, Any]:
     notes = io.StringIO()
 
     def work(made: Path) -> dict[str, Any]:
-        from cuecast.dubbing.job import dub_as_told
+        from cuecast.dubbing.job import job_of, run_job
 
-        told = argparse.Namespace(
+        args = argparse.Namespace(
             programme=task.programme, output=str(made), subtitles=task.subtitles or None,
             motion=task.motion or None, **task.options,
         )  # fmt: skip
         with redirect_stderr(notes):
-            report = dub_as_told(told)
+            report = run_job(job_of(args))
         return report | {"notes": notes.getvalue().splitlines()}
 
     try:

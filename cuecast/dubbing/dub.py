@@ -54,7 +54,7 @@ PROFILES = {"audio": "standard", "video": "standard", "a335": "1x"}
 """Profile of each carrier unless told otherwise."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DubOptions:
     """Choices of `dub` that have a default.
 

@@ -95,7 +95,7 @@ def pieces_of(
         assert recording is not None
         subtitles = [text_as_subtitle(args.text, recording)]
     else:
-        subtitles = subtitles_of(args, args.file)
+        subtitles = subtitles_of(args.file, terms_of(args))
     length_s = max((subtitle.end_s for subtitle in subtitles), default=None)
     reading = reading_of(args)
     if recording is None:
@@ -110,7 +110,7 @@ def score_of_file(args: argparse.Namespace, path: str, told: "Told") -> "Score":
     """Return the score of what `subtitles_of` reads."""
     from synth.planning.scoring.text_score import score_of_subtitles
 
-    subtitles = subtitles_of(args, path)
+    subtitles = subtitles_of(path, terms_of(args))
     return score_of_subtitles(subtitles, warn=note, reading=reading_of(args), told=told)
 
 
@@ -122,8 +122,8 @@ def terms_of(args: argparse.Namespace) -> "Terms":
 
 
 def subtitles_of(
-    args: argparse.Namespace,
     path: str,
+    terms: "Terms",
     *,
     stream_s: float | None = None,
     length_s: float | None = None,
@@ -138,7 +138,6 @@ def subtitles_of(
     from synth.language.subtitles.read import parse_subtitles
 
     told = LeftOutNotes() if left_out is None else left_out
-    terms = terms_of(args)
     if path == PIPE:
         found = parse_subtitles(
             read_bytes(PIPE), stream_s=stream_s, length_s=length_s, terms=terms, left_out=told

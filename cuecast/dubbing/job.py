@@ -3,13 +3,13 @@
 import argparse
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from codec.authentication.announcement import SigningKey, load_signing_key
 from codec.cuer.motion import load_motion
 from codec.cuer.voice import Voice
-from codec.cues.cueing import CueingOptions
 from codec.cues.score import Score
 from cuecast.command.arguments import CARRIERS
 from cuecast.command.errors import UsageError
@@ -35,12 +35,83 @@ from cuecast.dubbing.readability import in_words, watched
 from cuecast.media.subtitles import choose_track, read_track, text_tracks
 from receiver.media.programme import open_programme
 from synth.language.subtitles import Subtitle
+from synth.language.subtitles.read import Terms
 from synth.planning.prosody.pace_report import PaceReport
-from synth.planning.scoring.text_score import score_of_subtitles
+from synth.planning.scoring.text_score import Reading, score_of_subtitles
 
 
-def dub_as_told(args: argparse.Namespace) -> dict[str, Any]:
-    """Write the programme that the options name, and tell what is not as one would expect.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DubJob:
+    """A programme to dub: what is cued, how it is performed, what is written.
+
+    Attributes
+    ----------
+    programme, output : str
+        Files.
+    voice : str
+        Name of a virtual cuer, or the file of a voice.
+    motion : str, optional
+        File of a motion, instead of everything that follows but `options`.
+    subtitles : str, optional
+        File of subtitles; default: a track of the programme.
+    subtitle_track : str, optional
+        Which track.
+    terms : Terms
+        How subtitles are read.
+    reading : Reading
+        How their text is read and cued, when and by whom.
+    align : bool
+        Whether the cues follow the programme's voices instead of the subtitles' times.
+    concatenative : bool
+        Whether recorded units perform the cues, instead of rules.
+    units : str, optional
+        Folder of the units, if not the built-in ones; implies `concatenative`.
+    options : DubOptions
+        Carriers and coding.
+    """
+
+    programme: str
+    output: str
+    voice: str
+    motion: str | None
+    subtitles: str | None
+    subtitle_track: str | None
+    terms: Terms
+    reading: Reading
+    align: bool
+    concatenative: bool
+    units: str | None
+    options: DubOptions
+
+
+def job_of(args: argparse.Namespace) -> DubJob:
+    """Return the job that the options of the verb ``dub`` describe.
+
+    Raises
+    ------
+    UsageError
+        If options contradict each other.
+    CueError
+        If a signing key or a lexicon cannot be read.
+    """
+    return DubJob(
+        programme=args.programme,
+        output=args.output,
+        voice=args.voice,
+        motion=args.motion,
+        subtitles=args.subtitles,
+        subtitle_track=args.subtitle_track,
+        terms=terms_of(args),
+        reading=reading_of(args),
+        align=args.align,
+        concatenative=bool(args.units) or args.method == "units",
+        units=args.units,
+        options=_options_of(args),
+    )
+
+
+def run_job(job: DubJob) -> dict[str, Any]:
+    """Write the programme of a job, and note whatever is not as one would expect.
 
     Returns
     -------
@@ -50,26 +121,26 @@ def dub_as_told(args: argparse.Namespace) -> dict[str, Any]:
     Raises
     ------
     UsageError
-        If options contradict each other.
+        If the programme has no such subtitle track.
     CueError
         See `cuecast.dubbing.dub.dub`.
     """
-    options = options_of(args)
+    options = job.options
     duration_s = None
     if "audio" in options.carriers:
-        with open_programme(args.programme, track=args.track) as programme:
+        with open_programme(job.programme, track=options.track) as programme:
             duration_s = programme.duration_s
-    voice = coding_voice(args.voice)
+    voice = coding_voice(job.voice)
     said: dict[str, Any] = {}
     notes: list[str] = []
     motion: MotionSource
-    if args.motion is not None:
-        motion = GivenMotion(load_motion(args.motion), voice)
+    if job.motion is not None:
+        motion = GivenMotion(load_motion(job.motion), voice)
     else:
-        motion = _motion(args, voice, said, notes.append)
+        motion = _motion(job, voice, said, notes.append)
     passes = 1 + (len(options.carriers) > 1) + options.read_back
-    with seconds_bar(duration_s and passes * duration_s, Path(args.programme).name) as advance:
-        report = dub(args.programme, motion, voice, args.output, options, progress=advance)
+    with seconds_bar(duration_s and passes * duration_s, Path(job.programme).name) as advance:
+        report = dub(job.programme, motion, voice, job.output, options, progress=advance)
     report |= said
     # A programme that cannot be used has one line: that it cannot.
     for line in notes:
@@ -78,7 +149,7 @@ def dub_as_told(args: argparse.Namespace) -> dict[str, Any]:
     return report
 
 
-def options_of(args: argparse.Namespace) -> DubOptions:
+def _options_of(args: argparse.Namespace) -> DubOptions:
     """Return the choices about carriers and coding.
 
     Raises
@@ -92,11 +163,24 @@ def options_of(args: argparse.Namespace) -> DubOptions:
         if carrier not in CARRIERS or not name:
             raise UsageError(f"--profile {choice!r}: say it as audio=robust")
         profiles[carrier] = name
+    sign, on_air_s = _signing_of(args)
     return DubOptions(
-        tuple(args.carriers), profiles, args.key, args.track, args.audio_codec, args.audio_bitrate,
-        args.video_codec, args.video_bitrate, args.grade, not args.no_grade,
-        args.through, not args.no_read_back, args.replace, *_signing_of(args),
-    )  # fmt: skip
+        carriers=tuple(args.carriers),
+        profiles=profiles,
+        key=args.key,
+        track=args.track,
+        audio_codec=args.audio_codec,
+        audio_bit_rate=args.audio_bitrate,
+        video_codec=args.video_codec,
+        video_bit_rate=args.video_bitrate,
+        grade=args.grade,
+        graded=not args.no_grade,
+        through=args.through,
+        read_back=not args.no_read_back,
+        replace=args.replace,
+        sign=sign,
+        on_air_s=on_air_s,
+    )
 
 
 def _signing_of(args: argparse.Namespace) -> tuple[SigningKey | None, float]:
@@ -132,19 +216,19 @@ def _tell(report: dict[str, Any]) -> None:
 
 
 def _motion(
-    args: argparse.Namespace, voice: Voice, said: dict[str, Any], tell: Callable[[str], None]
+    job: DubJob, voice: Voice, said: dict[str, Any], tell: Callable[[str], None]
 ) -> MotionSource:
     """Return the motion for the subtitles.
 
     `said` takes what the report tells of them, `tell` what is noted once they are dubbed.
     """
-    reading = reading_of(args)
-    with open_programme(args.programme, track=args.track) as programme:
+    reading = job.reading
+    with open_programme(job.programme, track=job.options.track) as programme:
         # Elsewhere the times of packets have nothing to do with those of MPEG-2.
         stream_s = programme.origin_s if programme.container.format.name == "mpegts" else None
         length_s = programme.duration_s
     left_out = LeftOutNotes()
-    subtitles = _subtitles(args, stream_s, length_s, left_out)
+    subtitles = _subtitles(job, stream_s, length_s, left_out)
     left_out.say()
     unknown = unknown_report(subtitles, reading)
     if unknown:
@@ -153,20 +237,20 @@ def _motion(
     said |= {"unknown_words": unknown}
     options = reading.options
     pace = PaceReport(options, tell)
-    if args.align:
+    if job.align:
         # Its signal processing takes as long to import as all the rest.
         from cuecast.dubbing.aligning import Confidence, aligned_score
 
         confidence = Confidence()
         score = aligned_score(
-            subtitles, args.programme, track=args.track, reading=reading, warn=tell,
+            subtitles, job.programme, track=job.options.track, reading=reading, warn=tell,
             judged=confidence, told=pace,
         )  # fmt: skip
         tell(str(confidence))
         said |= {"alignment": confidence.report()}
     else:
         score = score_of_subtitles(subtitles, warn=tell, reading=reading, told=pace)
-    source = _source(args, score, voice, options)
+    source = _source(job, score, voice)
     seen = watched(source, voice, options)
     pace.seen(seen.shown)
     figures = seen.figures()
@@ -176,34 +260,33 @@ def _motion(
     return source
 
 
-def _source(
-    args: argparse.Namespace, score: Score, voice: Voice, options: CueingOptions
-) -> MotionSource:
+def _source(job: DubJob, score: Score, voice: Voice) -> MotionSource:
     """Return what performs a score."""
     # Who has nothing to say rests: for that no units are needed.
-    if (args.units or args.method == "units") and score.keys:
+    options, performer = job.reading.options, job.reading.performing
+    if job.concatenative and score.keys:
         from cuecast.dubbing.performance import unit_synthesiser
 
         units = unit_synthesiser(
-            voice, args.units, alignment=args.alignment, options=options, seed=args.seed
+            voice, job.units, alignment=performer.alignment, options=options, seed=performer.seed
         )
         return ConcatenativeMotion(score, units)
     return SynthesisedMotion(
-        score, voice, seed=args.seed, options=options, alignment=args.alignment
+        score, voice, seed=performer.seed, options=options, alignment=performer.alignment
     )
 
 
 def _subtitles(
-    args: argparse.Namespace,
+    job: DubJob,
     stream_s: float | None,
     length_s: float | None,
     left_out: LeftOutNotes,
 ) -> list[Subtitle]:
     """Return what is said, from a file or from the programme itself."""
-    if args.subtitles is not None:
+    if job.subtitles is not None:
         return subtitles_of(
-            args, args.subtitles, stream_s=stream_s, length_s=length_s, left_out=left_out
+            job.subtitles, job.terms, stream_s=stream_s, length_s=length_s, left_out=left_out
         )
-    track = choose_track(text_tracks(args.programme), args.subtitle_track, args.programme)
+    track = choose_track(text_tracks(job.programme), job.subtitle_track, job.programme)
     note(f"subtitle track {track}")
-    return read_track(args.programme, track, terms=terms_of(args), left_out=left_out)
+    return read_track(job.programme, track, terms=job.terms, left_out=left_out)

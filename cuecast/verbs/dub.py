@@ -103,9 +103,9 @@ def run(args: argparse.Namespace) -> int:
     """Write the programme and the report."""
     if args.output is None:
         raise UsageError("dub: say the output with -o OUT")
-    from cuecast.dubbing.job import dub_as_told
+    from cuecast.dubbing.job import job_of, run_job
 
-    report = dub_as_told(args)
+    report = run_job(job_of(args))
     if args.report is not None:
         write_json(args.report, report)
     if args.json:

@@ -95,11 +95,11 @@ def _tell(args: argparse.Namespace, score: "Score", pace: "PaceReport") -> None:
 
 def _unknown(args: argparse.Namespace) -> int:
     """Print the words that no lexicon knows as lines of a lexicon."""
-    from cuecast.dubbing.inputs import subtitles_of, unknown_report
+    from cuecast.dubbing.inputs import subtitles_of, terms_of, unknown_report
     from synth.language.subtitles import Subtitle
 
     subtitles = [Subtitle(0, 1, args.text)] if args.text is not None else None
-    rows = unknown_report(subtitles or subtitles_of(args, args.file), reading_of(args))
+    rows = unknown_report(subtitles or subtitles_of(args.file, terms_of(args)), reading_of(args))
     if args.json:
         print_json(rows)
     else:

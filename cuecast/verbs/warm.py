@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
     from cuecast.command.cli import build_parser
     from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
     from cuecast.demo.run import as_srt
-    from cuecast.dubbing.job import dub_as_told
+    from cuecast.dubbing.job import job_of, run_job
     from cuecast.media.film import write_film
 
     began_s = time.monotonic()
@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
             ["dub", str(source), "--subtitles", str(text), "-o", str(Path(folder) / "b.mkv"),
              "--carriers", carriers]
         )  # fmt: skip
-        dub_as_told(told)
+        run_job(job_of(told))
     place = os.environ.get("NUMBA_CACHE_DIR", "beside the program")
     note(f"warm after {time.monotonic() - began_s:.1f} s, kernels {place}")
     return 0
