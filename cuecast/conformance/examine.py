@@ -12,11 +12,15 @@ from codec.errors import CueError
 from codec.superframe.coding import coding_for, save_coding
 from cuecast.conformance.drawing import examine_files, examine_reception
 from cuecast.conformance.program import Program
+from cuecast.conformance.sound import examine_sound
 from cuecast.conformance.superframes import examine_superframes
 from cuecast.conformance.verdict import CaseVerdict, ConformanceReport
 from receiver.export.device_voice import device_voice
 
 PROTOCOL = 1
+
+REQUESTS = ("superframe", "draw", "sound")
+"""What a decoder may say that it does."""
 
 VECTORS = Path(__file__).parents[2] / "spec" / "vectors"
 """Where a checkout has the vectors."""
@@ -44,7 +48,8 @@ def examine(
     """
     folder = VECTORS if vectors is None else Path(vectors)
     documents = {
-        name: _read(folder / f"{name}.json") for name in ("superframe", "stream", "reception")
+        name: _read(folder / f"{name}.json")
+        for name in ("superframe", "stream", "reception", "hearing")
     }
     with Program(command) as program, tempfile.TemporaryDirectory() as files:
         hello = program.ask("hello")
@@ -53,7 +58,9 @@ def examine(
         does = hello.get("does", [])
         _give_voice(program, Path(files))
         verdicts = list(_examined(program, does, documents))
-        skipped = tuple(name for name in ("superframe", "draw") if name not in does)
+        if "sound" in does:
+            verdicts += examine_sound(program, documents["hearing"], folder, Path(files))
+        skipped = tuple(name for name in REQUESTS if name not in does)
     return ConformanceReport(str(hello.get("name", program.name)), tuple(verdicts), skipped)
 
 

@@ -18,6 +18,7 @@ from spec.reference.motion import (
     solve,
     strokes,
 )
+from spec.reference.motion import parameters as joined
 from spec.reference.superframe import Decoded
 
 VOWELS = range(1, 17)
@@ -200,23 +201,20 @@ def parameters(
 ) -> tuple[list[list[float]], Line]:
     """(Section 5) Return the parameters of a superframe that arrived, and the line it is from."""
     told = parts[index]
-    if told.mode == 1:
+    if told.mode != 2:
         line = line_with_holes(scores_near(parts, index - 1, index + 2))
-        return drawn(told, None, coding), line
-    if told.mode == 0:
-        scores = scores_near(parts, index - 1, index + 2)
-        line = line_with_holes(scores)
-    else:
-        scores = {
-            k: score
-            for k in range(index - 4, index + 2)
-            if k in parts and (score := parts[k].score) is not None
-        }
-        line = line_of_windows(scores)
+        return joined(index, parts, coding), line
+    scores = {
+        k: score
+        for k in range(index - 4, index + 2)
+        if k in parts and (score := parts[k].score) is not None
+    }
+    line = line_of_windows(scores)
     found = strokes_of(keys_of(line, scores), line, REST_GAPS[scores[index]["rest_gap"]], coding)
     first = TICKS * index
     rest = moving(found, coding, first, told.course, told.shift)
-    predicted = [[*a, *b] for a, b in zip(mouths(line.sounds, coding, first), rest, strict=True)]
+    face = mouths(line.sounds, coding, first)
+    predicted = [[*a, *b] for a, b in zip(face, rest, strict=True)]
     return drawn(told, predicted, coding), line
 
 

@@ -215,6 +215,48 @@ static void do_draw(void)
     printf("}\n");
 }
 
+static void print_hex(const char *name, const uint8_t *bytes, int count)
+{
+    printf("\"%s\":\"", name);
+    for (int i = 0; i < count; i++) printf("%02x", bytes[i]);
+    printf("\"");
+}
+
+/* Superframes of raw float32 samples in a file, by the public interface alone. */
+static void do_sound(void)
+{
+    static float samples[4800 * CUE_MOST_CHANNELS];
+    char path[1024];
+    const char *between = "";
+    cue_config config = cue_default_config((uint32_t)number("rate", 0), (uint32_t)number("channels", 0));
+    config.key = (uint64_t)number("key", 0);
+    size_t bytes = cue_size(&config), frames = 0, width = config.channels * sizeof(float);
+    text("path", path, sizeof path);
+    FILE *in = bytes ? fopen(path, "rb") : 0;
+    cue_state *cue = in ? malloc(bytes) : 0;
+    cue_event event = {.size = sizeof event};
+    printf("{\"superframes\":[");
+    if (cue && cue_init(cue, bytes, &config) == CUE_OK) {
+        do {
+            frames = fread(samples, width, 4800, in);
+            if ((frames ? cue_push(cue, samples, frames) : cue_flush(cue)) != CUE_OK) break;
+            while (cue_next(cue, &event) == CUE_OK) {
+                const cue_superframe *s = &event.of.superframe;
+                if (event.kind != CUE_EVENT_SUPERFRAME) continue;
+                printf("%s{\"at_s\":%.4f,", between, event.time_s);
+                print_hex("l0", s->l0, s->l0_bytes);
+                printf(",");
+                print_hex("l1", s->l1, s->l1_bytes);
+                printf("}");
+                between = ",";
+            }
+        } while (frames);
+    }
+    printf("]}\n");
+    free(cue);
+    if (in) fclose(in);
+}
+
 static void answer(void)
 {
     char what[32];
@@ -222,7 +264,7 @@ static void answer(void)
     text("do", what, sizeof what);
     if (!strcmp(what, "hello")) {
         printf("{\"name\":\"cuecast native\",\"protocol\":1,\"format\":%d,"
-               "\"does\":[\"superframe\",\"draw\"]}\n", CUE_FORMAT);
+               "\"does\":[\"superframe\",\"draw\",\"sound\"]}\n", CUE_FORMAT);
     } else if (!strcmp(what, "voice")) {
         printf("{\"loaded\":%s,", load_voice() ? "true" : "false");
         printf("\"malformed_at\":%d}\n", (int)payload->bad_at - 1);
@@ -243,6 +285,8 @@ static void answer(void)
         do_push();
     } else if (!strcmp(what, "draw")) {
         do_draw();
+    } else if (!strcmp(what, "sound")) {
+        do_sound();
     } else {
         printf("{\"unsupported\":true}\n");
     }
