@@ -143,9 +143,10 @@ def _targets(
     rows = []
     for block, known in zip(blocks, parts, strict=True):
         n_frames = block.shape[0] * TICKS
-        faces = [phone_weights(join(known).line, k * TICKS, TICKS) for k in range(len(block))]
+        joined = join(known)
+        faces = [phone_weights(joined.line, k * TICKS, TICKS) for k in range(len(block))]
         values = np.split(block.reshape(n_frames, -1), groups, 1)
-        rows.append((_Linear.of(prior, join(known), n_frames), np.concatenate(faces), values))
+        rows.append((_Linear.of(prior, joined, n_frames), np.concatenate(faces), values))
     phones = np.concatenate([weights for _, weights, _ in rows])
     face, hand, head, forearm = (np.concatenate([r[2][i] for r in rows]) for i in range(4))
     fingers, turned, carrier = (

@@ -98,6 +98,11 @@ def add_pace(parser: argparse.ArgumentParser) -> None:
         help="how far she may be behind the programme, 1.5 s by default",
     )  # fmt: skip
     group.add_argument(
+        "--keys-per-second", type=positive, default=4.0, metavar="N",
+        help="as fast as she means to be, 4 by default, and never faster by more than a quarter; "
+        "what has no room then is left out, the least important words first",
+    )  # fmt: skip
+    group.add_argument(
         "--syllables-per-second", type=positive, default=2.5, metavar="N",
         help="as slow as she goes where there is time, 2.5 by default",
     )  # fmt: skip

@@ -55,7 +55,7 @@ def pace_of(args: argparse.Namespace) -> "Pace | None":
     usual = "sync" if spoken else "readable"
     if (args.pace or usual) == "sync":
         return None
-    return Pace(args.max_lag, args.syllables_per_second)
+    return Pace(args.max_lag, args.syllables_per_second, args.keys_per_second)
 
 
 def score_of(args: argparse.Namespace, told: "Told") -> "Score":

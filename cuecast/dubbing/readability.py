@@ -99,9 +99,9 @@ class VisibilityMeter:
     def figures(self) -> dict[str, Any]:
         """Return the figures of all that was seen.
 
-        They are ``keys``, ``keys_per_s``, ``held_share``, ``three_pictures_share``, ``hold_p10_s``
-        and ``peak_m_s``. Keys per second are those inside phrases; the shares are those of keys
-        that are held for
+        They are ``keys``, ``keys_per_s``, ``most_keys_per_s``, ``held_share``,
+        ``three_pictures_share``, ``hold_p10_s`` and ``peak_m_s``. Keys per second are those inside
+        phrases, and the most in any 3 s; the shares are those of keys that are held for
         `codec.analysis.readability.HELD_S` or more, and that three of 25 pictures a second show
         whenever they are taken; then the 10th percentile of that time, then the greatest speed of
         a knuckle.
@@ -111,6 +111,7 @@ class VisibilityMeter:
         return {
             "keys": len(held),
             "keys_per_s": round(keys_per_s([item.key for item in self.shown]), 2),
+            "most_keys_per_s": round(most_keys_per_s([item.key for item in self.shown]), 2),
             "held_share": round(share_held(held, HELD_S), 4),
             "three_pictures_share": round(share_held(held, PICTURES_S), 4),
             "hold_p10_s": round(float(np.percentile(held, 10)), 3) if len(held) else 0.0,
@@ -147,6 +148,13 @@ def keys_per_s(keys: Sequence[Key]) -> float:
         if other.start - one.end < _PHRASE_S
     ]
     return len(apart) / sum(apart) if apart else 0.0
+
+
+def most_keys_per_s(keys: Sequence[Key], span_s: float = 3.0) -> float:
+    """Return the most keys per second that begin within any `span_s`."""
+    starts = np.array([key.start for key in keys])
+    until = np.searchsorted(starts, starts + span_s - _SAME_S)
+    return float((until - np.arange(len(starts))).max() / span_s) if len(keys) else 0.0
 
 
 def share_held(held: NDArray[np.floating], least_s: float) -> float:
@@ -189,7 +197,8 @@ def watched_motion(
 def in_words(figures: dict[str, Any]) -> str:
     """Return the figures of `VisibilityMeter` in one line."""
     return (
-        f"readable: {figures['keys_per_s']} keys/s, {100 * figures['held_share']:.1f} % held for "
+        f"readable: {figures['keys_per_s']} keys/s, at most {figures['most_keys_per_s']} in 3 s, "
+        f"{100 * figures['held_share']:.1f} % held for "
         f"{1000 * HELD_S:.0f} ms, {100 * figures['three_pictures_share']:.1f} % in three pictures, "
         f"a tenth for less than {1000 * figures['hold_p10_s']:.0f} ms, "
         f"peak {figures['peak_m_s']} m/s"

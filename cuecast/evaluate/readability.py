@@ -94,7 +94,14 @@ _STRIP_SIZE = (240, 320)
 _LONG_WAYS = {("side", "chin"), ("side", "mouth"), ("side", "throat")}
 """Placements from and to which the film strip shows the hand on its way."""
 
-_SEEN = ("keys_per_s", "held_share", "hold_p10_s", "three_pictures_share", "peak_m_s")
+_SEEN = (
+    "keys_per_s",
+    "most_keys_per_s",
+    "held_share",
+    "hold_p10_s",
+    "three_pictures_share",
+    "peak_m_s",
+)
 """What rows say of the motion, by the meter of all reports."""
 
 _SUBTITLES = {".srt", ".vtt", ".ttml", ".dfxp", ".xml", ".stl", ".ass", ".ssa"}
@@ -209,7 +216,8 @@ def figures(
     taken = read_keys(reader, markers[::every])
     return {
         "keys_said": len(said), "keys_shown": len(score.keys),
-        "words_left_out": told["words_left_out"], "lag_s": told["lag_s"],
+        "text_share": told["text_share"], "words_left_out": told["words_left_out"],
+        "lag_s": told["lag_s"],
         "unreadable_subtitles": sum(not row["readable"] for row in told["subtitles"]),
         **{name: found[name] for name in _SEEN},
         "verbatim_share": float(np.sum(held >= HELD_S - 1e-6)) / max(len(said), 1),

@@ -39,6 +39,8 @@ class SubtitlePace:
         How far the cuer was behind the speaker at most.
     phones : list of Phone
         On the cuer's clock.
+    said : list of Phone
+        Of the whole text, on the programme's clock.
     """
 
     subtitle: Subtitle | None
@@ -46,6 +48,7 @@ class SubtitlePace:
     mute: int = 0
     lag_s: float = 0.0
     phones: list[Phone] = field(default_factory=list)
+    said: list[Phone] = field(default_factory=list)
 
     def rate(self, options: CueingOptions) -> tuple[int, float]:
         """Return the number of keys and keys per second, pauses inside counted."""
@@ -83,6 +86,7 @@ class PaceReport:
         now = self._current
         now.mute += word.mute
         now.phones += word.phones
+        now.said += source.phones
         if not word.phones:
             now.words.append(source.word.text)
         elif source.subtitle is not None:
@@ -111,6 +115,7 @@ class PaceReport:
         return {
             "keys_per_s": max((row["keys_per_s"] for row in rows), default=0.0),
             "lag_s": max((row["lag_s"] for row in rows), default=0.0),
+            "text_share": round(share(rows), 4),
             "words_left_out": sum(len(row["left_out"]) for row in rows),
             "mute_e_left_out": sum(row["mute_e"] for row in rows),
             "subtitles": rows,
@@ -122,6 +127,7 @@ class PaceReport:
         rate = f"up to {report['keys_per_s']:.1f} keys/s in a subtitle, "
         return (
             f"pace: {rate if report['keys_per_s'] else ''}at most {report['lag_s']:.2f} s behind, "
+            f"{100 * report['text_share']:.1f} % of the text's keys, "
             f"{report['words_left_out']} words and "
             f"{report['mute_e_left_out']} mute e left out"
         )
@@ -137,7 +143,9 @@ class PaceReport:
         line = now.subtitle.line if now.subtitle else 1
         self._rows.append(
             {
-                "start": start_s, "line": line, "keys": count, "keys_per_s": round(rate, 2),
+                "start": start_s, "line": line, "keys": count,
+                "keys_of_text": sum(1 for _ in cue(now.said, self._options)),
+                "keys_per_s": round(rate, 2),
                 "lag_s": round(now.lag_s, 3), "left_out": now.words, "mute_e": now.mute,
                 "cued": cued, "short_keys": 0,
                 "readable": rate <= HARDEST_KEYS and not now.words,
@@ -153,6 +161,12 @@ class PaceReport:
         """Return the span of a subtitle of which nothing is left."""
         end_s = self._rows[-1]["cued"][1] if self._rows else 0.0
         return [end_s, end_s]
+
+
+def share(rows: list[dict[str, Any]]) -> float:
+    """Return the share of the whole text's keys that is cued; 1 of no text."""
+    shown, whole = (sum(row[name] for row in rows) for name in ("keys", "keys_of_text"))
+    return float(shown / whole) if whole else 1.0
 
 
 def _where(row: dict[str, Any]) -> str:

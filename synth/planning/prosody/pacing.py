@@ -1,10 +1,12 @@
 """The cuer's own clock: words with the times of the speaker in, words at a pace one can read out.
 
-People speak 5 to 7 syllables a second and cue 2.5 to 4 (Attina 2005; Duchnowski et al. 2000), and
-readers of human transliterators do best 0.6 to 1.8 s behind the speech (Krause and Lopez 2017).
-So she may fall behind the programme by `Pace.max_lag_s`, and uses the pauses before and after what
-is said: what time there is beyond the least of each key is shared as evenly as the room allows.
-What still does not fit is left out: first mute e, then words, function words first.
+People speak 5 to 7 syllables a second and cue 2.5 to 4 (Attina 2005; Duchnowski et al. 2000): real
+cuers were measured at 3.0 to 3.9 keys a second. She keeps to `Pace.keys_per_s`; `FASTER` bounds how
+fast she is at any time, `_HURRY_S` for how long. Readers of human transliterators do best 0.6 to
+1.8 s behind the speech (Krause and Lopez 2017), so she may fall behind the programme by
+`Pace.max_lag_s`, and uses the pauses before and after what is said: what time there is beyond the
+least of each key is shared as evenly as the room allows. What still does not fit is left out:
+first mute e, then words, function words first.
 
 The even course is the taut string between the earliest and the latest time of each key (the
 schedule of least greatest speed of Yao, Demers, Shenker 1995, for jobs that keep their order).
@@ -46,8 +48,11 @@ FloatArray = NDArray[np.float64]
 KEYS_PER_SYLLABLE = 1.41
 """Of French, by frequency of words (Lexique 3.83)."""
 
-COMFORTABLE_KEYS = 4.0
-"""Keys a second that real cuers hardly exceed; she hurries only where lag does not suffice."""
+FASTER = 1.25
+"""She is never faster than she means to be by more than this factor: every key gets its time."""
+
+_HURRY_S = 6.0
+"""What she may have saved by hurrying, against her even pace: half a minute a quarter faster."""
 
 LEAD_S = 0.5
 """How far she may be ahead of the programme where that saves words."""
@@ -87,16 +92,26 @@ class Pace:
         How far she may fall behind, 0 to `LONGEST_LAG_S`.
     syllables_per_s : float
         As slow as she goes where there is room, 1 to 8.
+    keys_per_s : float
+        As fast as she means to be, 1 to 10; never more than `FASTER` times as fast.
     """
 
     max_lag_s: float = 1.5
     syllables_per_s: float = 2.5
+    keys_per_s: float = 4.0
 
     def __post_init__(self) -> None:
         if not 0 <= self.max_lag_s <= LONGEST_LAG_S:
             raise CueError(f"lag of {self.max_lag_s} s is not within 0..{LONGEST_LAG_S:g}")
         if not 1 <= self.syllables_per_s <= 8:
             raise CueError(f"{self.syllables_per_s} syllables/s are not within 1..8")
+        if not 1 <= self.keys_per_s <= 10:
+            raise CueError(f"{self.keys_per_s} keys/s are not within 1..10")
+
+    @property
+    def least_s(self) -> float:
+        """Seconds that a key gets at least."""
+        return 1.0 / (FASTER * self.keys_per_s)
 
 
 READABLE = Pace()
@@ -159,11 +174,11 @@ def pace_words(
     performing : PerformerChoice
         Who is to cue: what she would show is looked at.
     """
-    before, mirror = Said(), mirror_of(performing, options)
+    before, even_s, mirror = Said(), 0.0, mirror_of(performing, options)
     for words_of_block in _blocks(words, pace):
-        block = _Block(words_of_block, pace, options, before, mirror)
+        block = _Block(words_of_block, pace, options, before, even_s, mirror)
         yield from block.paced()
-        before = block.before
+        before, even_s = block.before, block.even_s
 
 
 def _blocks(words: Iterable[TimedWord], pace: Pace) -> Iterator[list[TimedWord]]:
@@ -193,12 +208,17 @@ def _widest_pause(block: Sequence[TimedWord]) -> int:
 
 
 class _Block:
-    """Words that are paced together, after others; `before` is what the next ones come after."""
+    """Words that are paced together, after others.
+
+    `before` is what the next ones come after, and `even_s` when she would have said all that if she
+    never hurried.
+    """
 
     def __init__(
         self, words: Sequence[TimedWord], pace: Pace, options: CueingOptions, before: Said,
-        mirror: PerformanceSimulation,
+        even_s: float, mirror: PerformanceSimulation,
     ) -> None:  # fmt: skip
+        self.even_s = even_s
         self._mirror = mirror
         self._words, self._pace, self._options, self.before = words, pace, options, before
         self._free_s = before.phones[-1].end if before.phones else _RISE_S
@@ -214,6 +234,7 @@ class _Block:
     def paced(self) -> Iterator[PacedWord]:
         """Yield the words on the cuer's clock."""
         keys = self._with_room()
+        self.even_s = self._even(keys)
         start, length = self._schedule(keys)
         found = spans(keys, start, length)
         lags = {
@@ -280,7 +301,7 @@ class _Block:
         afters: list[Form | None] = [*forms[1:], None][: len(forms)]
         befores: list[Form | None] = [None, *forms[:-1]][: len(forms)]
         least = [
-            max(least_s(before, here, after), _LEAST_PHONE_S * here[2])
+            max(least_s(before, here, after), _LEAST_PHONE_S * here[2], self._pace.least_s)
             for before, here, after in zip(befores, forms, afters, strict=True)
         ]
         pause = _LEAST_PAUSE_S * np.array(paused, dtype=float)
@@ -291,18 +312,35 @@ class _Block:
         return Keys(members, first, np.array(least), pause, said, consonant, key, symbols)
 
     def _late(self, keys: Keys, lead_s: float) -> tuple[int, int] | None:
-        """Return the first key that comes too late at the quickest, and where the hurry began."""
+        """Return the first key that comes too late at the quickest, and where the hurry began.
+
+        So does one that could be there only if she had hurried for too long.
+        """
         clock, begun = self._free_s, 0
+        even, evenly = self.even_s, 0
         for k, (first, least, pause) in enumerate(
             zip(keys.first.tolist(), keys.least.tolist(), keys.pause.tolist(), strict=True)
         ):
+            latest = first + self._latest_s + SAME_S
             clock += pause
             if clock <= first - lead_s:
                 clock, begun = first - lead_s, k
-            if clock > first + self._latest_s + SAME_S:
+            if clock > latest:
                 return begun, k
+            if even <= first - lead_s:
+                even, evenly = first - lead_s, k
+            if even > latest + _HURRY_S:
+                return evenly, k
             clock += least
+            even += max(least, 1.0 / self._pace.keys_per_s)
         return None
+
+    def _even(self, keys: Keys) -> float:
+        """Return when she would have said all, had she never hurried."""
+        even = self.even_s
+        for first, least in zip(keys.first.tolist(), keys.least.tolist(), strict=True):
+            even = max(even, first - LEAD_S) + max(least, 1.0 / self._pace.keys_per_s)
+        return even
 
     def _with_room(self) -> Keys:
         """Leave out what there is no time for, and return the keys of the rest."""
@@ -342,7 +380,7 @@ class _Block:
         if n == 0:
             return np.zeros(0), np.zeros(0)
         mean = float(keys.least.mean())
-        ease = max(0.0, 1.0 / COMFORTABLE_KEYS - mean)
+        ease = max(0.0, 1.0 / self._pace.keys_per_s - mean)
         slowest = max(0.0, 1.0 / (KEYS_PER_SYLLABLE * self._pace.syllables_per_s) - mean)
         place, taken = np.cumsum(np.append(0, keys.parts)), np.cumsum(np.append(0.0, keys.work))
         for lead_s in (0.0, LEAD_S):
@@ -371,7 +409,7 @@ class _Block:
         early = np.minimum(np.maximum(keys.first - lead_s, self._free_s), start)
         late = keys.first + self._latest_s
         ends = start + np.maximum(ends - start, length)
-        seen = VisibleKeys(keys, self._options, self.before, self._mirror)
+        seen = VisibleKeys(keys, self._options, self.before, self._mirror, self._pace.least_s)
         start, length, self.before = seen.settled(start, ends, early, late)
         return start, length
 

@@ -111,13 +111,20 @@ class VisibleKeys:
         What these keys come after; it stays as it is.
     mirror : PerformanceSimulation
         Of who is to cue.
+    least_s : float
+        What a key keeps at least.
     """
 
     def __init__(
-        self, keys: Keys, options: CueingOptions, before: Said, mirror: PerformanceSimulation
+        self,
+        keys: Keys,
+        options: CueingOptions,
+        before: Said,
+        mirror: PerformanceSimulation,
+        least_s: float,
     ) -> None:
         self._keys, self._options, self._before = keys, options, before
-        self._mirror = mirror
+        self._mirror, self._least = mirror, int(np.ceil(GRID_HZ * least_s - SAME_S))
 
     def settled(
         self, start: FloatArray, end: FloatArray, early: FloatArray, late: FloatArray
@@ -171,7 +178,7 @@ class VisibleKeys:
         """Return keys in ticks, after those of the block before."""
         keys = self._keys
         phones = np.array([len(members) for members in keys.members])
-        least = _LEAST_TICKS * phones
+        least = np.maximum(_LEAST_TICKS * phones, self._least)
         pause = np.ceil(GRID_HZ * keys.pause - SAME_S).astype(np.int64)
         begins, ends = (np.round(GRID_HZ * x).astype(np.int64) for x in (start, end))
         for k in range(1, len(begins)):

@@ -160,6 +160,21 @@ def test_a_text_without_a_programme_is_whole_and_slow() -> None:
     assert len(slow.keys) / length_s == pytest.approx(3.4, abs=0.3)  # 2.5 syllables/s and pauses
 
 
+@pytest.mark.parametrize("keys_per_s", [4.0, 3.2])
+def test_never_faster_than_a_quarter_more_in_any_three_seconds(keys_per_s: float) -> None:
+    told, report = paced(news(12, 16.5), Pace(keys_per_s=keys_per_s))
+    starts = np.array([key.start for key in cue([p for word in told for p in word.phones])])
+    within = np.searchsorted(starts, starts + 3.0 - 1e-9) - np.arange(len(starts))
+    assert within.max() <= 3.0 * 1.25 * keys_per_s
+    # In the long run as fast as meant: what is left out is the price, and is reported.
+    assert len(starts) / np.ptp(starts) < 1.15 * keys_per_s  # measured 1.02 and 1.11
+    figures = report.report()
+    whole = sum(row["keys_of_text"] for row in figures["subtitles"])
+    assert figures["text_share"] == pytest.approx(len(starts) / whole, abs=0.02)
+    assert 0.3 < figures["text_share"] < 0.9
+    assert f"{100 * figures['text_share']:.1f} % of the text's keys" in str(report)
+
+
 def test_slower_only_where_told() -> None:
     rates = []
     for syllables in (1.5, 2.5, 4.0):
@@ -217,6 +232,8 @@ def test_taut_string_is_the_evenest() -> None:
 def test_impossible_paces_are_refused(lag_s: float, syllables: float) -> None:
     with pytest.raises(CueError, match="not within"):
         Pace(lag_s, syllables)
+    with pytest.raises(CueError, match=r"11 keys/s are not within 1\.\.10"):
+        Pace(keys_per_s=11)
 
 
 def test_a_key_needs_what_its_ways_take() -> None:
