@@ -279,7 +279,7 @@ def follow(reader: Reader, place: Place, end: int) -> Iterator[Heard | None]:
             moved = reader.beside(place)
             heard = reader.read(moved) if moved else None
             if heard is not None and moved is not None:
-                place.start, place.age = moved.start, moved.age
+                place.start, place.ratio, place.age = moved.start, moved.ratio, moved.age
         misses = 0 if heard else misses + 1
         yield heard
         place.start += LENGTH * place.ratio

@@ -1,6 +1,7 @@
 """Sound as spec/hearing.md hears it: vectors against the receiver, the procedure against both."""
 
 import json
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -50,13 +51,13 @@ def test_soft_values_are_the_receiver_s(case: dict[str, Any]) -> None:
             assert np.mean(np.abs(found - stated) <= case["tolerance"]) >= case["share"]
 
 
-def payloads_heard(case: dict[str, Any]) -> list[tuple[str, str]]:
+def payloads_heard(case: dict[str, Any], most: int) -> list[tuple[str, str]]:
     sound, rate = sound_of(case)
-    return [(one.l0.hex(), (one.l1 or b"").hex()) for one in hear(sound, rate)]
+    return [(one.l0.hex(), (one.l1 or b"").hex()) for one in islice(hear(sound, rate), most)]
 
 
 def test_the_procedure_acquires_and_follows() -> None:
-    found = payloads_heard(CASES["acquisition"])
+    found = payloads_heard(CASES["acquisition"], 3)
     assert len(found) == 3
     assert found[1] == (CASES["acquisition"]["l0"], CASES["acquisition"]["l1"])
 
@@ -64,7 +65,7 @@ def test_the_procedure_acquires_and_follows() -> None:
 @pytest.mark.slow
 @pytest.mark.vectors("hearing")
 def test_the_procedure_hears_every_vector(case: dict[str, Any]) -> None:
-    assert (case["l0"], case["l1"]) in payloads_heard(case)
+    assert (case["l0"], case["l1"]) in payloads_heard(case, 3)
 
 
 @pytest.mark.slow
