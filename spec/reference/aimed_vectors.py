@@ -10,7 +10,7 @@ import random
 import struct
 import sys
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -59,12 +59,27 @@ def aimed(wanted: Sequence[int], size: int = 20) -> bytes:
     def part(value: int) -> bytes:
         return with_check(bytes([0x00, 0xD0]) + value.to_bytes(size, "big"))
 
-    below, above = -1, (1 << 8 * size) - 1
+    return part(least(part, wanted, 8 * size) + (1 << 8 * size - 90))
+
+
+def aimed_window(wanted: Sequence[int], size: int = 11) -> bytes:
+    """Return a compact L0 part whose payload begins with some symbols, see `aimed`."""
+
+    def part(value: int) -> bytes:
+        told = int(IDENTITY[:4], 16) >> 14 - 2 * 3 & 3
+        return bytes([0x23]) + (value << 2 | told).to_bytes(size, "big")
+
+    return part(least(part, wanted, 8 * size - 2) + 5)
+
+
+def least(part: Callable[[int], bytes], wanted: Sequence[int], bits: int) -> int:
+    """Return the least code of some bits whose symbols begin with those wanted."""
+    below, above = -1, (1 << bits) - 1
     while above - below > 1:
         middle = (below + above) // 2
         enough = symbols(part(middle))[: len(wanted)] >= list(wanted)
         below, above = (below, middle) if enough else (middle, above)
-    return part(above + (1 << 8 * size - 90))
+    return above
 
 
 def misread() -> list[Case]:
@@ -81,6 +96,26 @@ def misread() -> list[Case]:
                 "purpose": "a superframe in which no phone starts, and whose first is a consonant",
                 "failure_suggests": "look-ahead read only where a phone starts (S7)",
             })  # fmt: skip
+    for length in (30, 31):
+        # Nothing slow or special, lengths in ticks, the begin; a, then a pause, then i.
+        # A reader stops at the limit: what follows is whatever the code then says.
+        behind = [5, 4] if length == 30 else []
+        l0 = aimed_window([0, 0, 0, 3, 0, 0, 0, 4, 37, length, *behind])
+        case = case_of(f"window-pause-{length}", "M6", l0, b"")
+        assert case["score"]["numbers"][:3] == ([1, 0, 6] if behind else [1])
+        cases.append(case | {
+            "purpose": "a pause between phones told in ticks, at its limit and one below",
+            "failure_suggests": "the limit's symbol of a pause ends the window before it, with "
+            "lengths in ticks too (M6)",
+        })  # fmt: skip
+    # The vowel a may have the length of the limit: it lasts 32 ticks.
+    l0 = aimed_window([0, 0, 0, 3, 0, 0, 0, 31, 5, 4])
+    case = case_of("window-phone-31", "M6", l0, b"")
+    assert case["score"]["starts"][1] - case["score"]["begin"] == 32
+    cases.append(case | {
+        "purpose": "a vowel told in ticks at the limit of lengths",
+        "failure_suggests": "the limit's symbol ends a window at pauses only (M6)",
+    })  # fmt: skip
     rng = random.Random(7)
     for flags in (0, 8):
         more, alone = 0, 0
