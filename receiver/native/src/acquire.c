@@ -31,8 +31,8 @@ static int search_bands(const cue_mask *mask) {
 
 void cue_search_init(cue_search *s) {
     memset(s, 0, sizeof *s);
-    for (int i = 0; i < 52; i++) { /* low-pass at 0.235 of 48 kHz / 2, 52 taps, Kaiser's window */
-        double t = i - 25.5, u = 1 - t / 26 * (t / 26), x = PI * 0.235 * t, window = 0, term = 1;
+    for (int i = 0; i < 52; i++) { /* low-pass at 0.235 of 48 kHz / 2, 51 taps, Kaiser's window */
+        double t = i - 25, u = 1 - t / 26 * (t / 26), x = PI * 0.235 * (i == 25 ? 1e-9 : t), window = 0, term = 1;
         for (int k = 1; k < 40; k++) {
             window += term;
             term *= 9.0 * 9.0 * u / (4.0 * k * k);
@@ -83,8 +83,7 @@ static void low_sound(const cue_hearing *h, const float mix[2], cue_search_work 
     int64_t first = first_sample(h->search.batch);
     for (int done = 0; done < SEARCH_SOUND; done += PIECE) {
         int n = SEARCH_SOUND - done < PIECE ? SEARCH_SOUND - done : PIECE;
-        /* 52 taps are even: the response is centred between the samples -1 and 0 (half a sample). */
-        cue_sound_read(&h->sound, mix, (double)(first + 4 * done - 26), 1.0, 4 * n + 52, x);
+        cue_sound_read(&h->sound, mix, (double)(first + 4 * done - 25), 1.0, 4 * n + 52, x);
         for (int i = 0; i < n; i++) {
             float sum = 0;
             for (int j = 0; j < 52; j++) sum += h->search.fir[j] * x[4 * i + j];
@@ -302,7 +301,7 @@ static void search_step(cue_hearing *h, cue_search_work *w, float step, int tier
                 best->profile = n;
                 best->pilot_step = step;
                 best->clock = clock_of(w->sums, clocks, i, w->peak[i]) * 1e-6;
-                best->start = (double)(s->batch * QUANTUM) + 2.0 * (first + i) - 7.5 - 0.5;
+                best->start = (double)(s->batch * QUANTUM) + 2.0 * (first + i) - 7.5;
             }
             for (int i = 0; pair >= 0 && i < BLOCK; i += 2) {
                 int16_t top = w->peak[i] > w->peak[i + 1] ? w->peak[i] : w->peak[i + 1];
