@@ -41,7 +41,7 @@ _AGREES, _FEW_AGREE, _LEAST_AGREE = 0.5, 0.4, 0.3
 """Mean probability of a text's keys from which it is believed, as a part of how sure the take is of
 its own keys, how much more by the root of their number (few keys agree by chance), and at least. A
 noisy film is sure of nothing, of the right text neither: on takes of a real cuer and of the same
-warped to other bodies, right texts had .61 of it or more, wrong ones .57 or less."""
+warped to other bodies, right texts had .61 of it or more, wrong ones .50 or less."""
 
 
 @dataclass(frozen=True, slots=True)
