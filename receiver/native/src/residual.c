@@ -116,12 +116,12 @@ void cue_residual(const cue_content *content, const cue_coefficients *found, con
                   const cue_model *model, cue_block *out)
 {
     double wave[TICKS][TICKS]; /* by frequency and frame */
-    const double pi = 3.14159265358979323846;
+    const double pi = 3.14159265358979323846, frames = (double)TICKS;
     memset(out, 0, sizeof *out);
     if (content->step == 63) return;
     for (int f = 0; f < TICKS; f++)
         for (int t = 0; t < TICKS; t++)
-            wave[f][t] = sqrt((f ? 2.0 : 1.0) / TICKS) * cue_cos(pi * (2 * t + 1) * f / (2.0 * TICKS));
+            wave[f][t] = sqrt((f ? 2.0 : 1.0) / frames) * cue_cos(pi * (2 * t + 1) * f / (2.0 * frames));
     for (int n = 0; n < found->count; n++) {
         if (found->value[n] == 0) continue;
         int place = bases->scan[content->basis][n];

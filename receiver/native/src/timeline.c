@@ -169,7 +169,7 @@ static void draw_lost(cue_payload *p, const cue_slot *s, cue_block *out)
         predict(p, near->number, 0, 0, other);
         int edge = side < 0 ? TICKS - 1 : 0;
         for (int t = 0; t < TICKS; t++) {
-            double u = (side < 0 ? t + 1 : TICKS - t) / (0.5 * TICKS);
+            double u = (side < 0 ? t + 1 : TICKS - t) / (0.5 * (double)TICKS);
             double w = u >= 1.0 ? 0.0 : 1.0 - u * u * u * (10.0 - 15.0 * u + 6.0 * u * u);
             for (int k = 0; k < p->model.n; k++)
                 out->value[t][k] +=
@@ -305,7 +305,7 @@ static int fits(const cue_payload *p, const cue_content *content, double on_air_
     double away = (on_air_s - p->last_on_air_s) / SUPERFRAME_S, whole = nearbyint(away);
     int32_t period = content->mode == 2 ? 16 : 64;
     if (!p->started || !(fabs(away - whole) * SUPERFRAME_S < OFF_GRID_S)) return 0;
-    if (whole < LATEST || whole > LONGEST) return 0;
+    if (whole < (double)LATEST || whole > (double)LONGEST) return 0;
     *number = p->last + (int32_t)whole;
     return *number >= 0 && (*number - content->sequence) % period == 0; /* H4 */
 }
@@ -370,7 +370,7 @@ cue_status cue_payload_put(cue_payload *p, const uint8_t *l0, size_t n0, const u
     if (!p->model.loaded || !(fabs(on_air_s) < 1e9)) return CUE_OK;
     if (n0 == 0) {
         double away = (on_air_s - p->last_on_air_s) / SUPERFRAME_S;
-        if (p->started && away > 0.5 && away < LONGEST)
+        if (p->started && away > 0.5 && away < (double)LONGEST)
             lose_until(p, p->last + 1 + (int32_t)nearbyint(away));
         return CUE_OK;
     }
