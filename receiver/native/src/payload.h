@@ -291,6 +291,9 @@ struct cue_payload {
     cue_score stand[SCORES];
 };
 
+/* The slot of a superframe, 0 if it has none. */
+cue_slot *cue_slot_find(cue_payload *payload, int32_t number);
+
 /* Take a superframe of any size that was on air from on_air_s on; n0 = 0: it did not arrive. */
 cue_status cue_payload_put(cue_payload *payload, const uint8_t *l0, size_t n0, const uint8_t *l1,
                            size_t n1, double on_air_s, cue_rule *rule);

@@ -10,7 +10,6 @@
 #include <string.h>
 
 #define SUPERFRAME_S 0.64
-#define TICK_S 0.02
 #define OFF_GRID_S 0.1 /* from which a superframe belongs to another grid */
 #define WAIT_S 1.0     /* after a superframe's end on air, until it counts as lost */
 
@@ -50,7 +49,7 @@ cue_status cue_payload_voice(cue_payload *p, const void *file, size_t bytes)
     return p->bad_at ? CUE_BAD_DATA : CUE_OK;
 }
 
-static cue_slot *find(cue_payload *p, int32_t number)
+cue_slot *cue_slot_find(cue_payload *p, int32_t number)
 {
     if (number < 0) return 0;
     cue_slot *s = &p->slot[number % SLOTS];
@@ -60,7 +59,7 @@ static cue_slot *find(cue_payload *p, int32_t number)
 /* The slot of a superframe; an older one that held it is given up. */
 static cue_slot *slot_of(cue_payload *p, int32_t number)
 {
-    cue_slot *s = find(p, number);
+    cue_slot *s = cue_slot_find(p, number);
     if (!s) {
         s = &p->slot[number % SLOTS];
         memset(s, 0, sizeof *s);
@@ -72,14 +71,14 @@ static cue_slot *slot_of(cue_payload *p, int32_t number)
 
 static int state_of(cue_payload *p, int32_t number)
 {
-    const cue_slot *s = find(p, number);
+    const cue_slot *s = cue_slot_find(p, number);
     return s ? s->state : UNKNOWN;
 }
 
 /* What is known of the score of a superframe (J1, J8); `stand` is room for a stand-in. */
 static const cue_score *score_of(cue_payload *p, int32_t number, cue_score *stand)
 {
-    cue_slot *s = find(p, number);
+    cue_slot *s = cue_slot_find(p, number);
     if (!s) return 0;
     if (s->state == ARRIVED) return s->content.score.kind ? &s->content.score : 0;
     if (!s->told_distance) return 0;
@@ -102,12 +101,12 @@ static cue_scores scores_of(cue_payload *p, int32_t first, int32_t end, int comp
 /* Whether a superframe is read by windows: one of them is near and its own is no score. */
 static int by_windows(cue_payload *p, int32_t number)
 {
-    const cue_slot *own = find(p, number);
+    const cue_slot *own = cue_slot_find(p, number);
     if (own && own->state == ARRIVED && own->content.score.kind != 2 &&
         own->content.mode != 1)
         return 0;
     for (int32_t k = number - BACK; k <= number + 1; k++) {
-        const cue_slot *s = find(p, k);
+        const cue_slot *s = cue_slot_find(p, k);
         if (s && s->state == ARRIVED && s->content.score.kind == 2) return 1;
     }
     return 0;
@@ -142,7 +141,7 @@ static void draw_arrived(cue_payload *p, const cue_slot *s, cue_block *out)
     static const double weights[4] = {0.4, 0.225, 0.1, 0.025};
     draw_alone(p, s, out);
     for (int side = -1; side <= 1 && s->content.filmed; side += 2) {
-        const cue_slot *near = find(p, s->number + side);
+        const cue_slot *near = cue_slot_find(p, s->number + side);
         if (!near || near->state != ARRIVED || !near->content.filmed) continue;
         draw_alone(p, near, &p->other_block);
         const cue_block *former = side < 0 ? &p->other_block : out;
@@ -163,7 +162,7 @@ static void draw_lost(cue_payload *p, const cue_slot *s, cue_block *out)
 {
     predict(p, s->number, 0, 0, out);
     for (int side = -1; side <= 1; side += 2) {
-        const cue_slot *near = find(p, s->number + side);
+        const cue_slot *near = cue_slot_find(p, s->number + side);
         if (!near || near->state != ARRIVED || near->content.mode == 2) continue;
         cue_block *other = &p->other_block;
         predict(p, near->number, 0, 0, other);
@@ -232,7 +231,7 @@ static void show_key(cue_slot *s, const cue_cue *cue, int previewed, int final)
 /* Keys and phones that start in a superframe, from all that is known around it. */
 static void read_keys(cue_payload *p, int32_t number, int final)
 {
-    cue_slot *s = find(p, number);
+    cue_slot *s = cue_slot_find(p, number);
     cue_line *line = &p->work.line;
     if (!s || s->finished) return;
     int compact = by_windows(p, number);
@@ -274,7 +273,7 @@ static void read_keys(cue_payload *p, int32_t number, int final)
 static void refresh(cue_payload *p, int32_t number)
 {
     for (int32_t k = number - 2; k <= number + BACK; k++) {
-        cue_slot *s = find(p, k);
+        cue_slot *s = cue_slot_find(p, k);
         if (!s || (s->state == UNKNOWN && k != number - 1)) continue;
         if (k == number - 2 && !s->content.filmed) continue; /* Q7 reaches farther */
         if (s->state != UNKNOWN) draw(p, s);
@@ -420,7 +419,7 @@ cue_status cue_payload_put(cue_payload *p, const uint8_t *l0, size_t n0, const u
 
 const cue_slot *cue_payload_draw(cue_payload *p, int32_t number, int lips)
 {
-    cue_slot *s = find(p, number);
+    cue_slot *s = cue_slot_find(p, number);
     int usual = p->with_lips;
     if (!s || (s->state == UNKNOWN && !s->told_distance)) return 0;
     p->with_lips = lips;
@@ -453,105 +452,6 @@ cue_status cue_payload_flush(cue_payload *p)
     if (!p->model.loaded) return CUE_OK;
     for (int32_t k = p->last - 2; p->started && k <= p->last + 1; k++) read_keys(p, k, 1);
     return CUE_OK;
-}
-
-static cue_status emit_key(const cue_slot *s, int32_t start, int32_t end, unsigned number,
-                           cue_event *event, cue_key *key)
-{
-    event->time_s = s->time_s + TICK_S * (start - TICKS * s->number);
-    key->duration_s = TICK_S * (end - start);
-    key->shape = (uint8_t)(number / PLACEMENTS);
-    key->placement = (uint8_t)(number % PLACEMENTS);
-    return CUE_OK;
-}
-
-static cue_status next_of(cue_payload *p, cue_slot *s, cue_event *event)
-{
-    for (int i = 0; i < s->keys; i++) {
-        cue_shown_key *key = &s->key[i];
-        if (!key->pending) continue;
-        key->pending = 0;
-        event->kind = CUE_EVENT_KEY;
-        event->of.key.final = key->final;
-        event->of.key.previewed = key->previewed;
-        event->of.key.phones[0] = key->phones[0];
-        event->of.key.phones[1] = key->phones[1];
-        event->of.key.revision = key->revision;
-        return emit_key(s, key->start, key->end, key->number, event, &event->of.key);
-    }
-    while (s->told_pending) {
-        int i = s->told.count - s->told_pending--, symbol = s->told.symbol[i];
-        int end = i + 1 < s->told.count ? s->told.tick[i + 1] : TICKS;
-        if (symbol >= 40) continue;
-        event->kind = CUE_EVENT_PREVIEW;
-        event->of.preview.previewed = 1;
-        event->of.preview.revision = 0;
-        unsigned key = (unsigned)(PLACEMENTS * (1 + symbol / 5) + 1 + symbol % 5);
-        int32_t base = TICKS * s->number;
-        return emit_key(s, base + s->told.tick[i], base + end, key, event, &event->of.preview);
-    }
-    if (s->phones_next < s->phones) {
-        int i = s->phones_next++;
-        event->kind = CUE_EVENT_PHONE;
-        event->time_s = s->time_s + TICK_S * (s->phone[i].start - TICKS * s->number);
-        event->of.phone.duration_s = TICK_S * (s->phone[i].end - s->phone[i].start);
-        event->of.phone.phone = s->phone[i].number;
-        event->of.phone.final = 1;
-        return CUE_OK;
-    }
-    if (s->pending) {
-        int t = 0;
-        while (!(s->pending >> t & 1U)) t++;
-        s->pending &= ~(UINT32_C(1) << t);
-        event->kind = CUE_EVENT_MOTION;
-        event->time_s = s->time_s + TICK_S * t;
-        event->of.motion.revision = s->revision;
-        event->of.motion.count = (uint32_t)p->model.n;
-        event->of.motion.layers = s->layers;
-        memcpy(event->of.motion.values, s->shown[t], sizeof event->of.motion.values);
-        p->marker_slot = s->number % SLOTS;
-        p->marker_frame = p->with_markers ? t : -1;
-        return CUE_OK;
-    }
-    return CUE_EMPTY;
-}
-
-static cue_status next_markers(cue_payload *p, cue_event *event)
-{
-    const cue_slot *s = &p->slot[p->marker_slot];
-    double parameters[MOST_P], place[CUE_MARKERS][3];
-    for (int k = 0; k < MOST_P; k++) parameters[k] = (double)s->shown[p->marker_frame][k];
-    cue_markers_of(&p->model, parameters, place);
-    event->kind = CUE_EVENT_MARKERS;
-    event->time_s = s->time_s + TICK_S * p->marker_frame;
-    event->of.markers.revision = s->revision;
-    event->of.markers.count = CUE_MARKERS;
-    for (int i = 0; i < CUE_MARKERS; i++)
-        for (int k = 0; k < 3; k++) event->of.markers.place_mm[i][k] = (float)place[i][k];
-    p->marker_frame = -1;
-    return CUE_OK;
-}
-
-cue_status cue_payload_next(cue_payload *p, cue_event *event)
-{
-    int32_t newest = -1;
-    memset(&event->of, 0, sizeof event->of);
-    if (p->marker_frame >= 0) return next_markers(p, event);
-    if (p->unreadable) {
-        p->unreadable = 0;
-        event->kind = CUE_EVENT_UNREADABLE;
-        event->time_s = p->started ? p->last_on_air_s : 0.0;
-        event->of.unreadable.identity = (uint16_t)p->other;
-        event->of.unreadable.version = p->other_version;
-        return CUE_OK;
-    }
-    for (int i = 0; i < SLOTS; i++)
-        if (p->slot[i].number > newest) newest = p->slot[i].number;
-    for (int32_t k = newest - SLOTS + 1; k <= newest; k++) {
-        cue_slot *s = find(p, k);
-        if (s && next_of(p, s, event) == CUE_OK) return CUE_OK;
-    }
-    return CUE_EMPTY;
 }
 
 cue_status cue_payload_trust(cue_payload *p, const uint8_t public_key[32])
