@@ -2,8 +2,8 @@
  *
  * Order of use: voice.c loads tables and voice; superframe.c, score.c and residual.c read the bits;
  * joining.c makes lines of phones and keys; strokes.c, motion.c and lips.c make parameters, markers.c
- * positions; timeline.c puts all of it on the programme's clock (cue_payload_* of internal.h);
- * file.c reads stream files.
+ * positions; timeline.c puts all of it on the programme's clock (cue_payload_* of internal.h),
+ * events.c reports it.
  * Doubles throughout: in float32 the rounding of P1 flips (0.046 mm).
  */
 #ifndef CUE_PAYLOAD_H
@@ -34,8 +34,7 @@ enum {
 
 /* Result of reading bits: CUE_OK as 0, else the paragraph that is broken. */
 typedef enum cue_rule {
-    RULE_NONE, RULE_H1, RULE_H2, RULE_H3, RULE_H4, RULE_H6, RULE_M2,
-    RULE_F1, RULE_F2, RULE_F3, RULE_F4, RULE_F5, RULE_F6, RULE_F7, RULE_F10, RULE_MEMORY
+    RULE_NONE, RULE_H1, RULE_H2, RULE_H6, RULE_M2
 } cue_rule;
 
 const char *cue_rule_name(cue_rule rule);

@@ -19,8 +19,7 @@ static const uint16_t SHARE[3] = {12288, 4096, 16384};
 
 const char *cue_rule_name(cue_rule rule)
 {
-    static const char NAMES[][8] = {"",   "H1", "H2", "H3", "H4", "H6", "M2",  "F1",
-                                    "F2", "F3", "F4", "F5", "F6", "F7", "F10", "memory"};
+    static const char NAMES[][4] = {"", "H1", "H2", "H6", "M2"};
     return NAMES[rule];
 }
 
