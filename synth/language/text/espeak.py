@@ -93,11 +93,38 @@ def transcribe(word: str) -> tuple[str, ...]:
     """
     if opening := re.match("sch(?=[bcdflmnprtvw])", word):
         return ("ʃ", *transcribe(word[opening.end() :]))
+    word = _neighbours(word)
     ipa = _ipa(_respell(word))
     if "(en)" in ipa:
         ipa = _ipa(_as_french(_respell(word)))
     phones = _single(to_phones(ipa))
     return _palatal(word, phones) if "gn" in word else phones
+
+
+_LETTERS = {
+    "č": "tch", "ć": "tch", "š": "ch", "ž": "j", "đ": "dj", "ł": "l", "ğ": "g", "ş": "ch",
+    "ı": "i", "ń": "nn", "ę": "è", "ą": "on", "ř": "rj", "ě": "ié", "ů": "ou", "ő": "eu",
+    "ű": "u", "ß": "ss", "å": "o", "ø": "eu", "ã": "an", "õ": "on", "ț": "ts", "ţ": "ts",
+    "ș": "ch", "ă": "a", "ż": "j", "ź": "z", "ś": "ch", "ó": "o", "á": "a", "í": "i",
+    "ú": "ou", "ý": "i", "ň": "gn", "ð": "d", "þ": "t", "ľ": "l", "ď": "d", "ť": "t", "ē": "é",
+    "ā": "a", "ī": "i", "ō": "o", "ū": "ou",
+}  # fmt: skip
+"""Letters of neighbouring languages, and those by which French speakers read them."""
+
+
+def _neighbours(word: str) -> str:
+    """Return a word with French letters for those of neighbouring languages.
+
+    Examples
+    --------
+    >>> _neighbours("pogačar"), _neighbours("vlahović"), _neighbours("lewandowski")
+    ('pogatchar', 'vlahovitch', 'levandovski')
+    """
+    if re.search("[čćšžđ]", word):
+        word = re.sub("c(?![hkiey])", "ts", word.replace("u", "ou")).replace("e", "é")
+    if re.search("[łńęąśźż]|[oe]wsk[ia]$|ewicz$", word):
+        word = word.replace("cz", "tch").replace("sz", "ch").replace("w", "v")
+    return "".join(_LETTERS.get(letter, letter) for letter in word)
 
 
 def _single(phones: tuple[str, ...]) -> tuple[str, ...]:

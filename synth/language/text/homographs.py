@@ -20,9 +20,38 @@ _NEGATIONS = frozenset("ne n' non pas sans jamais".split())
 def resolve(stretch: Sequence[DraftWord]) -> None:
     """Set the phones of the homographs of a stretch of words."""
     for position, item in enumerate(stretch):
+        if verb := _plain_verb(stretch, position):
+            item.phones, item.word_class = verb, "V"
+            continue
         rule = _RULES.get(item.text)
         if rule:
             item.phones = decode(rule(stretch, position))
+
+
+def _plain_verb(stretch: Sequence[DraftWord], position: int) -> tuple[str, ...]:
+    """Return the phones of a verb in -ent or -tions that reads as another word, else ().
+
+    After a noun in the plural an adjective would be in the plural: ils excellent; between nous, a
+    pronoun and the end only the verb has a place: nous les éditions.
+    """
+    item = stretch[position]
+    if not item.text.endswith(("ent", "tions")) or len(item.variants) < 2:
+        return ()
+    verbs = [variant.phones for variant in item.variants if "V" in variant.classes]
+    others = [
+        v.phones for v in item.variants if set(v.classes) & set("NA") and "V" not in v.classes
+    ]
+    if not verbs or not others:
+        return ()
+    end = position
+    while end and stretch[end - 1].text in _CLITICS - {"nous"}:
+        end -= 1
+    before = stretch[end - 1].text if end else ""
+    if item.text.endswith("tions"):
+        opens = end == 1 or (end > 1 and stretch[end - 2].word_class == "C")
+        return verbs[0] if before == "nous" and opens else ()
+    several = before in ("ils", "elles") or (end == position and _plural_noun(stretch, position))
+    return verbs[0] if several else ()
 
 
 def _text(stretch: Sequence[DraftWord], position: int) -> str:

@@ -164,6 +164,8 @@ def lookup(word: str) -> tuple[Variant, ...]:
 def read_user_lexicon(path: str | Path) -> dict[str, tuple[Variant, ...]]:
     """Read a user's lexicon: a word, a tab or spaces, its phones in IPA, one word a line.
 
+    A name of several words is followed by a tab.
+
     Empty lines and lines that begin with # are skipped.
 
     Raises
@@ -183,14 +185,16 @@ def read_user_lexicon(path: str | Path) -> dict[str, tuple[Variant, ...]]:
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.startswith("#"):
             continue
-        word, *rest = line.split(maxsplit=1)
+        word, *rest = (
+            line.strip().split("\t", 1) if "\t" in line.strip() else line.split(maxsplit=1)
+        )
         phones = split_ipa("".join(rest))
         if not phones:
             raise CueError(f"{path.name} line {number}: no phones after {word!r}")
         unknown = [phone for phone in phones if phone not in PHONES[1:]]
         if unknown:
             raise CueError(f"{path.name} line {number}: unknown phone {unknown[0]!r}")
-        words[word.lower()] = (Variant(phones, {"N": 9}),)
+        words[" ".join(word.lower().split())] = (Variant(phones, {"N": 9}),)
     return words
 
 

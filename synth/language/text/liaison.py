@@ -42,6 +42,7 @@ FIXED = frozenset(
     {("temps", "en"), ("mot", "à"), ("pas", "à"), ("petit", "à"), ("nuit", "et"), ("plus", "ou"),
      ("plus", "en"), ("moins", "en"), ("haut", "en"), ("quand", "elle"), ("quand", "il"),
      ("quand", "on"), ("quand", "ils"), ("quand", "elles"), ("quand", "un"), ("quand", "une"),
+     ("quand", "est-ce"), ("quand", "est"),
      ("dont", "il"), ("dont", "elle"), ("dont", "on"), ("comment", "allez"), ("bout", "à"),
      ("face", "à"), ("états", "unis"), ("nations", "unies"), ("arts", "et"), ("cent", "ans"),
      ("vingt", "et"), ("champs", "élysées"), ("jeux", "olympiques"), ("tout", "à"),
@@ -90,6 +91,10 @@ def link(left: DraftWord, right: DraftWord, *, joined_left: bool = False) -> str
         return ""
     if right.text in ("un", "une") and _tail(left) in ("cent", "cents", "vingts", "mille"):
         return ""
+    if left.text == "vingt" and left.hyphen:
+        return ""
+    if left.hyphen and right.text in ("en", "y"):
+        return consonant
     if left.hyphen and left.word_class == "V":
         return consonant if right.word_class in "SOR" else ""
     if (left.text, right.text) in FIXED:

@@ -11,8 +11,10 @@ import re
 import unicodedata
 from collections.abc import Collection
 
-from synth.language.text.lexicon import capital_names, known_words, lookup
+from synth.language.text.colloquial import clipped
+from synth.language.text.lexicon import capital_names, known_words, lookup, lookup_name
 from synth.language.text.readings import RULES
+from synth.language.text.shouting import is_shouted, lowered
 from synth.language.text.stretched import shortened
 
 SHORT_PAUSE, LONG_PAUSE = ",", "."
@@ -56,7 +58,7 @@ def normalise(text: str, own: Collection[str] = ()) -> list[str]:
     ["aujourd'hui", ',', "l'", 'homme', "qu'", 'on', 'attend', '.']
     """
     line = _plain(unicodedata.normalize("NFC", text)).translate(_TRANSLATION)
-    line, kept = _set_aside(line, own)
+    line, kept = _set_aside(_whole_names(line), own)
     line = shortened(_lower_shouting(line))
     for pattern, reading in RULES:
         line = pattern.sub(reading, line)
@@ -80,6 +82,42 @@ def _plain(text: str) -> str:
     )
 
 
+_CAPITALS = re.compile(
+    r"(?<![\w-])[A-ZÀ-Ý][\w'’]+(?: (?:de|du|des|sur|en|la|le|les) (?=[A-ZÀ-Ý])| (?=[A-ZÀ-Ý]))"
+    r"(?:[A-ZÀ-Ý][\w']+(?: (?:de|du|des|sur|en|la|le|les) (?=[A-ZÀ-Ý])| (?=[A-ZÀ-Ý]))?)+"
+)
+
+
+def _whole_names(line: str) -> str:
+    """Return a line in which names of several words that the lists know bear hyphens.
+
+    Examples
+    --------
+    >>> _whole_names("À Buenos Aires ou San Francisco")
+    'À Buenos-Aires ou San-Francisco'
+    """
+    return line if is_shouted(line) else _CAPITALS.sub(_hyphenated, line)
+
+
+def _hyphenated(match: re.Match[str]) -> str:
+    words = match[0].split(" ")
+    joined: list[str] = []
+    while words:
+        for count in range(min(len(words), 4), 0, -1):
+            name = "-".join(words[:count])
+            if count == 1 or lookup_name(name.lower()) or lookup(name.lower()):
+                joined.append(name)
+                words = words[count:]
+                break
+    return " ".join(joined)
+
+
+def _is_verb_alone(word: str) -> bool:
+    """Whether a word is only an infinitive of the lexicon: a capital then opens a name."""
+    classes = {letter for variant in lookup(word) for letter in variant.classes}
+    return classes == {"V"} and word.endswith("er")
+
+
 def _set_aside(line: str, own: Collection[str]) -> tuple[str, dict[str, str]]:
     """Return a line in which rare letters stand for the user's words, and what they stand for.
 
@@ -88,11 +126,18 @@ def _set_aside(line: str, own: Collection[str]) -> tuple[str, dict[str, str]]:
     """
     kept: dict[str, str] = {}
 
+    for phrase in sorted((word for word in own if " " in word), key=len, reverse=True):
+        letter = chr(_RARE_LETTERS + len(kept))
+        line, found = re.subn(rf"(?<!\w){re.escape(phrase)}(?!\w)", letter, line, flags=re.I)
+        if found:
+            kept[phrase] = letter
+
     def aside(match: re.Match[str]) -> str:
         word = match[0].lower()
         if word not in own:
-            inside = match[0].istitle() and _INSIDE.search(line[: match.start()])
-            if not inside or word not in capital_names():
+            if not match[0].istitle() or word not in capital_names():
+                return match[0]
+            if not (_INSIDE.search(line[: match.start()]) or _is_verb_alone(word)):
                 return match[0]
             word = match[0]
         return kept.setdefault(word, chr(_RARE_LETTERS + len(kept)))
@@ -106,11 +151,10 @@ def _lower_shouting(line: str) -> str:
 
     Where no capital bears an accent, they are missing.
     """
-    words = re.findall(r"[^\W\d_]{2,}", line)
-    if len(words) > 1 and all(word.isupper() for word in words):
-        lower = line.lower()
-        return lower if without_accents(lower) != lower else accented(lower)
-    return line
+    if not is_shouted(line):
+        return line
+    lower = lowered(line)
+    return lower if without_accents(line) != line else accented(lower)
 
 
 def _add_pause(tokens: list[str], mark: str) -> None:
@@ -130,12 +174,18 @@ def _words(piece: str) -> list[str]:
     (["qu'", "aujourd'hui"], ["l'", 'ex-champion'], ["p'tit"])
     """
     words = []
-    while not lookup(piece) and (elided := _ELIDED.match(piece)):
+    while not _is_listed(piece) and (elided := _ELIDED.match(piece)):
         words.append(elided[0])
         piece = piece[elided.end() :]
     if piece:
-        words.append(piece if lookup(piece) else piece.rstrip("'"))
+        words.append(piece if _is_listed(piece) else piece.rstrip("'"))
     return words
+
+
+def _is_listed(piece: str) -> bool:
+    """Whether a word with its apostrophe is known, as it stands or clipped."""
+    name = "'" in piece and lookup_name(piece)
+    return bool(lookup(piece) or name or (piece.endswith("'") and clipped(piece)))
 
 
 _WORD = re.compile(r"[^\W\d_]+")
@@ -160,6 +210,8 @@ def accented(line: str) -> str:
     said: list[str] = []
 
     def restore(match: re.Match[str]) -> str:
+        if match[0].isupper():
+            return match[0]
         said.append(_restored(match[0], said))
         return said[-1]
 
@@ -175,6 +227,11 @@ def _restored(word: str, said: list[str]) -> str:
     if lookup(word) or not candidates:
         return word
     return next((c for c in candidates if c not in participles), candidates[0])
+
+
+def accent_candidates(word: str) -> tuple[str, ...]:
+    """Return the words with accents whose letters are those of `word`."""
+    return _index().get(word, ())
 
 
 @functools.cache

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from codec.cues.phonology import CONSONANTS, VOWELS
 from codec.errors import CueError
 from synth.language.text import espeak, homographs, liaison
+from synth.language.text.colloquial import clipped
 from synth.language.text.lexicon import Variant, lookup, lookup_name
 from synth.language.text.normalise import PAUSES, normalise
 from synth.language.text.tagging import SUBJECT, tag
@@ -128,7 +129,9 @@ def _items(token: str, user_lexicon: Mapping[str, tuple[Variant, ...]]) -> list[
     if token[0].isupper() and (name := lookup_name(token.lower())):
         return [DraftWord(token.lower(), name)]
     token = token.lower()
-    known = user_lexicon.get(token) or lookup(token) or lookup_name(token)
+    known = user_lexicon.get(token) or lookup(token) or lookup_name(token) or clipped(token)
+    if known and token.endswith(("-et-un", "-et-une")):
+        known = (Variant(known[0].phones, {"U": 9}),)
     if known:
         return [DraftWord(token, known)]
     parts = token.split("-")

@@ -8,10 +8,11 @@ import re
 from collections.abc import Callable, Iterable
 
 from synth.language.text import numbers
-from synth.language.text.lexicon import lookup
+from synth.language.text.lexicon import lookup, lookup_name
 from synth.language.text.tables import (
     ABBREVIATIONS,
     CURRENCIES,
+    FEMININE_ENDING,
     FEMININE_NOUNS,
     LETTER_NAMES,
     MONTHS,
@@ -44,7 +45,8 @@ def say_integer(text: str, following: str = "") -> str:
     zeros = len(plain) - len(significant)
     if not significant:
         return numbers.digits(plain)
-    value = numbers.cardinal(int(significant), feminine=following in FEMININE_NOUNS)
+    feminine = following in FEMININE_NOUNS or bool(FEMININE_ENDING.fullmatch(following))
+    value = numbers.cardinal(int(significant), feminine=feminine)
     return " ".join([*["zéro"] * zeros, value])
 
 
@@ -248,6 +250,14 @@ def _any_of(words: Iterable[str]) -> str:
     return "|".join(sorted(map(re.escape, words), key=len, reverse=True))
 
 
+_SET_ASIDE = "\U00020000-\U0002ffff"
+"""Letters that stand for names which a capital shows (`synth.language.text.normalise`)."""
+
+
+def _is_word(word: str) -> bool:
+    return bool(lookup(word) or lookup_name(word))
+
+
 _INTEGER = r"\d{1,3}(?:[ .]\d{3})+(?!\d)|\d+"
 _N = rf"(?<![\w,.])(?P<n>{_INTEGER})(?:,(?P<f>\d+))?"
 _SCALE = r"(?:(?P<s>millions?|milliards?|milliers?) ?)?"
@@ -264,7 +274,12 @@ _PATTERNS: list[tuple[str, Reading]] = [
      lambda m: f" {say_integer(m[1])} jours sur {say_integer(m[2])} "),
     (r"(?<![\d,.])(\d) ?m ?(\d\d)(?![\w,.]\d|\w)", height),
     (r"\b([Ll]e|[Dd]u|[Aa]u) (\d{1,2})/(\d{1,2})(?![\d/])", short_date),
-    *((pattern, _fixed(said)) for pattern, said in ABBREVIATIONS),
+    *((pattern.replace("[A-ZÉ", f"[{_SET_ASIDE}A-ZÉ"), _fixed(said))
+      for pattern, said in ABBREVIATIONS),
+    (r"(?<=\d) ?[x×] ?(?=\d)", _fixed("fois")),
+    (rf"(?<![\w,.])(?P<n>{_INTEGER}) ?(?P<c>[€$£])(?P<f>\d\d)(?P<s>(?!))?(?!\d)", amount),
+    (r"(?<![\w'-])([B-DF-HJ-NP-TV-XZ])([A-Z][a-z]{2,})\b",
+     lambda m: f" {spell(m[1])} {m[2]}" if not _is_word(m[0].lower()) else m[0]),
     (r"(?<![\d,])(\d{1,2}) ?[hH] ?(\d\d)(?:(?: ?m| ?mn| ?min)? ?(\d\d) ?s)?(?: ?min| ?mn)?(?!\w)",
      hour),
     (r"(?<![\d,])(\d{1,2}) ?[hH](?!\w)()()", hour),
@@ -280,7 +295,6 @@ _PATTERNS: list[tuple[str, Reading]] = [
     (rf"{_N} ?(?P<u>{_any_of(UNITS)})(?![\w'])", unit),
     (r"(?<![\w/])(\d+)/(\d+)(?![\w/])", fraction),
     (r"\b([A-ZÉ][\w-]+|chapitre|tome|acte|scène|livre|siècle) ([IVXLCDM]+)\b", regnal),
-    (r"(?<=\d) ?[x×] ?(?=\d)", _fixed("fois")),
     (r"(?<![\w'-])[A-Z]{1,3}(?:-?\d+|\d+(?:[A-Z]{1,2}\d*)*|-\d+[A-Z]{1,2})"
      r"(?:-[A-Z]{1,2}\d+)?(?![\w%°])", mixed),
     (r"(?<=')[A-Z]{1,3}-?\d+(?:[A-Z]{1,2}\d*)*(?![\w%°])", mixed),

@@ -1,5 +1,7 @@
 """Tables of the French normaliser: abbreviations, units, currencies, sigles, letters, signs."""
 
+import re
+
 LETTER_NAMES = {
     "a": "a", "b": "bé", "c": "cé", "d": "dé", "e": "e", "f": "effe", "g": "gé", "h": "ache",
     "i": "i", "j": "ji", "k": "ka", "l": "elle", "m": "emme", "n": "enne", "o": "o", "p": "pé",
@@ -69,7 +71,11 @@ ABBREVIATIONS = (
     (r"\bP\.?-?S\.(?= ?:)", "post-scriptum"),
     (r"\bcie\b|\bCie\b", "compagnie"),
     (r"\b4 ?[xX×] ?4\b", "quatre-quatre"),
-    (r"(?<=\b(?:un|en|ce|le|du|de|au)) jean\b|(?<=\b[mts]on) jean\b", "djine"),
+    (
+        r"(?<=\b(?i:un|en|ce|le|du|de|au)) jean\b|(?<=\b[MTSmts]on) jean\b"
+        r"|(?<=\b(?i:notre|votre|vieux|petit)) jean\b",
+        "djine",
+    ),
     (r"\bjeans\b", "djine"),
 )
 """Regular expressions and what they are read as, tried in this order."""
@@ -115,6 +121,13 @@ UNITS = {
     "MHz": ("mégahertz", "mégahertz", False), "GHz": ("gigahertz", "gigahertz", False),
     "W": ("watt", "watts", False), "kW": ("kilowatt", "kilowatts", False),
     "MW": ("mégawatt", "mégawatts", False), "kWh": ("kilowatt heure", "kilowatt heures", False),
+    "hPa": ("hectopascal", "hectopascals", False), "Pa": ("pascal", "pascals", False),
+    "kPa": ("kilopascal", "kilopascals", False), "kcal": ("kilocalorie", "kilocalories", True),
+    "kV": ("kilovolt", "kilovolts", False), "GW": ("gigawatt", "gigawatts", False),
+    "TWh": ("térawatt heure", "térawatt heures", False), "dl": ("décilitre", "décilitres", False),
+    "GWh": ("gigawatt heure", "gigawatt heures", False),
+    "MWh": ("mégawatt heure", "mégawatt heures", False), "Mt": ("mégatonne", "mégatonnes", True),
+    "ch": ("cheval", "chevaux", False), "CV": ("cheval", "chevaux", False),
     "V": ("volt", "volts", False), "dB": ("décibel", "décibels", False),
     "Ko": ("kilo-octet", "kilo-octets", False), "Mo": ("méga-octet", "méga-octets", False),
     "Go": ("giga-octet", "giga-octets", False), "To": ("téra-octet", "téra-octets", False),
@@ -157,4 +170,9 @@ FEMININE_NOUNS = frozenset(
     "fois femme femmes fille filles année années semaine semaines journée journées page pages "
     "voiture voitures maison maisons chose choses raison raisons ville villes nuit nuits".split()
 )
-"""Nouns before which a number that ends in one says une."""
+"""Nouns before which a number that ends in one says une, beside those of `FEMININE_ENDING`."""
+
+FEMININE_ENDING = re.compile(
+    r".+(?:[tsg]ion|[^mv]ité|ette|[^l]ance|[lv]ence|euse|trice|ière|elle|enne|[cdtlvx]ure|esse|ade)s"
+)
+"""Endings of nouns that are feminine with few exceptions."""
