@@ -98,3 +98,78 @@ def agree(checks: dict[int, int], tags: dict[int, int], length: int) -> bool | N
             for at, value in enumerate(pivot):
                 row[at] ^= times(factor, value)
     return all(row[-1] == 0 for row in rows)
+
+
+def _bits(fields: list[int | None], width: int, at: int, count: int) -> int | None:
+    """Return some bits of a block's fields, None where one of these fields did not arrive (E21)."""
+    first, last = at // width, (at + count - 1) // width
+    value = 0
+    for arrived in fields[first : last + 1]:
+        if arrived is None:
+            return None
+        value = value << width | arrived
+    return value >> (last + 1) * width - at - count & (1 << count) - 1
+
+
+def _wrong(checks: dict[int, int], tags: dict[int, int], length: int) -> set[int] | None:
+    """Return the places of a block that its checks deny, None if too many were lost (E22)."""
+    found = agree(checks, tags, length) if any(checks.values()) else None
+    if found is not False:
+        return None if found is None else set()
+    for place in tags:
+        rest = {at: tag for at, tag in tags.items() if at != place}
+        lost = length - len(rest)
+        if len(checks) - 2 * lost >= 4 and agree(checks, rest, length):
+            return {place}
+    return set(tags)
+
+
+def statuses(
+    taken: dict[int, tuple[bytes, int, float]],
+    channel: bytes,
+    width: int,
+    end: bytes,
+    tolerance_s: float,
+) -> dict[int, str]:
+    """Return the status of each superframe that arrived, of one period, when all have (E22, E24).
+
+    `taken` has by public number what is covered, the field and the age at arrival in seconds.
+    A changed field is not looked for, only changed superframes of the block before.
+    """
+    length, count, quick = LAYOUTS[width]
+    period, blocks = min(taken) // PERIOD, PERIOD // length
+    keys: dict[int, bytes] = {}
+    known, fields = (-1, end), {}
+    for block in range(min(taken) // length, max(taken) // length + 1):
+        numbers = range(block * length, (block + 1) * length)
+        fields[block % blocks] = [taken[n][1] if n in taken else None for n in numbers]
+        sent = _bits(fields[block % blocks], width, 12 * count + 24, 48)
+        if sent is None:
+            continue
+        key = key_of_block(sent, channel, period, width, block % blocks, known)
+        if key is not None:
+            keys[block % blocks] = key
+            known = block % blocks, key
+    for block in range(known[0], min(fields), -1):
+        keys[block - 1] = before(keys[block], channel, period, width, block)
+    result = dict.fromkeys(taken, "unknown")
+    for block in sorted(keys):
+        begin = period * PERIOD + block * length
+        tags = {
+            n - begin: tag_of(taken[n][0], channel, keys[block], begin + length - n)
+            for n in range(begin - length, begin + length)
+            if n in taken
+        }
+        told = {j: _bits(fields[block], width, 12 * j, 12) for j in range(count)}
+        checks = {j: value for j, value in told.items() if value is not None}
+        earlier = {at + length: tag for at, tag in tags.items() if at < 0}
+        denied = _wrong(checks, earlier, length)
+        late = any(abs(taken[begin + at][2]) > tolerance_s for at in tags)
+        judged = {} if denied is None else {at - length: at not in denied for at in earlier}
+        quick_tag = _bits(fields[block], width, 12 * count, 24)
+        if quick in tags and quick_tag == tags[quick]:
+            judged[quick] = True
+        for at, agreed in judged.items():
+            if result[begin + at] != "verified":
+                result[begin + at] = "verified" if agreed and not late else "forged"
+    return result

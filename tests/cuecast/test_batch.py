@@ -104,7 +104,7 @@ def test_signed_batch(catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFix
     listed.write_text("programme,subtitles\none.flac,a.srt\n", encoding="utf-8")
     assert main(["batch", str(listed), "--out", str(tmp_path / "out"), *signed]) == 2
     assert "line 2: on_air: '' is no time such as" in capsys.readouterr().err
-    on_air = "2027-01-31T20:00:00Z"
+    on_air = "2027-01-31T20:01:04Z"  # a block's begin: its key is complete after 10.24 s
     rows = ["programme,subtitles,on_air", f"one.flac,a.srt,{on_air}"]
     listed.write_text("\n".join(rows), encoding="utf-8")
     assert run(listed, tmp_path / "out", *signed)[1][0]["status"] == "done"

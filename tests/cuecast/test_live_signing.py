@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.io import wavfile
 
-from codec.authentication.layout import number_at
+from codec.authentication.layout import LAYOUTS, number_at
 from codec.cuer.motion import Motion
 from codec.cuer.voice import load_voice
 from codec.superframe.encoder import SuperframeEncoder
@@ -17,7 +17,10 @@ from cuecast.demo.run import as_srt
 from cuecast.dubbing.signing import Source
 from cuecast.live.signing import LiveSigning
 
-ON_AIR_S, ON_AIR = 1_801_422_000.0, "2027-01-31T19:00:00Z"
+ON_AIR_S, ON_AIR = 1_801_422_176.0, "2027-01-31T19:02:56Z"
+BEGIN = 6
+"""Place in its block of the superframe that is due then: a block ends after 10 superframes, and the
+next one, with the checks of these, within `SECONDS`."""
 SECONDS = 18
 
 
@@ -47,7 +50,9 @@ def test_a_live_programme_is_verified(folder: Path, capsys: pytest.CaptureFixtur
     told = json.loads(capsys.readouterr().out)["authenticity"]
     assert told["status"] == "verified"
     assert told["superframes"]["forged"] == 0
-    assert told["superframes"]["verified"] >= 1  # by a quick tag: a block's checks come after it
+    length = LAYOUTS[9].block
+    assert round(number_at(ON_AIR_S)) % length == BEGIN
+    assert told["superframes"]["verified"] == length - BEGIN + 1  # and one by the second quick tag
 
 
 def test_a_secret_that_is_none(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
