@@ -78,6 +78,7 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
         "television": {"reception", "drawing", "media"},
         "live": {"reception", "media", "television"},
         "native": set(),
+        "web": {"drawing", "export", "native"},
     },
     "cuecast": {
         "command": set(),

@@ -28,7 +28,7 @@ from cuecast.command.progress import printable
 from cuecast.command.version import installed_version
 
 VERBS = (
-    "demo", "keys", "key", "synth", "capture", "encode", "decode", "inspect", "dub", "playout",
+    "demo", "keys", "key", "synth", "capture", "encode", "decode", "inspect", "dub", "playout", "page",
     "receive", "watch", "render", "compare", "evaluate", "batch", "voice",
     "conform", "warm",
 )  # fmt: skip

@@ -1,0 +1,1683 @@
+const $points = (() => {
+/**
+ * Point lights: one disc per marker on a transparent canvas, far discs smaller and first.
+ *
+ * The camera is `{centre: [x, y, z], height_mm, distance_mm}`: `centre` falls into the middle of
+ * the picture, `height_mm` fills its height, and depth shrinks by distance / (distance - depth).
+ */
+
+class PointLights {
+  constructor(canvas, model) {
+    this.canvas = canvas;
+    this.context = canvas.getContext("2d");
+    this.model = model;
+    this.order = Array.from(model.markers, (_, i) => i);
+    this.xy = new Float64Array(2 * model.markers.length);
+    this.scale = new Float64Array(model.markers.length);
+  }
+
+  /** Draw `markers` (3 numbers each); `look`: {alpha, mirror, handOnly, contrast, dot}. */
+  draw(markers, look) {
+    const { canvas, context } = this;
+    fit(canvas);
+    context.clearRect(0, 0, canvas.width, canvas.height);
+    if (look.alpha <= 0) return;
+    this.project(markers, look.mirror);
+    const order = this.order.sort((a, b) => markers[3 * a + 2] - markers[3 * b + 2]);
+    context.globalAlpha = look.alpha;
+    const radius = look.dot * canvas.height / 100;
+    if (look.contrast === "outline") {
+      context.fillStyle = "rgba(0,0,0,.85)";
+      this.discs(order, look, radius * 1.55);
+    }
+    for (const [colour, wanted] of this.groups(look)) {
+      context.fillStyle = colour;
+      this.discs(order, { handOnly: look.handOnly, wanted }, radius);
+    }
+  }
+
+  /** Colours with the markers that have them; the hand is drawn over the face. */
+  groups(look) {
+    const n = this.model.faceCount;
+    const face = look.contrast === "strong" ? "#ffffff" : "#eef0f6";
+    const hand = look.contrast === "strong" ? "#ffe14a" : "#ffd9a0";
+    return [[face, (i) => i < n], [hand, (i) => i >= n]];
+  }
+
+  discs(order, { handOnly, wanted }, radius) {
+    const { context, xy, scale } = this;
+    context.beginPath();
+    for (const i of order) {
+      if ((handOnly && i < this.model.faceCount) || (wanted && !wanted(i))) continue;
+      const r = radius * scale[i];
+      context.moveTo(xy[2 * i] + r, xy[2 * i + 1]);
+      context.arc(xy[2 * i], xy[2 * i + 1], r, 0, 2 * Math.PI);
+    }
+    context.fill();
+  }
+
+  project(markers, mirror) {
+    const { centre, height_mm, distance_mm } = this.model.camera;
+    const { width, height } = this.canvas;
+    const unit = height / height_mm;
+    const side = mirror ? -1 : 1;
+    for (let i = 0; i < this.scale.length; i++) {
+      const s = distance_mm / (distance_mm - (markers[3 * i + 2] - centre[2]));
+      this.scale[i] = s;
+      this.xy[2 * i] = width / 2 + side * (markers[3 * i] - centre[0]) * s * unit;
+      this.xy[2 * i + 1] = height / 2 - (markers[3 * i + 1] - centre[1]) * s * unit;
+    }
+  }
+}
+
+/** Give the canvas as many pixels as the screen shows of it. */
+function fit(canvas) {
+  const ratio = window.devicePixelRatio || 1;
+  const width = Math.max(1, Math.round(canvas.clientWidth * ratio));
+  const height = Math.max(1, Math.round(canvas.clientHeight * ratio));
+  if (canvas.width !== width) canvas.width = width;
+  if (canvas.height !== height) canvas.height = height;
+}
+return { PointLights, fit };
+})();
+
+const $avatar = (() => {
+/**
+ * The avatar: a skin that follows the markers, drawn with WebGL.
+ *
+ * A linear map gives a coarse mesh from the markers before head and forearm move them; a finer
+ * surface lies over it; the graphics processor moves both parts rigidly and lights them. The same
+ * numbers as `receiver.avatar`, the same light as `receiver.portrait`.
+ */
+
+const { fit } = $points;
+
+const KINDS = { f4: Float32Array, i2: Int16Array, u2: Uint16Array, u1: Uint8Array };
+const SHARE_UNIT = 252;
+const OFFSET_UNIT = 256;
+const ORIGIN = [0, 0, 0];
+/** Where the hand's shadows lie, and how dark each of them is: as in `receiver.portrait`. */
+const SHADOWS_MM = [[2, -3], [5, -6.5], [8, -10], [11, -13.5]];
+const SHADE = 0.1;
+
+const VERTEX = `
+attribute vec3 position, normal;
+attribute vec4 colour;
+attribute vec3 extra;
+uniform vec3 turn, shift, base, pivot, centre, beside;
+uniform vec3 frame;
+varying vec3 n;
+varying vec4 tint;
+varying float opacity;
+vec3 rotated(vec3 p, vec3 r) {
+  float a2 = dot(r, r);
+  float a = sqrt(a2);
+  float s = a < 1e-4 ? 1.0 - a2 / 6.0 : sin(a) / a;
+  float c = a < 1e-4 ? 0.5 - a2 / 24.0 : (1.0 - cos(a)) / a2;
+  vec3 once = cross(r, p);
+  return p + s * once + c * cross(r, once);
+}
+void main() {
+  vec3 r = turn * extra.y;
+  vec3 p = rotated(position - base, r) + shift * extra.z + pivot + beside - centre;
+  n = rotated(normal, r);
+  n.x *= frame.z;
+  tint = colour;
+  opacity = extra.x;
+  float w = 1.0 - p.z / frame.y;
+  gl_Position = vec4(vec3(frame.z * p.x * frame.x, p.y * 2.0, -p.z * w) / HEIGHT, w);
+}`;
+
+const FRAGMENT = `
+precision mediump float;
+varying vec3 n;
+varying vec4 tint;
+varying float opacity;
+uniform float alpha, shade;
+const vec3 KEY = vec3(-0.45102, 0.55125, 0.70159);
+const vec3 HALF = vec3(-0.24449, 0.29882, 0.92245);
+void main() {
+  vec3 m = normalize(n);
+  vec3 wrap = vec3(0.50, 0.32, 0.25);
+  vec3 lit = pow(clamp((dot(m, KEY) + wrap) / (1.0 + wrap), 0.0, 1.0), vec3(1.3));
+  float sky = 0.20 + 0.22 * (0.5 + 0.5 * m.y);
+  vec3 base = pow(tint.rgb, vec3(2.2));
+  vec3 rim = 0.36 * pow(max(1.0 - m.z, 0.0), 3.0) * vec3(0.8, 0.9, 1.0);
+  vec3 c = base * (lit * vec3(0.95, 0.912, 0.855) + sky * vec3(0.85, 0.975, 1.1) + rim);
+  c += tint.a * 0.5 * pow(max(dot(m, HALF), 0.0), 28.0);
+  float a = opacity * alpha;
+  if (a < 0.004) discard;
+  if (shade > 0.0) {
+    gl_FragColor = vec4(0.0, 0.0, 0.0, shade * opacity);
+    return;
+  }
+  gl_FragColor = vec4(pow(clamp(c, 0.0, 1.0), vec3(1.0 / 2.2)) * a, a);
+}`;
+
+/** Decode `/avatar.bin`: `{name: typed array}`. */
+function parseAvatar(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const arrays = {};
+  for (const [name, kind, offset, size] of header) arrays[name] = new KINDS[kind](buffer, 4 + length + offset, size);
+  return arrays;
+}
+
+/** Head or hand: markers to vertices and normals. */
+class Surface {
+  constructor(arrays, prefix) {
+    const part = (name) => arrays[`${prefix}_${name}`];
+    this.markers = part("markers");
+    this.rest = part("rest");
+    this.coefficients = part("coefficients");
+    this.basis = part("basis");
+    this.sources = part("sources");
+    this.triangles = part("triangles");
+    this.colours = part("colours");
+    this.shares = Float32Array.from(part("shares"), (share) => share / SHARE_UNIT);
+    this.offsets = Float32Array.from(part("offsets"), (offset) => offset / OFFSET_UNIT);
+    this.rank = this.coefficients.length / this.markers.length;
+    this.count = this.sources.length / 3;
+    this.control = Float32Array.from(this.rest);
+    this.position = new Float32Array(3 * this.count);
+    this.normal = new Float32Array(3 * this.count);
+    this.weight = new Float64Array(this.rank);
+    this.findMoving(arrays, prefix);
+    this.refine(Array.from({ length: this.count }, (_, i) => i));
+    this.turnNormals(this.triangles, new Uint8Array(this.count).fill(1));
+  }
+
+  /** Note which vertices the map moves at all; the others and their triangles are computed once. */
+  findMoving(arrays, prefix) {
+    const size = this.rest.length;
+    const moves = new Uint8Array(size / 3);
+    for (let r = 0; r < this.rank; r++) {
+      for (let i = 0; i < size; i++) if (Math.abs(this.basis[r * size + i]) > 2) moves[(i / 3) | 0] = 1;
+    }
+    if (prefix === "head") for (const vertex of arrays.blink_vertices) moves[vertex] = 1;
+    this.movingControl = Uint32Array.from(moves.keys()).filter((i) => moves[i]);
+    const carried = (i) => moves[this.sources[3 * i]] || moves[this.sources[3 * i + 1]] || moves[this.sources[3 * i + 2]];
+    this.isMoving = Uint8Array.from({ length: this.count }, (_, i) => (carried(i) ? 1 : 0));
+    this.moving = Uint32Array.from(this.isMoving.keys()).filter((i) => this.isMoving[i]);
+    const near = [];
+    for (let t = 0; t < this.triangles.length; t += 3) {
+      const corners = this.triangles.subarray(t, t + 3);
+      if (corners.some((i) => this.isMoving[i])) near.push(...corners);
+    }
+    this.movingTriangles = Uint16Array.from(near);
+  }
+
+  /** Bend the surface to `markers` (before their rigid motion). */
+  bend(markers, closed, lids, blink) {
+    const { weight, rank, coefficients, basis, rest, control, movingControl } = this;
+    weight.fill(0);
+    for (let i = 0; i < this.markers.length; i++) {
+      const moved = markers[i] - this.markers[i];
+      for (let r = 0, a = i * rank; r < rank; r++, a++) weight[r] += moved * coefficients[a];
+    }
+    const size = rest.length;
+    for (const vertex of movingControl) {
+      const j = 3 * vertex;
+      let x = rest[j];
+      let y = rest[j + 1];
+      let z = rest[j + 2];
+      for (let r = 0, a = j; r < rank; r++, a += size) {
+        x += weight[r] * basis[a];
+        y += weight[r] * basis[a + 1];
+        z += weight[r] * basis[a + 2];
+      }
+      control[j] = x;
+      control[j + 1] = y;
+      control[j + 2] = z;
+    }
+    if (closed > 0) {
+      for (let k = 0; k < lids.length; k++) {
+        for (let c = 0; c < 3; c++) control[3 * lids[k] + c] += closed * blink[3 * k + c];
+      }
+    }
+    this.refine(this.moving);
+    this.turnNormals(this.movingTriangles, this.isMoving);
+  }
+
+  /** Place the vertices of the surface over the coarse mesh. */
+  refine(which) {
+    const { control, sources, shares, offsets, position } = this;
+    for (const i of which) {
+      const j = 3 * i;
+      const a = 3 * sources[j];
+      const b = 3 * sources[j + 1];
+      const c = 3 * sources[j + 2];
+      const u = shares[j];
+      const v = shares[j + 1];
+      const w = shares[j + 2];
+      position[j] = u * control[a] + v * control[b] + w * control[c] + offsets[j];
+      position[j + 1] = u * control[a + 1] + v * control[b + 1] + w * control[c + 1] + offsets[j + 1];
+      position[j + 2] = u * control[a + 2] + v * control[b + 2] + w * control[c + 2] + offsets[j + 2];
+    }
+  }
+
+  /** Sum the area vectors of `triangles` at those of their corners that are `wanted` (1 or 0). */
+  turnNormals(triangles, wanted) {
+    const { position: p, normal } = this;
+    for (let i = 0, j = 0; j < normal.length; i++, j += 3) {
+      if (wanted[i] === 1) normal[j] = normal[j + 1] = normal[j + 2] = 0;
+    }
+    for (let t = 0; t < triangles.length; t += 3) {
+      const i = triangles[t];
+      const j = triangles[t + 1];
+      const k = triangles[t + 2];
+      const a = 3 * i;
+      const b = 3 * j;
+      const c = 3 * k;
+      const ax = p[a];
+      const ay = p[a + 1];
+      const az = p[a + 2];
+      const ux = p[b] - ax;
+      const uy = p[b + 1] - ay;
+      const uz = p[b + 2] - az;
+      const vx = p[c] - ax;
+      const vy = p[c + 1] - ay;
+      const vz = p[c + 2] - az;
+      const nx = uy * vz - uz * vy;
+      const ny = uz * vx - ux * vz;
+      const nz = ux * vy - uy * vx;
+      if (wanted[i] === 1) {
+        normal[a] += nx;
+        normal[a + 1] += ny;
+        normal[a + 2] += nz;
+      }
+      if (wanted[j] === 1) {
+        normal[b] += nx;
+        normal[b + 1] += ny;
+        normal[b + 2] += nz;
+      }
+      if (wanted[k] === 1) {
+        normal[c] += nx;
+        normal[c + 1] += ny;
+        normal[c + 2] += nz;
+      }
+    }
+  }
+}
+
+/** How far the eyes are closed, 0 to 1: the formula of `receiver.avatar.eyes_closed`. */
+function eyesClosed(timeS) {
+  const number = Math.floor(timeS / 4);
+  const noise = Math.sin(number * 12.9898) * 43758.5453;
+  const middle = 4 * number + 0.7 + 2.6 * (noise - Math.floor(noise));
+  const part = Math.max(0, 1 - Math.abs(timeS - middle) / 0.11);
+  return part * part * (3 - 2 * part);
+}
+
+class AvatarView {
+  /** Build on a canvas; throws where WebGL is missing. */
+  constructor(canvas, model, arrays) {
+    this.canvas = canvas;
+    this.model = model;
+    this.lids = arrays.blink_vertices;
+    this.blink = arrays.blink;
+    this.gl = canvas.getContext("webgl", { alpha: true, antialias: true, stencil: true, premultipliedAlpha: true });
+    if (!this.gl) throw new Error("WebGL is missing");
+    this.program = link(this.gl, VERTEX.replace("HEIGHT", model.camera.height_mm.toFixed(3)), FRAGMENT);
+    this.head = this.upload(new Surface(arrays, "head"), arrays.head_weights);
+    this.hand = this.upload(new Surface(arrays, "hand"), null);
+  }
+
+  upload(surface, weights) {
+    const { gl } = this;
+    const count = surface.count;
+    const colour = new Uint8Array(4 * count);
+    const extra = new Float32Array(3 * count);
+    for (let i = 0; i < count; i++) {
+      for (let k = 0; k < 4; k++) colour[4 * i + k] = surface.colours[5 * i + k];
+      extra[3 * i] = surface.colours[5 * i + 4] / 255;
+      extra[3 * i + 1] = weights ? weights[2 * i] : 1;
+      extra[3 * i + 2] = weights ? weights[2 * i + 1] : 1;
+    }
+    const buffer = (target, data, usage) => {
+      const made = gl.createBuffer();
+      gl.bindBuffer(target, made);
+      gl.bufferData(target, data, usage);
+      return made;
+    };
+    return {
+      surface,
+      position: buffer(gl.ARRAY_BUFFER, surface.position, gl.DYNAMIC_DRAW),
+      normal: buffer(gl.ARRAY_BUFFER, surface.normal, gl.DYNAMIC_DRAW),
+      colour: buffer(gl.ARRAY_BUFFER, colour, gl.STATIC_DRAW),
+      extra: buffer(gl.ARRAY_BUFFER, extra, gl.STATIC_DRAW),
+      index: buffer(gl.ELEMENT_ARRAY_BUFFER, surface.triangles, gl.STATIC_DRAW),
+    };
+  }
+
+  /** Draw the model as it was last reconstructed; `look`: {alpha, mirror, handOnly}. */
+  draw(timeS, look) {
+    const { gl, canvas, model, program } = this;
+    fit(canvas);
+    gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    if (look.alpha <= 0) return;
+    this.head.surface.bend(model.faceShape, eyesClosed(timeS), this.lids, this.blink);
+    this.hand.surface.bend(model.handShape, 0);
+    gl.useProgram(program.handle);
+    gl.enable(gl.DEPTH_TEST);
+    gl.enable(gl.CULL_FACE);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.frontFace(look.mirror ? gl.CW : gl.CCW);
+    gl.uniform3fv(program.uniforms.centre, model.camera.centre);
+    const wide = 2 * canvas.height / canvas.width;
+    gl.uniform3f(program.uniforms.frame, wide, model.camera.distance_mm, look.mirror ? -1 : 1);
+    gl.uniform1f(program.uniforms.alpha, look.alpha);
+    gl.uniform3fv(program.uniforms.beside, ORIGIN);
+    gl.uniform1f(program.uniforms.shade, 0);
+    // The face model keeps its points in the world, the hand model about its pivot.
+    if (!look.handOnly) {
+      this.choosePart(this.head, model.headMotion, model.face.pivot, model.face.pivot);
+      this.drawPart(this.head);
+    }
+    this.choosePart(this.hand, model.handMotion, ORIGIN, model.hand.pivot);
+    if (!look.handOnly) this.castShadow(this.hand, look.mirror ? -1 : 1);
+    this.drawPart(this.hand);
+  }
+
+  /** Set the part to be drawn: its place and its vertices. */
+  choosePart(part, motion, base, pivot) {
+    const { gl, program } = this;
+    gl.uniform3f(program.uniforms.turn, motion[0], motion[1], motion[2]);
+    gl.uniform3f(program.uniforms.shift, motion[3], motion[4], motion[5]);
+    gl.uniform3fv(program.uniforms.base, base);
+    gl.uniform3fv(program.uniforms.pivot, pivot);
+    const bind = (name, buffer, size, type, normalised, data) => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      if (data) gl.bufferSubData(gl.ARRAY_BUFFER, 0, data);
+      gl.enableVertexAttribArray(program.attributes[name]);
+      gl.vertexAttribPointer(program.attributes[name], size, type, normalised, 0, 0);
+    };
+    bind("position", part.position, 3, gl.FLOAT, false, part.surface.position);
+    bind("normal", part.normal, 3, gl.FLOAT, false, part.surface.normal);
+    bind("colour", part.colour, 4, gl.UNSIGNED_BYTE, true);
+    bind("extra", part.extra, 3, gl.FLOAT, false);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, part.index);
+  }
+
+  drawPart(part) {
+    const { gl } = this;
+    gl.drawElements(gl.TRIANGLES, part.surface.triangles.length, gl.UNSIGNED_SHORT, 0);
+  }
+
+  /** Darken what lies behind silhouettes of the part: each pixel once per silhouette. */
+  castShadow(part, side) {
+    const { gl, program } = this;
+    gl.depthMask(false);
+    gl.enable(gl.STENCIL_TEST);
+    gl.stencilFunc(gl.EQUAL, 0, 0xff);
+    gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
+    gl.blendFuncSeparate(gl.ZERO, gl.ONE_MINUS_SRC_ALPHA, gl.ZERO, gl.ONE);
+    gl.uniform1f(program.uniforms.shade, SHADE);
+    for (const [x, y] of SHADOWS_MM) {
+      gl.clear(gl.STENCIL_BUFFER_BIT);
+      gl.uniform3f(program.uniforms.beside, side * x, y, 0);
+      this.drawPart(part);
+    }
+    gl.uniform3fv(program.uniforms.beside, ORIGIN);
+    gl.uniform1f(program.uniforms.shade, 0);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.disable(gl.STENCIL_TEST);
+    gl.depthMask(true);
+  }
+}
+
+function link(gl, vertex, fragment) {
+  const handle = gl.createProgram();
+  for (const [type, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+    const shader = gl.createShader(type);
+    gl.shaderSource(shader, source);
+    gl.compileShader(shader);
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+    gl.attachShader(handle, shader);
+  }
+  gl.linkProgram(handle);
+  if (!gl.getProgramParameter(handle, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(handle));
+  const names = (list, find) => {
+    const found = {};
+    for (const name of list) found[name] = find.call(gl, handle, name);
+    return found;
+  };
+  return {
+    handle,
+    attributes: names(["position", "normal", "colour", "extra"], gl.getAttribLocation),
+    uniforms: names(["turn", "shift", "base", "pivot", "centre", "frame", "alpha", "beside", "shade"], gl.getUniformLocation),
+  };
+}
+return { parseAvatar, Surface, eyesClosed, AvatarView };
+})();
+
+const $clock = (() => {
+/**
+ * The programme's clock as the viewer sees it: the media time of the picture that stands on the
+ * screen when what is drawn now appears there, one refresh later.
+ *
+ * While the video plays, presented frames tell their media time and the instant at which they
+ * appear; between them the clock runs at the playback rate. When frames fail to come it goes on
+ * with `currentTime`, which stands still when the media ran dry, and keeps the distance that both
+ * had before. Without any frames (paused, no picture, an old browser) it is `currentTime`.
+ */
+
+const STALE_MS = 80;
+const DISTANCE_SHARE = 0.1;
+const USUAL_REFRESH_MS = 1000 / 60;
+const FASTEST_REFRESH_MS = 4;
+
+class ProgrammeClock {
+  constructor(video) {
+    this.video = video;
+    this.frame = null;
+    this.distanceS = 0;
+    this.refreshMs = USUAL_REFRESH_MS;
+    this.beforeMs = NaN;
+    for (const name of ["seeking", "pause", "ratechange", "emptied"]) {
+      video.addEventListener(name, () => this.forget());
+    }
+    if (video.requestVideoFrameCallback) this.follow();
+  }
+
+  forget() {
+    this.frame = null;
+    this.distanceS = 0;
+  }
+
+  follow() {
+    this.video.requestVideoFrameCallback((now, metadata) => {
+      if (!this.video.paused && !this.video.seeking) {
+        this.frame = { mediaS: metadata.mediaTime, shownMs: metadata.expectedDisplayTime };
+      }
+      this.follow();
+    });
+  }
+
+  /** Media time in seconds for what is drawn at `nowMs`, the page's time of this refresh. */
+  at(nowMs) {
+    const { video, frame } = this;
+    const step = nowMs - this.beforeMs;
+    this.beforeMs = nowMs;
+    // Late refreshes take several periods: only the shorter ones say what the period is.
+    if (step > FASTEST_REFRESH_MS && step < 1.5 * this.refreshMs) this.refreshMs += 0.1 * (step - this.refreshMs);
+    if (!frame || video.paused || video.seeking) return video.currentTime;
+    const agoMs = nowMs - frame.shownMs;
+    if (agoMs > STALE_MS) return video.currentTime + this.distanceS;
+    const timeS = frame.mediaS + Math.max(0, agoMs + this.refreshMs) / 1000 * video.playbackRate;
+    this.distanceS += DISTANCE_SHARE * (timeS - video.currentTime - this.distanceS);
+    return timeS;
+  }
+}
+return { ProgrammeClock };
+})();
+
+const $keys = (() => {
+/** The numbers of hand placements, as `codec.score.PLACEMENTS` orders them. */
+
+const PLACEMENT_NUMBER = { rest: 0, side: 1, mouth: 2, chin: 3, cheek: 4, throat: 5 };
+
+/**
+ * Share of a stroke after which the hand is nearer to the new key than to the old one: where the
+ * fingers alone change, which run ahead, where the place alone does, and where both do.
+ */
+const CROSSED = { shape: 0.36, place: 0.56, both: 0.42 };
+
+/** Share of the consonant in a key of two phones, as cuers speak. */
+const CONSONANT = 0.5;
+
+/** Share of the way to rest at which the hand shows its key no more. */
+const GONE = 0.3;
+
+/** A time before any that occurs, seconds. */
+const LONG_AGO_S = -1e6;
+
+const REST = { shape: 0, placement: "rest", leave: LONG_AGO_S, reach: LONG_AGO_S };
+
+/**
+ * The hand's strokes to `keys`, in order: each key's `{shape, placement, leave, reach}`, seconds.
+ *
+ * The rule of `codec.superframe.resynthesis.movements`; `movement` has the voice's constants of
+ * `codec.cuer.movement` and `places`, where its hand is for each key, mm.
+ */
+function strokesTo(keys, movement) {
+  const strokes = [];
+  let last = REST;
+  keys.forEach((key, i) => {
+    const before = keys[i - 1];
+    const gap = before ? key.start - before.end : Infinity;
+    const rested = gap >= movement.rest_gap_s;
+    const lead = rested ? Math.min(movement.first_lead_s, gap / 2) : 0;
+    if (rested && before) last = strokeToRest(before, last, key.start - lead, movement);
+    const way = distance(last, key, movement.places);
+    const leave = key.start - (rested ? lead : leadOf(key.start - before.start, way, movement));
+    const lag = key.phones.length > 1 ? movement.lag_share * CONSONANT * (key.end - key.start) : 0;
+    last = strokeTo(key, last, leave, key.start + lag, way, movement);
+    strokes.push(last);
+  });
+  return strokes;
+}
+
+/** When the hand begins to show the key of a stroke, seconds: it runs ahead of the lips. */
+function shownFrom(stroke, before = REST) {
+  const turns = stroke.shape !== before.shape;
+  const goes = stroke.placement !== before.placement;
+  const share = CROSSED[turns && goes ? "both" : goes ? "place" : "shape"];
+  return stroke.leave + share * (stroke.reach - stroke.leave);
+}
+
+/** When the hand shows a key no more, if it goes to rest after it, seconds. */
+function shownUntil(key, stroke, movement) {
+  const rest = strokeToRest(key, stroke, Infinity, movement);
+  return rest.leave + GONE * (rest.reach - rest.leave);
+}
+
+function leadOf(apart, way, movement) {
+  const quick = Math.min(apart, movement.hurried_s);
+  const most = movement.most_lead_s + movement.lead_s_per_mm * way;
+  const lead = movement.lead_share * quick + movement.calm_share * (apart - quick);
+  return Math.max(Math.min(lead, most), movement.least_lead_s);
+}
+
+function strokeTo({ shape, placement }, last, leave, target, way, movement) {
+  const least = 1.875 * way / (1000 * movement.fastest_m_s);
+  leave = Math.max(Math.min(leave, target - least), freeAfter(last, movement));
+  const late = Math.min(leave + least, target + movement.late_s);
+  return { shape, placement, leave, reach: Math.max(target, late, leave + movement.shortest_s) };
+}
+
+function strokeToRest(key, last, until, movement) {
+  const leave = Math.max(key.end + movement.rest_delay_s, freeAfter(last, movement));
+  const reach = Math.max(Math.min(leave + movement.rest_move_s, until), leave + movement.shortest_s);
+  return { ...REST, leave, reach };
+}
+
+function freeAfter(stroke, movement) {
+  return stroke.reach - movement.overlap * (stroke.reach - stroke.leave);
+}
+
+function distance(one, other, places) {
+  const from = places[6 * one.shape + PLACEMENT_NUMBER[one.placement]];
+  const to = places[6 * other.shape + PLACEMENT_NUMBER[other.placement]];
+  return Math.hypot(to[0] - from[0], to[1] - from[1], to[2] - from[2]);
+}
+return { PLACEMENT_NUMBER, strokesTo, shownFrom, shownUntil };
+})();
+
+const $model = (() => {
+/**
+ * The cuer's body from her parameters: the 113 markers in millimetres, as the paper's algorithms
+ * P3DF and P3DH give them (Gibert, Bailly, Elisei 2004, section 3) and as `codec.voice` computes them.
+ */
+
+/** Decode base64 of little-endian float64. */
+function matrix(encoded) {
+  const text = atob(encoded);
+  const bytes = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+  return new Float64Array(bytes.buffer);
+}
+
+/** out = mean + x * axes, x at `offset` of params, axes (n, out.length) row by row. */
+function affine(mean, axes, params, offset, out) {
+  const width = out.length;
+  const n = axes.length / width;
+  out.set(mean);
+  for (let i = 0; i < n; i++) {
+    const x = params[offset + i];
+    for (let j = 0, a = i * width; j < width; j++, a++) out[j] += x * axes[a];
+  }
+}
+
+/** Rotation matrix (row by row, 9 numbers) of the rotation vector `x, y, z` in radians: Rodrigues. */
+function rotation(x, y, z, out) {
+  const squared = x * x + y * y + z * z;
+  const angle = Math.sqrt(squared);
+  const s = angle < 1e-6 ? 1 - squared / 6 : Math.sin(angle) / angle;
+  const c = angle < 1e-6 ? 0.5 - squared / 24 : (1 - Math.cos(angle)) / squared;
+  out[0] = 1 - c * (y * y + z * z);
+  out[1] = c * x * y - s * z;
+  out[2] = c * x * z + s * y;
+  out[3] = c * x * y + s * z;
+  out[4] = 1 - c * (x * x + z * z);
+  out[5] = c * y * z - s * x;
+  out[6] = c * x * z - s * y;
+  out[7] = c * y * z + s * x;
+  out[8] = 1 - c * (x * x + y * y);
+  return out;
+}
+
+/** Turn x, y, z by `r`, then add the translation and the pivot, into `to[j..j+2]`. */
+function move(r, x, y, z, tx, ty, tz, pivot, to, j) {
+  to[j] = r[0] * x + r[1] * y + r[2] * z + tx + pivot[0];
+  to[j + 1] = r[3] * x + r[4] * y + r[5] * z + ty + pivot[1];
+  to[j + 2] = r[6] * x + r[7] * y + r[8] * z + tz + pivot[2];
+}
+
+class VoiceModel {
+  /** Build from the document of `/voice.json`. */
+  constructor(document) {
+    this.identity = document.identity;
+    this.layout = document.layout;
+    this.markers = document.markers;
+    this.camera = document.camera;
+    this.aspect = document.aspect;
+    this.movement = document.movement;
+    this.pointing = document.pointing;
+    this.gestures = decoded(document.gestures);
+    this.face = decoded(document.face);
+    this.hand = decoded(document.hand);
+    this.faceCount = document.face_markers;
+    this.handCount = this.markers.length - this.faceCount;
+    const count = (prefix) => this.layout.filter((name) => name.startsWith(prefix)).length;
+    this.offsets = { face: 0, hand: count("face."), head: 0, forearm: 0 };
+    this.offsets.head = this.offsets.hand + count("hand.");
+    this.offsets.forearm = this.offsets.head + count("head.");
+    this.placementCount = this.movement.places.length / this.pointing.length;
+    this.headMotion = new Float64Array(6);
+    this.handMotion = new Float64Array(6);
+    this.faceShape = new Float64Array(3 * this.faceCount);
+    this.angles = new Float64Array(this.hand.angle_mean.length);
+    this.handShape = new Float64Array(3 * this.handCount);
+    this.r = new Float64Array(9);
+  }
+
+  /** The parameters of a hand that holds a key: numbers of shape and placement; the head is at rest. */
+  target(shape, placement) {
+    const { shapes, forearms, head } = this.gestures;
+    const { hand, head: headAt, forearm } = this.offsets;
+    const params = new Float64Array(this.layout.length);
+    const width = params.length - forearm;
+    const key = shape * this.placementCount + placement;
+    params.set(shapes.subarray(shape * (headAt - hand), (shape + 1) * (headAt - hand)), hand);
+    params.set(head, headAt);
+    params.set(forearms.subarray(key * width, (key + 1) * width), forearm);
+    return params;
+  }
+
+  /** Write x, y, z of all markers, face then hand, into `out` (3 numbers a marker). */
+  reconstruct(params, out) {
+    this.reconstructFace(params, out);
+    this.reconstructHand(params, out);
+    return out;
+  }
+
+  reconstructFace(params, out) {
+    const { mean, directions, pivot, motion_mean, motion_directions, weights } = this.face;
+    const { headMotion: m, faceShape: p, r } = this;
+    affine(motion_mean, motion_directions, params, this.offsets.head, m);
+    affine(mean, directions, params, this.offsets.face, p);
+    for (let i = 0; i < this.faceCount; i++) {
+      const w = weights.subarray(6 * i, 6 * i + 6);
+      const j = 3 * i;
+      rotation(m[0] * w[0], m[1] * w[1], m[2] * w[2], r);
+      move(r, p[j] - pivot[0], p[j + 1] - pivot[1], p[j + 2] - pivot[2],
+        m[3] * w[3], m[4] * w[4], m[5] * w[5], pivot, out, j);
+    }
+  }
+
+  reconstructHand(params, out) {
+    const { angle_mean, angle_directions, regression, pivot, motion_mean, motion_directions } = this.hand;
+    const { handMotion: m, handShape: p, angles, r } = this;
+    affine(motion_mean, motion_directions, params, this.offsets.forearm, m);
+    affine(angle_mean, angle_directions, params, this.offsets.hand, angles);
+    const width = p.length;
+    const count = angles.length;
+    for (let j = 0; j < width; j++) p[j] = regression[j];
+    for (let i = 0; i < count; i++) {
+      const c = Math.cos(angles[i]);
+      const s = Math.sin(angles[i]);
+      const a = (1 + i) * width;
+      const b = (1 + count + i) * width;
+      for (let j = 0; j < width; j++) p[j] += c * regression[a + j] + s * regression[b + j];
+    }
+    rotation(m[0], m[1], m[2], r);
+    for (let j = 0; j < width; j += 3) {
+      move(r, p[j], p[j + 1], p[j + 2], m[3], m[4], m[5], pivot, out, 3 * this.faceCount + j);
+    }
+  }
+}
+
+function decoded(arrays) {
+  const out = {};
+  for (const name of Object.keys(arrays)) out[name] = matrix(arrays[name]);
+  return out;
+}
+return { rotation, VoiceModel };
+})();
+
+const $hand = (() => {
+/** Which key the drawn hand shows: the nearest of the voice's hand shapes and placements. */
+
+const { PLACEMENT_NUMBER } = $keys;
+const { rotation } = $model;
+
+const PLACEMENTS = Object.keys(PLACEMENT_NUMBER);
+
+/** The placement at which shapes are compared: every shape occurs there. */
+const SIDE = PLACEMENT_NUMBER.side;
+
+class HandReader {
+  /** @param model a `VoiceModel`, whose gesture table tells its targets */
+  constructor(model) {
+    this.model = model;
+    const numbers = (pattern) => model.markers.flatMap((name, i) => (pattern.test(name) ? [3 * i] : []));
+    this.tips = numbers(/^F\dT$/);
+    this.anchors = [...this.tips, ...numbers(/^K\d$/)];
+    this.pointing = model.pointing.map((name) => 3 * model.markers.indexOf(name));
+    this.form = new Float64Array(this.tips.length * this.anchors.length);
+    this.turn = new Float64Array(9);
+    this.forms = [];
+    this.places = [];
+    const markers = new Float64Array(3 * model.markers.length);
+    model.pointing.forEach((_name, shape) => {
+      this.places.push(PLACEMENTS.map((_place, placement) => {
+        model.reconstruct(model.target(shape, placement), markers);
+        if (placement === SIDE) this.forms.push(Float64Array.from(this.formOf(markers)));
+        return this.pointedAt(shape, markers);
+      }));
+    });
+  }
+
+  /** The key `{shape, placement}` that is nearest to the markers that `model` has just reconstructed. */
+  read(markers) {
+    const form = this.formOf(markers);
+    const shape = nearest(this.forms, form);
+    return { shape, placement: PLACEMENTS[nearest(this.places[shape], this.pointedAt(shape, markers))] };
+  }
+
+  /** What a hand's shape is told by, wherever it is: distances between finger tips, and from them to the knuckles. */
+  formOf(markers) {
+    let n = 0;
+    for (const a of this.tips) {
+      for (const b of this.anchors) {
+        this.form[n++] = Math.hypot(markers[a] - markers[b], markers[a + 1] - markers[b + 1], markers[a + 2] - markers[b + 2]);
+      }
+    }
+    return this.form;
+  }
+
+  /** Where the pointing finger of a shape is for a head at rest, mm. */
+  pointedAt(shape, markers) {
+    const { headMotion: m, face } = this.model;
+    const r = rotation(m[0], m[1], m[2], this.turn);
+    const [x, y, z] = [0, 1, 2].map((i) => markers[this.pointing[shape] + i] - m[3 + i] - face.pivot[i]);
+    return [0, 1, 2].map((i) => r[i] * x + r[3 + i] * y + r[6 + i] * z + face.pivot[i]);
+  }
+}
+
+/** Index of the row that is nearest to `point`. */
+function nearest(rows, point) {
+  let best = 0;
+  let least = Infinity;
+  rows.forEach((row, number) => {
+    let sum = 0;
+    for (let i = 0; i < row.length; i++) sum += (row[i] - point[i]) ** 2;
+    if (sum < least) [best, least] = [number, sum];
+  });
+  return best;
+}
+return { HandReader };
+})();
+
+const $stage = (() => {
+/** What stands over the picture: the cuer's inset, the line of keys, the state of reception. */
+
+const { PLACEMENT_NUMBER } = $keys;
+
+const HEIGHTS = { small: 0.36, medium: 0.5, large: 0.72, whole: 1 };
+const MARGIN = 0.025;
+/** Share of the bar's upper padding that is only its fading edge. */
+const BAR_FADE = 0.7;
+
+class Stage {
+  constructor(document) {
+    const find = (id) => document.getElementById(id);
+    this.root = find("stage");
+    this.video = find("programme");
+    this.inset = find("inset");
+    this.bar = find("bar");
+    this.keysLine = find("keys");
+    this.status = find("status");
+    this.statusText = find("status-text");
+    this.toast = find("toast");
+    this.shownKeys = "";
+  }
+
+  /** The rectangle that the picture fills inside the stage (letterboxed), in CSS pixels. */
+  picture() {
+    const { clientWidth: width, clientHeight: height } = this.root;
+    const ratio = this.video.videoWidth ? this.video.videoWidth / this.video.videoHeight : width / height;
+    const shown = Math.min(width, height * ratio);
+    return { left: (width - shown) / 2, top: (height - shown / ratio) / 2, width: shown, height: shown / ratio };
+  }
+
+  /** Place the inset over the picture; a programme without picture leaves the stage to the cuer. */
+  arrange(settings, aspect) {
+    const alone = this.video.readyState > 0 && !this.video.videoWidth;
+    const whole = alone || settings.get("size") === "whole";
+    const box = this.picture();
+    const height = whole ? box.height : box.height * HEIGHTS[settings.get("size")];
+    const width = whole ? box.width : height * aspect;
+    const margin = whole ? 0 : MARGIN * box.height;
+    const [vertical, horizontal] = settings.get("place").split("-");
+    const left = whole ? box.left : horizontal === "left" ? box.left + margin : box.left + box.width - margin - width;
+    const top = whole ? box.top : vertical === "top" ? box.top + margin : box.top + box.height - margin - height;
+    Object.assign(this.inset.style, { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` });
+    this.inset.dataset.contrast = settings.get("contrast");
+    this.inset.dataset.alone = alone;
+    this.inset.dataset.place = whole ? "whole" : settings.get("place");
+    this.inset.style.setProperty("--backdrop", 0.82 * settings.get("opacity") / 100);
+    this.clearBar(whole ? 0 : top + height);
+    this.inset.hidden = false;
+  }
+
+  /** Tell the style how high the bar of controls is, and how far it would cover the inset. */
+  clearBar(insetBottom) {
+    const clear = this.root.clientHeight - this.bar.offsetHeight + BAR_FADE * parseFloat(getComputedStyle(this.bar).paddingTop);
+    this.root.style.setProperty("--clear", `${this.root.clientHeight - clear}px`);
+    this.inset.style.setProperty("--lift", `${Math.min(0, clear - insetBottom)}px`);
+  }
+
+  /** Show the keys around the present one: phones above, placement and shape as the paper prints them. */
+  showKeys({ keys, now }, words) {
+    const line = keys.map((key) => `${key.start}`).join() + now + words.rest;
+    if (line === this.shownKeys) return;
+    this.shownKeys = line;
+    this.keysLine.textContent = "";
+    keys.forEach((key, index) => {
+      const item = document.createElement("li");
+      const phones = document.createElement("b");
+      const code = document.createElement("small");
+      phones.textContent = key.phones.join("") || "·";
+      code.textContent = `${PLACEMENT_NUMBER[key.placement]}${key.shape} ${words[key.placement]}`;
+      if (index === now) item.className = "now";
+      item.append(phones, code);
+      this.keysLine.append(item);
+    });
+  }
+
+  /** `whose`: what is known of who speaks, `{status, of}`, or null where nobody asked. */
+  showStatus(state, words, whose) {
+    this.status.dataset.state = state;
+    this.status.dataset.whose = whose ? whose.status : "";
+    let text = words[state];
+    if (whose) text += ` · ${words[whose.status]}${whose.status === "verified" ? ` (${whose.of})` : ""}`;
+    if (whose && Math.abs(whose.age_s) >= 1) text += ` · ${Math.round(whose.age_s)} s`;
+    if (this.statusText.textContent !== text) this.statusText.textContent = text;
+  }
+
+  /** Without a cuer there is no box: the programme is seen whole. */
+  showCuer(present) {
+    this.inset.classList.toggle("empty", !present);
+  }
+
+  /** A word that passes: what a key press did. */
+  say(text) {
+    this.toast.textContent = text;
+    this.toast.hidden = false;
+    clearTimeout(this.toastTimer);
+    this.toastTimer = setTimeout(() => { this.toast.hidden = true; }, 1400);
+  }
+}
+return { Stage };
+})();
+
+const $texts = (() => {
+/** Every word on the page, in French and English. */
+
+const TEXTS = {
+  fr: {
+    cuer: "Codeuse en langue française parlée complétée", keysLine: "Clés codées", controls: "Commandes",
+    play: "Lecture", pause: "Pause", stepBack: "Image précédente", stepForward: "Image suivante",
+    seek: "Position dans le programme", speed: "Vitesse", style: "Style de la codeuse", handOnly: "Main seule",
+    settings: "Réglages", full: "Plein écran", keyboard: "Clavier et télécommande",
+    points: "Points", avatar: "Avatar", place: "Emplacement", size: "Taille", mirror: "Gaucher (miroir)",
+    opacity: "Opacité", contrast: "Contraste", keys: "Afficher les clés", language: "Langue", dot: "Taille des points",
+    "bottom-right": "En bas à droite", "bottom-left": "En bas à gauche", "top-right": "En haut à droite",
+    "top-left": "En haut à gauche", small: "Petite", medium: "Moyenne", large: "Grande", whole: "Plein cadre",
+    panel: "Fond sombre", outline: "Contour, sans fond", strong: "Fort contraste",
+    connecting: "Connexion…", searching: "Recherche de la codeuse…", locked: "Codeuse reçue",
+    degraded: "Réception affaiblie", lost: "Signal perdu", ended: "Fin du programme",
+    offline: "Récepteur injoignable", crowded: "Trop de pages regardent déjà",
+    verified: "authentique", unknown: "origine inconnue", forged: "falsifiée", unsigned: "non signée", failed: "Lecture impossible", awaiting: "En attente de la codeuse",
+    recoded: "Image recodée pour ce navigateur", unseen: "Image illisible, son et codeuse seuls",
+    "help-play": "lecture ou pause", "help-seek": "reculer, avancer de 5 s", "help-step": "image par image",
+    "help-speed": "moins vite, plus vite", "help-style": "points ou avatar", "help-hand": "main seule",
+    "help-place": "changer de coin", "help-size": "changer de taille", "help-mirror": "miroir", "help-focus": "aller aux commandes",
+    "help-keys": "clés", "help-full": "plein écran", "help-language": "English", "help-settings": "ces réglages",
+    green: "vert", red: "rouge", yellow: "jaune", blue: "bleu",
+    rest: "repos", side: "côté", mouth: "bouche", chin: "menton", cheek: "pommette", throat: "gorge",
+  },
+  en: {
+    cuer: "Cuer in French Cued Speech", keysLine: "Keys being cued", controls: "Controls",
+    play: "Play", pause: "Pause", stepBack: "Previous picture", stepForward: "Next picture",
+    seek: "Position in the programme", speed: "Speed", style: "Style of the cuer", handOnly: "Hand only",
+    settings: "Settings", full: "Full screen", keyboard: "Keyboard and remote control",
+    points: "Points", avatar: "Avatar", place: "Place", size: "Size", mirror: "Left-handed (mirror)",
+    opacity: "Opacity", contrast: "Contrast", keys: "Show the keys", language: "Language", dot: "Size of the points",
+    "bottom-right": "Bottom right", "bottom-left": "Bottom left", "top-right": "Top right",
+    "top-left": "Top left", small: "Small", medium: "Medium", large: "Large", whole: "Whole frame",
+    panel: "Dark panel", outline: "Outline, no panel", strong: "Strong contrast",
+    connecting: "Connecting…", searching: "Searching for the cuer…", locked: "Cuer received",
+    degraded: "Weak reception", lost: "Signal lost", ended: "End of the programme",
+    offline: "Receiver unreachable", crowded: "Too many pages are watching",
+    verified: "authentic", unknown: "origin unknown", forged: "forged", unsigned: "not signed", failed: "Cannot play the programme", awaiting: "Waiting for the cuer",
+    recoded: "Picture recoded for this browser", unseen: "Picture cannot be shown, sound and cuer only",
+    "help-play": "play or pause", "help-seek": "5 s back, forward", "help-step": "picture by picture",
+    "help-speed": "slower, faster", "help-style": "points or avatar", "help-hand": "hand only",
+    "help-place": "next corner", "help-size": "next size", "help-mirror": "mirror", "help-focus": "go to the controls",
+    "help-keys": "keys", "help-full": "full screen", "help-language": "français", "help-settings": "these settings",
+    green: "green", red: "red", yellow: "yellow", blue: "blue",
+    rest: "rest", side: "side", mouth: "mouth", chin: "chin", cheek: "cheek", throat: "throat",
+  },
+};
+
+/** Name every control in `language`: accessible names, tooltips and headings. */
+function label(root, language) {
+  const words = TEXTS[language];
+  root.lang = language;
+  for (const element of root.querySelectorAll("[data-name]")) {
+    element.setAttribute("aria-label", words[element.dataset.name]);
+    if (element.tagName === "BUTTON") element.title = words[element.dataset.name];
+  }
+  for (const element of root.querySelectorAll("[data-text]")) element.textContent = words[element.dataset.text];
+  return words;
+}
+return { TEXTS, label };
+})();
+
+const $timeline = (() => {
+/**
+ * The cuer's parameters over the programme's clock: pieces of motion in any order, sampled anywhere.
+ *
+ * A piece is `{startS, rateHz, count, width, frames, concealed, layers}`; `frames` holds
+ * count x width numbers. Pieces that join within half a frame are interpolated across the joint.
+ */
+
+const { shownFrom, shownUntil, strokesTo } = $keys;
+
+const HOLD_S = 0.35;
+const FADE_S = 0.45;
+const KEPT_S = 300;
+
+/** How far from the present keys can bear on what the hand shows, seconds. */
+const NEAR_S = 4;
+
+/** How far the drawn hand may be ahead of its clock or behind, seconds. */
+const SLACK_S = 0.25;
+
+class Timeline {
+  /** @param movement constants of the voice's hand, from `/voice.json` */
+  constructor(movement) {
+    this.movement = movement;
+    this.pieces = [];
+    this.clear();
+  }
+
+  clear() {
+    this.pieces.length = 0;
+    this.keys = [];
+    this.states = [];
+  }
+
+  /** Note a change of state `{time_s, state}`; what was known of later times is out of date. */
+  insertState(change) {
+    this.states = this.states.filter((known) => known.time_s < change.time_s);
+    this.states.push(change);
+  }
+
+  /** The state of reception at `timeS`; undefined before the first. */
+  stateAt(timeS) {
+    let state;
+    for (const change of this.states) if (change.time_s <= timeS) state = change.state;
+    return state;
+  }
+
+  /** Insert a piece; one that covers the same time is replaced if the new one is at least as good. */
+  insert(piece) {
+    const half = 0.5 * piece.count / piece.rateHz;
+    const low = this.indexAfter(piece.startS - half);
+    while (low < this.pieces.length && this.pieces[low].startS < piece.startS + half) {
+      if (this.pieces[low].layers > piece.layers) return;
+      this.pieces.splice(low, 1);
+    }
+    this.pieces.splice(low, 0, piece);
+  }
+
+  /** Add keys, each once: the key that starts at the same hundredth of a second is replaced. */
+  insertKeys(keys) {
+    for (const key of keys) {
+      const low = this.keys.findIndex((known) => known.start > key.start - 0.01);
+      if (low < 0) this.keys.push(key);
+      else this.keys.splice(low, Math.abs(this.keys[low].start - key.start) < 0.01 ? 1 : 0, key);
+    }
+  }
+
+  /** Forget what lies further than five minutes from `timeS`: memory does not grow with the programme. */
+  prune(timeS) {
+    const near = (start) => Math.abs(start - timeS) < KEPT_S;
+    if (this.pieces.length && !(near(this.pieces[0].startS) && near(this.pieces[this.pieces.length - 1].startS))) {
+      this.pieces = this.pieces.filter((piece) => near(piece.startS));
+      this.keys = this.keys.filter((key) => near(key.start));
+      this.states = this.states.slice(-100);
+    }
+  }
+
+  /** Index of the first piece that starts after `timeS`. */
+  indexAfter(timeS) {
+    let low = 0;
+    let high = this.pieces.length;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (this.pieces[middle].startS <= timeS) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+
+  /** Seconds of motion known without a break from `timeS` on. */
+  knownFrom(timeS) {
+    let index = this.indexAfter(timeS) - 1;
+    let end = timeS;
+    for (; index >= 0 && index < this.pieces.length; index++) {
+      const piece = this.pieces[index];
+      if (piece.startS > end + 0.5 / piece.rateHz) break;
+      end = Math.max(end, piece.startS + piece.count / piece.rateHz);
+    }
+    return end - timeS;
+  }
+
+  /**
+   * Write the parameters at `timeS` into `out` by cubic interpolation.
+   *
+   * Returns the visibility of the cuer, 0 to 1: inside known motion 1; behind its end the last
+   * frame is held and then faded out; 0 where nothing is known (`out` is then left alone).
+   */
+  sample(timeS, out) {
+    const index = this.indexAfter(timeS) - 1;
+    if (index < 0) return 0;
+    const piece = this.pieces[index];
+    const position = (timeS - piece.startS) * piece.rateHz;
+    const late = position / piece.rateHz - piece.count / piece.rateHz;
+    if (late > HOLD_S + FADE_S) return 0;
+    const at = Math.min(Math.floor(position), piece.count - 1);
+    const x = Math.min(position - at, late > 0 ? 0 : 1);
+    cubic(this.row(index, at - 1), this.row(index, at), this.row(index, at + 1), this.row(index, at + 2), x, out);
+    return late <= HOLD_S ? 1 : 1 - (late - HOLD_S) / FADE_S;
+  }
+
+  /** Frame `at` counted from piece `index`, from its neighbours where they join, else the nearest. */
+  row(index, at) {
+    let piece = this.pieces[index];
+    const other = at < 0 ? this.pieces[index - 1] : at >= piece.count ? this.pieces[index + 1] : undefined;
+    if (other && other.width === piece.width && other.rateHz === piece.rateHz) {
+      const first = at < 0 ? other : piece;
+      const second = at < 0 ? piece : other;
+      const error = (second.startS - first.startS) * piece.rateHz - first.count;
+      if (Math.abs(error) < 0.5) {
+        at = at < 0 ? other.count + at : at - piece.count;
+        piece = other;
+      }
+    }
+    const kept = Math.max(0, Math.min(piece.count - 1, at));
+    return piece.frames.subarray(kept * piece.width, (kept + 1) * piece.width);
+  }
+
+  /**
+   * The keys around `timeS`: `{keys, now}`, `now` an index or -1 at rest.
+   *
+   * The present key is the one that the hand shows, which runs ahead of the sound: by the clock of
+   * the voice's hand, and by `hand`, the key that the drawn hand is nearest to, if it is told.
+   */
+  keysAround(timeS, before, after, hand = null) {
+    const near = this.keys.filter((key) => Math.abs(key.start - timeS) < NEAR_S);
+    const { next, gone } = this.byTheClock(near, timeS, hand);
+    const present = gone ? next : next - 1;
+    const low = Math.max(0, present - before);
+    const keys = near.slice(low, present + after + 1).filter((key) => Math.abs(key.start - timeS) < 3);
+    return { keys, now: gone ? -1 : keys.indexOf(near[present]) };
+  }
+
+  /** How many of the keys have been shown at `timeS`, and whether the hand has left the last one. */
+  byTheClock(near, timeS, hand) {
+    const strokes = strokesTo(near, this.movement);
+    const from = strokes.map((stroke, i) => shownFrom(stroke, strokes[i - 1]));
+    let next = from.findIndex((startS) => startS > timeS);
+    if (next < 0) next = near.length;
+    const shows = (i) => hand && near[i] && near[i].shape === hand.shape && near[i].placement === hand.placement;
+    if (!shows(next - 1)) {
+      if (shows(next) && from[next] - timeS < SLACK_S) next += 1;
+      else if (shows(next - 2) && timeS - from[next - 1] < SLACK_S) next -= 1;
+    }
+    const shown = near[next - 1];
+    const following = near[next];
+    const rests = !following || following.start - shown?.end >= this.movement.rest_gap_s;
+    const gone = !shown || (rests && !shows(next - 1) && timeS > shownUntil(shown, strokes[next - 1], this.movement));
+    return { next, gone };
+  }
+}
+
+/** Catmull-Rom interpolation between rows b and c at x in 0..1. */
+function cubic(a, b, c, d, x, out) {
+  const x2 = x * x;
+  const x3 = x2 * x;
+  const wa = 0.5 * (-x3 + 2 * x2 - x);
+  const wb = 0.5 * (3 * x3 - 5 * x2 + 2);
+  const wc = 0.5 * (-3 * x3 + 4 * x2 + x);
+  const wd = 0.5 * (x3 - x2);
+  for (let i = 0; i < out.length; i++) out[i] = wa * a[i] + wb * b[i] + wc * c[i] + wd * d[i];
+}
+return { HOLD_S, FADE_S, Timeline };
+})();
+
+const $hearing = (() => {
+/**
+ * Hearing of a media element: its sound goes through a worklet to the decoder's worker.
+ *
+ * The sound is rerouted only where the page may hear it and the audio context runs: otherwise the
+ * browser would mute the programme. A reroute cannot be undone, so it is kept per media element.
+ */
+
+const SETTLED = 15;
+const KEPT = 240;
+const QUIET_DBFS = -120;
+const QUIET_S = 4;
+const SEARCHED_S = 10;
+const WAKE_MS = 3000;
+
+/** Media element to `{context, source}`: a source can be made once. */
+const rerouted = new WeakMap();
+
+/** Why the page may not hear `media`: a name of `REASONS`, or "" if it may. */
+function obstacle(media) {
+  if (!media) return "no-media";
+  if (typeof AudioWorkletNode === "undefined") return "no-worklet";
+  if (typeof WebAssembly === "undefined") return "no-module";
+  const address = media.currentSrc || media.src;
+  if (address && !address.startsWith("data:") && !media.crossOrigin) {
+    if (new URL(address, location.href).origin !== location.origin) return "other-origin";
+  }
+  return "";
+}
+
+class Hearing {
+  /** `files`: {module, voice, worklet, worker}; `handlers`: heard(message, offsetS), reason(name, text). */
+  constructor(media, files, handlers) {
+    this.media = media;
+    this.files = files;
+    this.handlers = handlers;
+    this.segment = 0;
+    this.offsets = [];
+    this.hearing = false;
+    this.opened = null;
+    this.locked = false;
+    this.listeners = [
+      ["playing", () => this.begin()], ["pause", () => this.stop()], ["seeking", () => this.stop()],
+      ["seeked", () => { if (!media.paused) this.begin(); }], ["waiting", () => this.stop()],
+      ["ratechange", () => this.begin()], ["volumechange", () => this.checkMuted()], ["emptied", () => this.stop()],
+    ];
+    for (const [name, listener] of this.listeners) media.addEventListener(name, listener);
+    if (!media.paused && media.readyState > 2) this.begin();
+  }
+
+  /** Hear from now on, if the page may. */
+  async begin() {
+    this.stop();
+    const { media } = this;
+    if (media.paused) return;
+    const reason = obstacle(media);
+    if (reason) return this.handlers.reason(reason);
+    if (media.playbackRate !== 1) return this.handlers.reason("speed");
+    try {
+      this.opened ??= this.open();
+      await this.opened;
+    } catch (error) {
+      this.opened = null;
+      return this.handlers.reason(error.reason || "failed", error.message);
+    }
+    if (media.paused || media.seeking || media.playbackRate !== 1) return;
+    this.segment += 1;
+    this.offsets = [];
+    this.locked = false;
+    this.hearing = true;
+    this.quietS = 0;
+    this.handlers.reason(this.checkMuted() ? "muted" : "");
+    this.worker.postMessage({ type: "hear", segment: this.segment, fromS: this.context.currentTime });
+  }
+
+  stop() {
+    if (this.hearing) this.worker.postMessage({ type: "stop" });
+    this.hearing = false;
+  }
+
+  checkMuted() {
+    const muted = this.media.muted || this.media.volume === 0;
+    if (this.hearing && muted) this.handlers.reason("muted");
+    return muted;
+  }
+
+  /** Reroute the sound and start the worker; rejects with `reason`, having changed nothing. */
+  async open() {
+    const known = rerouted.get(this.media);
+    const context = known ? known.context : new AudioContext();
+    await Promise.race([context.resume(), new Promise((done) => setTimeout(done, WAKE_MS))]);
+    if (context.state !== "running") {
+      if (!known) context.close();
+      throw because("asleep");
+    }
+    const { module, voice, worklet, worker } = this.files;
+    try {
+      if (!known) await context.audioWorklet.addModule(worklet);
+      this.worker = new Worker(worker, { type: "module" });
+    } catch (error) {
+      if (!known) context.close();
+      throw because("no-files", error.message);
+    }
+    const { port1, port2 } = new MessageChannel();
+    this.worker.onmessage = ({ data }) => this.receive(data);
+    this.worker.onerror = (event) => this.handlers.reason("failed", event.message);
+    this.worker.postMessage({ type: "open", module, voice, rateHz: context.sampleRate, channels: 2, port: port1 }, [port1]);
+    const node = new AudioWorkletNode(context, "cuecast-hearing", { numberOfOutputs: 0 });
+    node.port.postMessage(port2, [port2]);
+    const source = known ? known.source : context.createMediaElementSource(this.media);
+    source.connect(node);
+    if (!known) source.connect(context.destination);
+    rerouted.set(this.media, { context, source });
+    Object.assign(this, { context, source, node });
+  }
+
+  receive(message) {
+    if (message.type === "failed") return this.handlers.reason("failed", message.text);
+    if (message.segment !== this.segment || this.offsets.length < SETTLED) {
+      if (message.segment === this.segment) this.keep(message);
+      return;
+    }
+    this.judge(message);
+    for (const kept of this.kept.splice(0)) this.handlers.heard(kept, this.offset());
+    this.handlers.heard(message, this.offset());
+  }
+
+  /** Hold back what came before the clock was known. */
+  keep(message) {
+    if (this.keptOf !== this.segment) this.kept.length = 0;
+    this.keptOf = this.segment;
+    this.kept.push(message);
+  }
+
+  kept = [];
+
+  /** Tell why nothing is received although the programme plays. */
+  judge({ events, diagnosis }) {
+    if (events.some((event) => event.kind === "unreadable")) this.handlers.reason("other-voice");
+    if (diagnosis.superframes && !this.locked) {
+      this.locked = true;
+      this.handlers.reason("");
+    }
+    if (this.locked || this.checkMuted()) return;
+    if (Math.max(...diagnosis.levelsDbfs) < QUIET_DBFS) {
+      if (diagnosis.heardS > QUIET_S) this.handlers.reason("silence");
+    } else if (diagnosis.heardS > SEARCHED_S) this.handlers.reason("no-mark");
+  }
+
+  /** Note how media time and the context's time stand to each other; call at each refresh. */
+  tick() {
+    if (!this.hearing || this.media.seeking || this.media.paused) return;
+    this.offsets.push(this.media.currentTime - this.context.currentTime);
+    if (this.offsets.length > KEPT) this.offsets.shift();
+  }
+
+  /** Media time less the context's time, seconds: the median, as both clocks go in steps. */
+  offset() {
+    const sorted = [...this.offsets].sort((a, b) => a - b);
+    return sorted[sorted.length >> 1];
+  }
+
+  close() {
+    for (const [name, listener] of this.listeners) this.media.removeEventListener(name, listener);
+    this.stop();
+    this.worker?.terminate();
+    if (this.node) this.source.disconnect(this.node);
+  }
+}
+
+function because(reason, text = "") {
+  return Object.assign(new Error(text || reason), { reason });
+}
+return { obstacle, Hearing };
+})();
+
+const $reasons = (() => {
+/** Why there is no cuer: every reason that a player can give, in the page's languages. */
+
+const REASONS = {
+  "no-media": {
+    en: "There is no <video> or <audio> inside the player.",
+    fr: "Le lecteur ne contient ni <video> ni <audio>.",
+  },
+  "other-origin": {
+    en: "The programme comes from another site, and a page may not hear such sound. Serve it from the page's own site, or with Access-Control-Allow-Origin and crossorigin=\"anonymous\".",
+    fr: "Le programme vient d'un autre site : la page n'a pas le droit d'en entendre le son.",
+  },
+  "no-worklet": {
+    en: "This browser has no AudioWorklet here: it needs https or localhost.",
+    fr: "Ce navigateur n'offre pas AudioWorklet ici : il faut https ou localhost.",
+  },
+  "no-module": {
+    en: "This browser cannot run the receiver (WebAssembly with SIMD).",
+    fr: "Ce navigateur ne peut pas exécuter le récepteur (WebAssembly avec SIMD).",
+  },
+  "no-files": {
+    en: "Files of the player are missing: cuecast.wasm, voice.bin and voice.json belong beside its script.",
+    fr: "Des fichiers du lecteur manquent à côté de son script.",
+  },
+  asleep: {
+    en: "The browser lets the page hear only after a click or a key press.",
+    fr: "Le navigateur attend un clic ou une touche avant de laisser la page entendre.",
+  },
+  muted: {
+    en: "The programme is muted: the cuer travels in its sound.",
+    fr: "Le son est coupé, et la codeuse voyage dans le son.",
+  },
+  speed: {
+    en: "At another speed than 1 the cuer cannot be heard; cues heard before are still shown.",
+    fr: "À une autre vitesse que 1, la codeuse n'est pas reçue ; ce qui fut reçu reste visible.",
+  },
+  silence: {
+    en: "The programme plays, but the page hears silence: it has no sound, or a redirection to another site.",
+    fr: "Le programme joue, mais la page n'entend que du silence.",
+  },
+  "no-mark": {
+    en: "There is sound, but no cuer was found in it so far.",
+    fr: "Il y a du son, mais aucune codeuse n'y a été trouvée.",
+  },
+  "other-voice": {
+    en: "The programme has a cuer of another voice or of another version of the format.",
+    fr: "La codeuse de ce programme est d'une autre voix ou d'une autre version.",
+  },
+  failed: {
+    en: "The receiver failed; the console has its words.",
+    fr: "Le récepteur a échoué ; la console dit pourquoi.",
+  },
+};
+return { REASONS };
+})();
+
+const $style = (() => {
+const STYLE = ":host {\n  --ink: #f3f1ec;\n  --soft: #a9aab4;\n  --faint: rgba(255, 255, 255, .12);\n  --ground: #07080b;\n  --glass: rgba(14, 16, 22, .82);\n  --accent: #f5b85b;\n  --good: #6fd39a;\n  --bad: #f0716b;\n  font: 16px/1.4 system-ui, \"Segoe UI\", Roboto, \"DejaVu Sans\", sans-serif;\n  color: var(--ink);\n  background: var(--ground);\n}\n* { box-sizing: border-box; }\n[hidden] { display: none !important; }\nhtml, body { height: 100vh; height: 100dvh; margin: 0; overflow: hidden; }\nbutton, input, select { font: inherit; color: inherit; }\n:focus-visible { outline: 3px solid var(--accent); outline-offset: 2px; }\n\n.stage { position: relative; width: 100%; height: 100%; background: radial-gradient(120% 90% at 50% 35%, #14161d 0, var(--ground) 75%); }\n.stage.quiet { cursor: none; }\n.programme { position: absolute; inset: 0; width: 100%; height: 100%; object-fit: contain; }\n\n.inset { position: absolute; overflow: hidden; border-radius: 1.1vmin; pointer-events: none; transition: left .25s, top .25s, width .25s, height .25s, transform .3s; }\n.inset[data-contrast=\"panel\"] { background: rgba(5, 6, 9, var(--backdrop, .82)); box-shadow: 0 .6vmin 2.4vmin rgba(0, 0, 0, .45), inset 0 0 0 1px rgba(255, 255, 255, .08); }\n.inset[data-contrast=\"strong\"] { background: #000; box-shadow: 0 0 0 2px var(--accent); }\n.stage:not(.quiet) .inset[data-place^=\"bottom\"] { transform: translateY(var(--lift, 0)); }\n.inset[data-alone=\"true\"] { background: none; box-shadow: none; }\n.layer { position: absolute; inset: 0; width: 100%; height: 100%; }\n.inset.empty { visibility: hidden; }\n\n.status { position: absolute; top: 2.4vmin; left: 2.4vmin; margin: 0; padding: .45em .95em; display: flex; align-items: center; gap: .6em; border-radius: 2em; background: var(--glass); font-size: clamp(12px, 1.9vmin, 20px); transition: opacity .4s; }\n.lamp { width: .7em; height: .7em; border-radius: 50%; background: var(--soft); }\n.status[data-state=\"searching\"] .lamp, .status[data-state=\"awaiting\"] .lamp { background: var(--accent); animation: breathe 1.2s ease-in-out infinite; }\n.status[data-state=\"locked\"] .lamp { background: var(--good); }\n.status[data-state=\"degraded\"] .lamp { background: var(--accent); }\n.status[data-state=\"lost\"] .lamp { background: var(--bad); }\n.status[data-state=\"ended\"] .lamp { background: var(--soft); }\n.quiet .status[data-state=\"locked\"] { opacity: 0; }\n@keyframes breathe { 50% { opacity: .3; } }\n\n.keys { position: absolute; left: 50%; transform: translateX(-50%); bottom: 5vmin; margin: 0; padding: 0; display: flex; gap: .5em; list-style: none; font-size: clamp(14px, 3.1vmin, 34px); transition: bottom .25s; }\n.stage:not(.quiet) .keys { bottom: var(--clear, 17vmin); }\n.keys li { min-width: 2.9em; padding: .2em .6em .3em; text-align: center; background: var(--glass); border-radius: .35em; color: var(--soft); }\n.keys li b { display: block; font-weight: 600; letter-spacing: .04em; }\n.keys li small { display: block; font-size: .5em; letter-spacing: .02em; }\n.keys li.now { color: #14100a; background: var(--accent); }\n\n.toast { position: absolute; top: 2.4vmin; right: 2.4vmin; margin: 0; padding: .5em 1em; border-radius: .5em; background: var(--glass); font-size: clamp(13px, 2.2vmin, 24px); }\n\n.bar { position: absolute; left: 0; right: 0; bottom: 0; padding: 6vmin 3vmin 2.2vmin; background: linear-gradient(transparent, rgba(5, 6, 9, .88) 55%); transition: opacity .3s, transform .3s; }\n.quiet .bar { opacity: 0; transform: translateY(2vmin); pointer-events: none; }\n.row { display: flex; align-items: center; gap: .6em; margin-top: .5em; font-size: clamp(13px, 2vmin, 22px); }\n.gap { flex: 1; }\n.button { min-width: 2.6em; height: 2.4em; padding: 0 .8em; border: 0; border-radius: .55em; background: var(--faint); cursor: pointer; transition: background .15s; }\n.button:hover { background: rgba(255, 255, 255, .22); }\n.button[aria-pressed=\"true\"] { background: var(--accent); color: #14100a; }\n.button svg { display: block; width: 1.05em; height: 1.05em; margin: auto; fill: currentColor; }\n.wide { min-width: 6em; }\n.clock { padding: 0 .5em; color: var(--soft); font-variant-numeric: tabular-nums; }\n.seek { width: 100%; margin: 0; height: 1.2em; accent-color: var(--accent); cursor: pointer; }\n\n.panel { position: absolute; right: 3vmin; bottom: 15vmin; width: min(34em, 94vw); max-height: 78vh; overflow: auto; padding: 1.1em 1.4em 1.3em; border-radius: .9em; background: rgba(16, 18, 25, .96); box-shadow: 0 1vmin 5vmin rgba(0, 0, 0, .6), inset 0 0 0 1px rgba(255, 255, 255, .07); font-size: clamp(13px, 1.9vmin, 20px); }\n.panel h2 { margin: .2em 0 .6em; font-size: 1em; font-weight: 600; color: var(--accent); letter-spacing: .02em; }\n.panel h2:not(:first-child) { margin-top: 1.2em; }\n.choices { display: grid; grid-template-columns: 1fr 1.5fr; gap: .55em 1em; align-items: center; }\n.choices label { color: var(--soft); }\n.choices select, .choices input[type=\"range\"] { width: 100%; }\n.choices select { padding: .3em .5em; border: 0; border-radius: .4em; background: #272a34; }\n.choices input[type=\"range\"] { accent-color: var(--accent); }\n.choices input[type=\"checkbox\"] { width: 1.3em; height: 1.3em; accent-color: var(--accent); }\n.help { display: grid; grid-template-columns: auto 1fr auto 1fr; gap: .25em .9em; font-size: .92em; margin: 0; color: var(--soft); }\n.help dt { color: var(--ink); white-space: nowrap; }\n.help dd { margin: 0; }\n@media (max-width: 40em) {\n  .row { flex-wrap: wrap; }\n  .row .gap { display: none; }\n  .wide { min-width: 5em; }\n  .keys { max-width: 98vw; }\n  .help { grid-template-columns: auto 1fr; }\n  .toast { top: auto; bottom: 40vh; left: 50%; right: auto; transform: translateX(-50%); width: max-content; max-width: 90vw; }\n}\n@media (prefers-reduced-motion: reduce) { * { transition: none !important; animation: none !important; } }\n\n:host { display: block; position: relative; }\n:host([hidden]) { display: none; }\n.stage { height: auto; }\n.stage.quiet { cursor: auto; }\n.stage.sound { aspect-ratio: 16 / 9; display: flex; align-items: flex-end; }\n::slotted(video) { display: block; width: 100%; }\n::slotted(audio) { width: 100%; }\n.status { pointer-events: none; max-width: 90%; }\n.keys { pointer-events: none; }\n";
+return { STYLE };
+})();
+
+const $element = (() => {
+/**
+ * `<cuecast-player>`: draws the cuer over the `<video>` or `<audio>` inside it.
+ *
+ *     <script type="module" src="cuecast-player.js"></script>
+ *     <cuecast-player><video src="programme.mp4" controls></video></cuecast-player>
+ */
+
+const { AvatarView, parseAvatar } = $avatar;
+const { ProgrammeClock } = $clock;
+const { HandReader } = $hand;
+const { VoiceModel } = $model;
+const { PointLights } = $points;
+const { Stage } = $stage;
+const { TEXTS } = $texts;
+const { Timeline } = $timeline;
+const { Hearing, obstacle } = $hearing;
+const { REASONS } = $reasons;
+const { STYLE } = $style;
+
+const BODY = `<div id="stage" class="stage quiet" part="stage"><slot></slot>
+<div id="inset" class="inset empty" part="inset"><canvas id="points" class="layer" role="img" part="cuer"></canvas>
+<canvas id="avatar" class="layer" role="img" part="cuer" hidden></canvas></div>
+<p id="status" class="status" role="status" aria-live="polite" part="status"><span class="lamp" aria-hidden="true"></span><span id="status-text"></span></p>
+<ol id="keys" class="keys" part="keys" hidden></ol><p id="toast" hidden></p><div id="bar"></div></div>`;
+
+/** What stands in an attribute, with what holds without it; a flag is there or not. */
+const CHOICES = { look: "avatar", place: "bottom-right", size: "medium", contrast: "panel", opacity: "100" };
+const FLAGS = { keys: "keys", mirror: "mirror", handOnly: "hand-only" };
+const DOT = 0.62;
+const PRUNE_MS = 5000;
+
+/** Data of the player by folder, fetched once a page. */
+const loaded = new Map();
+
+async function load(base) {
+  const get = async (name, needed = true) => {
+    const answer = await fetch(new URL(name, base));
+    if (!answer.ok && needed) throw new Error(`${name}: ${answer.status}`);
+    return answer.ok ? answer.arrayBuffer() : null;
+  };
+  const [module, voice, document, avatar] = await Promise.all(
+    [get("cuecast.wasm"), get("voice.bin"), get("voice.json"), get("avatar.bin", false)],
+  );
+  return { module, voice, document: JSON.parse(new TextDecoder().decode(document)), arrays: avatar && parseAvatar(avatar) };
+}
+
+class CuecastPlayer extends HTMLElement {
+  static observedAttributes = [...Object.keys(CHOICES), ...Object.values(FLAGS), "lang"];
+
+  constructor() {
+    super();
+    const root = this.attachShadow({ mode: "open" });
+    const style = document.createElement("style");
+    style.textContent = STYLE;
+    const body = document.createElement("template");
+    body.innerHTML = BODY;
+    root.append(style, body.content);
+    this.stage = new Stage(root);
+    this.reception = "searching";
+    this.reason = "";
+    this.scene = "";
+    this.serial = 0;
+    root.querySelector("slot").addEventListener("slotchange", () => { if (this.isConnected) this.open(); });
+  }
+
+  /** Folder of the player's files. */
+  get base() {
+    return new URL(this.getAttribute("base") || ".", this.hasAttribute("base") ? document.baseURI : import.meta.url).href;
+  }
+
+  get media() {
+    return /** @type {HTMLMediaElement | null} */ (this.querySelector("video, audio"));
+  }
+
+  /** Keys known so far around the present time: {start, end, shape, placement, phones}, media seconds. */
+  get keys() {
+    return this.timeline ? [...this.timeline.keys] : [];
+  }
+
+  connectedCallback() {
+    this.open();
+  }
+
+  disconnectedCallback() {
+    this.serial += 1;
+    this.hearing?.close();
+    this.hearing = null;
+    this.opened = null;
+    cancelAnimationFrame(this.refresh);
+    clearInterval(this.pruning);
+    this.sizes?.disconnect();
+  }
+
+  attributeChangedCallback() {
+    if (this.model) this.arrange();
+  }
+
+  /** A setting by the television's name for it. */
+  get(name) {
+    if (name in FLAGS) return this.hasAttribute(FLAGS[name]);
+    return this.getAttribute(name) || CHOICES[name];
+  }
+
+  words() {
+    return TEXTS[(this.lang || document.documentElement.lang || "en").slice(0, 2)] || TEXTS.en;
+  }
+
+  async open() {
+    const { media } = this;
+    if (media && this.opened === media) return;
+    this.disconnectedCallback();
+    const serial = this.serial;
+    this.opened = media;
+    if (!media) return this.because(obstacle(media));
+    this.stage.video = media;
+    try {
+      if (!loaded.has(this.base)) loaded.set(this.base, load(this.base));
+      const data = await loaded.get(this.base);
+      if (serial === this.serial) this.start(media, data);
+    } catch (error) {
+      loaded.delete(this.base);
+      this.because("no-files", error.message);
+    }
+  }
+
+  start(media, { module, voice, document, arrays }) {
+    this.model = new VoiceModel(document);
+    this.reader = new HandReader(this.model);
+    this.timeline = new Timeline(this.model.movement);
+    this.params = new Float64Array(this.model.layout.length);
+    this.markers = new Float64Array(3 * this.model.markers.length);
+    const find = (id) => this.shadowRoot.getElementById(id);
+    this.points ??= new PointLights(find("points"), this.model);
+    this.avatar ??= arrays && this.buildAvatar(find("avatar"), arrays);
+    this.points.model = this.model;
+    if (this.avatar) this.avatar.model = this.model;
+    this.clock = new ProgrammeClock(media);
+    const files = { module, voice, worklet: new URL("worklet.js", this.base), worker: new URL("worker.js", this.base) };
+    this.hearing = new Hearing(media, files, {
+      heard: (message, offsetS) => this.take(message, offsetS),
+      reason: (name, text) => this.because(name, text),
+    });
+    this.sizes = new ResizeObserver(() => this.arrange());
+    this.sizes.observe(this);
+    for (const name of ["loadedmetadata", "resize"]) media.addEventListener(name, () => this.arrange());
+    media.addEventListener("emptied", () => this.timeline.clear());
+    this.pruning = setInterval(() => this.timeline.prune(media.currentTime), PRUNE_MS);
+    this.arrange();
+    this.refresh = requestAnimationFrame((now) => this.tick(now));
+  }
+
+  buildAvatar(canvas, arrays) {
+    try {
+      return new AvatarView(canvas, this.model, arrays);
+    } catch (error) {
+      console.warn(`cuecast: no avatar: ${error.message}`);
+      return null;
+    }
+  }
+
+  showsAvatar() {
+    return Boolean(this.avatar) && this.get("look") === "avatar";
+  }
+
+  /** Bring the layout in line with attributes and size. */
+  arrange() {
+    const sound = this.stage.video.readyState > 0 && !this.stage.video.videoWidth;
+    this.stage.root.classList.toggle("sound", sound);
+    this.stage.arrange(this, this.model.aspect);
+    this.avatar && (this.avatar.canvas.hidden = !this.showsAvatar());
+    this.points.canvas.hidden = this.showsAvatar();
+    this.stage.keysLine.hidden = !this.get("keys");
+    for (const view of [this.points, this.avatar]) view?.canvas.setAttribute("aria-label", this.words().cuer);
+    this.scene = "";
+  }
+
+  /** Take what was heard; `offsetS` leads from the audio context's time to the media's. */
+  take({ events, pieces, diagnosis }, offsetS) {
+    this.diagnosis = diagnosis;
+    for (const piece of pieces) this.timeline.insert({ ...piece, startS: piece.startS + offsetS });
+    for (const event of events) {
+      const timeS = event.timeS + offsetS;
+      if (event.kind === "key") this.takeKey(event, timeS);
+      else if (event.kind === "state") this.tellState(event.state);
+      else if (event.kind === "lost") this.tell("lost", { time: timeS, count: event.count });
+      else if (event.kind === "proof") this.takeProof(event, timeS);
+    }
+  }
+
+  takeKey({ durationS, shape, placement, phones, final }, start) {
+    const key = { start, end: start + durationS, shape, placement, phones };
+    const { timeline } = this;
+    const covers = (known) => Math.min(known.end, key.end) - Math.max(known.start, key.start) > 0.5 * (known.end - known.start);
+    timeline.keys = timeline.keys.filter((known) => Math.abs(known.start - start) > 0.01 && !covers(known));
+    if (durationS > 0) timeline.insertKeys([key]);
+    if (final && durationS > 0) this.tell("key", key);
+  }
+
+  takeProof(event, timeS) {
+    this.whose = { status: event.status, of: event.of };
+    if (event.status === "verified") this.tell("verified", { time: timeS, of: event.of });
+  }
+
+  tellState(state) {
+    if (state === this.reception) return;
+    this.reception = state;
+    this.tell("state", { state, reason: this.reason, text: "" });
+  }
+
+  /** Say why there is no cuer; an empty name takes it back. */
+  because(reason, detail = "") {
+    if (reason === this.reason) return;
+    this.reason = reason;
+    if (detail) console.warn(`cuecast: ${reason}: ${detail}`);
+    this.tell("state", { state: reason ? "deaf" : this.reception, reason, text: this.reasonText() });
+    if (!this.hearing) this.showState(0);
+  }
+
+  reasonText() {
+    const language = this.words() === TEXTS.fr ? "fr" : "en";
+    return this.reason ? REASONS[this.reason][language] : "";
+  }
+
+  tell(name, detail) {
+    this.dispatchEvent(new CustomEvent(name, { detail }));
+  }
+
+  showState(visibility) {
+    const words = { ...this.words(), deaf: this.reasonText() };
+    const received = this.reception === "locked" || this.reception === "degraded";
+    const state = this.reason ? "deaf" : received && visibility === 0 ? "awaiting" : this.reception;
+    this.stage.showStatus(state, words, this.whose || null);
+    this.stage.status.hidden = !this.reason && this.media?.paused === true && visibility === 0;
+  }
+
+  tick(now) {
+    this.refresh = requestAnimationFrame((next) => this.tick(next));
+    this.hearing.tick();
+    const timeS = this.clock.at(now);
+    const visibility = this.timeline.sample(timeS, this.params);
+    if (visibility > 0) this.model.reconstruct(this.params, this.markers);
+    this.drawn = { timeS, nowMs: now, visibility };
+    this.draw(timeS, visibility);
+    this.stage.showCuer(visibility > 0);
+    this.showState(visibility);
+    const hand = visibility > 0 ? this.reader.read(this.markers) : null;
+    this.stage.showKeys(this.timeline.keysAround(timeS, 2, 2, hand), this.words());
+  }
+
+  /** Draw the cuer, unless she stands there as she is. */
+  draw(timeS, visibility) {
+    const look = {
+      alpha: visibility, mirror: this.get("mirror"), handOnly: this.get("handOnly"),
+      contrast: this.get("contrast"), dot: DOT,
+    };
+    const view = this.showsAvatar() ? this.avatar : this.points;
+    const { clientWidth, clientHeight, id } = view.canvas;
+    const scene = [id, timeS, clientWidth, clientHeight, window.devicePixelRatio, ...Object.values(look), ...this.params].join();
+    if (scene === this.scene) return;
+    this.scene = scene;
+    view.draw(this.showsAvatar() ? timeS : this.markers, look);
+  }
+}
+
+if (!customElements.get("cuecast-player")) customElements.define("cuecast-player", CuecastPlayer);
+return { CuecastPlayer };
+})();
+
+export const { CuecastPlayer } = $element;

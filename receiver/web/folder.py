@@ -1,0 +1,100 @@
+"""A folder for any static web server: programme, player and the voice that it shows.
+
+Programme -> index.html | programme.mp4 | cuecast-player.js ... cuecast.wasm | voice.bin voice.json
+avatar.bin: the page plays in any browser that may hear its own site's sound.
+"""
+
+import html
+import json
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+from codec.cuer.voice import Voice
+from codec.errors import CueError
+from receiver.drawing.avatar import has_avatar, load_avatar
+from receiver.drawing.voice_document import avatar_document, voice_document
+from receiver.export.device_voice import device_voice
+from receiver.web.build import DIST, ENTRIES, WASM
+
+SEEN = {".mp4", ".m4v", ".webm", ".mov"}
+"""Programmes that browsers show in `<video>`."""
+
+HEARD = {".m4a", ".mp3", ".ogg", ".oga", ".opus", ".flac", ".wav", ".aac"}
+"""Programmes that browsers play in `<audio>`."""
+
+_PAGE = """<!doctype html>
+<html lang="fr">
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{title}</title>
+<link rel="icon" href="data:,">
+<style>
+body {{ margin: 0; background: #07080b; }}
+cuecast-player {{ max-width: 177.77vh; margin: auto; }}
+</style>
+<script type="module" src="cuecast-player.js"></script>
+<cuecast-player keys><{element} src="{source}" controls playsinline></{element}></cuecast-player>
+</html>
+"""
+
+
+def write_voice(folder: Path, voice: Voice) -> None:
+    """Write what the player needs of a voice: `voice.bin`, `voice.json` and `avatar.bin`."""
+    (folder / "voice.bin").write_bytes(device_voice(voice))
+    document = json.dumps(voice_document(voice), ensure_ascii=False)
+    (folder / "voice.json").write_text(document, encoding="utf-8")
+    if has_avatar(voice):
+        (folder / "avatar.bin").write_bytes(avatar_document(load_avatar(voice)))
+
+
+def write_folder(
+    programme: str | os.PathLike[str], folder: str | os.PathLike[str], voice: Voice
+) -> list[str]:
+    """Write a folder that any static web server may serve.
+
+    Parameters
+    ----------
+    programme : str or path
+        A marked programme that browsers play.
+    folder : str or path
+        New, or empty.
+    voice : Voice
+
+    Returns
+    -------
+    list of str
+        Names of the files.
+
+    Raises
+    ------
+    CueError
+        If browsers do not play such a file, it is missing, or the folder holds files.
+    """
+    programme, folder = Path(programme), Path(folder)
+    kind = programme.suffix.lower()
+    if kind not in SEEN | HEARD:
+        known = " ".join(sorted(SEEN | HEARD))
+        raise CueError(f"{programme}: browsers do not play {kind or 'this'}; they play {known}")
+    if not programme.is_file():
+        raise CueError(f"{programme}: no such file")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise CueError(f"{folder}: not an empty folder")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".cuecast-page-") as name:
+        made = Path(name) / "page"
+        made.mkdir()
+        source = f"programme{kind}"
+        shutil.copyfile(programme, made / source)
+        for file in (*ENTRIES, WASM.name):
+            shutil.copyfile(DIST / file, made / file)
+        write_voice(made, voice)
+        element = "video" if kind in SEEN else "audio"
+        title = html.escape(programme.stem)
+        text = _PAGE.format(title=title, element=element, source=source)
+        (made / "index.html").write_text(text, encoding="utf-8")
+        if folder.exists():
+            folder.rmdir()
+        made.rename(folder)
+    return sorted(path.name for path in folder.iterdir())

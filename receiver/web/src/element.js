@@ -1,0 +1,265 @@
+/**
+ * `<cuecast-player>`: draws the cuer over the `<video>` or `<audio>` inside it.
+ *
+ *     <script type="module" src="cuecast-player.js"></script>
+ *     <cuecast-player><video src="programme.mp4" controls></video></cuecast-player>
+ */
+
+import { AvatarView, parseAvatar } from "../../page/avatar.js";
+import { ProgrammeClock } from "../../page/clock.js";
+import { HandReader } from "../../page/hand.js";
+import { VoiceModel } from "../../page/model.js";
+import { PointLights } from "../../page/points.js";
+import { Stage } from "../../page/stage.js";
+import { TEXTS } from "../../page/texts.js";
+import { Timeline } from "../../page/timeline.js";
+import { Hearing, obstacle } from "./hearing.js";
+import { REASONS } from "./reasons.js";
+import { STYLE } from "./style.js";
+
+const BODY = `<div id="stage" class="stage quiet" part="stage"><slot></slot>
+<div id="inset" class="inset empty" part="inset"><canvas id="points" class="layer" role="img" part="cuer"></canvas>
+<canvas id="avatar" class="layer" role="img" part="cuer" hidden></canvas></div>
+<p id="status" class="status" role="status" aria-live="polite" part="status"><span class="lamp" aria-hidden="true"></span><span id="status-text"></span></p>
+<ol id="keys" class="keys" part="keys" hidden></ol><p id="toast" hidden></p><div id="bar"></div></div>`;
+
+/** What stands in an attribute, with what holds without it; a flag is there or not. */
+const CHOICES = { look: "avatar", place: "bottom-right", size: "medium", contrast: "panel", opacity: "100" };
+const FLAGS = { keys: "keys", mirror: "mirror", handOnly: "hand-only" };
+const DOT = 0.62;
+const PRUNE_MS = 5000;
+
+/** Data of the player by folder, fetched once a page. */
+const loaded = new Map();
+
+async function load(base) {
+  const get = async (name, needed = true) => {
+    const answer = await fetch(new URL(name, base));
+    if (!answer.ok && needed) throw new Error(`${name}: ${answer.status}`);
+    return answer.ok ? answer.arrayBuffer() : null;
+  };
+  const [module, voice, document, avatar] = await Promise.all(
+    [get("cuecast.wasm"), get("voice.bin"), get("voice.json"), get("avatar.bin", false)],
+  );
+  return { module, voice, document: JSON.parse(new TextDecoder().decode(document)), arrays: avatar && parseAvatar(avatar) };
+}
+
+export class CuecastPlayer extends HTMLElement {
+  static observedAttributes = [...Object.keys(CHOICES), ...Object.values(FLAGS), "lang"];
+
+  constructor() {
+    super();
+    const root = this.attachShadow({ mode: "open" });
+    const style = document.createElement("style");
+    style.textContent = STYLE;
+    const body = document.createElement("template");
+    body.innerHTML = BODY;
+    root.append(style, body.content);
+    this.stage = new Stage(root);
+    this.reception = "searching";
+    this.reason = "";
+    this.scene = "";
+    this.serial = 0;
+    root.querySelector("slot").addEventListener("slotchange", () => { if (this.isConnected) this.open(); });
+  }
+
+  /** Folder of the player's files. */
+  get base() {
+    return new URL(this.getAttribute("base") || ".", this.hasAttribute("base") ? document.baseURI : import.meta.url).href;
+  }
+
+  get media() {
+    return /** @type {HTMLMediaElement | null} */ (this.querySelector("video, audio"));
+  }
+
+  /** Keys known so far around the present time: {start, end, shape, placement, phones}, media seconds. */
+  get keys() {
+    return this.timeline ? [...this.timeline.keys] : [];
+  }
+
+  connectedCallback() {
+    this.open();
+  }
+
+  disconnectedCallback() {
+    this.serial += 1;
+    this.hearing?.close();
+    this.hearing = null;
+    this.opened = null;
+    cancelAnimationFrame(this.refresh);
+    clearInterval(this.pruning);
+    this.sizes?.disconnect();
+  }
+
+  attributeChangedCallback() {
+    if (this.model) this.arrange();
+  }
+
+  /** A setting by the television's name for it. */
+  get(name) {
+    if (name in FLAGS) return this.hasAttribute(FLAGS[name]);
+    return this.getAttribute(name) || CHOICES[name];
+  }
+
+  words() {
+    return TEXTS[(this.lang || document.documentElement.lang || "en").slice(0, 2)] || TEXTS.en;
+  }
+
+  async open() {
+    const { media } = this;
+    if (media && this.opened === media) return;
+    this.disconnectedCallback();
+    const serial = this.serial;
+    this.opened = media;
+    if (!media) return this.because(obstacle(media));
+    this.stage.video = media;
+    try {
+      if (!loaded.has(this.base)) loaded.set(this.base, load(this.base));
+      const data = await loaded.get(this.base);
+      if (serial === this.serial) this.start(media, data);
+    } catch (error) {
+      loaded.delete(this.base);
+      this.because("no-files", error.message);
+    }
+  }
+
+  start(media, { module, voice, document, arrays }) {
+    this.model = new VoiceModel(document);
+    this.reader = new HandReader(this.model);
+    this.timeline = new Timeline(this.model.movement);
+    this.params = new Float64Array(this.model.layout.length);
+    this.markers = new Float64Array(3 * this.model.markers.length);
+    const find = (id) => this.shadowRoot.getElementById(id);
+    this.points ??= new PointLights(find("points"), this.model);
+    this.avatar ??= arrays && this.buildAvatar(find("avatar"), arrays);
+    this.points.model = this.model;
+    if (this.avatar) this.avatar.model = this.model;
+    this.clock = new ProgrammeClock(media);
+    const files = { module, voice, worklet: new URL("worklet.js", this.base), worker: new URL("worker.js", this.base) };
+    this.hearing = new Hearing(media, files, {
+      heard: (message, offsetS) => this.take(message, offsetS),
+      reason: (name, text) => this.because(name, text),
+    });
+    this.sizes = new ResizeObserver(() => this.arrange());
+    this.sizes.observe(this);
+    for (const name of ["loadedmetadata", "resize"]) media.addEventListener(name, () => this.arrange());
+    media.addEventListener("emptied", () => this.timeline.clear());
+    this.pruning = setInterval(() => this.timeline.prune(media.currentTime), PRUNE_MS);
+    this.arrange();
+    this.refresh = requestAnimationFrame((now) => this.tick(now));
+  }
+
+  buildAvatar(canvas, arrays) {
+    try {
+      return new AvatarView(canvas, this.model, arrays);
+    } catch (error) {
+      console.warn(`cuecast: no avatar: ${error.message}`);
+      return null;
+    }
+  }
+
+  showsAvatar() {
+    return Boolean(this.avatar) && this.get("look") === "avatar";
+  }
+
+  /** Bring the layout in line with attributes and size. */
+  arrange() {
+    const sound = this.stage.video.readyState > 0 && !this.stage.video.videoWidth;
+    this.stage.root.classList.toggle("sound", sound);
+    this.stage.arrange(this, this.model.aspect);
+    this.avatar && (this.avatar.canvas.hidden = !this.showsAvatar());
+    this.points.canvas.hidden = this.showsAvatar();
+    this.stage.keysLine.hidden = !this.get("keys");
+    for (const view of [this.points, this.avatar]) view?.canvas.setAttribute("aria-label", this.words().cuer);
+    this.scene = "";
+  }
+
+  /** Take what was heard; `offsetS` leads from the audio context's time to the media's. */
+  take({ events, pieces, diagnosis }, offsetS) {
+    this.diagnosis = diagnosis;
+    for (const piece of pieces) this.timeline.insert({ ...piece, startS: piece.startS + offsetS });
+    for (const event of events) {
+      const timeS = event.timeS + offsetS;
+      if (event.kind === "key") this.takeKey(event, timeS);
+      else if (event.kind === "state") this.tellState(event.state);
+      else if (event.kind === "lost") this.tell("lost", { time: timeS, count: event.count });
+      else if (event.kind === "proof") this.takeProof(event, timeS);
+    }
+  }
+
+  takeKey({ durationS, shape, placement, phones, final }, start) {
+    const key = { start, end: start + durationS, shape, placement, phones };
+    const { timeline } = this;
+    const covers = (known) => Math.min(known.end, key.end) - Math.max(known.start, key.start) > 0.5 * (known.end - known.start);
+    timeline.keys = timeline.keys.filter((known) => Math.abs(known.start - start) > 0.01 && !covers(known));
+    if (durationS > 0) timeline.insertKeys([key]);
+    if (final && durationS > 0) this.tell("key", key);
+  }
+
+  takeProof(event, timeS) {
+    this.whose = { status: event.status, of: event.of };
+    if (event.status === "verified") this.tell("verified", { time: timeS, of: event.of });
+  }
+
+  tellState(state) {
+    if (state === this.reception) return;
+    this.reception = state;
+    this.tell("state", { state, reason: this.reason, text: "" });
+  }
+
+  /** Say why there is no cuer; an empty name takes it back. */
+  because(reason, detail = "") {
+    if (reason === this.reason) return;
+    this.reason = reason;
+    if (detail) console.warn(`cuecast: ${reason}: ${detail}`);
+    this.tell("state", { state: reason ? "deaf" : this.reception, reason, text: this.reasonText() });
+    if (!this.hearing) this.showState(0);
+  }
+
+  reasonText() {
+    const language = this.words() === TEXTS.fr ? "fr" : "en";
+    return this.reason ? REASONS[this.reason][language] : "";
+  }
+
+  tell(name, detail) {
+    this.dispatchEvent(new CustomEvent(name, { detail }));
+  }
+
+  showState(visibility) {
+    const words = { ...this.words(), deaf: this.reasonText() };
+    const received = this.reception === "locked" || this.reception === "degraded";
+    const state = this.reason ? "deaf" : received && visibility === 0 ? "awaiting" : this.reception;
+    this.stage.showStatus(state, words, this.whose || null);
+    this.stage.status.hidden = !this.reason && this.media?.paused === true && visibility === 0;
+  }
+
+  tick(now) {
+    this.refresh = requestAnimationFrame((next) => this.tick(next));
+    this.hearing.tick();
+    const timeS = this.clock.at(now);
+    const visibility = this.timeline.sample(timeS, this.params);
+    if (visibility > 0) this.model.reconstruct(this.params, this.markers);
+    this.drawn = { timeS, nowMs: now, visibility };
+    this.draw(timeS, visibility);
+    this.stage.showCuer(visibility > 0);
+    this.showState(visibility);
+    const hand = visibility > 0 ? this.reader.read(this.markers) : null;
+    this.stage.showKeys(this.timeline.keysAround(timeS, 2, 2, hand), this.words());
+  }
+
+  /** Draw the cuer, unless she stands there as she is. */
+  draw(timeS, visibility) {
+    const look = {
+      alpha: visibility, mirror: this.get("mirror"), handOnly: this.get("handOnly"),
+      contrast: this.get("contrast"), dot: DOT,
+    };
+    const view = this.showsAvatar() ? this.avatar : this.points;
+    const { clientWidth, clientHeight, id } = view.canvas;
+    const scene = [id, timeS, clientWidth, clientHeight, window.devicePixelRatio, ...Object.values(look), ...this.params].join();
+    if (scene === this.scene) return;
+    this.scene = scene;
+    view.draw(this.showsAvatar() ? timeS : this.markers, look);
+  }
+}
+
+if (!customElements.get("cuecast-player")) customElements.define("cuecast-player", CuecastPlayer);

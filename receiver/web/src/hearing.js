@@ -1,0 +1,172 @@
+/**
+ * Hearing of a media element: its sound goes through a worklet to the decoder's worker.
+ *
+ * The sound is rerouted only where the page may hear it and the audio context runs: otherwise the
+ * browser would mute the programme. A reroute cannot be undone, so it is kept per media element.
+ */
+
+const SETTLED = 15;
+const KEPT = 240;
+const QUIET_DBFS = -120;
+const QUIET_S = 4;
+const SEARCHED_S = 10;
+const WAKE_MS = 3000;
+
+/** Media element to `{context, source}`: a source can be made once. */
+const rerouted = new WeakMap();
+
+/** Why the page may not hear `media`: a name of `REASONS`, or "" if it may. */
+export function obstacle(media) {
+  if (!media) return "no-media";
+  if (typeof AudioWorkletNode === "undefined") return "no-worklet";
+  if (typeof WebAssembly === "undefined") return "no-module";
+  const address = media.currentSrc || media.src;
+  if (address && !address.startsWith("data:") && !media.crossOrigin) {
+    if (new URL(address, location.href).origin !== location.origin) return "other-origin";
+  }
+  return "";
+}
+
+export class Hearing {
+  /** `files`: {module, voice, worklet, worker}; `handlers`: heard(message, offsetS), reason(name, text). */
+  constructor(media, files, handlers) {
+    this.media = media;
+    this.files = files;
+    this.handlers = handlers;
+    this.segment = 0;
+    this.offsets = [];
+    this.hearing = false;
+    this.opened = null;
+    this.locked = false;
+    this.listeners = [
+      ["playing", () => this.begin()], ["pause", () => this.stop()], ["seeking", () => this.stop()],
+      ["seeked", () => { if (!media.paused) this.begin(); }], ["waiting", () => this.stop()],
+      ["ratechange", () => this.begin()], ["volumechange", () => this.checkMuted()], ["emptied", () => this.stop()],
+    ];
+    for (const [name, listener] of this.listeners) media.addEventListener(name, listener);
+    if (!media.paused && media.readyState > 2) this.begin();
+  }
+
+  /** Hear from now on, if the page may. */
+  async begin() {
+    this.stop();
+    const { media } = this;
+    if (media.paused) return;
+    const reason = obstacle(media);
+    if (reason) return this.handlers.reason(reason);
+    if (media.playbackRate !== 1) return this.handlers.reason("speed");
+    try {
+      this.opened ??= this.open();
+      await this.opened;
+    } catch (error) {
+      this.opened = null;
+      return this.handlers.reason(error.reason || "failed", error.message);
+    }
+    if (media.paused || media.seeking || media.playbackRate !== 1) return;
+    this.segment += 1;
+    this.offsets = [];
+    this.locked = false;
+    this.hearing = true;
+    this.quietS = 0;
+    this.handlers.reason(this.checkMuted() ? "muted" : "");
+    this.worker.postMessage({ type: "hear", segment: this.segment, fromS: this.context.currentTime });
+  }
+
+  stop() {
+    if (this.hearing) this.worker.postMessage({ type: "stop" });
+    this.hearing = false;
+  }
+
+  checkMuted() {
+    const muted = this.media.muted || this.media.volume === 0;
+    if (this.hearing && muted) this.handlers.reason("muted");
+    return muted;
+  }
+
+  /** Reroute the sound and start the worker; rejects with `reason`, having changed nothing. */
+  async open() {
+    const known = rerouted.get(this.media);
+    const context = known ? known.context : new AudioContext();
+    await Promise.race([context.resume(), new Promise((done) => setTimeout(done, WAKE_MS))]);
+    if (context.state !== "running") {
+      if (!known) context.close();
+      throw because("asleep");
+    }
+    const { module, voice, worklet, worker } = this.files;
+    try {
+      if (!known) await context.audioWorklet.addModule(worklet);
+      this.worker = new Worker(worker, { type: "module" });
+    } catch (error) {
+      if (!known) context.close();
+      throw because("no-files", error.message);
+    }
+    const { port1, port2 } = new MessageChannel();
+    this.worker.onmessage = ({ data }) => this.receive(data);
+    this.worker.onerror = (event) => this.handlers.reason("failed", event.message);
+    this.worker.postMessage({ type: "open", module, voice, rateHz: context.sampleRate, channels: 2, port: port1 }, [port1]);
+    const node = new AudioWorkletNode(context, "cuecast-hearing", { numberOfOutputs: 0 });
+    node.port.postMessage(port2, [port2]);
+    const source = known ? known.source : context.createMediaElementSource(this.media);
+    source.connect(node);
+    if (!known) source.connect(context.destination);
+    rerouted.set(this.media, { context, source });
+    Object.assign(this, { context, source, node });
+  }
+
+  receive(message) {
+    if (message.type === "failed") return this.handlers.reason("failed", message.text);
+    if (message.segment !== this.segment || this.offsets.length < SETTLED) {
+      if (message.segment === this.segment) this.keep(message);
+      return;
+    }
+    this.judge(message);
+    for (const kept of this.kept.splice(0)) this.handlers.heard(kept, this.offset());
+    this.handlers.heard(message, this.offset());
+  }
+
+  /** Hold back what came before the clock was known. */
+  keep(message) {
+    if (this.keptOf !== this.segment) this.kept.length = 0;
+    this.keptOf = this.segment;
+    this.kept.push(message);
+  }
+
+  kept = [];
+
+  /** Tell why nothing is received although the programme plays. */
+  judge({ events, diagnosis }) {
+    if (events.some((event) => event.kind === "unreadable")) this.handlers.reason("other-voice");
+    if (diagnosis.superframes && !this.locked) {
+      this.locked = true;
+      this.handlers.reason("");
+    }
+    if (this.locked || this.checkMuted()) return;
+    if (Math.max(...diagnosis.levelsDbfs) < QUIET_DBFS) {
+      if (diagnosis.heardS > QUIET_S) this.handlers.reason("silence");
+    } else if (diagnosis.heardS > SEARCHED_S) this.handlers.reason("no-mark");
+  }
+
+  /** Note how media time and the context's time stand to each other; call at each refresh. */
+  tick() {
+    if (!this.hearing || this.media.seeking || this.media.paused) return;
+    this.offsets.push(this.media.currentTime - this.context.currentTime);
+    if (this.offsets.length > KEPT) this.offsets.shift();
+  }
+
+  /** Media time less the context's time, seconds: the median, as both clocks go in steps. */
+  offset() {
+    const sorted = [...this.offsets].sort((a, b) => a - b);
+    return sorted[sorted.length >> 1];
+  }
+
+  close() {
+    for (const [name, listener] of this.listeners) this.media.removeEventListener(name, listener);
+    this.stop();
+    this.worker?.terminate();
+    if (this.node) this.source.disconnect(this.node);
+  }
+}
+
+function because(reason, text = "") {
+  return Object.assign(new Error(text || reason), { reason });
+}

@@ -1,0 +1,54 @@
+/** How reception stands. */
+export interface Diagnosis {
+  state: "searching" | "locked" | "degraded" | "lost" | "ended";
+  heardS: number;
+  levelsDbfs: number[];
+  pilots: number;
+  clockPpm: number;
+  firstLockS: number;
+  superframes: number;
+  failed: number;
+  secondFailed: number;
+  proofs: number;
+  forged: number;
+}
+
+export type Placement = "rest" | "side" | "mouth" | "chin" | "cheek" | "throat";
+
+export interface DecodedKey {
+  kind: "key" | "preview";
+  timeS: number;
+  /** 0 removes the key that was at this time. */
+  durationS: number;
+  shape: number;
+  placement: Placement;
+  final: boolean;
+  previewed: boolean;
+  phones: string[];
+  revision: number;
+}
+
+export type DecodedEvent =
+  | { kind: "state"; timeS: number; state: Diagnosis["state"] }
+  | { kind: "lost"; timeS: number; count: number }
+  | DecodedKey
+  | { kind: "motion"; timeS: number; revision: number; layers: number; values: Float32Array }
+  | { kind: "proof"; timeS: number; status: "unknown" | "verified" | "forged"; of: string }
+  | { kind: "unreadable"; timeS: number; identity: number; version: number };
+
+export const PHONES: readonly string[];
+
+/** The receiver: blocks of sound in, events out. */
+export class Decoder {
+  static create(
+    module: BufferSource | WebAssembly.Module,
+    voice: ArrayBuffer | Uint8Array | null,
+    config: { rateHz: number; channels: number; startS?: number; history?: boolean },
+  ): Promise<Decoder>;
+  /** Take one array of samples per channel, full scale 1, of any length. */
+  push(planes: Float32Array[]): DecodedEvent[];
+  flush(): DecodedEvent[];
+  reset(startS: number): void;
+  diagnosis(): Diagnosis;
+  explain(): string;
+}
