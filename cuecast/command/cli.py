@@ -28,8 +28,8 @@ from cuecast.command.progress import printable
 from cuecast.command.version import installed_version
 
 VERBS = (
-    "demo", "keys", "key", "synth", "capture", "encode", "decode", "inspect", "dub", "playout", "page",
-    "receive", "watch", "render", "compare", "evaluate", "batch", "voice",
+    "demo", "keys", "key", "synth", "capture", "encode", "decode", "inspect", "dub", "playout",
+    "receive", "watch", "page", "render", "compare", "evaluate", "batch", "voice",
     "conform", "warm",
 )  # fmt: skip
 """Verbs in the order of the help page; each is a module of `cuecast.verbs`."""
