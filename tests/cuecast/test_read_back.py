@@ -104,6 +104,24 @@ def test_dubbed_already(dubbed: tuple[Path, dict[str, Any], str], run: Run, tmp_
     assert run(dubbed[0], "d.flac", "--key", "7")[0] == 0  # another mark beside it
 
 
+def test_a_signed_cuer_that_is_replaced_is_reported(folder: Path, run: Run, tmp_path: Path) -> None:
+    files = ["--secret", str(tmp_path / "k.key"), "--public", str(tmp_path / "k.pub")]
+    assert main(["key", "new", "one", *files, "--days", "1", "--from", "2027-01-31"]) == 0
+    sign = ["--sign", str(tmp_path / "k.key"), "--on-air", "2027-01-31T20:00:00Z"]
+    line = "the cuer that is replaced is signed, the new one is not"
+    status, report, err = run(folder / "a.flac", "b.flac", "--no-read-back", *sign)
+    assert status == 0
+    assert line not in err + str(report)
+    again = ["--replace", "--seed", "4", "--no-read-back"]
+    status, report, err = run(tmp_path / "b.flac", "c.flac", *again)
+    assert status == 0
+    assert [left for left in report["left_out"] if line in left]
+    assert line in err
+    status, report, err = run(tmp_path / "b.flac", "d.flac", *again, *sign)
+    assert status == 0
+    assert line not in err + str(report)
+
+
 def test_earlier_cuer_that_would_stay(folder: Path, run: Run, tmp_path: Path) -> None:
     film = tmp_path / "film.mkv"
     sound = make_sound()[0][: 4 * FS]
