@@ -18,6 +18,7 @@
 #define BLOCK (BATCH / 2)
 #define PERIOD (FRAMES * ROW_HOP)
 #define FEW_CLOCKS 9                     /* of rotating hypotheses: 480 ppm */
+#define FINE_TIERS 2 /* small steps lose 3 deviations half a sample beside: starts at each sample */
 #define WORTH_ADDING (22 * PARTS * 8 / 10) /* 2.2 deviations: scores below are not added up */
 
 static const float deviation = 8.0f;   /* of a score in unmarked sound: sqrt(128 / 2) */
@@ -165,9 +166,9 @@ static void slide(const cue_hearing *h, cue_search_work *w, float silent) {
 
 /* ---- Soft values and correlations ---------------------------------------------------------- */
 
-/* Soft values of all slots at a step, in PARTS, for each place: the row's projections turned on by
- * the slot's centre frequency. Place 0 lies at row 30. */
-static void soften(const cue_hearing *h, cue_search_work *w, float step) {
+/* Soft values of all slots at a step, in PARTS, for each place, `aside` samples beside its middle:
+ * the row's projections turned on by the slot's centre frequency. Place 0 lies at row 30. */
+static void soften(const cue_hearing *h, cue_search_work *w, float step, double aside) {
     for (int g = 0; g < SLOTS; g++) {
         double frequency = PI / SEARCH_HOP * (FIRST_PILOT + PILOT_BINS * (g + 0.5));
         float dither = h->layout.pilot_dither[g];
@@ -176,8 +177,8 @@ static void soften(const cue_hearing *h, cue_search_work *w, float step) {
         float turn[2][TURNS];
         float x[8], c[8];
         for (int t = 0; t < TURNS; t++) {
-            turn[0][t] = (float)(cue_cos(frequency * (0.5 * t - 1.5)) / step);
-            turn[1][t] = (float)(cue_sin(frequency * (0.5 * t - 1.5)) / step);
+            turn[0][t] = (float)(cue_cos(frequency * (0.5 * t - 1.5 + aside / 4)) / step);
+            turn[1][t] = (float)(cue_sin(frequency * (0.5 * t - 1.5 + aside / 4)) / step);
         }
         for (int r = 0; r < ROWS - 30; r++) {
             float parts = alive[r] ? PARTS : 0;
@@ -272,11 +273,12 @@ static float summed(const cue_search *s, int pair, int place, int ppm, int16_t p
     return best;
 }
 
-/* Search the starts of a batch at one pilot step; `tier` is -1 for a step that is not as marked. */
-static void search_step(cue_hearing *h, cue_search_work *w, float step, int tier,
-                        cue_candidate *best) {
+/* Search the starts of a batch at one pilot step; `tier` is -1 for a step that is not as marked.
+ * Starts lie `aside` samples beside the middle of two; with `again` the better score is kept. */
+static void search_step(cue_hearing *h, cue_search_work *w, float step, int tier, double aside,
+                        bool again, cue_candidate *best) {
     cue_search *s = &h->search;
-    soften(h, w, step);
+    soften(h, w, step, aside);
     for (int first = 0; first < BATCH; first += BLOCK) {
         /* Row LEAD_ROWS is place 0; soft values begin at row 30. */
         int from = (LEAD_ROWS - 30) * TURNS - SLACK + first;
@@ -301,12 +303,13 @@ static void search_step(cue_hearing *h, cue_search_work *w, float step, int tier
                 best->profile = n;
                 best->pilot_step = step;
                 best->clock = clock_of(w->sums, clocks, i, w->peak[i]) * 1e-6;
-                best->start = (double)(s->batch * QUANTUM) + 2.0 * (first + i) - 7.5;
+                best->start = (double)(s->batch * QUANTUM) + 2.0 * (first + i) - 7.5 + aside;
             }
             for (int i = 0; pair >= 0 && i < BLOCK; i += 2) {
                 int16_t top = w->peak[i] > w->peak[i + 1] ? w->peak[i] : w->peak[i + 1];
                 int64_t at = ((s->batch * BATCH + first + i) >> 1) + 4 * (int64_t)PAST;
-                s->past[pair][at % PAST] = (uint8_t)(top > 0 ? top >> 7 : 0);
+                uint8_t *past = &s->past[pair][at % PAST], part = (uint8_t)(top > 0 ? top >> 7 : 0);
+                *past = again && *past > part ? *past : part;
             }
         }
     }
@@ -324,7 +327,11 @@ static bool search(cue_hearing *h, const float mix[2], const float *steps, const
     *found = (cue_candidate){.score = 0, .mix = {mix[0], mix[1]}};
     low_sound(h, mix, w);
     slide(h, w, silence(h));
-    for (int i = 0; i < count; i++) search_step(h, w, steps[i], tiers[i], found);
+    for (int i = 0; i < count; i++) {
+        bool fine = tiers[i] >= 0 && tiers[i] < FINE_TIERS;
+        search_step(h, w, steps[i], tiers[i], fine ? -0.5 : 0, false, found);
+        if (fine) search_step(h, w, steps[i], tiers[i], 0.5, true, found);
+    }
     if (found->score > h->seen.pilots) h->seen.pilots = found->score;
     return found->score >= least;
 }
