@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from synth.capture.capture import capture_motion
     from synth.capture.options import Captured, CaptureOptions
     from synth.language.subtitles.findings import LeftOut
-    from synth.language.subtitles.model import Subtitle
+    from synth.language.subtitles.model import Subtitle, TextRun
     from synth.language.subtitles.read import Terms, read_subtitles
     from synth.language.text.lexicon import Variant
     from synth.language.text.pronounce import Style
@@ -49,6 +49,7 @@ __all__ = [
     "Style",
     "Subtitle",
     "Terms",
+    "TextRun",
     "TimedWord",
     "Variant",
     "Word",
@@ -73,6 +74,7 @@ _HOMES = {
     "Reading": "synth.planning.scoring.text_score",
     "Style": "synth.language.text.pronounce",
     "Subtitle": "synth.language.subtitles.model",
+    "TextRun": "synth.language.subtitles.model",
     "Terms": "synth.language.subtitles.read",
     "TimedWord": "synth.planning.prosody.pacing",
     "Variant": "synth.language.text.lexicon",

@@ -33,7 +33,7 @@ VALUES = {
     "codec": """Announcement Chain Comparison CueingOptions DecodedSuperframe FaceModel GestureTable
         HandModel ScorePart SigningKey SlowSender Superframe Window""",
     "synth": """Captured Judgement LeftOut Pace PacedWord PerformerChoice Reading Style Terms
-        TimedWord Variant Word""",
+        TextRun TimedWord Variant Word""",
     "watermark": """AudioProfile CodecLoop CodecStream EmbedReport Movs PeaqResult VideoProfile
         VideoReport""",
     "receiver": """AuthenticityChanged Trust""",

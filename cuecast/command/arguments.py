@@ -82,6 +82,11 @@ def add_subtitle_terms(parser: argparse.ArgumentParser) -> None:
         "--everything", action="store_true",
         help="cue credits and what is not French as well, by the rules of French",
     )  # fmt: skip
+    group.add_argument(
+        "--subtitle-profile", choices=("fr-sdh", "plain"), default="fr-sdh",
+        help="fr-sdh: red names sounds, magenta music, green a foreign language, which are not "
+        "cued (default); plain: colours mean nothing",
+    )  # fmt: skip
 
 
 def add_pace(parser: argparse.ArgumentParser) -> None:

@@ -118,7 +118,7 @@ def terms_of(args: argparse.Namespace) -> "Terms":
     """Return what `add_subtitle_terms` read."""
     from synth.language.subtitles.read import Terms
 
-    return Terms(args.strict, args.offset, args.everything)
+    return Terms(args.strict, args.offset, args.everything, args.subtitle_profile)
 
 
 def subtitles_of(
@@ -172,7 +172,11 @@ class LeftOutNotes:
 
     def report(self) -> list[dict[str, Any]]:
         """Return all of it for a JSON document."""
-        return [{"line": item.line, "reason": item.reason} for item in self._items]
+        return [
+            {"line": item.line, "reason": item.reason}
+            | ({"column": item.column} if item.column else {})
+            for item in self._items
+        ]
 
 
 def unknown_report(subtitles: "Sequence[Subtitle]", reading: "Reading") -> list[dict[str, Any]]:

@@ -104,7 +104,7 @@ def _unknown(args: argparse.Namespace) -> int:
         print_json(rows)
     else:
         for row in rows:
-            print(f"{row['word']}\t{row['phones']}")
+            print(f"{row['word']}\t{row['phones']}\t# line {row['line']}, {row['count']} times")
     return 0
 
 

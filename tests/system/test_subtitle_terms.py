@@ -59,7 +59,7 @@ def test_unknown_words_come_as_lines_of_a_lexicon(
 ) -> None:
     assert main(["keys", "--file", subs, "--unknown"]) == 0
     lines = capsys.readouterr().out
-    assert lines == "gribouflon\tɡʁibuflɔ̃\n".replace("ɡ", "g")
+    assert lines == "gribouflon\tɡʁibuflɔ̃\t# line 2, 2 times\n".replace("ɡ", "g")
     lexicon = tmp_path / "mine.txt"
     lexicon.write_text(lines, encoding="utf-8")
     assert main(["keys", "--file", subs, "--unknown", "--json", "--lexicon", str(lexicon)]) == 0

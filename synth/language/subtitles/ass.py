@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 from codec.errors import CueError
 from synth.language.subtitles.findings import Findings
+from synth.language.subtitles.markup import ass_colour, runs_of
 from synth.language.subtitles.model import Subtitle
 from synth.language.subtitles.spoken import plain
 from synth.language.subtitles.srt import clock_s
@@ -44,6 +45,7 @@ def read_ass(text: str, findings: Findings) -> Iterator[Subtitle]:
     """
     lines = text.splitlines()
     names = _names(_USUAL)
+    styles = _style_colours(lines)
     seen: set[tuple[float, float, str]] = set()
     for number, line in enumerate(lines, 1):
         kind, colon, rest = line.partition(":")
@@ -60,7 +62,9 @@ def read_ass(text: str, findings: Findings) -> Iterator[Subtitle]:
         said = _said(fields.get("text", ""))
         if said and (*times, said) not in seen:
             seen.add((*times, said))
-            yield from findings.made(*times, said, number)
+            painted = styles.get(fields.get("style", "").strip().lower(), "")
+            shown = _undrawn(fields.get("text", ""))
+            yield from findings.made(*times, said, number, *runs_of(shown, None, painted))
     if not seen:
         raise findings.none_left(len(lines))
 
@@ -79,5 +83,25 @@ def _time(fields: dict[str, str], name: str, number: int) -> float:
 
 def _said(text: str) -> str:
     """Return the text of a line of dialogue without drawings and tags."""
-    shown = re.sub(r"\{[^}]*\}", "", _DRAWING.sub("", text))
-    return plain(shown.replace("\\n", "\\N").replace("\\h", " ")).strip()
+    return plain(re.sub(r"\{[^}]*\}", "", _undrawn(text))).strip()
+
+
+def _undrawn(text: str) -> str:
+    """Return the text of a line without drawings and comments, its line ends alike."""
+    shown = re.sub(r"\{[^}\\]*\}", "", _DRAWING.sub("", text))
+    return shown.replace("\\n", "\\N").replace("\\h", " ")
+
+
+def _style_colours(lines: list[str]) -> dict[str, str]:
+    """Return the colour of each style, by its name in lower case."""
+    found, names = {}, ["name", "fontname", "fontsize", "primarycolour"]
+    for line in lines:
+        kind, _, rest = line.partition(":")
+        if kind.strip().lower() == "format" and "primarycolour" in _names(rest):
+            names = _names(rest)
+        if kind.strip().lower() == "style":
+            fields = dict(zip(names, rest.strip().split(","), strict=False))
+            colour = re.match(r"\s*&H([0-9a-f]{1,8})", fields.get("primarycolour", ""), re.I)
+            if colour:
+                found[fields.get("name", "").strip().lower()] = ass_colour(colour[1])
+    return found

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from codec.errors import CueError
-from synth.language.subtitles.model import Subtitle
+from synth.language.subtitles.model import Subtitle, TextRun
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,14 +21,18 @@ class LeftOut:
         Where it stands in its file, counted from 1 (EBU STL: its block).
     reason : str
         Why, in one line.
+    column : int
+        Where in its line, if others stand there too, counted from 1; else 0.
     """
 
     line: int
     reason: str
+    column: int = 0
 
     def __str__(self) -> str:
         """Return what a reader of messages wants to see."""
-        return f"line {self.line}: {self.reason}"
+        column = f", column {self.column}" if self.column else ""
+        return f"line {self.line}{column}: {self.reason}"
 
 
 @dataclass(slots=True)
@@ -42,8 +46,6 @@ class Findings:
     left_out : list of LeftOut
     language : str
         Which the file says it is in, such as ``fr`` or ``en-GB``; "" if it does not say.
-    languages : dict of int to str
-        The same for single subtitles, by their line.
     start_s : float or None
         The time at which the file says that its programme starts.
     time_of_day : bool
@@ -53,7 +55,6 @@ class Findings:
     strict: bool = False
     left_out: list[LeftOut] = field(default_factory=list)
     language: str = ""
-    languages: dict[int, str] = field(default_factory=dict)
     start_s: float | None = None
     time_of_day: bool = False
 
@@ -73,10 +74,19 @@ class Findings:
         """Remember an error whose message may begin with its line."""
         self.leave_out(line, str(error).removeprefix(f"line {line}: "))
 
-    def made(self, start_s: float, end_s: float, text: str, line: int) -> Iterable[Subtitle]:
+    def made(
+        self,
+        start_s: float,
+        end_s: float,
+        text: str,
+        line: int,
+        runs: tuple[TextRun, ...] = (),
+        position: str = "",
+        column: int = 0,
+    ) -> Iterable[Subtitle]:
         """Return the subtitle of these values, or nothing if they cannot be one."""
         try:
-            return (Subtitle(start_s, end_s, text, line),)
+            return (Subtitle(start_s, end_s, text, line, True, runs, position, column),)
         except CueError as error:
             self.refuse(line, error)
             return ()

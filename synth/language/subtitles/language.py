@@ -12,6 +12,7 @@ import unicodedata
 from collections.abc import Sequence
 from typing import Any
 
+from synth.language.subtitles.phrasebook import phrase_language
 from synth.language.text.lexicon import lookup
 
 FRENCH = "fr"
@@ -34,6 +35,8 @@ most are. Of 400 French sentences and 300 of eight other languages these err in 
 _REACH = 10
 """Subtitles on either side among which one that does not tell its language is seen."""
 
+_TURN = re.compile(r"\s*[-–—]")
+_SENTENCE = re.compile(r"\s*[-–—]?\s*[^\W\d_a-zà-ÿ].*[.!?…\"»]\s*$")
 _WORD = re.compile(r"[^\W\d_]+(?:['’][^\W\d_]+)*")
 _ELIDED = re.compile(r"^(?:c|d|j|l|m|n|s|t|qu|jusqu|lorsqu|puisqu)['’]", re.I)
 
@@ -67,6 +70,8 @@ def _evidence(text: str) -> tuple[str, bool]:
     letters = [letter for letter in text if letter.isalpha()]
     if sum(map(_is_latin, letters)) * 2 < len(letters):
         return _best(text)[0], True
+    if phrase := phrase_language(text):
+        return phrase, True
     words = _telling(text)
     known = sum(map(_is_known, words)) / max(1, len(words))
     if known >= _MOSTLY_KNOWN and len(words) > 3:
@@ -79,6 +84,32 @@ def _evidence(text: str) -> tuple[str, bool]:
     if margin >= (_LARGE_MARGIN if known > _HALF_KNOWN else _MARGIN):
         return language, True
     return (FRENCH, True) if margin <= 0 and known > _HALF_KNOWN else ("", False)
+
+
+def is_surely_french(text: str) -> bool:
+    """Whether the words of a text leave no doubt that it is French."""
+    return _evidence(text) == (FRENCH, True)
+
+
+def french_lines(text: str) -> list[str]:
+    """Return the lines of a text in another language that are French beyond doubt."""
+    return [line for line in text.split("\n") if is_surely_french(line)]
+
+
+def native_lines(text: str) -> list[str]:
+    """Return the lines of a French text without sentences in another language beyond doubt."""
+    lines = text.split("\n")
+    if len(lines) < 2:
+        return lines
+    kept = []
+    for position, line in enumerate(lines):
+        language, sure = _evidence(line)
+        before = lines[position - 1].rstrip() if position else "."
+        alone = _SENTENCE.match(line) and (before[-1:] in ".!?…" or _TURN.match(line))
+        if sure and language != FRENCH and alone:
+            continue
+        kept.append(line)
+    return kept
 
 
 def _by_neighbours(found: Sequence[tuple[str, bool]], position: int, declared: str) -> str:

@@ -4,8 +4,9 @@ What cannot be read or must not be cued is left out and told: damaged subtitles,
 the credits of those who made the file.
 """
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from codec.errors import CueError
@@ -13,8 +14,10 @@ from synth.language.subtitles.ass import looks_like_ass, read_ass
 from synth.language.subtitles.credits import is_credit
 from synth.language.subtitles.encoding import decode
 from synth.language.subtitles.findings import Findings, LeftOut
-from synth.language.subtitles.language import FRENCH, languages
+from synth.language.subtitles.language import FRENCH, french_lines, languages, native_lines
 from synth.language.subtitles.model import Subtitle
+from synth.language.subtitles.mojibake import repaired
+from synth.language.subtitles.roles import PROFILES, by_role, omitted
 from synth.language.subtitles.rollup import unrolled
 from synth.language.subtitles.spoken import spoken
 from synth.language.subtitles.srt import read_srt
@@ -42,11 +45,24 @@ class Terms:
         Added to the file's times; None: the file's own hints tell when its programme starts.
     everything : bool
         Whether what is not French, and credits, are cued all the same.
+    profile : str
+        What colours mean: ``fr-sdh``, subtitles for the deaf as French broadcasters write them,
+        or ``plain``: nothing.
+
+    Raises
+    ------
+    CueError
+        If there is no such profile.
     """
 
     strict: bool = False
     offset_s: float | None = None
     everything: bool = False
+    profile: str = PROFILES[0]
+
+    def __post_init__(self) -> None:
+        if self.profile not in PROFILES:
+            raise CueError(f"profile is {self.profile!r}, not one of {', '.join(PROFILES)}")
 
 
 USUAL = Terms()
@@ -149,7 +165,13 @@ def _parse(data: bytes, stream_s: float | None, findings: Findings) -> Iterator[
     if looks_like_stl(data):
         return read_stl(data, findings)
     text = decode(data, strict=findings.strict).lstrip("\ufeff")
+    text, twice = repaired(text)
+    if twice:
+        findings.leave_out(twice, "letters encoded twice, repaired")
     opening = text.lstrip()
+    if opening.startswith("<") and twice:
+        opening = re.sub(r"^<\?xml[^>]*\?>", "", opening)
+        return read_ttml(opening.encode(), findings)
     if opening.startswith("<"):
         return read_ttml(data.lstrip(), findings)
     if opening.startswith("WEBVTT"):
@@ -180,7 +202,9 @@ def _moved(subtitles: Sequence[Subtitle], offset_s: float, findings: Findings) -
             findings.leave_out(s.line, "over before the programme starts")
         else:
             start_s = max(0.0, s.start_s + offset_s)
-            moved += findings.made(start_s, s.end_s + offset_s, s.text, s.line)
+            moved += findings.made(
+                start_s, s.end_s + offset_s, s.text, s.line, s.runs, s.position, s.column
+            )
     return moved
 
 
@@ -188,18 +212,28 @@ def _cued(subtitles: Sequence[Subtitle], findings: Findings, terms: Terms) -> It
     """Return the subtitles that are French speech."""
     if terms.everything:
         return subtitles
-    declared = [findings.languages.get(s.line, findings.language) for s in subtitles]
+    subtitles = by_role(subtitles, findings, terms.profile)
+    declared = [
+        next((r.language for r in s.runs if r.language), findings.language) for s in subtitles
+    ]
     found = languages([spoken(s.text) for s in subtitles], declared)
     kept = []
     for subtitle, language in zip(subtitles, found, strict=True):
         if _told_credit(subtitle, findings):
             continue
         if language != FRENCH and spoken(subtitle.text):
-            findings.left_out.append(
-                LeftOut(subtitle.line, f"not French ({language}): {_short(subtitle.text)!r}")
-            )
+            lines = french_lines(subtitle.text)
+            if len(lines) == len(subtitle.text.split("\n")):
+                lines = []
         else:
-            kept.append(subtitle)
+            lines = native_lines(subtitle.text)
+        others = [line for line in subtitle.text.split("\n") if line not in lines]
+        if others:
+            foreign = language if language != FRENCH else languages(others[:1], [""])[0]
+            reason = f"not French ({foreign})"
+            findings.left_out.append(omitted(subtitle, reason, " ".join(others)))
+        if lines:
+            kept.append(replace(subtitle, text="\n".join(lines)) if others else subtitle)
     return kept
 
 

@@ -3,7 +3,7 @@
 import html
 import re
 
-from synth.language.text.lexicon import lookup
+from synth.language.text.lexicon import lookup, lookup_name
 
 _ASS_TAG = re.compile(r"\{\\[^}]*\}")
 _TAG = re.compile(r"</?[a-zA-Z][^<>]*>|<\d[\d:.]*>|</?>")
@@ -11,7 +11,10 @@ _SOUND = re.compile(r"\([^()]*\)|\[[^\[\]]*\]")
 _MUSIC_SIGN = re.compile(r"[♪♫♬♩𝄞¶]+|(?<!\w)#(?!\w)|(?<!\w)\*(?!\w)|^\*|\*$")
 _MUSIC_NOTE = re.compile(r"^\W*(?:musique|chanson|générique|mélodie|jingle|rires|applaudi)", re.I)
 _DASH = re.compile(r"^\s*(?:[-‐‑‒–—]+|>>+)\s*")
-_STARS = re.compile(r"^(\s*(?:[-–—]\s*)?)\*[^*]+\*\s*$", re.M)
+_STARS = re.compile(
+    r"^(\s*(?:[-–—]\s*)?)\*[^*\n]+\*(?=\s*$|\s+[A-ZÀ-Ý«…])|(?<=[.!?…])(\s+)\*[^*\n]+\*(?=\s*$)",
+    re.M,
+)
 _SPEAKER = re.compile(r"^\s*[A-ZÀ-Ý][A-ZÀ-Ý' .-]{1,30}\d?\s*:(?:\s+|$)")
 _ROLES = "|".join(
     (
@@ -36,7 +39,10 @@ _ANNOUNCES = re.compile(
     r"vendredi|samedi|dimanche|hier|aujourd'hui|demain)\b[^:]*:",
     re.I,
 )
-_BROKEN = re.compile(r"([^\W\d_]+)-[ \t]*\n[ \t]*(?=[a-zà-ÿœ])([^\W\d_]+)")
+_BROKEN = re.compile(
+    r"([^\W\d_]+)-[ \t]*\n[ \t]*(?=[a-zà-ÿœ])([^\W\d_]+(?:['’][^\W\d_]+)*)"
+    r"|([A-ZÀ-Ý]+)-[ \t]*\n[ \t]*([A-ZÀ-Ý]+(?:['’][A-ZÀ-Ý]+)*)"
+)
 _END = re.compile(r"[.?!…:;,»\"]\s*$")
 
 
@@ -66,7 +72,7 @@ def spoken(text: str) -> str:
     ''
     """
     pieces: list[str] = []
-    for line in _unbroken(_STARS.sub(r"\1", _SOUND.sub(" ", text))).split("\n"):
+    for line in _unbroken(_STARS.sub(r"\1\2", _SOUND.sub(" ", text))).split("\n"):
         music = _MUSIC_SIGN.search(line)
         bare = _MUSIC_SIGN.sub(" ", line)
         if music and _MUSIC_NOTE.match(bare):
@@ -109,7 +115,10 @@ def _unbroken(text: str) -> str:
     """
 
     def join(match: re.Match[str]) -> str:
-        joined = match[1] + match[2]
-        return joined if lookup(joined.lower()) else f"{match[1]}-{match[2]}"
+        first, second = match[1] or match[3], match[2] or match[4]
+        joined = (first + second).replace("’", "'")
+        parts = any(lookup(part.lower()) or lookup_name(part.lower()) for part in (first, second))
+        whole = lookup(joined.lower()) or lookup_name(joined.lower()) or not parts
+        return first + second if whole else f"{first}-{second}"
 
     return _BROKEN.sub(join, text)

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 from codec.errors import CueError
 from synth.language.subtitles.findings import Findings
+from synth.language.subtitles.markup import runs_of
 from synth.language.subtitles.model import Subtitle
 from synth.language.subtitles.spoken import plain
 
@@ -60,7 +61,8 @@ def read_srt(text: str, findings: Findings) -> Iterator[Subtitle]:
         except CueError as error:
             findings.refuse(head + 1, error)
             continue
-        yield from findings.made(start_s, end_s, plain("\n".join(body)).strip(), head + 1)
+        text = "\n".join(body)
+        yield from findings.made(start_s, end_s, plain(text).strip(), head + 1, *runs_of(text))
 
 
 def _timed(before: list[str], body: list[str], first: int, findings: Findings) -> list[str]:

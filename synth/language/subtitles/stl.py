@@ -68,7 +68,7 @@ def read_stl(data: bytes, findings: Findings) -> Iterator[Subtitle]:
         )
     except Exception as error:  # ttconv documents none and raises many
         raise CueError(f"line 1: malformed EBU STL: {error}".split("\n")[0]) from error
-    yield from subtitles_of(document, count(1), findings)
+    yield from subtitles_of(document, ((block, 0) for block in count(1)), findings)
 
 
 def _block(data: bytes, number: int) -> bytes:

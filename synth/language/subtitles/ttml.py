@@ -5,6 +5,7 @@ refused and every message has a line; ttconv turns the tree into its model.
 """
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from xml.etree import ElementTree
 from xml.parsers import expat
@@ -55,14 +56,14 @@ def read_ttml(data: bytes, findings: Findings) -> Iterator[Subtitle]:
         raise CueError(f"line 1: not a timed-text document: {error}".split("\n")[0]) from error
     if document is None:
         raise CueError(f"line 1: the document's root is {root.tag.rpartition('}')[2]!r}, not 'tt'")
-    yield from subtitles_of(document, iter(tree.paragraph_lines), findings)
+    yield from subtitles_of(document, iter(tree.places()), findings)
 
 
 class _Tree:
-    """An element tree, and the lines on which its paragraphs start."""
+    """An element tree, and where its paragraphs start."""
 
     def __init__(self, findings: Findings) -> None:
-        self.paragraph_lines: list[int] = []
+        self._paragraphs: list[tuple[int, int]] = []
         self._findings = findings
         self._builder = ElementTree.TreeBuilder()
         self._open: list[str] = []
@@ -79,7 +80,7 @@ class _Tree:
             self._parser.Parse(data, True)
         except expat.ExpatError as error:
             reason = f"malformed XML: {expat.errors.messages[error.code]}"
-            if not self.paragraph_lines or self._findings.strict:
+            if not self._paragraphs or self._findings.strict:
                 raise CueError(f"line {error.lineno}: {reason}") from error
             self._findings.leave_out(error.lineno, f"{reason}; what follows is not read")
             self._skipped = 0
@@ -103,10 +104,14 @@ class _Tree:
             self._findings.time_of_day = attributes.get(_TIME_BASE) in ("smpte", "clock")
         qualified = {_qualify(key): value for key, value in attributes.items()}
         if local == "p":
-            self.paragraph_lines.append(line)
-            self._findings.languages[line] = self._languages[-1]
+            self._paragraphs.append((line, self._parser.CurrentColumnNumber + 1))
         self._open.append(name)
         self._builder.start(_qualify(name), qualified)
+
+    def places(self) -> list[tuple[int, int]]:
+        """Return line and column of each paragraph; the column is 0 where none shares its line."""
+        shared = Counter(line for line, _ in self._paragraphs)
+        return [(line, column if shared[line] > 1 else 0) for line, column in self._paragraphs]
 
     def _times_hold(self, attributes: dict[str, str], line: int) -> bool:
         for key in _TIMES:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 from codec.errors import CueError
 from synth.language.subtitles.findings import Findings
+from synth.language.subtitles.markup import colours_of_styles, runs_of
 from synth.language.subtitles.model import Subtitle
 from synth.language.subtitles.spoken import plain
 from synth.language.subtitles.srt import clock_s
@@ -14,6 +15,7 @@ _TIMES = re.compile(rf"\s*{_CLOCK}\s*-->\s*{_CLOCK}(?:\s.*)?$")
 _LOOSE_TIMES = re.compile(rf"\s*{_CLOCK}\s*[-\u2010-\u2015\s]*[>\u2192]\s*{_CLOCK}(?:\s.*)?$")
 """Arrows of other shapes."""
 
+_SETTINGS = re.compile(r"\b(?:position|line|align|vertical|region|size):\S.*$")
 _LANGUAGE = re.compile(r"Language:\s*([\w-]+)\s*$")
 _MAP = re.compile(r"X-TIMESTAMP-MAP=(\S+)")
 _TICKS_HZ, _TICKS = 90_000, 1 << 33
@@ -50,6 +52,7 @@ def read_vtt(text: str, findings: Findings, *, stream_s: float | None = None) ->
     if not lines or not re.match(r"WEBVTT(?:\s|$)", lines[0]):
         raise CueError(f"line 1: {lines[0][:40] if lines else ''!r} is not the header WEBVTT")
     found = False
+    colours = colours_of_styles(text) if "::cue(" in text else {}
     moved_s = 0.0 if stream_s is None else _moved_s(lines, stream_s)
     for number, block in _blocks(lines):
         if number == 1:
@@ -65,9 +68,13 @@ def read_vtt(text: str, findings: Findings, *, stream_s: float | None = None) ->
         found = True
         if moved_s and end_s + moved_s <= 0:
             continue
-        said = plain("\n".join(block[first:])).strip()
+        tagged = "\n".join(block[first:])
+        runs, _ = runs_of(tagged, colours)
+        place = _SETTINGS.search(block[first - 1])
         opens_s = max(start_s + moved_s, 0.0) if moved_s else start_s
-        yield from findings.made(opens_s, end_s + moved_s, said, line)
+        yield from findings.made(
+            opens_s, end_s + moved_s, plain(tagged).strip(), line, runs, place[0] if place else ""
+        )
     if not found:
         raise findings.none_left(len(lines))
 

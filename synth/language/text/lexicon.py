@@ -166,7 +166,7 @@ def read_user_lexicon(path: str | Path) -> dict[str, tuple[Variant, ...]]:
 
     A name of several words is followed by a tab.
 
-    Empty lines and lines that begin with # are skipped.
+    Empty lines are skipped, and what follows a #.
 
     Raises
     ------
@@ -183,11 +183,10 @@ def read_user_lexicon(path: str | Path) -> dict[str, tuple[Variant, ...]]:
         raise CueError(f"{path}: the lexicon is not valid utf-8: {error.reason}") from error
     words: dict[str, tuple[Variant, ...]] = {}
     for number, line in enumerate(text.splitlines(), 1):
-        if not line.strip() or line.startswith("#"):
+        entry = line.partition("#")[0].strip()
+        if not entry:
             continue
-        word, *rest = (
-            line.strip().split("\t", 1) if "\t" in line.strip() else line.split(maxsplit=1)
-        )
+        word, *rest = entry.split("\t" if "\t" in entry else None, maxsplit=1)
         phones = split_ipa("".join(rest))
         if not phones:
             raise CueError(f"{path.name} line {number}: no phones after {word!r}")
