@@ -19,11 +19,14 @@ import shutil
 import sys
 from pathlib import Path
 
+from codec.cuer.voice import load_voice
 from receiver.native.build import MODULE, build_module, imports_of, source_digest
+from receiver.web.voice_files import write_voice
 
 HERE = Path(__file__).resolve().parent
 DIST = HERE / "dist"
 RECORD = DIST / "sources.json"
+README = HERE / "README.md"
 WASM = DIST / MODULE.name
 STYLES = (HERE.parent / "page" / "style.css", HERE / "src" / "style.css")
 
@@ -92,6 +95,20 @@ def _local(path: Path) -> str:
     return f"${path.stem}"
 
 
+def reasons_table() -> str:
+    """Return the table of reasons why there is no cuer, from `src/reasons.js`."""
+    text = (HERE / "src" / "reasons.js").read_text(encoding="utf-8")
+    entries = re.findall(r'^  "?([\w-]+)"?: \{\n    en: "((?:[^"\\]|\\.)*)"', text, re.MULTILINE)
+    unescaped = ((name, words.replace('\\"', '"').replace("<", "&lt;")) for name, words in entries)
+    return "| `reason` | text |\n|---|---|\n" + "".join(f"| `{n}` | {w} |\n" for n, w in unescaped)
+
+
+def with_tables(text: str) -> str:
+    """Return a page with the table between its two comments made anew."""
+    pattern = r"(<!-- reasons -->\n).*?(<!-- end of reasons -->)"
+    return re.sub(pattern, lambda m: m[1] + reasons_table() + m[2], text, flags=re.DOTALL)
+
+
 def record_of() -> dict[str, str]:
     """SHA-256 of all sources by their path in `receiver`, and of what was made."""
     files = {source for entry in ENTRIES.values() for source in bundle(HERE / "src" / entry)[1]}
@@ -115,6 +132,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--wasm", action="store_true", help="build the module too, by zig")
     parser.add_argument("--module", type=Path, help="take this module, just built")
+    parser.add_argument("--voice", metavar="V", help="write a voice's files, too (not checked in)")
     chosen = parser.parse_args(arguments)
     DIST.mkdir(exist_ok=True)
     if chosen.wasm:
@@ -130,6 +148,9 @@ def main(arguments: list[str] | None = None) -> int:
     for name, entry in ENTRIES.items():
         (DIST / name).write_text(bundle(HERE / "src" / entry)[0], encoding="utf-8")
     RECORD.write_text(json.dumps(record_of(), indent=1) + "\n", encoding="utf-8")
+    README.write_text(with_tables(README.read_text(encoding="utf-8")), encoding="utf-8")
+    if chosen.voice:
+        write_voice(DIST, load_voice(chosen.voice))
     return 0
 
 

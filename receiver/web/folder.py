@@ -5,7 +5,6 @@ avatar.bin: the page plays in any browser that may hear its own site's sound.
 """
 
 import html
-import json
 import os
 import shutil
 import tempfile
@@ -13,10 +12,8 @@ from pathlib import Path
 
 from codec.cuer.voice import Voice
 from codec.errors import CueError
-from receiver.drawing.avatar import has_avatar, load_avatar
-from receiver.drawing.voice_document import avatar_document, voice_document
-from receiver.export.device_voice import device_voice
 from receiver.web.build import DIST, ENTRIES, WASM
+from receiver.web.voice_files import write_voice
 
 SEEN = {".mp4", ".m4v", ".webm", ".mov"}
 """Programmes that browsers show in `<video>`."""
@@ -38,15 +35,6 @@ cuecast-player {{ max-width: 177.77vh; margin: auto; }}
 <cuecast-player keys><{element} src="{source}" controls playsinline></{element}></cuecast-player>
 </html>
 """
-
-
-def write_voice(folder: Path, voice: Voice) -> None:
-    """Write what the player needs of a voice: `voice.bin`, `voice.json` and `avatar.bin`."""
-    (folder / "voice.bin").write_bytes(device_voice(voice))
-    document = json.dumps(voice_document(voice), ensure_ascii=False)
-    (folder / "voice.json").write_text(document, encoding="utf-8")
-    if has_avatar(voice):
-        (folder / "avatar.bin").write_bytes(avatar_document(load_avatar(voice)))
 
 
 def write_folder(

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -17,7 +18,7 @@ from codec.cuer.voice import load_voice
 from codec.cues.phonology import PHONES
 from receiver.export.device_voice import device_voice
 from receiver.native.build import LARGEST_BYTES, imports_of
-from receiver.web.build import DIST, HERE, WASM, stale
+from receiver.web.build import DIST, HERE, README, WASM, reasons_table, stale, with_tables
 
 ROOT = Path(__file__).resolve().parents[3]
 Sound = NDArray[np.float32]
@@ -80,6 +81,18 @@ def sound_of(path: Path, rate_hz: int = 48000, layout: str = "stereo") -> Sound:
 def test_dist_is_of_its_sources() -> None:
     """Else: `python -m receiver.web.build`, with `--wasm` if the native sources changed."""
     assert stale() == []
+
+
+def test_readme_lists_every_reason() -> None:
+    readme = README.read_text(encoding="utf-8")
+    assert readme == with_tables(readme)
+    given = {
+        name
+        for path in (HERE / "src").glob("*.js")
+        for name in re.findall(r'(?:reason|because)\("([\w-]+)"', path.read_text(encoding="utf-8"))
+    }
+    assert len(given) > 5
+    assert given <= set(re.findall(r"^\| `([\w-]+)` \| \S", reasons_table(), re.MULTILINE))
 
 
 def test_module_s_limits() -> None:

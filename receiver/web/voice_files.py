@@ -1,0 +1,18 @@
+"""The files that the player needs of a voice: as televisions serve them, as devices read them."""
+
+import json
+from pathlib import Path
+
+from codec.cuer.voice import Voice
+from receiver.drawing.avatar import has_avatar, load_avatar
+from receiver.drawing.voice_document import avatar_document, voice_document
+from receiver.export.device_voice import device_voice
+
+
+def write_voice(folder: Path, voice: Voice) -> None:
+    """Write what the player needs of a voice: `voice.bin`, `voice.json` and `avatar.bin`."""
+    (folder / "voice.bin").write_bytes(device_voice(voice))
+    document = json.dumps(voice_document(voice), ensure_ascii=False)
+    (folder / "voice.json").write_text(document, encoding="utf-8")
+    if has_avatar(voice):
+        (folder / "avatar.bin").write_bytes(avatar_document(load_avatar(voice)))

@@ -1,0 +1,141 @@
+"""`<cuecast-player>` in headless Chromium, from folders that `cuecast page` writes."""
+
+import asyncio
+import json
+import wave
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from codec.cuer.voice import load_voice
+from receiver.web.folder import write_folder
+from tests.chromium import browse
+from tests.receiver.web.server import serving
+
+pytestmark = pytest.mark.long(20)
+
+FS = 48000
+PLAYER = "document.querySelector('cuecast-player')"
+START = f"""(() => {{
+  const c = {PLAYER};
+  window.told = [];
+  window.apart = [];
+  for (const name of ["state", "key"]) {{
+    c.addEventListener(name, (e) => told.push([name, c.media.currentTime, e.detail]));
+  }}
+  const look = () => {{
+    if (c.drawn && !c.media.paused) apart.push(Math.abs(c.drawn.timeS - c.media.currentTime));
+    requestAnimationFrame(look);
+  }};
+  look();
+  c.media.play();
+}})()"""
+
+
+def write_sound(path: Path, level: float, seconds: float = 20) -> Path:
+    """Write unmarked noise or silence in stereo."""
+    noise = level * np.random.default_rng(1).standard_normal((int(seconds * FS), 2))
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(2)
+        file.setsampwidth(2)
+        file.setframerate(FS)
+        file.writeframes(np.rint(32767 * noise).astype("<i2").tobytes())
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("page")
+    write_folder(write_sound(place / "noise.wav", 0.02), place / "site", load_voice("claire"))
+    write_sound(place / "site" / "silent.wav", 0.0)
+    return place / "site"
+
+
+def test_says_why_it_does_not_hear(folder: Path) -> None:
+    async def run() -> None:
+        others: list[str] = []
+        async with (
+            serving(folder, []) as address,
+            serving(folder, others) as other,
+            browse(f"{address}/index.html", 640, 360) as page,
+        ):
+            await page.until(f"customElements.get('cuecast-player') && {PLAYER}.hearing")
+            media = f"{PLAYER}.media"
+            # Another site's sound is not touched: no context, no worker.
+            await page.evaluate(f"{media}.src = '{other}/programme.wav'; {media}.play()")
+            await page.until(f"{PLAYER}.reason === 'other-origin' && {media}.currentTime > 0.3")
+            assert await page.evaluate(f"{PLAYER}.hearing.context === undefined")
+            assert others == ["programme.wav"] * len(others)
+            await page.evaluate(f"{media}.src = 'silent.wav'; {media}.play()")
+            await page.until(f"{PLAYER}.reason === 'silence'")
+            assert await page.evaluate(f"{media}.currentTime > 3")
+            await page.evaluate(f"{media}.muted = true")
+            await page.until(f"{PLAYER}.reason === 'muted'")
+            await page.evaluate(f"{media}.muted = false; {media}.playbackRate = 2")
+            await page.until(f"{PLAYER}.reason === 'speed'")
+            status = f"{PLAYER}.shadowRoot.getElementById('status').textContent"
+            assert "vitesse" in await page.evaluate(status)
+            assert page.errors == []
+
+    asyncio.run(run())
+
+
+def test_searches_sound_without_a_cuer(folder: Path) -> None:
+    async def run() -> None:
+        async with (
+            serving(folder, []) as address,
+            browse(f"{address}/index.html", 640, 360) as page,
+        ):
+            await page.until(f"customElements.get('cuecast-player') && {PLAYER}.hearing")
+            await page.evaluate(f"{PLAYER}.media.play()")
+            await page.until(f"{PLAYER}.reason === 'no-mark'")
+            assert await page.evaluate(f"{PLAYER}.diagnosis.superframes") == 0
+            assert await page.evaluate(f"{PLAYER}.keys.length") == 0
+            assert page.errors == []
+
+    asyncio.run(run())
+
+
+def test_missing_files_are_a_reason(folder: Path, tmp_path: Path) -> None:
+    for name in ("index.html", "cuecast-player.js", "programme.wav"):
+        (tmp_path / name).symlink_to(folder / name)
+
+    async def run() -> None:
+        async with serving(tmp_path, []) as address, browse(f"{address}/index.html") as page:
+            await page.until(f"customElements.get('cuecast-player') && {PLAYER}.reason")
+            assert await page.evaluate(f"{PLAYER}.reason") == "no-files"
+
+    asyncio.run(run())
+
+
+@pytest.mark.slow
+def test_the_demonstration(demonstration: Path, tmp_path: Path) -> None:
+    write_folder(demonstration / "broadcast-aac.mp4", tmp_path / "site", load_voice("claire"))
+    sent = json.loads((demonstration / "report.json").read_text(encoding="utf-8"))["keys"]
+
+    async def run() -> None:
+        asked: list[str] = []
+        async with (
+            serving(tmp_path / "site", asked) as address,
+            browse(f"{address}/index.html", 960, 540) as page,
+        ):
+            await page.until(f"customElements.get('cuecast-player') && {PLAYER}.hearing")
+            await page.evaluate(START)
+            await page.until(f"{PLAYER}.media.ended", timeout_s=120)
+            got = [d for name, _, d in await page.evaluate("told") if name == "key"]
+            wanted = [(k["shape"], k["placement"], k["phones"]) for k in sent]
+            assert [(k["shape"], k["placement"], k["phones"]) for k in got] == wanted
+            assert max(abs(k["start"] - s["start"]) for k, s in zip(got, sent, strict=True)) < 0.04
+            assert np.percentile(await page.evaluate("apart"), 95) <= 0.04
+            # Back into the middle: heard anew, known keys stay what they are.
+            await page.evaluate(f"{PLAYER}.media.currentTime = 12; {PLAYER}.media.play()")
+            await page.until(f"{PLAYER}.media.currentTime > 16", timeout_s=60)
+            assert await page.evaluate(f"{PLAYER}.keys.length") == len(sent)
+            assert await page.evaluate(f"{PLAYER}.drawn.visibility") == 1
+            assert page.errors == []
+            assert set(asked) == {path.name for path in (tmp_path / "site").iterdir()} - {
+                "decoder.js"
+            }
+
+    asyncio.run(run())
