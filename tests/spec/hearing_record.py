@@ -15,6 +15,7 @@ from scipy.signal import resample_poly
 
 from cuecast.demo.content import FS, make_sound
 from cuecast.dubbing.coder_stream import make_rehearsal
+from cuecast.evaluate.records import make_record
 from cuecast.evaluate.sound_channels import at_other_speed, through_codec
 from spec.reference.hearing import hear
 from tests.watermark.payloads import payloads
@@ -80,9 +81,10 @@ def record(path: Path | None) -> dict[str, Row]:
         rows[name] = heard(change(sound), rate)
         print(name, rows[name], flush=True)
     if path is not None:
-        command = f"python -m tests.spec.hearing_record {path}"
-        text = json.dumps({"command": command, "rows": rows}, indent=1)
-        path.write_text(text + "\n", encoding="utf-8")
+        results = [{"channel": name, **row} for name, row in rows.items()]
+        document = make_record("audio", (), results, seed=0, clips=None)
+        document["command"] = "python -m tests.spec.hearing_record docs/records/hearing.json"
+        path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
     return rows
 
 
