@@ -107,9 +107,9 @@ static void add_record(cue_state *cue, record r) {
     cue->queue[(cue->first_record + cue->records++) % RECORDS] = r;
 }
 
-static void step(cue_state *cue) {
+/* Hand over the superframes that were read. */
+static void gather(cue_state *cue) {
     cue_hearing *h = &cue->hearing;
-    cue_hearing_step(h);
     for (int i = 0; i < h->waiting; i++) {
         record r = {.what = AT_SUPERFRAME, .superframe = h->queue[i]};
         r.superframe.time_s += cue->start_s;
@@ -117,6 +117,12 @@ static void step(cue_state *cue) {
         add_record(cue, r);
     }
     h->waiting = 0;
+}
+
+static void step(cue_state *cue) {
+    cue_hearing *h = &cue->hearing;
+    cue_hearing_step(h);
+    gather(cue);
     double now_s = cue->start_s + (double)h->now / FS;
     if (h->state != cue->state) {
         cue->state = h->state;
@@ -209,6 +215,8 @@ cue_status cue_flush(cue_state *cue) {
     uint64_t heard = cue->heard;
     int64_t end = cue->hearing.sound.count + HOP + 256 + 2 * QUANTUM;
     while (cue->hearing.sound.count < end) push_frame(cue, nothing);
+    cue_hearing_end(&cue->hearing);
+    gather(cue);
     cue->heard = heard;
     cue->ended = true;
     cue->state = CUE_ENDED;

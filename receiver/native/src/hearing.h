@@ -318,5 +318,7 @@ void cue_hearing_init(cue_hearing *h, const cue_config *config);
 void cue_hearing_reset(cue_hearing *h);
 /* Process one step after QUANTUM new samples. */
 void cue_hearing_step(cue_hearing *h);
+/* Sound ends. One so short that the gains of the ladder had no turn is searched at some of them. */
+void cue_hearing_end(cue_hearing *h);
 
 #endif

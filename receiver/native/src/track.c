@@ -423,6 +423,20 @@ static bool due(const cue_hearing *h) {
     return h->tracking && end <= (double)h->now;
 }
 
+void cue_hearing_end(cue_hearing *h) {
+    static const float offsets[] = {2, 1, 3}; /* levels: 1/2, 1/4 and 3/4 of a tier (A4) */
+    cue_candidate found;
+    if (h->seen.first_lock_s >= 0 || h->now > RING) return;
+    for (int i = 0; i < 3 && !h->tracking; i++) {
+        cue_search_start(h, 0, NULL);
+        h->search.offset = offsets[i];
+        for (; !h->tracking && cue_search_ready(h); h->search.batch++)
+            if (cue_search_usual(h, &found)) try_candidate(h, &found);
+    }
+    while (h->back_failed != 255) read_back(h);
+    while (due(h)) follow(h);
+}
+
 void cue_hearing_step(cue_hearing *h) {
     cue_candidate found;
     float power = 0, beside = 0;

@@ -115,6 +115,11 @@ def test_gains(marked: Callable[..., Sound], gain_db: float) -> None:
     check(hear(marked("standard") * np.float32(10 ** (gain_db / 20))), "standard", 6)
 
 
+def test_gain_of_a_short_sound(marked: Callable[..., Sound]) -> None:
+    short = marked("standard")[: 2 * FS] * np.float32(10 ** (-10 / 20))
+    check(hear(short), "standard", 3)
+
+
 @pytest.mark.parametrize("weights", [(-1, -1), (1, -1), (-1, 1), (1, 0), (0, 1)])
 def test_polarities_and_single_channels(
     marked: Callable[..., Sound], weights: tuple[int, int]
@@ -151,8 +156,9 @@ def test_states_can_be_moved(marked: Callable[..., Sound]) -> None:
         assert int(done.stdout) >= 6
 
 
-def test_nothing_is_found_in_unmarked_sound() -> None:
-    events = hear(programme(seconds=6.0))
+@pytest.mark.parametrize("seconds", [2.0, 6.0])
+def test_nothing_is_found_in_unmarked_sound(seconds: float) -> None:
+    events = hear(programme(seconds=seconds))
     assert superframes(events) == []
     assert events[-1]["state"] == "ended"
     assert events[-1]["profile"] == 255
