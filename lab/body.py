@@ -2,8 +2,8 @@
 
 ``python -m lab.body --mesh FOLDER`` reads the mesh folder (``base.obj``, rig, weights,
 face units and the two marker layouts) and writes into ``synth/assets``: ``hm08_markers.npz``, and
-the arm poses of every cuer as ``reach_NAME.npz``. The origin of all coordinates becomes the
-middle between the ears.
+the arm poses and the arcs of every cuer as ``reach_NAME.npz``. The origin of all coordinates
+becomes the middle between the ears.
 """
 
 import argparse
@@ -17,6 +17,7 @@ import synth
 from codec.cuer.layout import FACE_MARKERS
 from codec.errors import CueError
 from codec.files.npz import write_arrays
+from lab.arcs import solve_arcs
 from synth.motion.body.anatomy import IDENTITIES
 from synth.motion.body.body import load_body
 from synth.motion.body.mesh import Mesh, read_mesh
@@ -51,8 +52,10 @@ def main(arguments: list[str] | None = None) -> int:
         return 3
     write_arrays(options.out / "hm08_markers.npz", arrays)
     for name in IDENTITIES:
-        wrist, forearm = solve_reach(load_body(name))
-        write_arrays(options.out / f"reach_{name}.npz", {"wrist": wrist, "forearm": forearm})
+        body = load_body(name)
+        wrist, forearm = solve_reach(body)
+        arrays = {"wrist": wrist, "forearm": forearm, "arcs": solve_arcs(body, wrist, forearm)}
+        write_arrays(options.out / f"reach_{name}.npz", arrays)
     return 0
 
 

@@ -97,6 +97,24 @@ class Classes:
         placements : ndarray, shape (T, 9, 6)
             Distance of the pointing finger's tip for a hand of each shape, mm.
         """
+        shapes, tips = self.pointing(markers)
+        return shapes, np.linalg.norm(tips[:, :, None] - self.tips, axis=3)
+
+    def pointing(self, markers: NDArray[np.floating]) -> tuple[FloatArray, FloatArray]:
+        """Return how far a hand is from each shape, and where it points.
+
+        Parameters
+        ----------
+        markers : ndarray, shape (T, 113, 3)
+            Millimetres.
+
+        Returns
+        -------
+        shapes : ndarray, shape (T, 9)
+            As in `distances`.
+        tips : ndarray, shape (T, 9, 3)
+            Tip of the finger that each shape points with, against the head, mm.
+        """
         x = _against_head(np.asarray(markers, dtype=np.float64), self._skull)
         shapes = np.empty((len(x), len(SHAPES)))
         _kernels.shapes_apart_into(
@@ -104,8 +122,7 @@ class Classes:
             np.ascontiguousarray(self._back), np.ascontiguousarray(self.fingers),
             rigid.OUTLIER_MM, _ROUNDS, shapes,
         )  # fmt: skip
-        tips = x[:, _TIPS]
-        return shapes, np.linalg.norm(tips[:, :, None] - self.tips, axis=3)
+        return shapes, x[:, _TIPS]
 
 
 def classes_of(voice: Voice) -> Classes:
@@ -170,7 +187,7 @@ def shown_keys(
         )
         own = best[first:last] == key.shape
         own &= where[first:last, key.shape] == PLACEMENT_NUMBER[key.placement]
-        begin, length = _longest(own)
+        begin, length = longest_run(own)
         shown_s = start_s + (first + begin) / rate
         if length:
             free_s = shown_s + length / rate
@@ -201,7 +218,7 @@ def _groups(keys: Sequence[Key], rest_gap_s: float) -> list[list[Key]]:
     return groups
 
 
-def _longest(mask: NDArray[np.bool_]) -> tuple[int, int]:
+def longest_run(mask: NDArray[np.bool_]) -> tuple[int, int]:
     """Return begin and length of the longest run of true values, 0 and 0 if there is none."""
     edges = np.flatnonzero(np.diff(mask.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
     if not len(edges):

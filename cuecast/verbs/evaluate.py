@@ -15,7 +15,7 @@ SUMMARY = "figures as CSV, JSON and plots"
 
 KINDS = (
     "codec", "legs", "audio", "video", "together", "chain", "synthesis", "models", "capture",
-    "reader", "readability", "alignment", "intelligibility",
+    "reader", "readability", "places", "alignment", "intelligibility",
 )  # fmt: skip
 
 

@@ -26,7 +26,7 @@ IntArray = NDArray[np.int64]
 _SHAPES, _PLACES = len(SHAPES) - 1, len(PLACEMENTS) - 1
 """How many shapes and placements there are but for rest."""
 
-_INDEX_POINTS = (1, 6)
+INDEX_POINTS = (1, 6)
 """Shapes that point with the index; the others do so with the middle finger."""
 
 _FRAME_SHARE = 0.4
@@ -76,7 +76,7 @@ class Asked:
     @property
     def finger(self) -> int:
         """The finger that points: 0 index, 1 middle finger."""
-        return int(self.shape not in _INDEX_POINTS)
+        return int(self.shape not in INDEX_POINTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +175,7 @@ class CueReader:
                 for at in (slice(0, 2), slice(2, 4))
             ]
         )
-        finger = [int(number not in _INDEX_POINTS) for number in SHAPES[1:]]
+        finger = [int(number not in INDEX_POINTS) for number in SHAPES[1:]]
         key = shape[:, :, None] + place[finger].transpose(2, 0, 1)
         slow = self.slow.log_density(seen.speed)
         key = key + slow[:, None, None]
@@ -230,7 +230,7 @@ def _posture(seen: TakeView) -> FloatArray:
 
 
 def _tip(seen: TakeView, shape: int) -> FloatArray:
-    finger = int(shape not in _INDEX_POINTS)
+    finger = int(shape not in INDEX_POINTS)
     return seen.tips[:, 2 * finger : 2 * finger + 2]
 
 

@@ -77,7 +77,7 @@ class Habits:
 
     placement_shift_mm: dict[str, tuple[float, float, float]] = field(default_factory=dict)
     hand_slope_deg: float = 64.0
-    palm_turn_deg: float = 12.0
+    palm_turn_deg: float = 8.0
     opening: float = 1.0
     asymmetry: float = 0.05
     head_mobility: float = 1.0
@@ -110,10 +110,10 @@ IDENTITIES: dict[str, tuple[Anatomy, Habits]] = {
         ),
         Habits(
             placement_shift_mm={
-                "cheek": (4.0, 12.0, 0.0), "mouth": (-5.0, 2.0, 2.0), "chin": (6.0, 3.0, 0.0),
-                "throat": (14.0, 14.0, 0.0), "side": (-6.0, 4.0, -4.0),
+                "cheek": (3.0, 4.0, 0.0), "mouth": (-4.0, 2.0, 2.0), "chin": (4.0, 2.0, 0.0),
+                "throat": (5.0, -5.0, 0.0), "side": (4.0, 4.0, -4.0),
             },
-            hand_slope_deg=56.0, palm_turn_deg=22.0, opening=0.85, asymmetry=-0.12,
+            hand_slope_deg=56.0, palm_turn_deg=14.0, opening=0.85, asymmetry=-0.12,
             head_mobility=2.2, scatter_mm=5.5, scatter_deg=2.5, undershoot=0.06,
         ),
     ),
@@ -129,10 +129,10 @@ IDENTITIES: dict[str, tuple[Anatomy, Habits]] = {
         ),
         Habits(
             placement_shift_mm={
-                "cheek": (8.0, 16.0, 0.0), "mouth": (-6.0, -8.0, 2.0), "chin": (7.0, 6.0, 0.0),
-                "throat": (9.0, 20.0, 0.0), "side": (12.0, -4.0, -4.0),
+                "cheek": (-3.0, 4.0, 0.0), "mouth": (-3.0, -4.0, 2.0), "chin": (4.0, 4.0, 0.0),
+                "throat": (-4.0, -4.0, 0.0), "side": (4.0, -2.0, -4.0),
             },
-            hand_slope_deg=60.0, palm_turn_deg=18.0, opening=0.92, asymmetry=0.08,
+            hand_slope_deg=60.0, palm_turn_deg=11.0, opening=0.92, asymmetry=0.08,
             head_mobility=1.6, scatter_mm=7.0, scatter_deg=6.0,
         ),
     ),

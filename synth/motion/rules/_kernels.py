@@ -111,6 +111,8 @@ def seen_into(
         Between the moments that are looked at, seconds.
     lateness : ndarray, shape (4,)
         How much later than the place the turn begins and ends, then the fingers.
+    arc : ndarray, shape (54, 54, 3)
+        How far the middle of a stroke from key to key lies off the straight way, per mm of it.
     place : ndarray, shape (54, 3)
         Wrist of each key.
     tip : ndarray, shape (9, 54, 3)
@@ -164,7 +166,7 @@ def seen_into(
                 at[c] += p * d
                 long += d * d
             for c in range(3):
-                at[c] += 4.0 * p * (1.0 - p) * np.sqrt(long) * arc[c]
+                at[c] += 4.0 * p * (1.0 - p) * np.sqrt(long) * arc[key[g - 1], key[g], c]
         for k in range(n_knuckles):
             for c in range(3):
                 value = at[c] + knuckle[key[base], k, c]

@@ -10,6 +10,7 @@ face it follows the head's motion.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +26,8 @@ from codec.cues.timeline import TICK_S, Sounding, to_ticks
 from codec.errors import CueError
 from codec.superframe.lips import LipContract
 from synth.motion.body.body import Body, BodyPose, load_asset, load_body
-from synth.motion.body.reach import placement_target
-from synth.motion.body.shapes import all_shapes
-from synth.motion.body.skeleton import ANGLE_NUMBER, HAND_ANGLES
+from synth.motion.body.reach import key_poses, placement_target
+from synth.motion.body.skeleton import HAND_ANGLES
 from synth.motion.rules.coarticulation import PhoneLine, articulate
 from synth.motion.rules.drift import Drift, normals_at
 from synth.motion.rules.movement import Gestures, check_alignment, moved, plan_gestures
@@ -46,11 +46,11 @@ _MEETS_HAND_DEG = {
 }  # fmt: skip
 """Pitch and yaw of the head towards the hand, degrees: its part of the constriction."""
 
-_TWIST_DEG = {"rest": -5.0, "side": 2.0, "mouth": 0.0, "chin": -1.0, "cheek": 3.0, "throat": -3.0}
 _HEAD_DRIFT = np.array([*np.radians([1.2, 0.8, 0.5]), 1.2, 1.0, 1.4])
-ARC = np.array([-0.24, -0.13, 0.1])
-"""How far the middle of a stroke lies outwards, upwards and to the front, per mm of way;
-real cuers' strokes bend outwards by a fifth of their length."""
+ARC = (-0.24, -0.13, 0.1)
+"""How far the middle of a stroke lies outwards, upwards and to the front, per mm of way, unless it
+would pass a third placement so (``lab/arcs.py``); real cuers' strokes bend outwards by a fifth of
+their length."""
 
 _OUT_OF_STEP_S = {"thumb": -0.02, "index": -0.01, "middle": 0.0, "ring": 0.008, "little": 0.016}
 """How much later than the fingers together each one moves."""
@@ -76,9 +76,6 @@ _AIM = {"rest": 1.0, "side": 1.0, "mouth": 0.5, "chin": 0.5, "cheek": 0.8, "thro
 
 _SCATTERED = np.array([0.25] * 3 + [1.0] * (len(HAND_ANGLES) - 3))
 """Shares of the scatter in wrist and fingers: the wrist's would carry the tip 6 mm away."""
-
-_ARCH_PER_FLEXION = 0.08
-"""Turn of a finger's bone in the palm for its flexion."""
 
 _UNIT_DRIFT = {
     "browInnerUp": 0.08, "browOuterUpLeft": 0.05, "browOuterUpRight": 0.05, "browDownLeft": 0.04,
@@ -186,6 +183,7 @@ class GestureSynthesiser:
         self._movement = movement
         reach = load_asset(f"reach_{identity}")
         self._wrist, self._forearm = reach["wrist"], reach["forearm"]
+        self.arcs = arcs_of(reach["arcs"])
         self._targets = np.array([placement_target(self.body, p) for p in PLACEMENTS])
         rng = np.random.default_rng([seed, 11])
         mobility = self.body.habits.head_mobility
@@ -269,12 +267,14 @@ class GestureSynthesiser:
         """Return how far the wrist leaves the straight way, (T, 3), mm."""
         g = plan.gestures
         path = np.linalg.norm(np.diff(plan.forearm[:, 3:], axis=0), axis=1)
+        keys = len(PLACEMENTS) * g.shape + g.placement
         out = np.zeros((len(times), 3))
         for number in 1 + _under_way(g.leave[1:], g.reach[1:], times):
             here = slice(*np.searchsorted(times, [g.leave[number], g.reach[number]]))
             elapsed = (times[here] - g.leave[number]) / (g.reach[number] - g.leave[number])
             part = self._profile(elapsed**self._movement.power)
-            out[here] += np.outer(4.0 * part * (1.0 - part) * path[number - 1], ARC)
+            arc = self.arcs[keys[number - 1], keys[number]]
+            out[here] += np.outer(4.0 * part * (1.0 - part) * path[number - 1], arc)
         return out
 
     def targets(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -368,14 +368,7 @@ class GestureSynthesiser:
         self, shape: NDArray[np.int64], placement: NDArray[np.int64]
     ) -> tuple[FloatArray, FloatArray]:
         """Return hand angles (G, 31) and forearm poses (G, 6) of keys, head at rest."""
-        angles = all_shapes()[shape]
-        angles[:, :3] = self._wrist[shape, placement]
-        twist = np.array([_TWIST_DEG[name] for name in PLACEMENTS])
-        angles[:, ANGLE_NUMBER["forearm_twist"]] += twist[placement]
-        for finger in ("ring", "little"):
-            flexion = angles[:, ANGLE_NUMBER[f"{finger}_mcp"]]
-            angles[:, ANGLE_NUMBER[f"arch_{finger}"]] += _ARCH_PER_FLEXION * flexion
-        return angles, self._forearm[shape, placement].copy()
+        return key_poses(self._wrist, self._forearm, shape, placement)
 
     def _undershoot(self, g: Gestures, angles: FloatArray, forearm: FloatArray) -> None:
         """Pull the targets of short gestures back towards their predecessors."""
@@ -417,6 +410,12 @@ class GestureSynthesiser:
                 gain = habits.opening * (1.0 + side * habits.asymmetry)
                 matrix[row, self.body.unit_names.index(unit)] = gain
         return matrix
+
+
+def arcs_of(hundredths: NDArray[Any]) -> FloatArray:
+    """Return arcs, shape (54, 54, 3), per mm of way, from those of the asset (54, 54, 2)."""
+    front = np.full((*hundredths.shape[:2], 1), ARC[2])
+    return np.concatenate([hundredths / 100.0, front], axis=2)
 
 
 def _under_way(

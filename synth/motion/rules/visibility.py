@@ -19,7 +19,7 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS
 from codec.cues.score import PLACEMENTS, SHAPES
 from synth.motion.rules import _kernels
-from synth.motion.rules.gesture import ARC, GestureSynthesiser
+from synth.motion.rules.gesture import GestureSynthesiser
 from synth.motion.rules.movement import timed_strokes
 
 FloatArray = NDArray[np.float64]
@@ -57,8 +57,8 @@ class VisibilityModel:
         Where the tip is for each key, mm.
     gram : ndarray, shape (9, 9)
         Inner products of the shapes, mean over the fingers' markers, square mm.
-    arc : ndarray, shape (3,)
-        How far the middle of a stroke lies off the straight way, per mm of way.
+    arc : ndarray, shape (54, 54, 3)
+        How far the middle of a stroke from key to key lies off the straight way, per mm of way.
     """
 
     movement: Movement
@@ -81,7 +81,7 @@ class VisibilityModel:
         ]
         knuckle = cuer.body.hand(angles, forearm)[:, _KNUCKLES - first] - wrist[:, None]
         classes = Classes(cuer.targets()[0])
-        return cls._from(movement, wrist, np.array(tip), knuckle, classes, ARC)
+        return cls._from(movement, wrist, np.array(tip), knuckle, classes, cuer.arcs)
 
     @classmethod
     def of_voice(cls, voice: Voice) -> "VisibilityModel":
@@ -108,7 +108,7 @@ class VisibilityModel:
         )
         still = replace(FLOWING, turn_begin_s=0.0, turn_end_s=0.0)
         knuckle = own[:, _KNUCKLES] - palm[:, None]
-        return cls._from(still, palm, tip, knuckle, classes_of(voice), np.zeros(3))
+        return cls._from(still, palm, tip, knuckle, classes_of(voice), np.zeros((n, n, 3)))
 
     @classmethod
     def _from(

@@ -12,7 +12,7 @@ from codec.files.npz import read_arrays
 from synth.motion.body.anatomy import IDENTITIES, identity
 from synth.motion.body.body import Body, BodyPose, load_asset, load_body
 from synth.motion.body.mesh import read_mesh
-from synth.motion.body.reach import placement_target
+from synth.motion.body.reach import REAL_MM, key_poses, placement_target
 from synth.motion.body.shapes import all_shapes, shape_angles
 from synth.motion.body.skeleton import ANGLE_NUMBER, ARM_BONES, HAND_ANGLES, rotation
 
@@ -122,11 +122,32 @@ def test_every_shape_reaches_every_placement(name: str) -> None:
 @BODIES
 def test_tips_at_the_face_are_before_the_skin(name: str) -> None:
     body = load_body(name)
-    touched = {"mouth": "LC_R", "chin": "CH0", "cheek": "CK2_R", "throat": "TH3_C"}
+    touched = {"mouth": "LC_R", "chin": "CH0", "cheek": "CK2_R", "throat": "TH5_C"}
     for placement, marker in touched.items():
         skin = body.face_skin.rest[MARKER_NUMBER[marker]]
         gap = placement_target(body, placement)[2] - skin[2]
         assert 3.0 < gap < 25.0, placement
+
+
+@BODIES
+def test_placements_are_where_real_cuers_point(name: str) -> None:
+    body = load_body(name)
+    rest = body.face_skin.rest
+    mouth = 0.5 * (rest[MARKER_NUMBER["LC_R"]] + rest[MARKER_NUMBER["LC_L"]])
+    for placement, real in REAL_MM.items():
+        away = (placement_target(body, placement) - mouth)[:2] - real
+        assert np.linalg.norm(away) < 10.0, placement
+
+
+@BODIES
+def test_the_hand_is_flat_to_the_viewer_at_every_placement(name: str) -> None:
+    """The back of the hand looks at the viewer, and its turn changes little between keys."""
+    body, reach = load_body(name), load_asset(f"reach_{name}")
+    shape, placement = (grid.ravel() for grid in np.mgrid[1:9, 1 : len(PLACEMENTS)])
+    angles, forearm = key_poses(reach["wrist"], reach["forearm"], shape, placement)
+    dorsal = body.arm_bones(angles, forearm)[0][:, 2, :, 2]
+    assert np.degrees(np.arccos(dorsal[:, 2])).max() < 22.0
+    assert np.degrees(np.arccos((dorsal @ dorsal.T).min())) < 12.0
 
 
 def test_arm_stays_short_of_the_anatomically_impossible() -> None:

