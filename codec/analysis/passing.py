@@ -31,7 +31,7 @@ points: half of that between the shapes of four and of five fingers, whose tips 
 
 
 @dataclass(frozen=True, slots=True)
-class Passed:
+class PassedPlacement:
     """A placement that a hand passed on its way to another.
 
     Attributes
@@ -74,7 +74,7 @@ def passed_by(
     placement: NDArray[np.integer],
     leave: FloatArray,
     reach: FloatArray,
-) -> Iterable[Passed]:
+) -> Iterable[PassedPlacement]:
     """Return the placements that a hand passes, one for each stroke and placement.
 
     Parameters
@@ -109,7 +109,7 @@ def passed_by(
             if longest_run(near[here, third])[1] < least:
                 continue
             at = here.start + int(np.where(near[here, third], away[here, third], np.inf).argmin())
-            yield Passed(
+            yield PassedPlacement(
                 float(times[at]), PLACEMENTS[placement[stroke - 1]], PLACEMENTS[placement[stroke]],
                 PLACEMENTS[third], float(away[at, third]), float(limit[at, third]),
             )  # fmt: skip

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.analysis.passing import Passed, passed_by
+from codec.analysis.passing import PassedPlacement, passed_by
 from codec.analysis.readability import Classes
 from codec.cuer.layout import MARKER_NUMBER, RIGID_FACE, longest_finger_tip, marker_indices
 from codec.cuer.models.rigid import estimate_motion, inverse_rigid_motion
@@ -145,7 +145,7 @@ def _place_rows(name: str, points: Points) -> Iterator[dict[str, Any]]:
             }  # fmt: skip
 
 
-def passed(cuer: GestureSynthesiser, score: Score) -> Iterator[Passed]:
+def passed(cuer: GestureSynthesiser, score: Score) -> Iterator[PassedPlacement]:
     """Yield the third placements that a virtual cuer passes, in constant memory."""
     gestures, classes = cuer.gestures(score), Classes(cuer.targets()[0])
     frames = int(cuer.rate_hz * (score.phones[-1].end + 1.0))

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from codec.analysis.passing import Passed, limits_mm, passed_by
+from codec.analysis.passing import PassedPlacement, limits_mm, passed_by
 from codec.analysis.readability import Classes
 from codec.cues.cueing import cue
 from codec.cues.score import PLACEMENTS, Phone, Score
@@ -32,7 +32,7 @@ def every_way() -> Score:
     return Score(tuple(phones), tuple(cue(phones)))
 
 
-def passed(cuer: GestureSynthesiser, score: Score) -> list[Passed]:
+def passed(cuer: GestureSynthesiser, score: Score) -> list[PassedPlacement]:
     frames = int(cuer.rate_hz * (score.phones[-1].end + 1.0))
     plan = cuer.gestures(score)
     return list(
