@@ -18,3 +18,8 @@ autodoc_typehints = "none"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 napoleon_use_ivar = True
+
+suppress_warnings = [
+    "misc.highlighting_failure",  # forges draw Mermaid's diagrams; Pygments has no lexer for them
+    "ref.python",  # attributes of one name in two classes, which napoleon links by name alone
+]

@@ -17,7 +17,11 @@ RECORDS = Path(__file__).resolve().parents[1] / "records"
 README_PICTURE = RECORDS.parent / "images" / "legs.png"
 """The drawing that README shows, of the record of the same name."""
 
-_ELSEWHERE = {"fuzz": "tests.fuzz.night", "mutation": "tests.mutation"}
+_ELSEWHERE = {
+    "fuzz": "tests.fuzz.night",
+    "mutation": "tests.mutation",
+    "hearing": "tests.spec.hearing_record",
+}
 """What measures kinds of figures that `evaluate` does not."""
 
 Row = Mapping[str, Any]

@@ -82,7 +82,7 @@ def record(path: Path | None) -> dict[str, Row]:
         print(name, rows[name], flush=True)
     if path is not None:
         results = [{"channel": name, **row} for name, row in rows.items()]
-        document = make_record("audio", (), results, seed=0, clips=None)
+        document = make_record("hearing", (), results, seed=0, clips=None)
         document["command"] = "python -m tests.spec.hearing_record docs/records/hearing.json"
         path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
     return rows
