@@ -229,6 +229,9 @@ class Programme:
             for succession, chosen in zip(successions, (self.sound, self.picture), strict=True):
                 if chosen is not None and packet.stream.type == succession.kind:
                     ready, stream = succession.take(packet, chosen)
+                    if not hasattr(stream, "decode"):
+                        # The library met it while reading and has no decoder for it.
+                        raise IndexError(f"stream {stream.index} came later")
                     if succession.kind == "audio":
                         self.sound = stream
                     else:
