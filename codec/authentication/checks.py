@@ -15,6 +15,8 @@ _POLYNOMIAL = 0x1053
 """x^12 + x^6 + x^4 + x + 1, primitive."""
 
 _ORDER = (1 << CHECK_BITS) - 1
+"""Order of the multiplicative group: elements of the field but zero."""
+
 _MOST_CHECKS = 16
 """First number of a symbol: checks are numbered below it."""
 

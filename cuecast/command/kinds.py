@@ -48,6 +48,7 @@ _NO_TEXT: dict[str, tuple[str, ...]] = {
 """Arguments that take subtitles: text of some kind, and none of the kinds above."""
 
 _HEAD_BYTES = 512
+"""Read of a file to know its kind: a C3D header; a transport stream shows three packets by 377."""
 
 _STREAM_MAGIC = b"CUES"
 """Specification: spec/bitstream.md, F2."""

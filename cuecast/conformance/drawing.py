@@ -10,7 +10,10 @@ TOLERANCE_MM = 0.01
 """Limit of section 9 for marker positions."""
 
 _HEAD_BYTES = 26
+"""Of a stream file, with its checksum (spec/bitstream.md, F1)."""
+
 _TICKS = 32
+"""Of a superframe (spec/bitstream.md, G3)."""
 
 
 def examine_files(program: Program, document: dict[str, Any]) -> Iterator[CaseVerdict]:

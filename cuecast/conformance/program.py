@@ -16,6 +16,7 @@ TIMEOUT_S = 120.0
 """Seconds that an answer may take before the program counts as hung."""
 
 _CHUNK = 1 << 16
+"""Bytes read at once from a decoder."""
 _MOST_BYTES = 1 << 26
 """Bytes of one answer at most."""
 

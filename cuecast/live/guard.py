@@ -23,6 +23,7 @@ _SHORTEST_TOKEN = 16
 """Characters that a token needs at least: with fewer it could be guessed over a network."""
 
 _LONGEST_TOKEN = 1024
+"""Characters at most: header fields of HTTP servers end at 8 KiB."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,7 @@ from codec.superframe.tables import present_tables
 
 MAGIC, LAYOUT = b"CUEVOICE", 1
 DIGEST_BYTES = 32
+"""Of SHA-256."""
 
 STEP_MM = 2.0**-12
 """Unit of the regression's numbers: half of it, summed over all terms, stays below 0.01 mm."""
@@ -39,6 +40,7 @@ _FOR_SENDERS = (
     "gestures.neutral_head",
 )  # fmt: skip
 _NONE = 255
+"""Stands for nothing where a byte counts something."""
 
 Arrays = Mapping[str, NDArray[Any]]
 

@@ -29,6 +29,8 @@ _OUT = {1: (0,), 2: (0, 1), 3: (1, 2, 3), 4: (0, 1, 2, 3), 5: (0, 1, 2, 3), 6: (
 """Fingers that each shape has out, index first."""
 
 _THUMB_OUT = (5, 6, 7)
+"""Shapes with the thumb stretched out."""
+
 _SPREADS = ((1, 6), (2, 4, 5, 7), (3,), (8,))
 """Shapes whose index and middle finger are equally far apart."""
 
