@@ -18,7 +18,7 @@ from cuecast.conformance.verdict import CaseVerdict, ConformanceReport
 from receiver.export.device_voice import device_voice
 
 PROTOCOL = 1
-"""Version of the protocol, stated in its first line."""
+"""Version of the protocol that a decoder has to state."""
 
 REQUESTS = ("superframe", "draw", "sound")
 """What a decoder may say that it does."""

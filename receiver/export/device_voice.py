@@ -40,7 +40,7 @@ _FOR_SENDERS = (
     "gestures.neutral_head",
 )  # fmt: skip
 _NONE = 255
-"""Stands for nothing where a byte counts something."""
+"""Byte of a phone that has no shape or no placement."""
 
 Arrays = Mapping[str, NDArray[Any]]
 

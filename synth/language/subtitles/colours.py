@@ -17,7 +17,7 @@ _HUES = ((20, "red"), (75, "yellow"), (160, "green"), (205, "cyan"), (265, "blue
 """Upper ends in degrees."""
 
 _LEAST_SATURATION, _LEAST_VALUE = 0.4, 0.2
-"""Below these a colour counts as white or black, by eye."""
+"""Below these a colour counts as white or black; set by hand, not measured."""
 
 
 def colour_name(written: str) -> str:

@@ -7,7 +7,7 @@ _TWICE = re.compile("[\xc2\xc3\xc5][\x80-\xbf]|\xe2[\x80-\x84][\x80-\xbf]|\xef\x
 """UTF-8 of letters and signs of French, a character for each byte."""
 
 _MOST_TIMES = 3
-"""Times that a text may have been encoded twice over; more was never seen."""
+"""Rounds of repair at most, so that the work on any text is bounded; not tuned."""
 
 
 def _bytes_of(code: str) -> dict[int, int]:
