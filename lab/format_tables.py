@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import codec
 from codec.cuer.motion import Motion
 from codec.cues.cueing import NO_CONSONANT_SHAPE, NO_VOWEL_PLACEMENT, PLACEMENT_OF, SHAPE_OF
 from codec.cues.phonology import CONSONANTS, PHONES, VOWELS
 from codec.cues.score import PLACEMENTS, Score
 from codec.cues.timeline import TICKS, ScoreLine, to_line
+from codec.files.data import DATA
 from codec.files.whole import whole_file
 from codec.superframe import _kernels
 from codec.superframe.coding import Coding
@@ -268,7 +268,7 @@ def _rows(counts: Counts) -> list[object]:
 
 Array = NDArray[np.float64]
 
-TABLES = Path(codec.__file__).parent / "assets" / "tables.json"
+TABLES = DATA / "tables.json"
 
 
 def write_tables(document: dict[str, Any], path: Path = TABLES) -> None:

@@ -1,6 +1,6 @@
 """Build a voice: the virtual cuer performs, the models are fitted, the voice file is written.
 
-``python -m lab.voice [--identity claire] [--out codec/assets]``
+``python -m lab.voice [--identity claire] [--out spec/data/voices]``
 """
 
 import argparse
@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-import codec
 from codec.cuer.gestures import GestureTable
 from codec.cuer.layout import HAND_MARKERS, MARKERS, N_FACE, N_HAND, longest_finger_tip
 from codec.cuer.voice import Voice, save_voice
 from codec.cues.score import SHAPES, Score
 from codec.errors import CueError
+from codec.files.data import DATA
 from codec.training.fit import TrainingSet, fit_voice
 from synth.motion.body.anatomy import IDENTITIES
 from synth.motion.rules.gesture import GestureSynthesiser
@@ -26,7 +26,7 @@ from synth.planning.scoring.drills import drill, isolated_sounds, shape_transiti
 
 FloatArray = NDArray[Any]
 
-ASSETS = Path(codec.__file__).parent / "assets"
+VOICES = DATA / "voices"
 
 _TIP_WEIGHT = 7.0
 """Weight of the pointing fingertip against other markers: it is what touches the face."""
@@ -146,7 +146,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the script."""
     parser = argparse.ArgumentParser(prog="lab.voice", description=__doc__)
     parser.add_argument("--identity", default="claire", help=f"one of {', '.join(IDENTITIES)}")
-    parser.add_argument("--out", type=Path, default=ASSETS, help="folder of the voice file")
+    parser.add_argument("--out", type=Path, default=VOICES, help="folder of the voice file")
     options = parser.parse_args(arguments)
     try:
         voice = build_voice(options.identity)

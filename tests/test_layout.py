@@ -23,7 +23,7 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
     "codec": {
         "files": set(),
         "authentication": {"files"},
-        "cues": set(),
+        "cues": {"files"},
         "cuer": {"files", "cues"},
         "analysis": {"cuer", "cues"},
         "superframe": {"files", "cues", "cuer"},

@@ -22,6 +22,7 @@ from codec.cuer.models.inversion import bridge, invert_face, invert_hand
 from codec.cuer.motion import Motion
 from codec.cues.score import Score
 from codec.errors import CueError, VoiceError
+from codec.files.data import DATA
 from codec.files.npz import read_arrays, write_arrays
 
 FORMAT = "cuecast-voice-1"
@@ -255,8 +256,7 @@ def load_voice(path_or_name: str | os.PathLike[str] = "claire") -> Voice:
 
 def built_in_voices() -> tuple[str, ...]:
     """Return the names of the voices that come with the package."""
-    folder = Path(__file__).parents[1] / "assets"
-    return tuple(sorted(path.stem for path in folder.glob("*.npz")))
+    return tuple(sorted(path.stem for path in (DATA / "voices").glob("*.npz")))
 
 
 def _find(path_or_name: str | os.PathLike[str]) -> Path:
@@ -265,4 +265,4 @@ def _find(path_or_name: str | os.PathLike[str]) -> Path:
         return Path(text)
     if text not in built_in_voices():
         raise VoiceError(f"no voice called {text!r}; built in: {', '.join(built_in_voices())}")
-    return Path(__file__).parents[1] / "assets" / f"{text}.npz"
+    return DATA / "voices" / f"{text}.npz"

@@ -1,5 +1,5 @@
 """French Cued Speech itself: phones, keys, scores.
 
 In: phones with their times. Out: keys with their times, as a score; a score as ticks. May import:
-no other room.
+`files`.
 """

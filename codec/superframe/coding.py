@@ -21,6 +21,7 @@ from codec.cuer.movement import Movement
 from codec.cuer.voice import Voice
 from codec.cues.timeline import TICKS
 from codec.errors import VoiceError
+from codec.files.data import DATA
 from codec.files.npz import read_arrays, write_arrays
 from codec.superframe.resynthesis.targets import Targets
 from codec.superframe.tables import tables_digest
@@ -28,7 +29,7 @@ from codec.superframe.transform import Bases, Basis, klt, marker_metric, scales_
 
 Array = NDArray[np.float64]
 
-FOLDER = Path(__file__).parents[1] / "assets" / "coding"
+FOLDER = DATA / "coding"
 FORMAT = "cuecast-coding-2"
 
 _MAX_BYTES = 1 << 20

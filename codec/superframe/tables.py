@@ -1,6 +1,6 @@
 """The static tables of the bitstream: frequencies of phones, lengths and coefficients.
 
-Read once from ``codec/assets/tables.json``, where `lab.format_tables` wrote them as
+Read once from ``spec/data/tables.json``, where `lab.format_tables` wrote them as
 integers; they are part of the format's version and are the same for every voice (spec/bitstream.md,
 section 7).
 """
@@ -9,13 +9,13 @@ import functools
 import hashlib
 import json
 from dataclasses import dataclass, field
-from importlib import resources
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.cues.timeline import TICKS
+from codec.files.data import DATA
 from codec.superframe.range_coder import TOTAL
 
 CLASSES = 25
@@ -114,7 +114,7 @@ def _cdf(freqs: Any) -> NDArray[np.int64]:
 
 @functools.cache
 def _content() -> bytes:
-    return resources.files("codec").joinpath("assets/tables.json").read_bytes()
+    return (DATA / "tables.json").read_bytes()
 
 
 @functools.cache

@@ -27,7 +27,7 @@ from spec.reference.reception import (
 from spec.reference.stream_bytes import EVEN, one
 from spec.reference.superframe import Decoded, decode
 
-ASSETS = Path(__file__).parents[2] / "codec" / "assets"
+DATA = Path(__file__).parents[1] / "data"
 ORIGIN = (
     "bytes drawn at random by spec/reference/reception_vectors.py, given checks, decoded, joined "
     "and drawn by spec/reference, which was written from the text"
@@ -134,10 +134,10 @@ def case_of(
 
 def main(path: str) -> None:
     """Write the vectors."""
-    voice = read_voice(ASSETS / "claire.npz")
-    file = ASSETS / "coding" / f"{identity(voice)}.npz"
+    voice = read_voice(DATA / "voices" / "claire.npz")
+    file = DATA / "coding" / f"{identity(voice)}.npz"
     coding = read_coding(file)
-    own = identity_of(ASSETS / "tables.json", file, identity(voice))
+    own = identity_of(DATA / "tables.json", file, identity(voice))
     scales = [
         [
             [int(coding[f"{basis}.scales"].at(c, f)) for f in range(32)]

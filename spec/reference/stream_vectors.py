@@ -22,7 +22,7 @@ from spec.reference.purposes import described
 from spec.reference.stream_bytes import EVEN, head, numbered, payload, resting, told, whole
 from spec.reference.superframe import MalformedError, crc, decode, record
 
-ASSETS = Path(__file__).parents[2] / "codec" / "assets"
+DATA = Path(__file__).parents[1] / "data"
 ORIGIN = (
     "bytes drawn at random by spec/reference/stream_vectors.py, given checks, read and drawn by "
     "spec/reference/files.py, motion.py and markers.py, which were written from the text"
@@ -283,9 +283,9 @@ def said(found: files.File) -> Case:
 
 def main(path: str) -> None:
     """Write the vectors."""
-    voice = read_voice(ASSETS / "claire.npz")
-    own = ASSETS / "coding" / f"{identity(voice)}.npz"
-    coding, name = read_coding(own), identity_of(ASSETS / "tables.json", own, identity(voice))
+    voice = read_voice(DATA / "voices" / "claire.npz")
+    own = DATA / "coding" / f"{identity(voice)}.npz"
+    coding, name = read_coding(own), identity_of(DATA / "tables.json", own, identity(voice))
     scales = [
         [
             [int(coding[f"{basis}.scales"].at(c, f)) for f in range(32)]

@@ -11,7 +11,7 @@ from typing import Any
 from spec.reference.range_decoder import RangeDecoder
 
 TABLES: dict[str, Any] = json.loads(
-    (Path(__file__).parents[2] / "codec" / "assets" / "tables.json").read_text(encoding="utf-8")
+    (Path(__file__).parents[1] / "data" / "tables.json").read_text(encoding="utf-8")
 )
 EQUAL = {9: [3648] + 8 * [3640], 6: [5463] + 5 * [5461]}
 BASES = ([16384, 8192, 4096, 4096], [1024, 1024, 15360, 15360])

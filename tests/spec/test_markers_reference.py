@@ -9,7 +9,7 @@ from codec.cuer.voice import load_voice
 from spec.reference.markers import identity, markers, read_voice
 
 ROOT = Path(__file__).parents[2]
-VOICE = ROOT / "codec" / "assets" / "claire.npz"
+VOICE = ROOT / "spec" / "data" / "voices" / "claire.npz"
 
 
 def test_markers_are_those_of_the_codec() -> None:

@@ -13,7 +13,7 @@ from unittest.mock import patch
 
 import pytest
 
-from spec.reference.stream_vectors import ASSETS, moved
+from spec.reference.stream_vectors import DATA, moved
 from tests.spec.misreading import Misreading, ends
 
 ROOT = Path(__file__).parents[2]
@@ -137,8 +137,8 @@ def says(modules: dict[str, Any], case: dict[str, Any]) -> bool:
 def draws(modules: dict[str, Any]) -> bool:
     """Return whether a reader gives the markers of the files that are drawn."""
     files, motion, markers = (modules[name] for name in ("files", "motion", "markers"))
-    voice = markers.read_voice(ASSETS / "claire.npz")
-    coding = motion.read_coding(ASSETS / "coding" / f"{markers.identity(voice)}.npz")
+    voice = markers.read_voice(DATA / "voices" / "claire.npz")
+    coding = motion.read_coding(DATA / "coding" / f"{markers.identity(voice)}.npz")
     scales = [
         [
             [int(coding[f"{basis}.scales"].at(c, f)) for f in range(32)]

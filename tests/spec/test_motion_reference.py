@@ -41,7 +41,7 @@ def test_markers_from_bytes(scored: bool) -> None:
     ]
     identity = coding_for(voice).identity
     parts = {f.index: decode(f.l0, f.l1, scales, identity) for f in frames}
-    plain = read_voice(ROOT / "codec" / "assets" / f"{voice.name}.npz")
+    plain = read_voice(ROOT / "spec" / "data" / "voices" / f"{voice.name}.npz")
     for index in range(1, count - 1):
         expected = voice.reconstruct(decoder.render(index).params)
         found = parameters(index, parts, coding)

@@ -1,4 +1,4 @@
-"""Tables and vectors keep to the schemas of spec/schemas."""
+"""Tables and vectors keep to the schemas of spec/data/schemas."""
 
 import json
 from pathlib import Path
@@ -15,7 +15,9 @@ ROW = 32768
 
 
 def schema(name: str) -> dict[str, Any]:
-    document: dict[str, Any] = json.loads((SPEC / "schemas" / name).read_text(encoding="utf-8"))
+    document: dict[str, Any] = json.loads(
+        (SPEC / "data" / "schemas" / name).read_text(encoding="utf-8")
+    )
     jsonschema.Draft202012Validator.check_schema(document)
     return document
 
