@@ -2,9 +2,10 @@
 
 In: sound files and names of channels; out: one row per pair. Payloads are pseudorandom, so a
 superframe that comes back identifies itself, and a wrong one is noticed. A channel is written NAME
-or PROFILE:NAME, as in ``robust:aac_64``; the profile is `standard` unless told. ``high+mp2:192k``
-in the profile's place rehearses the mark through a coder, ``robust+none`` through none (it is
-otherwise done as `dub` does it), ``discreet@-0.1`` aims at a grade.
+or PROFILE:NAME, as in ``robust:aac_64``; the default profile is `standard`. ``high+mp2:192k`` in
+the profile's place rehearses the mark through a coder, ``robust+none`` through none (the default is
+that of `dub`), ``discreet@-0.1`` aims at a grade. Unmarked sound may come first: pieces of the
+other clips, which reach the receiver unchanged.
 """
 
 import importlib.util
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.signal
 import soundfile
 from numpy.typing import NDArray
 
@@ -90,6 +92,11 @@ class AudioRow:
         From the first sample to the first superframe, over random starts; None if none were tried.
     embed_xrt, receive_xrt : float
         Speeds as multiples of real time, by processor time.
+    after_s : float
+        Seconds of unmarked sound before the mark.
+    found_s : float or None
+        Seconds of marked sound that the receiver took until it gave the first superframe; None if
+        it gave none.
     """
 
     clip: str
@@ -112,6 +119,8 @@ class AudioRow:
     tune_in_p95_s: float | None
     embed_xrt: float
     receive_xrt: float
+    after_s: float = 0.0
+    found_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,17 +206,25 @@ def _embed(
 
 
 def measure(
-    marked: MarkedClip, name: str, channel: Channel, *, starts: int, rng: np.random.Generator
-) -> AudioRow:
-    """Send a marked clip through a channel and receive it."""
+    marked: MarkedClip, name: str, channel: Channel, *, starts: int, rng: np.random.Generator,
+    before: Sound | None = None,
+) -> AudioRow:  # fmt: skip
+    """Send a marked clip through a channel and receive it, after unmarked sound if any."""
     heard = channel(marked.sound, marked.fs)
-    receiver = AudioReceiver(marked.fs, heard.shape[1])
-    begin = time.process_time()
-    blocks = (heard[i : i + BLOCK] for i in range(0, len(heard), BLOCK))
-    found = [superframe for block in blocks for superframe in receiver.process(block)]
-    found += receiver.flush()
-    xrt = len(heard) / marked.fs / (time.process_time() - begin)
+    width = heard.shape[1]
+    before = np.zeros((0, width), np.float32) if before is None else with_channels(before, width)
+    receiver = AudioReceiver(marked.fs, width)
     number = {payload: k for k, (payload, _) in enumerate(marked.payloads)}
+    begin = time.process_time()
+    for i in range(0, len(before), BLOCK):
+        receiver.process(before[i : i + BLOCK])
+    found, found_s = [], None
+    for i in range(0, len(heard), BLOCK):
+        found += receiver.process(heard[i : i + BLOCK])
+        if found_s is None and any(s.l0 in number for s in found):
+            found_s = round(min(i + BLOCK, len(heard)) / marked.fs, 3)
+    found += receiver.flush()
+    xrt = (len(before) + len(heard)) / marked.fs / (time.process_time() - begin)
     got = {number[s.l0]: s.l1 for s in found if s.l0 in number}
     wrong = sum(s.l0 is not None and s.l0 not in number for s in found)
     wrong += sum(l1 not in (None, marked.payloads[k][1]) for k, l1 in got.items())
@@ -238,7 +255,55 @@ def measure(
         tune_in_p95_s=float(np.quantile(waits, 0.95)) if waits else None,
         embed_xrt=marked.xrt,
         receive_xrt=xrt,
+        after_s=len(before) / marked.fs,
+        found_s=found_s,
     )
+
+
+def unmarked_sound(
+    clips: Sequence[Path], length_s: float, fs: int, rng: np.random.Generator
+) -> Sound:
+    """Join pieces of 10 to 30 s of unmarked clips.
+
+    Parameters
+    ----------
+    clips : sequence of Path
+        Sound files.
+    length_s : float
+        Seconds.
+    fs : int
+        Rate in Hz.
+    rng : Generator
+        Chooses clips, places and lengths.
+
+    Returns
+    -------
+    ndarray of float32, shape (n, 2)
+    """
+    sounds: dict[Path, Sound] = {}
+    pieces: list[Sound] = [np.zeros((0, 2), np.float32)]
+    missing = round(length_s * fs)
+    while missing > 0:
+        path = clips[int(rng.integers(len(clips)))]
+        if path not in sounds:
+            sound, own_fs = read_sound(path)
+            divisor = math.gcd(fs, own_fs)
+            if own_fs != fs:
+                sound = scipy.signal.resample_poly(sound, fs // divisor, own_fs // divisor)
+            sounds[path] = with_channels(np.asarray(sound, np.float32), 2)
+        sound = sounds[path]
+        count = min(round(rng.uniform(10.0, 30.0) * fs), missing, len(sound))
+        start = int(rng.integers(len(sound) - count + 1))
+        pieces.append(sound[start : start + count])
+        missing -= count
+    return np.concatenate(pieces)
+
+
+def with_channels(x: Sound, channels: int) -> Sound:
+    """Make mono of two channels, or repeat mono, so that there are as many as wanted."""
+    if channels == 1:
+        return np.asarray(x[:, :2].mean(axis=1, keepdims=True), np.float32)
+    return np.repeat(x[:, :1], channels, axis=1) if x.shape[1] == 1 else x[:, :channels]
 
 
 def _tune_in(heard: NDArray[np.float32], fs: int, rng: np.random.Generator) -> float:
@@ -261,6 +326,7 @@ def evaluate_audio(
     starts: int = 8,
     limit_s: float | None = None,
     seed: int = 0,
+    after_s: float = 0.0,
     progress: Callable[[AudioRow], None] = lambda row: None,
 ) -> list[AudioRow]:
     """Measure every clip through every channel.
@@ -278,7 +344,9 @@ def evaluate_audio(
     limit_s : float, optional
         Use only the first seconds of each clip.
     seed : int
-        Of payloads and starts.
+        Of payloads, starts and unmarked sound.
+    after_s : float
+        Seconds of unmarked sound before each mark, of the other clips if there are others.
     progress : callable
         Gets each row as it is ready.
 
@@ -294,10 +362,12 @@ def evaluate_audio(
         plan.setdefault(profile or "standard", []).append((name, find_channel(name)))
     rng, rows = np.random.default_rng(seed), []
     for path in clips:
+        others = [other for other in clips if other != path] or [path]
         for profile, chosen in plan.items():
             marked = mark_clip(path, profile, grade, seed, limit_s=limit_s)
             for name, send in chosen:
-                rows.append(measure(marked, name, send, starts=starts, rng=rng))
+                before = unmarked_sound(others, after_s, marked.fs, rng) if after_s else None
+                rows.append(measure(marked, name, send, starts=starts, rng=rng, before=before))
                 progress(rows[-1])
     return rows
 
@@ -314,11 +384,14 @@ def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
     rows = evaluate_audio(
         clips,
         options.channels or USUAL,
+        starts=0 if options.after_s else 8,
         seed=options.seed,
+        after_s=options.after_s,
         progress=lambda row: options.say(
             f"{row.clip} {row.profile}:{row.channel}: "
             f"{row.superframes_lost} of {row.superframes_sent} lost "
-            f"at grade {row.odg:.2f}, advanced {row.odg_advanced:.2f}"
+            f"at grade {row.odg:.2f}, advanced {row.odg_advanced:.2f}, "
+            + ("never found" if row.found_s is None else f"found after {row.found_s:.1f} s")
         ),
     )
     sent = sum(row.superframes_sent for row in rows)

@@ -1,4 +1,4 @@
-"""What every kind of evaluation is told."""
+"""Options of every kind of evaluation."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,6 +30,8 @@ class EvaluateOptions:
         Processes at work, where a kind has parts that are independent.
     voice : str
         Name or file of the voice, for kinds that measure what is coded with one.
+    after_s : float
+        Seconds of unmarked sound before the mark, for the kind `audio`.
     """
 
     clips: Path | None
@@ -41,3 +43,4 @@ class EvaluateOptions:
     cuers: tuple[str, ...] | None = None
     jobs: int = 1
     voice: str = "claire"
+    after_s: float = 0.0

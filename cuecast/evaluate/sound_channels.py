@@ -1,21 +1,25 @@
-"""What happens to sound between the studio and the ear: codecs and small injuries.
+"""Channels between the studio and the ear, by name: codecs and injuries.
 
-In: a programme, shape (n, channels); out: what a receiver gets, of any length. Codecs are those of
-the FFmpeg inside PyAV; each channel is a pure function of its input.
+In: a programme, shape (n, channels); out: the sound at a receiver, of any length. Codecs are those
+of the FFmpeg inside PyAV; each channel is a pure function of its input, and shares nothing with the
+receiver that is measured.
 """
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
 import av
 import numpy as np
 import scipy.signal
+import soundfile
 from numpy.typing import NDArray
 
+from cuecast.evaluate import sound_clocks as clocks
+from cuecast.evaluate import sound_filters as filters
 from cuecast.evaluate import sound_injuries as injuries
-from watermark.audio.signal.sample_buffer import SampleBuffer
+from cuecast.evaluate.sound_filters import filtered
 from watermark.link.superframe import find_named
 
 Sound = NDArray[np.float32]
@@ -84,21 +88,21 @@ def _decode(memory: io.BytesIO, fs: int) -> Sound:
     return np.ascontiguousarray(np.concatenate(parts, axis=1).T, dtype=np.float32)
 
 
-def _tandem(x: Sound, fs: int) -> Sound:
-    contribution = through_codec(x, fs, codec="mp2", bit_rate=192_000)
-    return through_codec(contribution, fs, codec="aac", bit_rate=128_000)
+def _vorbis(x: Sound, fs: int, *, quality: float) -> Sound:
+    """Code as Vorbis by libsndfile: `quality` is a tenth of the coder's own number."""
+    memory = io.BytesIO()
+    soundfile.write(
+        memory, x[:, :2], fs, format="OGG", subtype="VORBIS", compression_level=1 - quality
+    )
+    memory.seek(0)
+    return np.asarray(soundfile.read(memory, dtype="float32", always_2d=True)[0])
 
 
-def at_other_speed(x: Sound, fs: int, *, ppm: float) -> Sound:
-    """Play on a clock that runs `ppm` fast: the programme becomes shorter."""
-    ratio = 1 + ppm * 1e-6
-    count = int(len(x) / ratio)
-    out = np.empty((count, x.shape[1]), dtype=np.float32)
-    for channel in range(x.shape[1]):
-        tape = SampleBuffer()
-        tape.append(x[:, channel].astype(np.float64))
-        out[:, channel] = tape.read(0.0, ratio, count)
-    return out
+def _in_a_row(x: Sound, fs: int, *, coders: Sequence[tuple[str, int]]) -> Sound:
+    """Code and decode again and again."""
+    for codec, bit_rate in coders:
+        x = through_codec(x, fs, codec=codec, bit_rate=bit_rate)
+    return x
 
 
 def _other_rate(x: Sound, fs: int) -> Sound:
@@ -166,6 +170,17 @@ def _unchanged(x: Sound, fs: int) -> Sound:
     return x
 
 
+SPEEDS = {
+    "25_24": 25 / 24,
+    "24_25": 24 / 25,
+    "plus_2000ppm": 1.002,
+    "minus_2000ppm": 0.998,
+    "plus_4pct": 1.04,
+    "plus_6pct": 1.06,
+    "minus_6pct": 0.94,
+}
+"""Speeds by the names that channels have."""
+
 CHANNELS: dict[str, Channel] = {
     "none": _unchanged,
     **{
@@ -184,35 +199,69 @@ CHANNELS: dict[str, Channel] = {
             ("opus", 64),
         )
     },
-    "tandem_mp2_192_aac_128": _tandem,
+    "vorbis_q2": partial(_vorbis, quality=0.2),
+    "he_aac_64": partial(injuries.he_aac, bit_rate=64_000),
+    "tandem_mp2_192_aac_128": partial(_in_a_row, coders=(("mp2", 192_000), ("aac", 128_000))),
+    "tandem_aac_mp3_aac_128": partial(
+        _in_a_row, coders=(("aac", 128_000), ("mp3", 128_000), ("aac", 128_000))
+    ),
     "rate_44100": _other_rate,
-    "clock_plus_100ppm": partial(at_other_speed, ppm=100.0),
-    "clock_minus_100ppm": partial(at_other_speed, ppm=-100.0),
-    "stretch_1000ppm": partial(at_other_speed, ppm=1000.0),
-    "clock_plus_200ppm": partial(at_other_speed, ppm=200.0),
-    "clock_minus_200ppm": partial(at_other_speed, ppm=-200.0),
-    "gain_minus_6db": partial(_gain, gain_db=-6.0),
-    "gain_minus_20db": partial(_gain, gain_db=-20.0),
-    "gain_plus_10db": partial(_gain, gain_db=10.0),
+    **{
+        f"gain_{name}db": partial(_gain, gain_db=gain_db)
+        for name, gain_db in (
+            ("minus_6", -6.0),
+            ("minus_10", -10.0),
+            ("minus_20", -20.0),
+            ("plus_10", 10.0),
+        )
+    },
     "gain_plus_20db": partial(injuries.louder, gain_db=20.0),
     "inverted": _invert,
     "rotator": injuries.rotator,
     "crossover": injuries.crossover,
-    "multiband": injuries.multiband,
     "right_inverted": injuries.right_inverted,
-    "right_late": injuries.right_late,
-    "left_alone": injuries.left_alone,
+    "right_late": partial(injuries.right_late, late_s=0.0002),
+    "right_late_3ms": partial(injuries.right_late, late_s=0.003),
+    "left_alone": partial(injuries.one_channel, channel=0),
+    "right_alone": partial(injuries.one_channel, channel=1),
+    "side_alone": injuries.side_alone,
+    "two_languages": injuries.two_languages,
+    "announcer": injuries.announcer,
     "other_voice": injuries.other_voice,
-    "speed_25_24": partial(at_other_speed, ppm=1e6 / 24),
-    "speed_24_25": partial(at_other_speed, ppm=-1e6 / 25),
-    "tempo_25_24": partial(injuries.at_tempo, tempo=25 / 24),
-    "tempo_24_25": partial(injuries.at_tempo, tempo=24 / 25),
-    "speed_plus_2000ppm": partial(at_other_speed, ppm=2000.0),
-    "he_aac_64": partial(injuries.he_aac, bit_rate=64_000),
+    "widened_20ms": partial(filtered, filters=filters.WIDER, stereo=True),
+    "dialogue_enhanced": partial(filtered, filters=filters.DIALOGUE, stereo=True),
+    "compress": _compress,
+    "multiband": injuries.multiband,
+    "night_mode": partial(filtered, filters=filters.NIGHT_MODE),
+    "radio_multiband": partial(filtered, filters=filters.RADIO),
+    "denoiser_20db": partial(filtered, filters=filters.DENOISER),
+    **{
+        f"clock_{name}ppm": partial(clocks.at_other_speed, ppm=ppm)
+        for name, ppm in (
+            ("plus_100", 100.0),
+            ("minus_100", -100.0),
+            ("plus_200", 200.0),
+            ("minus_200", -200.0),
+        )
+    },
+    "stretch_1000ppm": partial(clocks.at_other_speed, ppm=1000.0),
+    "drift": clocks.drifting,
+    **{
+        f"speed_{name}": partial(clocks.at_other_speed, ppm=1e6 * (speed - 1))
+        for name, speed in SPEEDS.items()
+    },
+    **{
+        f"{way}_{name}": partial(change, tempo=SPEEDS[name])
+        for way, change in (
+            ("tempo", clocks.at_tempo),
+            ("rubberband", clocks.by_rubberband),
+            ("vocoder", clocks.by_vocoder),
+        )
+        for name in ("25_24", "24_25")
+    },
     "room": _room,
     "noise_30db": _noise,
     "crop": _crop,
-    "compress": _compress,
 }
 """Channels by name."""
 

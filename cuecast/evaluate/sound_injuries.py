@@ -1,15 +1,14 @@
-"""What studios, transmitters and receivers do to sound without coding it as broadcast.
+"""Injuries that studios, transmitters and receivers do to sound, by plain arithmetic.
 
-In: a programme, shape (n, channels), and its rate; out: what a receiver gets. Phases (an all-pass
-rotator, crossovers, a multiband compressor), channels out of step or missing, gain, another voice,
-other speeds, other durations at their pitch; and HE-AAC, whose encoder is a program of its own.
+In: a programme, shape (n, channels), and its rate; out: the sound at a receiver. Phases (an
+all-pass rotator, crossovers, a multiband compressor), channels out of step or missing, gain, other
+voices; and HE-AAC, whose encoder is a program of its own.
 """
 
-import contextlib
+import math
 import shutil
 import subprocess
 import tempfile
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +31,15 @@ CROSSOVER_HZ, BANDS_HZ = 1500.0, (200.0, 1500.0, 6000.0)
 THRESHOLD_DB, RATIO, ATTACK_MS, RELEASE_MS = -40.0, 2.0, 5.0, 100.0
 """Compression of each band."""
 
-LATE_S = 0.0002
-"""By how much the right channel is late."""
+ANNOUNCER_DB = -6.0
+"""Level of another voice against the programme."""
+
+ANNOUNCEMENT = (
+    "Mesdames et messieurs, votre attention s'il vous plaît.",
+    "La suite de notre programme sera diffusée dans quelques instants.",
+    "Nous vous rappelons que la soirée continue sur cette chaîne.",
+)
+"""Words of an announcer, repeated without a pause."""
 
 
 def rotator(x: Sound, fs: int) -> Sound:
@@ -71,56 +77,56 @@ def right_inverted(x: Sound, fs: int) -> Sound:
     return np.asarray(_pair(x) * np.array([1, -1], dtype=np.float32))
 
 
-def right_late(x: Sound, fs: int) -> Sound:
-    """One channel late by a part of a millisecond."""
+def right_late(x: Sound, fs: int, *, late_s: float) -> Sound:
+    """One channel late by a time that need not be whole samples."""
     pair = _pair(x).copy()
     spectrum = np.fft.rfft(pair[:, 1])
-    turn = np.exp(-2j * np.pi * np.arange(spectrum.size) * LATE_S * fs / len(pair))
+    turn = np.exp(-2j * np.pi * np.arange(spectrum.size) * late_s * fs / len(pair))
     pair[:, 1] = np.fft.irfft(spectrum * turn, len(pair))
     return pair
 
 
-def left_alone(x: Sound, fs: int) -> Sound:
-    """Keep the left channel, as mono."""
-    return x[:, :1].copy()
+def one_channel(x: Sound, fs: int, *, channel: int) -> Sound:
+    """Keep the left (0) or the right channel (1), as mono."""
+    return _pair(x)[:, channel : channel + 1].copy()
+
+
+def side_alone(x: Sound, fs: int) -> Sound:
+    """Keep half the difference of left and right, as mono: silence of a mono programme."""
+    pair = _pair(x)
+    return np.asarray((pair[:, :1] - pair[:, 1:]) / 2)
+
+
+def two_languages(x: Sound, fs: int) -> Sound:
+    """Put the programme as mono in the left channel, an unmarked voice in the right one."""
+    mono = x[:, :2].mean(axis=1)
+    return np.stack([mono, _announcer(mono, fs)], axis=1).astype(np.float32)
+
+
+def announcer(x: Sound, fs: int) -> Sound:
+    """Add an unmarked voice over the programme, `ANNOUNCER_DB` against it."""
+    voice = _announcer(x[:, :2].mean(axis=1), fs)[:, np.newaxis]
+    return np.asarray(x + np.float32(10 ** (ANNOUNCER_DB / 20)) * voice, dtype=np.float32)
 
 
 def other_voice(x: Sound, fs: int) -> Sound:
-    """Another voice 6 dB lower: the programme's own, backwards."""
+    """Add the programme's own sound, backwards, `ANNOUNCER_DB` against it."""
     voice = x.mean(axis=1, keepdims=True)[::-1]
-    return np.asarray(x + np.float32(10 ** (-6 / 20)) * voice, dtype=np.float32)
+    return np.asarray(x + np.float32(10 ** (ANNOUNCER_DB / 20)) * voice, dtype=np.float32)
 
 
-def at_tempo(x: Sound, fs: int, *, tempo: float) -> Sound:
-    """Play faster or slower at the same pitch: FFmpeg's atempo, which overlaps alike pieces."""
-    layout = "mono" if x.shape[1] == 1 else "stereo"
-    graph: Any = av.filter.Graph()
-    source = graph.add_abuffer(
-        sample_rate=fs, format="fltp", layout=layout, time_base=Fraction(1, fs)
-    )
-    change, planar = graph.add("atempo", f"{tempo:.9f}"), graph.add("aformat", "sample_fmts=fltp")
-    sink = graph.add("abuffersink")
-    source.link_to(change)
-    change.link_to(planar)
-    planar.link_to(sink)
-    graph.configure()
-    parts: list[NDArray[Any]] = []
+def _announcer(mono: NDArray[np.float32], fs: int) -> NDArray[np.float64]:
+    """Speak as long and as strong as the programme."""
+    from synth.units.speech.espeak_voice import speak
 
-    def pull() -> None:
-        with contextlib.suppress(BlockingIOError, EOFError):
-            while True:
-                parts.append(sink.pull().to_ndarray())
-
-    sound = x if x.shape[1] == 1 else x[:, :2]
-    for first in range(0, len(sound), fs):
-        block = np.ascontiguousarray(sound[first : first + fs].T)
-        frame = av.AudioFrame.from_ndarray(block, format="fltp", layout=layout)
-        frame.sample_rate, frame.pts = fs, first
-        source.push(frame)
-        pull()
-    source.push(None)
-    pull()
-    return np.ascontiguousarray(np.concatenate(parts, axis=1).T, dtype=np.float32)
+    spoken = []
+    for line in ANNOUNCEMENT:
+        voice, rate = speak(line)
+        divisor = math.gcd(fs, rate)
+        spoken.append(scipy.signal.resample_poly(voice, fs // divisor, rate // divisor))
+    sound = np.resize(np.concatenate(spoken).astype(np.float64), len(mono))
+    power = float(np.mean(mono.astype(np.float64) ** 2))
+    return np.asarray(sound * np.sqrt(power / np.mean(sound**2)))
 
 
 def he_aac(x: Sound, fs: int, *, bit_rate: int) -> Sound:

@@ -7,7 +7,7 @@ import os
 import tempfile
 from pathlib import Path
 
-from cuecast.command.arguments import add_json, add_seed, print_json
+from cuecast.command.arguments import add_json, add_seed, not_negative, print_json
 from cuecast.command.files import write_json
 from cuecast.command.progress import note
 
@@ -37,6 +37,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--voice", default="claire", metavar="V", help="of codec: voice by name or file"
     )
+    parser.add_argument(
+        "--after", type=not_negative, default=0.0, metavar="S",
+        help="of audio: seconds of unmarked sound before the mark",
+    )  # fmt: skip
     parser.add_argument(
         "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes at work"
     )
@@ -68,6 +72,7 @@ def run(args: argparse.Namespace) -> int:
                 cuers=tuple(args.cuers.split(",")) if args.cuers else None,
                 jobs=max(1, args.jobs),
                 voice=args.voice,
+                after_s=args.after,
             )
         )
     if args.json:

@@ -7,9 +7,9 @@ import soundfile
 from matplotlib.figure import Figure
 
 from codec.errors import CueError
-from cuecast.evaluate.audio import evaluate, evaluate_audio, plot
+from cuecast.evaluate.audio import evaluate, evaluate_audio, plot, unmarked_sound
 from cuecast.evaluate.options import EvaluateOptions
-from cuecast.evaluate.sound_channels import CHANNELS
+from cuecast.evaluate.sound_channels import CHANNELS, SPEEDS
 from cuecast.evaluate.tables import wilson_interval
 
 FS = 48000
@@ -53,20 +53,47 @@ def test_verb_writes_figures(clip: Path, tmp_path: Path) -> None:
         evaluate(EvaluateOptions(tmp_path, None, 0, tmp_path, said.append))
 
 
-@pytest.mark.parametrize("name", CHANNELS)
+def test_unmarked_sound_comes_first(clip: Path) -> None:
+    row = evaluate_audio([clip], ["standard+none:none"], starts=0, after_s=3.0)[0]
+    assert row.after_s == 3.0
+    assert row.found_s is not None
+    assert 0.6 < row.found_s < 4.0
+    assert (row.superframes_lost, row.wrong) == (0, 0)
+
+
+def test_unmarked_sound_is_of_any_length(clip: Path) -> None:
+    sound = unmarked_sound([clip], 12.5, 44100, np.random.default_rng(0))
+    assert sound.shape == (round(12.5 * 44100), 2)
+    assert np.abs(sound[-44100:]).max() > 0.01
+
+
+NEEDS = {"he_aac": "fdkaac", "rubberband": "rubberband"}
+"""Optional programs by the beginning of a channel's name."""
+
+ALTERED = ("announcer", "night_mode", "radio_multiband", "widened_20ms", "dialogue_enhanced")
+"""Channels that change a steady tone's level as they do."""
+
+
+@pytest.mark.parametrize("name", sorted(set(CHANNELS) - {"side_alone", "two_languages"}))
 def test_each_channel_keeps_the_programme(name: str) -> None:
     t = np.arange(3 * FS)
     x = 0.2 * np.sin(2 * np.pi * 440 / FS * t)[:, np.newaxis].astype(np.float32)
-    if name.startswith("he_aac") and shutil.which("fdkaac") is None:
-        pytest.skip("the program fdkaac is optional")
+    for begin, program in NEEDS.items():
+        if name.startswith(begin) and shutil.which(program) is None:
+            pytest.skip(f"the program {program} is optional")
     y = CHANNELS[name](x, FS)
     assert y.dtype == np.float32
     middle = y[FS : FS + FS // 4, 0]
     strength = np.abs(np.fft.rfft(middle * np.hanning(middle.size)))
     peak_hz = int(strength.argmax()) * FS / middle.size
-    speed = {"speed_25_24": 25 / 24, "speed_24_25": 24 / 25}.get(name, 1.0)
+    speed = SPEEDS.get(name.removeprefix("speed_"), 1.0) if name.startswith("speed_") else 1.0
     assert abs(peak_hz - 440 * speed) <= 4
-    gains_db = {"gain_minus_20db": -20, "gain_plus_10db": 10, "gain_plus_20db": 20, "multiband": -6}
+    if name in ALTERED:
+        return
+    gains_db = {
+        "gain_minus_10db": -10, "gain_minus_20db": -20, "gain_plus_10db": 10, "gain_plus_20db": 20,
+        "multiband": -6,
+    }  # fmt: skip
     gain = 10 ** (gains_db.get(name, 0) / 20)
     assert 0.05 < np.sqrt(2 * np.mean(middle**2)) / gain < 0.22
 
@@ -75,6 +102,35 @@ def test_he_aac_needs_its_encoder(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
     with pytest.raises(CueError, match=r"^HE-AAC needs the program fdkaac"):
         CHANNELS["he_aac_64"](np.zeros((FS, 1), dtype=np.float32), FS)
+
+
+def test_durations_change_and_pitch_stays() -> None:
+    x = np.random.default_rng(0).normal(0, 0.1, (3 * FS, 1)).astype(np.float32)
+    for name in ("tempo_25_24", "vocoder_25_24", "speed_25_24", "speed_plus_6pct"):
+        speed = 1.06 if name == "speed_plus_6pct" else 25 / 24
+        assert abs(len(CHANNELS[name](x, FS)) * speed - len(x)) < 0.06 * FS
+
+
+def test_channels_are_taken_apart() -> None:
+    rng = np.random.default_rng(0)
+    common, own = rng.normal(0, 0.1, (2, FS))
+    x = np.stack([common + own, common - own], axis=1).astype(np.float32)
+    side, languages = CHANNELS["side_alone"](x, FS), CHANNELS["two_languages"](x, FS)
+    np.testing.assert_allclose(side[:, 0], own, atol=1e-6)
+    np.testing.assert_allclose(languages[:, 0], common, atol=1e-6)
+    assert abs(np.corrcoef(languages.T)[0, 1]) < 0.05
+    late = CHANNELS["right_late_3ms"](x, FS)
+    np.testing.assert_allclose(late[144:, 1], x[:-144, 1], atol=1e-5)
+
+
+def test_dynamics_are_compressed() -> None:
+    """A tone 20 dB louder comes out hardly louder."""
+    t = np.arange(FS)
+    x = np.sin(2 * np.pi * 440 / FS * t)[:, np.newaxis] * np.repeat([0.05, 0.5], FS // 2)[:, None]
+    for name in ("night_mode", "radio_multiband"):
+        y = CHANNELS[name](x.astype(np.float32), FS)
+        first, second = y[FS // 4 : FS // 2].std(), y[3 * FS // 4 : FS - 2000].std()
+        assert 20 * np.log10(second / first) < 10
 
 
 def test_phases_change_and_magnitudes_stay() -> None:

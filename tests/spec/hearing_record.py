@@ -16,7 +16,8 @@ from scipy.signal import resample_poly
 from cuecast.demo.content import FS, make_sound
 from cuecast.dubbing.coder_stream import make_rehearsal
 from cuecast.evaluate.records import make_record
-from cuecast.evaluate.sound_channels import at_other_speed, through_codec
+from cuecast.evaluate.sound_channels import through_codec
+from cuecast.evaluate.sound_clocks import at_other_speed
 from spec.reference.hearing import hear
 from tests.watermark.payloads import payloads
 from watermark.audio.embed.embedder import AudioEmbedder
