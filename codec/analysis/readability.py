@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.analysis import _kernels
+from codec.analysis.shapes import shapes_apart
 from codec.cuer import layout
 from codec.cuer.models import rigid
 from codec.cuer.voice import Voice
@@ -116,11 +116,9 @@ class Classes:
             Tip of the finger that each shape points with, against the head, mm.
         """
         x = _against_head(np.asarray(markers, dtype=np.float64), self._skull)
-        shapes = np.empty((len(x), len(SHAPES)))
-        _kernels.shapes_apart_into(
-            np.ascontiguousarray(x[:, _BACK]), np.ascontiguousarray(x[:, _FINGERS]),
-            np.ascontiguousarray(self._back), np.ascontiguousarray(self.fingers),
-            rigid.OUTLIER_MM, _ROUNDS, shapes,
+        shapes = shapes_apart(
+            x[:, _BACK], x[:, _FINGERS], self._back, self.fingers,
+            outlier_mm=rigid.OUTLIER_MM, rounds=_ROUNDS,
         )  # fmt: skip
         return shapes, x[:, _TIPS]
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dposv
 
 from codec.streamfile.whole_score import N_SHAPES, WholeResynthesis
 from codec.superframe.coding import Coding
@@ -89,4 +88,6 @@ class _Group:
             self._right = np.zeros((weights.shape[1], gap.shape[1]))
         self._square = self._square + weights.T @ weights
         self._right = self._right + weights.T @ gap
+        from scipy.linalg.lapack import dposv
+
         _, self.corrections, _ = dposv(self._square, self._right)

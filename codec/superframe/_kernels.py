@@ -9,8 +9,9 @@ paragraphs R1 to R6).
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from codec.compiled import njit
 
 # The range coder: bits of a frequency, and bounds of the interval (R1 to R4).
 PRECISION = 15

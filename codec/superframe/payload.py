@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.compiled import lightly
 from codec.errors import BitstreamError
 from codec.superframe import _kernels
 from codec.superframe.bits import COMPACT, HEADER_BYTES, PLAIN, Header, crc8, read_header
@@ -299,7 +300,7 @@ def read_slow(decoder: RangeDecoder, header: Header) -> Iterator[int]:
 def _read_coefficients(
     decoder: RangeDecoder, q: Ints, first: int, setting: Setting, basis: Basis
 ) -> int:
-    known: int = _kernels.decode_coefficients(
+    known: int = lightly(_kernels.decode_coefficients)(
         decoder.data, decoder.state, q, first, raised(basis, setting), basis.before,
         setting.step, coefficient_tables().magnitude, FLIP,
     )  # fmt: skip

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.compiled import lightly
 from codec.errors import CueError
 from codec.superframe import _kernels
 
@@ -140,6 +141,10 @@ def encode_intervals(
     return data if certain else data.rstrip(b"\0")
 
 
+_LITTLE = 4096
+"""Bytes that are decoded without compiled kernels where these are not loaded."""
+
+
 class RangeDecoder:
     """Bytes on their way back to symbols; bits past the end count as zero.
 
@@ -154,17 +159,21 @@ class RangeDecoder:
         self.data = np.frombuffer(data[: len(data) - tail // 8], dtype=np.uint8)
         self.state = np.zeros(5, dtype=np.int64)
         self.state[_kernels.TAIL] = (1 << tail % 8) - 1
-        _kernels.start_decoding(self.data, self.state)
+        little = len(data) <= _LITTLE
+        self._decode = lightly(_kernels.decode_symbol) if little else _kernels.decode_symbol
+        (lightly(_kernels.start_decoding) if little else _kernels.start_decoding)(
+            self.data, self.state
+        )
 
     def get(self, cdf: NDArray[np.int64], limit: int | None = None) -> int:
         """Return the next symbol of table `cdf`; `limit` as in `RangeEncoder.put`."""
         last = len(cdf) - 2 if limit is None else limit
-        return int(_kernels.decode_symbol(self.data, self.state, cdf, last, False))
+        return int(self._decode(self.data, self.state, cdf, last, False))
 
     def get_certain(self, cdf: NDArray[np.int64], limit: int | None = None) -> int:
         """Return the next symbol if the data determine it, else -1 (R6)."""
         last = len(cdf) - 2 if limit is None else limit
-        return int(_kernels.decode_symbol(self.data, self.state, cdf, last, True))
+        return int(self._decode(self.data, self.state, cdf, last, True))
 
     def get_bits(self, width: int) -> int:
         """Return a number of `width` bits."""

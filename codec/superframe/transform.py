@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct
 
 from codec.cuer.voice import Voice
 from codec.cues.timeline import TICKS
@@ -21,7 +20,11 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-COSINES = np.ascontiguousarray(dct(np.eye(TICKS), axis=0, norm="ortho"))
+_GAINS = np.sqrt(np.where(np.arange(TICKS) == 0, 1.0, 2.0) / TICKS)
+
+COSINES = _GAINS[:, None] * np.cos(
+    np.pi / TICKS * np.arange(TICKS)[:, None] * (np.arange(TICKS) + 0.5)
+)
 """The orthonormal DCT-II over the frames of a superframe, shape (32, 32) (T1)."""
 
 

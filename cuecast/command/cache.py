@@ -8,13 +8,18 @@ compiled in each run, unless a folder is told.
 import os
 import stat
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
+from codec.compiled import Settings
 from codec.errors import CueError
 from cuecast.command.progress import note
 
 VARIABLE = "NUMBA_CACHE_DIR"
+
+_NOTED_S = 10.0
+"""Seconds between two remarks while kernels are compiled."""
 
 
 def prepare_cache(folder: str | None) -> None:
@@ -30,13 +35,34 @@ def prepare_cache(folder: str | None) -> None:
     CueError
         If the folder cannot be written, or others could put their code into it.
     """
+    Settings.listener = CompilationNotes()
     if folder is not None:
         _check(folder)
         os.environ[VARIABLE] = folder
         _tell_numba(folder)
     elif VARIABLE not in os.environ and not any(map(_can_be_written, _usual_folders())):
-        _compile_each_time()
+        Settings.kept = False
         note("note: compiled code can be kept nowhere: it is made in each run; see --cache")
+
+
+class CompilationNotes:
+    """Remarks on the standard error while kernels are compiled, here or by another process."""
+
+    def __init__(self) -> None:
+        self._noted_s: float | None = None
+
+    def __call__(self, count: int) -> None:
+        """Take the number of kernels compiled so far, -1 for waiting."""
+        now_s = time.monotonic()
+        if count < 0:
+            note("waiting for another process that compiles kernels")
+        elif self._noted_s is None:
+            note("compiling kernels, once (about 40 s)")
+        elif now_s - self._noted_s >= _NOTED_S:
+            note(f"compiling kernels: {count} done")
+        else:
+            return
+        self._noted_s = now_s
 
 
 def _usual_folders() -> list[Path]:
@@ -79,11 +105,3 @@ def _tell_numba(folder: str) -> None:
 
         config: Any = numba.config
         config.CACHE_DIR = folder
-
-
-def _compile_each_time() -> None:
-    """Let numba's decorator pass over `cache=True`, which fails where nothing can be kept."""
-    from numba.core.dispatcher import Dispatcher
-
-    dispatcher: Any = Dispatcher
-    dispatcher.enable_caching = lambda self: None

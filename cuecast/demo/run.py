@@ -13,7 +13,7 @@ from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
 from cuecast.demo.figures import draw_keys, draw_strip
 from cuecast.dubbing.dub import dub
 from cuecast.dubbing.motions import SynthesisedMotion, whole_motion
-from cuecast.dubbing.readability import in_words, watched
+from cuecast.dubbing.readability import in_words, watched_plan
 from cuecast.dubbing.receive import receive
 from cuecast.media.film import write_film
 from cuecast.media.rewrite import Unchanged, rewrite_sound
@@ -81,7 +81,7 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Bro
     source = SynthesisedMotion(score, voice, seed=seed)
 
     say(f"    {pace}")
-    say(f"    {in_words(watched(source, voice).figures())}")
+    say(f"    {in_words(watched_plan(source.score).figures())}")
     say(f"2/5 dubbing {duration_s:.0f} s with {len(score.keys)} keys")
     sent = whole_motion(source, duration_s)
     save_motion(sent, folder / "sent.npz")

@@ -31,7 +31,7 @@ from cuecast.dubbing.motions import (
     SynthesisedMotion,
 )
 from cuecast.dubbing.read_back import shortfalls
-from cuecast.dubbing.readability import in_words, watched
+from cuecast.dubbing.readability import in_words, watched, watched_plan
 from cuecast.media.subtitles import choose_track, read_track, text_tracks
 from receiver.media.programme import open_programme
 from synth.language.subtitles import Subtitle
@@ -251,7 +251,10 @@ def _motion(
     else:
         score = score_of_subtitles(subtitles, warn=tell, reading=reading, told=pace)
     source = _source(job, score, voice)
-    seen = watched(source, voice, options)
+    if isinstance(source, SynthesisedMotion):
+        seen = watched_plan(score, reading.performing, options)
+    else:
+        seen = watched(source, voice, options)
     pace.seen(seen.shown)
     figures = seen.figures()
     said |= {"pace": pace.report() | figures}

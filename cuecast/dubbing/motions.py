@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -11,10 +11,11 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Score
 from codec.errors import CueError
-from codec.superframe.filmed import is_filmed
 from synth.motion.rules.bodiless import RuledCuer, ruled_cuer
 from synth.planning.prosody.passages import passages
-from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
+
+if TYPE_CHECKING:
+    from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
 
 RATE_HZ = 50.0
 """Frames per second of the motion inside superframes."""
@@ -130,7 +131,7 @@ class ConcatenativeMotion:
         If nothing is said in the score.
     """
 
-    def __init__(self, score: Score, synthesiser: ConcatenativeSynthesiser) -> None:
+    def __init__(self, score: Score, synthesiser: "ConcatenativeSynthesiser") -> None:
         self.score = score
         self.rate_hz = RATE_HZ
         self.filmed = False
@@ -178,6 +179,9 @@ class GivenMotion:
     """
 
     def __init__(self, motion: Motion, voice: Voice) -> None:
+        # The analysis of superframes takes a fifth of a second to import.
+        from codec.superframe.filmed import is_filmed
+
         voice.check_motion(motion)
         self.score = motion.score or Score((), ())
         self.rate_hz = RATE_HZ

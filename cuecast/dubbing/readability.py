@@ -6,7 +6,7 @@ joined, read from a file or received. `cuecast evaluate readability` and the rep
 """
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Key, Score
 from cuecast.dubbing.motions import MotionSource
+from synth.planning.prosody.simulation import CLAIRE, RATE_HZ, PerformerChoice, mirror_of
 
 PICTURES_S = 0.12
 """Three pictures at 25 a second, whenever the first one is taken."""
@@ -162,21 +163,41 @@ def share_held(held: NDArray[np.floating], least_s: float) -> float:
     return float(np.mean(held >= least_s - _SAME_S)) if len(held) else 1.0
 
 
+def watched_plan(
+    score: Score,
+    performing: PerformerChoice = CLAIRE,
+    options: CueingOptions = DEFAULT_OPTIONS,
+) -> VisibilityMeter:
+    """Return what is seen of a score that is performed by rule.
+
+    The markers are the cuer's own: no model of them is fitted.
+    """
+    mirror = mirror_of(performing, options)
+    seen = VisibilityMeter(mirror.classes, RATE_HZ, options)
+    for start_s, frames in _windows(seen, score, RATE_HZ):
+        seen.add(mirror.performer.markers(score, start_s, frames), start_s)
+    return seen
+
+
 def watched(
     source: MotionSource, voice: Voice, options: CueingOptions = DEFAULT_OPTIONS
 ) -> VisibilityMeter:
     """Return what is seen of the motion for a score."""
     seen = VisibilityMeter(classes_of(voice), source.rate_hz, options)
-    keys = source.score.keys
-    if not keys:
-        return seen
-    seen.add(np.zeros((0, 113, 3)), 0.0, keys)
-    first = int(max(0.0, keys[0].start - _AROUND_S) * source.rate_hz)
-    last = int((keys[-1].end + _AROUND_S) * source.rate_hz)
-    for at in range(first, last, _WINDOW):
-        motion = source.window(at / source.rate_hz, min(_WINDOW, last - at))
-        seen.add(voice.reconstruct(motion.params), motion.start_s)
+    for start_s, frames in _windows(seen, source.score, source.rate_hz):
+        seen.add(voice.reconstruct(source.window(start_s, frames).params), start_s)
     return seen
+
+
+def _windows(seen: VisibilityMeter, score: Score, rate_hz: float) -> Iterator[tuple[float, int]]:
+    """Announce the keys of a score to a meter, and yield start and frames of parts around them."""
+    if not score.keys:
+        return
+    seen.add(np.zeros((0, 113, 3)), 0.0, score.keys)
+    first = int(max(0.0, score.keys[0].start - _AROUND_S) * rate_hz)
+    last = int((score.keys[-1].end + _AROUND_S) * rate_hz)
+    for at in range(first, last, _WINDOW):
+        yield at / rate_hz, min(_WINDOW, last - at)
 
 
 def watched_motion(

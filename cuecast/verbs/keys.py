@@ -82,12 +82,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _tell(args: argparse.Namespace, score: "Score", pace: "PaceReport") -> None:
     """Say how well the keys can be read."""
-    from codec.cuer.voice import load_voice
-    from cuecast.dubbing.motions import SynthesisedMotion
-    from cuecast.dubbing.readability import in_words, watched
+    from cuecast.dubbing.readability import in_words, watched_plan
 
-    voice, options = load_voice(), reading_of(args).options
-    seen = watched(SynthesisedMotion(score, voice, options=options), voice, options)
+    seen = watched_plan(score, options=reading_of(args).options)
     pace.seen(seen.shown)
     note(str(pace))
     note(in_words(seen.figures()))

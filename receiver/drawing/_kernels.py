@@ -1,8 +1,9 @@
 """Compiled loops of the receiver: drawing the avatar's triangles."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from codec.compiled import njit
 
 Point = NDArray[np.float64]
 

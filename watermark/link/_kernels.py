@@ -4,8 +4,9 @@ Contiguous arrays in, arrays filled in place out; no checks.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from codec.compiled import njit
 
 FEW = 64
 """Values up to which those that are kept are sorted by insertion."""

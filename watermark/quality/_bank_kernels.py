@@ -6,9 +6,9 @@ Conventions as in `_kernels`; `state` has the rows that are named there.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from codec.compiled import njit
 from watermark.quality._kernels import (
     MEAN,
     SMEARED,

@@ -7,8 +7,9 @@ passed as one array `state` of shape (14, bands) whose rows are named by the con
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from codec.compiled import njit
 
 # Rows of `state`; pairs are reference, test.
 SMEARED = 0  # time-spread excitation

@@ -6,8 +6,9 @@ Luma frames of any integer type in, float arrays filled in place out; no checks.
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from codec.compiled import njit
 
 FloatArray = NDArray[np.float64]
 PixelArray = NDArray[np.float32]

@@ -1,8 +1,9 @@
 """Compiled loops of the models."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from codec.compiled import njit
 
 
 @njit(cache=True)

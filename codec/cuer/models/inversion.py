@@ -13,7 +13,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
 
 from codec.cuer import layout
 from codec.cuer.models import rigid
@@ -307,6 +306,8 @@ def _passage(
     parameters: NDArray[np.float64],
     stiffness: float,
 ) -> NDArray[np.float64]:
+    from scipy.linalg import solveh_banded
+
     frames, n = parameters.shape
     residual = model.residual(parameters, markers)
     weights = marker_weights(residual, visible, robust=True)

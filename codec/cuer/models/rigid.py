@@ -11,11 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from codec.compiled import is_loaded
 from codec.cuer.models import _kernels
 from codec.errors import CueError
 
 OUTLIER_MM = 3.0
 """A marker farther than this from the rigid fit does not belong to the rigid body."""
+
+_FEW = 500
+"""Frames that are not worth the time that loading compiled kernels takes, if these are not."""
 
 _SMALL_ANGLE = 1e-4
 """Angle in radians below which series stand for sines: their error is that of rounding."""
@@ -208,8 +212,10 @@ def shared_motion(
     >>> shared_motion(np.array([[[1.0, 0, 0]]]), turn, 0.5 * np.ones((1, 6)), [0, 0, 1]).round(6)
     array([[[0., 1., 3.]]])
     """
-    out = np.empty_like(points)
     moved, factors, centre = (np.asarray(a, dtype=np.float64) for a in (motion, shares, pivot))
+    if len(points) <= _FEW and not is_loaded():
+        return weighted_rigid_motion(points, moved[:, None] * factors) + centre
+    out = np.empty_like(points)
     _kernels.move_into(np.ascontiguousarray(points), moved, factors, centre, out)
     return out
 

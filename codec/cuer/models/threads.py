@@ -7,17 +7,17 @@ thread takes alone.
 
 from collections.abc import Callable
 from functools import cache, wraps
-from typing import ParamSpec, TypeVar
-
-import scipy.linalg  # noqa: F401  (its own BLAS has to be loaded before the controller looks)
-from threadpoolctl import ThreadpoolController
+from typing import Any, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
 @cache
-def _controller() -> ThreadpoolController:
+def _controller() -> Any:
+    import scipy.linalg  # noqa: F401  (its own BLAS has to be loaded before the controller looks)
+    from threadpoolctl import ThreadpoolController
+
     return ThreadpoolController()
 
 

@@ -4,7 +4,8 @@ Rest comes first and last; between two keys is a way, which may take no frame.
 """
 
 import numpy as np
-from numba import njit
+
+from codec.compiled import njit
 
 _NEVER = -1e18
 """Log density of what never is."""

@@ -7,6 +7,7 @@ names, loanwords and names that Lexique lacks or gives otherwise), Lexique 3.83 
 list of our own).  Everything is read at the first question.
 """
 
+import bisect
 import functools
 import lzma
 from collections.abc import Iterator, Mapping
@@ -77,9 +78,16 @@ def _supplement() -> dict[str, str]:
 
 
 @functools.cache
-def _lexique() -> dict[str, str]:
-    text = lzma.decompress(ASSET.read_bytes()).decode()
-    return dict(_split(line) for line in text.split("\n"))
+def _lexique() -> list[str]:
+    """Return the lines of the lexicon, by word."""
+    return lzma.decompress(ASSET.read_bytes()).decode().split("\n")
+
+
+def _in_lexique(word: str) -> str | None:
+    lines = _lexique()
+    at = bisect.bisect_left(lines, word + "\t")
+    found, _, variants = lines[at].partition("\t") if at < len(lines) else ("", "", "")
+    return variants if found == word else None
 
 
 def _split(line: str) -> tuple[str, str]:
@@ -139,7 +147,7 @@ def lookup_name(word: str) -> tuple[Variant, ...]:
 def known_words() -> Iterator[str]:
     """Yield every word that `lookup` knows."""
     yield from _supplement()
-    yield from _lexique()
+    yield from (line.partition("\t")[0] for line in _lexique())
 
 
 @functools.lru_cache(maxsize=20_000)
@@ -151,8 +159,8 @@ def lookup(word: str) -> tuple[Variant, ...]:
     >>> [" ".join(v.phones) for v in lookup("huit")]
     ['ɥ i t']
     """
-    for layer in (_supplement, _lexique):
-        field = layer().get(word)
+    for layer in (_supplement().get, _in_lexique):
+        field = layer(word)
         if field is not None:
             return parse_variants(field)
     for joined, apart in (("œ", "oe"), ("æ", "ae")):

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from codec.cuer.models.rigid import rotation_matrices
 from codec.errors import CueError
 from codec.files.npz import read_arrays
 from synth.motion.body.anatomy import Anatomy, Habits, identity
@@ -137,7 +137,7 @@ class Body:
 
     def arm_bones(self, angles: FloatArray, forearm: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return frames (T, 22, 3, 3) and places (T, 22, 3) of the arm's bones."""
-        turn = Rotation.from_rotvec(forearm[:, :3]).as_matrix() @ REFERENCE_FOREARM
+        turn = rotation_matrices(forearm[:, :3]) @ REFERENCE_FOREARM
         return self.arm.pose(angles, turn, forearm[:, 3:])
 
     def neck(self, head: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -147,9 +147,7 @@ class Body:
         """
         origins = self.face_skin.origins
         share = np.cumsum(NECK_SHARE)
-        turns = np.stack(
-            [Rotation.from_rotvec(part * head[:, :3]).as_matrix() for part in share], axis=1
-        )
+        turns = rotation_matrices(share[:, None] * head[:, None, :3])
         places = np.empty((len(head), len(share), 3))
         places[:, 0] = origins[0]
         for bone in range(1, len(share)):

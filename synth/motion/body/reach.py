@@ -11,7 +11,6 @@ middle of the mouth (`PLACES_MM`), at the size of this head; in depth they are b
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from codec.cuer.layout import FACE_MARKERS, HAND_MARKERS, longest_finger_tip
 from codec.cues.score import PLACEMENTS
@@ -155,6 +154,8 @@ def _solve(body: Body, shape: int, placement: str) -> FloatArray:
                 40.0 * np.maximum(inside, 0.0),
             ]
         )
+
+    from scipy.optimize import least_squares
 
     start = np.concatenate([np.zeros(6), target - 180.0 * along])
     solution = least_squares(

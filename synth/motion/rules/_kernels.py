@@ -1,8 +1,9 @@
 """Compiled loops of the hand's timing and of what is seen of it."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from codec.compiled import njit
 
 N_PLACEMENTS = 6
 """Placements, rest included: key number = 6 shape + placement."""

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import erf
 
+from codec.compiled import lightly
 from codec.cuer.movement import FLOWING, Movement
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import PLACEMENT_NUMBER, Key, Score
@@ -25,6 +25,9 @@ from synth.motion.rules import _kernels
 FloatArray = NDArray[np.float64]
 
 ALIGNMENTS = ("attina", "paper")
+
+FEW = 40
+"""So few keys are not worth the time that loading compiled kernels takes, if these are not."""
 
 _LOG_SIGMA = 0.45
 """Standard deviation of the logarithm of time in the lognormal law."""
@@ -40,6 +43,8 @@ def _minimum_jerk(s: FloatArray) -> FloatArray:
 
 def _lognormal(s: FloatArray) -> FloatArray:
     """Plamondon 1995: early peak of speed, long approach; cut at three deviations."""
+    from scipy.special import erf
+
     low, high = -3.0 * _LOG_SIGMA, 3.0 * _LOG_SIGMA
     span = math.exp(high) - math.exp(low)
     log_time = np.log(math.exp(low) + s * span)
@@ -192,7 +197,8 @@ def timed_strokes(
     """
     m, most = movement, 2 * len(start) + 2
     leave, reach = np.full(most, _LONG_AGO_S), np.full(most, _LONG_AGO_S)
-    count = _kernels.strokes_into(
+    kernel = _kernels.strokes_into
+    count = (lightly(kernel) if len(start) <= FEW else kernel)(
         start, end, target, rested, way, m.lead_share, m.calm_share, m.hurried_s, m.least_lead_s,
         m.most_lead_s, m.lead_s_per_mm, m.overlap, m.shortest_s, m.peak_s_per_mm, m.late_s,
         m.first_lead_s, m.rest_delay_s, m.rest_move_s, leave, reach,

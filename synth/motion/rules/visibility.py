@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.analysis.readability import Classes, classes_of
+from codec.compiled import lightly
 from codec.cuer import layout
 from codec.cuer.models.face import N_FACE_PARAMETERS
 from codec.cuer.movement import FLOWING, Movement
@@ -20,7 +21,7 @@ from codec.cues.cueing import DEFAULT_OPTIONS
 from codec.cues.score import PLACEMENTS, SHAPES
 from synth.motion.rules import _kernels
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.motion.rules.movement import timed_strokes
+from synth.motion.rules.movement import FEW, timed_strokes
 
 FloatArray = NDArray[np.float64]
 
@@ -156,7 +157,8 @@ class VisibilityModel:
         begun, held, peak = (np.empty(len(shown)) for _ in range(3))
         m = self.movement
         lateness = np.array([m.turn_begin_s, m.turn_end_s, m.fingers_begin_s, m.fingers_end_s])
-        _kernels.seen_into(
+        kernel = _kernels.seen_into
+        (lightly(kernel) if len(key) <= FEW else kernel)(
             leave, reach, shown, _STEP_S, lateness, max(m.stroke_s, 1e-9), m.power, self.arc,
             self.place, self.tip, self.knuckle, self.goal, self.gram, CLEAR_MM, begun, held, peak,
         )  # fmt: skip

@@ -1,8 +1,9 @@
 """Compiled search of the aligner: the cheapest cut of frames into units."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from codec.compiled import njit
 
 
 @njit(cache=True)

@@ -20,7 +20,7 @@ from synth.motion.rules.bodiless import Bodiless, has_body
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.motion.rules.visibility import VisibilityModel
 
-_RATE_HZ = 50.0
+RATE_HZ = 50.0
 """Frames per second at which she is looked at: those of all reports."""
 
 _AROUND_S = 0.6
@@ -83,7 +83,7 @@ class PerformanceSimulation:
         options: CueingOptions,
     ) -> None:
         self.sight = sight
-        self._performer, self._classes, self._options = performer, classes, options
+        self.performer, self.classes, self._options = performer, classes, options
 
     def held(self, phones: Sequence[Phone], keys: Sequence[Key]) -> NDArray[np.float64]:
         """Return how long she shows each key of a score, seconds.
@@ -98,10 +98,10 @@ class PerformanceSimulation:
             return np.zeros(0)
         score = Score(tuple(phones), tuple(keys))
         start_s = max(0.0, keys[0].start - _AROUND_S)
-        frames = int((keys[-1].end + _AROUND_S - start_s) * _RATE_HZ)
-        markers = self._performer.markers(score, start_s, frames)
+        frames = int((keys[-1].end + _AROUND_S - start_s) * RATE_HZ)
+        markers = self.performer.markers(score, start_s, frames)
         shown = shown_keys(
-            markers, score, self._classes, rate_hz=_RATE_HZ, start_s=start_s, options=self._options
+            markers, score, self.classes, rate_hz=RATE_HZ, start_s=start_s, options=self._options
         )
         return np.array([item.held_s for item in shown])
 
@@ -136,7 +136,7 @@ def _mirror_of_body(
     name: str, seed: int, alignment: str, options: CueingOptions
 ) -> PerformanceSimulation:
     cuer = GestureSynthesiser(
-        name, rate_hz=_RATE_HZ, seed=seed, alignment=alignment, options=options
+        name, rate_hz=RATE_HZ, seed=seed, alignment=alignment, options=options
     )
     return PerformanceSimulation(
         cuer, Classes(cuer.targets()[0]), VisibilityModel.of(cuer), options
@@ -147,7 +147,7 @@ def mirror_of_voice(
     voice: Voice, alignment: str = "attina", options: CueingOptions = DEFAULT_OPTIONS
 ) -> PerformanceSimulation:
     """Return the mirror of a voice without a body, which performs with its own targets."""
-    cuer = Bodiless(voice, rate_hz=_RATE_HZ, alignment=alignment, options=options)
+    cuer = Bodiless(voice, rate_hz=RATE_HZ, alignment=alignment, options=options)
     return PerformanceSimulation(
         _Hand(cuer, voice), classes_of(voice), VisibilityModel.of_voice(voice), options
     )

@@ -9,12 +9,12 @@ spare them, one by one where it costs least, however far away: the way to the ch
 once.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from codec.analysis.readability import HELD_S
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
@@ -290,7 +290,7 @@ class TimingOptimiser:
         """Return the costs of some keys: those that are not seen, and too fast ones."""
         held, peak = self._look(line, first, last)
         held = held + line.more[first:last]
-        unseen = ndtr((WANTED_S - held) / self._spread_s) + ndtr((HELD_S - held) / self._spread_s)
+        unseen = _below(WANTED_S - held, self._spread_s) + _below(HELD_S - held, self._spread_s)
         uneasy = _EASE * np.maximum(_EASY_S - held, 0.0) / _EASY_S
         uneasy += np.maximum(HELD_S - held, 0.0) / HELD_S
         return np.asarray(unseen + uneasy + _TOO_FAST * np.maximum(peak - _FASTEST_M_S, 0.0))
@@ -305,6 +305,11 @@ class TimingOptimiser:
             start, end, target, line.key[part], rest_gap_s=self._rest_gap_s
         )
         return held[first - low : last - low], peak[first - low : last - low]
+
+
+def _below(distance: FloatArray, spread: float) -> FloatArray:
+    """Return the share of a normal distribution of that spread that lies below a distance."""
+    return np.array([0.5 * math.erfc(-x) for x in (distance / (math.sqrt(2.0) * spread)).tolist()])
 
 
 def _near(i: int, j: int, n: int) -> list[tuple[int, int]]:

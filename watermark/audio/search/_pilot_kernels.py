@@ -4,8 +4,9 @@ Contiguous arrays in, arrays filled in place out; no checks. All in 32 bits: a s
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from codec.compiled import njit
 
 Floats = NDArray[np.float32]
 Numbers = NDArray[np.int64]

@@ -5,9 +5,9 @@ integers in `PARTS`: twice as many fit a vector of the processor, and sums are e
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from codec.compiled import njit
 from watermark.audio.search.pilot_scan import PARTS
 
 BLOCK = 64

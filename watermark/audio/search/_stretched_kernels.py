@@ -5,8 +5,9 @@ of a soft value: 128 pilots fit.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from codec.compiled import njit
 
 BLOCK = 16
 """Places of which only the best is looked at where a jump may come from."""

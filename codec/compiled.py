@@ -1,0 +1,216 @@
+"""Compiled kernels: numba is imported when the first of them is called, and compiles once.
+
+`njit` stands for numba's decorator of that name in the modules of kernels. One process of a machine
+compiles a kernel; others that need it wait and then load it from the cache. Where only a few
+numbers are worked on, `lightly` runs a kernel as Python, without the time (0.5 s) and memory
+(90 MB) that importing numba takes.
+"""
+
+import contextlib
+import fcntl
+import os
+import sys
+import threading
+from collections.abc import Callable
+from functools import cache, update_wrapper
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+_LOCK_NAME = "compiling.lock"
+"""File beside the cached code that is locked by the process that compiles."""
+
+_guard = threading.RLock()
+
+
+class Settings:
+    """How this process compiles.
+
+    Attributes
+    ----------
+    kept : bool
+        Whether compiled code is kept between runs.
+    listener : callable
+        Takes the number of kernels compiled so far: 0 as the first begins; -1 where this process
+        waits for another one.
+    count : int
+        Kernels that this process compiled.
+    """
+
+    kept = True
+    listener: Callable[[int], None] = staticmethod(lambda count: None)
+    count = 0
+
+
+class Kernel:
+    """A function that is compiled when it is first called.
+
+    Parameters
+    ----------
+    function : callable
+        In the part of Python that numba compiles.
+    options : dict
+        Of numba's decorator.
+
+    Attributes
+    ----------
+    py_func : callable
+        The function itself.
+    """
+
+    def __init__(self, function: FunctionType, options: dict[str, Any]) -> None:
+        update_wrapper(self, function)
+        self.py_func = function
+        self._options = options
+        self._dispatcher: Any = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run the compiled function."""
+        return self.dispatcher()(*arguments)
+
+    def dispatcher(self) -> Any:
+        """Return numba's form of the function; its module calls that from now on."""
+        if self._dispatcher is not None:
+            return self._dispatcher
+        with _guard:
+            if self._dispatcher is None:
+                import numba
+
+                kept = Settings.kept and self._options.get("cache", False)
+                made: Any = numba.njit(**self._options | {"cache": kept})(self.py_func)
+                if kept:
+                    made._cache = _SharedCache(made._cache)
+                self._dispatcher = made
+                space = self.py_func.__globals__
+                for name, value in list(space.items()):
+                    if isinstance(value, Kernel):
+                        space[name] = value.dispatcher()
+        return self._dispatcher
+
+
+def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Return the decorator that makes a `Kernel`; options are those of `numba.njit`.
+
+    Parameters
+    ----------
+    **options
+        ``cache``, ``inline``, ``fastmath``.
+
+    Returns
+    -------
+    callable
+
+    Examples
+    --------
+    >>> double = njit()(lambda x: x + x)
+    >>> double.py_func(2)
+    4
+    """
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        assert isinstance(function, FunctionType)
+        return Kernel(function, options)
+
+    return decorate
+
+
+def is_loaded() -> bool:
+    """Return whether numba is in this process already."""
+    return "numba" in sys.modules
+
+
+def lightly(kernel: Any) -> Callable[..., Any]:
+    """Return a kernel to be called with little work: without numba where that is not loaded.
+
+    Parameters
+    ----------
+    kernel : Kernel or a numba dispatcher
+
+    Returns
+    -------
+    callable
+
+    Examples
+    --------
+    >>> lightly(njit()(lambda x: x + x))(2)
+    4
+    """
+    if is_loaded() or not isinstance(kernel, Kernel):
+        return kernel  # type: ignore[no-any-return]
+    return _interpreted(kernel.py_func)
+
+
+@cache
+def _interpreted(function: FunctionType) -> FunctionType:
+    """Return a function whose calls of other kernels of its module are not compiled either."""
+    space = dict(function.__globals__)
+    for name, value in function.__globals__.items():
+        if isinstance(value, Kernel):
+            one = value.py_func
+            space[name] = FunctionType(one.__code__, space, name, one.__defaults__)
+    return FunctionType(function.__code__, space, function.__name__, function.__defaults__)
+
+
+class _SharedCache:
+    """The cached machine code of one kernel: what is missing, one process at a time makes."""
+
+    def __init__(self, inner: Any) -> None:
+        self._inner = inner
+        self._turn = _turn_of(str(inner.cache_path))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._inner, name)
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        found = self._inner.load_overload(signature, context)
+        if found is not None:
+            return found
+        self._turn.take()
+        found = self._inner.load_overload(signature, context)
+        if found is not None:
+            self._turn.leave()
+        else:
+            Settings.listener(Settings.count)
+        return found
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        Settings.count += 1
+        try:
+            self._inner.save_overload(signature, data)
+        finally:
+            self._turn.leave()
+
+
+class _Turn:
+    """The turn of this process to compile what is kept in a folder."""
+
+    def __init__(self, folder: str) -> None:
+        self._path = Path(folder) / _LOCK_NAME
+        self._depth = 0
+        self._file: int | None = None
+
+    def take(self) -> None:
+        """Wait until no other process compiles; a kernel may need another one meanwhile."""
+        self._depth += 1
+        if self._depth > 1:
+            return
+        with contextlib.suppress(OSError):  # without locks each process compiles for itself
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            try:
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                Settings.listener(-1)
+                fcntl.flock(self._file, fcntl.LOCK_EX)
+
+    def leave(self) -> None:
+        """Let the next process compile."""
+        self._depth -= 1
+        if self._depth == 0 and self._file is not None:
+            os.close(self._file)
+            self._file = None
+
+
+@cache
+def _turn_of(folder: str) -> _Turn:
+    return _Turn(folder)
