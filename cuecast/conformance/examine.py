@@ -11,6 +11,7 @@ from codec.cuer.voice import load_voice, save_voice
 from codec.errors import CueError
 from codec.superframe.coding import coding_for, save_coding
 from cuecast.conformance.drawing import examine_files, examine_reception
+from cuecast.conformance.files import examine_stream_files
 from cuecast.conformance.program import Program
 from cuecast.conformance.sound import examine_sound
 from cuecast.conformance.superframes import examine_superframes
@@ -20,7 +21,7 @@ from receiver.export.device_voice import device_voice
 PROTOCOL = 1
 """Version of the protocol that a decoder has to state."""
 
-REQUESTS = ("superframe", "draw", "sound")
+REQUESTS = ("superframe", "draw", "file", "sound")
 """What a decoder may say that it does."""
 
 VECTORS = Path(__file__).parents[2] / "spec" / "vectors"
@@ -73,6 +74,8 @@ def _examined(
     if "draw" in does:
         yield from examine_files(program, documents["stream"])
         yield from examine_reception(program, documents["reception"])
+    if "file" in does:
+        yield from examine_stream_files(program, documents["stream"])
 
 
 def _give_voice(program: Program, folder: Path) -> None:

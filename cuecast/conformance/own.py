@@ -12,13 +12,14 @@ from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import PLACEMENT_NUMBER
 from codec.cues.timeline import TICK_S, TICKS
 from codec.errors import BitstreamError, CueError
+from codec.streamfile.stream import decode_stream, read_head, read_superframes, told_by
 from codec.superframe.bits import read_header
 from codec.superframe.checks import is_compact, is_own, is_possible, proof_of
 from codec.superframe.decoder import SuperframeDecoder
-from codec.superframe.merging import score_of
+from codec.superframe.merging import join_line, score_of
 from codec.superframe.payload import Content, read_l0, read_l1
 from codec.superframe.quantise import NO_RESIDUAL, basis_of, dequantise_integers
-from codec.superframe.score_coding import REST_GAPS_S, ScorePart
+from codec.superframe.score_coding import REST_GAPS_S, ScorePart, part_of
 from codec.superframe.superframe import DecodedSuperframe
 from codec.superframe.tables import coefficient_tables
 from codec.superframe.transform import Bases, Basis
@@ -45,12 +46,13 @@ class Own:
         self.requests: dict[str, Callable[[Answer], Answer]] = {
             "hello": self.hello, "voice": self.voice, "bases": self.bases,
             "superframe": self.superframe, "reset": self.reset, "push": self.push,
-            "draw": self.draw,
+            "draw": self.draw, "file": self.file,
         }  # fmt: skip
 
     def hello(self, _: Answer) -> Answer:
         """Return what this decoder does."""
-        return {"name": "cuecast", "protocol": 1, "format": 4, "does": ["superframe", "draw"]}
+        does = ["superframe", "draw", "file"]
+        return {"name": "cuecast", "protocol": 1, "format": 4, "does": does}
 
     def voice(self, request: Answer) -> Answer:
         """Load a voice."""
@@ -121,6 +123,36 @@ class Own:
             places = self._voice.reconstruct(shown.params)
             markers = {str(t): np.round(places[t], 4).tolist() for t in request["frames"]}
         return {"arrived": index in self._seen, "keys": keys, "markers": markers}
+
+    def file(self, request: Answer) -> Answer:
+        """Return keys, phones and markers of a stream file, or the paragraph that it breaks."""
+        data = bytes.fromhex(request["file"])
+        try:
+            head, told = read_head(data), told_by(data)
+            list(read_superframes(data))
+        except BitstreamError as error:
+            return {"valid": False, "section": error.section}
+        keys: list[list[int]] = []
+        phones: list[list[int]] = []
+        if told.line is not None:
+            far = max(told.line.starts) // TICKS + 2
+            every = range(-1, max(far, head.indices.stop))
+            joined = join_line(told.line, {k: part_of(told.line, k, told.options) for k in every})
+            phones = [[s.number, s.start, s.end] for s in joined.line if s.number]
+            keys = [
+                [len(PLACEMENT_NUMBER) * key.shape + PLACEMENT_NUMBER[key.placement], *ticks]
+                for key in joined.every
+                for ticks in [(round(key.start / TICK_S), round(key.end / TICK_S))]
+            ]
+        markers = {}
+        if request["frames"]:
+            assert self._voice is not None
+            params = decode_stream(data, self._voice).params
+            places = self._voice.reconstruct(params)
+            markers = {
+                str(t): np.round(places[t - head.first_tick], 4).tolist() for t in request["frames"]
+            }
+        return {"valid": True, "keys": keys, "phones": phones, "markers": markers}
 
 
 def stated(content: Content, bases: Bases, proof: int) -> Answer:

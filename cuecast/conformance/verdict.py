@@ -10,6 +10,7 @@ CLASSES: dict[str, tuple[str, ...]] = {
     "keys": ("superframes: score", "losses: keys"),
     "markers": ("superframes: coefficients", "losses: markers", "windows"),
     "picture": ("lips",),
+    "files": ("files: score", "files: markers"),
     "hearing 1": ("sound",),
 }
 """Groups of cases by class of section 9; the first three need those before them, too."""

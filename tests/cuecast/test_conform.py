@@ -30,7 +30,7 @@ for line in sys.stdin:
 def test_own_decoder_passes() -> None:
     report = examine(BUILT_IN["python"])
     assert report.failed == ()
-    assert report.reached() == ("keys", "markers", "picture")
+    assert report.reached() == ("keys", "markers", "picture", "files")
     assert report.skipped == ("sound",)
 
 

@@ -3,7 +3,7 @@
  * Sound of a programme in, cues of a virtual French Cued Speech interpreter out. Portable C11
  * without dependencies: no allocation, no files, no clock, no threads, no global state.
  *
- *   sound, any rate and block size
+ *   sound, any rate and block size (or a stream file)
  *     -> superframe every 0.64 s  | L0: 7, 12 or 20 bytes | L1: 0, 7 or 36 bytes |
  *     -> keys (hand shape and placement), phones, motion parameters, markers, previews, proofs
  *
@@ -93,7 +93,7 @@ typedef enum cue_status {
     CUE_NO_MEMORY = -2,      /* the block is smaller than cue_size or not aligned */
     CUE_BAD_STATE = -3,      /* the block was not made by cue_init of this version */
     CUE_BAD_DATA = -4,       /* a voice file, score or proof is malformed */
-    CUE_NO_VOICE = -5,       /* the call needs cue_voice first */
+    CUE_NO_VOICE = -5,       /* the call needs cue_voice first, or another voice */
     CUE_FULL = -6            /* events were not collected: call cue_next until CUE_EMPTY */
 } cue_status;
 
@@ -257,6 +257,30 @@ CUE_MUST_CHECK cue_status cue_next(cue_state *cue, cue_event *event) CUE_NONNULL
 
 /* sizeof(cue_event), for hosts that cannot read this header. */
 size_t cue_event_size(void);
+
+/* ---- Stream files ----------------------------------------------------------------------- */
+
+/* Where a programme's sound cannot be heard, its stream file (.cue, spec/bitstream.md, section 8)
+ * may lie beside it. A receiver reads it in place of sound, and gives the same events. */
+typedef struct cue_file_info {
+    size_t size;           /* sizeof(cue_file_info), set by the caller */
+    double start_s;        /* of the motion, seconds of the programme */
+    double duration_s;
+    uint32_t superframes;  /* that cue_file_read decodes; a score may go on behind them */
+} cue_file_info;
+
+/* Check a whole file and stand before its first superframe. Sound and events that wait are dropped;
+ * cue_push is refused until cue_reset. A file can be opened any number of times.
+ * Errors: CUE_NO_VOICE (none is loaded, or the file is of another one), CUE_BAD_DATA (F1 to F10;
+ * cue_explain names the paragraph). */
+CUE_MUST_CHECK cue_status cue_file_open(cue_state *cue, const void *file, size_t bytes,
+                                        cue_file_info *info) CUE_NONNULL(1, 2, 4);
+
+/* Decode the next superframe (0.64 s); its events wait in cue_next, with times of the programme.
+ * CUE_EMPTY after the last. The same bytes must be given again; the library keeps no pointer to
+ * them. Files are read forwards, as each superframe builds on those before. */
+CUE_MUST_CHECK cue_status cue_file_read(cue_state *cue, const void *file, size_t bytes)
+    CUE_NONNULL(1, 2);
 
 /* ---- Voice and trust -------------------------------------------------------------------- */
 

@@ -24,7 +24,7 @@ struct cue_state {
     cue_reception state;
     double start_s;
     uint32_t lost_run;
-    bool ended, full;
+    bool ended, full, reads_file;
     double power[CUE_MOST_CHANNELS];
     uint64_t heard, power_count;
     uint32_t first_record, records;
@@ -36,6 +36,10 @@ static size_t payload_at(void) { return (sizeof(cue_state) + 15) / 16 * 16; }
 
 static cue_payload *payload_of(cue_state *cue) {
     return (cue_payload *)(void *)((unsigned char *)cue + payload_at());
+}
+
+static const cue_payload *seen_payload(const cue_state *cue) {
+    return (const cue_payload *)(const void *)((const unsigned char *)cue + payload_at());
 }
 
 static cue_status fail(cue_state *cue, cue_status status, double detail) {
@@ -92,7 +96,7 @@ cue_status cue_reset(cue_state *cue, double start_s) {
     cue->state = CUE_SEARCHING;
     cue->heard = cue->power_count = 0;
     cue->records = cue->lost_run = 0;
-    cue->ended = cue->full = false;
+    cue->ended = cue->full = cue->reads_file = false;
     cue_hearing_reset(&cue->hearing);
     return cue_payload_reset(payload_of(cue));
 }
@@ -160,7 +164,7 @@ static void push_frame(cue_state *cue, const float *x) {
 
 static cue_status may_push(cue_state *cue) {
     if (!made(cue)) return CUE_BAD_STATE;
-    if (cue->ended) return fail(cue, CUE_BAD_STATE, 0);
+    if (cue->ended || cue->reads_file) return fail(cue, CUE_BAD_STATE, 0);
     return CUE_OK;
 }
 
@@ -268,6 +272,23 @@ cue_status cue_next(cue_state *cue, cue_event *event) {
     }
 }
 
+/* ---- Stream files ----------------------------------------------------------------------------- */
+
+cue_status cue_file_open(cue_state *cue, const void *file, size_t bytes, cue_file_info *info) {
+    if (!made(cue)) return CUE_BAD_STATE;
+    if (info->size != sizeof *info) return fail(cue, CUE_BAD_ARGUMENT, (double)info->size);
+    cue_status status = cue_reset(cue, cue->start_s);
+    if (status == CUE_OK) status = cue_payload_open(payload_of(cue), file, bytes, info);
+    cue->reads_file = status == CUE_OK;
+    return status == CUE_OK ? status : fail(cue, status, (double)bytes);
+}
+
+cue_status cue_file_read(cue_state *cue, const void *file, size_t bytes) {
+    if (!made(cue)) return CUE_BAD_STATE;
+    cue_status status = cue_payload_file_next(payload_of(cue), file, bytes);
+    return status >= CUE_OK ? status : fail(cue, status, (double)bytes);
+}
+
 /* ---- Voice, trust, diagnosis ------------------------------------------------------------------ */
 
 cue_status cue_voice(cue_state *cue, const void *file, size_t bytes) {
@@ -301,8 +322,7 @@ cue_status cue_diagnose(const cue_state *cue, cue_diagnosis *d) {
         d->inverted = t->mix[0] < 0 || (t->mix[0] == 0 && t->mix[1] < 0);
         d->mix = t->mix[1] == 0 ? 0 : t->mix[0] == 0 ? 1 : t->mix[0] == t->mix[1] ? 2 : 3;
     }
-    cue_payload_diagnose((const cue_payload *)(const void *)((const unsigned char *)cue
-                                                             + payload_at()), d);
+    cue_payload_diagnose(seen_payload(cue), d);
     return CUE_OK;
 }
 
@@ -312,5 +332,6 @@ cue_status cue_explain(const cue_state *cue, char *text, size_t bytes) {
     if (!made(cue)) return CUE_BAD_STATE;
     cue_status status = cue_diagnose(cue, &d);
     if (status != CUE_OK) return status;
-    return cue_explain_text(cue->last, cue->detail, &d, text, bytes);
+    const char *rule = cue_payload_broken(seen_payload(cue));
+    return cue_explain_text(cue->last, cue->detail, rule, &d, text, bytes);
 }

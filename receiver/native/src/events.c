@@ -52,12 +52,14 @@ static cue_status next_of(cue_payload *p, cue_slot *s, cue_event *event)
         event->of.phone.final = 1;
         return CUE_OK;
     }
-    if (s->pending) {
+    while (s->pending) {
         int t = 0;
         while (!(s->pending >> t & 1U)) t++;
         s->pending &= ~(UINT32_C(1) << t);
         event->kind = CUE_EVENT_MOTION;
         event->time_s = s->time_s + TICK_S * t;
+        double middle_s = event->time_s + TICK_S / 2;
+        if (middle_s < p->from_s || middle_s > p->until_s) continue;
         event->of.motion.revision = s->revision;
         event->of.motion.count = (uint32_t)p->model.n;
         event->of.motion.layers = s->layers;

@@ -42,7 +42,7 @@ static void count(writer *w, double value, int digits)
     say(w, out);
 }
 
-static void say_status(writer *w, cue_status status, double detail)
+static void say_status(writer *w, cue_status status, double detail, const char *rule)
 {
     switch (status) {
     case CUE_BAD_ARGUMENT:
@@ -57,9 +57,19 @@ static void say_status(writer *w, cue_status status, double detail)
         break;
     case CUE_BAD_STATE:
         say(w, "The block was not made by cue_init() of this version, or its sound has ended. "
-               "Likely cause: a call after cue_flush(); cue_reset() begins anew.");
+               "Likely cause: a call after cue_flush(), or sound while a stream file is open; "
+               "cue_reset() begins anew.");
         break;
     case CUE_BAD_DATA:
+        if (*rule) {
+            say(w, "The stream file violates ");
+            say(w, rule);
+            say(w, " of spec/bitstream.md; its length is ");
+            count(w, detail, 0);
+            say(w, " bytes. F1 to F5 are its head, F6 and F7 lengths and checksum, F10 its score. "
+                   "Likely cause: a cut download, or a page in place of the file.");
+            break;
+        }
         say(w, "The voice file is malformed; its length is ");
         count(w, detail, 0);
         say(w, " bytes. It begins with CUEVOICE, states its own length and ends with its SHA-256. "
@@ -67,7 +77,8 @@ static void say_status(writer *w, cue_status status, double detail)
                "`cuecast voice export`.");
         break;
     case CUE_NO_VOICE:
-        say(w, "The call needs a voice: load one with cue_voice().");
+        say(w, "The call needs a voice: load one with cue_voice(). A stream file needs the voice "
+               "that it was made with.");
         break;
     case CUE_FULL:
         say(w, "More than ");
@@ -123,8 +134,8 @@ static void say_reception(writer *w, const cue_diagnosis *d)
     }
 }
 
-cue_status cue_explain_text(cue_status status, double detail, const cue_diagnosis *diagnosis,
-                            char *text, size_t bytes)
+cue_status cue_explain_text(cue_status status, double detail, const char *rule,
+                            const cue_diagnosis *diagnosis, char *text, size_t bytes)
 {
     writer w = {text, bytes, 0};
     if (bytes == 0) return CUE_BAD_ARGUMENT;
@@ -132,6 +143,6 @@ cue_status cue_explain_text(cue_status status, double detail, const cue_diagnosi
     if (status == CUE_OK || status == CUE_EMPTY)
         say_reception(&w, diagnosis);
     else
-        say_status(&w, status, detail);
+        say_status(&w, status, detail, rule);
     return CUE_OK;
 }

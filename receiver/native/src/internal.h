@@ -36,6 +36,11 @@ cue_status cue_payload_take(cue_payload *payload, const cue_superframe *superfra
 /* The sound has been heard up to now_s: emit what is final or concealed by then. */
 cue_status cue_payload_advance(cue_payload *payload, double now_s);
 
+/* Open a stream file; decode its next superframe (see cue_file_open, cue_file_read). */
+cue_status cue_payload_open(cue_payload *payload, const void *file, size_t bytes,
+                            cue_file_info *info);
+cue_status cue_payload_file_next(cue_payload *payload, const uint8_t *file, size_t bytes);
+
 /* The programme is over: emit the rest. */
 cue_status cue_payload_flush(cue_payload *payload);
 
@@ -48,8 +53,12 @@ cue_status cue_payload_next(cue_payload *payload, cue_event *event);
 void cue_payload_diagnose(const cue_payload *payload, cue_diagnosis *diagnosis);
 
 /* Text of a status (explain.c): value, limit, paragraph and likely cause. `detail` is the number
- * that the failing call kept, `diagnosis` how reception stands. */
-cue_status cue_explain_text(cue_status status, double detail, const cue_diagnosis *diagnosis,
-                            char *text, size_t bytes);
+ * that the failing call kept, `rule` the paragraph that a stream file violates, `diagnosis` how
+ * reception stands. */
+cue_status cue_explain_text(cue_status status, double detail, const char *rule,
+                            const cue_diagnosis *diagnosis, char *text, size_t bytes);
+
+/* Paragraph that the stream file which was opened last violates, "" for none. */
+const char *cue_payload_broken(const cue_payload *payload);
 
 #endif

@@ -44,78 +44,140 @@ static void mouths(const cue_sound *sounds, int count, const cue_model *m, int32
     }
 }
 
-static double target(const cue_model *m, unsigned number, int k)
+/* What a key asks of a moving parameter k; behind these, whether it is of a kind (F13). */
+static double asked(const cue_model *m, unsigned number, int k)
 {
     if (k < N_HAND) return (double)m->hand[number][k];
     k -= N_HAND;
-    return k < m->n_head ? (double)m->head[number][k] : (double)m->forearm[number][k - m->n_head];
+    if (k < m->n_head) return (double)m->head[number][k];
+    k -= m->n_head;
+    if (k < m->n_forearm) return (double)m->forearm[number][k];
+    k -= m->n_forearm;
+    if (k >= SHAPES && k < SHAPES + PLACEMENTS) return (int)number % PLACEMENTS == k - SHAPES;
+    return (int)number / PLACEMENTS == k % (SHAPES + PLACEMENTS);
 }
 
-/* P4, P5 for one parameter; `bend` is its arc. */
-static void travel(const cue_stroke *strokes, int count, const double *held, const double *far,
-                   double bend, double late, double later, double stroke, double power,
-                   int64_t first, cue_block *out, int column)
+/* How a parameter goes through the strokes (P5): hundredths of a tick. */
+typedef struct pace {
+    double late, later, stroke, power, bend;
+} pace;
+
+static pace pace_of(const cue_model *m, int k, unsigned course)
 {
+    static const double powers[4] = {1.0, 0.75, 0.55, 0.42};
+    const double *c = m->constants;
+    int moving = m->n - N_FACE, arm = k - N_HAND - m->n_head;
+    if (k >= moving) { /* a kind moves as the hand's first, or the forearm's last parameter */
+        k = k < moving + SHAPES ? 0 : moving - 1;
+        arm = -1;
+    }
+    int group = k < N_HAND ? FINGERS_BEGIN : HEAD_BEGIN, is_arm = k >= N_HAND + m->n_head;
+    double begin = is_arm ? 0.0 : c[group], end = is_arm ? 0.0 : c[group + 1];
+    double late = (double)m->late[k];
+    return (pace){5000.0 * (begin + late), 5000.0 * (end + late), 5000.0 * c[STROKE],
+                  c[POWER] * powers[course & 3], arm < 0 ? 0.0 : (double)m->arc[arm]};
+}
+
+static double start_of(const cue_stroke *s, const pace *p, double *lasts)
+{
+    double length = (double)(s->reach - s->leave);
+    double f = p->stroke > 0.0 ? fmin(1.0, length / p->stroke) : 1.0;
+    double start = (double)s->leave + f * p->late;
+    *lasts = fmax((double)s->reach + f * p->later - start, fmax(length / 2, 1.0));
+    return start;
+}
+
+/* P6: the share of its way that a stroke misses. */
+static double missed(const cue_strokes *list, int g, const double *c)
+{
+    double natural = nearbyint(5000.0 * c[NATURAL]);
+    if (g == 0 || g + 1 >= list->count) return 0.0;
+    double h = (double)(list->stroke[g + 1].leave - list->stroke[g].leave);
+    return h < natural ? c[UNDERSHOOT] * fmin((natural - h) / (natural / 2), 1.5) : 0.0;
+}
+
+void cue_strokes_drop(cue_strokes *list, const cue_model *m, int32_t first)
+{
+    int columns = m->n - N_FACE + KINDS;
+    while (list->count > 2) {
+        double share = missed(list, 1, m->constants);
+        for (int k = 0; k < columns; k++) {
+            pace p = pace_of(m, k, 0);
+            double lasts, start = start_of(&list->stroke[1], &p, &lasts);
+            if (start + lasts > 100.0 * (first - 6)) return; /* P9: 6 ticks */
+        }
+        for (int k = 0; k < columns; k++) {
+            double from = list->dropped ? list->held[k] : asked(m, list->stroke[0].number, k);
+            double wanted = asked(m, list->stroke[1].number, k);
+            list->held[k] = wanted + share * (from - wanted);
+        }
+        list->dropped = 1;
+        memmove(list->stroke, list->stroke + 1, (size_t)--list->count * sizeof list->stroke[0]);
+    }
+}
+
+/* P4, P5, P6 for one parameter, or one kind of keys. */
+static void travel(const cue_strokes *list, const cue_model *m, int k, unsigned course,
+                   unsigned shift, int32_t tick, cue_motion_work *work, cue_block *out, int column)
+{
+    static const int earlier[5] = {0, 3, -3, 6, -6}; /* P9 */
+    const pace p = pace_of(m, k, course);
+    double *held = work->held;
+    int64_t first = 100 * ((int64_t)tick + earlier[shift < 5 ? shift : 0]);
     int base = 0;
+    for (int g = 0; g < list->count; g++) {
+        held[g] = asked(m, list->stroke[g].number, k);
+        if (g) held[g] += work->missed[g] * (held[g - 1] - held[g]);
+        else if (list->dropped) held[g] = list->held[k];
+    }
     for (int t = 0; t < TICKS; t++) {
         double time = (double)(first + 100 * t), value = 0.0;
         int begun = 0;
-        for (int g = base + 1; g < count; g++) {
-            double length = (double)(strokes[g].reach - strokes[g].leave);
-            double f = stroke > 0.0 ? fmin(1.0, length / stroke) : 1.0;
-            double start = (double)strokes[g].leave + f * late;
+        for (int g = base + 1; g < list->count; g++) {
+            double lasts, start = start_of(&list->stroke[g], &p, &lasts);
             if (start > time) break;
-            double lasts = fmax((double)strokes[g].reach + f * later - start, fmax(length / 2, 1.0));
             if (!begun && time >= start + lasts) {
                 base = g;
                 continue;
             }
             begun = 1;
             double u = fmin((time - start) / lasts, 1.0);
-            double p = jerk(power == 1.0 ? u : cue_power(u, power));
-            value += p * (held[g] - held[g - 1]) + 4.0 * p * (1.0 - p) * far[g] * bend;
+            double w = jerk(p.power == 1.0 ? u : cue_power(u, p.power));
+            value += w * (held[g] - held[g - 1]) + 4.0 * w * (1.0 - w) * work->far[g] * p.bend;
         }
         out->value[t][column] = held[base] + value;
     }
 }
 
-void cue_predict(const cue_sound *sounds, int n_sounds, const cue_stroke *strokes, int n_strokes,
-                 const cue_model *m, int32_t first, unsigned course, unsigned shift,
-                 cue_motion_work *work, cue_block *out)
+static void weigh(const cue_strokes *list, const cue_model *m, cue_motion_work *work)
 {
-    static const double powers[4] = {1.0, 0.75, 0.55, 0.42};
-    static const int earlier[5] = {0, 3, -3, 6, -6}; /* P9 */
-    const double *c = m->constants, natural = nearbyint(5000.0 * c[NATURAL]);
-    int moving = N_HAND + m->n_head + m->n_forearm;
-    mouths(sounds, n_sounds, m, first, work->sum, out);
-    for (int g = 0; g < n_strokes; g++) {
-        double h = g && g + 1 < n_strokes ? (double)(strokes[g + 1].leave - strokes[g].leave)
-                                          : natural;
-        work->missed[g] = 0.0; /* P6 */
-        if (h < natural)
-            work->missed[g] = c[UNDERSHOOT] * fmin((natural - h) / (natural / 2), 1.5);
+    for (int g = 0; g < list->count; g++) {
         double sum = 0.0;
         for (int k = 0; g && k < m->n_forearm; k++) {
-            double d = (double)m->forearm[strokes[g].number][k] -
-                       (double)m->forearm[strokes[g - 1].number][k];
+            double d = (double)m->forearm[list->stroke[g].number][k] -
+                       (double)m->forearm[list->stroke[g - 1].number][k];
             sum += d * d;
         }
         work->far[g] = sqrt(sum);
+        work->missed[g] = missed(list, g, m->constants);
     }
-    for (int k = 0; k < moving; k++) {
-        int arm = k - N_HAND - m->n_head;
-        double begin = k < N_HAND ? c[FINGERS_BEGIN] : arm < 0 ? c[HEAD_BEGIN] : 0.0;
-        double end = k < N_HAND ? c[FINGERS_END] : arm < 0 ? c[HEAD_END] : 0.0;
-        for (int g = 0; g < n_strokes; g++) {
-            double wanted = target(m, strokes[g].number, k);
-            if (g) wanted += work->missed[g] * (work->held[g - 1] - wanted);
-            work->held[g] = wanted;
-        }
-        travel(strokes, n_strokes, work->held, work->far, arm < 0 ? 0.0 : (double)m->arc[arm],
-               5000.0 * (begin + (double)m->late[k]), 5000.0 * (end + (double)m->late[k]),
-               5000.0 * c[STROKE], c[POWER] * powers[course & 3],
-               100 * ((int64_t)first + earlier[shift < 5 ? shift : 0]), out, N_FACE + k);
-    }
+}
+
+void cue_predict(const cue_sound *sounds, int n_sounds, const cue_model *m, int32_t first,
+                 unsigned course, unsigned shift, cue_motion_work *work, cue_block *out)
+{
+    mouths(sounds, n_sounds, m, first, work->sum, out);
+    weigh(&work->strokes, m, work);
+    for (int k = 0; k < m->n - N_FACE; k++)
+        travel(&work->strokes, m, k, course, shift, first, work, out, N_FACE + k);
+}
+
+void cue_predict_kinds(const cue_model *m, int32_t first, unsigned course, unsigned shift,
+                       cue_motion_work *work, cue_block *out)
+{
+    weigh(&work->strokes, m, work);
+    for (int k = 0; k < KINDS; k++)
+        travel(&work->strokes, m, m->n - N_FACE + k, course, shift, first, work, out, k);
 }
 
 void cue_use_shares(const cue_content *content, const cue_model *m, cue_block *out)

@@ -18,6 +18,7 @@ enum {
     PLACEMENTS = 6,
     SHAPES = 9,
     KEY_NUMBERS = 54,   /* 6 shape + placement, J4 */
+    KINDS = 24,         /* shapes of the hand; placements and shapes of the forearm, F13 */
     BASES = 4,          /* Q6 */
     MOST_P = CUE_PARAMETERS,
     N_FACE = 7,         /* parameters of the face, O4 */
@@ -34,7 +35,8 @@ enum {
 
 /* Result of reading bits: CUE_OK as 0, else the paragraph that is broken. */
 typedef enum cue_rule {
-    RULE_NONE, RULE_H1, RULE_H2, RULE_H6, RULE_M2
+    RULE_NONE, RULE_H1, RULE_H2, RULE_H6, RULE_M2, RULE_F1,
+    RULE_F2, RULE_F3, RULE_F4, RULE_F5, RULE_F6, RULE_F7, RULE_F10
 } cue_rule;
 
 const char *cue_rule_name(cue_rule rule);
@@ -146,6 +148,8 @@ void cue_record_read(const uint8_t *data, size_t bytes, unsigned mode, const cue
 unsigned cue_check_of(const uint8_t *data, size_t bytes, unsigned width, unsigned polynomial,
                  unsigned preset);
 
+/* S9: 1 + the number of the key that replaces one, 0 for none. */
+unsigned cue_replacement_read(cue_range *r);
 void cue_score_read(cue_range *r, const cue_tables *tables, cue_score *out);
 unsigned cue_previews_read(cue_range *r, const cue_tables *tables, cue_preview out[4]);
 unsigned cue_labels_read(cue_range *r, const cue_tables *tables, cue_preview *own,
@@ -209,9 +213,23 @@ typedef struct cue_stroke {
     uint8_t number;
 } cue_stroke;
 
-/* Spans of lost superframes, in ticks, in which silence is not known (P2). */
-int cue_strokes(const cue_cue *cues, int count, const cue_sound *sounds, int n_sounds,
-                unsigned rest_gap, const cue_model *model, cue_stroke *out, int most);
+/* Strokes in order of time. Of a long line earlier ones can be dropped: the first that is left then
+ * holds what they leave behind, `held`, for each moving parameter and each kind of keys (F13). */
+typedef struct cue_strokes {
+    int count, dropped;
+    cue_stroke raw, stroke[MOST_STROKES]; /* raw: the last one before the last rule of P1 */
+    double held[MOST_P + KINDS];
+} cue_strokes;
+
+void cue_strokes_begin(cue_strokes *list);
+/* P1 to P3; `before`: 0 for the first key; `waits`: a superframe was lost between both. */
+void cue_strokes_key(cue_strokes *list, const cue_cue *before, const cue_cue *cue, int waits,
+                     unsigned rest_gap, const cue_model *model);
+void cue_strokes_end(cue_strokes *list, const cue_cue *last, const cue_model *model);
+void cue_strokes_of(const cue_line *line, unsigned rest_gap, const cue_model *model,
+                    cue_strokes *out);
+/* Drop what is over before a tick in all parameters. */
+void cue_strokes_drop(cue_strokes *list, const cue_model *model, int32_t first);
 
 typedef struct cue_block {
     double value[TICKS][MOST_P];
@@ -220,14 +238,17 @@ typedef struct cue_block {
 /* Scratch of the prediction. */
 typedef struct cue_motion_work {
     cue_line line;
-    cue_stroke stroke[MOST_STROKES];
+    cue_strokes strokes;
     double missed[MOST_STROKES], held[MOST_STROKES], far[MOST_STROKES];
     double sum[TICKS][PHONES];
 } cue_motion_work;
 
-void cue_predict(const cue_sound *sounds, int n_sounds, const cue_stroke *strokes, int n_strokes,
-                 const cue_model *model, int32_t first, unsigned course, unsigned shift,
-                 cue_motion_work *work, cue_block *out);
+/* P4 to P9, with the strokes in `work`. */
+void cue_predict(const cue_sound *sounds, int n_sounds, const cue_model *model, int32_t first,
+                 unsigned course, unsigned shift, cue_motion_work *work, cue_block *out);
+/* F13: the rows of W and V, KINDS columns. */
+void cue_predict_kinds(const cue_model *model, int32_t first, unsigned course, unsigned shift,
+                       cue_motion_work *work, cue_block *out);
 /* P10; `out` holds the prediction, or anything in mode 1. */
 void cue_use_shares(const cue_content *content, const cue_model *model, cue_block *out);
 /* T1: the residual as parameters. */
@@ -242,6 +263,30 @@ void cue_markers_of(const cue_model *model, const double *parameters, double pla
 
 /* Solve a x = b by elimination with pivots, n at most 32; a and b are overwritten. 0 if singular. */
 int cue_solve(double *a, double *b, int n, int columns);
+
+/* ---- Stream files (section 8) ----------------------------------------------------------- */
+
+/* F13: sums over what was decoded, and the corrections that follow from them. */
+typedef struct cue_learner {
+    double square[KINDS - SHAPES][KINDS - SHAPES], right[KINDS - SHAPES][MOST_GROUP],
+        table[KINDS - SHAPES][MOST_GROUP];
+} cue_learner;
+
+/* A file that is read. Its bytes stay the caller's; the line near a superframe is in cue_motion_work. */
+typedef struct cue_file {
+    uint8_t opened, special, keyed, learns, cheek[3], rest_gap;
+    uint8_t keys, ended;          /* keys: 1 once there was one, 2 after the last */
+    uint8_t earlier, before;      /* phones that the next one follows */
+    uint16_t n0, n1;
+    int32_t first_tick, end_tick, start, next, stop; /* superframes; ticks */
+    int32_t tick, spoken;         /* where the next phone starts; length of the one before */
+    int charted;                  /* phones of the line that have been made keys */
+    size_t bytes, at, line_at, line_bytes; /* at: of the next payload */
+    cue_range line, replaced;
+    cue_cue key;                  /* the last one */
+    cue_learner hand, arm;
+    cue_block lacked;
+} cue_file;
 
 /* ---- Timeline --------------------------------------------------------------------------- */
 
@@ -280,6 +325,9 @@ struct cue_payload {
     uint8_t other_version;
     uint64_t bad_at;            /* byte at which a voice file is malformed, plus 1 */
     int marker_slot, marker_frame;
+    cue_rule broken;            /* by the file that was opened last */
+    double from_s, until_s;     /* frames outside are not reported */
+    cue_file file;
     cue_slot slot[SLOTS];
     cue_tables tables;
     cue_bases bases;
@@ -292,6 +340,15 @@ struct cue_payload {
 
 /* The slot of a superframe, 0 if it has none. */
 cue_slot *cue_slot_find(cue_payload *payload, int32_t number);
+/* An empty one, in place of an older superframe's. */
+cue_slot *cue_slot_new(cue_payload *payload, int32_t number, double time_s);
+/* Report parameters, a key or a phone of it. */
+void cue_slot_show(cue_slot *slot, const cue_block *block, int count);
+void cue_key_show(cue_slot *slot, const cue_cue *cue, int previewed, int final);
+void cue_phone_show(cue_slot *slot, const cue_sound *sound);
+
+/* F1 to F10: check a file and stand before its first superframe. */
+cue_rule cue_payload_file(cue_payload *payload, const uint8_t *file, size_t bytes);
 
 /* Take a superframe of any size that was on air from on_air_s on; n0 = 0: it did not arrive. */
 cue_status cue_payload_put(cue_payload *payload, const uint8_t *l0, size_t n0, const uint8_t *l1,

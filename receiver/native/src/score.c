@@ -28,6 +28,13 @@ static void put(cue_score *out, unsigned number, int start)
     out->start[out->count++] = (int16_t)start;
 }
 
+unsigned cue_replacement_read(cue_range *r)
+{
+    if (!cue_range_symbol(r, REPLACED, 2, 2)) return 0;
+    unsigned shape = cue_range_symbol(r, NINE, 9, 9);
+    return 1 + PLACEMENTS * shape + cue_range_symbol(r, SIX, 6, 6);
+}
+
 /* S9, S10: options, and for each key whether another one is shown. */
 static void read_special(cue_range *r, cue_score *out)
 {
@@ -36,10 +43,7 @@ static void read_special(cue_range *r, cue_score *out)
     for (int i = 0; i < out->count; before = out->number[i++]) {
         unsigned number = out->number[i];
         if (number == 0 || (cue_is_vowel(number) && cue_is_consonant(before))) continue;
-        if (!cue_range_symbol(r, REPLACED, 2, 2)) continue;
-        unsigned shape = cue_range_symbol(r, NINE, 9, 9);
-        unsigned key = PLACEMENTS * shape + cue_range_symbol(r, SIX, 6, 6);
-        out->replaced[out->start[i]] = (uint8_t)(1 + key);
+        out->replaced[out->start[i]] = (uint8_t)cue_replacement_read(r);
     }
 }
 

@@ -32,11 +32,25 @@ static int64_t free_after(const cue_stroke *s, const double *c)
     return s->reach - whole(c[OVERLAP] * (double)(s->reach - s->leave));
 }
 
-static cue_stroke to_rest(int64_t end, int64_t before, const double *c)
+/* The last rule of P1; `raw` is the stroke as the rules before leave it. */
+static void add(cue_strokes *list, cue_stroke raw, const double *c)
+{
+    cue_stroke s = raw;
+    if (list->count == MOST_STROKES) return;
+    if (list->count) {
+        const cue_stroke *last = &list->stroke[list->count - 1];
+        s.leave = most(s.leave, free_after(last, c));
+        s.reach = most(s.reach, most(s.leave, last->reach) + 1);
+    }
+    list->raw = raw;
+    list->stroke[list->count++] = s;
+}
+
+static void add_rest(cue_strokes *list, int64_t end, int64_t before, const double *c)
 {
     int64_t leave = end + parts(c[REST_DELAY]);
     int64_t reach = most(least(leave + parts(c[REST_MOVE]), before), leave + parts(c[SHORTEST]));
-    return (cue_stroke){leave, reach, 0};
+    add(list, (cue_stroke){leave, reach, 0}, c);
 }
 
 /* P2: whether a superframe was lost between two ticks, so that silence is not known. */
@@ -59,43 +73,52 @@ static double way_between(const cue_model *model, unsigned from, unsigned to)
     return sqrt(sum);
 }
 
-int cue_strokes(const cue_cue *cues, int count, const cue_sound *sounds, int n_sounds,
-                unsigned rest_gap, const cue_model *model, cue_stroke *out, int room)
+void cue_strokes_begin(cue_strokes *list)
+{
+    list->count = list->dropped = 0;
+    list->raw = list->stroke[list->count++] = (cue_stroke){CUE_LONG_AGO, CUE_LONG_AGO, 0};
+}
+
+void cue_strokes_key(cue_strokes *list, const cue_cue *before, const cue_cue *cue, int waits,
+                     unsigned rest_gap, const cue_model *model)
 {
     static const int32_t gaps[4] = {12, 25, 50, 90}; /* S9, in ticks */
     const double *c = model->constants;
-    const int64_t shortest = parts(c[SHORTEST]), hurried = whole(50.0 * c[HURRIED]);
-    const int64_t late_most = parts(c[LATE]), lag_share = whole(100.0 * c[LAG_SHARE]);
-    int n = 0;
-    out[n++] = (cue_stroke){CUE_LONG_AGO, CUE_LONG_AGO, 0};
-    for (int i = 0; i < count && n + 3 <= room; i++) {
-        const cue_cue *cue = &cues[i], *before = i ? cue - 1 : 0;
-        int64_t a = 100 * (int64_t)cue->start, lead = parts(c[FIRST_LEAD]);
-        int rested = !before || (cue->start - before->end >= gaps[rest_gap & 3] &&
-                                 !is_lost(sounds, n_sounds, before->end, cue->start));
-        if (rested && before) { /* P2, P3 */
-            int64_t end = 100 * (int64_t)before->end;
-            lead = least(lead, (a - end) / 2);
-            out[n++] = to_rest(end, a - lead, c);
-        }
-        const cue_stroke *last = &out[n - 1];
-        double way = way_between(model, last->number, cue->number);
-        if (!rested) {
-            int64_t d = cue->start - before->start, q = least(d, hurried);
-            lead = whole(100.0 * c[LEAD_SHARE]) * q + whole(100.0 * c[CALM_SHARE]) * (d - q);
-            lead = least(lead, whole(5000.0 * (c[MOST_LEAD] + c[LEAD_PER_MM] * way)));
-            lead = most(lead, parts(c[LEAST_LEAD]));
-        }
-        int64_t lag = lag_share * cue->consonant;
-        int64_t fast = whole(5000.0 * (1.875 / (1000.0 * c[FASTEST])) * way);
-        int64_t leave = most(least(a - lead, a + lag - fast), free_after(last, c));
-        int64_t late = least(leave + fast, a + lag + late_most);
-        out[n++] = (cue_stroke){leave, most(a + lag, most(late, leave + shortest)), cue->number};
+    int64_t a = 100 * (int64_t)cue->start, lead = parts(c[FIRST_LEAD]);
+    int rested = !before || (cue->start - before->end >= gaps[rest_gap & 3] && !waits);
+    if (rested && before) { /* P2, P3 */
+        int64_t end = 100 * (int64_t)before->end;
+        lead = least(lead, (a - end) / 2);
+        add_rest(list, end, a - lead, c);
     }
-    if (count) out[n++] = to_rest(100 * (int64_t)cues[count - 1].end, INT64_C(1) << 40, c);
-    for (int g = 1; g < n; g++) {
-        out[g].leave = most(out[g].leave, free_after(&out[g - 1], c));
-        out[g].reach = most(out[g].reach, most(out[g].leave + 1, out[g - 1].reach + 1));
+    double way = way_between(model, list->raw.number, cue->number);
+    if (!rested) {
+        int64_t d = cue->start - before->start, q = least(d, whole(50.0 * c[HURRIED]));
+        lead = whole(100.0 * c[LEAD_SHARE]) * q + whole(100.0 * c[CALM_SHARE]) * (d - q);
+        lead = least(lead, whole(5000.0 * (c[MOST_LEAD] + c[LEAD_PER_MM] * way)));
+        lead = most(lead, parts(c[LEAST_LEAD]));
     }
-    return n;
+    int64_t lag = whole(100.0 * c[LAG_SHARE]) * cue->consonant;
+    int64_t fast = whole(5000.0 * (1.875 / (1000.0 * c[FASTEST])) * way);
+    int64_t leave = most(least(a - lead, a + lag - fast), free_after(&list->raw, c));
+    int64_t late = least(leave + fast, a + lag + parts(c[LATE]));
+    int64_t reach = most(a + lag, most(late, leave + parts(c[SHORTEST])));
+    add(list, (cue_stroke){leave, reach, cue->number}, c);
+}
+
+void cue_strokes_end(cue_strokes *list, const cue_cue *last, const cue_model *model)
+{
+    add_rest(list, 100 * (int64_t)last->end, INT64_C(1) << 40, model->constants);
+}
+
+void cue_strokes_of(const cue_line *line, unsigned rest_gap, const cue_model *model,
+                    cue_strokes *out)
+{
+    cue_strokes_begin(out);
+    for (int i = 0; i < line->cues; i++) {
+        const cue_cue *cue = &line->cue[i], *before = i ? cue - 1 : 0;
+        int waits = before && is_lost(line->sound, line->sounds, before->end, cue->start);
+        cue_strokes_key(out, before, cue, waits, rest_gap, model);
+    }
+    if (line->cues) cue_strokes_end(out, &line->cue[line->cues - 1], model);
 }

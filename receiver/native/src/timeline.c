@@ -29,6 +29,9 @@ cue_status cue_payload_reset(cue_payload *p)
     p->last = p->newest_lost = 0;
     p->foreign = 0;
     p->marker_frame = -1;
+    p->from_s = -1e300;
+    p->until_s = 1e300;
+    memset(&p->file, 0, sizeof p->file);
     memset(p->slot, 0, sizeof p->slot);
     for (int i = 0; i < SLOTS; i++) p->slot[i].number = -1;
     return CUE_OK;
@@ -44,6 +47,7 @@ cue_status cue_payload_init(cue_payload *p, const cue_config *config)
 
 cue_status cue_payload_voice(cue_payload *p, const void *file, size_t bytes)
 {
+    p->broken = RULE_NONE;
     p->bad_at = cue_model_load(file, bytes, &p->tables, &p->bases, &p->model);
     (void)cue_payload_reset(p);
     return p->bad_at ? CUE_BAD_DATA : CUE_OK;
@@ -56,17 +60,21 @@ cue_slot *cue_slot_find(cue_payload *p, int32_t number)
     return s->number == number ? s : 0;
 }
 
+cue_slot *cue_slot_new(cue_payload *p, int32_t number, double time_s)
+{
+    cue_slot *s = &p->slot[number % SLOTS];
+    memset(s, 0, sizeof *s);
+    s->number = number;
+    s->time_s = time_s;
+    return s;
+}
+
 /* The slot of a superframe; an older one that held it is given up. */
 static cue_slot *slot_of(cue_payload *p, int32_t number)
 {
     cue_slot *s = cue_slot_find(p, number);
-    if (!s) {
-        s = &p->slot[number % SLOTS];
-        memset(s, 0, sizeof *s);
-        s->number = number;
-        s->time_s = p->last_on_air_s + p->lead_s + SUPERFRAME_S * (number - p->last);
-    }
-    return s;
+    double time_s = p->last_on_air_s + p->lead_s + SUPERFRAME_S * (number - p->last);
+    return s ? s : cue_slot_new(p, number, time_s);
 }
 
 static int state_of(cue_payload *p, int32_t number)
@@ -120,10 +128,8 @@ static void predict(cue_payload *p, int32_t number, unsigned course, unsigned sh
     cue_line *line = &p->work.line;
     cue_join(&scores, &p->tables, line);
     const cue_score *near = cue_nearest(&scores, number);
-    int count = cue_strokes(line->cue, line->cues, line->sound, line->sounds,
-                            near ? near->rest_gap : 1, &p->model, p->work.stroke, MOST_STROKES);
-    cue_predict(line->sound, line->sounds, p->work.stroke, count, &p->model, TICKS * number, course,
-                shift, &p->work, out);
+    cue_strokes_of(line, near ? near->rest_gap : 1, &p->model, &p->work.strokes);
+    cue_predict(line->sound, line->sounds, &p->model, TICKS * number, course, shift, &p->work, out);
 }
 
 /* Parameters of a superframe that arrived, not blended with its neighbours (P10, Q5). */
@@ -177,10 +183,23 @@ static void draw_lost(cue_payload *p, const cue_slot *s, cue_block *out)
     }
 }
 
+void cue_slot_show(cue_slot *s, const cue_block *block, int count)
+{
+    uint32_t changed = 0;
+    for (int t = 0; t < TICKS; t++)
+        for (int k = 0; k < count; k++) {
+            float value = (float)fmax(-1000.0, fmin(block->value[t][k], 1000.0));
+            if (!s->drawn || fabsf(value - s->shown[t][k]) > 1e-6F) changed |= UINT32_C(1) << t;
+            s->shown[t][k] = value;
+        }
+    s->revision += s->drawn && changed;
+    s->pending |= changed;
+    s->drawn = 1;
+}
+
 static void draw(cue_payload *p, cue_slot *s)
 {
     cue_block *block = &p->block;
-    uint32_t changed = 0;
     if (s->state == ARRIVED)
         draw_arrived(p, s, block);
     else
@@ -191,18 +210,10 @@ static void draw(cue_payload *p, cue_slot *s)
         cue_join(&scores, &p->tables, &p->work.line);
         cue_lips(p->work.line.sound, p->work.line.sounds, &p->model, TICKS * s->number, block);
     }
-    for (int t = 0; t < TICKS; t++)
-        for (int k = 0; k < p->model.n; k++) {
-            float value = (float)fmax(-1000.0, fmin(block->value[t][k], 1000.0));
-            if (!s->drawn || fabsf(value - s->shown[t][k]) > 1e-6F) changed |= UINT32_C(1) << t;
-            s->shown[t][k] = value;
-        }
-    s->revision += s->drawn && changed;
-    s->pending |= changed;
-    s->drawn = 1;
+    cue_slot_show(s, block, p->model.n);
 }
 
-static void show_key(cue_slot *s, const cue_cue *cue, int previewed, int final)
+void cue_key_show(cue_slot *s, const cue_cue *cue, int previewed, int final)
 {
     cue_shown_key *key = 0;
     for (int i = 0; i < s->keys; i++)
@@ -228,6 +239,14 @@ static void show_key(cue_slot *s, const cue_cue *cue, int previewed, int final)
     key->final = (uint8_t)final;
 }
 
+void cue_phone_show(cue_slot *s, const cue_sound *sound)
+{
+    if (s->phones == MOST_SHOWN) return;
+    s->phone[s->phones].start = sound->start;
+    s->phone[s->phones].end = sound->end;
+    s->phone[s->phones++].number = sound->number;
+}
+
 /* Keys and phones that start in a superframe, from all that is known around it. */
 static void read_keys(cue_payload *p, int32_t number, int final)
 {
@@ -244,7 +263,7 @@ static void read_keys(cue_payload *p, int32_t number, int final)
             found = line->cue[k].certain && line->cue[k].start == s->key[i].start;
         if (found) continue;
         cue_cue none = {s->key[i].start, s->key[i].start, 0, s->key[i].number, {0, 0}, 1};
-        show_key(s, &none, 0, final);
+        cue_key_show(s, &none, 0, final);
     }
     int previewed = s->state != ARRIVED;
     for (int k = 0; k < line->cues; k++) {
@@ -255,17 +274,14 @@ static void read_keys(cue_payload *p, int32_t number, int final)
         cue_cue shown = *cue;
         if (s->state == ARRIVED && s->content.filmed && cue->start + 1 < end)
             shown.phones[0] = shown.phones[1] = 0; /* V8: stand-ins are no phones */
-        show_key(s, &shown, stands, final);
+        cue_key_show(s, &shown, stands, final);
     }
     if (!final) return;
     s->finished = 1;
-    for (int i = 0; i < line->sounds && !previewed && s->phones < MOST_SHOWN; i++) {
+    for (int i = 0; i < line->sounds && !previewed; i++) {
         const cue_sound *sound = &line->sound[i];
-        if (!sound->number || sound->stands) continue;
-        if (sound->start < begin || sound->start >= end) continue;
-        s->phone[s->phones].start = sound->start;
-        s->phone[s->phones].end = sound->end;
-        s->phone[s->phones++].number = sound->number;
+        if (sound->number && !sound->stands && sound->start >= begin && sound->start < end)
+            cue_phone_show(s, sound);
     }
 }
 

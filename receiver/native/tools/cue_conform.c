@@ -6,6 +6,7 @@
  */
 #include "payload.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -170,25 +171,37 @@ static void do_push(void)
     printf("{\"section\":\"%s\"}\n", cue_rule_name(rule));
 }
 
+static void print_markers(const char *between, long tick, const float *shown)
+{
+    double parameters[MOST_P], place[CUE_MARKERS][3];
+    for (int k = 0; k < MOST_P; k++) parameters[k] = (double)shown[k];
+    cue_markers_of(&payload->model, parameters, place);
+    printf("%s\"%ld\":[", between, tick);
+    for (int i = 0; i < CUE_MARKERS; i++)
+        printf("%s[%.4f,%.4f,%.4f]", i ? "," : "", place[i][0], place[i][1], place[i][2]);
+    printf("]");
+}
+
+/* The next number of the request's `frames` from `*at` on, -1 behind the last. */
+static long next_frame(const char **at)
+{
+    while (*at && **at && **at != ']' && (**at < '0' || **at > '9')) ++*at;
+    return *at && **at && **at != ']' ? strtol(*at, (char **)at, 10) : -1;
+}
+
+static int wanted(int32_t tick)
+{
+    const char *at = field("frames");
+    for (long t; (t = next_frame(&at)) >= 0;)
+        if (t == tick) return 1;
+    return 0;
+}
+
 static void print_frames(const float (*shown)[MOST_P])
 {
     const char *at = field("frames"), *between = "";
     printf(",\"markers\":{");
-    while (at && *at && *at != ']') {
-        if (*at < '0' || *at > '9') {
-            at++;
-            continue;
-        }
-        long t = strtol(at, (char **)&at, 10);
-        double parameters[MOST_P], place[CUE_MARKERS][3];
-        for (int k = 0; k < MOST_P; k++) parameters[k] = (double)shown[t & 31][k];
-        cue_markers_of(&payload->model, parameters, place);
-        printf("%s\"%ld\":[", between, t);
-        for (int i = 0; i < CUE_MARKERS; i++)
-            printf("%s[%.4f,%.4f,%.4f]", i ? "," : "", place[i][0], place[i][1], place[i][2]);
-        printf("]");
-        between = ",";
-    }
+    for (long t; (t = next_frame(&at)) >= 0; between = ",") print_markers(between, t, shown[t & 31]);
     printf("}");
 }
 
@@ -213,6 +226,55 @@ static void do_draw(void)
     printf("]");
     print_frames(s->shown);
     printf("}\n");
+}
+
+/* A stream file by the events of its superframes; `frames` are ticks of the programme. */
+static void do_file(void)
+{
+    enum { MOST = 20000 };
+    static int32_t keys[MOST][3], phones[MOST][3];
+    static struct { int32_t tick; float values[MOST_P]; } frames[256];
+    int n_keys = 0, n_phones = 0, n_frames = 0;
+    size_t bytes = hex("file", first_bytes);
+    cue_rule rule = cue_payload_file(payload, first_bytes, bytes);
+    if (rule != RULE_NONE) {
+        printf("{\"valid\":false,\"section\":\"%s\"}\n", cue_rule_name(rule));
+        return;
+    }
+    cue_event event = {.size = sizeof event};
+    payload->with_lips = 0;
+    while (cue_payload_file_next(payload, first_bytes, bytes) == CUE_OK)
+        while (cue_payload_next(payload, &event) == CUE_OK) {
+            int32_t tick = (int32_t)lround(50 * event.time_s);
+            if (event.kind == CUE_EVENT_KEY && n_keys < MOST) {
+                int32_t *key = keys[n_keys++];
+                key[0] = PLACEMENTS * event.of.key.shape + event.of.key.placement;
+                key[1] = tick;
+                key[2] = tick + (int32_t)lround(50 * event.of.key.duration_s);
+            } else if (event.kind == CUE_EVENT_PHONE && n_phones < MOST) {
+                int32_t *phone = phones[n_phones++];
+                phone[0] = event.of.phone.phone;
+                phone[1] = tick;
+                phone[2] = tick + (int32_t)lround(50 * event.of.phone.duration_s);
+            } else if (event.kind == CUE_EVENT_MOTION && wanted(tick)) {
+                int at = 0; /* one that is drawn again replaces the earlier one */
+                while (at < n_frames && frames[at].tick != tick) at++;
+                if (at == 256) continue;
+                n_frames = at < n_frames ? n_frames : at + 1;
+                frames[at].tick = tick;
+                memcpy(frames[at].values, event.of.motion.values, sizeof frames[at].values);
+            }
+        }
+    payload->with_lips = 1;
+    printf("{\"valid\":true,\"keys\":[");
+    for (int i = 0; i < n_keys; i++)
+        printf("%s[%d,%d,%d]", i ? "," : "", keys[i][0], keys[i][1], keys[i][2]);
+    printf("],\"phones\":[");
+    for (int i = 0; i < n_phones; i++)
+        printf("%s[%d,%d,%d]", i ? "," : "", phones[i][0], phones[i][1], phones[i][2]);
+    printf("],\"markers\":{");
+    for (int i = 0; i < n_frames; i++) print_markers(i ? "," : "", frames[i].tick, frames[i].values);
+    printf("}}\n");
 }
 
 static void print_hex(const char *name, const uint8_t *bytes, int count)
@@ -264,7 +326,7 @@ static void answer(void)
     text("do", what, sizeof what);
     if (!strcmp(what, "hello")) {
         printf("{\"name\":\"cuecast native\",\"protocol\":1,\"format\":%d,"
-               "\"does\":[\"superframe\",\"draw\",\"sound\"]}\n", CUE_FORMAT);
+               "\"does\":[\"superframe\",\"draw\",\"file\",\"sound\"]}\n", CUE_FORMAT);
     } else if (!strcmp(what, "voice")) {
         printf("{\"loaded\":%s,", load_voice() ? "true" : "false");
         printf("\"malformed_at\":%d}\n", (int)payload->bad_at - 1);
@@ -285,6 +347,8 @@ static void answer(void)
         do_push();
     } else if (!strcmp(what, "draw")) {
         do_draw();
+    } else if (!strcmp(what, "file")) {
+        do_file();
     } else if (!strcmp(what, "sound")) {
         do_sound();
     } else {

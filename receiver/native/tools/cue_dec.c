@@ -1,10 +1,11 @@
 /* cue_dec.c - raw sound on stdin, events as JSON lines on stdout.
  *
  *     cue_dec [--rate HZ] [--channels N] [--format f32|s16] [--key K] [--start S] [--block FRAMES]
- *             [--voice FILE] [--markers] [--no-history] [--time]
+ *             [--voice FILE] [--markers] [--no-history] [--time] [--file S.cue]
  *
+ * With --file a stream file is read in place of sound.
  * Numbers are little-endian, channels interleaved. The last line is the diagnosis. Exit: 0 events
- * were found, 1 none, 2 wrong usage, 3 malformed voice. A tool of the host's side: it may allocate.
+ * were found, 1 none, 2 wrong usage, 3 malformed voice or file. A tool of the host's side: it may allocate.
  */
 #include <inttypes.h>
 #include <stdio.h>
@@ -120,6 +121,35 @@ static void *read_file(const char *path, size_t *bytes) {
     return data;
 }
 
+static int print_waiting(cue_state *cue) {
+    cue_event event = {.size = sizeof event};
+    int found = 0;
+    while (cue_next(cue, &event) == CUE_OK) {
+        found |= event.kind != CUE_EVENT_STATE;
+        print_event(&event);
+    }
+    return found;
+}
+
+/* A stream file in place of sound: 0 if it has events, 3 if it is malformed. */
+static int read_stream(cue_state *cue, const char *path) {
+    size_t bytes;
+    char text[512] = "cannot read";
+    cue_file_info info = {.size = sizeof info};
+    void *file = read_file(path, &bytes);
+    int found = 0;
+    cue_status status = file ? cue_file_open(cue, file, bytes, &info) : CUE_BAD_DATA;
+    if (status == CUE_OK) {
+        while ((status = cue_file_read(cue, file, bytes)) == CUE_OK) found |= print_waiting(cue);
+        free(file);
+        return !found;
+    }
+    if (file && cue_explain(cue, text, sizeof text) != CUE_OK) return 3;
+    fprintf(stderr, "cue_dec: %s: %s\n", path, text);
+    free(file);
+    return 3;
+}
+
 static int usage(const char *what) {
     fprintf(stderr, "cue_dec: %s\n", what);
     return 2;
@@ -127,7 +157,7 @@ static int usage(const char *what) {
 
 int main(int argc, char **argv) {
     cue_config config = cue_default_config(48000, 2);
-    const char *voice = NULL;
+    const char *voice = NULL, *stream = NULL;
     size_t block = 4800;
     int words = 0, timed = 0, found = 0;
     for (int i = 1; i < argc; i++) {
@@ -143,6 +173,7 @@ int main(int argc, char **argv) {
         else if (!strcmp(name, "--start")) config.start_s = strtod(value, NULL);
         else if (!strcmp(name, "--block")) block = strtoul(value, NULL, 10);
         else if (!strcmp(name, "--voice")) voice = value;
+        else if (!strcmp(name, "--file")) stream = value;
         else return usage("unknown option");
     }
     size_t bytes = cue_size(&config), width = config.channels * (words ? 2 : sizeof(float)), frames;
@@ -159,19 +190,15 @@ int main(int argc, char **argv) {
         }
         free(file);
     }
+    if (stream) return read_stream(cue, stream);
     clock_t start = clock();
-    cue_event event;
-    event.size = sizeof event;
     do {
         frames = fread(samples, width, block, stdin);
         cue_status status = !frames ? cue_flush(cue)
                             : words ? cue_push_s16(cue, samples, frames)
                                     : cue_push(cue, samples, frames);
         if (status != CUE_OK) fprintf(stderr, "cue_dec: status %d\n", (int)status);
-        while (cue_next(cue, &event) == CUE_OK) {
-            found |= event.kind != CUE_EVENT_STATE;
-            print_event(&event);
-        }
+        found |= print_waiting(cue);
     } while (frames);
     print_diagnosis(cue, timed ? (double)(clock() - start) / CLOCKS_PER_SEC : 0);
     free(samples);
