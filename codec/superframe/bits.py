@@ -14,7 +14,10 @@ VERSION = 4
 """Version of the bitstream that this package writes; stream files state it as it is."""
 
 VERSION_CODE = 0
-"""What superframes say for it. Code 1 is the escape of later versions; 2 and 3 are themselves."""
+"""Its code in superframes; codes 2 and 3 are those versions."""
+
+_ESCAPE = 1
+"""Code of all later versions: five bits behind the next bit say which (X1)."""
 
 MODES = ("score", "plain", "compact")
 """Names of the modes: score with residual, residual alone, score alone in few bytes."""
@@ -176,9 +179,9 @@ def read_header(l0: bytes) -> Header:
     """
     fields = unpack_fields(COMPACT_FIELDS, l0[:COMPACT_HEADER_BYTES])
     if fields["version"] != VERSION_CODE:
-        later = fields["version"] == 1
-        told = "a later version" if later else f"version {fields['version']}"
-        raise BitstreamError(f"{told} is not {VERSION}", section="H2", bit=0)
+        raise BitstreamError(
+            f"version {version_of(l0)} of the bitstream is not {VERSION}", section="H2", bit=0
+        )
     if fields["compact"]:
         return Header(COMPACT, fields["sequence"], COMPACT_LEAD, bool(fields["signed"]))
     fields = unpack_fields(HEADER_FIELDS, l0[:HEADER_BYTES])
@@ -186,6 +189,18 @@ def read_header(l0: bytes) -> Header:
         fields["mode"], fields["sequence"], fields["lead"], bool(fields["signed"]),
         fields["slow"], bool(fields["filmed"]),
     )  # fmt: skip
+
+
+def version_of(l0: bytes) -> int:
+    """Return the version of the bitstream that an L0 part states (H2, X1).
+
+    Examples
+    --------
+    >>> [version_of(bytes([first])) for first in (0x00, 0x41, 0x60, 0xC0)]
+    [4, 6, 5, 3]
+    """
+    code = l0[0] >> 6
+    return {VERSION_CODE: VERSION, _ESCAPE: VERSION + 1 + (l0[0] & 31)}.get(code, code)
 
 
 def identity_mask(identity: str) -> int:

@@ -13,9 +13,10 @@ from codec.cuer.voice import Voice
 from codec.cues.timeline import SUPERFRAME_S, TICKS
 from codec.errors import BitstreamError, VoiceError
 from codec.superframe.bits import PLAIN, SCORE, SEQUENCES, read_header
-from codec.superframe.checks import heard_mask, is_compact, is_own, is_possible
+from codec.superframe.checks import is_compact, is_own, is_possible
 from codec.superframe.coding import Coding, coding_for
 from codec.superframe.fitting import Predict
+from codec.superframe.foreign import ForeignStream
 from codec.superframe.lips import LipContract
 from codec.superframe.merging import MergedScore, Parts, join
 from codec.superframe.payload import Content, read_l0, read_l1, read_record
@@ -55,7 +56,7 @@ class SuperframeDecoder:
         self._contents: dict[int, Content] = {}
         self._layers: dict[int, tuple[str, ...]] = {}
         self._previewed: dict[int, tuple[int, Preview]] = {}
-        self._foreign: tuple[int, bytes] | None = None
+        self._foreign = ForeignStream()
 
     def push(self, l0: bytes | None, l1: bytes | None, index: int) -> DecodedSuperframe:
         """Take the parts of superframe `index` and return what they say now.
@@ -150,20 +151,17 @@ class SuperframeDecoder:
         identity = self._coding.identity
         if is_own(l0, identity):
             read_header(l0)
-            self._foreign = None
+            self._foreign.own()
             return True
         if not is_possible(l0):
             return False
-        if not is_compact(l0):
-            heard, before = heard_mask(l0), self._foreign
-            self._foreign = heard, l0
-            if before is None or before[0] != heard or before[1] == l0:
-                return False
+        if not is_compact(l0) and not self._foreign.take(l0):
+            return False
         read_header(l0)
-        told = "" if is_compact(l0) else f" it begins with {heard_mask(l0):04x},"
+        told = self._foreign.describe(l0)
         raise VoiceError(
-            f"another voice, or other coding tables:{told} the identity of voice "
-            f"{self.voice.name} here is {identity}"
+            f"another voice, language or coding tables: {told + ', ' if told else ''}"
+            f"the identity of voice {self.voice.name} here is {identity}"
         )
 
     def render(self, index: int) -> DecodedSuperframe:

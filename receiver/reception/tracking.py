@@ -121,7 +121,7 @@ class TimelineTracker:
         self.received = self.received_l1 = self.lost = 0
         self._grid: _Grid | None = None
         self._epoch = 0
-        self._foreign = False
+        self._foreign = ""
         self._doubted: _Grid | None = None
         self._held: list[_Copy] = []
         self._layers: dict[int, tuple[str, ...]] = {}
@@ -156,9 +156,9 @@ class TimelineTracker:
         self._held.clear()
         if header is not None:
             self._doubted = _Grid(header.sequence, on_air_s, 0.0)
-        if not self._foreign:
-            self._foreign = True
-            yield Unreadable(on_air_s, str(error))
+        if self._foreign != str(error):  # more of it has become known
+            self._foreign = str(error)
+            yield Unreadable(on_air_s, self._foreign)
 
     def _believed(self, copy: _Copy) -> list[_Copy]:
         """Return what may be drawn: on a grid that is doubted only after some proof."""
@@ -187,7 +187,7 @@ class TimelineTracker:
         lead_s = copy.header.lead * SUPERFRAME_S
         if not goes_on:
             yield from self._start_epoch(decoder, _Grid(index, copy.on_air_s, lead_s))
-        self._foreign, self._doubted = False, None
+        self._foreign, self._doubted = "", None
         yield from self._skipped(index)
         self._richness[index] = "L1" in decoded.layers, richness[1]
         self._grid = _Grid(index, copy.on_air_s, lead_s)

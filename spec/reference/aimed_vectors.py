@@ -21,6 +21,7 @@ from spec.reference.range_decoder import RangeDecoder
 from spec.reference.superframe_vectors import (
     BASES,
     IDENTITY,
+    MASK,
     case_of,
     compact,
     full,
@@ -148,9 +149,15 @@ def verdicts(parts: Sequence[bytes]) -> list[str]:
                 continue
             check = superframe.crc(part[:-2], 16, 0x1021, 0xFFFF) ^ int.from_bytes(part[-2:], "big")
             alike = before is not None and before[0] == check and before[1] != part
-            found.append("another" if alike else "lost")
+            foreign = "version" if part[0] >> 6 else "another"
+            found.append(foreign if alike else "lost")
             before = check, part
     return found
+
+
+def version_of(part: bytes) -> int:
+    """(H2, X1) Return the version that a part states."""
+    return {0: 4, 1: 5 + (part[0] & 31)}.get(part[0] >> 6, part[0] >> 6)
 
 
 def identities() -> list[Case]:
@@ -167,18 +174,97 @@ def identities() -> list[Case]:
         "zeroed-for-long": 5 * [zero], "ones": [ones, ones, ones],
         "repeated": 3 * [other[0]], "repeated-then-more": [*2 * [other[0]], other[1]],
         "version": [with_check(bytes([0x41, 0xD0]) + bytes(12))],
+        "version-5-compact": [
+            bytes([0x60]) + bytes(5) + bytes([MASK >> 14])  # sequence 0
+        ],
+        "version-36": [with_check(bytes([0x5F, 0xD0]) + bytes(12))],
+        "version-2": [with_check(bytes([0x81, 0xD0]) + bytes(12))],
+        "version-3": [with_check(bytes([0xC1, 0xD0]) + bytes(12))],
+        "version-5-of-another": [
+            part[:-2] + bytes([part[-2] ^ 0x5A, part[-1] ^ 0xC3])
+            for part in (with_check(bytes([0x40, i]) + bytes(12)) for i in range(2))
+        ],
         "compact": [compact(rng, 7), compact(rng, 9)],
     }  # fmt: skip
     cases: list[Case] = [
         {
             "id": f"parts-{name}", "section": "H6", "valid": True, "identity": IDENTITY,
             "parts": [part.hex() for part in parts], "verdicts": verdicts(parts),
+            "versions": [version_of(part) for part in parts],
             "purpose": "whether parts that fail their check are lost or another stream's",
             "failure_suggests": "two parts of equal bytes are lost, two of different bytes and the "
-            "same other identity are another's (H6)",
+            "same other identity are another's (H6), or of another version (X1)",
         }
         for name, parts in sequences.items()
     ]  # fmt: skip
+    return cases
+
+
+def slow_part(sequence: int, pieces: Sequence[int], number: int) -> bytes:
+    """(H6, H8) Return an L0 part of mode 1 with pieces, of the coding whose identity is a number.
+
+    What a payload decodes to grows with it as a number: the one wanted is found by halves.
+    """
+
+    def says(number: int) -> list[int]:
+        decoder = RangeDecoder(number.to_bytes(8, "big"))
+        return [decoder.bits(16) for _ in pieces]
+
+    low, high = 0, (1 << 64) - 1
+    while (middle := (low + high) // 2) != low and says(middle) != list(pieces):
+        low, high = (middle, high) if says(middle) < list(pieces) else (low, middle)
+    assert says(middle) == list(pieces)
+    head = 1 << 12 | sequence << 6 | 2 << 4 | len(pieces) << 1
+    body = head.to_bytes(2, "big") + middle.to_bytes(8, "big")
+    return body + (superframe.crc(body, 16, 0x1021, 0xFFFF) ^ number).to_bytes(2, "big")
+
+
+def pieces_of(parts: Sequence[bytes]) -> list[int]:
+    """(X6) Return the pieces of the parts that H6 gives to one other coding, in their order."""
+    found: list[int] = []
+    before: tuple[int, bytes] | None = None
+    known = -1
+    for part in parts:
+        number = superframe.crc(part[:-2], 16, 0x1021, 0xFFFF) ^ int.from_bytes(part[-2:], "big")
+        mine = number == MASK
+        alike = before is not None and before[0] == number and before[1] != part
+        if not mine and (alike or number == known):
+            taken = [part] if number == known or before is None else [before[1], part]
+            known = number
+            for one in taken:
+                decoder = RangeDecoder(one[2:-2])
+                found += [decoder.bits(16) for _ in range(one[1] >> 1 & 3)]
+        before = None if mine else (number, part)
+    return found
+
+
+def foreign() -> list[Case]:
+    """Return vectors of streams that cannot be drawn, and what their slow channel says."""
+    pieces = [
+        *written(5, b"en"), *written(8, bytes.fromhex("03d1a2c4e5f60718")),
+        *written(128, b"cue.example.org\0"),
+    ]  # fmt: skip
+    parts = [slow_part(k % 64, pieces[k : k + 1], 0x03D1) for k in range(len(pieces))]
+    pairs = [slow_part(k, pieces[2 * k : 2 * k + 2], 0x03D1) for k in range(13)]
+    other = [slow_part(k, [0x0566, 0x0672], 0x7777) for k in (9, 10)]
+    lists = {
+        "one-by-one": parts, "in-pairs": pairs,
+        "a-part-of-its-own-between": [*pairs[:4], slow_part(8, [0x0401], MASK), *pairs[4:]],
+        "damaged-between": [*pairs[:4], pairs[4][:3] + b"\xff" + pairs[4][4:], *pairs[4:]],
+        "one-only": parts[:1], "the-same-twice": [parts[0], parts[0]],
+        "another-once": [*pairs, other[0]], "another-after": [*pairs, *other],
+    }  # fmt: skip
+    cases: list[Case] = []
+    for name, taken in lists.items():
+        known = {piece >> 8: piece & 255 for piece in pieces_of(taken)}
+        cases.append({
+            "id": f"foreign-{name}", "section": "X6", "valid": True, "identity": IDENTITY,
+            "parts": [part.hex() for part in taken],
+            "registers": {str(k): value for k, value in known.items()}, **meaning(known),
+            "purpose": "what the slow channel of a stream says that cannot be drawn",
+            "failure_suggests": "pieces of both parts by which H6 knows it and of all with its "
+            "number after them, of no others (X6)",
+        })  # fmt: skip
     return cases
 
 
@@ -259,22 +345,57 @@ def registers() -> list[Case]:
         "repeated": [*pieces, *pieces], "changed": [*pieces, 0x0002],
         "unknown-between": [0x2A07, pieces[0], 0xC899, *pieces[1:], 0xFF00],
         "nothing": [], "unknown-only": [rng.randrange(4, 256) << 8 | 5 for _ in range(6)],
+        "second-stream": [0x0401], "language": written(5, b"en"),
+        "half-a-language": written(5, b"e"), "no-language": written(5, b"E?"),
+        "voice": written(8, bytes.fromhex("9508bed717aef097")) + written(128, b"cue.example.org\0"),
+        "voice-without-a-byte": written(8, bytes.fromhex("9508bed717aef0")),
+        "host-without-its-end": written(128, b"cue.example.org"),
+        "host-of-32-letters": written(128, 28 * b"a" + b".org"),
+        "no-host": written(128, b"cue.example.org/x?\0"), "empty-host": written(128, b"\0"),
+        "private": [*pieces, 0xC011, 0xFF22], "reserved": [0x0711, 0xA022, 0xBF33],
     }  # fmt: skip
     cases = []
     for name, taken in lists.items():
         known = {str(piece >> 8): piece & 255 for piece in taken}
-        whole = [known.get(str(register)) for register in range(4)]
-        programme = None
-        if all(value is not None for value in whole):
-            programme = sum((value or 0) << 8 * (3 - i) for i, value in enumerate(whole))
         cases.append({
-            "id": name, "section": "V4, V5", "valid": True, "pieces": taken, "registers": known,
-            "programme": programme,
-            "purpose": "registers from pieces in any order, and the programme's identifier",
+            "id": name, "section": "V4, V5, X2 to X5", "valid": True, "pieces": taken,
+            "registers": known, **meaning({int(k): value for k, value in known.items()}),
+            "purpose": "registers from pieces in any order, and what those of section 10 say",
             "failure_suggests": "upper eight bits are the register; highest byte in register 0; no "
-            "identifier before all of it arrived; the last value of a register counts",
+            "identifier before all of it arrived; the last value of a register counts; what is "
+            "malformed says nothing (X4, X5)",
         })  # fmt: skip
     return cases
+
+
+def written(first: int, values: bytes) -> list[int]:
+    """Return the pieces of values in registers that follow one another."""
+    return [register << 8 | value for register, value in enumerate(values, first)]
+
+
+def meaning(known: dict[int, int]) -> Case:
+    """(V5, X2 to X5) Return what registers say; None where they say nothing."""
+
+    def run(first: int, count: int) -> bytes | None:
+        values = [known.get(register) for register in range(first, first + count)]
+        return None if None in values else bytes(value or 0 for value in values)
+
+    programme, language, coding = run(0, 4), run(5, 2), run(8, 8)
+    letters = b"abcdefghijklmnopqrstuvwxyz"
+    host = bytearray()
+    register = 128
+    while register < 160 and known.get(register):
+        host.append(known[register])
+        register += 1
+    ended = register == 160 or known.get(register) == 0
+    named = ended and host and all(one in letters + b"0123456789-." for one in host)
+    return {
+        "programme": None if programme is None else int.from_bytes(programme, "big"),
+        "stream": known.get(4, 0),
+        "language": language.decode() if language and all(x in letters for x in language) else None,
+        "coding": None if coding is None else coding.hex(),
+        "host": host.decode() if named else None,
+    }  # fmt: skip
 
 
 def write(path: Path, cases: list[Case], **more: Any) -> None:
@@ -289,6 +410,7 @@ def main(folder: Path) -> None:
     write(folder / "misread.json", misread(), identity=IDENTITY, bases=BASES)
     write(folder / "identity.json", identities(), identity=IDENTITY)
     (folder / "voice-random.npz").write_bytes(random_voice())
+    write(folder / "foreign.json", foreign(), identity=IDENTITY)
     write(folder / "slow.json", registers())
     write(folder / "voice.json", drawn(folder / "voice-random.npz"))
 

@@ -7,7 +7,7 @@ import zlib
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from spec.reference.joining import LANGUAGE, Cue, Sound, cues_of
+from spec.reference.joining import Cue, Sound, cues_of
 from spec.reference.markers import Array
 from spec.reference.motion import (
     EARLIER,
@@ -25,21 +25,21 @@ from spec.reference.motion import (
 )
 from spec.reference.motion import parameters as joined
 from spec.reference.range_decoder import RangeDecoder
-from spec.reference.superframe import (
+from spec.reference.superframe import Decoded, MalformedError, crc, decode, number, record, tempo
+from spec.reference.tables import (
+    LANGUAGE,
     TABLES,
-    Decoded,
-    MalformedError,
-    crc,
-    decode,
-    number,
-    record,
-    tempo,
+    equal,
+    n_phones,
+    n_placements,
+    n_shapes,
+    n_vowels,
+    silence,
 )
 
 SILENCES = [2978, 744, 744, 744, 1489, 2978, 5967, 5957, 4468, 2234, 1489, 744, 744, 744, 372, 372]
 """Table 6."""
 
-N_SHAPES, N_PLACEMENTS = 9, 6
 Scales = list[list[list[int]]]
 
 
@@ -53,7 +53,7 @@ class File:
     l0: int
     l1: int
     learns: bool = False
-    cheek: list[int] = field(default_factory=lambda: [0, 0, 0])
+    cheek: list[int] = field(default_factory=lambda: [0 for _ in LANGUAGE["alternatives"]])
     rest_gap: int = 1
     line: list[list[int]] | None = None
     """Number, start and end of each phone, pauses too; the first pause begins at `b`."""
@@ -122,7 +122,7 @@ def tell(data: bytes, out: File) -> None:
     form = decoder.bits(1)
     special = decoder.symbol([32512, 256])[0]
     if special:
-        out.cheek = [decoder.bits(1) for _ in range(3)]
+        out.cheek = [decoder.bits(1) for _ in LANGUAGE["alternatives"]]
         out.rest_gap = decoder.bits(2)
     out.learns = bool(decoder.bits(1))
     begin, end = 32 * out.indices.start - 33, 32 * out.indices.stop
@@ -132,11 +132,11 @@ def tell(data: bytes, out: File) -> None:
         for phone, start, _ in out.line or []:
             if (
                 phone
-                and not (1 <= phone <= 16 and before > 16)
+                and not (1 <= phone <= n_vowels() and before > n_vowels())
                 and decoder.symbol([28672, 4096])[0]
             ):
-                shape = decoder.symbol([3648] + 8 * [3640])[0]
-                out.replaced[start] = [shape, decoder.symbol([5463] + 5 * [5461])[0]]
+                shape = decoder.symbol(equal(n_shapes()))[0]
+                out.replaced[start] = [shape, decoder.symbol(equal(n_placements()))[0]]
             before = phone
 
 
@@ -148,7 +148,7 @@ def length(decoder: RangeDecoder, row: list[int]) -> int:
     return ticks + symbol + 1
 
 
-def silence(decoder: RangeDecoder, left: int) -> int:
+def rest(decoder: RangeDecoder, left: int) -> int:
     """(F12) Return the length of a silence; `left` are the ticks until the end."""
     width = decoder.symbol(SILENCES)[0]
     return 2 ** (width - 1) + decoder.bits(width - 1) if width else left
@@ -165,7 +165,7 @@ def spoken(decoder: RangeDecoder, out: File, begin: int, end: int) -> None:
     tables = TABLES["score"]
     tick = begin + length(decoder, tables["length"][0][0])
     line = [[0, begin, tick]]
-    earlier, before, spoken_ticks = 38, 0, 0
+    earlier, before, spoken_ticks = n_phones(), 0, 0
     while tick < end or before:
         this = number(decoder.symbol(tables["next"][earlier][before])[0])
         check_end(decoder)
@@ -183,13 +183,13 @@ def spoken(decoder: RangeDecoder, out: File, begin: int, end: int) -> None:
 def keyed(decoder: RangeDecoder, out: File, begin: int, end: int) -> None:
     """(F11) Read a line of keys."""
     tables = TABLES["score"]
-    tick = begin + max(silence(decoder, end - begin), 1)
+    tick = begin + max(rest(decoder, end - begin), 1)
     line = [[0, begin, tick]]
     while tick < end or line[-1][0]:
         symbol = decoder.symbol(tables["alone"])[0]
         check_end(decoder)
-        if symbol == 40:
-            ticks = silence(decoder, end - tick) if tick < end else 0
+        if symbol == silence():
+            ticks = rest(decoder, end - tick) if tick < end else 0
             line.append([0, tick, tick + ticks])
             tick += ticks
             continue
@@ -202,24 +202,26 @@ def keyed(decoder: RangeDecoder, out: File, begin: int, end: int) -> None:
             line.append([consonant, tick, tick + part])
             tick += part
             ticks = max(ticks - part, 1)
-        line.append([vowel or consonant or 17, tick, tick + ticks])
+        line.append([vowel or consonant or n_vowels() + 1, tick, tick + ticks])
         tick += ticks
     out.line = line
 
 
 def choices(symbol: int, cheek: list[int]) -> list[tuple[list[int], list[int]]]:
     """(F11) Return the phones that a key leaves open, 0 for none, and their weights."""
-    shape, place = 1 + symbol // 5, LANGUAGE["placements"][1 + symbol % 5]
+    places = n_placements() - 1
+    shape, place = 1 + symbol // places, LANGUAGE["placements"][1 + symbol % places]
     phones, placements = LANGUAGE["phones"], dict(LANGUAGE["placement"])
-    for name, chosen in zip(("œ̃", "ə", "œ"), cheek, strict=True):
+    for name, chosen in zip(LANGUAGE["alternatives"], cheek, strict=True):
         if chosen:
             placements[name] = "cheek"
-    consonants = [n for n in range(17, 38) if LANGUAGE["shape"][phones[n]] == shape]
-    vowels = [n for n in range(1, 17) if placements[phones[n]] == place]
-    weights = [10 if phones[n] in "dkʁntlgj" else 1 for n in consonants]
-    if shape == 5:
+    last = n_vowels()
+    consonants = [n for n in range(last + 1, n_phones()) if LANGUAGE["shape"][phones[n]] == shape]
+    vowels = [n for n in range(1, last + 1) if placements[phones[n]] == place]
+    weights = [10 if phones[n] in LANGUAGE["common"] else 1 for n in consonants]
+    if shape == LANGUAGE["shape_without_consonant"]:
         consonants, weights = [*consonants, 0], [*weights, 10]
-    if place == "side":
+    if place == LANGUAGE["placement_without_vowel"]:
         vowels = [*vowels, 0]
     return [(consonants, weights), (vowels, [1] * len(vowels))]
 
@@ -238,7 +240,7 @@ def keys(out: File) -> list[Cue]:
     for cue in found:
         if cue.start in out.replaced:
             shape, place = out.replaced[cue.start]
-            cue.number = N_PLACEMENTS * shape + place
+            cue.number = n_placements() * shape + place
     return found
 
 
@@ -291,7 +293,7 @@ class Learner:
         self.columns = [
             range(widths[0], widths[0] + widths[1]), range(sum(widths[:3]), sum(widths))
         ]  # fmt: skip
-        sizes = [N_SHAPES, N_PLACEMENTS + N_SHAPES]
+        sizes = [n_shapes(), n_placements() + n_shapes()]
         self.squares = [[[25.0 * (i == j) for j in range(n)] for i in range(n)] for n in sizes]
         self.rights = [
             [[0.0] * n for _ in columns] for n, columns in zip(sizes, self.columns, strict=True)
@@ -304,12 +306,13 @@ class Learner:
         """Return W and V, 32 rows each."""
         c = constants(self.coding)
         late = self.coding["targets.late"].numbers
+        places, shapes = n_placements(), n_shapes()
         kinds = [
-            [[float(n // 6 == s) for s in range(N_SHAPES)] for n in range(54)],
+            [[float(n // places == s) for s in range(shapes)] for n in range(shapes * places)],
             [
-                [float(n % 6 == p) for p in range(N_PLACEMENTS)]
-                + [float(n // 6 == s) for s in range(N_SHAPES)]
-                for n in range(54)
+                [float(n % places == p) for p in range(places)]
+                + [float(n // places == s) for s in range(shapes)]
+                for n in range(shapes * places)
             ],
         ]
         latest = [

@@ -7,10 +7,10 @@ missing or known by a preview only.
 from dataclasses import dataclass
 from typing import Any
 
-from spec.reference.superframe import TABLES, Decoded
+from spec.reference.superframe import Decoded
+from spec.reference.tables import LANGUAGE, n_placements, silence
 
 TICKS = 32
-LANGUAGE = TABLES["language"]
 
 
 @dataclass
@@ -60,17 +60,21 @@ def near(index: int, parts: dict[int, Decoded]) -> dict[int, Told]:
 
 def stand_in(preview: list[list[int]]) -> Told:
     """(J8) Return the score whose phones stand for the keys of a preview."""
-    phones = LANGUAGE["phones"]
+    phones, stand_ins = LANGUAGE["phones"], LANGUAGE["stand_ins"]
+    places = n_placements() - 1
     numbers: list[int] = []
     starts: list[int] = []
     ahead = 0
     for i, (tick, symbol) in enumerate(preview):
         numbers.append(0)
         starts.append(tick)
-        if symbol < 40:
+        if symbol < silence():
             end = preview[i + 1][0] if i + 1 < len(preview) else TICKS
-            numbers[-1] = phones.index("dksntlgj"[symbol // 5])
-            vowel = phones.index(("a", "i", "ɛ", "ɛ̃", "e")[symbol % 5])
+            numbers[-1] = phones.index(stand_ins["consonants"][symbol // places])
+            second = stand_ins["vowels"][symbol % places]
+            if second is None:
+                continue
+            vowel = phones.index(second)
             middle = tick + max(40 * (end - tick) // 100, 1)
             if middle < TICKS:
                 numbers.append(vowel)
@@ -79,7 +83,8 @@ def stand_in(preview: list[list[int]]) -> Told:
                 ahead = vowel
     return {
         "stands": True, "first_end": starts[0] if starts else TICKS, "numbers": numbers,
-        "starts": starts, "ahead": ahead, "cheek": [0, 0, 0], "overrides": {},
+        "starts": starts, "ahead": ahead, "cheek": [0 for _ in LANGUAGE["alternatives"]],
+        "overrides": {},
     }  # fmt: skip
 
 
@@ -140,7 +145,7 @@ def taking(line: list[Sound], first: int, end: int) -> None:
 def cues_of(line: list[Sound], cheek: list[int]) -> list[Cue]:
     """(J4, S11) Return the keys that follow from a line by the chart."""
     placements = dict(LANGUAGE["placement"])
-    for symbol, chosen in zip(("œ̃", "ə", "œ"), cheek, strict=True):
+    for symbol, chosen in zip(LANGUAGE["alternatives"], cheek, strict=True):
         if chosen:
             placements[symbol] = "cheek"
     names, phones = LANGUAGE["placements"], LANGUAGE["phones"]

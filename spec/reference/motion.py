@@ -14,6 +14,7 @@ from pathlib import Path
 from spec.reference.joining import TICKS, Cue, Sound, keys_of, line_of, near
 from spec.reference.markers import Array
 from spec.reference.superframe import Decoded, order
+from spec.reference.tables import LANGUAGE
 
 PARTS = ("face", "hand", "head", "forearm")
 BASES = ("residual", "loose", "plain", "filmed")
@@ -80,6 +81,12 @@ def strokes(cues: list[Cue], rest_gap: float, coding: dict[str, Array]) -> list[
         reach = max(min(leave + parts_of(c["rest_move"]), before), leave + shortest)
         return Stroke(0, leave, reach)
 
+    def distance(one: int, two: int) -> float:
+        return math.dist(*([places.at(n, k) for k in range(3)] for n in (one, two)))
+
+    def least_time(way: float) -> int:
+        return round(5000 * (1.875 / (1000 * c["fastest"])) * way)
+
     found = [Stroke(0, -(2**40), -(2**40))]
     before: Cue | None = None
     for cue in cues:
@@ -89,8 +96,8 @@ def strokes(cues: list[Cue], rest_gap: float, coding: dict[str, Array]) -> list[
         if rested and before is not None:
             lead = min(lead, (a - 100 * before.end) // 2)
             found.append(to_rest(100 * before.end, a - lead))
-        last = found[-1]
-        way = math.dist(*([places.at(n, k) for k in range(3)] for n in (last.number, cue.number)))
+        last, begun = found[-1], beginning(cue.number)
+        way = distance(last.number, begun)
         if not rested and before is not None:
             d, hurried = cue.start - before.start, round(50 * c["hurried"])
             q = min(d, hurried)
@@ -98,10 +105,14 @@ def strokes(cues: list[Cue], rest_gap: float, coding: dict[str, Array]) -> list[
             lead = min(lead, round(5000 * (c["most_lead"] + c["lead_per_mm"] * way)))
             lead = max(lead, parts_of(c["least_lead"]))
         lag = round(100 * c["lag_share"]) * cue.consonant
-        least = round(5000 * (1.875 / (1000 * c["fastest"])) * way)
+        least = least_time(way)
         leave = max(min(a - lead, a + lag - least), free(last))
         late = min(leave + least, a + lag + parts_of(c["late"]))
-        found.append(Stroke(cue.number, leave, max(a + lag, late, leave + shortest)))
+        found.append(Stroke(begun, leave, max(a + lag, late, leave + shortest)))
+        if begun != cue.number:
+            leave = max(found[-1].reach, a + 100 * cue.consonant)
+            time = max(shortest, least_time(distance(begun, cue.number)))
+            found.append(Stroke(cue.number, leave, leave + time))
         before = cue
     if before is not None:
         found.append(to_rest(100 * before.end, 2**40))
@@ -109,6 +120,13 @@ def strokes(cues: list[Cue], rest_gap: float, coding: dict[str, Array]) -> list[
         found[g].leave = max(found[g].leave, free(found[g - 1]))
         found[g].reach = max(found[g].reach, found[g].leave + 1, found[g - 1].reach + 1)
     return found
+
+
+def beginning(number: int) -> int:
+    """(P12) Return the key at which a key begins: itself, if its placement does not move."""
+    names = LANGUAGE["placements"]
+    place = number % len(names)
+    return number - place + int(names.index(LANGUAGE["movement"].get(names[place], names[place])))
 
 
 def jerk(u: float) -> float:

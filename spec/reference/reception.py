@@ -7,7 +7,7 @@ import itertools
 import math
 from dataclasses import dataclass, field
 
-from spec.reference.joining import LANGUAGE, TICKS, Cue, Sound, Told, cues_of, line_of, stand_in
+from spec.reference.joining import TICKS, Cue, Sound, Told, cues_of, line_of, stand_in
 from spec.reference.markers import Array
 from spec.reference.motion import (
     REST_GAPS,
@@ -20,8 +20,8 @@ from spec.reference.motion import (
 )
 from spec.reference.motion import parameters as joined
 from spec.reference.superframe import Decoded
+from spec.reference.tables import LANGUAGE, n_placements, n_vowels
 
-VOWELS = range(1, 17)
 NEXT_TICKS = 6
 SHOWN_LIPS = range(12, 24)
 """(K2) Markers UL, LC and LL."""
@@ -29,8 +29,18 @@ SHOWN_LIPS = range(12, 24)
 UPPER, LOWER = 12, 19
 """UL0 and LL0."""
 
-TOLERANCES = {17: (0.1, 0.3), 25: (0.1, 0.3), 28: (0.1, 0.3), 30: (0.4, 0.4), 21: (0.4, 0.4)}
-"""(K5) Of p, b, m, f and v."""
+TOLERANCES = {"p": (0.1, 0.3), "b": (0.1, 0.3), "m": (0.1, 0.3), "f": (0.4, 0.4), "v": (0.4, 0.4)}
+"""(K5)"""
+
+
+def is_vowel(number: int) -> bool:
+    """(G4) Return whether a phone is a vowel."""
+    return 0 < number <= n_vowels()
+
+
+def is_consonant(number: int) -> bool:
+    """(G4) Return whether a phone is a consonant."""
+    return number > n_vowels()
 
 
 @dataclass
@@ -112,20 +122,20 @@ def line_of_windows(windows: dict[int, Told]) -> Line:
         squeeze(out.sounds, begin)
         if out.sounds:
             before = out.sounds[-1]
-            follows = before.number > 16 and told["numbers"][0] in VOWELS
+            follows = is_consonant(before.number) and is_vowel(told["numbers"][0])
             if hole:
                 out.lost.append((before.end, begin))
-                if before.number > 16:
+                if is_consonant(before.number):
                     out.open_end.add(len(out.sounds) - 1)
             elif begin - before.end <= NEXT_TICKS or follows:
                 before.end = begin
-        if k - 1 not in windows and told["numbers"][0] in VOWELS:
+        if k - 1 not in windows and is_vowel(told["numbers"][0]):
             out.open_start.add(len(out.sounds))
         ends = [*told["starts"], told["end"]][1:]
         for number, start, end in zip(told["numbers"], told["starts"], ends, strict=True):
             out.sounds.append(Sound(number, TICKS * k + start, TICKS * k + end))
         last = k
-    if last is not None and last + 1 not in windows and out.sounds[-1].number > 16:
+    if last is not None and last + 1 not in windows and is_consonant(out.sounds[-1].number):
         out.open_end.add(len(out.sounds) - 1)
     return out
 
@@ -150,7 +160,7 @@ def keys_of(line: Line, scores: dict[int, Told]) -> list[Cue]:
         replaced = scores[at].get("overrides", {}) if at in scores else {}
         if str(cue.start % TICKS) in replaced:
             shape, place = replaced[str(cue.start % TICKS)]
-            chosen.number = len(LANGUAGE["placements"]) * shape + place
+            chosen.number = n_placements() * shape + place
         found.append(chosen)
     return found
 
@@ -165,9 +175,9 @@ def reported(line: Line, scores: dict[int, Told]) -> list[Cue]:
     for cue in every:
         before, spelt = spelt, phones_of(line, cue)
         replaces = scores.get((cue.start + 1) // TICKS, {}).get("overrides")
-        if cue.start in opened and (spelt[0] in VOWELS or spelt == before or replaces):
+        if cue.start in opened and (is_vowel(spelt[0]) or spelt == before or replaces):
             continue
-        if cue.start in ended and len(spelt) == 1 and spelt[0] > 16:
+        if cue.start in ended and len(spelt) == 1 and is_consonant(spelt[0]):
             continue
         sure.append(cue)
     return sure
@@ -242,9 +252,9 @@ def lips(
         face = [x + m / total for x, m in zip(face, moved, strict=True)]
         have, off = features(face, voice), [0.0, 0.0]
         for number, w in weighted:
-            if w and number in TOLERANCES:
+            if w and LANGUAGE["phones"][number] in TOLERANCES:
                 wanted = features([visemes.at(number, j) for j in range(7)], voice)
-                for e, free in enumerate(TOLERANCES[number]):
+                for e, free in enumerate(TOLERANCES[LANGUAGE["phones"][number]]):
                     d = have[e] - wanted[e]
                     off[e] -= w * (d - max(-free, min(d, free)))
         face = [
@@ -282,7 +292,7 @@ def apart(face: list[float], other: list[float], voice: dict[str, Array]) -> flo
 def radius(number: int, voice: dict[str, Array]) -> float:
     """(K3) Return how far a face may be from a phone's viseme."""
     visemes, phones = voice["gestures.viseme_targets"], LANGUAGE["phones"]
-    chart = LANGUAGE["placement" if number in VOWELS else "shape"]
+    chart = LANGUAGE["placement" if is_vowel(number) else "shape"]
     own = [visemes.at(number, j) for j in range(7)]
     ways = [
         apart([visemes.at(n, j) for j in range(7)], own, voice)

@@ -3,17 +3,21 @@
 Slow on purpose. What it needs of a voice: the identity of its coding, the scales of its bases.
 """
 
-import json
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from spec.reference.range_decoder import RangeDecoder
-
-TABLES: dict[str, Any] = json.loads(
-    (Path(__file__).parents[1] / "data" / "tables.json").read_text(encoding="utf-8")
+from spec.reference.tables import (
+    LANGUAGE,
+    TABLES,
+    equal,
+    n_phones,
+    n_placements,
+    n_shapes,
+    n_vowels,
+    silence,
 )
-EQUAL = {9: [3648] + 8 * [3640], 6: [5463] + 5 * [5461]}
+
 BASES = ([16384, 8192, 4096, 4096], [1024, 1024, 15360, 15360])
 LEVEL = [14336, 5120, 5120, 3072, 2560, 1536, 1024]
 COURSE = [24576, 4096, 2048, 2048]
@@ -182,9 +186,9 @@ def compact(l0: bytes, bases: list[list[list[int]]], identity: str) -> Decoded:
     out = Decoded(2, sequence, 2, signed, l0[-1] & 3 if signed else 0)
     if decoder.symbol(SLOW)[0]:
         out.slow = [decoder.bits(16)]
-    out.score = {"cheek": [0, 0, 0], "rest_gap": 1}
+    out.score = {"cheek": [0 for _ in LANGUAGE["alternatives"]], "rest_gap": 1}
     if decoder.symbol(SPECIAL)[0]:
-        out.score["cheek"] = [decoder.bits(1) for _ in range(3)]
+        out.score["cheek"] = [decoder.bits(1) for _ in LANGUAGE["alternatives"]]
         out.score["rest_gap"] = decoder.bits(2)
     timing = decoder.symbol([8192, 24576])[0]
     begin = 8 * decoder.symbol(BEGIN)[0] - 16
@@ -210,7 +214,7 @@ def window(decoder: RangeDecoder, tick: int, timing: int, pace: int) -> list[tup
     spoken = 0
     told = True
     while tick <= 110 and told:
-        before = [38, 38, *(number for number, _ in phones)]
+        before = [n_phones(), n_phones(), *(number for number, _ in phones)]
         row = tables["next"][before[-2]][before[-1]] if phones else tables["opening"]
         letter, determined = decoder.symbol(row)
         if not determined:
@@ -220,7 +224,7 @@ def window(decoder: RangeDecoder, tick: int, timing: int, pace: int) -> list[tup
             length = (2, 4)[timing]
         elif this and timing == 1:
             length = (tables["usual"][this] * PACES[pace] + 64) // 128
-            if this <= 16:
+            if this <= n_vowels():
                 symbol, told = decoder.symbol(CORRECTION)
                 length += CORRECTIONS[symbol] if told else 0
             length = min(max(length, 1), 32)
@@ -244,14 +248,14 @@ def previews(decoder: RangeDecoder) -> dict[str, list[list[int]]]:
     which = decoder.symbol([12288, 1024, 1024, 4096, 14336])[0]
     for distance in ([], [2], [4], [2, 4], [2, 4, 6])[which]:
         found = []
-        cell, last = -1, 41
+        cell, last = -1, silence() + 1
         while cell < 15:
             gap = decoder.symbol(tables["gap"][last], 15 - cell)[0]
             if gap == 15 - cell:
                 break
             cell += 1 + gap
             tick = 2 * cell + (decoder.bits(1) if distance == 2 else 1)
-            last = min(decoder.symbol(tables["key"][last])[0], 40)
+            last = min(decoder.symbol(tables["key"][last])[0], silence())
             found.append([tick, last])
         result[str(distance)] = found
     return result
@@ -263,14 +267,14 @@ def labels(decoder: RangeDecoder) -> dict[str, list[list[int]]]:
     which = decoder.symbol(LISTS)[0]
     for distance in [0, *([], [2], [-1], [2, -1], [2, 4])[which]]:
         found = []
-        cell, last = -1, 41
+        cell, last = -1, silence() + 1
         while cell < 7:
-            row = AFTER_KEY if last < 40 else AFTER_REST
+            row = AFTER_KEY if last < silence() else AFTER_REST
             gap = decoder.symbol(row, 7 - cell)[0]
             if gap == 7 - cell:
                 break
             cell += 1 + gap
-            last = min(decoder.symbol(TABLES["score"]["key"][last])[0], 40)
+            last = min(decoder.symbol(TABLES["score"]["key"][last])[0], silence())
             found.append([4 * cell + 2, last])
         result[str(distance)] = found
     return result
@@ -283,7 +287,7 @@ def score(decoder: RangeDecoder) -> dict[str, Any]:
     special = decoder.symbol([32512, 256])[0]
     first = number(decoder.symbol(tables["first"])[0])
     numbers, starts = [], []
-    earlier, before = 38, first
+    earlier, before = n_phones(), first
     if even:
         first_end = 0
         n = decoder.bits(5) + 1
@@ -306,26 +310,28 @@ def score(decoder: RangeDecoder) -> dict[str, Any]:
             if before == 0:
                 length = 0
     ahead = 0
-    if before > 16:
-        letter = decoder.symbol(tables["next"][earlier][before], 16)[0]
-        ahead = letter + 1 if letter < 16 else 0
+    if before > n_vowels():
+        letter = decoder.symbol(tables["next"][earlier][before], n_vowels())[0]
+        ahead = letter + 1 if letter < n_vowels() else 0
     result: dict[str, Any] = {
         "first": first, "first_end": first_end, "numbers": numbers, "starts": starts,
-        "ahead": ahead, "cheek": [0, 0, 0], "rest_gap": 1, "overrides": {},
+        "ahead": ahead, "cheek": [0 for _ in LANGUAGE["alternatives"]], "rest_gap": 1,
+        "overrides": {},
     }  # fmt: skip
     if special:
-        result["cheek"] = [decoder.bits(1) for _ in range(3)]
+        result["cheek"] = [decoder.bits(1) for _ in LANGUAGE["alternatives"]]
         result["rest_gap"] = decoder.bits(2)
         for start in key_starts(first, numbers, starts):
             if decoder.symbol([28672, 4096])[0]:
-                shape = decoder.symbol(EQUAL[9])[0]
-                result["overrides"][str(start)] = [shape, decoder.symbol(EQUAL[6])[0]]
+                shape = decoder.symbol(equal(n_shapes()))[0]
+                place = decoder.symbol(equal(n_placements()))[0]
+                result["overrides"][str(start)] = [shape, place]
     return result
 
 
 def number(letter: int) -> int:
     """(S3) Return the phone number of a letter."""
-    return (letter + 1) % 38
+    return (letter + 1) % n_phones()
 
 
 def tempo(length: int) -> int:
@@ -340,8 +346,8 @@ def key_starts(first: int, numbers: list[int], starts: list[int]) -> list[int]:
     result = []
     before = first
     for this, start in zip(numbers, starts, strict=True):
-        is_vowel = 1 <= this <= 16
-        if this != 0 and not (is_vowel and before > 16):
+        is_vowel = 1 <= this <= n_vowels()
+        if this != 0 and not (is_vowel and before > n_vowels()):
             result.append(start)
         before = this
     return result

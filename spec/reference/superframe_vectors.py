@@ -19,7 +19,6 @@ from spec.reference.superframe import (
     CORRECTIONS,
     LEVELS,
     PACES,
-    TABLES,
     Decoded,
     MalformedError,
     class_of,
@@ -27,6 +26,7 @@ from spec.reference.superframe import (
     decode,
     order,
 )
+from spec.reference.tables import TABLES
 
 ORIGIN = (
     "bytes drawn at random or set by hand by spec/reference/superframe_vectors.py, given checks "

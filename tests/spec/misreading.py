@@ -21,11 +21,23 @@ class Misreading(ast.NodeTransformer):
 
     def __init__(self, wanted: int) -> None:
         self.wanted, self.count, self.told = wanted, 0, ""
+        self._name, self._statement, self._in_statement = "", ast.stmt(), 0
+
+    def visit(self, node: ast.AST) -> ast.AST:
+        """Visit a node; remember which function and which statement it stands in."""
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            self._name = node.name
+        if isinstance(node, ast.stmt):
+            self._statement, self._in_statement = node, 0
+        visited: ast.AST = super().visit(node)
+        return visited
 
     def _here(self, node: ast.AST, what: str) -> bool:
         self.count += 1
+        self._in_statement += 1
         if self.count - 1 == self.wanted:
-            self.told = f"{ast.unparse(node)}: {what}"
+            line = ast.unparse(self._statement).splitlines()[0][:60]
+            self.told = f"{self._name}: {line} / {self._in_statement} {ast.unparse(node)}: {what}"
             return True
         return False
 

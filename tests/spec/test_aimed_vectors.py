@@ -12,7 +12,10 @@ import pytest
 
 from codec.cuer.voice import load_voice
 from codec.errors import BitstreamError, VoiceError
+from codec.superframe.bits import version_of
+from codec.superframe.checks import is_own
 from codec.superframe.decoder import SuperframeDecoder
+from codec.superframe.foreign import ForeignStream
 from codec.superframe.slow_channel import SlowReceiver
 from codec.superframe.transform import Basis
 from spec.reference import superframe as reference
@@ -24,6 +27,7 @@ from watermark.video.layout import make_layout
 from watermark.video.profile import PROFILES
 
 VECTORS = Path(__file__).parents[2] / "spec" / "vectors"
+MEANINGS = ("programme", "stream", "language", "coding", "host")
 IDENTITY = "9c3a5b17f0e2d468"
 
 
@@ -50,6 +54,7 @@ def test_foreign_parts(case: dict[str, Any], monkeypatch: pytest.MonkeyPatch) ->
         except BitstreamError as error:
             found.append({"H2": "version"}.get(error.section, "malformed"))
     assert found == case["verdicts"]
+    assert [version_of(bytes.fromhex(part)) for part in case["parts"]] == case["versions"]
 
 
 @pytest.mark.vectors("slow")
@@ -58,7 +63,21 @@ def test_registers(case: dict[str, Any]) -> None:
     for piece in case["pieces"]:
         receiver.take(piece)
     assert {str(k): v for k, v in receiver.registers.items()} == case["registers"]
-    assert receiver.programme == case["programme"]
+    for name in MEANINGS:
+        assert getattr(receiver, name) == case[name], name
+
+
+@pytest.mark.vectors("foreign")
+def test_foreign_streams(case: dict[str, Any]) -> None:
+    foreign = ForeignStream()
+    for part in map(bytes.fromhex, case["parts"]):
+        if is_own(part, IDENTITY):
+            foreign.own()
+        else:
+            foreign.take(part)
+    assert {str(k): v for k, v in foreign.slow.registers.items()} == case["registers"]
+    for name in MEANINGS:
+        assert getattr(foreign.slow, name) == case[name], name
 
 
 @pytest.mark.vectors("voice")

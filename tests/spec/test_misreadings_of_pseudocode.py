@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from spec.reference.superframe import TABLES, crc
+from spec.reference.superframe import crc
+from spec.reference.tables import TABLES, of_the_language
 from tests.spec.misreading import Misreading, ends
 from tests.spec.test_syntax_page import RefusedError, require
 
@@ -69,6 +70,7 @@ def passes(tree: ast.Module) -> bool:
     names: dict[str, Any] = {
         "tables": TABLES, "bases": DOCUMENTS[0]["bases"], "identity": DOCUMENTS[0]["identity"],
         "crc": crc, "require": require, "number": lambda data: int.from_bytes(data, "big"),
+        **of_the_language(),
     }  # fmt: skip
     try:
         exec(compile(tree, "spec/syntax.md", "exec"), names)

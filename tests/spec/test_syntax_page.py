@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from spec.reference.superframe import TABLES, crc
+from spec.reference.superframe import crc
+from spec.reference.tables import TABLES, of_the_language
 
 SPEC = Path(__file__).parents[2] / "spec"
 DOCUMENT = json.loads((SPEC / "vectors/superframe.json").read_text(encoding="utf-8"))
@@ -22,17 +23,22 @@ def require(holds: bool, paragraph: str) -> None:
         raise RefusedError(paragraph)
 
 
-@pytest.fixture(scope="module")
-def page() -> dict[str, Any]:
-    """Return what the blocks of the page define."""
-    blocks = re.findall(r"```python\n(.*?)```", (SPEC / "syntax.md").read_text("utf-8"), re.S)
+def blocks(document: dict[str, Any]) -> dict[str, Any]:
+    """Return what the blocks of the page define, for a document's bases and identity."""
+    found = re.findall(r"```python\n(.*?)```", (SPEC / "syntax.md").read_text("utf-8"), re.S)
     names: dict[str, Any] = {
-        "tables": TABLES, "bases": DOCUMENT["bases"], "identity": DOCUMENT["identity"],
+        "tables": TABLES, "bases": document["bases"], "identity": document["identity"],
         "crc": crc, "require": require, "number": lambda data: int.from_bytes(data, "big"),
+        **of_the_language(),
     }  # fmt: skip
-    for block in blocks:
+    for block in found:
         exec(compile(block, "spec/syntax.md", "exec"), names)
     return names
+
+
+@pytest.fixture(scope="module")
+def page() -> dict[str, Any]:
+    return blocks(DOCUMENT)
 
 
 @pytest.mark.vectors("superframe")

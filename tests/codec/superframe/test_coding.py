@@ -89,7 +89,7 @@ def test_streams_of_other_tables_are_refused(
             refused.append(str(error))
     # Two bits of a compact superframe agree by chance in a quarter; a check hardly ever.
     assert len(refused) >= (6 if l0_bytes == 7 else 14)
-    assert all(text.startswith("another voice, or other coding tables:") for text in refused)
+    assert all(text.startswith("another voice, language or coding tables:") for text in refused)
 
 
 def test_files_of_other_tables_are_refused(toy_voice: Voice, motion: Motion, folder: Path) -> None:

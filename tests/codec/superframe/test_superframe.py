@@ -212,7 +212,9 @@ def test_another_voice_is_refused(toy_voice: Voice, perform: Callable[..., Motio
     for number in range(3):
         assert decoder.push(bytes(20), None, number).concealed
     assert decoder.push(with_check(body, "3" * 16), None, 0).concealed
-    with pytest.raises(VoiceError, match="it begins with 3333, the identity of voice toy"):
+    with pytest.raises(
+        VoiceError, match="its identity begins with 3333, the identity of voice toy"
+    ):
         decoder.push(with_check(body[:-1] + bytes([body[-1] ^ 1]), "3" * 16), None, 0)
     assert not decoder.push(frame.l0, None, 0).concealed
     other = Motion(motion.params, 50, 0.0, motion.layout, "0" * 16, motion.score)

@@ -235,7 +235,7 @@ def test_every_superframe_tells_two_bits_of_the_identity(toy_voice: Voice, motio
     assert told == [identity_bits(identity, k) for k in range(8)]
     assert int("".join(f"{bits:02b}" for bits in told), 2) == int(identity[:4], 16)
     l0 = encoder.encode(motion, 1).l0
-    with pytest.raises(VoiceError, match="another voice, or other coding tables"):
+    with pytest.raises(VoiceError, match="another voice, language or coding tables"):
         SuperframeDecoder(toy_voice).push(l0[:-1] + bytes([l0[-1] ^ 1]), None, 1)
 
 
