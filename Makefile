@@ -40,7 +40,7 @@ docs: $(VENV)/installed
 # Measures the figures of docs/ again; CLIPS and FILMS are folders of sounds and films.
 RECORDS := codec synthesis chain audio models capture video
 records: $(VENV)/installed $(RECORDS:%=docs/records/%.json)
-	$(BIN)/python -m docs.generate --readme
+	$(BIN)/python -m docs.generate
 
 docs/records/%.json: FORCE
 	$(BIN)/cuecast evaluate $* --record $@ > /dev/null

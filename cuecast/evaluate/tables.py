@@ -31,16 +31,16 @@ STYLE: Any = {
 
 
 def _metadata(form: str, results: Results) -> dict[str, str | None] | None:
-    """Return what a file of a form tells of itself: no date, but what it was drawn from."""
+    """Return the metadata of a file of a form: no date, and the digest of its results."""
     undated: dict[str, dict[str, str | None]] = {
-        "svg": {"Date": None}, "pdf": {"CreationDate": None},
+        "svg": {"Date": None, "Description": digest(results)}, "pdf": {"CreationDate": None},
         "png": {"Description": digest(results)},
     }  # fmt: skip
     return undated.get(form)
 
 
 def digest(results: Results) -> str:
-    """Return the SHA-256 of results, 64 hexadecimal digits: a PNG tells it as its description."""
+    """Return the SHA-256 of results, 64 hexadecimal digits: the description in a PNG or SVG."""
     text = json.dumps(results, ensure_ascii=False, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -112,7 +112,7 @@ def write_plot(
     Parameters
     ----------
     path : Path
-        Its suffix tells the form, one of `PLOTS`.
+        Its suffix is one of `PLOTS`.
     results : list of dict, or dict
     plot : callable
         Takes results and a matplotlib figure.

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from cuecast.evaluate.records import read_record
-from cuecast.evaluate.tables import PLOTS, rows_of, write_plots
+from cuecast.evaluate.tables import digest, rows_of, write_plot
 
 RECORDS = Path(__file__).resolve().parents[1] / "records"
 """Where the records are."""
 
-README_PICTURE = RECORDS.parent / "images" / "legs.png"
-"""The drawing that README shows, of the record of the same name."""
+DRAWINGS = RECORDS.parent / "figures"
+"""Where their drawings are: SVG, which pages show at any size."""
 
 _ELSEWHERE = {
     "fuzz": "tests.fuzz.night",
@@ -119,10 +119,8 @@ class Record:
         return "\n".join(lines)
 
     def drawing(self, text: str) -> str:
-        """Return the Markdown of the record's drawing, with its forms for print."""
-        module(self.document["kind"])
-        stem = f"figures/{self.name}"
-        return f"![{text}]({stem}.svg)\n\n[SVG]({stem}.svg), [PDF]({stem}.pdf), [PNG]({stem}.png)"
+        """Return the Markdown of the record's drawing; `text` describes it."""
+        return f"![{text}](figures/{self.name}.svg)"
 
 
 @cache
@@ -137,19 +135,23 @@ def module(kind: str) -> Any:
     return importlib.import_module(_ELSEWHERE.get(kind, f"cuecast.evaluate.{kind}"))
 
 
-def drawings() -> dict[str, bytes]:
-    """Return the drawings of all records whose kind draws, by file name."""
-    drawn: dict[str, bytes] = {}
+def outdated_drawings() -> dict[Path, bytes]:
+    """Return drawings, as SVG, of the records whose results are not those of the file in docs/.
+
+    A drawing names its results by a digest: another version of matplotlib alone changes nothing.
+    """
+    drawn: dict[Path, bytes] = {}
     with tempfile.TemporaryDirectory() as folder:
         for record in records().values():
             plot: Callable[[Any, Any], None] | None = getattr(
                 module(record.document["kind"]), "plot", None
             )
-            if plot is None:
+            target = DRAWINGS / f"{record.name}.svg"
+            results = record.document["results"]
+            if plot is None or (target.is_file() and digest(results) in target.read_text("utf-8")):
                 continue
-            paths = write_plots(Path(folder) / record.name, record.document["results"], plot)
-            drawn |= {path.name: path.read_bytes() for path in paths}
-    assert all(Path(name).suffix in PLOTS for name in drawn)
+            write_plot(Path(folder) / target.name, results, plot)
+            drawn[target] = (Path(folder) / target.name).read_bytes()
     return drawn
 
 
