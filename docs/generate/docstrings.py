@@ -9,6 +9,9 @@ from typing import Any
 
 _SECTION = re.compile(r"^([A-Z][A-Za-z ]+)\n-{3,}$", re.M)
 _LISTED = ("Parameters", "Attributes", "Returns", "Yields", "Raises")
+_LINE = 88
+"""Characters of a call that stands in one line; longer ones have an argument in each."""
+
 _ITEM = re.compile(r"^(\S.*?)(?: : (.*))?$")
 
 
@@ -113,7 +116,10 @@ def _signature(name: str, item: Any) -> str:
         for argument in found.parameters.values()
         if argument.name not in ("self", "cls")
     ]
-    return f"```python\n{name}{inspect.Signature(bare)}\n```"
+    call = f"{name}{inspect.Signature(bare)}"
+    if len(call) > _LINE:
+        call = f"{name}(\n" + "".join(f"    {argument},\n" for argument in bare) + ")"
+    return f"```python\n{call.replace('Ellipsis', '...')}\n```"
 
 
 def _default(value: Any) -> Any:
