@@ -6,18 +6,24 @@ here can read are named as what they are.
 """
 
 import os
-import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from codec.errors import CueError
 from cuecast.media.tables import PACKET, SYNC, TableReader, synchronised
+from cuecast.media.text_files import Cue, file_of
 from cuecast.media.timed_text import document_of, paragraph_of, placed, subtitles_of_packet
 from receiver.media.programme import open_programme
 from synth.language.subtitles import Subtitle
-from synth.language.subtitles.read import USUAL, Terms, Told, parse_subtitles
+from synth.language.subtitles.read import (
+    USUAL,
+    Terms,
+    Told,
+    cued_subtitles,
+    parse_subtitles,
+)
 
 _NAMES = {
     "mov_text": "mov_text", "srt": "SubRip", "subrip": "SubRip", "text": "text",
@@ -177,8 +183,8 @@ def read_track(
     path : path
     track : TextTrack
     terms, left_out
-        As in `synth.language.subtitles.read.parse_subtitles`; lines are those of the track as
-        SubRip.
+        As in `synth.language.subtitles.read.parse_subtitles`; lines are those of the track as a
+        file of its format, or the numbers of TTML's subtitles.
 
     Raises
     ------
@@ -199,33 +205,26 @@ def read_track(
         ]
         # In a transport stream the packets' clock has nothing to do with a document's.
         zero_s = 0.0 if programme.container.format.name == "mpegts" else -origin_s
-    if track.coding == "TTML":
-        subtitles = list(_documents(packets, zero_s))
-    else:
-        subtitles = list(_cues(packets, _READERS[track.coding]))
-    if not subtitles:
-        raise CueError(f"{path}: subtitle track {track}: it is empty")
+        header = bytes(getattr(stream.codec_context, "extradata", None) or b"")
+    # The track is on the programme's clock: there is no tape's hour to guess.
+    terms = replace(terms, offset_s=terms.offset_s or 0.0)
+    empty = CueError(f"{path}: subtitle track {track}: it is empty")
     try:
-        # The track is on the programme's clock: there is no tape's hour to guess.
-        terms = replace(terms, offset_s=terms.offset_s or 0.0)
-        return parse_subtitles(as_subrip(subtitles), terms=terms, left_out=left_out)
+        if track.coding == "TTML":
+            found = sorted(_documents(packets, zero_s), key=lambda s: s.start_s)
+            if not found:
+                raise empty
+            numbered = [replace(one, line=number) for number, one in enumerate(found, 1)]
+            return cued_subtitles(numbered, terms=terms, left_out=left_out)
+        cues = list(_cues(packets))
+        if not cues:
+            raise empty
+        data = file_of(track.coding, cues, header)
+        return parse_subtitles(data, terms=terms, left_out=left_out)
     except CueError as error:
+        if error is empty:
+            raise
         raise CueError(f"{path}: subtitle track {track.number}: {error}") from error
-
-
-def as_subrip(subtitles: list[Subtitle]) -> bytes:
-    """Return subtitles as a file in SubRip."""
-    blocks = []
-    for number, one in enumerate(sorted(subtitles, key=lambda s: s.start_s), 1):
-        text = re.sub(r"\n\s*\n", "\n", one.text.replace("-->", "→")).strip()
-        blocks.append(f"{number}\n{_clock(one.start_s)} --> {_clock(one.end_s)}\n{text}\n")
-    return "\n".join(blocks).encode()
-
-
-def _clock(time_s: float) -> str:
-    whole = round(time_s * 1000)
-    minutes, ms = divmod(whole, 60_000)
-    return f"{minutes // 60:02}:{minutes % 60:02}:{ms // 1000:02},{ms % 1000:03}"
 
 
 def _alike(wanted: str, language: str) -> bool:
@@ -280,50 +279,27 @@ def _sniff(container: Any, streams: list[Any]) -> dict[int, str]:
 _Packet = tuple[float, float, bytes]
 
 
-def _cues(packets: list[_Packet], read: Callable[[bytes], str]) -> Iterator[Subtitle]:
-    """Yield the texts of packets that hold one each."""
+def _cues(packets: list[_Packet]) -> Iterator[Cue]:
+    """Yield packets that hold one text each, with their ends, cut to the programme."""
     for place, (start_s, length_s, data) in enumerate(packets):
-        text = read(data).strip()
         if not length_s:
             following_s = (
                 packets[place + 1][0] if place + 1 < len(packets) else start_s + _LONGEST_S
             )
             length_s = min(following_s - start_s, _LONGEST_S)
-        yield from placed(start_s, start_s + length_s, text)
+        start_s, end_s = max(0.0, start_s), start_s + length_s
+        if data.strip(b"\x00") and round(end_s, 3) > round(start_s, 3):
+            yield start_s, end_s, data
 
 
 def _documents(packets: list[_Packet], zero_s: float) -> Iterator[Subtitle]:
     """Yield the texts of packets of TTML, each text once."""
-    yield from _cues([packet for packet in packets if not document_of(packet[2])], paragraph_of)
+    alone = [packet for packet in packets if not document_of(packet[2])]
+    for start_s, end_s, data in _cues(alone):
+        yield from placed(start_s, end_s, Subtitle(0.0, 1.0, paragraph_of(data)))
     seen: set[Subtitle] = set()
     for start_s, _, data in packets:
         for one in subtitles_of_packet(data, start_s, zero_s):
             if one not in seen:
                 seen.add(one)
                 yield one
-
-
-def _timed_text(data: bytes) -> str:
-    """Text of a packet of mov_text: two bytes of length, the text, boxes of its looks."""
-    length = int.from_bytes(data[:2], "big")
-    text = data[2 : 2 + length]
-    return text.decode("utf-16" if text[:2] in (b"\xfe\xff", b"\xff\xfe") else "utf-8", "replace")
-
-
-def _plain_text(data: bytes) -> str:
-    return data.decode("utf-8", "replace").strip("\x00")
-
-
-def _event_text(data: bytes) -> str:
-    """Text of a packet of ASS: eight fields, then what is shown; drawings are none."""
-    text = _plain_text(data).split(",", 8)[-1]
-    if re.search(r"\{[^}]*\\p[1-9]", text):
-        return ""
-    text = re.sub(r"\{[^}]*\}", "", text)
-    return text.replace("\\N", "\n").replace("\\n", "\n").replace("\\h", " ")
-
-
-_READERS: dict[str, Callable[[bytes], str]] = {
-    "mov_text": _timed_text, "SubRip": _plain_text, "WebVTT": _plain_text, "text": _plain_text,
-    "ASS": _event_text,
-}  # fmt: skip

@@ -7,6 +7,7 @@ documents in MP4, ETSI EN 303 560 for segments in a transport stream.
 import re
 import zlib
 from collections.abc import Iterator
+from dataclasses import replace
 
 from codec.errors import CueError
 from synth.language.subtitles import Subtitle
@@ -29,11 +30,11 @@ _AS_IT_STANDS = Terms(offset_s=0.0, everything=True)
 """One document of many: what of the whole track is cued is told later."""
 
 
-def placed(start_s: float, end_s: float, text: str) -> Iterator[Subtitle]:
-    """Yield a subtitle, cut to the programme; nothing where nothing of it is in there."""
+def placed(start_s: float, end_s: float, one: Subtitle) -> Iterator[Subtitle]:
+    """Yield a subtitle at other times, cut to the programme; nothing where nothing is in there."""
     start_s, end_s = round(max(0.0, start_s), 3), round(end_s, 3)
-    if text and end_s > start_s:
-        yield Subtitle(start_s, end_s, text)
+    if one.text and end_s > start_s:
+        yield replace(one, start_s=start_s, end_s=end_s)
 
 
 def subtitles_of_packet(data: bytes, start_s: float, zero_s: float) -> Iterator[Subtitle]:
@@ -66,7 +67,7 @@ def subtitles_of_packet(data: bytes, start_s: float, zero_s: float) -> Iterator[
     else:
         moved_s = zero_s
     for one in subtitles:
-        yield from placed(one.start_s + moved_s, one.end_s + moved_s, one.text)
+        yield from placed(one.start_s + moved_s, one.end_s + moved_s, one)
 
 
 def document_of(data: bytes) -> bytes:

@@ -155,6 +155,30 @@ def parse_subtitles(
         found = _moved(found, -programme_start_s(found, findings, length_s), findings)
     else:
         found = _moved(found, terms.offset_s, findings)
+    return _kept(found, findings, terms, left_out)
+
+
+def cued_subtitles(
+    found: Sequence[Subtitle], *, terms: Terms = USUAL, left_out: Told = lambda item: None
+) -> list[Subtitle]:
+    """Return those of some subtitles that are cued, as `parse_subtitles` does for a file's.
+
+    Parameters
+    ----------
+    found : sequence of Subtitle
+        Sorted by start.
+    terms : Terms
+    left_out : callable
+        Told of each subtitle, or part of one, that is not cued.
+    """
+    findings = Findings(strict=terms.strict)
+    found = _moved(_whole(found, findings), terms.offset_s or 0.0, findings)
+    return _kept(found, findings, terms, left_out)
+
+
+def _kept(
+    found: Sequence[Subtitle], findings: Findings, terms: Terms, left_out: Told
+) -> list[Subtitle]:
     kept = list(unrolled(_cued(found, findings, terms)))
     for item in sorted(findings.left_out, key=lambda item: item.line):
         left_out(item)
