@@ -8,54 +8,41 @@ a new search beside the prediction, so that a splice is found while a mere gap i
 heard before the lock is then read, too. Specification: spec/audio-carrier.md, W35 to W42 and W47.
 """
 
-import math
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from itertools import islice
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from watermark.audio.follow.align import SuperframeView, find_delay, search_fit
+from watermark.audio.follow.attempt import (
+    DELAYS,
+    AcceptedAttempt,
+    AssumedSound,
+    CandidateReader,
+)
 from watermark.audio.follow.demodulate import SuperframeReading
-from watermark.audio.follow.equaliser import Equaliser, KnownCells, path_of, score_phases
+from watermark.audio.follow.equaliser import KnownCells
 from watermark.audio.follow.stretched import StretchedFollower
-from watermark.audio.follow.track import (
-    FOLLOW,
-    Track,
-    TrackReader,
-    as_used,
-    likely_phases,
-    received,
-)
-from watermark.audio.search.acquire import Candidate, PilotSearch, search_stretch
-from watermark.audio.search.hypotheses import (
-    STRETCH_S,
-    ChannelHypothesis,
-    ChannelMix,
-    Stretch,
-    make_guesses,
-    usual_mix,
-)
+from watermark.audio.follow.track import FOLLOW, Track, TrackReader, as_used, received
+from watermark.audio.search.acquire import PERIOD, PLACE, Candidate, PilotSearch, search_stretch
+from watermark.audio.search.channel_mixes import ChannelMix, find_mix, usual_mix
+from watermark.audio.search.hypotheses import STRETCH_S, ChannelHypothesis, PilotHypothesis
 from watermark.audio.search.pilot_scan import DECIMATION, LOW_REACH
-from watermark.audio.search.rotated_search import RotatedCandidate, RotatedSearch
-from watermark.audio.signal.layout import make_pilots
+from watermark.audio.search.rotated_search import RotatedSearch
+from watermark.audio.search.scheduler import HypothesisScheduler
+from watermark.audio.search.sound_ring import SoundRing, Stretch
 from watermark.audio.signal.mix import check_format
 from watermark.audio.signal.profile import (
     FS,
     HOP,
-    LEVELS,
     SLOT_FRAMES,
     SUPERFRAME,
     TIER_LEVELS,
     AudioProfile,
 )
-from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
+from watermark.audio.signal.sample_buffer import StereoBuffer
 from watermark.link.inputs import checked_block
 from watermark.link.superframe import ReceivedSuperframe
-
-TRIED_LEVELS = 6
-"""Levels at which a candidate is tried: those of its tier and one on either side."""
 
 MAX_MISSES = 6
 """Superframes in a row that may fail before the lock of a lone carrier is given up."""
@@ -68,40 +55,14 @@ HISTORY_S, LONG_HISTORY_S = 2.4, 10.0
 """Sound that is kept while locked, enough to search again from a superframe that failed, and while
 searching, for what may be read of it once the sound is understood."""
 
-PAUSES_S = (2.2, 2.2, 2.2, 35.0, 60.0, 130.0, 240.0)
-"""Search in vain before each round of guesses; the last one is repeated. Every second round tries
-all speeds; the third round begins 8 s after the start."""
-
-GUESSES_PER_STEP = 2
-"""Guesses tried for each 0.08 s that arrive."""
-
-PATIENCE, MOST_SELDOM = 1.1, 3
-"""Growth of the time between searches that are blind to phase, which overlap at first, and its
-limit in stretches."""
-
-DELAYS = (0.0, 0.5, -0.5)
-"""Delays in samples at which a candidate is tried, those beside its place briefly."""
-
-LEAST_AT_SPEED = 5.2
-"""Least significance of a candidate at a guessed speed: tens of speeds are tried."""
+LEAST_GUESSED = 5.2
+"""Least significance of a candidate under a hypothesis: tens of them are tried."""
 
 FAILED_BEFORE_GUESSING = 3
 """Superframes in a row that fail at a known place before guesses are tried."""
 
-TURNED_GRID = (np.array([-1.0, -0.5, 0.0, 0.5, 1.0]), np.arange(-320.0, 321.0, 80.0))
-"""Delays and drifts tried around a place whose phases are known by its pilots."""
-
 UNREADABLE = 10
 """Superframes in a row that cannot be read before the past is left alone."""
-
-SURE = 5.0
-"""Score of a candidate's own pilots at its refined place, in deviations, from which it is tried
-with all means: of 20 true ones (standard, AAC 128k) 18 have more, of 47 that unmarked sound gave, 8
-had. Others are tried briefly."""
-
-SURE_TURNED = 6.0
-"""The same of candidates whose bands are turned: of 33 that unmarked sound gave, 27 had less, of
-38 true ones (five clips and eight ways of turning them), one."""
 
 LOCK_IN = (
     (np.arange(-1.0, 1.1, 0.25), np.arange(-60.0, 61.0, 20.0)),
@@ -112,14 +73,6 @@ LOCK_IN = (
 SAME_PLACE, SAME_CLOCK = 1.0, 2e-4
 """A search that ends within so many samples of the place expected, and with a ratio that differs by
 a smaller part from what was expected, has found nothing new."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Heard:
-    """A sound that is searched, and how it was mixed."""
-
-    tape: StereoBuffer
-    mix: ChannelMix
 
 
 class AudioReceiver:
@@ -168,7 +121,8 @@ class AudioReceiver:
         self._quantum = SLOT_FRAMES * HOP * fs // FS
         self._reader = TrackReader(key, self._nominal)
         self._stretched = StretchedFollower(key, fs, self._nominal, self._reader)
-        self._sounds = [SampleBuffer() for _ in range(channels)]
+        self._attempts = CandidateReader(key, self._nominal, self._reader)
+        self._ring = SoundRing(channels, self._nominal)
         self._mix = usual_mix(channels)
         self._tape = StereoBuffer()
         self._now = 0
@@ -176,8 +130,7 @@ class AudioReceiver:
         self._start_search(0.0)
         self._turned = RotatedSearch(key)
         self._stretch = int(STRETCH_S * fs)
-        self._stretch_start = 0
-        self._reset_guesses()
+        self._scheduler = HypothesisScheduler(channels)
         self._last_start = self._last_told = -np.inf
         self._errors = self._counted = 0
         self._profile: AudioProfile | None = None
@@ -213,10 +166,9 @@ class AudioReceiver:
         list of ReceivedSuperframe
         """
         x = checked_block(block, self._channels)
-        for channel, sound in enumerate(self._sounds):
-            sound.append(x[:, channel])
+        self._ring.append(x)
         found: list[ReceivedSuperframe] = []
-        while self._now + self._quantum <= self._sounds[0].end:
+        while self._now + self._quantum <= self._ring.end:
             self._now += self._quantum
             found += self._step()
         return found
@@ -233,49 +185,26 @@ class AudioReceiver:
 
     def _step(self) -> list[ReceivedSuperframe]:
         found: list[ReceivedSuperframe] = []
-        self._extend()
+        self._ring.extend(self._tape, self._mix, self._now)
         while (candidate := self._next_candidate()) is not None:
-            found += self._try(self._heard, self._origin, self._pace, candidate, self._equaliser)
+            found += self._try(candidate)
         while self._track is not None and self._complete(self._track):
             found += self._follow(self._track)
         while self._stretched.complete(self._tape):
             found += self._follow_stretched()
         lost = self._track is None or self._track.misses >= FAILED_BEFORE_GUESSING
-        if lost and self._stretched.misses >= FAILED_BEFORE_GUESSING:
-            found += self._guess()
+        if lost and self._stretched.misses >= FAILED_BEFORE_GUESSING and self._guessing:
+            found += self._hunt()
         kept_s = LONG_HISTORY_S if self._track is None else HISTORY_S
-        for tape in (self._tape, *self._sounds):
+        for tape in (self._tape, self._ring):
             tape.forget(self._now - int(kept_s * self._fs))
         return found
-
-    # Sound
-
-    def _extend(self) -> None:
-        """Mix what has arrived."""
-        skew = self._mix.skew
-        known = self._now - (math.ceil(abs(skew)) + self._tape.reach(1.0) if skew else 0)
-        count = known - self._tape.end
-        if count > 0:
-            self._mix_to(self._tape, self._mix, count)
-
-    def _mix_to(self, tape: StereoBuffer, mix: ChannelMix, count: int) -> None:
-        """Append a mix, and what is beside it."""
-        beside = self._mixed(mix.side, tape.end, count) if mix.side else np.zeros(count)
-        tape.append_pair(self._mixed(mix, tape.end, count), beside)
-
-    def _mixed(self, mix: ChannelMix, start: int, count: int) -> NDArray[np.float64]:
-        out = np.zeros(count)
-        for channel, (weight, sound) in enumerate(zip(mix.weights, self._sounds, strict=True)):
-            if weight:
-                late = mix.skew if channel == 1 else 0.0
-                out += weight * sound.read(start + late, 1.0, count)
-        return out
 
     def _use(self, mix: ChannelMix) -> None:
         """Listen to another mix from here on, and to what is remembered of it."""
         if mix != self._mix:
-            self._mix, self._tape = mix, StereoBuffer(self._sounds[0].first)
-            self._extend()
+            self._mix, self._tape = mix, StereoBuffer(self._ring.first)
+            self._ring.extend(self._tape, self._mix, self._now)
 
     # Searching
 
@@ -306,113 +235,83 @@ class AudioReceiver:
         )
         self._origin, self._searched = origin, 0
 
-    def _try(
-        self, heard: _Heard, origin: float, pace: float, candidate: Candidate,
-        equaliser: Equaliser | None, *, delays: tuple[float, ...] = DELAYS,
+    def _try(self, candidate: Candidate) -> list[ReceivedSuperframe]:
+        """Decode at a candidate of the usual search, and lock there if the check accepts it."""
+        sound = AssumedSound(self._pace, self._offset, self._equaliser)
+        return self._attempt(self._mix, self._tape, self._origin, candidate, sound, DELAYS)
+
+    def _attempt(
+        self, mix: ChannelMix, tape: StereoBuffer, origin: float, candidate: Candidate,
+        sound: AssumedSound, delays: tuple[float, ...],
     ) -> list[ReceivedSuperframe]:  # fmt: skip
-        """Decode at a candidate's place, and lock there if the check accepts it."""
-        position = origin + candidate.start * pace
-        if position < self._last_start + 0.5 * SUPERFRAME * pace:
+        """Decode at a candidate's place in a mix, and lock there if the check accepts it."""
+        position = origin + candidate.start * sound.pace
+        if not self._is_new(position, sound.pace):
             return []
-        demodulator = self._reader.demodulator(candidate.profile)
-        ratio = pace * (1 + candidate.clock_ppm * 1e-6)
-        own = demodulator.profile.levels_of(candidate.tier)
-        track = Track(
-            position, ratio, demodulator, own.start + 1 + self._offset,
-            equaliser or Equaliser(demodulator.bands), self._offset,
-        )  # fmt: skip
-        sure = self._reader.pull_in(heard.tape, track, candidate) >= SURE
-        levels = sorted(range(len(LEVELS)), key=lambda level: abs(level - own.start - 1.4))
-        moved_levels = [level + self._offset for level in levels[:TRIED_LEVELS]]
-        for moved, whole in self._places(heard, track, moved_levels, delays if sure else ()):
-            raw = self._reader.view(heard.tape, moved)
-            view = as_used(moved, raw)
-            reading = demodulator.read(
-                view, moved_levels, offset=self._offset, due=False, brief=not whole
-            )
-            if reading.decoded.l0 is not None:
-                return self._lock(heard.mix, moved, raw, reading)
-        return []
+        accepted = self._attempts.read(tape, position, candidate, sound, delays=delays)
+        return [] if accepted is None else self._lock(mix, accepted)
 
-    def _places(
-        self, heard: _Heard, track: Track, levels: list[float], delays: tuple[float, ...]
-    ) -> Iterator[tuple[Track, bool]]:
-        """Yield a candidate's place and, if it is to be tried by all means, variants.
+    def _is_new(self, position: float, pace: float) -> bool:
+        return position >= self._last_start + 0.5 * SUPERFRAME * pace
 
-        With each goes whether it is worth more than a brief attempt.
-        """
-        if not delays:
-            yield track, False
-            return
-        for delay in delays:
-            yield replace(track, position=track.position + delay * self._nominal), delay == 0
-        raw = self._reader.view(heard.tape, track)
-        if raw.paired:
-            # More channels than two have all cells in the mid, and may have been mixed down.
-            yield replace(track, pair=False), True
-        else:
-            yield from ((moved, True) for moved in self._reader.lone(track, raw, levels))
-
-    def _reset_guesses(self) -> None:
-        self._guesses: Iterator[ChannelHypothesis] | None = None
-        self._last_stretch = (self._mix, 0), Stretch(StereoBuffer(), self._nominal)
-        self._turned_at, self._turned_every = float(self._now + self._stretch), self._stretch / 2
-        self._round = 0
-        self._guess_at = self._now + PAUSES_S[0] * self._fs
-
-    def _guess(self) -> list[ReceivedSuperframe]:
-        """Listen again to the last seconds: for turned bands ever again, for all else at times."""
-        if self._now < self._turned_at or not self._guessing:
+    def _hunt(self) -> list[ReceivedSuperframe]:
+        """Listen again to the last seconds under the hypotheses that are due."""
+        self._scheduler.earn(self._quantum / self._fs)
+        if self._now < self._stretch:
             return []
-        if self._guesses is None:
-            self._turned_at = self._now + self._turned_every
-            self._turned_every = min(self._turned_every * PATIENCE, MOST_SELDOM * self._stretch)
-            found = self._try_guess(ChannelHypothesis(self._mix), self._now - self._stretch)
-            if not found and self._recent:
-                found = self._try_guess(
-                    ChannelHypothesis(self._mix, stretched=True), self._now - self._stretch
-                )
-            if found or self._now < self._guess_at:
+        now_s = self._now / self._fs
+        while (guess := self._scheduler.next(now_s)) is not None:
+            if found := self._try_guess(guess, self._now - self._stretch):
+                self._scheduler.remember(guess)
                 return found
-            self._stretch_start = self._now - self._stretch
-            sound = [tape.read(self._stretch_start, 1.0, self._stretch) for tape in self._sounds]
-            self._guesses = make_guesses(
-                np.stack(sound, axis=1),
-                again=self._round > 0,
-                thorough=self._round % 2 == 1 or self._round + 1 == len(PAUSES_S),
-            )
-            self._turned_at = self._now
-        tried = list(islice(self._guesses, GUESSES_PER_STEP))
-        for guess in tried:
-            if found := self._try_guess(guess, self._stretch_start):
-                return found
-        if not tried:
-            self._guesses = None
-            self._round = min(self._round + 1, len(PAUSES_S) - 1)
-            self._guess_at = self._now + PAUSES_S[self._round] * self._fs
         return []
 
     def _try_guess(self, guess: ChannelHypothesis, start: int) -> list[ReceivedSuperframe]:
         """Search a stretch as if a guess were true."""
-        if (guess.mix, start) != self._last_stretch[0]:
-            tape = StereoBuffer(start)
-            self._mix_to(tape, guess.mix, self._stretch)
-            self._last_stretch = (guess.mix, start), Stretch(tape, self._nominal)
-        stretch = self._last_stretch[1]
-        heard = _Heard(stretch.tape, guess.mix)
+        mix = find_mix(guess.mix, self._ring.read(start, self._stretch))
+        if mix is None:
+            return []
+        stretch = self._ring.stretch(mix, start, self._stretch)
         low = stretch.low(guess.speed, guess.stretch_s)
-        if guess.stretched:
-            return self._lock_stretched(heard, low, start)
-        if guess.steps:
-            for turned in self._turned.find(low, guess.steps):
-                if found := self._try_turned(heard, turned):
-                    return found
+        if guess.kind is PilotHypothesis.STRETCHED:
+            return self._lock_stretched(mix, stretch, low, start)
+        if guess.kind is PilotHypothesis.TURNED:
+            evidence, first = self._scheduler.evidence(guess), start / self._nominal
+            for turned in self._turned.find(low, guess.steps, evidence, first):
+                for position in self._around(stretch, start + turned.start * self._nominal, 1.0):
+                    accepted = self._attempts.read_turned(stretch.tape, position, turned)
+                    if accepted is not None:
+                        return self._lock(mix, accepted)
             return []
-        best = search_stretch(self._key, low)
-        if best is None or best.significance < LEAST_AT_SPEED:
-            return []
-        pace = self._nominal * guess.speed
-        return self._try(heard, start, pace, best, None, delays=(0.0,))
+        return self._try_plain(guess, mix, stretch, low)
+
+    def _around(self, stretch: Stretch, position: float, speed: float) -> list[float]:
+        """Return where a superframe begins, and its neighbours that lie whole in a stretch."""
+        pace = self._nominal * speed
+        whole = (SUPERFRAME + HOP) * pace + stretch.tape.reach(pace)
+        near = [position, position + SUPERFRAME * pace, position - SUPERFRAME * pace]
+        first, last = stretch.tape.first, stretch.tape.end - whole
+        return [at for at in near if first <= at <= last and self._is_new(at, pace)]
+
+    def _try_plain(
+        self, guess: ChannelHypothesis, mix: ChannelMix, stretch: Stretch, low: NDArray[np.float64]
+    ) -> list[ReceivedSuperframe]:
+        """Try the likeliest place of a stretch, and that which all stretches point to."""
+        start, pace = stretch.tape.first, self._nominal * guess.speed
+        sound = AssumedSound(pace, TIER_LEVELS * guess.gain)
+        scores = search_stretch(self._key, low, gain=guess.gain, exact=guess.exact)
+        likely = [] if scores.best is None else [scores.best]
+        if guess.exact:
+            first = round(start / pace / PLACE) + scores.first
+            evidence = self._scheduler.evidence(guess)
+            likely.append(scores.candidate(*evidence.add(scores.peaks, first, PERIOD)))
+        for n, candidate in enumerate(likely):
+            known = n and abs(candidate.start - likely[0].start) <= SAME_PLACE
+            if candidate.significance < LEAST_GUESSED or known:
+                continue
+            if found := self._attempt(mix, stretch.tape, start, candidate, sound, DELAYS[:1]):
+                return found
+        return []
 
     @property
     def _recent(self) -> bool:
@@ -420,16 +319,15 @@ class AudioReceiver:
         return self._now - self._last_start < LONG_HISTORY_S * self._fs
 
     def _lock_stretched(
-        self, heard: _Heard, low: NDArray[np.float64], start: int
+        self, mix: ChannelMix, stretch: Stretch, low: NDArray[np.float64], start: int
     ) -> list[ReceivedSuperframe]:
         """Lock onto sound of another duration at its pitch, if a stretch of it tells of any."""
-        tape = self._tape if heard.mix == self._mix else heard.tape
+        tape = self._tape if mix == self._mix else stretch.tape
         found = self._stretched.lock(low, tape, start, self._last_told, known=self._recent)
         if found is None:
             return []
-        self._use(heard.mix)
+        self._use(mix)
         self._track = self._search = None
-        self._reset_guesses()
         self._profile = self._stretched.profile
         if self.first_lock_s is None:
             self.first_lock_s = self._now / self._fs
@@ -451,45 +349,12 @@ class AudioReceiver:
                 self._last_start = self._last_told
         return found
 
-    def _try_turned(self, heard: _Heard, candidate: RotatedCandidate) -> list[ReceivedSuperframe]:
-        """Decode at a place whose bands have phases of their own, and lock there."""
-        tape = heard.tape
-        position = tape.first + candidate.start * self._nominal
-        if position < self._last_start + 0.5 * SUPERFRAME * self._nominal:
-            return []
-        demodulator = self._reader.demodulator(candidate.profile)
-        profile, pilots = demodulator.profile, make_pilots(self._key)
-        tier = math.log2(candidate.step / profile.pilot_step(0))
-        nearest = min(max(round(tier), 0), (len(LEVELS) - 1) // TIER_LEVELS)
-        offset = TIER_LEVELS * (tier - nearest)
-        known = KnownCells(pilots.cells, candidate.step, pilots.expected(candidate.profile))
-        equaliser = Equaliser(demodulator.bands)
-        track = Track(position, self._nominal, demodulator, 0.0, equaliser, offset)
-        view = self._reader.view(tape, track)
-        expected = pilots.expected(candidate.profile)
-        _, delay, phases = path_of(score_phases(view, known, len(pilots.cells.dither)))
-        track.position += delay * self._nominal
-        view = self._reader.view(tape, track).turned(Equaliser(phases.size, phases).bins)
-        self._reader.move(track, search_fit(view, known.cells, known.step, expected, TURNED_GRID))
-        view = self._reader.view(tape, track)
-        numbers = range(nearest * TIER_LEVELS, (nearest + 1) * TIER_LEVELS)
-        levels = [number + offset for number in numbers]
-        for equaliser, level in likely_phases(demodulator, view, known, levels):
-            moved = replace(track, level=level, equaliser=equaliser)
-            brief = candidate.significance < SURE_TURNED
-            used = as_used(moved, view)
-            reading = demodulator.read(used, [level], offset=offset, due=False, brief=brief)
-            if reading.decoded.l0 is not None:
-                return self._lock(heard.mix, moved, view, reading)
-        return []
-
-    def _lock(
-        self, mix: ChannelMix, track: Track, raw: SuperframeView, reading: SuperframeReading
-    ) -> list[ReceivedSuperframe]:
+    def _lock(self, mix: ChannelMix, accepted: AcceptedAttempt) -> list[ReceivedSuperframe]:
         """Take a track that was found; where it agrees with the one before, that one goes on."""
         self._use(mix)
-        self._correct(track, raw, reading, wide=True)
-        reading = self._reader.complete(self._tape, track, reading)
+        track = accepted.track
+        self._correct(track, accepted.raw, accepted.reading, wide=True)
+        reading = self._reader.complete(self._tape, track, accepted.reading)
         known = self._track
         if known is not None and known.demodulator is track.demodulator:
             steps = round((track.position - known.position) / (SUPERFRAME * known.ratio))
@@ -508,7 +373,6 @@ class AudioReceiver:
                 self._reader.nudge(track, delay)
         self._search = None
         self._stretched.forget()
-        self._reset_guesses()
         self._track = track
         self._profile = track.demodulator.profile
         if self.first_lock_s is None:
@@ -545,10 +409,6 @@ class AudioReceiver:
     def _complete(self, track: Track) -> bool:
         end = track.position + (SUPERFRAME + HOP) * track.ratio + self._tape.reach(track.ratio)
         return end <= self._tape.end
-
-    @property
-    def _heard(self) -> _Heard:
-        return _Heard(self._tape, self._mix)
 
     def _follow(self, track: Track) -> list[ReceivedSuperframe]:
         """Read the superframe that is due; note whether it arrived."""

@@ -122,11 +122,22 @@ def _update_bits(
 
 @njit(cache=True)
 def _least(candidate: NDArray[np.float64], kept: int) -> NDArray[np.int64]:
-    """Return the places of the `kept` least values, ascending, equal ones in their old order."""
-    if candidate.size > FEW:
-        return np.argsort(candidate, kind="mergesort")[:kept]
+    """Return the places of the `kept` least values; of equal ones the first count.
+
+    Few are in ascending order, many in that of their places.
+    """
     order = np.empty(kept, dtype=np.int64)
     count = 0
+    if candidate.size > FEW:
+        limit = np.partition(candidate, kept - 1)[kept - 1]
+        room = kept - np.count_nonzero(candidate < limit)
+        for i in range(candidate.size):
+            equal = candidate[i] == limit and room > 0
+            if equal or candidate[i] < limit:
+                order[count] = i
+                count += 1
+            room -= equal
+        return order
     for i in range(candidate.size):
         if count == kept and candidate[i] >= candidate[order[count - 1]]:
             continue
@@ -149,8 +160,9 @@ def scl_decode(
 ) -> int:
     """Successive-cancellation list decoding of one polar codeword.
 
-    Fills words (list_size, N) with the decided input bits and metrics (list_size,) with the path
-    metrics, best path first; returns the number of paths. Positive llr means bit 0. Blocks with
+    Fills words (list_size, K) with the bits of the inputs that are not frozen and metrics
+    (list_size,) with the path metrics, best path first; returns the number of paths. Positive llr
+    means bit 0. Blocks with
     one input at most that is not frozen are decided as a whole: their metric is the sum over their
     ratios. Sources: Tal and Vardy 2015; metric of Balatsoukas-Stimming, Parizi and Burg 2015;
     blocks of Hashemi, Condo and Gross, "Fast simplified successive-cancellation list decoding of
@@ -160,21 +172,20 @@ def scl_decode(
     n = 0
     while (1 << n) < size:
         n += 1
-    alpha = np.zeros((list_size, 2 * size))
+    alpha = np.empty((list_size, 2 * size))
     alpha_row = np.zeros((list_size, n + 1), dtype=np.int64)
-    left = np.zeros((2 * list_size, size), dtype=np.uint8)
+    left = np.empty((2 * list_size, size), dtype=np.uint8)
     left_row = np.zeros((list_size, n + 1), dtype=np.int64)
     work = np.zeros(size, dtype=np.uint8)
     decided = np.zeros(list_size, dtype=np.uint8)
-    trace_bit = np.zeros((list_size, size), dtype=np.uint8)
-    trace_path = np.zeros((list_size, size), dtype=np.int64)
+    trace_bit = np.empty((list_size, size), dtype=np.uint8)
+    trace_path = np.empty((list_size, size), dtype=np.int64)
     new_alpha_row = np.zeros_like(alpha_row)
     new_left_row = np.zeros_like(left_row)
     candidate = np.zeros(2 * list_size)
     metric = np.zeros(list_size)
     alpha[0, size:] = llr
     paths, phase = 1, 0
-    last = np.empty(size, dtype=np.int64)
     free = 0
     while phase < size:
         level = _next_node(frozen, phase, n)
@@ -203,16 +214,14 @@ def scl_decode(
                     new_left_row[q, v] = left_row[parent, v]
             alpha_row, new_alpha_row = new_alpha_row, alpha_row
             left_row, new_left_row = new_left_row, left_row
-            last[free] = phase - 1
             paths, free = kept, free + 1
         _update_bits(left, left_row, work, decided, phase - 1, level, n, paths)
     order = np.argsort(metric[:paths], kind="mergesort")
     for q in range(paths):
         p = order[q]
         metrics[q] = metric[p]
-        words[q] = 0
         for i in range(free - 1, -1, -1):
-            words[q, last[i]] = trace_bit[p, i]
+            words[q, i] = trace_bit[p, i]
             p = trace_path[p, i]
     return paths
 

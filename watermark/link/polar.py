@@ -96,11 +96,11 @@ class PolarCode:
         size = self.frozen.size
         mother = np.zeros(-(-self.length // size) * size)
         mother[: self.length] = llr
-        words = np.zeros((list_size, size), dtype=np.int64)
+        words = np.empty((list_size, self.message), dtype=np.int64)
         metrics = np.zeros(list_size)
         folded = np.ascontiguousarray(mother.reshape(-1, size).sum(axis=0))
         count = _kernels.scl_decode(folded, self.frozen, list_size, words, metrics)
-        return words[:count, self.frozen == 0]
+        return words[:count]
 
     def beliefs(self, llr: NDArray[np.float64]) -> NDArray[np.float64]:
         """Expect each coded bit by all others: mean of 1 for 0 and -1 for 1.

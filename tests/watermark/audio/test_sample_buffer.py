@@ -184,7 +184,7 @@ def test_a_stretch_is_searched_as_the_stream_is() -> None:
     tape = SampleBuffer()
     tape.append(mid)
     sound = tape.read(0.0, 4.0, mid.size // 4)
-    found = search_stretch(0, sound)
+    found = search_stretch(0, sound).best
     search, streamed, start = PilotSearch(0), [], 0
     while (count := search.needed) <= sound.size - start:
         candidate = search.process(sound[start : start + count])

@@ -10,7 +10,7 @@ from tests.watermark.audio.test_carrier import embed, host, payload
 from watermark.audio.follow.demodulate import Demodulator
 from watermark.audio.follow.stretched_path import Paths
 from watermark.audio.receiver import AudioReceiver
-from watermark.audio.search.hypotheses import Stretch
+from watermark.audio.search.sound_ring import Stretch
 from watermark.audio.search.stretched_search import find_stretched
 from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.masking import make_masker

@@ -62,6 +62,9 @@ CLOCK_ERRORS_PPM = np.concatenate(
 )
 """Clock errors tried; between them the ends of a superframe are at most 0.9 samples off."""
 
+EXACT_ERRORS_PPM = CLOCK_ERRORS_PPM[:5]
+"""Those tried where the clock is thought to be right: clocks err by less than these 240 ppm."""
+
 SEGMENT_FRAMES = 8
 """Frames whose pilots are summed as if the clock were right: 3 samples off at the largest error."""
 
@@ -110,8 +113,44 @@ class Candidate:
     significance: float
 
 
+@dataclass(frozen=True, slots=True)
+class StretchScores:
+    """What a stretch says of all places.
+
+    Attributes
+    ----------
+    best : Candidate or None
+        The likeliest place, if it is worth an attempt.
+    peaks : ndarray of int16, shape (pairs, n)
+        Scores of superframes by themselves.
+    first : int
+        Number of the first place of them, from the stretch's first sample on.
+    correlator : _Correlator
+        That made them.
+    """
+
+    best: Candidate | None
+    peaks: NDArray[np.int16]
+    first: int
+    correlator: "_Correlator"
+
+    def candidate(self, pair: int, place: int, significance: float) -> Candidate:
+        """Make a candidate of a place that evidence points to."""
+        period = range(place, self.peaks.shape[1], PERIOD)
+        best = max(period, key=lambda i: int(self.peaks[pair, i]))
+        score = significance * PARTS * DEVIATION
+        return self.correlator.candidate((pair, score, best, 0), self.first)
+
+
 class _Correlator:
     """Correlates soft values of pilots with those of all profiles.
+
+    Parameters
+    ----------
+    key : int
+        Seed of the layout.
+    errors : ndarray of float64, shape (n,)
+        Clock errors tried, ppm.
 
     Attributes
     ----------
@@ -123,8 +162,8 @@ class _Correlator:
         The first place of all, when silence stands before the first sample.
     """
 
-    def __init__(self, key: int) -> None:
-        pilots = make_pilots(key)
+    def __init__(self, key: int, errors: NDArray[np.float64]) -> None:
+        pilots, self._errors = make_pilots(key), errors
         self._slots = np.ascontiguousarray(pilots.slots.T)
         self._signs = np.ascontiguousarray(pilots.signs.transpose(2, 0, 1), dtype=np.int16)
         tiers = range(len(PILOT_STEPS))
@@ -132,12 +171,12 @@ class _Correlator:
         self.pairs = np.array(pairs, dtype=np.int64)
         frame = np.arange(FRAMES_PER_SUPERFRAME)
         middle = frame.reshape(-1, SEGMENT_FRAMES).mean(axis=1)
-        drift = np.round(CLOCK_ERRORS_PPM[:, np.newaxis] * 1e-6 * middle * ROW_HOP)
+        drift = np.round(errors[:, np.newaxis] * 1e-6 * middle * ROW_HOP)
         slack = int(np.abs(drift).max())
         self._shift = np.ascontiguousarray(drift + slack, dtype=np.int64)
-        penalty = np.minimum(CLOCK_PENALTY * np.abs(CLOCK_ERRORS_PPM), LARGEST_PENALTY)
+        penalty = np.minimum(CLOCK_PENALTY * np.abs(errors), LARGEST_PENALTY)
         self._penalty = np.round(PARTS * penalty).astype(np.int16)
-        self._lag = PERIOD + np.round(CLOCK_ERRORS_PPM * 1e-6 * PERIOD).astype(np.int64)
+        self._lag = PERIOD + np.round(errors * 1e-6 * PERIOD).astype(np.int64)
         self.oldest = len(WEIGHTS) * (int(self._lag.max()) + 1)
         span = (FRAMES_PER_SUPERFRAME - 1) * ROW_HOP
         self.kept, self.first = span + 2 * slack, -span - slack
@@ -196,7 +235,7 @@ class _Correlator:
         start = PLACE * (first + float(place)) + FIRST_PLACE
         return Candidate(
             start,
-            float(CLOCK_ERRORS_PPM[error]),
+            float(self._errors[error]),
             int(profile),
             int(tier),
             score / (PARTS * DEVIATION),
@@ -204,8 +243,8 @@ class _Correlator:
 
 
 @lru_cache(maxsize=4)
-def _make_correlator(key: int) -> _Correlator:
-    return _Correlator(key)
+def _make_correlator(key: int, *, exact: bool = False) -> _Correlator:
+    return _Correlator(key, EXACT_ERRORS_PPM if exact else CLOCK_ERRORS_PPM)
 
 
 def _turns(phases: NDArray[np.float64] | None) -> NDArray[np.complex64]:
@@ -273,7 +312,7 @@ class PilotSearch:
         return None if found is None else self._correlator.candidate(found, first)
 
 
-def pilot_places(key: int, sound: NDArray[np.float64]) -> NDArray[np.int8]:
+def pilot_places(key: int, sound: NDArray[np.float64], *, gain: float = 0.0) -> NDArray[np.int8]:
     """Soft values of pilots at all places of a stretch, in `PARTS`.
 
     Parameters
@@ -282,6 +321,8 @@ def pilot_places(key: int, sound: NDArray[np.float64]) -> NDArray[np.int8]:
         Seed of the layout.
     sound : ndarray of float64, shape (n,)
         Samples at 12 kHz.
+    gain : float
+        Doublings by which a gain moved all steps.
 
     Returns
     -------
@@ -295,13 +336,15 @@ def pilot_places(key: int, sound: NDArray[np.float64]) -> NDArray[np.int8]:
     rows = alive.shape[1] * TURNS.size
     soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, rows), dtype=np.int8)
     dither = make_pilots(key).cells.dither.astype(np.float32)
-    steps = np.array(PILOT_STEPS, dtype=np.float32)
+    steps = (2.0**gain * np.array(PILOT_STEPS)).astype(np.float32)
     _search_kernels.pilot_soft(projections, alive, _turns(None), dither, steps, 0, soft)
     return soft
 
 
-def search_stretch(key: int, sound: NDArray[np.float64]) -> Candidate | None:
-    """Best candidate among the superframes that lie whole in a stretch.
+def search_stretch(
+    key: int, sound: NDArray[np.float64], *, gain: float = 0.0, exact: bool = False
+) -> StretchScores:
+    """Score the superframes that lie whole in a stretch.
 
     Parameters
     ----------
@@ -309,9 +352,13 @@ def search_stretch(key: int, sound: NDArray[np.float64]) -> Candidate | None:
         Seed of the layout.
     sound : ndarray of float64, shape (n,)
         Samples at 12 kHz. Where it is longer than two superframes, scores are summed as ever.
+    gain : float
+        Doublings by which a gain moved all steps.
+    exact : bool
+        Whether only clocks that are nearly right are tried.
     """
-    correlator, soft = _make_correlator(key), pilot_places(key, sound)
-    rows = soft.shape[2]
+    correlator, soft = _make_correlator(key, exact=exact), pilot_places(key, sound, gain=gain)
+    rows, first = soft.shape[2], correlator.kept + correlator.first
     past, pairs = correlator.oldest, len(correlator.pairs)
     peaks = np.zeros((pairs, past + rows), dtype=np.int16)
     ceilings = np.zeros(pairs, dtype=np.float32) if rows - correlator.kept > PERIOD else None
@@ -325,7 +372,7 @@ def search_stretch(key: int, sound: NDArray[np.float64]) -> Candidate | None:
             candidate = correlator.candidate(found, row + correlator.first)
             if best is None or candidate.significance > best.significance:
                 best = candidate
-    return best
+    return StretchScores(best, peaks[:, correlator.oldest : past], first, correlator)
 
 
 class _Store:

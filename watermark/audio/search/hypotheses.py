@@ -1,88 +1,68 @@
-"""What may have happened to a sound in which the usual search finds nothing, one guess at a time.
+"""What may have happened to a sound in which the usual search finds nothing.
 
-In: a stretch of all channels; out: guesses in the order in which they are worth trying: bands
-turned in phase (a crossover, a rotator, a polarity), one channel inverted, late or alone, another
-gain, another speed, another duration at its pitch.
+In: a number of channels; out: all hypotheses, the likeliest first, each with its cost and with the
+pause after which it is worth trying again: bands turned in phase (a crossover, a rotator), one
+channel inverted, late or alone, another gain, another speed, another duration at its pitch.
 Specification: spec/audio-carrier.md, W35 and W42.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import Enum
 from fractions import Fraction
 
 import numpy as np
-import scipy.fft
-from numpy.typing import NDArray
 
 from watermark.audio.search.acquire import CLOCK_ERRORS_PPM
-from watermark.audio.search.pilot_scan import DECIMATION, LOW_REACH
-from watermark.audio.signal.mix import has_centre, weights_of
-from watermark.audio.signal.profile import FS, PILOT_STEPS
-from watermark.audio.signal.sample_buffer import REACH, SampleBuffer, StereoBuffer
+from watermark.audio.search.channel_mixes import LATE, MID, USUAL, kinds_of
+from watermark.audio.signal.profile import PILOT_STEPS
 
 STRETCH_S, SHORT_STRETCH_S = 2.2, 1.36
-"""Sound on which a guess is tried: a superframe and its successor, and one superframe, wherever
-they begin."""
+"""Sound on which a hypothesis is tried: a superframe and its successor, and one superframe,
+wherever they begin."""
 
-LARGEST_SPEED = 0.053
+LARGEST_SPEED = 0.062
 """Largest change of speed that is tried."""
 
-KNOWN_SPEEDS = (Fraction(25, 24), Fraction(24, 25), Fraction(26, 25), Fraction(25, 26))
-"""Films at 24 pictures a second, or 23.976, played at 25, and the way back, and what others mean by
-4 %: tried first."""
+FILM_SPEEDS = (Fraction(25, 24), Fraction(24, 25))
+"""Films at 24 pictures a second, or 23.976, played at 25, and the way back."""
 
-NEAR = 2
-"""Speeds nearest to the right one that are tried with those: clocks and tapes at 0.15 to 0.47 %."""
+OTHER_SPEEDS = (Fraction(26, 25), Fraction(25, 26))
+"""What others mean by 4 %."""
+
+NEAR_SPEED = 2.5e-3
+"""Part by which clocks and tapes run wrong, more than the usual search allows for: tried on either
+side with its own range, 0.1 to 0.4 %."""
+
+HALF, QUARTERS, EIGHTHS = (0.5,), (0.25, 0.75), (0.125, 0.375, 0.625, 0.875)
+"""Parts of a doubling of all steps by which a gain may have moved them: 20 dB double them."""
 
 GAIN_STEPS = 8
-"""Steps of pilots tried for each doubling: 2^(1/8) apart, soft values lose a tenth half-way."""
+"""Steps of pilots tried for each doubling where phases are turned, too: 2^(1/8) apart, soft values
+lose a tenth half-way."""
 
 GAIN_LADDER = range(-GAIN_STEPS, GAIN_STEPS * len(PILOT_STEPS))
-"""Those tried in sound of the usual loudness; 20 dB double the steps."""
+"""Those tried in sound of the usual loudness."""
 
 LADDER_PART = 10
 """Of those, how many share one attempt."""
 
-USUAL_RMS, GATE = 10 ** (-25 / 20), 0.1
-"""Root mean square of a programme of -23 LUFS, about, in blocks that have at least a tenth of the
-loudest one's."""
+ALWAYS_S, OFTEN_S, AT_TIMES_S, SELDOM_S = 1.1, 3.0, 5.0, 12.0
+"""Sound between two tries of turned bands, of what else is likely, of what is less, and of tens of
+possibilities."""
 
-LONGEST_SKEW = 48
-"""Samples by which one channel may be late."""
+COST_EXACT, COST_WIDE, COST_SHORT, COST_STRETCHED, COST_LATE = 9.0, 14.0, 5.0, 19.0, 12.0
+"""What a try costs: thousandths of a second of a core of the machine on which it was counted."""
 
-FINE = 8
-"""Parts of a sample to which that is found."""
-
-ALIKE = 1e-8
-"""Part of a mix's power by which another must differ from it: what is 80 dB softer than two
-channels of the same sound tells nothing else."""
-
-LEAST_LIKENESS = 4.0
-"""Ratio of the highest to the next correlation from which a skew is believed."""
+COST_SCAN, COST_STEP = 2.0, 1.3
+"""The same of a search blind to phase: of itself and of each step of pilots."""
 
 
-@dataclass(frozen=True, slots=True)
-class ChannelMix:
-    """How channels become the sound that is searched.
+class PilotHypothesis(Enum):
+    """How pilots are sought: as ever, each band at any phase, or in pieces."""
 
-    Attributes
-    ----------
-    weights : tuple of float
-        Of each channel.
-    skew : float
-        Samples by which the second channel is late.
-    """
-
-    weights: tuple[float, ...]
-    skew: float = 0.0
-
-    @property
-    def side(self) -> "ChannelMix | None":
-        """Mix of what the first channels have beside this one, None for one that is no mid."""
-        left, right, *rest = self.weights if len(self.weights) > 1 else (1.0, 0.0)
-        if abs(left) != abs(right) or any(rest):
-            return None
-        return ChannelMix((left, -right, *rest), self.skew)
+    PLAIN = "plain"
+    TURNED = "turned"
+    STRETCHED = "stretched"
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,143 +71,100 @@ class ChannelHypothesis:
 
     Attributes
     ----------
-    mix : ChannelMix
-        Sound in which to search.
-    steps : tuple of tuple of float
-        Steps that pilots may have in a search blind to phase, each part for itself; none for the
-        usual search.
+    name : str
+        What happened to the sound.
+    pause_s : float
+        Sound after which it is worth trying again.
+    cost : float
+        See `COST_EXACT`.
+    mix : str
+        Kind of the mix in which to search, see `watermark.audio.search.channel_mixes`.
+    kind : PilotHypothesis
+        How pilots are sought.
     speed : float
         Samples that come for one of the mark's own.
+    gain : float
+        Doublings by which a gain moved all steps.
+    steps : tuple of float
+        Steps that turned pilots may have.
+    exact : bool
+        Whether the clock is right but for what clocks err by: scores of stretches then add up.
     stretch_s : float
         Sound in which to search, seconds.
-    stretched : bool
-        Whether its duration was changed at its pitch.
     """
 
-    mix: ChannelMix
-    steps: tuple[tuple[float, ...], ...] = (PILOT_STEPS,)
+    name: str
+    pause_s: float
+    cost: float
+    mix: str = MID
+    kind: PilotHypothesis = PilotHypothesis.PLAIN
     speed: float = 1.0
+    gain: float = 0.0
+    steps: tuple[float, ...] = ()
+    exact: bool = True
     stretch_s: float = STRETCH_S
-    stretched: bool = False
 
 
-class Stretch:
-    """A mix that is searched again and again, as it is and as the search's sound.
-
-    Parameters
-    ----------
-    tape : StereoBuffer
-        The mix and its side.
-    nominal : float
-        Samples that come for one of the mark's own at its usual speed.
-    """
-
-    def __init__(self, tape: StereoBuffer, nominal: float) -> None:
-        self.tape, self._low = tape, SampleBuffer()
-        step, count = DECIMATION * nominal, tape.end - tape.first
-        self._low.append(tape.read(tape.first, step, int(count / step), LOW_REACH))
-
-    def low(self, speed: float, seconds: float) -> NDArray[np.float64]:
-        """Return the first seconds at the search's rate, as if they came at some speed."""
-        count = min(int(seconds * FS / DECIMATION), self._low.end)
-        return self._low.read(0.0, speed, int(count / speed), LOW_REACH)
-
-
-def usual_mix(channels: int) -> ChannelMix:
-    """Return the mix that is marked."""
-    return ChannelMix(weights_of(channels))
-
-
-def make_guesses(
-    sound: NDArray[np.float64], *, again: bool = False, thorough: bool
-) -> Iterator[ChannelHypothesis]:
-    """Guess about a stretch of sound, shape (n, channels).
-
-    After the first round `again` for another duration at the same pitch, too; thoroughly at all
-    speeds.
-    """
-    channels = sound.shape[1]
-    plain = usual_mix(channels)
-    for mix in _other_mixes(sound):
-        yield ChannelHypothesis(mix)
-    gain = usual_gain(sound)
-    usual = ChannelMix(tuple(gain * weight for weight in plain.weights))
+def make_hypotheses(channels: int) -> tuple[ChannelHypothesis, ...]:
+    """List what a sound of so many channels is tried for, the likeliest first."""
+    turned, pieces = PilotHypothesis.TURNED, PilotHypothesis.STRETCHED
     ladder = [PILOT_STEPS[0] * 2 ** (i / GAIN_STEPS) for i in GAIN_LADDER]
-    parts = range(0, len(ladder), LADDER_PART)
-    yield ChannelHypothesis(
-        usual, tuple(tuple(ladder[first : first + LADDER_PART]) for first in parts)
-    )
-    for speed in likely_speeds():
-        yield ChannelHypothesis(plain, (), speed)
-    if again:
-        yield ChannelHypothesis(plain, stretched=True)
-    for speed in speeds()[NEAR:] if thorough else ():
-        yield ChannelHypothesis(plain, (), speed, SHORT_STRETCH_S)
+    parts = [ladder[i : i + LADDER_PART] for i in range(0, len(ladder), LADDER_PART)]
+    found = [
+        _turned("turned", ALWAYS_S, MID, PILOT_STEPS),
+        *(_gained(gain, OFTEN_S) for gain in HALF),
+        *(
+            ChannelHypothesis(kind, AT_TIMES_S, COST_LATE if kind == LATE else COST_EXACT, kind)
+            for kind in kinds_of(channels)
+        ),
+        *(_film(speed, AT_TIMES_S) for speed in FILM_SPEEDS),
+        ChannelHypothesis("weak", OFTEN_S, COST_EXACT),
+        ChannelHypothesis("stretched", OFTEN_S, COST_STRETCHED, kind=pieces, exact=False),
+        *(_near(sign) for sign in (1, -1)),
+        *(_gained(gain, AT_TIMES_S) for gain in QUARTERS),
+        *(_film(speed, AT_TIMES_S) for speed in OTHER_SPEEDS),
+        *(_turned(f"turned, gain {n}", SELDOM_S, USUAL, part) for n, part in enumerate(parts)),
+        *(_gained(gain, SELDOM_S) for gain in EIGHTHS),
+        *(
+            ChannelHypothesis(
+                f"speed {1 / speed:.4f}", SELDOM_S, COST_SHORT, speed=speed, exact=False,
+                stretch_s=SHORT_STRETCH_S,
+            )
+            for speed in speeds()
+        ),
+    ]  # fmt: skip
+    assert {one.kind for one in found} == {turned, pieces, PilotHypothesis.PLAIN}
+    return tuple(found)
 
 
-def usual_gain(sound: NDArray[np.float64]) -> float:
-    """Return the factor that brings a stretch, shape (n, channels), to a usual loudness."""
-    mid = sound @ np.array(weights_of(sound.shape[1]))
-    blocks = mid[: mid.size // 2400 * 2400].reshape(-1, 2400)
-    rms = np.sqrt((blocks**2).mean(axis=1))
-    loud = rms[rms >= GATE * rms.max()]
-    return float(USUAL_RMS / max(np.sqrt((loud**2).mean()), 1e-7))
+def _turned(
+    name: str, pause_s: float, mix: str, steps: tuple[float, ...] | list[float]
+) -> ChannelHypothesis:
+    cost = COST_SCAN + COST_STEP * len(steps)
+    kind = PilotHypothesis.TURNED
+    return ChannelHypothesis(name, pause_s, cost, mix, kind, steps=tuple(steps), exact=False)
 
 
-def likely_speeds() -> list[float]:
-    """List samples that come for one of the mark's own: one over a film's speeds, and near 1."""
-    return [*(float(1 / speed) for speed in KNOWN_SPEEDS), *speeds()[:NEAR]]
+def _gained(gain: float, pause_s: float) -> ChannelHypothesis:
+    return ChannelHypothesis(f"gain {gain:g}", pause_s, COST_EXACT, gain=gain)
+
+
+def _film(speed: Fraction, pause_s: float) -> ChannelHypothesis:
+    return ChannelHypothesis(f"speed {speed}", pause_s, COST_EXACT, speed=float(1 / speed))
+
+
+def _near(sign: int) -> ChannelHypothesis:
+    speed = 1 + sign * NEAR_SPEED
+    name = f"speed {1 / speed:.4f}"
+    return ChannelHypothesis(name, AT_TIMES_S, COST_WIDE, speed=speed, exact=False)
 
 
 def speeds() -> list[float]:
-    """List samples that come for one of the mark's own: a grid without gaps, from 1 on."""
-    reach = CLOCK_ERRORS_PPM.max() * 1e-6
-    count = int(np.ceil((LARGEST_SPEED - reach) / (2 * reach)))
-    return [1 + sign * 2 * reach * n for n in range(1, count + 1) for sign in (1, -1)]
+    """List samples that come for one of the mark's own: a grid that goes on without gaps.
 
-
-def _other_mixes(sound: NDArray[np.float64]) -> Iterator[ChannelMix]:
-    """Yield mixes that differ from the usual one and from each other by more than a factor."""
-    channels = sound.shape[1]
-    if channels == 1:
-        return
-    rest = (0.0,) * (channels - 2)
-    found = _find_skew(sound[:, 0], sound[:, 1])
-    if found is not None and found[1] != 0:
-        yield ChannelMix((0.5, 0.5 * found[0], *rest), found[1])
-    others = [(0.5, -0.5, *rest), (1.0, 0.0, *rest), (0.0, 1.0, *rest)]
-    if channels > 2:
-        others.append((0.5, 0.5, *rest))
-    if has_centre(channels):
-        others.append((0.0, 0.0, 1.0, *rest[1:]))
-    products = sound.T @ sound
-    tried = [np.array(weights_of(channels))]
-    for weights in map(np.array, others):
-        power = weights @ products @ weights
-        apart = [[d @ products @ d for d in (weights - old, weights + old)] for old in tried]
-        if power > 0 and min(map(min, apart)) > ALIKE * power:
-            tried.append(weights)
-            yield ChannelMix(tuple(map(float, weights)))
-
-
-def _find_skew(left: NDArray[np.float64], right: NDArray[np.float64]) -> tuple[int, float] | None:
-    """Sign and lateness of right against left, None where nothing tells.
-
-    Source: phase transform, Knapp and Carter, IEEE Trans. ASSP 24(4), 1976.
+    It begins where the range of `NEAR_SPEED` ends, and has the nearest to 1 first.
     """
-    transforms = [scipy.fft.rfft(channel.astype(np.float32)) for channel in (left, right)]
-    cross = transforms[0].conj() * transforms[1]
-    magnitude = np.abs(cross)
-    if not magnitude.any():
-        return None
-    cross /= magnitude + np.float32(1e-3) * magnitude.mean()
-    likeness = scipy.fft.irfft(cross, left.size)
-    reach, margin = LONGEST_SKEW * FINE, LONGEST_SKEW + REACH + 1
-    tape = SampleBuffer(-margin)
-    tape.append(np.concatenate([likeness[-margin:], likeness[: margin + 1]]).astype(np.float64))
-    near = tape.read(-LONGEST_SKEW, 1 / FINE, 2 * reach + 1)
-    peak = int(np.abs(near).argmax())
-    others = np.delete(near, np.arange(max(peak - 4 * FINE, 0), peak + 4 * FINE + 1) % near.size)
-    if np.abs(near[peak]) < LEAST_LIKENESS * np.sqrt(np.mean(others**2)):
-        return None
-    return (1 if near[peak] > 0 else -1), (peak - reach) / FINE
+    reach = float(CLOCK_ERRORS_PPM.max()) * 1e-6
+    count = int(np.ceil((LARGEST_SPEED - NEAR_SPEED - reach) / (2 * reach)))
+    away = [NEAR_SPEED + 2 * reach * n for n in range(1, count + 1)]
+    return [1 + sign * far for far in away for sign in (1, -1)]

@@ -6,12 +6,12 @@ six slots, noise gains less by that than turned pilots do.
 Specification: spec/audio-carrier.md, W41.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.search.evidence import Evidence
 from watermark.audio.search.pilot_scan import CENTRE, DECIMATION, ROWS_PER_FRAME, STRIDE, make_sight
 from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, PROFILES
@@ -21,6 +21,12 @@ TURNS = 12
 
 LEAST_SIGNIFICANCE = 5.5
 """Standard deviations above the mean of all places from which one is worth an attempt."""
+
+ROW = DECIMATION * STRIDE
+"""Samples at 48 kHz between two places."""
+
+PERIOD = FRAMES_PER_SUPERFRAME * ROWS_PER_FRAME
+"""Places of a superframe."""
 
 PAIR = float(np.sqrt(0.5))
 """Weight of the scores of two superframes in a row: their sum is as rare then as one by itself."""
@@ -60,23 +66,48 @@ class RotatedSearch:
         self._turn = np.exp(1j * angle).astype(np.complex64)
 
     def find(
-        self, sound: NDArray[np.float64], parts: tuple[tuple[float, ...], ...]
-    ) -> Iterator[RotatedCandidate]:
-        """Likeliest place in `sound`, samples at 12 kHz, of pilots of the steps of each part."""
+        self, sound: NDArray[np.float64], steps: tuple[float, ...], evidence: Evidence, first: float
+    ) -> list[RotatedCandidate]:
+        """Likeliest places of pilots of some steps: in a stretch, and by all stretches so far.
+
+        Parameters
+        ----------
+        sound : ndarray of float64, shape (n,)
+            Samples at 12 kHz, two superframes at least.
+        steps : tuple of float
+            Tried.
+        evidence : Evidence
+            Of the stretches before, of the same steps; this one is added.
+        first : float
+            Samples of the mark before this stretch.
+        """
         sight = make_sight(self._key)
         projections, alive, _ = sight.look(sound.astype(np.float32), sight.silence)
-        if projections.shape[1] < FRAMES_PER_SUPERFRAME * ROWS_PER_FRAME:
-            return
-        for steps in parts:
-            found = (self._best(projections, alive, step) for step in steps)
-            best = max(found, key=lambda candidate: candidate.significance)
-            if best.significance > LEAST_SIGNIFICANCE:
-                yield best
+        places = projections.shape[1] - (FRAMES_PER_SUPERFRAME - 1) * ROWS_PER_FRAME
+        if places < PERIOD:
+            return []
+        scores = np.concatenate([self._scores(projections, alive, step) for step in steps])
+        paired = scores.copy()
+        pairs = PAIR * (scores[:, :-PERIOD] + scores[:, PERIOD:])
+        paired[:, :-PERIOD] = np.maximum(scores[:, :-PERIOD], pairs)
+        row, place = np.unravel_index(int(paired.argmax()), paired.shape)
+        likely = [(int(row), int(place), float(paired[row, place]))]
+        row, place, significance = evidence.add(scores, round(first / ROW), PERIOD)
+        place = max(range(place, places, PERIOD), key=lambda i: float(scores[row, i]))
+        if (row, place) != likely[0][:2]:
+            likely.append((row, place, significance))
+        return [
+            RotatedCandidate(
+                ROW * float(place) - CENTRE, row % len(PROFILES), steps[row // len(PROFILES)], found
+            )
+            for row, place, found in likely
+            if found > LEAST_SIGNIFICANCE
+        ]
 
-    def _best(
+    def _scores(
         self, projections: NDArray[np.complex64], alive: NDArray[np.float32], step: float
-    ) -> RotatedCandidate:
-        """Likeliest place of pilots of one step."""
+    ) -> NDArray[np.float32]:
+        """Deviations of all places from their mean for pilots of one step, by profile."""
         from watermark.audio.search import _search_kernels
 
         places = projections.shape[1] - (FRAMES_PER_SUPERFRAME - 1) * ROWS_PER_FRAME
@@ -87,11 +118,5 @@ class RotatedSearch:
         )  # fmt: skip
         score = sums.astype(np.float32)
         score -= score.mean(axis=1, keepdims=True)
-        score /= score.std(axis=1, keepdims=True) + 1e-9
-        period = FRAMES_PER_SUPERFRAME * ROWS_PER_FRAME
-        if places > period:
-            pairs = PAIR * (score[:, :-period] + score[:, period:])
-            score[:, :-period] = np.maximum(score[:, :-period], pairs)
-        profile, place = np.unravel_index(int(score.argmax()), score.shape)
-        start = DECIMATION * STRIDE * float(place) - CENTRE
-        return RotatedCandidate(start, int(profile), step, float(score[profile, place]))
+        score /= score.std(axis=1, keepdims=True) + np.float32(1e-9)
+        return score

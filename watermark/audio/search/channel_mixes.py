@@ -1,0 +1,150 @@
+"""How channels become the sound that is searched: the usual mid, and what may bear it instead.
+
+In: a stretch of all channels; out: the mix of a kind, where it differs from those tried before it.
+Specification: spec/audio-carrier.md, W42.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+
+from watermark.audio.signal.mix import has_centre, weights_of
+from watermark.audio.signal.sample_buffer import REACH, SampleBuffer
+
+LONGEST_SKEW = 1440
+"""Samples by which one channel may be late: 30 ms at 48 kHz."""
+
+FINE = 8
+"""Parts of a sample to which that is found."""
+
+ALIKE = 1e-8
+"""Part of a mix's power by which another must differ from it: what is 80 dB softer than two
+channels of the same sound tells nothing else."""
+
+LEAST_LIKENESS = 6.0
+"""Ratio of the highest correlation to the others' mean power from which a skew is believed: of
+23000 delays of unlike channels, noise's highest has some 4.5."""
+
+USUAL_RMS, GATE = 10 ** (-25 / 20), 0.1
+"""Root mean square of a programme of -23 LUFS, about, in blocks that have at least a tenth of the
+loudest one's."""
+
+MID, USUAL, LATE, SIDE, LEFT, RIGHT, CENTRE = (
+    "mid", "usual loudness", "late", "side", "left", "right", "centre"
+)  # fmt: skip
+"""Kinds of mixes: that which is marked; the same at a usual loudness; with one channel late; with
+one inverted; channels alone."""
+
+PAIR = "pair"
+"""Left and right of more channels than two."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelMix:
+    """How channels become the sound that is searched.
+
+    Attributes
+    ----------
+    weights : tuple of float
+        Of each channel.
+    skew : float
+        Samples by which the second channel is late.
+    """
+
+    weights: tuple[float, ...]
+    skew: float = 0.0
+
+    @property
+    def side(self) -> "ChannelMix | None":
+        """Mix of what the first channels have beside this one, None for one that is no mid."""
+        left, right, *rest = self.weights if len(self.weights) > 1 else (1.0, 0.0)
+        if abs(left) != abs(right) or any(rest):
+            return None
+        return ChannelMix((left, -right, *rest), self.skew)
+
+
+def usual_mix(channels: int) -> ChannelMix:
+    """Return the mix that is marked."""
+    return ChannelMix(weights_of(channels))
+
+
+def kinds_of(channels: int) -> tuple[str, ...]:
+    """Return the kinds of mixes, other than the usual one, that so many channels may have."""
+    if channels == 1:
+        return ()
+    kinds = (LATE, SIDE, LEFT, RIGHT)
+    return (
+        *kinds,
+        *((PAIR,) if channels > 2 else ()),
+        *((CENTRE,) if has_centre(channels) else ()),
+    )
+
+
+def find_mix(kind: str, sound: NDArray[np.float64]) -> ChannelMix | None:
+    """Return the mix of a kind for a stretch of sound, shape (n, channels).
+
+    None where it would be silent, or the same but for a factor as one of the kinds before it.
+    """
+    channels = sound.shape[1]
+    plain = usual_mix(channels)
+    if kind == MID:
+        return plain
+    if kind == USUAL:
+        gain = usual_gain(sound)
+        return ChannelMix(tuple(gain * weight for weight in plain.weights))
+    rest = (0.0,) * (channels - 2)
+    if kind == LATE:
+        found = _find_skew(sound[:, 0], sound[:, 1])
+        if found is None or found[1] == 0:
+            return None
+        return ChannelMix((0.5, 0.5 * found[0], *rest), found[1])
+    fixed = {SIDE: (0.5, -0.5, *rest), LEFT: (1.0, 0.0, *rest), RIGHT: (0.0, 1.0, *rest)}
+    if channels > 2:
+        fixed[PAIR] = (0.5, 0.5, *rest)
+    if has_centre(channels):
+        fixed[CENTRE] = (0.0, 0.0, 1.0, *rest[1:])
+    earlier = [plain.weights, *list(fixed.values())[: list(fixed).index(kind)]]
+    products = sound.T @ sound
+
+    def power(weights: NDArray[np.float64]) -> float:
+        return float(weights @ products @ weights)
+
+    own = np.array(fixed[kind])
+    apart = (min(power(own - np.array(w)), power(own + np.array(w))) for w in earlier)
+    if not power(own) > 0 or min(apart) <= ALIKE * power(own):
+        return None
+    return ChannelMix(fixed[kind])
+
+
+def usual_gain(sound: NDArray[np.float64]) -> float:
+    """Return the factor that brings a stretch, shape (n, channels), to a usual loudness."""
+    mid = sound @ np.array(weights_of(sound.shape[1]))
+    blocks = mid[: mid.size // 2400 * 2400].reshape(-1, 2400)
+    rms = np.sqrt((blocks**2).mean(axis=1))
+    loud = rms[rms >= GATE * rms.max()]
+    return float(USUAL_RMS / max(np.sqrt((loud**2).mean()), 1e-7))
+
+
+def _find_skew(left: NDArray[np.float64], right: NDArray[np.float64]) -> tuple[int, float] | None:
+    """Sign and lateness of right against left, None where nothing tells.
+
+    Source: phase transform, Knapp and Carter, IEEE Trans. ASSP 24(4), 1976.
+    """
+    transforms = [scipy.fft.rfft(channel.astype(np.float32)) for channel in (left, right)]
+    cross = transforms[0].conj() * transforms[1]
+    magnitude = np.abs(cross)
+    if not magnitude.any():
+        return None
+    cross /= magnitude + np.float32(1e-3) * magnitude.mean()
+    likeness = scipy.fft.irfft(cross, left.size)
+    reach, margin = LONGEST_SKEW * FINE, LONGEST_SKEW + REACH + 1
+    tape = SampleBuffer(-margin)
+    tape.append(np.concatenate([likeness[-margin:], likeness[: margin + 1]]).astype(np.float64))
+    near = tape.read(-LONGEST_SKEW, 1 / FINE, 2 * reach + 1)
+    peak = int(np.abs(near).argmax())
+    others = np.delete(near, np.arange(max(peak - 4 * FINE, 0), peak + 4 * FINE + 1) % near.size)
+    if np.abs(near[peak]) < LEAST_LIKENESS * np.sqrt(np.mean(others**2)):
+        return None
+    return (1 if near[peak] > 0 else -1), (peak - reach) / FINE

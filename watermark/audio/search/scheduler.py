@@ -1,0 +1,83 @@
+"""Which hypothesis is tried next, and how much is spent on them.
+
+In: the time, second by second of sound; out: the hypothesis whose pause has run out longest, as
+long as the allowance pays for it. The spend of a second of sound is the same in the first minute
+and after hours; what was read before on this set comes first, and more often.
+Cost: that of what is tried, `SPEND` of every second of sound.
+"""
+
+from dataclasses import dataclass, field
+
+from watermark.audio.search.evidence import Evidence
+from watermark.audio.search.hypotheses import ChannelHypothesis, make_hypotheses
+
+SPEND = 60.0
+"""Costs of tries that a second of sound pays for, see `hypotheses.COST_EXACT`."""
+
+SAVED_S = 2.2
+"""Sound whose allowance may be saved: what was not spent before is not spent at once later."""
+
+REPEATED = 3.0
+"""Factor by which what was read on this set is tried more often."""
+
+
+@dataclass(slots=True)
+class _Entry:
+    """A hypothesis, when it was tried last, whether it was read, and its evidence."""
+
+    hypothesis: ChannelHypothesis
+    tried_s: float
+    evidence: Evidence = field(default_factory=Evidence)
+    read: bool = False
+
+    def waited(self, now_s: float) -> float:
+        """Pauses since the last try."""
+        pause_s = self.hypothesis.pause_s / (REPEATED if self.read else 1.0)
+        return (now_s - self.tried_s) / pause_s
+
+
+@dataclass(slots=True)
+class HypothesisScheduler:
+    """Chooses what to try.
+
+    Parameters
+    ----------
+    channels : int
+        Of the sound.
+    """
+
+    channels: int
+    _entries: list[_Entry] = field(init=False)
+    _allowance: float = field(default=0.0, init=False)
+
+    def __post_init__(self) -> None:
+        # One pause has run out for each at the start: they are tried in their order.
+        self._entries = [_Entry(one, -one.pause_s) for one in make_hypotheses(self.channels)]
+
+    def earn(self, sound_s: float) -> None:
+        """Add the allowance of so much sound."""
+        self._allowance = min(self._allowance + SPEND * sound_s, SPEND * SAVED_S)
+
+    def next(self, now_s: float) -> ChannelHypothesis | None:
+        """Return what to try at a time of the sound; None where nothing is due or paid for."""
+        best = max(self._entries, key=lambda entry: (entry.waited(now_s), entry.read))
+        if best.waited(now_s) < 1.0 or self._allowance < best.hypothesis.cost:
+            return None
+        self._allowance -= best.hypothesis.cost
+        best.tried_s = now_s
+        return best.hypothesis
+
+    def waiting(self, now_s: float) -> int:
+        """Return how many hypotheses are due and were not tried yet."""
+        return sum(entry.waited(now_s) >= 1.0 for entry in self._entries)
+
+    def evidence(self, hypothesis: ChannelHypothesis) -> Evidence:
+        """Return what stretches said so far, if a hypothesis is true."""
+        return self._find(hypothesis).evidence
+
+    def remember(self, hypothesis: ChannelHypothesis) -> None:
+        """Note that a mark was read under a hypothesis."""
+        self._find(hypothesis).read = True
+
+    def _find(self, hypothesis: ChannelHypothesis) -> _Entry:
+        return next(entry for entry in self._entries if entry.hypothesis is hypothesis)

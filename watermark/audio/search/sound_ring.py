@@ -1,0 +1,106 @@
+"""The last seconds of all channels, and mixes of them, at any speed.
+
+In: blocks of samples; out: a mix, appended to a tape that is followed, or a stretch of one that is
+searched again and again. Memory: `forget` bounds it.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.audio.search.channel_mixes import ChannelMix
+from watermark.audio.search.pilot_scan import DECIMATION, LOW_REACH
+from watermark.audio.signal.profile import FS
+from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
+
+
+class Stretch:
+    """A mix that is searched again and again, as it is and as the search's sound.
+
+    Parameters
+    ----------
+    tape : StereoBuffer
+        The mix and its side.
+    nominal : float
+        Samples that come for one of the mark's own at its usual speed.
+    """
+
+    def __init__(self, tape: StereoBuffer, nominal: float) -> None:
+        self.tape, self._low = tape, SampleBuffer()
+        step, count = DECIMATION * nominal, tape.end - tape.first
+        self._low.append(tape.read(tape.first, step, int(count / step), LOW_REACH))
+
+    def low(self, speed: float, seconds: float) -> NDArray[np.float64]:
+        """Return the first seconds at the search's rate, as if they came at some speed."""
+        count = min(int(seconds * FS / DECIMATION), self._low.end)
+        return self._low.read(0.0, speed, int(count / speed), LOW_REACH)
+
+
+class SoundRing:
+    """Channels as they arrive.
+
+    Parameters
+    ----------
+    channels : int
+        How many.
+    nominal : float
+        Samples that come for one of the mark's own.
+    """
+
+    def __init__(self, channels: int, nominal: float) -> None:
+        self._sounds = [SampleBuffer() for _ in range(channels)]
+        self._nominal = nominal
+        self._kept: tuple[ChannelMix, int, Stretch] | None = None
+
+    @property
+    def first(self) -> int:
+        """The oldest sample that is remembered."""
+        return self._sounds[0].first
+
+    @property
+    def end(self) -> int:
+        """The number of samples that have arrived."""
+        return self._sounds[0].end
+
+    def append(self, block: NDArray[np.float64]) -> None:
+        """Add samples, shape (n, channels)."""
+        for sound, channel in zip(self._sounds, block.T, strict=True):
+            sound.append(channel)
+
+    def forget(self, before: int) -> None:
+        """Drop all samples with an index below `before`."""
+        for sound in self._sounds:
+            sound.forget(before)
+
+    def read(self, start: int, count: int) -> NDArray[np.float64]:
+        """Return all channels, shape (count, channels)."""
+        return np.stack([sound.read(start, 1.0, count) for sound in self._sounds], axis=1)
+
+    def extend(self, tape: StereoBuffer, mix: ChannelMix, now: int) -> None:
+        """Append to a tape what is known of a mix at a time."""
+        skew = mix.skew
+        known = now - (math.ceil(abs(skew)) + tape.reach(1.0) if skew else 0)
+        if known > tape.end:
+            self._append(tape, mix, known - tape.end)
+
+    def stretch(self, mix: ChannelMix, start: int, count: int) -> Stretch:
+        """Return a mix from `start` on; the last one is kept."""
+        if self._kept is None or self._kept[:2] != (mix, start):
+            tape = StereoBuffer(start)
+            self._append(tape, mix, count)
+            self._kept = mix, start, Stretch(tape, self._nominal)
+        return self._kept[2]
+
+    def _append(self, tape: StereoBuffer, mix: ChannelMix, count: int) -> None:
+        """Append a mix, and what is beside it."""
+        beside = self._mixed(mix.side, tape.end, count) if mix.side else np.zeros(count)
+        tape.append_pair(self._mixed(mix, tape.end, count), beside)
+
+    def _mixed(self, mix: ChannelMix, start: int, count: int) -> NDArray[np.float64]:
+        out = np.zeros(count)
+        for channel, (weight, sound) in enumerate(zip(mix.weights, self._sounds, strict=True)):
+            if weight:
+                late = mix.skew if channel == 1 else 0.0
+                out += weight * sound.read(start + late, 1.0, count)
+        return out
