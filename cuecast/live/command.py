@@ -20,7 +20,7 @@ from cuecast.live.lines import piped_lines
 from cuecast.live.pcm import PcmForm
 from cuecast.live.playout import Playout, Route
 from cuecast.live.server import PlayoutServer
-from cuecast.live.sound import LiveOptions
+from cuecast.live.sound_run import LiveOptions
 from cuecast.live.worker import Cuer
 
 
@@ -60,6 +60,7 @@ def run_playout(args: argparse.Namespace) -> int:
         ),
         options,
         log,
+        standby=not args.no_standby,
     )  # fmt: skip
     with _stopping(playout):
         if args.text == PIPE:

@@ -24,7 +24,7 @@ from cuecast.live.packets import (
     room,
     step,
 )
-from cuecast.live.sound import MarkedPes
+from cuecast.live.sound_run import MarkedPes
 from cuecast.media.subtitles import FRENCH
 from cuecast.media.tables import (
     NULL_PID,

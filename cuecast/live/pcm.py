@@ -18,7 +18,7 @@ from cuecast.dubbing.coder_stream import make_rehearsal
 from cuecast.dubbing.dub import superframe_source
 from cuecast.dubbing.motions import MotionSource
 from cuecast.live.multiplex import Send
-from cuecast.live.sound import LiveOptions, Shifted
+from cuecast.live.sound_run import LiveOptions, Shifted
 from cuecast.media.encode import as_samples
 from watermark.audio.embed.embedder import AudioEmbedder
 from watermark.audio.signal.mix import check_format

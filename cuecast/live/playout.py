@@ -18,7 +18,7 @@ from cuecast.live.lines import Input, Output
 from cuecast.live.multiplex import Aligner, Multiplex
 from cuecast.live.pcm import PcmForm, PcmPassage
 from cuecast.live.readiness import STATES, Announcer, Condition, Observation, condition_of
-from cuecast.live.sound import LiveOptions
+from cuecast.live.sound_run import LiveOptions
 from cuecast.live.worker import Cuer, Worker, WorkerNote
 
 DELAY_S, LOW_DELAY_S = 5.0, 2.5
@@ -55,7 +55,12 @@ _HELP = {
     "bypass_seconds_total": ("counter", "Sound that went out as it was."),
     "bypasses_total": ("counter", "Changes from marked sound to bypass."),
     "stale_packets_total": ("counter", "Marked packets that came too late."),
-    "restarts_total": ("counter", "Starts of the marking process after its end."),
+    "restarts_total": ("counter", "Marking processes that ended or were given up."),
+    "takeovers_total": ("counter", "Times that the process which stood by took over."),
+    "stands_by": ("gauge", "1 while a second process could take over."),
+    "eased_total": ("counter", "Times that a busy machine led to marking without rehearsal."),
+    "eased": ("gauge", "1 while marks are not tried on a coder because the machine is busy."),
+    "joint_seconds_total": ("counter", "Sound coded again without a mark, up to a superframe."),
     "input_losses_total": ("counter", "Times that nothing came in for two seconds."),
     "superframes_total": ("counter", "Superframes that were written."),
     "damaged_frames_total": ("counter", "Frames of the sound that could not be decoded."),
@@ -97,6 +102,8 @@ class Playout:
     options : LiveOptions
     tell : callable
         Told what happens, a line each.
+    standby : bool
+        Whether a second marking process stands by where the input comes at its own pace.
 
     Attributes
     ----------
@@ -110,8 +117,9 @@ class Playout:
     """
 
     def __init__(
-        self, route: Route, cuer: Cuer, options: LiveOptions, tell: Callable[[str], None]
-    ) -> None:
+        self, route: Route, cuer: Cuer, options: LiveOptions, tell: Callable[[str], None],
+        *, standby: bool = True,
+    ) -> None:  # fmt: skip
         self._tell = tell
         self.delay_s = LOW_DELAY_S if options.low_delay else DELAY_S
         hold_s = 0.0
@@ -126,7 +134,7 @@ class Playout:
         if options.on_air_s is None and not paced:
             options = replace(options, on_air_s=time.time())
         options = replace(options, delay_s=self.delay_s)
-        self._worker = Worker(cuer, options, patience_s, hold_s)
+        self._worker = Worker(cuer, options, patience_s, hold_s, standby=standby and paced)
         self._aligner = Aligner()
         common: dict[str, Any] = {
             "tell": tell, "wait": (lambda: False) if paced else self._wait, "by_stream": not paced,
@@ -294,6 +302,8 @@ class Playout:
             "garbage_bytes_total": self._aligner.dropped,
             "datagrams_dropped_total": self._input.dropped,
             "restarts_total": self._worker.restarts,
+            "takeovers_total": self._worker.takeovers,
+            "stands_by": self._worker.stands_by,
             "marking": self._multiplex.marking,
             "held_bytes": self._multiplex.held_bytes,
             "state_changes_total": self._announcer.changes_total,

@@ -1,31 +1,22 @@
-"""The process that marks: what goes wrong in it, and how long it computes, stops no programme.
+"""The playout's side of the process that marks, and of one that stands by.
 
-The playout sends PES packets and live text, and takes marked PES packets. If the process dies it
-is started anew; meanwhile the programme passes as it is.
+The playout sends PES packets and live text, and takes marked PES packets. If the process dies, or
+gives nothing back although sound comes, the one that stands by takes its place: it is given the
+sound that has not gone out yet. Without one the process is started anew; meanwhile the programme
+passes as it is.
 """
 
-import importlib
-import os
 import queue
 import time
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from multiprocessing import get_context
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-
-from codec.errors import CueError
-from cuecast.command.files import PIPE
-from cuecast.live.packets import Pes
-from cuecast.live.pcm import MarkedPcm, PcmForm, PcmMarker
-from cuecast.live.sound import LiveOptions, MarkedPes, SoundMarker
-from cuecast.live.text import Caption, LiveMotion, read_caption
-from cuecast.media.timed_text import subtitles_of_packet
+from cuecast.live.pcm import MarkedPcm
+from cuecast.live.sound_run import LiveOptions, MarkedPes, RunClock
 from synth.planning.scoring.text_score import Reading
-
-if TYPE_CHECKING:
-    from cuecast.live.waiting import WaitingRoom
 
 _WAITING = 4000
 """Messages that may wait for the process: minutes of sound."""
@@ -33,23 +24,17 @@ _WAITING = 4000
 _RESTART_S = (1.0, 2.0, 5.0, 10.0, 30.0)
 """Seconds before a worker is started again, the first times; then as the last."""
 
-_REPORT_S = 1.0
-"""Seconds between reports of a worker."""
-
 _LINES = 400
 """Lines of an interpreter that may wait for the process."""
 
-_LOOK_S = 0.02
-"""How often the process looks for such lines."""
+_HUNG_S = 1.5
+"""Seconds in which a process that was marking gives nothing back although sound comes."""
 
-_CAUGHT_UP_S = 0.3
-"""Age of sound from which it is marked again, once some had to be passed over."""
+_HUNG_AGAIN_S = 60.0
+"""Seconds after the start of a process in which it is not given up for that."""
 
-_TRIAL_S = 1.0
-"""How long a process that is late tries to catch up before it passes sound over."""
-
-_GAIN = 1.0
-"""Seconds that it must catch up in a second for that."""
+_KEPT_MESSAGES = ("sound", "pcm", "subtitle", "caption")
+"""Kinds of messages that a process which takes over is given again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,14 +70,51 @@ class MarkedPiece:
 
 @dataclass(frozen=True, slots=True)
 class WorkerNote:
-    """Something to note, and figures by their names."""
+    """Something to note, figures by their names, and the clock of the sound under way."""
 
     line: str = ""
     figures: dict[str, float] = field(default_factory=dict)
+    clock: RunClock | None = None
+
+
+class MarkingProcess:
+    """One process that marks, with the ways to it and back."""
+
+    def __init__(self, arguments: tuple[Any, ...]) -> None:
+        # The process imports what it works with; the playout needs none of it.
+        from cuecast.live.marking import serve
+
+        context = get_context("spawn")
+        self.messages: Any = context.Queue(_WAITING)
+        self.lines: Any = context.Queue(_LINES)
+        self.results, theirs = context.Pipe(duplex=False)
+        self.process = context.Process(
+            target=serve, args=(*arguments, self.messages, self.lines, theirs), daemon=True
+        )
+        self.process.start()
+        theirs.close()
+        self.started_s = time.monotonic()
+        self.ready = False
+
+    def send(self, sent_s: float, *message: Any) -> None:
+        """Give it a message; one that is full of them gets none."""
+        try:
+            self.messages.put_nowait((sent_s, *message))
+        except (queue.Full, ValueError, OSError):
+            return
+
+    def close(self) -> None:
+        """End it."""
+        self.process.kill()
+        self.process.join(5.0)
+        for one in (self.messages, self.lines):
+            one.cancel_join_thread()
+            one.close()
+        self.results.close()
 
 
 class Worker:
-    """The playout's side of the process.
+    """The processes that mark for one playout.
 
     Parameters
     ----------
@@ -102,46 +124,62 @@ class Worker:
         Sound that has waited longer is passed over; None: all of it is marked.
     hold_s : float
         How long sound waits for a live interpreter.
+    standby : bool
+        Whether a second process stands by once the first one is ready.
+
+    Attributes
+    ----------
+    restarts, takeovers : int
+        Processes that ended or were given up; those whose place was taken at once.
+    ready, was_ready, ended : bool
+        Whether the process can take sound; whether one could, ever; whether it has marked all.
     """
 
     def __init__(
-        self, cuer: Cuer, options: LiveOptions, patience_s: float | None, hold_s: float = 0.0
-    ) -> None:
+        self, cuer: Cuer, options: LiveOptions, patience_s: float | None, hold_s: float = 0.0,
+        *, standby: bool = False,
+    ) -> None:  # fmt: skip
         self._arguments = cuer, options, patience_s, hold_s
-        self._context = get_context("spawn")
-        self._process: Any = None
+        self._keeps_s = options.delay_s if standby else 0.0
+        self._process: MarkingProcess | None = MarkingProcess(self._arguments)
+        self._standby: MarkingProcess | None = None
+        self._sent: deque[tuple[float, tuple[Any, ...]]] = deque()
+        self._clock: RunClock | None = None
+        self._until: tuple[int, int] | None = None
+        self._answered_s: float | None = None
         self._failures = 0
         self._again_s = 0.0
-        self.restarts = 0
+        self.restarts = self.takeovers = 0
         self.ready = self.was_ready = self.ended = False
-        self._start()
 
-    def _start(self) -> None:
-        self._messages: Any = self._context.Queue(_WAITING)
-        self._lines: Any = self._context.Queue(_LINES)
-        self._results, theirs = self._context.Pipe(duplex=False)
-        self._process = self._context.Process(
-            target=_serve,
-            args=(*self._arguments, self._messages, self._lines, theirs),
-            daemon=True,
-        )
-        self._process.start()
-        theirs.close()
-        self.ready = False
+    @property
+    def alive(self) -> bool:
+        """Whether there is a process."""
+        return self._process is not None
+
+    @property
+    def stands_by(self) -> bool:
+        """Whether a second process could take over now."""
+        return self._standby is not None and self._standby.ready
 
     def send(self, *message: Any) -> None:
-        """Give the process a message; one that is full of them gets none."""
-        try:
-            self._messages.put_nowait((time.monotonic(), *message))
-        except (queue.Full, ValueError, OSError):
-            return
+        """Give the process a message."""
+        now_s = time.monotonic()
+        if self._keeps_s and message[0] in _KEPT_MESSAGES:
+            self._sent.append((now_s, message))
+            while self._sent[0][0] < now_s - self._keeps_s:
+                self._sent.popleft()
+        if self._process is not None:
+            self._process.send(now_s, *message)
 
     def interpret(self, line: bytes | None) -> None:
         """Give the process a line of an interpreter, None at their end; wait while it is full."""
         came_s = time.monotonic()
         while True:
+            process = self._process
             try:
-                self._lines.put((came_s, line), timeout=1.0)
+                if process is not None:
+                    process.lines.put((came_s, line), timeout=1.0)
                 return
             except (ValueError, OSError):
                 return
@@ -149,278 +187,114 @@ class Worker:
                 continue
 
     def results(self, wait_s: float = 0.0) -> Iterator[MarkedPiece | WorkerNote]:
-        """Yield what came back; start the process again if it died."""
+        """Yield what came back; let another process take over if this one died or hangs."""
+        self._look_after_standby()
         if self._process is None:
             if time.monotonic() < self._again_s:
                 return
-            self._start()
+            self._process = MarkingProcess(self._arguments)
+            self._process.send(time.monotonic(), "resume", self._clock, None)
+        why = ""
         try:
-            while self._results.poll(wait_s):
+            while self._process.results.poll(wait_s):
                 wait_s = 0.0
-                found = self._results.recv()
+                found = self._process.results.recv()
                 if isinstance(found, str):
-                    self.ready = self.was_ready = True
+                    self.ready = self.was_ready = self._process.ready = True
                     self.ended = found == "ended"
                     continue
                 self._failures = 0
-                yield found
-            if not self._process.is_alive() and not self.ended:
+                yield self._noted(found)
+            if not self._process.process.is_alive() and not self.ended:
                 raise EOFError
+            if self._hangs():
+                why = "gives nothing back"
         except (EOFError, OSError):
-            code = self._process.exitcode
-            self._close()
-            wait_s = _RESTART_S[min(self._failures, len(_RESTART_S) - 1)]
-            self._failures += 1
-            self.restarts += 1
-            self._again_s = time.monotonic() + wait_s
-            if not self.ended:
-                yield WorkerNote(f"the marking process ended ({code}): again in {wait_s:.0f} s")
+            why = f"ended ({self._process.process.exitcode})"
+        if why:
+            yield from self._replace(why)
 
-    @property
-    def alive(self) -> bool:
-        """Whether there is a process."""
-        return self._process is not None
+    def _noted(self, found: MarkedPiece | WorkerNote) -> MarkedPiece | WorkerNote:
+        if isinstance(found, WorkerNote):
+            self._clock = found.clock or self._clock
+        else:
+            self._answered_s = time.monotonic()
+            end = found.pes.end if isinstance(found.pes, MarkedPes) else found.pes.first
+            self._until = found.epoch, end
+        return found
 
-    def _close(self) -> None:
-        if self._process is None:
-            return
-        self._process.kill()
-        self._process.join(5.0)
-        for one in (self._messages, self._lines):
-            one.cancel_join_thread()
-            one.close()
-        self._results.close()
+    def _hangs(self) -> bool:
+        """Whether a process that was marking gives nothing back, though there is another one."""
+        if self._answered_s is None or not self.stands_by or self.ended or not self._sent:
+            return False
+        assert self._process is not None
+        now_s = time.monotonic()
+        return (
+            now_s - self._answered_s > _HUNG_S
+            and now_s - self._sent[-1][0] < _HUNG_S / 2
+            and now_s - self._sent[0][0] > self._keeps_s - _HUNG_S / 2
+            and now_s - self._process.started_s > _HUNG_AGAIN_S
+        )
+
+    def _replace(self, why: str) -> Iterator[WorkerNote]:
+        """Let the process that stands by take over, or start one later."""
+        assert self._process is not None
+        self._process.close()
         self._process = None
+        self._answered_s = None
         self.ready = False
+        self.restarts += 1
+        if self.ended:
+            return
+        if self._standby is not None and self._standby.ready:
+            self._process, self._standby = self._standby, None
+            self.ready = True
+            self.takeovers += 1
+            self._resume(self._process)
+            yield WorkerNote(f"the marking process {why}: the one that stood by takes over")
+            return
+        if self._standby is not None:  # it is loading: sooner there than a new one
+            self._process, self._standby = self._standby, None
+            self._process.send(time.monotonic(), "resume", self._clock, None)
+            yield WorkerNote(f"the marking process {why}: the next one is loading")
+            return
+        wait_s = _RESTART_S[min(self._failures, len(_RESTART_S) - 1)]
+        self._failures += 1
+        self._again_s = time.monotonic() + wait_s
+        yield WorkerNote(f"the marking process {why}: again in {wait_s:.0f} s")
+
+    def _resume(self, process: MarkingProcess) -> None:
+        """Give a process the sound that is not marked yet, and what was said meanwhile."""
+        epoch, until = self._until or (0, None)
+        process.send(time.monotonic(), "resume", self._clock, until)
+        for sent_s, message in self._sent:
+            passed = message[0] == "sound" and message[1] < epoch
+            passed |= message[0] == "pcm" and until is not None and message[2] < until
+            if not passed:
+                process.send(sent_s, *message)
+
+    def _look_after_standby(self) -> None:
+        """Keep a process in reserve, loaded while the other one works."""
+        if not self._keeps_s or self.ended:
+            return
+        if self._standby is None:
+            if self.ready and self._failures == 0:
+                self._standby = MarkingProcess(self._arguments)
+            return
+        try:
+            while self._standby.results.poll(0):
+                self._standby.ready |= self._standby.results.recv() == "ready"
+            dead = not self._standby.process.is_alive()
+        except (EOFError, OSError):
+            dead = True
+        if dead:
+            self._standby.close()
+            self._standby = None
 
     def close(self) -> None:
-        """End the process."""
-        self._close()
-
-
-def _serve(
-    cuer: Cuer, options: LiveOptions, patience_s: float | None, hold_s: float, messages: Any,
-    lines: Any, results: Any,
-) -> None:  # fmt: skip
-    """Work on messages until the playout is gone."""
-    import signal
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = os.getppid()
-    try:
-        marking = _Marking(cuer, options, patience_s, results.send, hold_s)
-        results.send("ready")
-        while not marking.over:
-            marking.read(lines)
-            try:
-                message = messages.get(timeout=marking.idle_s)
-            except queue.Empty:
-                if os.getppid() != parent:
-                    return
-                continue
-            marking.take(*message)
-        results.send("ended")
-    except (BrokenPipeError, EOFError, KeyboardInterrupt):
-        return
-
-
-class _Marking:
-    """What the process does with the messages."""
-
-    def __init__(
-        self, cuer: Cuer, options: LiveOptions, patience_s: float | None,
-        send: Callable[[Any], None], hold_s: float = 0.0,
-    ) -> None:  # fmt: skip
-        from codec.cuer.voice import load_voice
-
-        self._voice = load_voice(cuer.voice)
-        self._motion: Any = _motion(cuer, self._voice)
-        _warm(self._motion, cuer, self._voice, options)
-        self._options = options
-        self._marker: Any = SoundMarker(self._motion, self._voice, options, self._note)
-        self._send, self._patience_s = send, patience_s
-        self._epoch = self._passed = 0
-        self._late_since: tuple[float, float] | None = None
-        self._fresh = False
-        self._said = ""
-        self._reported_s = 0.0
-        self.over = False
-        self._room: WaitingRoom | None = None
-        if cuer.motion == PIPE:
-            # Seeing keys takes libraries that nothing else here needs.
-            from cuecast.live import waiting
-
-            self._room = waiting.WaitingRoom(
-                self._motion, ahead_s=options.ahead_s, seen_s=options.seen_s,
-                hold_s=None if patience_s is None else hold_s,
-            )  # fmt: skip
-        self._hold_s = hold_s
-        self.idle_s = 1.0 if self._room is None else _LOOK_S
-
-    def read(self, lines: Any) -> None:
-        """Take the lines of an interpreter that have come, and the sound that waited for them."""
-        if self._room is None:
-            return
-        try:
-            while self._room.hungry:
-                came_s, line = lines.get_nowait()
-                self._work(came_s, "line", line)
-        except queue.Empty:
-            pass
-        while (found := self._room.leave(time.monotonic(), self._marker.heard_s)) is not None:
-            sent_s, *message = found
-            self._work(sent_s + self._hold_s, *message)
-            self._room.heard(self._marker.heard_s, sent_s)
-
-    def take(self, sent_s: float, kind: str, *content: Any) -> None:
-        """Take a message of the playout; with an interpreter it waits for her."""
-        if self._room is None:
-            self._work(sent_s, kind, *content)
-        else:
-            self._room.enter(sent_s, (sent_s, kind, *content))
-
-    def _work(self, sent_s: float, kind: str, *content: Any) -> None:
-        """Do what a message says: what goes wrong with it is told and costs only it."""
-        try:
-            getattr(self, f"_take_{kind}")(sent_s, *content)
-        except CueError as error:
-            self._note_once(str(error))
-        except (BrokenPipeError, EOFError):
-            raise
-        except Exception as error:  # the programme goes on, whatever happens to the cuer
-            self._note_once(f"{type(error).__name__}: {error}")
-        self._report()
-
-    def _take_sound(self, sent_s: float, epoch: int, kind: str, pes: Pes) -> None:
-        if self._is_late(sent_s):
-            self._passed += 1
-            return
-        if self._passed:
-            self._marker.abandon()
-            self._note(f"too slow: {self._passed} packets of sound were not marked")
-            self._passed = 0
-        if epoch != self._epoch:
-            self._emit(self._marker.flush())
-            self._epoch = epoch
-        self._emit(self._marker.process(kind, pes))
-
-    def _take_pcm(self, sent_s: float, form: PcmForm, first: int, data: bytes) -> None:
-        if self._is_late(sent_s):
-            self._passed += 1
-            return
-        if self._passed:
-            self._note(f"too slow: {self._passed} pieces of sound were not marked")
-            self._passed = 0
-        if not isinstance(self._marker, PcmMarker):
-            self._marker = PcmMarker(self._motion, self._voice, self._options, form)
-        self._emit(self._marker.process(first, data))
-
-    def _is_late(self, sent_s: float) -> bool:
-        """Whether sound is passed over: once it is too late and not caught up with, until new."""
-        if self._patience_s is None:
-            return False
-        now_s = time.monotonic()
-        age_s = now_s - sent_s
-        self._fresh |= age_s <= self._patience_s
-        if not self._fresh:  # it came while this process was loading: its time has passed
-            return True
-        if self._passed or age_s <= self._patience_s:
-            self._late_since = None
-            return bool(self._passed) and age_s > _CAUGHT_UP_S
-        if self._late_since is None:
-            self._late_since = now_s, age_s
-        tried_s, caught_up_s = now_s - self._late_since[0], self._late_since[1] - age_s
-        return tried_s > _TRIAL_S and caught_up_s < _GAIN * tried_s
-
-    def _take_caption(self, sent_s: float, line: bytes) -> None:
-        now_s = self._marker.heard_s - (time.monotonic() - sent_s if self._patience_s else 0.0)
-        caption = read_caption(line, max(0.0, now_s))
-        if caption is not None and isinstance(self._motion, LiveMotion):
-            self._motion.add(caption)
-
-    def _take_line(self, came_s: float, line: bytes | None) -> None:
-        assert self._room is not None
-        if line is None:
-            self._room.ended = True
-            self._note("interpreter: no more lines")
-        else:
-            self._room.line(came_s, line)
-
-    def _take_subtitle(self, sent_s: float, pts: int, data: bytes) -> None:
-        start_s = self._marker.time_s(pts)
-        if start_s is None or not isinstance(self._motion, LiveMotion):
-            return
-        for one in subtitles_of_packet(data, start_s, start_s):
-            self._motion.add(Caption(one.start_s, one.text))
-
-    def _take_end(self, sent_s: float) -> None:
-        self._emit(self._marker.flush())
-        self.over = True
-
-    def _emit(self, packets: Iterator[MarkedPes] | Iterator[MarkedPcm]) -> None:
-        for pes in packets:
-            self._send(MarkedPiece(self._epoch, pes))
-
-    def _note(self, line: str) -> None:
-        self._send(WorkerNote(line))
-
-    def _note_once(self, line: str) -> None:
-        if line != self._said:
-            self._said = line
-            self._note(line)
-
-    def _report(self) -> None:
-        if time.monotonic() - self._reported_s < _REPORT_S and not self.over:
-            return
-        self._reported_s = time.monotonic()
-        figures: dict[str, float] = {
-            "superframes_total": self._marker.superframes,
-            "damaged_frames_total": getattr(self._marker, "damaged", 0),
-        }
-        if isinstance(self._motion, LiveMotion):
-            figures |= {
-                "captions_total": self._motion.captions,
-                "captions_left_out_total": self._motion.left_out,
-                "cuer_lag_seconds": self._motion.lag_s,
-            }
-        if self._room is not None:
-            figures |= {
-                "poses_total": self._motion.poses, "keys_recognised_total": self._motion.keys,
-            }  # fmt: skip
-        self._send(WorkerNote(figures=figures))
-
-
-def _warm(motion: Any, cuer: Cuer, voice: Any, options: LiveOptions) -> None:
-    """Load what would otherwise be loaded while the first sound waits."""
-    if cuer.motion == PIPE:
-        from cuecast.live.interpreter import warm_recognition
-
-        warm_recognition(voice)
-    elif not isinstance(motion, LiveMotion):
-        motion.window(0.0, 1)
-    marker = SoundMarker(LiveMotion(voice, cuer.reading), voice, options)
-    for _ in marker.mark(np.random.default_rng(0).normal(0, 0.1, (4 * 48_000, 2))):
-        pass
-
-
-def _motion(cuer: Cuer, voice: Any) -> Any:
-    """Return the motion that a `Cuer` stands for."""
-    motions = importlib.import_module("cuecast.dubbing.motions")
-    if cuer.motion == PIPE:
-        from cuecast.live.interpreter import InterpretedMotion
-
-        return InterpretedMotion(voice)
-    if cuer.motion:
-        from codec.cuer.motion import load_motion
-
-        return motions.GivenMotion(load_motion(cuer.motion), voice)
-    if cuer.subtitles:
-        from synth.language.subtitles import read_subtitles
-        from synth.planning.scoring.text_score import score_of_subtitles
-
-        subtitles = read_subtitles(cuer.subtitles)
-        score = score_of_subtitles(subtitles, warn=lambda line: None, reading=cuer.reading)
-        return motions.SynthesisedMotion(
-            score, voice, seed=cuer.seed, options=cuer.reading.options, alignment=cuer.alignment
-        )
-    return LiveMotion(voice, cuer.reading, seed=cuer.seed, alignment=cuer.alignment)
+        """End the processes."""
+        for one in (self._process, self._standby):
+            if one is not None:
+                one.close()
+        self._process = self._standby = None
+        self.ready = False

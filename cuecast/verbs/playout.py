@@ -82,6 +82,10 @@ def _add_mark(parser: argparse.ArgumentParser) -> None:
         "2027-01-31T20:00:00Z (default: now)",
     )  # fmt: skip
     group.add_argument("--key", type=natural, default=0, metavar="N", help="key of the watermark")
+    group.add_argument(
+        "--no-standby", action="store_true",
+        help="no second marking process that takes over at once if the first one dies",
+    )  # fmt: skip
 
 
 def _add_server(parser: argparse.ArgumentParser) -> None:

@@ -25,7 +25,7 @@ from cuecast.demo.run import as_srt
 from cuecast.live.packets import pid_of
 from cuecast.live.playout import Playout, Route
 from cuecast.live.server import PlayoutServer
-from cuecast.live.sound import LiveOptions
+from cuecast.live.sound_run import LiveOptions
 from cuecast.live.worker import Cuer
 from cuecast.media.tables import NULL_PID, PACKET
 
@@ -129,7 +129,7 @@ def test_datagrams_pass_whatever_happens_to_the_marking(air: Path) -> None:
     sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     came = bytearray()
     with closing(PlayoutServer(playout, 0, told.append)) as server:
-        os.kill(playout._worker._process.pid, signal.SIGKILL)
+        os.kill(playout._worker._process.process.pid, signal.SIGKILL)
         assert "state" in asyncio.run(health(server.port))
         asyncio.run(caption(server.port, "Bonsoir."))
         for at in range(0, len(data), 7 * PACKET):

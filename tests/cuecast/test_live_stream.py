@@ -20,6 +20,7 @@ from cuecast.live.frames import FrameCutter, framed
 from cuecast.live.multiplex import Aligner, Multiplex
 from cuecast.live.packets import (
     PERIOD,
+    Pes,
     PesReader,
     packed,
     pid_of,
@@ -29,7 +30,8 @@ from cuecast.live.packets import (
     write_pes,
     write_stamp,
 )
-from cuecast.live.sound import LiveOptions, MarkedPes, SoundMarker
+from cuecast.live.sound import SoundMarker
+from cuecast.live.sound_run import LiveOptions, MarkedPes
 from cuecast.live.text import LiveMotion
 from cuecast.media.tables import NULL_PID, PACKET
 from synth.planning.scoring.text_score import Reading
@@ -290,6 +292,58 @@ def test_marked_sound_is_in_step_and_carries(kind: str) -> None:
     found = [*receiver.process(heard.astype(np.float32)), *receiver.flush()]
     assert sum(one.l0 is not None for one in found) >= 7
     assert marker.superframes >= 8
+
+
+def packets_of_sound(sound: NDArray[np.float32], start: int) -> list[Pes]:
+    return [
+        pes
+        for number, data in coded("mp2", sound)
+        for pes in _pes_of(
+            write_pes(0xC0, start + number * 90_000 // FS, framed("mp2", data, FS, 2))
+        )
+    ]
+
+
+def _pes_of(data: bytes) -> list[Pes]:
+    reader = PesReader()
+    parts = [data[at : at + 184] for at in range(0, len(data), 184)]
+    found = [
+        pes
+        for n, part in enumerate(parts)
+        for pes in reader.process(packed(SOUND_PID, n & 15, part, starts=n == 0))
+    ]
+    return [*found, *reader.flush()]
+
+
+@pytest.mark.parametrize("change", ["another process", "no rehearsal"])
+def test_marking_goes_on_on_the_same_grid(change: str) -> None:
+    """Whoever receives stays in step: at most the superframe of the joint is lost."""
+    options = LiveOptions("standard", 0, -0.43, low_delay=True)
+    voice = load_voice("claire")
+    one, other = (SoundMarker(LiveMotion(voice, Reading()), voice, options) for _ in range(2))
+    packets = packets_of_sound(programme()[: 11 * FS], 900_000)
+    half = next(n for n, pes in enumerate(packets) if (pes.pts or 0) > 900_000 + 6.1 * 90_000)
+    made = [m for pes in packets[:half] for m in one.process("mp2", pes)]
+    rest = packets[half:]
+    if change == "another process":
+        assert one.clock is not None
+        other.resume(one.clock, made[-1].end)
+        first = next(n for n, pes in enumerate(packets) if (pes.pts or 0) > made[-1].end)
+        one, rest = other, packets[first - 3 :]
+    else:
+        one.rehearsed = False
+    made += [m for pes in rest for m in one.process("mp2", pes)]
+    made += one.flush()
+    assert 0.0 < one.joint_s < 0.64
+    assert all(abs(step(b.pts, a.end)) < 90_000 * 0.025 for a, b in itertools.pairwise(made))
+    _, heard = decoded("mp2", made)
+    receiver = AudioReceiver(FS, 2)
+    found = [*receiver.process(heard.astype(np.float32)), *receiver.flush()]
+    places = [f.position_s / 0.64 for f in found if f.l0 is not None]
+    apart = np.diff(places)
+    np.testing.assert_allclose(apart, np.round(apart), atol=0.02)  # a frame of the joint
+    assert round(places[-1] - places[0]) + 1 - len(places) <= 1
+    assert len(places) >= 13
 
 
 def decoded(kind: str, made: list[MarkedPes]) -> tuple[list[int], NDArray[np.float64]]:

@@ -1,0 +1,364 @@
+"""Sound of one form on an unbroken line: marked, coded again, and put into PES packets."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
+from codec.cues.score import Score
+from codec.errors import CueError
+from cuecast.dubbing.coder_stream import make_rehearsal
+from cuecast.dubbing.dub import LEAD, superframe_source
+from cuecast.dubbing.motions import MotionSource
+from cuecast.live.frames import framed
+from cuecast.live.packets import TICKS_HZ, step, write_pes
+from cuecast.live.signing import LiveSigning
+from watermark.audio.embed.embedder import AudioEmbedder
+from watermark.audio.signal.profile import find_profile
+from watermark.link.superframe import SUPERFRAME_S
+
+STRETCH, LOW_STRETCH = 4, 2
+"""Superframes graded together, as a rule and for a low delay; half where the mark is rehearsed."""
+
+_USUAL_BITS = 64_000
+"""Bit/s for one channel where the stream told none yet."""
+
+CODERS = {"mp2": ("mp2", "mp2"), "aac": ("aac", "aac"), "latm": ("aac_latm", "aac"),
+          "ac3": ("ac3", "ac3"), "eac3": ("eac3", "eac3")}  # fmt: skip
+"""Decoder and encoder of each kind of sound."""
+
+Samples = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class LiveOptions:
+    """How a running programme is marked.
+
+    Attributes
+    ----------
+    profile : str
+        Of the audio carrier.
+    key : int
+    grade : float
+    through : str, optional
+        Coder on which the mark is rehearsed.
+    low_delay : bool
+    seen_s : float
+        How much later than the playout a live interpreter sees the programme.
+    sign : str
+        File of the key that signs, if any.
+    on_air_s : float, optional
+        When the motion's clock is at zero, seconds since 1970 (UTC); None: as the clock has it.
+    delay_s : float
+        From in to out.
+    """
+
+    profile: str
+    key: int
+    grade: float
+    through: str | None = None
+    low_delay: bool = False
+    seen_s: float = 0.0
+    sign: str = ""
+    on_air_s: float | None = None
+    delay_s: float = 0.0
+
+    @property
+    def stretch(self) -> int:
+        """Superframes that the embedder grades together."""
+        stretch = LOW_STRETCH if self.low_delay else STRETCH
+        return stretch // 2 if self.rehearsed else stretch
+
+    @property
+    def embedder_s(self) -> float:
+        """Longest time from a sample to its marked one, without the time to compute."""
+        return SUPERFRAME_S * self.stretch * (1 + self.rehearsed) + 0.1
+
+    def signing(self) -> LiveSigning | None:
+        """Return what signs runs of sound, if they are to be signed."""
+        return LiveSigning(self.sign, self.on_air_s, self.delay_s) if self.sign else None
+
+    @property
+    def ahead_s(self) -> float:
+        """How far ahead of the sound that came in the motion has to be known, at most.
+
+        That of a superframe is coded with the keys of the next one.
+        """
+        return SUPERFRAME_S * max(0, LEAD + 1 - self.stretch * self.rehearsed)
+
+    @property
+    def rehearsed(self) -> bool:
+        """Whether superframes are tried on a coder first."""
+        return make_rehearsal(find_profile(self.profile), self.key, self.through) is not None
+
+
+@dataclass(frozen=True, slots=True)
+class MarkedPes:
+    """A PES packet with marked sound: its time and that of its end in ticks, its bytes."""
+
+    pts: int
+    end: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class RunClock:
+    """Clock of the sound under way, for a process that goes on with it.
+
+    Attributes
+    ----------
+    stamp : int
+        A time stamp, ticks.
+    time_s : float
+        The same moment on the motion's clock.
+    grid_s : float
+        When superframe 0 begins on that clock; each later one `SUPERFRAME_S` after the one before.
+    """
+
+    stamp: int
+    time_s: float
+    grid_s: float
+
+    def at(self, stamp: int) -> float:
+        """Return the time of another stamp on the motion's clock."""
+        return self.time_s + step(stamp, self.stamp) / TICKS_HZ
+
+
+@dataclass(frozen=True, slots=True)
+class SoundForm:
+    """Rate, arrangement and number of a sound's channels."""
+
+    fs: int
+    layout: str
+    channels: int
+
+
+class SoundRun:
+    """Sound of one form on an unbroken line: marked and coded again."""
+
+    def __init__(
+        self, kind: str, form: SoundForm, stamp: int, start_s: float, first: int,
+        motion: MotionSource, voice: Voice, options: LiveOptions, signing: LiveSigning | None,
+        per_packet: int, settings: dict[str, str], bit_rate: Callable[[], int],
+        *, joint: int = 0, rehearsed: bool = True,
+    ) -> None:  # fmt: skip
+        self.fs, self.layout, self.channels = form.fs, form.layout, form.channels
+        self.start_s = start_s
+        self._kind, self._zero, self._taken = kind, stamp, 0
+        self._motion, self._voice, self._options, self._signing = motion, voice, options, signing
+        self._written, self._begun, self._first = 0, 0, first
+        self._grid_s = start_s + joint / form.fs - first * SUPERFRAME_S
+        self._joint, self.rehearsed = joint, rehearsed
+        self._ready: list[Samples] = []
+        self._embedder = self._new_embedder(first)
+        self._bit_rate, self._per_packet, self._settings = bit_rate, per_packet, settings
+        self._coder: _Coder | None = None
+        self._waiting: list[tuple[int, bytes]] = []
+
+    @property
+    def superframes(self) -> int:
+        """Superframes that were written."""
+        return self._written + self._embedder.report().superframes
+
+    @property
+    def next_number(self) -> int:
+        """Number of the next superframe that a later run can begin with."""
+        return max(self._first, math.ceil((self.end_s - self._grid_s) / SUPERFRAME_S - 1e-6))
+
+    @property
+    def clock(self) -> RunClock:
+        """Clock of this run."""
+        return RunClock(self._zero, self.start_s, self._grid_s)
+
+    def begin_again(self, rehearsed: bool) -> float:
+        """Finish what is under way, and mark on from the next superframe with or without rehearsal.
+
+        Return the seconds up to there, which stay unmarked.
+        """
+        self._ready.append(self._embedder.flush())
+        self._written += self._embedder.report().superframes
+        first, self.rehearsed = self.next_number, rehearsed
+        begins = round((self._grid_s + first * SUPERFRAME_S - self.start_s) * self.fs)
+        self._joint = begins - self._taken
+        self._embedder = self._new_embedder(first)
+        return self._joint / self.fs
+
+    def _new_embedder(self, first: int) -> AudioEmbedder:
+        """Return an embedder whose first superframe has a number of this run's grid."""
+        options, profile = self._options, find_profile(self._options.profile)
+        begins_s = self._grid_s + first * SUPERFRAME_S
+        source = superframe_source(
+            Shifted(self._motion, self._grid_s), self._voice, profile.l0_bytes, profile.l1_bytes,
+            first=first, signing=self._signing.run(begins_s, first) if self._signing else None,
+        )  # fmt: skip
+        rehearsal = make_rehearsal(profile, options.key, options.through)
+        return AudioEmbedder(
+            self.fs, self.channels, source, profile=profile.name, key=options.key,
+            grade=options.grade, stretch=options.stretch,
+            rehearsal=rehearsal if self.rehearsed else None,
+        )  # fmt: skip
+
+    @property
+    def end_s(self) -> float:
+        """Up to where on the motion's clock sound came in."""
+        return self.start_s + self._taken / self.fs
+
+    @property
+    def stamp(self) -> int:
+        """Time stamp of the next sample."""
+        return self._zero + self._taken * TICKS_HZ // self.fs
+
+    def late(self, due: int) -> int:
+        """Return how many samples a time stamp lies after the line's end."""
+        return step(due, self.stamp) * self.fs // TICKS_HZ
+
+    def process(self, samples: Samples) -> Iterator[MarkedPes]:
+        """Take samples (n, channels); yield the packets that are finished."""
+        self._taken += len(samples)
+        plain, samples = samples[: self._joint], samples[self._joint :]
+        self._joint -= len(plain)
+        self._ready.append(plain)
+        if len(samples):
+            self._ready.append(self._embedder.process(samples))
+        yield from self.drain()
+
+    def drain(self) -> Iterator[MarkedPes]:
+        """Yield what is ready."""
+        ready, self._ready = self._ready, []
+        for samples in ready:
+            yield from self._code(samples)
+
+    def flush(self) -> Iterator[MarkedPes]:
+        """Yield the rest."""
+        yield from self._code(self._embedder.flush())
+        if self._coder is not None:
+            self._waiting += self._coder.flush()
+        yield from self._packets(1)
+
+    def _code(self, marked: Samples) -> Iterator[MarkedPes]:
+        if not len(marked):
+            return
+        if self._coder is None:
+            self._coder = _Coder(self._kind, self.fs, self.layout, self._bit_rate(), self._settings)
+        self._waiting += self._coder.process(marked)
+        yield from self._packets(self._per_packet)
+
+    def _packets(self, count: int) -> Iterator[MarkedPes]:
+        """Yield packets of so many frames, and keep the rest."""
+        while self._waiting and len(self._waiting) >= count:
+            frames, self._waiting = self._waiting[:count], self._waiting[count:]
+            begin = self._zero + frames[0][0] * TICKS_HZ // self.fs
+            assert self._coder is not None
+            end = begin + len(frames) * self._coder.frame_size * TICKS_HZ // self.fs
+            data = b"".join(framed(self._kind, f, self.fs, self.channels) for _, f in frames)
+            stream_id = 0xBD if self._kind in ("ac3", "eac3") else 0xC0
+            yield MarkedPes(begin, end, write_pes(stream_id, begin, data))
+
+
+class _Coder:
+    """Encoder of one run; frames come out with the number of their first sample."""
+
+    def __init__(
+        self, kind: str, fs: int, layout: str, bit_rate: int, settings: dict[str, str]
+    ) -> None:
+        name = CODERS[kind][1]
+        coder: Any = av.CodecContext.create(name, "w")
+        coder.sample_rate, coder.layout = fs, layout
+        offered = [form.name for form in coder.codec.audio_formats]
+        coder.format = "fltp" if "fltp" in offered else "s16"
+        coder.bit_rate = _usual_rate(name, bit_rate or _USUAL_BITS)
+        coder.options = settings
+        try:
+            coder.open(strict=False)
+        except (av.FFmpegError, ValueError) as error:
+            raise CueError(f"{name} cannot encode {layout} sound at {fs} Hz: {error}") from error
+        self._coder, self._layout, self._fs = coder, layout, fs
+        self.frame_size: int = coder.frame_size
+        self._held = np.zeros((0, coder.layout.nb_channels), np.float32)
+        self._count = 0
+
+    def process(self, samples: Samples) -> list[tuple[int, bytes]]:
+        self._held = np.concatenate([self._held, samples])
+        out: list[tuple[int, bytes]] = []
+        while len(self._held) >= self.frame_size:
+            out += self._encode(self._held[: self.frame_size])
+            self._held = self._held[self.frame_size :]
+        return out
+
+    def flush(self) -> list[tuple[int, bytes]]:
+        out = self._encode(self._held) if len(self._held) else []
+        try:
+            return out + [(p.pts, bytes(p)) for p in self._coder.encode(None)]
+        except (av.FFmpegError, ValueError):
+            return out
+
+    def _encode(self, samples: Samples) -> list[tuple[int, bytes]]:
+        if self._coder.format.name == "fltp":
+            plain: NDArray[Any] = np.ascontiguousarray(samples.T)
+        else:
+            plain = np.clip(np.rint(samples * 32768), -32768, 32767).astype(np.int16).reshape(1, -1)
+        frame = av.AudioFrame.from_ndarray(plain, self._coder.format.name, self._layout)
+        frame.sample_rate, frame.pts = self._fs, self._count
+        frame.time_base = Fraction(1, self._fs)
+        self._count += len(samples)
+        return [(packet.pts, bytes(packet)) for packet in self._coder.encode(frame)]
+
+
+class Shifted:
+    """A motion whose time 0 is another time of its source."""
+
+    def __init__(self, motion: MotionSource, offset_s: float) -> None:
+        self._motion, self._offset_s = motion, offset_s
+        self._moved: tuple[Score | None, Score | None] = None, None
+
+    @property
+    def score(self) -> Score:
+        """That of the source, on the source's own clock."""
+        return self._motion.score
+
+    @property
+    def rate_hz(self) -> float:
+        """Frames per second."""
+        return self._motion.rate_hz
+
+    @property
+    def filmed(self) -> bool:
+        """Whether a camera saw the cuer."""
+        return self._motion.filmed
+
+    def window(self, start_s: float, frames: int) -> Motion:
+        """Return the motion from `start_s` on."""
+        found = self._motion.window(start_s + self._offset_s, frames)
+        if found.score is not self._moved[0]:
+            self._moved = found.score, _moved(found.score, -self._offset_s)
+        return replace(found, start_s=start_s, score=self._moved[1])
+
+
+def _moved(score: Score | None, by_s: float) -> Score | None:
+    if score is None or not by_s:
+        return score
+    moved = [
+        [replace(one, start=one.start + by_s, end=one.end + by_s) for one in line]
+        for line in (score.phones, score.keys)
+    ]
+    return Score(tuple(moved[0]), tuple(moved[1]))  # type: ignore[arg-type]
+
+
+def _usual_rate(name: str, bit_rate: int) -> int:
+    """Return a bit rate that the encoder knows, the nearest to what the programme had."""
+    if name == "aac":
+        return bit_rate
+    steps = {
+        "mp2": (32, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320, 384),
+        "ac3": (32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320, 384, 448, 512, 576,
+                640),
+        "eac3": (32, 48, 64, 96, 128, 160, 192, 224, 256, 320, 384, 448, 512, 640, 768, 1024),
+    }[name]  # fmt: skip
+    return min((1000 * k for k in steps), key=lambda rate: abs(rate - bit_rate))
