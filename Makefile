@@ -11,7 +11,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Tests start many processes: each compiles what it imports anew where bytecode may not be kept.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: native demo test nightly check docs records bench clean FORCE lock sbom mutation fuzz
+.PHONY: browsers native demo test nightly check docs records bench clean FORCE lock sbom mutation fuzz
 
 demo: $(VENV)/installed
 	$(BIN)/cuecast demo --out $(OUT)
@@ -21,7 +21,12 @@ demo: $(VENV)/installed
 test: $(VENV)/installed
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-# Everything, the slow sweeps too, to its end whatever fails.
+# Firefox for the player's slow tests, with what it decodes AAC by and a sound device to play to.
+browsers:
+	apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends \
+	  chromium firefox-esr libavcodec59 pulseaudio
+
+# Everything, the slow sweeps too, to its end whatever fails; `make browsers` first, as root.
 nightly: $(VENV)/installed
 	$(BIN)/python -m pytest -m "slow or not slow"
 

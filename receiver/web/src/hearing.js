@@ -5,8 +5,14 @@
  * browser would mute the programme. A reroute cannot be undone, so it is kept per media element.
  */
 
+/** The clock is known from so many readings, or from a few that agree. */
 const SETTLED = 15;
+const FEW = 5;
+const AGREE_S = 0.015;
 const KEPT = 240;
+/** A pause ends where it began, but for this. */
+const SAME_PLACE_S = 0.1;
+const GESTURES = ["pointerdown", "keydown"];
 const QUIET_DBFS = -120;
 const QUIET_S = 4;
 const SEARCHED_S = 10;
@@ -36,22 +42,27 @@ export class Hearing {
     this.segment = 0;
     this.offsets = [];
     this.hearing = false;
+    this.pausedAtS = null;
+    this.readAtS = NaN;
+    /** Media time less the receiver's, seconds; a pause does not change it. */
+    this.placeS = null;
     this.opened = null;
     this.locked = false;
     this.listeners = [
-      ["playing", () => this.begin()], ["pause", () => this.stop()], ["seeking", () => this.stop()],
-      ["seeked", () => { if (!media.paused) this.begin(); }], ["waiting", () => this.stop()],
-      ["ratechange", () => this.begin()], ["volumechange", () => this.checkMuted()], ["emptied", () => this.stop()],
+      ["playing", () => this.begin()], ["pause", () => this.pause()], ["seeking", () => this.stop()],
+      ["seeked", () => this.begin()], ["waiting", () => this.pause()],
+      ["ratechange", () => { this.stop(); this.begin(); }], ["volumechange", () => this.checkMuted()], ["emptied", () => this.stop()],
     ];
     for (const [name, listener] of this.listeners) media.addEventListener(name, listener);
     if (!media.paused && media.readyState > 2) this.begin();
   }
 
-  /** Hear from now on, if the page may. */
+  /** Hear from now on, if the page may; goes on where the programme was paused. */
   async begin() {
+    const { media, pausedAtS } = this;
+    if (media.paused || this.hearing) return;
+    if (pausedAtS !== null && Math.abs(media.currentTime - pausedAtS) < SAME_PLACE_S) return this.resume();
     this.stop();
-    const { media } = this;
-    if (media.paused) return;
     const reason = obstacle(media);
     if (reason) return this.handlers.reason(reason);
     if (media.playbackRate !== 1) return this.handlers.reason("speed");
@@ -60,21 +71,47 @@ export class Hearing {
       await this.opened;
     } catch (error) {
       this.opened = null;
+      if (error.reason === "asleep") this.awaitGesture();
       return this.handlers.reason(error.reason || "failed", error.message);
     }
     if (media.paused || media.seeking || media.playbackRate !== 1) return;
     this.segment += 1;
     this.offsets = [];
+    this.placeS = null;
     this.locked = false;
     this.hearing = true;
-    this.quietS = 0;
     this.handlers.reason(this.checkMuted() ? "muted" : "");
     this.worker.postMessage({ type: "hear", segment: this.segment, fromS: this.context.currentTime });
   }
 
-  stop() {
-    if (this.hearing) this.worker.postMessage({ type: "stop" });
+  /** The programme stands still: its sound will go on from here. */
+  pause() {
+    if (!this.hearing) return;
+    this.pausedAtS = this.media.currentTime;
+    this.worker.postMessage({ type: "pause" });
     this.hearing = false;
+  }
+
+  resume() {
+    this.pausedAtS = null;
+    this.offsets = [];
+    this.hearing = true;
+    this.worker.postMessage({ type: "resume" });
+  }
+
+  stop() {
+    if (this.hearing || this.pausedAtS !== null) this.worker.postMessage({ type: "stop" });
+    this.hearing = false;
+    this.pausedAtS = null;
+  }
+
+  /** Try again at the viewer's next click or key press anywhere in the page. */
+  awaitGesture() {
+    const again = () => {
+      for (const name of GESTURES) document.removeEventListener(name, again, true);
+      this.begin();
+    };
+    for (const name of GESTURES) document.addEventListener(name, again, true);
   }
 
   checkMuted() {
@@ -115,13 +152,20 @@ export class Hearing {
 
   receive(message) {
     if (message.type === "failed") return this.handlers.reason("failed", message.text);
-    if (message.segment !== this.segment || this.offsets.length < SETTLED) {
-      if (message.segment === this.segment) this.keep(message);
-      return;
-    }
+    if (message.segment !== this.segment) return;
+    this.tick();
+    if (this.settled()) this.placeS = this.offset() + message.lagS;
+    if (this.placeS === null) return this.keep(message);
     this.judge(message);
-    for (const kept of this.kept.splice(0)) this.handlers.heard(kept, this.offset());
-    this.handlers.heard(message, this.offset());
+    for (const kept of this.kept.splice(0)) this.handlers.heard(kept, this.placeS);
+    this.handlers.heard(message, this.placeS);
+  }
+
+  /** Whether media time is known against the context's. */
+  settled() {
+    const { offsets } = this;
+    const last = offsets.slice(-FEW);
+    return offsets.length >= SETTLED || (last.length === FEW && Math.max(...last) - Math.min(...last) < AGREE_S);
   }
 
   /** Hold back what came before the clock was known. */
@@ -146,10 +190,12 @@ export class Hearing {
     } else if (diagnosis.heardS > SEARCHED_S) this.handlers.reason("no-mark");
   }
 
-  /** Note how media time and the context's time stand to each other; call at each refresh. */
+  /** Read media time against the context's time; call at each refresh. */
   tick() {
-    if (!this.hearing || this.media.seeking || this.media.paused) return;
-    this.offsets.push(this.media.currentTime - this.context.currentTime);
+    const { currentTime, seeking, paused } = this.media;
+    if (!this.hearing || seeking || paused || currentTime === this.readAtS) return;
+    this.readAtS = currentTime;
+    this.offsets.push(currentTime - this.context.currentTime);
     if (this.offsets.length > KEPT) this.offsets.shift();
   }
 

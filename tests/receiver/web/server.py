@@ -1,6 +1,9 @@
-"""A static web server of a folder with byte ranges, as `<video>` asks for them; notes each path."""
+"""Static web servers of a folder: one that knows byte ranges, and Python's own."""
 
+import asyncio
 import contextlib
+import re
+import sys
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -28,3 +31,20 @@ async def serving(folder: Path, asked: list[str]) -> AsyncIterator[str]:
         yield f"http://127.0.0.1:{runner.addresses[0][1]}"
     finally:
         await runner.cleanup()
+
+
+@contextlib.asynccontextmanager
+async def http_server(folder: Path) -> AsyncIterator[str]:
+    """Serve `folder` by `python -m http.server`, which knows no byte ranges."""
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-u", "-m", "http.server", "0", "--bind", "127.0.0.1", "-d", str(folder),
+        stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        found = re.search(rb"port (\d+)", await process.stdout.readline())
+        assert found is not None
+        yield f"http://127.0.0.1:{int(found[1])}"
+    finally:
+        process.terminate()
+        await process.wait()
