@@ -34,8 +34,8 @@ VALUES = {
         HandModel ScorePart SigningKey SlowSender Superframe Window""",
     "synth": """Captured Judgement LeftOut Pace PacedWord PerformerChoice Reading Style Terms
         TextRun TimedWord Variant Word""",
-    "watermark": """AudioProfile CodecLoop CodecStream EmbedReport Movs PeaqResult VideoProfile
-        VideoReport""",
+    "watermark": """AudioProfile CodecLoop CodecStream EmbedReport Movs PeaqResult
+        SuperframeMargin VideoProfile VideoReport""",
     "receiver": """AuthenticityChanged Trust""",
     "cuecast": """MotionSource""",
 }

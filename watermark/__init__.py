@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from watermark.audio.embed.codec_loop import CodecLoop, CodecStream
-    from watermark.audio.embed.embedder import AudioEmbedder, EmbedReport
+    from watermark.audio.embed.embedder import AudioEmbedder, EmbedReport, SuperframeMargin
     from watermark.audio.receiver import AudioReceiver
     from watermark.audio.signal.profile import AudioProfile
     from watermark.link.superframe import ReceivedSuperframe
@@ -47,6 +47,7 @@ __all__ = [
     "Movs",
     "PeaqResult",
     "ReceivedSuperframe",
+    "SuperframeMargin",
     "VideoEmbedder",
     "VideoProfile",
     "VideoReceiver",
@@ -64,6 +65,7 @@ _HOMES = {
     "Movs": "watermark.quality.movs",
     "PeaqResult": "watermark.quality.peaq",
     "ReceivedSuperframe": "watermark.link.superframe",
+    "SuperframeMargin": "watermark.audio.embed.embedder",
     "VideoEmbedder": "watermark.video.embed",
     "VideoProfile": "watermark.video.profile",
     "VideoReceiver": "watermark.video.receive",

@@ -5,6 +5,7 @@ embedder rehearses the broadcast. Codecs are those of PyAV.
 """
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import av
@@ -30,6 +31,9 @@ _ENCODERS = {
 
 USUAL = {"robust": "aac:64k", "standard": "aac:128k,mp2:192k", "high": "aac:128k,mp2:192k"}
 """Coders on which a profile is rehearsed unless told otherwise."""
+
+LONGEST_CHAIN = 4
+"""Coders in a row: their delays add up, and the rehearsal looks for 8192 samples."""
 
 Samples = NDArray[np.float32]
 
@@ -91,6 +95,53 @@ class CoderStream:
         return np.ascontiguousarray(np.concatenate(parts, axis=1).T, dtype=np.float32)
 
 
+class CoderChain:
+    """Coders in a row: each takes the sound that the one before has decoded.
+
+    Parameters
+    ----------
+    coders : sequence of str
+        See `CoderStream`.
+
+    Raises
+    ------
+    CueError
+        If there is no such coder, or there are more than `LONGEST_CHAIN`.
+    """
+
+    def __init__(self, coders: Sequence[str]) -> None:
+        if len(coders) > LONGEST_CHAIN:
+            raise CueError(f"{len(coders)} coders in a row, limit {LONGEST_CHAIN}")
+        self._streams = [CoderStream(coder) for coder in coders]
+
+    def process(self, sound: Samples) -> Samples:
+        """Take samples, shape (n, 1 or 2); return those that have passed all, shape (m, 2)."""
+        for stream in self._streams:
+            sound = stream.process(sound)
+        return sound
+
+
+def chains_of(through: str) -> tuple[tuple[str, ...], ...]:
+    """Return the alternatives that ``--through`` names, each a row of coders.
+
+    Commas separate alternatives, plus signs coders in a row. A list with commas that names a coder
+    twice is one row: as an alternative the repetition would be idle.
+
+    Examples
+    --------
+    >>> chains_of("aac:128k,mp2:192k")
+    (('aac:128k',), ('mp2:192k',))
+    >>> chains_of("mp2:192k+aac:128k")
+    (('mp2:192k', 'aac:128k'),)
+    >>> chains_of("aac:128k,mp3:128k,aac:128k")
+    (('aac:128k', 'mp3:128k', 'aac:128k'),)
+    """
+    alternatives = through.split(",")
+    if len(set(alternatives)) < len(alternatives):
+        alternatives = ["+".join(alternatives)]
+    return tuple(tuple(one.split("+")) for one in alternatives)
+
+
 def make_rehearsal(profile: AudioProfile, key: int, coder: str | None) -> CodecLoop | None:
     """Prepare the rehearsal of a mark.
 
@@ -101,8 +152,7 @@ def make_rehearsal(profile: AudioProfile, key: int, coder: str | None) -> CodecL
     key : int
         Its key.
     coder : str or None
-        See `CoderStream`; several with commas; ``none`` for no rehearsal, None for what the profile
-        is `USUAL`ly given.
+        See `chains_of`; ``none`` for no rehearsal, None for what the profile is `USUAL`ly given.
 
     Raises
     ------
@@ -112,7 +162,9 @@ def make_rehearsal(profile: AudioProfile, key: int, coder: str | None) -> CodecL
     coder = coder or USUAL.get(profile.name, "none")
     if coder == "none":
         return None
-    return CodecLoop(profile, key, *(CoderStream(one) for one in coder.split(",")))
+    chains = chains_of(coder)
+    names = ["+".join(chain) for chain in chains]
+    return CodecLoop(profile, key, *map(CoderChain, chains), names=names)
 
 
 def _format_of(encoder: Any) -> str:

@@ -29,7 +29,8 @@ from codec.superframe.compact_encoder import CompactEncoder
 from codec.superframe.encoder import SuperframeEncoder
 from codec.superframe.payload import nest
 from codec.superframe.window import MAX_BYTES
-from cuecast.dubbing.coder_stream import make_rehearsal
+from cuecast.dubbing.coder_stream import USUAL, make_rehearsal
+from cuecast.dubbing.margin_report import margin_figures
 from cuecast.dubbing.marking import MarkingStage
 from cuecast.dubbing.motions import RATE_HZ, MotionSource
 from cuecast.dubbing.pictures import PictureOptions, dub_picture
@@ -75,7 +76,7 @@ class DubOptions:
     graded : bool
         Whether to grade the marked sound with the quality meter.
     through : str, optional
-        Coder of the broadcast, see `cuecast.dubbing.coder_stream.make_rehearsal`.
+        Coders of the broadcast, see `cuecast.dubbing.coder_stream.chains_of`.
     read_back : bool
         Whether to receive what was written and report what arrives.
     replace : bool
@@ -286,6 +287,13 @@ def _dub_sound(
         [round(t + begins_s[0], 3) for t in span] for span in figures["silent_s"]
     ]
     sent.silent = [(a, b) for a, b in figures["silent_s"]]
+    if margins := stages[0].margins():
+        figures["margin"] = margin_figures(
+            margins, begins_s[0],
+            through=options.through or USUAL[profile.name],
+            profile=profile.name,
+            grade=profile.grade if options.grade is None else options.grade,
+        )  # fmt: skip
     return report, figures
 
 

@@ -24,6 +24,7 @@ from cuecast.dubbing.inputs import (
     terms_of,
     unknown_report,
 )
+from cuecast.dubbing.margin_report import NOT_REHEARSED, in_words
 from cuecast.dubbing.motions import (
     ConcatenativeMotion,
     GivenMotion,
@@ -31,7 +32,8 @@ from cuecast.dubbing.motions import (
     SynthesisedMotion,
 )
 from cuecast.dubbing.read_back import shortfalls
-from cuecast.dubbing.readability import in_words, watched, watched_plan
+from cuecast.dubbing.readability import in_words as readability_in_words
+from cuecast.dubbing.readability import watched, watched_plan
 from cuecast.media.subtitles import choose_track, read_track, text_tracks
 from receiver.media.programme import open_programme
 from synth.language.subtitles import Subtitle
@@ -202,6 +204,8 @@ def _tell(report: dict[str, Any]) -> None:
             f"warning: {report['keys_outside']} of {len(report['keys'])} keys fall outside the "
             "programme"
         )
+    for line in in_words(report["carriers"].get("audio", {}).get("margin", NOT_REHEARSED)):
+        note(f"warning: {line}" if line.startswith("margin") else line)
     if "read_back" not in report:
         return
     found = report["read_back"]
@@ -259,7 +263,7 @@ def _motion(
     figures = seen.figures()
     said |= {"pace": pace.report() | figures}
     tell(str(pace))
-    tell(in_words(figures))
+    tell(readability_in_words(figures))
     return source
 
 

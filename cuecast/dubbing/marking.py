@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from receiver.media.programme import SoundFormat
 from watermark.audio.embed.codec_loop import CodecLoop
-from watermark.audio.embed.embedder import AudioEmbedder, Source
+from watermark.audio.embed.embedder import AudioEmbedder, Source, SuperframeMargin
 from watermark.audio.signal.mix import RATES
 from watermark.link.superframe import SUPERFRAME_S
 from watermark.quality.resample import Resampler
@@ -117,6 +117,10 @@ class MarkingStage:
         if self._graded and report.odg is not None:
             figures["odg"] = round(report.odg, 3)
         return figures
+
+    def margins(self) -> tuple[SuperframeMargin, ...]:
+        """Return the margins by the rehearsal, see `AudioEmbedder.margins`."""
+        return self._embedder.margins()
 
     @property
     def superframes(self) -> int:

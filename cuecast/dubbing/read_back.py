@@ -22,6 +22,7 @@ from codec.cuer.voice import Voice
 from codec.cues.score import Key
 from codec.errors import BitstreamError, CueError
 from codec.superframe.checks import proof_of
+from cuecast.dubbing.coder_stream import chains_of
 from cuecast.media.rewrite import Unchanged, rewrite_sound
 from receiver.media.picture import picture_format, read_lumas
 from receiver.media.programme import open_programme
@@ -113,8 +114,8 @@ def read_back(
     duration_s : float
         Of the marked part, on the programme's clock.
     through : str, optional
-        Coder of the broadcast, such as ``aac:64k``, that the sound passes first; of several with
-        commas the first one.
+        Coders of the broadcast, such as ``aac:64k``, that the sound passes first; of several
+        alternatives the first one, see `cuecast.dubbing.coder_stream.chains_of`.
     progress : callable
         Told how many seconds each piece brought.
 
@@ -128,7 +129,7 @@ def read_back(
     with tempfile.TemporaryDirectory(prefix=".cuecast-", dir=Path(target).parent) as folder:
         heard = None
         if through is not None and "audio" in sent.superframes:
-            heard = _coded(Path(target), Path(folder) / "channel.mka", through, track)
+            heard = _coded(Path(target), Path(folder), through, track)
         arrived, found = _received(Path(target), heard, sent, voice, key, track, progress)
     carriers = {}
     wanted = {name: sent.expected(name, duration_s) for name in sent.superframes}
@@ -193,14 +194,17 @@ def _sound_begins_s(target: str | os.PathLike[str], track: int) -> float:
         return float(sound.start_time * sound.time_base) - programme.origin_s
 
 
-def _coded(path: Path, target: Path, through: str, track: int) -> Path:
-    """Write the sound of a programme as it comes through a coder."""
-    name, _, rate = through.split(",")[0].partition(":")
-    rewrite_sound(
-        path, target, lambda *_: Unchanged(), track=track, codec=name, alone=True,
-        bit_rate=int(rate.removesuffix("k")) * 1000,
-    )  # fmt: skip
-    return target
+def _coded(path: Path, folder: Path, through: str, track: int) -> Path:
+    """Write the sound of a programme as it comes through coders in a row."""
+    for number, coder in enumerate(chains_of(through)[0]):
+        name, _, rate = coder.partition(":")
+        target = folder / f"channel-{number}.mka"
+        rewrite_sound(
+            path, target, lambda *_: Unchanged(), track=0 if number else track, codec=name,
+            alone=True, bit_rate=int(rate.removesuffix("k")) * 1000,
+        )  # fmt: skip
+        path = target
+    return path
 
 
 def _matching(sent: list[Key], found: list[dict[str, Any]]) -> int:

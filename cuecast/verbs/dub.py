@@ -31,6 +31,10 @@ from cuecast.command.trust import add_on_air
 SUMMARY = "the programme with its cuer inside"
 
 
+NOT_SHOWN = {"silent_s", "margin"}
+"""Figures of carriers that are too long for a line."""
+
+
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("programme", metavar="PROGRAMME", help="sound or video file")
@@ -78,8 +82,10 @@ def add_dubbing(parser: argparse.ArgumentParser) -> None:
         "default: the profile's own)",
     )  # fmt: skip
     parser.add_argument(
-        "--through", metavar="CODER",
-        help="the broadcaster's coder, such as aac:64k: the mark is rehearsed through it; or none "
+        "--through", metavar="CODERS",
+        help="the broadcaster's coder, such as aac:64k: the mark is rehearsed through it; "
+        "alternatives with commas; a chain as mp2:192k+aac:128k, or as a list that repeats a "
+        "coder (aac:128k,mp3:128k,aac:128k); or none "
         "(default: aac:64k for robust, aac:128k,mp2:192k for standard and high)",
     )  # fmt: skip
     parser.add_argument("--no-grade", action="store_true", help="do not run the quality meter")
@@ -113,7 +119,9 @@ def run(args: argparse.Namespace) -> int:
     else:
         note(f"{args.output}: {len(report['keys'])} keys, {report['superframes']} superframes")
         for name, figures in report["carriers"].items():
-            shown = {key: value for key, value in figures.items() if key != "silent_s"}
+            shown = {key: value for key, value in figures.items() if key not in NOT_SHOWN}
+            if margin := figures.get("margin"):
+                shown |= {"margin": f"{margin['least']} to {margin['median']} in the median"}
             note(f"{name}: " + ", ".join(f"{key} {value}" for key, value in shown.items()))
     return 1 if _in_vain(report) else 0
 

@@ -90,6 +90,11 @@ def test_channel_that_the_mark_does_not_survive(folder: Path, run: Run) -> None:
     audio = report["read_back"]["carriers"]["audio"]
     assert audio["received"] < 0.98 * audio["sent"]
     assert f"warning: audio: only {audio['received']} of 9 superframes" in err
+    margin = report["carriers"]["audio"]["margin"]
+    assert len(margin["superframes"]) == report["superframes"]
+    assert margin["least"] < 1.5
+    assert "warning: margin below 1.5 from 00:00 to 00:0" in err
+    assert "would help: " in err
     assert status == (0 if audio["received"] else 1)
 
 

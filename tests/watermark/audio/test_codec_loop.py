@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.dubbing.coder_stream import CoderStream, make_rehearsal
+from cuecast.dubbing.coder_stream import CoderChain, CoderStream, chains_of, make_rehearsal
 from watermark.audio.embed.codec_loop import CodecLoop
 from watermark.audio.embed.embedder import AudioEmbedder
 from watermark.audio.receiver import AudioReceiver
@@ -62,6 +62,20 @@ def test_superframes_that_drown_stand_higher() -> None:
     assert power[0] > 1.2 * power[1]
 
 
+def test_margins_are_reported_of_what_was_written() -> None:
+    x = np.random.default_rng(1).normal(0, 0.05, (12 * FS, 1)).astype(np.float32)
+    x[9 * FS : 11 * FS] = 0.0
+    rehearsal = CodecLoop(ROBUST, 0, Clear(), Drowning(), names=("clear", "drowning"))
+    embedder = AudioEmbedder(FS, 1, payload, profile="robust", rehearsal=rehearsal)
+    embedder.process(x)
+    embedder.flush()
+    margins = {one.number: one for one in embedder.margins()}
+    assert len(margins) == embedder.report().superframes
+    assert 15 not in margins
+    assert margins[10].coder == "drowning"
+    assert margins[10].margin < margins[3].margin
+
+
 class Clear:
     """A line that changes nothing."""
 
@@ -111,6 +125,29 @@ def test_coders_run_as_streams(coder: str) -> None:
     assert 0.8 * FS < len(heard) <= FS
     middle = heard[FS // 2 : FS // 2 + 4800, 0]
     assert abs(np.sqrt(2 * (middle**2).mean()) - 0.2) < 0.02
+
+
+def test_coders_in_a_row() -> None:
+    t = np.arange(FS) / FS
+    x = (0.2 * np.sin(2 * np.pi * 440 * t))[:, np.newaxis].astype(np.float32)
+    chain = CoderChain(("mp2:192k", "ac3:192k"))
+    heard = np.concatenate([chain.process(x[i : i + 7000]) for i in range(0, FS, 7000)])
+    second, first = CoderStream("ac3:192k"), CoderStream("mp2:192k")
+    np.testing.assert_array_equal(heard, second.process(first.process(x))[: len(heard)])
+    with pytest.raises(CueError, match=r"^5 coders in a row, limit 4$"):
+        CoderChain(("mp2:192k",) * 5)
+
+
+@pytest.mark.parametrize(
+    ("through", "chains"),
+    [
+        ("aac:128k,mp2:192k", [["aac:128k"], ["mp2:192k"]]),
+        ("aac:128k,mp3:128k,aac:128k", [["aac:128k", "mp3:128k", "aac:128k"]]),
+        ("mp2:192k+aac:128k,ac3:192k", [["mp2:192k", "aac:128k"], ["ac3:192k"]]),
+    ],
+)
+def test_through_names_alternatives_and_chains(through: str, chains: list[list[str]]) -> None:
+    assert [list(chain) for chain in chains_of(through)] == chains
 
 
 def test_unknown_coders_are_named() -> None:

@@ -9,7 +9,7 @@ Specification: spec/audio-carrier.md, W20 and W40 leave this to the embedder.
 """
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -71,11 +71,30 @@ class _Sent:
     level: float
 
 
+@dataclass(frozen=True, slots=True)
+class _Measured:
+    """A superframe after the coder that left least of it.
+
+    Attributes
+    ----------
+    doublings : float
+        Logarithm to base 2 of the information that was left, in bits.
+    level : float
+        At which it was sent.
+    coder : str
+        Name of that coder.
+    """
+
+    doublings: float
+    level: float
+    coder: str
+
+
 class _Ear:
     """One coder, and what comes back from it."""
 
-    def __init__(self, through: CodecStream) -> None:
-        self._through = through
+    def __init__(self, through: CodecStream, name: str) -> None:
+        self._through, self.name = through, name
         self.heard = StereoBuffer()
         self.delay: int | None = None
         self.waiting: deque[_Sent] = deque()
@@ -117,6 +136,8 @@ class CodecLoop:
         Seed of the layout.
     *through : CodecStream
         The coders; the one that leaves least of a superframe counts.
+    names : sequence of str
+        Names of the coders, for reports.
 
     Attributes
     ----------
@@ -124,25 +145,37 @@ class CodecLoop:
         Superframes that were sent.
     """
 
-    def __init__(self, profile: AudioProfile, key: int, *through: CodecStream) -> None:
-        self._ears = [_Ear(coder) for coder in through]
+    def __init__(
+        self, profile: AudioProfile, key: int, *through: CodecStream, names: Sequence[str] = ()
+    ) -> None:
+        named = [*names, *[""] * (len(through) - len(names))]
+        self._ears = [_Ear(coder, name) for coder, name in zip(through, named, strict=True)]
         self._designer = StereoDesigner(profile, key)
         self._demodulator = Demodulator(profile, key)
         self._masker = make_masker()
         self._before, self._tail = np.zeros((2, HOP)), np.zeros((2, HOP))
         self._sent = SampleBuffer()
-        self._doublings: dict[int, float] = {}
-        self._levels: dict[int, float] = {}
-        bits = profile.message_bits + L0_CHECK + (L1_CHECK if profile.l1_bytes else 0)
-        self._enough = float(np.log2(max(MARGIN * bits, LEAST_ENOUGH)))
+        self._measured: dict[int, _Measured] = {}
+        self._bits = profile.message_bits + L0_CHECK + (L1_CHECK if profile.l1_bytes else 0)
+        self._enough = float(np.log2(max(MARGIN * self._bits, LEAST_ENOUGH)))
         self.count = 0
 
     def enough(self, number: int) -> float | None:
         """Level at which a superframe bears its message with `MARGIN`, None if unknown."""
-        if number not in self._doublings:
+        if (measured := self._measured.get(number)) is None:
             return None
-        missing = self._enough - self._doublings[number]
-        return self._levels[number] + LEVELS_PER_DOUBLING * missing
+        missing = self._enough - measured.doublings
+        return measured.level + LEVELS_PER_DOUBLING * missing
+
+    def margin(self, number: int, level: float) -> tuple[float, str] | None:
+        """Information of a superframe at a level, and the coder that leaves least of it.
+
+        The information is in units of the bits of the message and its checks; None if unknown.
+        """
+        if (measured := self._measured.get(number)) is None:
+            return None
+        doublings = measured.doublings + (level - measured.level) / LEVELS_PER_DOUBLING
+        return float(2**doublings / self._bits), measured.coder
 
     def send(
         self,
@@ -201,8 +234,8 @@ class CodecLoop:
             ear.take(marked, self._sent)
             for sent in ear.arrived():
                 self._learn(sent, ear)
-        for number in sorted(self._doublings)[:-REMEMBERED]:
-            del self._doublings[number], self._levels[number]
+        for number in sorted(self._measured)[:-REMEMBERED]:
+            del self._measured[number]
         self._sent.forget(self._sent.end - 8 * SUPERFRAME)
 
     def _learn(self, sent: _Sent, ear: _Ear) -> None:
@@ -220,8 +253,9 @@ class CodecLoop:
         information = float((known * resultant).sum() / np.log(2))
         doublings = float(np.log2(max(information, LEAST)))
         # What counts is the coder that leaves least.
-        self._doublings[sent.number] = min(self._doublings.get(sent.number, np.inf), doublings)
-        self._levels[sent.number] = sent.level
+        least = self._measured.get(sent.number)
+        if least is None or doublings < least.doublings:
+            self._measured[sent.number] = _Measured(doublings, sent.level, ear.name)
 
 
 def _run_in(channels: int) -> NDArray[np.float64]:

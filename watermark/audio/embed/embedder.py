@@ -68,6 +68,9 @@ SHORT = (0.5, -0.25)
 """Levels that a passage of two channels lacks from which all its cells are written in the mid, of
 which coders keep most, and again in left and right, for who hears one channel only."""
 
+REPORTED = 100_000
+"""Superframes whose margins are kept for the report, 17 h."""
+
 Source = Callable[[int], tuple[bytes, bytes]]
 """Payloads (L0, L1) of the superframe on air from programme time k * 0.64 s."""
 
@@ -99,6 +102,25 @@ class EmbedReport:
     silent_s: tuple[tuple[float, float], ...]
     net_bps: float
     gross_bps: float
+
+
+@dataclass(frozen=True, slots=True)
+class SuperframeMargin:
+    """Margin of a superframe by its rehearsal.
+
+    Attributes
+    ----------
+    number : int
+        Of the superframe, on air from `number` * 0.64 s.
+    margin : float
+        Information that is left, in units of the bits of the message and its checks.
+    coder : str
+        Name of the coder that leaves least.
+    """
+
+    number: int
+    margin: float
+    coder: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,6 +243,7 @@ class AudioEmbedder:
         self._next = 0
         self._host_power = self._mark_power = 0.0
         self._silent: list[int] = []
+        self._margins: deque[SuperframeMargin] = deque(maxlen=REPORTED)
 
     def process(self, block: NDArray[np.float32]) -> NDArray[np.float32]:
         """Take samples and return those that are finished.
@@ -286,6 +309,10 @@ class AudioEmbedder:
             gross_bps=self._profile.gross_bps,
         )
 
+    def margins(self) -> tuple[SuperframeMargin, ...]:
+        """Return the margins of what was written, of a rehearsed mark and where they are known."""
+        return tuple(self._margins)
+
     def _write_next(self, count: int) -> None:
         """Write the next superframes, at the level that gives the wanted grade."""
         numbers = range(self._next, self._next + count)
@@ -338,11 +365,23 @@ class AudioEmbedder:
         self._across.append(across)
         self._taken.append(taken)
         self._silent += [k for k, silent in zip(numbers, made.silent, strict=True) if silent]
+        self._note_margins(made)
         self._next += count
         done = int((self._next * SUPERFRAME - HOP) * ratio) - 2 * self._host.reach(ratio)
         for tape in (self._host, self._side):
             tape.forget(done)
         self._shares.forget(done)
+
+    def _note_margins(self, made: _Stretch) -> None:
+        """Keep the margins of a stretch; a softened part takes what its level was raised by."""
+        if self._rehearsal is None or made.levels is None:
+            return
+        for i, (level, part) in enumerate(zip(made.levels, made.parts, strict=True)):
+            softened = 0.0 if part is None else math.log2(float(np.square(part).mean()))
+            number = self._next + i
+            found = self._rehearsal.margin(number, level + LEVELS_PER_DOUBLING * softened)
+            if found is not None and not made.silent[i]:
+                self._margins.append(SuperframeMargin(number, *found))
 
     def _rehearse(self, end: int) -> None:
         """Try the superframes up to a number on the coder."""
