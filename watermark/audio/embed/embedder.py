@@ -310,7 +310,13 @@ class AudioEmbedder:
         )
 
     def margins(self) -> tuple[SuperframeMargin, ...]:
-        """Return the margins of what was written, of a rehearsed mark and where they are known."""
+        """Return the margins of what was written, of a rehearsed mark and where they are known.
+
+        Returns
+        -------
+        tuple of SuperframeMargin
+            In order, of the last `REPORTED` superframes.
+        """
         return tuple(self._margins)
 
     def _write_next(self, count: int) -> None:
