@@ -1405,7 +1405,7 @@ const REASONS = {
     fr: "Le lecteur ne contient ni <video> ni <audio>.",
   },
   "other-origin": {
-    en: "The programme comes from another site, and a page may not hear such sound. Serve it from the page's own site, or with Access-Control-Allow-Origin and crossorigin=\"anonymous\".",
+    en: "The programme comes from another site, and a page may not hear such sound. Serve it from the page's own site, or with Access-Control-Allow-Origin and crossorigin=\"anonymous\", or put its .cue file beside it.",
     fr: "Le programme vient d'un autre site : la page n'a pas le droit d'en entendre le son.",
   },
   "no-worklet": {
@@ -1419,6 +1419,10 @@ const REASONS = {
   "no-files": {
     en: "Files of the player are missing: cuecast.wasm, voice.bin and voice.json belong beside its script.",
     fr: "Des fichiers du lecteur manquent à côté de son script.",
+  },
+  "no-file": {
+    en: "The stream file that the player's attribute cue names is missing, damaged or of another voice.",
+    fr: "Le fichier .cue que nomme l'attribut cue manque, est abîmé ou d'une autre voix.",
   },
   asleep: {
     en: "The browser lets the page hear only after a click or a key press.",
@@ -1452,6 +1456,86 @@ const REASONS = {
 return { REASONS };
 })();
 
+const $sidecar = (() => {
+/**
+ * The stream file beside a programme: its cuer without the programme's sound, on the media's clock.
+ * It is fetched whole and decoded in the worker some way ahead of the viewer, at any speed.
+ */
+
+const AHEAD_S = 30;
+const REFILL_S = 15;
+const BEFORE_S = 5;
+/** As far behind the viewer the page's timeline remembers. */
+const KEPT_S = 290;
+
+/** Where the stream file of `media` is: `named`, or the programme's address with `.cue` at its end; "" if nowhere. */
+function sidecarAddress(media, named) {
+  if (named) return new URL(named, document.baseURI).href;
+  const address = media.currentSrc || media.src;
+  if (!/^https?:/.test(address)) return "";
+  const url = new URL(address);
+  url.search = url.hash = "";
+  url.pathname = url.pathname.replace(/(\.[^./]*)?$/, ".cue");
+  return url.href;
+}
+
+class Sidecar {
+  /** Fetch and open a stream file; rejects if there is none or it cannot be read. */
+  static async open(media, address, files, handlers) {
+    if (!address) throw new Error("the programme has no address of its own");
+    const answer = await fetch(address);
+    if (!answer.ok) throw new Error(`${address}: ${answer.status}`);
+    const sidecar = new Sidecar(media, files, handlers);
+    try {
+      await sidecar.load(await answer.arrayBuffer());
+    } catch (error) {
+      sidecar.close();
+      throw error;
+    }
+    return sidecar;
+  }
+
+  constructor(media, { module, voice, worker }, handlers) {
+    this.media = media;
+    this.handlers = handlers;
+    this.worker = new Worker(worker, { type: "module" });
+    this.worker.postMessage({ type: "open", module, voice, rateHz: 48000, channels: 2 });
+    /** Known, and asked for, from here to there: seconds of the programme. */
+    this.fromS = 0;
+    this.untilS = -Infinity;
+  }
+
+  load(bytes) {
+    return new Promise((resolve, reject) => {
+      this.worker.onerror = (event) => reject(new Error(event.message));
+      this.worker.onmessage = ({ data }) => {
+        if (data.type === "failed") reject(new Error(data.text));
+        else if (data.type === "opened") resolve(data);
+        else this.handlers.heard(data, 0);
+      };
+      this.worker.postMessage({ type: "file", bytes }, [bytes]);
+    });
+  }
+
+  /** Have what the viewer needs next decoded; call at each refresh. */
+  tick() {
+    const { currentTime } = this.media;
+    this.fromS = Math.max(this.fromS, currentTime - KEPT_S);
+    const anew = currentTime < this.fromS;
+    if (!anew && currentTime + REFILL_S < this.untilS) return;
+    const gone = anew || currentTime > this.untilS;
+    if (gone) this.fromS = Math.max(0, currentTime - BEFORE_S);
+    this.untilS = currentTime + AHEAD_S;
+    this.worker.postMessage({ type: "read", anew, fromS: this.fromS, untilS: this.untilS });
+  }
+
+  close() {
+    this.worker.terminate();
+  }
+}
+return { sidecarAddress, Sidecar };
+})();
+
 const $style = (() => {
 const STYLE = ":host {\n  --ink: #f3f1ec;\n  --soft: #a9aab4;\n  --faint: rgba(255, 255, 255, .12);\n  --ground: #07080b;\n  --glass: rgba(14, 16, 22, .82);\n  --accent: #f5b85b;\n  --good: #6fd39a;\n  --bad: #f0716b;\n  font: 16px/1.4 system-ui, \"Segoe UI\", Roboto, \"DejaVu Sans\", sans-serif;\n  color: var(--ink);\n  background: var(--ground);\n}\n* { box-sizing: border-box; }\n[hidden] { display: none !important; }\nhtml, body { height: 100vh; height: 100dvh; margin: 0; overflow: hidden; }\nbutton, input, select { font: inherit; color: inherit; }\n:focus-visible { outline: 3px solid var(--accent); outline-offset: 2px; }\n\n.stage { position: relative; width: 100%; height: 100%; background: radial-gradient(120% 90% at 50% 35%, #14161d 0, var(--ground) 75%); }\n.stage.quiet { cursor: none; }\n.programme { position: absolute; inset: 0; width: 100%; height: 100%; object-fit: contain; }\n\n.inset { position: absolute; overflow: hidden; border-radius: 1.1vmin; pointer-events: none; transition: left .25s, top .25s, width .25s, height .25s, transform .3s; }\n.inset[data-contrast=\"panel\"] { background: rgba(5, 6, 9, var(--backdrop, .82)); box-shadow: 0 .6vmin 2.4vmin rgba(0, 0, 0, .45), inset 0 0 0 1px rgba(255, 255, 255, .08); }\n.inset[data-contrast=\"strong\"] { background: #000; box-shadow: 0 0 0 2px var(--accent); }\n.stage:not(.quiet) .inset[data-place^=\"bottom\"] { transform: translateY(var(--lift, 0)); }\n.inset[data-alone=\"true\"] { background: none; box-shadow: none; }\n.layer { position: absolute; inset: 0; width: 100%; height: 100%; }\n.inset.empty { visibility: hidden; }\n\n.status { position: absolute; top: 2.4vmin; left: 2.4vmin; margin: 0; padding: .45em .95em; display: flex; align-items: center; gap: .6em; border-radius: 2em; background: var(--glass); font-size: clamp(12px, 1.9vmin, 20px); transition: opacity .4s; }\n.lamp { width: .7em; height: .7em; border-radius: 50%; background: var(--soft); }\n.status[data-state=\"searching\"] .lamp, .status[data-state=\"awaiting\"] .lamp { background: var(--accent); animation: breathe 1.2s ease-in-out infinite; }\n.status[data-state=\"locked\"] .lamp { background: var(--good); }\n.status[data-state=\"degraded\"] .lamp { background: var(--accent); }\n.status[data-state=\"lost\"] .lamp { background: var(--bad); }\n.status[data-state=\"ended\"] .lamp { background: var(--soft); }\n.quiet .status[data-state=\"locked\"] { opacity: 0; }\n@keyframes breathe { 50% { opacity: .3; } }\n\n.keys { position: absolute; left: 50%; transform: translateX(-50%); bottom: 5vmin; margin: 0; padding: 0; display: flex; gap: .5em; list-style: none; font-size: clamp(14px, 3.1vmin, 34px); transition: bottom .25s; }\n.stage:not(.quiet) .keys { bottom: var(--clear, 17vmin); }\n.keys li { min-width: 2.9em; padding: .2em .6em .3em; text-align: center; background: var(--glass); border-radius: .35em; color: var(--soft); }\n.keys li b { display: block; font-weight: 600; letter-spacing: .04em; }\n.keys li small { display: block; font-size: .5em; letter-spacing: .02em; }\n.keys li.now { color: #14100a; background: var(--accent); }\n\n.toast { position: absolute; top: 2.4vmin; right: 2.4vmin; margin: 0; padding: .5em 1em; border-radius: .5em; background: var(--glass); font-size: clamp(13px, 2.2vmin, 24px); }\n\n.bar { position: absolute; left: 0; right: 0; bottom: 0; padding: 6vmin 3vmin 2.2vmin; background: linear-gradient(transparent, rgba(5, 6, 9, .88) 55%); transition: opacity .3s, transform .3s; }\n.quiet .bar { opacity: 0; transform: translateY(2vmin); pointer-events: none; }\n.row { display: flex; align-items: center; gap: .6em; margin-top: .5em; font-size: clamp(13px, 2vmin, 22px); }\n.gap { flex: 1; }\n.button { min-width: 2.6em; height: 2.4em; padding: 0 .8em; border: 0; border-radius: .55em; background: var(--faint); cursor: pointer; transition: background .15s; }\n.button:hover { background: rgba(255, 255, 255, .22); }\n.button[aria-pressed=\"true\"] { background: var(--accent); color: #14100a; }\n.button svg { display: block; width: 1.05em; height: 1.05em; margin: auto; fill: currentColor; }\n.wide { min-width: 6em; }\n.clock { padding: 0 .5em; color: var(--soft); font-variant-numeric: tabular-nums; }\n.seek { width: 100%; margin: 0; height: 1.2em; accent-color: var(--accent); cursor: pointer; }\n\n.panel { position: absolute; right: 3vmin; bottom: 15vmin; width: min(34em, 94vw); max-height: 78vh; overflow: auto; padding: 1.1em 1.4em 1.3em; border-radius: .9em; background: rgba(16, 18, 25, .96); box-shadow: 0 1vmin 5vmin rgba(0, 0, 0, .6), inset 0 0 0 1px rgba(255, 255, 255, .07); font-size: clamp(13px, 1.9vmin, 20px); }\n.panel h2 { margin: .2em 0 .6em; font-size: 1em; font-weight: 600; color: var(--accent); letter-spacing: .02em; }\n.panel h2:not(:first-child) { margin-top: 1.2em; }\n.choices { display: grid; grid-template-columns: 1fr 1.5fr; gap: .55em 1em; align-items: center; }\n.choices label { color: var(--soft); }\n.choices select, .choices input[type=\"range\"] { width: 100%; }\n.choices select { padding: .3em .5em; border: 0; border-radius: .4em; background: #272a34; }\n.choices input[type=\"range\"] { accent-color: var(--accent); }\n.choices input[type=\"checkbox\"] { width: 1.3em; height: 1.3em; accent-color: var(--accent); }\n.help { display: grid; grid-template-columns: auto 1fr auto 1fr; gap: .25em .9em; font-size: .92em; margin: 0; color: var(--soft); }\n.help dt { color: var(--ink); white-space: nowrap; }\n.help dd { margin: 0; }\n@media (max-width: 40em) {\n  .row { flex-wrap: wrap; }\n  .row .gap { display: none; }\n  .wide { min-width: 5em; }\n  .keys { max-width: 98vw; }\n  .help { grid-template-columns: auto 1fr; }\n  .toast { top: auto; bottom: 40vh; left: 50%; right: auto; transform: translateX(-50%); width: max-content; max-width: 90vw; }\n}\n@media (prefers-reduced-motion: reduce) { * { transition: none !important; animation: none !important; } }\n\n:host { display: block; position: relative; }\n:host([hidden]) { display: none; }\n.stage { height: auto; }\n.stage.quiet { cursor: auto; }\n.stage.sound { aspect-ratio: 16 / 9; display: flex; align-items: flex-end; }\n::slotted(video) { display: block; width: 100%; }\n::slotted(audio) { width: 100%; }\n.status { pointer-events: none; max-width: 90%; }\n.keys { pointer-events: none; }\n";
 return { STYLE };
@@ -1475,6 +1559,7 @@ const { TEXTS } = $texts;
 const { Timeline } = $timeline;
 const { Hearing, obstacle } = $hearing;
 const { REASONS } = $reasons;
+const { Sidecar, sidecarAddress } = $sidecar;
 const { STYLE } = $style;
 
 const BODY = `<div id="stage" class="stage quiet" part="stage"><slot></slot>
@@ -1486,6 +1571,8 @@ const BODY = `<div id="stage" class="stage quiet" part="stage"><slot></slot>
 /** What stands in an attribute, with what holds without it; a flag is there or not. */
 const CHOICES = { look: "avatar", place: "bottom-right", size: "medium", contrast: "panel", opacity: "100" };
 const FLAGS = { keys: "keys", mirror: "mirror", handOnly: "hand-only" };
+/** Reasons for which the stream file beside the programme is looked for. */
+const DEAF = new Set(["other-origin", "no-worklet", "asleep", "muted", "speed", "silence", "no-mark"]);
 const DOT = 0.62;
 const PRUNE_MS = 5000;
 
@@ -1520,6 +1607,7 @@ class CuecastPlayer extends HTMLElement {
     this.reason = "";
     this.scene = "";
     this.serial = 0;
+    this.programme = 0;
     root.querySelector("slot").addEventListener("slotchange", () => { if (this.isConnected) this.open(); });
   }
 
@@ -1543,8 +1631,8 @@ class CuecastPlayer extends HTMLElement {
 
   disconnectedCallback() {
     this.serial += 1;
-    this.hearing?.close();
-    this.hearing = null;
+    this.deafen();
+    this.attached?.abort();
     this.opened = null;
     cancelAnimationFrame(this.refresh);
     clearInterval(this.pruning);
@@ -1595,18 +1683,58 @@ class CuecastPlayer extends HTMLElement {
     this.points.model = this.model;
     if (this.avatar) this.avatar.model = this.model;
     this.clock = new ProgrammeClock(media);
-    const files = { module, voice, worklet: new URL("worklet.js", this.base), worker: new URL("worker.js", this.base) };
-    this.hearing = new Hearing(media, files, {
+    this.files = { module, voice, worklet: new URL("worklet.js", this.base), worker: new URL("worker.js", this.base) };
+    this.handlers = {
       heard: (message, offsetS) => this.take(message, offsetS),
-      reason: (name, text) => this.because(name, text),
-    });
+      reason: (name, text) => (DEAF.has(name) ? this.lookBeside(name) : this.because(name, text)),
+    };
+    this.listen();
     this.sizes = new ResizeObserver(() => this.arrange());
     this.sizes.observe(this);
-    for (const name of ["loadedmetadata", "resize"]) media.addEventListener(name, () => this.arrange());
-    media.addEventListener("emptied", () => this.timeline.clear());
+    this.attached = new AbortController();
+    const { signal } = this.attached;
+    for (const name of ["loadedmetadata", "resize"]) media.addEventListener(name, () => this.arrange(), { signal });
+    media.addEventListener("emptied", () => this.timeline.clear(), { signal });
+    media.addEventListener("loadstart", () => this.listen(), { signal });
     this.pruning = setInterval(() => this.timeline.prune(media.currentTime), PRUNE_MS);
     this.arrange();
     this.refresh = requestAnimationFrame((now) => this.tick(now));
+  }
+
+  /** Begin with a programme: read the stream file named for it, or hear it. */
+  listen() {
+    this.deafen();
+    this.programme += 1;
+    this.triedBeside = false;
+    this.because("");
+    this.tellState("searching");
+    if (this.hasAttribute("cue")) this.lookBeside("no-file");
+    else this.hearing = new Hearing(this.media, this.files, this.handlers);
+  }
+
+  deafen() {
+    this.hearing?.close();
+    this.sidecar?.close();
+    this.hearing = this.sidecar = null;
+  }
+
+  /** Take the stream file beside the programme, if there is one; else say why there is no cuer. */
+  async lookBeside(reason) {
+    if (this.triedBeside) return this.because(this.sidecar ? "" : reason);
+    this.triedBeside = true;
+    const { media, programme, serial } = this;
+    const isPresent = () => programme === this.programme && serial === this.serial;
+    const named = this.getAttribute("cue");
+    try {
+      const sidecar = await Sidecar.open(media, sidecarAddress(media, named), this.files, this.handlers);
+      if (!isPresent()) return sidecar.close();
+      this.deafen();
+      this.sidecar = sidecar;
+      this.because("");
+      this.tellState("locked");
+    } catch (error) {
+      if (isPresent()) this.because(reason, named ? error.message : "");
+    }
   }
 
   buildAvatar(canvas, arrays) {
@@ -1636,7 +1764,7 @@ class CuecastPlayer extends HTMLElement {
 
   /** Take what was heard; `offsetS` leads from the audio context's time to the media's. */
   take({ events, pieces, diagnosis }, offsetS) {
-    this.diagnosis = diagnosis;
+    this.diagnosis = diagnosis ?? undefined;
     for (const piece of pieces) this.timeline.insert({ ...piece, startS: piece.startS + offsetS });
     for (const event of events) {
       const timeS = event.timeS + offsetS;
@@ -1673,7 +1801,7 @@ class CuecastPlayer extends HTMLElement {
     this.reason = reason;
     if (detail) console.warn(`cuecast: ${reason}: ${detail}`);
     this.tell("state", { state: reason ? "deaf" : this.reception, reason, text: this.reasonText() });
-    if (!this.hearing) this.showState(0);
+    if (!this.hearing && !this.sidecar) this.showState(0);
   }
 
   reasonText() {
@@ -1695,7 +1823,8 @@ class CuecastPlayer extends HTMLElement {
 
   tick(now) {
     this.refresh = requestAnimationFrame((next) => this.tick(next));
-    this.hearing.tick();
+    this.hearing?.tick();
+    this.sidecar?.tick();
     const timeS = this.clock.at(now);
     const visibility = this.timeline.sample(timeS, this.params);
     if (visibility > 0) this.model.reconstruct(this.params, this.markers);

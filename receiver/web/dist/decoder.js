@@ -13,9 +13,10 @@ const $decoder = (() => {
 const FRAMES = 4096;
 const ALIGNMENT = 16;
 const PAGE_BYTES = 65536;
-const ROOM = { config: 64, event: 2048, diagnosis: 104, text: 512 };
+const ROOM = { config: 64, event: 2048, diagnosis: 104, text: 512, info: 32 };
 const CONFIG = { startS: 24, history: 36 };
 const EVENT = { kind: 4, timeS: 8, body: 16 };
+const INFO = { startS: 8, durationS: 16, superframes: 24 };
 
 const STATES = ["searching", "locked", "degraded", "lost", "ended"];
 const PROOFS = ["unknown", "verified", "forged"];
@@ -55,6 +56,8 @@ class Decoder {
     this.eventBytes = exports.cue_event_size();
     this.heard = this.take(ROOM.diagnosis);
     this.text = this.take(ROOM.text);
+    this.info = this.take(ROOM.info);
+    this.file = null;
     new Uint32Array(exports.memory.buffer, this.list, channels).set(this.planes);
     this.must(exports.cue_init(this.state, this.bytes, config));
     if (voice) this.load(new Uint8Array(voice));
@@ -107,6 +110,28 @@ class Decoder {
   /** The programme is over: returns the events that its end completes. */
   flush() {
     this.must(this.cue.cue_flush(this.state));
+    return this.collect([]);
+  }
+
+  /** Take a stream file in place of sound; throws if it is damaged or of another voice. */
+  open(bytes) {
+    const stream = new Uint8Array(bytes);
+    if (stream.length > (this.file?.bytes ?? 0)) this.file = { at: this.take(stream.length), bytes: stream.length };
+    this.file.bytes = stream.length;
+    new Uint8Array(this.cue.memory.buffer, this.file.at, stream.length).set(stream);
+    this.view().setUint32(this.info, ROOM.info, true);
+    this.must(this.cue.cue_file_open(this.state, this.file.at, stream.length, this.info));
+    const view = this.view();
+    return {
+      startS: view.getFloat64(this.info + INFO.startS, true),
+      durationS: view.getFloat64(this.info + INFO.durationS, true),
+      superframes: view.getUint32(this.info + INFO.superframes, true),
+    };
+  }
+
+  /** The events of the next 0.64 s of the stream file; null behind its end. */
+  read() {
+    if (this.must(this.cue.cue_file_read(this.state, this.file.at, this.file.bytes)) !== 0) return null;
     return this.collect([]);
   }
 

@@ -13,9 +13,10 @@ const $decoder = (() => {
 const FRAMES = 4096;
 const ALIGNMENT = 16;
 const PAGE_BYTES = 65536;
-const ROOM = { config: 64, event: 2048, diagnosis: 104, text: 512 };
+const ROOM = { config: 64, event: 2048, diagnosis: 104, text: 512, info: 32 };
 const CONFIG = { startS: 24, history: 36 };
 const EVENT = { kind: 4, timeS: 8, body: 16 };
+const INFO = { startS: 8, durationS: 16, superframes: 24 };
 
 const STATES = ["searching", "locked", "degraded", "lost", "ended"];
 const PROOFS = ["unknown", "verified", "forged"];
@@ -55,6 +56,8 @@ class Decoder {
     this.eventBytes = exports.cue_event_size();
     this.heard = this.take(ROOM.diagnosis);
     this.text = this.take(ROOM.text);
+    this.info = this.take(ROOM.info);
+    this.file = null;
     new Uint32Array(exports.memory.buffer, this.list, channels).set(this.planes);
     this.must(exports.cue_init(this.state, this.bytes, config));
     if (voice) this.load(new Uint8Array(voice));
@@ -107,6 +110,28 @@ class Decoder {
   /** The programme is over: returns the events that its end completes. */
   flush() {
     this.must(this.cue.cue_flush(this.state));
+    return this.collect([]);
+  }
+
+  /** Take a stream file in place of sound; throws if it is damaged or of another voice. */
+  open(bytes) {
+    const stream = new Uint8Array(bytes);
+    if (stream.length > (this.file?.bytes ?? 0)) this.file = { at: this.take(stream.length), bytes: stream.length };
+    this.file.bytes = stream.length;
+    new Uint8Array(this.cue.memory.buffer, this.file.at, stream.length).set(stream);
+    this.view().setUint32(this.info, ROOM.info, true);
+    this.must(this.cue.cue_file_open(this.state, this.file.at, stream.length, this.info));
+    const view = this.view();
+    return {
+      startS: view.getFloat64(this.info + INFO.startS, true),
+      durationS: view.getFloat64(this.info + INFO.durationS, true),
+      superframes: view.getUint32(this.info + INFO.superframes, true),
+    };
+  }
+
+  /** The events of the next 0.64 s of the stream file; null behind its end. */
+  read() {
+    if (this.must(this.cue.cue_file_read(this.state, this.file.at, this.file.bytes)) !== 0) return null;
     return this.collect([]);
   }
 
@@ -232,9 +257,11 @@ const $worker = (() => {
 /**
  * Decodes away from the page: sound from the worklet's port, events to the element.
  *
- * From the element: {type: "open", module, voice, rateHz, channels, port}, {type: "hear", segment,
- * fromS}, {type: "pause"}, {type: "resume"} and {type: "stop"}. To it: {type: "heard", segment, events, pieces,
- * diagnosis, lagS} and {type: "failed", text}. Times are those of the receiver, which counts
+ * From the element: {type: "open", module, voice, rateHz, channels, port}; for sound {type: "hear",
+ * segment, fromS}, {type: "pause"}, {type: "resume"} and {type: "stop"}; for a stream file {type:
+ * "file", bytes} and {type: "read", anew, fromS, untilS}. To it: {type: "heard", segment, events,
+ * pieces, diagnosis, lagS}, {type: "opened", startS, durationS, superframes} and {type: "failed",
+ * text}. Times of a file are the programme's; those of sound are the receiver's, which counts
  * samples: with `lagS` added they are seconds of the audio context.
  *
  * A paused programme is silent. Exact zeros are held back until sound follows, and dropped if the
@@ -246,8 +273,12 @@ const { Pieces } = $pieces;
 
 const DIAGNOSE_S = 0.5;
 const HELD_S = 0.5;
+const SUPERFRAME_S = 0.64;
+/** Superframes of a stream file that are sent to the page at a time. */
+const BATCH = 16;
 
 let decoder = null;
+let opening = null;
 let rateHz = 48000;
 let pieces = new Pieces();
 let segment = -1;
@@ -260,6 +291,9 @@ let nextS = 0;
 let toldS = 0;
 /** Zeros that were held back, per channel. */
 let held = 0;
+/** The stream file, and how far it has been read, seconds. */
+let file = null;
+let readS = 0;
 
 const isSilent = (planes, at) => planes.every((plane) => plane[at] === 0);
 
@@ -273,14 +307,40 @@ function soundWithin(planes) {
   return [first, first === length ? length : end];
 }
 
-function push(planes) {
-  nextS += planes[0].length / rateHz;
+/** Sort out motion from what is sent as it is. */
+function sorted(all) {
   const events = [];
-  for (const event of decoder.push(planes)) {
+  for (const event of all) {
     if (event.kind === "motion") pieces.add(event);
     else events.push(event);
   }
   return events;
+}
+
+function push(planes) {
+  nextS += planes[0].length / rateHz;
+  return sorted(decoder.push(planes));
+}
+
+/** Decode the stream file up to a time; what lies before `from` is known to the page, or not needed. */
+function read({ anew, fromS: from, untilS }) {
+  if (anew) {
+    readS = decoder.open(file).startS;
+    pieces = new Pieces();
+  }
+  const events = [];
+  for (let count = 1; readS < untilS; count++) {
+    const found = decoder.read();
+    if (!found) break;
+    readS += SUPERFRAME_S;
+    events.push(...sorted(found.filter((event) => event.timeS >= from)));
+    if (count % BATCH === 0) send(events.splice(0));
+  }
+  send(events);
+}
+
+function send(events) {
+  self.postMessage({ type: "heard", segment, events, pieces: pieces.take(), diagnosis: null, lagS: 0 });
 }
 
 /** Push the zeros held back, at most a number of them. */
@@ -329,9 +389,18 @@ function guarded(action) {
 
 self.onmessage = guarded(async (message) => {
   if (message.type === "open") {
-    decoder = await Decoder.create(message.module, message.voice, message);
     ({ rateHz } = message);
-    message.port.onmessage = guarded(hear);
+    opening = Decoder.create(message.module, message.voice, message);
+    decoder = await opening;
+    if (message.port) message.port.onmessage = guarded(hear);
+  } else if (message.type === "file") {
+    decoder = await opening;
+    file = message.bytes;
+    const info = decoder.open(file);
+    readS = info.startS;
+    self.postMessage({ type: "opened", ...info });
+  } else if (message.type === "read") {
+    read(message);
   } else if (message.type === "hear") {
     ({ segment, fromS } = message);
     begun = false;

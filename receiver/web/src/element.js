@@ -15,6 +15,7 @@ import { TEXTS } from "../../page/texts.js";
 import { Timeline } from "../../page/timeline.js";
 import { Hearing, obstacle } from "./hearing.js";
 import { REASONS } from "./reasons.js";
+import { Sidecar, sidecarAddress } from "./sidecar.js";
 import { STYLE } from "./style.js";
 
 const BODY = `<div id="stage" class="stage quiet" part="stage"><slot></slot>
@@ -26,6 +27,8 @@ const BODY = `<div id="stage" class="stage quiet" part="stage"><slot></slot>
 /** What stands in an attribute, with what holds without it; a flag is there or not. */
 const CHOICES = { look: "avatar", place: "bottom-right", size: "medium", contrast: "panel", opacity: "100" };
 const FLAGS = { keys: "keys", mirror: "mirror", handOnly: "hand-only" };
+/** Reasons for which the stream file beside the programme is looked for. */
+const DEAF = new Set(["other-origin", "no-worklet", "asleep", "muted", "speed", "silence", "no-mark"]);
 const DOT = 0.62;
 const PRUNE_MS = 5000;
 
@@ -60,6 +63,7 @@ export class CuecastPlayer extends HTMLElement {
     this.reason = "";
     this.scene = "";
     this.serial = 0;
+    this.programme = 0;
     root.querySelector("slot").addEventListener("slotchange", () => { if (this.isConnected) this.open(); });
   }
 
@@ -83,8 +87,8 @@ export class CuecastPlayer extends HTMLElement {
 
   disconnectedCallback() {
     this.serial += 1;
-    this.hearing?.close();
-    this.hearing = null;
+    this.deafen();
+    this.attached?.abort();
     this.opened = null;
     cancelAnimationFrame(this.refresh);
     clearInterval(this.pruning);
@@ -135,18 +139,58 @@ export class CuecastPlayer extends HTMLElement {
     this.points.model = this.model;
     if (this.avatar) this.avatar.model = this.model;
     this.clock = new ProgrammeClock(media);
-    const files = { module, voice, worklet: new URL("worklet.js", this.base), worker: new URL("worker.js", this.base) };
-    this.hearing = new Hearing(media, files, {
+    this.files = { module, voice, worklet: new URL("worklet.js", this.base), worker: new URL("worker.js", this.base) };
+    this.handlers = {
       heard: (message, offsetS) => this.take(message, offsetS),
-      reason: (name, text) => this.because(name, text),
-    });
+      reason: (name, text) => (DEAF.has(name) ? this.lookBeside(name) : this.because(name, text)),
+    };
+    this.listen();
     this.sizes = new ResizeObserver(() => this.arrange());
     this.sizes.observe(this);
-    for (const name of ["loadedmetadata", "resize"]) media.addEventListener(name, () => this.arrange());
-    media.addEventListener("emptied", () => this.timeline.clear());
+    this.attached = new AbortController();
+    const { signal } = this.attached;
+    for (const name of ["loadedmetadata", "resize"]) media.addEventListener(name, () => this.arrange(), { signal });
+    media.addEventListener("emptied", () => this.timeline.clear(), { signal });
+    media.addEventListener("loadstart", () => this.listen(), { signal });
     this.pruning = setInterval(() => this.timeline.prune(media.currentTime), PRUNE_MS);
     this.arrange();
     this.refresh = requestAnimationFrame((now) => this.tick(now));
+  }
+
+  /** Begin with a programme: read the stream file named for it, or hear it. */
+  listen() {
+    this.deafen();
+    this.programme += 1;
+    this.triedBeside = false;
+    this.because("");
+    this.tellState("searching");
+    if (this.hasAttribute("cue")) this.lookBeside("no-file");
+    else this.hearing = new Hearing(this.media, this.files, this.handlers);
+  }
+
+  deafen() {
+    this.hearing?.close();
+    this.sidecar?.close();
+    this.hearing = this.sidecar = null;
+  }
+
+  /** Take the stream file beside the programme, if there is one; else say why there is no cuer. */
+  async lookBeside(reason) {
+    if (this.triedBeside) return this.because(this.sidecar ? "" : reason);
+    this.triedBeside = true;
+    const { media, programme, serial } = this;
+    const isPresent = () => programme === this.programme && serial === this.serial;
+    const named = this.getAttribute("cue");
+    try {
+      const sidecar = await Sidecar.open(media, sidecarAddress(media, named), this.files, this.handlers);
+      if (!isPresent()) return sidecar.close();
+      this.deafen();
+      this.sidecar = sidecar;
+      this.because("");
+      this.tellState("locked");
+    } catch (error) {
+      if (isPresent()) this.because(reason, named ? error.message : "");
+    }
   }
 
   buildAvatar(canvas, arrays) {
@@ -176,7 +220,7 @@ export class CuecastPlayer extends HTMLElement {
 
   /** Take what was heard; `offsetS` leads from the audio context's time to the media's. */
   take({ events, pieces, diagnosis }, offsetS) {
-    this.diagnosis = diagnosis;
+    this.diagnosis = diagnosis ?? undefined;
     for (const piece of pieces) this.timeline.insert({ ...piece, startS: piece.startS + offsetS });
     for (const event of events) {
       const timeS = event.timeS + offsetS;
@@ -213,7 +257,7 @@ export class CuecastPlayer extends HTMLElement {
     this.reason = reason;
     if (detail) console.warn(`cuecast: ${reason}: ${detail}`);
     this.tell("state", { state: reason ? "deaf" : this.reception, reason, text: this.reasonText() });
-    if (!this.hearing) this.showState(0);
+    if (!this.hearing && !this.sidecar) this.showState(0);
   }
 
   reasonText() {
@@ -235,7 +279,8 @@ export class CuecastPlayer extends HTMLElement {
 
   tick(now) {
     this.refresh = requestAnimationFrame((next) => this.tick(next));
-    this.hearing.tick();
+    this.hearing?.tick();
+    this.sidecar?.tick();
     const timeS = this.clock.at(now);
     const visibility = this.timeline.sample(timeS, this.params);
     if (visibility > 0) this.model.reconstruct(this.params, this.markers);

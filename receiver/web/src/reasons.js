@@ -6,7 +6,7 @@ export const REASONS = {
     fr: "Le lecteur ne contient ni <video> ni <audio>.",
   },
   "other-origin": {
-    en: "The programme comes from another site, and a page may not hear such sound. Serve it from the page's own site, or with Access-Control-Allow-Origin and crossorigin=\"anonymous\".",
+    en: "The programme comes from another site, and a page may not hear such sound. Serve it from the page's own site, or with Access-Control-Allow-Origin and crossorigin=\"anonymous\", or put its .cue file beside it.",
     fr: "Le programme vient d'un autre site : la page n'a pas le droit d'en entendre le son.",
   },
   "no-worklet": {
@@ -20,6 +20,10 @@ export const REASONS = {
   "no-files": {
     en: "Files of the player are missing: cuecast.wasm, voice.bin and voice.json belong beside its script.",
     fr: "Des fichiers du lecteur manquent à côté de son script.",
+  },
+  "no-file": {
+    en: "The stream file that the player's attribute cue names is missing, damaged or of another voice.",
+    fr: "Le fichier .cue que nomme l'attribut cue manque, est abîmé ou d'une autre voix.",
   },
   asleep: {
     en: "The browser lets the page hear only after a click or a key press.",

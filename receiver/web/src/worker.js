@@ -1,9 +1,11 @@
 /**
  * Decodes away from the page: sound from the worklet's port, events to the element.
  *
- * From the element: {type: "open", module, voice, rateHz, channels, port}, {type: "hear", segment,
- * fromS}, {type: "pause"}, {type: "resume"} and {type: "stop"}. To it: {type: "heard", segment, events, pieces,
- * diagnosis, lagS} and {type: "failed", text}. Times are those of the receiver, which counts
+ * From the element: {type: "open", module, voice, rateHz, channels, port}; for sound {type: "hear",
+ * segment, fromS}, {type: "pause"}, {type: "resume"} and {type: "stop"}; for a stream file {type:
+ * "file", bytes} and {type: "read", anew, fromS, untilS}. To it: {type: "heard", segment, events,
+ * pieces, diagnosis, lagS}, {type: "opened", startS, durationS, superframes} and {type: "failed",
+ * text}. Times of a file are the programme's; those of sound are the receiver's, which counts
  * samples: with `lagS` added they are seconds of the audio context.
  *
  * A paused programme is silent. Exact zeros are held back until sound follows, and dropped if the
@@ -15,8 +17,12 @@ import { Pieces } from "./pieces.js";
 
 const DIAGNOSE_S = 0.5;
 const HELD_S = 0.5;
+const SUPERFRAME_S = 0.64;
+/** Superframes of a stream file that are sent to the page at a time. */
+const BATCH = 16;
 
 let decoder = null;
+let opening = null;
 let rateHz = 48000;
 let pieces = new Pieces();
 let segment = -1;
@@ -29,6 +35,9 @@ let nextS = 0;
 let toldS = 0;
 /** Zeros that were held back, per channel. */
 let held = 0;
+/** The stream file, and how far it has been read, seconds. */
+let file = null;
+let readS = 0;
 
 const isSilent = (planes, at) => planes.every((plane) => plane[at] === 0);
 
@@ -42,14 +51,40 @@ function soundWithin(planes) {
   return [first, first === length ? length : end];
 }
 
-function push(planes) {
-  nextS += planes[0].length / rateHz;
+/** Sort out motion from what is sent as it is. */
+function sorted(all) {
   const events = [];
-  for (const event of decoder.push(planes)) {
+  for (const event of all) {
     if (event.kind === "motion") pieces.add(event);
     else events.push(event);
   }
   return events;
+}
+
+function push(planes) {
+  nextS += planes[0].length / rateHz;
+  return sorted(decoder.push(planes));
+}
+
+/** Decode the stream file up to a time; what lies before `from` is known to the page, or not needed. */
+function read({ anew, fromS: from, untilS }) {
+  if (anew) {
+    readS = decoder.open(file).startS;
+    pieces = new Pieces();
+  }
+  const events = [];
+  for (let count = 1; readS < untilS; count++) {
+    const found = decoder.read();
+    if (!found) break;
+    readS += SUPERFRAME_S;
+    events.push(...sorted(found.filter((event) => event.timeS >= from)));
+    if (count % BATCH === 0) send(events.splice(0));
+  }
+  send(events);
+}
+
+function send(events) {
+  self.postMessage({ type: "heard", segment, events, pieces: pieces.take(), diagnosis: null, lagS: 0 });
 }
 
 /** Push the zeros held back, at most a number of them. */
@@ -98,9 +133,18 @@ function guarded(action) {
 
 self.onmessage = guarded(async (message) => {
   if (message.type === "open") {
-    decoder = await Decoder.create(message.module, message.voice, message);
     ({ rateHz } = message);
-    message.port.onmessage = guarded(hear);
+    opening = Decoder.create(message.module, message.voice, message);
+    decoder = await opening;
+    if (message.port) message.port.onmessage = guarded(hear);
+  } else if (message.type === "file") {
+    decoder = await opening;
+    file = message.bytes;
+    const info = decoder.open(file);
+    readS = info.startS;
+    self.postMessage({ type: "opened", ...info });
+  } else if (message.type === "read") {
+    read(message);
   } else if (message.type === "hear") {
     ({ segment, fromS } = message);
     begun = false;

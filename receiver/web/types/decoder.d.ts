@@ -48,6 +48,10 @@ export class Decoder {
   /** Take one array of samples per channel, full scale 1, of any length. */
   push(planes: Float32Array[]): DecodedEvent[];
   flush(): DecodedEvent[];
+  /** Take a stream file (.cue) in place of sound. */
+  open(bytes: ArrayBuffer | Uint8Array): { startS: number; durationS: number; superframes: number };
+  /** The events of its next 0.64 s; null behind its end. */
+  read(): DecodedEvent[] | null;
   reset(startS: number): void;
   diagnosis(): Diagnosis;
   explain(): string;

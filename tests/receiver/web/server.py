@@ -11,15 +11,21 @@ from aiohttp import web
 
 
 @contextlib.asynccontextmanager
-async def serving(folder: Path, asked: list[str]) -> AsyncIterator[str]:
-    """Serve `folder` at the address yielded; `asked` gets the paths asked for."""
+async def serving(
+    folder: Path, asked: list[str], open_to_others: tuple[str, ...] = ()
+) -> AsyncIterator[str]:
+    """Serve `folder` at the address yielded; `asked` gets the paths asked for.
+
+    Pages of other sites may read the files `open_to_others`.
+    """
 
     async def answer(request: web.Request) -> web.StreamResponse:
         name = request.path.lstrip("/") or "index.html"
         asked.append(name)
         if not (folder / name).is_file():
             raise web.HTTPNotFound
-        return web.FileResponse(folder / name)
+        headers = {"Access-Control-Allow-Origin": "*"} if name in open_to_others else {}
+        return web.FileResponse(folder / name, headers=headers)
 
     app = web.Application()
     app.router.add_get("/{name:.*}", answer)
