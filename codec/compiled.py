@@ -152,7 +152,7 @@ def _interpreted(function: FunctionType) -> FunctionType:
 
 
 class _SharedCache:
-    """The cached machine code of one kernel: what is missing, one process at a time makes."""
+    """The cached machine code of one kernel; one process at a time compiles missing code."""
 
     def __init__(self, inner: Any) -> None:
         self._inner = inner
@@ -182,7 +182,7 @@ class _SharedCache:
 
 
 class _Turn:
-    """The turn of this process to compile what is kept in a folder."""
+    """The turn of this process to compile into a folder."""
 
     def __init__(self, folder: str) -> None:
         self._path = Path(folder) / _LOCK_NAME

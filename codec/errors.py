@@ -4,7 +4,7 @@
 class CueError(Exception):
     """Root of the toolkit's exceptions: malformed or unusable input.
 
-    The message is one line: what is wrong, the value found, and the limit.
+    The message is one line: the fault, the value found, and the limit.
     """
 
 
@@ -14,7 +14,7 @@ class BitstreamError(CueError):
     Parameters
     ----------
     rule : str
-        What was expected and what was found.
+        The expected and the found value.
     section : str
         Section of spec/bitstream.md that states the rule.
     bit : int, optional

@@ -1,7 +1,7 @@
 """The set-top box: from a programme to a cuer on the screen.
 
-A `Receiver` takes the programme block by block and answers with events: what she does and when,
-how reception stands, what was lost.
+A `Receiver` takes the programme block by block and answers with events: keys and motion with
+their times, the state of reception, losses.
 
 Examples
 --------

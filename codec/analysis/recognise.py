@@ -26,7 +26,7 @@ _SPREAD_FLOOR_MM = 1.0
 
 
 def characteristic_distances(markers: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Return the seven distances that tell the hand shapes apart.
+    """Return the seven distances that separate the hand shapes.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class Gaussians:
     Attributes
     ----------
     means : ndarray of float64, shape (C, D)
-        NaN for a class of which there was no example: it is never recognised.
+        NaN for a class without examples: it is never recognised.
     covariances : ndarray of float64, shape (C, D, D)
     """
 
@@ -92,7 +92,7 @@ class Gaussians:
 
     @property
     def missing(self) -> tuple[int, ...]:
-        """Classes of which there was no example."""
+        """Classes without examples."""
         return tuple(np.flatnonzero(np.isnan(self.means).any(1)).tolist())
 
     def posteriors(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -199,7 +199,7 @@ def fit_recogniser(
     Raises
     ------
     CueError
-        If no frame shows the head, or there are too few targets to tell classes apart.
+        If no frame shows the head, or there are too few targets to separate classes.
     """
     skull = np.asarray(markers[:, _RIGID_FACE], dtype=np.float64)
     seen = np.isfinite(skull).all((1, 2))

@@ -49,7 +49,7 @@ _LONGEST_NAME = 80
 
 @dataclass(frozen=True, slots=True)
 class Announcement:
-    """What a receiver that trusts a broadcaster has of him.
+    """The part of a broadcaster's key that receivers trust.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Announcement:
 
     @property
     def periods(self) -> range:
-        """Periods of which the ends are given."""
+        """Periods whose ends are given."""
         return range(self.first // PERIOD, -(-self.until // PERIOD))
 
     @property
@@ -133,7 +133,7 @@ class SigningKey:
     ----------
     name : str
     secret : bytes
-        32 bytes, from which all else follows.
+        32 bytes that determine everything else.
     """
 
     name: str

@@ -1,7 +1,7 @@
 """Checks of a block: parities of the tags of its superframes, so that losses cost little.
 
 Two symbols of 12 bits are the tag of a superframe. Each check is a sum of all symbols of a block in
-GF(2**12), with the coefficients of a Cauchy matrix, of which every square part has an inverse: each
+GF(2**12), with the coefficients of a Cauchy matrix, whose square parts all have inverses: each
 lost superframe takes two of the checks that arrived, and if two are left over, they prove all
 superframes that arrived (Reed and Solomon 1960; MacWilliams and Sloane 1977, chapter 11).
 Specification: spec/authentication.md, section 4.
@@ -65,7 +65,7 @@ def checks_of(tags: Mapping[int, int], count: int) -> list[int]:
     Parameters
     ----------
     tags : mapping of int to int
-        Tags of 24 bits by the superframe's place in its block; none for what was not sent.
+        Tags of 24 bits by the superframe's place in its block; none for those not sent.
     count : int
         Of the checks.
     """

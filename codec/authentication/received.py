@@ -32,7 +32,7 @@ class ArrivedSuperframe:
 
 @dataclass(slots=True)
 class ReceivedProofs:
-    """What is remembered of a stream, by index.
+    """Superframes of a stream in memory, by index.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class ReceivedProofs:
         return self._bits(begin, CHECK_BITS * self.layout.checks + TAG_BITS, SENT_BITS)
 
     def quick(self, begin: int) -> tuple[int, bytes] | None:
-        """Return a block's quick tag and what it covers, None if one of the two is lost."""
+        """Return a block's quick tag and the bytes it covers, None if one of them is lost."""
         arrived = self.by_index.get(begin + self.layout.quick)
         tag = self._bits(begin, CHECK_BITS * self.layout.checks, TAG_BITS)
         return None if arrived is None or tag is None else (tag, arrived.covered)

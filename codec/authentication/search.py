@@ -65,7 +65,7 @@ class ChainSearch:
     _found: dict[int, bytes] = field(default_factory=dict)
 
     def restart(self, *, found: bool) -> None:
-        """Begin anew; what was spent in vain stays spent."""
+        """Begin anew; hashes already spent stay counted."""
         self._found.clear()
         if found:
             self._tried, self._hashes = 0, _FIRST_HASHES
@@ -124,7 +124,7 @@ class ChainSearch:
     def _following(
         self, layout: ProofLayout, key: bytes, earlier: bytes, by_clock: list[int]
     ) -> Iterator[int]:
-        """Yield the blocks of which a key leads to the one before: likely ones, then any."""
+        """Yield the blocks whose key may lead to the one before: likely ones, then any."""
         held = self.announcement.blocks(layout.block)
         away = _NEAR_S / SUPERFRAME_S
         ranges = [range(min(by_clock), max(by_clock) + 1)] if by_clock else []
@@ -153,7 +153,7 @@ class ChainSearch:
         return self._afford(steps) and chain.before(late.key, late.place, steps) == early.key
 
     def _afford(self, hashes: int) -> bool:
-        """Return whether so many hashes may be spent, and spend them."""
+        """Return whether `count` hashes may be spent, and spend them."""
         if hashes > self._hashes:
             return False
         self._hashes -= hashes

@@ -20,7 +20,7 @@ class Signer:
     place : int
         Number of the first superframe that is signed; programmes may begin before 0.
     after : Signer, optional
-        What signed the stream until now: no number is used twice, and what it signed is covered.
+        The stream's signer until now: no number is used twice, and its superframes are covered.
 
     Attributes
     ----------

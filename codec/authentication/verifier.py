@@ -44,7 +44,7 @@ _CHANGED = "changed on its way"
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What is known of a superframe for good.
+    """The final verdict on a superframe.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Verifier:
     Attributes
     ----------
     status : str
-        Of the stream: that of its last block of which the key is known.
+        Of the stream: that of its last block with a known key.
     reason : str
         Why it is not verified.
     verified_after : int or None
@@ -131,9 +131,9 @@ class Verifier:
         Parameters
         ----------
         index : int
-            Grows with time on air; what is left out was lost.
+            Grows with time on air; missing numbers are lost superframes.
         covered : bytes or None
-            What the tags cover; None if it was lost.
+            The bytes that the tags cover; None if lost.
         proof : (int, int) or None
             The field and its width; None if there is none.
         utc_s : float or None
@@ -293,7 +293,7 @@ class Verifier:
                 self.verified_after = self._last + 1 - self._first
 
     def _wrong(self, begin: int, tags: dict[int, int]) -> list[int] | None:
-        """Return the places of superframes of the block before that are not what was sent.
+        """Return the places of superframes of the block before that differ from those sent.
 
         None if too many were lost to say it.
         """

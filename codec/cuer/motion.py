@@ -100,7 +100,7 @@ def save_motion(motion: Motion, path: str | os.PathLike[str]) -> None:
 class MotionWriter:
     """A motion file that is written part by part, in constant memory.
 
-    The file appears when the block ends without an error: what came so far waits in unnamed
+    The file appears when the block ends without an error: frames so far wait in unnamed
     files of the same folder, because an array of a ``.npz`` opens with its length.
 
     Parameters
@@ -139,7 +139,7 @@ class MotionWriter:
         return self._stack.enter_context(tempfile.TemporaryFile(dir=folder_beside(self._path)))
 
     def append(self, motion: Motion) -> None:
-        """Add the next frames, and what is said in them.
+        """Add the next frames with their score.
 
         Raises
         ------

@@ -35,7 +35,7 @@ class Movement:
     first_lead_s, rest_delay_s, rest_move_s : float
         How early it rises from rest, how long it waits before it goes there, how long it takes.
     stroke_s : float
-        Length of a stroke from which on the next six count whole; less in shorter ones.
+        Shortest stroke for which the next six hold fully; they shrink with shorter ones.
     fingers_begin_s, fingers_end_s, head_begin_s, head_end_s, turn_begin_s, turn_end_s : float
         How much later than the hand's place the strokes of fingers, head and wrist begin and end.
     power : float

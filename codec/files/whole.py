@@ -1,8 +1,8 @@
 """Outputs that appear whole or not at all.
 
 A file is written under a temporary name beside its own and moved there when it is complete; its
-mode is that of the file it replaces, or as the umask says. What is no file (a device, a pipe with
-a name) stays what it is and gets the bytes; a symbolic link stays and its target is replaced.
+mode is that of the file it replaces, or as the umask says. A device, or a pipe with
+a name, is kept and gets the bytes; a symbolic link stays and its target is replaced.
 """
 
 import os
@@ -21,7 +21,7 @@ from codec.errors import CueError
 def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a temporary name that is moved to `path` when the block succeeds.
 
-    The temporary name keeps the suffix, by which media libraries choose a container. Whatever
+    The temporary name keeps the suffix: media libraries choose a container by it. Whatever
     ends the block early, an interrupt too, leaves neither file behind.
 
     Raises
@@ -60,7 +60,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def folder_beside(path: str | os.PathLike[str]) -> Path:
-    """Return the folder for what is written on the way to `path`: its own, if it is a file's."""
+    """Return the folder for temporary files of `path`: its own, if it is a file's."""
     mode = _mode_of(path)
     if mode is None or stat.S_ISREG(mode):
         return Path(os.path.realpath(path)).parent
@@ -68,7 +68,7 @@ def folder_beside(path: str | os.PathLike[str]) -> Path:
 
 
 def _mode_of(path: str | os.PathLike[str]) -> int | None:
-    """Return type and permissions of what stands at `path`, None if nothing does."""
+    """Return type and permissions of the file at `path`, None if there is none."""
     try:
         return Path(path).stat().st_mode
     except FileNotFoundError:
@@ -76,7 +76,7 @@ def _mode_of(path: str | os.PathLike[str]) -> int | None:
 
 
 def _create(folder: Path, target: Path) -> Path:
-    """Create an empty file that nobody else made, with the permissions that the umask leaves."""
+    """Create an empty file exclusively, with the permissions that the umask leaves."""
     name = f".{target.stem[:40]}.{secrets.token_hex(8)}{target.suffix[:40]}"
     handle = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
     os.close(handle)

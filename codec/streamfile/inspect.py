@@ -1,4 +1,4 @@
-"""Inspection: what a stream file says, without a voice, as a document and as text."""
+"""Inspection: a stream file's fields, without a voice, as a document and as text."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ BASES = ("residual", "loose", "plain", "filmed")
 
 
 def inspect_stream(data: bytes) -> dict[str, Any]:
-    """Return what a stream file says.
+    """Return the fields of a stream file.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def _row(frame: Superframe, coding: str) -> tuple[dict[str, Any], ScorePart | Wi
 
 
 def _record_row(frame: Superframe, part: ScorePart | Window | None) -> dict[str, Any]:
-    """Return what a superframe says of a file that tells its score once."""
+    """Return the fields of a superframe whose file has one score for all."""
     mode = PLAIN if part is None else SCORE
     row: dict[str, Any] = {
         "index": frame.index, "start_s": round(frame.index * SUPERFRAME_S, 2),
@@ -154,7 +154,7 @@ def describe_bits(
     ----------
     frame : Superframe
     fields : list of Field, optional
-        Of a superframe whose file tells its score once; default: those of one as on air.
+        Of a superframe whose file has one score for all; default: those of one as on air.
     colour : bool
         Paint each field and its bits alike, for a terminal.
 
@@ -186,7 +186,7 @@ def describe_bits(
 
 
 def _painted_bits(line: str, first: int, owners: list[tuple[int, Field]], colour: bool) -> str:
-    """Return bits in groups of eight, each in the colour of the field in which it begins."""
+    """Return bits in groups of eight, each in the colour of the field where it begins."""
     text = ""
     for i, bit in enumerate(line):
         at = first + i

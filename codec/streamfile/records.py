@@ -1,4 +1,4 @@
-"""Files whose superframes take what they need: what is said once, then a record for each.
+"""Files whose superframes vary in size: common data once, then a record for each.
 
 Bytes go in and out; no model of motion. Specification: spec/bitstream.md, section 8.1.
 """
@@ -39,7 +39,7 @@ def write_records(head: bytes, told: bytes, payloads: Sequence[bytes]) -> bytes:
 
 
 def read_records(data: bytes, place: int, count: int) -> tuple[bytes, Iterator[bytes]]:
-    """Return what a file says once, and its superframes.
+    """Return a file's common data, and its superframes.
 
     Parameters
     ----------

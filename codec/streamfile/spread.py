@@ -1,7 +1,7 @@
 """Spreading: the bytes of a file over its superframes, where they lower the error most.
 
 Superframes of a file need not have one size. They take one step, and for as many as the limit
-allows the next wider one, so that a bit is worth the same everywhere. The score is told once for
+allows the next wider one, so that a bit is worth the same everywhere. The score is encoded once for
 all, where it is worth its bits.
 """
 
@@ -67,7 +67,7 @@ _RECORD_BITS, _SCORED_RECORD_BITS = 3.0, 8.0
 
 
 class Wish(Protocol):
-    """What a file has to keep."""
+    """The limits of a file."""
 
     def steps(self, version: Version) -> NDArray[np.int64]:
         """Return the steps of a version's superframes, about."""
@@ -128,7 +128,7 @@ def _more(error_mm: float, other_mm: float) -> float:
 
 
 def _prepared(version: Version, wish: Wish) -> Version:
-    """Choose how superframes are told at about the right step."""
+    """Choose the coding of superframes at about the right step."""
     version.prepare(COARSE)
     step = int(np.median(wish.steps(version)))
     if abs(step - COARSE) > _NEAR:
@@ -137,7 +137,7 @@ def _prepared(version: Version, wish: Wish) -> Version:
 
 
 def _scored(take: SpreadMotion, wish: Wish) -> Version:
-    """Return the motion with its score, learning what has passed if that is worth it."""
+    """Return the motion with its score, learning from past superframes if worth it."""
     learning = _prepared(take.scored(learning=True), wish)
     if learning.clearly_gains:
         return learning
@@ -212,7 +212,7 @@ class ByError:
     def _nearer(
         self, version: Version, steps: NDArray[np.int64], ratio: float
     ) -> NDArray[np.int64]:
-        """Return steps of which one is changed such that the error comes nearest to the limit."""
+        """Return steps with one changed such that the error comes nearest to the limit."""
         _, squares = version.at_own(steps)
         wanted = squares.sum() * (1 / ratio**2 - 1)
         moved = [np.clip(steps + way, 0, NO_RESIDUAL) for way in (-2, -1, 1, 2)]
@@ -245,7 +245,7 @@ class BySize:
     Attributes
     ----------
     room : int
-        Bytes, of what is said once too.
+        Bytes, the common data included.
     count : int
         Of superframes.
     size : callable

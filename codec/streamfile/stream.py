@@ -1,7 +1,7 @@
 """Stream files (``.cue``): a motion as superframes one after another.
 
 A head names the coding, the span of ticks and the lengths of the parts; superframes follow, as they
-would be on air. Where the head states no lengths, they take what they need, and the score is told
+would be on air. Where the head states no lengths, they vary in size, and the score is encoded
 once for all (`codec.streamfile.records`, `codec.streamfile.file_score`).
 Specification: spec/bitstream.md, section 8.
 """
@@ -96,7 +96,7 @@ class ChosenStream:
     data : bytes
         The file.
     scored : bool
-        Whether it tells the score.
+        Whether it has the score.
     score_cost : float or None
         How much larger the file is for its score, or how much greater its error at the rate, as a
         share; negative if the score helps. Estimated where there is no doubt; None if the motion
@@ -174,7 +174,7 @@ def choose_stream(
     motion, voice, rate_bps, error_mm, constant, score, options
         As of `encode_stream`.
     progress : callable
-        Is told the seconds of motion that were worked on, each time: files take several rounds.
+        Called with the seconds of motion that were worked on: files take several rounds.
 
     Raises
     ------
@@ -329,13 +329,13 @@ def read_head(data: bytes) -> StreamHead:
 def read_superframes(data: bytes) -> Iterator[Superframe]:
     """Yield the superframes of a stream file, their checksums not looked at.
 
-    Those of a file that tells its score once have their payload for L0 (F7).
+    Those of a file with one score for all have their payload for L0 (F7).
 
     Raises
     ------
     BitstreamError
         As `read_head`; if the file ends within a superframe, or goes on after the last one (F6); if
-        the check of a file that tells its score once is wrong (F7).
+        the check of a file with one score for all is wrong (F7).
     """
     head, place = read_head(data), FILE_BYTES + _CRC_BYTES
     if head.l0 == 0:
@@ -354,7 +354,7 @@ def read_superframes(data: bytes) -> Iterator[Superframe]:
 
 
 def told_by(data: bytes) -> FileScore:
-    """Return what a file says once for all (F8), nothing if its superframes stand alone.
+    """Return a file's common data (F8), nothing if its superframes stand alone.
 
     Raises
     ------
@@ -417,7 +417,7 @@ def _drawn(data: bytes, voice: Voice) -> tuple[Sequence[Array], Score | None]:
 
 
 def _of_file(data: bytes, voice: Voice) -> tuple[Sequence[Array], Score | None]:
-    """Return the same of a file that tells its score once (F7 to F11)."""
+    """Return the same of a file with one score for all (F7 to F11)."""
     coding, told, indices = coding_for(voice), told_by(data), read_head(data).indices
     if told.line is None:
         plain = [block_of(frame.l0, None, coding) for frame in read_superframes(data)]

@@ -113,7 +113,7 @@ def unpack_fields(layout: Mapping[str, int], data: bytes) -> dict[str, int]:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What the first bytes of L0 say.
+    """The header: the first bytes of L0.
 
     Attributes
     ----------
@@ -126,10 +126,10 @@ class Header:
     signed : bool
         Whether a proof follows the payload.
     slow : int
-        Pieces of the slow channel that the payload begins with, 0..3; compact superframes tell it
+        Pieces of the slow channel that the payload begins with, 0..3; compact superframes state it
         in the payload.
     filmed : bool
-        Whether the cuer was filmed: her score is told as labels, and superframes are blended.
+        Whether the cuer was filmed: her score is coded as labels, and superframes are blended.
     """
 
     mode: int

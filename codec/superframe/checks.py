@@ -81,12 +81,12 @@ def compact_identity(l0: bytes) -> int:
 
 
 def with_check(body: bytes, identity: str) -> bytes:
-    """Return an L0 part with its check, which tells the coding's identity as well (H5, H6)."""
+    """Return an L0 part with its check, which encodes the coding's identity, too (H5, H6)."""
     return body + (crc16(body) ^ identity_mask(identity)).to_bytes(CRC16_BYTES, "big")
 
 
 def heard_mask(l0: bytes) -> int:
-    """Return the 16 bits of the identity that a whole L0 part tells; of a damaged one, any."""
+    """Return the 16 bits of identity in an intact L0 part; of a damaged one, any."""
     return crc16(l0[:-CRC16_BYTES]) ^ int.from_bytes(l0[-CRC16_BYTES:], "big")
 
 
@@ -140,7 +140,7 @@ def check_of(l0: bytes) -> bytes:
 
 
 def proved(l0: bytes) -> bytes:
-    """Return what a proof speaks of: a signed L0 part, its proof zero, without its check."""
+    """Return the bytes that a proof covers: an L0 part with zero proof, without its check."""
     return _body(with_proof(l0, 0))
 
 

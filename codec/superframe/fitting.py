@@ -1,7 +1,7 @@
-"""Fitting: in which form, and how far, a superframe uses the prediction from its score.
+"""Fitting: the form and extent of a superframe's prediction from its score.
 
 A block of frames and a prediction in any form go in; form, time and the shares of the parts that
-cost least come out, with what is lacking then. Specification: spec/bitstream.md, P4, P9, P10.
+cost least come out, with the remaining difference. Specification: spec/bitstream.md, P4, P9, P10.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Streams that a receiver cannot draw: how it knows them, and what it can say of them.
+"""Streams that a receiver cannot draw: how it recognises and reports them.
 
 A part whose check fails is damaged or of another coding; two different ones in a row with the same
 other identity are another stream's. The pieces of its slow channel can be read all the same: they
@@ -14,7 +14,7 @@ _PIECE_BITS = 16
 
 
 class ForeignStream:
-    """Another coding's parts, as far as they can be told from damaged ones.
+    """Another coding's parts, as far as they can be distinguished from damaged ones.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class ForeignStream:
             self.slow.take(decoder.get_bits(_PIECE_BITS))
 
     def describe(self, l0: bytes) -> str:
-        """Return what is known of the stream, to stand between commas; "" if nothing is."""
+        """Return the known facts about the stream, to stand between commas; "" if none."""
         told = [] if is_compact(l0) else [f"its identity begins with {heard_mask(l0):04x}"]
         if self.slow.language:
             told.append(f"its language is {self.slow.language!r}")

@@ -1,7 +1,7 @@
 """Quantiser steps and the values of indices, in integers.
 
-Steps form a scale of quarter octaves; values are multiples of 2**-16 of the unit in which the
-transform measures, a millimetre summed over markers. Specification: spec/bitstream.md,
+Steps form a scale of quarter octaves; values are multiples of 2**-16 of the unit that the
+transform has, a millimetre summed over markers. Specification: spec/bitstream.md,
 paragraphs Q1 to Q4.
 """
 

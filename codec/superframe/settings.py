@@ -48,7 +48,7 @@ _LEVEL_BITS = np.log2(TOTAL) - np.log2(np.diff(LEVELS))
 
 
 def use_of(setting: Setting) -> int:
-    """Return the way in which a superframe with a score uses its prediction."""
+    """Return how a superframe with a score uses its prediction."""
     if setting.shares == UNUSED:
         return NONE
     return BY_PART if any(setting.shares) else WHOLE

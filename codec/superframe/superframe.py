@@ -1,4 +1,4 @@
-"""Superframes: 0.64 s of motion in two parts, and what a receiver knows of them.
+"""Superframes: 0.64 s of motion in two parts, and a receiver's view of them.
 
 Their scores and those of their neighbours predict the motion, alike for encoder and decoder.
 Decoded ones merge into one score, whole or as they arrive.
@@ -37,7 +37,7 @@ class Superframe:
 
 @dataclass(frozen=True, slots=True)
 class DecodedSuperframe:
-    """What a receiver knows about 0.64 s of motion.
+    """Decoded state of 0.64 s of motion.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class DecodedSuperframe:
     part : ScorePart or Window or None
         The score as sent, or as previewed if L0 is missing; None if neither arrived.
     lead : int
-        Superframes by which it was on air ahead of its time, -1 if L0 is missing.
+        Superframes of lead on air before its time, -1 if L0 is missing.
     sequence : int
         `index` modulo 64.
     slow : tuple of int
@@ -79,12 +79,12 @@ class DecodedSuperframe:
 
 
 def resynthesis_of(coding: Coding, joined: MergedScore, index: int) -> Resynthesis:
-    """Return what the scores about superframe `index` say of it (section 5)."""
+    """Return the score of superframe `index` from all scores that cover it (section 5)."""
     return Resynthesis(joined, coding.targets, index * TICKS, TICKS)
 
 
 def scaled(prediction: Array, coding: Coding, shares: tuple[int, ...]) -> Array:
-    """Return a prediction of which parts count less (P10).
+    """Return a prediction with some parts weighted less (P10).
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def scaled(prediction: Array, coding: Coding, shares: tuple[int, ...]) -> Array:
 
 
 def merge_scores(superframes: Iterable[DecodedSuperframe]) -> Score:
-    """Return the score that superframes tell together, every phone and key once.
+    """Return the merged score of superframes, every phone and key once.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Learning the face model from frames in which every marker of the face is seen.
+"""Learning the face model from frames with every marker of the face visible.
 
 The three steps of Gibert, Bailly, Elisei 2004, section 3.1: the head's rigid motion from ears,
 nose and forehead and its principal components; guided components of the face under a head at

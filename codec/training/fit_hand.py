@@ -1,4 +1,4 @@
-"""Learning the hand model from frames in which every marker of the hand is seen.
+"""Learning the hand model from frames with every marker of the hand visible.
 
 The four steps of Gibert, Bailly, Elisei 2004, section 3.2: the forearm's rigid motion and its
 principal components; the angles of every segment; their principal components; the regression of

@@ -2,7 +2,7 @@
 
 Numba keeps machine code beside the sources or in the user's own cache. A read-only installation
 without a writable home (a container, a hardened unit, a set-top box) has neither: code is then
-compiled in each run, unless a folder is told.
+compiled in each run, unless a folder is given.
 """
 
 import os

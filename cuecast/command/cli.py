@@ -1,7 +1,7 @@
 """Command `cuecast`: one verb per module of `cuecast.verbs`.
 
 A verb module offers ``SUMMARY`` (one line), ``configure(parser)`` and ``run(args) -> int``; it
-imports what it works with inside ``run``, so that ``cuecast --help`` answers at once. Results go
+imports its packages inside ``run``, so that ``cuecast --help`` answers at once. Results go
 to the standard output, notes and progress to the standard error.
 
 Exit status: 0 done, 1 nothing found or mismatch, 2 wrong usage, 3 malformed or unusable input,

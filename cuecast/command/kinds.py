@@ -55,7 +55,7 @@ _STREAM_MAGIC = b"CUES"
 
 
 def kind_of(path: str) -> Kind | None:
-    """Return the kind of a file, None for any other kind, and for what is no plain file."""
+    """Return the kind of a file, None for any other kind, and if it is no plain file."""
     try:
         if not Path(path).is_file():
             return None
@@ -96,7 +96,7 @@ def check_kinds(args: argparse.Namespace) -> None:
     Raises
     ------
     CueError
-        With the file, what it is, what the verb takes, and which verbs take such a file.
+        With the file, its kind, the kind the verb takes, and the verbs that take such a file.
     """
     wanted: dict[str, Kind | None] = dict(_TAKES.get(args.verb, {}))
     wanted |= dict.fromkeys(_NO_TEXT.get(args.verb, ()))

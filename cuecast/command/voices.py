@@ -8,7 +8,7 @@ from cuecast.command.progress import note
 
 
 def coding_voice(name: str) -> Voice:
-    """Return a voice, and tell when the codec has no tables trained for it.
+    """Return a voice, and report it if the codec has no tables trained for it.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def train_voice(voice: Voice, *, progress: Callable[[int, int], None]) -> None:
     ----------
     voice : Voice
     progress : callable
-        Called after every step with what is done and what there is to do.
+        Called after every step with the work done and the total.
 
     Raises
     ------

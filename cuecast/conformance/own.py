@@ -156,7 +156,7 @@ class Own:
 
 
 def stated(content: Content, bases: Bases, proof: int) -> Answer:
-    """Return what a superframe says, in the words of the vectors."""
+    """Return a superframe's content, in the words of the vectors."""
     header, setting = content.header, content.setting
     indices, values = content.q, np.zeros_like(content.q)
     if setting.step != NO_RESIDUAL and len(indices):

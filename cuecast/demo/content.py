@@ -61,7 +61,7 @@ _BRIGHT_HZ = 9000
 
 
 def make_sound() -> tuple[NDArray[np.float32], list[Subtitle]]:
-    """Return the sound, shape (n, 2) at `FS`, and the subtitles of what is said in it."""
+    """Return the sound, shape (n, 2) at `FS`, and the subtitles of its speech."""
     sound, subtitles = _programme()
     return sound.copy(), list(subtitles)
 

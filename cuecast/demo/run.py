@@ -58,7 +58,7 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Bro
     seed : int
         Of the cuer's small motions.
     say : callable
-        Told what is done, line by line.
+        Called with progress, line by line.
 
     Raises
     ------

@@ -35,7 +35,7 @@ class Confidence:
         self._judged: list[Judgement] = []
 
     def __call__(self, judgement: Judgement) -> None:
-        """Remember what was found of one subtitle."""
+        """Keep the result for one subtitle."""
         self._judged.append(judgement)
 
     def report(self) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Many programmes: a catalogue goes in, a folder of dubbed programmes and a summary come out.
 
-What is done is not done again (`cuecast.dubbing.ledger`); several batches, on several machines
+Finished items are not done again (`cuecast.dubbing.ledger`); several batches, on several machines
 too, may work on one folder and share the work. Whatever goes wrong with a programme stands in its
 row of the summary and does not stop the others.
 """
@@ -87,7 +87,7 @@ def _row(
 
 
 class _BatchRun:
-    """One run over a catalogue: rows as they come in, and what is still to do."""
+    """One run over a catalogue: rows as they come in, and the remaining work."""
 
     def __init__(self, tasks: list[Task], folder: Path, tell: Callable[[str], None]) -> None:
         self._tasks, self._folder, self._tell = tasks, folder, tell
@@ -96,7 +96,7 @@ class _BatchRun:
         self._began_s, self._made = time.monotonic(), 0
 
     def done_before(self) -> list[Task]:
-        """Note what is done; return the rest."""
+        """Note finished items; return the rest."""
         rest = []
         for task in self._tasks:
             record = BatchItem(task).done()
@@ -107,7 +107,7 @@ class _BatchRun:
         return rest
 
     def take(self, outcome: TaskOutcome) -> bool:
-        """Note how a task ended; tell whether it is to be given out again."""
+        """Note how a task ended; return whether it is to be given out again."""
         task, row = outcome.task, outcome.row
         if row is not None and row["status"] == _BUSY:
             time.sleep(_BUSY_S)
@@ -179,7 +179,7 @@ def run_batch(
         Address of a Dask scheduler that spreads them over many machines instead; these see the
         files under the same names.
     tell : callable
-        Told a line for everything that happens.
+        Called with a line for each event.
 
     Returns
     -------

@@ -18,7 +18,7 @@ from cuecast.command.trust import seconds_of
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One programme of a catalogue: what to dub with what into which file, with which options.
+    """One programme of a catalogue: its files and options.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Task:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """The files that decide what comes out."""
+        """The files that determine the output."""
         voice = str(self.options.get("voice", ""))
         named = (
             self.programme,

@@ -1,4 +1,4 @@
-"""From what a command is given (text, subtitles, a recording to align to) to scores."""
+"""From a command's input (text, subtitles, a recording to align to) to scores."""
 
 import argparse
 from typing import TYPE_CHECKING, Any
@@ -38,7 +38,7 @@ def reading_of(args: argparse.Namespace) -> "Reading":
 
 
 def _performing(args: argparse.Namespace) -> "PerformerChoice":
-    """Return who is to cue, where the command lets that be told."""
+    """Return the cuer, where the command has options for that."""
     from synth.planning.prosody.simulation import CLAIRE, PerformerChoice
 
     if "voice" not in args:
@@ -59,7 +59,7 @@ def pace_of(args: argparse.Namespace) -> "Pace | None":
 
 
 def score_of(args: argparse.Namespace, told: "Told") -> "Score":
-    """Return the score of what `add_text` and `add_reading` read; `told` hears of each word."""
+    """Return the score of the input of `add_text` and `add_reading`; `told` gets each word."""
     if args.text is not None:
         from synth.planning.scoring.text_score import score_of_text
 
@@ -83,7 +83,7 @@ def pieces_of(
     """Return the score of what `add_text` and `add_reading` read in pieces, and its length.
 
     The length in seconds, where it is known, is for showing progress. With a recording the
-    score follows its voices, and `judged` is told how surely; `told` hears of each word.
+    score follows its voices, and `judged` gets the confidence; `told` is called for each word.
     """
     from cuecast.dubbing.aligning import aligned_pieces, text_as_subtitle
     from synth.planning.scoring.text_score import stream_score
@@ -132,7 +132,7 @@ def subtitles_of(
     """Return the subtitles of a file, or of the standard input for ``-``.
 
     `stream_s` is the MPEG-2 time at which their programme begins, `length_s` how long it is, if
-    they have one. What is left out of the file goes to `left_out`, or else is said at once.
+    they have one. Skipped parts of the file go to `left_out`, or else are reported at once.
     """
     from synth.language.subtitles import read_subtitles
     from synth.language.subtitles.read import parse_subtitles
@@ -164,7 +164,7 @@ class LeftOutNotes:
         self._items.append(item)
 
     def say(self) -> None:
-        """Say on the standard error what was left out: the first ones, and how many."""
+        """Report skipped parts on the standard error: the first ones, and their number."""
         for item in self._items[: self._SHOWN]:
             note(f"left out: {item}")
         if len(self._items) > self._SHOWN:
@@ -180,7 +180,7 @@ class LeftOutNotes:
 
 
 def unknown_report(subtitles: "Sequence[Subtitle]", reading: "Reading") -> list[dict[str, Any]]:
-    """Return the words pronounced by rule for a JSON document."""
+    """Return the words with rule-based pronunciation for a JSON document."""
     from synth.planning.scoring.unknown import unknown_words
 
     return [

@@ -1,7 +1,7 @@
-"""The ledger of a batch: what was made from what, who works on what, and what was left behind.
+"""The ledger of a batch: outputs with their inputs, locks, and remains of ended workers.
 
-Beside every output lies its record, JSON with the hashes of all that went in and of what came
-out. An item is worked on under a lock of the file system, which ends with its process however
+Beside every output lies its record, JSON with the hashes of all inputs and of the
+output. An item is worked on under a lock of the file system, which ends with its process however
 that ends, and in a folder of its own. The record is written before the output is moved to its
 place: who finds a record without its output finishes the move, so that nothing is made twice.
 """
@@ -148,7 +148,7 @@ class BatchItem:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Hold the item's lock; its folder is there meanwhile, with what the last holder left.
+        """Hold the item's lock; its folder is there meanwhile, with the last holder's files.
 
         Raises
         ------
@@ -201,7 +201,7 @@ def _stamp(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _is_still(stamp: dict[str, Any], path: Path) -> bool:
-    """Whether a file is what it was, by its size and time or else by its content."""
+    """Whether a file is unchanged, by its size and time or else by its content."""
     try:
         found = path.stat()
     except OSError:

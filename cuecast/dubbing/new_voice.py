@@ -1,4 +1,4 @@
-"""A new speaker's voice from her corpora: a folder with voice, units and what was learnt."""
+"""A new speaker's voice from her corpora: a folder with voice, units and a report."""
 
 import shutil
 import tempfile
@@ -25,7 +25,7 @@ def build_from_corpora(
     mapping: Mapping[str, str] | None = None,
     progress: Callable[[int, int], None],
 ) -> dict[str, Any]:
-    """Write the voice of a folder of takes and keep its coding tables; return what was learnt.
+    """Write the voice of a folder of takes and keep its coding tables; return a report.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ def dub_picture(
 ) -> dict[str, dict[str, Any]]:
     """Write `programme` with marked pictures to `target`.
 
-    What is sent is noted in `sent`; `tell` is told what of the programme is left out.
+    Superframes sent are noted in `sent`; `tell` is called with omitted parts of the programme.
 
     Returns
     -------

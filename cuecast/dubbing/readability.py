@@ -1,6 +1,6 @@
 """Whether a cuer can be read: one meter for all that moves, sent or received.
 
-`VisibilityMeter` looks at the motion itself, part by part in constant memory: what is synthesised,
+`VisibilityMeter` measures the motion itself, part by part in constant memory: synthesised,
 joined, read from a file or received. `cuecast evaluate readability` and the reports of ``dub``,
 ``keys`` and ``synth`` state its figures.
 """
@@ -77,7 +77,7 @@ class VisibilityMeter:
         Parameters
         ----------
         markers : ndarray, shape (T, 113, 3)
-            Millimetres; follows what was added before.
+            Millimetres; follows the markers added before.
         start_s : float
             Time of the first frame, seconds.
         keys : iterable of Key
@@ -120,7 +120,7 @@ class VisibilityMeter:
         }
 
     def _look(self, until_s: float) -> None:
-        """Look at all keys that end before a time, and forget what is not needed for the next."""
+        """Measure all keys that end before a time, and drop frames that the next do not need."""
         if not self._parts:
             return
         markers = np.concatenate(self._parts)
@@ -168,7 +168,7 @@ def watched_plan(
     performing: PerformerChoice = CLAIRE,
     options: CueingOptions = DEFAULT_OPTIONS,
 ) -> VisibilityMeter:
-    """Return what is seen of a score that is performed by rule.
+    """Return the visibility of a score in a rule-based performance.
 
     The markers are the cuer's own: no model of them is fitted.
     """
@@ -182,7 +182,7 @@ def watched_plan(
 def watched(
     source: MotionSource, voice: Voice, options: CueingOptions = DEFAULT_OPTIONS
 ) -> VisibilityMeter:
-    """Return what is seen of the motion for a score."""
+    """Return the visibility of a score in its motion."""
     seen = VisibilityMeter(classes_of(voice), source.rate_hz, options)
     for start_s, frames in _windows(seen, source.score, source.rate_hz):
         seen.add(voice.reconstruct(source.window(start_s, frames).params), start_s)
@@ -203,7 +203,7 @@ def _windows(seen: VisibilityMeter, score: Score, rate_hz: float) -> Iterator[tu
 def watched_motion(
     motion: Motion, voice: Voice, options: CueingOptions = DEFAULT_OPTIONS
 ) -> VisibilityMeter:
-    """Return what is seen of a motion that knows its score, such as a received one."""
+    """Return the visibility of a motion that has its score, such as a received one."""
     seen = VisibilityMeter(classes_of(voice), motion.rate_hz, options)
     keys = motion.score.keys if motion.score else ()
     end_s = motion.start_s + len(motion.params) / motion.rate_hz

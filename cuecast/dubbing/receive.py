@@ -1,4 +1,4 @@
-"""Reception of a programme in a file or a pipe: what a set-top box finds in it."""
+"""Reception of a programme in a file or a pipe, as by a set-top box."""
 
 import os
 import time
@@ -28,9 +28,9 @@ class Reception:
     damaged : int
         Packets that could not be decoded.
     fault : str
-        What is wrong with the file as a whole, or nothing.
+        Damage of the file as a whole, or nothing.
     foreign : str
-        What of another voice or version came between what was received, or nothing.
+        Parts of another voice or version among those received, or nothing.
     other_sounds : int
         Sounds of the programme that were not listened to.
     """

@@ -34,7 +34,7 @@ class Signing:
 
     @property
     def signer(self) -> Signer | None:
-        """What has signed last."""
+        """The last signer."""
         return self._after if self._signer is None else self._signer
 
     def source(self, source: Source, first: int) -> Source:

@@ -1,7 +1,7 @@
 """Workers of a batch: processes of this machine, or a Dask cluster. Either may be killed.
 
-A pool takes tasks and gives back outcomes in the order in which they end. What happens to a
-worker happens to the task that it has: the task comes back as an outcome that says so, and
+A pool takes tasks and gives back outcomes in the order of their ends. If a worker
+dies, its task comes back as an outcome that says so, and
 whoever runs the batch gives it out again.
 """
 
@@ -117,7 +117,7 @@ class Processes:
 
 
 def _serve(pipe: Connection, work: Work) -> None:
-    """Work on what comes through a pipe until it is closed."""
+    """Work on the tasks from a pipe until it is closed."""
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the batch ends its workers itself
@@ -145,7 +145,7 @@ class Cluster:
     address : str
     work : callable
     tell : callable
-        Told what to know about the cluster.
+        Called with notes about the cluster.
 
     Raises
     ------
@@ -227,7 +227,7 @@ class Cluster:
                 time.sleep(1.0)
 
     def close(self) -> None:
-        """Leave the cluster; what is not finished there is given up."""
+        """Leave the cluster; unfinished tasks are given up."""
         try:
             self._client.close(timeout=5)
         except Exception:  # it is gone in any case

@@ -1,4 +1,4 @@
-"""How well the aligner finds words, and whether its confidence is what it says.
+"""Accuracy of the aligner's words, and calibration of its confidence.
 
 Material (``--clips``): sounds with label tracks beside them, one word a line with its start and end
 in seconds between tabs (``NAME.wav`` and ``NAME.txt``, as Audacity writes them); without,
@@ -266,7 +266,7 @@ def reliability(found: Sequence[Found]) -> list[Row]:
 
 
 def plot(results: list[Row], figure: Any) -> None:
-    """Draw the reliability: what the confidence tells against what is so."""
+    """Draw the reliability: share right against confidence."""
     rows = [row for row in results if "told" in row and row["confidence"] != "certain"]
     axes = figure.subplots()
     axes.plot([0.4, 1], [0.4, 1], "k:", label="as told")

@@ -67,11 +67,11 @@ class AudioRow:
     Attributes
     ----------
     clip, channel, profile : str
-        What was measured.
+        Names of the condition.
     net_bps : float
         Payload rate.
     superframes_sent, superframes_lost : int
-        From the first one whose sound is whole; lost is one of which either class is missing.
+        From the first one whose sound is whole; one without both classes is lost.
     lost_low, lost_high : float
         95 % interval of the share that is lost.
     l0_lost : int
@@ -125,7 +125,7 @@ class AudioRow:
 
 @dataclass(frozen=True, slots=True)
 class MarkedClip:
-    """A marked clip and what was put into it."""
+    """A marked clip and its payload."""
 
     clip: str
     fs: int

@@ -1,4 +1,4 @@
-"""Other ways to code the parameters, for comparison: what the field does at low rates.
+"""Other ways to code the parameters, for comparison: usual coders at low rates.
 
 Each takes a training and a test motion (50 Hz) and a coarseness, and returns the rate in bit/s
 and the decoded test parameters. Rates are ideal code lengths under static tables trained on the
@@ -43,7 +43,7 @@ _EVERY = 97
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """What a baseline works on: motions at 50 Hz in channels of the markers' metric.
+    """Input of a baseline: motions at 50 Hz in channels of the markers' metric.
 
     Attributes
     ----------

@@ -3,7 +3,7 @@
 A motion goes in; the rate comes out that a Gaussian process of the same spectra needs at least
 for a given error (Cover and Thomas 2006, section 10.3.3, over frequency and channels). The metric
 is that of the markers, so that errors are millimetres. A process that is not Gaussian, as speech
-is not, may be coded at less: codecs that know what is said are not held by this bound.
+is not, may be coded at less: codecs that know the score are not held by this bound.
 """
 
 from dataclasses import dataclass

@@ -91,7 +91,7 @@ Source = Callable[[_Performance, Voice, Path], Written]
 def _studio(
     performance: _Performance, studio: Studio | None = None
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Return what the studio saw, the points that are no markers, and the truth."""
+    """Return the studio's measurements, the points that are no markers, and the truth."""
     take = record(
         performance.cuer(_STUDIO_HZ), performance.score, studio=studio, seed=performance.seed
     )

@@ -137,9 +137,9 @@ def _through(
 
 
 def _received(coded: Path, sent: Motion, voice: Voice, superframes: int) -> dict[str, Any]:
-    """Receive a coded programme and compare it with what was sent.
+    """Receive a coded programme and compare it with the motion sent.
 
-    All `superframes` on air count: of a programme in which nothing is found, all are lost.
+    All `superframes` on air count: without a lock, all are lost.
     """
     began = time.process_time()
     reception = receive(coded, voice)

@@ -5,7 +5,7 @@ the motions (``*.npz``) of a folder. Rates of the codec count every byte of its 
 headers, checksums and terminations too.
 
 Two bounds go with each rate: that of a Gaussian process with the motion's spectra, which knows
-nothing of what is said, and, for superframes with a score, that of what the score leaves over
+nothing of the score, and, for superframes with a score, that of the residual
 (`residual_bound_bps`, to be compared with `residual_bps`, the bits of the coefficients).
 """
 

@@ -136,7 +136,7 @@ def decoded(
     lost: Set[int] = frozenset(),
     lost_l1: Set[int] = frozenset(),
 ) -> CodedMotion:
-    """Return what becomes of superframes of which some lose L0 or L1."""
+    """Return the superframes received when some lose L0 or L1."""
     done = _received(voice, frames, lost, lost_l1)
     squares = squares_of(voice, motion.params, np.concatenate([frame.params for frame in done]))
     end = len(frames) * SUPERFRAME_S

@@ -26,7 +26,7 @@ class Dot:
     line : str
         What its line is called.
     series : str
-        Which of the line's dots it is, told by colour.
+        Series of the dot, which sets its colour.
     value : float
         Where it lies, per cent.
     low, high : float, optional
@@ -48,7 +48,7 @@ def draw_dots(figure: Any, dots: Sequence[Dot], *, xlabel: str) -> None:
     figure : matplotlib.figure.Figure
     dots : sequence of Dot
     xlabel : str
-        What the values are.
+        Label of the values.
     """
     lines = list(dict.fromkeys(dot.line for dot in dots))
     series = list(dict.fromkeys(dot.series for dot in dots))

@@ -1,10 +1,10 @@
-"""The codec on three legs: cuers by rule, the other virtual cuer, and real ones, side by side.
+"""The codec on three test sets: rule-based cuers, the other virtual cuer, and real ones.
 
-A cuer by rule moves by the equations that the codec predicts with; what holds for her alone proves
+A rule-based cuer moves by the equations that the codec predicts with; results for her alone prove
 little. The second virtual cuer shares none of them. Real cuers come from a folder that the user
 names: tables of landmarks, one utterance each, with ``phones.csv`` (columns ``utterance`` and
-``phones``) beside them where it is known what was said, or motions (``*.npz``) that `cuecast
-capture` made of them, told what is known of the camera. Both reach the codec as an interpreter
+``phones``) beside them where the text is known, or motions (``*.npz``) that `cuecast
+capture` made of them with the camera's known properties. Both reach the codec as an interpreter
 would: through a film and `synth.capture`.
 
 Every take is coded as a file of a mean rate, or of a greatest error, three times: with its score,

@@ -104,7 +104,7 @@ def measure(
     material: Material, options: EvaluateOptions, *, n_training: int = N_TRAINING,
     n_test: int = N_TEST,
 ) -> dict[str, Any]:  # fmt: skip
-    """Return the figures of one cuer; `evaluate` says of which."""
+    """Return the figures of one cuer; see `evaluate`."""
     sentences = material.takes(3)
     options.say(f"learning from corpora 1 and 2 and {n_training} sentences")
     training = list(itertools.islice(sentences, n_training))
@@ -206,7 +206,7 @@ def _recognition(
 ) -> tuple[Recogniser, dict[str, Any]]:
     """Learn the recogniser from one half of the targets and try it on the other.
 
-    What the half that is learnt from does not show is named; it counts as not recognised.
+    Classes missing in the training half are named; they count as not recognised.
     """
     markers, shape, placement = _labelled(takes, fits)
     recogniser = fit_recogniser(markers[::2], shape[::2], placement[::2])

@@ -1,6 +1,6 @@
 """Learning the models from recorded takes, and explaining takes by them.
 
-What the models make of a take is compared with the markers that were seen, and, where the truth
+The models' fit to a take is compared with its visible markers, and, where the truth
 of hidden markers is known, with the truth: by placement, by how much of the hand is hidden and by
 part of the hand.
 """
@@ -46,7 +46,7 @@ _OCCLUSION_EDGES = (6, 11, 16, 21)
 
 @dataclass(frozen=True, slots=True)
 class Models:
-    """What is learnt, and the frames it was learnt from."""
+    """A fitted model, and its training frames."""
 
     face: FaceModel
     hand: HandModel
@@ -165,7 +165,7 @@ def explain(take: EvaluatedTake, models: Models) -> ModelFit:
 
 
 class Occlusion:
-    """Distances from the truth of the hand, hidden and visible, told apart in several ways."""
+    """Distances from the truth of the hand, hidden and visible, grouped in several ways."""
 
     def __init__(self) -> None:
         self._sums: dict[tuple[str, str], NDArray[np.float64]] = {}

@@ -20,7 +20,7 @@ class EvaluateOptions:
     folder : Path
         For files on the way; removed afterwards.
     say : callable
-        Told what is being done, line by line.
+        Called with progress, line by line.
     out : Path or None
         Where the results go: a kind may write further tables and pictures there.
     cuers : tuple of str or None
@@ -29,7 +29,7 @@ class EvaluateOptions:
     jobs : int
         Processes at work, where a kind has parts that are independent.
     voice : str
-        Name or file of the voice, for kinds that measure what is coded with one.
+        Name or file of the voice, for kinds that code with one.
     after_s : float
         Seconds of unmarked sound before the mark, for the kind `audio`.
     """

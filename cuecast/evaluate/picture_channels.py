@@ -1,4 +1,4 @@
-"""What a picture goes through on its way: coders, sizes, cuts and bars, logos, another rate.
+"""Channels of a picture: coders, sizes, cuts and bars, logos, another rate.
 
 In: a marked film; out: the film as it arrives. Everything passes through files, so a clip of any
 length needs constant memory. Beside it: how alike a marked film and its original are, and how long

@@ -56,7 +56,7 @@ _RIGID = marker_indices(RIGID_FACE)
 
 
 def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
-    """Return a row per cuer and placement, and one per programme with what is passed in it.
+    """Return a row per cuer and placement, and one per programme with placements passed.
 
     Parameters
     ----------

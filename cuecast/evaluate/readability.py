@@ -5,10 +5,10 @@ package's sentences at 4 and 6 syllables a second, pauses counted, the demonstra
 news text of 15 characters a second.
 Each is cued at the readable pace and in step with the speaker (``--channels readable,sync``).
 
-A key is *held* while the hand is nearer to it than to any other key
-(`codec.analysis.readability`). The *reader* stands for a viewer: a recogniser taught on slow
-cueing, which sees 25 pictures a second and takes in what stands for three of them. The movement's
-figures stand beside those of real cuers (`cuecast.evaluate.strokes`).
+A key is *held* while the hand is nearer to it than to any other key (`codec.analysis.readability`).
+The *reader* stands for a viewer: a recogniser taught on slow cueing, which sees 25 pictures a
+second and reads a key that stands for three of them. The movement's figures stand beside those of
+real cuers (`cuecast.evaluate.strokes`).
 """
 
 import difflib
@@ -261,7 +261,7 @@ def movement_rows(seed: int = 0) -> list[dict[str, Any]]:
 
 
 def slowed(scores: Sequence[Score], keys_per_s: float = _REAL_PACE) -> list[Score]:
-    """Return scores with all lengths stretched alike, so that together they have so many keys/s."""
+    """Return scores with all lengths stretched alike, to a common rate in keys/s."""
     keys = sum(len(score.keys) for score in scores)
     spoken_s = sum(score.phones[-1].end - score.phones[0].start for score in scores)
     factor = keys / keys_per_s / spoken_s
@@ -304,7 +304,7 @@ def read_keys(reader: Recogniser, markers: NDArray[np.floating]) -> list[tuple[i
 
 
 def _gestures(keys: Sequence[Key]) -> list[tuple[int, int]]:
-    """Return what the hand has to show: keys, those that repeat the one before once."""
+    """Return the keys that the hand has to show: repeated ones once."""
     line: list[tuple[int, int]] = []
     for key in keys:
         gesture = key.shape, PLACEMENT_NUMBER[key.placement]

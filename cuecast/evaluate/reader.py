@@ -1,10 +1,10 @@
 """Whether somebody who never met our cuer can read her.
 
 The reader (`cuecast.evaluate.reading`) is taught on the utterances of real cuers in a folder
-(``--clips``), which say what was cued but not when. She reads real ones that she was not taught on,
-virtual cuers by rule and the second one, before and after the readable pace, and films of the
+(``--clips``) with transcripts but without times. She reads real ones that she was not taught on,
+rule-based virtual cuers and the second one, before and after the readable pace, and films of the
 avatar as a receiver draws her, if an image tracker is at hand. She gets used to each cuer without
-being told what was cued. Nothing that she learns is kept.
+transcripts. Nothing that she learns is kept.
 
 Where labels and cuers differ on a vowel's placement (schwa and eu, open and closed o, un), either
 counts, for all cuers alike; a key that repeats its predecessor is asked for once.
@@ -52,7 +52,7 @@ REAL = "real"
 
 @dataclass(frozen=True, slots=True)
 class ReaderTestSet:
-    """What is read: a name, the pace, how landmarks came about, and the takes."""
+    """The material: a name, the pace, the source of landmarks, and the takes."""
 
     name: str
     pace: str
@@ -62,7 +62,7 @@ class ReaderTestSet:
 
 @dataclass(slots=True)
 class Count:
-    """What was asked for, and read."""
+    """The intended and the read keys."""
 
     asked: int = 0
     read: int = 0
@@ -290,7 +290,7 @@ def _shares(name: str, count: Count) -> dict[str, Any]:
 
 
 def _classes(counts: dict[str, Count]) -> list[dict[str, Any]]:
-    """Return the share right of each shape and placement, and what it is taken for."""
+    """Return the share right of each shape and placement, and its confusions."""
     names = [f"shape {shape}" for shape in SHAPES[1:]] + list(PLACEMENTS[1:])
     rows: list[dict[str, Any]] = [{"of": name} for name in names]
     for cuer, count in counts.items():

@@ -1,6 +1,6 @@
-"""Records: figures that tell where they come from, so that others can repeat them.
+"""Records: figures with their origin, so that others can repeat them.
 
-In: results of an evaluation and what it was told; out: one JSON document. The pages of `docs/` are
+In: results of an evaluation and its arguments; out: one JSON document. The pages of `docs/` are
 generated from such documents, and nothing else states a figure.
 """
 
@@ -56,7 +56,7 @@ def make_record(
     Parameters
     ----------
     kind : str
-        What was evaluated.
+        Kind of evaluation.
     arguments : sequence of str
         The command line behind ``cuecast``.
     results : list of dict, or dict
@@ -138,7 +138,7 @@ _BUILT_IN = {
 
 
 def catalogue(folder: Path | None = None) -> dict[str, dict[str, str]]:
-    """Return what is known of clips, by their SHA-256."""
+    """Return the known clips, by their SHA-256."""
     text = (files("cuecast.evaluate") / "assets" / _CATALOGUE).read_text(encoding="utf-8")
     known: dict[str, dict[str, str]] = json.loads(text)
     if folder is not None and (folder / _CATALOGUE).is_file():
@@ -163,7 +163,7 @@ def commit() -> str | None:
 
 
 def machine() -> dict[str, Any]:
-    """Return what the figures were made on, with a yardstick of its speed."""
+    """Return a description of the machine, with a yardstick of its speed."""
     return {
         "processor": _processor(),
         "cores": os.cpu_count(),
@@ -178,8 +178,8 @@ def machine() -> dict[str, Any]:
 def aac_speed() -> float:
     """Return how many times faster than real time FFmpeg codes noise as AAC at 128 kbit/s.
 
-    Speeds of an evaluation are told as ratios to this, measured in the same run, by processor time:
-    the quotient tells about the program, where each of the two tells about the machine.
+    Speeds of an evaluation are stated as ratios to this, measured in the same run, by processor
+    time: the quotient depends on the program, where each of the two depends on the machine.
     """
     fs = 48_000
     rng = np.random.default_rng(0)

@@ -1,7 +1,7 @@
 """A page to check the segmentation of an utterance by eye, and to correct it.
 
 Points, sound, probabilities of shapes and placements, and the tiers of phones and keys stand on
-one clock. Borders can be moved, labels changed; what is saved is a TextGrid that takes the place
+one clock. Borders can be moved, labels changed, and saved as a TextGrid that takes the place
 of the one beside the recording. The page is one file and needs no server. It stands for the
 manual check in Gibert, Bailly, Elisei 2004, section 4.
 """
@@ -48,10 +48,10 @@ def write_page(
     path : Path
         Of the HTML file.
     data : str
-        What the utterance comes from, for the title.
+        Source of the utterance, for the title.
     take : EvaluatedTake
     fit : ModelFit
-        What the models make of it.
+        The models' fit.
     recogniser : Recogniser
     """
     document = _document(take, fit, recogniser) | {"title": f"{take.name} ({data})"}

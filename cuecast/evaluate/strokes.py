@@ -90,7 +90,7 @@ class Stroke:
 
 @dataclass(frozen=True, slots=True)
 class Filmed:
-    """What a film shows of a performance.
+    """A film's measurements of a performance.
 
     Attributes
     ----------

@@ -136,7 +136,7 @@ def _text(value: object) -> str:
 
 
 def wilson_interval(count: int, total: int, *, deviations: float = 1.96) -> tuple[float, float]:
-    """Interval of a probability of which `count` cases in `total` were seen.
+    """Interval of a probability from `count` cases in `total`.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 The built-in material is performed by the virtual cuer on the spot, so that the truth of hidden
 markers is known. A folder of corpora (C3D with TextGrid, `synth.studio.corpora`) takes its place;
-nothing is known there of what was hidden.
+there hidden markers are unknown.
 """
 
 from collections.abc import Iterator
@@ -84,7 +84,7 @@ class Performed:
     utterances: tuple[Utterance, ...] = ()
 
     def __str__(self) -> str:
-        """Return what the figures were obtained on."""
+        """Return the material of the figures."""
         return f"virtual cuer {self.identity}, {self.law}, 12 cameras, 120 Hz"
 
     def takes(self, corpus: int) -> Iterator[EvaluatedTake]:
@@ -130,7 +130,7 @@ class Recorded:
     folder: Path
 
     def __str__(self) -> str:
-        """Return what the figures were obtained on."""
+        """Return the material of the figures."""
         return f"recordings in {self.folder.name}"
 
     def takes(self, corpus: int) -> Iterator[EvaluatedTake]:

@@ -109,7 +109,7 @@ def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
 
 
 def plot(results: list[dict[str, Any]], figure: Any) -> None:
-    """Draw what is lost by sound, by picture and by both, a line for each clip and channel."""
+    """Draw losses of sound, picture and both, a line for each clip and channel."""
     draw_dots(
         figure,
         [

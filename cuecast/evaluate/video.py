@@ -1,4 +1,4 @@
-"""What the invisible video carrier achieves: clips marked, coded as on air, received, compared.
+"""Evaluation of the invisible video carrier: clips marked, coded as on air, received, compared.
 
 Rows come out with the fields of `evaluate video --json`. Payloads are pseudorandom, so a superframe
 that comes back identifies itself, and a wrong one is noticed. Everything passes through files, so a
@@ -57,7 +57,7 @@ class VideoRow:
     lost_low, lost_high : float
         Wilson's interval of the share lost, 95 %.
     l0_lost, wrong : int
-        Superframes of which not even L0 arrived; those that arrived with wrong bytes.
+        Superframes without even L0; those that arrived with wrong bytes.
     tune_in_median_s, tune_in_p95_s : float
         Time to the first superframe from random frames of what arrives.
     ber : float
@@ -240,7 +240,7 @@ def evaluate_video(
 
 
 class _Trial:
-    """One clip, marked once, in a folder for what is made of it."""
+    """One clip, marked once, in a folder for its versions."""
 
     def __init__(
         self,

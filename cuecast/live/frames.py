@@ -1,6 +1,6 @@
 """Coded sound in frames: cut out of an elementary stream, and put into one.
 
-Bytes in, whole frames out, each with what its header tells; and the other way the framing that an
+Bytes in, whole frames out, each with its header's values; and the other way the framing that an
 encoder leaves to the container. Sources: ISO/IEC 11172-3 and 13818-3 (MPEG audio), 14496-3 (ADTS,
 LATM), ETSI TS 102 366 (AC-3 and Enhanced AC-3).
 """
@@ -129,12 +129,12 @@ class FrameCutter:
         self._held = held[at:]
 
     def _follows(self, held: bytes, at: int) -> bool:
-        """Whether a frame may begin there, as far as there are bytes to tell."""
+        """Whether a frame may begin there, as far as the bytes so far show."""
         head = held[at : at + _HEADER]
         return len(head) < _HEADER or self._read(head) is not None
 
     def restart(self) -> None:
-        """Forget what came before a hole."""
+        """Drop the bytes before a hole."""
         self._held = b""
 
 

@@ -28,7 +28,7 @@ _LONGEST_TOKEN = 1024
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """Rules for requests that may change what is on air.
+    """Rules for requests that may change the output on air.
 
     Attributes
     ----------

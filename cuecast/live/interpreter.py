@@ -65,7 +65,7 @@ _OVERLAP_S = 0.12
 class LivePose:
     """Parameters (P,) of the frame at `time_s` of its own clock, `age_s` after it was filmed.
 
-    `points` (25, 2) are the landmarks that keys are told from; NaN where the hand is not seen, and
+    `points` (25, 2) are the landmarks for recognising keys; NaN where the hand is not visible, and
     of lines that have none.
     """
 
@@ -160,7 +160,7 @@ class InterpretedMotion:
         return Score(tuple(self._phones), tuple(self._keys))
 
     def add(self, line: str | bytes, now_s: float | None) -> bool:
-        """Take a line; tell whether it is used.
+        """Take a line; return whether it is used.
 
         Parameters
         ----------
@@ -188,7 +188,7 @@ class InterpretedMotion:
         return True
 
     def _offset(self, pose: LivePose, now_s: float) -> float:
-        """Return what makes her clock the programme's: the lines that were least held up tell."""
+        """Return the offset of her clock to the programme's, from the least delayed lines."""
         offset_s = now_s - pose.age_s - pose.time_s
         before = self._offset_s
         if before is None or abs(offset_s - before) > _NEW_CLOCK_S:
@@ -218,7 +218,7 @@ class InterpretedMotion:
             self._points.popleft()
 
     def window(self, start_s: float, frames: int) -> Motion:
-        """Return the motion from `start_s` on, for what is known now, with the keys in it."""
+        """Return the motion from `start_s` on, for the lines so far, with the keys in it."""
         times = start_s + np.arange(frames) / RATE_HZ
         self._recognise(start_s + frames / RATE_HZ)
         for line in (self._phones, self._keys):

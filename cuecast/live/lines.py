@@ -1,7 +1,7 @@
 """Where a running programme comes from and goes to: datagrams, pipes and files.
 
 ``udp://host:port`` (in: ``udp://@:port`` or a multicast group), ``-`` for a pipe, or a path. A
-thread of its own takes in what comes, with the time at which it came.
+thread of its own receives data, with their times of arrival.
 """
 
 import contextlib
@@ -58,7 +58,7 @@ Arrival = tuple[float, bytes]
 
 
 class Input:
-    """What comes in, with its times.
+    """Input, with its times.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class Input:
         threading.Thread(target=work, daemon=True, name="input").start()
 
     def take(self, wait_s: float) -> list[Arrival]:
-        """Return what came since the last call, waiting so long for a first piece."""
+        """Return the data since the last call, waiting at most that long for a first piece."""
         found: list[Arrival] = []
         try:
             one = self._arrivals.get(timeout=wait_s) if wait_s > 0 else self._arrivals.get_nowait()
@@ -140,7 +140,7 @@ class Input:
 
 
 def _age_s(notes: list[tuple[int, int, bytes]]) -> float:
-    """Return how long ago the system took a datagram in, 0 where it does not tell."""
+    """Return how long ago the system took a datagram in, 0 where it does not report it."""
     for level, kind, data in notes:
         if (level, kind, len(data)) == (socket.SOL_SOCKET, _STAMPED, _TIMESPEC.size):
             seconds, nanoseconds = _TIMESPEC.unpack(data)
@@ -150,7 +150,7 @@ def _age_s(notes: list[tuple[int, int, bytes]]) -> float:
 
 
 class Output:
-    """What goes out.
+    """Output.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ class PesReader:
         self.lost = 0
 
     def process(self, packet: bytes) -> Iterator[Pes]:
-        """Take a packet; yield what is whole with it: the PES that it ends, or the one before."""
+        """Take a packet; yield the PES packets that it completes."""
         if not packet[3] & 0x10:
             return
         counter, before = packet[3] & 15, self._counter
@@ -156,7 +156,7 @@ def packed(pid: int, counter: int, payload: bytes, *, starts: bool, fields: byte
     ----------
     pid, counter : int
     payload : bytes
-        As many as `room` tells, or fewer: the rest is stuffed.
+        At most `room` bytes: the rest is stuffed.
     starts : bool
         Whether a PES starts in it.
     fields : bytes

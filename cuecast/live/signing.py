@@ -18,7 +18,7 @@ class LiveSigning:
     secret : str
         File of the broadcaster's secret key.
     on_air_s : float or None
-        When the motion's clock is at zero, seconds since 1970 (UTC); None: what is signed now is on
+        Time of the motion's zero, seconds since 1970 (UTC); None: a superframe signed now is on
         air after the delay.
     delay_s : float
         From in to out.

@@ -1,7 +1,7 @@
 """Live text: captions as they come in, and the cuer who follows them.
 
 Captions of a live programme come some seconds late, in pieces, and without an end. They are put
-into a line of words that goes on from where the cuer is: never earlier than what is on its way to
+into a line of words that goes on from where the cuer is: never earlier than words on their way to
 the viewer already, in her own time, faster where she lags, and caught up with in pauses.
 """
 
@@ -39,7 +39,7 @@ _LONGEST_TEXT = 2000
 
 @dataclass(frozen=True, slots=True)
 class Caption:
-    """A piece of live text: what is said, and when, seconds on the motion's clock."""
+    """A piece of live text: words and their time, seconds on the motion's clock."""
 
     start_s: float
     text: str
@@ -51,7 +51,7 @@ def read_caption(line: str | bytes, now_s: float) -> Caption | None:
     Parameters
     ----------
     line : str or bytes
-        One JSON object. ``age`` tells how many seconds ago it was said; without either it was
+        One JSON object. ``age`` gives how many seconds ago it was said; without either it was
         said now.
     now_s : float
         Time of the newest sound on the motion's clock.
@@ -87,7 +87,7 @@ def read_caption(line: str | bytes, now_s: float) -> Caption | None:
 class LiveMotion:
     """Motion for captions that come while it is asked for.
 
-    Windows have to be asked for in order of time. What was asked for once is final.
+    Windows have to be requested in order of time. A returned window is final.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class LiveMotion:
         return Score(tuple(self._phones), tuple(self._keys))
 
     def add(self, caption: Caption) -> bool:
-        """Put a caption behind those before it; tell whether it is cued."""
+        """Put a caption behind those before it; return whether it is cued."""
         text = spoken(caption.text)
         if not text:
             return False
@@ -152,7 +152,7 @@ class LiveMotion:
         return True
 
     def window(self, start_s: float, frames: int) -> Motion:
-        """Return the motion from `start_s` on, for what is known now."""
+        """Return the motion from `start_s` on, for the text so far."""
         self._horizon_s = max(self._horizon_s, start_s + frames / RATE_HZ)
         for line in (self._phones, self._keys):
             while line and line[0].end < start_s - _KEPT_S:

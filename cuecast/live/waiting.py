@@ -1,4 +1,4 @@
-"""Where the sound of a running programme waits for what a live interpreter does at it."""
+"""Where the sound of a running programme waits for a live interpreter's motion."""
 
 from collections import deque
 from typing import Any
@@ -13,7 +13,7 @@ _PIECE_S = 0.2
 
 
 class WaitingRoom:
-    """Messages of the playout that wait until what the interpreter did meanwhile is known.
+    """Messages of the playout that wait until the interpreter's motion is known.
 
     Parameters
     ----------

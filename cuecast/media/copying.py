@@ -1,4 +1,4 @@
-"""What a written programme takes over from the old one as it stands: streams, tags, chapters."""
+"""Parts copied unchanged into a written programme: streams, tags, chapters."""
 
 from fractions import Fraction
 from typing import Any

@@ -1,4 +1,4 @@
-"""What AC-3 tells players: how loud the sound speaks, and how two channels are made of it.
+"""Metadata of AC-3 for players: loudness of speech, and how to downmix to two channels.
 
 Frames in, options of FFmpeg's encoders out: a sound that is coded again has to be as loud on every
 set as it was. Source: ETSI TS 102 366, sections 4.4.2 (bit stream information) and E.1.2.
@@ -29,12 +29,12 @@ _PACKETS = 200
 
 
 def settings_of(frame: bytes) -> dict[str, str]:
-    """Return the options with which an encoder tells the same as a frame.
+    """Return the encoder options that reproduce a frame's metadata.
 
     Parameters
     ----------
     frame : bytes
-        Of AC-3 or Enhanced AC-3; nothing is told by others.
+        Of AC-3 or Enhanced AC-3; others have no such metadata.
 
     Examples
     --------

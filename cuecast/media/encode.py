@@ -85,7 +85,7 @@ def is_lossless(sound: SoundFormat) -> bool:
 def choose_target(
     sound: SoundFormat, *, codec: str | None = None, bit_rate: int | None = None
 ) -> SoundTarget:
-    """Keep the codec and bit rate of `sound` unless told otherwise.
+    """Keep the codec and bit rate of `sound` by default.
 
     Raises
     ------
@@ -172,7 +172,7 @@ class SoundEncoder:
         self.clipped = 0
 
     def open(self) -> None:
-        """Open the encoder, which tells whether it takes the parameters.
+        """Open the encoder, which checks the parameters.
 
         Raises
         ------

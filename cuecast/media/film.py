@@ -1,4 +1,4 @@
-"""A new film from samples and pictures: what the demonstration and the tests broadcast."""
+"""A new film from samples and pictures, for the demonstration and the tests."""
 
 import os
 from collections.abc import Iterable

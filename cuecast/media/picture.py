@@ -97,9 +97,9 @@ def rewrite_picture(
     duration_s : float, optional
         Seconds of picture after which to stop.
     progress : callable
-        Told how many seconds of picture each frame brought.
+        Called with the seconds of picture of each frame.
     tell : callable
-        Told what of the programme is left out.
+        Called with omitted parts of the programme.
 
     Returns
     -------
@@ -160,7 +160,7 @@ class _PictureWriter:
         """Code fields as fields, and have the picture turned and lit, if this frame is.
 
         Encoders are opened by the first packet of anything, so this has to be known before. None
-        tells nothing.
+        states nothing.
         """
         if frame is None:
             return
@@ -220,7 +220,7 @@ class _PictureWriter:
         self._mux(self._encoder.encode(None))
 
     def _change(self, stages: list[PictureStage], place: int, frame: Any) -> None:
-        """Pass a frame through the stages and write what comes out of them."""
+        """Pass a frame through the stages and write their output."""
         self._times[place] = self._decoder.grid.source_time(place) - self._copies.shift_s
         self._count += 1
         self._waiting.append(frame)
@@ -305,7 +305,7 @@ def light_of(frame: Any) -> str:
 
 
 def _words(frame: Any, kind: Any, least: int) -> NDArray[np.int32]:
-    """Return what FFmpeg tells beside a frame as words, none where it tells too little."""
+    """Return FFmpeg's metadata of a frame as words, none where they do not suffice."""
     data = frame.side_data.get(kind)
     if data is None or len(bytes(data)) < 4 * least:
         return np.zeros(0, np.int32)
@@ -322,7 +322,7 @@ def _first_frame(path: str | os.PathLike[str]) -> Any:
 
 
 def _measured_bit_rate(path: str | os.PathLike[str], form: PictureFormat) -> int:
-    """Bit rate of the file's picture, by its packets if the header does not tell.
+    """Bit rate of the file's picture, by its packets if the header does not state it.
 
     The time that they take counts, not their number: a packet may be a field, or be shown for long.
     """

@@ -50,7 +50,7 @@ class Unchanged:
     """The stage that changes nothing: for another codec or container alone."""
 
     def process(self, block: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Give back what comes."""
+        """Return the input unchanged."""
         return block
 
     def flush(self) -> NDArray[np.float32]:

@@ -61,14 +61,14 @@ class TextTrack:
     index : int
         Of the container's stream.
     coding : str
-        What the track is, in words.
+        Name of the track's coding, in words.
     language : str
-        Code as the container tells it, or nothing.
+        Code as the container states it, or nothing.
     title : str
     readable : bool
         Whether it is text that can be read.
     forced, default : bool
-        Whether it only has what the dialogue's language leaves out; whether players show it first.
+        Whether it only has passages in other languages; whether players show it first.
     """
 
     number: int
@@ -237,7 +237,7 @@ def _order(track: TextTrack) -> tuple[bool, bool, int]:
 
 
 def _coding(stream: Any, kind: str) -> str:
-    """Name of a track's coding as the container tells it, nothing where it does not."""
+    """Name of a track's coding as the container states it, nothing where it does not."""
     if kind == "ttml":
         return "TTML"
     if kind in _UNREAD:

@@ -55,7 +55,7 @@ class ElementaryStream:
         ``mp2``, ``aac``, ``latm``, ``ac3``, ``eac3``, ``opus``, ``video``, ``ttml``,
         ``teletext``, ``dvb bitmaps``, ``arib captions`` or ``data``.
     language : str
-        ISO 639 code, empty where not told.
+        ISO 639 code, empty where not stated.
     """
 
     pid: int
@@ -70,7 +70,7 @@ class ElementaryStream:
 
 @dataclass(frozen=True, slots=True)
 class ProgrammeMap:
-    """What a PMT tells: number of the programme, PID of its clock, its streams."""
+    """Content of a PMT: number of the programme, PID of its clock, its streams."""
 
     number: int
     pcr_pid: int
@@ -213,12 +213,12 @@ class TableReader:
     Parameters
     ----------
     number : int, optional
-        Of the programme; the first of the table if not told, or if that one is not there.
+        Of the programme; the first of the table by default, or if that one is not there.
 
     Attributes
     ----------
     programme : ProgrammeMap or None
-        As the stream tells it now.
+        As the stream states it now.
     """
 
     def __init__(self, number: int | None = None) -> None:
@@ -233,7 +233,7 @@ class TableReader:
         return frozenset(self._readers)
 
     def process(self, packet: bytes) -> bool:
-        """Take a packet of 188 bytes; tell whether the programme's map changed with it."""
+        """Take a packet of 188 bytes; return whether the programme's map changed with it."""
         pid = (packet[1] & 0x1F) << 8 | packet[2]
         reader = self._readers.get(pid)
         if reader is None or packet[1] & 0x80 or not packet[3] & 0x10:

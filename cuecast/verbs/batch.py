@@ -1,4 +1,4 @@
-"""Dub all programmes of a catalogue; what is done already is not done again.
+"""Dub all programmes of a catalogue; finished ones are not done again.
 
 The catalogue is CSV with the columns programme, and optionally subtitles or motion, and output;
 signed programmes have on_air. Without subtitles or motion the programme's own subtitles are taken.

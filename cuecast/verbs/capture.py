@@ -96,7 +96,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the motion and what is to be said of it."""
+    """Write the motion and its report."""
     from codec.cuer.motion import save_motion
     from codec.cuer.voice import load_voice
     from synth.capture.capture import capture_motion
@@ -203,7 +203,7 @@ def _written_to(path: str) -> "Iterator[IO[str]]":
 
 @contextmanager
 def _as_file(path: str) -> "Iterator[str]":
-    """Give the path of a file, for ``-`` of one with what the standard input holds."""
+    """Give the path of a file, for ``-`` of one with the standard input's content."""
     if path != PIPE:
         yield path
         return
@@ -217,7 +217,7 @@ def _as_file(path: str) -> "Iterator[str]":
 def _proposed(
     args: argparse.Namespace, path: str, voice: "Voice", options: "CaptureOptions"
 ) -> "CaptureOptions":
-    """Write a map that is proposed, tell of it, and return the options with it."""
+    """Write a proposed map, report it, and return the options with it."""
     from codec.errors import CueError
     from synth.capture.points.labels import write_map
     from synth.capture.points.propose import SURE, propose_map

@@ -1,4 +1,4 @@
-"""Examine a decoder: run it over the vectors of the specification, name what it violates.
+"""Examine a decoder: run it over the vectors of the specification, name violated paragraphs.
 
 DECODER is a program that answers JSON lines (docs/reference/conformance.md); put its own arguments
 behind it. `python`, the toolkit's decoder, and `reference`, the plain one, are built in.

@@ -1,7 +1,7 @@
 """Show the whole way on a built-in programme.
 
 Make a short programme, put a cuer into its sound, code it as broadcasters do, receive it,
-compare what arrived with what was sent, and draw both.
+compare the received with the sent motion, and draw both.
 """
 
 import argparse

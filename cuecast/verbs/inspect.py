@@ -1,4 +1,4 @@
-"""Print what stands in a bit stream, field by field."""
+"""Print the content of a bit stream, field by field."""
 
 import argparse
 import os

@@ -1,4 +1,4 @@
-"""Make and look at the keys by which a broadcaster's cuer is told from another's."""
+"""Make and show the keys that prove a broadcaster's cues."""
 
 import argparse
 import time

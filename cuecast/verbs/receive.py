@@ -40,7 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print what was found; 1 if nothing was."""
+    """Print the findings; 1 if there are none."""
     from codec.cuer.motion import save_motion
     from cuecast.command.voices import coding_voice
     from cuecast.dubbing.receive import receive
@@ -111,7 +111,7 @@ def _print(summary: dict[str, Any]) -> None:
 
 
 def in_words(summary: dict[str, Any]) -> list[str]:
-    """Return what a receiver found, one fact a line.
+    """Return a receiver's findings, one fact a line.
 
     Examples
     --------

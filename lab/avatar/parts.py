@@ -255,7 +255,7 @@ def cut(
 
 
 def _clipped(corners: FloatArray, level: FloatArray) -> list[FloatArray]:
-    """Return what is left of a triangle (3, 3) where `level` (3,) of its corners is positive."""
+    """Return the rest of a triangle (3, 3) where `level` (3,) of its corners is positive."""
     kept: list[FloatArray] = []
     for k in range(3):
         a, b = level[k], level[(k + 1) % 3]

@@ -223,7 +223,7 @@ def frames_of(items: Iterator[Spoken]) -> Frames:
 
 
 def learn(frames: Frames, rng: np.random.Generator) -> dict[str, NDArray[np.float32]]:
-    """Return the layer that tells the labels best: a logistic regression."""
+    """Return the layer that predicts the labels best: a logistic regression."""
     features, labels = frames
     mean, spread = features.mean(axis=0), features.std(axis=0) + np.float32(1e-3)
     layer: list[NDArray[np.float32]] = [

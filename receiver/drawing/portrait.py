@@ -2,7 +2,7 @@
 
 Vertices and a camera come in, a picture goes out. The light is that of ``page/avatar.js``. The
 hand throws a soft shadow on face and clothes: four silhouettes of it, one beside the other. It
-tells the hand from a face of the same colour, and how near they are.
+separates the hand from a face of the same colour, and shows how near they are.
 """
 
 import numpy as np

@@ -38,7 +38,7 @@ _OPTIONS = {"analyzeduration": "5000000", "probesize": "5000000"}
 
 @dataclass(frozen=True, slots=True)
 class MediaStart:
-    """A new run of media: what the browser needs before its fragments.
+    """A new run of media: the header that the browser needs before its fragments.
 
     `recoded` names the codec of the broadcast if the picture had to be coded anew, `unseen` one
     that can be neither played nor recoded.
@@ -320,7 +320,7 @@ class Broadcast:
         self.metrics.set("locked", self._receiver.state in ("locked", "degraded"))
 
     def _end_receiver(self) -> None:
-        """Let the receiver tell what it still holds; remember what it counted."""
+        """Let the receiver finish; keep its counts."""
         if self._receiver is None:
             return
         self._tell_all(self._receiver.flush())

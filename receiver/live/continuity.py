@@ -1,8 +1,8 @@
 """Time on a broadcast: time stamps that wrap, jump and leave holes, made one steady clock.
 
 Time stamps of a transport stream have 33 bits at 90 kHz (ISO/IEC 13818-1, section 2.4.3.7). The
-local clock starts at `ORIGIN_S`, goes on through wraps and splices, and tells holes that are worth
-filling from breaks after which reception has to start anew.
+local clock starts at `ORIGIN_S`, goes on through wraps and splices, and separates holes worth
+filling from breaks, after which reception has to start anew.
 """
 
 from dataclasses import dataclass
@@ -63,7 +63,7 @@ class SteadyClock:
         stamp_s : float
             Time stamp, seconds.
         duration_s : float
-            Length of what it stamps.
+            Length of the stamped media.
         """
         if self._offset_s is None:
             self._offset_s = ORIGIN_S - stamp_s

@@ -38,7 +38,7 @@ def playable(picture: Any) -> bool:
 
 
 class BoxSplitter:
-    """A writable file that cuts what is written into top-level boxes.
+    """A writable file that cuts its content into top-level boxes.
 
     Examples
     --------
@@ -177,7 +177,7 @@ class FragmentWriter:
         return self._take()
 
     def close(self) -> Fragments:
-        """Return what is left."""
+        """Return the remaining boxes."""
         if self._sound is not None and self._written:
             self._container.mux(self._sound.encode(None))
         if self._recodes:

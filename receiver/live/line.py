@@ -1,4 +1,4 @@
-"""Lines on which a broadcast comes and goes on: datagrams of a network, or a pipe.
+"""Inputs of a broadcast: datagrams of a network, or a pipe.
 
 A line outlives its container. When a programme changes its form, the demultiplexer goes on looking
 for packets that no longer come; the line then pretends to end, and whoever reads it opens a new
@@ -52,7 +52,7 @@ class InputLine(ABC):
         self._in_use = False
 
     def useful(self) -> None:
-        """Tell that what came was of use."""
+        """Note that the received data were of use."""
         self._in_use, self._bytes = True, 0
 
     def read(self, size: int) -> bytes:
@@ -74,7 +74,7 @@ class InputLine(ABC):
 
     @abstractmethod
     def _receive(self, size: int) -> bytes:
-        """Return what is next; nothing after a silence or at the end."""
+        """Return the next data; nothing after a silence or at the end."""
 
     @abstractmethod
     def stop(self) -> None:

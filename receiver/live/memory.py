@@ -9,14 +9,14 @@ _M_MMAP_THRESHOLD = -3
 def give_back_large_blocks(threshold: int = 256 * 1024) -> bool:
     """Let the C library return every large block to the system as soon as it is freed.
 
-    By itself glibc raises the size from which blocks have pages of their own up to that of the
+    By itself glibc raises the least size of blocks with pages of their own up to that of the
     largest that was freed; arrays of some megabytes then come from the heap, which small objects
     among them keep from shrinking.
 
     Parameters
     ----------
     threshold : int
-        Size in bytes from which a block has its own pages.
+        Least size of a block with its own pages, bytes.
 
     Returns
     -------

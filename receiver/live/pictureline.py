@@ -1,7 +1,7 @@
 """The picture of a broadcast: packets in, luma at a constant rate on the steady clock out.
 
-Decoding pictures costs more than everything else that a receiver does. So a picture in which
-nothing is found rests, and is looked at again from time to time.
+Decoding pictures costs more than everything else that a receiver does. So a picture
+without a mark rests, and is looked at again from time to time.
 """
 
 from collections.abc import Iterator
@@ -49,7 +49,7 @@ class PictureLine:
     Attributes
     ----------
     format : PictureFormat or None
-        Of what comes out, once connected.
+        Of the output, once connected.
     """
 
     def __init__(self, metrics: Metrics) -> None:

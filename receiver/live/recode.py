@@ -82,7 +82,7 @@ class PlainPictures:
                 yield out, self._inside.popleft()
 
     def _filters(self, frame: Any) -> Any:
-        """Return a graph that deinterlaces what is interlaced and scales to square pixels."""
+        """Return a graph that deinterlaces where needed and scales to square pixels."""
         graph = av.filter.Graph()
         source = graph.add_buffer(
             width=frame.width, height=frame.height, format=frame.format,

@@ -170,7 +170,7 @@ class LiveTelevision(TelevisionChannel):
     async def _relay(
         self, socket: web.WebSocketResponse, kind: str, before: Callable[[], list[_Message]]
     ) -> None:
-        """Send what came `before`, then what comes, until the viewer leaves or falls behind."""
+        """Send the messages `before`, then new ones, until the viewer leaves or falls behind."""
         queue: asyncio.Queue[_Message] = asyncio.Queue(maxsize=_QUEUE)
         for earlier in before():
             queue.put_nowait(earlier)

@@ -46,7 +46,7 @@ LONGEST_HOLD_S = 10.0
 
 @dataclass(frozen=True, slots=True)
 class PictureFormat:
-    """What the picture of a programme is.
+    """Format of a programme's picture.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ def format_of(programme: Programme) -> PictureFormat:
     Raises
     ------
     CueError
-        If there is no picture, or its headers do not tell what it is.
+        If there is no picture, or its headers do not state its format.
     """
     if programme.picture is None:
         raise CueError(f"{programme.name}: no picture in it")
@@ -92,7 +92,7 @@ def stream_format(stream: Any, name: str) -> PictureFormat:
     Raises
     ------
     CueError
-        If its headers do not tell what it is.
+        If its headers do not state its format.
     """
     context = stream.codec_context
     fps = steady_rate(stream.average_rate, stream.guessed_rate)
@@ -159,7 +159,7 @@ class SteadyGrid:
         self.restart()
 
     def restart(self) -> None:
-        """Forget what was before a jump: the next frame has place 0."""
+        """Forget the frames before a jump: the next frame has place 0."""
         self._held: Any = None
         self._next = self._offset = 0
         self._first = Fraction(0)
@@ -217,7 +217,7 @@ class PictureDecoder:
     Raises
     ------
     CueError
-        If there is no picture, or its headers do not tell what it is.
+        If there is no picture, or its headers do not state its format.
     """
 
     def __init__(self, programme: Programme, *, fps: Fraction | None = None) -> None:
@@ -229,7 +229,7 @@ class PictureDecoder:
         self.damaged = 0
 
     def process(self, packet: Any) -> Iterator[tuple[int, Any]]:
-        """Decode one packet (None: what is left in the decoder).
+        """Decode one packet (None: the rest in the decoder).
 
         Yields
         ------

@@ -45,7 +45,7 @@ av.logging.set_level(av.logging.PANIC)  # our errors are one line; FFmpeg would 
 
 @dataclass(frozen=True, slots=True)
 class SoundFormat:
-    """What the sound of a programme is, and has to stay.
+    """Format of a programme's sound, which has to stay.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Programme:
     track : int
         Which of its sounds is meant, from 0.
     cut_short : bool
-        Whether the file is known to hold less than its headers tell.
+        Whether the file is known to hold less than its headers state.
     path : Path, optional
         Of the file, if it is one.
 
@@ -129,7 +129,7 @@ class Programme:
         Raises
         ------
         CueError
-            If there is no sound, or the container does not tell them.
+            If there is no sound, or the container does not state them.
         """
         if self.sound is None:
             raise CueError(f"{self.name}: no sound in it")
@@ -146,7 +146,7 @@ class Programme:
 
     @property
     def duration_s(self) -> float | None:
-        """Length of the programme that its headers tell, in seconds."""
+        """Length of the programme by its headers, in seconds."""
         sound = self.sound
         if sound is not None and sound.duration is not None and sound.time_base is not None:
             return float(sound.duration * sound.time_base)
@@ -244,7 +244,7 @@ class Programme:
             yield from succession.held
 
     def close(self) -> None:
-        """Close what was opened beside the first container."""
+        """Close the containers opened beside the first one."""
         self._later.close()
 
     def _reopened(self, path: Path, before: InputContainer) -> InputContainer | None:
@@ -268,7 +268,7 @@ class Programme:
 
     @property
     def missing_s(self) -> float:
-        """How much earlier the packets ended than the headers tell, 0 where these may guess."""
+        """How much earlier the packets ended than the headers state, 0 where these may guess."""
         if self._cut_short:
             return math.inf
         promised = self.container.duration
@@ -279,7 +279,7 @@ class Programme:
 
     @property
     def fault(self) -> str:
-        """What is wrong with the file as a whole, once its packets were read; often nothing."""
+        """Damage of the file as a whole, once its packets were read; often none."""
         if self.missing_s > _TOLERATED_SHORTFALL_S:
             return f"{self.name}: truncated: it ends before the length in its headers"
         return ""
@@ -296,7 +296,7 @@ class Programme:
 class _Succession:
     """Which stream of a kind goes on where the chosen one has ended.
 
-    A recording of which the broadcaster changed the streams' addresses holds both from the start,
+    A recording whose broadcaster changed the streams' addresses holds both from the start,
     for FFmpeg also looks at a file's end. Streams that are sent beside the chosen one are other
     languages and never follow it.
 
@@ -403,7 +403,7 @@ def _opened(source: str | os.PathLike[str] | BinaryIO, name: str) -> InputContai
 
 
 def measured_bit_rate(path: str | os.PathLike[str], *, track: int = 0) -> int:
-    """Return the bit rate of a sound whose container does not tell it, in bit/s.
+    """Return the bit rate of a sound whose container does not state it, in bit/s.
 
     Reads the packets of the first half minute; 0 if they have no durations.
     """

@@ -119,7 +119,7 @@ class SoundDecoder:
         return block
 
     def _aligned(self, block: NDArray[np.float32], late: int) -> NDArray[np.float32]:
-        """Fill or cut `late` samples between what was given and what comes."""
+        """Fill or cut `late` samples between the last block and the next."""
         fs = self.format.fs
         if abs(late) <= JITTER_S * fs:
             return block

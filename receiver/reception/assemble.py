@@ -24,7 +24,7 @@ BLEND_S = 0.3
 
 
 class Assembler:
-    """Collects what a receiver tells into a motion.
+    """Collects a receiver's events into a motion.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class Assembler:
         self._keys: dict[int, Key] = {}
 
     def add(self, event: Event) -> None:
-        """Take an event; what is not motion or certain keys is passed over."""
+        """Take an event; all but motion and certain keys are passed over."""
         if isinstance(event, MotionPiece):
             name = (event.epoch, round(event.start_s * event.rate_hz))
             known = self._pieces.get(name)

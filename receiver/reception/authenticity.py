@@ -1,7 +1,7 @@
 """Whether the cues come from the broadcaster that the viewer trusts; what may be drawn of them.
 
 Superframes as received go in, those that may be drawn come out: all of them at once where the
-viewer only wants to be told, only verified ones, some seconds later, where he wants no others.
+viewer only wants a notice, only verified ones, some seconds later, where he wants no others.
 Specification: spec/authentication.md, section 6.
 """
 
@@ -56,7 +56,7 @@ class Trust:
 
 
 def _read(l0: bytes) -> tuple[bytes, tuple[int, int] | None]:
-    """Return what is to be proved of a superframe, and its proof if it has one."""
+    """Return the bytes of a superframe that a proof covers, and its proof if it has one."""
     try:
         proof = proof_of(l0)
     except BitstreamError:
@@ -99,7 +99,7 @@ class Gate:
     def take(
         self, l0: bytes | None, l1: bytes | None, on_air_s: float
     ) -> tuple[list[Passed], list[Event]]:
-        """Take a superframe; return what may be drawn now, and what is known of whose it is."""
+        """Take a superframe; return the superframes to draw now, with the state of their proofs."""
         superframe = Passed(l0, l1, on_air_s)
         passed = [] if self._trust.only_verified else [superframe]
         if l0 is None:
@@ -129,7 +129,7 @@ class Gate:
         return min(now_s, next(iter(self._held.values())).on_air_s)
 
     def summary(self) -> dict[str, Any]:
-        """Return what is known, under the names of the command line's JSON."""
+        """Return the state of proofs, under the names of the command line's JSON."""
         announcement = self._trust.announcement
         on_air = None if self._on_air_s is None else datetime.fromtimestamp(self._on_air_s, UTC)
         return {
@@ -173,7 +173,7 @@ class Gate:
         return released if self._trust.only_verified else []
 
     def _now(self) -> tuple[Status | Literal["unsigned"], str]:
-        """Return what is known of the stream now, and why it is not verified."""
+        """Return the stream's status now, and why it is not verified."""
         if self._bare >= _UNSIGNED:
             if self._was_signed:
                 return "unsigned", "signed cues were replaced by unsigned ones"

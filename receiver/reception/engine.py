@@ -54,9 +54,9 @@ class Receiver:
     trust : Trust, optional
         Whose cues these should be.
     guess : bool
-        Whether it is guessed what happened to a sound in which no mark is found.
+        Whether injuries of a sound without a mark are searched for.
     calm : bool
-        Whether the hand is held up where it is too fast to be read: for what is shown.
+        Whether the hand is held up where it is too fast to be read: for display.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class Receiver:
         Returns
         -------
         list of Event
-            What the samples completed, in order of reception.
+            Events that the samples completed, in order of reception.
         """
         assert self._carrier is not None, "a receiver without sound"
         self._samples += len(block)
@@ -196,7 +196,7 @@ class Receiver:
         return self._take(self._pictures.process(luma))
 
     def flush(self) -> list[Event]:
-        """Return what the last samples still complete; the programme has ended.
+        """Return the events of the last samples; the programme has ended.
 
         Returns
         -------

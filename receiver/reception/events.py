@@ -1,4 +1,4 @@
-"""What a receiver tells while a programme passes through it; times on the programme's clock."""
+"""Events of a receiver while a programme passes through it; times on the programme's clock."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -25,7 +25,7 @@ class StateChanged:
     time_s : float
         On the programme's clock.
     state : State
-        What it is from then on.
+        The state from then on.
     """
 
     time_s: float
@@ -111,7 +111,7 @@ class Unreadable:
     time_s : float
         From when on, on the programme's clock.
     message : str
-        What it has, for a person to read.
+        Its content, for a person to read.
     """
 
     time_s: float

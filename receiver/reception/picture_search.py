@@ -22,7 +22,7 @@ AGAIN_S = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A superframe of a carrier; `profile` tells what its ratios mean, if it has any."""
+    """A superframe of a carrier; `profile` gives the meaning of its ratios, if it has any."""
 
     carrier: str
     superframe: ReceivedSuperframe
@@ -103,12 +103,12 @@ class PictureCarriers:
         ]
 
     def wait(self, misses: int) -> None:
-        """Let the invisible carrier give up its lock after so many failures in a row."""
+        """Let the invisible carrier give up its lock after too many failures in a row."""
         if "video" in self._receivers:
             self._receivers["video"].wait(misses)
 
     def flush(self) -> list[Found]:
-        """Return what the last frames still hold."""
+        """Return the superframes in the last frames."""
         receiver = self._receivers.get("video")
         return [] if receiver is None else self._named("video", receiver.flush())
 

@@ -1,7 +1,7 @@
 """Reception of a programme from a container: packets in, the receiver's events out.
 
 Sound and picture are read once, as they lie in the container, and decoded side by side. A picture
-in which nothing is found is looked at again from time to time only: a carrier may begin late, but
+without a mark is looked at again from time to time only: a carrier may begin late, but
 looking costs more than listening.
 """
 
@@ -45,19 +45,19 @@ class ProgrammeReceiver:
     key : int
         Key of the watermark.
     start_s : float
-        Second at which the receiver is switched on; what comes before is passed over.
+        Second at which the receiver is switched on; the part before is passed over.
     listen, look : bool
         Whether to use the sound, and the picture, if there is one.
     keep_keys : bool
         Keep the keys for the receiver's summary.
     clock_s : float
-        Time of the programme's zero on the clock in which events are told.
+        Time of the programme's zero on the clock of events.
     trust : Trust, optional
         Whose cues these should be; its clock counts from the programme's zero.
     guess : bool
-        Whether it is guessed what happened to a sound in which no mark is found.
+        Whether injuries of a sound without a mark are searched for.
     calm : bool
-        Whether the hand is held up where it is too fast to be read: for what is shown.
+        Whether the hand is held up where it is too fast to be read: for display.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class ProgrammeReceiver:
         return sum(part.decoder.damaged for part in parts if part is not None)
 
     def progress(self) -> Iterator[Progress]:
-        """Yield what is received, to the end of the programme.
+        """Yield the events, to the end of the programme.
 
         Raises
         ------
@@ -147,7 +147,7 @@ class _Listening:
         return self._receiver.process(heard) if self._open and len(heard) else []
 
     def _switched_on(self, block: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Cut off what comes before the receiver is switched on."""
+        """Cut off the part before the receiver is switched on."""
         fs = self.decoder.format.fs
         end_s = (self.decoder.start_s or 0.0) + self.decoder.samples / fs
         early = max(0, round((self._start_s - end_s) * fs) + len(block))

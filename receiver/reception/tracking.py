@@ -1,8 +1,8 @@
 """From superframes to the cuer's timeline: places, duplicates, losses, keys and the state.
 
 Superframes come in with their place on air; motion and keys go out with their time on the
-programme's clock. The header's sequence number tells a splice from a loss: superframes of one
-*epoch* lie on one grid of 0.64 s. The motion of a superframe is due ``lead`` superframes after
+programme's clock. The header's sequence number distinguishes a splice from a loss: superframes of
+one *epoch* lie on one grid of 0.64 s. The motion of a superframe is due ``lead`` superframes after
 it was on air (spec/bitstream.md, section 2).
 """
 
@@ -101,7 +101,7 @@ class TimelineTracker:
     voice : Voice
         Decodes the parameters.
     calm : bool
-        Whether the hand is held up where it is too fast to be read: for what is shown.
+        Whether the hand is held up where it is too fast to be read: for display.
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ class TimelineTracker:
     def _refuse(
         self, header: Header | None, on_air_s: float, error: VoiceError | BitstreamError
     ) -> Iterator[Event]:
-        """Draw nothing of what is foreign, and doubt its grid; one's own stays as it was."""
+        """Draw nothing of foreign superframes, and doubt their grid; one's own stays."""
         self._held.clear()
         if header is not None:
             self._doubted = _Grid(header.sequence, on_air_s, 0.0)
@@ -266,7 +266,7 @@ class TimelineTracker:
         yield from self._tell_keys(decoded)
 
     def _tell_keys(self, decoded: DecodedSuperframe) -> Iterator[Event]:
-        """Tell what a superframe settles, and what it says itself; a lost one by its previews."""
+        """Emit the events that a superframe settles, and its own; a lost one by its previews."""
         yield from self._settled(self._merger.add(decoded))
         if decoded.keys:
             yield KeysFound(self._placed(decoded.keys), final=False)

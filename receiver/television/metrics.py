@@ -1,4 +1,4 @@
-"""What a receiver measures about itself, as JSON and as Prometheus text."""
+"""A receiver's measurements of itself, as JSON and as Prometheus text."""
 
 import threading
 from collections import Counter

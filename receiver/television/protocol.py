@@ -64,7 +64,7 @@ def pack_motion(piece: MotionPiece) -> bytes:
 
 
 def pack_event(event: Event) -> str | bytes:
-    """Return the message that tells `event` to the page: bytes for motion, text for the rest."""
+    """Return the message that sends `event` to the page: bytes for motion, text for the rest."""
     match event:
         case MotionPiece():
             return pack_motion(event)

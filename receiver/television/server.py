@@ -73,7 +73,7 @@ class TelevisionChannel(ABC):
     live : bool
         Whether the programme comes as it is made.
     host : str
-        Address to listen on; the loopback unless told otherwise.
+        Address to listen on; default: the loopback.
     port : int
         0 takes a free one.
     """
@@ -291,7 +291,7 @@ class Television(TelevisionChannel):
     voice : Voice
         Gives the parameters their meaning.
     media : path
-        What the browser plays: a file in a container and codecs that it knows.
+        The file that the browser plays, in a container and codecs that it knows.
     host, port
         Where to listen; port 0 takes a free one.
 
@@ -418,7 +418,7 @@ def serve(
         Where the cuer comes from: `receiver.television.tuner.ProgrammeTuner` for a marked file.
     voice : Voice
     media : path
-        What the browser plays.
+        The file that the browser plays.
     host, port
         Where to listen; port 0 takes a free one.
     on_ready : callable

@@ -1,6 +1,6 @@
 """Tuners: a programme's cuer from any time on, as a stream of events.
 
-`ProgrammeTuner` receives what is on air in a file; `MotionTuner` plays a known motion the
+`ProgrammeTuner` receives the mark of a file; `MotionTuner` plays a known motion the
 same way (previews, tests). Both are read by `receiver.television.server` at the viewer's pace.
 """
 

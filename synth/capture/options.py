@@ -1,4 +1,4 @@
-"""What a capture is told, and what it gives."""
+"""Options and result of a capture."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -30,9 +30,9 @@ class CaptureOptions:
     calibration : Path, optional
         A recording of the same speaker and session, her face at rest.
     score : Score, optional
-        What was said, on the recording's clock; default: what is recognised.
+        The transcript on the recording's clock; default: the recognised keys.
     text : Score, optional
-        What was said, its times unknown: those of phones and keys do not count.
+        The transcript with unknown times: those of phones and keys do not count.
     keys : bool
         Recognise keys where no score is given.
     frame_rate_hz : float, optional
@@ -64,7 +64,7 @@ DEFAULTS = CaptureOptions()
 
 @dataclass(frozen=True, slots=True)
 class Captured:
-    """A captured motion and what is to be said of it.
+    """A captured motion with its report.
 
     Attributes
     ----------

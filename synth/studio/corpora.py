@@ -43,7 +43,7 @@ class Utterance:
     name : str
         Folder and file name without ending, as ``corpus3/s001``.
     text : str
-        What is written; empty for corpora 1 and 2.
+        The written text; empty for corpora 1 and 2.
     line : tuple of str
         Its phones, pauses as `codec.cues.phonology.PAUSE`; empty for corpus 1.
     seed : int

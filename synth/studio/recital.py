@@ -97,7 +97,7 @@ def imprecise(voice: Voice, score: Score, *, seed: int = 0, law: str = "minimum-
     ----------
     voice : Voice
     score : Score
-        What the motion says that it performs.
+        The score that the motion carries.
     seed, law
         As for `synth.motion.rules.gesture.GestureSynthesiser`.
     """

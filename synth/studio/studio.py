@@ -3,7 +3,7 @@
 Twelve cameras stand on an arc before the cuer, or around her hand for the first corpus. A marker
 is seen if at least two of them look at its skin at less than 75 degrees from the normal and
 neither head, neck, hand nor forearm is in the way; so gaps grow exactly when the hand is at the
-face. What is seen carries white noise and a smooth error of calibration. Drop-outs, swapped
+face. Visible markers carry white noise and a smooth error of calibration. Drop-outs, swapped
 neighbours and ghost points are options for tests of what reads such files.
 """
 
@@ -119,7 +119,7 @@ class Studio:
     def observe(
         self, markers: FloatArray, seen: NDArray[np.bool_], rate_hz: float, rng: np.random.Generator
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return what the studio reports.
+        """Return the studio's measurements.
 
         Parameters
         ----------

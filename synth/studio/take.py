@@ -1,4 +1,4 @@
-"""Take a performance: the truth, what the studio saw, and what was meant."""
+"""Take a performance: the truth, the studio's measurements, and the intended score."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ class StudioTake:
     Attributes
     ----------
     score : Score
-        What was performed; time zero is the first frame.
+        The performed score; time zero is the first frame.
     rate_hz : float
     truth : ndarray of float32, shape (T, 113, 3)
         Where the markers were, mm.
@@ -33,7 +33,7 @@ class StudioTake:
     ghosts : ndarray of float32, shape (T, G, 3)
         Points that are no marker.
     labels : Labels
-        What was held in each frame.
+        The held key of each frame.
     """
 
     score: Score

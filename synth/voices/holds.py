@@ -1,8 +1,8 @@
 """When a recorded cuer held what her labels say: frames for the means of a voice's targets.
 
 Labels give the times of sounds; the hand is elsewhere in time, by how much differs from cuer to
-cuer. Sentences tell it by what the hand shows (`synth.capture.cues.follow`); takes of the hand
-alone by the stillest moment of the fingers near each label, after the lag by which frames of one
+cuer. Sentences give it by following the hand (`synth.capture.cues.follow`); takes of the hand
+alone by the stillest moment of the fingers near each label, after the lag that makes frames of one
 shape look most alike.
 """
 
@@ -47,7 +47,7 @@ _BACK = np.array([layout.HAND_MARKERS.index(name) for name in (*layout.KNUCKLES,
 
 @dataclass(frozen=True, slots=True)
 class Labelled:
-    """A take's frames with labels, and what the hand was found to do.
+    """A take's frames with labels, and the keys found in them.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Labelled:
 
     @property
     def believed(self) -> bool:
-        """Whether the hand shows what the labels say, as far as that is known."""
+        """Whether the hand shows the labels' keys, as far as that is known."""
         return self.followed is None or self.followed.believed
 
 
@@ -74,7 +74,7 @@ def labelled(take: MarkerTake, looks: KeyAppearance) -> Labelled:
     ----------
     take : MarkerTake
     looks : KeyAppearance
-        What is known of the speaker before: of a voice with the same markers.
+        The prior for the speaker: a voice with the same markers.
     """
     shape = np.full(len(take.markers), UNLABELLED, dtype=np.int64)
     place, phone = shape.copy(), shape.copy()
@@ -93,7 +93,7 @@ def labelled(take: MarkerTake, looks: KeyAppearance) -> Labelled:
 
 
 def seen_of(take: MarkerTake) -> HandFeatures:
-    """Return what keys are told from in a take of face and hand."""
+    """Return the features of keys from a take of face and hand."""
     faces = _landmarks(face_map(), take.markers[:, FACE])
     hands = _landmarks(hand_map(), take.markers[:, HAND])
     return see(faces, hands, rate_hz=take.rate_hz)

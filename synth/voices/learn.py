@@ -1,6 +1,6 @@
 """A voice from the takes of a new speaker: models, targets, motion to train tables on, units.
 
-The models are the paper's (`codec.training.fit`); targets are the means of what was held
+The models are the paper's (`codec.training.fit`); targets are the means of held frames
 (`synth.voices.holds`). Sounds that no take has borrow the face of one that looks alike.
 """
 
@@ -44,7 +44,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class Learnt:
-    """What a speaker's takes give.
+    """The models learnt from a speaker's takes.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ def learn_speaker(
     takes : sequence of MarkerTake, optional
         If they have been read already (`synth.voices.takes.read_corpora`).
     progress : callable
-        Told what is done and what there is to do.
+        Called with the work done and the total.
 
     Raises
     ------

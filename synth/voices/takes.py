@@ -2,7 +2,7 @@
 
 As in the paper (Gibert, Bailly, Elisei 2004, section 2) there are takes of the hand alone (shapes
 in free space), of the face alone (sounds) and of both (cued sentences); each is known by the
-markers that it holds. All come into our axes as the head of the takes that show both tells, at the
+markers that it holds. All come into our axes by the head of the takes that show both, at the
 speaker's own size.
 """
 

@@ -71,7 +71,7 @@ def system_1x(low: int = 4, high: int = 40) -> LineSystem:
     Raises
     ------
     CueError
-        If the levels are outside what the standard allows.
+        If the levels are outside the standard's range.
 
     Examples
     --------

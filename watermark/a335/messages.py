@@ -1,7 +1,7 @@
 """Message blocks of ATSC A/336 inside the line: fragments, versions, two checksums.
 
 In: a message (identifier and bytes); out: the blocks of one or several lines; and back. Section 5
-of ATSC A/336:2022. The text defines the MPEG-2 checksum; what is on air uses the reflected one of
+of ATSC A/336:2022. The text defines the MPEG-2 checksum; broadcasts use the reflected one of
 IEEE 802.3, so a reader accepts either and a writer offers both.
 """
 

@@ -1,6 +1,6 @@
 """How superframes ride in the line: which modulation, which message form, how many bytes.
 
-Specification: spec/a335-carrier.md, section 3. The profile follows from what a receiver sees
+Specification: spec/a335-carrier.md, section 3. The profile follows from the line itself
 (run-in and message identifier), so nothing needs to be announced.
 """
 
@@ -33,7 +33,7 @@ class A335Profile:
     system : LineSystem
         Modulation.
     message_id : int
-        0x7F: every frame is a message of its own, from which a receiver can start at any time.
+        0x7F: every frame is a message of its own: a receiver can start at any frame.
         0xFF: one message of as many fragments as the superframe has frames; more bytes.
     l0_bytes, l1_bytes : int
         Payload of the two classes per superframe.
@@ -64,7 +64,7 @@ class A335Profile:
         return 8 * (self.l0_bytes + self.l1_bytes) / SUPERFRAME_S
 
     def fills(self, system: LineSystem, message_id: int, frames: int, fps: float) -> bool:
-        """Whether a message of so many frames, as seen on air, is one of this profile."""
+        """Whether a message of `frames` frames, as seen on air, is one of this profile."""
         if (self.system.name, self.message_id) != (system.name, message_id):
             return False
         several = frames > 2 * SUPERFRAME_S * fps

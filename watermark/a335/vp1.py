@@ -1,4 +1,4 @@
-"""VP1 messages found in a line: what the broadcaster's own mark says.
+"""VP1 messages found in a line: the content of the broadcaster's own mark.
 
 In: the body of a vp1_message or extended_vp1_message block; out: its fields. ATSC A/334:2022
 section 5 and A/336 section 5.4; checked against a frame recorded off air.

@@ -1,7 +1,7 @@
 """Several carriers of one programme together: every superframe once, however it came.
 
-In: what the receivers of sound and picture hand out, placed on one clock; out: superframes for the
-viewer. The same superframe in two carriers is one codeword seen twice: both use the same mother
+In: superframes from the receivers of sound and picture, placed on one clock; out: superframes for
+the viewer. The same superframe in two carriers is one codeword seen twice: both use the same mother
 code for L0 (`watermark.link.polar`), so where it failed in both, their ratios are folded onto that
 code and add. Specification: spec/video-carrier.md, section 7.
 """
@@ -65,10 +65,10 @@ class Combiner:
     def add(
         self, carrier: str, superframe: ReceivedSuperframe, profile: Rates | None
     ) -> list[ReceivedSuperframe]:
-        """Take a superframe; return what is to be handed on now.
+        """Take a superframe; return the superframes to hand on now.
 
-        A superframe that failed waits for its twin while another carrier is being received. What
-        arrived whole twice is handed on twice: the later one may tell more.
+        A superframe that failed waits for its twin while another carrier is being received. One
+        that arrived whole twice is handed on twice: the later one may have more.
 
         Parameters
         ----------

@@ -38,7 +38,7 @@ def crc_bits(bits: Iterable[int], width: int) -> NDArray[np.int64]:
 
 
 def passes(messages: NDArray[np.int64], width: int) -> NDArray[np.bool_]:
-    """Whether messages, shape (n, bits), end with the check bits of what stands before.
+    """Whether messages, shape (n, bits), end with the check bits of the bits before.
 
     Examples
     --------

@@ -43,7 +43,7 @@ SIGNIFICANT_RATE = 1 / 3
 
 
 class Rates(Protocol):
-    """What the link needs to know of a carrier's profile."""
+    """The part of a carrier's profile that the link needs."""
 
     @property
     def l0_bytes(self) -> int:
@@ -68,7 +68,7 @@ class Rates(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Decoded:
-    """What the link found in one superframe.
+    """The link's result for one superframe.
 
     Attributes
     ----------
@@ -175,7 +175,7 @@ class Link:
         return np.concatenate(parts)
 
     def complete(self, first: Decoded, l1: bytes) -> Decoded:
-        """Join L1 to a superframe of which only L0 was known."""
+        """Join L1 to a superframe that had only L0."""
         coded = first.coded.copy()
         if self._second is not None:
             coded[self._first.code.length :] = self._second.encode(l1)

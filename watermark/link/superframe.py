@@ -42,7 +42,7 @@ class ReceivedSuperframe:
 
 
 def find_named(choices: Mapping[str, T], name: str, kind: str) -> T:
-    """Return the choice called `name`; `kind` says what it is, in the words of the user.
+    """Return the choice called `name`; `kind` is the user's word for it.
 
     Raises
     ------

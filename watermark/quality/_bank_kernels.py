@@ -78,7 +78,7 @@ def bank_frames_into(
 
     filtered : (2, T * steps, bands), reference then test; rows : see `bank.BankTables`; slopes :
     (2, bands); history : (2, 11, bands), energies that backward masking reaches, the oldest first,
-    of which the first ones are from before; out : (T, 7).
+    the first ones from before; out : (T, 7).
     """
     noise, slope_db, smear, decay = rows[0], rows[1], rows[2], rows[3]
     n, width, frames = noise.size, backward.size, out.shape[0]

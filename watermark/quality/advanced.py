@@ -35,7 +35,7 @@ WHOLE = "whole"
 
 @dataclass(frozen=True, slots=True)
 class AdvancedResult:
-    """A grade and what it came from.
+    """A grade with its model output variables.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class AdvancedMeter:
 
 
 class _Spectral:
-    """What is measured in spectra of 2048 samples, in 55 bands."""
+    """Measurements in spectra of 2048 samples, in 55 bands."""
 
     def __init__(self, channels: int) -> None:
         self.frames = Frames(channels, ear.FRAME, ear.HOP, _BATCH)
@@ -185,7 +185,7 @@ class _Spectral:
 
 
 class _Bank:
-    """What is measured behind the filter bank, in frames of 192 samples."""
+    """Measurements behind the filter bank, in frames of 192 samples."""
 
     def __init__(self, channels: int) -> None:
         self._frames = Frames(channels, bank.FRAME, bank.FRAME, _BANK_BATCH)

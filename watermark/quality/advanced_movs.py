@@ -31,13 +31,13 @@ class AdvancedMovs:
     rms_mod_diff : float
         Difference of the modulations.
     rms_noise_loud_asym : float
-        Loudness in sone of what was added and of half of what is missing.
+        Loudness in sone of added sound and of half of the missing sound.
     segmental_nmr : float
         Mean noise-to-mask ratio in dB.
     ehs : float
         Harmonic structure of the error.
     avg_lin_dist : float
-        Loudness in sone of what a change of the spectrum took away.
+        Loudness in sone of the part that a change of the spectrum removed.
     """
 
     rms_mod_diff: float

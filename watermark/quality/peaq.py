@@ -36,7 +36,7 @@ _BATCH = 32  # frames analysed at once; bounds the memory
 
 @dataclass(frozen=True, slots=True)
 class PeaqResult:
-    """A grade and what it came from.
+    """A grade with its model output variables.
 
     Attributes
     ----------

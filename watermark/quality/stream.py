@@ -1,7 +1,7 @@
 """What both meters share: intake of two streams, frames of them, averages between silences.
 
-A recommendation speaks of whole files. Here streams come in blocks of any size, and what is
-averaged is the stretch from the first to the last frame that holds more than silence.
+A recommendation speaks of whole files. Here streams come in blocks of any size; the averages
+extend from the first to the last frame that holds more than silence.
 """
 
 import copy
@@ -57,7 +57,7 @@ class Intake:
         return np.stack([self._resamplers[0].process(ref), self._resamplers[1].process(other)])
 
     def flush(self) -> FloatArray:
-        """Return what is left, as if silence followed."""
+        """Return the remaining frames, as if silence followed."""
         return np.stack([resampler.flush() for resampler in self._resamplers])
 
     def _checked(self, block: ArrayLike) -> FloatArray:
@@ -129,7 +129,7 @@ class Bounded(Generic[A]):
     Attributes
     ----------
     kept : Averages
-        What was counted, meaningful once `start` is known.
+        Averages so far, meaningful once `start` is known.
     start : int or None
         Number of the first frame.
     end : int

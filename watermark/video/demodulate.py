@@ -1,9 +1,9 @@
 """From a window's mean amplitudes to one log-likelihood ratio per coded bit.
 
 A value lies near a point of its bit's lattice: the fine one, or in a textured cell the coarse one.
-What the receiver sees of the texture is not exactly what the embedder saw, so both count, each with
-its probability. Values that moved during the window are trusted less; how much noise there is, the
-pilots tell, whose bits are known. Specification: spec/video-carrier.md, section 6.
+The receiver's view of the texture is not exactly the embedder's, so both count, each with its
+probability. Values that moved during the window are trusted less; the amount of noise is estimated
+from the pilots, whose bits are known. Specification: spec/video-carrier.md, section 6.
 """
 
 from dataclasses import dataclass

@@ -173,7 +173,7 @@ class VideoEmbedder:
         return self._put_out(self._first_pattern + len(self._patterns))
 
     def report(self) -> VideoReport:
-        """Sum up what was done so far.
+        """Return a report on the frames so far.
 
         Returns
         -------
@@ -203,7 +203,7 @@ class VideoEmbedder:
     def _rounded_well(self, move: FloatArray) -> FloatArray:
         """Amplitudes near `move` whose pattern, rounded to whole luma levels, has those of `move`.
 
-        Rounding takes most of a weak pattern away. What is missing, or a part of it, is added in
+        Rounding takes most of a weak pattern away. The missing part, or some of it, is added in
         the cells where that helps.
         """
         missing = move - self._grid.project(np.round(self._grid.paint(move)))

@@ -56,7 +56,7 @@ class Grid:
     Attributes
     ----------
     seen : ndarray of bool, shape (2, 45, 80)
-        Cells of which most is inside the picture; the others' amplitudes mean nothing.
+        Cells mostly inside the picture; the others' amplitudes mean nothing.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The ways in which a superframe may be written, and which of them the pilots show.
+"""The possible modes of a superframe, and the one that its pilots show.
 
 A mode is a profile, either as it usually is or as in the first superframe of a programme, which
 some profiles write with a wider step. Specification: spec/video-carrier.md, sections 1 and 5.
@@ -28,7 +28,7 @@ class Mode:
     link : Link
         The profile's.
     layout : VideoLayout
-        Its pilots tell the mode.
+        Its pilots give the mode.
     step : float
         Step of the fine lattice in luma of 8 bits.
     """

@@ -47,9 +47,9 @@ class VideoProfile:
     Attributes
     ----------
     name : str
-        What the receiver reports.
+        Name in the receiver's reports.
     number : int
-        What the pilots announce.
+        Number that the pilots announce.
     l0_bytes, l1_bytes : int
         Payload of the two protection classes per superframe.
     l0_coded : int

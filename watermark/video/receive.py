@@ -167,7 +167,7 @@ class VideoReceiver:
             tracker.patience = misses
 
     def flush(self) -> list[ReceivedSuperframe]:
-        """Return what the last frames still hold.
+        """Return the superframes in the last frames.
 
         Returns
         -------

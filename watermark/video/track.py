@@ -104,7 +104,7 @@ class VideoTracker:
         return self._advance(self._grid.project(luma).reshape(-1))
 
     def flush(self) -> list[ReceivedSuperframe]:
-        """Return what the last frames still hold."""
+        """Return the superframes in the last frames."""
         found = []
         for _ in range(self._guard if self._frames else 0):
             found += self._advance(self._frames[-1])

@@ -157,8 +157,8 @@ def expect_into(
 ) -> None:
     """Add to `completed` and `surprise` (T, D) what each component with a share makes expect.
 
-    Unknown values: their expectation. Known ones: how far they lie from what the other known ones
-    make expect, which is (P'a)ₛ / P'ₛₛ with P' the precision of the known values alone.
+    Unknown values: their expectation. Known ones: their distance from the expectation given the
+    other known ones, which is (P'a)ₛ / P'ₛₛ with P' the precision of the known values alone.
     """
     size = values.shape[1]
     away, pull, alone = np.empty(size), np.empty(size), np.empty(size)

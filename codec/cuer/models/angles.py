@@ -70,7 +70,7 @@ class AngleFrames:
 def angle_frames(points: NDArray[np.float64]) -> AngleFrames:
     """Learn the reference directions from frames of a moving hand.
 
-    The hinge of a segment is the direction in which its unit vectors vary least.
+    The hinge of a segment is the direction of least variance of its unit vectors.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Completion of the hand: where its hidden markers are, from those that are seen.
 
 A folded finger turns its markers away from the cameras for as long as the shape is held; no path
-between the moments before and after tells how far it is folded. What does tell is how this hand
-folds: seen from the palm, the markers of each digit follow a mixture of normal distributions,
+between the moments before and after shows how far it is folded. The way this hand
+folds does: seen from the palm, the markers of each digit follow a mixture of normal distributions,
 learnt from frames of shapes and their transitions (corpus 1 shows nearly every marker) and from
 sentences. Digits are learnt one by one, for a folded finger is folded alike in many shapes: all of
 them are examples for it. Hidden markers are the expectation, given the visible ones; where markers
@@ -69,7 +69,7 @@ _CONSIDERED_COLUMNS = tuple(
 
 @dataclass(frozen=True, slots=True)
 class HandCompletion:
-    """What is known of one cuer's fingers.
+    """A model of one cuer's fingers.
 
     Attributes
     ----------
@@ -143,7 +143,7 @@ class HandCompletion:
     ) -> NDArray[np.float64]:
         """Return how `filled` (T, 50, 3) steps where the markers that are seen change.
 
-        What the markers seen on both sides of the step account for is subtracted.
+        The displacement explained by markers visible on both sides of the step is subtracted.
         """
         both, change = seen[1:] & seen[:-1], seen[1:] != seen[:-1]
         steps = np.zeros((len(both), *local.shape[1:]))
@@ -273,7 +273,7 @@ MEMORY_S = 0.02
 def blend(
     steps: NDArray[np.float64], seen: NDArray[np.bool_], *, rate_hz: float
 ) -> NDArray[np.float64]:
-    """Return what is to be added to the expectations of hidden markers.
+    """Return the corrections of the expected positions of hidden markers.
 
     Parameters
     ----------

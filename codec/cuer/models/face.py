@@ -88,7 +88,7 @@ class FaceModel:
 
     @property
     def deviations(self) -> NDArray[np.float32]:
-        """What the model leaves is taken for white noise: no common displacements."""
+        """The residual of the model is taken for white noise: no common displacements."""
         return np.zeros((0, layout.N_FACE, 3), dtype=np.float32)
 
     def motion(self, head: ArrayLike) -> NDArray[np.float64]:
@@ -121,7 +121,7 @@ class FaceModel:
     def residual(
         self, parameters: NDArray[np.float64], markers: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return what the model leaves of world markers, each in its resting frame, (T, 63, 3).
+        """Return the model's residual of world markers, each in its resting frame, (T, 63, 3).
 
         Markers are moved back by their share of the head's motion: distances are the same as in
         the world, and the face's directions need no turning.

@@ -2,10 +2,10 @@
 
 Masked nonlinear least squares, all frames at once (Gauss-Newton). A weak prior (parameters have
 unit variance) holds what the markers do not determine; markers far from the fit lose weight
-(Geman-McClure), so that swapped markers and ghosts do not pull. What the model leaves is not
+(Geman-McClure), so that swapped markers and ghosts do not pull. The residual of the model is not
 white: neighbouring markers slide together. Where markers are hidden these deviations count as
 correlated noise, so that the visible ones are not trusted beyond their worth; if all are seen,
-plain least squares draws them most closely. What the visible markers leave open is bridged: single
+plain least squares draws them most closely. Undetermined parameters are bridged: single
 frames are linearised about their result, and all frames of a passage are then solved together.
 """
 

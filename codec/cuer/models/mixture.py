@@ -99,7 +99,7 @@ class Mixture:
         completed : ndarray of float64, shape (T, D)
             Known values as they were.
         surprise : ndarray of float64, shape (T, D)
-            How far each known value lies from what the other known ones make expect; 0 if unknown.
+            Distance of each known value from its expectation given the others; 0 if unknown.
         """
         from codec.cuer.models import _kernels
 

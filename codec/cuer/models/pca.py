@@ -113,7 +113,7 @@ def motion_components(motion: NDArray[np.float64], lever_mm: float) -> Component
 def deviation_components(
     residual: NDArray[np.float64], count: int = N_DEVIATIONS
 ) -> NDArray[np.float64]:
-    """Return the directions of what a model leaves, mightiest first.
+    """Return the principal directions of a model's residual, largest first.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ def _controller() -> Any:
 def one_thread(function: Callable[P, R]) -> Callable[P, R]:
     """Return `function` with the linear algebra in it kept to the thread that calls it.
 
-    The limit holds for the process while the function runs; what the user has set comes back.
+    The limit holds for the process while the function runs; the user's setting comes back.
 
     Examples
     --------

@@ -96,7 +96,7 @@ def _discriminants(x: FloatArray, names: Sequence[str]) -> _Discriminants:
 
 @dataclass(frozen=True, slots=True)
 class LipReader:
-    """What was learnt of lips.
+    """A fitted model of lips.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class LipReader:
 
 
 def teach_lips(takes: Sequence[ReaderTake], reader: CueReader) -> LipReader:
-    """Return what the lips of takes tell, at the keys where the reader finds them."""
+    """Return the lip readings of takes, at the keys where the reader finds them."""
     raised = [take.view.lips[take.view.raised] for take in takes]
     every = np.concatenate(raised)
     mean = every.mean(0)

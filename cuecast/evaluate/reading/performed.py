@@ -57,7 +57,7 @@ def simulated_takes(cuer: str, scores: Sequence[Score], *, seed: int = 0) -> lis
 def filmed_takes(
     voice: Voice, scores: Sequence[Score], *, tracker: str, folder: Path, seed: int = 0
 ) -> list[ReaderTake]:
-    """Return takes of the avatar: performed by rule, coded, decoded, drawn, filmed and tracked.
+    """Return takes of the avatar: a rule-based performance, coded, decoded, drawn, filmed, tracked.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 Taught from a flat start, as recognisers of speech are (Young et al., The HTK Book, section 8.3):
 the keys of a take are spread evenly over it, one normal distribution per shape and per placement is
-estimated, the keys are laid anew (Viterbi), and so on. Shapes are told from the fingers, placements
+estimated, the keys are laid anew (Viterbi), and so on. Shapes are read from the fingers, placements
 from the tip that points, both also from how slow the palm is; ways between keys have one broad
 distribution.
 """
@@ -81,7 +81,7 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class ReaderTake:
-    """A take and what was cued in it.
+    """A take and its transcript.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class ReadKey:
 
 
 def asked(keys: Iterable[Key]) -> tuple[Asked, ...]:
-    """Return what a hand has to show: a key that repeats its predecessor is not told from it."""
+    """Return the keys that a hand has to show: repeated keys count once."""
     line: list[Asked] = []
     for key in keys:
         others = ALTERNATIVES.get(key.phones[-1], ())
@@ -146,7 +146,7 @@ def _normal_of(x: FloatArray) -> Normal:
 
 @dataclass(frozen=True, slots=True)
 class CueReader:
-    """What was learnt of shapes 1 to 8 and placements 1 to 5.
+    """A fitted model of shapes 1 to 8 and placements 1 to 5.
 
     Attributes
     ----------
@@ -202,7 +202,7 @@ class CueReader:
         return _keys(*self.densities(seen), self.enter)
 
     def used_to(self, views: Sequence[TakeView]) -> "CueReader":
-        """Return the reader after she has read a cuer for a while, without being told anything."""
+        """Return the reader after she has read a cuer for a while, without a transcript."""
         reader = self
         for _ in range(_HABIT_ROUNDS):
             fingers, tips = _examples((one, reader.read(one)) for one in views)

@@ -44,7 +44,7 @@ def real_takes(folder: Path, voice: Voice) -> list[ReaderTake]:
     Raises
     ------
     CueError
-        If there are no landmarks, or nobody says what was cued.
+        If there are no landmarks, or no transcript.
     """
     said = _phones(folder / PHONES)
     takes = []
@@ -58,7 +58,7 @@ def real_takes(folder: Path, voice: Voice) -> list[ReaderTake]:
 
 
 def seen_in(table: LandmarkTable, aspect: float) -> TakeView:
-    """Return what a reader sees of a table; a left hand as a right one.
+    """Return the reader's view of a table; a left hand as a right one.
 
     Raises
     ------

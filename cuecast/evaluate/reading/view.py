@@ -1,4 +1,4 @@
-"""What the reader sees: landmarks of hand and lips, against the head, in widths of it.
+"""The reader's view: landmarks of hand and lips, against the head, in widths of it.
 
 Depth is not used. Nothing but the picture's plane comes in, so that films of people, simulated
 films and tracked pictures of the avatar are the same to her.
@@ -79,12 +79,12 @@ class TakeView:
 
     @property
     def raised(self) -> NDArray[np.bool_]:
-        """Frames in which the hand is up, shape (T,)."""
+        """Frames with the hand up, shape (T,)."""
         return np.asarray(self.shown & (self.tips[:, 3] > _RAISED))
 
 
 def view(face: FloatArray, hand: FloatArray) -> TakeView:
-    """Return what a reader sees of landmarks.
+    """Return the reader's view of landmarks.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """What keys look like: where each shape's fingers are and where each placement is, with spreads.
 
 At first they are anybody's. A take then moves them to its own cuer, as far as it has shown them
-(`synth.capture.cues.between`), and what is still unknown of her is added to the spread.
+(`synth.capture.cues.between`), and the uncertainty about her is added to the spread.
 
 The placements are the mean of two cuers' finger tips (k-means of slow frames) and of a published
 model of five others (SPPAS, face box of 3752 pictures); between cuers they differ by the deviations
@@ -125,7 +125,7 @@ class KeyAppearance:
         ----------
         seen : KeyExamples
         before : KeyAppearance
-            What was expected before anything was seen; `self` says how far out an example is.
+            The prior appearance; `self` says how far out an example is.
         """
         fingers, places, stances = _priors(before.fingers, before.places, before.stances)
         now = (
@@ -159,7 +159,7 @@ NOTHING_SHOWN = KeyExamples()
 def _priors(
     fingers: FloatArray, places: FloatArray, stances: FloatArray
 ) -> tuple[CuerPrior, CuerPrior, CuerPrior]:
-    """Return what is known of cuers whose means are these."""
+    """Return the prior for cuers with these means."""
     axes = ((0,), (1,))
     return (
         CuerPrior(

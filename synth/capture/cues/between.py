@@ -58,7 +58,7 @@ _PLACE_MM = np.array([[40, 40], [14, 11], [4, 5], [4, 7], [5, 9], [8, 13]], dtyp
 
 @dataclass(frozen=True, slots=True)
 class KeyExample:
-    """What was seen of shape or placement `number`: features (D,), and how likely it was that."""
+    """Evidence on shape or placement `number`: features (D,) and their likelihood."""
 
     number: int
     value: FloatArray

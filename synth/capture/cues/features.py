@@ -1,4 +1,4 @@
-"""What keys are told from: the fingers in the hand's own frame, their tips in the head's.
+"""Features of keys: the fingers in the hand's own frame, their tips in the head's.
 
 Whatever the recording is, it comes as landmarks: those of an image tracker as they stand in the
 picture, those of a voice's markers by the same map. Depth is not used: a single camera guesses it.
@@ -162,7 +162,7 @@ def see(face: FloatArray, hand: FloatArray, *, rate_hz: float) -> HandFeatures:
 
 
 def see_motion(voice: Voice, params: FloatArray, *, rate_hz: float) -> HandFeatures:
-    """Return what keys are told from in a voice's parameters, shape (T, P)."""
+    """Return the features of keys from a voice's parameters, shape (T, P)."""
     faces, hands = [], []
     head = _resting_head(voice)
     for begin in range(0, len(params), _PIECE):
@@ -185,7 +185,7 @@ def points_of(face: FloatArray, hand: FloatArray) -> FloatArray:
 
 
 def see_points(points: FloatArray, *, rate_hz: float) -> HandFeatures:
-    """Return what keys are told from in a few landmarks.
+    """Return the features of keys from a few landmarks.
 
     Parameters
     ----------

@@ -45,11 +45,11 @@ def finish(
         Clock of the recording.
     options : CaptureOptions
     report : dict
-        What has been found; keys and notes are added.
+        Findings so far; keys and notes are added.
     has_hand : bool
         Whether there is a hand to recognise keys of.
     seen : HandFeatures, optional
-        What keys are told from; default: the parameters.
+        Features of keys; default: from the parameters.
     """
     start_s = file_start_s if options.start_s is None else options.start_s
     duration_s = len(params) / rate_hz
@@ -77,7 +77,7 @@ def finish(
 
 @dataclass(frozen=True, slots=True)
 class _TimedHand:
-    """What a hand did and when; `even` (T, P) are the motion's parameters."""
+    """A hand's keys and times; `even` (T, P) are the motion's parameters."""
 
     voice: Voice
     even: NDArray[np.float64]
@@ -96,7 +96,7 @@ class _TimedHand:
                 report["notes"].append(_NOT_SHOWN.format("score", found.agreement))
 
     def score(self, text: Score | None, report: dict[str, Any]) -> Score | None:
-        """Return what the hand shows: a text's keys if it does, else those recognised."""
+        """Return the hand's keys: a text's keys if it shows them, else those recognised."""
         if text is not None and text.keys:
             found = follow_keys(self.seen, text.keys, looks=self.looks)
             if found.believed:

@@ -2,8 +2,8 @@
 
 The line of keys is laid through the frames as a whole; one that the cuer left out is left out.
 Cuers differ in a few vowels: schwa and eu may be at the side or at the cheek, un at the throat or
-cheek, open and closed o at chin or side. What the hand shows decides among them. Whether it was
-this text at all is told by the keys that would have been recognised without it.
+cheek, open and closed o at chin or side. The hand decides among them. Whether it was
+this text at all follows from the keys that are recognised without it.
 """
 
 from collections.abc import Sequence
@@ -53,7 +53,7 @@ class Followed:
     held : tuple of HeldKey or None
         For each key of the text; None if it was left out. Its placement is the one that was shown.
     agreement : float
-        Mean probability of the keys at their places, had nobody told the text; 0 to 1.
+        Mean probability of the keys at their places without the text; 0 to 1.
     looks : KeyAppearance
         Of this cuer.
     sure : float
@@ -83,7 +83,7 @@ def follow_keys(
     keys : sequence of Key
         In order; at least one.
     looks : KeyAppearance
-        What is known of the cuer before.
+        The prior for the cuer.
     """
     alone = recognise_keys(seen, looks=looks)
     looks, own = alone.looks, [one.confidence for one in alone.held if one.shape]
@@ -196,7 +196,7 @@ class _Paths:
 
 
 def _band(shown: NDArray[np.bool_], count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the keys that come into question in each frame, rising with what is seen."""
+    """Return the candidate keys of each frame, rising with their likelihood."""
     passed = np.cumsum(shown) / max(1, int(shown.sum()))
     middle = np.floor(passed * (count - 1)).astype(np.int64)
     return np.maximum(middle - _BAND, 0), np.minimum(middle + _BAND + 1, count)

@@ -1,8 +1,8 @@
 """Lines of keys laid through a take: the likeliest one, and how likely each key is.
 
 A line of keys and ways between them is laid through the frames by dynamic programming (Viterbi
-1967); how likely each key is follows from all lines together (forward and backward sums). What the
-keys of a line showed is what a cuer's looks are learnt from.
+1967); how likely each key is follows from all lines together (forward and backward sums). The
+frames of a line's keys serve to learn the cuer's looks.
 """
 
 import itertools

@@ -1,6 +1,6 @@
-"""The keys that a hand shows, without being told what was said.
+"""The keys that a hand shows, without a transcript.
 
-A line of keys is laid through the frames; what it shows of this cuer's shapes and placements is
+A line of keys is laid through the frames; this cuer's shapes and placements are
 learnt, and the line laid again.
 """
 
@@ -63,7 +63,7 @@ class HeldKey:
 
 @dataclass(frozen=True, slots=True)
 class Recognised:
-    """What was recognised.
+    """The recognised keys.
 
     Attributes
     ----------
@@ -89,16 +89,16 @@ def recognise_keys(
     ----------
     seen : HandFeatures
     looks : KeyAppearance
-        What is known of cuers before.
+        The prior for cuers.
     known : KeyExamples
         What this cuer has shown in other takes.
 
     Notes
     -----
-    A key that repeats its predecessor without a movement cannot be told from a long one. Of the
+    A key that repeats its predecessor without a movement looks like a long one. Of the
     right keys of 64 real utterances 21 of 819 stand for two; they are held longer (0.3 s in the
     median, others 0.1 s), yet of those held for more than 0.5 s only 3 of 9 do. Splitting keys by
-    their duration would be wrong more often than right, so none is split: a text tells.
+    their duration would be wrong more often than right, so none is split: a text can.
     """
     before = looks.learnt(known, looks) if known.fingers else looks
     plain = lines = [part.line(before) for part in pieces(seen)]
@@ -126,7 +126,7 @@ def _held(seen: HandFeatures, runs: list[KeyRun]) -> Iterator[HeldKey]:
 
 
 def _stayed(runs: list[KeyRun], rate_hz: float) -> list[KeyRun]:
-    """Return all but what a hand passed: next to rest, or with its fingers ahead of it."""
+    """Return all keys except those passed: next to rest, or with fingers ahead of the hand."""
     rest = KeyRun(0, 0, 0, 1.0)
     return [
         run

@@ -1,4 +1,4 @@
-"""A score for what was recognised: phones whose keys are those of the hand, chosen by the lips.
+"""A score for recognised keys: phones with the hand's keys, chosen by the lips.
 
 A key leaves open which of its consonants and which of its vowels was spoken; that is what lips are
 for. Each key takes the phones whose visemes the face comes closest to. Times follow from the hand:
@@ -52,7 +52,7 @@ def score_of(
     held: Sequence[HeldKey], voice: Voice, params: FloatArray, *, rate_hz: float, start_s: float,
     given: Sequence[tuple[str, ...]] | None = None,
 ) -> Score:  # fmt: skip
-    """Return phones and keys for what the hand held.
+    """Return phones and keys for the keys that the hand held.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def score_of_text(
     Parameters
     ----------
     held : sequence of HeldKey or None
-        For each of `keys`; what was left out is not in the score.
+        For each of `keys`; omitted ones are not in the score.
     keys : sequence of Key
         Of the text.
     voice, params, rate_hz, start_s

@@ -1,4 +1,4 @@
-"""What was said, without times: a sentence in French, or its phones.
+"""Transcripts without times: a sentence in French, or its phones.
 
 Phones stand apart, in IPA or in the ASCII letters of French corpora (``z^`` for ʒ, ``a~`` for ɑ̃).
 These write ``o`` for ɔ and ``o^`` for o; a line that has none of their own symbols is read as IPA.
@@ -27,7 +27,7 @@ def read_transcript(text: str) -> Score:
     Parameters
     ----------
     text : str
-        A text in French; or phones, separated by spaces, of which there are three or more.
+        A text in French; or at least three phones, separated by spaces.
 
     Raises
     ------

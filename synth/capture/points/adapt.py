@@ -1,6 +1,6 @@
 """A speaker's own models: the voice's, adapted to her head, her hand and where her markers sit.
 
-Parameters keep their meaning, so that what is measured on the speaker moves the voice. The head has
+Parameters keep their meaning, so that the speaker's measurements move the voice. The head has
 been brought to the voice's size (`synth.capture.points.place`); what remains of its proportions,
 and where each marker was glued, is a displacement of the model's rest. The hand has a size of its
 own, and each of its markers a displacement that moves with the part of the finger it sits on; both

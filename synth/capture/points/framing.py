@@ -1,8 +1,8 @@
 """Bringing recordings of other laboratories into the coordinates of the models.
 
 Models and figures take x to the viewer's right, y up, z to the viewer, and a right hand.
-Laboratories put their axes otherwise, and some people cue with the left hand: the head tells the
-axes, the way the fingers bend tells the hand. A left-handed cuer is mirrored, names and all.
+Laboratories put their axes otherwise, and some people cue with the left hand: the head gives the
+axes, the way the fingers bend gives the hand. A left-handed cuer is mirrored, names and all.
 """
 
 from dataclasses import dataclass

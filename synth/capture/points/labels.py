@@ -76,7 +76,7 @@ def find_names(
     Raises
     ------
     CueError
-        If a marker stands there twice, or the mapping names what is not there.
+        If a marker stands there twice, or the mapping names an absent label.
     """
     given = {label.casefold(): name for label, name in (mapping or {}).items()}
     columns = np.full(len(MARKERS), -1, dtype=np.intp)

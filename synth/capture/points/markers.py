@@ -95,7 +95,7 @@ def capture_markers(path: Path, kind: str, voice: Voice, options: CaptureOptions
 
 
 def _named(recording: PointRecording, options: CaptureOptions) -> Naming:
-    """Return where our markers are; say what is there instead if too few of them are."""
+    """Return where our markers are; if too few are, name the labels found instead."""
     try:
         naming = find_names(recording.labels, mapping=options.mapping, subject=options.subject)
     except CueError as error:

@@ -2,8 +2,8 @@
 
 A body's points are laid on a template of its markers by a similarity and an assignment in turn
 (iterated closest points after Besl and McKay 1992, each point to one marker after Kuhn 1955), from
-many rotations; mirror images are excluded. How sure a pair is, is what the best assignment without
-it would cost more.
+many rotations; mirror images are excluded. A pair's certainty is the extra cost of the best
+assignment without it.
 """
 
 from collections.abc import Sequence
@@ -191,13 +191,13 @@ def mean_costs(points: FloatArray, expected: FloatArray, *, cap_mm: float) -> Fl
 
 
 def assigned(cost: FloatArray, *, none: float) -> tuple[IntArray, IntArray, float]:
-    """Return points and markers of the best assignment, and what it costs.
+    """Return points and markers of the best assignment, and its cost.
 
     Parameters
     ----------
     cost : ndarray of float64, shape (N, K)
     none : float
-        What a point without a marker costs.
+        Cost of a point without a marker.
     """
     count, markers = cost.shape
     whole = np.full((count, markers + count), _NEVER)

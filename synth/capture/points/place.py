@@ -1,8 +1,8 @@
 """From the axes, units and size of a laboratory to the coordinates of a voice.
 
-The head tells all: which way its markers point, how large it is, and, where the file's unit is
+The head gives everything: direction of its markers, its size, and, where the file's unit is
 missing or wrong, in which unit. The median pose of the head becomes the voice's head at rest. Which
-hand cues is told by which mirror image the hand model explains better. Contact stays contact: who
+hand cues follows from the mirror image that the hand model explains better. Contact is kept: who
 touches her chin makes the voice touch hers.
 """
 
@@ -175,7 +175,7 @@ def _mirror(markers: FloatArray, place: Registration, voice: Voice) -> Registrat
 
 
 def _head_columns(markers: FloatArray) -> NDArray[np.intp]:
-    """Return the markers that tell the head's pose: firm ones, if need be half firm ones too."""
+    """Return the markers that give the head's pose: firm ones, if need be half firm ones too."""
     seen = np.isfinite(markers).all(-1).mean(0)
     firm = _FIRM[seen[_FIRM] > 0.05]
     if len(firm) > LEAST_HEAD_MARKERS:
@@ -252,7 +252,7 @@ def _size(
 
 
 def unit_of(ratio: float, unit: str, what: str) -> float:
-    """Return the unit in mm in which distances are those of a head or hand."""
+    """Return the unit in mm that makes distances those of a head or hand."""
     low, high = _SIZES
     units = (UNITS_MM[unit],) if unit in UNITS_MM else ()
     for mm in (*units, 1.0, 1000.0, 10.0, 100.0):

@@ -1,9 +1,9 @@
 """A map from labels to our markers, proposed from where the points are: their labels say nothing.
 
 Points whose distances stay the same belong together. One such group is laid on the voice's face;
-that tells unit, size and axes. What remains is laid on the voice's hand in the postures of cueing,
+that gives unit, size and axes. The rest is laid on the voice's hand in the postures of cueing,
 as it is and mirrored. Then the models follow the take, frame by frame, and each point goes to the
-marker that it keeps to. Labels that are known stay what they are; what is not sure is left out.
+marker that it keeps to. Known labels stay; uncertain pairs are left out.
 """
 
 from collections.abc import Mapping
@@ -142,7 +142,7 @@ def propose_map(
     mapping: Mapping[str, str] | None = None,
     subject: str | None = None,
 ) -> Proposal:
-    """Return what the labels of a recording may be that name no marker.
+    """Return possible markers for the labels of a recording that name none.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def propose_map(
     voice : Voice
         Whose models are the template.
     mapping, subject
-        What is known, as for `find_names`.
+        Known names, as for `find_names`.
 
     Raises
     ------
@@ -413,7 +413,7 @@ def _believed(
     margin: FloatArray,
     error_mm2: FloatArray,
 ) -> Proposal:
-    """Return the proposal, if what is sure of it is a face and a hand.
+    """Return the proposal, if its certain part has a face and a hand.
 
     Raises
     ------

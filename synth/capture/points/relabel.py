@@ -2,7 +2,7 @@
 
 The models say where each marker should be. Markers that are far from there, and points without a
 name, are given anew to the markers that are missing, each to the nearest (Kuhn 1955, through
-`scipy.optimize.linear_sum_assignment`); what nobody wants is left out.
+`scipy.optimize.linear_sum_assignment`); the rest is left out.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ _FAR_MM = 1e6
 
 @dataclass(slots=True)
 class Repairs:
-    """What was mended, counted in marker frames.
+    """Repairs, counted in marker frames.
 
     Attributes
     ----------

@@ -41,12 +41,12 @@ _ERROR_STEPS_MM = np.arange(0.0, 50.0, 0.05)
 
 @dataclass(slots=True)
 class Quality:
-    """What the models left of the markers, and what was not seen.
+    """Residuals of the markers, and counts of hidden ones.
 
     Attributes
     ----------
     seen : ndarray of int, shape (113,)
-        Frames in which each marker was seen and believed.
+        Frames with each marker visible and believed.
     frames : int
     error_sum : ndarray of float64, shape (113,)
         Distances from the models, mm.
@@ -101,7 +101,7 @@ def solve(
     Parameters
     ----------
     recording, naming, place, speaker
-        What was found of the recording.
+        Findings about the recording.
     quality : Quality
         Counts on.
     progress : callable

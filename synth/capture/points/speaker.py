@@ -54,7 +54,7 @@ class Speaker:
     hand_offset_mm: float = 0.0
 
     def to_voice(self, hand: FloatArray, face: FloatArray) -> FloatArray:
-        """Return the hand's parameters with which the voice points where the speaker does.
+        """Return hand parameters that make the voice point where the speaker does.
 
         Parameters
         ----------

@@ -159,7 +159,7 @@ def _wide(title: str) -> "re.Match[str] | None":
 
 
 class _RowClock:
-    """What tells a row's time."""
+    """The column of a row's time."""
 
     def __init__(self, path: Path, titles: list[str], rate_hz: float) -> None:
         self.timed = True

@@ -25,7 +25,7 @@ def read_points(path: str | os.PathLike[str], kind: str) -> PointRecording:
     ----------
     path : path-like
     kind : {"c3d", "trc", "tsv", "points"}
-        As `synth.capture.sources.sniff.kind_of` tells.
+        From `synth.capture.sources.sniff.kind_of`.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def _is_row(fields: list[str]) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _Rows:
-    """The coordinates of all rows, how many, the first one's time, and what was odd."""
+    """The coordinates of all rows, how many, the first one's time, and notes."""
 
     points: Callable[[int, int], NDArray[np.float32]]
     count: int

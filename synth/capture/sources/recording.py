@@ -50,7 +50,7 @@ class PointRecording:
         Time of the first frame.
     n_frames : int
     notes : tuple of str
-        What was odd about the file.
+        Oddities of the file.
     """
 
     name: str

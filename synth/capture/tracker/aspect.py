@@ -1,8 +1,8 @@
 """How wide a picture is against its height, when landmarks are given in parts of both.
 
-A face alone cannot tell: faces differ by more than pictures do. A hand that cues can: at the right
-aspect its fingers and placements are those of keys. All usual aspects are tried, and the one at
-which face and keys together are likeliest is taken.
+A face alone does not suffice: faces differ by more than pictures do. A hand that cues does: at the
+right aspect its fingers and placements are those of keys. All usual aspects are tried, and the one
+at which face and keys together are likeliest is taken.
 """
 
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ _CERTAIN = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Aspect:
-    """What is taken, and why.
+    """The chosen aspect, and why.
 
     Attributes
     ----------

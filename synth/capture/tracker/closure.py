@@ -1,4 +1,4 @@
-"""How far each finger is closed: what tells hand shapes apart, whoever's hand it is.
+"""How far each finger is closed: a feature of hand shapes that holds for any hand.
 
 Seen from the palm, each finger lies between where it is in the open hand and where it is in the
 fist: 0 to 1. Six numbers, with the distance between the tips of index and middle finger. Image
@@ -112,7 +112,7 @@ def rescaled(voice: Voice, shape: FloatArray, told: NDArray[np.bool_]) -> FloatA
 
     Notes
     -----
-    The tenths of the frames in which a finger is most open and most closed are taken for as open
+    The tenths of the frames with a finger most open and most closed are taken for as open
     and as closed as it gets among the voice's shapes. A finger that does not move enough for that
     keeps its scale.
     """

@@ -55,7 +55,7 @@ class LandmarkModel:
 
     @property
     def deviations(self) -> NDArray[np.float32]:
-        """What is left is taken for white noise."""
+        """The residual is taken for white noise."""
         return np.zeros((0, len(self.offsets), 3), dtype=np.float32)
 
     def resting(self, parameters: FloatArray) -> FloatArray:

@@ -1,8 +1,8 @@
 """Landmarks of an image tracker become a motion of face and hand.
 
-The face tells size and place: its median pose is the voice's head at rest, the distance across it
+The face gives size and place: its median pose is the voice's head at rest, the distance across it
 the voice's. A camera is taken to stand far away before the cuer. Face and hand models are fitted to
-what the picture shows (masked robust least squares on landmarks,
+the visible landmarks (masked robust least squares on landmarks,
 `synth.capture.tracker.landmark_model`), and the frames joined smoothly. Where the hand is out of
 the picture for longer it rests.
 """
@@ -141,7 +141,7 @@ def _own_face(head: LandmarkModel, face: FloatArray, still: FloatArray) -> Landm
 
 
 def _median(gaps: FloatArray) -> FloatArray:
-    """Return the median displacement (L, 3) of gaps (T, L, 3); 0 of what is never seen."""
+    """Return the median displacement (L, 3) of gaps (T, L, 3); 0 if never visible."""
     out = np.zeros(gaps.shape[1:])
     seen = np.isfinite(gaps).all(-1).any(0)
     out[seen] = np.nanmedian(gaps[:, seen], axis=0)

@@ -1,7 +1,7 @@
 """Landmarks of an image tracker become parameters while she cues, at most a quarter second late.
 
-Each frame is solved from the last one and joined smoothly with the few that followed; what is
-learnt of the picture, the face and the hand is learnt in small steps between frames from the last
+Each frame is solved from the last one and joined smoothly with the few that followed; knowledge
+about the picture, the face and the hand grows in small steps between frames from the last
 seconds, so that no frame waits for it. Memory does not grow. The same frames give the same
 parameters, however they arrive.
 """
@@ -58,7 +58,7 @@ _AWAY_S, _TO_REST_S = 0.4, 0.25
 
 @dataclass(frozen=True, slots=True)
 class LiveFrame:
-    """Parameters `params` (P,) of the frame at `time_s`, and what keys are told from.
+    """Parameters `params` (P,) of the frame at `time_s`, and the features of keys.
 
     `points` (25, 2) are landmarks of `synth.capture.cues.features.POINTS` and the hand, mm.
     """
@@ -128,7 +128,7 @@ class LiveLandmarks:
     def process(
         self, time_s: float, face: FloatArray, hands: Mapping[str, FloatArray]
     ) -> list[LiveFrame]:
-        """Return what has become known with a frame.
+        """Return the results that a frame completes.
 
         Parameters
         ----------

@@ -2,7 +2,7 @@
 
 The weights move the face of the virtual cuer's body, whose units bear ARKit's names; the voice's
 face model then explains her markers. Eyes and tongue have no markers and are left out. The table
-tells nothing of a hand: it rests.
+has nothing of a hand: it rests.
 """
 
 import csv

@@ -58,7 +58,7 @@ class Picture:
     mm_per_width : float
         Millimetres of the voice per unit of x.
     centre : ndarray of float64, shape (2,)
-        What is added to x and y, mm.
+        Offset added to x and y, mm.
     mirrored : bool
         The left hand cues, or the picture is a mirror image.
     hand_name : str or None
@@ -154,7 +154,7 @@ def _resting(voice: Voice) -> FloatArray:
 
 
 def _reliable(often: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the landmarks that tell the place of the face: firm ones, else all."""
+    """Return the landmarks that give the place of the face: firm ones, else all."""
     firm = often & face_map().firm
     return firm if firm.sum() >= 2 else often
 

@@ -113,7 +113,7 @@ def track(path: Path, interpreter: str, table: Path) -> float:
 
 
 def _listen(pipe: IO[bytes], words: list[bytes]) -> None:
-    """Keep the last of what a tracker says, so that it never waits for us to read."""
+    """Keep a tracker's last output, so that it never waits for us to read."""
     for line in pipe:
         words.append(line)
         del words[:-20]

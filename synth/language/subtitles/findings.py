@@ -1,4 +1,4 @@
-"""What a reader finds out about a subtitle file beside its subtitles.
+"""Findings about a subtitle file beside its subtitles.
 
 Files of television are rarely clean: what cannot be read is left out and remembered with its
 line and the reason, so that no subtitle is lost without a word. A strict reader refuses instead.
@@ -30,14 +30,14 @@ class LeftOut:
     column: int = 0
 
     def __str__(self) -> str:
-        """Return what a reader of messages wants to see."""
+        """Return the text of a message."""
         column = f", column {self.column}" if self.column else ""
         return f"line {self.line}{column}: {self.reason}"
 
 
 @dataclass(slots=True)
 class Findings:
-    """What a reader tells of a file.
+    """A reader's report on a file.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Findings:
     time_of_day: bool = False
 
     def leave_out(self, line: int, reason: str) -> None:
-        """Remember what is left out.
+        """Record a part that is left out.
 
         Raises
         ------

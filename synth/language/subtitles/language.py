@@ -3,7 +3,7 @@
 In: the texts of a file in their order, and the languages that the file declares.  Out: for each
 the language, "fr" unless something speaks against it.  The evidence of a text is the share of its
 words that the French lexicon knows, its script, and the margin of a language identifier (py3langid,
-byte n-grams) over French; texts that are too short to tell follow their neighbours.
+byte n-grams) over French; texts too short for this follow their neighbours.
 """
 
 import functools
@@ -49,7 +49,7 @@ def languages(texts: Sequence[str], declared: Sequence[str]) -> list[str]:
     texts : sequence of str
         As they are spoken (`synth.language.subtitles.spoken`), in their order.
     declared : sequence of str
-        What the file says of each, such as ``fr``, ``en-GB`` or "" for nothing.
+        The file's statement on each, such as ``fr``, ``en-GB`` or "" for nothing.
 
     Examples
     --------
@@ -113,7 +113,7 @@ def native_lines(text: str) -> list[str]:
 
 
 def _by_neighbours(found: Sequence[tuple[str, bool]], position: int, declared: str) -> str:
-    """Return the language of a text that does not tell it itself.
+    """Return the language of a text that has no evidence of its own.
 
     One of few words, all French, is taken for another language only among several of that one.
     """

@@ -1,4 +1,4 @@
-"""A subtitle: an interval of the programme and what is said in it."""
+"""A subtitle: an interval of the programme and the words spoken in it."""
 
 from dataclasses import dataclass, field, replace
 
@@ -20,7 +20,7 @@ class TextRun:
     voice : str
         Who speaks, where the file says so.
     language : str
-        What the file says, such as ``en-GB``; "" if it does not.
+        As the file states, such as ``en-GB``; "" if it does not.
     """
 
     text: str

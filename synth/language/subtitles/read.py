@@ -1,6 +1,6 @@
 """Reading a subtitle file: SubRip, WebVTT, ASS, EBU-TT-D / IMSC, EBU STL.
 
-What cannot be read or must not be cued is left out and told: damaged subtitles, other languages,
+Unreadable cues and cues that must not be cued are skipped and reported: damage, other languages,
 the credits of those who made the file.
 """
 
@@ -42,9 +42,9 @@ class Terms:
         Whether the first fault of the file is an error, and only the formats' own spelling is
         accepted.
     offset_s : float or None
-        Added to the file's times; None: the file's own hints tell when its programme starts.
+        Added to the file's times; None: the file's own hints give the programme's start.
     everything : bool
-        Whether what is not French, and credits, are cued all the same.
+        Whether other languages and credits are cued all the same.
     profile : str
         What colours mean: ``fr-sdh``, subtitles for the deaf as French broadcasters write them,
         or ``plain``: nothing.
@@ -82,7 +82,7 @@ def read_subtitles(
     Parameters
     ----------
     path : path
-        The format is told by the content, not by the name.
+        The format follows from the content, not from the name.
     stream_s, length_s, terms, left_out
         As in `parse_subtitles`.
 

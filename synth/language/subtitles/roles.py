@@ -1,7 +1,7 @@
 """Roles of colours in French subtitles for the deaf, and sounds that are named without one.
 
 Red names sounds, magenta music, green marks a foreign language; white, yellow and cyan (thoughts,
-voices off) are spoken words.  What is not spoken in French is left out with its reason.
+voices off) are spoken words.  All else is left out with its reason.
 """
 
 import re
@@ -44,13 +44,13 @@ _VERBAL = re.compile(r"\b(?:je|tu|il|elle|on|nous|vous|ils|elles|c'est|est|sont|
 
 
 def by_role(subtitles: Sequence[Subtitle], findings: Findings, profile: str) -> list[Subtitle]:
-    """Return the subtitles without what is not spoken in French by its colour or language.
+    """Return the subtitles that are spoken French by their colour and language.
 
     Parameters
     ----------
     subtitles : sequence of Subtitle
     findings : Findings
-        Told of what is left out.
+        Receives the omitted parts.
     profile : str
         One of `PROFILES`.
     """
@@ -74,7 +74,7 @@ def by_role(subtitles: Sequence[Subtitle], findings: Findings, profile: str) -> 
 
 
 def omitted(subtitle: Subtitle, reason: str, text: str) -> LeftOut:
-    """Return what is left out of a subtitle, with its first letters."""
+    """Return the omitted part of a subtitle, with its first letters."""
     return LeftOut(subtitle.line, f"{reason}: {' '.join(text.split())[:40]!r}", subtitle.column)
 
 

@@ -1,4 +1,4 @@
-"""Live captions, in which lines stay on the screen: what is shown again is not said again.
+"""Live captions with lines that stay on the screen: repeated lines are not spoken again.
 
 In: subtitles sorted by start.  Out: the same without lines that the one before has shown, without
 words that grow letter by letter into a sentence, and without a second copy of the same subtitle.
@@ -15,7 +15,7 @@ _AT_ONCE_S = 0.15
 
 
 def unrolled(subtitles: Iterable[Subtitle]) -> Iterator[Subtitle]:
-    r"""Yield the subtitles without what was on the screen already.
+    r"""Yield the subtitles without lines that were on the screen already.
 
     Examples
     --------

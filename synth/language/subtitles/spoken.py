@@ -1,4 +1,4 @@
-"""From what a subtitle displays to what is said: markup, labels and sounds taken out."""
+"""From the displayed text of a subtitle to the spoken one, without markup, labels, sounds."""
 
 import html
 import re
@@ -106,7 +106,7 @@ def _unlabelled(line: str) -> str:
 
 
 def _unbroken(text: str) -> str:
-    r"""Return a text in which words that a line's end has cut are whole.
+    r"""Return a text with words that were cut at a line's end made whole.
 
     Examples
     --------

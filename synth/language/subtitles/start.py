@@ -25,7 +25,7 @@ def programme_start_s(
     subtitles : sequence of Subtitle
         Sorted by start.
     findings : Findings
-        What the file says of its clock.
+        The file's statements about its clock.
     length_s : float, optional
         Length of the programme, where it is known: words after its end betray a tape's hour.
 

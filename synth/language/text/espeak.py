@@ -142,7 +142,7 @@ def _single(phones: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _ipa(word: str) -> str:
-    """Return what the library says of a word, in its IPA."""
+    """Return the library's reading of a word, in its IPA."""
     loaded = _library()
     text = ctypes.c_char_p(word.encode())
     pointer: Any = ctypes.cast(text, ctypes.c_void_p)

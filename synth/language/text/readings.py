@@ -57,7 +57,7 @@ def _number(whole: str, fraction: str | None) -> str:
 
 
 def _count(m: Match, one: str, many: str, feminine: bool) -> str:
-    """Return the number of the groups n and f with the name of what it counts."""
+    """Return the number of the groups n and f with the name of the counted things."""
     n = _integer(m["n"])
     name = one if n < 2 else many
     if m["f"] or n > numbers.LARGEST:
@@ -150,7 +150,7 @@ def height(m: Match) -> str:
 
 
 def scaled(m: Match) -> str:
-    """Read a number of millions or milliards written short before what it counts: 2,5 M d'euros."""
+    """Read a number of millions or milliards written short before a noun: 2,5 M d'euros."""
     name = "million" if m["s"] == "M" else "milliard"
     return f" {_number(m['n'], m['f'])} {name}{'s' if _integer(m['n']) > 1 else ''} "
 

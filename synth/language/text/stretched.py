@@ -23,7 +23,7 @@ _VOWELS = "aeiouyàâéèêëîïôùûü"
 
 
 def shortened(line: str) -> str:
-    """Return a line in which no word is drawn out.
+    """Return a line without drawn-out words.
 
     A word that no cut makes known keeps one letter of each run; Roman numerals stay.
 

@@ -2,7 +2,7 @@
 
 In: for each word of a stretch between pauses the classes that the lexicon allows, with their
 levels (9 + log2 of the share).  Out: one class for each word.  It only has to separate
-homographs (couvent, portions, fier, est) and to tell where a liaison may stand, so the table
+homographs (couvent, portions, fier, est) and to decide on liaisons, so the table
 holds ten classes of words and is small enough to be read.
 """
 

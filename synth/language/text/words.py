@@ -20,7 +20,7 @@ class Word:
     word_class : str
         Letter of `synth.language.text.tagging`.
     guess : tuple of str
-        The phones by rule of a word that no lexicon knows, without a link; () for the others.
+        The rule-based phones of a word that no lexicon knows, without a link; () for the others.
     """
 
     text: str

@@ -30,7 +30,7 @@ class Anatomy:
     face : tuple of float
         Stretch of head and throat: width, height, depth.
     skin_seed : int
-        Of the pattern in which her skin slides.
+        Of the sliding pattern of her skin.
     phalanges : mapping of str to tuple
         Length of each phalange as a part of hand length; the thumb's metacarpal follows the palm.
     """
@@ -64,7 +64,7 @@ class Habits:
     opening : float
         Size of the articulation of the face.
     asymmetry : float
-        Part by which the mouth's right side moves more than its left.
+        Share that the mouth's right side moves more than its left.
     head_mobility : float
         Size of the head's own motion; 1 is a still speaker.
     scatter_mm : float

@@ -72,7 +72,7 @@ class Performer(Protocol):
         """Return the parameters that `voice` finds for the markers."""
 
     def labels(self, score: Score, start_s: float, n_frames: int) -> Labels:
-        """Return what is held in each frame."""
+        """Return the held key of each frame."""
 
     def target_times(self, score: Score) -> list[tuple[Key | None, float]]:
         """Return when the hand is on target, per key and per rest (None)."""
@@ -88,7 +88,7 @@ def performer(
     identity : str
         One of `synth.motion.body.anatomy.IDENTITIES`.
     law : str
-        `MEASURED`, or one of the laws of movement of the cuers by rule.
+        `MEASURED`, or one of the laws of movement of the rule-based cuers.
     rate_hz : float
     seed : int
     free_space : bool
@@ -180,9 +180,9 @@ class MeasuredCuer:
         return voice.invert(markers, rate_hz=self.rate_hz, start_s=start_s, score=score)
 
     def labels(self, score: Score, start_s: float, n_frames: int) -> Labels:
-        """Return what is held in each frame; -1 while something is on its way.
+        """Return the held key of each frame; -1 during movements.
 
-        She seldom stands still: a key counts as held for a moment about its arrival.
+        She rarely stands still: a key counts as held for a moment about its arrival.
         """
         times = start_s + np.arange(n_frames) / self.rate_hz
         plan, _ = self._plan(score)

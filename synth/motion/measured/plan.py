@@ -164,7 +164,7 @@ def make_plan(
     wrist, forearm : ndarray of float64, shapes (9, 6, 3) and (9, 6, 6)
         Postures at all shapes and placements.
     seed : int
-        Of what is drawn.
+        Random seed.
     """
     keys, arrive = _aims(score, seed)
     shape = np.array([0 if key is None else key.shape for key in keys], dtype=np.int64)
@@ -203,7 +203,7 @@ def _side_lumps(placement: NDArray[np.int64], drawn: FloatArray) -> FloatArray:
 
 
 def _aims(score: Score, seed: int) -> tuple[list[Key | None], FloatArray]:
-    """Return what is aimed at, rests too, and when it is reached; the first is long past."""
+    """Return targets, rests included, and their times of arrival; the first is long past."""
     keys: list[Key | None] = [None]
     arrive = [-1e6]
     slow = DriftNoise(np.array([_BEFORE_LIPS_S[1]]), _SLOW_KEYS, seed + 4)

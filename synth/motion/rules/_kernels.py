@@ -1,4 +1,4 @@
-"""Compiled loops of the hand's timing and of what is seen of it."""
+"""Compiled loops of the hand's timing and visibility."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,6 +1,6 @@
 """A cuer of whom there are targets but no body: a voice learnt from a speaker's recordings.
 
-The hand goes from one of her own targets to the next with the timing of all cuers by rule
+The hand goes from one of her own targets to the next with the timing of all rule-based cuers
 (`synth.motion.rules.movement`), the face is the mean of her own visemes, weighted by dominances
 that fall off with time (Cohen and Massaro 1993). Both are parameters of her voice, so that every
 frame is one that her models can show. Her head is still.
@@ -37,7 +37,7 @@ _PALM = layout.marker_indices(layout.PALM)
 
 
 class RuledCuer(Protocol):
-    """Whoever performs scores by rule."""
+    """A rule-based performer of scores."""
 
     rate_hz: float
 

@@ -99,7 +99,7 @@ _SILENT_S = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Labels:
-    """What is held in each frame; -1 while something is on its way.
+    """The held key of each frame; -1 during movements.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ class Labels:
 class _Plan:
     """A score with the targets of its gestures, rest included; G of them.
 
-    `angles` (G, 31) and `forearm` (G, 6) are what the hand and arm go to, `target` (G, 3) the point
+    `angles` (G, 31) and `forearm` (G, 6) are targets of hand and arm, `target` (G, 3) the point
     of the resting head that the tip goes to, `follows` (G,) how much of the head's motion the arm
     takes over there, `meets` (G, 3) how the head turns towards the hand, rad.
     """
@@ -307,7 +307,7 @@ class GestureSynthesiser:
         return self._key_targets(shape, placement)
 
     def labels(self, score: Score, start_s: float, n_frames: int) -> Labels:
-        """Return what is held in each frame."""
+        """Return the held key of each frame."""
         times = self.times_s(start_s, n_frames)
         g = self._plan(score).gestures
         rule = self._movement

@@ -1,4 +1,4 @@
-"""A whole score performed by rule: the short way from a text to a motion."""
+"""A rule-based performance of a whole score: the short way from a text to a motion."""
 
 import math
 
@@ -22,7 +22,7 @@ def motion_of(
     alignment: str = "attina",
     options: CueingOptions = DEFAULT_OPTIONS,
 ) -> Motion:
-    """Return the motion of a whole score by rule, from time 0 until the hand rests again.
+    """Return the rule-based motion of a whole score, from time 0 until the hand rests again.
 
     Programmes of any length are better performed window by window: `GestureSynthesiser.motion`.
 

@@ -1,4 +1,4 @@
-"""What is seen of a hand, from the times of its keys alone: how long each, and how fast it is.
+"""Visibility of a hand from the times of its keys alone: how long each, and how fast it is.
 
 A model of the virtual cuer that is quick enough to plan with: the wrist goes from target to target,
 the turn of the hand and the shape of the fingers blend on courses of their own; a key is seen while
@@ -43,7 +43,7 @@ _WRIST_ANGLES = 3
 
 @dataclass(frozen=True, slots=True)
 class VisibilityModel:
-    """A cuer's hand, as far as it matters to what is seen of it.
+    """A cuer's hand, as far as its visibility needs it.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class VisibilityModel:
 
     @classmethod
     def of(cls, cuer: GestureSynthesiser, movement: Movement = FLOWING) -> "VisibilityModel":
-        """Return what a virtual cuer's hand looks like."""
+        """Return the model of a virtual cuer's hand."""
         angles, forearm = cuer.key_poses()
         wrist = forearm[:, 3:]
         first = len(layout.MARKERS) - layout.N_HAND
@@ -86,7 +86,7 @@ class VisibilityModel:
 
     @classmethod
     def of_voice(cls, voice: Voice) -> "VisibilityModel":
-        """Return what the hand of a voice without a body looks like, from its targets.
+        """Return the model of the hand of a voice without a body, from its targets.
 
         Its wrist turns with its place, and its ways are straight (`synth.motion.rules.bodiless`).
         """

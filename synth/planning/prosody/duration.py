@@ -78,7 +78,7 @@ class DurationTrees:
 
 
 def features(symbols: Sequence[str], rank: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return what the trees look at, shape (n, 19), for a line of phones and pauses.
+    """Return the features of the trees, shape (n, 19), for a line of phones and pauses.
 
     Parameters
     ----------

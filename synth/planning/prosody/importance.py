@@ -1,4 +1,4 @@
-"""Which words tell most: the others are left out first where there is no time for all."""
+"""Importance of words: the least important are left out where there is no time for all."""
 
 from synth.language.text.words import Word
 
@@ -17,7 +17,7 @@ def links(word: Word) -> bool:
 
 
 def importance(word: Word) -> int:
-    """Return how much a word tells, 0 for what goes first.
+    """Return the importance of a word, 0 for the first to go.
 
     Function words before content words; what denies, counts or names goes last.
 

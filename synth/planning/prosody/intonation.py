@@ -1,6 +1,6 @@
-"""Which melody the sentences of a text ask for, told to the phones that end them.
+"""The melody that the sentences of a text ask for, set in the phones that end them.
 
-In: words on the cuer's clock with what the text has after them.  Out: their phones; the last one of
+In: words on the cuer's clock with their punctuation.  Out: their phones; the last one of
 each group that the text marks knows how the voice moves there (`codec.cues.score.CONTOURS`). French
 has a question that rises at its end, and an interrogation whose asking word stands first: that one
 falls from a high start, as commands and exclamations do (P. Delattre 1966, "Les dix intonations de

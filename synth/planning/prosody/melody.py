@@ -4,7 +4,7 @@ French has its accent on the last full syllable of a group. There the pitch rise
 that continues, rises farther where a question ends, and falls at the end of a statement, over a
 declining baseline (Vaissière 1991; Di Cristo 1998). Interrogations that begin with their asking
 word and exclamations fall from a high start (Delattre 1966). Numbers are those of an adult woman
-reading. Where a phone does not know its contour, the length of the silence behind it tells.
+reading. Where a phone does not know its contour, the length of the silence behind it decides.
 """
 
 import itertools

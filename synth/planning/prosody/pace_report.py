@@ -158,7 +158,7 @@ class PaceReport:
             self._warn(f"{where}: {rate:.1f} keys/s cannot be read, {HARDEST_KEYS:g} can")
 
     def _until(self) -> list[float]:
-        """Return the span of a subtitle of which nothing is left."""
+        """Return the span of a subtitle that is left out whole."""
         end_s = self._rows[-1]["cued"][1] if self._rows else 0.0
         return [end_s, end_s]
 

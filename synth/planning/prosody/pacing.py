@@ -4,8 +4,8 @@ People speak 5 to 7 syllables a second and cue 2.5 to 4 (Attina 2005; Duchnowski
 cuers were measured at 3.0 to 3.9 keys a second. She keeps to `Pace.keys_per_s`; `FASTER` bounds how
 fast she is at any time, `_HURRY_S` for how long. Readers of human transliterators do best 0.6 to
 1.8 s behind the speech (Krause and Lopez 2017), so she may fall behind the programme by
-`Pace.max_lag_s`, and uses the pauses before and after what is said: what time there is beyond the
-least of each key is shared as evenly as the room allows. What still does not fit is left out:
+`Pace.max_lag_s`, and uses the pauses before and after speech: the time beyond the
+least of each key is shared as evenly as the room allows. Words that still do not fit are left out:
 first mute e, then words, function words first.
 
 The even course is the taut string between the earliest and the latest time of each key (the
@@ -127,7 +127,7 @@ class TimedWord:
     phones : tuple of Phone
         On the programme's clock, as many as the word has.
     subtitle : Subtitle, optional
-        What it belongs to.
+        Its subtitle.
     """
 
     word: Word
@@ -210,7 +210,7 @@ def _widest_pause(block: Sequence[TimedWord]) -> int:
 class _Block:
     """Words that are paced together, after others.
 
-    `before` is what the next ones come after, and `even_s` when she would have said all that if she
+    `before` are the keys before, and `even_s` the time of their end if she
     never hurried.
     """
 
@@ -251,7 +251,7 @@ class _Block:
             yield PacedWord(word, phones, lag, mute)
 
     def _lag_s(self, found_s: float) -> float:
-        """Return a lag without what the grid's rounding adds beyond its bounds."""
+        """Return a lag without the excess over its bounds from rounding to the grid."""
         bounded_s = min(max(found_s, -LEAD_S), self._pace.max_lag_s)
         rounded = abs(found_s - bounded_s) <= 0.5 / GRID_HZ + SAME_S
         return bounded_s if rounded else found_s

@@ -2,7 +2,7 @@
 
 In: the pieces of a score in order of time.  Out: passages between silences, none much longer
 than `LONGEST_S`, each with what sounds around it. Where a passage is cut depends on the score
-alone, not on the pieces in which it comes.
+alone, not on how it is cut into pieces.
 """
 
 import itertools
@@ -37,9 +37,9 @@ class ScorePassage:
     start_s, end_s : float
         On the programme's clock.
     score : Score
-        What is said in it.
+        The keys of the passage.
     around : Score
-        The same with what comes up to `AROUND_S` before and after it, at least one key of each
+        The same with up to `AROUND_S` before and after it, at least one key of each
         neighbour: where the hand comes from, and until when it may rest.
     """
 

@@ -32,7 +32,7 @@ _KNOWN = 8
 
 @dataclass(frozen=True, slots=True)
 class PerformerChoice:
-    """Who is to cue, by rule.
+    """The rule-based cuer to simulate.
 
     Attributes
     ----------

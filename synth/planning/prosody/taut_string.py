@@ -1,4 +1,4 @@
-"""The evenest course between bounds, by which time is shared out."""
+"""The evenest course between bounds, for sharing out time."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -45,7 +45,7 @@ LONGEST_PAUSE_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class CaptionFit:
-    """The phones of one subtitle, and what it took to fit them.
+    """The phones of one subtitle, and how they were made to fit.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ def fit(
     limit_s : float
         Start of the next subtitle: the gap from `end_s` to it may be borrowed.
     whole : bool
-        Keep every word at whatever rate, off the grid: what the speaker is taken to say.
+        Keep every word at whatever rate, off the grid: the speaker says them all.
 
     Raises
     ------

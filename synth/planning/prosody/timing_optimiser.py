@@ -1,10 +1,10 @@
-"""Keys moved by some ticks, so that each is seen long enough: what tables of time cannot tell.
+"""Keys moved by some ticks, so that each is visible long enough: tables of time cannot do it.
 
 How long a key is seen depends on the ways to it and from it and on how long its neighbours last: a
 hand that has time leaves early, so more time for a key does not always help it. So the planned line
 is looked at with `synth.motion.rules.visibility`, and where a key is not seen for three pictures,
 or a knuckle is too fast, runs of keys are shifted against their neighbours; the best shift is
-taken, if it helps the keys together. What is known to be short also gets ticks from keys that can
+taken, if it helps the keys together. Keys known to be short also get ticks from keys that can
 spare them, one by one where it costs least, however far away: the way to the chin needs many at
 once.
 """
@@ -84,7 +84,7 @@ class KeyLine:
     lag : ndarray of float64
         Part of the key's length after which the hand should be there.
     more : ndarray of float64
-        How much longer each was seen in a performance than the model tells, seconds.
+        How much longer each was visible in a performance than in the model, seconds.
     frozen : int
         So many of the first keys stay as they are: they have been said.
     """
@@ -230,7 +230,7 @@ class TimingOptimiser:
         return self._shifted(line, giver + 1, taker + 1, -1)
 
     def _price(self, line: KeyLine, k: int) -> float:
-        """Return what it costs that a key, or the pause after it, is one tick shorter."""
+        """Return the cost of making a key, or the pause after it, one tick shorter."""
         low, high = max(k - _TOUCHED - _AROUND, 0), min(k + _TOUCHED + _AROUND + 1, len(line.start))
         part = line[low:high]
         at = k - low

@@ -1,7 +1,7 @@
 """Keys that are timed, put on the bitstream's grid and moved so that each is seen.
 
-The settler moves them by what a quick model tells of the sight of a key. Those that a performance
-of who is to cue then shows too short are moved again, by what she shows.
+The timing optimiser moves them by a quick model of a key's visibility. Those that a performance
+by the chosen cuer then shows too short are moved again, by that measurement.
 """
 
 import itertools
@@ -61,7 +61,7 @@ class Keys:
     key : ndarray of int64, shape (N,)
         Key numbers, 6 shape + placement.
     symbols : list of list of str
-        What the phones of each key are.
+        The phones of each key.
     """
 
     members: list[list[tuple[int, int]]]
@@ -86,7 +86,7 @@ class Keys:
 
 @dataclass(frozen=True, slots=True)
 class Said:
-    """What was said last: keys on the grid, and the phones of these keys.
+    """The last words: keys on the grid, and the phones of these keys.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class VisibleKeys:
     mirror : PerformanceSimulation
         Of who is to cue.
     least_s : float
-        What a key keeps at least.
+        Least duration of a key.
     """
 
     def __init__(
@@ -129,7 +129,7 @@ class VisibleKeys:
     def settled(
         self, start: FloatArray, end: FloatArray, early: FloatArray, late: FloatArray
     ) -> tuple[FloatArray, FloatArray, Said]:
-        """Return start and length of each key, moved so that it is seen, and what is said then.
+        """Return start and length of each key, moved to be visible, and the words then said.
 
         Parameters
         ----------
@@ -147,9 +147,9 @@ class VisibleKeys:
         return start, end - start, Said(last, tuple(p for p in phones if p.start >= since_s))
 
     def _best(self, plain: KeyLine) -> KeyLine:
-        """Return the line of which a performance shows most, never one that is worse than `plain`.
+        """Return the line that a performance shows best, never one that is worse than `plain`.
 
-        What a performance shows differs from the model's sight key by key; settling goes on from
+        A performance differs from the model's visibility key by key; optimising goes on from
         the difference.
         """
         settler = TimingOptimiser(self._mirror.sight, self._options)
@@ -215,7 +215,7 @@ class VisibleKeys:
 
 
 def _worth(held: FloatArray) -> float:
-    """Return what a performance is worth that shows keys for so many seconds."""
+    """Return the worth of a performance that shows each key for `held` seconds."""
     seen = (held >= HELD_S - SAME_S).sum() + (held >= WANTED_S - SAME_S).sum()
     return float(seen + np.clip(held / _SURE_S, 0.0, 1.0).sum())
 

@@ -62,7 +62,7 @@ class Reading:
         return Score(line, tuple(cue(line, self.options)))
 
     def cued(self, words: Iterable[TimedWord], told: Told = tell_nobody) -> Iterator[Phone]:
-        """Yield the phones of words on the cuer's clock, and tell what became of each word."""
+        """Yield the phones of words on the cuer's clock, and report each word's fate."""
         if self.pace is not None:
             paced = pace_words(words, self.pace, self.options, self.performing)
         else:
@@ -98,7 +98,7 @@ def score_of_text(
     reading : Reading
         There is no programme whose clock she had to keep to: nothing is left out.
     told : callable
-        Told what became of each word.
+        Receives the fate of each word.
 
     Returns
     -------
@@ -117,7 +117,7 @@ def score_of_text(
 
 
 def keys_of(text: str, *, start_s: float = 0.0, reading: Reading = PLAIN) -> tuple[Key, ...]:
-    """Return the keys that cue a text: what the hand shows, and when.
+    """Return the keys that cue a text, with their times.
 
     Parameters
     ----------
@@ -247,7 +247,7 @@ def timed_words(
 
 
 def _turns(subtitles: Iterable[Subtitle]) -> Iterator[tuple[Subtitle, float]]:
-    """Yield what is said, those that start together joined, each with the next one's start."""
+    """Yield subtitles, those that start together merged, each with the next one's start."""
     waiting: Subtitle | None = None
     for shown in subtitles:
         subtitle = replace(shown, text=spoken(shown.text))

@@ -1,4 +1,4 @@
-"""Words of subtitles whose pronunciation no lexicon tells: an editor may want to mend it."""
+"""Words of subtitles that no lexicon contains: an editor may want to mend their phones."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from synth.planning.scoring.text_score import Reading
 
 @dataclass(frozen=True, slots=True)
 class UnknownWord:
-    """A word that was pronounced by rule.
+    """A word with a rule-based pronunciation.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class UnknownWord:
 
 
 def unknown_words(subtitles: Iterable[Subtitle], reading: Reading) -> list[UnknownWord]:
-    r"""Return the words of subtitles that were pronounced by rule, the most frequent first.
+    r"""Return the words of subtitles with a rule-based pronunciation, the most frequent first.
 
     Examples
     --------

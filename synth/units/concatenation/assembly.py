@@ -49,7 +49,7 @@ class Flow:
     def join(
         self, first: int, last: int, params: NDArray[np.float64], sound: NDArray[np.float32]
     ) -> Iterator[tuple[int, NDArray[np.float64], NDArray[np.float32]]]:
-        """Yield (number of the first frame, frames, samples) of what comes next.
+        """Yield (number of the first frame, frames, samples) of the next pieces.
 
         Parameters
         ----------

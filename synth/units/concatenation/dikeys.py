@@ -79,7 +79,7 @@ class DikeyDictionary:
 
     @property
     def names(self) -> frozenset[tuple[str, ...]]:
-        """Labels of which there is at least one dikey."""
+        """Labels with at least one dikey."""
         return frozenset(self._named)
 
     def select(self, targets: Sequence[Unit]) -> list[PlacedUnit]:

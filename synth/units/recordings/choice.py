@@ -75,7 +75,7 @@ def _keys(symbols: Sequence[str]) -> list[Key]:
 
 @dataclass(frozen=True, slots=True)
 class SentenceCoverage:
-    """How well chosen sentences cover what a list offers.
+    """How well chosen sentences cover the units of a list.
 
     Attributes
     ----------

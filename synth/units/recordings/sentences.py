@@ -18,7 +18,7 @@ def choose_sentences(
     ----------
     sentences : sequence of str
     count : int
-        At most so many are chosen; they keep the order of the list.
+        Number of sentences at most; they keep the order of the list.
     """
     lines = [line_of(text) for text in sentences]
     chosen = sorted(choose(lines, count))

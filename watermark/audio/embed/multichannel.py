@@ -1,7 +1,7 @@
 """How the mark of the mid is divided among left, right and centre of more than two channels.
 
-In: the programme and the mark of its mid; out: what goes from right to left, and what the centre
-takes from both. In each band and frame each channel takes part by what it masks by itself, so that
+In: the programme and the mark of its mid; out: the part moved from right to left, and the part the
+centre takes from both. In each band and frame each channel takes part by its own masking, so that
 the mark is as well hidden in one as in the other, and a silent channel stays silent; the mid bears
 the whole. Specification: spec/audio-carrier.md, W6.
 """
@@ -72,12 +72,12 @@ class MarkShares:
         Parameters
         ----------
         mark : ndarray of float64, shape (n + HOP,)
-            What was added to the mid, at 48 kHz, with the tail that lies in the next stretch.
+            The mark added to the mid, at 48 kHz, with the tail that lies in the next stretch.
 
         Returns
         -------
         ndarray of float64, shape (2, n + HOP)
-            What left has more, and right less, than the mark; and what the centre takes from both.
+            The excess of left, and lack of right, over the mark; and the centre's part of both.
         """
         if not self._tapes:
             return np.zeros((2, mark.size))

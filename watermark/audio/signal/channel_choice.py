@@ -1,7 +1,7 @@
 """Places of stereo: whether a bin is read from the mid, from left or from right.
 
-A single channel of wide stereo does not bear what stands in the mid, so some cells of two channels
-stand in left alone and some in right. Low ones, of which coders keep most, and all pilots stand in
+A single channel of wide stereo does not hold the cells of the mid, so some cells of two channels
+stand in left alone and some in right. Low ones, which coders keep best, and all pilots stand in
 the mid. Specification: spec/audio-carrier.md, W43.
 """
 

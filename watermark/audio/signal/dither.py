@@ -28,7 +28,7 @@ def project(
     coefficients, amplitudes : ndarray of float64, shape (T, bins)
         MDCT coefficients and the amplitude of the mark's unit.
     cells : Cells
-        Where to project, on which signs.
+        Cells and signs of the projection.
 
     Returns
     -------

@@ -2,7 +2,7 @@
 
 Implements spec/audio-carrier.md section 4. Everything pseudorandom is drawn from SHAKE-256 of a
 label and the key, one named stream per purpose, so that another implementation needs a hash
-function only. What the pilots use is alike in all profiles.
+function only. The pilots' cells are alike in all profiles.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The lapped transform in which the mark lives: modulated complex lapped transform and its inverse.
+"""The lapped transform of the mark: modulated complex lapped transform and its inverse.
 
 In: samples; out: complex spectra whose real part is the MDCT (hop N, sine window, orthonormal) and
 whose squared magnitude is a power that hardly depends on the phase of the sound. One real FFT gives
@@ -50,7 +50,7 @@ def analyse(frames: NDArray[Any], hop: int, bins: int | None = None) -> NDArray[
     hop : int
         Half the frame length.
     bins : int, optional
-        Lowest bins that are wanted; all unless told otherwise.
+        Number of lowest bins to compute; default: all.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def analyse(frames: NDArray[Any], hop: int, bins: int | None = None) -> NDArray[
 def sliding_tables(
     hop: int, bins: int, advance: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Tables by which the lapped transform of frames `advance` samples apart slides on.
+    """Tables for sliding the lapped transform on by frames `advance` samples apart.
 
     The plain transform of a frame is that of the frame before, plus the waves that came in and
     less those that left, turned on. Source: Jacobsen and Lyons, "The sliding DFT", IEEE Signal
@@ -89,7 +89,7 @@ def sliding_tables(
         Waves of the plain transform's bins at each sample of a frame, real and imaginary parts.
     turn : ndarray of float32, shape (6, bins + 1)
         Real and imaginary parts of the factor from frame to frame, and of those of two neighbouring
-        bins of which the lapped one is the sum.
+        bins whose sum is the lapped one.
     """
     k, tables = np.arange(bins + 1), _tables(hop)
     angle = np.pi / hop * (np.arange(2 * hop)[:, np.newaxis] * k % (2 * hop))

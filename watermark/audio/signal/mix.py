@@ -2,7 +2,7 @@
 
 Specification: spec/audio-carrier.md, W5 to W7. What left takes more of the mark right takes less,
 so it stands
-unattenuated in the mid of stereo and in a mono downmix. What a centre takes comes back there too.
+unattenuated in the mid of stereo and in a mono downmix. A centre's part comes back there too.
 """
 
 import numpy as np
@@ -78,7 +78,7 @@ def add_mark(
     across: NDArray[np.float64],
     taken: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Programme with its mark: left has `across` more than right less, the centre what it takes."""
+    """Programme with its mark: left has `across` more, right less, the centre its own part."""
     out = x.copy()
     out[:, :2] += (mark - taken)[:, np.newaxis]
     if x.shape[1] > 1:

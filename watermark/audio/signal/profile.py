@@ -65,9 +65,9 @@ class AudioProfile:
     Attributes
     ----------
     name : str
-        What the receiver reports.
+        Name in the receiver's reports.
     number : int
-        What the pilots announce.
+        Number that the pilots announce.
     l0_bytes, l1_bytes : int
         Payload of the two protection classes per superframe; L1 may be absent.
     l0_coded : int
@@ -86,9 +86,9 @@ class AudioProfile:
     coder_bits : float
         Bits per frame of 10 ms of the coder that the embedder has in mind.
     side_period : int
-        In stereo, of so many blocks one stands in left and one in right: as few as bear a message.
+        In stereo, one block of `side_period` stands in left, one in right: enough for a message.
     grade : float
-        Grade to aim at unless told otherwise; with a rehearsal, that of passages that need it.
+        Default grade to aim at; with a codec in the loop, that of passages that need it.
     """
 
     name: str

@@ -77,7 +77,7 @@ class SampleBuffer:
 
     @property
     def samples(self) -> NDArray[np.float64]:
-        """What is remembered, from `first` to `end`."""
+        """The samples in memory, from `first` to `end`."""
         return self._store[self.first - self._offset : self.end - self._offset]
 
     def append(self, block: NDArray[np.float64]) -> None:

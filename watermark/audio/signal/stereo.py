@@ -1,6 +1,6 @@
 """Two channels as mid, left and right: their values and their masks.
 
-In: what is known of mid and side; out: the same of mid, left and right, in this order, which is
+In: quantities of mid and side; out: the same of mid, left and right, in this order, which is
 that of `watermark.audio.signal.channel_choice`. Specification: spec/audio-carrier.md, W43 and W44.
 """
 
