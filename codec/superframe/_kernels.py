@@ -27,9 +27,6 @@ mask of those low bits of the last byte that are no code."""
 ESCAPE = 15
 MAX_PREFIX = 20
 
-STEADY = 4
-"""Ticks by which a key may start early or late."""
-
 
 @njit(cache=True)
 def _carry(out: NDArray[np.uint8], length: int) -> None:
@@ -407,53 +404,75 @@ def quantise_rd(
 
 
 @njit(cache=True)
-def steer(
-    usual: NDArray[np.int64],
-    true: NDArray[np.int64],
-    kinds: NDArray[np.int64],
-    weights: NDArray[np.float64],
-    limits: NDArray[np.float64],
-    error: int,
-    values: NDArray[np.int64],
+def descend(
+    q: NDArray[np.int64],
+    scales: NDArray[np.int64],
+    neighbours: tuple[NDArray[np.int64], NDArray[np.int64]],
+    step: int,
+    width: float,
+    weight: float,
     costs: NDArray[np.float64],
-    chosen: NDArray[np.int64],
-) -> float:
-    """Choose corrections of lengths by rule such that bits and weighted errors cost least.
+    points: NDArray[np.int64],
+    grid: tuple[NDArray[np.int64], NDArray[np.int64]],
+    waves: NDArray[np.float64],
+    slopes: NDArray[np.float64],
+    metric: NDArray[np.float64],
+    curves: NDArray[np.float64],
+) -> int:
+    """Change each index to where error and ``weight`` times bits are least, the others as they are.
 
-    ``usual`` and ``true`` are the lengths of ``n`` phones, ``kinds`` 0 for a pause, which takes
-    up any error, 1 for a phone as it is, 2 for one with a correction of ``values`` at ``costs``;
-    ``weights`` are those of the squared error at each end, ``limits`` those of each tick by which
-    it exceeds four, ``error`` is that at the beginning.
-    Fills in ``chosen`` and returns the cost (Viterbi 1967, over the error).
+    ``neighbours`` are the coefficients coded before each one that its context counts, and those
+    whose contexts count it; ``grid`` its channel and its frequency. ``waves`` (T, 32) are the
+    courses over time, ``slopes`` (T, P) the error's slope by frame and channel, ``metric``
+    (T, P, P) how one channel's change alters them, ``curves`` the error's curvature by index.
+    ``q`` and ``slopes`` are changed. Returns how many indices were.
     """
-    n, reach = len(usual), 16
-    size = 2 * reach + 1
-    best = np.full(size, np.inf)
-    best[min(max(error, -reach), reach) + reach] = 0.0
-    came = np.zeros((n, size), dtype=np.int64)
-    what = np.zeros((n, size), dtype=np.int64)
-    for k in range(n):
-        following = np.full(size, np.inf)
-        for e in range(size):
-            if best[e] == np.inf:
+    before, after = neighbours
+    channel, frequency = grid
+    changed = 0
+    for i in range(q.size):
+        kind, shift = coefficient_class(scales[i], step)
+        if kind < 0:
+            continue
+        c, f, own = channel[i], frequency[i], q[i]
+        at = _value(own, kind, shift, width, points)
+        lowest = at + (waves[:, f] * slopes[:, c]).sum() / curves[i]
+        sign, top = (-1 if lowest < 0 else 1), int(abs(lowest) / width + 0.5)
+        context = _context(q, before, i, shift)
+        best, least = own, np.inf
+        for trial in range(-1, 3):
+            magnitude = 0 if trial < 0 else top - 1 + trial
+            if trial >= 0 and magnitude < 1:
                 continue
-            for c in range(len(values) if kinds[k] == 2 else 1):
-                late = 0
-                cost = best[e]
-                if kinds[k] > 0:
-                    length = usual[k] + (values[c] if kinds[k] == 2 else 0)
-                    late = e - reach + min(max(length, 1), 32) - true[k]
-                if kinds[k] == 2:
-                    cost += costs[c]
-                cost += weights[k] * late * late
-                cost += limits[k] * max(abs(late) - STEADY, 0)
-                at = min(max(late, -reach), reach) + reach
-                if cost < following[at]:
-                    following[at], came[k, at], what[k, at] = cost, e, c
-        best = following
-    at = int(np.argmin(best))
-    total: float = best[at]
-    for k in range(n - 1, -1, -1):
-        chosen[k] = what[k, at]
-        at = came[k, at]
-    return total
+            q[i] = sign * magnitude
+            bits = _cost(magnitude, costs[kind, context], shift)
+            for j in range(after.shape[1]):
+                other = after[i, j]
+                if other < 0:
+                    continue
+                its, up = coefficient_class(scales[other], step)
+                if its >= 0:
+                    seen = _context(q, before, other, up)
+                    bits += _cost(abs(q[other]), costs[its, seen], up)
+            off = _value(q[i], kind, shift, width, points) - lowest
+            value = curves[i] * off * off + weight * bits
+            if value < least:
+                best, least = q[i], value
+        q[i] = best
+        if best != own:
+            changed += 1
+            moved = _value(best, kind, shift, width, points) - at
+            for t in range(waves.shape[0]):
+                for k in range(metric.shape[1]):
+                    slopes[t, k] -= moved * waves[t, f] * metric[t, c, k]
+    return changed
+
+
+@njit(cache=True)
+def _value(index: int, kind: int, shift: int, width: float, points: NDArray[np.int64]) -> float:
+    """Return the value in mm of an index."""
+    magnitude = abs(index)
+    inset = 0.0
+    if shift == 0 and magnitude > 0:
+        inset = points[kind, min(magnitude, 3) - 1] / 256.0
+    return width * (magnitude - inset) * (-1.0 if index < 0 else 1.0)

@@ -3,8 +3,7 @@
 A `SuperframePlan` and a room in bits, or a step, go in; a `Content` comes out, ready to be written.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,65 +71,6 @@ def allocate(plan: SuperframePlan, bases: Bases, room_bits: float) -> Content:
     more = _choice_bits(analysis, chosen.basis, chosen.level) - _choice_bits(analysis, 0, 0)
     near = max(step - _NEAR, 0), min(step + _NEAR, NO_RESIDUAL)
     return content_at(plan, bases, chosen, _finest(analysis, chosen, bases, left - more, near))
-
-
-_FILMED_CHOICES = tuple((basis, level) for basis in (3, 2) for level in range(5))
-"""Bases and levels with which a superframe is filled, beside the usual one."""
-
-_MARGINS = -2.0, 0.0, 1.0, 2.0, 3.0, 4.5, 6.0
-"""Bits that stay free when a superframe is filled: where L0 ends, a symbol may have to be repeated
-in L1."""
-
-_FINER, _WIDER = 5, 2
-"""Steps about the usual one at which a superframe is filled."""
-
-_WEIGHTS = 0.02, 1.0
-"""Least and greatest weight of bits at which it is filled."""
-
-_HALVINGS = 6
-"""Times that the range of weights is halved."""
-
-
-def fillings(plan: SuperframePlan, bases: Bases, room_bits: float) -> Iterator[Content]:
-    """Yield superframes that use their room to the full, of the least errors that there are.
-
-    A finer step than the usual one, with bits weighed more, fills it as well as a wider one with
-    bits weighed less; which is best differs.
-
-    Parameters
-    ----------
-    plan, bases, room_bits
-        As for `allocate`.
-    """
-    usual = allocate(plan, bases, room_bits).setting
-    if usual.step == NO_RESIDUAL:
-        return
-    analysis, tables = plan.analysis, coefficient_tables()
-    left = room_bits - plan.bits + _choice_bits(analysis, 0, 0)
-    steps = range(max(usual.step - _FINER, 0), min(usual.step + _WIDER, NO_RESIDUAL - 1))
-    tried = dict.fromkeys([(usual.basis, usual.level), *_FILMED_CHOICES])
-    found: list[tuple[float, float, Setting, float]] = []
-    for number, level in tried:
-        values = bases[number].forward(analysis.lacking)
-        own = left - _choice_bits(analysis, number, level)
-        for step in steps:
-            setting = replace(usual, step=step, basis=number, level=level)
-            low, high = np.log(_WEIGHTS)
-            for _ in range(_HALVINGS):
-                middle = (low + high) / 2
-                weight = float(np.exp(middle))
-                bits, squares = weigh_rd(values, setting, bases[number], tables, weight=weight)
-                low, high = (low, middle) if bits <= own else (middle, high)
-                found.append((squares, own - bits, setting, weight))
-    for margin in _MARGINS:
-        fitting = [one for one in found if one[1] >= margin]
-        if not fitting:
-            continue
-        _, _, setting, weight = min(fitting, key=lambda one: one[0])
-        basis = bases[setting.basis]
-        values = basis.forward(analysis.lacking)
-        q = quantise_rd(values, setting, basis, tables, weight=weight)
-        yield Content(analysis.header, setting, analysis.part, q, plan.previews, analysis.slow)
 
 
 def content_at(plan: SuperframePlan, bases: Bases, chosen: BasisChoice, step: int) -> Content:

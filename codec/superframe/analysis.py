@@ -4,7 +4,7 @@ A motion and a number go in; out comes an `Analysis`: the score as the receiver 
 what the motion has beyond the prediction from that, in millimetres, ready to be quantised.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,8 @@ class Analysis:
         Form and time of the hand's movements in the prediction.
     shares : tuple of int
         How much of the prediction counts, by part.
+    spare : dict of int to Preview
+        Labels of other superframes, of which a filmed one may tell one list more.
     """
 
     index: int
@@ -69,6 +71,7 @@ class Analysis:
     course: int = 0
     shift: int = 0
     shares: tuple[int, ...] = (0,) * PARTS
+    spare: dict[int, Preview] = field(default_factory=dict)
 
     @property
     def unpredicted(self) -> bool:
@@ -172,10 +175,11 @@ class Analyst:
         resynthesis = resynthesis_of(self._coding, joined, index)
         header = self._header(SCORE, index, slow)
         previews = self._previews(motion, index)
+        spare = self._spare(motion, index) if self._filmed else {}
         return [
             Analysis(
                 index, header, part, even, previews, slow, fitted.lacking, fitted.course,
-                fitted.shift, fitted.shares,
+                fitted.shift, fitted.shares, spare,
             )
             for fitted in fits(
                 block, lambda course, shift: resynthesis.params(course=course, shift=shift),
@@ -189,24 +193,39 @@ class Analyst:
     def _previews(self, motion: Motion, index: int) -> dict[int, Preview]:
         """Return the previews of a superframe; of a filmed one its labels and those of others."""
         if self._filmed:
-            own = {OWN: self._labels(index)}
-            if not self._protected:
-                return own
-            near, far = LABELLED_AHEAD
-            last = self._labels(index - 1)
-            if last and self._line.starts[-1] < TICKS * (index + 1):
-                # The end of all that is known, as always in a live programme.
-                return own | {-1: last}
-            # What begins a programme has not been previewed.
-            begin = int(motion.start_s // SUPERFRAME_S) if self._begin is None else self._begin
-            other = -1 if last and index - 1 - near < begin <= index - 1 else far
-            return own | {k: self._labels(index + k) for k in (near, other)}
+            return self._labels_told(motion, index)
         if not self._protected:
             return {}
         return {
             distance: preview_of(part_of(self._line, index + distance, self._options), distance)
             for distance in AHEAD
         }
+
+    def _labels_told(self, motion: Motion, index: int) -> dict[int, Preview]:
+        """Return the labels of a filmed superframe, its own first, and those against a loss."""
+        told = {OWN: self._labels(index)}
+        if not self._protected:
+            return told
+        near, _ = LABELLED_AHEAD
+        last = self._labels(index - 1)
+        if last and self._line.starts[-1] < TICKS * (index + 1):
+            # The end of all that is known, as always in a live programme.
+            return told | {-1: last}
+        told[near] = self._labels(index + near)
+        begin = int(motion.start_s // SUPERFRAME_S) if self._begin is None else self._begin
+        if last and index - 1 - near < begin <= index - 1:
+            # What begins a programme has not been told before.
+            return told | {-1: last}
+        return told
+
+    def _spare(self, motion: Motion, index: int) -> dict[int, Preview]:
+        """Return labels that a filmed superframe may tell against a second loss."""
+        near, far = LABELLED_AHEAD
+        if set(self._labels_told(motion, index)) != {OWN, near}:
+            return {}
+        begin = int(motion.start_s // SUPERFRAME_S) if self._begin is None else self._begin
+        others = (-1, far) if begin < index else (far,)
+        return {k: labels for k in others if (labels := self._labels(index + k))}
 
     def _part(self, score: Score, index: int) -> tuple[ScorePart, bool]:
         """Return the score of a superframe as far as it fits into L0, and whether evenly."""

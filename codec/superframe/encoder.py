@@ -5,8 +5,6 @@ what it says beside coefficients, `allocation` how finely these are told, `paylo
 Specification: spec/bitstream.md, section 2.
 """
 
-import numpy as np
-
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
@@ -15,19 +13,17 @@ from codec.superframe.allocation import (
     allocate,
     choose,
     content_at,
-    fillings,
     without_coefficients,
 )
 from codec.superframe.analysis import Analysis, Analyst
 from codec.superframe.checks import MIN_L0_BYTES, SIGNED_BYTES
 from codec.superframe.coding import coding_for
-from codec.superframe.decoder import residual_of
 from codec.superframe.filmed import is_filmed
+from codec.superframe.filmed_encoder import FilmedEncoder
 from codec.superframe.payload import (
     CRC8_BYTES,
     Content,
     read_l0,
-    read_l1,
     room_bits,
     write_l0,
     write_l0_whole,
@@ -42,10 +38,6 @@ _FILMED_BYTES = 8
 
 _LEAST_S = 2.0
 """Length of a motion that says whether it was filmed."""
-
-FILMED_MM = 108.0
-"""Width of the steps at which uses of the prediction are compared for filmed cuers: that at which
-27 bytes hold one who cues."""
 
 
 class SuperframeEncoder:
@@ -109,6 +101,9 @@ class SuperframeEncoder:
             )
             for seen in (False, True)
         }  # fmt: skip
+        self._filmed_encoder = FilmedEncoder(
+            voice, self._coding, self._analysts[True], self._sizes, begin
+        )
         few = l0_bytes < _FILMED_BYTES + SIGNED_BYTES * signed
         self._filmed = False if few or (filmed is None and not protected) else filmed
         self._decided: tuple[Motion, bool] | None = None
@@ -133,7 +128,7 @@ class SuperframeEncoder:
         """
         if self._is_filmed(motion):
             self.voice.check_motion(motion)
-            return self._encode_filmed(motion, index)
+            return self._filmed_encoder.encode(motion, index)
         analysis, bases = self._analysed(motion, index), self._coding.bases
         l0_bytes, l1_bytes = self._sizes
         room = room_bits(analysis.header, l0_bytes) + 8 * max(0, l1_bytes - CRC8_BYTES)
@@ -178,36 +173,6 @@ class SuperframeEncoder:
         if self._decided is None or self._decided[0] is not motion:
             self._decided = motion, is_filmed(motion, self.voice)
         return self._decided[1]
-
-    def _encode_filmed(self, motion: Motion, index: int) -> Superframe:
-        """Return the superframe of least error among all uses of the prediction."""
-        bases, (l0_bytes, l1_bytes) = self._coding.bases, self._sizes
-        found: list[tuple[float, Superframe]] = []
-        for analysis in self._analysts[True].ways(motion, index, FILMED_MM):
-            room = room_bits(analysis.header, l0_bytes) + 8 * max(0, l1_bytes - CRC8_BYTES)
-            for plan in plans(analysis, l0_bytes, l1_bytes):
-                made = [
-                    (self._error(written, analysis), written)
-                    for content in fillings(plan, bases, room)
-                    if (written := self._write(content, analysis)) is not None
-                ]
-                found += made
-                if made:
-                    break
-        if found:
-            return min(found, key=lambda one: one[0])[1]
-        own = dict(list(analysis.previews.items())[:1])
-        written = self._write(without_coefficients(plan_of(analysis, own), bases), analysis)
-        assert written is not None, "fitted labels always fit"
-        return written
-
-    def _error(self, superframe: Superframe, analysis: Analysis) -> float:
-        """Return the squared error that a superframe leaves in the markers' metric, mm**2."""
-        content, known = read_l0(superframe.l0, self._coding.bases)
-        if superframe.l1:
-            content = read_l1(superframe.l0, superframe.l1, content, known, self._coding.bases)
-        gap = analysis.lacking - residual_of(content.setting, content.q, self._coding)
-        return float(np.square(gap @ self._coding.residual.matrix).sum())
 
     def _write(self, content: Content, analysis: Analysis) -> Superframe | None:
         """Return the bytes of a superframe, None if L0 has no room for what it says."""

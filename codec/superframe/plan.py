@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from codec.superframe.analysis import LABELLED_AHEAD, Analysis
+from codec.superframe.analysis import Analysis
 from codec.superframe.payload import Content, room_bits, score_code
 from codec.superframe.preview import AHEAD, CHOICES, Preview, thinned
 from codec.superframe.quantise import Setting
@@ -18,9 +18,6 @@ _SAYS_LITTLE = 0.5
 
 _FEWEST = 2
 """Starts to which a preview is thinned at most, and a third one always."""
-
-_AMPLE_BITS = 512
-"""Bits of a superframe from which it tells the labels of two others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +60,7 @@ def plans(analysis: Analysis, l0_bytes: int, l1_bytes: int) -> Iterator[Superfra
     """
     room = float(room_bits(analysis.header, l0_bytes))
     if analysis.header.filmed:
-        yield from _labelled(analysis, 8 * (l0_bytes + l1_bytes), room)
+        yield from _labelled(analysis, room)
         return
     for choice in reversed(CHOICES) if analysis.previews else ():
         previews = {distance: analysis.previews[distance] for distance in choice}
@@ -82,16 +79,9 @@ def plans(analysis: Analysis, l0_bytes: int, l1_bytes: int) -> Iterator[Superfra
     yield plan_of(analysis, {})
 
 
-def _labelled(analysis: Analysis, bits: int, room: float) -> Iterator[SuperframePlan]:
-    """Yield plans of a filmed superframe, the one with most labels of others first.
-
-    Those of one other superframe are for every one of `bits` or less, those of two for larger ones
-    and for the first of a programme.
-    """
-    most = len(analysis.previews)
-    if bits < _AMPLE_BITS and LABELLED_AHEAD[-1] in analysis.previews:
-        most = min(most, 2)
-    for number in range(most, 0, -1):
+def _labelled(analysis: Analysis, room: float) -> Iterator[SuperframePlan]:
+    """Yield plans of a filmed superframe, the one with most labels of others first."""
+    for number in range(len(analysis.previews), 0, -1):
         plan = plan_of(analysis, dict(list(analysis.previews.items())[:number]))
         if plan.bits <= room or number == 1:
             yield plan

@@ -46,6 +46,7 @@ class Basis:
     order: Ints = field(init=False)
     scan_scales: Ints = field(init=False)
     before: Ints = field(init=False)
+    after: Ints = field(init=False)
 
     def __post_init__(self) -> None:
         channels = len(self.matrix)
@@ -60,6 +61,7 @@ class Basis:
         object.__setattr__(self, "order", channel * TICKS + frequency)
         object.__setattr__(self, "scan_scales", self.scales.reshape(-1)[self.order])
         object.__setattr__(self, "before", _neighbours(rank, channel, frequency))
+        object.__setattr__(self, "after", _neighbours(rank, channel, frequency, after=True))
 
     def forward(self, block: Array) -> Array:
         """Return the coefficients of a block, shape (32, P) to (32 P,) in scan order."""
@@ -119,18 +121,19 @@ def _correlations(scales: bytes) -> Array:
     return np.asarray(spectrum @ waves / len(fine))
 
 
-def _neighbours(rank: Ints, channel: Ints, frequency: Ints) -> Ints:
+def _neighbours(rank: Ints, channel: Ints, frequency: Ints, *, after: bool = False) -> Ints:
     """Return for each coefficient the scan numbers of three others coded before it, or -1.
 
     They are those of the same channel one and two frequencies lower, and of the channel before
-    at the same frequency (paragraph C3).
+    at the same frequency (paragraph C3). With `after` they are those which count it in turn.
     """
-    own = np.arange(channel.size)
+    own, side = np.arange(channel.size), -1 if after else 1
     columns = []
     for d_channel, d_frequency in ((0, 1), (0, 2), (1, 0)):
-        c, f = channel - d_channel, frequency - d_frequency
-        number = rank[np.maximum(c, 0), np.maximum(f, 0)]
-        columns.append(np.where((c >= 0) & (f >= 0) & (number < own), number, -1))
+        c, f = channel - side * d_channel, frequency - side * d_frequency
+        there = (c >= 0) & (f >= 0) & (c < len(rank)) & (f < TICKS)
+        number = rank[np.where(there, c, 0), np.where(there, f, 0)]
+        columns.append(np.where(there & (side * (own - number) > 0), number, -1))
     return np.ascontiguousarray(np.stack(columns, axis=1))
 
 

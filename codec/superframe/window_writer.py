@@ -13,7 +13,7 @@ import numpy as np
 
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.timeline import TICKS, ScoreLine
-from codec.superframe import _kernels
+from codec.superframe import _steering
 from codec.superframe.bits import (
     COMPACT,
     COMPACT_HEADER_BYTES,
@@ -294,7 +294,7 @@ class WindowWriter:
         best = float("inf"), _Timing(RULED)
         for pace, factor in enumerate(PACES):
             chosen = np.zeros(len(numbers), dtype=np.int64)
-            cost = _PACE_BITS[pace] + _kernels.steer(
+            cost = _PACE_BITS[pace] + _steering.steer(
                 usual * factor + 64 >> 7, true, kinds, weights, limits, error,
                 _CORRECTION_TICKS, _CORRECTION_BITS, chosen,
             )  # fmt: skip

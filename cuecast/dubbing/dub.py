@@ -27,6 +27,7 @@ from codec.errors import CueError
 from codec.files.whole import folder_beside
 from codec.superframe.compact_encoder import CompactEncoder
 from codec.superframe.encoder import SuperframeEncoder
+from codec.superframe.filmed_encoder import TURNS
 from codec.superframe.payload import nest
 from codec.superframe.window import MAX_BYTES
 from cuecast.dubbing.coder_stream import USUAL, make_rehearsal
@@ -327,10 +328,13 @@ def _unsigned_source(
     fine_bytes = l1_bytes - l0_bytes if nests else l1_bytes
     if l0_bytes <= MAX_BYTES:
         compact = CompactEncoder(voice, l0_bytes=l0_bytes, first=first + LEAD, signed=signed)
-        return lambda k: (
-            compact.encode(_window(motion, first + k + LEAD), first + k + LEAD).l0,
-            b"",
-        )
+
+        def compact_source(k: int) -> tuple[bytes, bytes]:
+            index = first + k + LEAD
+            window = motion.window(index * SUPERFRAME_S, FRAMES)
+            return compact.encode(window, index).l0, b""
+
+        return compact_source
     fine = SuperframeEncoder(
         voice, l0_bytes=l0_bytes, l1_bytes=fine_bytes, lead=LEAD, protected=True, signed=signed,
         filmed=motion.filmed, begin=first + LEAD,
@@ -352,7 +356,10 @@ def _unsigned_source(
 
 
 def _window(motion: MotionSource, index: int) -> Motion:
-    return motion.window(index * SUPERFRAME_S, FRAMES)
+    """Return the motion of a superframe, and of those beside it that shape a filmed one."""
+    before = TURNS if motion.filmed else 0
+    after = before if motion.whole else 0
+    return motion.window((index - before) * SUPERFRAME_S, (before + 1 + after) * FRAMES)
 
 
 class _From:

@@ -39,6 +39,10 @@ class MotionSource(Protocol):
     def filmed(self) -> bool:
         """Whether a camera saw the cuer, rather than that a model moves her by the score."""
 
+    @property
+    def whole(self) -> bool:
+        """Whether all of it is known beforehand."""
+
     def window(self, start_s: float, frames: int) -> Motion:
         """Return a window of the motion.
 
@@ -80,7 +84,7 @@ class SynthesisedMotion:
     ) -> None:
         self.score = score
         self.rate_hz = RATE_HZ
-        self.filmed = False
+        self.filmed, self.whole = False, True
         self._voice = voice
         self._synthesiser = ruled_cuer(
             voice, rate_hz=RATE_HZ, seed=seed, options=options, alignment=alignment
@@ -134,7 +138,7 @@ class ConcatenativeMotion:
     def __init__(self, score: Score, synthesiser: "ConcatenativeSynthesiser") -> None:
         self.score = score
         self.rate_hz = RATE_HZ
-        self.filmed = False
+        self.filmed, self.whole = False, True
         self._synthesiser = synthesiser
         self._restart()
 
@@ -185,7 +189,7 @@ class GivenMotion:
         voice.check_motion(motion)
         self.score = motion.score or Score((), ())
         self.rate_hz = RATE_HZ
-        self.filmed = is_filmed(motion, voice)
+        self.filmed, self.whole = is_filmed(motion, voice), True
         self._motion = motion
 
     def window(self, start_s: float, frames: int) -> Motion:

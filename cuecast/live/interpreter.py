@@ -136,7 +136,7 @@ class InterpretedMotion:
     def __init__(self, voice: Voice) -> None:
         self._voice = voice
         self.rate_hz = RATE_HZ
-        self.filmed = True
+        self.filmed, self.whole = True, False
         self._rest = resting(Speaker(voice, voice.face, voice.hand))
         self._looks = looks_of(voice)
         self._times: deque[float] = deque()

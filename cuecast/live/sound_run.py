@@ -333,6 +333,11 @@ class Shifted:
         """Whether a camera saw the cuer."""
         return self._motion.filmed
 
+    @property
+    def whole(self) -> bool:
+        """Whether all of it is known beforehand."""
+        return self._motion.whole
+
     def window(self, start_s: float, frames: int) -> Motion:
         """Return the motion from `start_s` on."""
         found = self._motion.window(start_s + self._offset_s, frames)

@@ -114,7 +114,7 @@ class LiveMotion:
             voice, rate_hz=RATE_HZ, seed=seed, options=reading.options, alignment=alignment
         )
         self.rate_hz = RATE_HZ
-        self.filmed = False
+        self.filmed = self.whole = False
         self._phones: deque[Phone] = deque()
         self._keys: deque[Key] = deque()
         self._horizon_s = self._free_s = 0.0

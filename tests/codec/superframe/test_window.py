@@ -14,7 +14,7 @@ from codec.cues.phonology import CONSONANTS, VOWELS
 from codec.cues.score import Key, Phone, Score
 from codec.cues.timeline import TICK_S, TICKS, to_line
 from codec.errors import BitstreamError, CueError, VoiceError
-from codec.superframe import _kernels
+from codec.superframe import _steering
 from codec.superframe.bits import COMPACT, Header, identity_bits, read_header
 from codec.superframe.checks import compact_identity, is_possible
 from codec.superframe.coding import coding_for
@@ -351,8 +351,8 @@ def test_steering_agrees_with_its_python_and_stays_near() -> None:
     values, costs = np.array(CORRECTIONS), np.arange(1.0, 9.0)
     weights, limits = np.full(n, 0.2), np.full(n, 1.0)
     chosen, plain = np.zeros(n, np.int64), np.zeros(n, np.int64)
-    total = _kernels.steer(usual, true, kinds, weights, limits, 2, values, costs, chosen)
-    again = _kernels.steer.py_func(usual, true, kinds, weights, limits, 2, values, costs, plain)
+    total = _steering.steer(usual, true, kinds, weights, limits, 2, values, costs, chosen)
+    again = _steering.steer.py_func(usual, true, kinds, weights, limits, 2, values, costs, plain)
     assert total == again
     np.testing.assert_array_equal(chosen, plain)
     # Its cost is that of its choice, and less than that of no correction and of the nearest one.
@@ -369,6 +369,6 @@ def _cost(
         length = usual[k] + (values[chosen[k]] if kind == 2 else 0)
         late = 0 if kind == 0 else late + min(max(length, 1), 32) - true[k]
         total += costs[chosen[k]] if kind == 2 else 0.0
-        total += 0.2 * late**2 + max(abs(late) - _kernels.STEADY, 0)
+        total += 0.2 * late**2 + max(abs(late) - _steering.STEADY, 0)
         late = min(max(late, -16), 16)
     return total
