@@ -13,6 +13,7 @@ from codec.superframe.coding import coding_for, save_coding
 from cuecast.conformance.drawing import examine_files, examine_reception
 from cuecast.conformance.files import examine_stream_files
 from cuecast.conformance.program import Program
+from cuecast.conformance.proofs import examine_proofs
 from cuecast.conformance.sound import examine_sound
 from cuecast.conformance.superframes import examine_superframes
 from cuecast.conformance.verdict import CaseVerdict, ConformanceReport
@@ -21,7 +22,7 @@ from receiver.export.device_voice import device_voice
 PROTOCOL = 1
 """Version of the protocol that a decoder has to state."""
 
-REQUESTS = ("superframe", "draw", "file", "sound")
+REQUESTS = ("superframe", "draw", "file", "proofs", "sound")
 """What a decoder may say that it does."""
 
 VECTORS = Path(__file__).parents[2] / "spec" / "vectors"
@@ -51,7 +52,7 @@ def examine(
     folder = VECTORS if vectors is None else Path(vectors)
     documents = {
         name: _read(folder / f"{name}.json")
-        for name in ("superframe", "stream", "reception", "hearing")
+        for name in ("superframe", "stream", "reception", "authentication", "hearing")
     }
     with Program(command) as program, tempfile.TemporaryDirectory() as files:
         hello = program.ask("hello")
@@ -76,6 +77,8 @@ def _examined(
         yield from examine_reception(program, documents["reception"])
     if "file" in does:
         yield from examine_stream_files(program, documents["stream"])
+    if "proofs" in does:
+        yield from examine_proofs(program, documents["authentication"])
 
 
 def _give_voice(program: Program, folder: Path) -> None:

@@ -11,6 +11,7 @@ CLASSES: dict[str, tuple[str, ...]] = {
     "markers": ("superframes: coefficients", "losses: markers", "windows"),
     "picture": ("lips",),
     "files": ("files: score", "files: markers"),
+    "proofs": ("proofs",),
     "hearing 1": ("sound",),
 }
 """Groups of cases by class of section 9; the first three need those before them, too."""

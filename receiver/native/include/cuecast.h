@@ -41,7 +41,7 @@
  * may not. cue_push does bounded work per sample; call it where a block of sound may take a few
  * milliseconds (a worker), not in a device's audio interrupt.
  * Times. time_s counts seconds of pushed sound from the first sample on.
- * Documents: spec/audio-carrier.md (W), spec/bitstream.md (G H R J P), spec/authentication.md (A).
+ * Documents: spec/audio-carrier.md (W), spec/bitstream.md (G H R J P), spec/authentication.md (E).
  */
 #ifndef CUECAST_H
 #define CUECAST_H
@@ -158,7 +158,7 @@ typedef enum cue_event_kind {
     CUE_EVENT_PREVIEW = 6,    /* a key that will follow, announced ahead */
     CUE_EVENT_MOTION = 7,     /* parameters of one frame */
     CUE_EVENT_MARKERS = 8,    /* marker positions of one frame */
-    CUE_EVENT_PROOF = 9,      /* authenticity changed */
+    CUE_EVENT_PROOF = 9,      /* whose a superframe was */
     CUE_EVENT_UNREADABLE = 10 /* another voice or format version */
 } cue_event_kind;
 
@@ -222,10 +222,30 @@ typedef struct cue_markers {
     float place_mm[CUE_MARKERS][3];
 } cue_markers;
 
+/* Whose a superframe is (section 6 of spec/authentication.md), stated some seconds late. */
+typedef enum cue_authenticity {
+    CUE_UNKNOWN = 0,  /* too much was lost, or it is another broadcaster's */
+    CUE_VERIFIED = 1, /* it is the trusted broadcaster's, and as old as age_s says */
+    CUE_FORGED = 2,   /* it is not, or is from another time */
+    CUE_UNSIGNED = 3  /* four in a row carry no proof, E26 */
+} cue_authenticity;
+
+typedef enum cue_proof_reason {
+    CUE_PROOF_FINE = 0,
+    CUE_PROOF_CHANGED = 1,    /* changed on its way */
+    CUE_PROOF_OTHER_TIME = 2, /* older than the tolerance, E24 */
+    CUE_PROOF_NO_TIME = 3,    /* a clock was given, but none when these arrived */
+    CUE_PROOF_NOBODYS = 4,    /* keys that are not the broadcaster's, E19 */
+    CUE_PROOF_NONE = 5,       /* no proofs arrive */
+    CUE_PROOF_NOT_HELD = 6,   /* outside of the announcement's dates, E23 */
+    CUE_PROOF_DOWNGRADED = 7  /* signed superframes were replaced by unsigned ones, E26 */
+} cue_proof_reason;
+
 typedef struct cue_proof {
-    uint8_t status;      /* 0 unknown, 1 verified, 2 forged */
-    uint8_t reason;      /* see cue_explain */
+    uint8_t status;      /* cue_authenticity of the superframe on air at time_s */
+    uint8_t reason;      /* cue_proof_reason */
     uint8_t of[16];      /* first bytes of the broadcaster's public key */
+    float age_s;         /* arrival less the time on air, of the last one checked; 0 without a clock */
 } cue_proof;
 
 typedef struct cue_unreadable {
@@ -290,8 +310,23 @@ CUE_MUST_CHECK cue_status cue_file_read(cue_state *cue, const void *file, size_t
 CUE_MUST_CHECK cue_status cue_voice(cue_state *cue, const void *file, size_t bytes)
     CUE_NONNULL(1, 2);
 
-/* Ed25519 public key of a broadcaster whose cues are expected; NULL trusts none. */
-CUE_MUST_CHECK cue_status cue_trust(cue_state *cue, const uint8_t public_key[32]) CUE_NONNULL(1);
+/* Verify an Ed25519 signature (RFC 8032) with the host's library: 1 if it is right, else 0. */
+typedef int (*cue_verify)(void *context, const uint8_t signature[64], const uint8_t key[32],
+                          const uint8_t *message, size_t bytes);
+
+/* Trust the broadcaster of an announcement: his public file, JSON of spec/authentication.md, E15.
+ * Its signature is checked here, by `verify` or, if that is NULL, by the library's own function
+ * (built with CUE_NO_ED25519 it has none). Another file of the same key continues the first; NULL
+ * trusts none. Superframes then give CUE_EVENT_PROOF. `tolerance_s`: how far arrival may be from the
+ * time on air: 10 for a broadcast, 60 for segments by HTTP (E25).
+ * Errors: CUE_BAD_ARGUMENT (tolerance), CUE_BAD_DATA (E15, E16, E18; see cue_explain). */
+CUE_MUST_CHECK cue_status cue_trust(cue_state *cue, const void *announcement, size_t bytes,
+                                    double tolerance_s, cue_verify verify, void *context)
+    CUE_NONNULL(1);
+
+/* Say what a clock that is trusted shows: the next sample to be pushed arrives at utc_s, seconds since
+ * 1970. Say it at least every 5 s of sound; without, replays are not noticed (E24). */
+CUE_MUST_CHECK cue_status cue_clock(cue_state *cue, double utc_s) CUE_NONNULL(1);
 
 /* ---- Diagnosis -------------------------------------------------------------------------- */
 
@@ -315,7 +350,10 @@ typedef struct cue_diagnosis {
     uint32_t second_failed;      /* received without their L1 */
     uint32_t tried;              /* places tried by the search */
     uint32_t proofs;             /* superframes verified */
-    uint32_t forged;             /* proofs that failed */
+    uint32_t forged;             /* superframes whose proofs failed, or that are from another time */
+    float age_s;                 /* of the last superframe checked (E25); 0 without a clock */
+    uint8_t authenticity;        /* cue_authenticity of the stream */
+    uint8_t proof_reason;        /* cue_proof_reason of the stream */
 } cue_diagnosis;
 
 /* How reception stands. Errors: CUE_BAD_ARGUMENT if the size differs. */

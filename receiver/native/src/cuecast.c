@@ -10,9 +10,9 @@
 enum { RECORDS = 128, MAGIC = 0x43554501 };
 
 typedef struct record {
-    enum { AT_SUPERFRAME = 1, AT_STATE, AT_TIME, AT_END } what;
+    enum { AT_SUPERFRAME = 1, AT_STATE, AT_TIME, AT_CLOCK, AT_END } what;
     cue_reception state;
-    double time_s;
+    double time_s, utc_s;
     cue_superframe superframe;
 } record;
 
@@ -247,6 +247,10 @@ cue_status cue_next(cue_state *cue, cue_event *event) {
         case AT_TIME:
             status = cue_payload_advance(payload_of(cue), r->time_s);
             break;
+        case AT_CLOCK:
+            cue_payload_clock(payload_of(cue), r->time_s, r->utc_s);
+            status = CUE_OK;
+            break;
         case AT_END:
             status = cue_payload_flush(payload_of(cue));
             break;
@@ -297,10 +301,23 @@ cue_status cue_voice(cue_state *cue, const void *file, size_t bytes) {
     return status == CUE_OK ? status : fail(cue, status, (double)bytes);
 }
 
-cue_status cue_trust(cue_state *cue, const uint8_t public_key[32]) {
+cue_status cue_trust(cue_state *cue, const void *announcement, size_t bytes, double tolerance_s,
+                     cue_verify verify, void *context) {
     if (!made(cue)) return CUE_BAD_STATE;
-    cue_status status = cue_payload_trust(payload_of(cue), public_key);
-    return status == CUE_OK ? status : fail(cue, status, 0);
+    cue_status status =
+        cue_payload_trust(payload_of(cue), announcement, bytes, tolerance_s, verify, context);
+    double found = status == CUE_BAD_ARGUMENT ? tolerance_s : (double)bytes;
+    return status == CUE_OK ? status : fail(cue, status, found);
+}
+
+cue_status cue_clock(cue_state *cue, double utc_s) {
+    if (!made(cue)) return CUE_BAD_STATE;
+    if (!(fabs(utc_s) < 1e11)) return fail(cue, CUE_BAD_ARGUMENT, utc_s);
+    double now_s = cue->start_s + (double)cue->heard / cue->config.rate_hz;
+    uint32_t last = (cue->first_record + cue->records - 1) % RECORDS;
+    if (cue->records && cue->queue[last].what == AT_CLOCK) cue->records--;
+    add_record(cue, (record){.what = AT_CLOCK, .time_s = now_s, .utc_s = utc_s});
+    return CUE_OK;
 }
 
 cue_status cue_diagnose(const cue_state *cue, cue_diagnosis *d) {

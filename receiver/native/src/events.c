@@ -92,6 +92,7 @@ cue_status cue_payload_next(cue_payload *p, cue_event *event)
     int32_t newest = -1;
     memset(&event->of, 0, sizeof event->of);
     if (p->marker_frame >= 0) return next_markers(p, event);
+    if (cue_proofs_next(&p->proofs, event) == CUE_OK) return CUE_OK;
     if (p->unreadable) {
         p->unreadable = 0;
         event->kind = CUE_EVENT_UNREADABLE;

@@ -61,6 +61,14 @@ static void say_status(writer *w, cue_status status, double detail, const char *
                "cue_reset() begins anew.");
         break;
     case CUE_BAD_DATA:
+        if (*rule == 'E') {
+            say(w, "The announcement violates ");
+            say(w, rule);
+            say(w, " of spec/authentication.md. E15: it is no such JSON; E16: its signature is not "
+                   "that of the key in it; E18: it is of the first edition, ask the broadcaster "
+                   "for his new one.");
+            break;
+        }
         if (*rule) {
             say(w, "The stream file violates ");
             say(w, rule);
@@ -92,6 +100,26 @@ static void say_status(writer *w, cue_status status, double detail, const char *
     }
 }
 
+/* E24 to E26: how the stream stands, with its age. */
+static void say_proofs(writer *w, const cue_diagnosis *d)
+{
+    static const char *const reasons[] = {
+        "", "changed on its way (E22)", "from another time (E24)",
+        "without a time of arrival: call cue_clock (E24)", "keys are not the broadcaster's (E19)",
+        "no proofs arrive", "the announcement does not hold now (E23)",
+        "signed cues were replaced by unsigned ones (E26)"};
+    if (d->authenticity == CUE_UNSIGNED) say(w, ", unsigned now");
+    if (d->proof_reason && d->proof_reason < sizeof reasons / sizeof reasons[0]) {
+        say(w, ", ");
+        say(w, reasons[d->proof_reason]);
+    }
+    if (d->proofs + d->forged > 0) {
+        say(w, ", age ");
+        count(w, (double)d->age_s, 1);
+        say(w, " s");
+    }
+}
+
 static void say_reception(writer *w, const cue_diagnosis *d)
 {
     static const char *const states[5] = {"Searching", "Locked", "Degraded", "Lost", "Ended"};
@@ -115,7 +143,9 @@ static void say_reception(writer *w, const cue_diagnosis *d)
     count(w, d->proofs, 0);
     say(w, " verified, ");
     count(w, d->forged, 0);
-    say(w, " forged. ");
+    say(w, " forged");
+    say_proofs(w, d);
+    say(w, ". ");
     if (d->superframes > 0) {
         if (d->failed > d->superframes)
             say(w, "Most superframes fail: the sound was coded at a low rate, mixed with another, "

@@ -25,9 +25,12 @@ cue_status cue_payload_init(cue_payload *payload, const cue_config *config);
 /* Drop the timeline; keep voice, tables and trust. */
 cue_status cue_payload_reset(cue_payload *payload);
 
-/* Load voice and tables (see cue_voice); trust a broadcaster (see cue_trust). */
+/* Load voice and tables (see cue_voice); trust a broadcaster (see cue_trust); take a clock's time of
+ * the sample at time_s (see cue_clock). */
 cue_status cue_payload_voice(cue_payload *payload, const void *file, size_t bytes);
-cue_status cue_payload_trust(cue_payload *payload, const uint8_t public_key[32]);
+cue_status cue_payload_trust(cue_payload *payload, const void *announcement, size_t bytes,
+                             double tolerance_s, cue_verify verify, void *context);
+void cue_payload_clock(cue_payload *payload, double time_s, double utc_s);
 
 /* Take a superframe. They arrive in order of time, except that those with `late` set (read from
  * sound before the lock) follow a newer one; lost ones have l0_bytes = 0. */
@@ -49,16 +52,16 @@ cue_status cue_payload_flush(cue_payload *payload);
  * _LOST: those come from the hearing half. */
 cue_status cue_payload_next(cue_payload *payload, cue_event *event);
 
-/* Fill proofs and forged of a diagnosis. */
+/* Fill what a diagnosis says of proofs. */
 void cue_payload_diagnose(const cue_payload *payload, cue_diagnosis *diagnosis);
 
 /* Text of a status (explain.c): value, limit, paragraph and likely cause. `detail` is the number
- * that the failing call kept, `rule` the paragraph that a stream file violates, `diagnosis` how
+ * that the failing call kept, `rule` the paragraph that a file violates, `diagnosis` how
  * reception stands. */
 cue_status cue_explain_text(cue_status status, double detail, const char *rule,
                             const cue_diagnosis *diagnosis, char *text, size_t bytes);
 
-/* Paragraph that the stream file which was opened last violates, "" for none. */
+/* Paragraph that the file which was given last violates, "" for none. */
 const char *cue_payload_broken(const cue_payload *payload);
 
 #endif

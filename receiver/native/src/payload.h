@@ -9,7 +9,7 @@
 #ifndef CUE_PAYLOAD_H
 #define CUE_PAYLOAD_H
 
-#include "internal.h"
+#include "proofs.h"
 
 enum {
     TICKS = CUE_TICKS,
@@ -36,7 +36,8 @@ enum {
 /* Result of reading bits: CUE_OK as 0, else the paragraph that is broken. */
 typedef enum cue_rule {
     RULE_NONE, RULE_H1, RULE_H2, RULE_H6, RULE_M2, RULE_F1,
-    RULE_F2, RULE_F3, RULE_F4, RULE_F5, RULE_F6, RULE_F7, RULE_F10
+    RULE_F2, RULE_F3, RULE_F4, RULE_F5, RULE_F6, RULE_F7, RULE_F10,
+    RULE_E15, RULE_E16, RULE_E18
 } cue_rule;
 
 const char *cue_rule_name(cue_rule rule);
@@ -328,6 +329,7 @@ struct cue_payload {
     cue_rule broken;            /* by the file that was opened last */
     double from_s, until_s;     /* frames outside are not reported */
     cue_file file;
+    cue_proofs proofs;
     cue_slot slot[SLOTS];
     cue_tables tables;
     cue_bases bases;
@@ -362,7 +364,5 @@ double cue_exponential(double x);
 double cue_power(double x, double exponent);
 double cue_cos(double angle);
 static inline double cue_sine(double angle) { return cue_cos(angle - 1.57079632679489661923); }
-
-void cue_sha256(const uint8_t *data, size_t bytes, uint8_t digest[32]);
 
 #endif

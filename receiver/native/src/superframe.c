@@ -19,8 +19,8 @@ static const uint16_t SHARE[3] = {12288, 4096, 16384};
 
 const char *cue_rule_name(cue_rule rule)
 {
-    static const char NAMES[][4] = {"",   "H1", "H2", "H6", "M2", "F1",
-                                    "F2", "F3", "F4", "F5", "F6", "F7", "F10"};
+    static const char NAMES[][4] = {"",   "H1", "H2", "H6", "M2",  "F1",  "F2",  "F3",
+                                    "F4", "F5", "F6", "F7", "F10", "E15", "E16", "E18"};
     return NAMES[rule];
 }
 

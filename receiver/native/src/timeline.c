@@ -29,6 +29,7 @@ cue_status cue_payload_reset(cue_payload *p)
     p->last = p->newest_lost = 0;
     p->foreign = 0;
     p->marker_frame = -1;
+    cue_proofs_reset(&p->proofs);
     p->from_s = -1e300;
     p->until_s = 1e300;
     memset(&p->file, 0, sizeof p->file);
@@ -42,6 +43,7 @@ cue_status cue_payload_init(cue_payload *p, const cue_config *config)
     memset(p, 0, sizeof *p);
     p->with_markers = config->markers != 0;
     p->with_lips = 1;
+    cue_proofs_init(&p->proofs);
     return cue_payload_reset(p);
 }
 
@@ -451,6 +453,7 @@ cue_status cue_payload_take(cue_payload *p, const cue_superframe *s)
 {
     cue_rule rule;
     if (s->l0_bytes > CUE_L0_MOST || s->l1_bytes > CUE_L1_MOST) return CUE_BAD_ARGUMENT;
+    cue_proofs_take(&p->proofs, s->l0, s->l0_bytes, s->time_s);
     return cue_payload_put(p, s->l0, s->l0_bytes, s->l1, s->l1_bytes, s->time_s, &rule);
 }
 
@@ -465,19 +468,8 @@ cue_status cue_payload_advance(cue_payload *p, double now_s)
 
 cue_status cue_payload_flush(cue_payload *p)
 {
+    cue_proofs_end(&p->proofs);
     if (!p->model.loaded) return CUE_OK;
     for (int32_t k = p->last - 2; p->started && k <= p->last + 1; k++) read_keys(p, k, 1);
     return CUE_OK;
-}
-
-cue_status cue_payload_trust(cue_payload *p, const uint8_t public_key[32])
-{
-    (void)p;
-    return public_key ? CUE_BAD_ARGUMENT : CUE_OK; /* proofs.c */
-}
-
-void cue_payload_diagnose(const cue_payload *p, cue_diagnosis *diagnosis)
-{
-    diagnosis->proofs = diagnosis->forged = 0;
-    (void)p;
 }

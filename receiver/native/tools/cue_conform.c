@@ -2,7 +2,7 @@
  *
  * The protocol is in docs/reference/conformance.md. Requests are flat objects without blanks around
  * colons; this program looks fields up by name and is no JSON parser.
- * Build: cc -std=c11 -O2 -Iinclude -Isrc tools/cue_conform.c src/[a-z]*.c -lm -o cue_conform
+ * Build: as tools/cue_dec.c, by build.py.
  */
 #include "payload.h"
 
@@ -319,6 +319,104 @@ static void do_sound(void)
     if (in) fclose(in);
 }
 
+/* The next whole number of a list, -1 at its end; numbers may be -1 themselves. */
+static int list_of(const char *name, int32_t *out, int most)
+{
+    const char *at = field(name);
+    int n = 0;
+    while (at && *at && *at != ']' && n < most) {
+        if (*at == '-' || (*at >= '0' && *at <= '9'))
+            out[n++] = (int32_t)strtol(at, (char **)&at, 10);
+        else
+            at++;
+    }
+    return n;
+}
+
+static void do_step(void)
+{
+    cue_chain chain;
+    uint8_t channel[64], key[64];
+    hex("channel", channel);
+    hex("key", key);
+    cue_chain_of(&chain, channel, number("period", 0), (int)number("width", 9));
+    cue_chain_before(&chain, key, number("block", 0), 1);
+    printf("{");
+    print_hex("before", key, KEY_BYTES);
+    printf("}\n");
+}
+
+static void do_tag(void)
+{
+    uint8_t channel[64], key[64];
+    hex("channel", channel);
+    hex("key", key);
+    size_t bytes = hex("covered", first_bytes);
+    printf("{\"tag\":%u}\n",
+           cue_tag(channel, key, (int)number("distance", 1), first_bytes, bytes));
+}
+
+static void do_agree(void)
+{
+    static const char *const words[3] = {"null", "false", "true"};
+    const cue_proof_layout *layout = &cue_proof_layouts[number("width", 9) == 9];
+    cue_parities found = {{0}, {0}, {0}};
+    list_of("checks", found.check, MOST_CHECKS);
+    int count = list_of("tags", found.tag, LONGEST_BLOCK);
+    for (int i = 0; i < count; i++) found.missing[i] = found.tag[i] < 0;
+    printf("{\"agree\":%s}\n", words[1 + cue_parities_agree(&found, layout, 2)]);
+}
+
+static void do_trust(void)
+{
+    size_t bytes = hex("file", first_bytes);
+    double tolerance_s = (double)number("tolerance_ms", 10000) / 1000;
+    (void)cue_payload_trust(payload, 0, 0, 0, 0, 0);
+    if (cue_payload_trust(payload, first_bytes, bytes, tolerance_s, 0, 0) == CUE_OK)
+        printf("{\"trusted\":true}\n");
+    else
+        printf("{\"trusted\":false,\"section\":\"%s\"}\n", cue_payload_broken(payload));
+}
+
+static cue_event verdicts[1024];
+static int n_verdicts;
+
+static void collect_verdicts(void)
+{
+    if (n_verdicts == 1024) n_verdicts = 0;
+    while (n_verdicts < 1024 && cue_proofs_next(&payload->proofs, &verdicts[n_verdicts]) == CUE_OK)
+        n_verdicts++;
+}
+
+static void do_proof(void)
+{
+    cue_arrived one = {.index = (int32_t)number("index", 0), .agreed = -1};
+    size_t bytes = hex("covered", first_bytes);
+    one.bytes = (uint8_t)(bytes < COVERED ? bytes : COVERED);
+    memcpy(one.covered, first_bytes, one.bytes);
+    one.proof = (uint16_t)number("field", 0);
+    one.width = (uint8_t)number("width", 9);
+    one.utc_s = field("utc_ms") ? (double)number("utc_ms", 0) / 1000 : (double)NAN;
+    one.time_s = one.index;
+    cue_proofs_add(&payload->proofs, &one);
+    collect_verdicts();
+    printf("{}\n");
+}
+
+static void do_verdicts(void)
+{
+    static const char *const words[4] = {"unknown", "verified", "forged", "unsigned"};
+    payload->proofs.started = true;
+    cue_proofs_end(&payload->proofs);
+    collect_verdicts();
+    printf("{\"statuses\":{");
+    for (int i = 0; i < n_verdicts; i++)
+        printf("%s\"%.0f\":\"%s\"", i ? "," : "", verdicts[i].time_s,
+               words[verdicts[i].of.proof.status & 3]);
+    printf("}}\n");
+    n_verdicts = 0;
+}
+
 static void answer(void)
 {
     char what[32];
@@ -326,7 +424,7 @@ static void answer(void)
     text("do", what, sizeof what);
     if (!strcmp(what, "hello")) {
         printf("{\"name\":\"cuecast native\",\"protocol\":1,\"format\":%d,"
-               "\"does\":[\"superframe\",\"draw\",\"file\",\"sound\"]}\n", CUE_FORMAT);
+               "\"does\":[\"superframe\",\"draw\",\"file\",\"proofs\",\"sound\"]}\n", CUE_FORMAT);
     } else if (!strcmp(what, "voice")) {
         printf("{\"loaded\":%s,", load_voice() ? "true" : "false");
         printf("\"malformed_at\":%d}\n", (int)payload->bad_at - 1);
@@ -349,6 +447,18 @@ static void answer(void)
         do_draw();
     } else if (!strcmp(what, "file")) {
         do_file();
+    } else if (!strcmp(what, "step")) {
+        do_step();
+    } else if (!strcmp(what, "tag")) {
+        do_tag();
+    } else if (!strcmp(what, "agree")) {
+        do_agree();
+    } else if (!strcmp(what, "trust")) {
+        do_trust();
+    } else if (!strcmp(what, "proof")) {
+        do_proof();
+    } else if (!strcmp(what, "verdicts")) {
+        do_verdicts();
     } else if (!strcmp(what, "sound")) {
         do_sound();
     } else {

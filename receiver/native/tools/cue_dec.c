@@ -2,8 +2,9 @@
  *
  *     cue_dec [--rate HZ] [--channels N] [--format f32|s16] [--key K] [--start S] [--block FRAMES]
  *             [--voice FILE] [--markers] [--no-history] [--time] [--file S.cue]
+ *             [--trust PUBLIC.json [--tolerance S] [--utc S]]
  *
- * With --file a stream file is read in place of sound.
+ * --utc is the time at which the first sample arrives, seconds since 1970. With --file a stream file is read in place of sound.
  * Numbers are little-endian, channels interleaved. The last line is the diagnosis. Exit: 0 events
  * were found, 1 none, 2 wrong usage, 3 malformed voice or file. A tool of the host's side: it may allocate.
  */
@@ -16,6 +17,8 @@
 #include "cuecast.h"
 
 static const char *const states[] = {"searching", "locked", "degraded", "lost", "ended"};
+
+static const char *const statuses[] = {"unknown", "verified", "forged", "unsigned"};
 
 static void print_hex(const char *name, const uint8_t *bytes, int count) {
     if (!count) {
@@ -75,8 +78,8 @@ static void print_event(const cue_event *e) {
         putchar(']');
         break;
     case CUE_EVENT_PROOF:
-        printf("\"kind\":\"proof\",\"status\":%u,\"reason\":%u", e->of.proof.status,
-               e->of.proof.reason);
+        printf("\"kind\":\"proof\",\"status\":\"%s\",\"reason\":%u,\"age_s\":%.2f",
+               statuses[e->of.proof.status & 3], e->of.proof.reason, (double)e->of.proof.age_s);
         break;
     case CUE_EVENT_UNREADABLE:
         printf("\"kind\":\"unreadable\",\"identity\":%u,\"version\":%u", e->of.unreadable.identity,
@@ -157,7 +160,8 @@ static int usage(const char *what) {
 
 int main(int argc, char **argv) {
     cue_config config = cue_default_config(48000, 2);
-    const char *voice = NULL, *stream = NULL;
+    const char *voice = NULL, *stream = NULL, *trusted = NULL;
+    double tolerance_s = 10, utc_s = 0, pushed_s = 0;
     size_t block = 4800;
     int words = 0, timed = 0, found = 0;
     for (int i = 1; i < argc; i++) {
@@ -174,6 +178,9 @@ int main(int argc, char **argv) {
         else if (!strcmp(name, "--block")) block = strtoul(value, NULL, 10);
         else if (!strcmp(name, "--voice")) voice = value;
         else if (!strcmp(name, "--file")) stream = value;
+        else if (!strcmp(name, "--trust")) trusted = value;
+        else if (!strcmp(name, "--tolerance")) tolerance_s = strtod(value, NULL);
+        else if (!strcmp(name, "--utc")) utc_s = strtod(value, NULL);
         else return usage("unknown option");
     }
     size_t bytes = cue_size(&config), width = config.channels * (words ? 2 : sizeof(float)), frames;
@@ -190,10 +197,23 @@ int main(int argc, char **argv) {
         }
         free(file);
     }
+    if (trusted) {
+        char text[512] = "cannot read";
+        size_t size;
+        void *file = read_file(trusted, &size);
+        if (!file || cue_trust(cue, file, size, tolerance_s, NULL, NULL) != CUE_OK) {
+            if (file && cue_explain(cue, text, sizeof text) != CUE_OK) return 3;
+            fprintf(stderr, "cue_dec: %s: %s\n", trusted, text);
+            return 3;
+        }
+        free(file);
+    }
     if (stream) return read_stream(cue, stream);
     clock_t start = clock();
     do {
         frames = fread(samples, width, block, stdin);
+        if (utc_s != 0 && cue_clock(cue, utc_s + pushed_s) != CUE_OK) return usage("--utc");
+        pushed_s += (double)frames / config.rate_hz;
         cue_status status = !frames ? cue_flush(cue)
                             : words ? cue_push_s16(cue, samples, frames)
                                     : cue_push(cue, samples, frames);

@@ -13,13 +13,13 @@ const $decoder = (() => {
 const FRAMES = 4096;
 const ALIGNMENT = 16;
 const PAGE_BYTES = 65536;
-const ROOM = { config: 64, event: 2048, diagnosis: 104, text: 512, info: 32 };
+const ROOM = { config: 64, event: 2048, diagnosis: 112, text: 512, info: 32 };
 const CONFIG = { startS: 24, history: 36 };
 const EVENT = { kind: 4, timeS: 8, body: 16 };
 const INFO = { startS: 8, durationS: 16, superframes: 24 };
 
 const STATES = ["searching", "locked", "degraded", "lost", "ended"];
-const PROOFS = ["unknown", "verified", "forged"];
+const PROOFS = ["unknown", "verified", "forged", "unsigned"];
 const PLACEMENTS = ["rest", "side", "mouth", "chin", "cheek", "throat"];
 
 /** Symbols of the phones by number, rule G4 of the bit stream; 0 is a pause. */
@@ -165,6 +165,7 @@ class Decoder {
       clockPpm: view.getFloat32(at + 60, true),
       firstLockS: view.getFloat64(at + 72, true),
       superframes: count(80), failed: count(84), secondFailed: count(88), proofs: count(96), forged: count(100),
+      ageS: view.getFloat32(at + 104, true), authenticity: PROOFS[view.getUint8(at + 108)],
     };
   }
 
@@ -191,6 +192,8 @@ const READERS = {
   9: (view, at) => ({
     kind: "proof",
     status: PROOFS[view.getUint8(at)],
+    reason: view.getUint8(at + 1),
+    ageS: view.getFloat32(at + 20, true),
     of: Array.from(new Uint8Array(view.buffer, at + 2, 16), (byte) => byte.toString(16).padStart(2, "0")).join(""),
   }),
   10: (view, at) => ({ kind: "unreadable", identity: view.getUint16(at, true), version: view.getUint8(at + 2) }),

@@ -11,7 +11,13 @@ export interface Diagnosis {
   secondFailed: number;
   proofs: number;
   forged: number;
+  /** Arrival less the time on air of the last superframe checked; 0 without a clock. */
+  ageS: number;
+  authenticity: Authenticity;
 }
+
+/** Whose superframes are (spec/authentication.md). */
+export type Authenticity = "unknown" | "verified" | "forged" | "unsigned";
 
 export type Placement = "rest" | "side" | "mouth" | "chin" | "cheek" | "throat";
 
@@ -33,7 +39,7 @@ export type DecodedEvent =
   | { kind: "lost"; timeS: number; count: number }
   | DecodedKey
   | { kind: "motion"; timeS: number; revision: number; layers: number; values: Float32Array }
-  | { kind: "proof"; timeS: number; status: "unknown" | "verified" | "forged"; of: string }
+  | { kind: "proof"; timeS: number; status: Authenticity; reason: number; ageS: number; of: string }
   | { kind: "unreadable"; timeS: number; identity: number; version: number };
 
 export const PHONES: readonly string[];

@@ -10,7 +10,7 @@ import pytest
 
 NATIVE = Path(__file__).parents[3] / "receiver" / "native"
 FLAGS = ("-std=c11", "-O2", "-Wall", "-Wextra", "-Wconversion")
-INCLUDES = (f"-I{NATIVE / 'include'}", f"-I{NATIVE / 'src'}")
+INCLUDES = tuple(f"-I{NATIVE / name}" for name in ("include", "src", "vendor/monocypher"))
 SANITIZE = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 
@@ -24,6 +24,8 @@ def library(*flags: str) -> tuple[str, str]:
     folder = Path(tempfile.mkdtemp())
     sources = sorted(str(path) for path in (NATIVE / "src").glob("*.c"))
     _quietly([compiler, *FLAGS, *flags, *INCLUDES, "-c", *sources], folder)
+    vendored = sorted(str(path) for path in NATIVE.glob("vendor/*/*.c"))
+    _quietly([compiler, "-std=c11", "-O2", "-w", *flags, "-c", *vendored], folder)
     objects = sorted(str(path) for path in folder.glob("*.o"))
     _quietly([archiver, "rcs", "libcuecast.a", *objects], folder)
     return compiler, str(folder / "libcuecast.a")
