@@ -4,6 +4,7 @@ import ast
 import importlib
 import inspect
 import re
+import textwrap
 from itertools import pairwise
 from typing import Any
 
@@ -131,7 +132,7 @@ def _default(value: Any) -> Any:
 def _items(body: str) -> str:
     """Return the entries of a section as a list: a name or type, then an indented description."""
     lines: list[str] = []
-    for line in inspect.cleandoc(body).splitlines():
+    for line in textwrap.dedent(body).splitlines():
         if line and not line[0].isspace():
             found = _ITEM.match(line)
             assert found is not None
