@@ -4,8 +4,8 @@ import globals from "globals";
 export default [
   js.configs.recommended,
   {
-    files: ["receiver/page/*.js"],
-    languageOptions: { ecmaVersion: 2022, sourceType: "module", globals: globals.browser },
+    files: ["receiver/page/*.js", "receiver/web/src/*.js"],
+    languageOptions: { ecmaVersion: 2022, sourceType: "module", globals: { ...globals.browser, ...globals.audioWorklet } },
     rules: {
       eqeqeq: "error",
       "no-var": "error",

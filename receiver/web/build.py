@@ -19,7 +19,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from codec.cuer.voice import load_voice
+from codec.cuer.voice import Voice, load_voice
 from receiver.native.build import MODULE, build_module, imports_of, source_digest
 from receiver.web.voice_files import write_voice
 
@@ -109,6 +109,19 @@ def with_tables(text: str) -> str:
     return re.sub(pattern, lambda m: m[1] + reasons_table() + m[2], text, flags=re.DOTALL)
 
 
+def write_package(folder: Path, voice: Voice) -> None:
+    """Write the npm package: what is checked in, with a voice and the licence."""
+    (folder / "dist").mkdir(parents=True)
+    for name in (*ENTRIES, WASM.name):
+        shutil.copyfile(DIST / name, folder / "dist" / name)
+    write_voice(folder / "dist", voice)
+    (folder / "types").mkdir()
+    for path in HERE.glob("types/*.d.ts"):
+        shutil.copyfile(path, folder / "types" / path.name)
+    for path in (README, HERE / "package.json", HERE.parents[1] / "LICENSE"):
+        shutil.copyfile(path, folder / path.name)
+
+
 def record_of() -> dict[str, str]:
     """SHA-256 of all sources by their path in `receiver`, and of what was made."""
     files = {source for entry in ENTRIES.values() for source in bundle(HERE / "src" / entry)[1]}
@@ -132,7 +145,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--wasm", action="store_true", help="build the module too, by zig")
     parser.add_argument("--module", type=Path, help="take this module, just built")
-    parser.add_argument("--voice", metavar="V", help="write a voice's files, too (not checked in)")
+    parser.add_argument(
+        "--package", type=Path, metavar="DIR", help="write a folder for npm publish"
+    )
+    parser.add_argument("--voice", default="claire", metavar="V", help="the package's cuer")
     chosen = parser.parse_args(arguments)
     DIST.mkdir(exist_ok=True)
     if chosen.wasm:
@@ -149,8 +165,8 @@ def main(arguments: list[str] | None = None) -> int:
         (DIST / name).write_text(bundle(HERE / "src" / entry)[0], encoding="utf-8")
     RECORD.write_text(json.dumps(record_of(), indent=1) + "\n", encoding="utf-8")
     README.write_text(with_tables(README.read_text(encoding="utf-8")), encoding="utf-8")
-    if chosen.voice:
-        write_voice(DIST, load_voice(chosen.voice))
+    if chosen.package:
+        write_package(chosen.package, load_voice(chosen.voice))
     return 0
 
 

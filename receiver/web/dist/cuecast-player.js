@@ -1616,12 +1616,16 @@ class CuecastPlayer extends HTMLElement {
     return new URL(this.getAttribute("base") || ".", this.hasAttribute("base") ? document.baseURI : import.meta.url).href;
   }
 
+  set base(address) {
+    this.setAttribute("base", address);
+  }
+
   get media() {
     return /** @type {HTMLMediaElement | null} */ (this.querySelector("video, audio"));
   }
 
   /** Keys known so far around the present time: {start, end, shape, placement, phones}, media seconds. */
-  get keys() {
+  get keyList() {
     return this.timeline ? [...this.timeline.keys] : [];
   }
 
@@ -1755,7 +1759,7 @@ class CuecastPlayer extends HTMLElement {
     const sound = this.stage.video.readyState > 0 && !this.stage.video.videoWidth;
     this.stage.root.classList.toggle("sound", sound);
     this.stage.arrange(this, this.model.aspect);
-    this.avatar && (this.avatar.canvas.hidden = !this.showsAvatar());
+    if (this.avatar) this.avatar.canvas.hidden = !this.showsAvatar();
     this.points.canvas.hidden = this.showsAvatar();
     this.stage.keysLine.hidden = !this.get("keys");
     for (const view of [this.points, this.avatar]) view?.canvas.setAttribute("aria-label", this.words().cuer);

@@ -25,8 +25,8 @@ export interface CuecastPlayerEvents {
 
 export class CuecastPlayer extends HTMLElement {
   readonly media: HTMLMediaElement | null;
-  readonly base: string;
-  readonly keys: CuecastKey[];
+  base: string;
+  readonly keyList: CuecastKey[];
   readonly reason: string;
   readonly diagnosis?: Diagnosis;
   addEventListener<K extends keyof CuecastPlayerEvents>(

@@ -143,7 +143,7 @@ async def _pause(page: Tab, sent: Sent) -> None:
     assert await page.evaluate(f"{PLAYER}.drawn.visibility") == 1
     await page.evaluate(f"void {MEDIA}.play()")
     await page.until(f"{MEDIA}.currentTime > 10")
-    assert shapes(await page.evaluate(f"{PLAYER}.keys"), 3, 9.9) == shapes(sent, 3, 9.9)
+    assert shapes(await page.evaluate(f"{PLAYER}.keyList"), 3, 9.9) == shapes(sent, 3, 9.9)
 
 
 async def _rates(page: Tab) -> None:
@@ -177,6 +177,6 @@ async def _hide(page: Tab, sent: Sent) -> None:
     assert await page.evaluate("ticks.at(-1)[2]") == 1
     end_s = await position(page)
     assert end_s > begin_s + 3
-    assert shapes(await page.evaluate(f"{PLAYER}.keys"), begin_s, end_s) == shapes(
+    assert shapes(await page.evaluate(f"{PLAYER}.keyList"), begin_s, end_s) == shapes(
         sent, begin_s, end_s
     )

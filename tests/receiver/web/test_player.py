@@ -118,7 +118,7 @@ def test_searches_sound_without_a_cuer(folder: Path) -> None:
             await page.evaluate(f"{PLAYER}.media.play()")
             await page.until(f"{PLAYER}.reason === 'no-mark'")
             assert await page.evaluate(f"{PLAYER}.diagnosis.superframes") == 0
-            assert await page.evaluate(f"{PLAYER}.keys.length") == 0
+            assert await page.evaluate(f"{PLAYER}.keyList.length") == 0
             assert page.errors == []
 
     asyncio.run(run())
