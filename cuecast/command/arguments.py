@@ -38,7 +38,7 @@ def add_text(parser: argparse.ArgumentParser) -> None:
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument(
         "text", nargs="?", metavar="TEXT",
-        help=f"French text; {REST_S:g} s of rest come first, in which the hand rises",
+        help=f"French text; {REST_S:g} s of rest come first: the hand rises",
     )  # fmt: skip
     source.add_argument(
         "--file", metavar="SUBS",
@@ -71,16 +71,16 @@ def add_subtitle_terms(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("how subtitles are read")
     group.add_argument(
         "--strict", action="store_true",
-        help="refuse a file with a bad subtitle (default: it is left out and told)",
+        help="refuse a file with a bad subtitle (default: it is skipped and reported)",
     )  # fmt: skip
     group.add_argument(
         "--offset", type=seconds, metavar="S",
         help="added to the times of the subtitles, negative for earlier (default: the file's own "
-        "hints tell when the programme starts, such as a tape's ten o'clock)",
+        "hints give the programme's start, such as a tape's ten o'clock)",
     )  # fmt: skip
     group.add_argument(
         "--everything", action="store_true",
-        help="cue credits and what is not French as well, by the rules of French",
+        help="cue credits and other languages as well, by the rules of French",
     )  # fmt: skip
     group.add_argument(
         "--subtitle-profile", choices=("fr-sdh", "plain"), default="fr-sdh",
@@ -104,8 +104,8 @@ def add_pace(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     group.add_argument(
         "--keys-per-second", type=positive, default=4.0, metavar="N",
-        help="as fast as she means to be, 4 by default, and never faster by more than a quarter; "
-        "what has no room then is left out, the least important words first",
+        help="rate to aim at, 4 by default, never exceeded by more than a quarter; "
+        "words without room are left out, the least important first",
     )  # fmt: skip
     group.add_argument(
         "--syllables-per-second", type=positive, default=2.5, metavar="N",
@@ -126,7 +126,7 @@ def add_motion(parser: argparse.ArgumentParser) -> None:
     """Add how the cuer's motion is made."""
     parser.add_argument(
         "--method", choices=("rules", "units"),
-        help="gestures by rule, or joined from recorded units",
+        help="rule-based gestures, or joined from recorded units",
     )  # fmt: skip
     parser.add_argument(
         "--units", metavar="FOLDER", help="recordings that `voice build` made of a speaker"

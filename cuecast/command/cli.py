@@ -58,7 +58,7 @@ def build_parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     common.add_argument(
         "--cache", metavar="DIR", default=argparse.SUPPRESS,
-        help="keep compiled code in DIR, which nobody else can write",
+        help="keep compiled code in DIR, a folder that only you can write",
     )  # fmt: skip
     parser = _Parser(
         prog="cuecast",

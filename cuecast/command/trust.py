@@ -28,7 +28,7 @@ HOLD_S = 30.0
 def add_trust(parser: argparse.ArgumentParser) -> None:
     """Add the options of who receives."""
     whose = parser.add_mutually_exclusive_group()
-    whose.add_argument("--verify", metavar="PUBLIC", help="tell whether the cues are of this key")
+    whose.add_argument("--verify", metavar="PUBLIC", help="report whether the cues are of this key")
     whose.add_argument("--trust", metavar="PUBLIC", help="show only cues verified by this key")
     parser.add_argument(
         "--late", type=positive, metavar="S",

@@ -84,11 +84,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     keys = parser.add_argument_group("keys").add_mutually_exclusive_group()
     keys.add_argument(
-        "--score", metavar="T.TextGrid", help="what was said and when, if that is known"
+        "--score", metavar="T.TextGrid", help="transcript with times, if that is known"
     )
     keys.add_argument(
         "--text", metavar="TEXT|FILE",
-        help="what was said, its times unknown: French, or phones apart by spaces",
+        help="transcript without times: French, or phones apart by spaces",
     )  # fmt: skip
     keys.add_argument("--no-keys", action="store_true", help="do not recognise keys")
     add_json(parser)

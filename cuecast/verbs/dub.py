@@ -46,7 +46,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     source.add_argument("--motion", metavar="M.npz", help="motion of the cuer")
     parser.add_argument("-o", "--output", metavar="OUT", help="the programme with its cuer")
     add_on_air(parser, "when a signed programme begins on air (default: now)")
-    parser.add_argument("--report", metavar="R.json", help="what was done; - prints it")
+    parser.add_argument("--report", metavar="R.json", help="report of the work; - prints it")
     add_json(parser)
     add_dubbing(parser)
 
@@ -90,7 +90,7 @@ def add_dubbing(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--no-grade", action="store_true", help="do not run the quality meter")
     parser.add_argument(
-        "--no-read-back", action="store_true", help="do not receive what was written"
+        "--no-read-back", action="store_true", help="do not receive the written file"
     )
     parser.add_argument(
         "--replace", action="store_true", help="write over the cuer that the programme has already"

@@ -24,7 +24,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     told = parser.add_mutually_exclusive_group()
     told.add_argument(
         "--keep-score", action="store_true",
-        help="tell the score, and so the keys, whatever it costs (default: if the file is at most "
+        help="keep the score, and so the keys, at any cost (default: if the file is at most "
         "1 %% larger with it, or less exact at the rate)",
     )  # fmt: skip
     told.add_argument(

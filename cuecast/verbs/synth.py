@@ -33,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_text(parser)
     parser.add_argument("-o", "--output", required=True, metavar="M.npz", help="motion")
     parser.add_argument(
-        "--speech", metavar="S.wav", help="what is said, spoken in step; asks for --method units"
+        "--speech", metavar="S.wav", help="the speech, in step; asks for --method units"
     )
     parser.add_argument(
         "--align", metavar="AUDIO", help="recording of the text: the cuer moves with its voice"

@@ -20,7 +20,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--port", type=natural, default=8080, metavar="N", help="0: any free one")
     parser.add_argument("--host", default="127.0.0.1", help="address to answer at")
-    parser.add_argument("--motion", metavar="M.npz", help="show this motion, not what is received")
+    parser.add_argument("--motion", metavar="M.npz", help="show this motion, not the received one")
     add_trust(parser)
     parser.add_argument(
         "--hold", type=not_negative, metavar="S",
