@@ -211,12 +211,23 @@ def _tell(report: dict[str, Any]) -> None:
     found = report["read_back"]
     keys, through = found["keys"], found["through"]
     way = f" through {through}" if through else ""
-    note(f"read back{way}: {keys['received']} of {keys['sent']} keys")
+    note(f"read back{way}: {keys['received']} of {keys['sent']} keys{_elsewhere(keys)}")
     coded_bps = {
         name: one["coded_bps"] for name, one in report["carriers"].items() if "coded_bps" in one
     }
     for line in shortfalls(found, coded_bps):
         note(f"warning: {line}")
+
+
+def _elsewhere(keys: dict[str, Any]) -> str:
+    """Return in words what became of the keys that no superframe could hold."""
+    reasons = {
+        "before_the_first": "before the first superframe", "in_silence": "in silence",
+        "after_the_last": "after the last superframe",
+    }  # fmt: skip
+    found = keys["not_on_air"]
+    words = [f"{found[name]} {where}" for name, where in reasons.items() if found[name]]
+    return f"; {keys['outside']} not on air: {', '.join(words)}" if words else ""
 
 
 def _motion(

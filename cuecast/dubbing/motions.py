@@ -20,8 +20,12 @@ if TYPE_CHECKING:
 RATE_HZ = 50.0
 """Frames per second of the motion inside superframes."""
 
-_WINDOW = 64
-"""Frames of a motion that are made at once."""
+_WINDOW = 512
+"""Frames of a motion that are made at once: 64 take twice the time each."""
+
+
+_SAME_FRAME = 1e-6
+"""Frames within which two times are of the same frame."""
 
 
 class MotionSource(Protocol):
@@ -89,9 +93,10 @@ class SynthesisedMotion:
         self._synthesiser = ruled_cuer(
             voice, rate_hz=RATE_HZ, seed=seed, options=options, alignment=alignment
         )
+        self._made: Motion | None = None
 
     def window(self, start_s: float, frames: int) -> Motion:
-        """Return a window of the motion.
+        """Return a window of the motion; what comes after it is made with it.
 
         Parameters
         ----------
@@ -102,7 +107,17 @@ class SynthesisedMotion:
         -------
         Motion
         """
-        return self._synthesiser.motion(self.score, start_s, frames, self._voice)
+        made, at = self._made, 0
+        if made is not None:
+            ahead = (start_s - made.start_s) * RATE_HZ
+            at = round(ahead)
+            if abs(ahead - at) > _SAME_FRAME or not 0 <= at <= len(made.params) - frames:
+                made, at = None, 0
+        if made is None:
+            made = self._made = self._synthesiser.motion(
+                self.score, start_s, max(frames, _WINDOW), self._voice
+            )
+        return replace(made, params=made.params[at : at + frames].copy(), start_s=start_s)
 
 
 def ruled_motion(pieces: Iterable[Score], cuer: RuledCuer, voice: Voice) -> Iterator[Motion]:

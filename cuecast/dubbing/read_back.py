@@ -124,7 +124,7 @@ def read_back(
     dict
         ``through``, ``carriers`` (each with ``sent``, ``received``, ``lost``, ``share``) and
         ``keys``: those that the superframes ``sent`` can hold, ``received`` of them, and
-        ``outside``: those that no superframe of this programme can.
+        ``outside``: those that no superframe of this programme can, ``not_on_air`` by reason.
     """
     with tempfile.TemporaryDirectory(prefix=".cuecast-", dir=Path(target).parent) as folder:
         heard = None
@@ -148,8 +148,27 @@ def read_back(
         "keys": {
             "sent": len(within), "received": _matching(within, found),
             "outside": len(all_keys) - len(within),
+            "not_on_air": _not_on_air(all_keys, within, lead, sent.silent, on_air),
         },
     }  # fmt: skip
+
+
+def _not_on_air(
+    keys: list[Key], within: list[Key], lead: int, silent: list[tuple[float, float]],
+    on_air: set[int],
+) -> dict[str, int]:  # fmt: skip
+    """Count the keys that no superframe could hold, by reason."""
+    held, reasons = set(within), {"before_the_first": 0, "in_silence": 0, "after_the_last": 0}
+    for key in keys:
+        index = math.floor(key.start / SUPERFRAME_S) - lead
+        if key in held:
+            continue
+        if any(a - 1e-3 <= index * SUPERFRAME_S < b - 1e-3 for a, b in silent):
+            reasons["in_silence"] += 1
+        else:
+            early = not on_air or index < min(on_air)
+            reasons["before_the_first" if early else "after_the_last"] += 1
+    return reasons
 
 
 def _received(

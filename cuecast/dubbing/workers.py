@@ -17,10 +17,14 @@ from typing import Any
 
 from codec.errors import CueError
 from cuecast.dubbing.catalogue import Task
+from cuecast.dubbing.warming import warm_kernels
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 _RECONNECTED_S = 20.0
 """How long to try to reach a scheduler that is gone."""
+
+_WARMED_S = 600.0
+"""How long a machine may take to compile."""
 
 Work = Callable[[Task], dict[str, Any]]
 
@@ -167,6 +171,25 @@ class Cluster:
                 "workers with several threads gain little: start them with --nthreads 1 and more "
                 "--nworkers"
             )
+        self._warm(tell)
+
+    def _warm(self, tell: Callable[[str], None]) -> None:
+        """Compile the kernels once on each machine, before workers ask for them all at once."""
+        known = self._client.scheduler_info()["workers"]
+        machines = {worker["host"]: address for address, worker in known.items()}
+        tell(f"warming {len(machines)} machines: kernels are compiled there once (about 40 s)")
+        futures = [
+            self._client.submit(warm_kernels, workers=[address], pure=False)
+            for address in machines.values()
+        ]
+        try:
+            self._dask.wait(futures, timeout=_WARMED_S)
+            failed = [one for one in futures if one.status == "error"]
+        except Exception as error:  # the tasks will show whether the scheduler is gone
+            tell(f"not every machine is warm: {type(error).__name__}")
+            return
+        if failed:
+            tell(f"not every machine is warm: {failed[0].exception()}")
 
     def submit(self, task: Task) -> None:
         """Take a task."""

@@ -60,7 +60,7 @@ def run_playout(args: argparse.Namespace) -> int:
         ),
         options,
         log,
-        standby=not args.no_standby,
+        standby=not args.no_standby, read_back=not args.no_read_back,
     )  # fmt: skip
     with _stopping(playout):
         if args.text == PIPE:

@@ -149,7 +149,10 @@ class Marking:
             self._passed += 1
             return
         if self._passed:
+            clock = self._marker.clock
             self._marker.abandon()
+            if clock is not None:
+                self._marker.resume(clock, None)
             self._note(f"too slow: {self._passed} packets of sound were not marked")
             self._passed = 0
         if epoch != self._epoch:

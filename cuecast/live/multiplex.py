@@ -75,6 +75,16 @@ class _HeldPackets:
     slots: dict[int, _Slot]
 
 
+class Watch(Protocol):
+    """Takes notice of the sound that goes out."""
+
+    def went_out(self, pts: int, length: int, marked: bool) -> None:
+        """Take the time stamp and the length of a stretch of sound, ticks."""
+
+    def sound(self, kind: str, pes: Pes) -> None:
+        """Take a PES packet of the sound."""
+
+
 class Aligner:
     """Cuts a stream of bytes into whole packets; what is none is passed over.
 
@@ -124,6 +134,8 @@ class Multiplex:
         Called where marked sound is missing; tells whether asking again makes sense.
     by_stream : bool
         Whether the delay is one of the stream's own clock, whatever the time of day.
+    watch : Watch, optional
+        Takes notice of the sound that goes out.
 
     Attributes
     ----------
@@ -136,13 +148,14 @@ class Multiplex:
         self, delay_s: float, send: Send, *, track: int = 0,
         tell: Callable[[str], None] = lambda line: None,
         wait: Callable[[], bool] = lambda: False, by_stream: bool = False,
-        programme: int | None = None,
+        programme: int | None = None, watch: Watch | None = None,
     ) -> None:  # fmt: skip
         self._delay_s, self._send, self._tell, self._wait = delay_s, send, tell, wait
         self._track, self._by_stream = track, by_stream
         self._tables = TableReader(programme)
         self._sound: ElementaryStream | None = None
         self._reader, self._texts = PesReader(), dict[int, PesReader]()
+        self._watch, self._out = watch, PesReader()
         self._epoch = 0
         self._pts: int | None = None
         self._held: deque[_HeldPackets] = deque()
@@ -292,6 +305,12 @@ class Multiplex:
                 out += self._next()
             else:
                 out += packet
+        if self._watch is not None and self._sound is not None:
+            for at in range(0, len(out), PACKET):
+                packet = bytes(out[at : at + PACKET])
+                if pid_of(packet) == self._pid:
+                    for pes in self._out.process(packet):
+                        self._watch.sound(self._sound.kind, pes)
         return bytes(out)
 
     def _exchanged(self, packet: bytes, slot: _Slot) -> bytes:
@@ -318,6 +337,8 @@ class Multiplex:
         if 0 < length < TICKS_HZ:
             name = "marked_seconds_total" if ready else "bypass_seconds_total"
             self.figures[name] += length / TICKS_HZ
+            if self._watch is not None and before is not None:
+                self._watch.went_out(before, length, self._marking)
         out = b""
         if ready and not self._marking:
             while self._marks and step(self._marks[0][1].end, pts) <= 0:

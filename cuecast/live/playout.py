@@ -16,6 +16,7 @@ from cuecast.command.files import PIPE
 from cuecast.live.guard import CAPTIONS_AT_ONCE, CAPTIONS_PER_S, RateLimit
 from cuecast.live.lines import Input, Output
 from cuecast.live.multiplex import Aligner, Multiplex
+from cuecast.live.own_reception import OwnOutput
 from cuecast.live.pcm import PcmForm, PcmPassage
 from cuecast.live.readiness import STATES, Announcer, Condition, Observation, condition_of
 from cuecast.live.sound_run import LiveOptions
@@ -71,6 +72,10 @@ _HELP = {
     "cuer_lag_seconds": ("gauge", "How far the cuer is behind the live text."),
     "poses_total": ("counter", "Frames of a live interpreter that came."),
     "keys_recognised_total": ("counter", "Keys that a live interpreter showed."),
+    "read_back_sent_total": ("counter", "Superframes that went out whole, up to 12 s ago."),
+    "read_back_received_total": ("counter", "Those that the playout's own receiver received."),
+    "read_back_share": ("gauge", "Share received in the last minute."),
+    "read_back_alarms_total": ("counter", "Minutes in which less than 98 % were received."),
     "delay_seconds": ("gauge", "From in to out, as stated."),
     "late_seconds": ("gauge", "How much later than due the last packet went out."),
     "marking": ("gauge", "1 while the sound that goes out is marked."),
@@ -104,6 +109,8 @@ class Playout:
         Told what happens, a line each.
     standby : bool
         Whether a second marking process stands by where the input comes at its own pace.
+    read_back : bool
+        Whether a transport stream that goes out at its own pace is received again.
 
     Attributes
     ----------
@@ -118,7 +125,7 @@ class Playout:
 
     def __init__(
         self, route: Route, cuer: Cuer, options: LiveOptions, tell: Callable[[str], None],
-        *, standby: bool = True,
+        *, standby: bool = True, read_back: bool = True,
     ) -> None:  # fmt: skip
         self._tell = tell
         self.delay_s = LOW_DELAY_S if options.low_delay else DELAY_S
@@ -140,12 +147,15 @@ class Playout:
             "tell": tell, "wait": (lambda: False) if paced else self._wait, "by_stream": not paced,
         }  # fmt: skip
         self._multiplex: Multiplex | PcmPassage
+        self._watch = None
+        if read_back and paced and route.form is None:
+            self._watch = OwnOutput(options.key, options.through, tell)
         if route.form is not None:
             self._multiplex = PcmPassage(route.form, self.delay_s, self._worker.send, **common)
         else:
             self._multiplex = Multiplex(
                 self.delay_s, self._worker.send, track=route.track, programme=route.programme,
-                **common,
+                watch=self._watch, **common,
             )  # fmt: skip
         self._plain = route.form is not None
         self._announcer = Announcer(tell, time.monotonic)
@@ -164,6 +174,14 @@ class Playout:
     def condition(self) -> Condition:
         """State and its reason."""
         return self._announcer.condition
+
+    @property
+    def received(self) -> dict[str, float | int | bool]:
+        """Superframes of the last minute, sent and read back; empty before there is one."""
+        last = None if self._watch is None else self._watch.count.last
+        if last is None:
+            return {}
+        return {"sent": last.sent, "received": last.received, "alarm": last.alarms}
 
     def caption(self, line: bytes, source: str) -> None:
         """Take a line of live text, from any thread; the log names its source.
@@ -233,12 +251,16 @@ class Playout:
             self._finish()
         finally:
             self._worker.close()
+            if self._watch is not None:
+                self._watch.close()
             self._input.close()
             self._output.close()
 
     def _observe(self, now_s: float) -> None:
         """Work out the state; log its changes."""
         self._observed_s = now_s
+        if self._watch is not None and self._worker.ready:
+            self._watch.look()
         if self._silent or not self._worker.ready:
             self._waiting_since_s = None
         elif self._waiting_since_s is None or self._multiplex.marking:
@@ -270,6 +292,8 @@ class Playout:
                 if found.line:
                     self._tell(found.line)
                 self._figures |= found.figures
+                if found.clock is not None and self._watch is not None:
+                    self._watch.count.clock(found.clock)
             else:
                 self._multiplex.put(found.epoch, found.pes)  # type: ignore[arg-type]
 
@@ -308,6 +332,8 @@ class Playout:
             "held_bytes": self._multiplex.held_bytes,
             "state_changes_total": self._announcer.changes_total,
         }
+        if self._watch is not None:
+            figures |= self._watch.figures()
         lines = ["# HELP cuecast_state 1 for the present state.", "# TYPE cuecast_state gauge"]
         lines += [
             f'cuecast_state{{state="{one}"}} {float(one == self.condition.state)!r}'

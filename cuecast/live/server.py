@@ -92,7 +92,8 @@ class PlayoutServer:
     async def _health(self, request: web.Request) -> web.Response:
         condition = self._playout.condition
         return web.json_response(
-            {"state": condition.state, "reason": condition.reason},
+            {"state": condition.state, "reason": condition.reason}
+            | ({"read_back": received} if (received := self._playout.received) else {}),
             status=200 if condition.can_mark else 503,
         )
 

@@ -242,7 +242,7 @@ class SoundMarker:
         silence = np.zeros((max(0, late - len(waited)), run.channels), np.float32)
         return np.concatenate([silence, waited])[: max(0, late)]
 
-    def _new_run(self, sound: Any, stamp: int) -> "SoundRun":
+    def _new_run(self, sound: Any, stamp: int) -> Any:
         per_packet = max(1, round(self._frames / max(1, self._packets)))
         form = SoundForm(sound.sample_rate, sound.layout.name, sound.layout.nb_channels)
         joint, self._joint = round(max(0.0, self._joint) * form.fs), 0.0

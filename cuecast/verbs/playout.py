@@ -83,6 +83,10 @@ def _add_mark(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     group.add_argument("--key", type=natural, default=0, metavar="N", help="key of the watermark")
     group.add_argument(
+        "--no-read-back", action="store_true",
+        help="do not receive the own output (it costs 2 %% of a core)",
+    )  # fmt: skip
+    group.add_argument(
         "--no-standby", action="store_true",
         help="no second marking process that takes over at once if the first one dies",
     )  # fmt: skip

@@ -19,6 +19,7 @@ from codec.errors import CueError
 from cuecast.command.cli import build_parser, main
 from cuecast.demo.content import FS, make_sound
 from cuecast.demo.run import as_srt
+from cuecast.dubbing import workers
 from cuecast.dubbing.batch import run_task
 from cuecast.dubbing.catalogue import Task, read_catalogue
 from cuecast.dubbing.ledger import WORK, BatchItem, BusyError
@@ -273,13 +274,18 @@ def test_unforeseen_error_is_its_programme_s(tmp_path: Path) -> None:
     assert row["error"].startswith("AttributeError: ")
 
 
-def test_dask_scheduler(catalogue: Path, tmp_path: Path) -> None:
+def test_dask_scheduler(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
     distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
+    monkeypatch.setattr(workers, "warm_kernels", os.getpid)
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
     ) as cluster:
         _, rows = run(catalogue, tmp_path / "out", "--scheduler", cluster.scheduler_address, *FAST)
     assert [row["status"] for row in rows] == ["done", "failed", "done"]
+    assert "warming 1 machines" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,359 @@
+"""The sender's own receiver: the output is received and compared with what was sent.
+
+`OwnReceiver` (in a process of its own) takes the sound's PES packets as they go out and yields the
+superframes that it receives. `ReceptionCount` (in the playout) knows which superframes went out
+whole, and reports the share received, minute by minute.
+"""
+
+import queue
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from multiprocessing import get_context
+from typing import Any
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from cuecast.dubbing.coder_stream import FS as CODER_FS
+from cuecast.dubbing.coder_stream import CoderStream
+from cuecast.live.frames import FrameCutter
+from cuecast.live.packets import PERIOD, TICKS_HZ, Pes, step
+from cuecast.live.sound_run import CODERS, RunClock
+from receiver.media.sound import as_float
+from watermark.audio.receiver import AudioReceiver
+from watermark.link.superframe import SUPERFRAME_S
+
+ENOUGH = 0.98
+"""Share received in a minute below which an alarm is raised."""
+
+_MINUTE_S = 60.0
+
+_JITTER_S = 0.05
+"""Time stamps that stray by more begin the reception anew: there the sound has a joint or a gap."""
+
+_SAME = round(0.25 * TICKS_HZ)
+"""Ticks within which a received superframe is one that went out: coders delay it by up to .1 s."""
+
+_JOINED = round(0.08 * TICKS_HZ)
+"""Ticks between two stretches of sound that are one."""
+
+_SETTLED_S = 12.0
+"""Seconds after which a superframe that has not arrived is lost; a receiver tunes in meanwhile."""
+
+_LENGTH = round(SUPERFRAME_S * TICKS_HZ)
+
+_WAITING = 2000
+"""PES packets that may wait for the receiver."""
+
+Samples = NDArray[np.float32]
+
+
+class OwnReceiver:
+    """Receives sound that went out, PES by PES.
+
+    Parameters
+    ----------
+    key : int
+        Of the watermark.
+    through : str, optional
+        Coder of the broadcast that the sound passes first, such as ``aac:64k``.
+    """
+
+    def __init__(self, key: int, through: str | None = None) -> None:
+        self._key, self._through = key, through
+        self._kind = ""
+        self._decoder: Any = None
+        self._cutter: FrameCutter | None = None
+        self._form: tuple[int, int] | None = None
+        self._receiver: AudioReceiver | None = None
+        self._channel: CoderStream | None = None
+        self._zero = self._taken = 0
+
+    def process(self, kind: str, pes: Pes) -> Iterator[int]:
+        """Take a PES packet; yield the time stamp at which each received superframe begins."""
+        if kind != self._kind:
+            self._kind, self._receiver = kind, None
+            self._decoder = av.CodecContext.create(CODERS[kind][0], "r")
+            self._cutter = FrameCutter(kind)
+        assert self._cutter is not None
+        due = pes.pts
+        for number, part in enumerate(pes.parts):
+            if number:
+                self._cutter.restart()
+            for frame, _ in self._cutter.process(part):
+                try:
+                    sounds = list(self._decoder.decode(av.Packet(frame.data)))
+                except (av.FFmpegError, ValueError):
+                    continue
+                for sound in sounds:
+                    yield from self._hear(as_float(sound), sound.sample_rate, due)
+                    due = None
+
+    def _hear(self, samples: Samples, fs: int, due: int | None) -> Iterator[int]:
+        form = fs, samples.shape[1]
+        if due is not None:
+            here = self._zero + self._taken * TICKS_HZ // fs
+            stray = abs(step(due, here % PERIOD)) > _JITTER_S * TICKS_HZ
+            if self._receiver is None or stray or form != self._form:
+                self._begin(form, due)
+        if self._receiver is None or form != self._form:
+            return
+        self._taken += len(samples)
+        if self._channel is not None:
+            samples = self._channel.process(samples)
+        for found in self._receiver.process(samples):
+            if found.l0 is not None:
+                yield (self._zero + round(found.position_s * TICKS_HZ)) % PERIOD
+
+    def _begin(self, form: tuple[int, int], due: int) -> None:
+        self._form, self._zero, self._taken = form, due, 0
+        coded = self._through not in (None, "none") and form[0] == CODER_FS and form[1] <= 2
+        self._channel = CoderStream(str(self._through).partition(",")[0]) if coded else None
+        self._receiver = AudioReceiver(form[0], 2 if coded else form[1], key=self._key, guess=False)
+
+
+@dataclass(frozen=True, slots=True)
+class MinuteReport:
+    """Superframes of a minute that went out whole, and those of them that were received."""
+
+    sent: int
+    received: int
+
+    @property
+    def share(self) -> float:
+        """Share received, 1 of none."""
+        return self.received / self.sent if self.sent else 1.0
+
+    @property
+    def alarms(self) -> bool:
+        """Whether fewer arrived than ought to."""
+        return self.share < ENOUGH
+
+    def __str__(self) -> str:
+        alarm = f"alarm, below {100 * ENOUGH:.0f} %: " if self.alarms else ""
+        return (
+            f"{alarm}read back {self.received} of {self.sent} superframes of the last minute "
+            f"({100 * self.share:.1f} %)"
+        )
+
+
+class ReceptionCount:
+    """Compares what went out with what was received.
+
+    Attributes
+    ----------
+    sent, received : int
+        Superframes so far, up to some seconds ago.
+    last : MinuteReport or None
+        Of the last whole minute in which something went out.
+    alarms : int
+        Minutes with an alarm.
+    """
+
+    def __init__(self) -> None:
+        self._clocks: deque[RunClock] = deque(maxlen=8)
+        self._until: int | None = None
+        self._next: int | None = None
+        self._open: deque[tuple[float, int]] = deque()
+        self._arrived: deque[int] = deque(maxlen=64)
+        self._minute = [0.0, 0, 0]
+        self.sent = self.received = self.alarms = 0
+        self.last: MinuteReport | None = None
+
+    def clock(self, clock: RunClock) -> None:
+        """Take the clock of the sound that is being marked."""
+        if clock not in self._clocks:
+            self._clocks.append(clock)
+
+    def went_out(self, pts: int, length: int, marked: bool, now_s: float) -> None:
+        """Take a stretch of sound that goes out, in ticks, marked or not."""
+        if not marked:
+            self._until = None
+            return
+        if self._until is None or abs(step(pts, self._until)) > _JOINED:
+            self._next = None
+        self._until = (pts + length) % PERIOD
+        clock = self._clock_at(pts)
+        if clock is None:
+            return
+        if self._next is None:
+            self._next = _next_start(clock, pts)
+        while step(self._until, self._next) >= _LENGTH:
+            self._open.append((now_s, self._next))
+            self._next = _next_start(clock, (self._next + _LENGTH // 2) % PERIOD)
+
+    def _clock_at(self, pts: int) -> RunClock | None:
+        """Return the clock of the run that a time stamp is of: the last one to begin before it."""
+        for clock in reversed(self._clocks):
+            if step(pts, clock.stamp) > -_JOINED:
+                return clock
+        return None
+
+    def arrived(self, stamp: int) -> None:
+        """Take the time stamp of a superframe that was received."""
+        self._arrived.append(stamp)
+
+    def settle(self, now_s: float) -> MinuteReport | None:
+        """Count what is certain by now; return the report of a minute that is over."""
+        while self._open and now_s - self._open[0][0] > _SETTLED_S:
+            _, start = self._open.popleft()
+            found = any(abs(step(one, start)) <= _SAME for one in self._arrived)
+            self.sent += 1
+            self.received += found
+            self._minute[1] += 1
+            self._minute[2] += found
+        if now_s - self._minute[0] < _MINUTE_S:
+            return None
+        _, sent, received = self._minute
+        begun = bool(self._minute[0])
+        self._minute = [now_s, 0, 0]
+        if not begun or not sent:
+            return None
+        self.last = MinuteReport(int(sent), int(received))
+        self.alarms += self.last.alarms
+        return self.last
+
+
+def _next_start(clock: RunClock, pts: int) -> int:
+    """Return the stamp of the first superframe of a run that begins at a stamp or after it."""
+    number = np.ceil((clock.at(pts) - clock.grid_s) / SUPERFRAME_S - 1e-3)
+    ahead_s = clock.grid_s + float(number) * SUPERFRAME_S - clock.at(pts)
+    return (pts + round(ahead_s * TICKS_HZ)) % PERIOD
+
+
+class ReceivingProcess:
+    """A process that receives what the playout sends out.
+
+    Parameters
+    ----------
+    key : int
+    through : str or None
+        See `OwnReceiver`.
+    tell : callable
+        Told if the process ended.
+
+    Attributes
+    ----------
+    dropped : int
+        PES packets that it was too slow for.
+    """
+
+    def __init__(self, key: int, through: str | None, tell: Callable[[str], None]) -> None:
+        context = get_context("spawn")
+        self._packets: Any = context.Queue(_WAITING)
+        self._results, theirs = context.Pipe(duplex=False)
+        self._process = context.Process(
+            target=_receive, args=(key, through, self._packets, theirs), daemon=True
+        )
+        self._process.start()
+        theirs.close()
+        self._tell = tell
+        self.dropped = 0
+        self.alive = True
+
+    def send(self, kind: str, pes: Pes) -> None:
+        """Give it a PES packet that goes out."""
+        try:
+            self._packets.put_nowait((kind, pes))
+        except (queue.Full, ValueError, OSError):
+            self.dropped += 1
+
+    def stamps(self) -> Iterator[int]:
+        """Yield the time stamps of the superframes received since the last call."""
+        try:
+            while self.alive and self._results.poll(0):
+                yield self._results.recv()
+        except (EOFError, OSError):
+            self.alive = False
+            self._tell(f"the receiver of the own output ended ({self._process.exitcode})")
+
+    def close(self) -> None:
+        """End it."""
+        self._process.kill()
+        self._process.join(5.0)
+        self._packets.cancel_join_thread()
+        self._packets.close()
+        self._results.close()
+
+
+class OwnOutput:
+    """The playout's output, received again: a `cuecast.live.multiplex.Watch`.
+
+    Parameters
+    ----------
+    key, through, tell
+        As of `ReceivingProcess`.
+
+    Attributes
+    ----------
+    count : ReceptionCount
+    """
+
+    def __init__(self, key: int, through: str | None, tell: Callable[[str], None]) -> None:
+        self._arguments = key, through, tell
+        self._tell = tell
+        self._process: ReceivingProcess | None = None
+        self.count = ReceptionCount()
+
+    def went_out(self, pts: int, length: int, marked: bool) -> None:
+        """Take the time stamp and the length of a stretch of sound, ticks."""
+        if self._process is not None:
+            self.count.went_out(pts, length, marked, time.monotonic())
+
+    def sound(self, kind: str, pes: Pes) -> None:
+        """Take a PES packet of the sound."""
+        if self._process is not None:
+            self._process.send(kind, pes)
+
+    def look(self) -> None:
+        """Take what was received; log what became of a minute. The first call starts receiving."""
+        if self._process is None:
+            self._process = ReceivingProcess(*self._arguments)
+        for stamp in self._process.stamps():
+            self.count.arrived(stamp)
+        report = self.count.settle(time.monotonic())
+        if report is not None:
+            self._tell(str(report))
+
+    def figures(self) -> dict[str, float]:
+        """Return the figures of `/metrics`."""
+        count = self.count
+        return {
+            "read_back_sent_total": count.sent, "read_back_received_total": count.received,
+            "read_back_share": count.last.share if count.last else 0.0,
+            "read_back_alarms_total": count.alarms,
+        }  # fmt: skip
+
+    def close(self) -> None:
+        """End the receiving process."""
+        if self._process is not None:
+            self._process.close()
+
+
+def _receive(key: int, through: str | None, packets: Any, results: Any) -> None:
+    """Receive until the playout is gone."""
+    import os
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = os.getppid()
+    receiver = OwnReceiver(key, through)
+    try:
+        while True:
+            try:
+                kind, pes = packets.get(timeout=1.0)
+            except queue.Empty:
+                if os.getppid() != parent:
+                    return
+                continue
+            try:
+                for stamp in receiver.process(kind, pes):
+                    results.send(stamp)
+            except CueError:  # a form that cannot be received: nothing is sent in it either
+                continue
+    except (BrokenPipeError, EOFError, KeyboardInterrupt):
+        return
