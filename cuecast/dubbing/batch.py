@@ -165,6 +165,7 @@ def run_batch(
     jobs: int = 1,
     scheduler: str | None = None,
     tell: Callable[[str], None] = lambda line: None,
+    warm: Callable[[], object] | None = None,
 ) -> list[dict[str, Any]]:
     """Run all tasks and write the summary.
 
@@ -180,6 +181,8 @@ def run_batch(
         files under the same names.
     tell : callable
         Called with a line for each event.
+    warm : callable, optional
+        As of `cuecast.dubbing.workers.Cluster`.
 
     Returns
     -------
@@ -195,7 +198,7 @@ def run_batch(
             pool: Processes | Cluster = (
                 Processes(min(jobs, len(rest)), run_task)
                 if scheduler is None
-                else Cluster(scheduler, run_task, tell)
+                else Cluster(scheduler, run_task, tell, warm)
             )
             with closing(pool):
                 for task in rest:

@@ -17,7 +17,6 @@ from typing import Any
 
 from codec.errors import CueError
 from cuecast.dubbing.catalogue import Task
-from cuecast.dubbing.warming import warm_kernels
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 _RECONNECTED_S = 20.0
@@ -151,13 +150,19 @@ class Cluster:
     tell : callable
         Called with notes about the cluster.
 
+    warm : callable, optional
+        Importable function that compiles the kernels, run once on each machine first.
+
     Raises
     ------
     CueError
         If Dask is not installed, or no scheduler answers.
     """
 
-    def __init__(self, address: str, work: Work, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self, address: str, work: Work, tell: Callable[[str], None],
+        warm: Callable[[], object] | None = None,
+    ) -> None:  # fmt: skip
         try:
             self._dask: Any = importlib.import_module("distributed")
         except ImportError as error:
@@ -171,15 +176,16 @@ class Cluster:
                 "workers with several threads gain little: start them with --nthreads 1 and more "
                 "--nworkers"
             )
-        self._warm(tell)
+        if warm is not None:
+            self._warm(warm, tell)
 
-    def _warm(self, tell: Callable[[str], None]) -> None:
+    def _warm(self, warm: Callable[[], object], tell: Callable[[str], None]) -> None:
         """Compile the kernels once on each machine, before workers ask for them all at once."""
         known = self._client.scheduler_info()["workers"]
         machines = {worker["host"]: address for address, worker in known.items()}
         tell(f"warming {len(machines)} machines: kernels are compiled there once (about 40 s)")
         futures = [
-            self._client.submit(warm_kernels, workers=[address], pure=False)
+            self._client.submit(warm, workers=[address], pure=False)
             for address in machines.values()
         ]
         try:

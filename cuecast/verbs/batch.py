@@ -27,13 +27,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Dub everything; 1 if a programme failed or was not done."""
+    from cuecast.demo.warming import warm_kernels
     from cuecast.dubbing.batch import run_batch
     from cuecast.dubbing.catalogue import read_catalogue
     from cuecast.evaluate.tables import as_table
 
     folder = Path(args.out)
     tasks = read_catalogue(args.catalogue, folder, _dubbing_options(args))
-    rows = run_batch(tasks, folder, jobs=args.jobs, scheduler=args.scheduler, tell=note)
+    rows = run_batch(
+        tasks, folder, jobs=args.jobs, scheduler=args.scheduler, tell=note, warm=warm_kernels
+    )
     if args.json:
         print_json(rows)
     else:

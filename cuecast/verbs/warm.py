@@ -21,7 +21,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Dub a short programme and receive it."""
-    from cuecast.dubbing.warming import warm_kernels
+    from cuecast.demo.warming import warm_kernels
 
     began_s = time.monotonic()
     place = warm_kernels("audio" if args.carriers == "audio" else "audio,video,a335")

@@ -17,9 +17,9 @@ import pytest
 
 from codec.errors import CueError
 from cuecast.command.cli import build_parser, main
+from cuecast.demo import warming
 from cuecast.demo.content import FS, make_sound
 from cuecast.demo.run import as_srt
-from cuecast.dubbing import workers
 from cuecast.dubbing.batch import run_task
 from cuecast.dubbing.catalogue import Task, read_catalogue
 from cuecast.dubbing.ledger import WORK, BatchItem, BusyError
@@ -279,7 +279,7 @@ def test_dask_scheduler(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
-    monkeypatch.setattr(workers, "warm_kernels", os.getpid)
+    monkeypatch.setattr(warming, "warm_kernels", os.getpid)
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
     ) as cluster:
