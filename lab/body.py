@@ -145,7 +145,7 @@ def neck_weights(mesh: Mesh) -> FloatArray:
 
 
 def arm_weights(mesh: Mesh) -> FloatArray:
-    """Return weights (V, 22); what the upper arm holds goes to the first forearm bone."""
+    """Return weights (V, 22); those of the upper arm go to the first forearm bone."""
     weights = np.stack([mesh.weights[f"{bone}.R"] for bone in ARM_BONES], axis=1)
     weights[:, 0] += mesh.weights["upperarm01.R"] + mesh.weights["upperarm02.R"]
     return np.asarray(weights / np.maximum(weights.sum(axis=1), 1e-9)[:, None])

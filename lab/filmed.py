@@ -1,4 +1,4 @@
-"""Films of virtual cuers, captured: what the basis of filmed motion is trained on.
+"""Films of virtual cuers, captured: training data of the basis of filmed motion.
 
 ``python -m lab.filmed DIR`` writes one motion of the built-in voice per cuer and film,
 from landmarks of a simulated camera; ``python -m lab.coding --filmed DIR`` reads

@@ -126,7 +126,7 @@ def _is_pause() -> Counts:
 
 
 class _Whole:
-    """Counts of whole phones, as compact superframes tell them."""
+    """Counts of whole phones, as compact superframes code them."""
 
     def __init__(self) -> None:
         self.opening = np.zeros(N)
@@ -158,7 +158,7 @@ class _Whole:
 
 
 class _Keys:
-    """Counts of keys and silences, as previews tell them."""
+    """Counts of keys and silences, as previews code them."""
 
     def __init__(self) -> None:
         self.key = np.zeros((SILENCE + 2, SILENCE + 2))

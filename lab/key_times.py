@@ -84,7 +84,7 @@ def pair_of(one: Key, other: Key) -> Pair | None:
 
 
 def fitted(found: list[Moment]) -> tuple[dict[Pair, float], float]:
-    """Return the moment of each pair at `_USUAL_S`, and what a second phone adds, seconds."""
+    """Return the moment of each pair at `_USUAL_S`, and the addition of a second phone, seconds."""
     pairs = sorted({item[0] for item in found})
     rows = np.zeros((len(found), len(pairs) + 2))
     rows[np.arange(len(found)), [pairs.index(item[0]) for item in found]] = 1

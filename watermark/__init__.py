@@ -1,7 +1,7 @@
 """Bytes under a noisy programme.
 
-Each carrier has an embedder and a receiver that take a programme block by block; what they carry
-are superframes of two byte strings, L0 and L1, one every 0.64 s. `PROFILES` tells their sizes.
+Each carrier has an embedder and a receiver that take a programme block by block; they carry
+superframes of two byte strings, L0 and L1, one every 0.64 s. `PROFILES` has their sizes.
 
 Examples
 --------

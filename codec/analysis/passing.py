@@ -4,7 +4,7 @@ Cuers are taught that no path between two placements grazes a third one (Univers
 Island, Cued Speech training manual, PG-1). A placement is passed where the pointing tip comes
 so near to it, in the picture's plane, that it is nearer than any other placement by `CLEAR_MM`,
 from any side: within half of the remaining distance to the next one. While
-fingers unfold nobody can say where they point: moments count in which the hand is near a shape,
+fingers unfold their direction is unclear: only moments count with the hand near a shape,
 and it takes `PICTURE_S` of them, so that one picture shows them whenever it is taken.
 """
 

@@ -192,7 +192,7 @@ def fit_recogniser(
     Parameters
     ----------
     markers : ndarray, shape (T, 113, 3)
-        Frames in which both shape and placement are held; hidden markers recovered.
+        Frames with shape and placement held; hidden markers recovered.
     shape, placement : ndarray of int, shape (T,)
         Hand shape and index in `codec.cues.score.PLACEMENTS`.
 

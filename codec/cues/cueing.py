@@ -50,7 +50,7 @@ assert set(PLACEMENT_OF) == set(VOWELS)
 
 @dataclass(frozen=True, slots=True)
 class CueingOptions:
-    """Choices on which the published charts of the code disagree.
+    """Choices where the published charts of the code disagree.
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ def _consonant_key(phone: Phone) -> Key:
 def rest_spans(
     keys: Sequence[Key], options: CueingOptions = DEFAULT_OPTIONS
 ) -> list[tuple[float, float]]:
-    """Return the gaps between keys, (start, end) in seconds, in which the hand rests.
+    """Return the gaps between keys, (start, end) in seconds, while the hand rests.
 
     The time before the first key and after the last one is rest too and not listed.
     """

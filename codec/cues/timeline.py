@@ -138,7 +138,7 @@ def _overrides(
     numbers: list[int],
     options: CueingOptions,
 ) -> dict[int, tuple[int, int]]:
-    """Return what the score's keys do otherwise than the rule, by first tick of the key."""
+    """Return the exceptions of the score's keys from the rule, by first tick of the key."""
     if score is None or not score.keys:
         return {}
     sounding = [start for start, number in zip(starts, numbers, strict=True) if number]

@@ -1,8 +1,8 @@
-"""The score of a whole file, told once: phones or keys one after another, with their lengths.
+"""The score of a whole file, encoded once: phones or keys one after another, with their lengths.
 
 On air every superframe has to stand alone. A file is read from its beginning, so that its score
 needs no beginnings and no look-ahead. Scores that were read off a hand follow no language's
-phonology: they are told key by key. A `ScoreLine` goes in, bytes come out, and back.
+phonology: they are encoded key by key. A `ScoreLine` goes in, bytes come out, and back.
 Specification: spec/bitstream.md, section 8.1.
 """
 
@@ -75,7 +75,7 @@ _SPARE_BYTES = 8
 
 @dataclass(frozen=True, slots=True)
 class FileScore:
-    """What a file says once.
+    """A file's common data.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class FileScore:
         None if the file has no score.
     options : CueingOptions
     learning : bool
-        Whether the prediction learns from what has passed (F13).
+        Whether the prediction learns from past superframes (F13).
     """
 
     line: ScoreLine | None
@@ -96,7 +96,7 @@ NOTHING_TOLD = FileScore(None, DEFAULT_OPTIONS, learning=False)
 
 
 def usual_consonant(ticks: int) -> int:
-    """Return the ticks of the consonant in a key of so many (F11).
+    """Return the ticks of the consonant in a key of `ticks` (F11).
 
     Examples
     --------
@@ -107,7 +107,7 @@ def usual_consonant(ticks: int) -> int:
 
 
 def trimmed(line: ScoreLine, indices: range) -> ScoreLine:
-    """Return the part of a line that superframes tell, with what completes its last key.
+    """Return the part of a line that superframes cover, with the phone that completes its last key.
 
     It begins with a pause, or with what sounds, one superframe before the first, and ends with a
     pause.
@@ -132,7 +132,7 @@ def trimmed(line: ScoreLine, indices: range) -> ScoreLine:
 
 
 def write_told(told: FileScore, indices: range) -> bytes:
-    """Return the bytes of what a file says once, in the shorter form.
+    """Return the bytes of a file's common data, in the shorter form.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def read_told(data: bytes, indices: range) -> FileScore:
     Raises
     ------
     BitstreamError
-        If it tells more phones than can be (F10).
+        If it has more phones than possible (F10).
     """
     if not data:
         return NOTHING_TOLD
@@ -245,7 +245,7 @@ class _LineClock:
 
     @property
     def room(self) -> int:
-        """Ticks until all superframes are told."""
+        """Ticks until the last superframe ends."""
         return self.stop - self.tick
 
 
@@ -323,7 +323,7 @@ class _Keyed:
 def _choices(symbol: int, options: CueingOptions) -> list[tuple[list[int], Table]]:
     """Return the consonants and vowels that a key leaves open, 0 for none, with their tables (F11).
 
-    The lips of a hand's reader seldom tell more than the usual consonant.
+    Recognised keys rarely have more information on lips than the usual consonant.
     """
     shape, place = 1 + symbol // 5, PLACEMENTS[1 + symbol % 5]
     consonants = [n for n in range(N_VOWELS + 1, len(PHONES)) if SHAPE_OF[PHONES[n]] == shape]
@@ -337,7 +337,7 @@ def _choices(symbol: int, options: CueingOptions) -> list[tuple[list[int], Table
 
 
 def _keys_of(line: ScoreLine, options: CueingOptions) -> list[_Keyed] | None:
-    """Return a line key by key, None if it cannot be told so."""
+    """Return a line key by key, None if it cannot be encoded so."""
     if line.overrides:
         return None
     rows: list[_Keyed] = []
@@ -370,7 +370,7 @@ def _symbol(shape: int, vowel: int, options: CueingOptions) -> int:
 def _write_keyed(
     encoder: RangeEncoder, rows: list[_Keyed], indices: range, options: CueingOptions
 ) -> bool:
-    """Append keys; return whether they all could be told."""
+    """Append keys; return whether all could be encoded."""
     tables, stop = score_tables(), TICKS * indices.stop
     begin = TICKS * (indices.start - 1) - 1
     starts = [begin, *(row.start for row in rows), stop]

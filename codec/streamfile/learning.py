@@ -1,8 +1,8 @@
-"""Learning: where a cuer holds her hand, from what has passed.
+"""Learning: where a cuer holds her hand, from past superframes.
 
 A voice knows one cuer's targets; another one, filmed, holds her hand elsewhere, with other fingers.
-The prediction from a score is linear in the targets, so that what it lacked in the superframes so
-far tells their corrections by least squares, drawn to none. Both ends of a file know the same past:
+The prediction from a score is linear in the targets, so that its residual in the superframes so
+far gives their corrections by least squares, drawn to none. Both ends of a file know the same past:
 the corrections cost nothing. Specification: spec/bitstream.md, section 8.1, F13.
 """
 
@@ -21,7 +21,7 @@ PRIOR_FRAMES = 25.0
 
 
 class Learner:
-    """The prediction of a whole score, corrected by what has passed.
+    """The prediction of a whole score, corrected by past superframes.
 
     Parameters
     ----------

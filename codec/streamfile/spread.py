@@ -177,7 +177,7 @@ class ByError:
         """Return the superframes of a version that keep the error most nearly.
 
         The error is that of the markers in the motion's own frames: padding does not count, and
-        the metric by which steps are found is linear and knows one pose.
+        the metric of the search for steps is linear and knows one pose.
         """
         kept, least, best = self._most, np.inf, None
         below, above = 0.0, np.inf

@@ -1,7 +1,7 @@
 """Versions of a take: its superframes with one prediction, at any step, in bits and errors.
 
 A take is a motion as blocks of 32 frames, with its score or without. A version of it uses its
-prediction in one way: with what is learnt, as the voice has it, or not at all.
+prediction in one way: with learnt corrections, as the voice has it, or not at all.
 """
 
 from collections.abc import Callable
@@ -58,12 +58,12 @@ _CLEAR = 0.85
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """What a file says.
+    """A file's content.
 
     Attributes
     ----------
     told : bytes
-        What it says once.
+        Its common data.
     payloads : list of bytes
         Those of its superframes.
     blocks : ndarray of float64, shape (n, 32, P)
@@ -81,13 +81,13 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """A superframe, ready to be told at any step."""
+    """A superframe, ready to be encoded at any step."""
 
     plan: SuperframePlan
     choice: BasisChoice
 
     def setting(self, step: int) -> Setting:
-        """Return how it uses its prediction at a step: whole, if nothing but that is told."""
+        """Return how it uses its prediction at a step: whole, if it has nothing else."""
         analysis = self.plan.analysis
         if step == NO_RESIDUAL:
             return NOTHING_SENT
@@ -110,7 +110,7 @@ class SpreadMotion:
     indices : range
     options : CueingOptions
     progress : callable
-        Is told the seconds of motion of each superframe that was worked on, in each round.
+        Called with the seconds of motion of each superframe, in each round.
     """
 
     def __init__(
@@ -137,7 +137,7 @@ class SpreadMotion:
 
     @property
     def has_score(self) -> bool:
-        """Whether there is a score to tell."""
+        """Whether there is a score to encode."""
         return self._joined is not None
 
     def plain(self) -> "Version":
@@ -153,7 +153,7 @@ class SpreadMotion:
         return Version(self, replace(self._told, learning=learning), self._moved)
 
     def bare(self, step: int) -> list[_Part]:
-        """Return the superframes without any prediction, told as is best at a step."""
+        """Return the superframes without any prediction, encoded as is best at a step."""
         if step not in self._bare:
             mean = self.coding.mean
             analyses = (
@@ -174,7 +174,7 @@ class SpreadMotion:
         ----------
         blocks : ndarray of float64, shape (n, 32, P)
         every : int
-            Look at one in so many of the motion's frames.
+            Use one in `every` of the motion's frames.
         """
         if every not in self._markers:
             self._markers[every] = self._reconstruct(self.blocks, every)
@@ -201,9 +201,9 @@ class Version:
         return None if self._moved is None else Learner(self._moved, self._take.coding, gain)
 
     def prepare(self, step: int, width: float = NOMINAL_MM) -> None:
-        """Choose how each superframe is told, for a step and near ones.
+        """Choose how each superframe is encoded, for a step and near ones.
 
-        What is learnt by then is learnt of the superframes as they are at that step.
+        Corrections are learnt from the superframes as they are at that step.
         """
         take, self._gain = self._take, Gain()
         learner = self._learner(self._gain)
@@ -223,7 +223,7 @@ class Version:
         self._parts = chosen
 
     def _done(self, part: _Part, block: Array, step: int) -> Array:
-        """Return what a superframe is decoded to at a step."""
+        """Return the decoded superframe at a step."""
         coding = self._take.coding
         content = content_at(part.plan, coding.bases, part.choice, step)
         likely = block - part.plan.analysis.lacking
@@ -241,7 +241,7 @@ class Version:
     def _ways(
         self, block: Array, bare: _Part, step: int, width: float, learner: Learner
     ) -> list[_Part]:
-        """Return the ways in which a superframe can use its prediction."""
+        """Return the possible uses of a superframe's prediction."""
         coding, analysis = self._take.coding, bare.plan.analysis
         header = replace(analysis.header, mode=SCORE)
         ways = []
@@ -338,7 +338,7 @@ class Version:
         return Spread(self.told, payloads, blocks)
 
     def _written(self, k: int, step: int, learner: Learner | None) -> tuple[bytes, Array]:
-        """Return a superframe's payload, and what it is decoded to."""
+        """Return a superframe's payload, and its decoded parameters."""
         coding, part, block = self._take.coding, self._parts[k], self._take.blocks[k]
         predict = None if learner is None else partial(learner.params, self._take.indices[k])
         likely = likely_block(part.setting(step), predict, coding)

@@ -1,4 +1,4 @@
-"""The movements of a whole score: what a file predicts from, any superframe of it.
+"""The movements of a whole score: the source of prediction for any superframe of a file.
 
 Where the whole line is known, a superframe's prediction takes all of it, not only its neighbours'.
 Chunks of some superframes are worked out when they are asked for, in each form of movement, so that

@@ -259,7 +259,7 @@ def decode_coefficients(
 ) -> int:
     """Fill ``q[first:]`` as far as the data are certain; return the index of the first one not.
 
-    A coefficient of which only a part is certain counts as missing and stays zero.
+    A coefficient that is only partly certain counts as missing and stays zero.
     """
     for i in range(first, q.size):
         kind, shift = coefficient_class(scales[i], step)

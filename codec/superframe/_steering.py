@@ -1,4 +1,4 @@
-"""Compiled search for the corrections of lengths that windows tell (`window_writer`).
+"""Compiled search for the corrections of lengths in windows (`window_writer`).
 
 Contiguous arrays in, an array filled in place out; no checks, no globals of other modules (numba's
 cache would not see them change).
@@ -24,7 +24,7 @@ def steer(
     costs: NDArray[np.float64],
     chosen: NDArray[np.int64],
 ) -> float:
-    """Choose corrections of lengths by rule such that bits and weighted errors cost least.
+    """Choose corrections of rule-based lengths such that bits and weighted errors cost least.
 
     ``usual`` and ``true`` are the lengths of ``n`` phones, ``kinds`` 0 for a pause, which takes
     up any error, 1 for a phone as it is, 2 for one with a correction of ``values`` at ``costs``;

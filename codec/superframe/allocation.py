@@ -1,4 +1,4 @@
-"""Allocation: how finely the coefficients of a superframe are told.
+"""Allocation: how finely the coefficients of a superframe are quantised.
 
 A `SuperframePlan` and a room in bits, or a step, go in; a `Content` comes out, ready to be written.
 """
@@ -40,13 +40,13 @@ _NEAR = 4
 
 @dataclass(frozen=True, slots=True)
 class BasisChoice:
-    """A basis and a level, and what the superframe is in that basis.
+    """A basis and a level, and the superframe's values in that basis.
 
     Attributes
     ----------
     basis, level : int
     values : ndarray of float64, shape (32 P,)
-        What is lacking, in the scan order of the basis, mm.
+        The residual, in the scan order of the basis, mm.
     """
 
     basis: int

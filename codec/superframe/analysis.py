@@ -1,7 +1,7 @@
-"""Analysis: what is to be sent of a superframe, as one frozen value.
+"""Analysis: the content of a superframe to send, as one frozen value.
 
 A motion and a number go in; out comes an `Analysis`: the score as the receiver will know it, and
-what the motion has beyond the prediction from that, in millimetres, ready to be quantised.
+the motion's residual beyond the prediction from it, in millimetres, ready to be quantised.
 """
 
 from dataclasses import dataclass, field
@@ -36,7 +36,7 @@ _HISTORY = 8
 
 @dataclass(frozen=True, slots=True)
 class Analysis:
-    """What is to be sent of a superframe.
+    """The content of a superframe to send.
 
     Attributes
     ----------
@@ -52,13 +52,13 @@ class Analysis:
     slow : tuple of int
         Pieces of the slow channel.
     lacking : ndarray of float64, shape (32, P)
-        What the prediction lacks.
+        The residual of the prediction.
     course, shift : int
         Form and time of the hand's movements in the prediction.
     shares : tuple of int
         How much of the prediction counts, by part.
     spare : dict of int to Preview
-        Labels of other superframes, of which a filmed one may tell one list more.
+        Labels of other superframes: a filmed one may send one list more.
     """
 
     index: int
@@ -103,7 +103,7 @@ class Analyst:
     l0_bytes : int
         Room for a score, its header and check.
     lead : int
-        Superframes by which they will be on air ahead of their time.
+        Lead on air before their time, in superframes.
     options : CueingOptions
         Under which the receiver derives keys from phones.
     protected : bool
@@ -115,7 +115,7 @@ class Analyst:
     filmed : bool
         Tell keys as labels (section 3.4).
     begin : int or None
-        First superframe on air; None for that in which a motion begins.
+        First superframe on air; None for the one where a motion begins.
     """
 
     def __init__(
@@ -144,7 +144,7 @@ class Analyst:
         self._fitted: dict[int, tuple[ScorePart, bool]] = {}
 
     def analyse(self, motion: Motion, index: int) -> Analysis:
-        """Return what is to be sent of superframe `index`."""
+        """Return the content to send of superframe `index`."""
         block = block_at(motion, index)
         slow = (self._slow.piece(index),) if self._slow.due(index) else ()
         if motion.score is None:
@@ -153,7 +153,7 @@ class Analyst:
         return self._ways(motion, motion.score, index, NOMINAL_MM)[0]
 
     def ways(self, motion: Motion, index: int, width_mm: float) -> list[Analysis]:
-        """Return what is to be sent of a superframe by the likely uses of its prediction.
+        """Return the content to send of a superframe by the likely uses of its prediction.
 
         Parameters
         ----------
@@ -219,7 +219,7 @@ class Analyst:
         return told
 
     def _spare(self, motion: Motion, index: int) -> dict[int, Preview]:
-        """Return labels that a filmed superframe may tell against a second loss."""
+        """Return labels that a filmed superframe may send against a second loss."""
         near, far = LABELLED_AHEAD
         if set(self._labels_told(motion, index)) != {OWN, near}:
             return {}

@@ -59,7 +59,7 @@ class Field:
     bits : float
         Its length; a fraction within a range code.
     value : str
-        What it says, readable.
+        Its value, readable.
     paragraph : str
         Of the specification.
     """
@@ -163,14 +163,14 @@ def _setting(watched: "_Watched", mode: int, *, filmed: bool = False) -> Setting
 
 
 def map_record(frame: Superframe, *, scored: bool) -> list[Field]:
-    """Return the fields of a superframe whose file tells its score once (F7).
+    """Return the fields of a superframe whose file has one score for all (F7).
 
     Parameters
     ----------
     frame : Superframe
         With its payload for L0.
     scored : bool
-        Whether the file tells a score.
+        Whether the file has a score.
     """
     watched = _Watched(frame.l0, 0, "H8", "step")
     _setting(watched, SCORE if scored else PLAIN)

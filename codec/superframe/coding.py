@@ -41,7 +41,7 @@ _BASES = ("residual", "loose", "plain", "filmed")
 
 @dataclass(frozen=True, slots=True)
 class Coding:
-    """Tables by which motions of one voice are coded.
+    """Tables for coding the motions of one voice.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Coding:
     targets : Targets
         Of the resynthesis.
     residual : Basis
-        Of what the resynthesis lacks.
+        Of the residual of the resynthesis.
     loose : Basis
         The same for a cuer who does not keep to the score's times.
     mean : ndarray of float64, shape (P,)
@@ -200,7 +200,7 @@ _UNEXPLAINED = 0.3
 def basis_of_any(
     metric: Array, covariance: Array, spectrum: Array = _SPECTRUM, *, doubt: float = DOUBT
 ) -> Basis:
-    """Return the basis of motion of which little is known but its covariance.
+    """Return the basis of motion that is known by its covariance only.
 
     Each parameter's variance is 1 in a voice's own motion; other cuers and cameras move the
     parameters in other proportions. The covariance counts `doubt` times less than not knowing.

@@ -1,6 +1,6 @@
 """Decoding of superframes, in any order and with holes.
 
-The decoder predicts from the neighbours that it knows, and conceals what is missing: without L1
+The decoder predicts from the neighbours that it knows, and conceals losses: without L1
 the coarse residual stays, without L0 the hand finishes its key and goes to rest. Specification:
 spec/bitstream.md, section 2.
 """
@@ -38,15 +38,15 @@ _HISTORY = 8
 class SuperframeDecoder:
     """Decoder of superframes in any order, with holes.
 
-    It remembers a few superframes to predict from; results of other numbers do not depend on
-    the order in which parts arrive once the neighbours are known (`render`).
+    It keeps a few superframes to predict from; results of other numbers do not depend on
+    the order of arrival once the neighbours are known (`render`).
 
     Parameters
     ----------
     voice : Voice
     lips : bool
-        Keep the lips to what the phones demand (`codec.superframe.lips`): for viewers; the bare
-        parameters are what the specification's vectors state.
+        Keep the lips to the phones' targets (`codec.superframe.lips`): for viewers; the bare
+        parameters are those of the specification's vectors.
     """
 
     def __init__(self, voice: Voice, *, lips: bool = False) -> None:
@@ -237,7 +237,7 @@ class SuperframeDecoder:
         return prediction + self._coding.residual.between(before, after)
 
     def _beyond(self, index: int) -> Array | None:
-        """Return what a superframe with a score says beyond its whole prediction."""
+        """Return the residual of a superframe with a score beyond its whole prediction."""
         content = self._contents.get(index)
         if content is None or content.header.mode != SCORE:
             return None
@@ -246,9 +246,9 @@ class SuperframeDecoder:
         return np.asarray(params - resynthesis_of(self._coding, joined, index).params())
 
     def _untold(self, index: int, joined: MergedScore) -> Array:
-        """Return likely parameters of a superframe of which nothing is known.
+        """Return likely parameters of a lost superframe.
 
-        The hand finishes what it does and, if the loss lasts, goes to rest.
+        The hand finishes its key and, if the loss lasts, goes to rest.
         """
         if any(isinstance(part, Window) for part in joined.parts.values()):
             return resynthesis_of(self._coding, joined, index).params()
@@ -318,7 +318,7 @@ def residual_of(setting: Setting, q: Ints, coding: Coding) -> Array:
 
 
 def block_of(payload: bytes, predict: Predict | None, coding: Coding) -> Array:
-    """Return the parameters of a superframe whose score is told elsewhere (F7), shape (32, P).
+    """Return the parameters of a superframe whose score is elsewhere (F7), shape (32, P).
 
     Parameters
     ----------
@@ -332,7 +332,7 @@ def block_of(payload: bytes, predict: Predict | None, coding: Coding) -> Array:
 
 
 def likely_block(setting: Setting, predict: Predict | None, coding: Coding) -> Array:
-    """Return what a superframe uses of its prediction (P8, P10), shape (32, P)."""
+    """Return the used part of a superframe's prediction (P8, P10), shape (32, P)."""
     if predict is None or setting.shares == UNUSED:
         return np.tile(coding.mean, (TICKS, 1))
     return scaled(predict(setting.course, setting.shift), coding, setting.shares)

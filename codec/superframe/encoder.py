@@ -1,7 +1,7 @@
 """Encoding of superframes: analyse, plan, allocate, write.
 
-Each room hands on one frozen value: `analysis` says what is to be sent of a superframe, `plan`
-what it says beside coefficients, `allocation` how finely these are told, `payload` writes bytes.
+Each room hands on one frozen value: `analysis` the content of a superframe, `plan`
+its fields beside coefficients, `allocation` the steps of these; `payload` writes bytes.
 Specification: spec/bitstream.md, section 2.
 """
 
@@ -53,7 +53,7 @@ class SuperframeEncoder:
     l0_bytes, l1_bytes : int
         Sizes of the parts, at least 5 and 0; checksums and header count.
     lead : int
-        Superframes by which they will be on air ahead of their time, 0..3.
+        Lead on air before their time, in superframes, 0..3.
     options : CueingOptions
         Under which the receiver derives keys from phones.
     protected : bool
@@ -67,7 +67,7 @@ class SuperframeEncoder:
         remains: for cuers whose movement the score predicts badly. Default: with `protected`, as
         a motion of 2 s or more asks (`codec.superframe.filmed.is_filmed`), else not.
     begin : int, optional
-        First superframe on air; default: that in which the motion begins.
+        First superframe on air; default: the one where the motion begins.
 
     Raises
     ------
@@ -175,7 +175,7 @@ class SuperframeEncoder:
         return self._decided[1]
 
     def _write(self, content: Content, analysis: Analysis) -> Superframe | None:
-        """Return the bytes of a superframe, None if L0 has no room for what it says."""
+        """Return the bytes of a superframe, None if L0 has no room for its content."""
         l0_bytes, l1_bytes = self._sizes
         bases = self._coding.bases
         l0 = write_l0(content, bases, l0_bytes, self._coding.identity, even=analysis.even)

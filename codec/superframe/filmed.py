@@ -1,6 +1,6 @@
 """Whether a cuer moves as the prediction from her score says, or was filmed.
 
-A motion with its score goes in. The prediction of a cuer by rule, or joined from a voice's own
+A motion with its score goes in. The prediction of a rule-based cuer, or joined from a voice's own
 units, leaves a few hundredths of the motion's energy; that of a cuer whom a camera saw more than a
 half. Between both lies a factor of five.
 """

@@ -50,7 +50,7 @@ _WRITTEN = 6
 
 @dataclass(frozen=True, slots=True)
 class _Made:
-    """A superframe that was made, and what it was made from.
+    """An encoded superframe with its source.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class FilmedEncoder:
     sizes : tuple of int
         Bytes of L0 and L1.
     begin : int or None
-        First superframe on air; None for that in which a motion begins.
+        First superframe on air; None for the one where a motion begins.
     """
 
     def __init__(
@@ -158,7 +158,7 @@ class FilmedEncoder:
         return None
 
     def _with_more(self, way: Analysis, content: Content) -> Analysis:
-        """Return an analysis that tells one more list of labels, if any is worth its bits."""
+        """Return an analysis with one more list of labels, if any is worth its bits."""
         least, chosen = 0.0, way
         for distance, labels in way.spare.items():
             told = replace(way, previews=way.previews | {distance: labels})
@@ -217,7 +217,7 @@ class FilmedEncoder:
         return np.asarray(block - analysis.lacking + sent)
 
     def _written(self, content: Content, analysis: Analysis) -> tuple[Superframe, Content] | None:
-        """Return a superframe and what is read of it, None if L0 has no room for its labels."""
+        """Return a superframe and its decoded values, None if L0 has no room for its labels."""
         bases, (l0_bytes, l1_bytes) = self._coding.bases, self._sizes
         l0 = write_l0(content, bases, l0_bytes, self._coding.identity, even=analysis.even)
         if l0 is None:

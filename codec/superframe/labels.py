@@ -38,7 +38,7 @@ AFTER_KEY = cumulative([6, 13, 14, 11, 7, 5, 3, 2, 3])
 
 
 def labels_of(preview: Preview) -> Preview:
-    """Return starts and symbols as labels tell them; what finds no cell is left out.
+    """Return starts and symbols as coded by labels; those without a cell are left out.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
-"""The lips' contract: what a phone demands of the lips is drawn, whatever the residual says.
+"""The lips' contract: a phone's target of the lips is drawn, whatever the residual.
 
 Few bits leave the lips open where they should close, and pairs of phones that share a key are
-told apart by the lips alone. The receiver knows the phones: in the middle of each one the mouth is
-brought near enough to the voice's viseme that no rival (another phone of the same key) is nearer;
-the lips of p, b and m close, the lower lip of f and v meets the teeth. A mouth that keeps its word
-is not touched.
+distinguished by the lips alone. The receiver knows the phones: in the middle of each one the mouth
+is brought near enough to the voice's viseme that no rival (another phone of the same key) is
+nearer; the lips of p, b and m close, the lower lip of f and v meets the teeth. A mouth that keeps
+its word is not touched.
 """
 
 from collections.abc import Sequence
@@ -58,7 +58,7 @@ _LIPS = [
 
 
 class LipContract:
-    """Keeps the lips of one voice to what the phones demand.
+    """Keeps the lips of one voice to the phones' targets.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ class LipContract:
 
 
 def _rivals(number: int) -> list[int]:
-    """Return the phones that only the lips tell from one."""
+    """Return the phones that only the lips distinguish from one."""
     phone = PHONES[number]
     for table in (dict[str, object](SHAPE_OF), dict[str, object](PLACEMENT_OF)):
         if phone in table:

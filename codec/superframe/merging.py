@@ -32,7 +32,7 @@ class MergedScore:
     Attributes
     ----------
     parts : mapping of int to ScorePart or Window
-        What was joined.
+        The merged parts.
     line : list of Sounding
         Phones, pauses included, in order of time.
     every : list of Key
@@ -69,7 +69,7 @@ class MergedScore:
     def _doubtful(self, key: Key, before: Key | None) -> bool:
         """Return whether a key with an unknown start may lack its consonant, be known, or differ.
 
-        Where keys are told against the rule, one that began before may be one of them.
+        Where keys are exceptions from the rule, one that began before may be one of them.
         """
         part = self.parts.get((round(key.start / TICK_S) + 1) // TICKS)
         return (
@@ -99,7 +99,7 @@ def join(parts: Parts) -> MergedScore:
 
 
 def join_line(line: ScoreLine, parts: Parts) -> MergedScore:
-    """Return a whole line as one score; its parts tell options and replaced keys."""
+    """Return a whole line as one score; its parts have options and replaced keys."""
     sounds = [
         Sounding(number, start, end)
         for number, start, end in zip(
@@ -110,7 +110,7 @@ def join_line(line: ScoreLine, parts: Parts) -> MergedScore:
 
 
 def score_of(parts: Parts) -> Score:
-    """Return the score that superframes tell together."""
+    """Return the merged score of superframes."""
     return join(parts).score()
 
 
@@ -176,7 +176,7 @@ def _continue_coarse(line: list[Sounding], number: int, end: int) -> None:
 def _completed(
     last: Sounding, part: ScorePart, end: int, *, exact: bool = False
 ) -> Iterator[Sounding]:
-    """End the last phone, of which the next superframe was to tell more, by nominal lengths.
+    """End the last phone, continued in the next superframe, by nominal lengths.
 
     If `exact`, it and the vowel that completes its key end at `end`.
     """

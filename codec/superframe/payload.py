@@ -4,7 +4,7 @@ Indices, score and setting go in, two byte strings come out, and back. Whatever 
 end of a part are coefficients of least expected magnitude: the reader stops at the first one
 that its bytes do not determine. Specification: spec/bitstream.md, section 2.
 
-A fine superframe nests inside a coarse one, for channels of which one bears more than the other:
+A fine superframe nests inside a coarse one, for channels of different capacity:
 the picture's L1 holds the whole of the fine one, so that sound and picture bear the same L0.
 """
 
@@ -56,7 +56,7 @@ CRC8_BYTES = 1
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """What the integers of a superframe say.
+    """The integers of a superframe.
 
     Attributes
     ----------
@@ -162,7 +162,7 @@ def write_l0_whole(content: Content, bases: Bases, identity: str) -> bytes:
     """Return the shortest L0 part that holds the score and all coefficients, unsigned.
 
     The code ends with the last coefficient that is not zero, if its last bits do not by chance
-    tell another one; else it is cut off behind that coefficient.
+    code another one; else it is cut off behind that coefficient.
     """
     return with_check(content.header.to_bytes() + payload_of(content, bases), identity)
 
@@ -179,7 +179,7 @@ def payload_of(content: Content, bases: Bases) -> bytes:
 
 
 def read_record(payload: bytes, mode: int, bases: Bases) -> tuple[Setting, Ints]:
-    """Return setting and coefficients of a superframe whose score is told elsewhere (F7)."""
+    """Return setting and coefficients of a superframe whose score is elsewhere (F7)."""
     decoder = RangeDecoder(payload)
     setting = read_setting(decoder, mode)
     basis = basis_of(bases, setting)
@@ -190,7 +190,7 @@ def read_record(payload: bytes, mode: int, bases: Bases) -> tuple[Setting, Ints]
 
 
 def _tells(payload: bytes, content: Content, bases: Bases) -> bool:
-    """Return whether a payload says what is meant, neither less nor more."""
+    """Return whether a payload decodes to the intended values, neither less nor more."""
     decoder, q = RangeDecoder(payload), np.zeros_like(content.q)
     if not _agrees(decoder, content):
         return False

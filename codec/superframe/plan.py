@@ -1,6 +1,6 @@
-"""Planning: what a superframe says beside its coefficients, richest first.
+"""Planning: the fields of a superframe beside its coefficients, richest first.
 
-An `Analysis` goes in; `SuperframePlan` values come out, in the order in which they are to be tried.
+An `Analysis` goes in; `SuperframePlan` values come out, in the order to try them.
 """
 
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ _FEWEST = 2
 
 @dataclass(frozen=True, slots=True)
 class SuperframePlan:
-    """What a superframe says beside its coefficients.
+    """The fields of a superframe beside its coefficients.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class SuperframePlan:
 
 
 def plan_of(analysis: Analysis, previews: dict[int, Preview]) -> SuperframePlan:
-    """Return the plan of a superframe that tells some previews."""
+    """Return the plan of a superframe with some previews."""
     setting = Setting(0, 0, 0, analysis.course, analysis.shift, analysis.shares)
     nothing = np.zeros(0, dtype=np.int64)
     content = Content(analysis.header, setting, analysis.part, nothing, previews, analysis.slow)

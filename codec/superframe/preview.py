@@ -4,7 +4,7 @@ A superframe says which keys start in the second and the fourth one after it, an
 where little is said: shape, placement and start, and where silences begin, but not the phones. If
 such a superframe is lost, its keys are known all the same, unless all that spoke of it are lost
 too. The distances are even so that no run of two losses takes two of them; the nearest preview,
-which serves nearly always, tells times to a tick, the others to two.
+which serves nearly always, codes times to a tick, the others to two.
 Specification: spec/bitstream.md, section 3.2.
 """
 

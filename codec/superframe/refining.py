@@ -64,9 +64,9 @@ class Neighbour:
     Attributes
     ----------
     meant : ndarray of float64, shape (32, P)
-        What it is.
+        The intended parameters.
     drawn : ndarray of float64, shape (32, P)
-        What a receiver knows of it before blending.
+        The receiver's parameters before blending.
     metrics : ndarray of float64, shape (32, P, P)
         See `metrics_of`.
     """
@@ -99,12 +99,12 @@ def metrics_of(voice: Voice, poses: Array) -> Array:
 
 
 class SeenError:
-    """The error that a viewer sees of a superframe and of what it moves of its neighbours.
+    """The visible error of a superframe and of its effect on its neighbours.
 
     Parameters
     ----------
     own : Neighbour
-        The superframe itself; what is drawn of it is not looked at.
+        The superframe itself; its `drawn` is not used.
     before, after : Neighbour or None
         None where no filmed superframe is known to stand.
 
@@ -171,7 +171,7 @@ def refined(
     ----------
     error : SeenError
     predicted : ndarray of float64, shape (32, P)
-        What the superframe uses of its prediction.
+        The used part of the superframe's prediction.
     setting, q
         From where to begin.
     bases : Bases

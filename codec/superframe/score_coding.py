@@ -2,7 +2,7 @@
 
 A superframe says which phone sounds as it begins and for how long, then every phone that starts
 in it with its length; the last one is cut off at the superframe's end, because the next
-superframe tells its length. If the last one is a consonant, the vowel that completes its key
+superframe has its length. If the last one is a consonant, the vowel that completes its key
 follows, so that every key that starts in the superframe is right without its neighbours.
 Keys cost nothing: both ends derive them with `codec.cues.cueing`.
 Specification: spec/bitstream.md, section 3.

@@ -57,7 +57,7 @@ class ScoreTables:
     gap : ndarray of int64, shape (42, 17)
         Cells between two starts in a preview less one, by the symbol of the former.
     held : ndarray of int64, shape (34,)
-        Length of a key less one, in files that tell keys.
+        Length of a key less one, in files with keys.
     alone : ndarray of int64, shape (42,)
         A key or a silence in these, whatever stands before.
     """

@@ -75,9 +75,9 @@ class Basis:
         return np.asarray(channels @ self.inverse)
 
     def between(self, before: Array | None, after: Array | None) -> Array:
-        """Return the likeliest block between two others, of which one may be unknown.
+        """Return the likeliest block between two others; one of them may be unknown.
 
-        Linear estimation (Wiener 1949), channel by channel, from the spectra that the scales tell.
+        Linear estimation (Wiener 1949), channel by channel, from the spectra that the scales imply.
 
         Parameters
         ----------
@@ -138,7 +138,7 @@ def _neighbours(rank: Ints, channel: Ints, frequency: Ints, *, after: bool = Fal
 
 
 def marker_metric(voice: Voice, poses: Array) -> Array:
-    """Return the matrix G of which r G r' is the squared displacement of all markers, mm**2.
+    """Return the matrix G such that r G r' is the squared displacement of all markers, mm**2.
 
     Parameters
     ----------

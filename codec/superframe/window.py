@@ -1,10 +1,10 @@
 """Windows: the score of a compact superframe, as many phones as its few bytes hold.
 
-A window begins near its superframe's time and goes on, phone after phone, until its bytes end;
-the next window begins where it stopped. Windows therefore run ahead while little is said and fall
-back while much is. Each can be read without the others; only a key that two share needs both.
-Lengths are told to 20 ms, or by rule and corrected where that drifts off, whichever keeps up with
-speech (`codec.superframe.window_writer`). Specification: spec/bitstream.md, section 3.1.
+A window begins near its superframe's time and goes on, phone after phone, until its bytes end; the
+next window begins where it stopped. Windows therefore run ahead while little is said and fall back
+while much is. Each can be read without the others; only a key that two share needs both. Lengths
+are coded to 20 ms, or predicted and corrected where that drifts off, whichever keeps up with speech
+(`codec.superframe.window_writer`). Specification: spec/bitstream.md, section 3.1.
 """
 
 import itertools
@@ -112,7 +112,7 @@ _GAP = 6
 
 
 def read_window(l0: bytes, decoder: RangeDecoder | None = None) -> Window:
-    """Return the window of a compact L0 part; `decoder` reads what stands behind its header.
+    """Return the window of a compact L0 part; `decoder` reads the bits behind its header.
 
     Any bytes behind the header give a window.
     """
@@ -164,12 +164,12 @@ def _read_phones(
 
 
 def begin_bits(timing: int) -> int:
-    """Return the bits that tell where in its cell a window begins."""
+    """Return the bits for where in its cell a window begins."""
     return (BEGIN_CELL // BEGIN_UNIT[timing]).bit_length() - 1
 
 
 def ruled(number: int, pace: int, correction: int = 0) -> int:
-    """Return the length of a phone by rule, in ticks (M6)."""
+    """Return the predicted length of a phone, in ticks (M6)."""
     ticks = int(score_tables().usual[number]) * PACES[pace] + 64 >> 7
     return min(max(ticks + CORRECTIONS[correction], 1), TICKS)
 
@@ -219,7 +219,7 @@ def join_windows(windows: Mapping[int, Window]) -> list[Sounding]:
 def _continues(last: Sounding, window: Window) -> bool:
     """Return whether a window begins with the vowel of a consonant that ended the one before.
 
-    If there were a pause between, it would be told.
+    A pause between them would be coded.
     """
     return is_consonant(last.number) and is_vowel(window.numbers[0])
 

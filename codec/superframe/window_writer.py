@@ -1,6 +1,6 @@
 """Writing of windows: how a line of phones is spread over compact superframes.
 
-Each window tells as much as its bytes hold, as well-timed as its successors can keep up with.
+Each window codes as much as its bytes hold, as well-timed as its successors can keep up with.
 Specification: spec/bitstream.md, section 3.1.
 """
 
@@ -106,7 +106,7 @@ _Meant = tuple[int, int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class _Timing:
-    """How a window tells lengths: timing, pace and corrections of the next phones."""
+    """How a window codes lengths: timing, pace and corrections of the next phones."""
 
     timing: int
     pace: int = 0
@@ -208,7 +208,7 @@ class WindowWriter:
         return payload
 
     def _loses_vowel(self, index: int, k: int) -> bool:
-        """Return whether `index` comes too late for a vowel `k` whose consonant is told before."""
+        """Return whether `index` comes too late for a vowel `k` whose consonant was sent before."""
         line = self._line
         if k == len(line.starts) or not is_vowel(line.numbers[k]) or self._starts_key(k):
             return False
@@ -239,7 +239,7 @@ class WindowWriter:
     def _keeps_up(self, index: int, k: int) -> bool:
         """Return whether windows from `index` on keep up with speech from phone `k` on.
 
-        It is tried with timing by rule, which takes least, over a few windows to come.
+        It is tried with predicted timing, which takes least, over a few windows to come.
         """
         starts, numbers = self._line.starts, self._line.numbers
         for tick in range(index * TICKS, (index + _HORIZON) * TICKS, TICKS):
@@ -259,7 +259,7 @@ class WindowWriter:
         return True
 
     def _needs_pause(self, k: int) -> bool:
-        """Return whether a window that begins with a phone has to tell the pause before it.
+        """Return whether a window that begins with a phone has to code the pause before it.
 
         It could be taken for the vowel of a consonant in the window before, or in a lost one.
         """
@@ -275,7 +275,7 @@ class WindowWriter:
         return numbers[k] > 0 and not (is_vowel(numbers[k]) and is_consonant(numbers[k - 1]))
 
     def _timings(self, index: int, first: int) -> Iterator["_Timing"]:
-        """Yield ways to tell the lengths of phones from `first` on, the best one first."""
+        """Yield ways to code the lengths of phones from `first` on, the best one first."""
         yield _Timing(FINE)
         for weight, limit in _WEIGHTS:
             yield self._steered(index, first, weight, limit)
@@ -303,7 +303,7 @@ class WindowWriter:
         return best[1]
 
     def _empty(self, index: int) -> bytes:
-        """Return the payload of a superframe in which nothing begins."""
+        """Return the payload of a superframe where nothing begins."""
         encoder = self._opened(index, 0, _Timing(FINE))
         encoder.put(letter_of(0), score_tables().opening)
         encoder.put(letter_of(0), score_tables().next[NOTHING, 0])
@@ -338,7 +338,7 @@ class WindowWriter:
         return encoder
 
     def _begin(self, index: int, first: int, timing: int) -> int:
-        """Return the tick at which a window begins that tells phone `first` first."""
+        """Return the first tick of a window that begins with phone `first`."""
         line, unit = self._line, BEGIN_UNIT[timing]
         tick = line.starts[first] - index * TICKS
         if line.numbers[first] == 0:
@@ -390,16 +390,16 @@ class WindowWriter:
         return self._cut(encoder, meant)
 
     def _outlasts(self, index: int, k: int, tick: int) -> bool:
-        """Return whether the phone before `k` lasts longer than a window can tell."""
+        """Return whether the phone before `k` lasts longer than a window can code."""
         starts = self._line.starts
         return k < len(starts) and starts[k] - index * TICKS - tick > _LONGER
 
     def _cut(self, encoder: RangeEncoder, meant: Sequence[_Meant]) -> bytes:
-        """Return a code cut to its room such that it tells as many phones as possible.
+        """Return a code cut to its room such that it holds as many phones as possible.
 
         `meant` are number, start and end of each phone, and where its code ends. A code that is
-        cut off tells no phone but those; one that ends after as many of them as barely fit may
-        tell one more, if what follows it by chance tells none.
+        cut off holds no phone but those; one that ends after as many of them as barely fit may
+        hold one more, if the bits behind it by chance code none.
         """
         starts, freqs = encoder.intervals()
         best = self._fitted(encode_intervals(starts, freqs, certain=True))
@@ -416,7 +416,7 @@ class WindowWriter:
 
 
 def _agrees(window: Window, meant: Sequence[_Meant]) -> bool:
-    """Return whether a window tells nothing but what is meant."""
+    """Return whether a window decodes to the intended phones and nothing else."""
     n = len(window.numbers)
     return (
         n <= len(meant)
@@ -427,7 +427,7 @@ def _agrees(window: Window, meant: Sequence[_Meant]) -> bool:
 
 
 def _spent(line: ScoreLine) -> list[float]:
-    """Return the bits of all phones before each one, timed by rule, and of all at last."""
+    """Return the bits of all phones before each one, with predicted times, and of all at last."""
     tables = score_tables()
     bits, context = [0.0], (NOTHING, NOTHING)
     for number in line.numbers:

@@ -67,7 +67,7 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
 
 
 def add_subtitle_terms(parser: argparse.ArgumentParser) -> None:
-    """Add on which terms subtitles are read."""
+    """Add the terms of reading subtitles."""
     group = parser.add_argument_group("how subtitles are read")
     group.add_argument(
         "--strict", action="store_true",

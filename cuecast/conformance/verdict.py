@@ -29,7 +29,7 @@ class CaseVerdict:
         Paragraphs that it tests, or the one that is violated where that is known.
     passed : bool
     detail : str
-        What was expected and what came; empty where it passed.
+        The expected and the received value; empty where it passed.
     suggests : str
         Where to look if it did not.
     """
@@ -55,7 +55,7 @@ class ConformanceReport:
     Attributes
     ----------
     name : str
-        What the decoder calls itself.
+        The decoder's name for itself.
     verdicts : tuple of CaseVerdict
     skipped : tuple of str
         Groups that the decoder says it does not do.
@@ -71,7 +71,7 @@ class ConformanceReport:
         return tuple(v for v in self.verdicts if not v.passed)
 
     def reached(self) -> tuple[str, ...]:
-        """Return the classes of which every group was tested and passed, in their order.
+        """Return the classes whose groups were all tested and passed, in their order.
 
         Examples
         --------

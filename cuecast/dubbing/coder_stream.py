@@ -81,7 +81,7 @@ class CoderStream:
         self._time = 0
 
     def process(self, sound: Samples) -> Samples:
-        """Take samples, shape (n, 1 or 2); return what is decoded by now, shape (m, 2)."""
+        """Take samples, shape (n, 1 or 2); return the samples decoded by now, shape (m, 2)."""
         pair = np.repeat(sound, 2, axis=1) if sound.shape[1] == 1 else sound
         words = np.round(np.clip(pair, -1.0, 32767 / 32768) * 32768).astype(np.int16)
         frame = av.AudioFrame.from_ndarray(words.reshape(1, -1), format="s16", layout="stereo")
@@ -152,7 +152,7 @@ def make_rehearsal(profile: AudioProfile, key: int, coder: str | None) -> CodecL
     key : int
         Its key.
     coder : str or None
-        See `chains_of`; ``none`` for no rehearsal, None for what the profile is `USUAL`ly given.
+        See `chains_of`; ``none`` for no rehearsal, None for the profile's `USUAL` ones.
 
     Raises
     ------

@@ -79,7 +79,7 @@ class DubOptions:
     through : str, optional
         Coders of the broadcast, see `cuecast.dubbing.coder_stream.chains_of`.
     read_back : bool
-        Whether to receive what was written and report what arrives.
+        Whether to receive the output and report the share that arrives.
     replace : bool
         Whether to write over the cuer of a programme that has one already.
     sign : SigningKey, optional
@@ -183,7 +183,7 @@ def _check_earlier(
 ) -> list[str]:
     """Refuse a programme that has a cuer already, unless she is to be replaced in full.
 
-    Return what the report says of it.
+    Return its part of the report.
     """
     earlier = earlier_marks(programme, voice, key=options.key, track=options.track)
     if not earlier:
@@ -219,7 +219,7 @@ def _read_back(
     voice: Voice, options: DubOptions, sent: Sent, report: dict[str, Any],
     progress: Callable[[float], None],
 ) -> None:  # fmt: skip
-    """Add to the report what a receiver finds in the output."""
+    """Add a receiver's findings in the output to the report."""
     carriers = report["carriers"]
     report["read_back"] = read_back(
         target, sent, motion.score.keys, voice, lead=LEAD, key=options.key, track=options.track,
@@ -249,7 +249,7 @@ def _dub_sound(
     signing: Signing | None,
     progress: Callable[[float], None],
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Mark the sound; return what the report says of the programme and of the carrier."""
+    """Mark the sound; return the report's parts on the programme and on the carrier."""
     stages: list[MarkingStage] = []
     begins_s: list[float] = []
     profile = find_profile(options.profiles["audio"])

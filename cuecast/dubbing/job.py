@@ -44,7 +44,7 @@ from synth.planning.scoring.text_score import Reading, score_of_subtitles
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DubJob:
-    """A programme to dub: what is cued, how it is performed, what is written.
+    """A programme to dub: its text, the performance, the output.
 
     Attributes
     ----------
@@ -194,7 +194,7 @@ def _signing_of(args: argparse.Namespace) -> tuple[SigningKey | None, float]:
 
 
 def _tell(report: dict[str, Any]) -> None:
-    """Tell what is not as one would expect."""
+    """Print warnings."""
     for stream in report["left_out"]:
         note(f"left out: {stream}")
     for change in report["changed"]:
@@ -235,7 +235,7 @@ def _motion(
 ) -> MotionSource:
     """Return the motion for the subtitles.
 
-    `said` takes what the report tells of them, `tell` what is noted once they are dubbed.
+    `said` takes their part of the report, `tell` notes once they are dubbed.
     """
     reading = job.reading
     with open_programme(job.programme, track=job.options.track) as programme:
@@ -300,7 +300,7 @@ def _subtitles(
     length_s: float | None,
     left_out: LeftOutNotes,
 ) -> list[Subtitle]:
-    """Return what is said, from a file or from the programme itself."""
+    """Return the subtitles, from a file or from the programme itself."""
     if job.subtitles is not None:
         return subtitles_of(
             job.subtitles, job.terms, stream_s=stream_s, length_s=length_s, left_out=left_out

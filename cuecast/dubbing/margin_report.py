@@ -76,7 +76,7 @@ def margin_figures(
 
 
 def in_words(figures: dict[str, Any]) -> list[str]:
-    """Return what a user should read of `margin_figures`, a line each.
+    """Return the warnings of `margin_figures` for a user, a line each.
 
     Examples
     --------

@@ -1,6 +1,6 @@
 """The stage that a programme's sound passes on its way through `dub`.
 
-Samples in, the same number of marked samples out; beside that it counts and grades what it did.
+Samples in, the same number of marked samples out; beside that it counts and grades them.
 Sounds above 48 kHz are marked at 48 kHz: only the mark is brought to their rate and added, so
 that the programme itself is never resampled.
 """
@@ -158,7 +158,7 @@ class _AboveRate:
     def _difference(
         self, plain: NDArray[np.float64], change: Callable[[Samples], Samples]
     ) -> NDArray[np.float64]:
-        """Return what the embedder adds, for the samples that it has finished."""
+        """Return the embedder's mark, for the samples that it has finished."""
         self._plain = np.concatenate([self._plain, plain.astype(np.float32)])
         marked = change(plain.astype(np.float32))
         plain, self._plain = self._plain[: len(marked)], self._plain[len(marked) :]

@@ -53,7 +53,7 @@ def unit_synthesiser(
 def record_folder(
     source: str, target: str, voice: Voice, *, progress: Callable[[int, int], None]
 ) -> list[str]:
-    """Make recordings of a speaker's sounds, write them, and say what was left out.
+    """Make recordings of a speaker's sounds, write them, and report skipped ones.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""Reading back what was written: the output goes through a receiver, and the report says so.
+"""Reading the output back: it goes through a receiver, and the report has the result.
 
-In: a dubbed file and what was sent in it. Out: for each carrier how many superframes arrived as
+In: a dubbed file and its superframes. Out: for each carrier how many superframes arrived as
 they were sent, how many keys a viewer sees, and the true PSNR of the picture. Noticing that a
 programme was dubbed before is the same look with less patience.
 """
@@ -54,7 +54,7 @@ class Sent:
     superframes : dict of str to dict of int to int
         For each carrier the checksum of L0 by the number of its superframe on air.
     silent : list of (float, float)
-        Seconds in which the sound could not carry.
+        Seconds of sound that could not carry.
     """
 
     superframes: dict[str, dict[int, int]] = field(default_factory=dict)
@@ -95,7 +95,7 @@ def read_back(
     through: str | None = None,
     progress: Callable[[float], None] = lambda seconds: None,
 ) -> dict[str, Any]:
-    """Receive a dubbed programme and compare it with what was sent.
+    """Receive a dubbed programme and compare it with the superframes sent.
 
     Parameters
     ----------
@@ -286,7 +286,7 @@ def true_psnr_db(programme: str | os.PathLike[str], target: str | os.PathLike[st
 def earlier_marks(
     programme: str | os.PathLike[str], voice: Voice, *, key: int = 0, track: int = 0
 ) -> dict[str, bool]:
-    """Return the carriers in which a programme has a cuer already, and whether she is signed.
+    """Return the carriers that have a cuer already, and whether she is signed.
 
     Two places are looked at.
 

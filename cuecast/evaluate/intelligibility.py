@@ -5,7 +5,7 @@ them; without, sentences of the built-in list that were not recorded. Each text 
 voices (``--channels``): ``recorded``, the sound of the folder; ``espeak``, its own reading of the
 text by espeak-ng; ``units``, our speech of the built-in units, which espeak-ng's voice recorded;
 ``speaker``, our speech of units that are cut from every other recording of the folder, the rest is
-said. What is understood is compared with the text word by word, and phone by phone, where words
+said. The words understood are compared with the text word by word, and phone by phone, where words
 that sound alike count as right.
 """
 
@@ -72,7 +72,7 @@ def evaluate(options: EvaluateOptions) -> list[Row]:
 
 
 def _material(options: EvaluateOptions) -> tuple[list[SpokenFile | str], list[SpokenFile]]:
-    """Return what is judged, and the recordings that may make a speaker."""
+    """Return the items to judge, and the recordings that may make a speaker."""
     if options.clips is None:
         return list(held_out_sentences(options)[:_SENTENCES]), []
     found = [u for u in read_transcripts(options.clips) if phonemise(u.text)]

@@ -33,7 +33,7 @@ class Guard:
     Attributes
     ----------
     host : str
-        Address on which the server listens.
+        Address of the server.
     token : str
         Expected bearer token; empty: none is asked for.
     origins : tuple of str

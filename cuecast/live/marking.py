@@ -1,6 +1,6 @@
 """The process that marks: messages of the playout in, marked pieces of the sound out.
 
-What goes wrong with a message costs that message only.
+A failure in a message costs that message only.
 """
 
 import importlib
@@ -74,7 +74,7 @@ def serve(
 
 
 class Marking:
-    """What the process does with the messages."""
+    """The process's work on the messages."""
 
     def __init__(
         self, cuer: Cuer, options: LiveOptions, patience_s: float | None,
@@ -132,7 +132,7 @@ class Marking:
             self._room.enter(sent_s, (sent_s, kind, *content))
 
     def _work(self, sent_s: float, kind: str, *content: Any) -> None:
-        """Do what a message says: what goes wrong with it is told and costs only it."""
+        """Carry out a message; a failure is reported and costs only it."""
         try:
             getattr(self, f"_take_{kind}")(sent_s, *content)
         except CueError as error:

@@ -86,7 +86,7 @@ class Watch(Protocol):
 
 
 class Aligner:
-    """Cuts a stream of bytes into whole packets; what is none is passed over.
+    """Cuts a stream of bytes into whole packets; other bytes are skipped.
 
     Attributes
     ----------
@@ -131,7 +131,7 @@ class Multiplex:
         Which sound of those that can be marked.
     tell : callable
     wait : callable, optional
-        Called where marked sound is missing; tells whether asking again makes sense.
+        Called where marked sound is missing; returns whether asking again makes sense.
     by_stream : bool
         Whether the delay is one of the stream's own clock, whatever the time of day.
     watch : Watch, optional
@@ -247,7 +247,7 @@ class Multiplex:
             self._send("subtitle", pes.pts, pes.parts[0])
 
     def _choose(self) -> None:
-        """Find the sound and the text among what the tables tell now."""
+        """Find the sound and the text in the current tables."""
         programme = self._tables.programme
         assert programme is not None
         sound = chosen_sound(programme, self._track)
@@ -283,7 +283,7 @@ class Multiplex:
                 self._send("sound", self._epoch, self._sound.kind, pes)
 
     def give(self, now_s: float) -> Iterator[bytes]:
-        """Yield what is due, in pieces of whole packets."""
+        """Yield the packets due, in pieces of whole packets."""
         while self._held and self._held[0].due_s <= (self._stream_s if self._by_stream else now_s):
             yield self._made(self._held.popleft())
 
@@ -314,7 +314,7 @@ class Multiplex:
         return bytes(out)
 
     def _exchanged(self, packet: bytes, slot: _Slot) -> bytes:
-        """Return what goes out in place of a packet of the sound."""
+        """Return the output in place of a packet of the sound."""
         self._pid = pid_of(packet)
         out = self._decide(slot) if slot.starts else b""
         if not self._marking:
@@ -325,7 +325,7 @@ class Multiplex:
         return out
 
     def _decide(self, slot: _Slot) -> bytes:
-        """Choose at the start of a PES whether marked sound goes out; return what is still open."""
+        """Choose at a PES's start whether marked sound goes out; return the packets still open."""
         pts, before = slot.pts, self._last
         if pts is None:
             return b""

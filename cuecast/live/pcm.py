@@ -123,7 +123,7 @@ class PcmMarker:
         yield from self._told(self._embedder.process(samples))
 
     def flush(self) -> Iterator[MarkedPcm]:
-        """Yield what is under way."""
+        """Yield the samples under way."""
         if self._embedder is not None:
             yield from self._told(self._embedder.flush())
 
@@ -217,7 +217,7 @@ class PcmPassage:
         """Nothing is under way here."""
 
     def give(self, now_s: float) -> Iterator[bytes]:
-        """Yield what is due."""
+        """Yield the samples due."""
         while self._held and self._held[0].due_s <= (
             self._count / self._form.fs if self._by_stream else now_s
         ):

@@ -106,7 +106,7 @@ class Playout:
     cuer : Cuer
     options : LiveOptions
     tell : callable
-        Told what happens, a line each.
+        Called with events, a line each.
     standby : bool
         Whether a second marking process stands by where the input comes at its own pace.
     read_back : bool
@@ -167,7 +167,7 @@ class Playout:
         self._figures["delay_seconds"] = self.delay_s
 
     def stop(self) -> None:
-        """Ask `run` to take in nothing more and to send what it has."""
+        """Ask `run` to take in nothing more and to send the rest."""
         self._stop.set()
 
     @property
@@ -286,7 +286,7 @@ class Playout:
                 self._figures["late_seconds"] = max(0.0, now_s - due_s)
 
     def _collect(self, wait_s: float = 0.0) -> None:
-        """Take what the marking process has ready."""
+        """Take the output of the marking process."""
         for found in self._worker.results(wait_s):
             if isinstance(found, WorkerNote):
                 if found.line:
@@ -298,7 +298,7 @@ class Playout:
                 self._multiplex.put(found.epoch, found.pes)  # type: ignore[arg-type]
 
     def _wait(self) -> bool:
-        """Wait for the marking process; tell whether it is still worth while."""
+        """Wait for the marking process; return whether it is still worth while."""
         until_s = time.monotonic() + _PATIENCE_S
         before = self._multiplex.marks
         while self._worker.alive and not self._worker.ended and time.monotonic() < until_s:
@@ -308,7 +308,7 @@ class Playout:
         return False
 
     def _finish(self) -> None:
-        """Send what is held: at its time where there is one, else as it gets ready."""
+        """Send held packets: at their time where there is one, else as they get ready."""
         self._multiplex.end()
         self._worker.send("end")
         while self._input.paced and self._multiplex.held_s < float("inf"):

@@ -1,7 +1,7 @@
 """The sound of a running programme on its way through the embedder.
 
 PES packets in, PES packets of the same coding out, a few seconds later: decoded onto one line of
-samples, marked, and coded again. Where the sound changes its form or its clock jumps, what is
+samples, marked, and coded again. Where the sound changes its form or its clock jumps, the sound
 under way is finished and a new run begins; the superframes are numbered through.
 """
 
@@ -44,7 +44,7 @@ class SoundMarker:
     voice : Voice
     options : LiveOptions
     tell : callable
-        Told what happens, a line each.
+        Called with events, a line each.
 
     Attributes
     ----------
@@ -148,13 +148,13 @@ class SoundMarker:
         yield from run.flush()
 
     def flush(self) -> Iterator[MarkedPes]:
-        """Yield what is under way; what comes then is a new run."""
+        """Yield the pending sound; then a new run begins."""
         if self._run is not None:
             yield from self._run.flush()
         self.abandon()
 
     def abandon(self) -> None:
-        """Give up what is under way; what comes then is a new run."""
+        """Give up the pending sound; then a new run begins."""
         run, self._run = self._run, None
         if run is not None:
             self._first = run.next_number
@@ -173,7 +173,7 @@ class SoundMarker:
     def _place(self, sound: Any, due: int | None) -> Iterator[MarkedPes]:
         """Put decoded sound on the line; begin a new run where it changes or jumps.
 
-        What comes after a loss waits for the next time stamp, before which it lies.
+        Sound after a loss waits for the next time stamp, whose place is behind it.
         """
         samples, fs, run = as_float(sound), sound.sample_rate, self._run
         self._length_s += len(samples) / fs

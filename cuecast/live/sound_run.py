@@ -48,7 +48,7 @@ class LiveOptions:
     key : int
     grade : float
     through : str, optional
-        Coder on which the mark is rehearsed.
+        Coder to rehearse the mark on.
     low_delay : bool
     seen_s : float
         How much later than the playout a live interpreter sees the programme.
@@ -178,7 +178,7 @@ class SoundRun:
         return RunClock(self._zero, self.start_s, self._grid_s)
 
     def begin_again(self, rehearsed: bool) -> float:
-        """Finish what is under way, and mark on from the next superframe with or without rehearsal.
+        """Finish pending sound, and mark on from the next superframe with or without rehearsal.
 
         Return the seconds up to there, which stay unmarked.
         """
@@ -230,7 +230,7 @@ class SoundRun:
         yield from self.drain()
 
     def drain(self) -> Iterator[MarkedPes]:
-        """Yield what is ready."""
+        """Yield the packets that are ready."""
         ready, self._ready = self._ready, []
         for samples in ready:
             yield from self._code(samples)
@@ -251,7 +251,7 @@ class SoundRun:
         yield from self._packets(self._per_packet)
 
     def _packets(self, count: int) -> Iterator[MarkedPes]:
-        """Yield packets of so many frames, and keep the rest."""
+        """Yield packets of `count` frames, and keep the rest."""
         while self._waiting and len(self._waiting) >= count:
             frames, self._waiting = self._waiting[:count], self._waiting[count:]
             begin = self._zero + frames[0][0] * TICKS_HZ // self.fs
@@ -357,7 +357,7 @@ def _moved(score: Score | None, by_s: float) -> Score | None:
 
 
 def _usual_rate(name: str, bit_rate: int) -> int:
-    """Return a bit rate that the encoder knows, the nearest to what the programme had."""
+    """Return a bit rate that the encoder knows, the nearest to the programme's."""
     if name == "aac":
         return bit_rate
     steps = {

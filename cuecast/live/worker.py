@@ -187,7 +187,7 @@ class Worker:
                 continue
 
     def results(self, wait_s: float = 0.0) -> Iterator[MarkedPiece | WorkerNote]:
-        """Yield what came back; let another process take over if this one died or hangs."""
+        """Yield returned packets; let another process take over if this one died or hangs."""
         self._look_after_standby()
         if self._process is None:
             if time.monotonic() < self._again_s:
@@ -264,7 +264,7 @@ class Worker:
         yield WorkerNote(f"the marking process {why}: again in {wait_s:.0f} s")
 
     def _resume(self, process: MarkingProcess) -> None:
-        """Give a process the sound that is not marked yet, and what was said meanwhile."""
+        """Give a process the sound that is not marked yet, and the captions meanwhile."""
         epoch, until = self._until or (0, None)
         process.send(time.monotonic(), "resume", self._clock, until)
         for sent_s, message in self._sent:

@@ -31,7 +31,7 @@ def file_of(coding: str, cues: Sequence[Cue], header: bytes) -> bytes:
     cues : sequence of Cue
         In order of time.
     header : bytes
-        What the container keeps for the track: the styles of WebVTT and ASS.
+        The container's header of the track: the styles of WebVTT and ASS.
     """
     kept = _plain(header)
     if coding == "WebVTT":

@@ -76,7 +76,7 @@ def document_of(data: bytes) -> bytes:
 
 
 def paragraph_of(data: bytes) -> str:
-    r"""Return the text of a packet that holds what stands within a paragraph, or nothing.
+    r"""Return the text of a packet with the content of a paragraph, or nothing.
 
     Examples
     --------

@@ -46,7 +46,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do what the action says."""
+    """Carry out the action."""
     actions = {"list": _list, "info": _info, "build": _build, "export": _export}
     return actions[args.action](args)
 

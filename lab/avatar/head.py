@@ -1,4 +1,4 @@
-"""The avatar's head and bust out of the base mesh: which surfaces, in which colours."""
+"""The avatar's head and bust out of the base mesh: surfaces and colours."""
 
 from collections import defaultdict
 from collections.abc import Callable

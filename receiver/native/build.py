@@ -181,7 +181,7 @@ def imports_of(module: bytes) -> int:
 
 
 def record_of(module: bytes) -> dict[str, str | int]:
-    """State a module's digest, its size and what it was made of."""
+    """State a module's digest, its size and its sources."""
     return {
         "sources": source_digest(),
         "module": hashlib.sha256(module).hexdigest(),
@@ -192,7 +192,7 @@ def record_of(module: bytes) -> dict[str, str | int]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Build what the command line names."""
+    """Build the target of the command line."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("what", choices=["tool", "library", "wasm"])
     parser.add_argument("-o", "--out", type=Path, default=HERE / "dist")

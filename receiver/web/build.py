@@ -110,7 +110,7 @@ def with_tables(text: str) -> str:
 
 
 def write_package(folder: Path, voice: Voice) -> None:
-    """Write the npm package: what is checked in, with a voice and the licence."""
+    """Write the npm package: the files checked in, with a voice and the licence."""
     (folder / "dist").mkdir(parents=True)
     for name in (*ENTRIES, WASM.name):
         shutil.copyfile(DIST / name, folder / "dist" / name)
@@ -123,7 +123,7 @@ def write_package(folder: Path, voice: Voice) -> None:
 
 
 def record_of() -> dict[str, str]:
-    """SHA-256 of all sources by their path in `receiver`, and of what was made."""
+    """SHA-256 of all sources by their path in `receiver`, and of the built files."""
     files = {source for entry in ENTRIES.values() for source in bundle(HERE / "src" / entry)[1]}
     made = [DIST / name for name in ENTRIES] + [WASM]
     digests = {

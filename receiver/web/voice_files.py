@@ -10,7 +10,7 @@ from receiver.export.device_voice import device_voice
 
 
 def write_voice(folder: Path, voice: Voice) -> None:
-    """Write what the player needs of a voice: `voice.bin`, `voice.json` and `avatar.bin`."""
+    """Write the player's files of a voice: `voice.bin`, `voice.json` and `avatar.bin`."""
     (folder / "voice.bin").write_bytes(device_voice(voice))
     document = json.dumps(voice_document(voice), ensure_ascii=False)
     (folder / "voice.json").write_text(document, encoding="utf-8")

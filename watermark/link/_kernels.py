@@ -236,9 +236,9 @@ def _join(a: float, b: float) -> float:
 def polar_beliefs(
     told: NDArray[np.float64], frozen: NDArray[np.int64], rounds: int, out: NDArray[np.float64]
 ) -> None:
-    """Fill out (N,) with what the code lets expect of each coded bit, -1 for 1 to 1 for 0.
+    """Fill out (N,) with the code's expectation of each coded bit, -1 for 1 to 1 for 0.
 
-    told (N,) is what the channel says of each, in the same terms, less than 1; its own word is left
+    told (N,) is the channel's value of each, in the same terms, less than 1; its own value is left
     out of a bit's belief. Belief propagation on the butterflies of the encoder, to and fro.
     Source: Arikan, IEEE Com. Letters 12(6), 2008.
     """

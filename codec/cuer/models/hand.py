@@ -44,7 +44,7 @@ class HandModel:
     motion_directions : ndarray of float32, shape (nmH, 6)
         Motion per unit of each forearm parameter (``eigv_mH``).
     deviations : ndarray of float32, shape (S, 50, 3)
-        What the model leaves, as independent displacements of one standard deviation each:
+        Residual of the model, as independent displacements of one standard deviation each:
         sliding skin moves neighbouring markers together. Inversion expects them, they are never
         drawn.
     """
@@ -124,7 +124,7 @@ class HandModel:
     def residual(
         self, parameters: NDArray[np.float64], markers: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return what the model leaves of world markers, in the forearm's frame, (T, 50, 3)."""
+        """Return the model's residual of world markers, in the forearm's frame, (T, 50, 3)."""
         motion = self.motion(parameters[:, self.n_shape :])
         still = rigid.inverse_rigid_motion(markers - self.pivot, motion)
         return still - self.shape(parameters[:, : self.n_shape])

@@ -1,7 +1,7 @@
 """Inversion: model parameters from the markers that are seen, and so the hidden ones too.
 
 Masked nonlinear least squares, all frames at once (Gauss-Newton). A weak prior (parameters have
-unit variance) holds what the markers do not determine; markers far from the fit lose weight
+unit variance) holds parameters that the markers leave free; markers far from the fit lose weight
 (Geman-McClure), so that swapped markers and ghosts do not pull. The residual of the model is not
 white: neighbouring markers slide together. Where markers are hidden these deviations count as
 correlated noise, so that the visible ones are not trusted beyond their worth; if all are seen,

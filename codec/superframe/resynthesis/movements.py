@@ -52,7 +52,7 @@ def movements(
     places : ndarray, shape (54, 3), optional
         Where the hand is for each key, mm; without them no way is long.
     at : int
-        The superframe that is predicted: it tells after which silence the hand rests.
+        The predicted superframe: its options say after which silence the hand rests.
     """
     line = joined.line
     gap = round(options_at(joined.parts, at).rest_gap_s / TICK_S) * PARTS

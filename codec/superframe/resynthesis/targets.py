@@ -31,7 +31,7 @@ class Targets:
     hand, head, forearm : ndarray of float64, shape (54, 12), (54, nmF), (54, nmH)
         Parameters when a key is held; key number = 6 shape + placement.
     arc : ndarray of float64, shape (nmH,)
-        Forearm parameters by which the middle of a movement leaves the straight line, per unit
+        Forearm parameters: deviation of a movement's middle from the straight line, per unit
         of distance between its ends.
     face : ndarray of float64, shape (38, 7)
         Parameters of each phone.

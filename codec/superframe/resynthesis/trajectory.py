@@ -82,7 +82,7 @@ class TrajectoryProfile:
         Parameters
         ----------
         held : ndarray, shape (G, C)
-            What is held at the end of each movement.
+            The held target at the end of each movement.
         lateness : tuple of two ndarray, shape (C,)
             How much later than the movement each channel begins and ends, hundredths of a tick.
         distance, arc : ndarray, shape (G,), (C,), optional
@@ -99,7 +99,7 @@ class TrajectoryProfile:
 
 
 def held_keys(moves: Movements, movement: Movement) -> Array:
-    """Return what is held at the end of each movement, as shares of the keys' targets (P6)."""
+    """Return the held targets at the end of each movement, as shares of the keys' targets (P6)."""
     held = np.zeros((len(moves.key), N_KEYS))
     held[np.arange(len(moves.key)), moves.key] = 1.0
     natural = round(PARTS_PER_S * movement.natural_s)

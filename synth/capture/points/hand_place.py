@@ -1,7 +1,7 @@
 """Where a hand belongs that is recorded alone, as in the first corpus of the paper.
 
-Without a head nothing says where the hand is held; its palm says which way it points, in which unit
-and which hand it is.
+Without a head nothing says where the hand is held; its palm gives its direction, its unit
+and whether it is left or right.
 """
 
 import numpy as np

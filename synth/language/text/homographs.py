@@ -1,4 +1,4 @@
-"""Homographs that their word class does not tell apart: plus, tous, fils, os.
+"""Homographs that their word class does not separate: plus, tous, fils, os.
 
 In: the tagged words of a stretch.  Each rule looks at the words around and sets the phones.
 """
@@ -74,7 +74,7 @@ def _plus(stretch: Sequence[DraftWord], position: int) -> str:
 
 
 def _tous(stretch: Sequence[DraftWord], position: int) -> str:
-    """Return tu before what it determines, tus when it stands alone."""
+    """Return tu before its noun, tus when it stands alone."""
     after = stretch[position + 1] if position + 1 < len(stretch) else None
     if after is None or after.text == "ensemble":
         return "tus"

@@ -3,7 +3,7 @@
 Four layers, the first that knows the word answers: the user's own lexicon file, the
 supplement that stands in `synth.assets` beside the derived Lexique (function words, letter
 names, loanwords and names that Lexique lacks or gives otherwise), Lexique 3.83 itself
-(`lab.lexicon` tells the format), and names (`lab.names`, before it a
+(`lab.lexicon` describes the format), and names (`lab.names`, before it a
 list of our own).  Everything is read at the first question.
 """
 
@@ -113,7 +113,7 @@ def parse_variants(field: str) -> tuple[Variant, ...]:
 
 @functools.cache
 def capital_names() -> frozenset[str]:
-    """Return the names, in lower case, that are words as well: only a capital tells them apart."""
+    """Return the names, in lower case, that are words as well: only a capital separates them."""
     own = NAMES_SUPPLEMENT.read_text(encoding="utf-8").splitlines()
     names = (
         pair.partition("=")[0] for row in own if not row.startswith("#") for pair in row.split()

@@ -70,7 +70,7 @@ def opens(word: str, phones: Sequence[str]) -> bool:
 
 
 def link(left: DraftWord, right: DraftWord, *, joined_left: bool = False) -> str:
-    """Return the consonant heard between two words of which the second `opens`, or "".
+    """Return the consonant heard between two words if the second `opens`, or "".
 
     Parameters
     ----------

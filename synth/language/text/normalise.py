@@ -89,7 +89,7 @@ _CAPITALS = re.compile(
 
 
 def _whole_names(line: str) -> str:
-    """Return a line in which names of several words that the lists know bear hyphens.
+    """Return a line whose names of several words that the lists know have hyphens.
 
     Examples
     --------
@@ -119,10 +119,10 @@ def _is_verb_alone(word: str) -> bool:
 
 
 def _set_aside(line: str, own: Collection[str]) -> tuple[str, dict[str, str]]:
-    """Return a line in which rare letters stand for the user's words, and what they stand for.
+    """Return a line with rare letters in place of the user's words, and a map of these.
 
     So do they for names that are words as well, such as Damas, where a capital inside a sentence
-    tells them; those keep it.
+    marks them; those keep it.
     """
     kept: dict[str, str] = {}
 
@@ -158,7 +158,7 @@ def _lower_shouting(line: str) -> str:
 
 
 def _add_pause(tokens: list[str], mark: str) -> None:
-    """Append a pause; of two in a row the one that tells more stays."""
+    """Append a pause; of two in a row the more specific one stays."""
     if tokens[-1] not in PAUSES:
         tokens.append(mark)
     else:

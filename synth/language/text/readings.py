@@ -1,7 +1,7 @@
 """How the pieces of written French that are not words are read aloud.
 
 Each function takes the match of its pattern and returns words; `RULES` is the list of patterns
-and readings in the order in which `synth.language.text.normalise` applies them.
+and readings in the order of their application by `synth.language.text.normalise`.
 """
 
 import re

@@ -1,8 +1,8 @@
 """Whether a text and a sound belong together, and how sure every subtitle is.
 
-A text can be aligned to any sound. What tells is the comparison with other words on the same sound,
-aligned in the same way: where the programme is noisy both fit badly, where text and sound do not
-belong together both fit alike. The logarithms of likelihood are those of
+A text can be aligned to any sound. The evidence is the comparison with other words on the same
+sound, aligned in the same way: where the programme is noisy both fit badly, where text and sound do
+not belong together both fit alike. The logarithms of likelihood are those of
 `synth.planning.alignment.recogniser`.
 """
 

@@ -1,8 +1,8 @@
-"""What is heard in a sound: how likely each phone is in each hundredth of a second.
+"""Phone recogniser: the likelihood of each phone in each hundredth of a second.
 
 The ear is the lower part of the encoder of Whisper (A. Radford and others 2022, base, MIT licence):
 two convolutions and four blocks of attention that learnt from speech of many people, rooms and
-noises. One layer of ours on top tells the phones of French; it learnt from recorded speech
+noises. One layer of ours on top predicts the phones of French; it learnt from recorded speech
 (`lab.recogniser.train`). Everything here is numpy.
 """
 
@@ -106,7 +106,7 @@ def heard(x: NDArray[np.float64]) -> Array:
     -------
     ndarray of float32, shape (n // HOP + 1, 38)
         Logarithm of the likelihood by phone number, up to a constant of the frame; frame t stands
-        for what is around sample t * HOP.
+        for the sound around sample t * HOP.
 
     Examples
     --------
@@ -117,7 +117,7 @@ def heard(x: NDArray[np.float64]) -> Array:
 
 
 def likely(features: Array, samples: int) -> Array:
-    """Return what `heard` does, from what `listen` found in so many samples."""
+    """Return the result of `heard` from that of `listen` for `samples` samples."""
     weights, offsets = load_phones()
     rough = features @ weights + offsets
     place = np.arange(samples // HOP + 1) / _EVERY
@@ -179,7 +179,7 @@ def _mel_bank() -> NDArray[np.float64]:
 
 @functools.cache
 def _positions(frames: int, size: int) -> Array:
-    """Return the sines and cosines that tell each frame's place, shape (frames, size)."""
+    """Return the sines and cosines of each frame's position, shape (frames, size)."""
     rates = np.exp(-np.log(10_000) / (size // 2 - 1) * np.arange(size // 2))
     angles = np.arange(frames)[:, None] * rates
     return np.asarray(np.hstack([np.sin(angles), np.cos(angles)]), dtype=np.float32)

@@ -45,7 +45,7 @@ _FAR_FRAMES = 200
 
 @dataclass(frozen=True, slots=True)
 class SpokenPassage:
-    """Words and the sound in which they are spoken.
+    """Words and the sound that contains them.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class SpokenPassage:
 
     @property
     def shortest_s(self) -> float:
-        """What the phones need at least, in seconds."""
+        """Least duration of the phones, in seconds."""
         return SHORTEST_FRAMES * sum(len(word.phones) for word in self.words) / FRAME_RATE
 
     @property

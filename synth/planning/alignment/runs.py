@@ -26,7 +26,7 @@ _MARGIN_S = 0.4
 
 @dataclass(frozen=True, slots=True)
 class CaptionRun:
-    """Subtitles that are aligned together, and the stretch of sound in which to look."""
+    """Subtitles that are aligned together, and the stretch of sound to search."""
 
     subtitles: tuple[Subtitle, ...]
     start_s: float
@@ -34,7 +34,7 @@ class CaptionRun:
 
 
 def said_in(subtitles: Iterable[Subtitle]) -> list[Subtitle]:
-    """Return the subtitles in which something is said, as it is said."""
+    """Return the subtitles with speech, in their spoken form."""
     said = [replace(s, text=text) for s in subtitles if (text := spoken(s.text))]
     for subtitle in said:
         if subtitle.end_s - subtitle.start_s > LONGEST_TEXT_S:

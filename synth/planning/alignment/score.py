@@ -134,9 +134,9 @@ def align(
     warn : callable
         Called with one line for each passage that the sound does not fit.
     judged : callable
-        Told how sure the times of each subtitle are.
+        Receives the confidence of the times of each subtitle.
     told : callable
-        Told what became of each word.
+        Receives the fate of each word.
 
     Returns
     -------
@@ -212,7 +212,7 @@ class _HeardRun:
     counts : tuple of int
     samples : ndarray of float64, shape (n,)
     heard : ndarray of float32, shape (n // HOP + 1, 38)
-        What is heard in the samples.
+        Log likelihoods of phones in the samples.
     start_s : float
         Time of the first sample.
     """
@@ -267,7 +267,7 @@ class _HeardRun:
 def _heard(
     batch: Sequence[CaptionRun], sound: Sound, reading: Reading, around_s: float, offset_s: float
 ) -> list[_HeardRun]:
-    """Return the runs of a batch with what is said and what is heard around them, heard once."""
+    """Return the runs of a batch with their words and the phones heard around them, heard once."""
     start_s = max(0.0, batch[0].start_s + offset_s - around_s)
     samples = sound(start_s, max(start_s, batch[-1].end_s + offset_s + around_s))
     likely = heard(samples)
@@ -300,7 +300,7 @@ def _offset(heard: Sequence[_HeardRun], now_s: float) -> float:
 
 
 def _look(heard: Sequence[_HeardRun], offset_s: float) -> tuple[list[SpokenPassage], list[Aligned]]:
-    """Return the passages that have room where they are expected, and what is found in them."""
+    """Return the passages that have room where they are expected, with their alignments."""
     passages = [passage for item in heard if (passage := item.passage(offset_s)).long_enough]
     return passages, align_passages(passages)
 

@@ -1,4 +1,4 @@
-"""Sound of any rate and number of channels to what the aligner hears."""
+"""Sound of any rate and number of channels to the aligner's mono."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

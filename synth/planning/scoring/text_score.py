@@ -161,7 +161,7 @@ def score_of_subtitles(
     warn : callable
         Called with one line for each subtitle whose text had to be hurried or cut.
     told : callable
-        Told what became of each word.
+        Receives the fate of each word.
 
     Returns
     -------

@@ -62,7 +62,7 @@ it was recorded in."""
 
 @dataclass(frozen=True, slots=True)
 class Performance:
-    """What the synthesiser delivers.
+    """The output of the synthesiser.
 
     Attributes
     ----------
@@ -142,7 +142,7 @@ class ConcatenativeSynthesiser:
         Parameters
         ----------
         pieces : iterable of Score
-            In order of time; a whole score is one piece. What is yielded does not depend on how
+            In order of time; a whole score is one piece. The result does not depend on how
             the score is cut into pieces.
         rate_hz : float
             Frames per second of the motion.

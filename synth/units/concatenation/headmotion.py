@@ -1,4 +1,4 @@
-"""What the head does beyond single keys: it drifts, and marks the accents of speech.
+"""Head motion beyond single keys: it drifts, and marks the accents of speech.
 
 Dikeys move the head as long as a key lasts; the paper asks for a separate suprasegmental part
 (Gibert, Bailly, Elisei 2004, section 6). Here the slow part is taken out of the recordings, and
@@ -55,7 +55,7 @@ class HeadMotion:
     ----------
     voice : Voice
     recordings : sequence of UnitRecording
-        What she did tells how far she turns her head.
+        They show how far she turns her head.
     seed : int
         Of the drift and the scatter of accents.
     """
@@ -108,7 +108,7 @@ class HeadMotion:
         times : ndarray, shape (T,)
             Seconds on the programme's clock.
         phones : sequence of Phone
-            What is said then and nearby.
+            The phones then and nearby.
         gestures : Gestures
             Where the hand is.
         """

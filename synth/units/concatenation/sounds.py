@@ -125,7 +125,7 @@ class SoundDictionary:
 
     @property
     def names(self) -> frozenset[tuple[str, ...]]:
-        """Labels of which there is at least one unit."""
+        """Labels with at least one unit."""
         return frozenset(self._named)
 
     def select(self, targets: Sequence[Unit]) -> list[PlacedUnit]:

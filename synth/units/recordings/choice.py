@@ -86,7 +86,7 @@ class SentenceCoverage:
     covered, twice : int
         Those that the choice holds at least once, at least twice.
     short : int
-        Units of which the list holds two or more and the choice does not.
+        Units with two or more examples in the list and fewer in the choice.
     running : float
         Part of the list's running units whose type the choice holds.
     """

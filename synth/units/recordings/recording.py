@@ -23,7 +23,7 @@ class UnitRecording:
     fs : int
         Sample rate in Hz.
     score : Score
-        What is said and cued, on the same clock.
+        Phones and keys, on the same clock.
     gestures : Gestures
         When the hand leaves and reaches its targets, on the same clock.
     motion : Motion

@@ -52,7 +52,7 @@ _LEAST_EXPECTED, _MOST_EXPECTED = 0.35, 2.5
 
 @dataclass(frozen=True, slots=True)
 class SpokenFile:
-    """A sound file and what is said in it."""
+    """A sound file and its text."""
 
     path: Path
     text: str
@@ -199,7 +199,7 @@ def _cued(
 def voiced_share(recording: UnitRecording) -> float:
     """Return the part of the vowels' time that has a pitch, 0..1.
 
-    Where the text is not what was said, vowels fall on silence and noise.
+    Where the text differs from the speech, vowels fall on silence and noise.
     """
     track = recording.track
     times = np.arange(len(track.f0)) * track.hop_s

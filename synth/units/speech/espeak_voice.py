@@ -118,7 +118,7 @@ def speak(text: str, *, words_per_minute: int = 150) -> tuple[NDArray[np.float32
 
 
 def render(phones: Sequence[str], *, words_per_minute: int = 150) -> Rendering:
-    """Speak phones and tell when each of them sounds.
+    """Speak phones and return the times of each.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def _fresh_library() -> Iterator[ctypes.CDLL]:
     """Load a private copy of the library for one rendering.
 
     The library keeps the phase of its voice's flutter from one call to the next and cannot be
-    told to forget it: only a copy that has never spoken gives the same samples every time.
+    made to forget it: only a copy that has never spoken gives the same samples every time.
     """
     import espeakng_loader
 

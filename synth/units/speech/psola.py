@@ -69,7 +69,7 @@ def modify_prosody(
     marks : PitchMarks
         Its pitch marks.
     pieces : sequence of SpeechPiece
-        Stretches of `x` in the order in which they sound; each begins in the result where its
+        Stretches of `x` in the order of playing; each begins in the result where its
         predecessor ends.
 
     Returns
