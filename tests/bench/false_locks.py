@@ -15,8 +15,9 @@ import soundfile
 from numpy.typing import NDArray
 
 from watermark.audio.receiver import AudioReceiver
-from watermark.audio.signal.profile import FS, PROFILES
+from watermark.audio.signal.profile import FS, PROFILES, STANDARD
 from watermark.audio.signal.sample_buffer import SampleBuffer
+from watermark.link.link import Link
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data" / "audio"
 
@@ -28,6 +29,12 @@ PIECE, OVERLAP, SLACK = 2400, 480, 480
 
 TUNING_S = 300.0
 """Sound after which a new receiver takes over."""
+
+SIDE = 0.5
+"""Half the difference of both channels, another passage, beside their mean."""
+
+SHORT_LIST, LONG_LIST = 8, 512
+"""Paths of the decoder for random superframes."""
 
 Sound = NDArray[np.float64]
 
@@ -85,20 +92,34 @@ def passages(paths: list[Path], rng: np.random.Generator) -> Iterator[Sound]:
 
 
 def listen(paths: list[Path], seed: int) -> Iterator[Heard]:
-    """Let receivers hear it all; yield the figures so far after each passage."""
+    """Let receivers hear it all as stereo; yield the figures so far after each passage."""
     heard, left = Heard(), 0
-    for sound in passages(paths, np.random.default_rng(seed)):
-        for i in range(0, sound.size, FS):
+    sides = passages(paths, np.random.default_rng([seed, 1]))
+    for mid in passages(paths, np.random.default_rng(seed)):
+        side = SIDE * np.resize(next(sides), mid.size)
+        sound = np.stack([mid + side, mid - side], axis=1).astype(np.float32)
+        for i in range(0, len(sound), FS):
             if left <= 0:
-                receiver, left = AudioReceiver(FS, 1), round(TUNING_S * FS)
+                receiver, left = AudioReceiver(FS, 2), round(TUNING_S * FS)
                 heard.receivers += 1
             left -= FS
             before = receiver.locked
-            found = receiver.process(sound[i : i + FS, np.newaxis].astype(np.float32))
+            found = receiver.process(sound[i : i + FS])
             heard.superframes += sum(s.l0 is not None for s in found)
             heard.locks += bool(found) and not before
-        heard.hours += sound.size / FS / 3600
+        heard.hours += len(sound) / FS / 3600
         yield heard
+
+
+def decode_noise(count: int, seed: int) -> int:
+    """Superframes of random ratios that the link accepts, one in a hundred with a long list."""
+    link, rng = Link(STANDARD), np.random.default_rng(seed)
+    noise = (rng.standard_normal(STANDARD.data_cells) for _ in range(count))
+    lists = (LONG_LIST if n % 100 == 0 else SHORT_LIST for n in range(count))
+    return sum(
+        link.decode(one, list_size=paths).l0 is not None
+        for one, paths in zip(noise, lists, strict=True)
+    )
 
 
 def main() -> None:
@@ -106,7 +127,11 @@ def main() -> None:
     parser.add_argument("--clips", type=Path, default=FOLDER, help="folder of FLAC files")
     parser.add_argument("--hours", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--random", type=int, default=0, help="random superframes to decode first")
     options = parser.parse_args()
+    if options.random:
+        accepted = decode_noise(options.random, options.seed)
+        print(f"{options.random} random superframes, {accepted} accepted", flush=True)
     print(f"profiles searched: {', '.join(PROFILES)}")
     for heard in listen(sorted(options.clips.glob("*.flac")), options.seed):
         print(heard, flush=True)

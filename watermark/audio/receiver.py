@@ -13,17 +13,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.audio.follow.align import SuperframeView, find_delay, search_fit
 from watermark.audio.follow.attempt import (
     DELAYS,
     AcceptedAttempt,
     AssumedSound,
     CandidateReader,
 )
-from watermark.audio.follow.demodulate import SuperframeReading
-from watermark.audio.follow.equaliser import KnownCells
+from watermark.audio.follow.following import TrackFollower
+from watermark.audio.follow.purse import DecodingPurse
 from watermark.audio.follow.stretched import StretchedFollower
-from watermark.audio.follow.track import FOLLOW, Track, TrackReader, as_used, received
+from watermark.audio.follow.track import Track, TrackReader
 from watermark.audio.search.acquire import PERIOD, PLACE, Candidate, PilotSearch, search_stretch
 from watermark.audio.search.channel_mixes import ChannelMix, find_mix, usual_mix
 from watermark.audio.search.hypotheses import STRETCH_S, ChannelHypothesis, PilotHypothesis
@@ -47,10 +46,6 @@ from watermark.link.superframe import ReceivedSuperframe
 MAX_MISSES = 6
 """Superframes in a row that may fail before the lock of a lone carrier is given up."""
 
-REMEMBERED = 16
-"""Failed superframes after which a lock that was given up is forgotten: while the sound is too poor
-for the search, a superframe at the old place may still be read."""
-
 HISTORY_S, LONG_HISTORY_S = 2.4, 10.0
 """Sound that is kept while locked, enough to search again from a superframe that failed, and while
 searching, for what may be read of it once the sound is understood."""
@@ -61,18 +56,8 @@ LEAST_GUESSED = 5.2
 FAILED_BEFORE_GUESSING = 3
 """Superframes in a row that fail at a known place before guesses are tried."""
 
-UNREADABLE = 10
-"""Superframes in a row that cannot be read before the past is left alone."""
-
-LOCK_IN = (
-    (np.arange(-1.0, 1.1, 0.25), np.arange(-60.0, 61.0, 20.0)),
-    (np.arange(-0.4, 0.5, 0.2), np.arange(-20.0, 21.0, 10.0)),
-)
-"""Delays and drifts tried with the decoded bits of the first superframe, from coarse to fine."""
-
-SAME_PLACE, SAME_CLOCK = 1.0, 2e-4
-"""A search that ends within so many samples of the place expected, and with a ratio that differs by
-a smaller part from what was expected, has found nothing new."""
+SAME_PLACE = 1.0
+"""Samples within which two candidates are the same."""
 
 
 class AudioReceiver:
@@ -119,20 +104,19 @@ class AudioReceiver:
         self._fs, self._channels, self._key = fs, channels, key
         self._nominal = fs / FS
         self._quantum = SLOT_FRAMES * HOP * fs // FS
-        self._reader = TrackReader(key, self._nominal)
+        self._purse = DecodingPurse()
+        self._reader = TrackReader(key, self._nominal, self._purse)
         self._stretched = StretchedFollower(key, fs, self._nominal, self._reader)
         self._attempts = CandidateReader(key, self._nominal, self._reader)
         self._ring = SoundRing(channels, self._nominal)
         self._mix = usual_mix(channels)
         self._tape = StereoBuffer()
         self._now = 0
-        self._track: Track | None = None
+        self._follower = TrackFollower(fs, self._nominal, self._reader, self._purse)
         self._start_search(0.0)
         self._turned = RotatedSearch(key)
         self._stretch = int(STRETCH_S * fs)
         self._scheduler = HypothesisScheduler(channels)
-        self._last_start = self._last_told = -np.inf
-        self._errors = self._counted = 0
         self._profile: AudioProfile | None = None
         self.first_lock_s: float | None = None
         self.patience = MAX_MISSES
@@ -140,8 +124,7 @@ class AudioReceiver:
     @property
     def locked(self) -> bool:
         """Whether superframes are being followed."""
-        usual = self._track is not None and self._track.misses <= self.patience
-        return usual or self._stretched.locked
+        return self._follower.misses <= self.patience or self._stretched.locked
 
     @property
     def profile(self) -> AudioProfile | None:
@@ -151,7 +134,12 @@ class AudioReceiver:
     @property
     def ber_estimate(self) -> float | None:
         """Share of wrong bits before decoding, None before the first superframe."""
-        return self._errors / self._counted if self._counted else None
+        return self._follower.ber_estimate
+
+    @property
+    def untried(self) -> int:
+        """Attempts at decoding that were left out, as the sound had not paid for them."""
+        return self._purse.untried
 
     def process(self, block: NDArray[np.float32]) -> list[ReceivedSuperframe]:
         """Take samples and return the superframes that they complete.
@@ -185,17 +173,18 @@ class AudioReceiver:
 
     def _step(self) -> list[ReceivedSuperframe]:
         found: list[ReceivedSuperframe] = []
+        self._purse.earn(self._quantum / self._fs)
         self._ring.extend(self._tape, self._mix, self._now)
         while (candidate := self._next_candidate()) is not None:
             found += self._try(candidate)
-        while self._track is not None and self._complete(self._track):
-            found += self._follow(self._track)
+        while self._follower.complete(self._tape):
+            found += self._follow()
         while self._stretched.complete(self._tape):
             found += self._follow_stretched()
-        lost = self._track is None or self._track.misses >= FAILED_BEFORE_GUESSING
-        if lost and self._stretched.misses >= FAILED_BEFORE_GUESSING and self._guessing:
+        misses = min(self._follower.misses, self._stretched.misses)
+        if misses >= FAILED_BEFORE_GUESSING and self._guessing:
             found += self._hunt()
-        kept_s = LONG_HISTORY_S if self._track is None else HISTORY_S
+        kept_s = LONG_HISTORY_S if self._follower.track is None else HISTORY_S
         for tape in (self._tape, self._ring):
             tape.forget(self._now - int(kept_s * self._fs))
         return found
@@ -246,13 +235,11 @@ class AudioReceiver:
     ) -> list[ReceivedSuperframe]:  # fmt: skip
         """Decode at a candidate's place in a mix, and lock there if the check accepts it."""
         position = origin + candidate.start * sound.pace
-        if not self._is_new(position, sound.pace):
+        if not self._follower.is_new(position, sound.pace):
             return []
-        accepted = self._attempts.read(tape, position, candidate, sound, delays=delays)
+        with self._purse.sparing():
+            accepted = self._attempts.read(tape, position, candidate, sound, delays=delays)
         return [] if accepted is None else self._lock(mix, accepted)
-
-    def _is_new(self, position: float, pace: float) -> bool:
-        return position >= self._last_start + 0.5 * SUPERFRAME * pace
 
     def _hunt(self) -> list[ReceivedSuperframe]:
         """Listen again to the last seconds under the hypotheses that are due."""
@@ -279,7 +266,8 @@ class AudioReceiver:
             evidence, first = self._scheduler.evidence(guess), start / self._nominal
             for turned in self._turned.find(low, guess.steps, evidence, first):
                 for position in self._around(stretch, start + turned.start * self._nominal, 1.0):
-                    accepted = self._attempts.read_turned(stretch.tape, position, turned)
+                    with self._purse.sparing():
+                        accepted = self._attempts.read_turned(stretch.tape, position, turned)
                     if accepted is not None:
                         return self._lock(mix, accepted)
             return []
@@ -291,7 +279,7 @@ class AudioReceiver:
         whole = (SUPERFRAME + HOP) * pace + stretch.tape.reach(pace)
         near = [position, position + SUPERFRAME * pace, position - SUPERFRAME * pace]
         first, last = stretch.tape.first, stretch.tape.end - whole
-        return [at for at in near if first <= at <= last and self._is_new(at, pace)]
+        return [at for at in near if first <= at <= last and self._follower.is_new(at, pace)]
 
     def _try_plain(
         self, guess: ChannelHypothesis, mix: ChannelMix, stretch: Stretch, low: NDArray[np.float64]
@@ -316,160 +304,51 @@ class AudioReceiver:
     @property
     def _recent(self) -> bool:
         """Whether a mark was read not long ago."""
-        return self._now - self._last_start < LONG_HISTORY_S * self._fs
+        return self._now - self._follower.last_start < LONG_HISTORY_S * self._fs
 
     def _lock_stretched(
         self, mix: ChannelMix, stretch: Stretch, low: NDArray[np.float64], start: int
     ) -> list[ReceivedSuperframe]:
         """Lock onto sound of another duration at its pitch, if a stretch of it tells of any."""
         tape = self._tape if mix == self._mix else stretch.tape
-        found = self._stretched.lock(low, tape, start, self._last_told, known=self._recent)
+        found = self._stretched.lock(low, tape, start, self._follower.last_told, known=self._recent)
         if found is None:
             return []
         self._use(mix)
-        self._track = self._search = None
-        self._profile = self._stretched.profile
-        if self.first_lock_s is None:
-            self.first_lock_s = self._now / self._fs
-        return self._note(found)
+        self._follower.track = None
+        self._locked_to(self._stretched.profile)
+        return self._follower.note(found)
 
     def _follow_stretched(self) -> list[ReceivedSuperframe]:
         """Read the superframe of stretched sound that is due; give the lock up where none is."""
         position = self._stretched.position
-        found = self._note(self._stretched.follow(self._tape))
+        found = self._follower.note(self._stretched.follow(self._tape))
         if not self._stretched.locked:
             self._start_search(position)
         return found
 
-    def _note(self, found: list[ReceivedSuperframe]) -> list[ReceivedSuperframe]:
-        """Note where superframes of stretched sound were."""
-        for superframe in found:
-            self._last_told = superframe.position_s * self._fs
-            if superframe.l0 is not None:
-                self._last_start = self._last_told
-        return found
-
     def _lock(self, mix: ChannelMix, accepted: AcceptedAttempt) -> list[ReceivedSuperframe]:
-        """Take a track that was found; where it agrees with the one before, that one goes on."""
+        """Follow what was found in a mix."""
         self._use(mix)
-        track = accepted.track
-        self._correct(track, accepted.raw, accepted.reading, wide=True)
-        reading = self._reader.complete(self._tape, track, accepted.reading)
-        known = self._track
-        if known is not None and known.demodulator is track.demodulator:
-            steps = round((track.position - known.position) / (SUPERFRAME * known.ratio))
-            expected = known.ratio * (1 + known.bend) ** steps
-            due = known.position + steps * SUPERFRAME * expected
-            delay = (track.position - due) / self._nominal
-            if abs(track.ratio / expected - 1) > SAME_CLOCK:
-                if abs(delay) <= SAME_PLACE:
-                    track.bend = known.bend
-                    track.bent(expected)
-            elif abs(delay) <= SAME_PLACE:
-                track = replace(
-                    known, position=due, level=track.level, misses=0,
-                    equaliser=track.equaliser, offset=track.offset, pair=track.pair,
-                )  # fmt: skip
-                self._reader.nudge(track, delay)
-        self._search = None
         self._stretched.forget()
-        self._track = track
-        self._profile = track.demodulator.profile
+        self._locked_to(accepted.track.demodulator.profile)
+        return self._follower.lock(self._tape, accepted)
+
+    def _locked_to(self, profile: AudioProfile | None) -> None:
+        self._search, self._profile = None, profile
         if self.first_lock_s is None:
             self.first_lock_s = self._now / self._fs
-        return [*self._read_back(track), self._deliver(track, reading)]
 
-    def _read_back(self, track: Track) -> list[ReceivedSuperframe]:
-        """Read superframes that were on air before one that was found."""
-        found: list[ReceivedSuperframe] = []
-        past, failed = replace(track, bend=0.0), 0
-        first = self._tape.first + (HOP if self._tape.first else -HOP) * track.ratio
-        first = max(first, self._last_told + 0.5 * SUPERFRAME * track.ratio)
-        while failed < UNREADABLE:
-            past.position -= SUPERFRAME * past.ratio
-            if past.position < first:
-                break
-            raw = self._reader.view(self._tape, past)
-            reading = self._reader.read(self._tape, past, raw, due=False)
-            if reading.decoded.l0 is None:
-                for moved in self._reader.elsewhere(self._tape, past, raw):
-                    again = self._reader.view(self._tape, moved)
-                    reading = self._reader.read(self._tape, moved, again, due=False)
-                    if reading.decoded.l0 is not None:
-                        past, raw = moved, again
-                        break
-            failed = 0 if reading.decoded.l0 is not None else failed + 1
-            if not failed:
-                found.insert(0, received(past, reading, self._fs))
-                self._reader.learn_back(past, raw, reading)
+    def _follow(self) -> list[ReceivedSuperframe]:
+        """Read the superframe that is due; search beside the track where it failed."""
+        due = self._follower.track
+        before = None if due is None else replace(due)
+        found = self._follower.follow(self._tape, self.patience)
+        track = self._follower.track
+        if track is None and before is not None:
+            self._start_search(before.position + SUPERFRAME * before.ratio)
+        elif self._follower.misses == 0:
+            self._search = None
+        elif self._search is None and before is not None:
+            self._start_search(before.position, before)
         return found
-
-    # Following
-
-    def _complete(self, track: Track) -> bool:
-        end = track.position + (SUPERFRAME + HOP) * track.ratio + self._tape.reach(track.ratio)
-        return end <= self._tape.end
-
-    def _follow(self, track: Track) -> list[ReceivedSuperframe]:
-        """Read the superframe that is due; note whether it arrived."""
-        raw = self._reader.view(self._tape, track)
-        reading = self._reader.read(self._tape, track, raw, due=True)
-        if reading.decoded.l0 is not None:
-            self._search, expected = None, track.ratio
-            self._correct(track, raw, reading, wide=bool(track.bend))
-            if track.bend:
-                track.bent(expected)
-            self._reader.settle_pair(self._tape, track, reading)
-            return [self._deliver(track, reading)]
-        for moved in self._reader.elsewhere(self._tape, track, raw):
-            raw = self._reader.view(self._tape, moved)
-            there = moved.pair != track.pair
-            again = self._reader.read(self._tape, moved, raw, due=there)
-            if again.decoded.l0 is not None:
-                self._search, self._track = None, moved
-                self._correct(moved, raw, again, wide=not there)
-                if not track.misses and not there:
-                    moved.bent(track.ratio)
-                return [self._deliver(moved, again)]
-        track.misses += 1
-        if self._search is None:
-            self._start_search(track.position, track)
-        failed = self._deliver(track, reading, told=track.misses <= self.patience)
-        if track.misses > max(self.patience, REMEMBERED):
-            self._track = None
-            self._start_search(track.position)
-        return [failed] if track.misses <= self.patience else []
-
-    def _correct(
-        self, track: Track, raw: SuperframeView, reading: SuperframeReading, *, wide: bool = False
-    ) -> None:
-        """Let the decoded bits correct clock, level, phases and the cells' reliabilities."""
-        demodulator = track.demodulator
-        expected = demodulator.expected(reading.decoded)
-        cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
-        weighted = expected * demodulator.trust(reading)
-        if wide:
-            for grid in LOCK_IN:
-                view = as_used(track, self._reader.view(self._tape, track))
-                self._reader.move(track, search_fit(view, cells, step, weighted, grid))
-            raw = self._reader.view(self._tape, track)
-        else:
-            self._reader.nudge(track, find_delay(reading.view, cells, step, weighted, FOLLOW))
-        track.offset += demodulator.gain_change(reading)
-        track.equaliser.learn(raw, KnownCells(cells, step, weighted))
-        demodulator.learn(reading)
-        self._errors += int(((reading.soft * expected) < 0).sum())
-        self._counted += int((expected != 0).sum())
-        track.level, track.misses = reading.level, 0
-
-    def _deliver(
-        self, track: Track, reading: SuperframeReading, *, told: bool = True
-    ) -> ReceivedSuperframe:
-        """Hand a superframe out and move the track to the next one."""
-        result = received(track, reading, self._fs)
-        if reading.decoded.l0 is not None:
-            self._last_start = track.position
-        if told:
-            self._last_told = track.position
-        track.advance()
-        return result

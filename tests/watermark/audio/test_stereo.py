@@ -70,8 +70,8 @@ def test_cells_are_read_where_known_bits_fit_better() -> None:
         found = receiver.process(marked)
         assert [s.l0 for s in found] == [payload(k)[0] for k in range(len(found))]
         assert len(found) >= 3
-        assert receiver._track is not None
-        assert receiver._track.pair is apart
+        assert receiver._follower.track is not None
+        assert receiver._follower.track.pair is apart
 
 
 def test_a_gain_learnt_wrongly_does_no_harm(marked: Sound) -> None:

@@ -8,7 +8,6 @@ Specification: spec/audio-carrier.md, W29 to W38.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import islice
 
 import numpy as np
 import scipy.ndimage
@@ -17,6 +16,14 @@ from numpy.typing import NDArray
 from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.equaliser import band_of
 from watermark.audio.follow.interference import InterferenceEstimator, InterferenceMask
+from watermark.audio.follow.purse import (
+    BELIEFS,
+    CLUES_COST,
+    LOOK,
+    RATIOS,
+    DecodingPurse,
+    decoding_cost,
+)
 from watermark.audio.follow.reliability import LIMITS, NOISY, Reliability
 from watermark.audio.signal.channel_choice import LEFT, MID, RIGHT, make_places
 from watermark.audio.signal.layout import make_layout, make_pilots
@@ -106,10 +113,20 @@ def _agreement(soft: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 class Demodulator:
-    """Reads the superframes of a profile and learns how far each cell can be trusted."""
+    """Reads the superframes of a profile and learns how far each cell can be trusted.
 
-    def __init__(self, profile: AudioProfile, key: int) -> None:
-        self.profile = profile
+    Parameters
+    ----------
+    profile : AudioProfile
+        How superframes are written.
+    key : int
+        Seed of the layout.
+    purse : DecodingPurse, optional
+        Pays for attempts beyond the first at each level; otherwise all are made.
+    """
+
+    def __init__(self, profile: AudioProfile, key: int, purse: DecodingPurse | None = None) -> None:
+        self.profile, self._purse = profile, purse or DecodingPurse(math.inf)
         self.layout = make_layout(profile, key)
         self.places = make_places(profile, key)
         self._kinds = _kinds(self.places.cells)
@@ -161,17 +178,32 @@ class Demodulator:
 
         What fails everywhere is tried again at the first few with a longer list, then with other
         weights than the learnt ones: harder where a superframe is due, not at all in brief.
-        `offset` is by how much a gain moved all levels.
+        `offset` is by how much a gain moved all levels. Only the first attempts are made in any
+        case; the purse pays for all others.
         """
         clues = view.clues(self.layout.cells, self._masker)
-        attempts = self._attempts(view, clues, levels, offset, due=due)
-        for level, ratios, list_size in islice(attempts, len(levels) if brief else None):
-            reading = self._read_at(view, clues, level, ratios, list_size)
-            if reading.decoded.l0 is not None:
-                return self._settle(reading)
+        self._purse.charge(CLUES_COST)
+        first = self._first(view, clues, levels)
+        for attempts in (first, self._further(view, clues, levels, offset, due=due)):
+            for level, ratios, list_size in attempts:
+                reading = self._read_at(view, clues, level, ratios, list_size)
+                if reading.decoded.l0 is not None:
+                    return self._settle(reading)
+            if brief:
+                break
         return reading
 
-    def _attempts(
+    def _first(
+        self, view: SuperframeView, clues: NDArray[np.float64], levels: list[float]
+    ) -> Iterator[tuple[float, NDArray[np.float64], int]]:
+        """Levels, ratios of the cells and sizes of the decoder's list: the first attempts."""
+        learnt = self.reliability.cautious(clues)
+        for level in levels:
+            self._purse.charge(self._cost(LIST_SIZE))
+            weighted = self._weighted(view, level, learnt)
+            yield level, self._standing(view, level) * weighted, LIST_SIZE
+
+    def _further(
         self,
         view: SuperframeView,
         clues: NDArray[np.float64],
@@ -180,35 +212,44 @@ class Demodulator:
         *,
         due: bool,
     ) -> Iterator[tuple[float, NDArray[np.float64], int]]:
-        """Levels, ratios of the cells and sizes of the decoder's list, the likeliest first."""
-
-        def weighted(level: float, weights: NDArray[np.float64]) -> NDArray[np.float64]:
-            return view.soft(self.layout.cells, self.profile.step(level)) * weights
-
-        learnt = self.reliability.cautious(clues)
-        yield from (
-            (level, self._standing(view, level) * weighted(level, learnt), LIST_SIZE)
-            for level in levels
-        )
+        """Further attempts, the likeliest first, as far as the purse pays for them."""
+        pays = self._purse.pays
+        if not pays(LOOK * len(levels)):
+            return
         covered = {level: self._look(view, level, offset) for level in levels}
         promising = sorted(levels, key=lambda level: -covered[level].promise)
         for level in promising[:COVERED_LEVELS]:
+            if not pays(RATIOS + self._cost(LONG_LIST_SIZE)):
+                return
             ratios = covered[level].ratios()
             yield level, ratios, LONG_LIST_SIZE
             for _ in range(COVERED_ROUNDS):
+                if not pays(BELIEFS + RATIOS + self._cost(LONG_LIST_SIZE)):
+                    return
                 believed = self.link.beliefs(self.layout.gather(ratios))
                 ratios = covered[level].ratios(self.layout.spread(believed))
                 yield level, ratios, LONG_LIST_SIZE
         count, longer = (DUE_LEVELS, LONGEST_LIST_SIZE) if due else (LONG_LEVELS, LONG_LIST_SIZE)
         likely = dict.fromkeys([*levels[: count // 2], *promising[: count // 2]])
-        yield from ((level, weighted(level, learnt), longer) for level in likely)
+        learnt, plain = self.reliability.cautious(clues), self.reliability.plain(clues)
         noisy = self.reliability.weights(clues, exponents=NOISY)
+        plans = [(level, learnt, longer) for level in likely]
         for level in levels[: LONG_LEVELS if due else 1]:
-            for weights in (self.reliability.plain(clues), np.full((1, 1), EVEN)):
-                yield level, weighted(level, weights), longer
-            yield level, weighted(level, noisy), LONG_LIST_SIZE
+            plans += [(level, plain, longer), (level, np.full((1, 1), EVEN), longer)]
+            plans.append((level, noisy, LONG_LIST_SIZE))
         for kind, level in self.lone_levels(view, levels):
-            yield level, weighted(level, np.maximum(kind, LEAST_STANDING)), longer
+            plans.append((level, np.maximum(kind, LEAST_STANDING), longer))
+        for level, weights, list_size in plans:
+            if pays(self._cost(list_size)):
+                yield level, self._weighted(view, level, weights), list_size
+
+    def _cost(self, list_size: int) -> float:
+        return decoding_cost(list_size, self.profile.l0_mother)
+
+    def _weighted(
+        self, view: SuperframeView, level: float, weights: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        return view.soft(self.layout.cells, self.profile.step(level)) * weights
 
     def _look(self, view: SuperframeView, level: float, offset: float) -> InterferenceMask:
         """Look for what covers a superframe; its pilots have the step of their tier."""

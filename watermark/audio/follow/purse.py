@@ -3,22 +3,24 @@
 In: the sound that arrives, which earns an allowance; out: whether an attempt is paid for. Costs are
 counted, not measured: the same sound gives the same attempts on every machine. What cannot be paid
 is left untried and counted. Unit: a thousandth of a second of a core of the machine on which the
-costs were counted; `EARNED` is a fifth of it.
+costs were counted; a second of sound earns a quarter of it.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
-EARNED = 200.0
+EARNED = 240.0
 """What a second of sound pays for."""
 
-SAVED_S = 2.0
+SAVED_S = 4.0
 """Sound whose allowance is saved for superframes that fail after others that did not."""
 
-VIEW, LOOK, BELIEFS, RATIOS, FIT = 5.0, 2.5, 1.5, 1.0, 3.0
-"""A superframe's spectra and masks; what covers it at one level; its beliefs; ratios from clues; a
-search for its delay and drift."""
+VIEW, CLUES_COST, LOOK, BELIEFS, RATIOS, FIT = 2.1, 1.9, 1.3, 0.8, 0.8, 1.5
+"""A superframe's spectra and masks; what tells of its cells; what covers it at one level; its
+beliefs; ratios from clues; a search for its delay and drift."""
 
-PATHS_COST = ((8, 0.3), (32, 1.5), (512, 18.0))
+PATHS_COST = ((8, 0.35), (32, 1.0), (512, 16.5))
 """Decodings of a class with lists of so many paths, in a mother code of `USUAL_MOTHER` bits."""
 
 USUAL_MOTHER = 1024
@@ -37,15 +39,27 @@ class DecodingPurse:
         Attempts that were left out.
     spent : float
         All that was paid.
+    reserve : float
+        What is kept for attempts that are likelier than the present ones.
     """
 
     balance: float = EARNED * SAVED_S
     untried: int = 0
     spent: float = 0.0
+    reserve: float = 0.0
 
     def earn(self, sound_s: float) -> None:
         """Add what so much sound pays for."""
         self.balance = min(self.balance + EARNED * sound_s, EARNED * SAVED_S)
+
+    @contextmanager
+    def sparing(self) -> Iterator[None]:
+        """Keep half of what may be saved: for what is tried beside the likeliest place."""
+        before, self.reserve = self.reserve, EARNED * SAVED_S / 2
+        try:
+            yield
+        finally:
+            self.reserve = before
 
     def charge(self, cost: float) -> None:
         """Pay what is done in any case, on credit if need be."""
@@ -54,7 +68,7 @@ class DecodingPurse:
 
     def pays(self, cost: float) -> bool:
         """Pay for an attempt, or note that it was left out."""
-        if cost > self.balance:
+        if cost > self.balance - self.reserve:
             self.untried += 1
             return False
         self.charge(cost)

@@ -19,6 +19,7 @@ from watermark.audio.follow.align import (
 )
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser, KnownCells, lean, path_of, score_phases
+from watermark.audio.follow.purse import FIT, VIEW, DecodingPurse
 from watermark.audio.search.acquire import DEVIATION, Candidate
 from watermark.audio.signal.channel_choice import MID
 from watermark.audio.signal.layout import make_pilots
@@ -160,10 +161,13 @@ class TrackReader:
         Seed of the layout.
     nominal : float
         Tape samples per sample of the mark at its nominal rate.
+    purse : DecodingPurse, optional
+        Pays for what superframes that fail cost; otherwise nothing is left out.
     """
 
-    def __init__(self, key: int, nominal: float) -> None:
+    def __init__(self, key: int, nominal: float, purse: DecodingPurse | None = None) -> None:
         self._key, self._nominal = key, nominal
+        self._purse = purse or DecodingPurse(math.inf)
         self._masker, self._deep = make_masker(), make_masker(floor=DEEP)
         self._demodulators: dict[int, Demodulator] = {}
 
@@ -171,33 +175,38 @@ class TrackReader:
         """Demodulator of a profile; what it learnt is kept for the next lock."""
         if number not in self._demodulators:
             profile = list(PROFILES.values())[number]
-            self._demodulators[number] = Demodulator(profile, self._key)
+            self._demodulators[number] = Demodulator(profile, self._key, self._purse)
         return self._demodulators[number]
 
     def view(self, tape: SampleBuffer, track: Track) -> SuperframeView:
         """Return the cells of the superframe at a track's place."""
+        self._purse.charge(VIEW)
         return _look(tape, track, self._masker)
 
     def read(
-        self, tape: SampleBuffer, track: Track, raw: SuperframeView, *, due: bool
-    ) -> SuperframeReading:
+        self, tape: SampleBuffer, track: Track, raw: SuperframeView, *, due: bool,
+        brief: bool = False,
+    ) -> SuperframeReading:  # fmt: skip
         """Read with the phases that the track has, then without, or the other way round.
 
-        Then with bands that are too quiet for a programme of full loudness; where bands are turned,
-        at last with phases that this superframe itself tells.
+        Unless only in brief, then with bands that are too quiet for a programme of full loudness;
+        where bands are turned, at last with phases that this superframe itself tells.
         """
         demodulator, turned = track.demodulator, track.equaliser.turned
         for view in _views(track, raw) if turned else [raw]:
             levels = demodulator.likely_levels(view, track.level, track.offset)
-            reading = demodulator.read(view, levels, offset=track.offset, due=due)
+            reading = demodulator.read(view, levels, offset=track.offset, due=due, brief=brief)
             if reading.decoded.l0 is not None:
                 return self.complete(tape, track, reading)
+        if brief:
+            return reading
         if track.offset:
             nominal = demodulator.likely_levels(as_used(track, raw), track.level - track.offset)
             again = demodulator.read(as_used(track, raw), nominal, due=due, brief=True)
             if again.decoded.l0 is not None:
                 track.offset = 0.0
                 return self.complete(tape, track, again)
+        self._purse.charge(VIEW)
         deep = _look(tape, track, self._deep)
         if np.count_nonzero(deep.amplitudes) > np.count_nonzero(raw.amplitudes):
             view = as_used(track, deep)
@@ -211,6 +220,7 @@ class TrackReader:
             step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
             known = KnownCells(pilots.cells, step, pilots.expected(profile.number))
             likely = likely_phases(demodulator, raw, known, levels[:TIER_LEVELS])
+            self._purse.charge(len(levels) * FIT)
             for equaliser, level in likely:
                 turned_view = raw.turned(equaliser.bins)
                 again = demodulator.read(turned_view, [level], offset=track.offset, due=False)
@@ -241,6 +251,7 @@ class TrackReader:
         """Refine a candidate's place by its pilots; give their score there, in deviations."""
         pilots, step = make_pilots(self._key), PILOT_STEPS[candidate.tier] * 2 ** (track.offset / 4)
         expected = pilots.expected(candidate.profile)
+        self._purse.charge(FIT * len(PULL_IN))
         for grid in PULL_IN:
             # Pilots stand in the mid.
             view = as_used(track, self.view(tape, replace(track, pair=False)))
@@ -257,6 +268,7 @@ class TrackReader:
             expected = kind * np.ones((FRAMES_PER_SUPERFRAME, 1))
             least = LONE_SCORE * math.sqrt(expected.sum() / 2)
             for level in levels[:TIER_LEVELS]:
+                self._purse.charge(FIT)
                 step = demodulator.profile.step(level)
                 fit = search_fit(view, cells, step, expected, LONE_IN, harmonic=2)
                 if fit.score > least:
@@ -313,6 +325,7 @@ class TrackReader:
         moved = replace(track, misses=0, age=0)
         view = as_used(track, raw)
         for grid, least in ((BESIDE, COARSE_SCORE), (BESIDE_FINE, BESIDE_SCORE)):
+            self._purse.charge(FIT)
             fit = search_fit(view, pilots.cells, step, expected, grid)
             if fit.score < least:
                 return None

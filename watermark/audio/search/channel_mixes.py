@@ -31,11 +31,18 @@ USUAL_RMS, GATE = 10 ** (-25 / 20), 0.1
 """Root mean square of a programme of -23 LUFS, about, in blocks that have at least a tenth of the
 loudest one's."""
 
-MID, USUAL, LATE, SIDE, LEFT, RIGHT, CENTRE = (
-    "mid", "usual loudness", "late", "side", "left", "right", "centre"
+MID, USUAL, ECHO, LATE, SIDE, LEFT, RIGHT, CENTRE = (
+    "mid", "usual loudness", "echo", "late", "side", "left", "right", "centre"
 )  # fmt: skip
-"""Kinds of mixes: that which is marked; the same at a usual loudness; with one channel late; with
-one inverted; channels alone."""
+"""Kinds of mixes: that which is marked; the same at a usual loudness; without its own echo; with
+one channel late; with one inverted; channels alone."""
+
+ECHO_WINDOW, SHORTEST_ECHO = 2**14, 240
+"""Samples of the windows whose logarithmic spectra are averaged, and of the shortest echo: what is
+shorter looks like a voice's pitch."""
+
+LEAST_ECHO, LARGEST_ECHO = 0.15, 0.85
+"""Factors of an echo that is believed; of the largest one its removal dies out within a second."""
 
 PAIR = "pair"
 """Left and right of more channels than two."""
@@ -51,10 +58,14 @@ class ChannelMix:
         Of each channel.
     skew : float
         Samples by which the second channel is late.
+    echo : tuple of (int, float, float)
+        Samples after which the mix comes again, and the factors of this echo in the mix and in what
+        is beside it; both are taken out.
     """
 
     weights: tuple[float, ...]
     skew: float = 0.0
+    echo: tuple[int, float, float] = (0, 0.0, 0.0)
 
     @property
     def side(self) -> "ChannelMix | None":
@@ -62,7 +73,8 @@ class ChannelMix:
         left, right, *rest = self.weights if len(self.weights) > 1 else (1.0, 0.0)
         if abs(left) != abs(right) or any(rest):
             return None
-        return ChannelMix((left, -right, *rest), self.skew)
+        late, own, beside = self.echo
+        return ChannelMix((left, -right, *rest), self.skew, (late, beside, own))
 
 
 def usual_mix(channels: int) -> ChannelMix:
@@ -91,6 +103,11 @@ def find_mix(kind: str, sound: NDArray[np.float64]) -> ChannelMix | None:
     plain = usual_mix(channels)
     if kind == MID:
         return plain
+    if kind == ECHO:
+        side = plain.side
+        beside = sound @ np.array(side.weights) if side else np.zeros(len(sound))
+        late, own = _find_echo(sound @ np.array(plain.weights))
+        return ChannelMix(plain.weights, 0.0, (late, own, _echo_at(beside, late))) if late else None
     if kind == USUAL:
         gain = usual_gain(sound)
         return ChannelMix(tuple(gain * weight for weight in plain.weights))
@@ -116,6 +133,36 @@ def find_mix(kind: str, sound: NDArray[np.float64]) -> ChannelMix | None:
     if not power(own) > 0 or min(apart) <= ALIKE * power(own):
         return None
     return ChannelMix(fixed[kind])
+
+
+def _cepstrum(mix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean cepstrum of the windows that are not silent; an echo's factor stands at its delay.
+
+    Source: Bogert, Healy and Tukey, "The quefrency alanysis of time series for echoes", 1963.
+    """
+    windows = np.lib.stride_tricks.sliding_window_view(mix, ECHO_WINDOW)[:: ECHO_WINDOW // 2]
+    power = np.abs(scipy.fft.rfft(windows * np.hanning(ECHO_WINDOW), axis=1)) ** 2
+    heard = power[power.mean(axis=1) > 0]
+    if not heard.size:
+        return np.zeros(ECHO_WINDOW)
+    floor = 1e-9 * heard.mean(axis=1, keepdims=True)
+    return np.asarray(scipy.fft.irfft(np.log(heard + floor).mean(axis=0)))
+
+
+def _find_echo(mix: NDArray[np.float64]) -> tuple[int, float]:
+    """Return an echo's delay in samples and its factor; 0 and 0 where none is believed."""
+    near = _cepstrum(mix)[SHORTEST_ECHO : LONGEST_SKEW + 1]
+    peak = int(np.abs(near).argmax())
+    factor = float(np.clip(near[peak], -LARGEST_ECHO, LARGEST_ECHO))
+    deviation = float(np.sqrt(np.mean(np.delete(near, peak) ** 2)))
+    if abs(factor) < max(LEAST_ECHO, LEAST_LIKENESS * deviation):
+        return 0, 0.0
+    return SHORTEST_ECHO + peak, factor
+
+
+def _echo_at(mix: NDArray[np.float64], late: int) -> float:
+    """Return the factor of an echo whose delay is known."""
+    return float(np.clip(_cepstrum(mix)[late], -LARGEST_ECHO, LARGEST_ECHO)) if late else 0.0
 
 
 def usual_gain(sound: NDArray[np.float64]) -> float:

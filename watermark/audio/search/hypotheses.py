@@ -13,7 +13,7 @@ from fractions import Fraction
 import numpy as np
 
 from watermark.audio.search.acquire import CLOCK_ERRORS_PPM
-from watermark.audio.search.channel_mixes import LATE, MID, USUAL, kinds_of
+from watermark.audio.search.channel_mixes import ECHO, LATE, MID, USUAL, kinds_of
 from watermark.audio.signal.profile import PILOT_STEPS
 
 STRETCH_S, SHORT_STRETCH_S = 2.2, 1.36
@@ -46,9 +46,12 @@ GAIN_LADDER = range(-GAIN_STEPS, GAIN_STEPS * len(PILOT_STEPS))
 LADDER_PART = 10
 """Of those, how many share one attempt."""
 
-ALWAYS_S, OFTEN_S, AT_TIMES_S, SELDOM_S = 1.1, 3.0, 5.0, 12.0
+ALWAYS_S, OFTEN_S, AT_TIMES_S, SELDOM_S = 1.5, 3.0, 5.0, 12.0
 """Sound between two tries of turned bands, of what else is likely, of what is less, and of tens of
 possibilities."""
+
+ECHO_S = 8.0
+"""The same of an echo: stereo that was widened feeds each channel late into the other."""
 
 COST_EXACT, COST_WIDE, COST_SHORT, COST_STRETCHED, COST_LATE = 9.0, 14.0, 5.0, 19.0, 12.0
 """What a try costs: thousandths of a second of a core of the machine on which it was counted."""
@@ -123,6 +126,7 @@ def make_hypotheses(channels: int) -> tuple[ChannelHypothesis, ...]:
         *(_near(sign) for sign in (1, -1)),
         *(_gained(gain, AT_TIMES_S) for gain in QUARTERS),
         *(_film(speed, AT_TIMES_S) for speed in OTHER_SPEEDS),
+        *(_without_echo(gain) for gain in (0.0, *QUARTERS, *HALF) if channels > 1),
         *(_turned(f"turned, gain {n}", SELDOM_S, USUAL, part) for n, part in enumerate(parts)),
         *(_gained(gain, SELDOM_S) for gain in EIGHTHS),
         *(
@@ -151,6 +155,10 @@ def _gained(gain: float, pause_s: float) -> ChannelHypothesis:
 
 def _film(speed: Fraction, pause_s: float) -> ChannelHypothesis:
     return ChannelHypothesis(f"speed {speed}", pause_s, COST_EXACT, speed=float(1 / speed))
+
+
+def _without_echo(gain: float) -> ChannelHypothesis:
+    return ChannelHypothesis(f"echo, gain {gain:g}", ECHO_S, COST_LATE, ECHO, gain=gain)
 
 
 def _near(sign: int) -> ChannelHypothesis:

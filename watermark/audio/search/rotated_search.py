@@ -90,8 +90,8 @@ class RotatedSearch:
         paired = scores.copy()
         pairs = PAIR * (scores[:, :-PERIOD] + scores[:, PERIOD:])
         paired[:, :-PERIOD] = np.maximum(scores[:, :-PERIOD], pairs)
-        row, place = np.unravel_index(int(paired.argmax()), paired.shape)
-        likely = [(int(row), int(place), float(paired[row, place]))]
+        row, place = divmod(int(paired.argmax()), places)
+        likely = [(row, place, float(paired[row, place]))]
         row, place, significance = evidence.add(scores, round(first / ROW), PERIOD)
         place = max(range(place, places, PERIOD), key=lambda i: float(scores[row, i]))
         if (row, place) != likely[0][:2]:

@@ -9,13 +9,16 @@ Cost: that of what is tried, `SPEND` of every second of sound.
 from dataclasses import dataclass, field
 
 from watermark.audio.search.evidence import Evidence
-from watermark.audio.search.hypotheses import ChannelHypothesis, make_hypotheses
+from watermark.audio.search.hypotheses import STRETCH_S, ChannelHypothesis, make_hypotheses
 
-SPEND = 60.0
+SPEND = 70.0
 """Costs of tries that a second of sound pays for, see `hypotheses.COST_EXACT`."""
 
 SAVED_S = 2.2
 """Sound whose allowance may be saved: what was not spent before is not spent at once later."""
+
+FIRST = 250.0
+"""Allowance at the start: most of a first round."""
 
 REPEATED = 3.0
 """Factor by which what was read on this set is tried more often."""
@@ -48,15 +51,17 @@ class HypothesisScheduler:
 
     channels: int
     _entries: list[_Entry] = field(init=False)
-    _allowance: float = field(default=0.0, init=False)
+    _allowance: float = field(default=FIRST, init=False)
 
     def __post_init__(self) -> None:
         # One pause has run out for each at the start: they are tried in their order.
-        self._entries = [_Entry(one, -one.pause_s) for one in make_hypotheses(self.channels)]
+        listed = make_hypotheses(self.channels)
+        self._entries = [_Entry(one, STRETCH_S - one.pause_s) for one in listed]
 
     def earn(self, sound_s: float) -> None:
         """Add the allowance of so much sound."""
-        self._allowance = min(self._allowance + SPEND * sound_s, SPEND * SAVED_S)
+        most = max(self._allowance, SPEND * SAVED_S)
+        self._allowance = min(self._allowance + SPEND * sound_s, most)
 
     def next(self, now_s: float) -> ChannelHypothesis | None:
         """Return what to try at a time of the sound; None where nothing is due or paid for."""

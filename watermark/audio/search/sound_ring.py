@@ -94,8 +94,17 @@ class SoundRing:
 
     def _append(self, tape: StereoBuffer, mix: ChannelMix, count: int) -> None:
         """Append a mix, and what is beside it."""
-        beside = self._mixed(mix.side, tape.end, count) if mix.side else np.zeros(count)
-        tape.append_pair(self._mixed(mix, tape.end, count), beside)
+        start, (late, own, aside) = tape.end, mix.echo
+        beside = self._mixed(mix.side, start, count) if mix.side else np.zeros(count)
+        sound = self._mixed(mix, start, count)
+        step = late or max(count, 1)
+        for first in range(0, count, step):
+            cut = slice(first, first + step)
+            if late:
+                before, size = start + first - late, sound[cut].size
+                sound[cut] -= own * tape.read(before, 1.0, size)
+                beside[cut] -= aside * tape.side.read(before, 1.0, size)
+            tape.append_pair(sound[cut], beside[cut])
 
     def _mixed(self, mix: ChannelMix, start: int, count: int) -> NDArray[np.float64]:
         out = np.zeros(count)

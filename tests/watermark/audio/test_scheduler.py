@@ -1,0 +1,124 @@
+"""What is tried when: the same spend in every second, nothing forgotten, evidence that adds up."""
+
+import numpy as np
+import pytest
+
+from watermark.audio.follow.purse import EARNED, SAVED_S, DecodingPurse
+from watermark.audio.search.channel_mixes import ECHO, find_mix
+from watermark.audio.search.evidence import Evidence
+from watermark.audio.search.hypotheses import SELDOM_S, STRETCH_S, make_hypotheses
+from watermark.audio.search.scheduler import (
+    FIRST,
+    SPEND,
+    HypothesisScheduler,
+)
+from watermark.audio.search.scheduler import SAVED_S as HUNT_SAVED_S
+from watermark.audio.search.sound_ring import SoundRing
+from watermark.audio.signal.sample_buffer import StereoBuffer
+
+STEP_S = 0.08
+
+
+def tries(
+    scheduler: HypothesisScheduler, begin_s: float, end_s: float
+) -> list[tuple[float, str, float]]:
+    """Time, name and cost of what is tried."""
+    found = []
+    for n in range(round(begin_s / STEP_S), round(end_s / STEP_S)):
+        scheduler.earn(STEP_S)
+        while (one := scheduler.next(n * STEP_S)) is not None:
+            found.append((n * STEP_S, one.name, one.cost))
+    return found
+
+
+@pytest.mark.parametrize("channels", [1, 6])
+def test_all_is_tried_again_and_again_at_the_same_spend(channels: int) -> None:
+    found = tries(HypothesisScheduler(channels), STRETCH_S, 900.0)
+    names = {one.name for one in make_hypotheses(channels)}
+    for begin in (STRETCH_S, 300.0, 880.0):
+        within = [one for one in found if begin <= one[0] < begin + 1.25 * SELDOM_S]
+        assert {name for _, name, _ in within} == names
+    spent = np.zeros(900)
+    for time_s, _, cost in found:
+        spent[int(time_s)] += cost
+    assert spent[:3].sum() <= FIRST + 3 * SPEND
+    assert spent[10:].max() <= SPEND * (1 + HUNT_SAVED_S)
+    np.testing.assert_allclose(spent[20:300].mean(), spent[600:880].mean(), rtol=0.02)
+
+
+def test_what_was_read_comes_first_and_more_often() -> None:
+    counts = []
+    for known in (False, True):
+        scheduler = HypothesisScheduler(2)
+        film = next(one for one in make_hypotheses(2) if one.name == "speed 25/24")
+        own = next(
+            entry.hypothesis for entry in scheduler._entries if entry.hypothesis.name == film.name
+        )
+        if known:
+            scheduler.remember(own)
+        found = tries(scheduler, STRETCH_S, 60.0)
+        counts.append(sum(name == film.name for _, name, _ in found))
+        assert known == (found[0][1] == film.name)
+    assert counts[1] > 2 * counts[0]
+
+
+def test_weak_pilots_add_up_over_stretches() -> None:
+    """A score of two deviations, alone far below the highest of noise, stands out after ten."""
+    rng, period, place = np.random.default_rng(0), 500, 123
+    evidence, first, found = Evidence(), 40, []
+    for _ in range(10):
+        peaks = rng.normal(0.0, 100.0, (4, 3 * period))
+        peaks[2, (place - first) % period :: period] += 200.0
+        pair, at, significance = evidence.add(peaks.astype(np.int16), first, period)
+        found.append((pair, (at + first) % period))
+        first += 777
+    assert found[-1] == (2, place)
+    assert significance > 5.5
+    noise = Evidence()
+    highest = [
+        noise.add(rng.normal(0.0, 100.0, (4, 3 * period)).astype(np.int16), n * 777, period)[2]
+        for n in range(40)
+    ]
+    assert np.mean(highest) < 4.5
+
+
+def test_the_purse_pays_no_more_than_the_sound_earned() -> None:
+    purse, paid = DecodingPurse(), 0.0
+    for _ in range(1000):
+        purse.earn(0.64)
+        while purse.pays(16.5):
+            paid += 16.5
+    assert paid <= EARNED * (SAVED_S + 640.0)
+    assert paid > 0.9 * EARNED * 640.0
+    assert purse.untried == 1000
+    with purse.sparing():
+        assert not purse.pays(0.5 * EARNED * SAVED_S)
+    before = purse.balance
+    purse.charge(1e6)
+    assert purse.balance == before - 1e6
+    assert not purse.pays(1.0)
+
+
+@pytest.mark.parametrize(("late", "own", "beside"), [(960, -0.6, 0.3), (480, 0.4, 0.0)])
+def test_an_echo_is_found_and_taken_out(late: int, own: float, beside: float) -> None:
+    """Whatever the blocks, and but for the error of its factor."""
+    rng = np.random.default_rng(0)
+    mid, side = rng.normal(0, 0.1, (2, 106_000))
+    heard = []
+    for sound, factor in ((mid, own), (side, beside)):
+        echoed = sound.copy()
+        echoed[late:] += factor * sound[:-late]
+        heard.append(echoed)
+    block = np.stack([heard[0] + heard[1], heard[0] - heard[1]], axis=1)
+    assert find_mix(ECHO, np.stack([mid + side, mid - side], axis=1)) is None
+    mix = find_mix(ECHO, block)
+    assert mix is not None
+    assert mix.echo == pytest.approx((late, own, beside), abs=0.05)
+    ring, tapes = SoundRing(2, 1.0), [StereoBuffer(), StereoBuffer()]
+    for first in range(0, len(block), 7001):
+        ring.append(block[first : first + 7001])
+        ring.extend(tapes[0], mix, ring.end)
+    ring.extend(tapes[1], mix, ring.end)
+    np.testing.assert_array_equal(tapes[0].samples, tapes[1].samples)
+    left = tapes[0].samples[late * 10 :] - mid[late * 10 :]
+    assert np.sqrt(np.mean(left**2)) < 0.1 * np.sqrt(np.mean(mid**2))

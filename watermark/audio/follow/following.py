@@ -1,0 +1,218 @@
+"""A track that is followed: the superframes before a place that was found, and those after it.
+
+In: a tape and a place where a superframe was accepted; out: superframes, in their order, and where
+the next one is expected. The place of each is predicted, and corrected by the bits that were
+decoded. Cost: two views and a fit for a superframe that is read; what one that fails may cost is
+the purse's affair. Specification: spec/audio-carrier.md, W36 and W37.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from watermark.audio.follow.align import SuperframeView, find_delay, search_fit
+from watermark.audio.follow.attempt import AcceptedAttempt
+from watermark.audio.follow.demodulate import SuperframeReading
+from watermark.audio.follow.equaliser import KnownCells
+from watermark.audio.follow.purse import DecodingPurse
+from watermark.audio.follow.track import FOLLOW, Track, TrackReader, as_used, received
+from watermark.audio.signal.profile import HOP, SUPERFRAME
+from watermark.audio.signal.sample_buffer import StereoBuffer
+from watermark.link.superframe import ReceivedSuperframe
+
+REMEMBERED = 16
+"""Failed superframes after which a lock that was given up is forgotten: while the sound is too poor
+for the search, a superframe at the old place may still be read."""
+
+UNREADABLE = 10
+"""Superframes in a row that cannot be read before the past is left alone."""
+
+LOCK_IN = (
+    (np.arange(-1.0, 1.1, 0.25), np.arange(-60.0, 61.0, 20.0)),
+    (np.arange(-0.4, 0.5, 0.2), np.arange(-20.0, 21.0, 10.0)),
+)
+"""Delays and drifts tried with the decoded bits of the first superframe, from coarse to fine."""
+
+SAME_PLACE, SAME_CLOCK = 1.0, 2e-4
+"""A search that ends within so many samples of the place expected, and with a ratio that differs by
+a smaller part from what was expected, has found nothing new."""
+
+
+class TrackFollower:
+    """Follows a track.
+
+    Parameters
+    ----------
+    fs : int
+        Rate of the sound, Hz.
+    nominal : float
+        Tape samples per sample of the mark at its nominal rate.
+    reader : TrackReader
+        That reads superframes.
+    purse : DecodingPurse
+        That pays for those that fail.
+
+    Attributes
+    ----------
+    track : Track or None
+        Where the next superframe is expected; None where nothing is followed.
+    last_start, last_told : float
+        Places of the last superframe that was read, and that was handed out.
+    """
+
+    def __init__(self, fs: int, nominal: float, reader: TrackReader, purse: DecodingPurse) -> None:
+        self._fs, self._nominal, self._reader, self._purse = fs, nominal, reader, purse
+        self.track: Track | None = None
+        self.last_start = self.last_told = -np.inf
+        self._errors = self._counted = 0
+
+    @property
+    def ber_estimate(self) -> float | None:
+        """Share of wrong bits before decoding, None before the first superframe."""
+        return self._errors / self._counted if self._counted else None
+
+    @property
+    def misses(self) -> float:
+        """Superframes in a row that failed; infinite where nothing is followed."""
+        return np.inf if self.track is None else self.track.misses
+
+    def is_new(self, position: float, pace: float) -> bool:
+        """Whether a superframe lies behind all that were read."""
+        return position >= self.last_start + 0.5 * SUPERFRAME * pace
+
+    def note(self, found: list[ReceivedSuperframe]) -> list[ReceivedSuperframe]:
+        """Note where superframes were that another follower read."""
+        for superframe in found:
+            self.last_told = superframe.position_s * self._fs
+            if superframe.l0 is not None:
+                self.last_start = self.last_told
+        return found
+
+    def lock(self, tape: StereoBuffer, accepted: AcceptedAttempt) -> list[ReceivedSuperframe]:
+        """Take a track that was found; where it agrees with the one before, that one goes on."""
+        track = accepted.track
+        self._correct(tape, track, accepted.raw, accepted.reading, wide=True)
+        reading = self._reader.complete(tape, track, accepted.reading)
+        known = self.track
+        if known is not None and known.demodulator is track.demodulator:
+            steps = round((track.position - known.position) / (SUPERFRAME * known.ratio))
+            expected = known.ratio * (1 + known.bend) ** steps
+            due = known.position + steps * SUPERFRAME * expected
+            delay = (track.position - due) / self._nominal
+            if abs(track.ratio / expected - 1) > SAME_CLOCK:
+                if abs(delay) <= SAME_PLACE:
+                    track.bend = known.bend
+                    track.bent(expected)
+            elif abs(delay) <= SAME_PLACE:
+                track = replace(
+                    known, position=due, level=track.level, misses=0,
+                    equaliser=track.equaliser, offset=track.offset, pair=track.pair,
+                )  # fmt: skip
+                self._reader.nudge(track, delay)
+        self.track = track
+        return [*self._read_back(tape, track), self._deliver(track, reading)]
+
+    def _read_back(self, tape: StereoBuffer, track: Track) -> list[ReceivedSuperframe]:
+        """Read superframes that were on air before one that was found.
+
+        Behind one that failed there may have been no mark: the next ones are read in brief.
+        """
+        found: list[ReceivedSuperframe] = []
+        past, failed = replace(track, bend=0.0), 0
+        first = tape.first + (HOP if tape.first else -HOP) * track.ratio
+        first = max(first, self.last_told + 0.5 * SUPERFRAME * track.ratio)
+        while failed < UNREADABLE:
+            past.position -= SUPERFRAME * past.ratio
+            if past.position < first:
+                break
+            raw = self._reader.view(tape, past)
+            reading = self._reader.read(tape, past, raw, due=False, brief=failed > 0)
+            if reading.decoded.l0 is None and not failed:
+                for moved in self._reader.elsewhere(tape, past, raw):
+                    again = self._reader.view(tape, moved)
+                    reading = self._reader.read(tape, moved, again, due=False)
+                    if reading.decoded.l0 is not None:
+                        past, raw = moved, again
+                        break
+            failed = 0 if reading.decoded.l0 is not None else failed + 1
+            if not failed:
+                found.insert(0, received(past, reading, self._fs))
+                self._reader.learn_back(past, raw, reading)
+        return found
+
+    def complete(self, tape: StereoBuffer) -> bool:
+        """Whether the next superframe has arrived."""
+        track = self.track
+        if track is None:
+            return False
+        end = track.position + (SUPERFRAME + HOP) * track.ratio + tape.reach(track.ratio)
+        return end <= tape.end
+
+    def follow(self, tape: StereoBuffer, patience: int) -> list[ReceivedSuperframe]:
+        """Read the superframe that is due; note whether it arrived.
+
+        After `patience` failures in a row they are not handed out any more.
+        """
+        track = self.track
+        if track is None:
+            return []
+        raw = self._reader.view(tape, track)
+        reading = self._reader.read(tape, track, raw, due=True)
+        if reading.decoded.l0 is not None:
+            expected = track.ratio
+            self._correct(tape, track, raw, reading, wide=bool(track.bend))
+            if track.bend:
+                track.bent(expected)
+            self._reader.settle_pair(tape, track, reading)
+            return [self._deliver(track, reading)]
+        for moved in self._reader.elsewhere(tape, track, raw):
+            raw = self._reader.view(tape, moved)
+            there = moved.pair != track.pair
+            with self._purse.sparing():
+                again = self._reader.read(tape, moved, raw, due=there)
+            if again.decoded.l0 is not None:
+                self.track = moved
+                self._correct(tape, moved, raw, again, wide=not there)
+                if not track.misses and not there:
+                    moved.bent(track.ratio)
+                return [self._deliver(moved, again)]
+        track.misses += 1
+        failed = self._deliver(track, reading, told=track.misses <= patience)
+        if track.misses > max(patience, REMEMBERED):
+            self.track = None
+        return [failed] if track.misses <= patience else []
+
+    def _correct(
+        self, tape: StereoBuffer, track: Track, raw: SuperframeView, reading: SuperframeReading,
+        *, wide: bool = False,
+    ) -> None:  # fmt: skip
+        """Let the decoded bits correct clock, level, phases and the cells' reliabilities."""
+        demodulator = track.demodulator
+        expected = demodulator.expected(reading.decoded)
+        cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
+        weighted = expected * demodulator.trust(reading)
+        if wide:
+            for grid in LOCK_IN:
+                view = as_used(track, self._reader.view(tape, track))
+                self._reader.move(track, search_fit(view, cells, step, weighted, grid))
+            raw = self._reader.view(tape, track)
+        else:
+            self._reader.nudge(track, find_delay(reading.view, cells, step, weighted, FOLLOW))
+        track.offset += demodulator.gain_change(reading)
+        track.equaliser.learn(raw, KnownCells(cells, step, weighted))
+        demodulator.learn(reading)
+        self._errors += int(((reading.soft * expected) < 0).sum())
+        self._counted += int((expected != 0).sum())
+        track.level, track.misses = reading.level, 0
+
+    def _deliver(
+        self, track: Track, reading: SuperframeReading, *, told: bool = True
+    ) -> ReceivedSuperframe:
+        """Hand a superframe out and move the track to the next one."""
+        result = received(track, reading, self._fs)
+        if reading.decoded.l0 is not None:
+            self.last_start = track.position
+        if told:
+            self.last_told = track.position
+        track.advance()
+        return result
