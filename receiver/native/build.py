@@ -1,4 +1,4 @@
-"""Build the native receiver: a tool with any C compiler, library and WebAssembly module with zig.
+"""Build the native receiver: tool and plug-in with any C compiler, library and module with zig.
 
 In: the sources beside this file. Out: a program, a shared library, or `dist/cuecast.wasm` with
 `dist/cuecast.json`, which names the sources that it was made of.
@@ -127,6 +127,27 @@ def build_library(folder: Path) -> Path:
     return out
 
 
+def build_plugin(compiler: list[str], folder: Path) -> Path:
+    """Build the GStreamer element of `plugin` with a compiler and pkg-config; return its path."""
+    folder.mkdir(parents=True, exist_ok=True)
+    out = folder / "libgstcuecast.so"
+    asked = ["pkg-config", "--cflags", "--libs", "gstreamer-audio-1.0"]
+    found = subprocess.run(asked, check=True, capture_output=True, text=True).stdout.split()
+    headers = [f"-isystem{flag[2:]}" for flag in found if flag.startswith("-I")]
+    libraries = [flag for flag in found if flag.startswith("-l")]
+    shared = ["-O2", "-fPIC", "-fvisibility=hidden"]
+    with tempfile.TemporaryDirectory() as name:
+        objects = []
+        for path in [*sources(), *vendored(), HERE / "plugin" / "gstcuecast.c"]:
+            flags = VENDORED if path in vendored() else [*WARNINGS, *includes(), *headers]
+            objects.append(f"{name}/{path.stem}.o")
+            command = [*compiler, *shared, *flags, "-c", str(path), "-o", objects[-1]]
+            subprocess.run(command, check=True)
+        command = [*compiler, "-shared", *objects, *libraries, "-lm", "-o", str(out)]
+        subprocess.run(command, check=True)
+    return out
+
+
 def build_module(out: Path) -> None:
     """Build the WebAssembly module: no imports, its memory above `__heap_base` is the host's."""
     target = ["-target", "wasm32-wasi", "-msimd128", "-ffp-contract=off"]
@@ -194,15 +215,17 @@ def record_of(module: bytes) -> dict[str, str | int]:
 def main(arguments: list[str] | None = None) -> int:
     """Build the target of the command line."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("what", choices=["tool", "library", "wasm"])
+    parser.add_argument("what", choices=["tool", "library", "plugin", "wasm"])
     parser.add_argument("-o", "--out", type=Path, default=HERE / "dist")
-    parser.add_argument("--cc", default="cc", help="compiler of the tool")
+    parser.add_argument("--cc", default="cc", help="compiler of tool and plug-in")
     chosen = parser.parse_args(arguments)
     if chosen.what == "tool":
         chosen.out.mkdir(parents=True, exist_ok=True)
         build_tool(chosen.cc.split(), chosen.out / "cue_dec", flags=("-O3",))
     elif chosen.what == "library":
         build_library(chosen.out)
+    elif chosen.what == "plugin":
+        build_plugin(chosen.cc.split(), chosen.out)
     else:
         build_module(chosen.out / MODULE.name)
         module = (chosen.out / MODULE.name).read_bytes()
