@@ -14,18 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.cuer.motion import Motion
-from codec.cues.cueing import NO_CONSONANT_SHAPE, NO_VOWEL_PLACEMENT, PLACEMENT_OF, SHAPE_OF
-from codec.cues.phonology import CONSONANTS, PHONES, VOWELS
-from codec.cues.score import PLACEMENTS, Score
+from codec.cues.language import french
+from codec.cues.score import Score
 from codec.cues.timeline import TICKS, ScoreLine, to_line
 from codec.files.data import DATA
 from codec.files.whole import whole_file
 from codec.superframe import _kernels
 from codec.superframe.coding import Coding
-from codec.superframe.preview import BEGINNING, CELL, SILENCE, preview_of
+from codec.superframe.preview import CELL, SILENCE, preview_of
 from codec.superframe.quantise import Setting, quantise_rd, width_mm
 from codec.superframe.range_coder import TOTAL, cumulative
-from codec.superframe.score_coding import is_consonant, is_vowel, letter_of, part_of
+from codec.superframe.score_coding import part_of
 from codec.superframe.superframe import resynthesis_of
 from codec.superframe.tables import (
     CLASSES,
@@ -40,7 +39,8 @@ from codec.superframe.tables import (
 from codec.superframe.transform import Basis
 from codec.training.coding_tables import blocks_of, near, parts_of
 
-N = len(PHONES)
+FRENCH = french()
+N = FRENCH.n_phones
 _PHASES = 8
 """Every score is cut into superframes at so many different places."""
 
@@ -122,7 +122,7 @@ _MIXED = 50
 
 def _is_pause() -> Counts:
     """Return 1 for the letter of a pause, and a little for all."""
-    return np.where(np.arange(N) == letter_of(0), 1.0, 0.01)
+    return np.where(np.arange(N) == FRENCH.letter_of(0), 1.0, 0.01)
 
 
 class _Whole:
@@ -137,7 +137,7 @@ class _Whole:
     def count(self, line: ScoreLine) -> None:
         context = 0, 0
         for k in range(1, len(line.starts)):
-            self.following[context][letter_of(line.numbers[k])] += 1
+            self.following[context][FRENCH.letter_of(line.numbers[k])] += 1
             context = context[1], line.numbers[k]
         for k in range(1, len(line.starts) - 1):
             number, ticks = line.numbers[k], line.starts[k + 1] - line.starts[k]
@@ -145,7 +145,7 @@ class _Whole:
                 units = min((ticks + line.starts[k] % 2) // 2, PAUSE_LENGTHS - 1)
                 self.pause[max(units, 1) - 1] += 1
                 continue
-            self.opening[letter_of(number)] += 1
+            self.opening[FRENCH.letter_of(number)] += 1
             self._ticks[number] += ticks
             self._phones[number] += 1
 
@@ -166,7 +166,7 @@ class _Keys:
 
     def count(self, line: ScoreLine) -> None:
         for index in range(line.starts[-1] // TICKS + 1):
-            cell, before = -1, BEGINNING
+            cell, before = -1, SILENCE + 1
             for tick, symbol in preview_of(part_of(line, index)):
                 self.gap[before, tick // CELL - cell - 1] += 1
                 self.key[before, symbol] += 1
@@ -180,7 +180,7 @@ def _count(score: Score, first: Counts, left: Counts, length: Counts) -> None:
     line = to_line(score)
     for index in range(line.starts[-1] // TICKS + 1):
         part = part_of(line, index)
-        first[letter_of(part.first)] += 1
+        first[FRENCH.letter_of(part.first)] += 1
         left[part.first, part.first_end] += 1
         last = 0
         ends = (*part.starts, TICKS)[1:]
@@ -221,8 +221,8 @@ def _backed(counts: Counts, prior: Counts, unseen: float) -> Counts:
 
 
 def _kinds() -> list[list[int]]:
-    consonants = [n for n in range(N) if is_consonant(n)]
-    return [[0], [n for n in range(N) if is_vowel(n)], consonants]
+    consonants = [n for n in range(N) if FRENCH.is_consonant(n)]
+    return [[0], [n for n in range(N) if FRENCH.is_vowel(n)], consonants]
 
 
 def _back_off(counts: Counts, prior: Counts, weight: float) -> Counts:
@@ -316,25 +316,7 @@ def format_tables(
     ])  # fmt: skip
     score = train_score(scores) if scores else present_tables()["score"]
     score |= _of_hands(score["key"])
-    return {"language": language(), "score": score, "coefficient": coefficient}
-
-
-def language() -> dict[str, Any]:
-    """Return the phones of the language and its chart, from phones to keys (S11).
-
-    A movement is part of a placement in other languages' charts; French has none.
-    """
-    return {
-        "name": "French",
-        "phones": list(PHONES),
-        "vowels": len(VOWELS),
-        "placements": list(PLACEMENTS),
-        "shape": {symbol: SHAPE_OF[symbol] for symbol in CONSONANTS},
-        "placement": {symbol: PLACEMENT_OF[symbol] for symbol in VOWELS},
-        "movement": {},
-        "shape_without_consonant": NO_CONSONANT_SHAPE,
-        "placement_without_vowel": NO_VOWEL_PLACEMENT,
-    }
+    return {"language": present_tables()["language"], "score": score, "coefficient": coefficient}
 
 
 _SPREAD = (0.6, 1.0, 1.5, 2.2)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.cues.phonology import PHONES
-from codec.cues.score import PLACEMENTS, SHAPES
+from codec.cues.language import Language
+from codec.cues.score import SHAPES
 from codec.errors import CueError
 
 N_SHAPES = len(SHAPES)
@@ -23,12 +23,12 @@ class GestureTable:
     Attributes
     ----------
     shape_targets : ndarray of float32, shape (9, 12)
-        Hand parameters of each shape.
+        Hand parameters of each shape; sizes are those of French.
     placement_targets : ndarray of float32, shape (9, 6, nmH)
-        Forearm parameters of each shape at each placement (`codec.cues.score.PLACEMENTS`), head at
+        Forearm parameters of each shape at each placement of the language, head at
         rest: the arm reaches so that the pointing finger is there.
     viseme_targets : ndarray of float32, shape (38, 7)
-        Face parameters of each phone (`codec.cues.phonology.PHONES`).
+        Face parameters of each phone of the language.
     neutral_head : ndarray of float32, shape (nmF,)
         Head parameters of a head at rest.
     """
@@ -41,9 +41,9 @@ class GestureTable:
     def __post_init__(self) -> None:
         n_forearm = self.placement_targets.shape[-1] if self.placement_targets.ndim else 0
         expected: dict[str, tuple[int, ...]] = {
-            "shape_targets": (N_SHAPES, 12),
-            "placement_targets": (N_SHAPES, len(PLACEMENTS), n_forearm),
-            "viseme_targets": (len(PHONES), 7),
+            "shape_targets": (len(self.shape_targets), 12),
+            "placement_targets": (*self._keys(), n_forearm),
+            "viseme_targets": (len(self.viseme_targets), 7),
             "neutral_head": (self.neutral_head.size,),
         }
         for name, shape in expected.items():
@@ -51,3 +51,24 @@ class GestureTable:
             if array.shape != shape or not np.isfinite(array).all():
                 raise CueError(f"gesture table: {name} has shape {array.shape}, expected {shape}")
             object.__setattr__(self, name, array)
+
+    def _keys(self) -> tuple[int, int]:
+        """Return how many shapes, and how many placements there are."""
+        placements = self.placement_targets.shape[1] if self.placement_targets.ndim > 1 else 0
+        return len(self.shape_targets), placements
+
+    def check(self, language: Language) -> None:
+        """Check that there are as many targets as the language has.
+
+        Raises
+        ------
+        CueError
+            If there are more or fewer.
+        """
+        found = *self._keys(), len(self.viseme_targets)
+        wanted = language.n_shapes, language.n_placements, language.n_phones
+        if found != wanted:
+            raise CueError(
+                "gesture table of {} shapes, {} placements and {} phones; ".format(*found)
+                + "{} has {}, {} and {}".format(language.name, *wanted)
+            )

@@ -20,6 +20,7 @@ from codec.cuer.models.face import N_FACE_PARAMETERS, FaceModel
 from codec.cuer.models.hand import N_HAND_PARAMETERS, HandModel
 from codec.cuer.models.inversion import bridge, invert_face, invert_hand
 from codec.cuer.motion import Motion
+from codec.cues.language import Language, find_language, french
 from codec.cues.score import Score
 from codec.errors import CueError, VoiceError
 from codec.files.data import DATA
@@ -51,6 +52,8 @@ class Voice:
     hand : HandModel
         With twelve shape parameters.
     gestures : GestureTable
+    language : Language
+        Whose phones, shapes and placements these are.
     identity : str
         Sixteen hexadecimal digits, a hash of all numbers of the voice; the name does not count.
     """
@@ -59,6 +62,7 @@ class Voice:
     face: FaceModel
     hand: HandModel
     gestures: GestureTable
+    language: Language = field(default_factory=french)
     identity: str = field(init=False)
 
     def __post_init__(self) -> None:
@@ -66,6 +70,7 @@ class Voice:
             raise VoiceError(f"voice has {self.hand.n_shape} hand parameters, 12 are needed")
         if self.gestures.placement_targets.shape[2] != self.hand.n_motion:
             raise VoiceError("gesture table and hand model differ in the forearm's parameters")
+        self.gestures.check(self.language)
         if self.gestures.neutral_head.size != self.face.n_motion:
             raise VoiceError("gesture table and face model differ in the head's parameters")
         digest = hashlib.sha256(FORMAT.encode())
@@ -189,7 +194,7 @@ def arrays_of(voice: Voice) -> Iterator[tuple[str, NDArray[np.float32]]]:
 
 
 def save_voice(voice: Voice, path: str | os.PathLike[str]) -> None:
-    """Write a voice: one float32 array per attribute of its parts, ``format`` and ``name``.
+    """Write a voice: one float32 array per attribute of its parts, and texts beside.
 
     Parameters
     ----------
@@ -202,6 +207,8 @@ def save_voice(voice: Voice, path: str | os.PathLike[str]) -> None:
         "name": np.array(voice.name, dtype=np.str_),
         "identity": np.array(voice.identity, dtype=np.str_),
     }
+    if voice.language != french():
+        header["tables"] = np.array(voice.language.identity, dtype=np.str_)
     write_arrays(path, header | dict(arrays_of(voice)))
 
 
@@ -238,7 +245,8 @@ def load_voice(path_or_name: str | os.PathLike[str] = "claire") -> Voice:
             part: kind(**{item.name: arrays[f"{part}.{item.name}"] for item in fields(kind)})
             for part, kind in _PARTS.items()
         }
-        voice = Voice(str(arrays["name"]), **parts)
+        tables = str(arrays["tables"]) if "tables" in arrays else french().identity
+        voice = Voice(str(arrays["name"]), **parts, language=find_language(tables))
         stated = str(arrays["identity"])
     except KeyError as error:
         raise VoiceError(f"{path}: voice without its array {error.args[0]}") from error

@@ -1,4 +1,4 @@
-"""French Cued Speech: which key cues which phones.
+"""Cued Speech: which key cues which phones.
 
 Phones go in, keys come out, by the deterministic left-to-right rule of the code: a consonant
 directly before a vowel shares its key, every other consonant is shown at the side, every other
@@ -11,46 +11,25 @@ of the code agree over the published French charts; points where the charts diff
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
-from codec.cues.phonology import CONSONANTS, PAUSE, VOWELS
+from codec.cues.language import PAUSE, Language, french
 from codec.cues.score import PLACEMENTS, Key, Phone
 from codec.errors import CueError
 
-SHAPE_OF = {
-    consonant: shape
-    for shape, consonants in enumerate(
-        ("", "p d ʒ", "k v z", "s ʁ", "b n ɥ", "m t f", "l ʃ ɲ w", "g", "j ŋ")
-    )
-    for consonant in consonants.split()
-}
-"""Hand shape of each consonant."""
+SHAPE_OF = french().shapes
+"""Hand shape of each consonant of French."""
 
-PLACEMENT_OF = {
-    vowel: placement
-    for placement, vowels in {
-        "side": "a ɑ o œ ə",
-        "mouth": "i ɔ̃ ɑ̃",
-        "chin": "ɛ ɔ u",
-        "cheek": "ɛ̃ ø",
-        "throat": "e y œ̃",
-    }.items()
-    for vowel in vowels.split()
-}
-"""Hand placement of each vowel, by the majority of the charts."""
+PLACEMENT_OF = french().placement_of
+"""Hand placement of each vowel of French, by the majority of the charts."""
 
-NO_CONSONANT_SHAPE = 5
-"""Shape of a vowel without a consonant (Cornett 1967)."""
-
-NO_VOWEL_PLACEMENT = "side"
-
-assert set(SHAPE_OF) == set(CONSONANTS)
-assert set(PLACEMENT_OF) == set(VOWELS)
+NO_CONSONANT_SHAPE, NO_VOWEL_PLACEMENT = french().shape_alone, french().placement_alone
+"""Shape of a vowel without a consonant (Cornett 1967), placement of a consonant without a vowel."""
 
 
 @dataclass(frozen=True, slots=True)
 class CueingOptions:
-    """Choices where the published charts of the code disagree.
+    """How phones are cued: the language, and choices on which published charts of French disagree.
 
     Attributes
     ----------
@@ -62,12 +41,15 @@ class CueingOptions:
         Placement of œ: ``side``, or ``cheek`` as for ø.
     rest_gap_s : float
         Silence after which the hand returns to rest; published values reach from 0.25 to 1.8 s.
+    language : Language
+        Whose phones these are; the three placements count if its `alternatives` have their vowels.
     """
 
     un: str = "throat"
     schwa: str = "side"
     oe: str = "side"
     rest_gap_s: float = 0.5
+    language: Language = field(default_factory=french)
 
     def __post_init__(self) -> None:
         for name in ("un", "schwa", "oe"):
@@ -76,10 +58,27 @@ class CueingOptions:
         if not 0 <= self.rest_gap_s <= 60:
             raise CueError(f"rest_gap_s is {self.rest_gap_s} s, not within 0..60")
 
+    @property
+    def are_usual(self) -> bool:
+        """Whether nothing but the language differs from the default."""
+        return self == CueingOptions(language=self.language)
+
+    def in_language(self, language: Language) -> "CueingOptions":
+        """Return the same choices for another language."""
+        return self if self.language == language else replace(self, language=language)
+
     def placement(self, vowel: str) -> str:
         """Return the placement of `vowel` under these options."""
         special = {"œ̃": self.un, "ə": self.schwa, "œ": self.oe}
-        return special.get(vowel) or PLACEMENT_OF[vowel]
+        if vowel in special and vowel in self.language.alternatives:
+            return special[vowel]
+        return self.language.placement_of[vowel]
+
+    def key_of(self, consonant: str, vowel: str) -> tuple[int, str]:
+        """Return shape and placement of a key of one or two phones; "" is none."""
+        language = self.language
+        shape = language.shapes[consonant] if consonant else language.shape_alone
+        return shape, self.placement(vowel) if vowel else language.placement_alone
 
 
 DEFAULT_OPTIONS = CueingOptions()
@@ -102,6 +101,11 @@ def cue(phones: Iterable[Phone], options: CueingOptions = DEFAULT_OPTIONS) -> It
     Key
         In order of time; rest is not listed.
 
+    Raises
+    ------
+    CueError
+        If a phone is not one of the language's.
+
     Examples
     --------
     >>> line = [Phone(s, i / 10, (i + 1) / 10) for i, s in enumerate(["b", "ɔ̃", "ʒ", "u", "ʁ"])]
@@ -109,31 +113,31 @@ def cue(phones: Iterable[Phone], options: CueingOptions = DEFAULT_OPTIONS) -> It
     [(4, 'mouth'), (1, 'chin'), (3, 'side')]
     """
     waiting: Phone | None = None
+    shapes, vowels = options.language.shapes, options.language.placement_of
     for phone in phones:
         if waiting is not None:
             adjacent = phone.start - waiting.end <= _JOIN_TOLERANCE_S
-            if adjacent and phone.symbol in PLACEMENT_OF:
+            if adjacent and phone.symbol in vowels:
                 yield Key(
                     waiting.start, phone.end, (waiting.symbol, phone.symbol),
-                    SHAPE_OF[waiting.symbol], options.placement(phone.symbol),
+                    *options.key_of(waiting.symbol, phone.symbol),
                 )  # fmt: skip
                 waiting = None
                 continue
-            yield _consonant_key(waiting)
+            yield _consonant_key(waiting, options)
             waiting = None
-        if phone.symbol in SHAPE_OF:
+        if phone.symbol in shapes:
             waiting = phone
+        elif phone.symbol in vowels:
+            yield Key(phone.start, phone.end, (phone.symbol,), *options.key_of("", phone.symbol))
         elif phone.symbol != PAUSE:
-            yield Key(
-                phone.start, phone.end, (phone.symbol,),
-                NO_CONSONANT_SHAPE, options.placement(phone.symbol),
-            )  # fmt: skip
+            raise CueError(f"{options.language.name} has no phone {phone.symbol!r}")
     if waiting is not None:
-        yield _consonant_key(waiting)
+        yield _consonant_key(waiting, options)
 
 
-def _consonant_key(phone: Phone) -> Key:
-    return Key(phone.start, phone.end, (phone.symbol,), SHAPE_OF[phone.symbol], NO_VOWEL_PLACEMENT)
+def _consonant_key(phone: Phone, options: CueingOptions) -> Key:
+    return Key(phone.start, phone.end, (phone.symbol,), *options.key_of(phone.symbol, ""))
 
 
 def rest_spans(

@@ -1,24 +1,20 @@
 """The phones of French as the toolkit writes them: one IPA symbol each, in one fixed order.
 
-The order is part of the bitstream (spec/bitstream.md, phone numbers): never re-sort it.
+The order is part of the bitstream (spec/bitstream.md, phone numbers): it is that of its tables.
 """
 
-VOWELS = (
-    "a", "ɑ", "o", "œ", "ə", "i", "ɔ̃", "ɑ̃", "ɛ", "ɔ", "u", "ɛ̃", "ø", "e", "y", "œ̃",
-)  # fmt: skip
-"""The sixteen vowels."""
+from codec.cues.language import PAUSE, french
 
-CONSONANTS = (
-    "p", "d", "ʒ", "k", "v", "z", "s", "ʁ", "b", "n", "ɥ",
-    "m", "t", "f", "l", "ʃ", "ɲ", "w", "g", "j", "ŋ",
-)  # fmt: skip
-"""The twenty-one consonants; the glides j, ɥ and w count among them in Cued Speech."""
+__all__ = ["CONSONANTS", "PAUSE", "PHONES", "PHONE_NUMBER", "VOWELS"]
 
-PAUSE = "_"
-"""Silence between phones."""
-
-PHONES = (PAUSE, *VOWELS, *CONSONANTS)
+PHONES = french().phones
 """All 38 symbols; a phone's number in a bitstream is its index here."""
 
-PHONE_NUMBER = {symbol: number for number, symbol in enumerate(PHONES)}
+VOWELS = PHONES[1 : 1 + french().n_vowels]
+"""The sixteen vowels."""
+
+CONSONANTS = PHONES[1 + french().n_vowels :]
+"""The twenty-one consonants; the glides j, ɥ and w count among them in Cued Speech."""
+
+PHONE_NUMBER = french().number_of
 """Inverse of `PHONES`."""

@@ -9,14 +9,14 @@ import json
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from codec.cues.phonology import PHONE_NUMBER
+from codec.cues.language import french, known_languages
 from codec.errors import CueError
 
-PLACEMENTS = ("rest", "side", "mouth", "chin", "cheek", "throat")
-"""Hand placements; the paper fixes the numbers 0 (rest), 1 (side) and 2 (mouth) only."""
+PLACEMENTS = french().placements
+"""Hand placements of French; the paper fixes the numbers 0 (rest), 1 (side) and 2 (mouth) only."""
 
 PLACEMENT_NUMBER = {name: number for number, name in enumerate(PLACEMENTS)}
-"""The one table from placement names to numbers: index in `PLACEMENTS`."""
+"""From placement names to numbers: index in `PLACEMENTS`."""
 
 SENTENCE_ENDS = ("statement", "question", "interrogation", "exclamation")
 """Contours that end a sentence."""
@@ -28,8 +28,20 @@ The names are those of Delattre 1966: a question can be answered by yes or no, a
 with a word of its own (who, where, how).
 """
 
-SHAPES = range(9)
+SHAPES = range(french().n_shapes)
 """Hand shapes 0 (rest, closed fist) to 8."""
+
+
+def _is_phone(symbol: str) -> bool:
+    return symbol in french().number_of or any(symbol in one.number_of for one in known_languages())
+
+
+def _is_placement(name: str) -> bool:
+    return name in PLACEMENT_NUMBER or any(name in one.placements for one in known_languages())
+
+
+def _n_shapes() -> int:
+    return max(one.n_shapes for one in known_languages())
 
 
 def _check_interval(what: str, start: float, end: float) -> None:
@@ -44,7 +56,7 @@ class Phone:
     Attributes
     ----------
     symbol : str
-        IPA symbol, one of `codec.cues.phonology.PHONES`.
+        IPA symbol, one of a known language's phones.
     start, end : float
         Seconds on the programme's clock.
     contour : str
@@ -58,7 +70,7 @@ class Phone:
     contour: str = field(default="", compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        if self.symbol not in PHONE_NUMBER:
+        if not _is_phone(self.symbol):
             raise CueError(f"unknown phone {self.symbol!r}")
         if self.contour not in CONTOURS:
             raise CueError(f"unknown contour {self.contour!r}")
@@ -78,7 +90,7 @@ class Key:
     shape : int
         Hand shape, 0 to 8.
     placement : str
-        One of `PLACEMENTS`.
+        One of a known language's, of French one of `PLACEMENTS`.
     """
 
     start: float
@@ -88,9 +100,9 @@ class Key:
     placement: str
 
     def __post_init__(self) -> None:
-        if self.shape not in SHAPES:
-            raise CueError(f"hand shape {self.shape} is not within 0..8")
-        if self.placement not in PLACEMENT_NUMBER:
+        if not 0 <= self.shape < _n_shapes():
+            raise CueError(f"hand shape {self.shape} is not within 0..{_n_shapes() - 1}")
+        if not _is_placement(self.placement):
             raise CueError(f"unknown hand placement {self.placement!r}")
         _check_interval(f"key {self}", self.start, self.end)
 
@@ -102,7 +114,7 @@ class Key:
         >>> str(Key(0.0, 0.2, ("b", "ɔ̃"), 4, "mouth"))
         '24'
         """
-        return f"{PLACEMENT_NUMBER[self.placement]}{self.shape}"
+        return f"{PLACEMENT_NUMBER.get(self.placement, self.placement)}{self.shape}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields under the names of the command line's JSON.

@@ -9,8 +9,9 @@ import bisect
 from dataclasses import dataclass
 
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
-from codec.cues.phonology import PAUSE, PHONE_NUMBER
-from codec.cues.score import PLACEMENT_NUMBER, Phone, Score
+from codec.cues.language import PAUSE
+from codec.cues.score import Phone, Score
+from codec.errors import CueError
 
 TICK_S = 0.02
 """Length of a tick in seconds."""
@@ -94,24 +95,31 @@ def to_line(score: Score | None, options: CueingOptions = DEFAULT_OPTIONS) -> Sc
     -------
     ScoreLine
 
+    Raises
+    ------
+    CueError
+        If the language of the options lacks a phone or a placement of the score.
+
     Examples
     --------
     >>> line = to_line(Score((Phone("b", 0.1, 0.17), Phone("a", 0.17, 0.3)), ()))
     >>> line.numbers[1:3], line.starts[1:]
     ((25, 1), (5, 9, 15))
     """
-    phones = _phones_of(score)
-    numbers, starts = [PHONE_NUMBER[PAUSE]], [_BEFORE_ALL]
+    phones, language = _phones_of(score), options.language
+    numbers, starts = [0], [_BEFORE_ALL]
     end_s = float("-inf")
     for phone in phones:
-        if phone.start - end_s > _JOIN_S and numbers[-1] != PHONE_NUMBER[PAUSE]:
-            numbers.append(PHONE_NUMBER[PAUSE])
+        if phone.symbol not in language.number_of:
+            raise CueError(f"{language.name} has no phone {phone.symbol!r}")
+        if phone.start - end_s > _JOIN_S and numbers[-1] != 0:
+            numbers.append(0)
             starts.append(max(to_ticks(end_s), starts[-1] + 1))
-        numbers.append(PHONE_NUMBER[phone.symbol])
+        numbers.append(language.number_of[phone.symbol])
         starts.append(max(to_ticks(phone.start), starts[-1] + 1))
         end_s = phone.end
     if phones:
-        numbers.append(PHONE_NUMBER[PAUSE])
+        numbers.append(0)
         starts.append(max(to_ticks(end_s), starts[-1] + 1))
     return ScoreLine(
         tuple(numbers), tuple(starts), _overrides(score, phones, starts, numbers, options)
@@ -148,5 +156,8 @@ def _overrides(
     for rule in cue(phones, options):
         key = sent.get(rule.start)
         if key is not None and (key.shape, key.placement) != (rule.shape, rule.placement):
-            overrides[tick_of[rule.start]] = (key.shape, PLACEMENT_NUMBER[key.placement])
+            if key.placement not in options.language.placements:
+                raise CueError(f"{options.language.name} has no placement {key.placement!r}")
+            place = options.language.placements.index(key.placement)
+            overrides[tick_of[rule.start]] = (key.shape, place)
     return overrides

@@ -12,36 +12,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.cues.cueing import (
-    DEFAULT_OPTIONS,
-    NO_CONSONANT_SHAPE,
-    NO_VOWEL_PLACEMENT,
-    SHAPE_OF,
-    CueingOptions,
-)
-from codec.cues.phonology import PHONES
-from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS
+from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cues.language import Language, french
 from codec.cues.timeline import TICKS, ScoreLine
 from codec.errors import BitstreamError
 from codec.superframe._kernels import POSITION
 from codec.superframe.range_coder import FLIP, RangeDecoder, RangeEncoder, cumulative
 from codec.superframe.score_coding import (
     AS_RULED,
-    N_VOWELS,
-    NOTHING,
-    PLACEMENTS_TABLE,
     PLAIN_OR_SPECIAL,
-    SHAPES,
-    is_consonant,
-    is_vowel,
-    letter_of,
-    number_of,
     read_options,
     write_options,
 )
-from codec.superframe.tables import ScoreTables, score_tables
+from codec.superframe.tables import equal, score_tables
 
 Table = NDArray[np.int64]
+FRENCH = french()
 
 SPOKEN, KEYED = range(2)
 """Forms of the score (F8)."""
@@ -55,17 +41,11 @@ BY_RULE = cumulative([31, 1])
 SILENCES = cumulative([4, 1, 1, 1, 2, 4, 8, 8, 6, 3, 2, 1, 1, 1, 0.5, 0.5])
 """Frequencies of how many bits the length of a silence has, 0 for one that does not end (F12)."""
 
-USUAL_CONSONANTS = "dkʁntlgj"
-"""The consonant of each shape that French has most (F11)."""
-
 _OFTEN = 10
-"""Times that it counts against each of the others."""
+"""Times that a language's common consonants count against each of the others (F11)."""
 
 _LONGEST_WIDTH = 14
 """Bits of the longest silence: five minutes and more than a key can last (F12)."""
-_SILENCE = 40
-"""Symbol of silence (V2)."""
-
 _BEFORE_ALL = -(1 << 40)
 """Tick before any that occurs: the first pause begins there."""
 
@@ -106,7 +86,7 @@ def usual_consonant(ticks: int) -> int:
     return max(1, min((4 * ticks + 5) // 10, 7))
 
 
-def trimmed(line: ScoreLine, indices: range) -> ScoreLine:
+def trimmed(line: ScoreLine, indices: range, language: Language = FRENCH) -> ScoreLine:
     """Return the part of a line that superframes cover, with the phone that completes its last key.
 
     It begins with a pause, or with what sounds, one superframe before the first, and ends with a
@@ -120,7 +100,7 @@ def trimmed(line: ScoreLine, indices: range) -> ScoreLine:
         starts.append(begin)
     overrides = {k: v for k, v in line.overrides.items() if begin <= k < stop}
     for number, start in zip(line.numbers[i:], line.starts[i:], strict=True):
-        ended = start >= stop and not (is_vowel(number) and is_consonant(numbers[-1]))
+        ended = start >= stop and (number == 0 or language.starts_key(numbers[-1], number))
         if ended and numbers[-1]:
             numbers.append(0)
             starts.append(start)
@@ -144,9 +124,9 @@ def write_told(told: FileScore, indices: range) -> bytes:
     if told.line is None:
         return b""
     spoken = _begun(told, SPOKEN)
-    _write_spoken(spoken, told.line, indices)
+    _write_spoken(spoken, told.line, indices, told.options.language)
     if _is_special(told):
-        _write_overrides(spoken, told.line)
+        _write_overrides(spoken, told.line, told.options.language)
     forms = [spoken]
     keys = _keys_of(told.line, told.options)
     if keys is not None:
@@ -158,7 +138,7 @@ def write_told(told: FileScore, indices: range) -> bytes:
 
 def _is_special(told: FileScore) -> bool:
     assert told.line is not None
-    return told.options != DEFAULT_OPTIONS or bool(told.line.overrides)
+    return not told.options.are_usual or bool(told.line.overrides)
 
 
 def _begun(told: FileScore, form: int) -> RangeEncoder:
@@ -171,7 +151,7 @@ def _begun(told: FileScore, form: int) -> RangeEncoder:
     return encoder
 
 
-def read_told(data: bytes, indices: range) -> FileScore:
+def read_told(data: bytes, indices: range, language: Language = FRENCH) -> FileScore:
     """Read what `write_told` wrote.
 
     Raises
@@ -181,15 +161,15 @@ def read_told(data: bytes, indices: range) -> FileScore:
     """
     if not data:
         return NOTHING_TOLD
-    decoder, tables = RangeDecoder(data), score_tables()
+    decoder, usual = RangeDecoder(data), DEFAULT_OPTIONS.in_language(language)
     form = decoder.get(FORMS)
     special = decoder.get(PLAIN_OR_SPECIAL) == 1
-    options = read_options(decoder) if special else DEFAULT_OPTIONS
+    options = read_options(decoder, language) if special else usual
     learning = decoder.get(FLIP) == 1
     read = _read_keyed if form == KEYED else _read_spoken
-    line = read(decoder, tables, indices, options)
+    line = read(decoder, indices, options)
     if special and form == SPOKEN:
-        line = replace(line, overrides=_read_overrides(decoder, line))
+        line = replace(line, overrides=_read_overrides(decoder, line, language))
     return FileScore(line, options, learning)
 
 
@@ -249,13 +229,15 @@ class _LineClock:
         return self.stop - self.tick
 
 
-def _write_spoken(encoder: RangeEncoder, line: ScoreLine, indices: range) -> None:
-    tables, stop, length = score_tables(), TICKS * indices.stop, 0
+def _write_spoken(
+    encoder: RangeEncoder, line: ScoreLine, indices: range, language: Language
+) -> None:
+    tables, stop, length = score_tables(language), TICKS * indices.stop, 0
     starts = (TICKS * (indices.start - 1) - 1, *line.starts[1:], stop)
     _put_length(encoder, starts[1] - starts[0], tables.length[0, 0])
-    context = (NOTHING, 0)
+    context = (language.n_phones, 0)
     for number, start, end in zip(line.numbers[1:], starts[1:], starts[2:], strict=False):
-        encoder.put(letter_of(number), tables.next[context])
+        encoder.put(language.letter_of(number), tables.next[context])
         if number == 0 and start >= stop:
             return
         _put_length(encoder, end - start, tables.length[number, tables.tempo(length)])
@@ -263,13 +245,13 @@ def _write_spoken(encoder: RangeEncoder, line: ScoreLine, indices: range) -> Non
         context = context[1], number
 
 
-def _read_spoken(
-    decoder: RangeDecoder, tables: ScoreTables, indices: range, _: CueingOptions
-) -> ScoreLine:
-    clock, length, context = _LineClock(indices, decoder), 0, (NOTHING, 0)
+def _read_spoken(decoder: RangeDecoder, indices: range, options: CueingOptions) -> ScoreLine:
+    language = options.language
+    tables = score_tables(language)
+    clock, length, context = _LineClock(indices, decoder), 0, (language.n_phones, 0)
     clock.tick += _get_length(decoder, tables.length[0, 0])
     while clock.room > 0 or clock.numbers[-1]:
-        number = number_of(decoder.get(tables.next[context]))
+        number = language.phone_of(decoder.get(tables.next[context]))
         if number == 0 and clock.room <= 0:
             clock.add(0, 0)
             break
@@ -281,30 +263,33 @@ def _read_spoken(
     return ScoreLine(tuple(clock.numbers), tuple(clock.starts), {})
 
 
-def _key_starts(line: ScoreLine) -> list[int]:
+def _key_starts(line: ScoreLine, language: Language) -> list[int]:
     """Return the starts of a line's keys (S10)."""
     return [
         start
         for before, number, start in zip(
             line.numbers, line.numbers[1:], line.starts[1:], strict=False
         )
-        if number and not (is_vowel(number) and is_consonant(before))
+        if language.starts_key(before, number)
     ]
 
 
-def _write_overrides(encoder: RangeEncoder, line: ScoreLine) -> None:
-    for start in _key_starts(line):
+def _write_overrides(encoder: RangeEncoder, line: ScoreLine, language: Language) -> None:
+    for start in _key_starts(line, language):
         override = line.overrides.get(start)
         encoder.put(int(override is not None), AS_RULED)
         if override is not None:
-            encoder.put(override[0], SHAPES)
-            encoder.put(override[1], PLACEMENTS_TABLE)
+            encoder.put(override[0], equal(language.n_shapes))
+            encoder.put(override[1], equal(language.n_placements))
 
 
-def _read_overrides(decoder: RangeDecoder, line: ScoreLine) -> dict[int, tuple[int, int]]:
+def _read_overrides(
+    decoder: RangeDecoder, line: ScoreLine, language: Language
+) -> dict[int, tuple[int, int]]:
+    shapes, placements = equal(language.n_shapes), equal(language.n_placements)
     return {
-        start: (decoder.get(SHAPES), decoder.get(PLACEMENTS_TABLE))
-        for start in _key_starts(line)
+        start: (decoder.get(shapes), decoder.get(placements))
+        for start in _key_starts(line, language)
         if decoder.get(AS_RULED)
     }
 
@@ -325,13 +310,15 @@ def _choices(symbol: int, options: CueingOptions) -> list[tuple[list[int], Table
 
     Recognised keys rarely have more information on lips than the usual consonant.
     """
-    shape, place = 1 + symbol // 5, PLACEMENTS[1 + symbol % 5]
-    consonants = [n for n in range(N_VOWELS + 1, len(PHONES)) if SHAPE_OF[PHONES[n]] == shape]
-    vowels = [n for n in range(1, N_VOWELS + 1) if options.placement(PHONES[n]) == place]
-    weights = [_OFTEN if PHONES[n] in USUAL_CONSONANTS else 1 for n in consonants]
-    if shape == NO_CONSONANT_SHAPE:
+    language = options.language
+    shape, placement = language.key_of(symbol)
+    place, phones, last = language.placements[placement], language.phones, language.n_vowels
+    consonants = [n for n in range(last + 1, len(phones)) if language.shapes[phones[n]] == shape]
+    vowels = [n for n in range(1, last + 1) if options.placement(phones[n]) == place]
+    weights = [_OFTEN if phones[n] in language.common else 1 for n in consonants]
+    if shape == language.shape_alone:
         consonants, weights = [*consonants, 0], [*weights, _OFTEN]
-    if place == NO_VOWEL_PLACEMENT:
+    if place == language.placement_alone:
         vowels = [*vowels, 0]
     return [(consonants, cumulative(weights)), (vowels, cumulative([1] * len(vowels)))]
 
@@ -341,20 +328,20 @@ def _keys_of(line: ScoreLine, options: CueingOptions) -> list[_Keyed] | None:
     if line.overrides:
         return None
     rows: list[_Keyed] = []
-    numbers, starts = line.numbers, line.starts
+    numbers, starts, language = line.numbers, line.starts, options.language
     k = 1
     while k < len(numbers):
         if numbers[k] == 0:
-            rows.append(_Keyed(_SILENCE, (0,), starts[k]))
-        elif is_vowel(numbers[k]):
-            if is_consonant(numbers[k - 1]):
+            rows.append(_Keyed(language.silence, (0,), starts[k]))
+        elif language.is_vowel(numbers[k]):
+            if language.is_consonant(numbers[k - 1]):
                 return None
-            symbol = _symbol(NO_CONSONANT_SHAPE, numbers[k], options)
+            symbol = _symbol(0, numbers[k], options)
             rows.append(_Keyed(symbol, (0, numbers[k]), starts[k]))
         else:
-            paired = k + 1 < len(numbers) and is_vowel(numbers[k + 1])
+            paired = k + 1 < len(numbers) and language.is_vowel(numbers[k + 1])
             vowel = numbers[k + 1] if paired else 0
-            symbol = _symbol(SHAPE_OF[PHONES[numbers[k]]], vowel, options)
+            symbol = _symbol(numbers[k], vowel, options)
             consonant = starts[k + 1] - starts[k] if paired else 0
             rows.append(_Keyed(symbol, (numbers[k], vowel), starts[k], consonant))
             k += paired
@@ -362,22 +349,25 @@ def _keys_of(line: ScoreLine, options: CueingOptions) -> list[_Keyed] | None:
     return rows
 
 
-def _symbol(shape: int, vowel: int, options: CueingOptions) -> int:
-    place = options.placement(PHONES[vowel]) if vowel else NO_VOWEL_PLACEMENT
-    return 5 * (shape - 1) + PLACEMENT_NUMBER[place] - 1
+def _symbol(consonant: int, vowel: int, options: CueingOptions) -> int:
+    """Return the symbol of a key of one or two phones; 0 is none."""
+    language = options.language
+    first, second = (language.phones[n] if n else "" for n in (consonant, vowel))
+    shape, place = options.key_of(first, second)
+    return language.symbol_of(shape, language.placements.index(place))
 
 
 def _write_keyed(
     encoder: RangeEncoder, rows: list[_Keyed], indices: range, options: CueingOptions
 ) -> bool:
     """Append keys; return whether all could be encoded."""
-    tables, stop = score_tables(), TICKS * indices.stop
+    tables, stop = score_tables(options.language), TICKS * indices.stop
     begin = TICKS * (indices.start - 1) - 1
     starts = [begin, *(row.start for row in rows), stop]
     _put_silence(encoder, starts[1] - begin)
     for row, start, end in zip(rows, starts[1:-1], starts[2:], strict=True):
         encoder.put(row.symbol, tables.alone)
-        if row.symbol == _SILENCE:
+        if row.symbol == options.language.silence:
             if start < stop and end == stop:
                 encoder.put(0, SILENCES)
             elif start < stop:
@@ -398,14 +388,13 @@ def _write_keyed(
     return True
 
 
-def _read_keyed(
-    decoder: RangeDecoder, tables: ScoreTables, indices: range, options: CueingOptions
-) -> ScoreLine:
-    clock = _LineClock(indices, decoder)
+def _read_keyed(decoder: RangeDecoder, indices: range, options: CueingOptions) -> ScoreLine:
+    clock, language = _LineClock(indices, decoder), options.language
+    tables = score_tables(language)
     clock.tick += max(_get_silence(decoder, clock.room), 1)
     while clock.room > 0 or clock.numbers[-1]:
         symbol = decoder.get(tables.alone)
-        if symbol == _SILENCE:
+        if symbol == language.silence:
             silent = clock.room > 0
             clock.add(0, _get_silence(decoder, clock.room) if silent else 0)
             continue
@@ -417,5 +406,5 @@ def _read_keyed(
             clock.add(consonant, part)
             ticks = max(ticks - part, 1)
         # A code that tells neither, which no sender writes, is the first consonant.
-        clock.add(vowel or consonant or N_VOWELS + 1, ticks)
+        clock.add(vowel or consonant or language.n_vowels + 1, ticks)
     return ScoreLine(tuple(clock.numbers), tuple(clock.starts), {})

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.streamfile.whole_score import N_SHAPES, WholeResynthesis
+from codec.streamfile.whole_score import WholeResynthesis
 from codec.superframe.coding import Coding
 
 Array = NDArray[np.float64]
@@ -38,8 +38,8 @@ class Learner:
         self._matrix = coding.residual.matrix
         self._gain = gain
         self._groups = [
-            _Group(slice(0, N_SHAPES), slice(face, face + hand)),
-            _Group(slice(N_SHAPES, None), slice(face + hand + head, None)),
+            _Group(slice(0, moved.n_shapes), slice(face, face + hand)),
+            _Group(slice(moved.n_shapes, None), slice(face + hand + head, None)),
         ]
 
     def params(self, index: int, course: int = 0, shift: int = 0) -> Array:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from codec.cuer.motion import MOST_PARAM, Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cues.language import Language, french
 from codec.cues.score import Score
 from codec.cues.timeline import SUPERFRAME_S, TICK_S, TICKS, to_ticks
 from codec.errors import BitstreamError, CueError, VoiceError
@@ -353,8 +354,14 @@ def read_superframes(data: bytes) -> Iterator[Superframe]:
         raise BitstreamError(f"{len(data) - place} bytes too many", section="F6", bit=8 * place)
 
 
-def told_by(data: bytes) -> FileScore:
+def told_by(data: bytes, language: Language | None = None) -> FileScore:
     """Return a file's common data (F8), nothing if its superframes stand alone.
+
+    Parameters
+    ----------
+    data : bytes
+    language : Language, optional
+        Of its tables; default: French.
 
     Raises
     ------
@@ -365,7 +372,7 @@ def told_by(data: bytes) -> FileScore:
     if head.l0:
         return NOTHING_TOLD
     told, _ = read_records(data, FILE_BYTES + _CRC_BYTES, len(head.indices))
-    return read_told(told, head.indices)
+    return read_told(told, head.indices, language or french())
 
 
 def decode_stream(data: bytes, voice: Voice) -> Motion:
@@ -418,7 +425,8 @@ def _drawn(data: bytes, voice: Voice) -> tuple[Sequence[Array], Score | None]:
 
 def _of_file(data: bytes, voice: Voice) -> tuple[Sequence[Array], Score | None]:
     """Return the same of a file with one score for all (F7 to F11)."""
-    coding, told, indices = coding_for(voice), told_by(data), read_head(data).indices
+    coding, indices = coding_for(voice), read_head(data).indices
+    told = told_by(data, coding.language)
     if told.line is None:
         plain = [block_of(frame.l0, None, coding) for frame in read_superframes(data)]
         return plain, None

@@ -125,13 +125,14 @@ class SpreadMotion:
             progress(SUPERFRAME_S)
         begin = to_ticks(motion.start_s) - TICKS * indices.start
         self._covered = slice(begin, begin + to_ticks(motion.duration_s))
+        options = options.in_language(self.coding.language)
         self._told = FileScore(None, options, learning=False)
         self._joined: MergedScore | None = None
         self._moved: WholeResynthesis | None = None
         self._bare: dict[int, list[_Part]] = {}
         self._markers: dict[int, NDArray[np.float32]] = {}
         if motion.score is not None:
-            line = trimmed(to_line(motion.score, options), indices)
+            line = trimmed(to_line(motion.score, options), indices, options.language)
             self._told = replace(self._told, line=line)
             self._joined = line_of(line, indices, options)
 

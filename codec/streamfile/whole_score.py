@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.cues.score import PLACEMENTS, SHAPES
+from codec.cues.language import Language
 from codec.cues.timeline import TICKS
 from codec.superframe.merging import MergedScore
 from codec.superframe.resynthesis.movements import Movements, movements
@@ -36,14 +36,16 @@ _KEPT = 12
 _BEFORE_S = 2.0
 """Seconds after which a stroke is over in all parameters, whatever its lateness."""
 
-N_SHAPES, N_PLACEMENTS = len(SHAPES), len(PLACEMENTS)
 
-_KINDS = np.hstack([
-    np.repeat(np.eye(N_SHAPES), N_PLACEMENTS, axis=0),
-    np.tile(np.eye(N_PLACEMENTS), (N_SHAPES, 1)),
-    np.repeat(np.eye(N_SHAPES), N_PLACEMENTS, axis=0),
-])  # fmt: skip
-"""Which keys are of which kind: shapes for the hand, placements and shapes for the forearm."""
+def kinds_of(language: Language) -> Array:
+    """Return which keys are of which kind, shape (keys, kinds).
+
+    Kinds are the shapes for the hand, then the placements and the shapes for the forearm.
+    """
+    shapes, placements = language.n_shapes, language.n_placements
+    by_shape = np.repeat(np.eye(shapes), placements, axis=0)
+    return np.hstack([by_shape, np.tile(np.eye(placements), (shapes, 1)), by_shape])
+
 
 _HEARD_TICKS = 25
 """Ticks around a frame whose phones have a say in the face (P7)."""
@@ -62,10 +64,12 @@ class WholeResynthesis:
 
     def __init__(self, joined: MergedScore, targets: Targets) -> None:
         self._targets = targets
+        self.n_shapes = joined.language.n_shapes
+        self._kinds = kinds_of(joined.language)
         self._line = joined.line
         self._ends = [sounding.end for sounding in joined.line]
         self._moves = movements(joined, targets.movement, targets.places)
-        self._shares = held_keys(self._moves, targets.movement)
+        self._shares = held_keys(self._moves, targets.movement, len(targets.hand))
         self._held = self._shares @ targets.moving
         exact = targets.forearm[self._moves.key]
         self._distance = np.zeros(len(exact))
@@ -89,15 +93,15 @@ class WholeResynthesis:
             end = bisect.bisect_right(self._ends, first + n_frames + _HEARD_TICKS) + 1
             # A long phone can begin early and end late; phones follow one another.
             near = self._line[begin : max(end, begin)]
-            return phone_weights(near, first, n_frames) @ self._targets.face
+            face = self._targets.face
+            return phone_weights(near, first, n_frames, len(face)) @ face
 
         return _kept(self._faces, (chunk, 0), made)
 
     def weights(self, index: int, course: int = 0, shift: int = 0) -> Array:
-        """Return how far keys of each kind have a say in a superframe, shape (32, 24).
+        """Return how far keys of each kind have a say in a superframe, shape (32, kinds).
 
-        The kinds are the nine shapes in the hand, then the six placements and the nine shapes in
-        the forearm.
+        The kinds are those of `kinds_of`, of French 24.
         """
         chunk, place = divmod(index, _CHUNK)
         begin = TICKS * place + self._margin + SHIFTS[shift]
@@ -108,10 +112,10 @@ class WholeResynthesis:
             first = chunk * _CHUNK * TICKS - self._margin
             some, way = self._course(first, _CHUNK * TICKS + 2 * self._margin, course)
             begins, ends = (
-                np.repeat(late[[0, -1]], [N_SHAPES, len(_KINDS[0]) - N_SHAPES])
+                np.repeat(late[[0, -1]], [self.n_shapes, len(self._kinds[0]) - self.n_shapes])
                 for late in self._targets.lateness
             )
-            return way.moved(self._shares[some] @ _KINDS, (begins, ends))
+            return way.moved(self._shares[some] @ self._kinds, (begins, ends))
 
         return _kept(self._weighed, (chunk, course), made)
 

@@ -140,7 +140,7 @@ class Analyst:
         self._signed = signed
         self._slow = slow
         self._score: Score | None = None
-        self._line = to_line(None)
+        self._line = to_line(None, options)
         self._fitted: dict[int, tuple[ScorePart, bool]] = {}
 
     def analyse(self, motion: Motion, index: int) -> Analysis:
@@ -241,13 +241,15 @@ class Analyst:
     def _labels(self, index: int) -> Preview:
         """Return the labels of a superframe, as many as fit into L0."""
         labels = labels_of(preview_of(part_of(self._line, index, self._options)))
-        while labels and not self._fits(part_of_preview(labels), index, {OWN: labels}, even=False):
+        while labels and not self._fits(
+            part_of_preview(labels, self._coding.language), index, {OWN: labels}, even=False
+        ):
             labels = thinned(labels) if len(labels) > 1 else ()
         return labels
 
     def _fit(self, part: ScorePart, index: int) -> tuple[ScorePart, bool]:
         if self._filmed:
-            return part_of_preview(self._labels(index)), False
+            return part_of_preview(self._labels(index), self._coding.language), False
         if self._fits(part, index, {}, even=False):
             return part, False
         # Denser than speech can be: first the times go, then the last phones.

@@ -14,7 +14,7 @@ import numpy as np
 from bitstring import Bits
 from numpy.typing import NDArray
 
-from codec.cues.phonology import PHONES
+from codec.cues.language import french
 from codec.errors import BitstreamError
 from codec.superframe import labels, payload, preview, score_coding, settings, window
 from codec.superframe.bits import (
@@ -33,7 +33,7 @@ from codec.superframe.checks import CRC16_BYTES, is_possible
 from codec.superframe.quantise import NO_RESIDUAL, Setting, width_mm
 from codec.superframe.range_coder import FLIP, TOTAL, RangeDecoder
 from codec.superframe.superframe import Superframe
-from codec.superframe.tables import score_tables
+from codec.superframe.tables import equal, score_tables
 
 _HEADER_PARAGRAPHS = {
     "version": "H2", "mode": "H3", "sequence": "H4", "lead": "section 2", "signed": "H12",
@@ -43,6 +43,8 @@ _HEADER_PARAGRAPHS = {
 
 _BY_WIDTH = {5: ("S8", "count"), 16: ("V4", "piece")}
 """Paragraph and name of equally likely bits that no other bits are as many as."""
+
+FRENCH = french()
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +225,7 @@ class _Watched(RangeDecoder):
         name, paragraph = self._name_of(cdf)
         value = str(symbol)
         if name == "letter":
-            value = "ahead: none" if last else PHONES[score_coding.number_of(symbol)]
+            value = "ahead: none" if last else FRENCH.phones[FRENCH.phone_of(symbol)]
         bits = math.log2(TOTAL) - math.log2(share)
         self.symbols.append(_Symbol(name, bits, value, paragraph))
         return symbol
@@ -250,8 +252,8 @@ def _named_tables() -> list[tuple[NDArray[np.int64], str, str]]:
         (score_coding.TIMING, "timing", "S2"),
         (score_coding.PLAIN_OR_SPECIAL, "special", "S2"),
         (score_coding.AS_RULED, "replaced", "S9"),
-        (score_coding.SHAPES, "shape", "S9"),
-        (score_coding.PLACEMENTS_TABLE, "placement", "S9"),
+        (equal(FRENCH.n_shapes), "shape", "S9"),
+        (equal(FRENCH.n_placements), "placement", "S9"),
         (t.first, "letter", "S3"),
         (t.next, "letter", "S3"),
         (t.left, "left", "S4"),

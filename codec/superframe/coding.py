@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from codec.cuer.movement import Movement
 from codec.cuer.voice import Voice
+from codec.cues.language import Language, french
 from codec.cues.timeline import TICKS
 from codec.errors import VoiceError
 from codec.files.data import DATA
 from codec.files.npz import read_arrays, write_arrays
 from codec.superframe.resynthesis.targets import Targets
-from codec.superframe.tables import tables_digest
 from codec.superframe.transform import Bases, Basis, klt, marker_metric, scales_of
 
 Array = NDArray[np.float64]
@@ -61,6 +61,8 @@ class Coding:
         The same of cuers at the pace of real ones, seen by one camera.
     trained : bool
         Whether they were trained; else they are derived from the voice, at each end anew.
+    language : Language
+        That of the voice.
     identity : str
         Sixteen hexadecimal digits, a hash of the voice's identity, of the format's tables and of
         these (I1).
@@ -74,11 +76,19 @@ class Coding:
     plain: Basis
     filmed: Basis
     trained: bool = True
+    language: Language = field(default_factory=french)
     bases: Bases = field(init=False)
     identity: str = field(init=False)
 
     def __post_init__(self) -> None:
-        digest = hashlib.sha256(f"{FORMAT}{self.voice}".encode() + tables_digest())
+        keys = self.language.n_shapes * self.language.n_placements
+        sizes = len(self.targets.hand), len(self.targets.face)
+        if sizes != (keys, self.language.n_phones):
+            raise VoiceError(
+                f"coding tables of {sizes[0]} keys and {sizes[1]} phones; {self.language.name} has "
+                f"{keys} and {self.language.n_phones}"
+            )
+        digest = hashlib.sha256(f"{FORMAT}{self.voice}".encode() + self.language.digest)
         for name, array in arrays_of(self):
             # What is derived may differ in its last bits from machine to machine.
             if self.trained or array.dtype.kind == "i":
@@ -100,7 +110,10 @@ class _ByIdentity:
     voice: Voice
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _ByIdentity) and other.voice.identity == self.voice.identity
+        return isinstance(other, _ByIdentity) and (
+            (other.voice.identity, other.voice.language)
+            == (self.voice.identity, self.voice.language)
+        )
 
     def __hash__(self) -> int:
         return hash(self.voice.identity)
@@ -175,7 +188,9 @@ def load_coding(path: str | os.PathLike[str], voice: Voice) -> Coding:
         )
         mean = arrays["mean"].astype(np.float64)
         residual, loose, plain, filmed = bases
-        coding = Coding(stated, targets, residual, loose, mean, plain, filmed)
+        coding = Coding(
+            stated, targets, residual, loose, mean, plain, filmed, language=voice.language
+        )
     except KeyError as error:
         raise VoiceError(f"{path}: coding tables without {error.args[0]}") from error
     if stated != voice.identity or len(coding.mean) != len(voice.layout):
@@ -249,5 +264,6 @@ def derive_coding(voice: Voice) -> Coding:
     tight, loose, plain = bases
     filmed = basis_of_any(metric, covariance)
     return Coding(
-        voice.identity, targets, tight, loose, poses.mean(axis=0), plain, filmed, trained=False
+        voice.identity, targets, tight, loose, poses.mean(axis=0), plain, filmed, trained=False,
+        language=voice.language,
     )  # fmt: skip

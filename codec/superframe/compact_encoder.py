@@ -55,7 +55,7 @@ class CompactEncoder:
         self.voice = voice
         self._coding = coding_for(voice)
         self._size = l0_bytes
-        self._options = options
+        self._options = options.in_language(self._coding.language)
         self._first = first
         self._signed, self._slow = signed, slow
         self._score: Score | None = None

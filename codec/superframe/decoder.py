@@ -118,7 +118,7 @@ class SuperframeDecoder:
                 f"{index % header.sequences}",
                 section="H4", bit=4,
             )  # fmt: skip
-        content, known = read_l0(l0, self._coding.bases)
+        content, known = read_l0(l0, self._coding.bases, self._coding.language)
         if l1:
             try:
                 whole = read_l1(l0, l1, content, known, self._coding.bases)
@@ -216,7 +216,7 @@ class SuperframeDecoder:
         parts = {k: p for k in reach[-3:] if isinstance(p := contents.get(k), ScorePart)}
         for k in reach[-3:]:
             if k not in contents and k in self._previewed:
-                parts[k] = part_of_preview(self._previewed[k][1])
+                parts[k] = part_of_preview(self._previewed[k][1], self._coding.language)
         return parts
 
     def _tells(self, index: int) -> bool:

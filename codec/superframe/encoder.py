@@ -94,6 +94,7 @@ class SuperframeEncoder:
         self.voice = voice
         self._sizes = l0_bytes, l1_bytes
         self._coding = coding_for(voice)
+        options = options.in_language(self._coding.language)
         self._analysts = {
             seen: Analyst(
                 self._coding, l0_bytes, lead, options, protected=protected, signed=signed,
@@ -181,6 +182,6 @@ class SuperframeEncoder:
         l0 = write_l0(content, bases, l0_bytes, self._coding.identity, even=analysis.even)
         if l0 is None or l1_bytes == 0:
             return None if l0 is None else Superframe(analysis.index, l0, b"")
-        _, known = read_l0(l0, bases)
+        _, known = read_l0(l0, bases, self._coding.language)
         l1 = write_l1(l0, content.setting, content.q, known, bases, l1_bytes)
         return Superframe(analysis.index, l0, l1)

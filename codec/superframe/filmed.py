@@ -9,6 +9,7 @@ import numpy as np
 
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
+from codec.cues.cueing import DEFAULT_OPTIONS
 from codec.cues.timeline import SUPERFRAME_S, to_line
 from codec.superframe.analysis import block_at
 from codec.superframe.coding import coding_for
@@ -44,15 +45,17 @@ def is_filmed(motion: Motion, voice: Voice) -> bool:
     voice.check_motion(motion)
     if motion.score is None:
         return False
-    line, coding = to_line(motion.score), coding_for(voice)
+    coding = coding_for(voice)
+    options = DEFAULT_OPTIONS.in_language(coding.language)
+    line = to_line(motion.score, options)
     span = np.array([motion.start_s, motion.start_s + motion.duration_s]) / SUPERFRAME_S
     whole = range(int(np.ceil(span[0] - 1e-6)), int(span[1] + 1e-6))
-    keyed = [k for k in whole if part_of(line, k).key_starts()]
+    keyed = [k for k in whole if part_of(line, k, options).key_starts()]
     places = np.unique(np.linspace(0, len(keyed) - 1, _LOOKED_AT).astype(int)) if keyed else ()
     left = []
     for index in (keyed[place] for place in places):
         block = block_at(motion, index)
-        joined = join({k: part_of(line, k) for k in (index - 1, index, index + 1)})
+        joined = join({k: part_of(line, k, options) for k in (index - 1, index, index + 1)})
         moved = resynthesis_of(coding, joined, index)
         whole_used = next(
             fitted

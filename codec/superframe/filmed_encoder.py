@@ -222,7 +222,7 @@ class FilmedEncoder:
         l0 = write_l0(content, bases, l0_bytes, self._coding.identity, even=analysis.even)
         if l0 is None:
             return None
-        read, known = read_l0(l0, bases)
+        read, known = read_l0(l0, bases, self._coding.language)
         if not l1_bytes:
             return Superframe(analysis.index, l0, b""), read
         l1 = write_l1(l0, content.setting, content.q, known, bases, l1_bytes)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.cues.timeline import TICKS
-from codec.superframe.preview import BEGINNING, SILENCE, Preview
+from codec.superframe.preview import Preview
 from codec.superframe.range_coder import RangeDecoder, RangeEncoder, cumulative
 from codec.superframe.tables import ScoreTables
 
@@ -64,13 +64,13 @@ def write_labels(encoder: RangeEncoder, lists: dict[int, Preview], tables: Score
     others = next(choice for choice in CHOICES if {OWN, *choice} == set(lists))
     encoder.put(CHOICES.index(others), WHICH)
     for distance in (OWN, *others):
-        cell, before = -1, BEGINNING
+        cell, before = -1, tables.beginning
         for tick, symbol in lists[distance]:
-            encoder.put(tick // CELL - cell - 1, _gaps(before), _CELLS - 1 - cell)
+            encoder.put(tick // CELL - cell - 1, _gaps(before, tables), _CELLS - 1 - cell)
             encoder.put(symbol, tables.key[before])
             cell, before = tick // CELL, symbol
         if cell < _CELLS - 1:
-            encoder.put(_CELLS - 1 - cell, _gaps(before), _CELLS - 1 - cell)
+            encoder.put(_CELLS - 1 - cell, _gaps(before, tables), _CELLS - 1 - cell)
 
 
 def read_labels(decoder: RangeDecoder, tables: ScoreTables) -> dict[int, Preview]:
@@ -78,17 +78,17 @@ def read_labels(decoder: RangeDecoder, tables: ScoreTables) -> dict[int, Preview
     lists: dict[int, Preview] = {}
     for distance in (OWN, *CHOICES[decoder.get(WHICH)]):
         found: list[tuple[int, int]] = []
-        cell, before = -1, BEGINNING
+        cell, before = -1, tables.beginning
         while cell < _CELLS - 1:
-            gap = decoder.get(_gaps(before), _CELLS - 1 - cell)
+            gap = decoder.get(_gaps(before, tables), _CELLS - 1 - cell)
             if gap == _CELLS - 1 - cell:
                 break
             cell += gap + 1
-            before = min(decoder.get(tables.key[before]), SILENCE)
+            before = min(decoder.get(tables.key[before]), tables.beginning - 1)
             found.append((CELL * cell + CELL // 2, before))
         lists[distance] = tuple(found)
     return lists
 
 
-def _gaps(before: int) -> Table:
-    return AFTER_KEY if before < SILENCE else AFTER_REST
+def _gaps(before: int, tables: ScoreTables) -> Table:
+    return AFTER_KEY if before < tables.beginning - 1 else AFTER_REST

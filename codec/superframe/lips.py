@@ -16,8 +16,7 @@ from codec.cuer import layout
 from codec.cuer.layout import FACE_MARKERS
 from codec.cuer.models.face import N_FACE_PARAMETERS
 from codec.cuer.voice import Voice
-from codec.cues.cueing import PLACEMENT_OF, SHAPE_OF
-from codec.cues.phonology import PHONES
+from codec.cues.language import Language
 from codec.cues.timeline import Sounding
 
 Array = NDArray[np.float64]
@@ -75,11 +74,14 @@ class LipContract:
         self._shift = easy @ np.linalg.pinv(self._slopes.T @ easy, rcond=1e-6)
         self._visemes = voice.gestures.viseme_targets.astype(np.float64)
         self._wanted = self.features(self._visemes)
-        self._tolerance = np.full((len(PHONES), len(FEATURES)), _FREE)
+        language = voice.language
+        self._tolerance = np.full((language.n_phones, len(FEATURES)), _FREE)
         for phones, tolerance in _TOLERANCE_MM.items():
             for phone in phones.split():
-                self._tolerance[PHONES.index(phone)] = tolerance
-        self._near = np.array([self._radius(number) for number in range(len(PHONES))])
+                if phone in language.number_of:
+                    self._tolerance[language.number_of[phone]] = tolerance
+        rivals = (_rivals(number, language) for number in range(language.n_phones))
+        self._near = np.array([self._radius(number, found) for number, found in enumerate(rivals)])
 
     def features(self, face: Array) -> Array:
         """Return the features of the lips, shape (T, 2), of face parameters (T, 7), mm."""
@@ -126,19 +128,20 @@ class LipContract:
             shift[held] -= weight[:, None] * (off - np.clip(off, -free, free))
         return np.asarray(nearer + (shift / total) @ self._shift.T)
 
-    def _radius(self, number: int) -> float:
+    def _radius(self, number: int, rivals: list[int]) -> float:
         """Return how far the lips may be from a phone's viseme, mm."""
-        apart = self.apart(self._visemes[_rivals(number)], self._visemes[number])
+        apart = self.apart(self._visemes[rivals], self._visemes[number])
         apart = apart[apart > _TWINS_MM]
         return min(_NEAR * float(apart.min()), _FARTHEST_MM) if len(apart) else _FARTHEST_MM
 
 
-def _rivals(number: int) -> list[int]:
+def _rivals(number: int, language: Language) -> list[int]:
     """Return the phones that only the lips distinguish from one."""
-    phone = PHONES[number]
-    for table in (dict[str, object](SHAPE_OF), dict[str, object](PLACEMENT_OF)):
+    phone = language.phones[number]
+    for table in (dict[str, object](language.shapes), dict[str, object](language.placement_of)):
         if phone in table:
-            return [PHONES.index(p) for p in table if table[p] == table[phone] and p != phone]
+            alike = (p for p in table if table[p] == table[phone] and p != phone)
+            return [language.number_of[p] for p in alike]
     return []
 
 

@@ -11,10 +11,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
-from codec.cues.phonology import PHONE_NUMBER, PHONES
-from codec.cues.score import PLACEMENTS, Key, Phone, Score
+from codec.cues.language import Language
+from codec.cues.score import Key, Phone, Score
 from codec.cues.timeline import TICK_S, TICKS, ScoreLine, Sounding
-from codec.superframe.score_coding import N_VOWELS, ScorePart, is_consonant, is_vowel
+from codec.superframe.score_coding import ScorePart
 from codec.superframe.window import Window, join_windows
 
 NOMINAL_TICKS = 4
@@ -43,10 +43,16 @@ class MergedScore:
     line: list[Sounding]
     every: list[Key]
 
+    @property
+    def language(self) -> Language:
+        """That of the parts."""
+        return language_of_parts(self.parts)
+
     def keys(self) -> list[Key]:
         """Return the keys that are certain (J5, J7)."""
         opened = {s.start for s in self.line if s.open_start and s.number}
-        unfinished = {s.start for s in self.line if s.open_end and is_consonant(s.number)}
+        language = self.language
+        unfinished = {s.start for s in self.line if s.open_end and language.is_consonant(s.number)}
         if not opened and not unfinished:
             return self.every
         return [
@@ -73,7 +79,7 @@ class MergedScore:
         """
         part = self.parts.get((round(key.start / TICK_S) + 1) // TICKS)
         return (
-            PHONE_NUMBER[key.phones[0]] <= N_VOWELS
+            key.phones[0] in self.language.placement_of
             or (before is not None and before.phones == key.phones)
             or (part is not None and bool(part.overrides))
         )
@@ -82,14 +88,19 @@ class MergedScore:
         """Return phones and keys; those that are known from previews only have no phones."""
         coarse = self._coarse()
         if not coarse:
-            return Score(tuple(phones_of(self.line)), tuple(self.keys()))
+            return Score(tuple(phones_of(self.line, self.language)), tuple(self.keys()))
         return Score(
-            tuple(phones_of(self.spoken())),
+            tuple(phones_of(self.spoken(), self.language)),
             tuple(
                 replace(key, phones=()) if round(key.start / TICK_S) // TICKS in coarse else key
                 for key in self.keys()
             ),
         )
+
+
+def language_of_parts(parts: Parts) -> Language:
+    """Return the language of parts, which is the same for all."""
+    return next((part.options for part in parts.values()), DEFAULT_OPTIONS).language
 
 
 def join(parts: Parts) -> MergedScore:
@@ -145,7 +156,7 @@ def _begin(line: list[Sounding], part: ScorePart, before: ScorePart | None, begi
             line += _completed(line.pop(), before, end, exact=True)
         return
     if before is not None and before.coarse and line and part.first and line[-1].number:
-        _continue_coarse(line, part.first, end)
+        _continue_coarse(line, part.first, end, part.language)
         return
     hole = before is None
     if not hole and line and line[-1].number == part.first and line[-1].start < begin:
@@ -160,12 +171,12 @@ def _ended(sounding: Sounding, end: int) -> Sounding:
     return Sounding(sounding.number, sounding.start, end, open_start=sounding.open_start)
 
 
-def _continue_coarse(line: list[Sounding], number: int, end: int) -> None:
+def _continue_coarse(line: list[Sounding], number: int, end: int, language: Language) -> None:
     """Let the phone that sounds after a preview be the last one that the preview implies."""
-    if is_consonant(number) and is_vowel(line[-1].number) and len(line) > 1:
+    if language.is_consonant(number) and language.is_vowel(line[-1].number) and len(line) > 1:
         line.pop()
     last = line.pop()
-    if is_vowel(number) and is_consonant(last.number):
+    if language.is_vowel(number) and language.is_consonant(last.number):
         middle = (last.start + end) // 2
         line.append(_ended(last, middle))
         line.append(Sounding(number, middle, end))
@@ -191,7 +202,7 @@ def _completed(
 
 def _keys_of(line: Sequence[Sounding], parts: Parts) -> list[Key]:
     """Return the keys of a line under the options and overrides where they start."""
-    phones = phones_of(line)
+    phones = phones_of(line, language_of_parts(parts))
     every = {part.options for part in parts.values()} or {DEFAULT_OPTIONS}
     if len(every) == 1 and not any(part.overrides for part in parts.values()):
         return list(cue(phones, *every))
@@ -215,11 +226,12 @@ def options_at(parts: Parts, index: int) -> CueingOptions:
 def _overridden(key: Key, tick: int, parts: Parts) -> Key:
     part = parts.get(tick // TICKS)
     change = None if part is None else part.overrides.get(tick % TICKS)
-    if change is None:
+    if part is None or change is None:
         return key
-    return replace(key, shape=change[0], placement=PLACEMENTS[change[1]])
+    return replace(key, shape=change[0], placement=part.options.language.placements[change[1]])
 
 
-def phones_of(line: Sequence[Sounding]) -> list[Phone]:
+def phones_of(line: Sequence[Sounding], language: Language) -> list[Phone]:
     """Return the phones of a joined line without its pauses."""
-    return [Phone(PHONES[s.number], s.start * TICK_S, s.end * TICK_S) for s in line if s.number]
+    names = language.phones
+    return [Phone(names[s.number], s.start * TICK_S, s.end * TICK_S) for s in line if s.number]

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.compiled import lightly
+from codec.cues.language import Language, french
 from codec.errors import BitstreamError
 from codec.superframe import _kernels
 from codec.superframe.bits import COMPACT, HEADER_BYTES, PLAIN, Header, crc8, read_header
@@ -49,6 +50,7 @@ from codec.superframe.transform import Bases, Basis
 from codec.superframe.window import MAX_BYTES, MIN_BYTES, PIECE_BITS, Window, read_window
 
 Ints = NDArray[np.int64]
+FRENCH = french()
 
 CRC8_BYTES = 1
 """Bytes of L1's check."""
@@ -87,10 +89,11 @@ def score_code(content: Content, *, even: bool) -> RangeEncoder:
         encoder.put_bits(piece, PIECE_BITS)
     put_setting(encoder, setting, content.header.mode, filmed=content.header.filmed)
     if isinstance(content.part, ScorePart) and content.header.filmed:
-        write_labels(encoder, content.previews, score_tables())
+        write_labels(encoder, content.previews, score_tables(content.part.language))
     elif isinstance(content.part, ScorePart):
-        write_score(encoder, content.part, score_tables(), even=even)
-        write_previews(encoder, content.previews, score_tables())
+        tables = score_tables(content.part.language)
+        write_score(encoder, content.part, tables, even=even)
+        write_previews(encoder, content.previews, tables)
     return encoder
 
 
@@ -223,19 +226,23 @@ def _agrees(decoder: RangeDecoder, content: Content) -> bool:
         return False
     if content.part is None:
         return True
-    return _read_score(decoder, content.header) == (content.part, content.previews)
+    language = content.part.options.language
+    return _read_score(decoder, content.header, language) == (content.part, content.previews)
 
 
-def _read_score(decoder: RangeDecoder, header: Header) -> tuple[ScorePart, dict[int, Preview]]:
+def _read_score(
+    decoder: RangeDecoder, header: Header, language: Language
+) -> tuple[ScorePart, dict[int, Preview]]:
     """Return the score of a superframe of mode ``score``, or its labels, and its previews."""
+    tables = score_tables(language)
     if header.filmed:
-        lists = read_labels(decoder, score_tables())
-        return part_of_preview(lists[OWN]), lists
-    part = read_score(decoder, score_tables())
-    return part, read_previews(decoder, score_tables())
+        lists = read_labels(decoder, tables)
+        return part_of_preview(lists[OWN], language), lists
+    part = read_score(decoder, tables, language)
+    return part, read_previews(decoder, tables)
 
 
-def read_l0(l0: bytes, bases: Bases) -> tuple[Content, int]:
+def read_l0(l0: bytes, bases: Bases, language: Language = FRENCH) -> tuple[Content, int]:
     """Read an L0 part; its check is not looked at (`is_own`).
 
     Returns
@@ -250,7 +257,7 @@ def read_l0(l0: bytes, bases: Bases) -> tuple[Content, int]:
     BitstreamError
         If the part has a wrong length (H1), or its version is unknown (H2).
     """
-    content, decoder = _read_beginning(l0)
+    content, decoder = _read_beginning(l0, language)
     basis = basis_of(bases, content.setting)
     q = np.zeros(basis.scan_scales.size, dtype=np.int64)
     known = q.size
@@ -259,7 +266,7 @@ def read_l0(l0: bytes, bases: Bases) -> tuple[Content, int]:
     return replace(content, q=q), known
 
 
-def read_beginning(l0: bytes) -> Content:
+def read_beginning(l0: bytes, language: Language = FRENCH) -> Content:
     """Return header, setting, score and previews of an L0 part: all that needs no voice.
 
     Raises
@@ -267,10 +274,10 @@ def read_beginning(l0: bytes) -> Content:
     BitstreamError
         As `read_l0`.
     """
-    return _read_beginning(l0)[0]
+    return _read_beginning(l0, language)[0]
 
 
-def _read_beginning(l0: bytes) -> tuple[Content, RangeDecoder | None]:
+def _read_beginning(l0: bytes, language: Language) -> tuple[Content, RangeDecoder | None]:
     nothing = np.zeros(0, dtype=np.int64)
     header = read_header(l0)
     if header.mode == COMPACT:
@@ -278,7 +285,7 @@ def _read_beginning(l0: bytes) -> tuple[Content, RangeDecoder | None]:
             raise BitstreamError(
                 f"compact L0 of {len(l0)} bytes, {MIN_BYTES}..{MAX_BYTES}", section="H1"
             )
-        window = read_window(l0)
+        window = read_window(l0, language=language)
         return Content(header, NOTHING_SENT, window, nothing, slow=window.slow), None
     if not is_possible(l0):
         raise BitstreamError(f"L0 of {len(l0)} bytes, at least {least_bytes(l0)}", section="H1")
@@ -287,7 +294,7 @@ def _read_beginning(l0: bytes) -> tuple[Content, RangeDecoder | None]:
     setting = read_setting(decoder, header.mode, filmed=header.filmed)
     if header.mode == PLAIN:
         return Content(header, setting, None, nothing, slow=slow), decoder
-    part, previews = _read_score(decoder, header)
+    part, previews = _read_score(decoder, header, language)
     return Content(header, setting, part, nothing, previews, slow), decoder
 
 

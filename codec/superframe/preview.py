@@ -10,13 +10,14 @@ Specification: spec/bitstream.md, section 3.2.
 
 import itertools
 
-from codec.cues.cueing import NO_CONSONANT_SHAPE, NO_VOWEL_PLACEMENT, SHAPE_OF
-from codec.cues.phonology import PHONE_NUMBER, PHONES
-from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS
+from codec.cues.cueing import DEFAULT_OPTIONS
+from codec.cues.language import Language, french
 from codec.cues.timeline import TICKS
 from codec.superframe.range_coder import RangeDecoder, RangeEncoder, cumulative
-from codec.superframe.score_coding import ScorePart, is_consonant, is_vowel
+from codec.superframe.score_coding import ScorePart
 from codec.superframe.tables import ScoreTables
+
+FRENCH = french()
 
 AHEAD = (2, 4, 6)
 """Distances of the superframes that a superframe can preview."""
@@ -30,11 +31,10 @@ EXACT = 2
 CELL = 2
 """Ticks to which the others tell them."""
 
-SILENCE = 40
-"""Symbol of a silence; those of keys are 5 (shape - 1) + placement - 1."""
+SILENCE = french().silence
+"""Symbol of a silence in French; those of keys are below (`Language.symbol_of`).
 
-BEGINNING = 41
-"""Context of a preview's first start: the superframe's beginning."""
+The symbol behind it is the context of a preview's first start: the superframe's beginning."""
 
 _CELLS = TICKS // CELL
 
@@ -43,10 +43,6 @@ WHICH = cumulative([12, 1, 1, 4, 14])
 
 _CONSONANT_PERCENT = 40
 """Share of a key's length that is its consonant."""
-
-_CONSONANTS = tuple(PHONE_NUMBER[symbol] for symbol in ("d", "k", "s", "n", "t", "l", "g", "j"))
-_VOWELS = tuple(PHONE_NUMBER[symbol] for symbol in ("a", "i", "ɛ", "ɛ̃", "e"))
-"""Phones that stand for those of a key of shape 1..8 and placement 1..5."""
 
 Preview = tuple[tuple[int, int], ...]
 """Ticks at which keys and silences start, ascending, and their symbols."""
@@ -65,7 +61,7 @@ def preview_of(part: ScorePart, distance: int = EXACT) -> Preview:
     before, least = part.first, 0
     following = (*part.numbers, part.ahead)[1:]
     for number, after, start in zip(part.numbers, following, part.starts, strict=True):
-        if not (is_vowel(number) and is_consonant(before)):
+        if number == 0 or part.language.starts_key(before, number):
             symbol = _symbol(part, number, after, start)
             tick = max(start, CELL * least)
             if symbol >= 0 and tick < TICKS:
@@ -92,16 +88,17 @@ def thinned(preview: Preview) -> Preview:
 
 def _symbol(part: ScorePart, number: int, after: int, start: int) -> int:
     """Return the symbol of a key or a silence, -1 for a hand at rest amid speech."""
+    language = part.language
     if number == 0:
-        return SILENCE
-    vowel = number if is_vowel(number) else after if is_vowel(after) else 0
-    shape = SHAPE_OF[PHONES[number]] if is_consonant(number) else NO_CONSONANT_SHAPE
-    named = part.options.placement(PHONES[vowel]) if vowel else NO_VOWEL_PLACEMENT
-    shape, placement = part.overrides.get(start, (shape, PLACEMENT_NUMBER[named]))
-    return 5 * (shape - 1) + placement - 1 if shape and placement else -1
+        return language.silence
+    vowel = number if language.is_vowel(number) else after if language.is_vowel(after) else 0
+    consonant = language.phones[number] if language.is_consonant(number) else ""
+    shape, named = part.options.key_of(consonant, language.phones[vowel] if vowel else "")
+    shape, placement = part.overrides.get(start, (shape, language.placements.index(named)))
+    return language.symbol_of(shape, placement) if shape and placement else -1
 
 
-def part_of_preview(preview: Preview) -> ScorePart:
+def part_of_preview(preview: Preview, language: Language = FRENCH) -> ScorePart:
     """Return a score that gives the keys of a preview, with phones that stand for the true ones.
 
     Examples
@@ -113,19 +110,24 @@ def part_of_preview(preview: Preview) -> ScorePart:
     numbers, starts = list[int](), list[int]()
     ends = [*(tick for tick, _ in preview), TICKS][1:]
     for (tick, symbol), end in zip(preview, ends, strict=True):
-        if symbol == SILENCE:
+        starts.append(tick)
+        if symbol == language.silence:
             numbers.append(0)
-            starts.append(tick)
-        else:
-            numbers += [_CONSONANTS[symbol // 5], _VOWELS[symbol % 5]]
-            starts += [tick, tick + max(1, _CONSONANT_PERCENT * (end - tick) // 100)]
+            continue
+        shape, placement = language.key_of(symbol)
+        numbers.append(language.stand_ins[0][shape - 1])
+        vowel = language.stand_ins[1][placement - 1]
+        if vowel:
+            numbers.append(vowel)
+            starts.append(tick + max(1, _CONSONANT_PERCENT * (end - tick) // 100))
     # A vowel that would begin after the superframe's end is known to follow, as in S7.
     ahead = 0
     if starts and starts[-1] >= TICKS:
         starts.pop()
         ahead = numbers.pop()
     end = starts[0] if starts else TICKS
-    return ScorePart(0, end, tuple(numbers), tuple(starts), ahead, coarse=True)
+    options = DEFAULT_OPTIONS.in_language(language)
+    return ScorePart(0, end, tuple(numbers), tuple(starts), ahead, options, coarse=True)
 
 
 def write_previews(
@@ -134,7 +136,7 @@ def write_previews(
     """Append previews by their distance (V1 to V3)."""
     encoder.put(CHOICES.index(tuple(sorted(previews))), WHICH)
     for distance in sorted(previews):
-        cell, before = -1, BEGINNING
+        cell, before = -1, tables.beginning
         for tick, symbol in previews[distance]:
             encoder.put(tick // CELL - cell - 1, tables.gap[before], _CELLS - 1 - cell)
             if distance == EXACT:
@@ -155,16 +157,13 @@ def read_previews(decoder: RangeDecoder, tables: ScoreTables) -> dict[int, Previ
 
 def _read_preview(decoder: RangeDecoder, tables: ScoreTables, distance: int) -> Preview:
     found: list[tuple[int, int]] = []
-    cell, before = -1, BEGINNING
+    cell, before = -1, tables.beginning
     while cell < _CELLS - 1:
         gap = decoder.get(tables.gap[before], _CELLS - 1 - cell)
         if gap == _CELLS - 1 - cell:
             break
         cell += gap + 1
         tick = CELL * cell + (decoder.get_bits(1) if distance == EXACT else CELL // 2)
-        before = min(decoder.get(tables.key[before]), SILENCE)
+        before = min(decoder.get(tables.key[before]), tables.beginning - 1)
         found.append((tick, before))
     return tuple(found)
-
-
-assert len(PLACEMENTS) - 1 == len(_VOWELS)

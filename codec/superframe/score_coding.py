@@ -8,17 +8,21 @@ Keys cost nothing: both ends derive them with `codec.cues.cueing`.
 Specification: spec/bitstream.md, section 3.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
-from codec.cues.phonology import PHONES, VOWELS
+from codec.cues.language import Language, french
 from codec.cues.timeline import TICKS, ScoreLine
 from codec.superframe.range_coder import RangeDecoder, RangeEncoder, cumulative
-from codec.superframe.tables import ScoreTables
+from codec.superframe.tables import ScoreTables, equal
 
-N_VOWELS = len(VOWELS)
-NOTHING = len(PHONES)
-"""Context of a phone of which only the one before it is known."""
+FRENCH = french()
+
+_OTHER = "cheek"
+"""The other placement that options have for some vowels of French (S9)."""
+
+_NAMES = {"œ̃": "un", "ə": "schwa", "œ": "oe"}
+"""Names of these options."""
 
 REST_GAPS_S = (0.25, 0.5, 1.0, 1.8)
 """Silences after which the hand rests that a superframe can name."""
@@ -34,32 +38,6 @@ PLAIN_OR_SPECIAL = cumulative([127, 1])
 
 AS_RULED = cumulative([7, 1])
 """Frequencies of a key as the rule has it (S9)."""
-
-SHAPES = cumulative([1] * 9)
-"""Frequencies of shapes (table 2)."""
-
-PLACEMENTS_TABLE = cumulative([1] * 6)
-"""Frequencies of placements (table 2)."""
-
-
-def is_consonant(number: int) -> bool:
-    """Return whether a phone number is a consonant's."""
-    return number > N_VOWELS
-
-
-def is_vowel(number: int) -> bool:
-    """Return whether a phone number is a vowel's."""
-    return 1 <= number <= N_VOWELS
-
-
-def letter_of(number: int) -> int:
-    """Return the symbol of a phone in the tables: vowels, consonants, pause (S3)."""
-    return (number - 1) % len(PHONES)
-
-
-def number_of(letter: int) -> int:
-    """Return the phone number of a symbol in the tables (S3)."""
-    return (letter + 1) % len(PHONES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +72,11 @@ class ScorePart:
     overrides: dict[int, tuple[int, int]] = field(default_factory=dict)
     coarse: bool = False
 
+    @property
+    def language(self) -> Language:
+        """That of the options."""
+        return self.options.language
+
     def without_last(self) -> "ScorePart":
         """Return the part without its last phone."""
         overrides = {k: v for k, v in self.overrides.items() if k < self.starts[-1]}
@@ -107,7 +90,7 @@ class ScorePart:
         result = []
         before = self.first
         for number, start in zip(self.numbers, self.starts, strict=True):
-            if number and not (is_vowel(number) and is_consonant(before)):
+            if self.language.starts_key(before, number):
                 result.append(start)
             before = number
         return result
@@ -121,8 +104,9 @@ def part_of(line: ScoreLine, index: int, options: CueingOptions = DEFAULT_OPTION
     starts = [tick - begin for tick in line.starts[i:j]]
     following = line.starts[i] - begin if i < len(line.starts) else TICKS
     ahead = 0
-    if is_consonant(line.numbers[j - 1]) and j < len(line.numbers):
-        ahead = line.numbers[j] if is_vowel(line.numbers[j]) else 0
+    language = options.language
+    if language.is_consonant(line.numbers[j - 1]) and j < len(line.numbers):
+        ahead = line.numbers[j] if language.is_vowel(line.numbers[j]) else 0
     part = ScorePart(
         line.numbers[i - 1], min(following, TICKS), line.numbers[i:j], tuple(starts), ahead, options
     )
@@ -150,64 +134,71 @@ def write_score(
 ) -> None:
     """Append a superframe's score; `even` for a part that `evenly` made."""
     encoder.put(_EVEN if even else _ON_GRID, TIMING)
-    special = part.options != DEFAULT_OPTIONS or bool(part.overrides)
+    special = not part.options.are_usual or bool(part.overrides)
+    language = part.language
     encoder.put(int(special), PLAIN_OR_SPECIAL)
-    encoder.put(letter_of(part.first), tables.first)
-    context, length = (NOTHING, part.first), 0
+    encoder.put(language.letter_of(part.first), tables.first)
+    context, length = (language.n_phones, part.first), 0
     if even:
         encoder.put_bits(len(part.numbers) - 1, 5)
     else:
         encoder.put(part.first_end, tables.left[part.first], TICKS)
     for i, (number, start) in enumerate(zip(part.numbers, part.starts, strict=True)):
-        encoder.put(letter_of(number), tables.next[context])
+        encoder.put(language.letter_of(number), tables.next[context])
         if not even:
             end = part.starts[i + 1] if i + 1 < len(part.starts) else TICKS
             row = tables.length[number, tables.tempo(length)]
             encoder.put(end - start - 1, row, TICKS - start - 1)
             length = end - start if number else 0
         context = context[1], number
-    if is_consonant(context[1]):
-        encoder.put(part.ahead - 1 if part.ahead else N_VOWELS, tables.next[context], N_VOWELS)
+    if language.is_consonant(context[1]):
+        none = language.n_vowels
+        encoder.put(part.ahead - 1 if part.ahead else none, tables.next[context], none)
     if special:
         _write_special(encoder, part)
 
 
-def read_score(decoder: RangeDecoder, tables: ScoreTables) -> ScorePart:
+def read_score(
+    decoder: RangeDecoder, tables: ScoreTables, language: Language = FRENCH
+) -> ScorePart:
     """Read what `write_score` wrote; any code is a valid score."""
     even = decoder.get(TIMING) == _EVEN
     special = decoder.get(PLAIN_OR_SPECIAL) == 1
-    first = number_of(decoder.get(tables.first))
+    first = language.phone_of(decoder.get(tables.first))
     if even:
-        first_end, numbers, starts = 0, *_read_even(decoder, tables, first)
+        first_end, numbers, starts = 0, *_read_even(decoder, tables, first, language)
     else:
         first_end = decoder.get(tables.left[first], TICKS)
-        numbers, starts = _read_on_grid(decoder, tables, first, first_end)
+        numbers, starts = _read_on_grid(decoder, tables, (first, first_end), language)
     ahead = 0
-    context = (NOTHING, first, *numbers)[-2:]
-    if is_consonant(context[1]):
-        letter = decoder.get(tables.next[context], N_VOWELS)
-        ahead = letter + 1 if letter < N_VOWELS else 0
-    part = ScorePart(first, first_end, tuple(numbers), tuple(starts), ahead)
+    context = (language.n_phones, first, *numbers)[-2:]
+    if language.is_consonant(context[1]):
+        letter = decoder.get(tables.next[context], language.n_vowels)
+        ahead = letter + 1 if letter < language.n_vowels else 0
+    options = DEFAULT_OPTIONS.in_language(language)
+    part = ScorePart(first, first_end, tuple(numbers), tuple(starts), ahead, options)
     return _read_special(decoder, part) if special else part
 
 
 def _read_even(
-    decoder: RangeDecoder, tables: ScoreTables, first: int
+    decoder: RangeDecoder, tables: ScoreTables, first: int, language: Language
 ) -> tuple[list[int], list[int]]:
     n = decoder.get_bits(5) + 1
-    numbers, context = [], (NOTHING, first)
+    numbers, context = [], (language.n_phones, first)
     for _ in range(n):
-        context = context[1], number_of(decoder.get(tables.next[context]))
+        context = context[1], language.phone_of(decoder.get(tables.next[context]))
         numbers.append(context[1])
     return numbers, [TICKS * i // n for i in range(n)]
 
 
 def _read_on_grid(
-    decoder: RangeDecoder, tables: ScoreTables, first: int, start: int
+    decoder: RangeDecoder, tables: ScoreTables, first: tuple[int, int], language: Language
 ) -> tuple[list[int], list[int]]:
-    numbers, starts, length, context = [], [], 0, (NOTHING, first)
+    """Return phones and starts behind the first phone, of which number and end are given."""
+    start = first[1]
+    numbers, starts, length, context = [], [], 0, (language.n_phones, first[0])
     while start < TICKS:
-        number = number_of(decoder.get(tables.next[context]))
+        number = language.phone_of(decoder.get(tables.next[context]))
         row = tables.length[number, tables.tempo(length)]
         length = decoder.get(row, TICKS - start - 1) + 1
         numbers.append(number)
@@ -220,22 +211,18 @@ def _read_on_grid(
 
 def write_options(encoder: RangeEncoder, options: CueingOptions) -> None:
     """Append the options of cueing (S9)."""
-    encoder.put_bits(options.un == "cheek", 1)
-    encoder.put_bits(options.schwa == "cheek", 1)
-    encoder.put_bits(options.oe == "cheek", 1)
+    for vowel in options.language.alternatives:
+        encoder.put_bits(options.placement(vowel) == _OTHER, 1)
     gap = min(range(4), key=lambda i: abs(REST_GAPS_S[i] - options.rest_gap_s))
     encoder.put_bits(gap, 2)
 
 
-def read_options(decoder: RangeDecoder) -> CueingOptions:
+def read_options(decoder: RangeDecoder, language: Language = FRENCH) -> CueingOptions:
     """Read what `write_options` wrote."""
-    un, schwa, oe = (decoder.get_bits(1) for _ in range(3))
-    return CueingOptions(
-        un="cheek" if un else "throat",
-        schwa="cheek" if schwa else "side",
-        oe="cheek" if oe else "side",
-        rest_gap_s=REST_GAPS_S[decoder.get_bits(2)],
-    )
+    chosen = [vowel for vowel in language.alternatives if decoder.get_bits(1)]
+    named = {name: _OTHER for vowel, name in _NAMES.items() if vowel in chosen}
+    gap = REST_GAPS_S[decoder.get_bits(2)]
+    return replace(DEFAULT_OPTIONS, rest_gap_s=gap, language=language, **named)
 
 
 def _write_special(encoder: RangeEncoder, part: ScorePart) -> None:
@@ -244,14 +231,14 @@ def _write_special(encoder: RangeEncoder, part: ScorePart) -> None:
         override = part.overrides.get(start)
         encoder.put(int(override is not None), AS_RULED)
         if override is not None:
-            encoder.put(override[0], SHAPES)
-            encoder.put(override[1], PLACEMENTS_TABLE)
+            encoder.put(override[0], equal(part.language.n_shapes))
+            encoder.put(override[1], equal(part.language.n_placements))
 
 
 def _read_special(decoder: RangeDecoder, part: ScorePart) -> ScorePart:
-    options = read_options(decoder)
+    options, language = read_options(decoder, part.language), part.language
     overrides = {
-        start: (decoder.get(SHAPES), decoder.get(PLACEMENTS_TABLE))
+        start: (decoder.get(equal(language.n_shapes)), decoder.get(equal(language.n_placements)))
         for start in part.key_starts()
         if decoder.get(AS_RULED)
     }

@@ -2,11 +2,11 @@
 
 Read once from ``spec/data/tables.json``, where `lab.format_tables` wrote them as
 integers; they are part of the format's version and are the same for every voice (spec/bitstream.md,
-section 7).
+section 7). Those of
+other languages are in files of the same form (S11, S12).
 """
 
 import functools
-import hashlib
 import json
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,9 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cues.language import Language, french
 from codec.cues.timeline import TICKS
+from codec.errors import CueError
 from codec.files.data import DATA
-from codec.superframe.range_coder import TOTAL
+from codec.superframe.range_coder import TOTAL, cumulative
 
 CLASSES = 25
 """Classes of coefficients by expected magnitude against the step."""
@@ -74,6 +76,11 @@ class ScoreTables:
     held: NDArray[np.int64]
     alone: NDArray[np.int64]
 
+    @property
+    def beginning(self) -> int:
+        """Symbol of the beginning of a superframe in `key` and `gap`; the one before is silence."""
+        return len(self.key) - 1
+
     @staticmethod
     def tempo(length: int) -> int:
         """Return the context of a length from the one before, 0 after a pause (S6)."""
@@ -113,28 +120,68 @@ def _cdf(freqs: Any) -> NDArray[np.int64]:
 
 
 @functools.cache
-def _content() -> bytes:
-    return (DATA / "tables.json").read_bytes()
-
-
-@functools.cache
 def present_tables() -> dict[str, Any]:
     """Return the document of the tables that come with the package."""
-    document: dict[str, Any] = json.loads(_content())
+    document: dict[str, Any] = json.loads((DATA / "tables.json").read_bytes())
     return document
 
 
-def tables_digest() -> bytes:
-    """Return the SHA-256 of the file of the tables (I1)."""
-    return hashlib.sha256(_content()).digest()
+_USUAL = 80
+"""Mean length of a phone of which nothing was counted, in sixteenths of a tick (S12)."""
+
+
+@functools.lru_cache(maxsize=8)
+def score_tables(language: Language | None = None) -> ScoreTables:
+    """Return the tables of phones and lengths of a language, of French by default.
+
+    Parameters
+    ----------
+    language : Language, optional
+
+    Raises
+    ------
+    CueError
+        If tables that its file has do not fit it.
+    """
+    if language is None:
+        return score_tables(french())
+    n, keys = language.n_phones, language.silence + 2
+    shapes = {
+        "first": (n,), "next": (n + 1, n, n), "left": (n, TICKS + 1),
+        "length": (n, TEMPOS, TICKS + 1), "opening": (n,), "pause": (PAUSE_LENGTHS,),
+        "key": (keys, keys), "gap": (keys, PAUSE_LENGTHS), "held": (TICKS + 1,),
+        "alone": (keys - 1,),
+    }  # fmt: skip
+    found = {name: _rows_of(language, name, shape) for name, shape in shapes.items()}
+    usual = np.array(language.score.get("usual", [_USUAL] * n), dtype=np.int64)
+    if usual.shape != (n,):
+        raise CueError(f"tables of {language.name}: usual has shape {usual.shape}, not ({n},)")
+    return ScoreTables(**found, usual=usual)
+
+
+def _rows_of(language: Language, name: str, shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """Return the ends of a table's symbols, equally likely ones if it has none (S12)."""
+    if name not in language.score:
+        return np.ascontiguousarray(np.broadcast_to(equal(shape[-1]), (*shape[:-1], shape[-1] + 1)))
+    freqs = np.asarray(language.score[name], dtype=np.int64)
+    if freqs.shape != shape or (freqs < 1).any() or (freqs.sum(axis=-1) != TOTAL).any():
+        raise CueError(
+            f"tables of {language.name}: {name} has shape {freqs.shape}, not {shape}, or rows that "
+            f"do not sum to {TOTAL}"
+        )
+    return _cdf(freqs)
 
 
 @functools.cache
-def score_tables() -> ScoreTables:
-    """Return the tables of phones and lengths."""
-    tables = dict(present_tables()["score"])
-    usual = np.array(tables.pop("usual"), dtype=np.int64)
-    return ScoreTables(**{name: _cdf(rows) for name, rows in tables.items()}, usual=usual)
+def equal(n: int) -> NDArray[np.int64]:
+    """Return the table of equally likely symbols (table 2).
+
+    Examples
+    --------
+    >>> equal(6).tolist()
+    [0, 5463, 10924, 16385, 21846, 27307, 32768]
+    """
+    return cumulative([1] * n)
 
 
 @functools.cache

@@ -15,17 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cues.language import Language, french
 from codec.cues.timeline import TICKS, Sounding
 from codec.superframe.bits import COMPACT_HEADER_BYTES, read_header
 from codec.superframe.range_coder import RangeDecoder, cumulative
-from codec.superframe.score_coding import (
-    NOTHING,
-    is_consonant,
-    is_vowel,
-    number_of,
-    read_options,
-)
+from codec.superframe.score_coding import read_options
 from codec.superframe.tables import ScoreTables, score_tables
+
+FRENCH = french()
 
 MIN_BYTES, MAX_BYTES = 4, 12
 """Sizes of L0 in compact mode."""
@@ -111,21 +108,23 @@ _GAP = 6
 """Most ticks between two windows that are not a silence."""
 
 
-def read_window(l0: bytes, decoder: RangeDecoder | None = None) -> Window:
+def read_window(
+    l0: bytes, decoder: RangeDecoder | None = None, language: Language = FRENCH
+) -> Window:
     """Return the window of a compact L0 part; `decoder` reads the bits behind its header.
 
     Any bytes behind the header give a window.
     """
     decoder = decoder or RangeDecoder(l0[COMPACT_HEADER_BYTES:], tail=read_header(l0).tail)
     slow = (decoder.get_bits(PIECE_BITS),) if decoder.get(SLOW) else ()
-    options = DEFAULT_OPTIONS
+    options = DEFAULT_OPTIONS.in_language(language)
     if decoder.get(PLAIN_OR_SPECIAL):
-        options = read_options(decoder)
+        options = read_options(decoder, language)
     timing = decoder.get(TIMING)
     begin = EARLIEST + BEGIN_CELL * decoder.get(BEGIN)
     begin += BEGIN_UNIT[timing] * decoder.get_bits(begin_bits(timing))
     pace = decoder.get(PACE) if timing == RULED else 0
-    numbers, lengths = _read_phones(decoder, begin, timing, pace)
+    numbers, lengths = _read_phones(decoder, (begin, timing, pace), language)
     while numbers and numbers[-1] == 0:
         numbers.pop()
     ends = list(itertools.accumulate(lengths[: len(numbers)], initial=begin))
@@ -133,21 +132,25 @@ def read_window(l0: bytes, decoder: RangeDecoder | None = None) -> Window:
 
 
 def _read_phones(
-    decoder: RangeDecoder, tick: int, timing: int, pace: int
+    decoder: RangeDecoder, opened: tuple[int, int, int], language: Language
 ) -> tuple[list[int], list[int]]:
-    """Return numbers and lengths of the phones, as far as they are determined."""
-    tables = score_tables()
+    """Return numbers and lengths of the phones, as far as they are determined.
+
+    `opened` are the tick at which the window begins, its timing and its pace.
+    """
+    tick, timing, pace = opened
+    tables = score_tables(language)
     numbers, lengths = list[int](), list[int]()
-    context, spoken = (NOTHING, NOTHING), 0
+    context, spoken = (language.n_phones, language.n_phones), 0
     correction = 0
     while tick <= LAST and correction >= 0:
         letter = decoder.get_certain(tables.next[context] if numbers else tables.opening)
         if letter < 0:
             break
-        number = number_of(letter)
+        number = language.phone_of(letter)
         if number and timing == RULED:
-            correction = decoder.get_certain(CORRECTION) if is_vowel(number) else 0
-            ticks = ruled(number, pace, max(correction, 0))
+            correction = decoder.get_certain(CORRECTION) if language.is_vowel(number) else 0
+            ticks = ruled(number, tables, pace, max(correction, 0))
         elif not numbers and number == 0:
             ticks = BEGIN_UNIT[timing]
         else:
@@ -168,9 +171,9 @@ def begin_bits(timing: int) -> int:
     return (BEGIN_CELL // BEGIN_UNIT[timing]).bit_length() - 1
 
 
-def ruled(number: int, pace: int, correction: int = 0) -> int:
+def ruled(number: int, tables: ScoreTables, pace: int, correction: int = 0) -> int:
     """Return the predicted length of a phone, in ticks (M6)."""
-    ticks = int(score_tables().usual[number]) * PACES[pace] + 64 >> 7
+    ticks = int(tables.usual[number]) * PACES[pace] + 64 >> 7
     return min(max(ticks + CORRECTIONS[correction], 1), TICKS)
 
 
@@ -188,13 +191,14 @@ def join_windows(windows: Mapping[int, Window]) -> list[Sounding]:
     hole, before = False, min(windows, default=0) - 1
     for index in sorted(windows):
         window, base = windows[index], index * TICKS
+        language = window.options.language
         hole, before = hole or index != before + 1, index
         if not window.numbers:
             continue
         begin = base + window.begin
         _squeeze(line, begin)
         if line and hole:
-            if is_consonant(line[-1].number):
+            if language.is_consonant(line[-1].number):
                 line[-1] = replace(line[-1], open_end=True)
             line.append(Sounding(0, line[-1].end, begin, open_start=True, open_end=True))
         elif line and (begin - line[-1].end <= _GAP or _continues(line[-1], window)):
@@ -206,12 +210,12 @@ def join_windows(windows: Mapping[int, Window]) -> list[Sounding]:
             Sounding(number, base + start, base + end)
             for number, start, end in zip(window.numbers, window.starts, ends, strict=True)
         ]
-        if index - 1 not in windows and is_vowel(window.numbers[0]):
+        if index - 1 not in windows and language.is_vowel(window.numbers[0]):
             at = len(line) - len(window.numbers)
             line[at] = replace(line[at], open_start=True)
         hole = False
     told = max((k for k, window in windows.items() if window.numbers), default=0)
-    if line and told + 1 not in windows and is_consonant(line[-1].number):
+    if line and told + 1 not in windows and _ends_open(line[-1], windows[told]):
         line[-1] = replace(line[-1], open_end=True)
     return line
 
@@ -221,7 +225,12 @@ def _continues(last: Sounding, window: Window) -> bool:
 
     A pause between them would be coded.
     """
-    return is_consonant(last.number) and is_vowel(window.numbers[0])
+    return _ends_open(last, window) and window.options.language.is_vowel(window.numbers[0])
+
+
+def _ends_open(last: Sounding, window: Window) -> bool:
+    """Return whether a vowel could complete the key of a phone."""
+    return window.options.language.is_consonant(last.number)
 
 
 def _squeeze(line: list[Sounding], end: int) -> None:

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
+from codec.cues.cueing import CueingOptions
+from codec.cues.language import Language
 from codec.cues.timeline import TICKS, ScoreLine
 from codec.superframe import _steering
 from codec.superframe.bits import (
@@ -24,14 +25,7 @@ from codec.superframe.bits import (
     identity_bits,
 )
 from codec.superframe.range_coder import TOTAL, RangeEncoder, encode_intervals
-from codec.superframe.score_coding import (
-    N_VOWELS,
-    NOTHING,
-    is_consonant,
-    is_vowel,
-    letter_of,
-    write_options,
-)
+from codec.superframe.score_coding import write_options
 from codec.superframe.slow_channel import SILENT, SlowSender
 from codec.superframe.tables import score_tables
 from codec.superframe.window import (
@@ -149,7 +143,8 @@ class WindowWriter:
         slow: SlowSender = SILENT,
     ) -> None:
         self._line = line
-        self._options = options
+        self._options, self._language = options, options.language
+        self._tables = score_tables(options.language)
         self._identity = identity
         self._room = size - COMPACT_HEADER_BYTES
         self._header = Header(COMPACT, 0, COMPACT_LEAD, signed)
@@ -158,7 +153,7 @@ class WindowWriter:
         self._first = max(first, spoken)
         self._payloads: list[bytes] = []
         self._next = 1
-        self._spent, self._silence = _spent(line), _silences(line)
+        self._spent, self._silence = _spent(line, options.language), _silences(line)
         self._numbers = np.array(line.numbers, dtype=np.int64)
         ends = (*line.starts[1:], line.starts[-1])
         self._lengths = np.array(ends, dtype=np.int64) - np.array(line.starts, dtype=np.int64)
@@ -187,7 +182,7 @@ class WindowWriter:
             # vowel could be taken for that of the last one told.
             while self._next < len(line.starts) and (
                 line.starts[self._next] < begin + EARLIEST
-                or not is_consonant(line.numbers[self._next])
+                or not self._language.is_consonant(line.numbers[self._next])
             ):
                 self._next += 1
         if self._next == len(line.starts) or line.starts[self._next] > begin + LAST:
@@ -210,7 +205,11 @@ class WindowWriter:
     def _loses_vowel(self, index: int, k: int) -> bool:
         """Return whether `index` comes too late for a vowel `k` whose consonant was sent before."""
         line = self._line
-        if k == len(line.starts) or not is_vowel(line.numbers[k]) or self._starts_key(k):
+        if (
+            k == len(line.starts)
+            or not self._language.is_vowel(line.numbers[k])
+            or self._starts_key(k)
+        ):
             return False
         return line.starts[k] < index * TICKS + EARLIEST
 
@@ -265,14 +264,14 @@ class WindowWriter:
         """
         numbers = self._line.numbers
         return (
-            is_vowel(numbers[k])
+            self._language.is_vowel(numbers[k])
             and numbers[k - 1] == 0
-            and (not self._payloads or is_consonant(numbers[k - 2]))
+            and (not self._payloads or self._language.is_consonant(numbers[k - 2]))
         )
 
     def _starts_key(self, k: int) -> bool:
         numbers = self._line.numbers
-        return numbers[k] > 0 and not (is_vowel(numbers[k]) and is_consonant(numbers[k - 1]))
+        return self._language.starts_key(numbers[k - 1], numbers[k])
 
     def _timings(self, index: int, first: int) -> Iterator["_Timing"]:
         """Yield ways to code the lengths of phones from `first` on, the best one first."""
@@ -285,12 +284,12 @@ class WindowWriter:
         line = self._line
         ahead = slice(first, min(first + _AHEAD, len(line.starts) - 1))
         numbers, true = self._numbers[ahead], self._lengths[ahead]
-        kinds = np.where(numbers == 0, 0, np.where(numbers <= N_VOWELS, 2, 1))
+        kinds = np.where(numbers == 0, 0, np.where(numbers <= self._language.n_vowels, 2, 1))
         weights = weight * self._ends[ahead]
         limits = limit * (self._ends[ahead] == 1.0)
         begin = self._begin(index, first, RULED) + index * TICKS
         error = begin - line.starts[first] if line.numbers[first] else 0
-        usual = score_tables().usual[numbers]
+        usual = self._tables.usual[numbers]
         best = float("inf"), _Timing(RULED)
         for pace, factor in enumerate(PACES):
             chosen = np.zeros(len(numbers), dtype=np.int64)
@@ -305,9 +304,10 @@ class WindowWriter:
     def _empty(self, index: int) -> bytes:
         """Return the payload of a superframe where nothing begins."""
         encoder = self._opened(index, 0, _Timing(FINE))
-        encoder.put(letter_of(0), score_tables().opening)
-        encoder.put(letter_of(0), score_tables().next[NOTHING, 0])
-        row, limit = length_row(0, 0, FINE, score_tables())
+        pause, none = self._language.letter_of(0), self._language.n_phones
+        encoder.put(pause, self._tables.opening)
+        encoder.put(pause, self._tables.next[none, 0])
+        row, limit = length_row(0, 0, FINE, self._tables)
         encoder.put(limit, row, limit)
         return self._fitted(encoder.finish(certain=True))
 
@@ -318,14 +318,14 @@ class WindowWriter:
         return (int.from_bytes(payload, "big") >> tail << tail).to_bytes(self._room, "big")
 
     def _window_of(self, payload: bytes) -> Window:
-        return read_window(self._header.to_bytes() + payload)
+        return read_window(self._header.to_bytes() + payload, language=self._language)
 
     def _opened(self, index: int, begin: int, timing: "_Timing") -> RangeEncoder:
         encoder = RangeEncoder()
         encoder.put(int(self._slow.due(index)), SLOW)
         if self._slow.due(index):
             encoder.put_bits(self._slow.piece(index), PIECE_BITS)
-        special = self._options != DEFAULT_OPTIONS
+        special = not self._options.are_usual
         encoder.put(int(special), PLAIN_OR_SPECIAL)
         if special:
             write_options(encoder, self._options)
@@ -351,18 +351,19 @@ class WindowWriter:
 
         Before phone `end` it says that a pause follows.
         """
-        line, tables = self._line, score_tables()
+        line, tables, letter_of = self._line, self._tables, self._language.letter_of
+        none = self._language.n_phones
         tick = self._begin(index, first, timing.timing)
         encoder = self._opened(index, tick, timing)
-        context, spoken, meant = (NOTHING, NOTHING), 0, list[_Meant]()
+        context, spoken, meant = (none, none), 0, list[_Meant]()
         for k in range(first, len(line.starts)):
             number = line.numbers[k]
             encoder.put(letter_of(number), tables.opening if k == first else tables.next[context])
             if number and timing.timing == RULED:
                 correction = timing.correction(k - first)
-                if is_vowel(number):
+                if self._language.is_vowel(number):
                     encoder.put(correction, CORRECTION)
-                ticks = ruled(number, timing.pace, correction)
+                ticks = ruled(number, tables, timing.pace, correction)
             elif k == first and number == 0:
                 ticks = BEGIN_UNIT[timing.timing]
             else:
@@ -426,16 +427,16 @@ def _agrees(window: Window, meant: Sequence[_Meant]) -> bool:
     )
 
 
-def _spent(line: ScoreLine) -> list[float]:
+def _spent(line: ScoreLine, language: Language) -> list[float]:
     """Return the bits of all phones before each one, with predicted times, and of all at last."""
-    tables = score_tables()
-    bits, context = [0.0], (NOTHING, NOTHING)
+    tables, none = score_tables(language), language.n_phones
+    bits, context = [0.0], (none, none)
     for number in line.numbers:
-        row, letter = tables.next[context[0], context[1] % NOTHING], letter_of(number)
+        row, letter = tables.next[context[0], context[1] % none], language.letter_of(number)
         bits.append(bits[-1] - math.log2((row[letter + 1] - row[letter]) / TOTAL))
         if not number:
             bits[-1] += _PAUSE_BITS
-        elif is_vowel(number):
+        elif language.is_vowel(number):
             bits[-1] += _VOWEL_BITS
         context = context[1], number
     return bits

@@ -18,7 +18,7 @@ from codec.errors import CueError
 from codec.superframe.coding import Coding, basis_of_any
 from codec.superframe.merging import MergedScore, join
 from codec.superframe.resynthesis.movements import Movements, movements
-from codec.superframe.resynthesis.targets import N_KEYS, Targets
+from codec.superframe.resynthesis.targets import Targets
 from codec.superframe.resynthesis.trajectory import (
     Resynthesis,
     TrajectoryProfile,
@@ -144,7 +144,9 @@ def _targets(
     for block, known in zip(blocks, parts, strict=True):
         n_frames = block.shape[0] * TICKS
         joined = join(known)
-        faces = [phone_weights(joined.line, k * TICKS, TICKS) for k in range(len(block))]
+        faces = [
+            phone_weights(joined.line, k * TICKS, TICKS, len(prior.face)) for k in range(len(block))
+        ]
         values = np.split(block.reshape(n_frames, -1), groups, 1)
         rows.append((_Linear.of(prior, joined, n_frames), np.concatenate(faces), values))
     phones = np.concatenate([weights for _, weights, _ in rows])
@@ -181,11 +183,11 @@ class _Linear:
         width = np.cumsum([0, targets.hand.shape[1], targets.head.shape[1]])
         late = [(float(targets.lateness[0][i]), float(targets.lateness[1][i])) for i in width]
         course = TrajectoryProfile(moves, targets.movement, 0, n_frames)
-        return cls(moves, course, held_keys(moves, targets.movement), late)
+        return cls(moves, course, held_keys(moves, targets.movement, len(targets.hand)), late)
 
     def weights(self, group: int) -> Array:
         """Return the shares of the keys in hand (0), head (1) or forearm (2), shape (T, 54)."""
-        late = tuple(np.full(N_KEYS, x) for x in self.late[group])
+        late = tuple(np.full(self.held.shape[1], x) for x in self.late[group])
         return self.course.moved(self.held, (late[0], late[1]))
 
     def bend(self, targets: Array) -> Array:

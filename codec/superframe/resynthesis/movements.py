@@ -9,16 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.cuer.movement import FLOWING, Movement
-from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS
 from codec.cues.timeline import TICK_S, Sounding
 from codec.superframe.merging import MergedScore, options_at
 from codec.superframe.resynthesis.targets import PARTS, PARTS_PER_S
-from codec.superframe.score_coding import is_consonant, is_vowel
 
 Ints = NDArray[np.int64]
 Places = NDArray[np.float64]
 
-_REST_KEY = PLACEMENT_NUMBER["rest"]
+_REST_KEY = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,17 +47,19 @@ def movements(
         From `codec.superframe.merging.join`.
     movement : Movement
         Of the voice.
-    places : ndarray, shape (54, 3), optional
+    places : ndarray, shape (keys, 3), optional
         Where the hand is for each key, mm; without them no way is long.
     at : int
         The predicted superframe: its options say after which silence the hand rests.
     """
-    line = joined.line
+    line, language = joined.line, joined.language
     gap = round(options_at(joined.parts, at).rest_gap_s / TICK_S) * PARTS
     length = {
         one.start: one.end - one.start
         for one, two in itertools.pairwise(s for s in line if s.number)
-        if one.end == two.start and is_consonant(one.number) and is_vowel(two.number)
+        if one.end == two.start
+        and language.is_consonant(one.number)
+        and language.is_vowel(two.number)
     }
     lost = [s for s in line if s.open_start and s.open_end]
     rule = _Rule.of(movement)
@@ -68,22 +68,24 @@ def movements(
     for key in joined.every:
         tick = round(key.start / TICK_S)
         start, end = tick * PARTS, round(key.end / TICK_S) * PARTS
-        number = len(PLACEMENTS) * key.shape + PLACEMENT_NUMBER[key.placement]
+        number = language.key_number(key.shape, key.placement)
+        begun = language.beginning_of(number)
         rested = before is None or (
             start - before[1] >= gap and not _untold(before[1], start, lost)
         )
         if rested and before is not None:
             lead = min(rule.first_lead, (start - before[1]) // 2)
             rows.append(_to_rest(before[1], start - lead, rule))
-        way = (
-            0.0 if places is None else float(np.linalg.norm(places[number] - places[rows[-1].key]))
-        )
+        way = _apart(places, begun, rows[-1].key)
         if before is None:
             lead = rule.first_lead
         elif not rested:
             lead = rule.lead((start - before[0]) // PARTS, way)
         lag = rule.lag_percent * length.get(tick, 0) if len(key.phones) == 2 else 0
-        rows.append(_stroke(rows[-1], number, (start - lead, start + lag), way, rule))
+        rows.append(_stroke(rows[-1], begun, (start - lead, start + lag), way, rule))
+        if begun != number:
+            vowel = start + (PARTS * length.get(tick, 0) if len(key.phones) == 2 else 0)
+            rows.append(_moved_on(rows[-1], number, vowel, _apart(places, begun, number), rule))
         before = start, end
     if before is not None:
         rows.append(_to_rest(before[1], 1 << 40, rule))
@@ -95,8 +97,9 @@ def movements(
     return Movements(keys, leaves, reaches)
 
 
-def _apart(places: Places, one: int, other: int) -> float:
-    return float(np.linalg.norm(places[other] - places[one]))
+def _apart(places: Places | None, one: int, other: int) -> float:
+    """Return the way between two keys in mm, 0 without places."""
+    return 0.0 if places is None else float(np.linalg.norm(places[one] - places[other]))
 
 
 class _Row(NamedTuple):
@@ -150,6 +153,13 @@ def _stroke(last: _Row, number: int, wanted: tuple[int, int], way_mm: float, rul
     leave = max(min(wanted[0], wanted[1] - least), rule.free(last.leave, last.reach))
     late = min(leave + least, wanted[1] + rule.late)
     return _Row(number, leave, max(wanted[1], late, leave + rule.shortest))
+
+
+def _moved_on(last: _Row, number: int, vowel: int, way_mm: float, rule: _Rule) -> _Row:
+    """Return the second stroke of a key whose placement moves (P12)."""
+    leave = max(last.reach, vowel)
+    least = round(PARTS_PER_S * rule.movement.peak_s_per_mm * way_mm)
+    return _Row(number, leave, leave + max(rule.shortest, least))
 
 
 def _untold(begin: int, end: int, lost: Sequence[Sounding]) -> bool:

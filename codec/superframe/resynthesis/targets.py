@@ -7,14 +7,10 @@ from numpy.typing import NDArray
 
 from codec.cuer.movement import FLOWING, Movement
 from codec.cuer.voice import Voice
-from codec.cues.phonology import PHONES
-from codec.cues.score import PLACEMENTS, SHAPES
 from codec.cues.timeline import TICK_S
 from codec.errors import VoiceError
 
 Array = NDArray[np.float64]
-
-N_KEYS = len(SHAPES) * len(PLACEMENTS)
 
 PARTS = 100
 """Movements are timed in whole hundredths of a tick: both ends compute the same numbers."""
@@ -29,7 +25,7 @@ class Targets:
     Attributes
     ----------
     hand, head, forearm : ndarray of float64, shape (54, 12), (54, nmF), (54, nmH)
-        Parameters when a key is held; key number = 6 shape + placement.
+        Parameters when a key is held, by its number (`Language.key_number`); of French 54.
     arc : ndarray of float64, shape (nmH,)
         Forearm parameters: deviation of a movement's middle from the straight line, per unit
         of distance between its ends.
@@ -53,7 +49,7 @@ class Targets:
     arc: Array
     face: Array
     movement: Movement = FLOWING
-    places: Array = field(default_factory=lambda: np.zeros((N_KEYS, 3)))
+    places: Array = field(default_factory=lambda: np.zeros((0, 3)))
     late: Array = field(default_factory=lambda: np.zeros(0))
     moving: Array = field(init=False)
     moving_arc: Array = field(init=False)
@@ -63,11 +59,13 @@ class Targets:
         widths = [self.hand.shape[-1], self.head.shape[-1], self.forearm.shape[-1]]
         if self.late.size == 0:
             object.__setattr__(self, "late", np.zeros(sum(widths)))
-        rows = {"face": len(PHONES), "arc": widths[2], "late": sum(widths)}
+        if self.places.size == 0:
+            object.__setattr__(self, "places", np.zeros((len(self.hand), 3)))
+        rows = {"face": len(self.face), "arc": widths[2], "late": sum(widths)}
         for name in ("hand", "head", "forearm", "arc", "face", "places", "late"):
             array = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
-            if len(array) != rows.get(name, N_KEYS) or not np.isfinite(array).all():
-                wanted = rows.get(name, N_KEYS)
+            wanted = rows.get(name, len(self.hand))
+            if len(array) != wanted or not np.isfinite(array).all():
                 raise VoiceError(f"targets: {name} has shape {array.shape}, not {wanted} rows")
             object.__setattr__(self, name, array)
         moving = np.concatenate([self.hand, self.head, self.forearm], axis=1)
@@ -84,10 +82,12 @@ class Targets:
         """Return the exact targets of a voice's gesture table, reached on straight lines."""
         table = voice.gestures
         n_forearm = table.placement_targets.shape[-1]
-        forearm = table.placement_targets.reshape(N_KEYS, n_forearm).astype(np.float64)
+        n_shapes, n_placements = table.placement_targets.shape[:2]
+        n_keys = n_shapes * n_placements
+        forearm = table.placement_targets.reshape(n_keys, n_forearm).astype(np.float64)
         return cls(
-            np.repeat(table.shape_targets, len(PLACEMENTS), axis=0).astype(np.float64),
-            np.tile(table.neutral_head, (N_KEYS, 1)).astype(np.float64),
+            np.repeat(table.shape_targets, n_placements, axis=0).astype(np.float64),
+            np.tile(table.neutral_head, (n_keys, 1)).astype(np.float64),
             forearm, np.zeros(n_forearm), table.viseme_targets.astype(np.float64),
             movement, forearm @ voice.hand.motion_directions[:, 3:].astype(np.float64),
         )  # fmt: skip

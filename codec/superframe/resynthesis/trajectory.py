@@ -6,12 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.cuer.movement import Movement
-from codec.cues.phonology import PHONES
 from codec.cues.timeline import TICKS, Sounding
 from codec.superframe.merging import MergedScore
 from codec.superframe.resynthesis import _kernels
 from codec.superframe.resynthesis.movements import Movements, movements
-from codec.superframe.resynthesis.targets import N_KEYS, PARTS, PARTS_PER_S, Targets
+from codec.superframe.resynthesis.targets import PARTS, PARTS_PER_S, Targets
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -98,9 +97,9 @@ class TrajectoryProfile:
         return out
 
 
-def held_keys(moves: Movements, movement: Movement) -> Array:
+def held_keys(moves: Movements, movement: Movement, n_keys: int) -> Array:
     """Return the held targets at the end of each movement, as shares of the keys' targets (P6)."""
-    held = np.zeros((len(moves.key), N_KEYS))
+    held = np.zeros((len(moves.key), n_keys))
     held[np.arange(len(moves.key)), moves.key] = 1.0
     natural = round(PARTS_PER_S * movement.natural_s)
     until = np.append(moves.leave[1:], 1 << 40)
@@ -111,9 +110,9 @@ def held_keys(moves: Movements, movement: Movement) -> Array:
     return held
 
 
-def phone_weights(line: Sequence[Sounding], first_tick: int, n_frames: int) -> Array:
-    """Return the shares of the phones' targets in the face (P7), shape (T, 38)."""
-    weights = np.zeros((n_frames, len(PHONES)))
+def phone_weights(line: Sequence[Sounding], first_tick: int, n_frames: int, n_phones: int) -> Array:
+    """Return the shares of the phones' targets in the face (P7), shape (T, n_phones)."""
+    weights = np.zeros((n_frames, n_phones))
     weights[:, 0] = _SILENT_DOMINANCE
     sounds = np.array([(s.number, s.start, s.end) for s in line], dtype=np.int64).reshape(-1, 3)
     _kernels.pull_into(sounds, first_tick, _REACH_TICKS, _RISE_TICKS, _SHARE_OF_LENGTH, weights)
@@ -138,11 +137,12 @@ class Resynthesis:
     ) -> None:
         self._rule = targets.movement
         self._moves = movements(joined, self._rule, targets.places, at=first_tick // TICKS)
-        face = phone_weights(joined.line, first_tick, n_frames) @ targets.face
+        weights = phone_weights(joined.line, first_tick, n_frames, len(targets.face))
+        face = weights @ targets.face
         self._width = face.shape[1]
         self._still = np.empty((n_frames, self._width + targets.moving.shape[1]))
         self._still[:, : self._width] = face
-        self._held = held_keys(self._moves, self._rule) @ targets.moving
+        self._held = held_keys(self._moves, self._rule, len(targets.hand)) @ targets.moving
         # The arc of a movement is that between its exact targets.
         exact = targets.forearm[self._moves.key]
         self._distance = np.zeros(len(exact))

@@ -15,7 +15,7 @@ from codec.superframe.coding import coding_for, derive_coding, load_coding, save
 from codec.superframe.merging import join
 from codec.superframe.resynthesis import _kernels
 from codec.superframe.resynthesis.movements import Movements, movements
-from codec.superframe.resynthesis.targets import N_KEYS, PARTS, Targets
+from codec.superframe.resynthesis.targets import PARTS, Targets
 from codec.superframe.resynthesis.trajectory import (
     Resynthesis,
     TrajectoryProfile,
@@ -25,6 +25,7 @@ from codec.superframe.resynthesis.trajectory import (
 from codec.superframe.score_coding import ScorePart, part_of
 from codec.training.coding_tables import train_coding
 
+N_KEYS = 54
 WORDS = ["b", "a", "l", "i", "s", "u"]
 
 
@@ -42,7 +43,7 @@ def parts_of_phones(
 def weights_of(moves: Movements, movement: Movement, n_frames: int) -> "np.ndarray":
     still = np.zeros(N_KEYS)
     course = TrajectoryProfile(moves, movement, 0, n_frames)
-    return course.moved(held_keys(moves, movement), (still, still))
+    return course.moved(held_keys(moves, movement, N_KEYS), (still, still))
 
 
 def test_movements_follow_the_stated_times() -> None:
@@ -76,7 +77,7 @@ def test_weights_are_shares() -> None:
     parts = parts_of_phones(WORDS, length=9)
     joined = join(parts)
     carrier = weights_of(movements(joined, movement), movement, 200)
-    phones = phone_weights(joined.line, 0, 200)
+    phones = phone_weights(joined.line, 0, 200, 38)
     np.testing.assert_allclose(carrier.sum(axis=1), 1)
     np.testing.assert_allclose(phones.sum(axis=1), 1)
     assert phones.min() >= -1e-12
@@ -108,7 +109,7 @@ def test_silence_is_rest() -> None:
     moves = movements(join({}))
     assert moves.key.tolist() == [0]
     assert weights_of(moves, FLOWING, 3)[:, 0].tolist() == [1, 1, 1]
-    assert phone_weights([], 0, 3)[:, 0].tolist() == [1, 1, 1]
+    assert phone_weights([], 0, 3, 38)[:, 0].tolist() == [1, 1, 1]
     assert PARTS == 100
 
 
