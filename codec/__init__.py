@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from codec.cuer.motion import Motion, load_motion, save_motion
     from codec.cuer.voice import Voice, load_voice, save_voice
     from codec.cues.cueing import CueingOptions
+    from codec.cues.language import Language, load_language
     from codec.cues.score import Key, Phone, Score
     from codec.errors import BitstreamError, CueError, VoiceError
     from codec.streamfile.inspect import inspect_stream
@@ -56,6 +57,7 @@ __all__ = [
     "GestureTable",
     "HandModel",
     "Key",
+    "Language",
     "Motion",
     "Phone",
     "Score",
@@ -72,6 +74,7 @@ __all__ = [
     "decode_stream",
     "encode_stream",
     "inspect_stream",
+    "load_language",
     "load_motion",
     "load_voice",
     "save_motion",
@@ -90,6 +93,7 @@ _HOMES = {
     "GestureTable": "codec.cuer.gestures",
     "HandModel": "codec.cuer.models.hand",
     "Key": "codec.cues.score",
+    "Language": "codec.cues.language",
     "Motion": "codec.cuer.motion",
     "Phone": "codec.cues.score",
     "Score": "codec.cues.score",
@@ -106,6 +110,7 @@ _HOMES = {
     "decode_stream": "codec.streamfile.stream",
     "encode_stream": "codec.streamfile.stream",
     "inspect_stream": "codec.streamfile.inspect",
+    "load_language": "codec.cues.language",
     "load_motion": "codec.cuer.motion",
     "load_voice": "codec.cuer.voice",
     "save_motion": "codec.cuer.motion",

@@ -29,6 +29,7 @@ _MOST_BYTES = 1 << 22
 _MOST_PHONES, _MOST_KINDS, _FEWEST = 64, 16, 3
 
 _FRENCH = {
+    "code": "",
     "movement": {},
     "alternatives": ["œ̃", "ə", "œ"],
     "stand_ins": {
@@ -49,6 +50,8 @@ class Language:
     digest : bytes
         SHA-256 of the file of its tables.
     name : str
+    code : str
+        Two letters of ISO 639-1; none in the tables of French.
     phones : tuple of str
         IPA symbols by their number: the pause, the vowels, the consonants.
     n_vowels : int
@@ -75,6 +78,7 @@ class Language:
 
     digest: bytes
     name: str = field(compare=False)
+    code: str = field(compare=False, repr=False)
     phones: tuple[str, ...] = field(compare=False, repr=False)
     n_vowels: int = field(compare=False, repr=False)
     placements: tuple[str, ...] = field(compare=False, repr=False)
@@ -171,7 +175,8 @@ def language_of(content: bytes, name: str) -> Language:
         numbers = {symbol: number for number, symbol in enumerate(phones)} | {None: 0}
         stand_ins = told["stand_ins"]
         language = Language(
-            hashlib.sha256(content).digest(), str(told["name"]), phones, int(told["vowels"]),
+            hashlib.sha256(content).digest(), str(told["name"]), str(told["code"]), phones,
+            int(told["vowels"]),
             tuple(map(str, told["placements"])),
             {str(k): int(v) for k, v in told["shape"].items()},
             {str(k): str(v) for k, v in told["placement"].items()},

@@ -10,7 +10,7 @@ from codec.cues.score import Score
 from codec.cues.timeline import to_line
 from codec.errors import CueError
 from codec.superframe.coding import coding_for
-from codec.superframe.slow_channel import SILENT, SlowSender
+from codec.superframe.slow_channel import SlowSender, usual_sender
 from codec.superframe.superframe import Superframe
 from codec.superframe.window import MAX_BYTES, MIN_BYTES
 from codec.superframe.window_writer import WindowWriter
@@ -31,8 +31,8 @@ class CompactEncoder:
         Number of the first superframe that will be on air: windows lean on earlier ones.
     signed : bool
         Leave room for a proof of who speaks (`codec.superframe.checks.with_proof`).
-    slow : SlowSender
-        Tells lasting facts.
+    slow : SlowSender, optional
+        Sends lasting facts; default: language and coding of a voice that is not French.
 
     Raises
     ------
@@ -48,7 +48,7 @@ class CompactEncoder:
         options: CueingOptions = DEFAULT_OPTIONS,
         first: int = 0,
         signed: bool = False,
-        slow: SlowSender = SILENT,
+        slow: SlowSender | None = None,
     ) -> None:
         if not MIN_BYTES <= l0_bytes <= MAX_BYTES:
             raise CueError(f"compact superframe of {l0_bytes} bytes, {MIN_BYTES}..{MAX_BYTES}")
@@ -57,7 +57,8 @@ class CompactEncoder:
         self._size = l0_bytes
         self._options = options.in_language(self._coding.language)
         self._first = first
-        self._signed, self._slow = signed, slow
+        self._signed = signed
+        self._slow = slow or usual_sender(self._coding.language, self._coding.identity)
         self._score: Score | None = None
         self._writer: WindowWriter | None = None
 

@@ -30,7 +30,7 @@ from codec.superframe.payload import (
     write_l1,
 )
 from codec.superframe.plan import plan_of, plans
-from codec.superframe.slow_channel import SILENT, SlowSender
+from codec.superframe.slow_channel import SlowSender, usual_sender
 from codec.superframe.superframe import Superframe
 
 _FILMED_BYTES = 8
@@ -60,8 +60,8 @@ class SuperframeEncoder:
         Send previews of later superframes.
     signed : bool
         Leave room for a proof of who speaks (`codec.superframe.checks.with_proof`).
-    slow : SlowSender
-        Tells lasting facts.
+    slow : SlowSender, optional
+        Sends lasting facts; default: language and coding of a voice that is not French.
     filmed : bool, optional
         Tell keys as labels, and weigh all uses of the prediction and all steps by the error that
         remains: for cuers whose movement the score predicts badly. Default: with `protected`, as
@@ -85,7 +85,7 @@ class SuperframeEncoder:
         options: CueingOptions = DEFAULT_OPTIONS,
         protected: bool = False,
         signed: bool = False,
-        slow: SlowSender = SILENT,
+        slow: SlowSender | None = None,
         filmed: bool | None = None,
         begin: int | None = None,
     ) -> None:
@@ -95,6 +95,7 @@ class SuperframeEncoder:
         self._sizes = l0_bytes, l1_bytes
         self._coding = coding_for(voice)
         options = options.in_language(self._coding.language)
+        slow = slow or usual_sender(self._coding.language, self._coding.identity)
         self._analysts = {
             seen: Analyst(
                 self._coding, l0_bytes, lead, options, protected=protected, signed=signed,

@@ -8,6 +8,7 @@ import itertools
 import re
 from collections.abc import Mapping
 
+from codec.cues.language import Language
 from codec.errors import CueError
 
 N_REGISTERS = 256
@@ -178,3 +179,17 @@ class SlowReceiver:
 
 SILENT = SlowSender({})
 """Says nothing."""
+
+
+def usual_sender(language: Language, coding: str) -> SlowSender:
+    """Return what a stream says of itself unless it is given more: what is not French says so.
+
+    Parameters
+    ----------
+    language : Language
+    coding : str
+        Identity of the coding.
+    """
+    if not language.code:
+        return SILENT
+    return SlowSender(language_registers(language.code) | voice_registers(coding))
