@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 ENTRIES = {
     "codec": """BitstreamError CueError Key Motion Phone Score SuperframeDecoder SuperframeEncoder
         Voice VoiceError compare_motions decode_stream encode_stream inspect_stream
-        load_motion load_voice save_motion save_voice""",
+        load_language load_motion load_voice save_motion save_voice""",
     "synth": """CaptureOptions Subtitle align capture_motion keys_of motion_of read_subtitles
         score_of_subtitles score_of_text sound_of""",
     "watermark": """PROFILES AudioEmbedder AudioReceiver ReceivedSuperframe VideoEmbedder
@@ -31,7 +31,7 @@ ENTRIES = {
 
 VALUES = {
     "codec": """Announcement Chain Comparison CueingOptions DecodedSuperframe FaceModel GestureTable
-        HandModel ScorePart SigningKey SlowSender Superframe Window""",
+        HandModel Language ScorePart SigningKey SlowSender Superframe Window""",
     "synth": """Captured Judgement LeftOut Pace PacedWord PerformerChoice Reading Style Terms
         TextRun TimedWord Variant Word""",
     "watermark": """AudioProfile CodecLoop CodecStream EmbedReport Movs PeaqResult

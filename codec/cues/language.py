@@ -246,6 +246,15 @@ def _stands(language: Language, consonants: tuple[int, ...], vowels: tuple[int, 
 def load_language(path: str | os.PathLike[str]) -> Language:
     """Read a language from the file of its tables; its phones are known from then on.
 
+    Parameters
+    ----------
+    path : path-like
+        A file of the form of ``spec/data/languages``.
+
+    Returns
+    -------
+    Language
+
     Raises
     ------
     CueError
