@@ -41,7 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     source = parser.add_mutually_exclusive_group()
     source.add_argument(
         "--subtitles", metavar="SUBS",
-        help="what is said; - reads a pipe (default: the programme's own French subtitles)",
+        help="subtitles; - reads a pipe (default: the programme's own French subtitles)",
     )  # fmt: skip
     source.add_argument("--motion", metavar="M.npz", help="motion of the cuer")
     parser.add_argument("-o", "--output", metavar="OUT", help="the programme with its cuer")

@@ -2,7 +2,7 @@
 
 In: text.  Out: a list of `Word`, each with its phones as they are spoken there and the pause that
 follows it.  The steps: tokens (`synth.language.text.normalise`), variants
-(`synth.language.text.lexicon`, espeak-ng for what it lacks), classes
+(`synth.language.text.lexicon`, espeak-ng for words that it lacks), classes
 (`synth.language.text.tagging`), homographs that need more than their class, numerals and liaison
 (`synth.language.text.liaison`), final schwa.
 """

@@ -1,6 +1,6 @@
 """Phones of a text to their times in a recording of it.
 
-In: the words of passages and the sound of each.  Out: phones with times.  What is heard in the
+In: the words of passages and the sound of each.  Out: phones with times.  Evidence in the
 sound (`synth.planning.alignment.recogniser`) tells how well each phone fits each frame; the
 recording is cut into the phones of the text, with the usual durations of phones as a prior, silence
 and other speech allowed between words, and words that are not spoken left out. Source: segmental

@@ -1,6 +1,6 @@
 """The row of units that a passage is cut into: phones, and between words silence or other speech.
 
-What is heard between two words may be a pause, speech that the text leaves out, as television
+Sound between two words may be a pause, speech that the text leaves out, as television
 condenses, or nothing.
 """
 

@@ -1,6 +1,6 @@
 """What lasts in a sound taken out: held notes of music, hum, noise that stays.
 
-A voice moves its pitch and opens and closes its mouth; what is as strong a third of a second before
+A voice moves its pitch and opens and closes its mouth; sound as strong a third of a second before
 and after in the same narrow band is no speech. In each band the level that is exceeded most of the
 time around is taken off the power (spectral subtraction, S. Boll 1979), never all of it. Under
 music as loud as the voice a third fewer words are misplaced; speech alone is heard as before.
