@@ -23,10 +23,18 @@ export class Stage {
 
   /** The rectangle that the picture fills inside the stage (letterboxed), in CSS pixels. */
   picture() {
-    const { clientWidth: width, clientHeight: height } = this.root;
-    const ratio = this.video.videoWidth ? this.video.videoWidth / this.video.videoHeight : width / height;
+    const { videoWidth, videoHeight } = this.video;
+    const stage = this.root.getBoundingClientRect();
+    // A page may put margins and other elements around the video.
+    const { left, top, width, height } = videoWidth ? this.video.getBoundingClientRect() : stage;
+    const ratio = videoWidth ? videoWidth / videoHeight : width / height;
     const shown = Math.min(width, height * ratio);
-    return { left: (width - shown) / 2, top: (height - shown / ratio) / 2, width: shown, height: shown / ratio };
+    return {
+      left: left - stage.left + (width - shown) / 2,
+      top: top - stage.top + (height - shown / ratio) / 2,
+      width: shown,
+      height: shown / ratio,
+    };
   }
 
   /** Place the inset over the picture; a programme without picture leaves the stage to the cuer. */

@@ -150,7 +150,7 @@ export class CuecastPlayer extends HTMLElement {
     };
     this.listen();
     this.sizes = new ResizeObserver(() => this.arrange());
-    this.sizes.observe(this);
+    for (const part of [this, media]) this.sizes.observe(part);
     this.attached = new AbortController();
     const { signal } = this.attached;
     for (const name of ["loadedmetadata", "resize"]) media.addEventListener(name, () => this.arrange(), { signal });

@@ -131,6 +131,7 @@ def test_pause_seek_rates_and_a_hidden_tab(browse: Browse, site: Path, sent: Sen
             await _pause(page, sent)
             await _rates(page)
             await _hide(page, sent)
+            await _margins(page)
             assert page.errors == []
 
     asyncio.run(run())
@@ -179,4 +180,18 @@ async def _hide(page: Tab, sent: Sent) -> None:
     assert end_s > begin_s + 3
     assert shapes(await page.evaluate(f"{PLAYER}.keyList"), begin_s, end_s) == shapes(
         sent, begin_s, end_s
+    )
+
+
+async def _margins(page: Tab) -> None:
+    """A page that wraps the video, as many editors do, has the cuer over the picture all the same."""
+    await page.evaluate(
+        f"{PLAYER}.insertBefore(document.createElement('p'), {MEDIA}).append({MEDIA}), "
+        f"{MEDIA}.style.marginTop = '60px', {MEDIA}.style.width = '60%'"
+    )
+    box = "shadowRoot.getElementById('inset').getBoundingClientRect()"
+    await page.until(
+        f"(({{ left, right, top, bottom }}, media) => left > media.left && right < media.right"
+        f" && top > media.top && bottom < media.bottom)({PLAYER}.{box},"
+        f" {MEDIA}.getBoundingClientRect())"
     )
