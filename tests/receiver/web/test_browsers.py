@@ -184,7 +184,7 @@ async def _hide(page: Tab, sent: Sent) -> None:
 
 
 async def _margins(page: Tab) -> None:
-    """A page that wraps the video, as many editors do, has the cuer over the picture all the same."""
+    """Where a page wraps the video, as many editors do, the cuer stands on the picture."""
     await page.evaluate(
         f"{PLAYER}.insertBefore(document.createElement('p'), {MEDIA}).append({MEDIA}), "
         f"{MEDIA}.style.marginTop = '60px', {MEDIA}.style.width = '60%'"
