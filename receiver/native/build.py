@@ -148,28 +148,37 @@ def build_plugin(compiler: list[str], folder: Path) -> Path:
     return out
 
 
+WASM = ["-target", "wasm32-wasi", "-msimd128", "-ffp-contract=off"]
+STACK = "-Wl,-z,stack-size=262144"
+
+
+def _wasm_objects(folder: str) -> list[str]:
+    """Compile all sources for WebAssembly; return the objects."""
+    objects = []
+    for path in [*sources(), *vendored()]:
+        level = ["-O2", "-fno-unroll-loops"] if path.stem in HOT else ["-Os"]
+        objects.append(f"{folder}/{path.stem}.o")
+        flags = WARNINGS if path in sources() else [*VENDORED, "-ffunction-sections"]
+        zig(*WASM, *level, *flags, *includes(), "-c", str(path), "-o", objects[-1])
+    return objects
+
+
 def build_module(out: Path) -> None:
     """Build the WebAssembly module: no imports, its memory above `__heap_base` is the host's."""
-    target = ["-target", "wasm32-wasi", "-msimd128", "-ffp-contract=off"]
+    keep = [f"-Wl,--export={symbol}" for symbol in [*exported(), "__heap_base"]]
+    link = ["-Os", "-s", "-mexec-model=reactor", "-Wl,--no-entry", "-Wl,--gc-sections", STACK]
     with tempfile.TemporaryDirectory() as name:
-        objects = []
-        for path in [*sources(), *vendored()]:
-            level = ["-O2", "-fno-unroll-loops"] if path.stem in HOT else ["-Os"]
-            objects.append(f"{name}/{path.stem}.o")
-            flags = WARNINGS if path in sources() else [*VENDORED, "-ffunction-sections"]
-            zig(*target, *level, *flags, *includes(), "-c", str(path), "-o", objects[-1])
-        keep = [f"-Wl,--export={symbol}" for symbol in [*exported(), "__heap_base"]]
-        link = [
-            "-Os",
-            "-s",
-            "-mexec-model=reactor",
-            "-Wl,--no-entry",
-            "-Wl,--gc-sections",
-            "-Wl,-z,stack-size=262144",
-        ]
-        zig(*target, *link, *keep, *objects, "-o", f"{name}/cuecast.wasm")
+        zig(*WASM, *link, *keep, *_wasm_objects(name), "-o", f"{name}/cuecast.wasm")
         out.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(f"{name}/cuecast.wasm", out)
+
+
+def build_conformer(out: Path) -> None:
+    """Build `tools/cue_conform.c` for `tools/cue_conform.mjs`: the module's objects under WASI."""
+    tool = str(HERE / "tools" / "cue_conform.c")
+    with tempfile.TemporaryDirectory() as name:
+        objects = _wasm_objects(name)
+        zig(*WASM, "-Os", "-s", STACK, *WARNINGS, *includes(), tool, *objects, "-o", str(out))
 
 
 def imports_of(module: bytes) -> int:
@@ -215,7 +224,8 @@ def record_of(module: bytes) -> dict[str, str | int]:
 def main(arguments: list[str] | None = None) -> int:
     """Build the target of the command line."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("what", choices=["tool", "library", "plugin", "wasm"])
+    kinds = ["tool", "library", "plugin", "wasm", "conform"]
+    parser.add_argument("what", choices=kinds)
     parser.add_argument("-o", "--out", type=Path, default=HERE / "dist")
     parser.add_argument("--cc", default="cc", help="compiler of tool and plug-in")
     chosen = parser.parse_args(arguments)
@@ -226,6 +236,9 @@ def main(arguments: list[str] | None = None) -> int:
         build_library(chosen.out)
     elif chosen.what == "plugin":
         build_plugin(chosen.cc.split(), chosen.out)
+    elif chosen.what == "conform":
+        chosen.out.mkdir(parents=True, exist_ok=True)
+        build_conformer(chosen.out / "cue_conform.wasm")
     else:
         build_module(chosen.out / MODULE.name)
         module = (chosen.out / MODULE.name).read_bytes()

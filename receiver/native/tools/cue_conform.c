@@ -29,10 +29,10 @@ static const char *field(const char *name)
     return at ? at + strlen(wanted) : 0;
 }
 
-static long number(const char *name, long otherwise)
+static long long number(const char *name, long long otherwise)
 {
     const char *at = field(name);
-    return at ? strtol(at, 0, 10) : otherwise;
+    return at ? strtoll(at, 0, 10) : otherwise;
 }
 
 static int nibble(int c)
@@ -163,7 +163,7 @@ static void do_bases(void)
 static void do_push(void)
 {
     size_t n0 = hex("l0", first_bytes), n1 = hex("l1", second_bytes);
-    long index = number("index", 0);
+    long index = (long)number("index", 0);
     cue_rule rule;
     int before = payload->started;
     cue_payload_put(payload, first_bytes, n0, second_bytes, n1, 0.64 * (double)index, &rule);
