@@ -1,4 +1,5 @@
-/* fuzz.c - random and mutated superframes and voice files into the payload half.
+/* fuzz.c - random and mutated superframes, stream files, announcements and voice files into the
+ * payload half.
  *
  *     fuzz COUNT SEED VOICE
  *
@@ -58,6 +59,72 @@ static void fuzz_voice(cue_payload *p, const uint8_t *voice, size_t bytes, uint8
     (void)cue_payload_voice(p, copy, n);
 }
 
+static uint32_t crc32_of(const uint8_t *data, size_t bytes)
+{
+    uint32_t crc = UINT32_MAX;
+    for (size_t i = 0; i < bytes; i++) {
+        crc ^= data[i];
+        for (int bit = 0; bit < 8; bit++) crc = crc >> 1 ^ (crc & 1U ? 0xEDB88320U : 0U);
+    }
+    return ~crc;
+}
+
+static void put_number(uint8_t *at, uint32_t value, int bytes)
+{
+    while (bytes-- > 0) *at++ = (uint8_t)(value >> 8 * bytes);
+}
+
+/* A stream file whose checks are right, mostly with random records; read to its end, or changed. */
+static size_t fuzz_file(cue_payload *p)
+{
+    static uint8_t file[4096];
+    cue_event event = {.size = sizeof event};
+    size_t events = 0, n = 26;
+    uint32_t ticks = 1 + draw(200), first = draw(3) ? draw(100) : draw(4320000);
+    uint32_t count = (first + ticks + 31) / 32 - first / 32, l0 = draw(4) ? 0 : 5 + draw(20);
+    memcpy(file, "CUES\4", 5);
+    memcpy(file + 5, p->model.coding, 8);
+    put_number(file + 13, first, 4);
+    put_number(file + 17, ticks, 4);
+    put_number(file + 21, l0 << 12 | (l0 ? draw(20) : 0), 3);
+    put_number(file + 24, cue_check_of(file, 24, 16, 0x1021, 0xFFFF), 2);
+    if (l0) {
+        size_t size = l0 + (file[23] | (file[22] & 15U) << 8);
+        for (uint32_t i = 0; i < count; i++, n += size)
+            for (size_t k = make(p, file + n, i); k < size; k++) file[n + k] = (uint8_t)draw(256);
+    } else {
+        for (uint32_t i = 0; i <= count; i++) {
+            uint32_t size = draw(8) ? draw(60) : 0;
+            file[n++] = (uint8_t)size;
+            while (size-- > 0) file[n++] = (uint8_t)draw(256);
+        }
+        put_number(file + n, crc32_of(file, n), 4);
+        n += 4;
+    }
+    cue_file_info info = {.size = sizeof info};
+    if (cue_payload_open(p, file, n, &info) != CUE_OK) return 0;
+    for (int i = 0; i < 40 && cue_payload_file_next(p, file, n) == CUE_OK; i++) {
+        if (draw(20) == 0) spoil(file + 26, n - 26); /* the caller broke the rule */
+        while (cue_payload_next(p, &event) == CUE_OK) events++;
+    }
+    (void)cue_payload_reset(p);
+    return events;
+}
+
+static void fuzz_announcement(cue_payload *p)
+{
+    static const char good[] =
+        "{\"format\": \"cuecast-key-3\", \"kind\": \"public\", \"name\": \"T\\u00e9l\xc3\xa9\", \"ends\": "
+        "{\"9\": \"xaM/iSuer3g=\", \"2\": \"U+nHsEGcnjI=\"}, \"public_key\": \"aWUBjGP5DSZjsX5X8fk5WuCittbm"
+        "XkYxKUfa74pBS8A=\", \"first\": 41472000, \"until\": 41607000, \"signature\": \"GPzBeESFgDVmXu2f9"
+        "/jO/wesuimWEjXdzxlvGF5HGmEinaMp0SXIR1jFmIWjNerwLMiGRWm/I7js05Qwjwq9DA==\"}";
+    uint8_t text[sizeof good];
+    memcpy(text, good, sizeof good);
+    if (draw(4)) spoil(text, sizeof good - 1);
+    size_t n = draw(4) ? sizeof good - 1 : draw(sizeof good);
+    (void)cue_payload_trust(p, text, n, 10.0, 0, 0);
+}
+
 int main(int argc, char **argv)
 {
     static uint8_t voice[300000], copy[300000], l0[64], l1[64];
@@ -94,6 +161,16 @@ int main(int argc, char **argv)
         if (cue_payload_draw(p, p->last - (int32_t)draw(8), (int)draw(2))) drawn++;
         place += draw(30) ? 1 : (long)draw(90);
         if (draw(60) == 0) cue_payload_flush(p);
+        if (draw(10) == 0) events += fuzz_file(p);
+        if (draw(40) == 0) fuzz_announcement(p);
+        if (draw(100) == 0) { /* proofs are tried with 65536 hashes each: few of them */
+            cue_payload_clock(p, 0.64 * (double)place, 1767225600.0 + 0.64 * 41472000.0);
+            for (int k = 0; k < 40; k++) {
+                l0[0] ^= (uint8_t)draw(2);
+                cue_proofs_take(&p->proofs, l0, n0, 0.64 * (double)(place + k));
+            }
+            (void)cue_payload_trust(p, 0, 0, 0.0, 0, 0);
+        }
         if (draw(400) == 0) { /* a broken voice, then the good one */
             fuzz_voice(p, voice, bytes, copy);
             cue_payload_put(p, l0, n0, l1, n1, 0.64 * (double)place, &rule);
