@@ -129,8 +129,10 @@ def add_motion(parser: argparse.ArgumentParser) -> None:
         help="rule-based gestures, or joined from recorded units",
     )  # fmt: skip
     parser.add_argument(
-        "--units", metavar="FOLDER", help="recordings that `voice build` made of a speaker"
-    )
+        "--units", metavar="SPEAKER",
+        help="who speaks: margot, a reader of LibriVox (default), espeak, or a folder that "
+        "`voice build` made of a speaker",
+    )  # fmt: skip
     add_alignment(parser)
 
 

@@ -17,43 +17,66 @@ from cuecast.command.progress import count_bar
 from synth.motion.body.anatomy import IDENTITIES
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
-from synth.units.recordings.archive import built_in_recordings, read_archive, write_archive
+from synth.units.recordings.archive import (
+    READER,
+    RENDERED,
+    built_in_recordings,
+    read_archive,
+    reader_recordings,
+    write_archive,
+)
 from synth.units.recordings.recording import UnitRecording
 from synth.units.recordings.speaker import Refusal, read_transcripts, record_speaker
 
 
 def unit_synthesiser(
     voice: Voice,
-    folder: str | None = None,
+    units: str | None = None,
     *,
     alignment: str = "paper",
     options: CueingOptions = DEFAULT_OPTIONS,
     seed: int = 0,
 ) -> ConcatenativeSynthesiser:
-    """Return the dictionaries of `voice`, or those that `record_folder` wrote.
+    """Return the dictionaries of a speaker and of the cuer `voice`.
 
-    The virtual cuer's own recordings are made on first use.
+    Parameters
+    ----------
+    voice : Voice
+    units : str, optional
+        A built-in speaker (`synth.units.recordings.archive.READER`, the default, or
+        `synth.units.recordings.archive.RENDERED`), or a folder that `record_folder` wrote.
+    alignment, options, seed
+        As for `ConcatenativeSynthesiser`.
 
     Raises
     ------
     CueError
         If no cuer of that name can be recorded, or the folder holds another voice's recordings.
     """
-    if folder is not None:
-        recordings = read_archive(folder)
+    if units not in (None, READER, RENDERED):
+        recordings = read_archive(str(units))
     else:
         _check_cuer(voice)
         with count_bar("recording the voice") as progress:
-            recordings = built_in_recordings(voice, identity=voice.name, progress=progress)
+            built_in = built_in_recordings if units == RENDERED else reader_recordings
+            recordings = built_in(voice, identity=voice.name, progress=progress)
     return ConcatenativeSynthesiser(
         recordings, voice, alignment=alignment, options=options, seed=seed
     )
 
 
 def record_folder(
-    source: str, target: str, voice: Voice, *, progress: Callable[[int, int], None]
+    source: str,
+    target: str,
+    voice: Voice,
+    *,
+    kbit_s: float | None = None,
+    without: frozenset[str] = frozenset(),
+    progress: Callable[[int, int], None],
 ) -> list[str]:
     """Make recordings of a speaker's sounds, write them, and report skipped ones.
+
+    Sounds whose text is empty, or whose names are in `without`, are passed over.
 
     Raises
     ------
@@ -64,18 +87,19 @@ def record_folder(
     if Path(target).exists():
         raise CueError(f"{target} exists already")
     cuer = GestureSynthesiser(voice.name, alignment="paper")
-    utterances = read_transcripts(Path(source))
+    found = read_transcripts(Path(source))
+    utterances = [one for one in found if one.path.stem not in without and one.text]
     taken: list[UnitRecording] = []
     refused: list[str] = []
     for done, item in enumerate(record_speaker(utterances, cuer, voice), 1):
         if isinstance(item, Refusal):
-            refused.append(f"{item.path}: {item.reason}")
+            refused.append(f"{item.path.name}: {item.reason}")
         else:
-            taken.append(item)
+            taken += item
         progress(done, len(utterances))
     if not taken:
         raise CueError(f"{source}: none of {len(utterances)} sounds can be used: {refused[0]}")
-    write_archive(target, taken)
+    write_archive(target, taken, kbit_s=kbit_s)
     return refused
 
 

@@ -1,9 +1,9 @@
 """How well our speech is understood, by a recogniser that nobody here has made or taught.
 
 Material (``--clips``): a folder of recorded sounds with transcripts, as `cuecast voice build` reads
-them; without, sentences of the built-in list that were not recorded. Each text is heard in several
-voices (``--channels``): ``recorded``, the sound of the folder; ``espeak``, its own reading of the
-text by espeak-ng; ``units``, our speech of the built-in units, which espeak-ng's voice recorded;
+them; without, two hundred sentences of today. Each text is heard in several voices
+(``--channels``): ``recorded``, the sound of the folder; ``espeak``, its own reading of the text by
+espeak-ng; ``reader``, our speech of the built-in reader's units; ``units``, of those of espeak-ng;
 ``speaker``, our speech of units that are cut from every other recording of the folder, the rest is
 said. The words understood are compared with the text word by word, and phone by phone, where words
 that sound alike count as right.
@@ -11,6 +11,7 @@ that sound alike count as right.
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
+from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -22,21 +23,22 @@ from codec.errors import CueError
 from cuecast.dubbing.performance import unit_synthesiser
 from cuecast.evaluate.listener import FS, Listener, french_listener
 from cuecast.evaluate.options import EvaluateOptions
-from cuecast.evaluate.synthesis import held_out_sentences
 from synth.language.text.normalise import PAUSES, normalise
 from synth.language.text.pronounce import phonemise
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.alignment.sound import mono
 from synth.planning.scoring.text_score import score_of_text
 from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
-from synth.units.recordings.recording import UnitRecording
-from synth.units.recordings.speaker import SpokenFile, read_transcripts, record_speaker
+from synth.units.recordings.archive import READER, RENDERED
+from synth.units.recordings.speaker import Refusal, SpokenFile, read_transcripts, record_speaker
 from synth.units.speech.espeak_voice import speak
 
-VOICES = ("recorded", "speaker", "units", "espeak")
+VOICES = ("recorded", "speaker", "reader", "units", "espeak")
+
+_UNITS = {"reader": READER, "units": RENDERED}
 
 _SENTENCES = 32
-"""Built-in sentences, and recordings of a folder, that are judged at most."""
+"""Recordings of a folder that are judged at most."""
 
 _WORDS_PER_MINUTE = 150
 """At which espeak-ng reads; our speech has about as many."""
@@ -54,7 +56,7 @@ def evaluate(options: EvaluateOptions) -> list[Row]:
         If the recogniser is not installed, a voice is unknown, or one asks for recordings and there
         are none.
     """
-    usual = VOICES if options.clips is not None else ("units", "espeak")
+    usual = VOICES if options.clips is not None else VOICES[2:]
     wanted = options.channels or usual
     for voice in wanted:
         if voice not in VOICES:
@@ -74,7 +76,8 @@ def evaluate(options: EvaluateOptions) -> list[Row]:
 def _material(options: EvaluateOptions) -> tuple[list[SpokenFile | str], list[SpokenFile]]:
     """Return the items to judge, and the recordings that may make a speaker."""
     if options.clips is None:
-        return list(held_out_sentences(options)[:_SENTENCES]), []
+        text = resources.files("cuecast").joinpath("evaluate/modern.txt").read_text("utf-8")
+        return list(text.splitlines()), []
     found = [u for u in read_transcripts(options.clips) if phonemise(u.text)]
     return list(found[::2][:_SENTENCES]), found[1::2]
 
@@ -85,7 +88,8 @@ def _speech(voice: str, kept: Sequence[SpokenFile]) -> Callable[[SpokenFile | st
         return _recorded
     if voice == "espeak":
         return lambda item: mono(*speak(_text(item), words_per_minute=_WORDS_PER_MINUTE))
-    synthesiser = unit_synthesiser(load_voice()) if voice == "units" else _speaker(kept)
+    own = _UNITS.get(voice)
+    synthesiser = unit_synthesiser(load_voice(), own) if own else _speaker(kept)
     return lambda item: _said(synthesiser, _text(item))
 
 
@@ -108,7 +112,8 @@ def _speaker(kept: Sequence[SpokenFile]) -> ConcatenativeSynthesiser:
     """
     voice = load_voice()
     cuer = GestureSynthesiser(voice.name, alignment="paper")
-    taken = [item for item in record_speaker(kept, cuer, voice) if isinstance(item, UnitRecording)]
+    made = [item for item in record_speaker(kept, cuer, voice) if not isinstance(item, Refusal)]
+    taken = list(itertools.chain.from_iterable(made))
     if not taken:
         raise CueError(f"none of {len(kept)} recordings can make a speaker")
     return ConcatenativeSynthesiser(taken, voice)

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from cuecast.command.arguments import add_json, print_json
+from cuecast.command.arguments import add_json, positive, print_json
 from cuecast.command.progress import count_bar, note
 
 SUMMARY = "make and look at voices"
@@ -24,6 +24,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     build.add_argument(
         "--recordings", metavar="DIR",
         help="sounds of a speaker with transcripts: a .tsv with path and text, or .txt beside each",
+    )  # fmt: skip
+    build.add_argument(
+        "--kbit", type=positive, metavar="N",
+        help="with --recordings: keep the sounds in Opus of N kbit/s, 6 to 256, not exactly",
+    )  # fmt: skip
+    build.add_argument(
+        "--without", metavar="NAMES",
+        help="with --recordings: names of sounds that are kept for judging, between commas",
     )  # fmt: skip
     build.add_argument(
         "--corpora", metavar="DIR",
@@ -122,12 +130,16 @@ def _build(args: argparse.Namespace) -> int:
     refused: list[str] = []
     if args.recordings:
         with count_bar("recording the voice") as progress:
-            refused = record_folder(args.recordings, args.output, voice, progress=progress)
+            refused = record_folder(
+                args.recordings, args.output, voice, kbit_s=args.kbit, progress=progress,
+                without=frozenset((args.without or "").split(",")),
+            )  # fmt: skip
         for line in refused:
             note(f"left out: {line}")
     synthesiser = unit_synthesiser(voice, args.output)
-    with count_bar("training the codec") as progress:
-        train_voice(voice, progress=progress)
+    if not args.recordings:  # another speaker leaves the cuer and her tables as they are
+        with count_bar("training the codec") as progress:
+            train_voice(voice, progress=progress)
     facts: dict[str, Any] = {
         "voice": voice.name,
         "coding": coding_for(voice).identity,

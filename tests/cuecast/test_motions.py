@@ -93,7 +93,7 @@ def test_options_choose_method_and_alignment(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(performance, "built_in_recordings", lambda *_, **__: recordings)
+    monkeypatch.setattr(performance, "reader_recordings", lambda *_, **__: recordings)
     subtitles, speech = srt(tmp_path / "a.srt"), tmp_path / "s.wav"
     made = {}
     for name, options in {
@@ -140,7 +140,7 @@ def test_a_plain_text_begins_at_rest(tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_a_programme_is_dubbed_with_units(
     tmp_path: Path, recordings: list[UnitRecording], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(performance, "built_in_recordings", lambda *_, **__: recordings)
+    monkeypatch.setattr(performance, "reader_recordings", lambda *_, **__: recordings)
     noise = np.random.default_rng(5).normal(0, 0.05, 48_000 * 11)
     sf.write(tmp_path / "p.wav", noise, 48_000)
     dub = ["dub", str(tmp_path / "p.wav"), "--subtitles", srt(tmp_path / "a.srt")]

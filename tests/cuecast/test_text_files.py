@@ -6,7 +6,8 @@ import pytest
 
 from cuecast.media.text_files import file_of, timed_text
 from cuecast.media.timed_text import subtitles_of_packet
-from synth.language.subtitles.read import LeftOut, Terms, cued_subtitles, parse_subtitles
+from synth.language.subtitles.findings import LeftOut
+from synth.language.subtitles.read import Terms, cued_subtitles, parse_subtitles
 
 SPOKEN, NOISE = "Il arrive demain.", "Coup de feu au loin"
 ASS = (

@@ -12,6 +12,7 @@ parameters; the second reading is this same model with ``mean_A = 0`` and ``eigv
 Source: Gibert, Bailly, Elisei 2004, section 3.2. `codec.training.fit_hand` learns the model.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 from codec.cuer import layout
 from codec.cuer.models import rigid
 from codec.errors import CueError
+
+_EVERY_MARKER = range(layout.N_HAND)
 
 N_HAND_PARAMETERS = 12
 """Parameters of the hand's shape (Gibert et al. 2004, section 3: naH)."""
@@ -104,22 +107,28 @@ class HandModel:
         flat = regressors(self.angles(shape)) @ self.regression.reshape(len(self.regression), -1)
         return np.asarray(flat.reshape(-1, layout.N_HAND, 3))
 
-    def reconstruct(self, parameters: ArrayLike) -> NDArray[np.float64]:
+    def reconstruct(
+        self, parameters: ArrayLike, markers: Sequence[int] = _EVERY_MARKER
+    ) -> NDArray[np.float64]:
         """Return the markers ``P3DH``.
 
         Parameters
         ----------
         parameters : array_like, shape (T, naH + nmH)
+        markers : sequence of int
+            Which ones, by default all 50.
 
         Returns
         -------
-        ndarray of float64, shape (T, 50, 3)
+        ndarray of float64, shape (T, markers, 3)
             World coordinates, millimetres.
         """
         p = np.asarray(parameters, dtype=np.float64)
         motion = self.motion(p[:, self.n_shape :])
-        whole = np.ones((layout.N_HAND, 6))
-        return rigid.shared_motion(self.shape(p[:, : self.n_shape]), motion, whole, self.pivot)
+        wanted = self.regression[:, list(markers)].reshape(len(self.regression), -1)
+        points = regressors(self.angles(p[:, : self.n_shape])) @ wanted
+        still = np.asarray(points.reshape(len(p), -1, 3))
+        return rigid.shared_motion(still, motion, np.ones((still.shape[1], 6)), self.pivot)
 
     def residual(
         self, parameters: NDArray[np.float64], markers: NDArray[np.float64]

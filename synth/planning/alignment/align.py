@@ -17,12 +17,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.cues.phonology import PAUSE, PHONE_NUMBER
+from codec.cues.phonology import PAUSE, PHONE_NUMBER, PHONES
 from codec.cues.score import Phone
 from synth.planning.alignment import _kernels
 from synth.planning.alignment.recogniser import FRAME_RATE
 from synth.planning.alignment.rows import (
     FILLER,
+    OUTSIDE,
     SHORTEST_FRAMES,
     Row,
     SpokenPassage,
@@ -42,6 +43,10 @@ FILLER_COST = 3.3
 """What a frame of other speech costs above the likeliest phone, in the logarithm: the right phones
 cost 0.1 to 1.3 more than the likeliest, under music more, those of other texts 1.8 to 3.1."""
 
+OUTSIDE_COST = 1.0
+"""The same before and after a text without times, which may be of a part of the sound: less than
+the phones of the text cost where others are spoken."""
+
 FILLER_ENTRY = 10.0
 """What a stretch of other speech costs, however long; of 10 and 20 both misplace as few words."""
 
@@ -54,7 +59,10 @@ SLOPE = 0.17
 LEAST_FIT = -4.0
 """Fit of a word that is not spoken, and the least that any word has."""
 
-_ENTRY = {PAUSE: 0.0, FILLER: FILLER_ENTRY}
+_ENTRY = {PAUSE: 0.0, FILLER: FILLER_ENTRY, OUTSIDE: FILLER_ENTRY}
+
+_BEST = len(PHONES)
+"""Row of the costs of other speech."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,11 +123,12 @@ def _aligned(passage: SpokenPassage) -> Aligned:
 
 
 def _costs(passage: SpokenPassage) -> NDArray[np.float64]:
-    """Return running sums of the cost of each phone, and last of other speech, in each frame."""
+    """Return running sums of the cost of each phone, and of other speech, in each frame."""
     cost = -passage.likelihoods().astype(np.float64).T
     best = np.delete(cost, PHONE_NUMBER[PAUSE], axis=0).min(axis=0)
-    sums = np.zeros((len(cost) + 1, cost.shape[1] + 1))
-    np.cumsum(np.vstack([cost, best + FILLER_COST]), axis=1, out=sums[:, 1:])
+    sums = np.zeros((len(cost) + 2, cost.shape[1] + 1))
+    other = (best + FILLER_COST, best + OUTSIDE_COST)
+    np.cumsum(np.vstack([cost, *other]), axis=1, out=sums[:, 1:])
     return sums
 
 
@@ -154,5 +163,5 @@ def _found(passage: SpokenPassage, row: Row, costs: NDArray[np.float64]) -> Alig
 def _fit(number: int, first: int, end: int, costs: NDArray[np.float64]) -> float:
     """Return how much less likely a phone is per frame than the likeliest in its place."""
     own = costs[number, end] - costs[number, first]
-    best = costs[-1, end] - costs[-1, first]
+    best = costs[_BEST, end] - costs[_BEST, first]
     return float(best - own) / (end - first) - FILLER_COST

@@ -20,6 +20,9 @@ from synth.planning.prosody.duration import predict_durations
 FILLER = "*"
 """Symbol of speech that is not in the text."""
 
+OUTSIDE = "**"
+"""Symbol of speech before the first word of a text without times, and after the last."""
+
 Unit = tuple[str, int, int]
 """Symbol, first frame, end frame."""
 
@@ -72,6 +75,11 @@ class SpokenPassage:
         return heard(self.samples) if self.heard is None else self.heard
 
     @property
+    def anywhere(self) -> bool:
+        """Whether the text may lie anywhere in the sound: it has no times of its own."""
+        return self.expected_s is None
+
+    @property
     def shortest_s(self) -> float:
         """Least duration of the phones, in seconds."""
         return SHORTEST_FRAMES * sum(len(word.phones) for word in self.words) / FRAME_RATE
@@ -101,12 +109,15 @@ class Row:
 
 def is_phone(symbol: str) -> bool:
     """Whether a symbol of a row is a phone, not silence or other speech."""
-    return symbol not in (PAUSE, FILLER)
+    return symbol not in (PAUSE, FILLER, OUTSIDE)
 
 
-def symbols_of(words: Sequence[Word]) -> list[str]:
+def symbols_of(passage: SpokenPassage) -> list[str]:
     """Return the symbols of a row of words."""
-    return [*GAP, *(s for word in words for s in (*word.phones, *GAP))]
+    line = [*GAP, *(s for word in passage.words for s in (*word.phones, *GAP))]
+    if not passage.anywhere:
+        return line
+    return [*line[: len(GAP)], OUTSIDE, PAUSE, *line[len(GAP) :], OUTSIDE, PAUSE]
 
 
 def row_of(passage: SpokenPassage, frames: int) -> Row:
@@ -122,20 +133,20 @@ def row_of(passage: SpokenPassage, frames: int) -> Row:
             f"passage at {passage.start_s:.2f} s has {len(passage.samples) / FS:.2f} s of sound "
             f"for phones that need {passage.shortest_s:.2f} s"
         )
-    symbols = symbols_of(passage.words)
-    plain = [PAUSE if symbol == FILLER else symbol for symbol in symbols]
+    symbols = symbols_of(passage)
+    plain = [symbol if is_phone(symbol) else PAUSE for symbol in symbols]
     ends = np.cumsum(predict_durations(plain)) * FRAME_RATE
     starts = np.append(0, np.round(ends)).astype(np.int64)
-    return Row(symbols, starts, _window(passage, len(symbols), frames))
+    return Row(symbols, starts, _window(passage, symbols, frames))
 
 
-def _window(passage: SpokenPassage, units: int, frames: int) -> NDArray[np.int64]:
+def _window(passage: SpokenPassage, symbols: Sequence[str], frames: int) -> NDArray[np.int64]:
     """Return where the units may start: those of a word near its subtitle."""
-    window = np.tile(np.array([0, 0, frames, frames]), (units, 1))
+    window = np.tile(np.array([0, 0, frames, frames]), (len(symbols), 1))
     if passage.expected_s is None:
         return window
     expected = np.round((passage.expected_s - passage.start_s) * FRAME_RATE).astype(np.int64)
-    position = len(GAP)
+    position = next(i for i, symbol in enumerate(symbols) if is_phone(symbol))
     for word, (first, last) in zip(passage.words, expected, strict=True):
         phones = len(word.phones)
         earliest, latest = np.clip([first - _FAR_FRAMES, last + _FAR_FRAMES], 0, frames)
@@ -168,8 +179,9 @@ def length_costs(row: Row) -> NDArray[np.float64]:
 
 
 def kinds_of(symbols: Sequence[str]) -> NDArray[np.int64]:
-    """Return the kind of each unit: its phone's number, and one more for other speech."""
-    return np.array([len(PHONES) if s == FILLER else PHONE_NUMBER[s] for s in symbols])
+    """Return the kind of each unit: its phone's number, or one more, or two, for other speech."""
+    others = {FILLER: len(PHONES), OUTSIDE: len(PHONES) + 1}
+    return np.array([others[s] if s in others else PHONE_NUMBER[s] for s in symbols])
 
 
 def skips_of(symbols: Sequence[str]) -> NDArray[np.int64]:

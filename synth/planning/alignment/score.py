@@ -240,7 +240,8 @@ class _HeardRun:
         expected_s += expected_s[-1:] * (len(self.words) - len(expected_s))
         expected = np.array(expected_s).reshape(-1, 2)
         likely = self.heard[first : first + len(samples) // HOP + 1]
-        return SpokenPassage(self.words, samples, start_s, expected, likely)
+        timed = any(subtitle.timed for subtitle in self.run.subtitles)
+        return SpokenPassage(self.words, samples, start_s, expected if timed else None, likely)
 
     def timed(self, phones: Sequence[Phone]) -> Iterator[TimedWord]:
         """Yield the words with phones that were found, and the subtitle of each."""

@@ -5,7 +5,7 @@ and face, dikeys give hand and head (Gibert, Bailly, Elisei 2004, section 5.1).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,9 @@ _FADE_S = 0.005
 
 _BREAK_S = 0.01
 """Seconds between points at which time and pitch are changed."""
+
+_ONSET = 1.15
+"""Pitch at the onset of a statement over a speaker's median: it falls from there."""
 
 _RATIO_LIMITS = (0.4, 3.0)
 """Smallest and largest change of pitch: beyond them TD-PSOLA sounds rough."""
@@ -123,10 +126,7 @@ class ConcatenativeSynthesiser:
         self._hand_columns = [i for i in columns if i not in self._face_columns]
         self._head_columns = [i for i in columns if voice.layout[i].startswith("head.")]
         self._head = HeadMotion(voice, recordings, seed=seed)
-        motions = [
-            replace(recording.motion, params=self._head.without_slow_part(number, recording))
-            for number, recording in enumerate(recordings)
-        ]
+        motions = self._head.without_slow_part(recordings)
         self._face = Trajectories(motions, self._face_columns)
         self._hand = Trajectories(motions, self._hand_columns)
         self._quickest_mm_s = quickest((recording.motion for recording in recordings), voice)
@@ -184,9 +184,10 @@ class ConcatenativeSynthesiser:
             around.phones, min(times[0], around.phones[0].start - _LEAD_S),
             max(times[-1], around.phones[-1].end + _LEAD_S),
         )  # fmt: skip
-        sounds = self.sounds.select(cut_sounds(line))
+        melody = plan_melody(around.phones, f0_hz=_ONSET * self.sounds.median_hz)
+        sounds = self.sounds.select(cut_sounds(line), melody)
         begin, end = flow.sample(first), flow.sample(last + flow.fade_frames)
-        sound = self._say(sounds, plan_melody(around.phones), begin, end)
+        sound = self._say(sounds, melody, begin, end)
         return self._move(sounds, gestures, times, flow.rate_hz), sound
 
     def _say(

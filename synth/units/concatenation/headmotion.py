@@ -9,6 +9,7 @@ absolute time and of the accents nearby. Whatever is at the face follows the hea
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from codec.cuer import layout
 from codec.cuer.models.rigid import rotation_matrices
+from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import PLACEMENTS, Phone
 from synth.motion.rules.drift import Drift, normals_at
@@ -90,12 +92,15 @@ class HeadMotion:
         spread = max(float((slow[:, 0] ** 2).sum()), 1e-12)
         self._nod[3:] = deviation[0] * (slow[:, 3:] * slow[:, :1]).sum(axis=0) / spread
 
-    def without_slow_part(self, number: int, recording: UnitRecording) -> NDArray[np.float32]:
-        """Return the parameters of recording `number`, its head's slow motion taken out."""
-        motion = recording.motion
-        follows = self._following(recording.gestures, motion.times_s)
-        params = motion.params.astype(np.float64)
-        return self._turned(params, -self._slow[number], follows).astype(np.float32)
+    def without_slow_part(self, recordings: Sequence[UnitRecording]) -> list[Motion]:
+        """Return the motions of the recordings, their head's slow motion taken out."""
+        motions = [recording.motion for recording in recordings]
+        follows = [self._following(r.gestures, r.motion.times_s) for r in recordings]
+        params = np.concatenate([motion.params for motion in motions]).astype(np.float64)
+        still = self._turned(params, -np.concatenate(self._slow), np.concatenate(follows))
+        ends = np.cumsum([len(motion.params) for motion in motions])[:-1]
+        parts = np.split(still.astype(np.float32), ends)
+        return [replace(m, params=part) for m, part in zip(motions, parts, strict=True)]
 
     def added(
         self, params: FloatArray, times: FloatArray, phones: Sequence[Phone], gestures: Gestures
@@ -136,7 +141,7 @@ class HeadMotion:
     def _turned(self, params: FloatArray, motion: FloatArray, follows: FloatArray) -> FloatArray:
         """Return frames whose head has moved by `motion` more, the hand with it."""
         voice = self._voice
-        tips = voice.hand.reconstruct(params[:, voice.hand_columns])[:, _TIPS].mean(axis=1)
+        tips = voice.hand.reconstruct(params[:, voice.hand_columns], _TIPS).mean(axis=1)
         lever = tips - voice.face.pivot
         turned = np.einsum("tij,tj->ti", rotation_matrices(motion[:, :3]), lever) - lever
         shift = np.zeros((len(params), 6))

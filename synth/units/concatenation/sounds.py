@@ -1,37 +1,51 @@
 """The dictionary of polysounds and diphones: the sound of speech and the motion of the face.
 
-In: phones with times. Out: chosen units of recordings. Selection by dynamic programming: the cost
-of a unit is the RMS distance between wanted and recorded durations of its parts, the cost of a
-join the RMS distance of the line spectrum pairs across it (Gibert, Bailly, Elisei 2004,
-section 5.1).
+In: phones with times, and a melody. Out: chosen units of recordings. Selection by dynamic
+programming: the cost of a unit is the RMS distance between wanted and recorded durations of its
+parts, and of its pitch from the melody's, that of a join the RMS distance of the line spectrum
+pairs across it (Gibert, Bailly, Elisei 2004, section 5.1), and the steps of pitch and level. Units
+that follow each other in a recording join at no cost.
 """
 
 import functools
-import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.cues.phonology import PAUSE, VOWELS
+from codec.cues.phonology import PAUSE, PHONE_NUMBER, VOWELS
+from codec.cues.score import Phone
 from codec.errors import CueError
+from synth.planning.prosody.melody import Melody
 from synth.units.concatenation.selection import select_units
 from synth.units.concatenation.units import Unit, cut_sounds, split_polysound, with_pauses
-from synth.units.recordings.recording import UnitRecording
-from synth.units.speech.lsp import line_spectrum_pairs, linear_prediction
-
-_LSP_ORDER = 16
-"""Line spectrum pairs of a frame: enough for the formants up to 8 kHz."""
-
-_LSP_FRAME_S = 0.025
-"""Length of a frame in seconds: two periods of a low voice."""
+from synth.units.recordings.recording import LSP_ORDER, UnitRecording
 
 _DURATION_WEIGHT = 10.0
 """Cost of one second of duration error, against one radian of spectral distance."""
 
 _SUBSTITUTE_COST = 0.5
 """Weight of a substitute's phonetic distance against the error of duration."""
+
+_PITCH_WEIGHT, _PITCH_STEP_WEIGHT = 0.02, 0.02
+"""Cost of a semitone by which a unit lies off the melody, and of one between units."""
+
+_LEVEL_STEP_WEIGHT = 0.01
+"""Cost of a decibel between units."""
+
+_OTHER_NEIGHBOUR = 0.05
+"""Cost of a neighbour other than the wanted one, before or after a unit: what it was spoken with
+reaches into its halves."""
+
+_JOIN = 0.05
+"""Cost of any join."""
+
+_MOST_CANDIDATES = 100
+"""Units of a label that are compared: those that suit their place best."""
+
+_REFERENCE_HZ = 100.0
+"""Pitch is in semitones above this."""
 
 _FEATURES = {
     # height, backness, rounding, nasality of vowels
@@ -101,23 +115,31 @@ class SoundDictionary:
     def __init__(self, recordings: Sequence[UnitRecording]) -> None:
         self._units: list[Unit] = []
         self._recording: list[int] = []
-        self._named: dict[tuple[str, ...], list[int]] = {}
-        start, end = [], []
+        named: dict[tuple[str, ...], list[int]] = {}
+        ends: list[tuple[int, int]] = []
+        around: list[tuple[int, int]] = []
+        bases = np.cumsum([0, *(len(recording.middles) for recording in recordings)])
         for number, recording in enumerate(recordings):
             line = with_pauses(recording.score.phones, 0.0, recording.duration_s)
-            units = dict.fromkeys(cut_sounds(line) + cut_sounds(line, polysounds=False))
-            for unit in units:
+            place = _rows_of(line, int(bases[number]))
+            for unit, first, last in _units_of(line):
                 if unit.edges_s[-1] <= unit.edges_s[0]:
                     continue
-                self._named.setdefault(unit.label, []).append(len(self._units))
+                named.setdefault(unit.label, []).append(len(self._units))
                 self._units.append(unit)
                 self._recording.append(number)
-                start.append((number, unit.edges_s[0]))
-                end.append((number, unit.edges_s[-1]))
+                ends.append((place[first], place[last]))
+                around.append((_number(line, first - 1), _number(line, last + 1)))
         if not self._units:
             raise CueError("the recordings hold no phone")
-        self._lsp_start = _spectra(recordings, start)
-        self._lsp_end = _spectra(recordings, end)
+        self._named = {label: np.array(units) for label, units in named.items()}
+        self._ends = np.array(ends)
+        self._around = np.array(around)
+        self._middles = np.concatenate([r.middles for r in recordings]).astype(np.float64)
+        self._pitch = np.concatenate([_pitch_of(r) for r in recordings])
+        heard = self._pitch[np.isfinite(self._pitch)]
+        middle = float(np.median(heard)) if len(heard) else 0.0
+        self.median_hz = _REFERENCE_HZ * 2 ** (middle / 12)
 
     def __len__(self) -> int:
         """Return the number of units."""
@@ -128,13 +150,15 @@ class SoundDictionary:
         """Labels with at least one unit."""
         return frozenset(self._named)
 
-    def select(self, targets: Sequence[Unit]) -> list[PlacedUnit]:
+    def select(self, targets: Sequence[Unit], melody: Melody | None = None) -> list[PlacedUnit]:
         """Choose a unit for each target; a polysound that is missing becomes diphones.
 
         Parameters
         ----------
         targets : sequence of Unit
             Of one line, in order, as `synth.units.concatenation.units.cut_sounds` gives them.
+        melody : Melody, optional
+            By default any pitch suits.
 
         Returns
         -------
@@ -146,12 +170,17 @@ class SoundDictionary:
             known = target.label in self._named
             wanted += [target] if known or len(target.label) == 2 else split_polysound(target)
         candidates, costs = [], []
-        for target in wanted:
+        for place, target in enumerate(wanted):
             units, penalty = self._candidates(target.label)
-            parts = np.array([self._units[u].parts_s for u in units])
+            parts = np.array([self._units[u].parts_s for u in units.tolist()])
             error = np.sqrt(np.mean((parts - np.array(target.parts_s)) ** 2, axis=1))
-            candidates.append(units)
-            costs.append(_DURATION_WEIGHT * error + _SUBSTITUTE_COST * penalty)
+            cost = _DURATION_WEIGHT * error + _SUBSTITUTE_COST * penalty
+            cost += _OTHER_NEIGHBOUR * (self._around[units] != _neighbours(wanted, place)).sum(1)
+            if melody is not None:
+                cost += _PITCH_WEIGHT * self._off_melody(units, target, melody)
+            best = np.argsort(cost, kind="stable")[:_MOST_CANDIDATES]
+            candidates.append(units[best])
+            costs.append(cost[best])
         chosen = select_units(candidates, costs, self._join_cost)
         return [
             PlacedUnit(self._recording[u], self._units[u], target)
@@ -161,32 +190,81 @@ class SoundDictionary:
     def _candidates(self, label: tuple[str, ...]) -> tuple[NDArray[np.int64], int]:
         """Return the units of `label`, or of the closest diphone, and how far away that is."""
         if label in self._named:
-            return np.array(self._named[label]), 0
+            return self._named[label], 0
         diphones = [name for name in self._named if len(name) == 2]
         distances = [sum(map(phone_distance, name, label)) for name in diphones]
         nearest = int(np.argmin(distances))
-        return np.array(self._named[diphones[nearest]]), distances[nearest]
+        return self._named[diphones[nearest]], distances[nearest]
+
+    def _off_melody(
+        self, units: NDArray[np.int64], target: Unit, melody: Melody
+    ) -> NDArray[np.float64]:
+        """Return by how many semitones the ends of units lie off a melody, in the mean."""
+        at = melody.at(np.array([target.edges_s[0], target.edges_s[-1]]))
+        away = np.abs(self._of_ends(self._pitch, units) - _semitones(at))
+        known = np.isfinite(away)
+        return np.asarray(np.where(known, away, 0.0).sum(1) / np.maximum(known.sum(1), 1))
+
+    def _of_ends(
+        self, values: NDArray[np.float64], units: NDArray[np.int64]
+    ) -> NDArray[np.float64]:
+        """Return a value of the phones at the ends of units, shape (n, 2), NaN at pauses."""
+        rows = self._ends[units]
+        return np.where(rows >= 0, values[rows], np.nan)
 
     def _join_cost(
         self, before: NDArray[np.int64], after: NDArray[np.int64]
     ) -> NDArray[np.float64]:
-        difference = self._lsp_end[before][:, None] - self._lsp_start[after][None]
-        return np.asarray(np.sqrt(np.mean(difference**2, axis=2)))
+        end, start = self._ends[before, 1][:, None], self._ends[after, 0][None]
+        step = self._middles[end] - self._middles[start]
+        pitch = np.nan_to_num(np.abs(self._pitch[end] - self._pitch[start]))
+        cost = np.sqrt(np.mean(step[..., :LSP_ORDER] ** 2, axis=2))
+        cost += _LEVEL_STEP_WEIGHT * np.abs(step[..., LSP_ORDER]) + _PITCH_STEP_WEIGHT * pitch
+        return np.where((end == start) | (end < 0) | (start < 0), 0.0, cost + _JOIN)
 
 
-def _spectra(
-    recordings: Sequence[UnitRecording], instants: Sequence[tuple[int, float]]
-) -> NDArray[np.float64]:
-    """Return line spectrum pairs around (recording, seconds), shape (n, order)."""
-    result = np.zeros((len(instants), _LSP_ORDER))
-    rows = sorted(range(len(instants)), key=lambda i: instants[i][0])
-    for number, group in itertools.groupby(rows, key=lambda i: instants[i][0]):
-        members = list(group)
-        recording = recordings[number]
-        width = round(_LSP_FRAME_S * recording.fs)
-        sound = np.pad(recording.sound.astype(np.float64), width)
-        first = np.array([round(instants[i][1] * recording.fs) for i in members])
-        first = np.clip(first + width - width // 2, 0, len(sound) - width)
-        frames = sound[first[:, None] + np.arange(width)] * np.hanning(width)
-        result[members] = line_spectrum_pairs(linear_prediction(frames, _LSP_ORDER))
-    return result
+def _units_of(line: Sequence[Phone]) -> Iterator[tuple[Unit, int, int]]:
+    """Yield polysounds and diphones of a line, each once, with their first and last phone."""
+    seen: set[tuple[int, int]] = set()
+    for polysounds in (True, False):
+        last = 0
+        for unit in cut_sounds(line, polysounds=polysounds):
+            first, last = last, last + len(unit.label) - 1
+            if (first, last) not in seen:
+                seen.add((first, last))
+                yield unit, first, last
+
+
+def _rows_of(line: Sequence[Phone], base: int) -> list[int]:
+    """Return the row of each phone of a line among all, -1 for pauses."""
+    rows, row = [], base
+    for phone in line:
+        silent = phone.symbol == PAUSE
+        rows.append(-1 if silent else row)
+        row += not silent
+    return rows
+
+
+def _number(line: Sequence[Phone], at: int) -> int:
+    return PHONE_NUMBER[line[at].symbol if 0 <= at < len(line) else PAUSE]
+
+
+def _neighbours(units: Sequence[Unit], place: int) -> tuple[int, int]:
+    """Return the numbers of the phones before and after a unit of a row."""
+    before = units[place - 1].label[-2] if place else PAUSE
+    after = units[place + 1].label[1] if place + 1 < len(units) else PAUSE
+    return PHONE_NUMBER[before], PHONE_NUMBER[after]
+
+
+def _semitones(hz: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(12 * np.log2(hz / _REFERENCE_HZ))
+
+
+def _pitch_of(recording: UnitRecording) -> NDArray[np.float64]:
+    """Return the pitch in the middle of each phone in semitones, NaN where there is none."""
+    f0 = recording.track.f0
+    if not len(f0):
+        return np.full(len(recording.score.phones), np.nan)
+    middle = np.array([(p.start + p.end) / 2 for p in recording.score.phones])
+    frame = np.clip(np.rint(middle / recording.track.hop_s).astype(np.int64), 0, len(f0) - 1)
+    return np.where(f0[frame] > 0, _semitones(np.maximum(f0[frame], 1.0)), np.nan)

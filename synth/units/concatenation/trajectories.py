@@ -132,17 +132,19 @@ _REACH_S = 0.05
 _ROUNDS = 12
 """Rounds at most; what is too quick after them stays as it is."""
 
-_FRAMES = 4096
-"""Frames whose markers are made at once, for constant memory."""
+_EVERY = 32
+"""One frame of so many shows how quick a speaker is."""
 
 
 def quickest(motions: Iterable[Motion], voice: Voice) -> float:
-    """Return the speed in mm/s that 99.9 % of all markers in all frames stay below."""
+    """Return the speed in mm/s that 99.9 % of all markers stay below, from one frame in 32."""
     speeds = []
     for motion in motions:
-        for begin in range(0, len(motion.params) - 1, _FRAMES):
-            markers = voice.reconstruct(motion.params[begin : begin + _FRAMES + 1])
-            speeds.append(_lengths(np.diff(markers, axis=0)).ravel() * motion.rate_hz)
+        first = np.arange(0, len(motion.params) - 1, _EVERY)
+        if len(first):
+            markers = voice.reconstruct(motion.params[np.ravel([first, first + 1])])
+            steps = markers[len(first) :] - markers[: len(first)]
+            speeds.append(_lengths(steps).ravel() * motion.rate_hz)
     return float(np.percentile(np.concatenate(speeds), SPEED_PERCENTILE)) if speeds else np.inf
 
 

@@ -1,13 +1,14 @@
 """Recordings of a real speaker: sounds and their texts, aligned, checked, and cued.
 
-In: a folder of sounds with transcripts. Out: recordings like the built-in ones, with the
-speaker's sound and the virtual cuer's motion in step with it.
+In: a folder of sounds with transcripts. Out: recordings of a sentence or some breath groups, with
+the speaker's sound and the virtual cuer's motion in step with it.
 """
 
 import csv
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import soundfile
@@ -21,24 +22,25 @@ from codec.cues.score import Phone, Score
 from codec.errors import CueError
 from synth.language.text.pronounce import phonemise
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.planning.alignment.align import SpokenPassage, align_passages
+from synth.planning.alignment.align import SpokenPassage
 from synth.planning.alignment.sound import mono
 from synth.planning.prosody.duration import predict_durations
+from synth.units.recordings.groups import BreathGroup, breath_groups, joined_groups
 from synth.units.recordings.recording import UnitRecording
 
-FS = 22_050
-"""Rate at which the speaker's sound is kept, Hz."""
+FS = 24_000
+"""Rate at which the speaker's sound is kept, Hz: one that Opus has."""
 
 SUFFIXES = (".wav", ".flac", ".ogg", ".mp3")
 
-_BATCH_S = 180.0
-"""Seconds of speech that are aligned at once: enough for the models to adapt to the speaker."""
-
-_LONGEST_S = 60.0
-"""Longest recording in seconds that is taken: longer ones are not single sentences."""
+_LONGEST_S = 240.0
+"""Longest recording in seconds that is taken: the search for its words takes 1 GB of memory."""
 
 _TAIL_S = 1.0
 """Seconds of silence that a recording may have at either end."""
+
+_REST_S = 0.5
+"""Seconds before and after a recording in which the hand comes up and goes to rest."""
 
 _LEVEL = 0.08
 """Root mean square of the speech after levelling, full scale 1: -22 dB."""
@@ -46,7 +48,7 @@ _LEVEL = 0.08
 _LEAST_VOICED = 0.5
 """Share of its vowels that must be voiced for a recording to count as speech."""
 
-_LEAST_EXPECTED, _MOST_EXPECTED = 0.35, 2.5
+_LEAST_EXPECTED, _MOST_EXPECTED = 0.35, 4.0
 """Bounds of a recording's length over that which its text would usually take."""
 
 
@@ -100,33 +102,24 @@ def record_speaker(
     voice: Voice,
     *,
     options: CueingOptions = DEFAULT_OPTIONS,
-) -> Iterator[UnitRecording | Refusal]:
-    """Yield a recording, or the reason why there is none, for each utterance.
+) -> Iterator[list[UnitRecording] | Refusal]:
+    """Yield the recordings, or the reason why there is none, for each utterance.
 
     Parameters
     ----------
     utterances : sequence of SpokenFile
-        Of one speaker. Some minutes of them are aligned together.
+        Of one speaker: sentences, or whole readings, which are cut at their pauses.
     cuer : GestureSynthesiser
         Who cues to the speaker's voice.
     voice : Voice
         What her motion is expressed in.
     options : CueingOptions
     """
-    batch: list[tuple[SpokenFile, NDArray[np.float64]]] = []
-    length_s = 0.0
     for utterance in utterances:
         try:
-            sound = _read(utterance.path)
+            yield _recorded(utterance, cuer, voice, options)
         except CueError as error:
             yield Refusal(utterance.path, str(error))
-            continue
-        batch.append((utterance, sound))
-        length_s += len(sound) / FS
-        if length_s >= _BATCH_S:
-            yield from _recorded(batch, cuer, voice, options)
-            batch, length_s = [], 0.0
-    yield from _recorded(batch, cuer, voice, options)
 
 
 def _read(path: Path) -> NDArray[np.float64]:
@@ -143,56 +136,67 @@ def _read(path: Path) -> NDArray[np.float64]:
 
 
 def _recorded(
-    batch: Sequence[tuple[SpokenFile, NDArray[np.float64]]],
-    cuer: GestureSynthesiser,
-    voice: Voice,
-    options: CueingOptions,
-) -> Iterator[UnitRecording | Refusal]:
-    passages, kept = [], []
-    for utterance, sound in batch:
-        words = tuple(phonemise(utterance.text))
-        reason = _unsuitable([s for word in words for s in word.phones], len(sound) / FS)
-        if reason:
-            yield Refusal(utterance.path, reason)
-            continue
-        passages.append(SpokenPassage(words, mono(sound, FS)))
-        kept.append((utterance, sound))
-    for (utterance, sound), found in zip(kept, align_passages(passages), strict=True):
-        recording = _cued(sound, found.phones, cuer, voice, options)
-        share = voiced_share(recording)
-        if share < _LEAST_VOICED:
-            yield Refusal(utterance.path, f"only {share:.0%} of the vowels are voiced")
-        else:
-            yield recording
+    utterance: SpokenFile, cuer: GestureSynthesiser, voice: Voice, options: CueingOptions
+) -> list[UnitRecording]:
+    """Return what can be used of an utterance.
+
+    Raises
+    ------
+    CueError
+        If it cannot be read, or nothing of it can be used.
+    """
+    sound = _read(utterance.path)
+    words = tuple(phonemise(utterance.text))
+    _check_length([s for word in words for s in word.phones], len(sound) / FS)
+    groups = breath_groups(SpokenPassage(words, mono(sound, FS)))
+    if not groups:
+        raise CueError("its text does not fit its sound")
+    spoken = np.concatenate([_cut(sound, g.phones[0].start, g.phones[-1].end) for g in groups])
+    levelled = np.clip(sound * (_LEVEL / (spoken.std() + 1e-12)), -1.0, 1.0).astype(np.float32)
+    made = [_cued(levelled, group, cuer, voice, options) for group in joined_groups(groups)]
+    share = float(np.mean([voiced_share(recording) for recording in made]))
+    if share < _LEAST_VOICED:
+        raise CueError(f"only {share:.0%} of the vowels are voiced")
+    return made
 
 
-def _unsuitable(symbols: Sequence[str], length_s: float) -> str:
-    """Return why a sound of this length cannot hold these phones; empty if it can."""
+def _cut(sound: NDArray[Any], from_s: float, to_s: float) -> NDArray[Any]:
+    return sound[round(from_s * FS) : round(to_s * FS)]
+
+
+def _check_length(symbols: Sequence[str], length_s: float) -> None:
+    """Check that a sound of this length can hold these phones.
+
+    Raises
+    ------
+    CueError
+        If it cannot.
+    """
     if not symbols:
-        return "its text has no phone"
+        raise CueError("its text has no phone")
     expected_s = float(predict_durations(symbols).sum())
     if length_s < _LEAST_EXPECTED * expected_s:
-        return f"{length_s:.1f} s are too short for its text"
+        raise CueError(f"{length_s:.1f} s are too short for its text")
     if length_s > _MOST_EXPECTED * expected_s + 2 * _TAIL_S:
-        return f"{length_s:.1f} s are too long for its text"
-    return ""
+        raise CueError(f"{length_s:.1f} s are too long for its text")
 
 
 def _cued(
-    sound: NDArray[np.float64],
-    phones: tuple[Phone, ...],
+    sound: NDArray[np.float32],
+    group: BreathGroup,
     cuer: GestureSynthesiser,
     voice: Voice,
     options: CueingOptions,
 ) -> UnitRecording:
+    phones = tuple(
+        Phone(p.symbol, p.start - group.start_s, p.end - group.start_s) for p in group.phones
+    )
     score = Score(phones, tuple(cue(phones, options)))
-    first, last = round(phones[0].start * FS), round(phones[-1].end * FS)
-    level = float(np.sqrt(np.mean(sound[first:last] ** 2))) + 1e-12
-    levelled = np.clip(sound * (_LEVEL / level), -1.0, 1.0).astype(np.float32)
-    n_frames = round((len(sound) / FS + 2 * _TAIL_S) * cuer.rate_hz)
-    motion = cuer.motion(score, -_TAIL_S, n_frames, voice)
+    part = _cut(sound, group.start_s, group.end_s)
+    n_frames = round((len(part) / FS + 2 * _REST_S) * cuer.rate_hz)
+    motion = cuer.motion(score, -_REST_S, n_frames, voice)
     return UnitRecording.analysed(
-        levelled, FS, score=score, gestures=cuer.gestures(score), motion=motion
+        part, FS, score=score, gestures=cuer.gestures(score), motion=motion
     )
 
 

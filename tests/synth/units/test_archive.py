@@ -47,7 +47,8 @@ def test_built_once_and_read_back(
     for a, b in zip(made, again, strict=True):
         assert [p.symbol for p in a.score.phones] == [p.symbol for p in b.score.phones]
         assert np.abs(a.sound - b.sound).max() <= 2**-15
-        np.testing.assert_array_equal(a.motion.params, b.motion.params)
+        # Kept in steps of a 32nd of the standard deviation.
+        assert np.abs(a.motion.params - b.motion.params).max() < 0.03
         np.testing.assert_array_equal(a.marks.sample, b.marks.sample)
         np.testing.assert_array_equal(a.gestures.reach, b.gestures.reach)
 
@@ -72,13 +73,13 @@ def test_a_damaged_archive_is_refused_and_made_again(
     with pytest.raises(CueError, match="damaged or foreign"):
         read_archive(tmp_path / "a")
     (tmp_path / "a" / "labels.npz").write_bytes(labels)
-    (tmp_path / "a" / "sound.flac").write_bytes(b"no sound")
+    (tmp_path / "a" / "sounds.bin").write_bytes(b"no sound")
     with pytest.raises(CueError, match="damaged recordings"):
         read_archive(tmp_path / "a")
 
     built_in_recordings(voice, sentences=TEXTS[:1], folder=tmp_path / "cache")
     (archive,) = (tmp_path / "cache").iterdir()
-    (archive / "sound.flac").unlink()
+    (archive / "sounds.bin").unlink()
     assert len(built_in_recordings(voice, sentences=TEXTS[:1], folder=tmp_path / "cache")) == 1
 
 

@@ -11,7 +11,6 @@ from codec.errors import CueError
 from cuecast.command.cli import main
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.units.recordings.archive import read_archive
-from synth.units.recordings.recording import UnitRecording
 from synth.units.recordings.rendered import line_of
 from synth.units.recordings.speaker import FS, Refusal, SpokenFile, read_transcripts, record_speaker
 from synth.units.speech.espeak_voice import render
@@ -41,14 +40,16 @@ def test_recordings_of_a_speaker(folder: Path) -> None:
     voice = load_voice("claire")
     cuer = GestureSynthesiser(alignment="paper")
     made = list(record_speaker(read_transcripts(folder), cuer, voice))
-    for recording, text in zip(made, TEXTS.values(), strict=True):
-        assert isinstance(recording, UnitRecording)
+    for parts, text in zip(made, TEXTS.values(), strict=True):
+        assert not isinstance(parts, Refusal)
+        (recording,) = parts
         assert [p.symbol for p in recording.score.phones] == [s for s in line_of(text) if s != "_"]
         truth = render(line_of(text), words_per_minute=120).phones
         starts = np.array([p.start for p in recording.score.phones])
-        expected = np.array([p.start for p in truth]) + 8000 / FS
-        # Measured: medians of 9 to 14 ms.
-        assert np.median(np.abs(starts - expected)) < 0.03
+        # Silence before the speech is cut to what a group keeps. Measured: medians of 9 to 14 ms.
+        away = starts - np.array([p.start for p in truth])
+        assert 0.0 < starts[0] < 0.25
+        assert np.median(np.abs(away - np.median(away))) < 0.03
         first, last = round(starts[0] * FS), round(recording.score.phones[-1].end * FS)
         assert np.sqrt(np.mean(recording.sound[first:last] ** 2)) == pytest.approx(0.08, rel=0.1)
 
@@ -57,8 +58,8 @@ def test_what_does_not_fit_is_refused_with_a_reason(folder: Path) -> None:
     noise = 0.1 * np.random.default_rng(1).standard_normal(3 * FS)
     soundfile.write(folder / "noise.wav", noise, FS)
     soundfile.write(folder / "short.wav", noise[:2000], FS)
-    soundfile.write(folder / "long.wav", np.tile(noise, 8), FS)
-    soundfile.write(folder / "endless.wav", np.zeros(70 * 8000), 8000)
+    soundfile.write(folder / "long.wav", np.tile(noise, 12), FS)
+    soundfile.write(folder / "endless.wav", np.zeros(250 * 8000), 8000)
     (folder / "text.wav").write_text("no sound")
     text = TEXTS["a"]
     utterances = [
@@ -70,13 +71,13 @@ def test_what_does_not_fit_is_refused_with_a_reason(folder: Path) -> None:
     ]  # fmt: skip
     items = list(record_speaker(utterances, GestureSynthesiser(), load_voice("claire")))
     reasons = {item.path.name: item.reason for item in items if isinstance(item, Refusal)}
-    assert "of the vowels are voiced" in reasons["noise.wav"]
+    assert reasons["noise.wav"] == "its text does not fit its sound"
     assert "too short for its text" in reasons["short.wav"]
     assert "too long for its text" in reasons["long.wav"]
-    assert reasons["endless.wav"] == "longer than 60 s"
+    assert reasons["endless.wav"] == "longer than 240 s"
     assert reasons["text.wav"] == reasons["missing.wav"] == "not a readable sound"
     assert reasons["a.wav"] == "its text has no phone"
-    assert sum(isinstance(item, UnitRecording) for item in items) == 1
+    assert sum(not isinstance(item, Refusal) for item in items) == 1
 
 
 def test_transcripts_in_a_table(tmp_path: Path) -> None:
@@ -116,4 +117,4 @@ def test_a_real_speaker() -> None:
     chosen = [u for u in utterances if "words" in u.path.parts][:12]
     items = list(record_speaker(chosen, GestureSynthesiser(), load_voice("claire")))
     # Measured on the first 40: none refused.
-    assert sum(isinstance(item, UnitRecording) for item in items) >= 11
+    assert sum(not isinstance(item, Refusal) for item in items) >= 11
