@@ -13,10 +13,10 @@ PIPE = "-"
 """Name that stands for the standard input or output."""
 
 
-def read_bytes(path: str) -> bytes:
-    """Return the content of the file `path`, or of the standard input for ``-``."""
+def read_bytes(path: str, most: int = -1) -> bytes:
+    """Return the content of the file `path`, or of the standard input for ``-``, up to `most`."""
     if path == PIPE:
-        return _standard_input().read()
+        return _standard_input().read(most)
     try:
         return Path(path).read_bytes()
     except OSError as error:

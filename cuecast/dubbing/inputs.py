@@ -135,12 +135,16 @@ def subtitles_of(
     they have one. Skipped parts of the file go to `left_out`, or else are reported at once.
     """
     from synth.language.subtitles import read_subtitles
-    from synth.language.subtitles.read import parse_subtitles
+    from synth.language.subtitles.read import LARGEST_BYTES, parse_subtitles
 
     told = LeftOutNotes() if left_out is None else left_out
     if path == PIPE:
         found = parse_subtitles(
-            read_bytes(PIPE), stream_s=stream_s, length_s=length_s, terms=terms, left_out=told
+            read_bytes(PIPE, LARGEST_BYTES + 1),
+            stream_s=stream_s,
+            length_s=length_s,
+            terms=terms,
+            left_out=told,
         )
     else:
         found = read_subtitles(

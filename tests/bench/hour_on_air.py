@@ -40,7 +40,7 @@ FORMS = (("aac", "stereo", 160_000), ("mp2", "stereo", 192_000), ("aac", "mono",
 AROUND_S = 3.0
 """Before and after an event, superframes that are lost are put down to it."""
 
-PORT = 9188
+PORT = 9000 + os.getpid() % 1000
 
 
 @dataclass
@@ -156,6 +156,8 @@ class Service:
 
     def wait(self) -> None:
         while self.health()["state"] not in ("ready", "marked"):
+            if self.process.poll() is not None:
+                raise OSError("the playout ended")
             time.sleep(0.5)
 
 
@@ -218,7 +220,7 @@ def run(folder: Path, options: argparse.Namespace) -> tuple[Course, list[tuple[f
     add(course.figures, service.figures())
     print(f"health {service.health()}")
     service.process.terminate()
-    service.process.wait(30)
+    print(f"stopped with {service.process.wait(60)}")
     time.sleep(1.0)
     over.set()
     return course, datagrams

@@ -184,6 +184,13 @@ def test_a_signal_ends_it_gracefully_while_a_pipe_is_open(
     assert b"Fatal" not in rest
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["--text", "--motion", "programme"])
+def test_twenty_of_twenty_stops_are_graceful(mode: str) -> None:
+    for number in [signal.SIGTERM, signal.SIGINT] * 10:
+        test_a_signal_ends_it_gracefully_while_a_pipe_is_open(mode, number)
+
+
 async def caption(port: int, text: str) -> None:
     async with (
         aiohttp.ClientSession() as session,

@@ -26,8 +26,8 @@ from synth.language.subtitles.stl import looks_like_stl, read_stl
 from synth.language.subtitles.ttml import read_ttml
 from synth.language.subtitles.vtt import read_vtt
 
-LARGEST_BYTES = 64 * 1024 * 1024
-"""Limit of a subtitle file; a week of programme stays far below."""
+LARGEST_BYTES = 8 << 20
+"""Limit of a subtitle file, which a day of programme stays below: each MB takes seconds to read."""
 
 Told = Callable[[LeftOut], None]
 
@@ -98,12 +98,10 @@ def read_subtitles(
     """
     path = Path(path)
     try:
-        size = path.stat().st_size
-        data = path.read_bytes() if size <= LARGEST_BYTES else b""
+        with path.open("rb") as file:
+            data = file.read(LARGEST_BYTES + 1)
     except OSError as error:
         raise CueError(f"{path}: cannot read subtitles: {error.strerror}") from error
-    if size > LARGEST_BYTES:
-        raise CueError(f"{path}: {size} bytes of subtitles, more than {LARGEST_BYTES}")
     try:
         return parse_subtitles(
             data, stream_s=stream_s, length_s=length_s, terms=terms, left_out=left_out
@@ -144,6 +142,8 @@ def parse_subtitles(
     >>> parse_subtitles(b"00:01 --> 00:02.5\nOui.")
     [Subtitle(start_s=1.0, end_s=2.5, text='Oui.', line=1)]
     """
+    if len(data) > LARGEST_BYTES:
+        raise CueError(f"more than {LARGEST_BYTES} bytes of subtitles, the limit")
     if not data.strip():
         raise CueError("line 1: the file is empty")
     findings = Findings(strict=terms.strict)

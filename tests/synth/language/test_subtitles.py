@@ -6,7 +6,7 @@ import pytest
 
 from codec.errors import CueError
 from synth.language.subtitles import Subtitle, read_subtitles, spoken
-from synth.language.subtitles.read import Terms, parse_subtitles
+from synth.language.subtitles.read import LARGEST_BYTES, Terms, parse_subtitles
 
 SRT = "1\n00:00:01,000 --> 00:00:02,500\nL'été déjà !\n\n2\n00:00:03,000 --> 00:00:04,000\nOui.\n"
 VTT = "WEBVTT - titre\n\nNOTE rien\n\nun\n00:01.000 --> 00:02.500 line:0\n<v Anne>L'été déjà !\n"
@@ -70,6 +70,7 @@ def test_spoken(text: str, expected: str) -> None:
     ("data", "message"),
     [
         (b"", "line 1: the file is empty"),
+        pytest.param(b"x" * (LARGEST_BYTES + 1), "more than 8388608 bytes", id="large"),
         (b"bonjour\n", "line 1: 'bonjour' stands where times should"),
         (b"1\n00:00:01,000 -> 00:00:02,000\nA\n", "line 2: malformed times"),
         (b"1\n00:00:03,000 --> 00:00:02,000\nA\n", "line 2: subtitle ends at 2.000 s"),

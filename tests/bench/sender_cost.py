@@ -1,0 +1,100 @@
+"""What dubbing and receiving a programme cost, beside FFmpeg's AAC encode of its sound in one run.
+
+In: nothing; a programme of announcements and music is made. Out: processor times of whole commands,
+imports included, as multiples of that encode's. Run: ``python tests/bench/sender_cost.py``; ratios
+of short programmes are higher than those of long ones, since imports weigh more.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from cuecast.demo.content import FS, make_sound
+from cuecast.demo.run import as_srt
+from cuecast.media.film import write_film
+
+ENCODE = """
+import sys, time
+import av
+source, seconds = sys.argv[1], []
+for _ in range(3):
+    with av.open(source) as programme:
+        frames = list(programme.decode(audio=0))
+    coder = av.CodecContext.create("aac", "w")
+    coder.sample_rate, coder.layout, coder.format, coder.bit_rate = 48000, "stereo", "fltp", 128000
+    towards = av.AudioResampler("fltp", "stereo", 48000, frame_size=1024)
+    ready = [one for frame in frames for one in towards.resample(frame)]
+    begun = time.process_time()
+    for frame in ready:
+        coder.encode(frame)
+    seconds.append(time.process_time() - begun)
+print(min(seconds))
+"""
+
+
+def make_programme(folder: Path, seconds: int) -> None:
+    """Write the programme and its subtitles."""
+    sound, lines = make_sound()
+    length = len(sound) // FS
+    rounds = -(-seconds // length)
+    whole = np.tile(sound[: length * FS], (rounds, 1))[: seconds * FS]
+    write_film(folder / "a.mka", whole, FS, encoder="flac", pictures=iter(()))
+    subtitles = [
+        replace(one, start_s=one.start_s + r * length, end_s=one.end_s + r * length)
+        for r in range(rounds)
+        for one in lines
+        if one.end_s + r * length < seconds
+    ]
+    (folder / "a.srt").write_text(as_srt(subtitles), encoding="utf-8")
+
+
+def cost_s(folder: Path, *command: str) -> float:
+    """Processor time of a command with its children, seconds."""
+    before = os.times()
+    done = subprocess.run(
+        [sys.executable, *command], cwd=folder, capture_output=True, text=True, check=False
+    )
+    if done.returncode > 1:
+        raise SystemExit(done.stderr)
+    after = os.times()
+    return (after.children_user + after.children_system) - (
+        before.children_user + before.children_system
+    )
+
+
+def main() -> None:
+    """Print the ratios."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=int, default=600)
+    seconds = parser.parse_args().seconds
+    cuecast = ["-m", "cuecast"]
+    dub = [*cuecast, "dub", "a.mka", "--subtitles", "a.srt"]
+    commands = {
+        "keys of a word": [*cuecast, "keys", "un mot"],
+        "keys of the programme": [*cuecast, "keys", "--file", "a.srt"],
+        "dub": [*dub, "-o", "b.mka"],
+        "dub without rehearsal, grade and read-back":
+            [*dub, "-o", "c.mka", "--through", "none", "--no-read-back", "--no-grade"],
+        "receive": [*cuecast, "receive", "b.mka", "--json"],
+    }  # fmt: skip
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        make_programme(folder, seconds)
+        encode = subprocess.run(
+            [sys.executable, "-c", ENCODE, "a.mka"], cwd=folder, capture_output=True, check=True
+        )
+        unit = float(encode.stdout)
+        print(f"AAC encode of {seconds} s: {unit:.2f} s of processor time")
+        for title, command in commands.items():
+            spent = cost_s(folder, *command)
+            print(f"{title}: {spent:.2f} s, {spent / unit:.2f} encodes", flush=True)
+
+
+if __name__ == "__main__":
+    main()
