@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from codec.compiled import Settings
 from codec.errors import CueError
+from cuecast.command.cache import CompilationNotes
 from cuecast.command.files import PIPE
 from cuecast.live.packets import Pes
 from cuecast.live.pcm import MarkedPcm, PcmForm, PcmMarker
@@ -56,6 +58,7 @@ def serve(
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = os.getppid()
+    Settings.listener = CompilationNotes()
     try:
         marking = Marking(cuer, options, patience_s, results.send, hold_s)
         results.send("ready")

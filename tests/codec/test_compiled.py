@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from codec.analysis import shapes
 from codec.analysis.shapes import shapes_apart
 from codec.compiled import Kernel, lightly
 from codec.cuer.models import rigid
@@ -110,7 +111,9 @@ def test_a_kernel_is_the_same_without_numba() -> None:
     np.testing.assert_allclose(*found, rtol=1e-14)
 
 
-def test_shapes_apart_is_a_fit_of_each_pair() -> None:
+@pytest.mark.parametrize("loaded", [False, True])
+def test_shapes_apart_is_a_fit_of_each_pair(loaded: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shapes, "is_loaded", lambda: loaded)
     rng = np.random.default_rng(3)
     still, fingers = 30 * rng.normal(size=(3, 9, 3)), 30 * rng.normal(size=(3, 7, 3))
     motion = np.concatenate([rng.normal(size=(5, 3)), 50 * rng.normal(size=(5, 3))], axis=1)
