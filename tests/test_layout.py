@@ -231,3 +231,12 @@ def test_reference_uses_the_standard_library_and_numpy_for_sound_only() -> None:
         for module, _ in taken(path):
             top = module.split(".")[0]
             assert top in sys.stdlib_module_names or top in more, f"{path} imports {module}"
+
+
+def test_kernels_are_compiled_in_one_way() -> None:
+    """Numba is imported by the first kernel that runs, and by nothing else."""
+    for package in MAY_IMPORT:
+        for path in (ROOT / package).rglob("*.py"):
+            if path != ROOT / "codec" / "compiled.py":
+                found = {name.split(".")[0] for name, _ in taken(path)}
+                assert "numba" not in found or path.name == "cache.py", f"{path} imports numba"

@@ -5,8 +5,9 @@ cache would not see them change).
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from codec.compiled import njit
 
 STEADY = 4
 """Ticks by which a key may start early or late."""
