@@ -123,7 +123,7 @@ def _helps(least: SuperframeMargin, profile: str, grade: float) -> list[str]:
     helps = []
     missing = LEVELS_PER_DOUBLING * math.log2(LOW / least.margin)
     needed = grade - GRADES_PER_LEVEL * missing
-    if needed >= LOWEST_GRADE:
+    if needed >= LOWEST_GRADE and not least.loudest:
         helps.append(f"--grade {math.floor(100 * needed) / 100:.2f}, a louder mark")
     gain = f"about {ROBUST_GAIN * least.margin:.1f} with a coarser motion"
     if profile in ("standard", "high"):

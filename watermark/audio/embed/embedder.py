@@ -96,11 +96,14 @@ class SuperframeMargin:
         Information that is left, in units of the bits of the message and its checks.
     coder : str
         Name of the coder that leaves least.
+    loudest : bool
+        Whether it stands at the highest level: no grade would give it more.
     """
 
     number: int
     margin: float
     coder: str
+    loudest: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -361,7 +364,8 @@ class AudioEmbedder:
             number = self._next + i
             found = self._rehearsal.margin(number, level + LEVELS_PER_DOUBLING * softened)
             if found is not None and not made.silent[i]:
-                self._margins.append(SuperframeMargin(number, *found))
+                loudest = level >= len(LEVELS) - 1
+                self._margins.append(SuperframeMargin(number, *found, loudest))
 
     def _rehearse(self, end: int) -> None:
         """Try the superframes up to a number on the coder."""
