@@ -25,11 +25,13 @@ class Misreading(ast.NodeTransformer):
 
     def visit(self, node: ast.AST) -> ast.AST:
         """Visit a node; remember which function and which statement it stands in."""
+        outside = self._name
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             self._name = node.name
         if isinstance(node, ast.stmt):
             self._statement, self._in_statement = node, 0
         visited: ast.AST = super().visit(node)
+        self._name = outside
         return visited
 
     def _here(self, node: ast.AST, what: str) -> bool:
