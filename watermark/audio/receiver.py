@@ -2,7 +2,7 @@
 
 Searching: `PilotSearch` proposes places; a place counts when the link's check accepts what is read
 there. Where it finds nothing, guesses about what happened to the sound are tried on its last
-seconds, one after another (`watermark.audio.search.hypotheses`). Locked: the place of each next
+seconds, as a scheduler says (`watermark.audio.follow.hunting`). Locked: the place of each next
 superframe is predicted, and corrected by the bits that were decoded. A superframe that fails starts
 a new search beside the prediction, so that a splice is found while a mere gap is bridged. What was
 heard before the lock is then read, too. Specification: spec/audio-carrier.md, W35 to W42 and W47.
@@ -14,29 +14,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.audio.follow.attempt import (
-    DELAYS,
     AcceptedAttempt,
     AssumedSound,
     CandidateReader,
 )
 from watermark.audio.follow.following import TrackFollower
+from watermark.audio.follow.hunting import HypothesisHunter
 from watermark.audio.follow.purse import DecodingPurse
 from watermark.audio.follow.stretched import StretchedFollower
 from watermark.audio.follow.track import Track, TrackReader
-from watermark.audio.search.acquire import PERIOD, PLACE, Candidate, PilotSearch, search_stretch
-from watermark.audio.search.channel_mixes import ChannelMix, find_mix, usual_mix
-from watermark.audio.search.hypotheses import STRETCH_S, ChannelHypothesis, PilotHypothesis
+from watermark.audio.search.acquire import Candidate, PilotSearch
+from watermark.audio.search.channel_mixes import ChannelMix, usual_mix
 from watermark.audio.search.pilot_scan import DECIMATION, LOW_REACH
-from watermark.audio.search.rotated_search import RotatedSearch
-from watermark.audio.search.scheduler import HypothesisScheduler
-from watermark.audio.search.sound_ring import SoundRing, Stretch
+from watermark.audio.search.sound_ring import SoundRing
 from watermark.audio.signal.mix import check_format
 from watermark.audio.signal.profile import (
     FS,
     HOP,
     SLOT_FRAMES,
     SUPERFRAME,
-    TIER_LEVELS,
     AudioProfile,
 )
 from watermark.audio.signal.sample_buffer import StereoBuffer
@@ -50,14 +46,8 @@ HISTORY_S, LONG_HISTORY_S = 2.4, 10.0
 """Sound that is kept while locked, enough to search again from a superframe that failed, and while
 searching, for what may be read of it once the sound is understood."""
 
-LEAST_GUESSED = 5.2
-"""Least significance of a candidate under a hypothesis: tens of them are tried."""
-
 FAILED_BEFORE_GUESSING = 3
 """Superframes in a row that fail at a known place before guesses are tried."""
-
-SAME_PLACE = 1.0
-"""Samples within which two candidates are the same."""
 
 
 class AudioReceiver:
@@ -107,16 +97,17 @@ class AudioReceiver:
         self._purse = DecodingPurse()
         self._reader = TrackReader(key, self._nominal, self._purse)
         self._stretched = StretchedFollower(key, fs, self._nominal, self._reader)
-        self._attempts = CandidateReader(key, self._nominal, self._reader)
+        self._attempts = CandidateReader(key, self._nominal, self._reader, self._purse)
         self._ring = SoundRing(channels, self._nominal)
         self._mix = usual_mix(channels)
         self._tape = StereoBuffer()
         self._now = 0
         self._follower = TrackFollower(fs, self._nominal, self._reader, self._purse)
         self._start_search(0.0)
-        self._turned = RotatedSearch(key)
-        self._stretch = int(STRETCH_S * fs)
-        self._scheduler = HypothesisScheduler(channels)
+        self._hunter = HypothesisHunter(
+            key, fs, channels, self._nominal, self._ring, self._attempts, self._follower,
+            self._stretched,
+        )  # fmt: skip
         self._profile: AudioProfile | None = None
         self.first_lock_s: float | None = None
         self.patience = MAX_MISSES
@@ -227,97 +218,23 @@ class AudioReceiver:
     def _try(self, candidate: Candidate) -> list[ReceivedSuperframe]:
         """Decode at a candidate of the usual search, and lock there if the check accepts it."""
         sound = AssumedSound(self._pace, self._offset, self._equaliser)
-        return self._attempt(self._mix, self._tape, self._origin, candidate, sound, DELAYS)
-
-    def _attempt(
-        self, mix: ChannelMix, tape: StereoBuffer, origin: float, candidate: Candidate,
-        sound: AssumedSound, delays: tuple[float, ...],
-    ) -> list[ReceivedSuperframe]:  # fmt: skip
-        """Decode at a candidate's place in a mix, and lock there if the check accepts it."""
-        position = origin + candidate.start * sound.pace
+        position = self._origin + candidate.start * sound.pace
         if not self._follower.is_new(position, sound.pace):
             return []
-        with self._purse.sparing():
-            accepted = self._attempts.read(tape, position, candidate, sound, delays=delays)
-        return [] if accepted is None else self._lock(mix, accepted)
+        accepted = self._attempts.read(self._tape, position, candidate, sound)
+        return [] if accepted is None else self._lock(self._mix, accepted)
 
     def _hunt(self) -> list[ReceivedSuperframe]:
         """Listen again to the last seconds under the hypotheses that are due."""
-        self._scheduler.earn(self._quantum / self._fs)
-        if self._now < self._stretch:
-            return []
-        now_s = self._now / self._fs
-        while (guess := self._scheduler.next(now_s)) is not None:
-            if found := self._try_guess(guess, self._now - self._stretch):
-                self._scheduler.remember(guess)
-                return found
-        return []
-
-    def _try_guess(self, guess: ChannelHypothesis, start: int) -> list[ReceivedSuperframe]:
-        """Search a stretch as if a guess were true."""
-        mix = find_mix(guess.mix, self._ring.read(start, self._stretch))
-        if mix is None:
-            return []
-        stretch = self._ring.stretch(mix, start, self._stretch)
-        low = stretch.low(guess.speed, guess.stretch_s)
-        if guess.kind is PilotHypothesis.STRETCHED:
-            return self._lock_stretched(mix, stretch, low, start)
-        if guess.kind is PilotHypothesis.TURNED:
-            evidence, first = self._scheduler.evidence(guess), start / self._nominal
-            for turned in self._turned.find(low, guess.steps, evidence, first):
-                for position in self._around(stretch, start + turned.start * self._nominal, 1.0):
-                    with self._purse.sparing():
-                        accepted = self._attempts.read_turned(stretch.tape, position, turned)
-                    if accepted is not None:
-                        return self._lock(mix, accepted)
-            return []
-        return self._try_plain(guess, mix, stretch, low)
-
-    def _around(self, stretch: Stretch, position: float, speed: float) -> list[float]:
-        """Return where a superframe begins, and its neighbours that lie whole in a stretch."""
-        pace = self._nominal * speed
-        whole = (SUPERFRAME + HOP) * pace + stretch.tape.reach(pace)
-        near = [position, position + SUPERFRAME * pace, position - SUPERFRAME * pace]
-        first, last = stretch.tape.first, stretch.tape.end - whole
-        return [at for at in near if first <= at <= last and self._follower.is_new(at, pace)]
-
-    def _try_plain(
-        self, guess: ChannelHypothesis, mix: ChannelMix, stretch: Stretch, low: NDArray[np.float64]
-    ) -> list[ReceivedSuperframe]:
-        """Try the likeliest place of a stretch, and that which all stretches point to."""
-        start, pace = stretch.tape.first, self._nominal * guess.speed
-        sound = AssumedSound(pace, TIER_LEVELS * guess.gain)
-        scores = search_stretch(self._key, low, gain=guess.gain, exact=guess.exact)
-        likely = [] if scores.best is None else [scores.best]
-        if guess.exact:
-            first = round(start / pace / PLACE) + scores.first
-            evidence = self._scheduler.evidence(guess)
-            likely.append(scores.candidate(*evidence.add(scores.peaks, first, PERIOD)))
-        for n, candidate in enumerate(likely):
-            known = n and abs(candidate.start - likely[0].start) <= SAME_PLACE
-            if candidate.significance < LEAST_GUESSED or known:
-                continue
-            if found := self._attempt(mix, stretch.tape, start, candidate, sound, DELAYS[:1]):
-                return found
-        return []
-
-    @property
-    def _recent(self) -> bool:
-        """Whether a mark was read not long ago."""
-        return self._now - self._follower.last_start < LONG_HISTORY_S * self._fs
-
-    def _lock_stretched(
-        self, mix: ChannelMix, stretch: Stretch, low: NDArray[np.float64], start: int
-    ) -> list[ReceivedSuperframe]:
-        """Lock onto sound of another duration at its pitch, if a stretch of it tells of any."""
-        tape = self._tape if mix == self._mix else stretch.tape
-        found = self._stretched.lock(low, tape, start, self._follower.last_told, known=self._recent)
+        found = self._hunter.hunt(self._now, self._quantum / self._fs, self._tape, self._mix)
         if found is None:
             return []
-        self._use(mix)
+        if found.accepted is not None:
+            return self._lock(found.mix, found.accepted)
+        self._use(found.mix)
         self._follower.track = None
         self._locked_to(self._stretched.profile)
-        return self._follower.note(found)
+        return self._follower.note(found.superframes)
 
     def _follow_stretched(self) -> list[ReceivedSuperframe]:
         """Read the superframe of stretched sound that is due; give the lock up where none is."""

@@ -6,7 +6,7 @@ import pytest
 from codec.errors import CueError
 from tests.watermark.audio.test_carrier import embed, host
 from watermark.audio.search import _pilot_kernels, _search_kernels
-from watermark.audio.search.acquire import LARGEST_PENALTY, PilotSearch, search_stretch
+from watermark.audio.search.acquire import LARGEST_PENALTY, PilotSearch
 from watermark.audio.search.pilot_scan import (
     DECIMATION,
     PARTS,
@@ -15,6 +15,7 @@ from watermark.audio.search.pilot_scan import (
     STRIDE,
     make_sight,
 )
+from watermark.audio.search.stretch_scores import search_stretch
 from watermark.audio.signal import _kernels
 from watermark.audio.signal.dither import project, soft_values
 from watermark.audio.signal.layout import make_pilots

@@ -14,6 +14,7 @@ import numpy as np
 from watermark.audio.follow.align import SuperframeView, search_fit
 from watermark.audio.follow.demodulate import SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser, KnownCells, path_of, score_phases
+from watermark.audio.follow.purse import DecodingPurse
 from watermark.audio.follow.track import Track, TrackReader, as_used, likely_phases
 from watermark.audio.search.acquire import Candidate
 from watermark.audio.search.rotated_search import RotatedCandidate
@@ -89,10 +90,13 @@ class CandidateReader:
         Tape samples per sample of the mark at its nominal rate.
     reader : TrackReader
         That reads there.
+    purse : DecodingPurse
+        That pays; half of it is kept for superframes that are due.
     """
 
-    def __init__(self, key: int, nominal: float, reader: TrackReader) -> None:
-        self._pilots, self._nominal, self._reader = make_pilots(key), nominal, reader
+    def __init__(self, key: int, nominal: float, reader: TrackReader, purse: DecodingPurse) -> None:
+        self._pilots, self._nominal = make_pilots(key), nominal
+        self._reader, self._purse = reader, purse
 
     def read(
         self, tape: StereoBuffer, position: float, candidate: Candidate, sound: AssumedSound,
@@ -112,9 +116,10 @@ class CandidateReader:
         for moved, whole in self._places(tape, track, moved_levels, delays if sure else ()):
             raw = self._reader.view(tape, moved)
             view = as_used(moved, raw)
-            reading = demodulator.read(
-                view, moved_levels, offset=offset, due=False, brief=not whole
-            )
+            with self._purse.sparing():
+                reading = demodulator.read(
+                    view, moved_levels, offset=offset, due=False, brief=not whole
+                )
             if reading.decoded.l0 is not None:
                 return AcceptedAttempt(moved, raw, reading)
         return None
@@ -163,7 +168,8 @@ class CandidateReader:
             moved = replace(track, level=level, equaliser=equaliser)
             brief = candidate.significance < SURE_TURNED
             used = as_used(moved, view)
-            reading = demodulator.read(used, [level], offset=offset, due=False, brief=brief)
+            with self._purse.sparing():
+                reading = demodulator.read(used, [level], offset=offset, due=False, brief=brief)
             if reading.decoded.l0 is not None:
                 return AcceptedAttempt(moved, view, reading)
         return None

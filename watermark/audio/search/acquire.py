@@ -113,36 +113,7 @@ class Candidate:
     significance: float
 
 
-@dataclass(frozen=True, slots=True)
-class StretchScores:
-    """What a stretch says of all places.
-
-    Attributes
-    ----------
-    best : Candidate or None
-        The likeliest place, if it is worth an attempt.
-    peaks : ndarray of int16, shape (pairs, n)
-        Scores of superframes by themselves.
-    first : int
-        Number of the first place of them, from the stretch's first sample on.
-    correlator : _Correlator
-        That made them.
-    """
-
-    best: Candidate | None
-    peaks: NDArray[np.int16]
-    first: int
-    correlator: "_Correlator"
-
-    def candidate(self, pair: int, place: int, significance: float) -> Candidate:
-        """Make a candidate of a place that evidence points to."""
-        period = range(place, self.peaks.shape[1], PERIOD)
-        best = max(period, key=lambda i: int(self.peaks[pair, i]))
-        score = significance * PARTS * DEVIATION
-        return self.correlator.candidate((pair, score, best, 0), self.first)
-
-
-class _Correlator:
+class PilotCorrelator:
     """Correlates soft values of pilots with those of all profiles.
 
     Parameters
@@ -243,11 +214,12 @@ class _Correlator:
 
 
 @lru_cache(maxsize=4)
-def _make_correlator(key: int, *, exact: bool = False) -> _Correlator:
-    return _Correlator(key, EXACT_ERRORS_PPM if exact else CLOCK_ERRORS_PPM)
+def make_correlator(key: int, *, exact: bool = False) -> PilotCorrelator:
+    """Return the correlator of a key, for all clocks or for such as are nearly right."""
+    return PilotCorrelator(key, EXACT_ERRORS_PPM if exact else CLOCK_ERRORS_PPM)
 
 
-def _turns(phases: NDArray[np.float64] | None) -> NDArray[np.complex64]:
+def turns_of(phases: NDArray[np.float64] | None) -> NDArray[np.complex64]:
     """Factors of the slots at the places between rows, shape (TURNS.size, PILOT_SLOTS)."""
     angles = np.outer(TURNS, slot_frequencies())
     if phases is not None:
@@ -272,9 +244,9 @@ class PilotSearch:
     def __init__(
         self, key: int, *, scale: float = 1.0, phases: NDArray[np.float64] | None = None
     ) -> None:
-        self._sight, self._correlator = make_sight(key), _make_correlator(key)
+        self._sight, self._correlator = make_sight(key), make_correlator(key)
         self._before = self._sight.silence
-        self._turn = _turns(phases)
+        self._turn = turns_of(phases)
         self._dither = make_pilots(key).cells.dither.astype(np.float32)
         self._steps = (scale * np.array(PILOT_STEPS)).astype(np.float32)
         pairs, oldest = len(self._correlator.pairs), self._correlator.oldest
@@ -310,69 +282,6 @@ class PilotSearch:
         self._ceilings[:, self._count % self._ceilings.shape[1]] = self._highest
         self._count += 1
         return None if found is None else self._correlator.candidate(found, first)
-
-
-def pilot_places(key: int, sound: NDArray[np.float64], *, gain: float = 0.0) -> NDArray[np.int8]:
-    """Soft values of pilots at all places of a stretch, in `PARTS`.
-
-    Parameters
-    ----------
-    key : int
-        Seed of the layout.
-    sound : ndarray of float64, shape (n,)
-        Samples at 12 kHz.
-    gain : float
-        Doublings by which a gain moved all steps.
-
-    Returns
-    -------
-    ndarray of int8, shape (tiers, PILOT_SLOTS, places)
-        Places are `PLACE` samples apart, the first one is at `FIRST_PLACE`.
-    """
-    from watermark.audio.search import _search_kernels
-
-    sight = make_sight(key)
-    projections, alive, _ = sight.look(sound.astype(np.float32), sight.silence)
-    rows = alive.shape[1] * TURNS.size
-    soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, rows), dtype=np.int8)
-    dither = make_pilots(key).cells.dither.astype(np.float32)
-    steps = (2.0**gain * np.array(PILOT_STEPS)).astype(np.float32)
-    _search_kernels.pilot_soft(projections, alive, _turns(None), dither, steps, 0, soft)
-    return soft
-
-
-def search_stretch(
-    key: int, sound: NDArray[np.float64], *, gain: float = 0.0, exact: bool = False
-) -> StretchScores:
-    """Score the superframes that lie whole in a stretch.
-
-    Parameters
-    ----------
-    key : int
-        Seed of the layout.
-    sound : ndarray of float64, shape (n,)
-        Samples at 12 kHz. Where it is longer than two superframes, scores are summed as ever.
-    gain : float
-        Doublings by which a gain moved all steps.
-    exact : bool
-        Whether only clocks that are nearly right are tried.
-    """
-    correlator, soft = _make_correlator(key, exact=exact), pilot_places(key, sound, gain=gain)
-    rows, first = soft.shape[2], correlator.kept + correlator.first
-    past, pairs = correlator.oldest, len(correlator.pairs)
-    peaks = np.zeros((pairs, past + rows), dtype=np.int16)
-    ceilings = np.zeros(pairs, dtype=np.float32) if rows - correlator.kept > PERIOD else None
-    best, highest = None, np.empty(pairs, dtype=np.float32)
-    for row in range(correlator.kept, rows - PLACES + 1, PLACES):
-        found = correlator.find(soft, row, peaks, past, ceilings, highest)
-        if ceilings is not None:
-            ceilings = np.maximum(ceilings, highest)
-        past += PLACES
-        if found is not None:
-            candidate = correlator.candidate(found, row + correlator.first)
-            if best is None or candidate.significance > best.significance:
-                best = candidate
-    return StretchScores(best, peaks[:, correlator.oldest : past], first, correlator)
 
 
 class _Store:

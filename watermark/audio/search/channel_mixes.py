@@ -106,8 +106,9 @@ def find_mix(kind: str, sound: NDArray[np.float64]) -> ChannelMix | None:
     if kind == ECHO:
         side = plain.side
         beside = sound @ np.array(side.weights) if side else np.zeros(len(sound))
-        late, own = _find_echo(sound @ np.array(plain.weights))
-        return ChannelMix(plain.weights, 0.0, (late, own, _echo_at(beside, late))) if late else None
+        late, factor = _find_echo(sound @ np.array(plain.weights))
+        echo = late, factor, _echo_at(beside, late)
+        return ChannelMix(plain.weights, echo=echo) if late else None
     if kind == USUAL:
         gain = usual_gain(sound)
         return ChannelMix(tuple(gain * weight for weight in plain.weights))

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.audio.search.acquire import FIRST_PLACE, PLACE, ROW_HOP, pilot_places
+from watermark.audio.search.acquire import FIRST_PLACE, PLACE, ROW_HOP
 from watermark.audio.search.pilot_scan import PARTS
+from watermark.audio.search.stretch_scores import pilot_places
 from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.profile import (
     FRAMES_PER_SUPERFRAME,

@@ -1,0 +1,157 @@
+"""Hypotheses tried on the last seconds of sound, as the scheduler says, until a mark is read.
+
+In: the ring of sound and the time; out: the mix in which a superframe was accepted, and where.
+Cost: `scheduler.SPEND` units of each second of sound, and what the purse pays for the attempts at
+what stands out.
+"""
+
+from dataclasses import dataclass
+
+from watermark.audio.follow.attempt import DELAYS, AcceptedAttempt, AssumedSound, CandidateReader
+from watermark.audio.follow.following import TrackFollower
+from watermark.audio.follow.stretched import StretchedFollower
+from watermark.audio.search.acquire import PERIOD, PLACE
+from watermark.audio.search.channel_mixes import ChannelMix, find_mix
+from watermark.audio.search.hypotheses import STRETCH_S, ChannelHypothesis, PilotHypothesis
+from watermark.audio.search.rotated_search import RotatedSearch
+from watermark.audio.search.scheduler import HypothesisScheduler
+from watermark.audio.search.sound_ring import SoundRing, Stretch
+from watermark.audio.search.stretch_scores import search_stretch
+from watermark.audio.signal.profile import HOP, SUPERFRAME, TIER_LEVELS
+from watermark.audio.signal.sample_buffer import StereoBuffer
+from watermark.link.superframe import ReceivedSuperframe
+
+LEAST_GUESSED = 5.2
+"""Least significance of a candidate under a hypothesis: tens of them are tried."""
+
+SAME_PLACE = 1.0
+"""Samples within which two candidates are the same."""
+
+RECENT_S = 10.0
+"""Sound after which a mark was read long ago."""
+
+
+@dataclass(frozen=True, slots=True)
+class HuntedMark:
+    """A mark that was found.
+
+    Attributes
+    ----------
+    mix : ChannelMix
+        Where.
+    accepted : AcceptedAttempt or None
+        What was read; None in stretched sound, which is followed already.
+    superframes : list of ReceivedSuperframe
+        Read in stretched sound.
+    """
+
+    mix: ChannelMix
+    accepted: AcceptedAttempt | None
+    superframes: list[ReceivedSuperframe]
+
+
+class HypothesisHunter:
+    """Tries hypotheses.
+
+    Parameters
+    ----------
+    key : int
+        Seed of the layout.
+    fs, channels : int
+        Format of the sound.
+    nominal : float
+        Samples that come for one of the mark's own.
+    ring : SoundRing
+        The last seconds of sound.
+    attempts : CandidateReader
+        That reads at candidates.
+    follower : TrackFollower
+        That knows what was read already.
+    stretched : StretchedFollower
+        That reads sound of another duration at its pitch.
+    """
+
+    def __init__(
+        self, key: int, fs: int, channels: int, nominal: float, ring: SoundRing,
+        attempts: CandidateReader, follower: TrackFollower, stretched: StretchedFollower,
+    ) -> None:  # fmt: skip
+        self._key, self._fs, self._nominal = key, fs, nominal
+        self._ring, self._attempts = ring, attempts
+        self._follower, self._stretched = follower, stretched
+        self._turned, self._scheduler = RotatedSearch(key), HypothesisScheduler(channels)
+        self._count = int(STRETCH_S * fs)
+
+    def hunt(
+        self, now: int, sound_s: float, tape: StereoBuffer, mix: ChannelMix
+    ) -> HuntedMark | None:
+        """Try what is due at a time, after so much more sound; `tape` holds more of a mix."""
+        self._scheduler.earn(sound_s)
+        if now < self._count:
+            return None
+        while (guess := self._scheduler.next(now / self._fs)) is not None:
+            found = self._try(guess, now - self._count, tape, mix)
+            if found is not None:
+                self._scheduler.remember(guess)
+                return found
+        return None
+
+    def _try(
+        self, guess: ChannelHypothesis, start: int, tape: StereoBuffer, usual: ChannelMix
+    ) -> HuntedMark | None:
+        """Search a stretch as if a hypothesis were true."""
+        mix = find_mix(guess.mix, self._ring.read(start, self._count))
+        if mix is None:
+            return None
+        stretch = self._ring.stretch(mix, start, self._count)
+        if guess.kind is PilotHypothesis.STRETCHED:
+            known = start + self._count - self._follower.last_start < RECENT_S * self._fs
+            low, told = stretch.low(guess.speed, guess.stretch_s), self._follower.last_told
+            longest = tape if mix == usual else stretch.tape
+            found = self._stretched.lock(low, longest, start, told, known=known)
+            return None if found is None else HuntedMark(mix, None, found)
+        turned = guess.kind is PilotHypothesis.TURNED
+        accepted = self._try_turned(guess, stretch) if turned else self._try_plain(guess, stretch)
+        return None if accepted is None else HuntedMark(mix, accepted, [])
+
+    def _try_turned(self, guess: ChannelHypothesis, stretch: Stretch) -> AcceptedAttempt | None:
+        """Try the likeliest places, and their neighbours, at phases of their own."""
+        start, low = stretch.tape.first, stretch.low(guess.speed, guess.stretch_s)
+        evidence, first = self._scheduler.evidence(guess), start / self._nominal
+        for candidate in self._turned.find(low, guess.steps, evidence, first):
+            for position in self._around(stretch, start + candidate.start * self._nominal):
+                accepted = self._attempts.read_turned(stretch.tape, position, candidate)
+                if accepted is not None:
+                    return accepted
+        return None
+
+    def _around(self, stretch: Stretch, position: float) -> list[float]:
+        """Return where a superframe begins, and its neighbours that lie whole in a stretch."""
+        pace = self._nominal
+        whole = (SUPERFRAME + HOP) * pace + stretch.tape.reach(pace)
+        near = [position, position + SUPERFRAME * pace, position - SUPERFRAME * pace]
+        first, last = stretch.tape.first, stretch.tape.end - whole
+        return [at for at in near if first <= at <= last and self._follower.is_new(at, pace)]
+
+    def _try_plain(self, guess: ChannelHypothesis, stretch: Stretch) -> AcceptedAttempt | None:
+        """Try the likeliest place of a stretch, and that which all stretches point to."""
+        start, pace = stretch.tape.first, self._nominal * guess.speed
+        sound = AssumedSound(pace, TIER_LEVELS * guess.gain)
+        low = stretch.low(guess.speed, guess.stretch_s)
+        scores = search_stretch(self._key, low, gain=guess.gain, exact=guess.exact)
+        likely = [] if scores.best is None else [scores.best]
+        if guess.exact:
+            first = round(start / pace / PLACE) + scores.first
+            evidence = self._scheduler.evidence(guess)
+            likely.append(scores.candidate(*evidence.add(scores.peaks, first, PERIOD)))
+        for n, candidate in enumerate(likely):
+            known = n and abs(candidate.start - likely[0].start) <= SAME_PLACE
+            position = start + candidate.start * pace
+            new = self._follower.is_new(position, pace)
+            if candidate.significance < LEAST_GUESSED or known or not new:
+                continue
+            accepted = self._attempts.read(
+                stretch.tape, position, candidate, sound, delays=DELAYS[:1]
+            )
+            if accepted is not None:
+                return accepted
+        return None

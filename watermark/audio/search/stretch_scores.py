@@ -1,0 +1,117 @@
+"""What some seconds of sound say of all places where a superframe may begin, at any step and clock.
+
+In: a stretch at the search's rate; out: soft values of pilots at all places, and the scores of the
+superframes that lie whole in it. Cost: some 9 units of `hypotheses.COST_EXACT` for 2.2 s.
+Specification: spec/audio-carrier.md, W35.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.audio.search.acquire import (
+    DEVIATION,
+    PERIOD,
+    PLACES,
+    TURNS,
+    Candidate,
+    PilotCorrelator,
+    make_correlator,
+    turns_of,
+)
+from watermark.audio.search.pilot_scan import PARTS, make_sight
+from watermark.audio.signal.layout import make_pilots
+from watermark.audio.signal.profile import PILOT_SLOTS, PILOT_STEPS
+
+
+@dataclass(frozen=True, slots=True)
+class StretchScores:
+    """What a stretch says of all places.
+
+    Attributes
+    ----------
+    best : Candidate or None
+        The likeliest place, if it is worth an attempt.
+    peaks : ndarray of int16, shape (pairs, n)
+        Scores of superframes by themselves.
+    first : int
+        Number of the first place of them, from the stretch's first sample on.
+    correlator : PilotCorrelator
+        That made them.
+    """
+
+    best: Candidate | None
+    peaks: NDArray[np.int16]
+    first: int
+    correlator: PilotCorrelator
+
+    def candidate(self, pair: int, place: int, significance: float) -> Candidate:
+        """Make a candidate of a place that evidence points to."""
+        period = range(place, self.peaks.shape[1], PERIOD)
+        best = max(period, key=lambda i: int(self.peaks[pair, i]))
+        score = significance * PARTS * DEVIATION
+        return self.correlator.candidate((pair, score, best, 0), self.first)
+
+
+def pilot_places(key: int, sound: NDArray[np.float64], *, gain: float = 0.0) -> NDArray[np.int8]:
+    """Soft values of pilots at all places of a stretch, in `PARTS`.
+
+    Parameters
+    ----------
+    key : int
+        Seed of the layout.
+    sound : ndarray of float64, shape (n,)
+        Samples at 12 kHz.
+    gain : float
+        Doublings by which a gain moved all steps.
+
+    Returns
+    -------
+    ndarray of int8, shape (tiers, PILOT_SLOTS, places)
+        Places are `PLACE` samples apart, the first one is at `FIRST_PLACE`.
+    """
+    from watermark.audio.search import _search_kernels
+
+    sight = make_sight(key)
+    projections, alive, _ = sight.look(sound.astype(np.float32), sight.silence)
+    rows = alive.shape[1] * TURNS.size
+    soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, rows), dtype=np.int8)
+    dither = make_pilots(key).cells.dither.astype(np.float32)
+    steps = (2.0**gain * np.array(PILOT_STEPS)).astype(np.float32)
+    _search_kernels.pilot_soft(projections, alive, turns_of(None), dither, steps, 0, soft)
+    return soft
+
+
+def search_stretch(
+    key: int, sound: NDArray[np.float64], *, gain: float = 0.0, exact: bool = False
+) -> StretchScores:
+    """Score the superframes that lie whole in a stretch.
+
+    Parameters
+    ----------
+    key : int
+        Seed of the layout.
+    sound : ndarray of float64, shape (n,)
+        Samples at 12 kHz. Where it is longer than two superframes, scores are summed as ever.
+    gain : float
+        Doublings by which a gain moved all steps.
+    exact : bool
+        Whether only clocks that are nearly right are tried.
+    """
+    correlator, soft = make_correlator(key, exact=exact), pilot_places(key, sound, gain=gain)
+    rows, first = soft.shape[2], correlator.kept + correlator.first
+    past, pairs = correlator.oldest, len(correlator.pairs)
+    peaks = np.zeros((pairs, past + rows), dtype=np.int16)
+    ceilings = np.zeros(pairs, dtype=np.float32) if rows - correlator.kept > PERIOD else None
+    best, highest = None, np.empty(pairs, dtype=np.float32)
+    for row in range(correlator.kept, rows - PLACES + 1, PLACES):
+        found = correlator.find(soft, row, peaks, past, ceilings, highest)
+        if ceilings is not None:
+            ceilings = np.maximum(ceilings, highest)
+        past += PLACES
+        if found is not None:
+            candidate = correlator.candidate(found, row + correlator.first)
+            if best is None or candidate.significance > best.significance:
+                best = candidate
+    return StretchScores(best, peaks[:, correlator.oldest : past], first, correlator)
