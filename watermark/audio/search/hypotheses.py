@@ -46,7 +46,7 @@ GAIN_LADDER = range(-GAIN_STEPS, GAIN_STEPS * len(PILOT_STEPS))
 LADDER_PART = 10
 """Of those, how many share one attempt."""
 
-ALWAYS_S, OFTEN_S, AT_TIMES_S, SELDOM_S = 1.5, 3.0, 5.0, 12.0
+ALWAYS_S, OFTEN_S, AT_TIMES_S, SELDOM_S = 1.1, 3.0, 5.0, 12.0
 """Sound between two tries of turned bands, of what else is likely, of what is less, and of tens of
 possibilities."""
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from watermark.audio.search.evidence import Evidence
 from watermark.audio.search.hypotheses import STRETCH_S, ChannelHypothesis, make_hypotheses
 
-SPEND = 70.0
+SPEND = 75.0
 """Costs of tries that a second of sound pays for, see `hypotheses.COST_EXACT`."""
 
 SAVED_S = 2.2
