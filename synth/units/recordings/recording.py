@@ -113,8 +113,7 @@ class UnitRecording:
     @property
     def samples(self) -> int:
         """Length of the sound in samples."""
-        packed = isinstance(self.source, PackedSound)
-        return self.source.length if packed else len(self.source)
+        return self.source.length if isinstance(self.source, PackedSound) else len(self.source)
 
     @property
     def duration_s(self) -> float:
