@@ -156,9 +156,9 @@ def _legs(
 ) -> Iterator[tuple[str, Iterator[tuple[str, Motion]]]]:
     """Yield the legs: name, and names and motions of takes."""
     yield f"{voice.name}, {RULE}", _ruled(voice, options.seed)
-    yield SECOND, _second(voice, options)
+    yield SECOND, second_takes(voice, options)
     if options.clips is not None:
-        yield REAL, _real(voice, options.clips)
+        yield REAL, real_takes(voice, options.clips)
 
 
 def _texts(take: int) -> list[str]:
@@ -173,13 +173,15 @@ def _ruled(voice: Voice, seed: int) -> Iterator[tuple[str, Motion]]:
         yield law, perform(voice, score, seed=seed + take, law=law)
 
 
-def _second(voice: Voice, options: EvaluateOptions) -> Iterator[tuple[str, Motion]]:
+def second_takes(voice: Voice, options: EvaluateOptions) -> Iterator[tuple[str, Motion]]:
+    """Yield takes of the second virtual cuer, filmed and captured, with their names."""
     for take in range(_TAKES):
         motion = second_cuer(voice, _texts(take), options.folder, seed=options.seed + take)
         yield f"take {take}", motion
 
 
-def _real(voice: Voice, folder: Path) -> Iterator[tuple[str, Motion]]:
+def real_takes(voice: Voice, folder: Path) -> Iterator[tuple[str, Motion]]:
+    """Yield the takes of a folder, motions or else tables of landmarks, with their names."""
     paths = sorted(folder.glob("*.npz"))
     if not paths:
         yield from real_utterances(folder, voice)

@@ -14,8 +14,8 @@ from cuecast.command.progress import note
 SUMMARY = "figures as CSV, JSON and plots"
 
 KINDS = (
-    "codec", "legs", "audio", "video", "together", "chain", "synthesis", "models", "capture",
-    "reader", "readability", "places", "alignment", "intelligibility",
+    "codec", "legs", "onair", "audio", "video", "together", "chain", "synthesis", "models",
+    "capture", "reader", "readability", "places", "alignment", "intelligibility",
 )  # fmt: skip
 
 

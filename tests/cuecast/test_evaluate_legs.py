@@ -48,4 +48,4 @@ def test_three_legs_side_by_side(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 def test_a_folder_without_takes_is_told(tmp_path: Path) -> None:
     with pytest.raises(CueError, match="no tables of landmarks"):
-        list(legs._real(load_voice(), tmp_path))
+        list(legs.real_takes(load_voice(), tmp_path))
