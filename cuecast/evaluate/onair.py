@@ -38,12 +38,8 @@ _RUNS = 6
 _ABOUT_S = 0.1
 """Time before and after a key that counts as cueing."""
 
-WAYS = {
-    "no score": {"protected": False, "filmed": False},
-    "keys": {"protected": True, "filmed": True},
-    "score and previews": {"protected": True, "filmed": False},
-}
-"""Settings of the encoder for each way."""
+WAYS = {"no score": False, "keys": True, "score and previews": False}
+"""Ways, and whether superframes are filmed ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,13 +111,14 @@ def on_air(motion: Motion, voice: Voice, way: str, *, seed: int = 0) -> OnAir:
     score = motion.score
     sent = replace(motion, score=None) if way == "no score" else motion
     encoder = SuperframeEncoder(
-        voice, l0_bytes=STANDARD.l0_bytes, l1_bytes=STANDARD.l1_bytes, **WAYS[way]
-    )
+        voice, l0_bytes=STANDARD.l0_bytes, l1_bytes=STANDARD.l1_bytes,
+        protected=way != "no score", filmed=WAYS[way],
+    )  # fmt: skip
     first = int(motion.start_s // SUPERFRAME_S)
     end = int(np.ceil((motion.start_s + motion.duration_s) / SUPERFRAME_S))
     frames = [encoder.encode(sent, k) for k in range(first, end)]
     shown = np.concatenate([one.params for one in _received(voice, frames)])
-    times = first * SUPERFRAME_S + TICK_S * np.arange(len(shown))
+    times = first * SUPERFRAME_S + TICK_S * np.arange(len(shown), dtype=np.float64)
     there = (times >= motion.start_s) & (times < motion.start_s + motion.duration_s - TICK_S)
     meant = voice.reconstruct(at_times(motion, times[there])).astype(np.float64)
     squares = np.square(meant - voice.reconstruct(shown[there])).sum(axis=-1)

@@ -126,19 +126,25 @@ def test_a_left_handed_cuer_is_mirrored(tmp_path: Path) -> None:
     assert_alike(plain("agathe").motion, left.motion)
 
 
-@pytest.mark.parametrize("left", [False, True])
-def test_a_hand_alone(tmp_path: Path, left: bool) -> None:
-    """The paper's first corpus: fingers as with a head; face at rest, nobody tells keys."""
-    observed = taken("agathe").observed.copy()
+@pytest.mark.parametrize(
+    ("who", "left", "far"), [("claire", False, 0.05), ("agathe", False, 0.4), ("agathe", True, 0.4)]
+)
+def test_a_hand_alone(tmp_path: Path, who: str, left: bool, far: float) -> None:
+    """The paper's first corpus: fingers as with a head; face at rest, nobody tells keys.
+
+    Measured 0.01 of the movement for the voice's own cuer, 0.34 and 0.36 for another one, whose
+    hand's turn against her head is not known without it.
+    """
+    observed = taken(who).observed.copy()
     if left:
         observed = mirrored(observed)
     observed[:, :N_FACE] = np.nan
     found = captured(tmp_path, 0.001 * rigid.rigid_motion(observed, TURN), unit="m")
-    whole = plain("agathe").motion
+    whole = plain(who).motion
     fingers = VOICE.hand_columns[:12]
     gap = found.motion.params[:, fingers] - whole.params[:, fingers]
     moved = whole.params[:, fingers] - whole.params[:, fingers].mean(0)
-    assert np.linalg.norm(gap) < 0.4 * np.linalg.norm(moved)  # measured 0.34 and 0.36
+    assert np.linalg.norm(gap) < far * np.linalg.norm(moved)
     assert found.report["place"]["left_hand"] is left
     assert found.report["residual_mm"]["fingers"] < 2.0
     assert found.report["residual_mm"]["head"] is None
