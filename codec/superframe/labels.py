@@ -49,11 +49,16 @@ def labels_of(preview: Preview) -> Preview:
     --------
     >>> labels_of(((5, 16), (7, 40), (30, 3)))
     ((6, 16), (10, 40), (30, 3))
+    >>> labels_of(((28, 40), (30, 22)))
+    ((30, 22),)
     """
     found: list[tuple[int, int]] = []
     cell = -1
     for tick, symbol in preview:
         cell = max(tick // CELL, cell + 1)
+        if cell == _CELLS and found and found[-1][1] == SILENCE:
+            found.pop()
+            cell -= 1
         if cell < _CELLS:
             found.append((CELL * cell + CELL // 2, symbol))
     return tuple(found)

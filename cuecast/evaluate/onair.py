@@ -6,6 +6,7 @@ A folder of real takes, and the second virtual cuer, reach the codec as an inter
 previews`` is what it sends of a cuer by rule.
 """
 
+import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -128,7 +129,7 @@ def on_air(motion: Motion, voice: Voice, way: str, *, seed: int = 0) -> OnAir:
     hand = squares[cueing[there], N_FACE:]
     keys = lost = wrong = 0
     for run in range(_RUNS if score and way != "no score" else 0):
-        rng = np.random.default_rng([seed, run, first, end])
+        rng = np.random.default_rng([seed, run, zlib.crc32(motion.params.tobytes())])
         gone = {frames[int(k)].index for k in np.flatnonzero(rng.random(len(frames)) < LOST)}
         got = merge_scores(_received(voice, frames, gone)).keys
         total, right, others = counted(score.keys if score else (), got)
