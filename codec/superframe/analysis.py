@@ -240,7 +240,8 @@ class Analyst:
 
     def _labels(self, index: int) -> Preview:
         """Return the labels of a superframe, as many as fit into L0."""
-        labels = labels_of(preview_of(part_of(self._line, index, self._options)))
+        part = part_of(self._line, index, self._options)
+        labels = labels_of(preview_of(part), part.language.silence)
         while labels and not self._fits(
             part_of_preview(labels, self._coding.language), index, {OWN: labels}, even=False
         ):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.cues.timeline import TICKS
-from codec.superframe.preview import Preview
+from codec.superframe.preview import SILENCE, Preview
 from codec.superframe.range_coder import RangeDecoder, RangeEncoder, cumulative
 from codec.superframe.tables import ScoreTables
 
@@ -37,13 +37,17 @@ AFTER_KEY = cumulative([6, 13, 14, 11, 7, 5, 3, 2, 3])
 """The same behind a key: keys of real cuers begin 0.26 to 0.33 s apart."""
 
 
-def labels_of(preview: Preview) -> Preview:
+def labels_of(preview: Preview, silence: int = SILENCE) -> Preview:
     """Return starts and symbols as coded by labels; those without a cell are left out.
+
+    A silence gives its cell to a key that would have none.
 
     Parameters
     ----------
     preview : tuple of (int, int)
         Ticks and symbols, as `codec.superframe.preview.preview_of` gives them.
+    silence : int
+        Symbol of a silence in the score's language.
 
     Examples
     --------
@@ -56,7 +60,7 @@ def labels_of(preview: Preview) -> Preview:
     cell = -1
     for tick, symbol in preview:
         cell = max(tick // CELL, cell + 1)
-        if cell == _CELLS and found and found[-1][1] == SILENCE:
+        if cell == _CELLS and found and found[-1][1] == silence:
             found.pop()
             cell -= 1
         if cell < _CELLS:
