@@ -14,6 +14,8 @@ from typing import Literal
 from codec.authentication.announcement import Announcement
 from codec.authentication.chain import agreeing, tag_of
 from codec.authentication.checks import agree
+from codec.authentication.first_edition import MESSAGE as FIRST_EDITION
+from codec.authentication.first_edition import is_first_edition
 from codec.authentication.layout import LAYOUTS, SUPERFRAME_S, ProofLayout, time_of
 from codec.authentication.received import ArrivedSuperframe, ReceivedProofs
 from codec.authentication.search import ChainSearch, KnownKey
@@ -108,6 +110,7 @@ class Verifier:
     _next: int = 0
     _misses: int = 0
     _others: int = 0
+    _first_edition: bool | None = None
     _search: ChainSearch = field(init=False)
 
     def __post_init__(self) -> None:
@@ -153,6 +156,10 @@ class Verifier:
             found = self._search.look(self._received, index, self._latest.get(self._layout.width))
             if found is not None:
                 self._lock(found, index - self._layout.block + 1)
+            elif self._first_edition is None and self._first_offset is None:
+                known, width = self._received.by_index, self._layout.width
+                self._first_edition = is_first_edition(known, index, width)
+                self.reason = FIRST_EDITION if self._first_edition else self.reason
         verdicts = list(self._decided(index))
         self._forget(index)
         return verdicts

@@ -1,12 +1,14 @@
-"""An adversary who has inverted a chain's end: whom his keys convince, with keys of 16 bits."""
+"""An adversary who has inverted a chain's end: whom his keys convince, and what they cost."""
 
 import hashlib
+import sys
 import types
 from collections.abc import Iterator
 from typing import Any, cast
 
 import numpy as np
 import pytest
+from scipy.stats import gamma
 
 from codec.authentication import chain as chain_module
 from codec.authentication.announcement import Announcement, SigningKey
@@ -54,15 +56,24 @@ def reduced(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     chain_module.keys_of.cache_clear()  # no other test may get these keys
 
 
-def forged_keys(chain: Chain, end: bytes, rng: np.random.Generator) -> list[bytes]:
-    """Return keys of the adversary's own, by block, that lead to the end."""
+def forged_keys(
+    chain: Chain, end: bytes, rng: np.random.Generator, spent: list[int] | None = None
+) -> list[bytes]:
+    """Return keys of the adversary's own, by block, that lead to the end.
+
+    The hashes that finding them took are appended to `spent`.
+    """
+    hashes = 0
     prefix = chain._prefix
     numbers = [block.to_bytes(4, "big") for block in range(LAST, -1, -1)]
     while True:
         key = guess = shortened(rng.bytes(8))
         for number in numbers:
             key = shortened(hashlib.sha256(prefix + number + key).digest())
+        hashes += len(numbers)
         if key == end:
+            if spent is not None:
+                spent.append(hashes)
             keys = [guess]
             for block in range(LAST, 0, -1):
                 keys.insert(0, chain.before(keys[0], block))
@@ -112,3 +123,28 @@ def test_who_followed_the_genuine_programme_is_not_convinced() -> None:
         spliced = now[: (TAKEN_OVER - FIRST) * LENGTH] + forged[(TAKEN_OVER - FIRST) * LENGTH :]
         assert (verified(announced, spliced, FIRST) > 0) == convinced[-1]
     assert 0 < sum(convinced) < len(convinced) / 2  # 5 of 29 in the mean of all chains
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("reduced")
+@pytest.mark.parametrize(("bits", "trials"), [(20, 8), (22, 3), (24, 1)])
+def test_an_end_costs_as_many_hashes_as_there_are_keys(
+    bits: int, trials: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ends are inverted by steps of the product, and the keys convince its verifier.
+
+    One function for all steps, as in the first edition, made it 2 / 29 of this.
+    """
+    monkeypatch.setattr(sys.modules[__name__], "BITS", bits)
+    genuine = SigningKey(f"reduced to {bits}", bytes([bits]) * 32)
+    announced = genuine.announce(time_of(NUMBER * PERIOD), 1)
+    chain, end = announced.chain(NUMBER, WIDTH), announced.end_of(NUMBER, WIDTH)
+    rng, spent = np.random.default_rng(bits), list[int]()
+    keys = [forged_keys(chain, end, rng, spent) for _ in range(trials)]
+    own = types.SimpleNamespace(channel=genuine.channel, keys=lambda *_: tuple(keys[0]))
+    all_of_it = (LAST - TAKEN_OVER) * LENGTH + 1
+    assert verified(announced, signed(own, bits), TAKEN_OVER) == all_of_it
+    mean = sum(spent) / trials / 2**bits
+    print(f"{bits} bits: {mean:.2f} times 2^{bits} hashes in the mean of {trials}")
+    # The sum of exponential variables: less once in a thousand cases.
+    assert mean > gamma.ppf(1e-3, trials, scale=1 / trials)
