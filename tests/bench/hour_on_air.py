@@ -37,6 +37,12 @@ from cuecast.media.tables import NULL_PID, PACKET, payload_of
 
 SOUND_PID = 257
 FORMS = (("aac", "stereo", 160_000), ("mp2", "stereo", 192_000), ("aac", "mono", 96_000))
+EVENTS = {
+    "killed": (0.2, "worker killed"), "stopped": (0.5, "worker stopped for 5 s"),
+    "main": (0.8, "main killed"),
+}  # fmt: skip
+"""At which part of the programme each event happens."""
+
 AROUND_S = 3.0
 """Before and after an event, superframes that are lost are put down to it."""
 
@@ -187,10 +193,9 @@ def run(folder: Path, options: argparse.Namespace) -> tuple[Course, list[tuple[f
     threading.Thread(target=receive, daemon=True).start()
     service = Service(source, target, folder, options.more)
     service.wait()
-    time.sleep(0.0 if options.plain else 20.0)  # the process that stands by loads
-    plan = [] if options.plain else [
-        (0.2, "worker killed"), (0.5, "worker stopped for 5 s"), (0.8, "main killed"),
-    ]  # fmt: skip
+    while options.events and not service.figures()["stands_by"]:
+        time.sleep(0.5)
+    plan = [EVENTS[name] for name in EVENTS if name in options.events]
     line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     begin = time.monotonic()
     for due, data in datagrams:
@@ -285,7 +290,7 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--loss", type=float, default=0.01, help="share of datagrams lost")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--plain", action="store_true", help="nothing but lost datagrams")
+    parser.add_argument("--events", nargs="*", choices=tuple(EVENTS), default=list(EVENTS))
     parser.add_argument("more", nargs="*", help="options of playout, after --")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
@@ -306,7 +311,13 @@ def main() -> None:
     dropped = {id(d) for d in course.lost}
     hit = [due for due, d in datagrams if id(d) in dropped]
     events = [*course.events, *(("format", total * n / len(FORMS)) for n in (1, 2))]
+    wanted = ("marked_s", "bypass", "takeovers", "restarts", "eased", "joint", "read_back", "stale",
+              "packets_lost", "damaged")  # fmt: skip
+    print({k: round(v, 3) for k, v in course.figures.items() if k.startswith(wanted)})
+    print("\n".join(line for line in log.splitlines() if "caption" not in line)[-6000:], flush=True)
     starts = np.array(received(course.came, datagrams))
+    if not len(starts):
+        raise SystemExit("no superframe was received")
     causes = {"lost datagram": 0, "unexplained": 0} | {n: 0 for n, _ in events}
     for one, other in itertools.pairwise(starts):
         for n in range(1, round((other - one) / 0.64)):
@@ -321,10 +332,6 @@ def main() -> None:
     print(f"superframes: {len(starts)} received, first at {starts[0]:.2f} s, not: {causes}")
     left = len(starts) + causes["unexplained"]
     print(f"of those that losses and events leave: {100 * len(starts) / left:.2f} %")
-    wanted = ("marked_s", "bypass", "takeovers", "restarts", "eased", "joint", "read_back", "stale",
-              "packets_lost", "damaged")  # fmt: skip
-    print({k: round(v, 3) for k, v in course.figures.items() if k.startswith(wanted)})
-    print("\n".join(line for line in log.splitlines() if "caption" not in line)[-6000:])
 
 
 if __name__ == "__main__":
