@@ -6,6 +6,7 @@ A failure in a message costs that message only.
 import importlib
 import os
 import queue
+import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
@@ -26,6 +27,9 @@ from cuecast.media.timed_text import subtitles_of_packet
 
 if TYPE_CHECKING:
     from cuecast.live.waiting import WaitingRoom
+
+_BEAT_S = 0.25
+"""Seconds between signs of life."""
 
 _REPORT_S = 1.0
 """Seconds between reports of a worker."""
@@ -59,9 +63,16 @@ def serve(
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = os.getppid()
     Settings.listener = CompilationNotes()
+    one_at_a_time = threading.Lock()
+
+    def send(found: object) -> None:
+        with one_at_a_time:
+            results.send(found)
+
     try:
-        marking = Marking(cuer, options, patience_s, results.send, hold_s)
-        results.send("ready")
+        marking = Marking(cuer, options, patience_s, send, hold_s)
+        send("ready")
+        threading.Thread(target=_beat, args=(send,), daemon=True).start()
         while not marking.over:
             marking.read(lines)
             try:
@@ -71,9 +82,19 @@ def serve(
                     return
                 continue
             marking.take(*message)
-        results.send("ended")
+        send("ended")
     except (BrokenPipeError, EOFError, KeyboardInterrupt):
         return
+
+
+def _beat(send: Callable[[Any], None]) -> None:
+    """Give signs of life until the playout is gone."""
+    while True:
+        time.sleep(_BEAT_S)
+        try:
+            send("alive")
+        except (OSError, ValueError):
+            return
 
 
 class Marking:

@@ -1,8 +1,8 @@
 """The playout's side of the process that marks, and of one that stands by.
 
 The playout sends PES packets and live text, and takes marked PES packets. If the process dies, or
-gives nothing back although sound comes, the one that stands by takes its place: it is given the
-sound that has not gone out yet. Without one the process is started anew; meanwhile the programme
+gives no sign of life, the one that stands by takes its place: it is given the sound that has not
+gone out yet. Without one the process is started anew; meanwhile the programme
 passes as it is.
 """
 
@@ -27,8 +27,8 @@ _RESTART_S = (1.0, 2.0, 5.0, 10.0, 30.0)
 _LINES = 400
 """Lines of an interpreter that may wait for the process."""
 
-_HUNG_S = 1.5
-"""Seconds in which a process that was marking gives nothing back although sound comes."""
+_HUNG_S = 2.0
+"""Seconds without a sign of life after which a process counts as stopped; a busy one gives some."""
 
 _HUNG_AGAIN_S = 60.0
 """Seconds after the start of a process in which it is not given up for that."""
@@ -199,6 +199,9 @@ class Worker:
             while self._process.results.poll(wait_s):
                 wait_s = 0.0
                 found = self._process.results.recv()
+                if found == "alive":
+                    self._answered_s = time.monotonic()
+                    continue
                 if isinstance(found, str):
                     self.ready = self.was_ready = self._process.ready = True
                     self.ended = found == "ended"
@@ -208,7 +211,7 @@ class Worker:
             if not self._process.process.is_alive() and not self.ended:
                 raise EOFError
             if self._hangs():
-                why = "gives nothing back"
+                why = "gives no sign of life"
         except (EOFError, OSError):
             why = f"ended ({self._process.process.exitcode})"
         if why:
@@ -218,22 +221,18 @@ class Worker:
         if isinstance(found, WorkerNote):
             self._clock = found.clock or self._clock
         else:
-            self._answered_s = time.monotonic()
             end = found.pes.end if isinstance(found.pes, MarkedPes) else found.pes.first
             self._until = found.epoch, end
         return found
 
     def _hangs(self) -> bool:
-        """Whether a process that was marking gives nothing back, though there is another one."""
-        if self._answered_s is None or not self.stands_by or self.ended or not self._sent:
+        """Whether the process that marks gives no sign of life, though there is another one."""
+        if self._answered_s is None or not self.stands_by or self.ended:
             return False
         assert self._process is not None
         now_s = time.monotonic()
         return (
-            now_s - self._answered_s > _HUNG_S
-            and now_s - self._sent[-1][0] < _HUNG_S / 2
-            and now_s - self._sent[0][0] > self._keeps_s - _HUNG_S / 2
-            and now_s - self._process.started_s > _HUNG_AGAIN_S
+            now_s - self._answered_s > _HUNG_S and now_s - self._process.started_s > _HUNG_AGAIN_S
         )
 
     def _replace(self, why: str) -> Iterator[WorkerNote]:
