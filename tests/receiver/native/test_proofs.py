@@ -117,7 +117,7 @@ def test_from_marked_sound(public: Path, age_s: float) -> None:
             header = Header(0, k % 64, 2, signed=True).to_bytes()
             l0 = with_check(header + rng.bytes(16), 16 * "0")
             sent[k] = with_proof(l0, signer.take(proved(l0)))
-        return sent[k], rng.bytes(36)
+        return sent[k], rng.bytes(7)
 
     embedder = AudioEmbedder(48000, 1, payload)
     noise = 0.03 * rng.standard_normal((48000 * 25, 1)).astype(np.float32)
