@@ -37,7 +37,9 @@ def test_american_keys_arrive_through_sound(sound: np.ndarray) -> None:
     sent = {named(key) for key in SCORE.keys if 1.4 < key.start < 7.5}
     assert len(sent) > 20
     assert {place for _, _, place in sent} >= {"side down", "side forward", "side to throat"}
-    assert sent <= keys <= {named(key) for key in SCORE.keys}
+    # The first superframe on air tells no true start of the key that sounds as it begins (J2).
+    whole = {key for key in keys if key[0] > 1.4}
+    assert sent <= whole <= {named(key) for key in SCORE.keys}
     assert any(isinstance(event, MotionPiece) for event in events)
 
 
