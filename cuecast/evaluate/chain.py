@@ -24,7 +24,9 @@ from cuecast.evaluate.options import EvaluateOptions
 from cuecast.media.film import write_film
 from receiver.media.sound import read_sound
 from synth.language.subtitles import Subtitle, read_subtitles
-from synth.planning.scoring.text_score import score_of_subtitles
+from synth.planning.prosody.pacing import READABLE
+from synth.planning.prosody.simulation import PerformerChoice
+from synth.planning.scoring.text_score import Reading, score_of_subtitles
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,7 @@ def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
     """Take every clip the whole way through every channel.
 
     A clip is cued by the subtitles that lie beside it under its name; without such, by the text
-    of the demonstration, a line every four seconds.
+    of the demonstration, a line every four seconds. Pace and performer are those of `dub`.
 
     Raises
     ------
@@ -74,7 +76,8 @@ def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
     voice = load_voice()
     rows = []
     for clip, subtitles in clips_of(options):
-        score = score_of_subtitles(subtitles, warn=lambda line: None)
+        reading = Reading(pace=READABLE, performing=PerformerChoice(seed=options.seed))
+        score = score_of_subtitles(subtitles, reading=reading, warn=lambda line: None)
         rows += _through(clip, score, voice, names, options)
     return rows
 

@@ -1,0 +1,55 @@
+"""Docstrings and pages keep to everyday technical English: patterns of a dialect stay rare."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("codec", "synth", "watermark", "receiver", "cuecast", "lab")
+RATE = 0.3
+"""Occurrences in 1000 words that each pattern may have."""
+
+PATTERNS = {
+    "tell: encode, report, state, show, distinguish": r"\b(tells?|told|telling)\b",
+    "clause with what: name the thing": (
+        r"\b[Ww]hat (is|was|are|comes?|came|goes|stands|it|a|the|else|has|nobody)\b"
+    ),
+    "preposition and which: a shorter sentence": r"\b(of|by|from|with|in|on) which\b",
+    "quaint: everyday words": (
+        r"\b(for want of|by rule|as ever|so many|may be had|untold|thereof|whence|hither|seldom"
+        r"|nobody else|at leisure)\b"
+    ),
+}
+
+
+def docstrings() -> Iterator[str]:
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(
+                    node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+                ):
+                    # Parameters may be called `told` or `tell`: only their descriptions are prose.
+                    yield re.sub(r"(?m)^(\w+(, \w+)* : |>>> .*)", "", ast.get_docstring(node) or "")
+
+
+def pages() -> Iterator[str]:
+    for path in [*ROOT.glob("*.md"), *sorted((ROOT / "docs").rglob("*.md"))]:
+        if "api" not in path.parts:  # generated from docstrings
+            yield re.sub(r"```.*?```|`[^`\n]*`", "", path.read_text(encoding="utf-8"), flags=re.S)
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("texts", [docstrings, pages], ids=["docstrings", "pages"])
+def test_prose_is_everyday_english(texts, pattern: str) -> None:  # type: ignore[no-untyped-def]
+    words, found = 0, []
+    for text in texts():
+        words += len(text.split())
+        found += [text[max(0, m.start() - 40) : m.end() + 20] for m in
+                  re.finditer(PATTERNS[pattern], text)]  # fmt: skip
+    assert words > 10000
+    rate = 1000 * len(found) / words
+    assert rate <= RATE, f"{pattern}: {rate:.2f} in 1000 words, such as {found[:20]}"
