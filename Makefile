@@ -35,7 +35,7 @@ check: $(VENV)/installed node_modules/installed
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/reuse lint --quiet
-	$(BIN)/python -m pytest -q -n 0 tests/test_layout.py
+	$(BIN)/python -m pytest -q -n 0 tests/test_layout.py tests/test_prose.py
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/npm run --silent lint
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/npm run --silent types
 

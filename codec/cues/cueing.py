@@ -29,7 +29,7 @@ NO_CONSONANT_SHAPE, NO_VOWEL_PLACEMENT = french().shape_alone, french().placemen
 
 @dataclass(frozen=True, slots=True)
 class CueingOptions:
-    """How phones are cued: the language, and choices on which published charts of French disagree.
+    """How phones are cued: the language, and choices where published charts of French disagree.
 
     Attributes
     ----------

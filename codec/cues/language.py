@@ -197,7 +197,7 @@ def language_of(content: bytes, name: str) -> Language:
 
 
 def _problem_of(language: Language) -> str:
-    """Return what is wrong with a language, "" if nothing is."""
+    """Return the fault of a language, "" if there is none."""
     phones, last = language.phones, language.n_vowels
     vowels, consonants = phones[1 : 1 + last], phones[1 + last :]
     limits = {

@@ -38,7 +38,7 @@ _BEFORE_S = 2.0
 
 
 def kinds_of(language: Language) -> Array:
-    """Return which keys are of which kind, shape (keys, kinds).
+    """Return the kinds of keys, shape (keys, kinds).
 
     Kinds are the shapes for the hand, then the placements and the shapes for the forearm.
     """

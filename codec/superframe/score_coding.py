@@ -194,7 +194,7 @@ def _read_even(
 def _read_on_grid(
     decoder: RangeDecoder, tables: ScoreTables, first: tuple[int, int], language: Language
 ) -> tuple[list[int], list[int]]:
-    """Return phones and starts behind the first phone, of which number and end are given."""
+    """Return phones and starts behind the first phone, whose number and end are given."""
     start = first[1]
     numbers, starts, length, context = [], [], 0, (language.n_phones, first[0])
     while start < TICKS:

@@ -182,7 +182,7 @@ SILENT = SlowSender({})
 
 
 def usual_sender(language: Language, coding: str) -> SlowSender:
-    """Return what a stream says of itself unless it is given more: what is not French says so.
+    """Return a stream's default registers: languages other than French are stated.
 
     Parameters
     ----------

@@ -96,7 +96,7 @@ class SynthesisedMotion:
         self._made: Motion | None = None
 
     def window(self, start_s: float, frames: int) -> Motion:
-        """Return a window of the motion; what comes after it is made with it.
+        """Return a window of the motion; its successors are made with it.
 
         Parameters
         ----------

@@ -2,8 +2,8 @@
 
 A folder of real takes, and the second virtual cuer, reach the codec as an interpreter does
 (`cuecast.evaluate.legs`) and are coded in the sound's superframes. Three ways stand side by side:
-``no score`` says nothing of keys; ``keys`` is what `dub` sends of a filmed cuer; ``score and
-previews`` is what it sends of a cuer by rule.
+``no score`` has no keys; ``keys`` is the form that `dub` sends of a filmed cuer; ``score and
+previews`` the one of a rule-based cuer.
 """
 
 import zlib

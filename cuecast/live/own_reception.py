@@ -1,4 +1,4 @@
-"""The sender's own receiver: the output is received and compared with what was sent.
+"""The sender's own receiver: the output is received and compared with the superframes sent.
 
 `OwnReceiver` (in a process of its own) takes the sound's PES packets as they go out and yields the
 superframes that it receives. `ReceptionCount` (in the playout) knows which superframes went out
@@ -142,14 +142,14 @@ class MinuteReport:
 
 
 class ReceptionCount:
-    """Compares what went out with what was received.
+    """Compares the superframes sent with those received.
 
     Attributes
     ----------
     sent, received : int
         Superframes so far, up to some seconds ago.
     last : MinuteReport or None
-        Of the last whole minute in which something went out.
+        Of the last whole minute with output.
     alarms : int
         Minutes with an alarm.
     """
@@ -198,7 +198,7 @@ class ReceptionCount:
         self._arrived.append(stamp)
 
     def settle(self, now_s: float) -> MinuteReport | None:
-        """Count what is certain by now; return the report of a minute that is over."""
+        """Count superframes that are certain by now; return the report of a minute that is over."""
         while self._open and now_s - self._open[0][0] > _SETTLED_S:
             _, start = self._open.popleft()
             found = any(abs(step(one, start)) <= _SAME for one in self._arrived)
@@ -226,7 +226,7 @@ def _next_start(clock: RunClock, pts: int) -> int:
 
 
 class ReceivingProcess:
-    """A process that receives what the playout sends out.
+    """A process that receives the playout's output.
 
     Parameters
     ----------
@@ -310,7 +310,7 @@ class OwnOutput:
             self._process.send(kind, pes)
 
     def look(self) -> None:
-        """Take what was received; log what became of a minute. The first call starts receiving."""
+        """Take received superframes; log a minute's result. The first call starts receiving."""
         if self._process is None:
             self._process = ReceivingProcess(*self._arguments)
         for stamp in self._process.stamps():

@@ -124,7 +124,7 @@ class HandFeatures:
 
 
 def see(face: FloatArray, hand: FloatArray, *, rate_hz: float) -> HandFeatures:
-    """Return what keys are told from.
+    """Return the features of keys.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Phones of a text to their times in a recording of it.
 
 In: the words of passages and the sound of each.  Out: phones with times.  Evidence in the
-sound (`synth.planning.alignment.recogniser`) tells how well each phone fits each frame; the
+sound (`synth.planning.alignment.recogniser`) gives how well each phone fits each frame; the
 recording is cut into the phones of the text, with the usual durations of phones as a prior, silence
 and other speech allowed between words, and words that are not spoken left out. Source: segmental
 Viterbi search with explicit durations (L. Rabiner 1989, section IV.D).

@@ -1,9 +1,9 @@
-"""A reading to breath groups: what is said between two silences, checked.
+"""A reading to breath groups: stretches between two silences, checked.
 
-In: a text and the sound in which it is read, with whatever stands before and after. Out: stretches
+In: a text and the sound of its reading, with other sound before and after. Out: stretches
 of the sound with their phones. The whole is aligned; readers of verse sound mute vowels and link
-words where speech does not, so what was heard at the ends of words corrects the phones, and the
-whole is aligned once more. Kept are the groups in which every word fits its sound.
+words where speech does not, so the sounds at the ends of words correct the phones, and the
+whole is aligned once more. Kept are the groups whose words all fit their sound.
 """
 
 import itertools
@@ -52,7 +52,7 @@ _LINKS = {"s": "z", "x": "z", "z": "z", "t": "t", "d": "t", "n": "n", "r": "ʁ",
 
 @dataclass(frozen=True, slots=True)
 class BreathGroup:
-    """What is said between two silences.
+    """A stretch of speech between two silences.
 
     Attributes
     ----------

@@ -1,8 +1,8 @@
-"""The broadcaster's own coder inside the embedder: what is to be marked is tried on it first.
+"""Codec in the loop: each stretch is tried on the broadcaster's own coder before it is marked.
 
 In: the programme some seconds ahead, and the levels that it is to have; out: the level at which
 each superframe would bear its message. The coder runs on as one stream, for its rate control has a
-long memory: before the programme it hears what is hard to code, as one that has been on air for
+long memory: before the programme it hears sound that is hard to code, as one on air for
 long. Its superframes carry anything. Source: the copy of the receiver inside the emitter of Baras,
 Moreau and Dymarski, IEEE TASLP 14(5), 2006, with the channel between them.
 Specification: spec/audio-carrier.md, W20 and W40 leave this to the embedder.
@@ -59,7 +59,7 @@ class CodecStream(Protocol):
     """A coder and its decoder as one stream, 48 kHz."""
 
     def process(self, sound: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Take samples, shape (n, 1 or 2); return what is decoded by now, shape (m, channels)."""
+        """Take samples, shape (n, 1 or 2); return samples decoded by now, shape (m, channels)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ class _Measured:
 
 
 class _Ear:
-    """One coder, and what comes back from it."""
+    """One coder with its decoded output."""
 
     def __init__(self, through: CodecStream, name: str) -> None:
         self._through, self.name = through, name
@@ -109,14 +109,14 @@ class _Ear:
         self.heard.forget(self.heard.end - 8 * SUPERFRAME)
 
     def arrived(self) -> Iterator[_Sent]:
-        """Yield what has come back whole."""
+        """Yield the superframes that are whole."""
         while self.delay is not None and self.waiting:
             if self.waiting[0].start + self.delay + SUPERFRAME + 2 * HOP > self.heard.end:
                 return
             yield self.waiting.popleft()
 
     def _find_delay(self, sent: SampleBuffer) -> int:
-        """Find the samples by which the decoded sound is late, by correlation."""
+        """Find the delay of the decoded sound in samples, by correlation."""
         count = int(LEARNING_S * FS)
         size = 1 << (count + LONGEST_DELAY).bit_length()
         original = np.fft.rfft(sent.read(0.0, 1.0, count), size)
@@ -126,7 +126,7 @@ class _Ear:
 
 
 class CodecLoop:
-    """Sends superframes through a coder and compares what comes back with what was meant.
+    """Sends superframes through a coder and compares the result with the intended ones.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ class CodecLoop:
         *,
         apart: bool = False,
     ) -> None:
-        """Try the next superframes, and learn from what has come back by now.
+        """Try the next superframes, and learn from the output so far.
 
         Parameters
         ----------
@@ -229,7 +229,7 @@ class CodecLoop:
         return rng.bytes(profile.l0_bytes), rng.bytes(profile.l1_bytes)
 
     def _listen(self, marked: NDArray[np.float64]) -> None:
-        """Send marked sound, and learn from what comes back."""
+        """Send marked sound, and learn from the output."""
         for ear in self._ears:
             ear.take(marked, self._sent)
             for sent in ear.arrived():
@@ -239,7 +239,7 @@ class CodecLoop:
         self._sent.forget(self._sent.end - 8 * SUPERFRAME)
 
     def _learn(self, sent: _Sent, ear: _Ear) -> None:
-        """Compare a superframe with what was meant."""
+        """Compare a superframe with the intended one."""
         demodulator = self._demodulator
         cells = demodulator.layout.cells
         places = demodulator.places if sent.apart else None

@@ -68,7 +68,7 @@ class EmbedReport:
     snr_db : float or None
         Programme's mid over mark; None when nothing was marked.
     odg : float or None
-        Objective difference grade of what was marked, as stereo; None at a fixed level.
+        Objective difference grade of the marked sound, as stereo; None at a fixed level.
     silent_s : tuple of (float, float)
         Start and end of stretches that cannot carry, seconds.
     net_bps, gross_bps : float
@@ -115,9 +115,9 @@ class _Stretch:
     clean, marked : ndarray of float64, shape (n, 1 or 2)
         The programme's front without and with marks, for grading.
     mark : ndarray of float64, shape (n,)
-        What was added to the mid.
+        The mark added to the mid.
     end, tail : ndarray of float64, shape (rows, HOP)
-        The last samples of what was designed (mid; of two channels, mid and side), and the part of
+        The last designed samples (mid; of two channels, mid and side), and the part of
         the last superframe's mark that lies beyond.
     divided : ndarray of float64, shape (2, n + HOP)
         See `MarkShares.divide`.
@@ -166,7 +166,7 @@ class AudioEmbedder:
     key : int
         Seed of the layout, 0 to 2**64 - 1; the receiver needs the same.
     rehearsal : CodecLoop, optional
-        A coder on which superframes are tried first, of profile and key as here; not at a fixed
+        A coder for trying superframes first, of profile and key as here; not at a fixed
         level.
     stretch : int
         Superframes that are graded together, from 1: the embedder looks this far ahead.
@@ -294,7 +294,7 @@ class AudioEmbedder:
         )
 
     def margins(self) -> tuple[SuperframeMargin, ...]:
-        """Return the margins of what was written, of a rehearsed mark and where they are known.
+        """Return the margins of the written superframes, of a rehearsed mark and where known.
 
         Returns
         -------
@@ -382,7 +382,7 @@ class AudioEmbedder:
             self._needs |= dict(zip(range(first, first + count), needs, strict=True))
 
     def _sufficient_base(self) -> float | None:
-        """Return the base level at which half a passage has what it needs, None if unknown."""
+        """Return the base level that suffices for half a passage, None if unknown."""
         return float(np.median(self._enough)) if self._enough else None
 
     def _sufficient(self, number: int, need: float) -> float | None:

@@ -1,8 +1,8 @@
 """Relief of the moments at which a mark is noticed most.
 
 In: how probably a listener detects the mark in each of the meter's frames of a stretch; out: gains
-of the mark's frames. A grade counts the most noticeable moment by itself, and the size of what is
-noticed (ITU-R BS.1387-1, MFPD and ADB): a few frames that are softened buy a better grade than as
+of the mark's frames. A grade counts the most noticeable moment by itself, and the size of noticed
+moments (ITU-R BS.1387-1, MFPD and ADB): a few frames that are softened buy a better grade than as
 much taken from all.
 Specification: spec/audio-carrier.md, W20 leaves the choice of levels to the embedder.
 """

@@ -124,11 +124,11 @@ class _Passage:
         return _odg(self._meter, WHOLE)
 
     def grade_with(self, meter: PeaqMeter) -> float | None:
-        """Grade of the passage with what a meter heard last."""
+        """Grade of the passage with a meter's last stretch."""
         return _odg(meter, self._older)
 
     def relief(self, meter: PeaqMeter, samples: int) -> NDArray[np.float64] | None:
-        """Gains that relieve what stands out in the stretch that a meter heard last."""
+        """Gains that soften the most noticeable moments of a meter's last stretch."""
         return self._moments.gains(meter.detections, samples // HOP)
 
     def tried(self, attempt: Attempt) -> tuple[PeaqMeter, float | None]:
