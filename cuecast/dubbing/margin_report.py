@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from watermark.audio.embed.codec_loop import LEVELS_PER_DOUBLING
-from watermark.audio.embed.embedder import LEAST_MARGIN, SuperframeMargin
+from watermark.audio.embed.embedder import SuperframeMargin
 from watermark.audio.embed.level_control import GRADES_PER_LEVEL
 from watermark.link.superframe import SUPERFRAME_S
 
-LOW = LEAST_MARGIN
-"""Margin below which the report warns: the embedder went there for the sake of the grade."""
+LOW = 1.5
+"""Margin below which the report warns."""
 
 JOINED_S = 2.0
 """Low passages that are closer than this are reported as one."""

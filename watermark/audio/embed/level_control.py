@@ -1,13 +1,10 @@
-"""The level of the mark: least audibility subject to a margin through the rehearsed coders.
+"""Closed loop from the graded quality to the level of the mark.
 
-In: a stretch of the programme as it would sound at any base level, and the base at which its margin
-suffices; out: the stretch at the base that solves this. A grade above `QUIET_GRADE` counts as
-inaudible, so the base never stands below that of this grade; where the margin asks for more, the
-base follows the margin, up to that of the lowest grade allowed. Without a rehearsal that grade is
-the aim. Superframes stand above or below the base by what they need to come through, so stretches
-differ in grade: it is the running passage that is graded. A stretch that would be much worse is
-written more softly or not at all. The loop forgets, and its memory is constant. The effect of each
-constant is shown by ``python -m tests.bench.level_constants NAME=VALUE --clips CLIP ...``.
+In: what a stretch of the programme sounds like at any base level; out: the stretch at the base
+level that gives the programme the wanted grade. Superframes stand above or below the base by what
+they need to come through, so stretches differ in grade: it is the running passage that has the
+wanted one. A stretch that would be much worse is written more softly or not at all. The loop
+forgets, and its memory is constant.
 Specification: spec/audio-carrier.md, W20 leaves the choice of levels to the embedder.
 """
 
@@ -35,8 +32,8 @@ GRADES_PER_LEVEL = 0.28
 TRIALS = 5
 """Attempts at one stretch."""
 
-CLOSE_ENOUGH = 0.3
-"""Levels by which the base of the first stretch may be wrong."""
+CLOSE_ENOUGH = 0.08
+"""Error of the grade that the first stretch may keep."""
 
 GIVE_UP = 0.6
 """A stretch that grades this much below the wanted grade is written more softly, and left unmarked
@@ -44,6 +41,9 @@ if that does not help at the lowest level."""
 
 QUIET_GRADE = -0.12
 """Grade aimed at where a rehearsal says that it is enough: hardly anybody hears that."""
+
+STRIVING, STRIVING_LIMITS = 0.5, (-0.15, 0.05)
+"""Part of what levels lack that the next stretch's grade makes good, and its limits."""
 
 BASE_LIMITS = (-4.0, len(LEVELS) + 3.0)
 """Beyond these all superframes have the lowest or the highest level."""
@@ -89,9 +89,20 @@ MAKE_GOOD = 6.0
 """How many times a passage's error of grade the next stretch makes good beyond its own share, once
 half a passage has been heard; before, less by the square of what is missing."""
 
-OVERDRAFT = 0.05
-"""How far the grade may fall below the lowest one where a passage lacks a level for the least
-margin; in proportion where it lacks less."""
+OVERDRAWN = 3.0
+"""How many times what a passage lacks of the lowest grade is taken from superframes that stand out:
+with 6 a clip whose grade is short lost twice the superframes, with 0 it ended 0.03 lower."""
+
+
+SPOILT = 0.03
+"""Loss of a whole passage's grade by a single stretch that has it written more softly: the grade
+counts the worst moment by itself."""
+
+RIPE = 0.25
+"""Maturity from which that is asked: a quarter of a passage."""
+
+SOFTER, SOFTER_TRIALS = 0.75, 3
+"""Levels by which that is tried, and how often."""
 
 SHORT = 0.06
 """Above the lowest grade by less than this, moments that are noticed most are relieved."""
@@ -122,6 +133,13 @@ class _Passage:
     def whole(self) -> float | None:
         """Grade of all that was heard so far, None for silence."""
         return _odg(self._meter, WHOLE)
+
+    def spoilt(self, meter: PeaqMeter) -> bool:
+        """Whether what a meter heard last has cost a passage more than a stretch may."""
+        grade = _odg(meter, self._older)
+        if self.maturity < RIPE or self.last is None or grade is None:
+            return False
+        return grade < self.last - SPOILT
 
     def grade_with(self, meter: PeaqMeter) -> float | None:
         """Grade of the passage with a meter's last stretch."""
@@ -163,31 +181,30 @@ def _odg(meter: PeaqMeter, name: str) -> float | None:
 
 
 class LevelControl:
-    """Chooses the base level of each stretch.
+    """Chooses the base level that keeps a grade.
 
     Parameters
     ----------
-    lowest : float
-        Objective difference grade to aim at, -4 to 0; with a rehearsal, the lowest one allowed.
+    target : float
+        Objective difference grade to aim at, -4 to 0.
     channels : int
         1 or 2 channels that are listened to.
     quiet : bool
-        Whether a rehearsal may allow a better grade.
+        Aim at a better grade where `strive` allows it.
 
     Attributes
     ----------
     base : float
-        Base level of the stretch that was written last, `START_BASE` before.
-    lack : float
-        Levels that it lacked for its margin because of the lowest grade, 0 if none.
+        Base level of the next stretch.
     """
 
-    def __init__(self, lowest: float, channels: int, *, quiet: bool = False) -> None:
-        if not -4 < lowest < 0:
-            raise CueError(f"grade {lowest} to aim at is not within -4..0")
-        self._lowest, self._rehearsed = lowest, quiet
-        self._best = max(lowest, QUIET_GRADE) if quiet else lowest
-        self.base, self.lack = START_BASE, 0.0
+    def __init__(self, target: float, channels: int, *, quiet: bool = False) -> None:
+        if not -4 < target < 0:
+            raise CueError(f"grade {target} to aim at is not within -4..0")
+        self._wanted, self._rehearsed = target, quiet
+        self._best = max(target, QUIET_GRADE) if quiet else target
+        self._target = target
+        self.base = START_BASE
         self._passage = _Passage(channels)
         self._started = False
 
@@ -201,18 +218,21 @@ class LevelControl:
         attempt: Callable[[float | None, GainSmoothing | None], T],
         *,
         enough: float | None = None,
-        least: float | None = None,
+        least: float = -math.inf,
     ) -> T:
-        """Return the stretch at the base that serves margin and grade.
+        """Return the attempt that serves the wanted grade.
 
         Parameters
         ----------
         attempt : callable
             Gives the stretch at a base level, which may be `QUIETEST`, and unmarked for None;
             with relief where that is given.
-        enough, least : float, optional
-            Base levels at which the margin suffices, and at which it is the least that may be
-            chosen for the sake of the grade; None if unknown.
+        enough : float, optional
+            Base level that suffices; a better grade is aimed at where it is below that of the
+            wanted one.
+        least : float
+            Base level below which superframes would fail: only a stretch that grades far too low
+            by itself is written more softly.
         """
         relief: GainSmoothing | None = None
 
@@ -220,64 +240,54 @@ class LevelControl:
             made = attempt(base, relief)
             return _HeardAttempt(made, *self._passage.tried(made))
 
-        if self._started and self._passage.last is not None:
-            moved = self._solve(self._passage.mean_base, self._passage.last, enough, least)
-            self.base += float(np.clip(moved - self.base, *MOVE_LIMITS))
         chosen = hear(self.base)
         if (grade := chosen.grade) is not None:
             if not self._started:
-                chosen = self._begin(hear, chosen, enough, least)
-                grade = chosen.grade or 0.0
+                chosen = self._begin(hear, chosen, grade)
+                if enough is not None and enough < self.base and self._best > self._wanted:
+                    chosen = self._begin_softly(hear, chosen, enough)
+            elif grade < self._wanted - GIVE_UP:
+                chosen = self._soften(hear, grade)
             self._started = True
             base = self.base
-            if grade < self._lowest - GIVE_UP:
-                chosen = self._soften(hear, grade)
             if (relief := self._relief(chosen)) is not None:
                 relieved = hear(base)
                 if self._better(relieved, chosen):
                     chosen = relieved
                 else:
                     relief = None
-        self._passage.add(chosen.meter, self.base, len(chosen.made.clean))
+            softest = max(self.base - SOFTER * SOFTER_TRIALS, least)
+            while self._spoils(chosen) and base > softest:
+                base = max(base - SOFTER, softest)
+                chosen = hear(base)
+        passage = self._passage.add(chosen.meter, self.base, len(chosen.made.clean))
+        if passage is not None and grade is not None:
+            self._learn(passage)
+        self.base = max(self.base, least)
         return chosen.made
 
-    def _solve(self, base: float, grade: float, enough: float | None, least: float | None) -> float:
-        """Return the base that serves margin and grade, by a base and the grade that it had."""
-        gain = 1 + MAKE_GOOD * self._passage.maturity if self._started else 1.0
+    @property
+    def overdrawn(self) -> float:
+        """Levels by which the passage stands too high for the lowest grade, 0 if it does not."""
+        last = self._passage.last
+        short = 0.0 if last is None else max(self._wanted - last, 0.0)
+        return OVERDRAWN * self._passage.maturity * short / GRADES_PER_LEVEL
 
-        def of(wanted: float) -> float:
-            return base + gain * (grade - wanted) / GRADES_PER_LEVEL
+    def lack(self, enough: float) -> float:
+        """Levels that a passage lacks though it has the lowest grade, below 0 if none."""
+        return enough - self.base if self._target <= self._wanted + CLOSE_ENOUGH else -math.inf
 
-        lowest = self._lowest
-        if least is not None:
-            lowest -= OVERDRAFT * float(np.clip(least - base, 0.0, 1.0))
-        highest = float(np.clip(of(lowest), *BASE_LIMITS))
-        wanted = of(self._best) if enough is None else max(of(self._best), enough)
-        self.lack = max(0.0, wanted - highest) if enough is not None else 0.0
-        return float(np.clip(min(wanted, highest), *BASE_LIMITS))
-
-    def _begin(
-        self,
-        hear: Callable[[float | None], _HeardAttempt[T]],
-        chosen: _HeardAttempt[T],
-        enough: float | None,
-        least: float | None,
-    ) -> _HeardAttempt[T]:
-        """Find the base of the first stretch."""
-        for _ in range(TRIALS):
-            base = self._solve(self.base, chosen.grade or 0.0, enough, least)
-            if abs(base - self.base) < CLOSE_ENOUGH:
-                break
-            self.base = base
-            chosen = hear(base)
-        return chosen
+    def strive(self, lack: float) -> None:
+        """Aim at another grade, better or as far as the wanted one, where levels lack or exceed."""
+        change = float(np.clip(-STRIVING * GRADES_PER_LEVEL * lack, *STRIVING_LIMITS))
+        self._target = min(max(self._target + change, self._wanted), self._best)
 
     def _relief(self, heard: _HeardAttempt[T]) -> GainSmoothing | None:
         """Relief to try where a rehearsed stretch and its passage have hardly any grade left."""
         passage = self._passage.grade_with(heard.meter)
-        if not self._rehearsed or passage is None or passage > self._lowest + SHORT:
+        if not self._rehearsed or passage is None or passage > self._wanted + SHORT:
             return None
-        if heard.grade is None or heard.grade > self._lowest:
+        if heard.grade is None or heard.grade > self._wanted:
             return None
         gains = self._passage.relief(heard.meter, len(heard.made.clean))
         return None if gains is None else GainSmoothing(gains)
@@ -290,20 +300,63 @@ class LevelControl:
             return False
         return own > own_before + RELIEVED and passage >= passage_before
 
+    def _spoils(self, heard: _HeardAttempt[T]) -> bool:
+        """Whether a stretch drags the passage below its grade by itself."""
+        low = heard.grade is not None and heard.grade < self._target
+        return low and self._passage.spoilt(heard.meter)
+
+    def _learn(self, passage: float) -> None:
+        """Set the base so that the passage comes to its grade."""
+        error = (passage - self._target) / GRADES_PER_LEVEL
+        wanted = self._passage.mean_base + (1 + MAKE_GOOD * self._passage.maturity) * error
+        move = np.clip(wanted - self.base, *MOVE_LIMITS)
+        self.base = float(np.clip(self.base + move, *BASE_LIMITS))
+
+    def _begin(
+        self,
+        hear: Callable[[float | None], _HeardAttempt[T]],
+        chosen: _HeardAttempt[T],
+        grade: float,
+    ) -> _HeardAttempt[T]:
+        """Find the base of the first stretch."""
+        for _ in range(TRIALS):
+            error = grade - self._target
+            if abs(error) < CLOSE_ENOUGH or (error > 0 and self.base == BASE_LIMITS[1]):
+                return chosen
+            self.base = float(np.clip(self.base + error / GRADES_PER_LEVEL, *BASE_LIMITS))
+            chosen = hear(self.base)
+            grade = chosen.grade or 0.0
+        return self._soften(hear, grade) if grade < self._wanted - GIVE_UP else chosen
+
+    def _begin_softly(
+        self,
+        hear: Callable[[float | None], _HeardAttempt[T]],
+        chosen: _HeardAttempt[T],
+        enough: float,
+    ) -> _HeardAttempt[T]:
+        """Find the base at which the first stretch has the best grade, but not below `enough`."""
+        self._target = self._best
+        chosen = self._begin(hear, chosen, chosen.grade or 0.0)
+        if self.base < enough:
+            self.base = enough
+            chosen = hear(enough)
+            self._target = min(max(chosen.grade or 0.0, self._wanted), self._best)
+        return chosen
+
     def _soften(
         self, hear: Callable[[float | None], _HeardAttempt[T]], grade: float
     ) -> _HeardAttempt[T]:
         """Write a stretch that grades far too low at a lower base, or not at all."""
         base = self.base
         for _ in range(TRIALS):
-            base -= max(1.0, (self._lowest - GIVE_UP / 2 - grade) / GRADES_PER_LEVEL)
+            base -= max(1.0, (self._wanted - GIVE_UP / 2 - grade) / GRADES_PER_LEVEL)
             chosen = hear(base)
             grade = chosen.grade or 0.0
-            if grade >= self._lowest - GIVE_UP:
+            if grade >= self._wanted - GIVE_UP:
                 return chosen
         return self._last_resort(hear)
 
     def _last_resort(self, hear: Callable[[float | None], _HeardAttempt[T]]) -> _HeardAttempt[T]:
         """Write a stretch at the lowest level, whatever it needs; if that is heard, not at all."""
         chosen = hear(QUIETEST)
-        return hear(None) if (chosen.grade or 0.0) < self._lowest - GIVE_UP else chosen
+        return hear(None) if (chosen.grade or 0.0) < self._wanted - GIVE_UP else chosen
