@@ -27,6 +27,7 @@ _MOST_BYTES = 1 << 22
 """Bytes of a file of tables at most."""
 
 _MOST_PHONES, _MOST_KINDS, _FEWEST = 64, 16, 3
+"""Limits of an inventory: phones, kinds (shapes or placements), and the least number of kinds."""
 
 _FRENCH = {
     "code": "",

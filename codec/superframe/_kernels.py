@@ -242,7 +242,7 @@ def _decode_magnitude(
         if bit < 0:
             return -1
         magnitude = 2 * magnitude + bit
-    return magnitude
+    return int(magnitude)
 
 
 @njit(cache=True)

@@ -11,6 +11,7 @@ from codec.superframe.range_coder import RangeDecoder
 from codec.superframe.slow_channel import SlowReceiver
 
 _PIECE_BITS = 16
+"""Bits of a piece of the slow channel (spec/bitstream.md, section 3.3)."""
 
 
 class ForeignStream:

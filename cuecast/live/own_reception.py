@@ -31,6 +31,7 @@ ENOUGH = 0.98
 """Share received in a minute below which an alarm is raised."""
 
 _MINUTE_S = 60.0
+"""Seconds of output in a report, as operators read logs by the minute."""
 
 _JITTER_S = 0.05
 """Time stamps that stray by more begin the reception anew: there the sound has a joint or a gap."""

@@ -108,7 +108,7 @@ def test_a_kernel_is_the_same_without_numba() -> None:
         leave, reach = np.full(8, -9.0), np.full(8, -9.0)
         assert kernel(*given, *rest, leave, reach) == 5
         found.append(np.concatenate([leave, reach]))
-    np.testing.assert_allclose(*found, rtol=1e-14)
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-14)
 
 
 @pytest.mark.parametrize("loaded", [False, True])

@@ -129,7 +129,10 @@ def test_datagrams_pass_whatever_happens_to_the_marking(air: Path) -> None:
     sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     came = bytearray()
     with closing(PlayoutServer(playout, 0, told.append)) as server:
-        os.kill(playout._worker._process.process.pid, signal.SIGKILL)
+        marking = playout._worker._process
+        assert marking is not None
+        assert marking.process.pid is not None
+        os.kill(marking.process.pid, signal.SIGKILL)
         assert "state" in asyncio.run(health(server.port))
         asyncio.run(caption(server.port, "Bonsoir."))
         for at in range(0, len(data), 7 * PACKET):

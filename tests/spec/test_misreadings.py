@@ -77,7 +77,8 @@ def decoder(source: str, wanted: int) -> tuple[Any, str]:
         tree = ast.parse(path.read_text(encoding="utf-8"))
         if name == source:
             change = Misreading(wanted)
-            tree = ast.fix_missing_locations(change.visit(tree))
+            change.visit(tree)
+            tree = ast.fix_missing_locations(tree)
             told = change.told
         module = types.ModuleType(f"misread_{name}")
         module.__dict__["__file__"] = str(path)

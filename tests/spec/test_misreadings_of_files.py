@@ -109,7 +109,8 @@ def reader(source: str, wanted: int) -> tuple[dict[str, Any], str]:
             if name == source:
                 change = Misreading(wanted)
                 fresh = ast.parse(ast.unparse(tree))
-                tree, told = ast.fix_missing_locations(change.visit(fresh)), change.told
+                change.visit(fresh)
+                tree, told = ast.fix_missing_locations(fresh), change.told
             module = types.ModuleType(f"spec.reference.{name}")
             module.__dict__["__file__"] = str(ROOT / "spec/reference" / f"{name}.py")
             sys.modules[module.__name__] = module

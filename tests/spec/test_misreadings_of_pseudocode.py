@@ -73,7 +73,8 @@ def source() -> str:
 def misread(wanted: int) -> tuple[ast.Module, str]:
     """Return the program with one misreading, and what it is; '' behind the last."""
     change = Misreading(wanted)
-    tree = change.visit(ast.parse(source()))
+    tree = ast.parse(source())
+    change.visit(tree)
     return ast.fix_missing_locations(tree), change.told
 
 

@@ -17,6 +17,7 @@ Ints = NDArray[np.int64]
 Places = NDArray[np.float64]
 
 _REST_KEY = 0
+"""Number of the key at rest, which no phone has."""
 
 
 @dataclass(frozen=True, slots=True)
