@@ -153,7 +153,7 @@ class AudioReceiver:
         return found
 
     def flush(self) -> list[ReceivedSuperframe]:
-        """Return what the end of the programme still completes.
+        """Return the superframes that the end of the programme completes.
 
         Returns
         -------
@@ -181,7 +181,7 @@ class AudioReceiver:
         return found
 
     def _use(self, mix: ChannelMix) -> None:
-        """Listen to another mix from here on, and to what is remembered of it."""
+        """Listen to another mix from here on, and to its sound in memory."""
         if mix != self._mix:
             self._mix, self._tape = mix, StereoBuffer(self._ring.first)
             self._ring.extend(self._tape, self._mix, self._now)
@@ -245,7 +245,7 @@ class AudioReceiver:
         return found
 
     def _lock(self, mix: ChannelMix, accepted: AcceptedAttempt) -> list[ReceivedSuperframe]:
-        """Follow what was found in a mix."""
+        """Follow the mark found in a mix."""
         self._use(mix)
         self._stretched.forget()
         self._locked_to(accepted.track.demodulator.profile)

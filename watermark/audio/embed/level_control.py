@@ -1,6 +1,6 @@
 """Closed loop from the graded quality to the level of the mark.
 
-In: what a stretch of the programme sounds like at any base level; out: the stretch at the base
+In: a stretch of the programme at any base level; out: the stretch at the base
 level that gives the programme the wanted grade. Superframes stand above or below the base by what
 they need to come through, so stretches differ in grade: it is the running passage that has the
 wanted one. A stretch that would be much worse is written more softly or not at all. The loop
@@ -135,7 +135,7 @@ class _Passage:
         return _odg(self._meter, WHOLE)
 
     def spoilt(self, meter: PeaqMeter) -> bool:
-        """Whether what a meter heard last has cost a passage more than a stretch may."""
+        """Whether a meter's last stretch has cost a passage more than a stretch may."""
         grade = _odg(meter, self._older)
         if self.maturity < RIPE or self.last is None or grade is None:
             return False

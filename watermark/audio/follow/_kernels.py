@@ -22,7 +22,7 @@ def fit_scores(
     """score[d] += sum over frames t and cells g of expected[t, g] times their soft value.
 
     A cell's phase is the real part of the sum over its bins b of terms[t, b] turn[b, d], turned by
-    angle[t] + b bend[t], less dither[g]. Cells of which nothing is expected are left out.
+    angle[t] + b bend[t], less dither[g]. Cells without an expectation are left out.
     """
     bins = turn.shape[0] // dither.size
     phase = np.empty(score.size)

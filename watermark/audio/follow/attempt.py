@@ -52,7 +52,7 @@ class AcceptedAttempt:
     raw : SuperframeView
         The superframe there, before phases are turned.
     reading : SuperframeReading
-        What was accepted.
+        The accepted superframe.
     """
 
     track: Track

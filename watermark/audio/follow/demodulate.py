@@ -1,6 +1,6 @@
 """Demodulation of one profile's superframes: a view of sound to payloads, whatever its level.
 
-In: a `SuperframeView`; out: soft values, log-likelihood ratios and what the link makes of them. The
+In: a `SuperframeView`; out: soft values, log-likelihood ratios and the link's result. The
 level is found by trying: the one that worked last first.
 Specification: spec/audio-carrier.md, W29 to W38.
 """
@@ -89,7 +89,7 @@ class SuperframeReading:
     llr : ndarray of float64, shape (data_cells,)
         Log-likelihood ratios of the coded bits.
     decoded : Decoded
-        What the link found.
+        The link's result.
     """
 
     view: SuperframeView
@@ -258,7 +258,7 @@ class Demodulator:
         return self.coverage.look(view, level, pilot_step)
 
     def _standing(self, view: SuperframeView, level: float) -> NDArray[np.float64]:
-        """Factors of weights, shape (groups,): a single channel bears what stands there.
+        """Factors of weights, shape (groups,): a single channel has its own cells only.
 
         They are 1 unless cells of one place lie nearer to a point of either bit than others.
         """
@@ -330,7 +330,7 @@ class Demodulator:
         return reading if again.decoded.l0 is None else again
 
     def read_second(self, reading: SuperframeReading, view: SuperframeView) -> SuperframeReading:
-        """Read the second class where only the first was accepted, with what that one tells.
+        """Read the second class where only the first was accepted, with its help.
 
         Parameters
         ----------

@@ -1,8 +1,8 @@
 """Phases that the way of the sound has turned, band by band, and how to turn them back.
 
-In: a superframe's spectra and what is known of its cells; out: one phase per band. A crossover, a
+In: a superframe's spectra and its known cells; out: one phase per band. A crossover, a
 phase rotator or an inverted polarity leaves magnitudes as they are, and with them the mask, but
-turns the projections. Known cells (pilots, decoded bits) tell the phase of a band by the soft
+turns the projections. Known cells (pilots, decoded bits) give the phase of a band by the soft
 values that they should have; unknown ones by the second harmonic, in which both bits agree. A path
 through the bands joins both. Sources: blind phase recovery by the M-th power, Viterbi and Viterbi,
 IEEE Trans. IT 29(4), 1983; the path by the algorithm of Viterbi, IEEE Trans. IT 13(2), 1967.
@@ -146,7 +146,7 @@ class Equaliser:
     bands : int
         Bands of the profile, see `band_of`.
     phases : ndarray of float64, shape (bands,), optional
-        What is known at the start; without, phases are taken to be right.
+        Phases at the start; without, they are taken to be right.
 
     Attributes
     ----------

@@ -1,8 +1,8 @@
 """Hypotheses tried on the last seconds of sound, as the scheduler says, until a mark is read.
 
-In: the ring of sound and the time; out: the mix in which a superframe was accepted, and where.
-Cost: `scheduler.SPEND` units of each second of sound, and what the purse pays for the attempts at
-what stands out.
+In: the ring of sound and the time; out: the mix with an accepted superframe, and its place.
+Cost: `scheduler.SPEND` units of each second of sound, and the purse's payments for attempts at
+outstanding places.
 """
 
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class HuntedMark:
     mix : ChannelMix
         Where.
     accepted : AcceptedAttempt or None
-        What was read; None in stretched sound, which is followed already.
+        The superframe read; None in stretched sound, which is followed already.
     superframes : list of ReceivedSuperframe
         Read in stretched sound.
     """
@@ -66,7 +66,7 @@ class HypothesisHunter:
     attempts : CandidateReader
         That reads at candidates.
     follower : TrackFollower
-        That knows what was read already.
+        That knows the superframes read already.
     stretched : StretchedFollower
         That reads sound of another duration at its pitch.
     """
@@ -84,7 +84,7 @@ class HypothesisHunter:
     def hunt(
         self, now: int, sound_s: float, tape: StereoBuffer, mix: ChannelMix
     ) -> HuntedMark | None:
-        """Try what is due at a time, after so much more sound; `tape` holds more of a mix."""
+        """Try the hypotheses due at a time, after more sound; `tape` holds more of a mix."""
         self._scheduler.earn(sound_s)
         if now < self._count:
             return None

@@ -1,10 +1,10 @@
-"""Which cells of a superframe another sound covers, as far as the superframe itself tells.
+"""Interference mask: the cells of a superframe that another sound covers.
 
-In: a superframe's cells at a level, its pilots and what the decoder believes; out: weights that
+In: a superframe's cells at a level, its pilots and the decoder's beliefs; out: weights that
 turn soft values into log-likelihood ratios. A voice over the programme covers some cells wholly and
 leaves others untouched, in patches of time and frequency. Untouched cells keep off the zones
-between the lattice's points, whatever their bits; known pilots tell more, and so do the bits that
-the decoder has come to believe. Each tells of its neighbourhood; nothing is learnt from one
+between the lattice's points, whatever their bits; known pilots show more, and so do the bits that
+the decoder has come to believe. Each informs on its neighbourhood; nothing is learnt from one
 superframe to the next. Source: decoding and estimation in turns as in Berrou and Glavieux, IEEE
 Trans. Com. 44(10), 1996. Specification: spec/audio-carrier.md, W38.
 """
@@ -101,7 +101,7 @@ class InterferenceEstimator:
 
 @dataclass(frozen=True, slots=True)
 class InterferenceMask:
-    """A superframe at a level, of which another sound covers a part.
+    """A superframe at a level, partly covered by another sound.
 
     Attributes
     ----------
@@ -142,7 +142,7 @@ class InterferenceMask:
         return np.asarray(np.log1p(share * (self.zero - 1)) - np.log1p(share * (self.one - 1)))
 
     def _agreement(self, believed: Array) -> Array:
-        """Tell how well soft values around each cell agree with what is believed of them."""
+        """Return how well soft values around each cell agree with the beliefs."""
         trust = np.where(self.soft != 0, believed**2, 0.0)
         agreement = []
         for window in BITS:

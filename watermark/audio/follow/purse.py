@@ -1,7 +1,7 @@
 """What may be spent on decoding where superframes fail.
 
 In: the sound that arrives, which earns an allowance; out: whether an attempt is paid for. Costs are
-counted, not measured: the same sound gives the same attempts on every machine. What cannot be paid
+counted, not measured: the same sound gives the same attempts on every machine. An unpaid attempt
 is left untried and counted. Unit: a thousandth of a second of a core of the machine on which the
 costs were counted; a second of sound earns a quarter of it.
 """
@@ -40,7 +40,7 @@ class DecodingPurse:
     spent : float
         All that was paid.
     reserve : float
-        What is kept for attempts that are likelier than the present ones.
+        Units kept for attempts that are likelier than the present ones.
     """
 
     balance: float = EARNED * SAVED_S
@@ -54,7 +54,7 @@ class DecodingPurse:
 
     @contextmanager
     def sparing(self) -> Iterator[None]:
-        """Keep half of what may be saved: for what is tried beside the likeliest place."""
+        """Keep half of the savings, for attempts beside the likeliest place."""
         before, self.reserve = self.reserve, EARNED * SAVED_S / 2
         try:
             yield
@@ -62,7 +62,7 @@ class DecodingPurse:
             self.reserve = before
 
     def charge(self, cost: float) -> None:
-        """Pay what is done in any case, on credit if need be."""
+        """Pay for work that is done in any case, on credit if need be."""
         self.balance -= cost
         self.spent += cost
 
@@ -76,6 +76,6 @@ class DecodingPurse:
 
 
 def decoding_cost(list_size: int, mother: int) -> float:
-    """Return what a decoding costs."""
+    """Return the cost of a decoding."""
     cost = next(cost for paths, cost in PATHS_COST if list_size <= paths)
     return cost * mother / USUAL_MOTHER

@@ -81,7 +81,7 @@ class _Place:
     tempo : float
         Nominal duration of superframes over that which is heard, as far as is known.
     assumed : float
-        What it was thought to be at first.
+        The tempo assumed at first.
     origin : float
         Where the first superframe began.
     level : float
@@ -137,7 +137,7 @@ class StretchedFollower:
 
     @property
     def profile(self) -> AudioProfile | None:
-        """What the sound that was locked onto announced, None before."""
+        """The announcement of the sound locked onto, None before."""
         return None if self._demodulator is None else self._demodulator.profile
 
     @property
@@ -235,7 +235,7 @@ class StretchedFollower:
     def _learn(
         self, place: _Place, reading: SuperframeReading, places: Array, tempo: float
     ) -> None:
-        """Let a superframe that was read tell where the next one begins."""
+        """Place the next superframe by one that was read."""
         nominal = SUPERFRAME * self._nominal
         if place.read < SETTLED:
             place.assumed = tempo
@@ -275,7 +275,7 @@ class StretchedFollower:
     def _read(
         self, tape: SampleBuffer, place: _Place, *, back: bool = False
     ) -> tuple[SuperframeReading, Array, float]:
-        """Read the superframe that begins at a place, or that ends there; tell at which tempo.
+        """Read the superframe that begins at a place, or ends there; return its tempo.
 
         As long as little is known of the tempo, others are tried.
         """
@@ -297,7 +297,7 @@ class StretchedFollower:
     def _readings(
         self, paths: Paths, levels: list[float], first: float | None, *, due: bool
     ) -> Iterator[tuple[SuperframeReading, Array]]:
-        """Read along the likeliest paths, the first of them from `first` on if that is told."""
+        """Read along the likeliest paths, the first of them from `first` on if given."""
         attempts: list[tuple[float | None, float]] = [(None, jump) for jump in JUMPS]
         if first is not None:
             attempts.insert(0, (first, JUMPS[0]))

@@ -153,7 +153,7 @@ class Track:
 
 
 class TrackReader:
-    """Reads superframes where a track says, and corrects tracks by what it read.
+    """Reads superframes where a track predicts them, and corrects tracks by them.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ class TrackReader:
         self._demodulators: dict[int, Demodulator] = {}
 
     def demodulator(self, number: int) -> Demodulator:
-        """Demodulator of a profile; what it learnt is kept for the next lock."""
+        """Demodulator of a profile; learnt values are kept for the next lock."""
         if number not in self._demodulators:
             profile = list(PROFILES.values())[number]
             self._demodulators[number] = Demodulator(profile, self._key, self._purse)
@@ -190,7 +190,7 @@ class TrackReader:
         """Read with the phases that the track has, then without, or the other way round.
 
         Unless only in brief, then with bands that are too quiet for a programme of full loudness;
-        where bands are turned, at last with phases that this superframe itself tells.
+        where bands are turned, at last with phases from this superframe itself.
         """
         demodulator, turned = track.demodulator, track.equaliser.turned
         for view in _views(track, raw) if turned else [raw]:
@@ -359,7 +359,7 @@ class TrackReader:
 def likely_phases(
     demodulator: Demodulator, view: SuperframeView, known: KnownCells, levels: list[float]
 ) -> list[tuple[Equaliser, float]]:
-    """Phases that pilots and the cells' second harmonics tell, the likeliest with their level."""
+    """Phases from pilots and the cells' second harmonics, the likeliest with their level."""
     certain = score_phases(view, known, demodulator.bands)
     paths = []
     for level in levels:
@@ -389,7 +389,7 @@ def as_used(track: Track, raw: SuperframeView) -> SuperframeView:
 
 
 def received(track: Track, reading: SuperframeReading, fs: int) -> ReceivedSuperframe:
-    """Make what is handed out of a superframe."""
+    """Make the output of a superframe."""
     agreement = reading.soft * track.demodulator.expected(reading.decoded)
     known = np.count_nonzero(agreement) or 1
     return ReceivedSuperframe(

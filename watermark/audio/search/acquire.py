@@ -309,7 +309,7 @@ class _Store:
         self.values = np.zeros((*shape, kept + SPARE * PLACES), dtype=kind)
 
     def extend(self) -> int:
-        """Return where the next `PLACES` values are to be written, after what is remembered."""
+        """Return where the next `PLACES` values are to be written, after those in memory."""
         if self._end + PLACES > self.values.shape[-1]:
             self.values[..., : self.kept] = self.values[..., self._end - self.kept : self._end]
             self._end = self.kept

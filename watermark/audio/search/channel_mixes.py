@@ -69,7 +69,7 @@ class ChannelMix:
 
     @property
     def side(self) -> "ChannelMix | None":
-        """Mix of what the first channels have beside this one, None for one that is no mid."""
+        """Mix of the first channels' rest beside this one, None for one that is no mid."""
         left, right, *rest = self.weights if len(self.weights) > 1 else (1.0, 0.0)
         if abs(left) != abs(right) or any(rest):
             return None
@@ -83,7 +83,7 @@ def usual_mix(channels: int) -> ChannelMix:
 
 
 def kinds_of(channels: int) -> tuple[str, ...]:
-    """Return the kinds of mixes, other than the usual one, that so many channels may have."""
+    """Return the kinds of mixes, other than the usual one, that `channels` channels may have."""
     if channels == 1:
         return ()
     kinds = (LATE, SIDE, LEFT, RIGHT)
@@ -176,7 +176,7 @@ def usual_gain(sound: NDArray[np.float64]) -> float:
 
 
 def _find_skew(left: NDArray[np.float64], right: NDArray[np.float64]) -> tuple[int, float] | None:
-    """Sign and lateness of right against left, None where nothing tells.
+    """Sign and lateness of right against left, None if unknown.
 
     Source: phase transform, Knapp and Carter, IEEE Trans. ASSP 24(4), 1976.
     """

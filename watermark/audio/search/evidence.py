@@ -32,7 +32,7 @@ class Evidence:
     def add(
         self, peaks: NDArray[np.int16] | NDArray[np.float32], first: int, period: int
     ) -> tuple[int, int, float]:
-        """Add a stretch and return what stands out.
+        """Add a stretch and return outstanding places.
 
         Parameters
         ----------
@@ -48,7 +48,7 @@ class Evidence:
         pair : int
             The likeliest pair of tier and profile.
         place : int
-            The stretch's place of which most is known; it is below the period.
+            The stretch's place with the most evidence; it is below the period.
         significance : float
             Deviations by which the evidence there stands above the mean.
         """

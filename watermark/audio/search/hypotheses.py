@@ -1,4 +1,4 @@
-"""What may have happened to a sound in which the usual search finds nothing.
+"""Hypotheses on a sound where the usual search finds nothing.
 
 In: a number of channels; out: all hypotheses, the likeliest first, each with its cost and with the
 pause after which it is worth trying again: bands turned in phase (a crossover, a rotator), one
@@ -61,7 +61,7 @@ COST_SCAN, COST_STEP = 2.0, 1.3
 
 
 class PilotHypothesis(Enum):
-    """How pilots are sought: as ever, each band at any phase, or in pieces."""
+    """How pilots are sought: as usual, each band at any phase, or in pieces."""
 
     PLAIN = "plain"
     TURNED = "turned"
@@ -109,7 +109,7 @@ class ChannelHypothesis:
 
 
 def make_hypotheses(channels: int) -> tuple[ChannelHypothesis, ...]:
-    """List what a sound of so many channels is tried for, the likeliest first."""
+    """List the hypotheses for a sound of `channels` channels, the likeliest first."""
     turned, pieces = PilotHypothesis.TURNED, PilotHypothesis.STRETCHED
     ladder = [PILOT_STEPS[0] * 2 ** (i / GAIN_STEPS) for i in GAIN_LADDER]
     parts = [ladder[i : i + LADDER_PART] for i in range(0, len(ladder), LADDER_PART)]

@@ -2,8 +2,8 @@
 
 In: the time, second by second of sound; out: the hypothesis whose pause has run out longest, as
 long as the allowance pays for it. The spend of a second of sound is the same in the first minute
-and after hours; what was read before on this set comes first, and more often.
-Cost: that of what is tried, `SPEND` of every second of sound.
+and after hours; hypotheses that were right before on this set come first, and more often.
+Cost: that of the hypotheses tried, `SPEND` of every second of sound.
 """
 
 from dataclasses import dataclass, field

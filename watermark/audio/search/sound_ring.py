@@ -78,7 +78,7 @@ class SoundRing:
         return np.stack([sound.read(start, 1.0, count) for sound in self._sounds], axis=1)
 
     def extend(self, tape: StereoBuffer, mix: ChannelMix, now: int) -> None:
-        """Append to a tape what is known of a mix at a time."""
+        """Append the known part of a mix to a sample buffer at a time."""
         skew = mix.skew
         known = now - (math.ceil(abs(skew)) + tape.reach(1.0) if skew else 0)
         if known > tape.end:
@@ -93,7 +93,7 @@ class SoundRing:
         return self._kept[2]
 
     def _append(self, tape: StereoBuffer, mix: ChannelMix, count: int) -> None:
-        """Append a mix, and what is beside it."""
+        """Append a mix, and its rest."""
         start, (late, own, aside) = tape.end, mix.echo
         beside = self._mixed(mix.side, start, count) if mix.side else np.zeros(count)
         sound = self._mixed(mix, start, count)

@@ -27,7 +27,7 @@ from watermark.audio.signal.profile import PILOT_SLOTS, PILOT_STEPS
 
 @dataclass(frozen=True, slots=True)
 class StretchScores:
-    """What a stretch says of all places.
+    """A stretch's scores of all places.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ def search_stretch(
     key : int
         Seed of the layout.
     sound : ndarray of float64, shape (n,)
-        Samples at 12 kHz. Where it is longer than two superframes, scores are summed as ever.
+        Samples at 12 kHz. Where it is longer than two superframes, scores are summed as usual.
     gain : float
         Doublings by which a gain moved all steps.
     exact : bool

@@ -1,6 +1,6 @@
 """Acquisition in sound that was stretched at its pitch: pilots that lie in pieces.
 
-Within a piece pilots lie as ever; from piece to piece some milliseconds are left out or heard
+Within a piece pilots lie as usual; from piece to piece some milliseconds are left out or heard
 twice. In: sound at 12 kHz; out: the likeliest path of a superframe's pilots, by dynamic programming
 (Viterbi, IEEE Trans. IT 13(2), 1967). Specification: spec/audio-carrier.md, W48.
 """
@@ -37,7 +37,7 @@ reach it, too."""
 
 @dataclass(frozen=True, slots=True)
 class StretchedCandidate:
-    """A superframe that pilots tell of.
+    """A superframe indicated by pilots.
 
     Attributes
     ----------
