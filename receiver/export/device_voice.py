@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from codec.cuer.voice import Voice
 from codec.cuer.voice import arrays_of as voice_arrays
+from codec.cues.language import french
 from codec.errors import VoiceError
 from codec.superframe.coding import arrays_of as coding_arrays
 from codec.superframe.coding import coding_for
@@ -51,8 +52,14 @@ def device_voice(voice: Voice) -> bytes:
     Raises
     ------
     VoiceError
-        If the voice has more parameters than receivers have room for.
+        If the voice has more parameters than receivers have room for, or cues another language
+        than French, whose tables are of other sizes.
     """
+    if voice.language != french():
+        raise VoiceError(
+            f"voice {voice.name} cues {voice.language.name}: "
+            "devices and web pages have room for the tables of French only"
+        )
     coding = coding_for(voice)
     return packed(
         dict(voice_arrays(voice)), dict(coding_arrays(coding)), coding.identity, voice.identity

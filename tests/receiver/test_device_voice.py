@@ -15,6 +15,7 @@ from codec.superframe.coding import arrays_of as coding_arrays
 from codec.superframe.coding import coding_for
 from cuecast.command.cli import main
 from receiver.export.device_voice import device_voice, packed
+from tests.codec.american import american_voice
 
 VOICE = load_voice()
 
@@ -34,6 +35,11 @@ def test_more_parameters_than_receivers_have_room_for() -> None:
     coding = dict(coding_arrays(coding_for(VOICE))) | {"mean": np.zeros(32, np.float32)}
     with pytest.raises(VoiceError, match="32 parameters, receivers have room for 31"):
         packed(dict(voice_arrays(VOICE)), coding, 16 * "0", 16 * "0")
+
+
+def test_another_language_is_refused() -> None:
+    with pytest.raises(VoiceError, match="American English: devices"):
+        device_voice(american_voice())
 
 
 def test_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
