@@ -38,7 +38,8 @@ def prepare(folder: Path) -> None:
     for part in ("docs", "spec"):
         for path in sorted((ROOT / part).rglob("*")):
             place = path.relative_to(ROOT)
-            if path.suffix in (".md", ".png", ".svg") and "templates" not in place.parts:
+            apart = {"templates", "data"} & set(place.parts)
+            if path.suffix in (".md", ".png", ".svg") and not apart:
                 (folder / place).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy(path, folder / place)
     lists = folder / "docs" / "README.md"
