@@ -29,7 +29,7 @@ from spec.reference.hearing_view import (
 )
 from spec.reference.list_decoder import decode
 
-STRETCH, PLACE = 4 * LENGTH, 4
+STRETCH, PLACE = 4 * LENGTH, 2
 """(A4) Samples that are searched at once, and between two places."""
 STEPS = 5
 """(A4) Steps of pilots."""
