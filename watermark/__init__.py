@@ -26,7 +26,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from watermark.audio.embed.codec_loop import CodecLoop, CodecStream
-    from watermark.audio.embed.embedder import AudioEmbedder, EmbedReport, SuperframeMargin
+    from watermark.audio.embed.embedder import AudioEmbedder
+    from watermark.audio.embed.report import EmbedReport, SuperframeMargin
     from watermark.audio.receiver import AudioReceiver
     from watermark.audio.signal.profile import AudioProfile
     from watermark.link.superframe import ReceivedSuperframe
@@ -61,11 +62,11 @@ _HOMES = {
     "AudioReceiver": "watermark.audio.receiver",
     "CodecLoop": "watermark.audio.embed.codec_loop",
     "CodecStream": "watermark.audio.embed.codec_loop",
-    "EmbedReport": "watermark.audio.embed.embedder",
+    "EmbedReport": "watermark.audio.embed.report",
     "Movs": "watermark.quality.movs",
     "PeaqResult": "watermark.quality.peaq",
     "ReceivedSuperframe": "watermark.link.superframe",
-    "SuperframeMargin": "watermark.audio.embed.embedder",
+    "SuperframeMargin": "watermark.audio.embed.report",
     "VideoEmbedder": "watermark.video.embed",
     "VideoProfile": "watermark.video.profile",
     "VideoReceiver": "watermark.video.receive",

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from receiver.media.programme import SoundFormat
 from watermark.audio.embed.codec_loop import CodecLoop
-from watermark.audio.embed.embedder import AudioEmbedder, Source, SuperframeMargin
+from watermark.audio.embed.embedder import AudioEmbedder, Source
+from watermark.audio.embed.report import SuperframeMargin
 from watermark.audio.signal.mix import RATES
 from watermark.link.superframe import SUPERFRAME_S
 from watermark.quality.resample import Resampler

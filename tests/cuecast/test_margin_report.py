@@ -1,7 +1,7 @@
 """What `dub` says of the margin that a rehearsal found."""
 
 from cuecast.dubbing.margin_report import in_words, margin_figures
-from watermark.audio.embed.embedder import SuperframeMargin
+from watermark.audio.embed.report import SuperframeMargin
 
 
 def figures(margins: list[float], profile: str = "standard") -> dict[str, object]:

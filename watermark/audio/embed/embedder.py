@@ -18,6 +18,7 @@ from watermark.audio.embed.design import MarkDesigner
 from watermark.audio.embed.gain_smoothing import GainSmoothing
 from watermark.audio.embed.level_control import QUIETEST, LevelControl
 from watermark.audio.embed.multichannel import MarkShares
+from watermark.audio.embed.report import EmbedReport, SuperframeMargin
 from watermark.audio.embed.stereo_design import StereoDesigner, leaning_of
 from watermark.audio.signal.mix import add_mark, check_format, front_of, mid_of, side_of
 from watermark.audio.signal.profile import FS, HOP, LEVELS, SUPERFRAME, find_profile
@@ -73,57 +74,6 @@ REPORTED = 100_000
 
 Source = Callable[[int], tuple[bytes, bytes]]
 """Payloads (L0, L1) of the superframe on air from programme time k * 0.64 s."""
-
-
-@dataclass(frozen=True, slots=True)
-class EmbedReport:
-    """What happened to a programme.
-
-    Attributes
-    ----------
-    duration_s : float
-        Length of the programme handed out so far.
-    superframes : int
-        Superframes written into sound that can carry.
-    snr_db : float or None
-        Programme's mid over mark; None when nothing was marked.
-    odg : float or None
-        Objective difference grade of the marked sound, as stereo; None at a fixed level.
-    silent_s : tuple of (float, float)
-        Start and end of stretches that cannot carry, seconds.
-    net_bps, gross_bps : float
-        Payload rate and rate of cells.
-    """
-
-    duration_s: float
-    superframes: int
-    snr_db: float | None
-    odg: float | None
-    silent_s: tuple[tuple[float, float], ...]
-    net_bps: float
-    gross_bps: float
-
-
-@dataclass(frozen=True, slots=True)
-class SuperframeMargin:
-    """Margin of a superframe by its rehearsal.
-
-    Attributes
-    ----------
-    number : int
-        Of the superframe, on air from `number` * 0.64 s.
-    margin : float
-        Information that is left, in units of the bits of the message and its checks.
-    coder : str
-        Name of the coder that leaves least.
-    loudest : bool
-        Whether it stands at the highest level: no grade would give it more.
-    """
-
-    number: int
-    margin: float
-    coder: str
-    loudest: bool = False
 
 
 @dataclass(frozen=True, slots=True)
