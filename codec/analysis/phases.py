@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from codec.cuer import layout
 from codec.cuer.models import rigid
@@ -202,6 +201,8 @@ def hand_speed(markers: NDArray[np.floating], rate_hz: float) -> NDArray[np.floa
     window = max(5, 2 * round(0.5 * _SMOOTHING_S * rate_hz) + 1)
     if len(hand) < window:
         return np.zeros(len(hand))
+    from scipy.signal import savgol_filter  # 2 s and 50 MB, needed only here
+
     velocity = savgol_filter(hand, window, 3, deriv=1, delta=1 / rate_hz, axis=0)
     return np.asarray(np.linalg.norm(velocity, axis=1))
 

@@ -12,7 +12,6 @@ from functools import cache
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.signal import sosfilt
 
 from watermark.quality.ear import (
     FS,
@@ -174,6 +173,8 @@ class FilterBank:
         ndarray of complex128, shape (2, channels, n / 32, 40)
         """
         loud = pair * 10 ** (FULL_SCALE_DB / 20)
+        from scipy.signal import sosfilt  # 2 s and 50 MB, needed only here
+
         clean, self._rejection = sosfilt(_DC_REJECTION, loud, axis=1, zi=self._rejection)
         sound = np.concatenate([self._past, clean], axis=1)
         self._past = sound[:, pair.shape[1] :]

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
-from scipy.signal import savgol_filter
 
 from codec.cuer import layout
 from codec.cuer.models import rigid
@@ -253,6 +252,8 @@ def smoothed(
     window = 2 * round(_SMOOTHED_S * rate_hz) + 1
     if window <= 3 or len(markers) < window:
         return markers
+    from scipy.signal import savgol_filter  # 2 s and 50 MB, needed only here
+
     smooth = savgol_filter(markers, window, 2, axis=0)
     shown = minimum_filter1d(visible.astype(np.int8), window, axis=0, mode="constant") > 0
     return np.where(shown[..., None], smooth, markers)
