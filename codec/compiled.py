@@ -56,6 +56,8 @@ class Kernel:
     ----------
     py_func : callable
         The function itself.
+    light_s : float
+        Estimated seconds that it has run as Python.
     """
 
     def __init__(self, function: FunctionType, options: dict[str, Any]) -> None:
@@ -63,6 +65,7 @@ class Kernel:
         self.py_func = function
         self._options = options
         self._dispatcher: Any = None
+        self.light_s = 0.0
 
     def __call__(self, *arguments: Any) -> Any:
         """Run the compiled function."""
@@ -119,12 +122,19 @@ def is_loaded() -> bool:
     return "numba" in sys.modules
 
 
-def lightly(kernel: Any) -> Callable[..., Any]:
+_MOST_LIGHT_S = 0.5
+"""Seconds of a kernel run as Python after which importing numba is cheaper."""
+
+
+def lightly(kernel: Any, work_s: float = 0.0) -> Callable[..., Any]:
     """Return a kernel to be called with little work: without numba where that is not loaded.
 
     Parameters
     ----------
     kernel : Kernel or a numba dispatcher
+    work_s : float
+        Estimated seconds of this call as Python: once they add up to the time that importing numba
+        takes, the kernel is compiled.
 
     Returns
     -------
@@ -135,8 +145,9 @@ def lightly(kernel: Any) -> Callable[..., Any]:
     >>> lightly(njit()(lambda x: x + x))(2)
     4
     """
-    if is_loaded() or not isinstance(kernel, Kernel):
+    if is_loaded() or not isinstance(kernel, Kernel) or kernel.light_s > _MOST_LIGHT_S:
         return kernel  # type: ignore[no-any-return]
+    kernel.light_s += work_s
     return _interpreted(kernel.py_func)
 
 

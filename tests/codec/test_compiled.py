@@ -126,3 +126,10 @@ def test_shapes_apart_is_a_fit_of_each_pair(loaded: bool, monkeypatch: pytest.Mo
         apart = np.linalg.norm(rigid.rigid_motion(fingers[shape], fit) - seen, axis=2)
         np.testing.assert_allclose(found[:, shape], np.sqrt((apart**2).mean(axis=1)), rtol=1e-9)
     assert (found[:, 1] < 6.0).all()
+
+
+def test_much_light_work_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("codec.compiled.is_loaded", lambda: False)
+    kernel = Kernel(_kernels.strokes_into.py_func, {})
+    taken = [lightly(kernel, work_s=0.2) is kernel for _ in range(4)]
+    assert taken == [False, False, False, True]

@@ -27,6 +27,9 @@ FloatArray = NDArray[np.float64]
 
 N_PLACEMENTS = len(PLACEMENTS)
 
+_KEY_S = 0.0015
+"""Seconds that the kernel takes per key as Python."""
+
 _STEP_S = 0.02
 """Seconds between the moments that are looked at."""
 
@@ -158,7 +161,7 @@ class VisibilityModel:
         m = self.movement
         lateness = np.array([m.turn_begin_s, m.turn_end_s, m.fingers_begin_s, m.fingers_end_s])
         kernel = _kernels.seen_into
-        (lightly(kernel) if len(key) <= FEW else kernel)(
+        (lightly(kernel, _KEY_S * len(key)) if len(key) <= FEW else kernel)(
             leave, reach, shown, _STEP_S, lateness, max(m.stroke_s, 1e-9), m.power, self.arc,
             self.place, self.tip, self.knuckle, self.goal, self.gram, CLEAR_MM, begun, held, peak,
         )  # fmt: skip
