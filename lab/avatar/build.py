@@ -19,7 +19,9 @@ from lab.avatar.arms import lower_arms
 from lab.avatar.hand import hand_part
 from lab.avatar.head import head_part, read_groups
 from lab.avatar.maps import MarkerMap, learn
+from lab.avatar.mouth import lip_rings, mouth_arrays
 from lab.avatar.parts import FloatArray, IntArray, Part
+from lab.avatar.shapes import eye_arrays, mesh_shapes, shape_arrays
 from lab.body import arm_weights, neck_weights
 from synth.motion.body.anatomy import identity
 from synth.motion.body.body import Body, BodyPose, bone_factors, load_asset, load_body
@@ -35,6 +37,9 @@ FACE_RANK, HAND_RANK = 10, 16
 
 _RATE_HZ = 12.5
 """Poses per second of the performance that the maps are learnt from: neighbours are alike."""
+
+_STILL_MM = 0.08
+"""Largest movement in mm of a vertex that counts as none."""
 
 _LARYNX = "larynxRaise"
 
@@ -60,19 +65,23 @@ class Limb:
     part: Part
     control: IntArray
     map: MarkerMap
+    moving: IntArray
     error_mm: dict[str, float]
 
     def arrays(self, prefix: str) -> dict[str, NDArray[Any]]:
         """Return the arrays of the asset."""
         number = np.full(self.control.max() + 1, -1)
         number[self.control] = np.arange(len(self.control))
-        largest = np.abs(self.map.basis).max(axis=1)
+        basis = self.map.basis.reshape(len(self.map.basis), -1, 3)
+        basis = basis[:, self.moving]
+        largest = np.abs(basis).max(axis=(1, 2))
         part = self.part
         arrays = {
             "markers": self.map.rest_markers.astype(np.float32),
             "rest": self.map.rest.astype(np.float32),
             "coefficients": (self.map.coefficients * largest / 32767).astype(np.float32),
-            "basis": np.rint(self.map.basis * 32767 / largest[:, None]).astype(np.int16),
+            "basis": np.rint(basis * 32767 / largest[:, None, None]).astype(np.int16),
+            "moving": self.moving.astype(np.uint16),
             "sources": number[part.sources].astype(np.uint16),
             "shares": _whole_shares(part.shares),
             "offsets": np.rint(part.offsets * 256).astype(np.int16),
@@ -89,10 +98,12 @@ class BuiltAvatar:
     Attributes
     ----------
     head, hand : Limb
+    mouth : dict of str to ndarray
+        Arrays of the lips and teeth.
+    shapes : dict of str to ndarray
+        Arrays of the blend shapes and eyes.
     head_weights : ndarray, shape (V, 2)
         Share of the head's turn and shift that each control vertex of the head follows.
-    blink : ndarray, shape (V, 3)
-        Displacement of the head's control vertices when the eyes are closed.
     unit_names : tuple of str
         Of the face units that ARKit knows and markers see.
     unit_rest : ndarray, shape (63, 3)
@@ -103,20 +114,20 @@ class BuiltAvatar:
 
     head: Limb
     hand: Limb
+    mouth: dict[str, NDArray[Any]]
+    shapes: dict[str, NDArray[Any]]
     head_weights: FloatArray
-    blink: FloatArray
     unit_names: tuple[str, ...]
     unit_rest: FloatArray
     units: FloatArray
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays of the asset (`receiver.drawing.avatar` reads them)."""
-        lids = np.flatnonzero(np.abs(self.blink).max(axis=1) > 0.01)
         return {
             **self.head.arrays("head"), **self.hand.arrays("hand"),
             "head_weights": np.rint(255 * self.head_weights).astype(np.uint8),
-            "blink_vertices": lids.astype(np.uint16),
-            "blink": self.blink[lids].astype(np.float32),
+            **self.mouth,
+            **self.shapes,
             "unit_names": np.array(self.unit_names),
             "unit_rest": self.unit_rest.astype(np.float32),
             "units": self.units.astype(np.float32),
@@ -161,9 +172,42 @@ def build_avatar(folder: Path, cuer: str) -> BuiltAvatar:
     quads = groups["body"][(arm[groups["body"]] > 0.5).all(axis=1)]
     joints = np.array([mesh.joints["wrist.R"][0], mesh.joints["lowerarm01.R"][0]])
     part = hand_part(quads, mesh.vertices, hand, joints)
-    weights, blink = _weights_and_blink(posed, head.control, body, voice)
+    weights = _weights(posed, head.control, body, voice)
     limb = _hand(mesh, part, body, voice, origin)
-    return BuiltAvatar(head, limb, weights, blink, *_arkit_units(body, voice))
+    mouth, shapes = _mouth_and_shapes(posed, groups, head, body, origin)
+    return BuiltAvatar(head, limb, mouth, shapes, weights, *_arkit_units(body, voice))
+
+
+def _mouth_and_shapes(
+    mesh: Mesh, groups: dict[str, IntArray], head: Limb, body: Body, origin: FloatArray
+) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
+    """Return the arrays of lips and teeth, and those of blend shapes and eyes."""
+    number = np.full(len(mesh.vertices), -1)
+    number[head.control] = np.arange(len(head.control))
+    scale = np.array(body.anatomy.face) * body.anatomy.scale
+    balls = [np.unique(groups[f"helper-{side}-eye"]) for side in "rl"]
+    upper, lower = (groups[f"helper-{row}-teeth"] for row in ("upper", "lower"))
+    # The frame of the asset: what is rigid shows where the mesh came to lie.
+    rigid = number[np.unique(np.concatenate([*balls, upper.ravel()]))]
+    rigid = rigid[rigid >= 0]
+    before, after = mesh.vertices[head.control[rigid]] * scale, head.map.rest[rigid]
+    u, _, v = np.linalg.svd((before - before.mean(0)).T @ (after - after.mean(0)))
+    u[:, 2] *= np.sign(np.linalg.det(u @ v))
+    turn = u @ v
+    place = (mesh.vertices[head.control] * scale - before.mean(0)) @ turn + after.mean(0)
+    used = np.unique(lower)
+    front = used[number[used] >= 0]
+    jaw = front[np.argmax(mesh.vertices[front, 2] + mesh.vertices[front, 1])]
+    frame = (scale, turn, after.mean(0) - before.mean(0) @ turn)
+    mouth = mouth_arrays(
+        number[lip_rings(groups["body"], mesh.vertices)], place, number[jaw], frame
+    )
+    found = mesh_shapes(mesh, np.unique(groups["helper-tongue"]), np.concatenate(balls))
+    part = replace(head.part, sources=number[head.part.sources])
+    return mouth, {
+        **shape_arrays(found, head.control, np.diag(scale) @ turn),
+        **eye_arrays(part, place, [number[ball[0]] for ball in balls]),
+    }
 
 
 def _arkit_units(body: Body, voice: Voice) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
@@ -221,8 +265,11 @@ def _head(mesh: Mesh, part: Part, body: Body, voice: Voice, origin: FloatArray) 
         params = voice.invert(markers, rate_hz=_RATE_HZ).params
         return voice.face.shape(params[:, :7])
 
-    fitted = _fit(body, seen, decoded, reference, FACE_RANK)
-    return Limb(_scaled(part, scale), control, *fitted)
+    found, errors = _fit(body, seen, decoded, reference, FACE_RANK)
+    # Where no unit of the lessons moves a vertex visibly, the map holds the markers' noise only.
+    moved = np.tensordot(np.abs(_poses(body, _LESSON).units).max(axis=0), np.abs(units), axes=1)
+    moving = np.flatnonzero(moved.max(axis=1) > _STILL_MM)
+    return Limb(_scaled(part, scale), control, found, moving, errors)
 
 
 def _hand(mesh: Mesh, part: Part, body: Body, voice: Voice, origin: FloatArray) -> Limb:
@@ -253,7 +300,7 @@ def _hand(mesh: Mesh, part: Part, body: Body, voice: Voice, origin: FloatArray) 
     u, _, v = np.linalg.svd((before - before.mean(0)).T @ (after - after.mean(0)))
     u[:, 2] *= np.sign(np.linalg.det(u @ v))
     turned = replace(part, offsets=part.offsets @ (u @ v))
-    return Limb(turned, control, found, errors)
+    return Limb(turned, control, found, np.arange(len(control)), errors)
 
 
 def _fit(body: Body, seen: Any, decoded: Any, reference: FloatArray, rank: int) -> Any:
@@ -277,10 +324,8 @@ def _scaled(part: Part, scale: FloatArray) -> Part:
     return Part(part.sources, part.shares, part.offsets * scale, part.triangles, part.colours)
 
 
-def _weights_and_blink(
-    mesh: Mesh, control: IntArray, body: Body, voice: Voice
-) -> tuple[FloatArray, FloatArray]:
-    """Return the share of the head's turn and shift, and the lids' way down, per vertex.
+def _weights(mesh: Mesh, control: IntArray, body: Body, voice: Voice) -> FloatArray:
+    """Return the share of the head's turn and shift per vertex, shape (M, 2).
 
     The voice's weights of the throat markers say what share of the head's motion belongs to a
     share of neck in the skin; vertices follow the same curve.
@@ -293,6 +338,4 @@ def _weights_and_blink(
         np.interp(at_control, [0, *at_markers[order], 1], [0, *values[order], 1])
         for values in (voice.face.weights[:, :3].mean(1), voice.face.weights[:, 3:].mean(1))
     ], axis=1)  # fmt: skip
-    scale = np.array(body.anatomy.face) * body.anatomy.scale
-    blink = (mesh.units["eyeBlinkLeft"] + mesh.units["eyeBlinkRight"])[control] * scale
-    return np.clip(weights, 0, 1), blink
+    return np.asarray(np.clip(weights, 0, 1))

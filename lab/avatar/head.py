@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from codec.cuer.layout import FACE_MARKERS, LIP_CORNERS, LOWER_LIP, UPPER_LIP
 from codec.errors import CueError
+from lab.avatar.mouth import lip_rings, teeth, tongue
 from lab.avatar.parts import (
     BLUSH,
     CLOTH,
@@ -18,8 +19,6 @@ from lab.avatar.parts import (
     LIPS,
     MOUTH,
     SKIN,
-    TEETH,
-    TONGUE,
     FloatArray,
     IntArray,
     Part,
@@ -94,17 +93,18 @@ def head_part(mesh: Mesh, groups: dict[str, IntArray], face: FloatArray, arm: Fl
     wanted &= arm < 0.5
     quads = groups["body"]
     triangles = triangulate(quads[wanted[quads].all(axis=1)])
-    parts = [_skin(mesh, face, triangles)]
+    rings = lip_rings(quads, points)
+    parts = [_skin(mesh, face, triangles, rings)]
     for side, letter in ((-1, "r"), (1, "l")):
         ball = np.unique(groups[f"helper-{letter}-eye"])
         parts.append(eyeball(points, ball))
         parts.append(brow(points, triangles, side, _BROW_LINE, _BROW_WIDTH))
         parts.append(_lashes(points, groups[f"helper-{letter}-eyelashes-2"], ball))
-    for name, colour, gloss in (
-        ("helper-upper-teeth", TEETH, 110), ("helper-lower-teeth", TEETH, 90),
-        ("helper-tongue", TONGUE, 60),
-    ):  # fmt: skip
-        parts.append(_in_mouth(points, groups[name], colour, gloss))
+    parts += [
+        teeth(points, groups["helper-upper-teeth"], 0),
+        teeth(points, groups["helper-lower-teeth"], 1),
+        tongue(points, groups["helper-tongue"]),
+    ]
     parts += [hair(points, triangles), back_hair(points)]
     return join(parts)
 
@@ -117,25 +117,6 @@ def _lashes(points: FloatArray, quads: IntArray, ball: IntArray) -> Part:
     colours = plain(LASHES, 10, len(points))
     colours[:, 4] = 235 * np.clip(1 - 1.6 * (away - near) / (far - near), 0, 1)
     return take(quads, colours)
-
-
-def _in_mouth(
-    points: FloatArray, quads: IntArray, colour: tuple[int, int, int], gloss: int
-) -> Part:
-    """Return teeth or tongue: a little inside the lips, darker to the sides and to the throat."""
-    used = np.unique(quads)
-    x, _, z = points.T
-    colours = plain(colour, gloss, len(points))
-    side = np.clip((np.abs(x) - 8) / 16, 0, 1)
-    depth = np.clip((points[used, 2].max() - z) / 45, 0, 1)
-    light = (1 - 0.6 * side) * (1 - 0.8 * depth)
-    colours[:, :3] *= light[:, None]
-    colours[:, 3] *= light
-    part = take(quads, colours)
-    inwards = np.stack([-0.08 * x[used], 0 * x[used], -2.5 - 0.05 * np.abs(x[used])], axis=1)
-    if colour is TONGUE:  # at rest it lies behind the lower teeth, not between the lips
-        inwards += np.array([0, -3.0, -5.0])
-    return Part(part.sources, part.shares, part.offsets + inwards, part.triangles, part.colours)
 
 
 _HAIRLINE = np.array([
@@ -211,11 +192,13 @@ def back_hair(points: FloatArray) -> Part:
     )  # fmt: skip
 
 
-def _skin(mesh: Mesh, face: FloatArray, triangles: IntArray) -> Part:
+def _skin(mesh: Mesh, face: FloatArray, triangles: IntArray, rings: IntArray) -> Part:
     """Return the skin, finer at the lips, and the clothes over it."""
     points = mesh.vertices
-    x, y, z = points.T
-    lips = (np.abs(x) < 36) & (np.abs(y - 660) < 20) & (z > 125)
+    y = points[:, 1]
+    lips = np.zeros(len(points), dtype=bool)
+    lips[rings[1:]] = True
+    of_lips = lips[triangles].all(axis=1)
     hollow = hollowness(points, triangles)
     hollow *= np.where(y < 650, 0.35, 1.0)  # a neck is no cave
     normals = vertex_normals(points, triangles)
@@ -226,8 +209,8 @@ def _skin(mesh: Mesh, face: FloatArray, triangles: IntArray) -> Part:
     def below(line_mm: float) -> Callable[[FloatArray], FloatArray]:
         return lambda p: _neckline(p) + line_mm - p[:, 1]
 
-    bare = cut(triangles, points, above(-9), division=1)
-    fine = tessellate(triangles[lips[triangles].any(axis=1)], 2)
+    bare = cut(triangles[~of_lips], points, above(-9), division=1)
+    fine = tessellate(triangles[lips[triangles].any(axis=1)], 3)
     shirt = cut(triangles, points, below(-5), division=3)
     hem_some = cut(triangles, points, below(0.0), division=3)
     parts = []
@@ -246,8 +229,27 @@ def _skin(mesh: Mesh, face: FloatArray, triangles: IntArray) -> Part:
         )
         colours[:, 4] = 255 * np.clip(edge, 0, 1)
         offsets = lift_mm * (normals[sources] * shares[..., None]).sum(axis=1)
+        if small is fine[2]:
+            offsets += rounded(points, normals, sources, shares)
         parts.append(Part(sources, shares, offsets, small, colours.astype(np.uint8)))
     return join(parts)
+
+
+def rounded(
+    points: FloatArray, normals: FloatArray, sources: IntArray, shares: FloatArray
+) -> FloatArray:
+    """Return offsets (V, 3) that bulge flat triangles to a smooth surface.
+
+    Cubic edges that are normal to the surface at their ends (Vlachos et al. 2001, PN triangles).
+    """
+    offsets = np.zeros((len(sources), 3))
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        a, b = sources[:, i], sources[:, j]
+        edge = points[b] - points[a]
+        rise = (edge * normals[b]).sum(axis=1)[:, None] * normals[b]
+        rise -= (edge * normals[a]).sum(axis=1)[:, None] * normals[a]
+        offsets += (0.5 * shares[:, i] * shares[:, j])[:, None] * rise
+    return offsets
 
 
 def _neckline(points: FloatArray) -> FloatArray:

@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from codec.cuer.layout import FACE_MARKERS, FOREARM, HAND_MARKERS, RIGID_FACE
-from codec.cuer.models.rigid import rigid_motion, weighted_rigid_motion
+from codec.cuer.models.rigid import rigid_motion, rotation_matrices, weighted_rigid_motion
 from codec.cuer.voice import Voice
 from codec.errors import CueError
 from codec.files.npz import read_arrays
+from receiver.drawing.mouth import Mouth
 
 ASSETS = Path(__file__).parents[1] / "assets"
 
@@ -49,8 +50,10 @@ class Surface:
         Markers at which the coarse mesh is at rest, in the frame of the voice's model.
     rest : ndarray, shape (M, 3)
     coefficients : ndarray, shape (3 K, R)
-    basis : ndarray, shape (R, M, 3)
-        The coarse mesh is ``rest + (markers - rest markers) @ coefficients @ basis``.
+    basis : ndarray, shape (R, N, 3)
+        The coarse mesh is ``rest + (markers - rest markers) @ coefficients @ basis`` for the
+        vertices in `moving`, and ``rest`` for the others.
+    moving : ndarray of int, shape (N,)
     sources : ndarray of int, shape (V, 3)
         Vertices of the coarse mesh between which each vertex of the surface lies.
     shares : ndarray, shape (V, 3)
@@ -66,6 +69,7 @@ class Surface:
     rest: FloatArray
     coefficients: FloatArray
     basis: FloatArray
+    moving: NDArray[np.int64]
     sources: NDArray[np.int64]
     shares: FloatArray
     offsets: FloatArray
@@ -75,7 +79,9 @@ class Surface:
     def control(self, markers: FloatArray) -> FloatArray:
         """Return the coarse mesh (T, M, 3) under markers (T, K, 3)."""
         moved = (markers - self.markers).reshape(len(markers), -1) @ self.coefficients
-        return self.rest + np.tensordot(moved, self.basis, axes=1)
+        control = np.repeat(self.rest[None], len(markers), axis=0)
+        control[:, self.moving] += np.tensordot(moved, self.basis, axes=1)
+        return control
 
     def refine(self, control: FloatArray) -> FloatArray:
         """Return the surface (T, V, 3) over a coarse mesh (T, M, 3)."""
@@ -93,10 +99,14 @@ class Avatar:
     head, hand : Surface
     head_weights : ndarray, shape (V, 2)
         Share of the head's turn and shift that each vertex of the head follows.
-    blink_vertices : ndarray of int, shape (B,)
-        Vertices of the head's coarse mesh that closing eyes move.
-    blink : ndarray, shape (B, 3)
-        How far they go.
+    mouth : Mouth
+        Lips and teeth of the head.
+    shapes : dict of str to (ndarray of int, shape (B,), ndarray, shape (B, 3))
+        Vertices of the head's coarse mesh that each blend shape moves, and how far at weight 1.
+    eye_ranges : ndarray of int, shape (2, 2)
+        First vertex and number of vertices of the right and the left eyeball.
+    eye_middles : ndarray, shape (2, 3)
+        About which they turn.
     unit_names : tuple of str
         ARKit's names of the units of the face that markers can see.
     unit_rest : ndarray, shape (63, 3)
@@ -109,8 +119,10 @@ class Avatar:
     head: Surface
     hand: Surface
     head_weights: FloatArray
-    blink_vertices: NDArray[np.int64]
-    blink: FloatArray
+    mouth: Mouth
+    shapes: dict[str, tuple[NDArray[np.int64], FloatArray]]
+    eye_ranges: NDArray[np.int64]
+    eye_middles: FloatArray
     unit_names: tuple[str, ...]
     unit_rest: FloatArray
     units: FloatArray
@@ -147,12 +159,30 @@ class Avatar:
     def _place_head(self, params: FloatArray, closed: FloatArray) -> FloatArray:
         model, columns = self.voice.face, self.voice.face_columns
         control = self.head.control(model.shape(params[:, columns[:7]]))
-        control[:, self.blink_vertices] += closed[:, None, None] * self.blink
+        for name in ("eyeBlinkLeft", "eyeBlinkRight"):
+            vertices, moved = self.shapes[name]
+            control[:, vertices] += closed[:, None, None] * moved
+        self.mouth.solve(control)
         motion = model.motion(params[:, columns[7:]])
         weights = np.repeat(self.head_weights, 3, axis=1)
         points = self.head.refine(control) - model.pivot
-        moved = weighted_rigid_motion(points, motion[:, None] * weights)
-        return np.asarray(moved + model.pivot)
+        placed = weighted_rigid_motion(points, motion[:, None] * weights)
+        return np.asarray(placed + model.pivot)
+
+    def turn_eyes(self, points: FloatArray, gaze: FloatArray) -> None:
+        """Turn the eyeballs in the head's surface (T, V, 3), before its motion, in place.
+
+        Parameters
+        ----------
+        points : ndarray, shape (T, V, 3)
+        gaze : ndarray, shape (T, 2)
+            Radians towards the viewer's right, and up.
+        """
+        turns = rotation_matrices(gaze[:, ::-1, None] * [[-1.0, 0, 0], [0, 1, 0]])
+        turn = turns[:, 1] @ turns[:, 0]
+        for (first, count), middle in zip(self.eye_ranges, self.eye_middles, strict=True):
+            ball = points[:, first : first + count] - middle
+            points[:, first : first + count] = ball @ turn.transpose(0, 2, 1) + middle
 
     def _place_hand(self, params: FloatArray) -> FloatArray:
         model, columns = self.voice.hand, self.voice.hand_columns
@@ -204,12 +234,35 @@ def load_avatar(voice: Voice) -> Avatar:
         turn, shift = _fit(arrays["head_markers"], voice.face.mean, "head")
         return Avatar(
             voice, head, hand, (weights * head.shares[..., None]).sum(axis=1),
-            arrays["blink_vertices"].astype(np.int64), arrays["blink"] @ turn,
+            _mouth(arrays, turn, shift), _shapes(arrays, turn),
+            arrays["eye_ranges"].astype(np.int64), arrays["eye_middles"] @ turn + shift,
             tuple(map(str, arrays["unit_names"])), arrays["unit_rest"] @ turn + shift,
             arrays["units"] @ turn,
         )  # fmt: skip
     except (KeyError, ValueError, IndexError) as error:
         raise CueError(f"{path}: damaged avatar: {error!r}") from error
+
+
+def _mouth(arrays: Mapping[str, NDArray[Any]], turn: FloatArray, shift: FloatArray) -> Mouth:
+    """Return lips and teeth; the arch's own shift is that of the frame, whose turn is slight."""
+    a = {key.removeprefix("mouth_"): value for key, value in arrays.items()}
+    arch = a["arch"].astype(np.float64)
+    arch[:, [4, 3, 0]] = arch[:, [4, 3, 0]] @ turn + shift
+    return Mouth(
+        a["rings"].astype(np.int64), a["upper"].astype(np.int64), a["lower"].astype(np.int64),
+        a["beside"].astype(np.int64), a["between"].astype(np.float64), a["lining"] @ turn, arch,
+        int(a["jaw"][0]), a["jaw_rest"] @ turn + shift,
+    )  # fmt: skip
+
+
+def _shapes(
+    arrays: Mapping[str, NDArray[Any]], turn: FloatArray
+) -> dict[str, tuple[NDArray[np.int64], FloatArray]]:
+    ends = np.cumsum(arrays["shape_counts"].astype(np.int64))[:-1]
+    vertices = np.split(arrays["shape_vertices"].astype(np.int64), ends)
+    deltas = np.split(arrays["shape_deltas"] @ turn / OFFSET_UNIT, ends)
+    names = map(str, arrays["shape_names"])
+    return dict(zip(names, zip(vertices, deltas, strict=True), strict=True))
 
 
 def _fit(
@@ -228,12 +281,12 @@ def _surface(arrays: Mapping[str, NDArray[Any]], name: str, reference: NDArray[A
     """Return head or hand, turned and shifted into the frame of the voice's model."""
     a = {key.removeprefix(f"{name}_"): value for key, value in arrays.items()}
     turn, shift = _fit(a["markers"], reference, name)
-    count = len(a["rest"])
+    moving = a["moving"].astype(np.int64)
     coefficients = a["coefficients"].astype(np.float64).reshape(len(a["markers"]), 3, -1)
     return Surface(
         a["markers"] @ turn + shift, a["rest"] @ turn + shift,
         np.einsum("kir,ij->kjr", coefficients, turn).reshape(-1, coefficients.shape[2]),
-        a["basis"].astype(np.float64).reshape(-1, count, 3) @ turn,
+        a["basis"].astype(np.float64).reshape(-1, len(moving), 3) @ turn, moving,
         a["sources"].astype(np.int64), a["shares"] / SHARE_UNIT,
         a["offsets"] @ turn / OFFSET_UNIT, a["triangles"].astype(np.int64), a["colours"],
     )  # fmt: skip

@@ -7,11 +7,12 @@ The avatar: a JSON header and its arrays in one binary message (``page/avatar.js
 
 import base64
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from codec.cuer.layout import MARKERS, N_FACE, longest_finger_tip
 from codec.cuer.voice import Voice
@@ -20,6 +21,7 @@ from codec.cues.score import SHAPES
 from codec.superframe.resynthesis.targets import Targets
 from receiver.drawing.avatar import OFFSET_UNIT, SHARE_UNIT, Avatar, Surface
 from receiver.drawing.camera import ASPECT, Camera, frame_cuer
+from receiver.drawing.mouth import Mouth
 
 _FACE_ARRAYS = ("mean", "directions", "pivot", "motion_mean", "motion_directions", "weights")
 _HAND_ARRAYS = (
@@ -98,8 +100,10 @@ def avatar_document(avatar: Avatar) -> bytes:
     """
     arrays = {
         "head_weights": avatar.head_weights.astype("<f4"),
-        "blink_vertices": avatar.blink_vertices.astype("<u2"),
-        "blink": avatar.blink.astype("<f4"),
+        "eye_ranges": avatar.eye_ranges.astype("<u2"),
+        "eye_middles": avatar.eye_middles.astype("<f4"),
+        **_mouth_arrays(avatar.mouth),
+        **_shape_arrays(avatar.shapes),
         **_surface_arrays("head", avatar.head),
         **_surface_arrays("hand", avatar.hand),
     }
@@ -113,6 +117,23 @@ def avatar_document(avatar: Avatar) -> bytes:
     return len(header).to_bytes(4, "little") + header + body
 
 
+def _mouth_arrays(mouth: Mouth) -> dict[str, Any]:
+    kinds = {
+        "rings": "<u2", "upper": "u1", "lower": "u1", "beside": "u1", "between": "<f4",
+        "lining": "<f4", "arch": "<f4", "jaw_rest": "<f4",
+    }  # fmt: skip
+    arrays = {f"mouth_{name}": getattr(mouth, name).astype(kind) for name, kind in kinds.items()}
+    return arrays | {"mouth_jaw": np.array([mouth.jaw], dtype="<u2")}
+
+
+def _shape_arrays(shapes: Mapping[str, tuple[NDArray[Any], NDArray[Any]]]) -> dict[str, Any]:
+    arrays: dict[str, Any] = {}
+    for name, (vertices, deltas) in shapes.items():
+        arrays[f"shape.{name}"] = vertices.astype("<u2")
+        arrays[f"deltas.{name}"] = np.rint(deltas * OFFSET_UNIT).astype("<i2")
+    return arrays
+
+
 def _surface_arrays(prefix: str, surface: Surface) -> dict[str, Any]:
     """Return the arrays as they travel; the scale of the basis moves into the coefficients."""
     scale = np.abs(surface.basis).max(axis=(1, 2)) / _BASIS_UNIT
@@ -121,6 +142,7 @@ def _surface_arrays(prefix: str, surface: Surface) -> dict[str, Any]:
         "rest": surface.rest.astype("<f4"),
         "coefficients": (surface.coefficients * scale).astype("<f4"),
         "basis": np.rint(surface.basis / scale[:, None, None]).astype("<i2"),
+        "moving": surface.moving.astype("<u2"),
         "sources": surface.sources.astype("<u2"),
         "shares": np.rint(surface.shares * SHARE_UNIT).astype("u1"),
         "offsets": np.rint(surface.offsets * OFFSET_UNIT).astype("<i2"),

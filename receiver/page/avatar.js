@@ -6,6 +6,7 @@
  * numbers as `receiver.avatar`, the same light as `receiver.portrait`.
  */
 
+import { Mouth } from "./mouth.js";
 import { fit } from "./points.js";
 
 const KINDS = { f4: Float32Array, i2: Int16Array, u2: Uint16Array, u1: Uint8Array };
@@ -87,6 +88,7 @@ export class Surface {
     this.rest = part("rest");
     this.coefficients = part("coefficients");
     this.basis = part("basis");
+    this.movingControl = part("moving");
     this.sources = part("sources");
     this.triangles = part("triangles");
     this.colours = part("colours");
@@ -98,20 +100,30 @@ export class Surface {
     this.position = new Float32Array(3 * this.count);
     this.normal = new Float32Array(3 * this.count);
     this.weight = new Float64Array(this.rank);
-    this.findMoving(arrays, prefix);
+    this.shapes = {};
+    this.mouth = null;
+    if (prefix === "head") {
+      this.mouth = new Mouth(arrays);
+      const ranges = arrays.eye_ranges;
+      const vertices = [0, 2].flatMap((k) => Array.from({ length: ranges[k + 1] }, (_, i) => ranges[k] + i));
+      this.eyes = { ranges, vertices, middles: arrays.eye_middles };
+      for (const name of Object.keys(arrays)) {
+        const [kind, shape] = name.split(".");
+        if (kind === "shape") this.shapes[shape] = { vertices: arrays[name], deltas: arrays[`deltas.${shape}`] };
+      }
+    }
+    this.findMoving();
     this.refine(Array.from({ length: this.count }, (_, i) => i));
     this.turnNormals(this.triangles, new Uint8Array(this.count).fill(1));
   }
 
-  /** Note which vertices the map moves at all; the others and their triangles are computed once. */
-  findMoving(arrays, prefix) {
-    const size = this.rest.length;
-    const moves = new Uint8Array(size / 3);
-    for (let r = 0; r < this.rank; r++) {
-      for (let i = 0; i < size; i++) if (Math.abs(this.basis[r * size + i]) > 2) moves[(i / 3) | 0] = 1;
-    }
-    if (prefix === "head") for (const vertex of arrays.blink_vertices) moves[vertex] = 1;
-    this.movingControl = Uint32Array.from(moves.keys()).filter((i) => moves[i]);
+  /** Note which vertices markers and shapes move; the others and their triangles are computed once. */
+  findMoving() {
+    const moves = new Uint8Array(this.rest.length / 3);
+    for (const vertex of this.movingControl) moves[vertex] = 1;
+    for (const shape of Object.values(this.shapes)) for (const vertex of shape.vertices) moves[vertex] = 1;
+    // Shapes add to what is there: every vertex that anything moves begins again at rest.
+    this.changing = Uint32Array.from(moves.keys()).filter((i) => moves[i]);
     const carried = (i) => moves[this.sources[3 * i]] || moves[this.sources[3 * i + 1]] || moves[this.sources[3 * i + 2]];
     this.isMoving = Uint8Array.from({ length: this.count }, (_, i) => (carried(i) ? 1 : 0));
     this.moving = Uint32Array.from(this.isMoving.keys()).filter((i) => this.isMoving[i]);
@@ -123,36 +135,58 @@ export class Surface {
     this.movingTriangles = Uint16Array.from(near);
   }
 
-  /** Bend the surface to `markers` (before their rigid motion). */
-  bend(markers, closed, lids, blink) {
+  /** Bend the surface to `markers` (before their rigid motion) , by blend shapes `{name: weight}` and the eyes' `gaze`, radians to the viewer's right and up. */
+  bend(markers, weights = {}, gaze = [0, 0]) {
     const { weight, rank, coefficients, basis, rest, control, movingControl } = this;
     weight.fill(0);
     for (let i = 0; i < this.markers.length; i++) {
       const moved = markers[i] - this.markers[i];
       for (let r = 0, a = i * rank; r < rank; r++, a++) weight[r] += moved * coefficients[a];
     }
-    const size = rest.length;
-    for (const vertex of movingControl) {
-      const j = 3 * vertex;
-      let x = rest[j];
-      let y = rest[j + 1];
-      let z = rest[j + 2];
-      for (let r = 0, a = j; r < rank; r++, a += size) {
-        x += weight[r] * basis[a];
-        y += weight[r] * basis[a + 1];
-        z += weight[r] * basis[a + 2];
-      }
-      control[j] = x;
-      control[j + 1] = y;
-      control[j + 2] = z;
+    for (const vertex of this.changing) {
+      for (let j = 3 * vertex; j < 3 * vertex + 3; j++) control[j] = rest[j];
     }
-    if (closed > 0) {
-      for (let k = 0; k < lids.length; k++) {
-        for (let c = 0; c < 3; c++) control[3 * lids[k] + c] += closed * blink[3 * k + c];
+    const size = 3 * movingControl.length;
+    for (let i = 0; i < movingControl.length; i++) {
+      const j = 3 * movingControl[i];
+      for (let r = 0, a = 3 * i; r < rank; r++, a += size) {
+        control[j] += weight[r] * basis[a];
+        control[j + 1] += weight[r] * basis[a + 1];
+        control[j + 2] += weight[r] * basis[a + 2];
       }
     }
+    for (const [name, share] of Object.entries(weights)) {
+      if (share === 0) continue;
+      const { vertices, deltas } = this.shapes[name];
+      for (let k = 0; k < vertices.length; k++) {
+        for (let c = 0; c < 3; c++) control[3 * vertices[k] + c] += (share / OFFSET_UNIT) * deltas[3 * k + c];
+      }
+    }
+    this.mouth?.solve(control);
     this.refine(this.moving);
+    if (this.eyes && (gaze[0] !== 0 || gaze[1] !== 0 || this.hasTurned)) this.turnEyes(gaze);
     this.turnNormals(this.movingTriangles, this.isMoving);
+  }
+
+  /** Turn the eyeballs; a ball keeps its normals. */
+  turnEyes([yaw, pitch]) {
+    const { position, eyes } = this;
+    this.hasTurned = yaw !== 0 || pitch !== 0;
+    this.refine(eyes.vertices);
+    const [cy, sy, cp, sp] = [Math.cos(yaw), Math.sin(yaw), Math.cos(pitch), Math.sin(pitch)];
+    for (let eye = 0; eye < 2; eye++) {
+      const [mx, my, mz] = eyes.middles.subarray(3 * eye, 3 * eye + 3);
+      const end = 3 * (eyes.ranges[2 * eye] + eyes.ranges[2 * eye + 1]);
+      for (let j = 3 * eyes.ranges[2 * eye]; j < end; j += 3) {
+        const x = position[j] - mx;
+        const y = position[j + 1] - my;
+        const z = position[j + 2] - mz;
+        const ahead = cp * z - sp * y;
+        position[j] = mx + cy * x + sy * ahead;
+        position[j + 1] = my + cp * y + sp * z;
+        position[j + 2] = mz + cy * ahead - sy * x;
+      }
+    }
   }
 
   /** Place the vertices of the surface over the coarse mesh. */
@@ -230,8 +264,6 @@ export class AvatarView {
   constructor(canvas, model, arrays) {
     this.canvas = canvas;
     this.model = model;
-    this.lids = arrays.blink_vertices;
-    this.blink = arrays.blink;
     this.gl = canvas.getContext("webgl", { alpha: true, antialias: true, stencil: true, premultipliedAlpha: true });
     if (!this.gl) throw new Error("WebGL is missing");
     this.program = link(this.gl, VERTEX.replace("HEIGHT", model.camera.height_mm.toFixed(3)), FRAGMENT);
@@ -274,8 +306,9 @@ export class AvatarView {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     if (look.alpha <= 0) return;
-    this.head.surface.bend(model.faceShape, eyesClosed(timeS), this.lids, this.blink);
-    this.hand.surface.bend(model.handShape, 0);
+    const closed = eyesClosed(timeS);
+    this.head.surface.bend(model.faceShape, { eyeBlinkLeft: closed, eyeBlinkRight: closed });
+    this.hand.surface.bend(model.handShape);
     gl.useProgram(program.handle);
     gl.enable(gl.DEPTH_TEST);
     gl.enable(gl.CULL_FACE);

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from codec.cuer.voice import load_voice
 from codec.cues.score import PLACEMENTS
@@ -15,6 +16,9 @@ from receiver.drawing.avatar import eyes_closed, has_avatar, load_avatar, vertex
 from receiver.drawing.portrait import LIGHT, draw_avatar
 from receiver.drawing.render import write_picture
 from receiver.drawing.voice_document import avatar_document, neutral_camera, voice_document
+from synth.motion.body.body import load_body
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.planning.scoring.text_score import score_of_text
 from tests.receiver.node import PAGE, run_node
 from tests.receiver.standin import make_voice
 
@@ -37,21 +41,29 @@ def test_page_bends_the_same_skin(tmp_path: Path) -> None:
         const out = new Float64Array(339);
         const found = data.params.map((params, i) => {
             model.reconstruct(params, out);
-            head.bend(model.faceShape, eyesClosed(data.times[i]), arrays.blink_vertices, arrays.blink);
-            hand.bend(model.handShape, 0);
+            const closed = eyesClosed(data.times[i]);
+            head.bend(model.faceShape, { eyeBlinkLeft: closed, eyeBlinkRight: closed }, data.gaze);
+            hand.bend(model.handShape);
             return [Array.from(head.position), Array.from(hand.position), Array.from(head.normal)];
         });
         console.log(JSON.stringify([data.times.map(eyesClosed), found]));
     """  # noqa: E501
     times = np.array([1.0, 2.13, 7.9])
+    gaze = [0.3, -0.2]
     data = {"voice": voice_document(VOICE), "params": PARAMS.tolist(), "times": times.tolist()}
+    data["gaze"] = gaze
     closed, found = run_node(tmp_path, script, data)
     assert np.allclose(closed, eyes_closed(times), atol=1e-9)
     for row, shut, (head, hand, normals) in zip(PARAMS.astype(float), closed, found, strict=True):
         shape = VOICE.face.shape(row[None, VOICE.face_columns[:7]])
         control = AVATAR.head.control(shape)
-        control[:, AVATAR.blink_vertices] += shut * AVATAR.blink
-        expected = AVATAR.head.refine(control)[0]
+        for name in ("eyeBlinkLeft", "eyeBlinkRight"):
+            vertices, moved = AVATAR.shapes[name]
+            control[:, vertices] += shut * moved
+        AVATAR.mouth.solve(control)
+        expected = AVATAR.head.refine(control)
+        AVATAR.turn_eyes(expected, np.array([gaze]))
+        expected = expected[0]
         assert np.abs(np.reshape(head, (-1, 3)) - expected).max() < 0.02
         still = VOICE.hand.shape(row[None, VOICE.hand_columns[:12]])
         expected_hand = AVATAR.hand.refine(AVATAR.hand.control(still))[0]
@@ -59,7 +71,82 @@ def test_page_bends_the_same_skin(tmp_path: Path) -> None:
         unit = np.reshape(normals, (-1, 3))
         unit /= np.maximum(np.linalg.norm(unit, axis=1, keepdims=True), 1e-9)
         cosine = (unit * vertex_normals(expected, AVATAR.head.triangles)).sum(axis=1)
-        assert np.quantile(cosine, 0.001) > 0.98
+        # The page keeps the eyeballs' normals.
+        skin = np.ones(len(cosine), dtype=bool)
+        for first, count in AVATAR.eye_ranges:
+            skin[first : first + count] = False
+        assert np.quantile(cosine[skin], 0.001) > 0.98
+
+
+def test_eyes_look_where_they_are_sent() -> None:
+    points = AVATAR.head.refine(AVATAR.head.rest[None])
+    middle, (first, count) = AVATAR.eye_middles[0], AVATAR.eye_ranges[0]
+    pupil = first + points[0, first : first + count, 2].argmax()
+    for gaze, axis in (([0.2, 0.0], 0), ([0.0, 0.2], 1)):
+        turned = points.copy()
+        AVATAR.turn_eyes(turned, np.array([gaze]))
+        moved = turned[0, pupil] - points[0, pupil]
+        assert 1.0 < moved[axis] < 4.0
+        before, after = (np.linalg.norm(p[0, pupil] - middle) for p in (points, turned))
+        assert np.isclose(before, after)
+
+
+def _spoken(text: str) -> np.ndarray:
+    score = score_of_text(text, start_s=0.5)
+    pose = GestureSynthesiser("claire", rate_hz=25).pose(
+        score, 0.0, int(25 * (score.keys[-1].end + 0.5))
+    )
+    return VOICE.invert(load_body("claire").markers(pose), rate_hz=25).params
+
+
+def _teeth() -> np.ndarray:
+    """Return the vertices of the teeth: ivory ones along the arches."""
+    x, y, z = AVATAR.head.refine(AVATAR.head.rest[None])[0].T
+    near = np.zeros(len(x), dtype=bool)
+    for front, bend, steep, tip, middle in AVATAR.mouth.arch:
+        across = (x - middle) ** 2
+        near |= (np.abs(front - across * (bend + steep * across) - z) < 4) & (np.abs(y - tip) < 14)
+    red, _, blue = AVATAR.head.colours[:, :3].T.astype(float)
+    return np.flatnonzero(near & (blue > 0.78 * red) & (red > 60))
+
+
+def test_lips_neither_cut_each_other_nor_the_teeth() -> None:
+    """Labials and rounded vowels: the edges of the lips meet, the teeth stay behind them."""
+    params = _spoken("Vive fauve, beau papa même, chaud jus du veau.")
+    assert len(params) > 80
+    shape = VOICE.face.shape(params[:, VOICE.face_columns[:7]])
+    control = AVATAR.head.control(shape)
+    mouth = AVATAR.mouth
+
+    def overlap_mm(mesh: np.ndarray) -> float:
+        edge = mesh[:, mouth.rings[6]]
+        upper, lower = edge[:, mouth.upper], edge[:, mouth.lower]
+        found = [
+            np.interp(u[:, 0], w[:, 0], w[:, 1]) - u[:, 1]
+            for u, w in zip(upper, lower, strict=True)
+        ]
+        return float(np.max(found))
+
+    def teeth_before_lips(mesh: np.ndarray) -> int:
+        """Count teeth's vertices of each frame that cover the lips' red, seen from the front."""
+        head, some = AVATAR.head, _teeth()
+        carried = mesh[:, head.sources[some]] * head.shares[some, :, None]
+        tooth = carried.sum(axis=2) + head.offsets[some]
+        red = mesh[:, mouth.rings[6:]].reshape(len(mesh), -1, 3)
+        covering = 0
+        for teeth, lips in zip(tooth, red, strict=True):
+            tree = cKDTree(lips[:, :2])
+            near, at = tree.query(teeth[:, :2], distance_upper_bound=1.0)
+            some = np.isfinite(near)
+            covering += int((teeth[some, 2] > lips[at[some], 2]).sum())
+        return covering
+
+    before = overlap_mm(control), teeth_before_lips(control)
+    mouth.solve(control)
+    assert before[0] > 0.5  # the map alone lets them pass each other
+    assert overlap_mm(control) < 0.2
+    assert teeth_before_lips(control) == 0
+    assert before[1] > 0
 
 
 def test_page_and_avatar_stay_below_a_megabyte() -> None:

@@ -1,3 +1,78 @@
+const $mouth = (() => {
+/**
+ * The lips over the teeth: neither cut each other nor the teeth. The rule and the constants of
+ * `receiver.drawing.mouth`, on the coarse mesh of the head before its motion.
+ */
+
+const EDGE = 6;
+const FOLLOW = [1, 1, 1, 1, 1, 1, 1, 0.85, 0.65, 0.45, 0.25, 0.1, 0];
+const LOWER_SHARE = 0.65;
+const CLEARANCE_MM = 1.4;
+const RAMP_MM = 2;
+
+class Mouth {
+  constructor(arrays) {
+    for (const name of ["rings", "upper", "lower", "beside", "between", "lining", "arch"]) this[name] = arrays[`mouth_${name}`];
+    this.columns = this.rings.length / FOLLOW.length;
+    this.jaw = arrays.mouth_jaw[0];
+    this.jawRest = arrays.mouth_jaw_rest;
+    this.pressed = new Float64Array(this.columns);
+    this.heights = new Float64Array(this.lower.length);
+    this.overlap = new Float64Array(this.upper.length);
+  }
+
+  /** Correct the coarse mesh (x, y, z of each vertex), in place. */
+  solve(control) {
+    const { rings, columns, pressed } = this;
+    this.part(control);
+    for (let r = 0; r < FOLLOW.length; r++) {
+      for (let c = 0; c < columns; c++) {
+        const at = 3 * rings[r * columns + c];
+        control[at + 1] += FOLLOW[r] * pressed[c];
+        if (r >= EDGE) this.clear(control, at);
+      }
+    }
+    for (let i = 0; i < EDGE * columns; i++) {
+      const edge = 3 * rings[EDGE * columns + (i % columns)];
+      for (let k = 0; k < 3; k++) control[3 * rings[i] + k] = control[edge + k] + this.lining[3 * i + k];
+    }
+  }
+
+  /** Find how far each column of the edge gives way, so that the lips meet and do not overlap. */
+  part(control) {
+    const { rings, columns, upper, lower, beside, between, pressed, heights, overlap } = this;
+    const height = (column) => control[3 * rings[EDGE * columns + column] + 1];
+    const below = (i) => heights[beside[i]] + between[i] * (heights[beside[i] + 1] - heights[beside[i]]);
+    pressed.fill(0);
+    for (let k = 0; k < lower.length; k++) heights[k] = height(lower[k]);
+    for (let i = 0; i < upper.length; i++) overlap[i] = Math.max(below(i) - height(upper[i]), 0);
+    for (let k = 0; k < lower.length; k++) {
+      let most = 0;
+      for (let i = 0; i < upper.length; i++) if (beside[i] === k || beside[i] === k - 1) most = Math.max(most, overlap[i]);
+      pressed[lower[k]] = -LOWER_SHARE * most;
+    }
+    for (let k = 0; k < lower.length; k++) heights[k] += pressed[lower[k]];
+    for (let i = 1; i < upper.length - 1; i++) pressed[upper[i]] = Math.max(below(i) - height(upper[i]), 0);
+  }
+
+  /** Hold a vertex of the lips in front of both rows of teeth. */
+  clear(control, at) {
+    const { arch, jaw, jawRest } = this;
+    for (let row = 0; row < 2; row++) {
+      const side = row === 0 ? 1 : -1;
+      const [front, bend, steep, tip, middle] = arch.subarray(5 * row, 5 * row + 5);
+      const y = row === 0 ? 0 : control[3 * jaw + 1] - jawRest[1];
+      const z = row === 0 ? 0 : control[3 * jaw + 2] - jawRest[2];
+      const across = (control[at] - middle) ** 2;
+      const wall = front + z - across * (bend + steep * across) + CLEARANCE_MM;
+      const held = Math.min(1, Math.max(0, 1 + (side * (control[at + 1] - tip - y)) / RAMP_MM));
+      control[at + 2] += held * Math.max(0, wall - control[at + 2]);
+    }
+  }
+}
+return { Mouth };
+})();
+
 const $points = (() => {
 /**
  * Point lights: one disc per marker on a transparent canvas, far discs smaller and first.
@@ -90,6 +165,7 @@ const $avatar = (() => {
  * numbers as `receiver.avatar`, the same light as `receiver.portrait`.
  */
 
+const { Mouth } = $mouth;
 const { fit } = $points;
 
 const KINDS = { f4: Float32Array, i2: Int16Array, u2: Uint16Array, u1: Uint8Array };
@@ -171,6 +247,7 @@ class Surface {
     this.rest = part("rest");
     this.coefficients = part("coefficients");
     this.basis = part("basis");
+    this.movingControl = part("moving");
     this.sources = part("sources");
     this.triangles = part("triangles");
     this.colours = part("colours");
@@ -182,20 +259,30 @@ class Surface {
     this.position = new Float32Array(3 * this.count);
     this.normal = new Float32Array(3 * this.count);
     this.weight = new Float64Array(this.rank);
-    this.findMoving(arrays, prefix);
+    this.shapes = {};
+    this.mouth = null;
+    if (prefix === "head") {
+      this.mouth = new Mouth(arrays);
+      const ranges = arrays.eye_ranges;
+      const vertices = [0, 2].flatMap((k) => Array.from({ length: ranges[k + 1] }, (_, i) => ranges[k] + i));
+      this.eyes = { ranges, vertices, middles: arrays.eye_middles };
+      for (const name of Object.keys(arrays)) {
+        const [kind, shape] = name.split(".");
+        if (kind === "shape") this.shapes[shape] = { vertices: arrays[name], deltas: arrays[`deltas.${shape}`] };
+      }
+    }
+    this.findMoving();
     this.refine(Array.from({ length: this.count }, (_, i) => i));
     this.turnNormals(this.triangles, new Uint8Array(this.count).fill(1));
   }
 
-  /** Note which vertices the map moves at all; the others and their triangles are computed once. */
-  findMoving(arrays, prefix) {
-    const size = this.rest.length;
-    const moves = new Uint8Array(size / 3);
-    for (let r = 0; r < this.rank; r++) {
-      for (let i = 0; i < size; i++) if (Math.abs(this.basis[r * size + i]) > 2) moves[(i / 3) | 0] = 1;
-    }
-    if (prefix === "head") for (const vertex of arrays.blink_vertices) moves[vertex] = 1;
-    this.movingControl = Uint32Array.from(moves.keys()).filter((i) => moves[i]);
+  /** Note which vertices markers and shapes move; the others and their triangles are computed once. */
+  findMoving() {
+    const moves = new Uint8Array(this.rest.length / 3);
+    for (const vertex of this.movingControl) moves[vertex] = 1;
+    for (const shape of Object.values(this.shapes)) for (const vertex of shape.vertices) moves[vertex] = 1;
+    // Shapes add to what is there: every vertex that anything moves begins again at rest.
+    this.changing = Uint32Array.from(moves.keys()).filter((i) => moves[i]);
     const carried = (i) => moves[this.sources[3 * i]] || moves[this.sources[3 * i + 1]] || moves[this.sources[3 * i + 2]];
     this.isMoving = Uint8Array.from({ length: this.count }, (_, i) => (carried(i) ? 1 : 0));
     this.moving = Uint32Array.from(this.isMoving.keys()).filter((i) => this.isMoving[i]);
@@ -207,36 +294,58 @@ class Surface {
     this.movingTriangles = Uint16Array.from(near);
   }
 
-  /** Bend the surface to `markers` (before their rigid motion). */
-  bend(markers, closed, lids, blink) {
+  /** Bend the surface to `markers` (before their rigid motion) , by blend shapes `{name: weight}` and the eyes' `gaze`, radians to the viewer's right and up. */
+  bend(markers, weights = {}, gaze = [0, 0]) {
     const { weight, rank, coefficients, basis, rest, control, movingControl } = this;
     weight.fill(0);
     for (let i = 0; i < this.markers.length; i++) {
       const moved = markers[i] - this.markers[i];
       for (let r = 0, a = i * rank; r < rank; r++, a++) weight[r] += moved * coefficients[a];
     }
-    const size = rest.length;
-    for (const vertex of movingControl) {
-      const j = 3 * vertex;
-      let x = rest[j];
-      let y = rest[j + 1];
-      let z = rest[j + 2];
-      for (let r = 0, a = j; r < rank; r++, a += size) {
-        x += weight[r] * basis[a];
-        y += weight[r] * basis[a + 1];
-        z += weight[r] * basis[a + 2];
-      }
-      control[j] = x;
-      control[j + 1] = y;
-      control[j + 2] = z;
+    for (const vertex of this.changing) {
+      for (let j = 3 * vertex; j < 3 * vertex + 3; j++) control[j] = rest[j];
     }
-    if (closed > 0) {
-      for (let k = 0; k < lids.length; k++) {
-        for (let c = 0; c < 3; c++) control[3 * lids[k] + c] += closed * blink[3 * k + c];
+    const size = 3 * movingControl.length;
+    for (let i = 0; i < movingControl.length; i++) {
+      const j = 3 * movingControl[i];
+      for (let r = 0, a = 3 * i; r < rank; r++, a += size) {
+        control[j] += weight[r] * basis[a];
+        control[j + 1] += weight[r] * basis[a + 1];
+        control[j + 2] += weight[r] * basis[a + 2];
       }
     }
+    for (const [name, share] of Object.entries(weights)) {
+      if (share === 0) continue;
+      const { vertices, deltas } = this.shapes[name];
+      for (let k = 0; k < vertices.length; k++) {
+        for (let c = 0; c < 3; c++) control[3 * vertices[k] + c] += (share / OFFSET_UNIT) * deltas[3 * k + c];
+      }
+    }
+    this.mouth?.solve(control);
     this.refine(this.moving);
+    if (this.eyes && (gaze[0] !== 0 || gaze[1] !== 0 || this.hasTurned)) this.turnEyes(gaze);
     this.turnNormals(this.movingTriangles, this.isMoving);
+  }
+
+  /** Turn the eyeballs; a ball keeps its normals. */
+  turnEyes([yaw, pitch]) {
+    const { position, eyes } = this;
+    this.hasTurned = yaw !== 0 || pitch !== 0;
+    this.refine(eyes.vertices);
+    const [cy, sy, cp, sp] = [Math.cos(yaw), Math.sin(yaw), Math.cos(pitch), Math.sin(pitch)];
+    for (let eye = 0; eye < 2; eye++) {
+      const [mx, my, mz] = eyes.middles.subarray(3 * eye, 3 * eye + 3);
+      const end = 3 * (eyes.ranges[2 * eye] + eyes.ranges[2 * eye + 1]);
+      for (let j = 3 * eyes.ranges[2 * eye]; j < end; j += 3) {
+        const x = position[j] - mx;
+        const y = position[j + 1] - my;
+        const z = position[j + 2] - mz;
+        const ahead = cp * z - sp * y;
+        position[j] = mx + cy * x + sy * ahead;
+        position[j + 1] = my + cp * y + sp * z;
+        position[j + 2] = mz + cy * ahead - sy * x;
+      }
+    }
   }
 
   /** Place the vertices of the surface over the coarse mesh. */
@@ -314,8 +423,6 @@ class AvatarView {
   constructor(canvas, model, arrays) {
     this.canvas = canvas;
     this.model = model;
-    this.lids = arrays.blink_vertices;
-    this.blink = arrays.blink;
     this.gl = canvas.getContext("webgl", { alpha: true, antialias: true, stencil: true, premultipliedAlpha: true });
     if (!this.gl) throw new Error("WebGL is missing");
     this.program = link(this.gl, VERTEX.replace("HEIGHT", model.camera.height_mm.toFixed(3)), FRAGMENT);
@@ -358,8 +465,9 @@ class AvatarView {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     if (look.alpha <= 0) return;
-    this.head.surface.bend(model.faceShape, eyesClosed(timeS), this.lids, this.blink);
-    this.hand.surface.bend(model.handShape, 0);
+    const closed = eyesClosed(timeS);
+    this.head.surface.bend(model.faceShape, { eyeBlinkLeft: closed, eyeBlinkRight: closed });
+    this.hand.surface.bend(model.handShape);
     gl.useProgram(program.handle);
     gl.enable(gl.DEPTH_TEST);
     gl.enable(gl.CULL_FACE);

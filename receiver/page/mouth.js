@@ -1,0 +1,71 @@
+/**
+ * The lips over the teeth: neither cut each other nor the teeth. The rule and the constants of
+ * `receiver.drawing.mouth`, on the coarse mesh of the head before its motion.
+ */
+
+const EDGE = 6;
+const FOLLOW = [1, 1, 1, 1, 1, 1, 1, 0.85, 0.65, 0.45, 0.25, 0.1, 0];
+const LOWER_SHARE = 0.65;
+const CLEARANCE_MM = 1.4;
+const RAMP_MM = 2;
+
+export class Mouth {
+  constructor(arrays) {
+    for (const name of ["rings", "upper", "lower", "beside", "between", "lining", "arch"]) this[name] = arrays[`mouth_${name}`];
+    this.columns = this.rings.length / FOLLOW.length;
+    this.jaw = arrays.mouth_jaw[0];
+    this.jawRest = arrays.mouth_jaw_rest;
+    this.pressed = new Float64Array(this.columns);
+    this.heights = new Float64Array(this.lower.length);
+    this.overlap = new Float64Array(this.upper.length);
+  }
+
+  /** Correct the coarse mesh (x, y, z of each vertex), in place. */
+  solve(control) {
+    const { rings, columns, pressed } = this;
+    this.part(control);
+    for (let r = 0; r < FOLLOW.length; r++) {
+      for (let c = 0; c < columns; c++) {
+        const at = 3 * rings[r * columns + c];
+        control[at + 1] += FOLLOW[r] * pressed[c];
+        if (r >= EDGE) this.clear(control, at);
+      }
+    }
+    for (let i = 0; i < EDGE * columns; i++) {
+      const edge = 3 * rings[EDGE * columns + (i % columns)];
+      for (let k = 0; k < 3; k++) control[3 * rings[i] + k] = control[edge + k] + this.lining[3 * i + k];
+    }
+  }
+
+  /** Find how far each column of the edge gives way, so that the lips meet and do not overlap. */
+  part(control) {
+    const { rings, columns, upper, lower, beside, between, pressed, heights, overlap } = this;
+    const height = (column) => control[3 * rings[EDGE * columns + column] + 1];
+    const below = (i) => heights[beside[i]] + between[i] * (heights[beside[i] + 1] - heights[beside[i]]);
+    pressed.fill(0);
+    for (let k = 0; k < lower.length; k++) heights[k] = height(lower[k]);
+    for (let i = 0; i < upper.length; i++) overlap[i] = Math.max(below(i) - height(upper[i]), 0);
+    for (let k = 0; k < lower.length; k++) {
+      let most = 0;
+      for (let i = 0; i < upper.length; i++) if (beside[i] === k || beside[i] === k - 1) most = Math.max(most, overlap[i]);
+      pressed[lower[k]] = -LOWER_SHARE * most;
+    }
+    for (let k = 0; k < lower.length; k++) heights[k] += pressed[lower[k]];
+    for (let i = 1; i < upper.length - 1; i++) pressed[upper[i]] = Math.max(below(i) - height(upper[i]), 0);
+  }
+
+  /** Hold a vertex of the lips in front of both rows of teeth. */
+  clear(control, at) {
+    const { arch, jaw, jawRest } = this;
+    for (let row = 0; row < 2; row++) {
+      const side = row === 0 ? 1 : -1;
+      const [front, bend, steep, tip, middle] = arch.subarray(5 * row, 5 * row + 5);
+      const y = row === 0 ? 0 : control[3 * jaw + 1] - jawRest[1];
+      const z = row === 0 ? 0 : control[3 * jaw + 2] - jawRest[2];
+      const across = (control[at] - middle) ** 2;
+      const wall = front + z - across * (bend + steep * across) + CLEARANCE_MM;
+      const held = Math.min(1, Math.max(0, 1 + (side * (control[at + 1] - tip - y)) / RAMP_MM));
+      control[at + 2] += held * Math.max(0, wall - control[at + 2]);
+    }
+  }
+}
