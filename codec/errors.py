@@ -14,18 +14,33 @@ class BitstreamError(CueError):
     Parameters
     ----------
     rule : str
-        The expected and the found value.
+        The rule that is broken: what was expected and what was found.
     section : str
         Section of spec/bitstream.md that states the rule.
     bit : int, optional
         Offset of the offending field from the start of the stream, in bits.
+    cause : str, optional
+        What probably happened, where that can be said.
     """
 
-    def __init__(self, rule: str, *, section: str, bit: int | None = None) -> None:
+    def __init__(self, rule: str, *, section: str, bit: int | None = None, cause: str = "") -> None:
         where = "" if bit is None else f" at bit {bit}"
-        super().__init__(f"{rule} (section {section}){where}")
+        likely = f": {cause}" if cause else ""
+        super().__init__(f"{rule} (section {section}){where}{likely}")
+        self.rule = rule
         self.section = section
         self.bit = bit
+        self.cause = cause
+
+    def explain(self) -> str:
+        """Return the fault in several lines: what was found, where, which rule, likely cause."""
+        lines = [f"fault: {self.rule}"]
+        if self.bit is not None:
+            lines.append(f"where: bit {self.bit}, that is byte {self.bit // 8}")
+        lines.append(f"rule: spec/bitstream.md, {self.section}")
+        if self.cause:
+            lines.append(f"likely cause: {self.cause}")
+        return "\n".join(lines)
 
 
 class VoiceError(CueError):

@@ -71,7 +71,7 @@ class FileScore:
     learning: bool
 
 
-NOTHING_TOLD = FileScore(None, DEFAULT_OPTIONS, learning=False)
+NO_SCORE = FileScore(None, DEFAULT_OPTIONS, learning=False)
 """What a file without a score says."""
 
 
@@ -111,48 +111,48 @@ def trimmed(line: ScoreLine, indices: range, language: Language = FRENCH) -> Sco
     return ScoreLine(tuple(numbers), tuple(starts), overrides)
 
 
-def write_told(told: FileScore, indices: range) -> bytes:
+def write_common(score: FileScore, indices: range) -> bytes:
     """Return the bytes of a file's common data, in the shorter form.
 
     Parameters
     ----------
-    told : FileScore
+    score : FileScore
         With a line that `trimmed` made.
     indices : range
         Superframes of the file.
     """
-    if told.line is None:
+    if score.line is None:
         return b""
-    spoken = _begun(told, SPOKEN)
-    _write_spoken(spoken, told.line, indices, told.options.language)
-    if _is_special(told):
-        _write_overrides(spoken, told.line, told.options.language)
+    spoken = _begun(score, SPOKEN)
+    _write_spoken(spoken, score.line, indices, score.options.language)
+    if _is_special(score):
+        _write_overrides(spoken, score.line, score.options.language)
     forms = [spoken]
-    keys = _keys_of(told.line, told.options)
+    keys = _keys_of(score.line, score.options)
     if keys is not None:
-        keyed = _begun(told, KEYED)
-        if _write_keyed(keyed, keys, indices, told.options):
+        keyed = _begun(score, KEYED)
+        if _write_keyed(keyed, keys, indices, score.options):
             forms.append(keyed)
     return min(forms, key=lambda form: form.bits).finish(certain=True)
 
 
-def _is_special(told: FileScore) -> bool:
-    assert told.line is not None
-    return not told.options.are_usual or bool(told.line.overrides)
+def _is_special(score: FileScore) -> bool:
+    assert score.line is not None
+    return not score.options.are_usual or bool(score.line.overrides)
 
 
-def _begun(told: FileScore, form: int) -> RangeEncoder:
+def _begun(score: FileScore, form: int) -> RangeEncoder:
     encoder = RangeEncoder()
     encoder.put(form, FORMS)
-    encoder.put(int(_is_special(told)), PLAIN_OR_SPECIAL)
-    if _is_special(told):
-        write_options(encoder, told.options)
-    encoder.put(int(told.learning), FLIP)
+    encoder.put(int(_is_special(score)), PLAIN_OR_SPECIAL)
+    if _is_special(score):
+        write_options(encoder, score.options)
+    encoder.put(int(score.learning), FLIP)
     return encoder
 
 
-def read_told(data: bytes, indices: range, language: Language = FRENCH) -> FileScore:
-    """Read what `write_told` wrote.
+def read_common(data: bytes, indices: range, language: Language = FRENCH) -> FileScore:
+    """Read what `write_common` wrote.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def read_told(data: bytes, indices: range, language: Language = FRENCH) -> FileS
         If it has more phones than possible (F10).
     """
     if not data:
-        return NOTHING_TOLD
+        return NO_SCORE
     decoder, usual = RangeDecoder(data), DEFAULT_OPTIONS.in_language(language)
     form = decoder.get(FORMS)
     special = decoder.get(PLAIN_OR_SPECIAL) == 1
@@ -401,8 +401,8 @@ def _read_keyed(decoder: RangeDecoder, indices: range, options: CueingOptions) -
         consonant, vowel = (among[decoder.get(table)] for among, table in _choices(symbol, options))
         ticks = _get_length(decoder, tables.held)
         if consonant and vowel:
-            told = decoder.get(BY_RULE) == 1
-            part = decoder.get_bits(5) + 1 if told else usual_consonant(ticks)
+            by_rule = decoder.get(BY_RULE) == 1
+            part = decoder.get_bits(5) + 1 if by_rule else usual_consonant(ticks)
             clock.add(consonant, part)
             ticks = max(ticks - part, 1)
         # A code that tells neither, which no sender writes, is the first consonant.

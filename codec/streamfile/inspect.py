@@ -6,7 +6,8 @@ from bitstring import Bits
 
 from codec.cues.timeline import SUPERFRAME_S, TICK_S
 from codec.errors import BitstreamError
-from codec.streamfile.stream import read_head, read_superframes, told_by
+from codec.streamfile.content import read_content
+from codec.streamfile.file_score import read_common
 from codec.superframe.bitmap import Field, map_superframe
 from codec.superframe.bits import MODES, PLAIN, SCORE
 from codec.superframe.checks import is_own
@@ -24,48 +25,67 @@ BASES = ("residual", "loose", "plain", "filmed")
 """Names of the bases."""
 
 
-def inspect_stream(data: bytes) -> dict[str, Any]:
+def inspect_stream(data: bytes, *, partial: bool = False) -> dict[str, Any]:
     """Return the fields of a stream file.
 
     Parameters
     ----------
     data : bytes
+    partial : bool
+        Return the fields of a damaged file up to its damage, and this as ``damage``.
 
     Returns
     -------
     dict
         ``coding``, ``start_s``, ``duration_s``, ``rate_bps`` (all bytes counted), ``learning``,
-        ``superframes`` (one dict each) and ``keys``; ready for JSON.
+        ``superframes`` (one dict each) and ``keys``; ready for JSON. ``damage``, of a damaged file
+        alone: ``rule``, ``section``, ``bit`` and ``cause``.
 
     Raises
     ------
     BitstreamError
-        If the file breaks a rule; a wrong checksum of a superframe is reported in its place.
+        If the file breaks a rule; of a partial one if its head cannot be read. A wrong checksum of
+        a superframe is reported in its place.
     """
-    head = read_head(data)
-    told = told_by(data)
+    content = read_content(data)
+    head, fault = content.head, content.fault
+    if fault is not None and not partial:
+        raise fault
     parts: dict[int, ScorePart | Window] = {}
-    if told.line is not None:
-        parts |= {k: part_of(told.line, k, told.options) for k in head.indices}
-    rows = []
-    for frame in read_superframes(data):
-        if head.l0:
-            row, part = _row(frame, head.coding)
-            if part is not None:
-                parts[frame.index] = part
-        else:
-            row = _record_row(frame, parts.get(frame.index))
-        rows.append(row)
+    rows = list[dict[str, Any]]()
+    learning = False
+    try:
+        common = read_common(content.common, head.indices)
+        learning = common.learning
+        if common.line is not None:
+            parts |= {k: part_of(common.line, k, common.options) for k in head.indices}
+        for frame in content.superframes:
+            if head.l0:
+                row, part = _row(frame, head.coding)
+                if part is not None:
+                    parts[frame.index] = part
+            else:
+                row = _record_row(frame, parts.get(frame.index))
+            rows.append(row)
+    except BitstreamError as error:
+        if not partial:
+            raise
+        fault = fault or error
     duration_s = head.ticks * TICK_S
-    return {
+    document = {
         "coding": head.coding,
         "start_s": round(head.first_tick * TICK_S, 2),
         "duration_s": round(duration_s, 2),
         "rate_bps": round(8 * len(data) / duration_s, 1),
-        "learning": told.learning,
+        "learning": learning,
         "superframes": rows,
         "keys": [key.as_dict() for key in score_of(parts).keys],
     }
+    if fault is not None:
+        document["damage"] = {
+            "rule": fault.rule, "section": fault.section, "bit": fault.bit, "cause": fault.cause,
+        }  # fmt: skip
+    return document
 
 
 def _row(frame: Superframe, coding: str) -> tuple[dict[str, Any], ScorePart | Window | None]:
@@ -135,6 +155,8 @@ def describe(document: dict[str, Any]) -> str:
         said = " ".join(row.get("phones", [])) + " | " + " ".join(row.get("keys", []))
         place = f"{row['index']:7d} {row['start_s']:8.2f}  {row['mode']:10s}"
         lines.append(f"{place} {size:>6s} {step:>5s}  {said}")
+    if damage := document.get("damage"):
+        lines.append(BitstreamError(**damage).explain())
     return "\n".join(lines)
 
 

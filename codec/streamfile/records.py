@@ -4,7 +4,7 @@ Bytes go in and out; no model of motion. Specification: spec/bitstream.md, secti
 """
 
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from codec.errors import BitstreamError
 
@@ -12,13 +12,13 @@ _END_BYTES = 4
 """Bytes of the check of a whole file."""
 
 _LONG = 255
-"""Length from which a field of three bytes behind a record's first one tells it."""
+"""Length from which a field of three bytes behind a record's first one states it."""
 
 _LONG_BYTES = 3
 """Bytes of that field."""
 
 OVERHEAD_BYTES = _END_BYTES
-"""Bytes of such a file beside its head and its records, of which the first is what it says once."""
+"""Bytes of such a file beside its head and its records, the first of them being its common data."""
 
 
 def record_bytes(payload: bytes) -> int:
@@ -32,14 +32,14 @@ def _record(payload: bytes) -> bytes:
     return short + more + payload
 
 
-def write_records(head: bytes, told: bytes, payloads: Sequence[bytes]) -> bytes:
+def write_records(head: bytes, common: bytes, payloads: Sequence[bytes]) -> bytes:
     """Return a whole file (F7)."""
-    data = head + _record(told) + b"".join(map(_record, payloads))
+    data = head + _record(common) + b"".join(map(_record, payloads))
     return data + zlib.crc32(data).to_bytes(_END_BYTES, "big")
 
 
-def read_records(data: bytes, place: int, count: int) -> tuple[bytes, Iterator[bytes]]:
-    """Return a file's common data, and its superframes.
+def read_records(data: bytes, place: int, count: int) -> tuple[list[bytes], BitstreamError | None]:
+    """Return a file's common data and its superframes, as far as they are whole, and the fault.
 
     Parameters
     ----------
@@ -50,30 +50,47 @@ def read_records(data: bytes, place: int, count: int) -> tuple[bytes, Iterator[b
     count : int
         How many superframes there are.
 
-    Raises
-    ------
-    BitstreamError
-        If the check is wrong (F7), or the file ends early (F6); the iterator, if it ends within
-        a record or goes on after the last one (F6).
+    Returns
+    -------
+    records : list of bytes
+        The common data first; fewer than ``1 + count`` of a file that ends early.
+    fault : BitstreamError or None
+        A wrong check (F7), with its likely cause; else a file that ends within a record or goes on
+        after the last one (F6). Records of a file with a wrong check may be wrong.
     """
-    data, check = data[:-_END_BYTES], data[-_END_BYTES:]
-    if zlib.crc32(data).to_bytes(_END_BYTES, "big") != check:
-        raise BitstreamError("checksum of the file", section="F7", bit=8 * len(data))
-    rest = _payloads(data, place, 1 + count)
-    return next(rest), rest
+    body, check = data[:-_END_BYTES], data[-_END_BYTES:]
+    own = zlib.crc32(body).to_bytes(_END_BYTES, "big")
+    if own == check:
+        records, end, fault = _records(body, place, 1 + count)
+        if fault is None and end != len(body):
+            fault = BitstreamError(f"{len(body) - end} bytes too many", section="F6", bit=8 * end)
+        return records, fault
+    records, end, early = _records(data, place, 1 + count)
+    behind = len(data) - end - _END_BYTES
+    if early is not None or behind < 0:
+        cause = f"the file is cut off: {len(records)} of {1 + count} records are whole"
+    elif zlib.crc32(data[:end]).to_bytes(_END_BYTES, "big") == data[end : end + _END_BYTES]:
+        cause = f"{behind} bytes were appended to a file that is whole without them"
+    else:
+        cause = "bytes of the file were changed; it cannot be known which"
+    rule = f"checksum of the file: {own.hex()} expected, {check.hex()} found"
+    return records, BitstreamError(rule, section="F7", bit=8 * len(body), cause=cause)
 
 
-def _payloads(data: bytes, place: int, count: int) -> Iterator[bytes]:
+def _records(data: bytes, place: int, count: int) -> tuple[list[bytes], int, BitstreamError | None]:
+    """Return whole records, where the last one ends, and what stops before `count` of them."""
+    records = list[bytes]()
     for number in range(count):
+        bit = 8 * place
         if place >= len(data):
-            raise BitstreamError(f"no record {number}", section="F6", bit=8 * place)
+            return records, place, BitstreamError(f"no record {number}", section="F6", bit=bit)
         begin, length = place + 1, data[place]
         if length == _LONG:
             length = int.from_bytes(data[begin : begin + _LONG_BYTES], "big")
             begin += _LONG_BYTES
         if begin + length > len(data):
-            raise BitstreamError(f"record {number} is cut off", section="F6", bit=8 * place)
+            fault = BitstreamError(f"record {number} is cut off", section="F6", bit=bit)
+            return records, place, fault
         place = begin + length
-        yield data[begin:place]
-    if place != len(data):
-        raise BitstreamError(f"{len(data) - place} bytes too many", section="F6", bit=8 * place)
+        records.append(data[begin:place])
+    return records, place, None

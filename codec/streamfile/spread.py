@@ -73,7 +73,7 @@ class Wish(Protocol):
         """Return the steps of a version's superframes, about."""
         ...
 
-    def told(self, version: Version) -> Spread:
+    def written(self, version: Version) -> Spread:
         """Return the superframes of a version that keep the wish.
 
         Raises
@@ -107,18 +107,18 @@ def spread(take: SpreadMotion, wish: Wish, score: ScoreChoice) -> Spread:
         If none keep it.
     """
     if score == "drop" or not take.has_score:
-        return wish.told(_prepared(take.plain(), wish))
+        return wish.written(_prepared(take.plain(), wish))
     scored = _scored(take, wish)
     if score == "keep":
-        return wish.told(scored)
+        return wish.written(scored)
     bare = _prepared(take.plain(), wish)
     try:
-        kept = wish.told(scored)
+        kept = wish.written(scored)
     except CueError:
-        return wish.told(bare)
+        return wish.written(bare)
     cost = wish.likely_more(kept, scored, bare)
     if cost > _CLEARLY_LESS:
-        without = wish.told(bare)
+        without = wish.written(bare)
         cost = wish.more(kept, without, take)
     return replace(kept if cost <= MOST_COST else without, cost=cost)
 
@@ -173,7 +173,7 @@ class ByError:
         """Return the steps of a version's superframes."""
         return self._widest(version, self._most)
 
-    def told(self, version: Version) -> Spread:
+    def written(self, version: Version) -> Spread:
         """Return the superframes of a version that keep the error most nearly.
 
         The error is that of the markers in the motion's own frames: padding does not count, and
@@ -229,10 +229,10 @@ class ByError:
     def likely_more(self, spread: Spread, _: Version, other: Version) -> float:
         """Return the same, about: how many more than another version will have."""
         bits, _squares = other.at_each(self.steps(other))
-        return self._bytes(spread) / (bits / 8 + self.size(other.told)) - 1
+        return self._bytes(spread) / (bits / 8 + self.size(other.common)) - 1
 
     def _bytes(self, spread: Spread) -> int:
-        return self.size(spread.told) + sum(map(self.size, spread.payloads))
+        return self.size(spread.common) + sum(map(self.size, spread.payloads))
 
     def _widest(self, version: Version, most: float) -> NDArray[np.int64]:
         return version.steps(lambda _, squares: float(squares.sum()) <= most, finest=False)
@@ -261,9 +261,9 @@ class BySize:
         return self._finest(version, self._spare(version))
 
     def _spare(self, version: Version) -> float:
-        return self.count * (_SCORED_RECORD_BITS if version.told else _RECORD_BITS)
+        return self.count * (_SCORED_RECORD_BITS if version.common else _RECORD_BITS)
 
-    def told(self, version: Version) -> Spread:
+    def written(self, version: Version) -> Spread:
         """Return the superframes of a version that fit.
 
         Raises
@@ -275,7 +275,7 @@ class BySize:
         for filling in range(_MOST_FILLINGS):
             steps = self._finest(version, spare)
             spread = version.written(steps)
-            over = sum(map(self.size, spread.payloads)) + self.size(spread.told) - self.room
+            over = sum(map(self.size, spread.payloads)) + self.size(spread.common) - self.room
             if over <= 0:
                 found.append(spread)
             elif (steps == NO_RESIDUAL).all():
@@ -303,5 +303,5 @@ class BySize:
         return _more(float(np.sqrt(own.squares(spread))), float(np.sqrt(squares)))
 
     def _finest(self, version: Version, spare: float) -> NDArray[np.int64]:
-        left = 8.0 * (self.room - self.size(version.told)) - spare
+        left = 8.0 * (self.room - self.size(version.common)) - spare
         return version.steps(lambda bits, _: float(bits.sum()) <= left, finest=True)

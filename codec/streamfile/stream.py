@@ -6,7 +6,7 @@ once for all (`codec.streamfile.records`, `codec.streamfile.file_score`).
 Specification: spec/bitstream.md, section 8.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import get_args
@@ -17,30 +17,28 @@ from numpy.typing import NDArray
 from codec.cuer.motion import MOST_PARAM, Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
-from codec.cues.language import Language, french
 from codec.cues.score import Score
 from codec.cues.timeline import SUPERFRAME_S, TICK_S, TICKS, to_ticks
-from codec.errors import BitstreamError, CueError, VoiceError
-from codec.streamfile.file_score import NOTHING_TOLD, FileScore, read_told
+from codec.errors import CueError, VoiceError
+from codec.streamfile.content import (
+    HEAD_BYTES,
+    MAX_TICKS,
+    StreamHead,
+    common_data,
+    read_head,
+    read_superframes,
+    write_head,
+)
 from codec.streamfile.learning import Learner
-from codec.streamfile.records import OVERHEAD_BYTES, read_records, record_bytes, write_records
+from codec.streamfile.records import OVERHEAD_BYTES, record_bytes, write_records
 from codec.streamfile.spread import MOST_COST, ByError, BySize, ScoreChoice, spread
 from codec.streamfile.versions import Progress, Spread, SpreadMotion, line_of, silent
 from codec.streamfile.whole_score import WholeResynthesis
-from codec.superframe.bits import (
-    FILE_BYTES,
-    FILE_FIELDS,
-    MAGIC,
-    VERSION,
-    crc16,
-    pack_fields,
-    unpack_fields,
-)
 from codec.superframe.coding import Coding, coding_for
 from codec.superframe.compact_encoder import CompactEncoder
 from codec.superframe.decoder import SuperframeDecoder, block_of
 from codec.superframe.encoder import SuperframeEncoder
-from codec.superframe.superframe import DecodedSuperframe, Superframe, merge_scores
+from codec.superframe.superframe import DecodedSuperframe, merge_scores
 from codec.superframe.window import MAX_BYTES, MIN_BYTES
 
 Array = NDArray[np.float64]
@@ -53,39 +51,6 @@ MIN_RATE_BPS = 60
 
 MAX_RATE_BPS = 20_000
 """Largest rate of a file in bit/s."""
-
-_CRC_BYTES = 2
-"""Bytes of the check of a file's head."""
-
-_MAX_TICKS = 24 * 3600 * 50
-"""Ticks of the longest file: a day."""
-
-
-@dataclass(frozen=True, slots=True)
-class StreamHead:
-    """The head of a stream file.
-
-    Attributes
-    ----------
-    coding : str
-        Identity of the coding.
-    first_tick, ticks : int
-        Ticks of 20 ms that the motion covers.
-    l0, l1 : int
-        Lengths of the parts of every superframe; 0 for `l0` if each states its own (F7).
-    """
-
-    coding: str
-    first_tick: int
-    ticks: int
-    l0: int = 0
-    l1: int = 0
-
-    @property
-    def indices(self) -> range:
-        """Numbers of the superframes that cover the motion."""
-        end = -(-(self.first_tick + self.ticks) // TICKS)
-        return range(self.first_tick // TICKS, end)
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +190,7 @@ def _constant(
         for index in head.indices:
             body += encoder.encode(motion, index).l0
             progress(SUPERFRAME_S)
-        return _head_bytes(replace(head, l0=size)) + bytes(body)
+        return write_head(replace(head, l0=size)) + bytes(body)
 
     kept = made(motion)
     if motion.score is None or score == "keep" or size <= MAX_BYTES:
@@ -246,7 +211,7 @@ def _within_rate(
     options: CueingOptions,
 ) -> ChosenStream:
     """Return the file of least error whose bytes keep a rate: spread, or compact if that fits."""
-    room = int(rate_bps * motion.duration_s / 8) - FILE_BYTES - _CRC_BYTES
+    room = int(rate_bps * motion.duration_s / 8) - HEAD_BYTES
     compact = b""
     size = room // len(head.indices)
     if motion.score is not None and MIN_BYTES <= size <= MAX_BYTES:
@@ -260,10 +225,10 @@ def _within_rate(
     if not compact:
         return _of_records(head, found)
     ratio = take.error_of(np.stack(_drawn(compact, take.voice)[0])) / take.error_of(found.blocks)
-    if ratio > (1.0 if found.told else 1 + MOST_COST):
+    if ratio > (1.0 if found.common else 1 + MOST_COST):
         return _of_records(head, found)
     # The cost of a score that was left out is that of the file without it: none.
-    cost = found.cost if found.told else 0.0
+    cost = found.cost if found.common else 0.0
     return ChosenStream(compact, True, None if cost is None else (1 + cost) * ratio - 1)
 
 
@@ -272,107 +237,22 @@ def _compact(
 ) -> bytes:
     encoder = CompactEncoder(voice, l0_bytes=size, options=options, first=head.indices.start)
     body = b"".join(encoder.encode(motion, index).l0 for index in head.indices)
-    return _head_bytes(replace(head, l0=size)) + body
+    return write_head(replace(head, l0=size)) + body
 
 
 def _of_records(head: StreamHead, found: Spread) -> ChosenStream:
-    data = write_records(_head_bytes(head), found.told, found.payloads)
-    return ChosenStream(data, bool(found.told), found.cost)
+    data = write_records(write_head(head), found.common, found.payloads)
+    return ChosenStream(data, bool(found.common), found.cost)
 
 
 def _head_of(motion: Motion, coding: Coding) -> StreamHead:
     first, ticks = to_ticks(motion.start_s), to_ticks(motion.duration_s)
-    if first < 0 or not 0 < ticks <= _MAX_TICKS or first > _MAX_TICKS:
+    if first < 0 or not 0 < ticks <= MAX_TICKS or first > MAX_TICKS:
         raise CueError(
             f"motion of {motion.duration_s} s from {motion.start_s} s does not fit into a stream: "
             f"0.02..86400 s, from 0..86400 s"
         )
     return StreamHead(coding.identity, first, ticks)
-
-
-def _head_bytes(head: StreamHead) -> bytes:
-    fields = {
-        "magic": MAGIC, "version": VERSION, "coding": int(head.coding, 16),
-        "first_tick": head.first_tick, "ticks": head.ticks, "l0": head.l0, "l1": head.l1,
-    }  # fmt: skip
-    body = pack_fields(FILE_FIELDS, fields)
-    return body + crc16(body).to_bytes(_CRC_BYTES, "big")
-
-
-def read_head(data: bytes) -> StreamHead:
-    """Read the head of a stream file.
-
-    Raises
-    ------
-    BitstreamError
-        If it is short (F1), of another kind (F2), version (F3) or checksum (F4), or covers an
-        impossible time (F5).
-    """
-    if len(data) < FILE_BYTES + _CRC_BYTES:
-        raise BitstreamError(f"{len(data)} bytes are no head of a stream file", section="F1")
-    fields = unpack_fields(FILE_FIELDS, data[:FILE_BYTES])
-    if fields["magic"] != MAGIC:
-        raise BitstreamError(f"magic {fields['magic']:08x} is not a stream's", section="F2", bit=0)
-    if fields["version"] != VERSION:
-        raise BitstreamError(f"version {fields['version']} is not {VERSION}", section="F3", bit=32)
-    check = data[FILE_BYTES : FILE_BYTES + _CRC_BYTES]
-    if crc16(data[:FILE_BYTES]).to_bytes(_CRC_BYTES, "big") != check:
-        raise BitstreamError("checksum of the head", section="F4", bit=8 * FILE_BYTES)
-    head = StreamHead(
-        f"{fields['coding']:016x}", fields["first_tick"], fields["ticks"], fields["l0"],
-        fields["l1"],
-    )  # fmt: skip
-    if not 0 < head.ticks <= _MAX_TICKS or head.first_tick > _MAX_TICKS:
-        raise BitstreamError(f"{head.ticks} ticks from {head.first_tick}", section="F5", bit=104)
-    return head
-
-
-def read_superframes(data: bytes) -> Iterator[Superframe]:
-    """Yield the superframes of a stream file, their checksums not looked at.
-
-    Those of a file with one score for all have their payload for L0 (F7).
-
-    Raises
-    ------
-    BitstreamError
-        As `read_head`; if the file ends within a superframe, or goes on after the last one (F6); if
-        the check of a file with one score for all is wrong (F7).
-    """
-    head, place = read_head(data), FILE_BYTES + _CRC_BYTES
-    if head.l0 == 0:
-        _, payloads = read_records(data, place, len(head.indices))
-        for index, payload in zip(head.indices, payloads, strict=True):
-            yield Superframe(index, payload, b"")
-        return
-    for index in head.indices:
-        middle, end = place + head.l0, place + head.l0 + head.l1
-        if end > len(data):
-            raise BitstreamError(f"superframe {index} is cut off", section="F6", bit=8 * place)
-        yield Superframe(index, data[place:middle], data[middle:end])
-        place = end
-    if place != len(data):
-        raise BitstreamError(f"{len(data) - place} bytes too many", section="F6", bit=8 * place)
-
-
-def told_by(data: bytes, language: Language | None = None) -> FileScore:
-    """Return a file's common data (F8), nothing if its superframes stand alone.
-
-    Parameters
-    ----------
-    data : bytes
-    language : Language, optional
-        Of its tables; default: French.
-
-    Raises
-    ------
-    BitstreamError
-        As `read_superframes`; if its score has no end (F10).
-    """
-    head = read_head(data)
-    if head.l0:
-        return NOTHING_TOLD
-    told, _ = read_records(data, FILE_BYTES + _CRC_BYTES, len(head.indices))
-    return read_told(told, head.indices, language or french())
 
 
 def decode_stream(data: bytes, voice: Voice) -> Motion:
@@ -418,24 +298,24 @@ def _drawn(data: bytes, voice: Voice) -> tuple[Sequence[Array], Score | None]:
     if read_head(data).l0 == 0:
         return _of_file(data, voice)
     done = _decoded(data, voice)
-    told = any(frame.part is not None for frame in done)
+    scored = any(frame.part is not None for frame in done)
     blocks = [frame.params.astype(np.float64) for frame in done]
-    return blocks, merge_scores(done) if told else None
+    return blocks, merge_scores(done) if scored else None
 
 
 def _of_file(data: bytes, voice: Voice) -> tuple[Sequence[Array], Score | None]:
     """Return the same of a file with one score for all (F7 to F11)."""
     coding, indices = coding_for(voice), read_head(data).indices
-    told = told_by(data, coding.language)
-    if told.line is None:
+    common = common_data(data, coding.language)
+    if common.line is None:
         plain = [block_of(frame.l0, None, coding) for frame in read_superframes(data)]
         return plain, None
-    joined = line_of(told.line, indices, told.options)
+    joined = line_of(common.line, indices, common.options)
     learner = Learner(WholeResynthesis(joined, coding.targets), coding)
     blocks = []
     for frame in read_superframes(data):
         blocks.append(block_of(frame.l0, partial(learner.params, frame.index), coding))
-        if told.learning:
+        if common.learning:
             learner.take(frame.index, blocks[-1])
     return blocks, joined.score()
 

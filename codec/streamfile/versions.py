@@ -15,7 +15,7 @@ from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import CueingOptions
 from codec.cues.timeline import SUPERFRAME_S, TICKS, ScoreLine, to_line, to_ticks
-from codec.streamfile.file_score import FileScore, trimmed, write_told
+from codec.streamfile.file_score import FileScore, trimmed, write_common
 from codec.streamfile.learning import Gain, Learner
 from codec.streamfile.whole_score import WholeResynthesis
 from codec.superframe.allocation import BasisChoice, choose, content_at, weigh
@@ -62,7 +62,7 @@ class Spread:
 
     Attributes
     ----------
-    told : bytes
+    common : bytes
         Its common data.
     payloads : list of bytes
         Those of its superframes.
@@ -73,7 +73,7 @@ class Spread:
         share; None if there is none or nobody asked.
     """
 
-    told: bytes
+    common: bytes
     payloads: list[bytes]
     blocks: Array
     cost: float | None = None
@@ -126,14 +126,14 @@ class SpreadMotion:
         begin = to_ticks(motion.start_s) - TICKS * indices.start
         self._covered = slice(begin, begin + to_ticks(motion.duration_s))
         options = options.in_language(self.coding.language)
-        self._told = FileScore(None, options, learning=False)
+        self._score = FileScore(None, options, learning=False)
         self._joined: MergedScore | None = None
         self._moved: WholeResynthesis | None = None
         self._bare: dict[int, list[_Part]] = {}
         self._markers: dict[int, NDArray[np.float32]] = {}
         if motion.score is not None:
             line = trimmed(to_line(motion.score, options), indices, options.language)
-            self._told = replace(self._told, line=line)
+            self._score = replace(self._score, line=line)
             self._joined = line_of(line, indices, options)
 
     @property
@@ -143,7 +143,7 @@ class SpreadMotion:
 
     def plain(self) -> "Version":
         """Return the motion without its score."""
-        return Version(self, replace(self._told, line=None), None)
+        return Version(self, replace(self._score, line=None), None)
 
     def scored(self, *, learning: bool) -> "Version":
         """Return the motion with its score, if it has one."""
@@ -151,7 +151,7 @@ class SpreadMotion:
             return self.plain()
         if self._moved is None:
             self._moved = WholeResynthesis(self._joined, self.coding.targets)
-        return Version(self, replace(self._told, learning=learning), self._moved)
+        return Version(self, replace(self._score, learning=learning), self._moved)
 
     def bare(self, step: int) -> list[_Part]:
         """Return the superframes without any prediction, encoded as is best at a step."""
@@ -189,9 +189,11 @@ class SpreadMotion:
 class Version:
     """A take with one prediction: bits and squared errors of its superframes at any step."""
 
-    def __init__(self, take: SpreadMotion, told: FileScore, moved: WholeResynthesis | None) -> None:
-        self._take, self._moved, self._learning = take, moved, told.learning
-        self.told = write_told(told, take.indices)
+    def __init__(
+        self, take: SpreadMotion, score: FileScore, moved: WholeResynthesis | None
+    ) -> None:
+        self._take, self._moved, self._learning = take, moved, score.learning
+        self.common = write_common(score, take.indices)
         self._parts: list[_Part] = []
         self._known: dict[int, tuple[Array, Array]] = {}
         self._made: dict[tuple[int, int], tuple[bytes, Array]] = {}
@@ -281,7 +283,7 @@ class Version:
     def worth(self, step: int) -> float:
         """Return what all costs at a step: squared errors in steps, and bits."""
         bits, squares = self.at(step)
-        whole = float(bits.sum()) + 8 * len(self.told)
+        whole = float(bits.sum()) + 8 * len(self.common)
         return float(squares.sum()) / width_mm(step) ** 2 + WEIGHT * whole
 
     def steps(self, within: Callable[[Array, Array], bool], *, finest: bool) -> NDArray[np.int64]:
@@ -336,7 +338,7 @@ class Version:
             self._take.progress(SUPERFRAME_S)
             if self._learning and learner is not None:
                 learner.take(self._take.indices[k], blocks[k])
-        return Spread(self.told, payloads, blocks)
+        return Spread(self.common, payloads, blocks)
 
     def _written(self, k: int, step: int, learner: Learner | None) -> tuple[bytes, Array]:
         """Return a superframe's payload, and its decoded parameters."""

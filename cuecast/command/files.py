@@ -3,10 +3,12 @@
 import io
 import json
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from codec.errors import CueError
+from codec.errors import BitstreamError, CueError
 from codec.files.whole import whole_file
 
 PIPE = "-"
@@ -21,6 +23,16 @@ def read_bytes(path: str, most: int = -1) -> bytes:
         return Path(path).read_bytes()
     except OSError as error:
         raise CueError(f"{path}: {error.strerror}") from error
+
+
+@contextmanager
+def stream_named(path: str) -> Iterator[None]:
+    """Name the file in errors of a damaged stream, and the verb that shows what is left of it."""
+    try:
+        yield
+    except BitstreamError as error:
+        name = "standard input" if path == PIPE else path
+        raise CueError(f"{name}: {error}; cuecast inspect shows what can be read") from error
 
 
 def write_bytes(path: str, data: bytes) -> None:

@@ -12,7 +12,8 @@ from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import PLACEMENT_NUMBER
 from codec.cues.timeline import TICK_S, TICKS
 from codec.errors import BitstreamError, CueError
-from codec.streamfile.stream import decode_stream, read_head, read_superframes, told_by
+from codec.streamfile.content import common_data, read_head, read_superframes
+from codec.streamfile.stream import decode_stream
 from codec.superframe.bits import read_header
 from codec.superframe.checks import is_compact, is_own, is_possible, proof_of
 from codec.superframe.decoder import SuperframeDecoder
@@ -128,16 +129,18 @@ class Own:
         """Return keys, phones and markers of a stream file, or the paragraph that it breaks."""
         data = bytes.fromhex(request["file"])
         try:
-            head, told = read_head(data), told_by(data)
+            head, common = read_head(data), common_data(data)
             list(read_superframes(data))
         except BitstreamError as error:
             return {"valid": False, "section": error.section}
         keys: list[list[int]] = []
         phones: list[list[int]] = []
-        if told.line is not None:
-            far = max(told.line.starts) // TICKS + 2
+        if common.line is not None:
+            far = max(common.line.starts) // TICKS + 2
             every = range(-1, max(far, head.indices.stop))
-            joined = join_line(told.line, {k: part_of(told.line, k, told.options) for k in every})
+            joined = join_line(
+                common.line, {k: part_of(common.line, k, common.options) for k in every}
+            )
             phones = [[s.number, s.start, s.end] for s in joined.line if s.number]
             keys = [
                 [len(PLACEMENT_NUMBER) * key.shape + PLACEMENT_NUMBER[key.placement], *ticks]

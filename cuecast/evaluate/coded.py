@@ -15,7 +15,8 @@ from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Key
 from codec.cues.timeline import SUPERFRAME_S
-from codec.streamfile.stream import decode_stream, encode_stream, read_superframes, told_by
+from codec.streamfile.content import common_data, read_superframes
+from codec.streamfile.stream import decode_stream, encode_stream
 from codec.superframe.bits import HEADER_BYTES, PLAIN, SCORE
 from codec.superframe.checks import CRC16_BYTES
 from codec.superframe.coding import coding_for
@@ -94,9 +95,9 @@ def coded_within(voice: Voice, motion: Motion, error_mm: float) -> CodedMotion:
     end = len(frames) * SUPERFRAME_S
     sent = [key for key in motion.score.keys if key.start < end] if motion.score else []
     keys = found.score.keys if found.score else ()
-    mode = PLAIN if told_by(data).line is None else SCORE
-    told = sum(setting_bits(read_setting(RangeDecoder(f.l0), mode), mode) for f in frames)
-    residual = (8 * sum(len(frame.l0) for frame in frames) - told) / end
+    mode = PLAIN if common_data(data).line is None else SCORE
+    settings = sum(setting_bits(read_setting(RangeDecoder(f.l0), mode), mode) for f in frames)
+    residual = (8 * sum(len(frame.l0) for frame in frames) - settings) / end
     return CodedMotion(8 * len(data) / end, squares, *counted(sent, keys), residual_bps=residual)
 
 
@@ -105,10 +106,10 @@ def _residual_bps(frames: Sequence[Superframe]) -> float | None:
     contents = [read_beginning(frame.l0) for frame in frames]
     if any(content.header.mode != SCORE for content in contents):
         return None
-    told = sum(score_code(content, even=False).bits for content in contents)
+    scored = sum(score_code(content, even=False).bits for content in contents)
     fixed = HEADER_BYTES + CRC16_BYTES
     left = sum(len(f.l0) - fixed + max(len(f.l1) - CRC8_BYTES, 0) for f in frames)
-    return float((8 * left - told) / (len(frames) * SUPERFRAME_S))
+    return float((8 * left - scored) / (len(frames) * SUPERFRAME_S))
 
 
 def _received(
@@ -209,5 +210,5 @@ def lacking(voice: Voice, motion: Motion) -> Array:
     """Return what resynthesis from a motion's whole score lacks of it, shape (T, P)."""
     blocks = blocks_of(motion)
     parts, coding = parts_of(motion, len(blocks)), coding_for(voice)
-    told = [resynthesis_of(coding, near(parts, k), k).params() for k in range(len(blocks))]
-    return np.asarray(np.concatenate(list(blocks)) - np.concatenate(told))
+    predicted = [resynthesis_of(coding, near(parts, k), k).params() for k in range(len(blocks))]
+    return np.asarray(np.concatenate(list(blocks)) - np.concatenate(predicted))

@@ -3,7 +3,7 @@
 import argparse
 
 from cuecast.command.arguments import add_voice
-from cuecast.command.files import read_bytes
+from cuecast.command.files import read_bytes, stream_named
 
 SUMMARY = "a bit stream as motion"
 
@@ -21,5 +21,7 @@ def run(args: argparse.Namespace) -> int:
     from codec.streamfile.stream import decode_stream
     from cuecast.command.voices import coding_voice
 
-    save_motion(decode_stream(read_bytes(args.stream), coding_voice(args.voice)), args.output)
+    with stream_named(args.stream):
+        motion = decode_stream(read_bytes(args.stream), coding_voice(args.voice))
+    save_motion(motion, args.output)
     return 0

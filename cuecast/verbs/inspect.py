@@ -5,10 +5,11 @@ import os
 import sys
 from dataclasses import asdict
 
+from codec.errors import CueError
 from cuecast.command.arguments import add_json, print_json
-from cuecast.command.files import read_bytes
+from cuecast.command.files import read_bytes, stream_named
 
-SUMMARY = "what stands in a bit stream"
+SUMMARY = "the fields of a bit stream, up to its damage if it has any"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -25,27 +26,37 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the fields; 1 if the superframe that is asked for is not there."""
+    """Print the fields; 1 if the superframe that is asked for is not there.
+
+    Raises
+    ------
+    CueError
+        If the file is damaged; the fields up to the damage are printed before.
+    """
     from codec.streamfile.inspect import describe, inspect_stream
 
     if args.bits or args.superframe is not None:
-        return _print_bits(args)
-    document = inspect_stream(read_bytes(args.stream))
+        with stream_named(args.stream):
+            return _print_bits(args)
+    with stream_named(args.stream):
+        document = inspect_stream(read_bytes(args.stream), partial=True)
     if args.json:
         print_json(document)
     else:
         print(describe(document))
+    if "damage" in document:
+        raise CueError(f"{args.stream}: damaged")
     return 0
 
 
 def _print_bits(args: argparse.Namespace) -> int:
+    from codec.streamfile.content import common_data, read_head, read_superframes
     from codec.streamfile.inspect import describe_bits
-    from codec.streamfile.stream import read_head, read_superframes, told_by
     from codec.superframe.bitmap import map_record, map_superframe
 
     wanted, data = args.superframe, read_bytes(args.stream)
     frames = [frame for frame in read_superframes(data) if wanted in (None, frame.index)]
-    scored = told_by(data).line is not None
+    scored = common_data(data).line is not None
     alone = read_head(data).l0 > 0
     maps = [map_superframe(f) if alone else map_record(f, scored=scored) for f in frames]
     if args.json:

@@ -22,8 +22,9 @@ from codec.cues.phonology import CONSONANTS, VOWELS
 from codec.cues.score import Key, Phone, Score
 from codec.cues.timeline import SUPERFRAME_S, TICK_S
 from codec.errors import BitstreamError, CueError
+from codec.streamfile.content import read_head, read_superframes
 from codec.streamfile.inspect import describe, describe_bits, inspect_stream
-from codec.streamfile.stream import decode_stream, encode_stream, read_head, read_superframes
+from codec.streamfile.stream import decode_stream, encode_stream
 from codec.superframe.bitmap import map_record, map_superframe
 from codec.superframe.bits import (
     COMPACT,
@@ -224,11 +225,11 @@ def wounds(data: bytes) -> Iterator[bytes]:
 
 
 def refused(read: Callable[..., Any], *given: Any) -> bytes:
-    """What is said of damage, with its place."""
+    """The rule that damage breaks, with its place; the words may change."""
     try:
         read(*given)
     except BitstreamError as error:
-        return f"{error} {error.section} {error.bit}".encode()
+        return f"{error.section} {error.bit}".encode()
     except CueError as error:
         return str(error).encode()
     return b"read"

@@ -15,7 +15,7 @@ from codec.cues.language import find_language, french, load_language
 from codec.cues.score import Key, Phone, Score
 from codec.cues.timeline import TICK_S, Sounding, to_line
 from codec.errors import CueError, VoiceError
-from codec.streamfile.file_score import read_told
+from codec.streamfile.file_score import read_common
 from codec.streamfile.stream import decode_stream, encode_stream
 from codec.superframe.compact_encoder import CompactEncoder
 from codec.superframe.decoder import SuperframeDecoder
@@ -52,7 +52,7 @@ def numbers(joined: MergedScore) -> list[list[int]]:
 def test_vectors_of_superframes(case: dict[str, Any]) -> None:
     if "file" in case:
         data = bytes.fromhex(case["file"])
-        told = read_told(data[27 : 27 + data[26]], range(4), english())
+        told = read_common(data[27 : 27 + data[26]], range(4), english())
         assert told.line is not None
         joined = join_line(told.line, {0: ScorePart(0, 0, (), (), 0, told.options)})
         line = [[s.number, s.start, s.end] for s in joined.line]

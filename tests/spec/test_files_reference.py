@@ -14,14 +14,9 @@ from codec.cuer.voice import load_voice
 from codec.cues.score import PLACEMENT_NUMBER
 from codec.errors import BitstreamError
 from codec.streamfile import stream
+from codec.streamfile.content import common_data, read_head, read_superframes
 from codec.streamfile.spread import ScoreChoice
-from codec.streamfile.stream import (
-    decode_stream,
-    encode_stream,
-    read_head,
-    read_superframes,
-    told_by,
-)
+from codec.streamfile.stream import decode_stream, encode_stream
 from codec.superframe.coding import coding_for
 from codec.superframe.merging import join_line
 from codec.superframe.score_coding import part_of
@@ -43,12 +38,12 @@ def file_of(case: dict[str, Any]) -> bytes:
 
 def all_of(data: bytes) -> None:
     list(read_superframes(data))
-    told_by(data)
+    common_data(data)
 
 
 def line_of(data: bytes) -> tuple[list[list[int]] | None, list[list[int]]]:
     """Return phones and keys as the codec reads them."""
-    told, indices = told_by(data), read_head(data).indices
+    told, indices = common_data(data), read_head(data).indices
     if told.line is None:
         return None, []
     line = told.line
@@ -82,7 +77,7 @@ def test_vectors(case: dict[str, Any]) -> None:
     line, keys = line_of(data)
     assert line == (None if case["line"] is None else [phone[:2] for phone in case["line"]])
     assert keys == [key[:2] for key in case["keys"]]
-    assert told_by(data).learning == case["learns"]
+    assert common_data(data).learning == case["learns"]
 
 
 def test_a_line_of_one_silence_is_a_file_without_keys() -> None:

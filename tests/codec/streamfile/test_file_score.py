@@ -1,4 +1,4 @@
-"""The score of a whole file, told once."""
+"""The score of a whole file, stated once."""
 
 from dataclasses import replace
 
@@ -15,9 +15,10 @@ from codec.cues.phonology import PHONES
 from codec.cues.score import Phone, Score
 from codec.cues.timeline import ScoreLine, to_line
 from codec.errors import BitstreamError
-from codec.streamfile.file_score import FileScore, read_told, trimmed, write_told
+from codec.streamfile.content import common_data, read_superframes
+from codec.streamfile.file_score import FileScore, read_common, trimmed, write_common
 from codec.streamfile.learning import Learner
-from codec.streamfile.stream import decode_stream, encode_stream, read_superframes, told_by
+from codec.streamfile.stream import decode_stream, encode_stream
 from codec.streamfile.whole_score import WholeResynthesis
 from codec.superframe.coding import coding_for
 from codec.superframe.merging import join_line
@@ -47,29 +48,29 @@ def lines() -> st.SearchStrategy[ScoreLine]:
 
 @settings(max_examples=200, deadline=None)
 @given(lines(), st.booleans(), st.booleans())
-def test_what_is_told_is_read(line: ScoreLine, cheek: bool, learning: bool) -> None:
+def test_common_data_are_read_as_written(line: ScoreLine, cheek: bool, learning: bool) -> None:
     options = replace(DEFAULT_OPTIONS, schwa="cheek" if cheek else "side")
-    told = FileScore(trimmed(line, INDICES), options, learning)
-    again = read_told(write_told(told, INDICES), INDICES)
+    common = FileScore(trimmed(line, INDICES), options, learning)
+    again = read_common(write_common(common, INDICES), INDICES)
     assert again.options == options
     assert again.learning == learning
-    assert told.line is not None
+    assert common.line is not None
     assert again.line is not None
-    # What sounds before the first superframe is told from its last tick on at most.
-    assert again.line.numbers == told.line.numbers
-    assert again.line.starts[1:] == told.line.starts[1:]
+    # What sounds before the first superframe is stated from its last tick on at most.
+    assert again.line.numbers == common.line.numbers
+    assert again.line.starts[1:] == common.line.starts[1:]
 
 
 @settings(max_examples=100, deadline=None)
 @given(lines(), st.integers(0, 30), st.integers(0, 8), st.integers(0, 5))
-def test_replaced_keys_are_told(line: ScoreLine, which: int, shape: int, place: int) -> None:
+def test_replaced_keys_are_kept(line: ScoreLine, which: int, shape: int, place: int) -> None:
     line = trimmed(line, INDICES)
     parts = {k: part_of(line, k) for k in INDICES}
     starts = [k * 32 + s for k, part in parts.items() for s in part.key_starts()]
     if not starts:
         return
     line = replace(line, overrides={starts[which % len(starts)]: (shape, place)})
-    again = read_told(write_told(FileScore(line, DEFAULT_OPTIONS, False), INDICES), INDICES)
+    again = read_common(write_common(FileScore(line, DEFAULT_OPTIONS, False), INDICES), INDICES)
     assert again.line is not None
     assert again.line.overrides == line.overrides
 
@@ -78,12 +79,12 @@ def test_replaced_keys_are_told(line: ScoreLine, which: int, shape: int, place: 
 @given(st.binary(min_size=1, max_size=40))
 def test_any_bytes_are_a_score_or_an_error(data: bytes) -> None:
     try:
-        told = read_told(data, INDICES)
+        common = read_common(data, INDICES)
     except BitstreamError:
         return
-    assert told.line is not None
-    assert all(0 <= number < len(PHONES) for number in told.line.numbers)
-    assert list(told.line.starts) == sorted(told.line.starts)
+    assert common.line is not None
+    assert all(0 <= number < len(PHONES) for number in common.line.numbers)
+    assert list(common.line.starts) == sorted(common.line.starts)
 
 
 def test_keys_read_off_a_hand_take_few_bits() -> None:
@@ -95,7 +96,7 @@ def test_keys_read_off_a_hand_take_few_bits() -> None:
         phones += [Phone(pair[0], start, middle), Phone(pair[1], middle, start + 0.3)]
     score = Score(tuple(phones), tuple(cue(phones)))
     line = trimmed(to_line(score), range(5, 13))
-    data = write_told(FileScore(line, DEFAULT_OPTIONS, True), range(5, 13))
+    data = write_common(FileScore(line, DEFAULT_OPTIONS, True), range(5, 13))
     assert len(data) < 10 * 15 / 8 + 6
 
 
@@ -155,11 +156,11 @@ def moving(voice: Voice, *, kept: bool) -> Motion:
 def test_a_score_that_tells_nothing_costs_itself(toy_voice: Voice, kept: bool) -> None:
     """Prediction and learning are left alone where they do not pay."""
     motion = moving(toy_voice, kept=kept)
-    told = encode_stream(motion, toy_voice, error_mm=3.0, score="keep")
+    scored = encode_stream(motion, toy_voice, error_mm=3.0, score="keep")
     bare = encode_stream(replace(motion, score=None), toy_voice, error_mm=3.0)
-    frames = list(read_superframes(told))
-    assert len(told) <= 1.02 * len(bare) + len(write_told_of(told)) + len(frames)
-    found = decode_stream(told, toy_voice)
+    frames = list(read_superframes(scored))
+    assert len(scored) <= 1.02 * len(bare) + len(rewritten(scored)) + len(frames)
+    found = decode_stream(scored, toy_voice)
     # The toy's models are far from linear.
     assert compare_motions(motion, found, toy_voice).marker_rms_mm < 1.2 * 3.0
     assert found.score is not None
@@ -167,18 +168,18 @@ def test_a_score_that_tells_nothing_costs_itself(toy_voice: Voice, kept: bool) -
     assert [str(key) for key in found.score.keys] == [str(key) for key in motion.score.keys]
 
 
-def write_told_of(data: bytes) -> bytes:
-    told = told_by(data)
-    return write_told(told, range(12))
+def rewritten(data: bytes) -> bytes:
+    common = common_data(data)
+    return write_common(common, range(12))
 
 
-def test_options_of_cueing_are_told(toy_voice: Voice) -> None:
+def test_options_of_cueing_are_kept(toy_voice: Voice) -> None:
     options = CueingOptions(schwa="cheek", rest_gap_s=1.0)
     phones = [Phone("k", 0.5, 0.7), Phone("ə", 0.7, 1.0)]
     score = Score(tuple(phones), tuple(cue(phones, options)))
     motion = replace(moving(toy_voice, kept=True), score=score)
     data = encode_stream(motion, toy_voice, rate_bps=900, score="keep", options=options)
-    assert told_by(data).options == options
+    assert common_data(data).options == options
     found = decode_stream(data, toy_voice)
     assert found.score is not None
     assert [key.placement for key in found.score.keys] == ["cheek"]

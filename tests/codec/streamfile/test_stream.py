@@ -15,15 +15,10 @@ from codec.cuer.voice import Voice, load_voice
 from codec.cues.cueing import cue
 from codec.cues.score import Phone, Score
 from codec.errors import BitstreamError, CueError, VoiceError
+from codec.streamfile.content import read_head, read_superframes
 from codec.streamfile.inspect import describe, inspect_stream
 from codec.streamfile.spread import MOST_COST, ScoreChoice
-from codec.streamfile.stream import (
-    choose_stream,
-    decode_stream,
-    encode_stream,
-    read_head,
-    read_superframes,
-)
+from codec.streamfile.stream import choose_stream, decode_stream, encode_stream
 from codec.superframe.bits import FILE_BYTES
 from codec.superframe.coding import coding_for
 from synth.motion.rules.performance import motion_of
@@ -247,6 +242,34 @@ def test_broken_files_of_records(
     with pytest.raises(BitstreamError) as caught:
         list(read_superframes(data))
     assert caught.value.section == section
+
+
+@pytest.mark.parametrize(
+    ("change", "cause", "rows"),
+    [
+        (lambda d: d, "", 4),
+        (lambda d: d[: len(d) // 2], "the file is cut off", 1),
+        (lambda d: d[:-20] + bytes([d[-20] ^ 4]) + d[-19:], "bytes of the file were changed", 4),
+        (lambda d: d + b"hello", "5 bytes were appended", 4),
+    ],
+)
+def test_a_damaged_file_is_shown_up_to_its_damage(
+    toy_voice: Voice, make: MakeMotion, change: Callable[[bytes], bytes], cause: str, rows: int
+) -> None:
+    """Cut, changed or with bytes appended: what is readable, the rule and the likely cause."""
+    whole = encode_stream(make(2.5), toy_voice, rate_bps=600, score="keep")
+    document = inspect_stream(change(whole), partial=True)
+    assert len(document["superframes"]) >= rows
+    shown = document["superframes"]
+    assert "changed" in cause or shown == inspect_stream(whole)["superframes"][: len(shown)]
+    if not cause:
+        assert "damage" not in document
+        return
+    assert document["damage"]["section"] == "F7"
+    assert document["damage"]["cause"].startswith(cause)
+    assert "spec/bitstream.md, F7" in describe(document)
+    with pytest.raises(BitstreamError, match=cause):
+        inspect_stream(change(whole))
 
 
 def checked(data: bytes) -> bytes:

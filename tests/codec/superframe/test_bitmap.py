@@ -5,8 +5,9 @@ import pytest
 
 from codec.cuer.voice import load_voice
 from codec.errors import BitstreamError
+from codec.streamfile.content import read_superframes
 from codec.streamfile.inspect import describe_bits, inspect_stream
-from codec.streamfile.stream import encode_stream, read_superframes
+from codec.streamfile.stream import encode_stream
 from codec.superframe.bitmap import map_superframe
 from codec.superframe.superframe import Superframe
 from synth.motion.rules.performance import motion_of
