@@ -5,6 +5,12 @@ class CueError(Exception):
     """Root of the toolkit's exceptions: malformed or unusable input.
 
     The message is one line: the fault, the value found, and the limit.
+
+    Examples
+    --------
+    >>> raise CueError("rate 5 bit/s is not within 60..20000")
+    Traceback (most recent call last):
+    codec.errors.CueError: rate 5 bit/s is not within 60..20000
     """
 
 
@@ -21,6 +27,16 @@ class BitstreamError(CueError):
         Offset of the offending field from the start of the stream, in bits.
     cause : str, optional
         What probably happened, where that can be said.
+
+    Examples
+    --------
+    >>> fault = BitstreamError("3 bytes too many", section="F6", bit=96)
+    >>> print(fault)
+    3 bytes too many (section F6) at bit 96
+    >>> print(fault.explain())
+    fault: 3 bytes too many
+    where: bit 96, that is byte 12
+    rule: spec/bitstream.md, F6
     """
 
     def __init__(self, rule: str, *, section: str, bit: int | None = None, cause: str = "") -> None:
@@ -44,4 +60,10 @@ class BitstreamError(CueError):
 
 
 class VoiceError(CueError):
-    """A voice file is damaged or foreign, or a stream was made with another voice."""
+    """A voice file is damaged or foreign, or a stream was made with another voice.
+
+    Examples
+    --------
+    >>> issubclass(VoiceError, CueError)
+    True
+    """

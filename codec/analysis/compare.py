@@ -36,6 +36,16 @@ class Comparison:
         Keys of the first motion within the common time, and how many the second one has too.
     offset_s : float
         Delay of the second motion against the first at which they agree best.
+
+    Examples
+    --------
+    >>> from codec import compare_motions, load_voice
+    >>> from synth import motion_of, score_of_text
+    >>> voice = load_voice("claire")
+    >>> motion = motion_of(score_of_text("Oui"), voice)
+    >>> found = compare_motions(motion, motion, voice)
+    >>> found.marker_rms_mm, found.keys_correct
+    (0.0, 1)
     """
 
     marker_rms_mm: float
@@ -65,6 +75,15 @@ def compare_motions(a: Motion, b: Motion, voice: Voice) -> Comparison:
     ------
     CueError
         If they have no time in common or belong to another voice.
+
+    Examples
+    --------
+    >>> from codec import load_voice
+    >>> from synth import motion_of, score_of_text
+    >>> voice = load_voice("claire")
+    >>> motion = motion_of(score_of_text("Oui"), voice)
+    >>> compare_motions(motion, motion, voice).offset_s
+    0.0
     """
     for motion in (a, b):
         voice.check_motion(motion)

@@ -64,6 +64,13 @@ class Announcement:
         each.
     signature : bytes
         Ed25519 over all else, 64 bytes.
+
+    Examples
+    --------
+    >>> key = SigningKey("Chaîne 1", bytes(32))
+    >>> announced = key.announce(begin_s=1.79e9, days=1)
+    >>> announced.name, len(announced.public_key)
+    ('Chaîne 1', 32)
     """
 
     name: str
@@ -134,6 +141,11 @@ class SigningKey:
     name : str
     secret : bytes
         32 bytes that determine everything else.
+
+    Examples
+    --------
+    >>> SigningKey("Chaîne 1", bytes(32)).name
+    'Chaîne 1'
     """
 
     name: str

@@ -49,6 +49,15 @@ class Motion:
         Identity of the voice that gives the parameters their meaning (`codec.cuer.voice.Voice`).
     score : Score, optional
         Phones and keys, where known.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from codec import load_voice
+    >>> voice = load_voice("claire")
+    >>> still = np.zeros((100, len(voice.layout)), dtype=np.float32)
+    >>> Motion(still, 50.0, 0.0, voice.layout, voice.identity).duration_s
+    2.0
     """
 
     params: NDArray[np.float32]
@@ -92,6 +101,18 @@ def save_motion(motion: Motion, path: str | os.PathLike[str]) -> None:
     motion : Motion
     path : path-like
         An ``.npz`` file without pickle; one that exists is replaced.
+
+    Examples
+    --------
+    >>> import numpy as np, tempfile
+    >>> from codec import load_voice
+    >>> voice = load_voice("claire")
+    >>> still = np.zeros((100, len(voice.layout)), dtype=np.float32)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = f"{folder}/still.npz"
+    ...     save_motion(Motion(still, 50.0, 0.0, voice.layout, voice.identity), path)
+    ...     load_motion(path).params.shape
+    (100, 31)
     """
     with MotionWriter(path) as writer:
         writer.append(motion)
@@ -239,6 +260,12 @@ def load_motion(path: str | os.PathLike[str]) -> Motion:
     ------
     CueError
         If the file is missing, damaged, too large, or not a motion.
+
+    Examples
+    --------
+    >>> load_motion("missing.npz")
+    Traceback (most recent call last):
+    codec.errors.CueError: missing.npz: No such file or directory
     """
     arrays = read_arrays(path, max_bytes=MAX_FILE_BYTES)
     try:

@@ -56,6 +56,12 @@ class Voice:
         Whose phones, shapes and placements these are.
     identity : str
         Sixteen hexadecimal digits, a hash of all numbers of the voice; the name does not count.
+
+    Examples
+    --------
+    >>> voice = load_voice("claire")
+    >>> voice.name, len(voice.layout)
+    ('claire', 31)
     """
 
     name: str
@@ -201,6 +207,14 @@ def save_voice(voice: Voice, path: str | os.PathLike[str]) -> None:
     voice : Voice
     path : path-like
         An ``.npz`` file without pickle.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_voice(load_voice("claire"), f"{folder}/mine.npz")
+    ...     load_voice(f"{folder}/mine.npz").name
+    'claire'
     """
     header: dict[str, NDArray[Any]] = {
         "format": np.array(FORMAT, dtype=np.str_),

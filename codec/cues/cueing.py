@@ -43,6 +43,11 @@ class CueingOptions:
         Silence after which the hand returns to rest; published values reach from 0.25 to 1.8 s.
     language : Language
         Whose phones these are; the three placements count if its `alternatives` have their vowels.
+
+    Examples
+    --------
+    >>> CueingOptions(oe="cheek").oe
+    'cheek'
     """
 
     un: str = "throat"

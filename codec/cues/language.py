@@ -75,6 +75,12 @@ class Language:
         Consonants that keys are likelier to have (F11).
     score : mapping
         Frequencies of the score's symbols, as far as they were counted (S12).
+
+    Examples
+    --------
+    >>> from codec.cues.language import french
+    >>> french().name, len(french().phones)
+    ('French', 38)
     """
 
     digest: bytes
@@ -260,6 +266,12 @@ def load_language(path: str | os.PathLike[str]) -> Language:
     ------
     CueError
         If the file is missing, too large or no such file.
+
+    Examples
+    --------
+    >>> load_language("missing.json")
+    Traceback (most recent call last):
+    codec.errors.CueError: missing.json: No such file or directory
     """
     try:
         with Path(path).open("rb") as file:

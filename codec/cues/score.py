@@ -62,6 +62,11 @@ class Phone:
     contour : str
         One of `CONTOURS`: what ends with this phone. It is for who speaks the score; it stands in
         no file, no stream and no comparison.
+
+    Examples
+    --------
+    >>> Phone("ʃ", 0.10, 0.22).symbol
+    'ʃ'
     """
 
     symbol: str
@@ -91,6 +96,12 @@ class Key:
         Hand shape, 0 to 8.
     placement : str
         One of a known language's, of French one of `PLACEMENTS`.
+
+    Examples
+    --------
+    >>> key = Key(0.0, 0.25, ("b", "a"), shape=4, placement="side")
+    >>> str(key), key.end - key.start
+    ('14', 0.25)
     """
 
     start: float
@@ -144,6 +155,13 @@ class Score:
     ----------
     phones : tuple of Phone
     keys : tuple of Key
+
+    Examples
+    --------
+    >>> from codec.cues.cueing import cue
+    >>> score = Score((Phone("b", 0.0, 0.1), Phone("a", 0.1, 0.3)), ())
+    >>> len(score.phones), score.keys
+    (2, ())
     """
 
     phones: tuple[Phone, ...]

@@ -46,6 +46,15 @@ def inspect_stream(data: bytes, *, partial: bool = False) -> dict[str, Any]:
     BitstreamError
         If the file breaks a rule; of a partial one if its head cannot be read. A wrong checksum of
         a superframe is reported in its place.
+
+    Examples
+    --------
+    >>> from codec import encode_stream, load_voice
+    >>> from synth import motion_of, score_of_text
+    >>> voice = load_voice("claire")
+    >>> stream = encode_stream(motion_of(score_of_text("Oui"), voice), voice, error_mm=4.0)
+    >>> inspect_stream(stream + b"x", partial=True)["damage"]["cause"]
+    '1 bytes were appended to a file that is whole without them'
     """
     content = read_content(data)
     head, fault = content.head, content.fault

@@ -115,6 +115,14 @@ def encode_stream(
     ------
     CueError
         If both or an impossible value is given, or the motion is empty or begins before 0.
+
+    Examples
+    --------
+    >>> from codec import load_voice
+    >>> from synth import motion_of, score_of_text
+    >>> voice = load_voice("claire")
+    >>> encode_stream(motion_of(score_of_text("Oui"), voice), voice, error_mm=4.0)[:4]
+    b'CUES'
     """
     return choose_stream(
         motion, voice, rate_bps=rate_bps, error_mm=error_mm, constant=constant, score=score,
@@ -277,6 +285,15 @@ def decode_stream(data: bytes, voice: Voice) -> Motion:
         If the file breaks a rule.
     VoiceError
         If it was made with another voice or with other coding tables.
+
+    Examples
+    --------
+    >>> from codec import encode_stream, load_voice
+    >>> from synth import motion_of, score_of_text
+    >>> voice = load_voice("claire")
+    >>> stream = encode_stream(motion_of(score_of_text("Oui"), voice), voice, error_mm=4.0)
+    >>> [str(key) for key in decode_stream(stream, voice).score.keys]
+    ['26']
     """
     head = read_head(data)
     if head.coding != coding_for(voice).identity:

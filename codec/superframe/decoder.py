@@ -47,6 +47,18 @@ class SuperframeDecoder:
     lips : bool
         Keep the lips to the phones' targets (`codec.superframe.lips`): for viewers; the bare
         parameters are those of the specification's vectors.
+
+    Examples
+    --------
+    >>> from codec import SuperframeEncoder, load_voice
+    >>> from synth import motion_of, score_of_text
+    >>> voice = load_voice("claire")
+    >>> motion = motion_of(score_of_text("Oui"), voice)
+    >>> frame = SuperframeEncoder(voice, l0_bytes=20, l1_bytes=7).encode(motion, 0)
+    >>> decoder = SuperframeDecoder(voice)
+    >>> decoder.take(frame.l0, frame.l1, 0)
+    >>> decoder.render(0).params.shape
+    (32, 31)
     """
 
     def __init__(self, voice: Voice, *, lips: bool = False) -> None:

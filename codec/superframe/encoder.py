@@ -73,6 +73,16 @@ class SuperframeEncoder:
     ------
     CueError
         If a size or the lead is out of range.
+
+    Examples
+    --------
+    >>> from codec import load_voice
+    >>> from synth import motion_of, score_of_text
+    >>> voice = load_voice("claire")
+    >>> encoder = SuperframeEncoder(voice, l0_bytes=20, l1_bytes=7)
+    >>> frame = encoder.encode(motion_of(score_of_text("Oui"), voice), 0)
+    >>> len(frame.l0), len(frame.l1)
+    (20, 7)
     """
 
     def __init__(

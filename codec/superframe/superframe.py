@@ -28,7 +28,14 @@ WINDOWS = 4
 
 @dataclass(frozen=True, slots=True)
 class Superframe:
-    """The two parts of superframe `index`, whose media time is ``index * 0.64`` s."""
+    """The two parts of superframe `index`, whose media time is ``index * 0.64`` s.
+
+    Examples
+    --------
+    >>> frame = Superframe(3, bytes(20), bytes(7))
+    >>> len(frame.l0) + len(frame.l1)
+    27
+    """
 
     index: int
     l0: bytes

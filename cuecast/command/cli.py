@@ -90,6 +90,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     -------
     int
         The exit status.
+
+    Examples
+    --------
+    >>> main(["keys", "Oui"])  # doctest: +NORMALIZE_WHITESPACE
+    start  end  key  taught  shape  placement  phones
+    0.500  0.860  26  6-m  6  mouth  w i
+    0
     """
     try:
         args = build_parser().parse_args(_present(sys.argv[1:] if argv is None else argv))

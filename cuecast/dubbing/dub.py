@@ -86,6 +86,11 @@ class DubOptions:
         Signs the cues.
     on_air_s : float
         When a signed programme begins on air, seconds since 1970 (UTC).
+
+    Examples
+    --------
+    >>> DubOptions(carriers=("audio", "video"), through="aac:128k").profiles["audio"]
+    'standard'
     """
 
     carriers: tuple[str, ...] = ("audio",)
@@ -136,6 +141,17 @@ def dub(
     ------
     CueError
         If the programme is malformed, or its sound cannot carry anything.
+
+    Examples
+    --------
+    >>> from codec import load_voice
+    >>> from cuecast import SynthesisedMotion
+    >>> from synth import score_of_text
+    >>> voice = load_voice("claire")
+    >>> source = SynthesisedMotion(score_of_text("Oui"), voice)
+    >>> dub("missing.mkv", source, voice, "out.mkv")
+    Traceback (most recent call last):
+    codec.errors.CueError: missing.mkv: No such file or directory
     """
     if not options.carriers:
         raise CueError("no carrier: nothing to dub into")

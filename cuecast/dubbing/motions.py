@@ -75,6 +75,12 @@ class SynthesisedMotion:
     options : CueingOptions
     alignment : str
         ``attina`` or ``paper``: when the hand is on target.
+
+    Examples
+    --------
+    >>> from codec import load_voice
+    >>> from synth import score_of_text
+    >>> source = SynthesisedMotion(score_of_text("Oui"), load_voice("claire"))
     """
 
     def __init__(

@@ -87,6 +87,13 @@ def receive(
     ------
     CueError
         If the programme is malformed, or its sound of a kind that cannot carry a cuer.
+
+    Examples
+    --------
+    >>> from codec import load_voice
+    >>> receive("missing.ts", load_voice("claire"))
+    Traceback (most recent call last):
+    codec.errors.CueError: missing.ts: No such file or directory
     """
     began = time.perf_counter()
     gathered = _Gathered(voice, keep_motion)

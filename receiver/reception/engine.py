@@ -67,6 +67,16 @@ class Receiver:
     ------
     CueError
         If the carrier does not exist at this rate or number of channels.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from codec import load_voice
+    >>> receiver = Receiver(48_000, 2, voice=load_voice("claire"))
+    >>> receiver.process(np.zeros((48_000, 2), dtype=np.float32))
+    []
+    >>> receiver.flush()
+    []
     """
 
     def __init__(

@@ -26,6 +26,11 @@ class StateChanged:
         On the programme's clock.
     state : State
         The state from then on.
+
+    Examples
+    --------
+    >>> StateChanged(2.4, "locked").state
+    'locked'
     """
 
     time_s: float
@@ -77,6 +82,13 @@ class KeysFound:
     keys : tuple of Key
     final : bool
         Whether nothing of them will change.
+
+    Examples
+    --------
+    >>> from codec import Key
+    >>> found = KeysFound((Key(0.0, 0.25, ("b", "a"), 4, "side"),), final=True)
+    >>> [str(key) for key in found.keys]
+    ['14']
     """
 
     keys: tuple[Key, ...]
@@ -94,6 +106,11 @@ class SuperframeLost:
     start_s : float
         When the first one was due on the programme's clock.
     count : int
+
+    Examples
+    --------
+    >>> SuperframeLost(6.4).count
+    1
     """
 
     start_s: float
@@ -112,6 +129,11 @@ class Unreadable:
         From when on, on the programme's clock.
     message : str
         Its content, for a person to read.
+
+    Examples
+    --------
+    >>> Unreadable(0.0, "the sound has no channels").message
+    'the sound has no channels'
     """
 
     time_s: float
@@ -133,6 +155,11 @@ class AuthenticityChanged:
         Why they are not verified.
     age_s : float or None
         How old they are on arrival, by the keys; None where no clock is right.
+
+    Examples
+    --------
+    >>> AuthenticityChanged(10.2, "verified", "Chaîne 1", age_s=0.4).status
+    'verified'
     """
 
     time_s: float

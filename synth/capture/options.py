@@ -43,6 +43,11 @@ class CaptureOptions:
         Interpreter with the image tracker, for films.
     progress : callable
         Told how many seconds of the recording have been worked on.
+
+    Examples
+    --------
+    >>> CaptureOptions(rate_hz=25.0, aspect=16 / 9).rate_hz
+    25.0
     """
 
     rate_hz: float = 50.0

@@ -31,6 +31,11 @@ class ReceivedSuperframe:
         Share of wrong coded bits before correction, of the classes that were decoded.
     ratios : ndarray of float64, shape (coded bits,), or None
         Log-likelihood ratios as decoded, for adding those of another carrier.
+
+    Examples
+    --------
+    >>> ReceivedSuperframe(None, None, 12.8, 0.0).l0 is None
+    True
     """
 
     l0: bytes | None

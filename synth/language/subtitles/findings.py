@@ -23,6 +23,11 @@ class LeftOut:
         Why, in one line.
     column : int
         Where in its line, if others stand there too, counted from 1; else 0.
+
+    Examples
+    --------
+    >>> LeftOut(12, "music").reason
+    'music'
     """
 
     line: int

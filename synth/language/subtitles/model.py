@@ -21,6 +21,11 @@ class TextRun:
         Who speaks, where the file says so.
     language : str
         As the file states, such as ``en-GB``; "" if it does not.
+
+    Examples
+    --------
+    >>> TextRun("Coup de feu", colour="red").colour
+    'red'
     """
 
     text: str
@@ -53,6 +58,11 @@ class Subtitle:
         Where it is shown, as the file writes it; "" if it does not.
     column : int
         Where it starts in its line if others stand there too, counted from 1; else 0.
+
+    Examples
+    --------
+    >>> Subtitle(1.0, 2.5, "Bonjour !").text
+    'Bonjour !'
     """
 
     start_s: float

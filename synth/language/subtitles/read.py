@@ -53,6 +53,11 @@ class Terms:
     ------
     CueError
         If there is no such profile.
+
+    Examples
+    --------
+    >>> Terms(profile="plain").profile
+    'plain'
     """
 
     strict: bool = False
@@ -95,6 +100,17 @@ def read_subtitles(
     CueError
         If the file cannot be read, nothing of it can be cued, or it has a fault and the terms are
         strict; the message gives the file and the line.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "film.vtt"
+    ...     lines = ["WEBVTT", "", "00:01.000 --> 00:02.500", "Bonjour !"]
+    ...     _ = path.write_text(chr(10).join(lines))
+    ...     [cue.text for cue in read_subtitles(path)]
+    ['Bonjour !']
     """
     path = Path(path)
     try:

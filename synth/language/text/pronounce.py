@@ -57,6 +57,11 @@ class Style:
         When a final mute e is spoken: ``none``; ``cluster``: after two consonants when another
         follows (quatre femmes); ``cluster-pause``: also before a pause; ``all``: after
         every consonant when another follows (verse, the south).
+
+    Examples
+    --------
+    >>> Style(liaison="none").final_schwa
+    'cluster'
     """
 
     liaison: str = "obligatory"

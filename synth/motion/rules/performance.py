@@ -50,6 +50,13 @@ def motion_of(
     ------
     CueError
         If there is no score, or an empty one, the alignment unknown, or the rate out of range.
+
+    Examples
+    --------
+    >>> from codec import load_voice
+    >>> from synth import score_of_text
+    >>> motion_of(score_of_text("Oui"), load_voice("claire")).rate_hz
+    50.0
     """
     if not isinstance(score, Score):
         raise CueError(

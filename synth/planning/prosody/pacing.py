@@ -94,6 +94,11 @@ class Pace:
         As slow as she goes where there is room, 1 to 8.
     keys_per_s : float
         As fast as she means to be, 1 to 10; never more than `FASTER` times as fast.
+
+    Examples
+    --------
+    >>> Pace(keys_per_s=3.0).keys_per_s
+    3.0
     """
 
     max_lag_s: float = 1.5

@@ -42,6 +42,11 @@ class PerformerChoice:
         Of a virtual cuer's small motions and scatter.
     alignment : str
         One of `synth.motion.rules.movement.ALIGNMENTS`.
+
+    Examples
+    --------
+    >>> PerformerChoice("agathe", seed=2).voice
+    'agathe'
     """
 
     voice: str = "claire"

@@ -44,6 +44,12 @@ class Reading:
         The cuer's own clock; without one she keeps in step with the speaker.
     performing : PerformerChoice
         Who is to cue at that pace.
+
+    Examples
+    --------
+    >>> from synth import score_of_text
+    >>> [phone.symbol for phone in score_of_text("les amis", reading=Reading()).phones]
+    ['l', 'e', 'z', 'a', 'm', 'i']
     """
 
     options: CueingOptions = DEFAULT_OPTIONS

@@ -46,6 +46,11 @@ class SuperframeMargin:
         Name of the coder that leaves least.
     loudest : bool
         Whether it stands at the highest level: no grade would give it more.
+
+    Examples
+    --------
+    >>> SuperframeMargin(4, 1.7, "aac:128k").margin
+    1.7
     """
 
     number: int
