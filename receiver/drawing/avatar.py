@@ -137,6 +137,11 @@ class Avatar:
         """Colours of the vertices of `place`, shape (V, 5)."""
         return np.concatenate([self.head.colours, self.hand.colours])
 
+    @property
+    def casts(self) -> NDArray[np.bool_]:
+        """Which triangles cast the shadow that all others receive: the hand's, shape (F,)."""
+        return np.arange(len(self.triangles)) >= len(self.head.triangles)
+
     def place(self, params: ArrayLike, times_s: FloatArray | None = None) -> FloatArray:
         """Return the vertices of head, then hand, in the world.
 

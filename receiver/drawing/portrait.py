@@ -1,85 +1,132 @@
 """Portraits of the avatar in software: the page's picture without a browser.
 
-Vertices and a camera come in, a picture goes out. The light is that of ``page/avatar.js``. The
-hand throws a soft shadow on face and clothes: four silhouettes of it, one beside the other. It
+Vertices and a camera come in, a picture goes out. The page (``page/avatar.js``) takes the same
+light and shadow from the avatar's document. The hand casts one soft shadow on face and clothes: it
 separates the hand from a face of the same colour, and shows how near they are.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from receiver.drawing._kernels import cover_triangles, draw_triangles
-from receiver.drawing.avatar import Avatar, FloatArray, vertex_normals
+from receiver.drawing._kernels import (
+    BLENDED,
+    CASTS,
+    add_normals,
+    blur_shadow,
+    cast,
+    draw_triangles,
+)
+from receiver.drawing.avatar import Avatar, FloatArray
 from receiver.drawing.camera import Camera
-
-SUPERSAMPLING = 2
-"""Samples along each side of a pixel: edges are as smooth as the page's."""
-
-_VIEWER = np.array([0.0, 0.0, 1.0])
-"""Direction of the viewer."""
 
 _KEY = np.array([-0.45, 0.55, 0.70]) / np.linalg.norm([-0.45, 0.55, 0.70])
 """Direction of the key light: from the upper left, which shades the hand on the right of the
 face."""
 
+_VIEWER = np.array([0.0, 0.0, 1.0])
 _HALF = (_KEY + _VIEWER) / np.linalg.norm(_KEY + _VIEWER)
-LIGHT = np.array([_KEY, _HALF, [0.50, 0.32, 0.25], [0.95, 0.912, 0.855]])
-"""Direction of the key light, half way to the viewer, wrap and strength per colour."""
 
-SHADOWS_MM = ((2.0, -3.0), (5.0, -6.5), (8.0, -10.0), (11.0, -13.5))
-"""Where the shadows lie beside the hand: to the right and down."""
+LIGHT = np.array([
+    _KEY, _HALF,
+    [0.50, 0.32, 0.25],     # wrap: how far the key light reaches round
+    [0.95, 0.912, 0.855],   # strength of the key light
+    [0.170, 0.195, 0.220],  # light from everywhere
+    [0.187, 0.2145, 0.242], # light from above
+    [0.288, 0.324, 0.360],  # light on rims
+    [0.5, 0.5, 0.5],        # highlights of gloss 1
+    [1.0, 6.0, 40.0],       # shadow: share taken from the key; depth in mm that begins, halves it
+], dtype=np.float32)  # fmt: skip
+"""Directions and linear red, green, blue of the lights, and the shadow's strength."""
 
-SHADE = 0.1
-"""What each of them takes from the picture's brightness."""
+SHADOW_SIDE = 256
+"""Pixels along a side of the shadow's map."""
+
+SHADOW_TEXEL_MM = 2.5
+"""Width of one of them."""
+
+_SHADOW_UNITS = np.array([SHADOW_TEXEL_MM, -SHADOW_TEXEL_MM, 1], np.float32)
+_SHADOW_BLUR_MM = 4.0
+"""Standard deviation of its blur: fingers melt into one shadow."""
+
+_taps = np.arange(-6, 7) * (SHADOW_TEXEL_MM / _SHADOW_BLUR_MM)
+SHADOW_WEIGHTS = (np.exp(-(_taps**2) / 2) / np.exp(-(_taps**2) / 2).sum()).astype(np.float32)
+"""Weights of the blur along a row or a column."""
+
+_RIGHT = np.cross([0, 1, 0], _KEY) / np.linalg.norm(np.cross([0, 1, 0], _KEY))
+FROM_LIGHT = np.array([_RIGHT, np.cross(_KEY, _RIGHT), _KEY], dtype=np.float32)
+"""Right, up and forward of the key light: axes of the shadow's map."""
+
+_GRID = 256
+"""Corners of triangles lie on whole parts of a pixel."""
 
 
-def draw_avatar(
-    picture: NDArray[np.uint8], avatar: Avatar, vertices: FloatArray, camera: Camera,
-    *, mirror: bool = False,
-) -> None:  # fmt: skip
-    """Draw the avatar into a picture, in place.
+class Portrait:
+    """Pictures of an avatar through a camera.
 
     Parameters
     ----------
-    picture : ndarray of uint8, shape (height, width, 3)
     avatar : Avatar
-    vertices : ndarray, shape (V, 3)
-        From `Avatar.place`.
     camera : Camera
     mirror : bool
         Swap left and right, for a left-handed cuer.
     """
-    height, width = (SUPERSAMPLING * side for side in picture.shape[:2])
-    turned = slice(None, None, -1) if mirror else slice(None)
 
-    def seen(places: FloatArray) -> FloatArray:
-        view = camera.project(places)
-        x = -view[:, 0] if mirror else view[:, 0]
-        return np.stack(
-            [width / 2 + x * height, height / 2 + view[:, 1] * height, places[:, 2]], axis=1
-        )
+    def __init__(self, avatar: Avatar, camera: Camera, *, mirror: bool = False) -> None:
+        self._camera = camera
+        self._sides = np.array([-1 if mirror else 1, 1, 1], np.float32)
+        triangles = avatar.triangles.astype(np.int32)
+        self._triangles = np.ascontiguousarray(triangles[:, ::-1] if mirror else triangles)
+        colours = avatar.colours / np.float32(255)
+        self._values = np.zeros((len(colours), 8), np.float32)
+        self._values[:, 3:] = np.concatenate([colours[:, :3] ** 2.2, colours[:, 3:]], axis=1)
+        casts = avatar.casts
+        self._casting = np.ascontiguousarray(self._triangles[casts])
+        clear = (avatar.colours[:, 4] < 255)[triangles].any(axis=1)
+        self._kinds = (BLENDED * clear + CASTS * casts).astype(np.uint8)
 
-    depth = np.full((height, width), -np.inf)
-    drawn = np.zeros((height, width, 4))
-    start = len(avatar.head.sources)
-    for surface, places in ((avatar.head, vertices[:start]), (avatar.hand, vertices[start:])):
-        triangles = np.ascontiguousarray(surface.triangles[:, turned])
-        colours = surface.colours / 255.0
-        if surface is avatar.hand:
-            for right_mm, up_mm in SHADOWS_MM:
-                offset = np.array([-right_mm if mirror else right_mm, up_mm, 0.0])
-                moved = seen(places + offset)
-                mask = np.zeros((height, width))
-                opacity = np.ascontiguousarray(colours[:, 4])
-                cover_triangles(moved, triangles, opacity, depth, mask)
-                drawn[..., :3] *= ((1 - SHADE * mask) ** 2.2)[..., None]
-        normals = vertex_normals(places, surface.triangles)
-        if mirror:
-            normals = normals * [-1, 1, 1]
-        values = np.concatenate([normals, colours[:, :3] ** 2.2, colours[:, 3:]], axis=1)
-        draw_triangles(seen(places), triangles, values, LIGHT, depth, drawn)
-    n = SUPERSAMPLING
-    drawn = drawn.reshape(height // n, n, width // n, n, 4).mean(axis=(1, 3))
-    alpha = drawn[..., 3:]
-    colour = np.clip(drawn[..., :3] / np.maximum(alpha, 1e-6), 0, 1) ** (1 / 2.2)
-    picture[:] = np.rint(255 * colour * alpha + picture * (1 - alpha)).astype(np.uint8)
+    def draw(self, picture: NDArray[np.uint8], vertices: FloatArray) -> None:
+        """Draw the avatar into a picture, in place.
+
+        Parameters
+        ----------
+        picture : ndarray of uint8, shape (height, width, 3)
+        vertices : ndarray, shape (V, 3)
+            From `Avatar.place`.
+        """
+        height, width = picture.shape[:2]
+        camera, values = self._camera, self._values
+        places = (vertices - camera.centre).astype(np.float32) * self._sides
+        add_normals(places, self._triangles, values)
+        shadow = _cast_shadow(places, self._casting, values)
+        near = camera.distance_mm / (camera.distance_mm - places[:, 2])
+        scale = near * (height / camera.height_mm)
+        points = np.empty_like(places)
+        points[:, 0] = np.rint((width / 2 + places[:, 0] * scale) * _GRID) / _GRID
+        points[:, 1] = np.rint((height / 2 - places[:, 1] * scale) * _GRID) / _GRID
+        points[:, 2] = near
+        draw_triangles(
+            points, self._triangles, values, self._kinds, LIGHT, shadow,
+            _to_light(camera, width, height), picture,
+        )  # fmt: skip
+
+
+def _cast_shadow(
+    places: NDArray[np.float32], casting: NDArray[np.int32], values: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return the blurred map of the casting triangles, places being from the camera's centre."""
+    seen = places @ FROM_LIGHT.T / _SHADOW_UNITS
+    seen[:, :2] = np.rint((seen[:, :2] + SHADOW_SIDE / 2) * _GRID) / _GRID
+    cover = np.zeros((SHADOW_SIDE, SHADOW_SIDE, 2), np.float32)
+    cast(np.ascontiguousarray(seen), casting, np.ascontiguousarray(values[:, 7]), cover)
+    return np.asarray(blur_shadow(cover, SHADOW_WEIGHTS))
+
+
+def _to_light(camera: Camera, width: int, height: int) -> NDArray[np.float32]:
+    """Return the matrix from a place of the picture to texels and depth of the shadow's map."""
+    unit, far = camera.height_mm / height, camera.distance_mm
+    back = np.array([
+        [unit, 0, -unit * width / 2, 0], [0, -unit, unit * height / 2, 0], [0, 0, -far, far],
+    ])  # fmt: skip
+    matrix = FROM_LIGHT @ back / _SHADOW_UNITS[:, None]
+    matrix[:2, 3] += SHADOW_SIDE / 2 - 0.5
+    return np.asarray(matrix, dtype=np.float32)

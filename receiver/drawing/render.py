@@ -18,7 +18,7 @@ from codec.errors import CueError
 from codec.files.whole import whole_file
 from receiver.drawing.avatar import load_avatar
 from receiver.drawing.points import draw_points
-from receiver.drawing.portrait import draw_avatar
+from receiver.drawing.portrait import Portrait
 from receiver.drawing.voice_document import neutral_camera
 
 STYLES = ("points", "avatar")
@@ -96,15 +96,16 @@ def draw(
         raise CueError(f"background has shape {background.shape}, not {(height, width, 3)}")
     camera = neutral_camera(voice)
     avatar = load_avatar(voice) if style == "avatar" else None
+    portrait = None if avatar is None else Portrait(avatar, camera, mirror=mirror)
     ground = np.zeros((height, width, 3), np.uint8) if background is None else background
     for time_s in times_s:
         picture = ground.copy()
         now = np.array([time_s])
         params = sample_params(motion, now)
-        if avatar is None:
+        if avatar is None or portrait is None:
             draw_points(picture, voice.reconstruct(params)[0], camera, mirror=mirror)
         else:
-            draw_avatar(picture, avatar, avatar.place(params, now)[0], camera, mirror=mirror)
+            portrait.draw(picture, avatar.place(params, now)[0])
         yield picture
 
 

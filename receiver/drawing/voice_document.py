@@ -22,6 +22,13 @@ from codec.superframe.resynthesis.targets import Targets
 from receiver.drawing.avatar import OFFSET_UNIT, SHARE_UNIT, Avatar, Surface
 from receiver.drawing.camera import ASPECT, Camera, frame_cuer
 from receiver.drawing.mouth import Mouth
+from receiver.drawing.portrait import (
+    FROM_LIGHT,
+    LIGHT,
+    SHADOW_SIDE,
+    SHADOW_TEXEL_MM,
+    SHADOW_WEIGHTS,
+)
 
 _FACE_ARRAYS = ("mean", "directions", "pivot", "motion_mean", "motion_directions", "weights")
 _HAND_ARRAYS = (
@@ -106,6 +113,9 @@ def avatar_document(avatar: Avatar) -> bytes:
         **_shape_arrays(avatar.shapes),
         **_surface_arrays("head", avatar.head),
         **_surface_arrays("hand", avatar.hand),
+        "light": LIGHT.ravel(),
+        "from_light": FROM_LIGHT.ravel(),
+        "shadow": np.array([SHADOW_SIDE, SHADOW_TEXEL_MM, *SHADOW_WEIGHTS], "<f4"),
     }
     entries, body = [], b""
     for name, array in arrays.items():

@@ -8,69 +8,12 @@
 
 import { Mouth } from "./mouth.js";
 import { fit } from "./points.js";
+import { Shading } from "./shading.js";
 
 const KINDS = { f4: Float32Array, i2: Int16Array, u2: Uint16Array, u1: Uint8Array };
 const SHARE_UNIT = 252;
 const OFFSET_UNIT = 256;
 const ORIGIN = [0, 0, 0];
-/** Where the hand's shadows lie, and how dark each of them is: as in `receiver.portrait`. */
-const SHADOWS_MM = [[2, -3], [5, -6.5], [8, -10], [11, -13.5]];
-const SHADE = 0.1;
-
-const VERTEX = `
-attribute vec3 position, normal;
-attribute vec4 colour;
-attribute vec3 extra;
-uniform vec3 turn, shift, base, pivot, centre, beside;
-uniform vec3 frame;
-varying vec3 n;
-varying vec4 tint;
-varying float opacity;
-vec3 rotated(vec3 p, vec3 r) {
-  float a2 = dot(r, r);
-  float a = sqrt(a2);
-  float s = a < 1e-4 ? 1.0 - a2 / 6.0 : sin(a) / a;
-  float c = a < 1e-4 ? 0.5 - a2 / 24.0 : (1.0 - cos(a)) / a2;
-  vec3 once = cross(r, p);
-  return p + s * once + c * cross(r, once);
-}
-void main() {
-  vec3 r = turn * extra.y;
-  vec3 p = rotated(position - base, r) + shift * extra.z + pivot + beside - centre;
-  n = rotated(normal, r);
-  n.x *= frame.z;
-  tint = colour;
-  opacity = extra.x;
-  float w = 1.0 - p.z / frame.y;
-  gl_Position = vec4(vec3(frame.z * p.x * frame.x, p.y * 2.0, -p.z * w) / HEIGHT, w);
-}`;
-
-const FRAGMENT = `
-precision mediump float;
-varying vec3 n;
-varying vec4 tint;
-varying float opacity;
-uniform float alpha, shade;
-const vec3 KEY = vec3(-0.45102, 0.55125, 0.70159);
-const vec3 HALF = vec3(-0.24449, 0.29882, 0.92245);
-void main() {
-  vec3 m = normalize(n);
-  vec3 wrap = vec3(0.50, 0.32, 0.25);
-  vec3 lit = pow(clamp((dot(m, KEY) + wrap) / (1.0 + wrap), 0.0, 1.0), vec3(1.3));
-  float sky = 0.20 + 0.22 * (0.5 + 0.5 * m.y);
-  vec3 base = pow(tint.rgb, vec3(2.2));
-  vec3 rim = 0.36 * pow(max(1.0 - m.z, 0.0), 3.0) * vec3(0.8, 0.9, 1.0);
-  vec3 c = base * (lit * vec3(0.95, 0.912, 0.855) + sky * vec3(0.85, 0.975, 1.1) + rim);
-  c += tint.a * 0.5 * pow(max(dot(m, HALF), 0.0), 28.0);
-  float a = opacity * alpha;
-  if (a < 0.004) discard;
-  if (shade > 0.0) {
-    gl_FragColor = vec4(0.0, 0.0, 0.0, shade * opacity);
-    return;
-  }
-  gl_FragColor = vec4(pow(clamp(c, 0.0, 1.0), vec3(1.0 / 2.2)) * a, a);
-}`;
-
 /** Decode `/avatar.bin`: `{name: typed array}`. */
 export function parseAvatar(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
@@ -264,9 +207,9 @@ export class AvatarView {
   constructor(canvas, model, arrays) {
     this.canvas = canvas;
     this.model = model;
-    this.gl = canvas.getContext("webgl", { alpha: true, antialias: true, stencil: true, premultipliedAlpha: true });
+    this.gl = canvas.getContext("webgl", { alpha: true, antialias: true, premultipliedAlpha: true });
     if (!this.gl) throw new Error("WebGL is missing");
-    this.program = link(this.gl, VERTEX.replace("HEIGHT", model.camera.height_mm.toFixed(3)), FRAGMENT);
+    this.shading = new Shading(this.gl, arrays, model.camera.height_mm);
     this.head = this.upload(new Surface(arrays, "head"), arrays.head_weights);
     this.hand = this.upload(new Surface(arrays, "hand"), null);
   }
@@ -288,115 +231,96 @@ export class AvatarView {
       gl.bufferData(target, data, usage);
       return made;
     };
+    const [opaque, clear] = sortTriangles(surface);
     return {
       surface,
       position: buffer(gl.ARRAY_BUFFER, surface.position, gl.DYNAMIC_DRAW),
       normal: buffer(gl.ARRAY_BUFFER, surface.normal, gl.DYNAMIC_DRAW),
       colour: buffer(gl.ARRAY_BUFFER, colour, gl.STATIC_DRAW),
       extra: buffer(gl.ARRAY_BUFFER, extra, gl.STATIC_DRAW),
-      index: buffer(gl.ELEMENT_ARRAY_BUFFER, surface.triangles, gl.STATIC_DRAW),
+      index: buffer(gl.ELEMENT_ARRAY_BUFFER, Uint16Array.from([...opaque, ...clear]), gl.STATIC_DRAW),
+      opaque: [0, opaque.length],
+      clear: [opaque.length, clear.length],
     };
   }
 
   /** Draw the model as it was last reconstructed; `look`: {alpha, mirror, handOnly}. */
   draw(timeS, look) {
-    const { gl, canvas, model, program } = this;
+    const { gl, canvas, model, head, hand, shading } = this;
     fit(canvas);
-    gl.viewport(0, 0, canvas.width, canvas.height);
-    gl.clearColor(0, 0, 0, 0);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    if (look.alpha <= 0) return;
+    const parts = look.handOnly ? [hand] : [head, hand];
     const closed = eyesClosed(timeS);
-    this.head.surface.bend(model.faceShape, { eyeBlinkLeft: closed, eyeBlinkRight: closed });
-    this.hand.surface.bend(model.handShape);
-    gl.useProgram(program.handle);
+    head.surface.bend(model.faceShape, { eyeBlinkLeft: closed, eyeBlinkRight: closed });
+    hand.surface.bend(model.handShape);
     gl.enable(gl.DEPTH_TEST);
     gl.enable(gl.CULL_FACE);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     gl.frontFace(look.mirror ? gl.CW : gl.CCW);
-    gl.uniform3fv(program.uniforms.centre, model.camera.centre);
-    const wide = 2 * canvas.height / canvas.width;
-    gl.uniform3f(program.uniforms.frame, wide, model.camera.distance_mm, look.mirror ? -1 : 1);
-    gl.uniform1f(program.uniforms.alpha, look.alpha);
-    gl.uniform3fv(program.uniforms.beside, ORIGIN);
-    gl.uniform1f(program.uniforms.shade, 0);
-    // The face model keeps its points in the world, the hand model about its pivot.
-    if (!look.handOnly) {
-      this.choosePart(this.head, model.headMotion, model.face.pivot, model.face.pivot);
-      this.drawPart(this.head);
+    for (const part of parts) {
+      for (const name of ["position", "normal"]) {
+        gl.bindBuffer(gl.ARRAY_BUFFER, part[name]);
+        gl.bufferSubData(gl.ARRAY_BUFFER, 0, part.surface[name]);
+      }
     }
-    this.choosePart(this.hand, model.handMotion, ORIGIN, model.hand.pivot);
-    if (!look.handOnly) this.castShadow(this.hand, look.mirror ? -1 : 1);
-    this.drawPart(this.hand);
+    const frame = [2 * canvas.height / canvas.width, model.camera.distance_mm, look.mirror ? -1 : 1];
+    if (!look.handOnly) {
+      shading.castShadow((program) => {
+        this.choosePart(program, hand, frame);
+        this.drawPart(hand.opaque);
+        this.drawPart(hand.clear);
+      });
+    }
+    gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    if (look.alpha <= 0) return;
+    const { skin } = shading;
+    gl.useProgram(skin.handle);
+    gl.uniform1f(skin.uniforms.alpha, look.alpha);
+    for (const kind of ["opaque", "clear"]) {
+      for (const part of parts) {
+        if (part[kind][1] === 0) continue;
+        gl.uniform1f(skin.uniforms.receives, part === hand ? 0 : 1);
+        this.choosePart(skin, part, frame);
+        this.drawPart(part[kind]);
+      }
+    }
   }
 
   /** Set the part to be drawn: its place and its vertices. */
-  choosePart(part, motion, base, pivot) {
-    const { gl, program } = this;
-    gl.uniform3f(program.uniforms.turn, motion[0], motion[1], motion[2]);
-    gl.uniform3f(program.uniforms.shift, motion[3], motion[4], motion[5]);
-    gl.uniform3fv(program.uniforms.base, base);
-    gl.uniform3fv(program.uniforms.pivot, pivot);
-    const bind = (name, buffer, size, type, normalised, data) => {
-      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-      if (data) gl.bufferSubData(gl.ARRAY_BUFFER, 0, data);
+  choosePart(program, part, frame) {
+    const { gl, model } = this;
+    // The face model keeps its points in the world, the hand model about its pivot.
+    const [motion, base, pivot] = part === this.hand
+      ? [model.handMotion, ORIGIN, model.hand.pivot] : [model.headMotion, model.face.pivot, model.face.pivot];
+    const set = { turn: motion.slice(0, 3), shift: motion.slice(3, 6), base, pivot, centre: model.camera.centre, frame };
+    for (const [name, value] of Object.entries(set)) gl.uniform3fv(program.uniforms[name], value);
+    const bind = (name, size, type, normalised) => {
+      if (program.attributes[name] === undefined) return;
+      gl.bindBuffer(gl.ARRAY_BUFFER, part[name]);
       gl.enableVertexAttribArray(program.attributes[name]);
       gl.vertexAttribPointer(program.attributes[name], size, type, normalised, 0, 0);
     };
-    bind("position", part.position, 3, gl.FLOAT, false, part.surface.position);
-    bind("normal", part.normal, 3, gl.FLOAT, false, part.surface.normal);
-    bind("colour", part.colour, 4, gl.UNSIGNED_BYTE, true);
-    bind("extra", part.extra, 3, gl.FLOAT, false);
+    bind("position", 3, gl.FLOAT, false);
+    bind("normal", 3, gl.FLOAT, false);
+    bind("colour", 4, gl.UNSIGNED_BYTE, true);
+    bind("extra", 3, gl.FLOAT, false);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, part.index);
   }
 
-  drawPart(part) {
-    const { gl } = this;
-    gl.drawElements(gl.TRIANGLES, part.surface.triangles.length, gl.UNSIGNED_SHORT, 0);
-  }
-
-  /** Darken what lies behind silhouettes of the part: each pixel once per silhouette. */
-  castShadow(part, side) {
-    const { gl, program } = this;
-    gl.depthMask(false);
-    gl.enable(gl.STENCIL_TEST);
-    gl.stencilFunc(gl.EQUAL, 0, 0xff);
-    gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
-    gl.blendFuncSeparate(gl.ZERO, gl.ONE_MINUS_SRC_ALPHA, gl.ZERO, gl.ONE);
-    gl.uniform1f(program.uniforms.shade, SHADE);
-    for (const [x, y] of SHADOWS_MM) {
-      gl.clear(gl.STENCIL_BUFFER_BIT);
-      gl.uniform3f(program.uniforms.beside, side * x, y, 0);
-      this.drawPart(part);
-    }
-    gl.uniform3fv(program.uniforms.beside, ORIGIN);
-    gl.uniform1f(program.uniforms.shade, 0);
-    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    gl.disable(gl.STENCIL_TEST);
-    gl.depthMask(true);
+  drawPart([first, count]) {
+    this.gl.drawElements(this.gl.TRIANGLES, count, this.gl.UNSIGNED_SHORT, 2 * first);
   }
 }
 
-function link(gl, vertex, fragment) {
-  const handle = gl.createProgram();
-  for (const [type, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
-    const shader = gl.createShader(type);
-    gl.shaderSource(shader, source);
-    gl.compileShader(shader);
-    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
-    gl.attachShader(handle, shader);
+/** Corners of the opaque triangles, and of those with a transparent corner, in their order. */
+function sortTriangles({ triangles, colours }) {
+  const opaque = [];
+  const clear = [];
+  for (let t = 0; t < triangles.length; t += 3) {
+    const corners = triangles.subarray(t, t + 3);
+    (corners.some((i) => colours[5 * i + 4] < 255) ? clear : opaque).push(...corners);
   }
-  gl.linkProgram(handle);
-  if (!gl.getProgramParameter(handle, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(handle));
-  const names = (list, find) => {
-    const found = {};
-    for (const name of list) found[name] = find.call(gl, handle, name);
-    return found;
-  };
-  return {
-    handle,
-    attributes: names(["position", "normal", "colour", "extra"], gl.getAttribLocation),
-    uniforms: names(["turn", "shift", "base", "pivot", "centre", "frame", "alpha", "beside", "shade"], gl.getUniformLocation),
-  };
+  return [opaque, clear];
 }
