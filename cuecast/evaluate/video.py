@@ -37,7 +37,7 @@ from watermark.video.receive import VideoReceiver
 
 USUAL = (
     "h264-2M", "hevc-2M", "mpeg2-4M", "540p-h264-2M", "crop-h264-2M", "letterbox-h264-2M",
-    "robust:h264-2M", "robust:h264-1M", "busy:h264-2M",
+    "robust:h264-2M", "robust:h264-1M",
 )  # fmt: skip
 
 _FILMS = {".mp4", ".mkv", ".mov", ".ts", ".webm", ".avi", ".mpg"}

@@ -3,13 +3,10 @@
 import hashlib
 import math
 
-STEPS = {0: (1.9, True), 1: (2.35, False), 2: (2.35, False), 3: (2.0, True), 4: (2.0, True)}
-"""(V2) Fine step of each profile, by number, and whether it has a coarse one."""
+STEPS = (2.0, 2.8, 4.0)
+"""(V2) Fine steps by number."""
 
-OPENING_STEPS = {0: 2.6, 3: 2.6, 4: 2.6}
-"""(V2) Fine step of superframe 0 where it is another one."""
-
-COARSE, TEXTURE = 3, 3.5
+COARSE, TEXTURE = 3, 2.0
 ROWS, COLUMNS = 45, 80
 VALUES = 2 * ROWS * COLUMNS
 PILOTS = 320
@@ -33,9 +30,9 @@ def positions(key: int) -> tuple[list[int], list[int]]:
     return sorted(ranked[:PILOTS]), ranked[PILOTS:]
 
 
-def pilot_bits(number: int, key: int, superframe: int) -> list[int]:
+def pilot_bits(number: int, step: int, key: int, superframe: int) -> list[int]:
     """(V18) Bits of the pilots of a superframe."""
-    stream = number + 8 if superframe == 0 and number in OPENING_STEPS else number
+    stream = number + 8 * step
     return [(word ^ superframe) & 1 for word in words(f"video pilot bits {stream}", key, PILOTS)]
 
 
@@ -95,12 +92,9 @@ def texture(luma: list[list[int]], row: int, column: int) -> float:
     return min(deviations)
 
 
-def step_of(number: int, superframe: int, texture_of_cell: float) -> tuple[float, int]:
-    """(V2, V13) Fine step of a superframe, and how many of them the cell's lattice is wide."""
-    step, textured = STEPS[number]
-    if superframe == 0:
-        step = OPENING_STEPS.get(number, step)
-    return step, COARSE if textured and texture_of_cell > TEXTURE else 1
+def width_of(texture_of_cell: float) -> int:
+    """(V2, V13) How many fine steps the lattice of a cell is wide."""
+    return COARSE if texture_of_cell > TEXTURE else 1
 
 
 def hard_bit(mean_amplitude: float, dither_of_value: float, step: float, width: int) -> int:

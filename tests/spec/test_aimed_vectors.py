@@ -24,7 +24,7 @@ from watermark.link.link import Link
 from watermark.video.demodulate import coarse_share, soft_bits
 from watermark.video.grid import Grid
 from watermark.video.layout import make_layout
-from watermark.video.profile import PROFILES
+from watermark.video.profile import PROFILES, STEPS
 
 VECTORS = Path(__file__).parents[2] / "spec" / "vectors"
 MEANINGS = ("programme", "stream", "language", "coding", "host")
@@ -93,14 +93,15 @@ def test_marked_pictures(case: dict[str, Any]) -> None:
     raw = zlib.decompress(base64.b64decode(case["luma"]))
     luma = np.frombuffer(raw, dtype=np.uint8).reshape(case["height"], case["width"])
     profile = next(p for p in PROFILES.values() if p.number == case["profile"])
-    grid, layout = Grid(case["width"], case["height"]), make_layout(profile, case["key"])
+    grid, layout = (
+        Grid(case["width"], case["height"]),
+        make_layout(profile, case["key"], case["step"]),
+    )
     amplitudes = grid.project(luma).reshape(-1)
     for value, amplitude in case["amplitudes"]:
         assert amplitudes[value] == pytest.approx(amplitude, abs=0.003)
-    coarse = np.zeros(amplitudes.size)
-    if profile.textured:
-        coarse = np.tile(coarse_share(grid.texture(luma).astype(np.float64)).reshape(-1), 2)
-    soft = soft_bits(amplitudes / profile.step, np.zeros(amplitudes.size), layout, coarse)
+    coarse = np.tile(coarse_share(grid.texture(luma).astype(np.float64)).reshape(-1), 2)
+    soft = soft_bits(amplitudes / STEPS[case["step"]], np.zeros(amplitudes.size), layout, coarse)
     assert soft.parity == case["place"] % 2
     decoded = Link(profile).decode(soft.ratios)
     assert decoded.l0 is not None

@@ -71,16 +71,21 @@ def add_into(
     first: PixelArray,
     second: PixelArray,
     weight: float,
-    largest: float,
+    black: float,
+    white: float,
     out: NDArray[Any],
 ) -> None:
-    """Add (1 - weight) * first + weight * second to luma, rounded half up and limited."""
+    """Add (1 - weight) * first + weight * second to luma, rounded half up.
+
+    No value leaves black..white that was in that range, and none outside goes further away.
+    """
     w1, w0 = np.float32(weight), np.float32(1.0 - weight)
-    top, half = np.float32(largest), np.float32(0.5)
+    least, most, half = np.float32(black), np.float32(white), np.float32(0.5)
     for y in range(luma.shape[0]):
         for x in range(luma.shape[1]):
-            value = np.float32(luma[y, x]) + w0 * first[y, x] + w1 * second[y, x] + half
-            out[y, x] = int(min(max(value, np.float32(0.0)), top))
+            own = np.float32(luma[y, x])
+            value = own + w0 * first[y, x] + w1 * second[y, x] + half
+            out[y, x] = int(min(max(value, min(own, least)), max(own, most)))
 
 
 @njit(cache=True)

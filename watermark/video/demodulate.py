@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.video.layout import VideoLayout
-from watermark.video.profile import COARSE, TEXTURE
+from watermark.video.profile import COARSE, PILOTS, TEXTURE
 
 FloatArray = NDArray[np.float64]
 
@@ -25,6 +25,10 @@ Measured through H.264: motion predicts errors only weakly, so the weight is sma
 NOISES = tuple(0.06 * 1.25**n for n in range(13))
 """Standard deviations in steps among which the pilots choose; at the last one the fine lattice
 tells nothing any more."""
+
+ALL_PILOTS = 48
+"""Pilots of the whole picture that count beside those of cells of the same kind, in case that there
+are few of these."""
 
 BLUR = 0.15
 """Uncertainty of a cell's texture, as a part of it; coding also lowers it a little."""
@@ -57,7 +61,7 @@ def coarse_share(texture: FloatArray) -> FloatArray:
 
     Examples
     --------
-    >>> coarse_share(np.array([0.0, 3.3, 9.0])).round(1).tolist()
+    >>> coarse_share(np.array([0.0, 1.9, 9.0])).round(1).tolist()
     [0.0, 0.5, 1.0]
     """
     place = np.log(np.maximum(texture, 1e-3) / CENTRE) / BLUR
@@ -104,13 +108,18 @@ def soft_bits(
     metric = float(np.mean((1 - 2 * layout.pilot_bits) * waves))
     parity = int(metric < 0)
     known = layout.pilot_bits ^ parity
-    noise = max(
-        NOISES,
-        key=lambda sigma: float(
-            _likelihood(place[pilots], known, sigma * spread[pilots], coarse[pilots]).sum()
-        ),
-    )
-    ratios = [_likelihood(place[data], bit, noise * spread[data], coarse[data]) for bit in (0, 1)]
+    scores = np.stack([
+        _likelihood(place[pilots], known, sigma * spread[pilots], coarse[pilots])
+        for sigma in NOISES
+    ])  # fmt: skip
+    together = scores.sum(axis=1)
+    noise = np.empty(place.shape)
+    for textured in (False, True):
+        # Coders and cleaners spare texture, and cleaners leave little of the mark elsewhere.
+        alike = (coarse >= 0.5) == textured
+        best = scores[:, alike[pilots]].sum(axis=1) + together * (ALL_PILOTS / PILOTS)
+        noise[alike] = NOISES[int(best.argmax())] * spread[alike]
+    ratios = [_likelihood(place[data], bit, noise[data], coarse[data]) for bit in (0, 1)]
     return Soft(ratios[0] - ratios[1], parity, abs(metric))
 
 

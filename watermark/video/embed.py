@@ -38,6 +38,13 @@ TEXTURE_EVERY = 4
 CORRECTIONS = (0.3, 0.6, 1.0)
 """Parts of what rounding took away that are tried for each cell."""
 
+NOMINAL = 16, 235
+"""Black and white of luma of 8 bits (ITU-R BT.709): no pixel is moved out of that range."""
+
+SMALL_CELL = 80.0
+"""Pixels of a cell below which every superframe has the next wider step: in cells of 8 by 8, one
+block of a coder, MPEG-2 at 4 Mbit/s takes a quarter of the fine bits otherwise."""
+
 Luma = NDArray[Any]
 FloatArray = NDArray[np.float64]
 Source = Callable[[int], tuple[bytes, bytes]]
@@ -118,6 +125,8 @@ class VideoEmbedder:
         self._nothing = nothing
         self._first_pattern = -1  # superframe of the first pattern in the queue
         self._squares = 0.0
+        self._unit = 2.0 ** (depth - 8)
+        self._rung = int(width * height < SMALL_CELL * ROWS * COLUMNS)
 
     @property
     def profile(self) -> VideoProfile:
@@ -148,7 +157,7 @@ class VideoEmbedder:
         start = self._timing.window_start(k)
         if start <= self._received < start + self._timing.window:
             self._sum += self._grid.project(luma)
-            if self._profile.textured and self._received % TEXTURE_EVERY == 0:
+            if self._received % TEXTURE_EVERY == 0:
                 self._textures.append(self._grid.texture(luma))
         self._waiting.append(luma)
         self._received += 1
@@ -187,7 +196,8 @@ class VideoEmbedder:
 
     def _pattern(self, k: int, host: FloatArray) -> NDArray[np.float32]:
         """Pattern that moves the mean amplitudes `host` onto superframe k's lattice points."""
-        mode = self._modes[-1 if k == 0 else 0]
+        # The rate control of coders starts poor.
+        mode = self._modes[min(self._rung + (k == 0), len(self._modes) - 1)]
         layout = mode.layout
         bits = np.empty(POSITIONS, dtype=np.int64)
         bits[layout.pilots] = layout.pilot_bits ^ (k & 1)
@@ -236,7 +246,9 @@ class VideoEmbedder:
     def _mark(self, luma: Luma, k: int, other: int, weight: float) -> Luma:
         first, second = (self._patterns[i - self._first_pattern] for i in (k, other))
         out = np.empty_like(luma)
-        _kernels.add_into(luma, first, second, weight, self._grid.largest, out)
+        weight *= first is not second  # exactly the same, so that a beginning stays still
+        black, white = (level * self._unit for level in NOMINAL)
+        _kernels.add_into(luma, first, second, weight, black, white, out)
         difference = out.astype(np.float32) - luma
         self._squares += float(np.vdot(difference, difference))
         return out

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.link.keystream import stream_words
-from watermark.video.profile import OPENING, PILOTS, POSITIONS, VideoProfile
+from watermark.video.profile import NUMBERS, PILOTS, POSITIONS, VideoProfile
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +37,8 @@ class VideoLayout:
 
 
 @lru_cache(maxsize=16)
-def make_layout(profile: VideoProfile, key: int = 0, *, opening: bool = False) -> VideoLayout:
-    """Draw the layout of a profile and key; `opening`: that of a programme's first superframe.
+def make_layout(profile: VideoProfile, key: int = 0, rung: int = 0) -> VideoLayout:
+    """Draw the layout of a profile, key and step.
 
     Examples
     --------
@@ -48,6 +48,6 @@ def make_layout(profile: VideoProfile, key: int = 0, *, opening: bool = False) -
     """
     dither = stream_words("video dither", key, POSITIONS) / 2.0**32
     order = np.argsort(stream_words("video positions", key, POSITIONS), kind="stable")
-    number = profile.number + (OPENING if opening else 0)
+    number = profile.number + NUMBERS * rung
     words = stream_words(f"video pilot bits {number}", key, PILOTS)
     return VideoLayout(dither, np.sort(order[:PILOTS]), words & 1, order[PILOTS:])

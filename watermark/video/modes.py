@@ -1,7 +1,6 @@
 """The possible modes of a superframe, and the one that its pilots show.
 
-A mode is a profile, either as it usually is or as in the first superframe of a programme, which
-some profiles write with a wider step. Specification: spec/video-carrier.md, sections 1 and 5.
+A mode is a profile with one of the steps. Specification: spec/video-carrier.md, sections 1 and 5.
 """
 
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from watermark.link.link import Link
 from watermark.video.demodulate import pilot_waves
 from watermark.video.layout import VideoLayout, make_layout
-from watermark.video.profile import PILOTS, PROFILES, VideoProfile
+from watermark.video.profile import PILOTS, PROFILES, STEPS, VideoProfile
 
 FloatArray = NDArray[np.float64]
 
@@ -40,19 +39,18 @@ class Mode:
 
 
 def make_modes(profile: VideoProfile, key: int, strength: float) -> tuple[Mode, ...]:
-    """Modes of a profile: the usual one, and that of the first superframe if it is another one.
+    """Modes of a profile, one for each of `STEPS`.
 
     Examples
     --------
     >>> [mode.step for mode in make_modes(PROFILES["standard"], 0, 2.0)]
-    [4.7]
+    [4.0, 5.6, 8.0]
     """
     link = Link(profile)
-    usual = Mode(profile, link, make_layout(profile, key), strength * profile.step)
-    if not profile.opening_step:
-        return (usual,)
-    layout = make_layout(profile, key, opening=True)
-    return usual, Mode(profile, link, layout, strength * profile.opening_step)
+    return tuple(
+        Mode(profile, link, make_layout(profile, key, rung), strength * step)
+        for rung, step in enumerate(STEPS)
+    )
 
 
 class PilotWatch:
@@ -89,11 +87,8 @@ class PilotWatch:
         self.positions = layout.pilots
         self._dither = layout.dither[layout.pilots]
         # Modes of the same lattices share the waves, which cost most.
-        kinds = [(mode.step, mode.profile.textured) for mode in self.modes]
-        lattices = sorted(set(kinds))
-        self._steps = np.array([[step] for step, _ in lattices])
-        self._textured = np.array([[float(textured)] for _, textured in lattices])
-        self._lattice = [lattices.index(kind) for kind in kinds]
+        self._steps = strength * np.array(STEPS)[:, None]
+        self._lattice = list(range(len(STEPS))) * len(PROFILES)
         self._signs = np.stack([1.0 - 2.0 * mode.layout.pilot_bits for mode in self.modes])
 
     def agreement(self, mean: FloatArray, coarse: FloatArray) -> FloatArray:
@@ -104,7 +99,7 @@ class PilotWatch:
         mean : ndarray of float64, shape (PILOTS,)
             Mean amplitudes of the pilots in luma of 8 bits.
         coarse : ndarray of float64, shape (PILOTS,)
-            Probability of the coarse step in profiles that have one.
+            Probability of the coarse step.
         """
-        waves = pilot_waves(mean / self._steps - self._dither, self._textured * coarse)
+        waves = pilot_waves(mean / self._steps - self._dither, coarse)
         return np.asarray(np.abs((self._signs * waves[self._lattice]).sum(axis=1)) / PILOTS)

@@ -23,18 +23,21 @@ PILOTS = 320
 
 DATA = POSITIONS - PILOTS
 
-COARSE = 3
-"""Ratio of the two steps of a profile that distinguishes textured cells: odd, so that a coarse
-lattice lies within the fine one of the same bit."""
+STEPS = (2.0, 2.8, 4.0)
+"""Fine steps in luma of 8 bits among which an embedder chooses for each superframe."""
 
-TEXTURE = 3.5
+COARSE = 3
+"""Step of a textured cell in fine steps: odd, so that a coarse lattice lies within the fine one of
+the same bit."""
+
+TEXTURE = 2.0
 """Texture in luma of 8 bits from which a cell has the coarse step."""
 
 FADE = 0.25
 """Part of a superframe during which one pattern gives way to the next, half of it on each side."""
 
-OPENING = 8
-"""What the pilots of a wider first superframe add to the number of the profile."""
+NUMBERS = 8
+"""Profiles that pilots can distinguish; those of the next wider step add as many to the number."""
 
 MIN_WIDTH, MIN_HEIGHT = 4 * COLUMNS, 4 * ROWS
 """Least picture in pixels: four by four to a cell."""
@@ -55,13 +58,6 @@ class VideoProfile:
     l0_coded : int
         Coded bits of the first class. Its mother code is that of the audio carrier's `standard`, so
         that the ratios of both can be added.
-    step : float
-        Step of the lattices in luma of 8 bits.
-    textured : bool
-        Whether textured cells have a step `COARSE` times as wide.
-    opening_step : float
-        Step of the first superframe of a programme, 0 if it is no other: the rate control of
-        coders starts poor.
     """
 
     name: str
@@ -69,9 +65,6 @@ class VideoProfile:
     l0_bytes: int
     l1_bytes: int
     l0_coded: int
-    step: float = 2.35
-    textured: bool = False
-    opening_step: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.l0_mother <= self.l0_coded < DATA:
@@ -103,11 +96,10 @@ class VideoProfile:
 PROFILES: dict[str, VideoProfile] = {
     profile.name: profile
     for profile in (
-        VideoProfile("robust", 0, 20, 28, 3328, 1.9, True, 2.6),
-        VideoProfile("standard", 1, 20, 140, 2048),
+        VideoProfile("robust", 0, 20, 28, 3328),
+        VideoProfile("standard", 1, 20, 140, 2560),
         VideoProfile("high", 2, 20, 300, 1280),
-        VideoProfile("twin", 3, 20, 7, 4864, 2.0, True, 2.6),
-        VideoProfile("busy", 4, 20, 140, 2048, 2.0, True, 2.6),
+        VideoProfile("twin", 3, 20, 7, 4864),
     )
 }
 """Profiles by name; a profile's number is its place.

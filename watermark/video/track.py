@@ -197,9 +197,7 @@ class VideoTracker:
         first = start - (self._count - len(self._frames))
         values = np.array([self._frames[first + i] for i in range(self._timing.window)])
         mean, variance = values.mean(axis=0) / mode.step, values.var(axis=0) / mode.step**2
-        coarse = self._nowhere
-        if mode.profile.textured:
-            coarse = np.tile(coarse_share(self._texture(start)), TEMPLATES)
+        coarse = np.tile(coarse_share(self._texture(start)), TEMPLATES)
         soft = soft_bits(mean, variance, mode.layout, coarse)
         soft.ratios[~self._seen[mode.layout.data]] = 0.0
         return soft, mode.link.decode(soft.ratios)

@@ -13,7 +13,7 @@ from watermark.a335.profile import PROFILES as LINE_PROFILES
 from watermark.video.embed import VideoEmbedder
 from watermark.video.grid import Grid
 from watermark.video.layout import make_layout
-from watermark.video.profile import COARSE, OPENING, POSITIONS, PROFILES, TEXTURE
+from watermark.video.profile import COARSE, NUMBERS, POSITIONS, PROFILES, STEPS, TEXTURE
 from watermark.video.timing import Timing
 
 ROOT = Path(__file__).parents[3]
@@ -32,13 +32,9 @@ def check_layout(case: dict[str, Any]) -> None:
         np.testing.assert_allclose(dither, case["dither"], atol=1e-9)
         assert [*layout.pilots[:12], *layout.pilots[-4:]] == case["pilots"]
         assert [*layout.data[:12], *layout.data[-4:]] == case["data"]
-        bits = "".join(map(str, layout.pilot_bits[:24]))
-        assert bits == case["pilot_bits"][str(profile.number)]
-        if profile.opening_step:
-            bits = "".join(
-                map(str, make_layout(profile, case["key"], opening=True).pilot_bits[:24])
-            )
-            assert bits == case["pilot_bits"][str(profile.number + OPENING)]
+        for rung in range(len(STEPS)):
+            bits = "".join(map(str, make_layout(profile, case["key"], rung).pilot_bits[:24]))
+            assert bits == case["pilot_bits"][str(profile.number + NUMBERS * rung)]
 
 
 def check_times(case: dict[str, Any]) -> None:
@@ -75,9 +71,7 @@ def ramps(width: int, height: int) -> np.ndarray:
 @pytest.mark.parametrize("name", ["robust", "standard"])
 def test_reference_reads_what_is_embedded(name: str) -> None:
     assert (reference.COARSE, reference.TEXTURE) == (COARSE, TEXTURE)
-    assert {p.number: (p.step, p.textured) for p in PROFILES.values()} == reference.STEPS
-    opening = {p.number: p.opening_step for p in PROFILES.values() if p.opening_step}
-    assert opening == reference.OPENING_STEPS
+    assert reference.STEPS == STEPS
     # Noise on the left, nothing on the right: both steps are in use.
     scene = np.random.default_rng(1).integers(40, 200, (360, 640)).astype(np.uint8)
     scene[:, 320:] = 128
@@ -89,25 +83,25 @@ def test_reference_reads_what_is_embedded(name: str) -> None:
     dither = reference.dither(5)
     pilots, _ = reference.positions(5)
     for superframe in (0, 1):
-        bits = reference.pilot_bits(profile.number, 5, superframe)
+        rung = 2 - superframe  # the opening's, and that of cells of 8 by 8 pixels
+        bits = reference.pilot_bits(profile.number, rung, 5, superframe)
         shown = [frames[n].tolist() for n in reference.window(superframe, 25)[::4]]
         wrong = 0
         for value, bit in list(zip(pilots, bits, strict=True))[:24]:
             mean = sum(reference.amplitude(luma, value) for luma in shown) / len(shown)
             texture = reference.texture(shown[0], value // 80 % 45, value % 80)
-            step = reference.step_of(profile.number, superframe, texture)
-            wrong += reference.hard_bit(mean, dither[value], *step) != bit
+            width = reference.width_of(texture)
+            wrong += reference.hard_bit(mean, dither[value], STEPS[rung], width) != bit
         assert wrong == 0
 
 
 def test_tables_of_the_specifications() -> None:
     text = (ROOT / "spec" / "video-carrier.md").read_text(encoding="utf-8")
     for p in PROFILES.values():
-        steps = [p.step, p.opening_step or p.step]
-        shown = [f"{s:g}, {COARSE * s:g}" if p.textured else f"{s:g}" for s in steps]
-        row = (p.number, p.name, p.l0_bytes, p.l1_bytes, p.l0_coded, p.l1_coded, *shown)
-        row += (round(p.net_bps),)
+        row = (p.number, p.name, p.l0_bytes, p.l1_bytes, p.l0_coded, p.l1_coded, round(p.net_bps))
         assert "| " + " | ".join(map(str, row)) + " |" in text
+    for number, step in enumerate(STEPS):
+        assert f"| {number} | {step:g} | {COARSE * step:g} |" in text
     assert sum((PROFILES["high"].l0_coded, PROFILES["high"].l1_coded, 320)) == POSITIONS
     line = (ROOT / "spec" / "a335-carrier.md").read_text(encoding="utf-8")
     for q in LINE_PROFILES.values():
