@@ -18,6 +18,7 @@ from codec.cuer.voice import Voice, load_voice
 from lab.avatar.arms import lower_arms
 from lab.avatar.hand import hand_part
 from lab.avatar.head import head_part, read_groups
+from lab.avatar.looks import LOOKS
 from lab.avatar.maps import MarkerMap, learn
 from lab.avatar.mouth import lip_rings, mouth_arrays
 from lab.avatar.parts import FloatArray, IntArray, Part
@@ -168,7 +169,7 @@ def build_avatar(folder: Path, cuer: str) -> BuiltAvatar:
     hand = hand_places(mesh, surface, load_asset("hm08_markers")["arm_frames"]).of(mesh.vertices)
     arm = _arm_share(mesh)
     posed = lower_arms(mesh)
-    head = _head(posed, head_part(posed, groups, face, arm), body, voice, origin)
+    head = _head(posed, head_part(posed, groups, face, arm, LOOKS["woman"]), body, voice, origin)
     quads = groups["body"][(arm[groups["body"]] > 0.5).all(axis=1)]
     joints = np.array([mesh.joints["wrist.R"][0], mesh.joints["lowerarm01.R"][0]])
     part = hand_part(quads, mesh.vertices, hand, joints)

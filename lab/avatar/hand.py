@@ -3,7 +3,8 @@
 import numpy as np
 
 from codec.cuer.layout import FINGERS, HAND_MARKERS
-from lab.avatar.head import blend, hollowness, vertex_normals
+from lab.avatar.head import hollowness, vertex_normals
+from lab.avatar.paint import blend
 from lab.avatar.parts import (
     CLOTH,
     HEM,

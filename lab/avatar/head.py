@@ -7,18 +7,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.cuer.layout import FACE_MARKERS, LIP_CORNERS, LOWER_LIP, UPPER_LIP
 from codec.errors import CueError
+from lab.avatar.collar import collar, lashes
+from lab.avatar.hair import hair
+from lab.avatar.looks import Look
 from lab.avatar.mouth import lip_rings, teeth, tongue
+from lab.avatar.paint import skin_colours
 from lab.avatar.parts import (
-    BLUSH,
-    CLOTH,
-    HAIR,
-    HEM,
-    LASHES,
-    LIPS,
-    MOUTH,
-    SKIN,
     FloatArray,
     IntArray,
     Part,
@@ -27,7 +22,6 @@ from lab.avatar.parts import (
     eyeball,
     join,
     plain,
-    take,
     tessellate,
     triangulate,
 )
@@ -75,7 +69,9 @@ def read_groups(path: Path) -> dict[str, IntArray]:
     return {name: np.array(quads) for name, quads in groups.items()}
 
 
-def head_part(mesh: Mesh, groups: dict[str, IntArray], face: FloatArray, arm: FloatArray) -> Part:
+def head_part(
+    mesh: Mesh, groups: dict[str, IntArray], face: FloatArray, arm: FloatArray, look: Look
+) -> Part:
     """Return head, neck and bust with everything on them.
 
     Parameters
@@ -87,6 +83,7 @@ def head_part(mesh: Mesh, groups: dict[str, IntArray], face: FloatArray, arm: Fl
         The face markers on the mesh.
     arm : ndarray, shape (M,)
         Share of each vertex that the arms below the elbow hold.
+    look : Look
     """
     points = mesh.vertices
     wanted = (points[:, 1] > _BUST_BOTTOM_MM) & (np.abs(points[:, 0]) < _BUST_HALF_MM)
@@ -94,105 +91,25 @@ def head_part(mesh: Mesh, groups: dict[str, IntArray], face: FloatArray, arm: Fl
     quads = groups["body"]
     triangles = triangulate(quads[wanted[quads].all(axis=1)])
     rings = lip_rings(quads, points)
-    parts = [_skin(mesh, face, triangles, rings)]
+    parts = [_skin(mesh, face, triangles, rings, look)]
     for side, letter in ((-1, "r"), (1, "l")):
         ball = np.unique(groups[f"helper-{letter}-eye"])
-        parts.append(eyeball(points, ball))
-        parts.append(brow(points, triangles, side, _BROW_LINE, _BROW_WIDTH))
-        parts.append(_lashes(points, groups[f"helper-{letter}-eyelashes-2"], ball))
+        parts.append(eyeball(points, ball, look))
+        parts.append(brow(points, triangles, side, _BROW_LINE, _BROW_WIDTH, look))
+        for lid in "12":
+            strip = groups[f"helper-{letter}-eyelashes-{lid}"]
+            parts.append(lashes(points, strip, lid, ball, look))
     parts += [
         teeth(points, groups["helper-upper-teeth"], 0),
         teeth(points, groups["helper-lower-teeth"], 1),
         tongue(points, groups["helper-tongue"]),
     ]
-    parts += [hair(points, triangles), back_hair(points)]
+    parts.append(collar(points, triangles, lambda p: p[:, 1] - _neckline(p) + 4.5, look))
+    parts.append(hair(points, triangles, look))
     return join(parts)
 
 
-def _lashes(points: FloatArray, quads: IntArray, ball: IntArray) -> Part:
-    """Return the upper lashes: dark at their roots, fading towards their tips."""
-    used = np.unique(quads)
-    away = np.linalg.norm(points - points[ball].mean(axis=0), axis=1)
-    near, far = away[used].min(), away[used].max()
-    colours = plain(LASHES, 10, len(points))
-    colours[:, 4] = 235 * np.clip(1 - 1.6 * (away - near) / (far - near), 0, 1)
-    return take(quads, colours)
-
-
-_HAIRLINE = np.array([
-    (-60, 642), (-20, 646), (0, 656), (18, 690), (30, 742), (48, 750), (64, 740), (72, 716),
-    (80, 714), (90, 742), (104, 762), (122, 778), (140, 786), (175, 789),
-])  # fmt: skip
-"""Height of the hairline over depth z: nape, behind and above the ear, temple, forehead."""
-
-_HAIR_DIVISION = 2
-"""Parts into which each edge of the scalp's triangles is divided."""
-
-
-def hair(points: FloatArray, triangles: IntArray) -> Part:
-    """Return hair combed back: the scalp, finer, raised and streaked along the combing."""
-    x, y, z = points.T
-    height = y - np.interp(z, *_HAIRLINE.T)
-    ear = (np.abs(x) > 72) & (y > 682) & (y < 752) & (z > 22) & (z < 80)
-    height = np.where(ear, -50.0, height)
-    scalp = triangles[(height[triangles] > -14).any(axis=1) & (y[triangles] > 600).all(axis=1)]
-    sources, shares, fine = tessellate(scalp, _HAIR_DIVISION)
-    normals = vertex_normals(points, triangles)
-    at = (points[sources] * shares[..., None]).sum(axis=1)
-    up = (normals[sources] * shares[..., None]).sum(axis=1)
-    level = (height[sources] * shares).sum(axis=1)
-    across = np.degrees(np.arctan2(at[:, 0], np.hypot(at[:, 1] - 715, 0.35 * (at[:, 2] - 40))))
-    strands = np.zeros(len(at))
-    for rate, phase in ((0.9, 0.3), (1.7, 2.1), (3.1, 0.7), (4.3, 4.0)):
-        strands += np.sin(across * rate + phase + 0.015 * at[:, 2])
-    thickness = np.where(level > 0, 0.8 + 13 * (1 - np.exp(-np.maximum(level, 0) / 34)), level / 6)
-    thickness = thickness + 0.2 * np.clip(level / 10, 0, 1) * strands
-    colours = plain(HAIR, 12, len(at))
-    colours[:, :3] *= (1 + 0.07 * strands)[:, None] * (0.8 + 0.2 * np.clip(level / 12, 0, 1))[
-        :, None
-    ]
-    colours[:, 4] = 255 * np.clip(0.5 + (level + 1.5 * strands) / 9, 0, 1)
-    return Part(
-        sources, shares, up * thickness[:, None], fine, np.clip(colours, 0, 255).astype(np.uint8)
-    )
-
-
-_FALL = np.array([
-    (712, 70), (690, 80), (668, 87), (646, 91), (626, 93), (606, 94), (588, 93),
-])  # fmt: skip
-"""Half of the width of the hair behind the neck over its height."""
-
-_FALL_DEPTH_MM = 2.0
-"""Distance in mm of the falling hair's edge from the neck."""
-
-
-def back_hair(points: FloatArray) -> Part:
-    """Return hair that falls behind ears and neck, as the viewer sees it: a panel, bulging."""
-    height = np.linspace(_FALL[0, 0], _FALL[-1, 0], 15)
-    half = np.interp(-height, -_FALL[:, 0], _FALL[:, 1])
-    across = np.linspace(-1, 1, 25)
-    x = (half[:, None] * across).ravel()
-    y = np.repeat(height, len(across)) - 5 * np.tile(across**2, len(height))
-    side = np.abs(np.tile(across, len(height)))
-    z = _FALL_DEPTH_MM + 12 * np.sqrt(np.clip(1 - side**4, 0, 1))
-    n = len(across)
-    i, j = np.meshgrid(np.arange(len(height) - 1), np.arange(n - 1), indexing="ij")
-    a = i * n + j
-    quads = np.stack([a, a + n, a + n + 1, a + 1], axis=-1).reshape(-1, 4)
-    strands = np.sin(23 * side + 0.6) + np.sin(41 * side + 1.9 + 0.01 * y) + np.sin(67 * side)
-    colours = plain(HAIR, 12, len(x))
-    # Behind the neck it is dark; what stands out at the sides catches the light.
-    colours[:, :3] *= (0.45 + 0.45 * side**2 + 0.05 * strands)[:, None]
-    colours[:, 4] = 255 * np.clip((y - _FALL[-1, 0] + 2 + 2.5 * strands) / 14, 0, 1)
-    place = np.stack([x, y, z], axis=1)
-    nape = int(np.argmin(np.linalg.norm(points - [0.0, 700.0, -60.0], axis=1)))
-    return Part(
-        np.full((len(x), 3), nape), np.full((len(x), 3), 1 / 3), place - points[nape],
-        triangulate(quads), np.clip(colours, 0, 255).astype(np.uint8),
-    )  # fmt: skip
-
-
-def _skin(mesh: Mesh, face: FloatArray, triangles: IntArray, rings: IntArray) -> Part:
+def _skin(mesh: Mesh, face: FloatArray, triangles: IntArray, rings: IntArray, look: Look) -> Part:
     """Return the skin, finer at the lips, and the clothes over it."""
     points = mesh.vertices
     y = points[:, 1]
@@ -212,15 +129,14 @@ def _skin(mesh: Mesh, face: FloatArray, triangles: IntArray, rings: IntArray) ->
     bare = cut(triangles[~of_lips], points, above(-9), division=1)
     fine = tessellate(triangles[lips[triangles].any(axis=1)], 3)
     shirt = cut(triangles, points, below(-5), division=3)
-    hem_some = cut(triangles, points, below(0.0), division=3)
     parts = []
     for (sources, shares, small), lift_mm, colour in (
-        (bare, 0.0, None), (fine, _LIFT_MM, None), (shirt, 1.4, CLOTH), (hem_some, 0.9, HEM),
+        (bare, 0.0, None), (fine, _LIFT_MM, None), (shirt, 1.4, look.cloth),
     ):  # fmt: skip
         at = (points[sources] * shares[..., None]).sum(axis=1)
         shade = (hollow[sources] * shares).sum(axis=1)
         if colour is None:
-            colours = _skin_colours(at, face, shade)
+            colours = skin_colours(at, face, shade, look)
         else:
             colours = plain(colour, 10, len(at))
             colours[:, :3] *= (1 - shade)[:, None]
@@ -256,47 +172,6 @@ def _neckline(points: FloatArray) -> FloatArray:
     """Return the height at which cloth begins below each point."""
     line: FloatArray = 512 + 0.014 * points[:, 0] ** 2 + 0.5 * np.maximum(0, 60 - points[:, 2])
     return line
-
-
-def _skin_colours(points: FloatArray, face: FloatArray, hollow: FloatArray) -> FloatArray:
-    """Return red, green, blue, gloss, opacity of points (N, 3) of the skin, shape (N, 5)."""
-    x, y, z = points.T
-    colours = plain(SKIN, 70, len(points))
-    cheek = face[FACE_MARKERS.index("CK1_L")]
-    for middle, size, share in (
-        (cheek, 17, 0.5), (cheek * [-1, 1, 1], 17, 0.5), (np.array([0, 703, 168]), 12, 0.35),
-    ):  # fmt: skip
-        distance = np.linalg.norm(points - middle, axis=1)
-        blend(colours, BLUSH, share * np.exp(-((distance / size) ** 2)))
-    red = _inside_lips(points, face)
-    blend(colours, LIPS, red)
-    colours[:, 3] += 60 * red
-    cavity = (np.abs(x) < 34) & (y > 634) & (y < 684) & (z < 141 - 0.012 * x**2) & (z > 50)
-    blend(colours, MOUTH, cavity.astype(float))
-    colours[:, :3] *= (1 - hollow)[:, None]
-    return colours
-
-
-def blend(colours: FloatArray, colour: tuple[int, int, int], share: FloatArray) -> None:
-    """Move colours (N, 5) towards one colour by `share` (N,), in place."""
-    colours[:, :3] += share[:, None] * (np.array(colour) - colours[:, :3])
-
-
-def _inside_lips(points: FloatArray, face: FloatArray) -> FloatArray:
-    """Return how far each point belongs to the red of the lips, 0..1."""
-
-    def at(name: str) -> FloatArray:
-        corner: FloatArray = face[FACE_MARKERS.index(name), :2]
-        return corner
-
-    upper = sorted((at(name) for name in (*UPPER_LIP, *LIP_CORNERS)), key=lambda p: p[0])
-    lower = sorted((at(name) for name in (*LOWER_LIP, *LIP_CORNERS)), key=lambda p: p[0])
-    top = np.interp(points[:, 0], *np.transpose(upper))
-    bottom = np.interp(points[:, 0], *np.transpose(lower))
-    margin = np.minimum(top + 0.6 - points[:, 1], points[:, 1] - bottom + 0.6)
-    half = abs(at("LC_L")[0]) + 1
-    margin = np.minimum(margin, (half - np.abs(points[:, 0])) * 0.5)
-    return np.where(points[:, 2] > 130, np.clip(margin / 1.3, 0, 1), 0.0)
 
 
 def hollowness(points: FloatArray, triangles: IntArray) -> FloatArray:

@@ -12,18 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
+from lab.avatar.looks import Look
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 # Colours are red, green, blue, chosen by eye under the page's light.
 SKIN = (226, 176, 150)
-LIPS = (194, 106, 100)
-BLUSH = (214, 138, 122)
 MOUTH = (58, 18, 20)
-HAIR = (74, 45, 31)
-BROWS = (112, 78, 58)
-LASHES = (34, 24, 22)
 CLOTH = (40, 62, 92)
 HEM = (30, 47, 72)
 SCLERA = (232, 228, 222)
@@ -104,11 +100,11 @@ _EYE_SECTORS = 24
 """Sectors of an eyeball: round at the size of a television's inset."""
 
 
-def eyeball(vertices: FloatArray, ball: IntArray, *, gaze_deg: float = 0.0) -> Part:
+def eyeball(vertices: FloatArray, ball: IntArray, look: Look) -> Part:
     """Return a smooth eye in place of the mesh's `ball` of vertices (n,).
 
     The rings around the axis of sight are dense where iris and white meet. The eye looks at the
-    viewer, turned by `gaze_deg` about the vertical.
+    viewer.
     """
     middle = (vertices[ball].min(axis=0) + vertices[ball].max(axis=0)) / 2
     radius = np.ptp(vertices[ball], axis=0)[:2].max() / 2
@@ -121,10 +117,11 @@ def eyeball(vertices: FloatArray, ball: IntArray, *, gaze_deg: float = 0.0) -> P
             np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around),
             np.full(_EYE_SECTORS, np.cos(polar)),
         ], axis=1))  # fmt: skip
-        colours.append(plain(colour, 255, _EYE_SECTORS))
-    turn = np.radians(gaze_deg)
-    look = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
-    points = np.concatenate(ring) @ look.T + middle
+        iris = np.array(look.iris) * (1.25 if degrees < 16 else 0.9)
+        colours.append(plain(tuple(iris) if colour is IRIS else colour, 255, _EYE_SECTORS))
+        if colour is IRIS:  # fibres
+            colours[-1][:, :3] *= (1 + 0.16 * np.sin(7 * around) * np.sin(3 * around))[:, None]
+    points = np.concatenate(ring) + middle
     painted = np.concatenate(colours)
     # The upper lid and its lashes keep light from the top of the eye.
     below_lid = np.clip((points[:, 1] - middle[1]) / radius - 0.12, 0, 0.5)
@@ -141,7 +138,12 @@ def eyeball(vertices: FloatArray, ball: IntArray, *, gaze_deg: float = 0.0) -> P
 
 
 def brow(
-    vertices: FloatArray, triangles: IntArray, side: int, line: FloatArray, width: FloatArray
+    vertices: FloatArray,
+    triangles: IntArray,
+    side: int,
+    line: FloatArray,
+    width: FloatArray,
+    look: Look,
 ) -> Part:
     """Return an eyebrow lying on the skin.
 
@@ -156,6 +158,7 @@ def brow(
         Its middle as x (positive) and y.
     width : ndarray, shape (N,)
         Height of the brow along the line.
+    look : Look
     """
     rows = np.linspace(-0.5, 0.5, 5)
     x = np.repeat(side * line[:, 0], len(rows))
@@ -169,10 +172,10 @@ def brow(
     if side < 0:
         quads = quads[:, ::-1]
     lift = np.tile([0.0, 0.0, 1.0], (len(points), 1))
-    colours = plain(BROWS, 20, len(x))
+    colours = plain(look.brows, 20, len(x))
     across = 1 - (np.abs(np.tile(rows, len(line))) / 0.5) ** 2
     along = np.clip(np.repeat(np.arange(len(line)), n) / 2, 0.25, 1)
-    colours[:, 4] = 255 * np.clip(1.5 * across, 0, 1) * along
+    colours[:, 4] = 255 * np.clip(1.5 * across * look.brow_width, 0, 1) * along
     return Part(corners, shares, lift, triangulate(quads), colours.astype(np.uint8))
 
 
