@@ -70,7 +70,7 @@ def hair(points: FloatArray, triangles: IntArray, look: Look) -> Part:
     run = np.maximum(np.array(_STEPS_MM), 0)
     top, side = look.lift_mm
     high = np.clip(rays[..., 1] / 0.75, 0, 1)
-    lift = 0.25 + (side + (top - side) * high) * (1 - np.exp(-run / 16))
+    lift = 0.9 + (side + (top - side) * high) * (1 - np.exp(-run / 16))
     relief = 0.55 * strands[:, None] * np.clip(run / 8, 0, 1)
     places = _MIDDLE + rays * (skull(rays) + lift + relief)[..., None]
     colours = plain(look.hair, 16, places.shape[0] * places.shape[1])

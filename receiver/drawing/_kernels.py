@@ -306,8 +306,11 @@ def _cover(
         for s in range(4):
             x, y = column + 0.5 + _SAMPLE_X[s], row + 0.5 + _SAMPLE_Y[s]
             wc, wa, wb = a0 * x + b0 * y + c0, a1 * x + b1 * y + c1, a2 * x + b2 * y + c2
-            near = (wa * az + wb * bz + wc * cz) / (wa + wb + wc)
-            if wa >= 0 and wb >= 0 and wc >= 0 and near > depth[s, column]:
+            total = wa + wb + wc
+            if wa < 0 or wb < 0 or wc < 0 or total <= 0:  # a triangle may shrink to a line
+                continue
+            near = (wa * az + wb * bz + wc * cz) / total
+            if near > depth[s, column]:
                 depth[s, column] = near
                 mine |= 1 << s
         if mine:

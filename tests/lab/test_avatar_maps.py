@@ -7,6 +7,7 @@ import pytest
 
 from codec.errors import CueError
 from lab.avatar.arms import lower_arms
+from lab.avatar.looks import LOOKS
 from lab.avatar.maps import learn
 from lab.avatar.parts import brow, cut, eyeball, join, on_skin, plain, take, tessellate
 from synth.motion.body.mesh import read_mesh
@@ -95,7 +96,7 @@ def test_eye_is_a_ball_that_looks_out() -> None:
     rng = np.random.default_rng(4)
     ball = rng.normal(size=(200, 3))
     ball = 14 * ball / np.linalg.norm(ball, axis=1, keepdims=True) + [30, 728, 125]
-    eye = eyeball(ball, np.arange(200))
+    eye = eyeball(ball, np.arange(200), LOOKS["woman"])
     at = eye.place(ball)
     radius = np.linalg.norm(at - [30, 728, 125], axis=1)
     assert (radius > 12.5).all()
@@ -107,7 +108,7 @@ def test_brow_lies_on_the_skin() -> None:
     points = np.array([[0, 0, 0], [10, 0, 5], [0, 10, 5], [10, 10, 10.0]])
     triangles = np.array([[0, 1, 2], [1, 3, 2]])
     line = np.array([[2.0, 5], [5, 6], [8, 5]])
-    part = brow(points, triangles, 1, line, np.array([1.0, 1, 1]))
+    part = brow(points, triangles, 1, line, np.ones(3), LOOKS["woman"])
     at = part.place(points)
     assert np.allclose(at[:, 2], (at[:, 0] + at[:, 1]) / 2 + 1)
     with pytest.raises(CueError, match="lies beside the skin"):
