@@ -75,6 +75,14 @@ class Tab(ABC):
         """Return the value of an expression in the page, awaited if it is a promise."""
 
     @abstractmethod
+    async def press(self, key: str, code: int = 0) -> None:
+        """Press and release a key."""
+
+    @abstractmethod
+    async def resize(self, width: int, height: int) -> None:
+        """Set the size of the visible part."""
+
+    @abstractmethod
     async def screenshot(self, path: Path) -> None:
         """Write the visible part of the page as PNG."""
 

@@ -26,6 +26,13 @@ PREFERENCES = {
 }
 
 
+_KEYS = {
+    "Enter": "\ue007", "Escape": "\ue00c", "ArrowLeft": "\ue012", "ArrowUp": "\ue013",
+    "ArrowRight": "\ue014", "ArrowDown": "\ue015",
+}  # fmt: skip
+"""Characters of WebDriver that stand for keys without one."""
+
+
 class FirefoxPage(Tab):
     """One tab of Firefox."""
 
@@ -46,6 +53,18 @@ class FirefoxPage(Tab):
         )  # fmt: skip
         assert result["type"] == "success", result["exceptionDetails"]
         return _value(result["result"])
+
+    async def press(self, key: str, code: int = 0) -> None:
+        """Press and release a key, by its name or its character."""
+        value = _KEYS.get(key, key)
+        actions = [{"type": kind, "value": value} for kind in ("keyDown", "keyUp")]
+        source = {"type": "key", "id": "keyboard", "actions": actions}
+        await self.call("input.performActions", context=self.context, actions=[source])
+
+    async def resize(self, width: int, height: int) -> None:
+        """Set the size of the visible part."""
+        size = {"width": width, "height": height}
+        await self.call("browsingContext.setViewport", context=self.context, viewport=size)
 
     async def screenshot(self, path: Path) -> None:
         """Write the visible part of the page as PNG."""
@@ -100,8 +119,7 @@ async def browse(address: str, width: int = 1280, height: int = 720) -> AsyncIte
         page.context = contexts[0]["context"]
         events = ["log.entryAdded", "network.beforeRequestSent"]
         await page.call("session.subscribe", events=events)
-        size = {"width": width, "height": height}
-        await page.call("browsingContext.setViewport", context=page.context, viewport=size)
+        await page.resize(width, height)
         await page.call("browsingContext.navigate", context=page.context, url=address, wait="none")
         yield page
 

@@ -21,6 +21,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--port", type=natural, default=8080, metavar="N", help="0: any free one")
     parser.add_argument("--host", default="127.0.0.1", help="address to answer at")
     parser.add_argument("--motion", metavar="M.npz", help="show this motion, not the received one")
+    parser.add_argument(
+        "--subtitles", metavar="SUBS", help="text to show (default: that of the programme's tracks)"
+    )
     add_trust(parser)
     parser.add_argument(
         "--hold", type=not_negative, metavar="S",
@@ -34,9 +37,10 @@ def run(args: argparse.Namespace) -> int:
     """Serve the page."""
     from codec.cuer.motion import load_motion
     from cuecast.command.voices import coding_voice
+    from cuecast.media.captions import captions_of
     from cuecast.media.playable import playable
-    from receiver.television.server import serve
-    from receiver.television.tuner import MotionTuner, ProgrammeTuner, Tuner
+    from receiver.television.server import AHEAD_S, serve
+    from receiver.television.tuner import EagerTuner, MotionTuner, ProgrammeTuner, Tuner
 
     voice = coding_voice(args.voice)
     place: dict[str, Any] = {
@@ -53,8 +57,9 @@ def run(args: argparse.Namespace) -> int:
         return 0
     with tempfile.TemporaryDirectory(prefix="cuecast-") as folder:
         media = playable(args.programme, folder)
+        captions = captions_of(args.programme, args.subtitles)
         tuner: Tuner = ProgrammeTuner(args.programme, voice, key=args.key, trust=trust_of(args))
         if args.motion is not None:
             tuner = MotionTuner(load_motion(args.motion))
-        serve(tuner, voice, media, **place)
+        serve(EagerTuner(tuner, AHEAD_S), voice, media, captions=captions, **place)
     return 0

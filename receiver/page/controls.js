@@ -10,23 +10,27 @@ const BY_KEY = {
   ArrowLeft: "rewind", ArrowRight: "wind", MediaRewind: "rewind", MediaFastForward: "wind",
   ",": "stepBack", ".": "stepForward", "[": "slower", "]": "faster", "-": "slower", "+": "faster",
   a: "style", h: "handOnly", p: "place", s: "size", m: "mirror", c: "keys", l: "language", f: "full",
-  "?": "settings", r: "settings", Escape: "close", GoBack: "close",
+  t: "captions", ClosedCaptionToggle: "captions", Subtitle: "captions", b: "layout",
+  MediaTrackPrevious: "stepBack", MediaTrackNext: "stepForward", MediaStop: "pause",
+  "?": "settings", r: "settings", Info: "settings", Escape: "close", GoBack: "close", BrowserBack: "close",
   ColorF0Red: "handOnly", ColorF1Green: "style", ColorF2Yellow: "place", ColorF3Blue: "size",
 };
 /** Key codes of televisions whose browsers name no keys (CE-HTML, HbbTV). */
 const BY_CODE = {
-  415: "play", 19: "play", 413: "play", 412: "rewind", 417: "wind",
+  415: "play", 19: "play", 413: "pause", 412: "rewind", 417: "wind", 460: "captions",
   403: "handOnly", 404: "style", 405: "place", 406: "size", 461: "close", 457: "settings",
 };
+/** Sizes of the captions that one key steps through, percent of the screen's smaller side. */
+const LETTERS = [0, 4, 6, 8];
 /** Keys, the text that explains them, and the coloured key of a remote control that does the same. */
 export const HELP = [
   ["␣", "help-play"], ["← →", "help-seek"], [", .", "help-step"], ["[ ]", "help-speed"],
   ["A", "help-style", "green"], ["H", "help-hand", "red"], ["P", "help-place", "yellow"], ["S", "help-size", "blue"],
-  ["▲ ▼ OK", "help-focus"], ["M", "help-mirror"], ["C", "help-keys"], ["F", "help-full"], ["L", "help-language"], ["? · R", "help-settings"],
+  ["▲ ▼ OK", "help-focus"], ["B", "help-layout"], ["T", "help-captions"], ["M", "help-mirror"], ["C", "help-keys"], ["F", "help-full"], ["L", "help-language"], ["? · R", "help-settings"],
 ];
 
 export class Controls {
-  /** `page`: {video, settings, stage, words(), stepS(), seekTo(timeS)}. */
+  /** `page`: {video, settings, stage, cuer, words(), stepS(), seekTo(timeS)}. */
   constructor(document, page) {
     this.document = document;
     this.page = page;
@@ -54,6 +58,15 @@ export class Controls {
     }
     video.addEventListener("click", () => this.run("play"));
     for (const name of ["play", "pause", "ratechange", "durationchange"]) video.addEventListener(name, () => this.show());
+    this.bindSession();
+  }
+
+  /** Follow the keys of keyboards and headsets which the system handles before the page. */
+  bindSession() {
+    const commands = { play: "play", pause: "pause", stop: "pause", seekbackward: "rewind", seekforward: "wind" };
+    for (const [action, command] of Object.entries(commands)) {
+      navigator.mediaSession?.setActionHandler(/** @type {MediaSessionAction} */ (action), () => this.run(command));
+    }
   }
 
   key(event) {
@@ -73,7 +86,7 @@ export class Controls {
 
   run(command) {
     const { settings } = this.page;
-    if (["style", "place", "size", "language"].includes(command)) {
+    if (["style", "place", "size", "layout", "language"].includes(command)) {
       settings.next(command);
       if (command !== "language") this.stage.say(this.page.words()[settings.get(command)]);
     } else if (["handOnly", "mirror", "keys"].includes(command)) settings.toggle(command);
@@ -84,6 +97,16 @@ export class Controls {
   play() {
     if (!this.video.paused) this.video.pause();
     else this.video.play().catch(() => this.stage.say(this.page.words().failed));
+  }
+
+  pause() {
+    this.video.pause();
+  }
+
+  captions() {
+    const { settings } = this.page;
+    settings.set("captions", LETTERS.find((size) => size > settings.get("captions")) || 0);
+    this.stage.say(`${this.page.words().captions} : ${settings.get("captions")} %`);
   }
 
   rewind() {
@@ -133,6 +156,7 @@ export class Controls {
 
   openPanel(open) {
     this.find("panel").hidden = !open;
+    this.wake();
     this.find("settings").setAttribute("aria-expanded", open);
     if (open) this.find("panel").querySelector("select").focus();
     else if (this.find("panel").contains(this.document.activeElement)) this.find("settings").focus();
@@ -158,13 +182,19 @@ export class Controls {
     const { video } = this;
     const { settings } = this.page;
     const text = this.page.words();
-    this.find("play").textContent = video.paused ? `▶ ${text.play}` : `❚❚ ${text.pause}`;
-    this.find("play").setAttribute("aria-label", video.paused ? text.play : text.pause);
-    this.find("speed").textContent = `${video.playbackRate}×`;
-    this.find("style").textContent = text[settings.get("style")];
-    this.find("hand-only").textContent = text.handOnly;
+    const name = (id, shown, full) => {
+      this.find(id).textContent = shown;
+      this.find(id).setAttribute("aria-label", full || shown);
+    };
+    name("play", video.paused ? text.play : text.pause);
+    this.find("play").dataset.paused = video.paused;
+    name("speed", `${video.playbackRate}×`, `${text.speed} ${video.playbackRate}×`);
+    const style = text[settings.get("style")];
+    name("style", style, `${text.style} : ${style}`);
+    this.find("style").hidden = !this.page.cuer.avatar;
+    name("hand-only", text.handOnly);
     this.find("hand-only").setAttribute("aria-pressed", settings.get("handOnly"));
-    this.find("settings").textContent = text.settings;
+    name("settings", text.settings);
     this.showTime();
   }
 

@@ -21,7 +21,7 @@ export function navigate(document, event) {
 }
 
 function inPanel(panel, active, key) {
-  const choices = [...panel.querySelectorAll("select, input")];
+  const choices = [...panel.querySelectorAll("select, input")].filter((one) => !one.hidden);
   const at = choices.indexOf(active);
   if (key === "ArrowUp" || key === "ArrowDown") {
     const next = at + (key === "ArrowUp" ? -1 : 1);
@@ -43,7 +43,7 @@ function inPanel(panel, active, key) {
 }
 
 function inBar(document, active, key) {
-  const buttons = [...document.querySelectorAll("#bar .button")];
+  const buttons = [...document.querySelectorAll("#bar .button:not([hidden])")];
   const seek = document.getElementById("seek");
   const at = buttons.indexOf(active);
   if (key === "ArrowUp" && at >= 0 && !seek.hidden) seek.focus();

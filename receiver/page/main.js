@@ -1,42 +1,46 @@
 /** The television page: programme, cuer in step with it, controls. */
 
-import { AvatarView, parseAvatar } from "./avatar.js";
+import { parseAvatar } from "./avatar.js";
+import { Captions } from "./captions.js";
 import { ProgrammeClock } from "./clock.js";
 import { Controls, HELP } from "./controls.js";
+import { Cuer } from "./cuer.js";
 import { Feed } from "./feed.js";
-import { HandReader } from "./hand.js";
 import { LiveProgramme } from "./live.js";
 import { VoiceModel } from "./model.js";
-import { PointLights } from "./points.js";
+import { Moving } from "./moving.js";
 import { Settings } from "./settings.js";
 import { Stage } from "./stage.js";
 import { label, TEXTS } from "./texts.js";
-import { Timeline } from "./timeline.js";
 
 const REPORT_MS = 400;
 const STEP_S = 0.04;
 
+/** So much of a programme without a cuer is enough to say that it has none, seconds. */
+const ABSENT_S = 10;
+
 class Page {
-  /** `arrays` of the avatar, or null where there is none; `live`: the programme comes as it is made. */
-  constructor(model, arrays, live) {
+  /** `arrays` of the avatar, or null where there is none; `status`: {live, captions} of the television. */
+  constructor(model, arrays, { live, captions }) {
     this.model = model;
     this.live = live;
     this.quiet = false;
     this.whose = null;
-    this.video = /** @type {HTMLVideoElement} */ (document.getElementById("programme"));
-    this.timeline = new Timeline(model.movement);
-    this.reader = new HandReader(model);
+    this.heard = { fromS: 0, untilS: 0 };
+    const find = (id) => document.getElementById(id);
+    this.video = /** @type {HTMLVideoElement} */ (find("programme"));
+    this.cuer = new Cuer(model, arrays, { points: find("points"), avatar: find("avatar") });
+    this.timeline = this.cuer.timeline;
     this.clock = new ProgrammeClock(this.video);
     this.stage = new Stage(document);
-    this.points = new PointLights(document.getElementById("points"), model);
-    this.avatar = arrays && buildAvatar(document.getElementById("avatar"), model, arrays);
-    this.params = new Float64Array(model.layout.length);
-    this.markers = new Float64Array(3 * model.markers.length);
     this.link = "connecting";
     this.drawn = { timeS: NaN, nowMs: NaN, visibility: 0 };
-    this.scene = "";
     this.settings = new Settings(() => this.apply());
+    if (!this.cuer.avatar) this.settings.withhold("style");
+    if (captions) this.addCaptions(captions);
+    this.captions = new Captions(this.video, find("captions"));
     this.controls = new Controls(document, this);
+    this.moving = new Moving(this.stage, this.settings);
     this.feed = new Feed(`ws://${location.host}/feed`, {
       open: () => {
         if (this.link !== "crowded") this.link = "searching";
@@ -53,12 +57,19 @@ class Page {
     requestAnimationFrame((now) => this.tick(now));
   }
 
+  /** The programme's text, in a language. */
+  addCaptions(language) {
+    const track = document.createElement("track");
+    Object.assign(track, { kind: "captions", src: "/captions.vtt", srclang: language, label: language });
+    this.video.append(track);
+  }
+
   listen() {
     this.video.addEventListener("seeking", () => this.report(true));
     this.video.addEventListener("error", () => this.stage.say(this.words().failed));
     for (const name of ["loadedmetadata", "resize"]) this.video.addEventListener(name, () => this.apply());
     window.addEventListener("resize", () => this.apply());
-    document.addEventListener("visibilitychange", () => { this.scene = ""; });
+    document.addEventListener("visibilitychange", () => this.cuer.forget());
     setInterval(() => this.report(false), REPORT_MS);
   }
 
@@ -69,11 +80,10 @@ class Page {
   /** Bring the page in line with the settings. */
   apply() {
     const words = label(document.documentElement, this.settings.get("language"));
-    this.stage.arrange(this.settings, this.model.aspect);
-    document.getElementById("avatar").hidden = !this.showsAvatar();
-    document.getElementById("points").hidden = this.showsAvatar();
-    this.stage.keysLine.hidden = !this.settings.get("keys");
-    if (!document.getElementById("panel").contains(document.activeElement)) this.showPanel(words);
+    const { values } = this.settings;
+    this.stage.arrange({ ...values, captions: this.captions.present ? values.captions : 0 }, this.model.aspect);
+    this.cuer.choose(values.style);
+    this.showPanel(words);
     this.controls.show();
   }
 
@@ -90,10 +100,6 @@ class Page {
     }
   }
 
-  showsAvatar() {
-    return this.avatar !== null && this.settings.get("style") === "avatar";
-  }
-
   /** Length of one step: a frame of film. */
   stepS() {
     return STEP_S;
@@ -106,6 +112,7 @@ class Page {
   receive(message) {
     this.link = "searching";
     if (message.type === "status") this.timeline.insertState(message);
+    else if (message.type === "heard") this.heard = { fromS: message.from_s, untilS: message.until_s };
     else if (message.type === "line") this.quiet = message.quiet;
     else if (message.type === "authenticity") this.whose = message;
     else if (message.type === "keys") this.timeline.insertKeys(message.keys);
@@ -120,74 +127,49 @@ class Page {
   report(jumped) {
     const timeS = this.video.currentTime;
     this.timeline.prune(timeS);
-    if (this.live) this.controls.showTime();
-    else this.tellPosition(timeS, jumped);
-  }
-
-  tellPosition(timeS, jumped) {
-    this.feed.position(timeS, jumped && this.timeline.knownFrom(timeS) < 1);
+    if (!this.live) this.feed.position(timeS, jumped && this.timeline.knownFrom(timeS) < 1);
     this.controls.showTime();
   }
 
   /**
    * The one state that is shown: of reception at `timeS`, or of the connection where nothing was
-   * received. A cuer who was received, but of whom nothing is here to be drawn yet, is awaited.
+   * received. A cuer who was received, but of whom nothing is here to be drawn yet, is awaited; one
+   * who was not found for some time is absent.
    */
   state(timeS, visibility) {
     if (this.link !== "searching") return this.link;
     if (this.quiet) return "lost";
     const state = this.timeline.stateAt(timeS) || "searching";
+    if (state === "searching" && this.searchedS(timeS) >= ABSENT_S) return "absent";
     return visibility === 0 && (state === "locked" || state === "degraded") ? "awaiting" : state;
+  }
+
+  /** Seconds of the programme that were searched for a cuer, up to what was received. */
+  searchedS(timeS) {
+    const { fromS, untilS } = this.heard;
+    if (this.timeline.states.some(({ time_s, state }) => state === "locked" && time_s <= untilS)) return 0;
+    return Math.max(this.live ? timeS : untilS, untilS) - fromS;
   }
 
   tick(now) {
     requestAnimationFrame((next) => this.tick(next));
     const timeS = this.clock.at(now);
-    const visibility = this.timeline.sample(timeS, this.params);
-    if (visibility > 0) this.model.reconstruct(this.params, this.markers);
+    const shownS = this.shownS = timeS - this.settings.get("delay") / 1000;
+    const visibility = this.cuer.show(shownS, this.settings.values);
     this.drawn = { timeS, nowMs: now, visibility };
-    const look = {
-      alpha: visibility * this.settings.get("opacity") / 100,
-      mirror: this.settings.get("mirror"),
-      handOnly: this.settings.get("handOnly"),
-      contrast: this.settings.get("contrast"),
-      dot: 0.62 * this.settings.get("dot") / 100,
-    };
-    this.draw(timeS, look);
     const words = this.words();
-    this.stage.showStatus(this.state(timeS, visibility), words, this.whose);
+    const state = this.state(timeS, visibility);
+    const more = state === "absent" ? `${words.searched} ${Math.round(this.searchedS(timeS))} s` : "";
+    this.stage.showStatus(state, words, this.whose, more);
     this.stage.showCuer(visibility > 0);
-    const hand = visibility > 0 ? this.reader.read(this.markers) : null;
-    this.stage.showKeys(this.timeline.keysAround(timeS, 2, 2, hand), words);
-  }
-
-  /** Draw the cuer, unless she stands there as she is: a programme that rests costs nothing. */
-  draw(timeS, look) {
-    const view = this.showsAvatar() ? this.avatar : this.points;
-    const { clientWidth, clientHeight, id } = view.canvas;
-    const size = [clientWidth, clientHeight, window.devicePixelRatio];
-    const scene = [id, timeS, ...size, ...Object.values(look), ...this.params].join();
-    if (scene === this.scene) return;
-    this.scene = scene;
-    if (this.showsAvatar()) this.avatar.draw(timeS, look);
-    else this.points.draw(this.markers, look);
-  }
-}
-
-/** The avatar's view, or null where the television has no WebGL: points are enough. */
-function buildAvatar(canvas, model, arrays) {
-  try {
-    return new AvatarView(canvas, model, arrays);
-  } catch (error) {
-    console.warn(`no avatar: ${error.message}`);
-    return null;
+    this.stage.showKeys(this.cuer.keysAround(shownS, this.stage.around, this.stage.around), words);
   }
 }
 
 async function start() {
   const [voice, avatar, status] = await Promise.all(["/voice.json", "/avatar.bin", "/status.json"].map((path) => fetch(path)));
   const arrays = avatar.ok ? parseAvatar(await avatar.arrayBuffer()) : null;
-  Object.assign(window, { cuecast: new Page(new VoiceModel(await voice.json()), arrays, (await status.json()).live) });
+  Object.assign(window, { cuecast: new Page(new VoiceModel(await voice.json()), arrays, await status.json()) });
 }
 
 start();

@@ -2,24 +2,39 @@
 
 export const CHOICES = {
   style: ["avatar", "points"],
-  place: ["bottom-right", "bottom-left", "top-right", "top-left"],
+  layout: ["beside", "over"],
+  place: ["bottom-right", "bottom-left", "top-right", "top-left", "free"],
   size: ["small", "medium", "large", "whole"],
   contrast: ["panel", "outline", "strong"],
+  ground: ["shade", "box", "none"],
   language: ["fr", "en"],
 };
-const RANGES = { opacity: [20, 100], dot: [40, 200] };
+/** Least, most and step. */
+const RANGES = {
+  opacity: [20, 100, 5], dot: [40, 200, 5], delay: [-500, 500, 20], captions: [0, 10, 1],
+  left: [0, 100, 1], top: [0, 100, 1], width: [10, 100, 1],
+};
 const SWITCHES = ["mirror", "handOnly", "keys"];
 const DEFAULTS = {
-  style: "avatar", place: "bottom-right", size: "medium", contrast: "panel",
+  style: "avatar", layout: "beside", place: "bottom-right", size: "large", contrast: "panel",
   language: (navigator.language || "fr").startsWith("fr") ? "fr" : "en",
-  opacity: 100, dot: 100, mirror: false, handOnly: false, keys: true,
+  opacity: 100, dot: 100, delay: 0, captions: 4, ground: "shade", left: 100, top: 100, width: 30,
+  mirror: false, handOnly: false, keys: true,
 };
+const ORDER = [
+  "layout", "size", "place", "left", "top", "width", "style", "mirror", "handOnly", "delay", "contrast", "opacity", "dot",
+  "keys", "captions", "ground", "language",
+];
+const UNITS = { opacity: "%", dot: "%", delay: "ms", captions: "%", left: "%", top: "%", width: "%" };
+const FREE = ["left", "top", "width"];
 const STORE = "cuecast.settings";
 
 export class Settings {
   constructor(changed) {
     this.changed = changed;
     this.values = Object.assign({}, DEFAULTS);
+    this.absent = new Set();
+    this.rows = {};
     const stored = read();
     for (const name of Object.keys(DEFAULTS)) if (valid(name, stored[name])) this.values[name] = stored[name];
   }
@@ -29,14 +44,19 @@ export class Settings {
   }
 
   set(name, value) {
-    if (!valid(name, value)) return;
-    this.values[name] = value;
+    this.setAll({ [name]: value });
+  }
+
+  /** Take several values at once, those that are valid. */
+  setAll(values) {
+    for (const name of Object.keys(values)) if (valid(name, values[name])) this.values[name] = values[name];
     try {
       localStorage.setItem(STORE, JSON.stringify(this.values));
     } catch (error) {
       if (error.name !== "SecurityError" && error.name !== "QuotaExceededError") throw error;
     }
-    this.changed(name);
+    this.refresh();
+    this.changed();
   }
 
   toggle(name) {
@@ -48,16 +68,36 @@ export class Settings {
     this.set(name, list[(list.indexOf(this.values[name]) + 1) % list.length]);
   }
 
-  /** Fill `parent` with one labelled control per setting. */
+  /** Leave a setting out: this television cannot follow it. */
+  withhold(name) {
+    this.absent.add(name);
+  }
+
+  /** Fill `parent` with one labelled control per setting, in the words of a language. */
   show(parent, words) {
+    if (this.shown === words) return;
+    this.shown = words;
     parent.textContent = "";
-    for (const name of ["style", "place", "size", "contrast", "opacity", "dot", "mirror", "handOnly", "keys", "language"]) {
+    for (const name of ORDER) {
       const control = this.control(name, words);
       control.id = `set-${name}`;
       const title = document.createElement("label");
       title.htmlFor = control.id;
       title.textContent = words[name];
       parent.append(title, control);
+      this.rows[name] = { title, control };
+    }
+    this.refresh();
+  }
+
+  /** Bring the controls in line with the values; places of one's own only where there is one. */
+  refresh() {
+    for (const [name, { title, control }] of Object.entries(this.rows)) {
+      const needless = FREE.includes(name) && (this.values.place !== "free" || this.values.layout !== "over");
+      title.hidden = control.hidden = this.absent.has(name) || needless;
+      if (SWITCHES.includes(name)) control.checked = this.values[name];
+      else control.value = this.values[name];
+      if (UNITS[name]) title.textContent = `${this.shown[name]} : ${this.values[name]} ${UNITS[name]}`;
     }
   }
 
@@ -65,9 +105,7 @@ export class Settings {
     if (CHOICES[name]) return this.select(name, words);
     const input = document.createElement("input");
     input.type = RANGES[name] ? "range" : "checkbox";
-    if (RANGES[name]) [input.min, input.max] = RANGES[name];
-    if (RANGES[name]) input.value = this.values[name];
-    else input.checked = this.values[name];
+    if (RANGES[name]) [input.min, input.max, input.step] = RANGES[name].map(String);
     input.oninput = () => this.set(name, RANGES[name] ? Number(input.value) : input.checked);
     return input;
   }
@@ -76,7 +114,7 @@ export class Settings {
     const select = document.createElement("select");
     for (const value of CHOICES[name]) {
       const title = name === "language" ? { fr: "Français", en: "English" }[value] : words[value];
-      select.add(new Option(title, value, false, value === this.values[name]));
+      select.add(new Option(title, value));
     }
     select.onchange = () => this.set(name, select.value);
     return select;

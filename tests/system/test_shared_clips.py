@@ -145,7 +145,7 @@ def test_watch_shows_talker_and_cuer_in_step(talker: Path, television: str) -> N
             )
             drawn = json.loads(
                 await page.evaluate(
-                    "JSON.stringify([cuecast.drawn.timeS, Array.from(cuecast.markers)])"
+                    "JSON.stringify([cuecast.drawn.timeS, Array.from(cuecast.cuer.markers)])"
                 )
             )
             times = np.array([drawn[0]])

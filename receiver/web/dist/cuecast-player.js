@@ -1091,181 +1091,6 @@ function nearest(rows, point) {
 return { HandReader };
 })();
 
-const $stage = (() => {
-/** What stands over the picture: the cuer's inset, the line of keys, the state of reception. */
-
-const { PLACEMENT_NUMBER } = $keys;
-
-const HEIGHTS = { small: 0.36, medium: 0.5, large: 0.72, whole: 1 };
-const MARGIN = 0.025;
-/** Share of the bar's upper padding that is only its fading edge. */
-const BAR_FADE = 0.7;
-
-class Stage {
-  constructor(document) {
-    const find = (id) => document.getElementById(id);
-    this.root = find("stage");
-    this.video = find("programme");
-    this.inset = find("inset");
-    this.bar = find("bar");
-    this.keysLine = find("keys");
-    this.status = find("status");
-    this.statusText = find("status-text");
-    this.toast = find("toast");
-    this.shownKeys = "";
-  }
-
-  /** The rectangle that the picture fills inside the stage (letterboxed), in CSS pixels. */
-  picture() {
-    const { videoWidth, videoHeight } = this.video;
-    const stage = this.root.getBoundingClientRect();
-    // A page may put margins and other elements around the video.
-    const { left, top, width, height } = videoWidth ? this.video.getBoundingClientRect() : stage;
-    const ratio = videoWidth ? videoWidth / videoHeight : width / height;
-    const shown = Math.min(width, height * ratio);
-    return {
-      left: left - stage.left + (width - shown) / 2,
-      top: top - stage.top + (height - shown / ratio) / 2,
-      width: shown,
-      height: shown / ratio,
-    };
-  }
-
-  /** Place the inset over the picture; a programme without picture leaves the stage to the cuer. */
-  arrange(settings, aspect) {
-    const alone = this.video.readyState > 0 && !this.video.videoWidth;
-    const whole = alone || settings.get("size") === "whole";
-    const box = this.picture();
-    const height = whole ? box.height : box.height * HEIGHTS[settings.get("size")];
-    const width = whole ? box.width : height * aspect;
-    const margin = whole ? 0 : MARGIN * box.height;
-    const [vertical, horizontal] = settings.get("place").split("-");
-    const left = whole ? box.left : horizontal === "left" ? box.left + margin : box.left + box.width - margin - width;
-    const top = whole ? box.top : vertical === "top" ? box.top + margin : box.top + box.height - margin - height;
-    Object.assign(this.inset.style, { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` });
-    this.inset.dataset.contrast = settings.get("contrast");
-    this.inset.dataset.alone = alone;
-    this.inset.dataset.place = whole ? "whole" : settings.get("place");
-    this.inset.style.setProperty("--backdrop", 0.82 * settings.get("opacity") / 100);
-    this.clearBar(whole ? 0 : top + height);
-    this.inset.hidden = false;
-  }
-
-  /** Tell the style how high the bar of controls is, and how far it would cover the inset. */
-  clearBar(insetBottom) {
-    const clear = this.root.clientHeight - this.bar.offsetHeight + BAR_FADE * parseFloat(getComputedStyle(this.bar).paddingTop);
-    this.root.style.setProperty("--clear", `${this.root.clientHeight - clear}px`);
-    this.inset.style.setProperty("--lift", `${Math.min(0, clear - insetBottom)}px`);
-  }
-
-  /** Show the keys around the present one: phones above, placement and shape as the paper prints them. */
-  showKeys({ keys, now }, words) {
-    const line = keys.map((key) => `${key.start}`).join() + now + words.rest;
-    if (line === this.shownKeys) return;
-    this.shownKeys = line;
-    this.keysLine.textContent = "";
-    keys.forEach((key, index) => {
-      const item = document.createElement("li");
-      const phones = document.createElement("b");
-      const code = document.createElement("small");
-      phones.textContent = key.phones.join("") || "·";
-      code.textContent = `${PLACEMENT_NUMBER[key.placement]}${key.shape} ${words[key.placement]}`;
-      if (index === now) item.className = "now";
-      item.append(phones, code);
-      this.keysLine.append(item);
-    });
-  }
-
-  /** `whose`: what is known of who speaks, `{status, of}`, or null where nobody asked. */
-  showStatus(state, words, whose) {
-    this.status.dataset.state = state;
-    this.status.dataset.whose = whose ? whose.status : "";
-    let text = words[state];
-    if (whose) text += ` · ${words[whose.status]}${whose.status === "verified" ? ` (${whose.of})` : ""}`;
-    if (whose && Math.abs(whose.age_s) >= 1) text += ` · ${Math.round(whose.age_s)} s`;
-    if (this.statusText.textContent !== text) this.statusText.textContent = text;
-  }
-
-  /** Without a cuer there is no box: the programme is seen whole. */
-  showCuer(present) {
-    this.inset.classList.toggle("empty", !present);
-  }
-
-  /** A word that passes: what a key press did. */
-  say(text) {
-    this.toast.textContent = text;
-    this.toast.hidden = false;
-    clearTimeout(this.toastTimer);
-    this.toastTimer = setTimeout(() => { this.toast.hidden = true; }, 1400);
-  }
-}
-return { Stage };
-})();
-
-const $texts = (() => {
-/** Every word on the page, in French and English. */
-
-const TEXTS = {
-  fr: {
-    cuer: "Codeuse en langue française parlée complétée", keysLine: "Clés codées", controls: "Commandes",
-    play: "Lecture", pause: "Pause", stepBack: "Image précédente", stepForward: "Image suivante",
-    seek: "Position dans le programme", speed: "Vitesse", style: "Style de la codeuse", handOnly: "Main seule",
-    settings: "Réglages", full: "Plein écran", keyboard: "Clavier et télécommande",
-    points: "Points", avatar: "Avatar", place: "Emplacement", size: "Taille", mirror: "Gaucher (miroir)",
-    opacity: "Opacité", contrast: "Contraste", keys: "Afficher les clés", language: "Langue", dot: "Taille des points",
-    "bottom-right": "En bas à droite", "bottom-left": "En bas à gauche", "top-right": "En haut à droite",
-    "top-left": "En haut à gauche", small: "Petite", medium: "Moyenne", large: "Grande", whole: "Plein cadre",
-    panel: "Fond sombre", outline: "Contour, sans fond", strong: "Fort contraste",
-    connecting: "Connexion…", searching: "Recherche de la codeuse…", locked: "Codeuse reçue",
-    degraded: "Réception affaiblie", lost: "Signal perdu", ended: "Fin du programme",
-    offline: "Récepteur injoignable", crowded: "Trop de pages regardent déjà",
-    verified: "authentique", unknown: "origine inconnue", forged: "falsifiée", unsigned: "non signée", failed: "Lecture impossible", awaiting: "En attente de la codeuse",
-    recoded: "Image recodée pour ce navigateur", unseen: "Image illisible, son et codeuse seuls",
-    "help-play": "lecture ou pause", "help-seek": "reculer, avancer de 5 s", "help-step": "image par image",
-    "help-speed": "moins vite, plus vite", "help-style": "points ou avatar", "help-hand": "main seule",
-    "help-place": "changer de coin", "help-size": "changer de taille", "help-mirror": "miroir", "help-focus": "aller aux commandes",
-    "help-keys": "clés", "help-full": "plein écran", "help-language": "English", "help-settings": "ces réglages",
-    green: "vert", red: "rouge", yellow: "jaune", blue: "bleu",
-    rest: "repos", side: "côté", mouth: "bouche", chin: "menton", cheek: "pommette", throat: "gorge",
-  },
-  en: {
-    cuer: "Cuer in French Cued Speech", keysLine: "Keys being cued", controls: "Controls",
-    play: "Play", pause: "Pause", stepBack: "Previous picture", stepForward: "Next picture",
-    seek: "Position in the programme", speed: "Speed", style: "Style of the cuer", handOnly: "Hand only",
-    settings: "Settings", full: "Full screen", keyboard: "Keyboard and remote control",
-    points: "Points", avatar: "Avatar", place: "Place", size: "Size", mirror: "Left-handed (mirror)",
-    opacity: "Opacity", contrast: "Contrast", keys: "Show the keys", language: "Language", dot: "Size of the points",
-    "bottom-right": "Bottom right", "bottom-left": "Bottom left", "top-right": "Top right",
-    "top-left": "Top left", small: "Small", medium: "Medium", large: "Large", whole: "Whole frame",
-    panel: "Dark panel", outline: "Outline, no panel", strong: "Strong contrast",
-    connecting: "Connecting…", searching: "Searching for the cuer…", locked: "Cuer received",
-    degraded: "Weak reception", lost: "Signal lost", ended: "End of the programme",
-    offline: "Receiver unreachable", crowded: "Too many pages are watching",
-    verified: "authentic", unknown: "origin unknown", forged: "forged", unsigned: "not signed", failed: "Cannot play the programme", awaiting: "Waiting for the cuer",
-    recoded: "Picture recoded for this browser", unseen: "Picture cannot be shown, sound and cuer only",
-    "help-play": "play or pause", "help-seek": "5 s back, forward", "help-step": "picture by picture",
-    "help-speed": "slower, faster", "help-style": "points or avatar", "help-hand": "hand only",
-    "help-place": "next corner", "help-size": "next size", "help-mirror": "mirror", "help-focus": "go to the controls",
-    "help-keys": "keys", "help-full": "full screen", "help-language": "français", "help-settings": "these settings",
-    green: "green", red: "red", yellow: "yellow", blue: "blue",
-    rest: "rest", side: "side", mouth: "mouth", chin: "chin", cheek: "cheek", throat: "throat",
-  },
-};
-
-/** Name every control in `language`: accessible names, tooltips and headings. */
-function label(root, language) {
-  const words = TEXTS[language];
-  root.lang = language;
-  for (const element of root.querySelectorAll("[data-name]")) {
-    element.setAttribute("aria-label", words[element.dataset.name]);
-    if (element.tagName === "BUTTON") element.title = words[element.dataset.name];
-  }
-  for (const element of root.querySelectorAll("[data-text]")) element.textContent = words[element.dataset.text];
-  return words;
-}
-return { TEXTS, label };
-})();
-
 const $timeline = (() => {
 /**
  * The cuer's parameters over the programme's clock: pieces of motion in any order, sampled anywhere.
@@ -1448,6 +1273,501 @@ function cubic(a, b, c, d, x, out) {
   for (let i = 0; i < out.length; i++) out[i] = wa * a[i] + wb * b[i] + wc * c[i] + wd * d[i];
 }
 return { HOLD_S, FADE_S, Timeline };
+})();
+
+const $cuer = (() => {
+/**
+ * The cuer over the programme's clock: motion that was received, sampled and drawn on two canvases.
+ *
+ * The television's page and `<cuecast-player>` show her by this class; each adds its own controls.
+ */
+
+const { AvatarView } = $avatar;
+const { HandReader } = $hand;
+const { PointLights } = $points;
+const { Timeline } = $timeline;
+
+/** Radius of a point in hundredths of the picture's height, at the usual size. */
+const DOT = 0.62;
+
+class Cuer {
+  /** `arrays`: of the avatar, or null without one; `canvases`: {points, avatar}. */
+  constructor(model, arrays, canvases) {
+    this.model = model;
+    this.canvases = canvases;
+    this.timeline = new Timeline(model.movement);
+    this.reader = new HandReader(model);
+    this.points = new PointLights(canvases.points, model);
+    this.avatar = arrays && buildAvatar(canvases.avatar, model, arrays);
+    this.params = new Float64Array(model.layout.length);
+    this.markers = new Float64Array(3 * model.markers.length);
+    this.visibility = 0;
+    this.scene = "";
+    this.choose("avatar");
+  }
+
+  /** Draw her as `style` from now on: `avatar`, if there is one, or `points`. */
+  choose(style) {
+    this.view = style === "avatar" && this.avatar ? this.avatar : this.points;
+    this.canvases.avatar.hidden = this.view !== this.avatar;
+    this.canvases.points.hidden = this.view !== this.points;
+    this.forget();
+  }
+
+  /** Draw again at the next refresh, even if nothing moved. */
+  forget() {
+    this.scene = "";
+  }
+
+  /**
+   * Show her as she is at `timeS`; returns how visible she is, 0 to 1.
+   *
+   * `look`: {opacity, dot in percent, mirror, handOnly, contrast}. Who stands still is not drawn again.
+   */
+  show(timeS, { opacity, dot, mirror, handOnly, contrast }) {
+    this.visibility = this.timeline.sample(timeS, this.params);
+    if (this.visibility > 0) this.model.reconstruct(this.params, this.markers);
+    const look = { alpha: this.visibility * opacity / 100, mirror, handOnly, contrast, dot: DOT * dot / 100 };
+    const { clientWidth, clientHeight, id } = this.view.canvas;
+    const size = [clientWidth, clientHeight, window.devicePixelRatio];
+    const scene = [id, timeS, ...size, ...Object.values(look), ...this.params].join();
+    if (scene !== this.scene) {
+      this.scene = scene;
+      if (this.view === this.avatar) this.avatar.draw(timeS, look);
+      else this.points.draw(this.markers, look);
+    }
+    return this.visibility;
+  }
+
+  /** The keys around `timeS`, `before` and `after` the one that the hand shows. */
+  keysAround(timeS, before, after) {
+    const hand = this.visibility > 0 ? this.reader.read(this.markers) : null;
+    return this.timeline.keysAround(timeS, before, after, hand);
+  }
+}
+
+/** The avatar's view, or null where the browser has no WebGL: points are enough. */
+function buildAvatar(canvas, model, arrays) {
+  try {
+    return new AvatarView(canvas, model, arrays);
+  } catch (error) {
+    console.warn(`cuecast: no avatar: ${error.message}`);
+    return null;
+  }
+}
+return { Cuer };
+})();
+
+const $layout = (() => {
+/**
+ * Where everything stands on a screen: rectangles {left, top, width, height} in CSS pixels.
+ *
+ * Beside the programme the cuer has a share of the screen's width, below it on an upright screen
+ * all of the width; over the programme she has a share of its height. Nothing lies on her: the line
+ * of keys, captions, controls and settings go where she is not.
+ */
+
+/** Share of the width that she has beside the programme, and of its height over it. */
+const BESIDE = { small: 1 / 6, medium: 1 / 4, large: 1 / 3 };
+const OVER = { small: 0.36, medium: 0.5, large: 0.72 };
+const MARGIN = 0.025;
+/** Share of the width that the programme keeps where the cuer has the screen. */
+const THUMBNAIL = 0.25;
+/** Width and height of a key in sizes of its letters, with its gap. */
+const KEY_EM = [3.7, 2.6];
+const CAPTION_LINES = 2.9;
+
+const clamp = (least, value, most) => Math.max(least, Math.min(value, most));
+const box = (left, top, width, height) => ({ left, top, width, height });
+const meets = (a, b) => a.left < b.left + b.width && b.left < a.left + a.width && a.top < b.top + b.height && b.top < a.top + a.height;
+
+/** The largest rectangle of `ratio` in the middle of `area`. */
+function fitted(area, ratio) {
+  const width = Math.min(area.width, area.height * ratio);
+  const height = width / ratio;
+  return box(area.left + (area.width - width) / 2, area.top + (area.height - height) / 2, width, height);
+}
+
+/** The largest of the four rectangles around `cuer` within `area`. */
+function freeOf(area, cuer) {
+  const right = area.left + area.width;
+  const bottom = area.top + area.height;
+  const around = [
+    box(area.left, area.top, cuer.left - area.left, area.height),
+    box(cuer.left + cuer.width, area.top, right - cuer.left - cuer.width, area.height),
+    box(area.left, area.top, area.width, cuer.top - area.top),
+    box(area.left, cuer.top + cuer.height, area.width, bottom - cuer.top - cuer.height),
+  ];
+  const worth = ({ width, height }) => Math.min(width, 480) * Math.min(height, 640);
+  return around.reduce((best, one) => (worth(one) > worth(best) ? one : best));
+}
+
+/** Letters of the keys and how many keys stand on each side of the present one, in `width`. */
+function keyLine(screen, width) {
+  const vmin = Math.min(screen.width, screen.height);
+  const size = clamp(12, 0.031 * vmin, 34);
+  const around = width >= 5 * KEY_EM[0] * 14 ? 2 : 1;
+  return { around, size: clamp(11, width / ((2 * around + 1) * KEY_EM[0]), size) };
+}
+
+/**
+ * The layout of a screen.
+ *
+ * `screen`: {width, height}; `picture`: the programme's rectangle where the page placed it itself,
+ * else null; `ratio` of the programme, 0 without a picture; `aspect` of the cuer; `choice`:
+ * {layout, size, place, left, top, width (percent), keys, captions (letters' size in percent of
+ * the screen's smaller side, 0 without)}.
+ */
+function layoutOf(screen, picture, ratio, aspect, choice) {
+  const area = box(0, 0, screen.width, screen.height);
+  const makers = { alone, whole, below, beside, over };
+  const isUpright = screen.height > 1.15 * screen.width;
+  let kind = choice.layout === "beside" ? (isUpright ? "below" : "beside") : "over";
+  if (choice.size === "whole") kind = "whole";
+  if (!ratio) kind = "alone";
+  const made = makers[kind](area, choice, aspect, picture, ratio);
+  return { kind, ...made, panel: freeOf(area, kind === "alone" || kind === "whole" ? box(area.width * 0.5, 0, area.width * 0.5, area.height) : made.cuer) };
+}
+
+function bandOf(area, choice, width) {
+  const line = keyLine(area, width);
+  return { ...line, height: choice.keys ? KEY_EM[1] * line.size : 0 };
+}
+
+const letters = (area, choice) => choice.captions / 100 * Math.min(area.width, area.height);
+const captionsOf = (area, choice) => Math.max(choice.captions && 15, letters(area, choice)) * CAPTION_LINES;
+
+/** The cuer in a column or row with her keys under her. */
+function standing(space, aspect, band) {
+  const cuer = fitted(box(space.left, space.top, space.width, space.height - band.height), aspect);
+  cuer.top = space.top + (space.height - band.height - cuer.height) / 2;
+  const keys = { ...band, ...box(space.left, cuer.top + cuer.height, space.width, band.height) };
+  return { cuer, keys };
+}
+
+/** A programme without picture leaves the screen to her. */
+function alone(area, choice, aspect) {
+  const text = captionsOf(area, choice);
+  const space = box(0, 0, area.width, area.height - text);
+  const captions = box(0, space.height, area.width, text);
+  return { ...standing(space, aspect, bandOf(area, choice, area.width)), programme: area, captions, bar: area };
+}
+
+/** She has the screen, the programme a corner of it. */
+function whole(area, choice, aspect, picture, ratio) {
+  const text = captionsOf(area, choice);
+  const space = box(0, 0, area.width, area.height - text);
+  const stood = standing(space, aspect, bandOf(area, choice, area.width));
+  const captions = box(0, space.height, area.width, text);
+  if (picture) return { ...standing(picture, aspect, bandOf(area, choice, picture.width)), programme: picture, captions, bar: area };
+  const side = Math.max((area.width - stood.cuer.width) / 2 - 16, THUMBNAIL * area.width, area.height > area.width ? 0.5 * area.width : 0);
+  const width = Math.min(side, 0.5 * area.width);
+  const margin = MARGIN * area.height;
+  const left = choice.place.endsWith("left") ? area.width - margin - width : margin;
+  return { ...stood, programme: box(left, margin, width, width / ratio), captions, bar: area };
+}
+
+/** Upright screens: the programme above, captions, the cuer as wide as the screen, her keys. */
+function below(area, choice, aspect, _picture, ratio) {
+  const text = captionsOf(area, choice);
+  const height = Math.min(area.width / ratio, 0.4 * area.height);
+  const programme = fitted(box(0, 0, area.width, height), ratio);
+  const space = box(0, height + text, area.width, area.height - height - text);
+  const row = choice.size === "large" ? space : box(space.left, space.top, space.width, space.height * (choice.size === "medium" ? 0.8 : 0.6));
+  const captions = box(0, height, area.width, text);
+  return { ...standing(row, aspect, bandOf(area, choice, area.width)), programme, captions, bar: box(0, 0, area.width, height) };
+}
+
+/** She has a column of the screen; the programme shrinks to the rest, captions under it. */
+function beside(area, choice, aspect, _picture, ratio) {
+  const width = area.width * BESIDE[choice.size];
+  const isLeft = choice.place.endsWith("left");
+  const column = box(isLeft ? 0 : area.width - width, 0, width, area.height);
+  const rest = box(isLeft ? width : 0, 0, area.width - width, area.height);
+  const text = captionsOf(area, choice);
+  const height = Math.min(rest.width / ratio, area.height);
+  const programme = fitted(box(rest.left, Math.max(0, (area.height - height - text) / 2), rest.width, height), ratio);
+  const captions = box(rest.left, Math.min(programme.top + height, area.height - text), rest.width, text);
+  return { ...standing(column, aspect, bandOf(area, choice, width)), programme, captions, bar: rest };
+}
+
+/** She stands over the programme, in a corner or where the viewer put her. */
+function over(area, choice, aspect, picture, ratio) {
+  const programme = picture || fitted(area, ratio);
+  const cuer = choice.place === "free" ? placed(programme, choice, aspect) : cornered(programme, choice, aspect);
+  const { left, top, width, height } = programme;
+  const right = left + width - cuer.left - cuer.width;
+  const text = captionsOf(area, choice);
+  const line = bandOf(area, choice, Math.max(cuer.left - left, right, 0.5 * width));
+  const lift = 0.03 * height + text;
+  const keys = keysClear(programme, cuer, line, right, lift);
+  const captions = box(left, top + 0.985 * height - text, width, text);
+  if (meets(captions, cuer)) [captions.left, captions.width] = freeSpan(programme, cuer);
+  return { cuer, keys, programme, captions, bar: area };
+}
+
+/** The line of keys in the first row that she leaves free; without one, smaller beside her. */
+function keysClear({ left, top, width, height }, cuer, line, right, lift) {
+  const needs = ({ around, size }) => (2 * around + 1) * KEY_EM[0] * size;
+  const low = top + height - lift - line.height;
+  /** @type {[number, number, number][]} */
+  const spans = [[left, low, width], [left, low, cuer.left - left], [cuer.left + cuer.width, low, right], [left, top, width]];
+  const within = ([x, y, w], one) => ({ ...one, ...box(x + (w - needs(one)) / 2, y, needs(one), line.height) });
+  const free = spans.find((span) => span[2] >= needs(line) && !meets(within(span, line), cuer));
+  if (free) return within(free, line);
+  const side = spans[1][2] > right ? spans[1] : spans[2];
+  const least = { ...line, around: 1 };
+  return within(side, { ...least, size: line.size * Math.min(1, side[2] / needs(least)) });
+}
+
+/** The wider part of the programme's width that she leaves: left edge and width. */
+function freeSpan({ left, width }, cuer) {
+  const before = cuer.left - left;
+  const after = left + width - cuer.left - cuer.width;
+  return before >= after ? [left, before] : [cuer.left + cuer.width, after];
+}
+
+function cornered(programme, { size, place }, aspect) {
+  const { left, top, width, height } = programme;
+  const high = Math.min(height * OVER[size], width / aspect);
+  const margin = MARGIN * height;
+  const [vertical, horizontal] = place.split("-");
+  const x = horizontal === "left" ? left + margin : left + width - margin - high * aspect;
+  return box(x, vertical === "top" ? top + margin : top + height - margin - high, high * aspect, high);
+}
+
+function placed(programme, { left, top, width }, aspect) {
+  const wide = Math.min(programme.width * width / 100, programme.height * aspect);
+  const high = wide / aspect;
+  return box(programme.left + left / 100 * (programme.width - wide), programme.top + top / 100 * (programme.height - high), wide, high);
+}
+return { layoutOf };
+})();
+
+const $stage = (() => {
+/** The stage: everything at its place, the line of keys, the state of reception. */
+
+const { PLACEMENT_NUMBER } = $keys;
+const { layoutOf } = $layout;
+
+const SAID_MS = 1400;
+
+class Stage {
+  /** `document`: a document or shadow tree with the elements of `index.html`; some may be missing. */
+  constructor(document) {
+    const find = (id) => document.getElementById(id);
+    this.root = find("stage");
+    this.programme = find("programme");
+    this.video = this.programme;
+    this.inset = find("inset");
+    this.bar = find("bar");
+    this.panel = find("panel");
+    this.captions = find("captions");
+    this.keysLine = find("keys");
+    this.status = find("status");
+    this.statusText = find("status-text");
+    this.statusMore = find("status-more");
+    this.toast = find("toast");
+    this.around = 2;
+    this.shownKeys = "";
+  }
+
+  /** Where a page put the programme inside the stage, letterboxed; null where the stage places it itself. */
+  picture() {
+    const { videoWidth, videoHeight } = this.video;
+    if (this.programme || !videoWidth) return null;
+    const stage = this.root.getBoundingClientRect();
+    const { left, top, width, height } = this.video.getBoundingClientRect();
+    const ratio = videoWidth / videoHeight;
+    const shown = Math.min(width, height * ratio);
+    return {
+      left: left - stage.left + (width - shown) / 2,
+      top: top - stage.top + (height - shown / ratio) / 2,
+      width: shown,
+      height: shown / ratio,
+    };
+  }
+
+  /** Put everything in its place; `choice` as `layoutOf` takes it, with `contrast` and `opacity`. */
+  arrange(choice, aspect) {
+    const { videoWidth, videoHeight, readyState } = this.video;
+    const screen = { width: this.root.clientWidth, height: this.root.clientHeight };
+    const ratio = videoWidth ? videoWidth / videoHeight : readyState > 0 ? 0 : 16 / 9;
+    const layout = layoutOf(screen, this.picture(), ratio, aspect, choice);
+    this.layout = layout;
+    this.root.dataset.kind = layout.kind;
+    if (this.programme) lay(this.programme, layout.programme);
+    lay(this.inset, layout.cuer);
+    this.inset.dataset.contrast = choice.contrast;
+    this.inset.dataset.movable = layout.kind === "over";
+    this.inset.style.setProperty("--backdrop", 0.82 * choice.opacity / 100);
+    lay(this.keysLine, layout.keys);
+    this.keysLine.style.fontSize = `${layout.keys.size}px`;
+    this.around = layout.keys.around;
+    this.keysLine.hidden = !choice.keys;
+    this.arrangeText(choice, layout);
+    this.inset.hidden = false;
+  }
+
+  arrangeText({ captions, ground }, { captions: band, programme, bar, panel, kind }) {
+    Object.assign(this.status.style, { left: `${programme.left + 8}px`, top: `${programme.top + 8}px`, maxWidth: `${programme.width - 16}px` });
+    if (this.captions) {
+      lay(this.captions, band);
+      this.captions.hidden = !captions;
+      this.captions.dataset.ground = ground;
+      this.captions.style.fontSize = `${band.height / 2.9}px`;
+    }
+    if (this.panel) {
+      Object.assign(this.panel.style, {
+        left: `${panel.left + 8}px`, top: `${panel.top + 8}px`,
+        width: `${Math.min(panel.width - 16, 608)}px`, maxHeight: `${panel.height - 16}px`,
+      });
+    }
+    if (!this.programme) return;
+    Object.assign(this.bar.style, { left: `${bar.left}px`, width: `${bar.width}px`, top: "auto", bottom: "0" });
+    if (kind === "below") Object.assign(this.bar.style, { bottom: `${this.root.clientHeight - bar.height}px` });
+    this.clearBar();
+  }
+
+  /** Tell the style how far what stands in the bar's way has to rise while the bar is shown. */
+  clearBar() {
+    const bar = { left: this.bar.offsetLeft, top: this.bar.offsetTop, width: this.bar.offsetWidth, height: this.bar.offsetHeight };
+    const rise = ({ left, top, width, height }) => {
+      const beside = left >= bar.left + bar.width - 1 || left + width <= bar.left + 1 || this.layout.kind === "below";
+      return beside ? 0 : Math.max(0, Math.min(top + height - bar.top, top));
+    };
+    const { cuer, keys, captions, kind } = this.layout;
+    const text = Math.max(rise(keys), rise(captions));
+    const raise = (part, pixels) => part?.style.setProperty("--lift", `${-pixels}px`);
+    raise(this.inset, rise(cuer));
+    raise(this.keysLine, kind === "over" ? text : rise(keys));
+    raise(this.captions, text);
+  }
+
+  /** Show the keys around the present one: phones above, placement and shape as the paper prints them. */
+  showKeys({ keys, now }, words) {
+    const line = keys.map((key) => `${key.start}`).join() + now + words.rest;
+    if (line === this.shownKeys) return;
+    this.shownKeys = line;
+    this.keysLine.textContent = "";
+    keys.forEach((key, index) => {
+      const item = document.createElement("li");
+      const phones = document.createElement("b");
+      const code = document.createElement("small");
+      phones.textContent = key.phones.join("") || "·";
+      code.textContent = `${PLACEMENT_NUMBER[key.placement]}${key.shape} ${words[key.placement]}`;
+      if (index === now) {
+        item.className = "now";
+        item.setAttribute("aria-current", "true");
+      }
+      item.append(phones, code);
+      this.keysLine.append(item);
+    });
+  }
+
+  /** `whose`: what is known of who speaks, `{status, of}`, or null where nobody asked; `more` changes too often to be read aloud. */
+  showStatus(state, words, whose, more = "") {
+    this.status.dataset.state = state;
+    this.status.dataset.whose = whose ? whose.status : "";
+    let text = words[state];
+    if (whose) text += ` · ${words[whose.status]}${whose.status === "verified" ? ` (${whose.of})` : ""}`;
+    if (whose && Math.abs(whose.age_s) >= 1) text += ` · ${Math.round(whose.age_s)} s`;
+    if (this.statusText.textContent !== text) this.statusText.textContent = text;
+    if (this.statusMore && this.statusMore.textContent !== more) this.statusMore.textContent = more;
+  }
+
+  /** Without a cuer there is no box: the programme is seen whole. */
+  showCuer(present) {
+    this.inset.classList.toggle("empty", !present);
+  }
+
+  /** A word that passes: what a key press did. */
+  say(text) {
+    this.toast.textContent = text;
+    this.toast.hidden = false;
+    clearTimeout(this.toastTimer);
+    this.toastTimer = setTimeout(() => { this.toast.hidden = true; }, SAID_MS);
+  }
+}
+
+function lay(element, { left, top, width, height }) {
+  Object.assign(element.style, { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` });
+}
+return { Stage };
+})();
+
+const $texts = (() => {
+/** Every word on the page, in French and English. */
+
+const TEXTS = {
+  fr: {
+    cuer: "Codeuse en langue française parlée complétée", keysLine: "Clés codées", controls: "Commandes",
+    play: "Lecture", pause: "Pause", stepBack: "Image précédente", stepForward: "Image suivante",
+    seek: "Position dans le programme", speed: "Vitesse", style: "Style de la codeuse", handOnly: "Main seule",
+    settings: "Réglages", full: "Plein écran", keyboard: "Clavier et télécommande",
+    points: "Points", avatar: "Avatar", place: "Emplacement", size: "Taille", mirror: "Gaucher (miroir)",
+    opacity: "Opacité", contrast: "Contraste", keys: "Afficher les clés", language: "Langue", dot: "Taille des points",
+    layout: "Disposition", beside: "À côté du programme", over: "Sur le programme", free: "Libre (glisser)",
+    left: "De gauche à droite", top: "De haut en bas", width: "Largeur", delay: "Retard de la codeuse",
+    captions: "Sous-titres", ground: "Fond des sous-titres", shade: "Voilé", box: "Noir", none: "Sans",
+    absent: "Pas de codeuse dans ce programme", searched: "recherchée sur",
+    "bottom-right": "En bas à droite", "bottom-left": "En bas à gauche", "top-right": "En haut à droite",
+    "top-left": "En haut à gauche", small: "Petite", medium: "Moyenne", large: "Grande", whole: "Plein écran, programme en vignette",
+    panel: "Fond sombre", outline: "Contour, sans fond", strong: "Fort contraste",
+    connecting: "Connexion…", searching: "Recherche de la codeuse…", locked: "Codeuse reçue",
+    degraded: "Réception affaiblie", lost: "Signal perdu", ended: "Fin du programme",
+    offline: "Récepteur injoignable", crowded: "Trop de pages regardent déjà",
+    verified: "authentique", unknown: "origine inconnue", forged: "falsifiée", unsigned: "non signée", failed: "Lecture impossible", awaiting: "En attente de la codeuse",
+    recoded: "Image recodée pour ce navigateur", unseen: "Image illisible, son et codeuse seuls",
+    "help-play": "lecture ou pause", "help-seek": "reculer, avancer de 5 s", "help-step": "image par image",
+    "help-speed": "moins vite, plus vite", "help-style": "points ou avatar", "help-hand": "main seule",
+    "help-place": "changer de coin", "help-size": "changer de taille", "help-mirror": "miroir", "help-focus": "aller aux commandes",
+    "help-layout": "à côté ou dessus", "help-captions": "sous-titres",
+    "help-keys": "clés", "help-full": "plein écran", "help-language": "English", "help-settings": "ces réglages",
+    green: "vert", red: "rouge", yellow: "jaune", blue: "bleu",
+    rest: "repos", side: "côté", mouth: "bouche", chin: "menton", cheek: "pommette", throat: "gorge",
+  },
+  en: {
+    cuer: "Cuer in French Cued Speech", keysLine: "Keys being cued", controls: "Controls",
+    play: "Play", pause: "Pause", stepBack: "Previous picture", stepForward: "Next picture",
+    seek: "Position in the programme", speed: "Speed", style: "Style of the cuer", handOnly: "Hand only",
+    settings: "Settings", full: "Full screen", keyboard: "Keyboard and remote control",
+    points: "Points", avatar: "Avatar", place: "Place", size: "Size", mirror: "Left-handed (mirror)",
+    opacity: "Opacity", contrast: "Contrast", keys: "Show the keys", language: "Language", dot: "Size of the points",
+    layout: "Layout", beside: "Beside the programme", over: "Over the programme", free: "Free (drag her)",
+    left: "From left to right", top: "From top to bottom", width: "Width", delay: "Delay of the cuer",
+    captions: "Captions", ground: "Ground of captions", shade: "Shaded", box: "Black", none: "None",
+    absent: "No cuer in this programme", searched: "searched for",
+    "bottom-right": "Bottom right", "bottom-left": "Bottom left", "top-right": "Top right",
+    "top-left": "Top left", small: "Small", medium: "Medium", large: "Large", whole: "Full screen, programme small",
+    panel: "Dark panel", outline: "Outline, no panel", strong: "Strong contrast",
+    connecting: "Connecting…", searching: "Searching for the cuer…", locked: "Cuer received",
+    degraded: "Weak reception", lost: "Signal lost", ended: "End of the programme",
+    offline: "Receiver unreachable", crowded: "Too many pages are watching",
+    verified: "authentic", unknown: "origin unknown", forged: "forged", unsigned: "not signed", failed: "Cannot play the programme", awaiting: "Waiting for the cuer",
+    recoded: "Picture recoded for this browser", unseen: "Picture cannot be shown, sound and cuer only",
+    "help-play": "play or pause", "help-seek": "5 s back, forward", "help-step": "picture by picture",
+    "help-speed": "slower, faster", "help-style": "points or avatar", "help-hand": "hand only",
+    "help-place": "next corner", "help-size": "next size", "help-mirror": "mirror", "help-focus": "go to the controls",
+    "help-layout": "beside or over", "help-captions": "captions",
+    "help-keys": "keys", "help-full": "full screen", "help-language": "français", "help-settings": "these settings",
+    green: "green", red: "red", yellow: "yellow", blue: "blue",
+    rest: "rest", side: "side", mouth: "mouth", chin: "chin", cheek: "cheek", throat: "throat",
+  },
+};
+
+/** Name every control in `language`: accessible names, tooltips and headings. */
+function label(root, language) {
+  const words = TEXTS[language];
+  root.lang = language;
+  for (const element of root.querySelectorAll("[data-name]")) {
+    element.setAttribute("aria-label", words[element.dataset.name]);
+    if (element.tagName === "BUTTON") element.title = words[element.dataset.name];
+  }
+  for (const element of root.querySelectorAll("[data-text]")) element.textContent = words[element.dataset.text];
+  return words;
+}
+return { TEXTS, label };
 })();
 
 const $hearing = (() => {
@@ -1813,7 +2133,7 @@ return { sidecarAddress, Sidecar };
 })();
 
 const $style = (() => {
-const STYLE = ":host {\n  --ink: #f3f1ec;\n  --soft: #a9aab4;\n  --faint: rgba(255, 255, 255, .12);\n  --ground: #07080b;\n  --glass: rgba(14, 16, 22, .82);\n  --accent: #f5b85b;\n  --good: #6fd39a;\n  --bad: #f0716b;\n  font: 16px/1.4 system-ui, \"Segoe UI\", Roboto, \"DejaVu Sans\", sans-serif;\n  color: var(--ink);\n  background: var(--ground);\n}\n* { box-sizing: border-box; }\n[hidden] { display: none !important; }\nhtml, body { height: 100vh; height: 100dvh; margin: 0; overflow: hidden; }\nbutton, input, select { font: inherit; color: inherit; }\n:focus-visible { outline: 3px solid var(--accent); outline-offset: 2px; }\n\n.stage { position: relative; width: 100%; height: 100%; background: radial-gradient(120% 90% at 50% 35%, #14161d 0, var(--ground) 75%); }\n.stage.quiet { cursor: none; }\n.programme { position: absolute; inset: 0; width: 100%; height: 100%; object-fit: contain; }\n\n.inset { position: absolute; overflow: hidden; border-radius: 1.1vmin; pointer-events: none; transition: left .25s, top .25s, width .25s, height .25s, transform .3s; }\n.inset[data-contrast=\"panel\"] { background: rgba(5, 6, 9, var(--backdrop, .82)); box-shadow: 0 .6vmin 2.4vmin rgba(0, 0, 0, .45), inset 0 0 0 1px rgba(255, 255, 255, .08); }\n.inset[data-contrast=\"strong\"] { background: #000; box-shadow: 0 0 0 2px var(--accent); }\n.stage:not(.quiet) .inset[data-place^=\"bottom\"] { transform: translateY(var(--lift, 0)); }\n.inset[data-alone=\"true\"] { background: none; box-shadow: none; }\n.layer { position: absolute; inset: 0; width: 100%; height: 100%; }\n.inset.empty { visibility: hidden; }\n\n.status { position: absolute; top: 2.4vmin; left: 2.4vmin; margin: 0; padding: .45em .95em; display: flex; align-items: center; gap: .6em; border-radius: 2em; background: var(--glass); font-size: clamp(12px, 1.9vmin, 20px); transition: opacity .4s; }\n.lamp { width: .7em; height: .7em; border-radius: 50%; background: var(--soft); }\n.status[data-state=\"searching\"] .lamp, .status[data-state=\"awaiting\"] .lamp { background: var(--accent); animation: breathe 1.2s ease-in-out infinite; }\n.status[data-state=\"locked\"] .lamp { background: var(--good); }\n.status[data-state=\"degraded\"] .lamp { background: var(--accent); }\n.status[data-state=\"lost\"] .lamp { background: var(--bad); }\n.status[data-state=\"ended\"] .lamp { background: var(--soft); }\n.quiet .status[data-state=\"locked\"] { opacity: 0; }\n@keyframes breathe { 50% { opacity: .3; } }\n\n.keys { position: absolute; left: 50%; transform: translateX(-50%); bottom: 5vmin; margin: 0; padding: 0; display: flex; gap: .5em; list-style: none; font-size: clamp(14px, 3.1vmin, 34px); transition: bottom .25s; }\n.stage:not(.quiet) .keys { bottom: var(--clear, 17vmin); }\n.keys li { min-width: 2.9em; padding: .2em .6em .3em; text-align: center; background: var(--glass); border-radius: .35em; color: var(--soft); }\n.keys li b { display: block; font-weight: 600; letter-spacing: .04em; }\n.keys li small { display: block; font-size: .5em; letter-spacing: .02em; }\n.keys li.now { color: #14100a; background: var(--accent); }\n\n.toast { position: absolute; top: 2.4vmin; right: 2.4vmin; margin: 0; padding: .5em 1em; border-radius: .5em; background: var(--glass); font-size: clamp(13px, 2.2vmin, 24px); }\n\n.bar { position: absolute; left: 0; right: 0; bottom: 0; padding: 6vmin 3vmin 2.2vmin; background: linear-gradient(transparent, rgba(5, 6, 9, .88) 55%); transition: opacity .3s, transform .3s; }\n.quiet .bar { opacity: 0; transform: translateY(2vmin); pointer-events: none; }\n.row { display: flex; align-items: center; gap: .6em; margin-top: .5em; font-size: clamp(13px, 2vmin, 22px); }\n.gap { flex: 1; }\n.button { min-width: 2.6em; height: 2.4em; padding: 0 .8em; border: 0; border-radius: .55em; background: var(--faint); cursor: pointer; transition: background .15s; }\n.button:hover { background: rgba(255, 255, 255, .22); }\n.button[aria-pressed=\"true\"] { background: var(--accent); color: #14100a; }\n.button svg { display: block; width: 1.05em; height: 1.05em; margin: auto; fill: currentColor; }\n.wide { min-width: 6em; }\n.clock { padding: 0 .5em; color: var(--soft); font-variant-numeric: tabular-nums; }\n.seek { width: 100%; margin: 0; height: 1.2em; accent-color: var(--accent); cursor: pointer; }\n\n.panel { position: absolute; right: 3vmin; bottom: 15vmin; width: min(34em, 94vw); max-height: 78vh; overflow: auto; padding: 1.1em 1.4em 1.3em; border-radius: .9em; background: rgba(16, 18, 25, .96); box-shadow: 0 1vmin 5vmin rgba(0, 0, 0, .6), inset 0 0 0 1px rgba(255, 255, 255, .07); font-size: clamp(13px, 1.9vmin, 20px); }\n.panel h2 { margin: .2em 0 .6em; font-size: 1em; font-weight: 600; color: var(--accent); letter-spacing: .02em; }\n.panel h2:not(:first-child) { margin-top: 1.2em; }\n.choices { display: grid; grid-template-columns: 1fr 1.5fr; gap: .55em 1em; align-items: center; }\n.choices label { color: var(--soft); }\n.choices select, .choices input[type=\"range\"] { width: 100%; }\n.choices select { padding: .3em .5em; border: 0; border-radius: .4em; background: #272a34; }\n.choices input[type=\"range\"] { accent-color: var(--accent); }\n.choices input[type=\"checkbox\"] { width: 1.3em; height: 1.3em; accent-color: var(--accent); }\n.help { display: grid; grid-template-columns: auto 1fr auto 1fr; gap: .25em .9em; font-size: .92em; margin: 0; color: var(--soft); }\n.help dt { color: var(--ink); white-space: nowrap; }\n.help dd { margin: 0; }\n@media (max-width: 40em) {\n  .row { flex-wrap: wrap; }\n  .row .gap { display: none; }\n  .wide { min-width: 5em; }\n  .keys { max-width: 98vw; }\n  .help { grid-template-columns: auto 1fr; }\n  .toast { top: auto; bottom: 40vh; left: 50%; right: auto; transform: translateX(-50%); width: max-content; max-width: 90vw; }\n}\n@media (prefers-reduced-motion: reduce) { * { transition: none !important; animation: none !important; } }\n\n:host { display: block; position: relative; }\n:host([hidden]) { display: none; }\n.stage { height: auto; container-type: inline-size; }\n.stage:not(.sound) { background: none; }\n.stage.quiet { cursor: auto; }\n.stage.sound { aspect-ratio: 16 / 9; display: flex; align-items: flex-end; }\n::slotted(video) { display: block; width: 100%; }\n::slotted(audio) { width: 100%; }\n.status { pointer-events: none; max-width: 90%; font-size: clamp(10px, 1.7cqw, 20px); }\n.keys { pointer-events: none; font-size: clamp(10px, 2.3cqw, 34px); }\n.keys li small { white-space: nowrap; }\n";
+const STYLE = ":host {\n  --ink: #f3f1ec;\n  --soft: #a9aab4;\n  --faint: rgba(255, 255, 255, .12);\n  --ground: #07080b;\n  --glass: rgba(14, 16, 22, .82);\n  --accent: #f5b85b;\n  --good: #6fd39a;\n  --bad: #f0716b;\n  font: 16px/1.4 system-ui, \"Segoe UI\", Roboto, \"DejaVu Sans\", sans-serif;\n  color: var(--ink);\n  background: var(--ground);\n}\n* { box-sizing: border-box; }\n[hidden] { display: none !important; }\nhtml, body { height: 100vh; height: 100dvh; margin: 0; overflow: hidden; }\nbutton, input, select { font: inherit; color: inherit; }\n:focus-visible { outline: 3px solid var(--accent); outline-offset: 2px; }\n\n.unseen { position: absolute; width: 1px; height: 1px; margin: 0; overflow: hidden; clip-path: inset(50%); }\n.stage { position: relative; width: 100%; height: 100%; background: radial-gradient(120% 90% at 50% 35%, #14161d 0, var(--ground) 75%); }\n.stage.quiet { cursor: none; }\n.programme { position: absolute; inset: 0; width: 100%; height: 100%; object-fit: contain; transition: left .25s, top .25s, width .25s, height .25s; }\n.stage[data-kind=\"whole\"] .programme { z-index: 1; border-radius: .6vmin; box-shadow: 0 .6vmin 2.4vmin rgba(0, 0, 0, .5); }\n\n.inset { position: absolute; overflow: hidden; border-radius: 1.1vmin; pointer-events: none; transition: left .25s, top .25s, width .25s, height .25s, transform .3s; }\n.stage[data-kind=\"over\"] .inset[data-contrast=\"panel\"] { background: rgba(5, 6, 9, var(--backdrop, .82)); box-shadow: 0 .6vmin 2.4vmin rgba(0, 0, 0, .45), inset 0 0 0 1px rgba(255, 255, 255, .08); }\n.inset[data-contrast=\"strong\"] { background: #000; box-shadow: inset 0 0 0 2px var(--accent); }\n.inset[data-movable=\"true\"] { pointer-events: auto; cursor: move; touch-action: none; transition: transform .3s; }\n.corner { display: none; position: absolute; right: 0; bottom: 0; width: 24px; height: 24px; cursor: nwse-resize; border: solid var(--ink); border-width: 0 3px 3px 0; border-radius: 0 0 1.1vmin 0; opacity: .7; }\n.inset[data-movable=\"true\"]:hover .corner, .stage:not(.quiet) .inset[data-movable=\"true\"] .corner { display: block; }\n.stage:not(.quiet) :is(.inset, .keys, .captions) { transform: translateY(var(--lift, 0)); }\n.layer { position: absolute; inset: 0; width: 100%; height: 100%; }\n.inset.empty { visibility: hidden; }\n\n.status { position: absolute; z-index: 2; top: 8px; left: 8px; margin: 0; padding: .45em .95em; display: flex; flex-wrap: wrap; align-items: center; gap: .1em .6em; border-radius: 1.2em; background: var(--glass); font-size: clamp(12px, 1.9vmin, 20px); transition: opacity .4s; }\n.more:empty { display: none; }\n.more { color: var(--soft); }\n.lamp { width: .7em; height: .7em; border-radius: 50%; background: var(--soft); }\n.status[data-state=\"searching\"] .lamp, .status[data-state=\"awaiting\"] .lamp { background: var(--accent); animation: breathe 1.2s ease-in-out infinite; }\n.status[data-state=\"locked\"] .lamp { background: var(--good); }\n.status[data-state=\"degraded\"] .lamp { background: var(--accent); }\n.status[data-state=\"lost\"] .lamp { background: var(--bad); }\n.quiet .status[data-state=\"locked\"] { opacity: 0; }\n@keyframes breathe { 50% { opacity: .3; } }\n\n.captions { position: absolute; display: flex; flex-direction: column; justify-content: flex-end; padding: 0 .5em .1em; text-align: center; line-height: 1.3; pointer-events: none; transition: transform .3s; }\n.captions p { margin: 0; white-space: pre-line; }\n.captions p > span { padding: .05em .4em; border-radius: .2em; box-decoration-break: clone; -webkit-box-decoration-break: clone; }\n.captions[data-ground=\"shade\"] p > span { background: var(--glass); }\n.captions[data-ground=\"box\"] p > span { background: #000; }\n.captions[data-ground=\"none\"] { text-shadow: 0 0 .15em #000, 0 0 .15em #000, 0 0 .3em #000, .06em .06em .1em #000; }\n.stage:is([data-kind=\"beside\"], [data-kind=\"below\"], [data-kind=\"whole\"]) .captions { justify-content: flex-start; padding-top: .3em; }\n.captions .yellow { color: #ff0; }\n.captions .cyan { color: #0ff; }\n.captions .lime, .captions .green { color: #0f0; }\n.captions .magenta { color: #ff7dff; }\n.captions .red { color: #ff8a80; }\n.captions .blue { color: #9db8ff; }\n\n.keys { position: absolute; margin: 0; padding: 0; display: flex; justify-content: center; align-items: center; gap: .5em; list-style: none; transition: transform .3s; pointer-events: none; }\n.keys li { min-width: 2.9em; padding: .15em .5em .25em; text-align: center; background: var(--glass); border-radius: .35em; border: 2px solid transparent; color: var(--soft); }\n.keys li b { display: block; font-weight: 600; letter-spacing: .04em; line-height: 1.25; }\n.keys li small { display: block; font-size: max(.5em, 9px); letter-spacing: .02em; white-space: nowrap; line-height: 1.2; }\n.keys li.now { color: #14100a; background: var(--accent); }\n\n.toast { position: absolute; z-index: 3; top: 2.4vmin; right: 2.4vmin; margin: 0; padding: .5em 1em; border-radius: .5em; background: var(--glass); font-size: clamp(13px, 2.2vmin, 24px); }\n\n.bar { position: absolute; z-index: 2; left: 0; bottom: 0; padding: 4vmin 2vmin 1.6vmin; background: linear-gradient(transparent, rgba(5, 6, 9, .88) 55%); transition: opacity .3s, transform .3s; }\n.quiet .bar { opacity: 0; transform: translateY(2vmin); pointer-events: none; }\n.row { display: flex; align-items: center; gap: .6em; margin-top: .5em; font-size: clamp(13px, 2vmin, 22px); }\n.gap { flex: 1; }\n.button { min-width: 2.6em; height: 2.4em; padding: 0 .8em; border: 0; border-radius: .55em; background: var(--faint); cursor: pointer; transition: background .15s; }\n.button:hover { background: rgba(255, 255, 255, .22); }\n.button[aria-pressed=\"true\"] { background: var(--accent); color: #14100a; }\n.button svg { display: block; width: 1.05em; height: 1.05em; margin: auto; fill: currentColor; }\n.wide { min-width: 6em; }\n#play::before { content: \"\u275a\u275a\" / \"\"; margin-right: .4em; }\n#play[data-paused=\"true\"]::before { content: \"\u25b6\" / \"\"; }\n.clock { padding: 0 .5em; color: var(--soft); font-variant-numeric: tabular-nums; }\n.seek { width: 100%; margin: 0; height: 1.2em; accent-color: var(--accent); cursor: pointer; }\n\n.panel { position: absolute; z-index: 4; overflow: auto; padding: 1.1em 1.4em 1.3em; border-radius: .9em; background: #101219; box-shadow: 0 1vmin 5vmin rgba(0, 0, 0, .6), inset 0 0 0 1px rgba(255, 255, 255, .07); font-size: clamp(13px, 1.9vmin, 20px); }\n.panel h2 { margin: .2em 0 .6em; font-size: 1em; font-weight: 600; color: var(--accent); letter-spacing: .02em; }\n.panel h2:not(:first-child) { margin-top: 1.2em; }\n.choices { display: grid; grid-template-columns: 1fr 1.5fr; gap: .55em 1em; align-items: center; }\n.choices label { color: var(--ink); }\n.choices select, .choices input[type=\"range\"] { width: 100%; }\n.choices select { padding: .3em .5em; border: 0; border-radius: .4em; background: #272a34; }\n.choices input[type=\"range\"] { accent-color: var(--accent); }\n.choices input[type=\"checkbox\"] { width: 1.3em; height: 1.3em; accent-color: var(--accent); }\n.help { display: grid; grid-template-columns: auto 1fr auto 1fr; gap: .25em .9em; font-size: .92em; margin: 0; color: var(--soft); }\n.help dt { color: var(--ink); white-space: nowrap; }\n.help dd { margin: 0; }\n@media (max-width: 40em) {\n  .row { flex-wrap: wrap; gap: .35em; }\n  .row .gap { display: none; }\n  .wide { min-width: 5em; }\n  .help { grid-template-columns: auto 1fr; }\n  .toast { top: 30vh; left: 50%; right: auto; transform: translateX(-50%); width: max-content; max-width: 90vw; }\n}\n@media (max-height: 30em) and (orientation: landscape) {\n  .row { gap: .3em; }\n  .button { padding: 0 .5em; min-width: 2.4em; }\n  .wide { min-width: 5em; }\n}\n@media (prefers-reduced-motion: reduce) { * { transition: none !important; animation: none !important; } }\n@media (prefers-contrast: more) { :host { --soft: #d9dae2; --glass: rgba(0, 0, 0, .94); } }\n/* The system's colours: what a ground said before, a border or the system's own mark says now. */\n@media (forced-colors: active) {\n  .button, .status, .toast, .panel, .keys li { border: 2px solid ButtonBorder; }\n  .button[aria-pressed=\"true\"], .keys li.now { forced-color-adjust: none; background: Highlight; color: HighlightText; border-color: HighlightText; outline: 2px solid Highlight; }\n  .captions p > span { forced-color-adjust: none; background: Canvas; color: CanvasText; text-shadow: none; }\n  .lamp { forced-color-adjust: none; background: CanvasText; }\n  .inset[data-contrast] { background: Canvas; }\n  .button svg { fill: ButtonText; }\n}\n\n:host { display: block; position: relative; }\n:host([hidden]) { display: none; }\n.stage { height: auto; container-type: inline-size; }\n.stage:not(.sound) { background: none; }\n.stage.quiet { cursor: auto; }\n.stage.sound { aspect-ratio: 16 / 9; display: flex; align-items: flex-end; }\n::slotted(video) { display: block; width: 100%; }\n::slotted(audio) { width: 100%; }\n.status { pointer-events: none; max-width: 90%; font-size: clamp(10px, 1.7cqw, 20px); }\n.keys { pointer-events: none; font-size: clamp(10px, 2.3cqw, 34px); }\n.keys li small { white-space: nowrap; }\n";
 return { STYLE };
 })();
 
@@ -1825,14 +2145,12 @@ const $element = (() => {
  *     <cuecast-player><video src="programme.mp4" controls></video></cuecast-player>
  */
 
-const { AvatarView, parseAvatar } = $avatar;
+const { parseAvatar } = $avatar;
 const { ProgrammeClock } = $clock;
-const { HandReader } = $hand;
+const { Cuer } = $cuer;
 const { VoiceModel } = $model;
-const { PointLights } = $points;
 const { Stage } = $stage;
 const { TEXTS } = $texts;
-const { Timeline } = $timeline;
 const { Hearing, obstacle } = $hearing;
 const { REASONS } = $reasons;
 const { Sidecar, sidecarAddress } = $sidecar;
@@ -1841,15 +2159,14 @@ const { STYLE } = $style;
 const BODY = `<div id="stage" class="stage quiet" part="stage"><slot></slot>
 <div id="inset" class="inset empty" part="inset"><canvas id="points" class="layer" role="img" part="cuer"></canvas>
 <canvas id="avatar" class="layer" role="img" part="cuer" hidden></canvas></div>
-<p id="status" class="status" role="status" aria-live="polite" part="status"><span class="lamp" aria-hidden="true"></span><span id="status-text"></span></p>
-<ol id="keys" class="keys" part="keys" hidden></ol><p id="toast" hidden></p><div id="bar"></div></div>`;
+<p id="status" class="status" part="status"><span class="lamp" aria-hidden="true"></span><span id="status-text" role="status"></span></p>
+<ol id="keys" class="keys" part="keys" hidden></ol></div>`;
 
 /** What stands in an attribute, with what holds without it; a flag is there or not. */
 const CHOICES = { look: "avatar", place: "bottom-right", size: "medium", contrast: "panel", opacity: "100" };
 const FLAGS = { keys: "keys", mirror: "mirror", handOnly: "hand-only" };
 /** Reasons for which the stream file beside the programme is looked for. */
 const DEAF = new Set(["other-origin", "no-worklet", "asleep", "muted", "speed", "silence", "no-mark"]);
-const DOT = 0.62;
 const PRUNE_MS = 5000;
 
 /** Data of the player by folder, fetched once a page. */
@@ -1881,7 +2198,6 @@ class CuecastPlayer extends HTMLElement {
     this.stage = new Stage(root);
     this.reception = "searching";
     this.reason = "";
-    this.scene = "";
     this.serial = 0;
     this.programme = 0;
     root.querySelector("slot").addEventListener("slotchange", () => { if (this.isConnected) this.open(); });
@@ -1902,7 +2218,11 @@ class CuecastPlayer extends HTMLElement {
 
   /** Keys known so far around the present time: {start, end, shape, placement, phones}, media seconds. */
   get keyList() {
-    return this.timeline ? [...this.timeline.keys] : [];
+    return this.cuer ? [...this.cuer.timeline.keys] : [];
+  }
+
+  get timeline() {
+    return this.cuer.timeline;
   }
 
   connectedCallback() {
@@ -1923,10 +2243,12 @@ class CuecastPlayer extends HTMLElement {
     if (this.model) this.arrange();
   }
 
-  /** A setting by the television's name for it. */
-  get(name) {
-    if (name in FLAGS) return this.hasAttribute(FLAGS[name]);
-    return this.getAttribute(name) || CHOICES[name];
+  /** The attributes by the television's names for settings. */
+  get choice() {
+    const choice = { layout: "over", captions: 0, dot: 100 };
+    for (const name of Object.keys(CHOICES)) choice[name] = this.getAttribute(name) || CHOICES[name];
+    for (const name of Object.keys(FLAGS)) choice[name] = this.hasAttribute(FLAGS[name]);
+    return { ...choice, opacity: Number(choice.opacity) };
   }
 
   words() {
@@ -1951,17 +2273,15 @@ class CuecastPlayer extends HTMLElement {
     }
   }
 
-  start(media, { module, voice, document, arrays }) {
-    this.model = new VoiceModel(document);
-    this.reader = new HandReader(this.model);
-    this.timeline = new Timeline(this.model.movement);
-    this.params = new Float64Array(this.model.layout.length);
-    this.markers = new Float64Array(3 * this.model.markers.length);
-    const find = (id) => this.shadowRoot.getElementById(id);
-    this.points ??= new PointLights(find("points"), this.model);
-    this.avatar ??= arrays && this.buildAvatar(find("avatar"), arrays);
-    this.points.model = this.model;
-    if (this.avatar) this.avatar.model = this.model;
+  start(media, data) {
+    const { module, voice, document, arrays } = data;
+    if (this.data !== data) {
+      const find = (id) => this.shadowRoot.getElementById(id);
+      this.model = new VoiceModel(document);
+      this.cuer = new Cuer(this.model, arrays, { points: find("points"), avatar: find("avatar") });
+      this.data = data;
+    }
+    this.timeline.clear();
     this.clock = new ProgrammeClock(media);
     this.files = { module, voice, worklet: new URL("worklet.js", this.base), worker: new URL("worker.js", this.base) };
     this.handlers = {
@@ -2017,29 +2337,14 @@ class CuecastPlayer extends HTMLElement {
     }
   }
 
-  buildAvatar(canvas, arrays) {
-    try {
-      return new AvatarView(canvas, this.model, arrays);
-    } catch (error) {
-      console.warn(`cuecast: no avatar: ${error.message}`);
-      return null;
-    }
-  }
-
-  showsAvatar() {
-    return Boolean(this.avatar) && this.get("look") === "avatar";
-  }
-
   /** Bring the layout in line with attributes and size. */
   arrange() {
     const sound = this.stage.video.readyState > 0 && !this.stage.video.videoWidth;
     this.stage.root.classList.toggle("sound", sound);
-    this.stage.arrange(this, this.model.aspect);
-    if (this.avatar) this.avatar.canvas.hidden = !this.showsAvatar();
-    this.points.canvas.hidden = this.showsAvatar();
-    this.stage.keysLine.hidden = !this.get("keys");
-    for (const view of [this.points, this.avatar]) view?.canvas.setAttribute("aria-label", this.words().cuer);
-    this.scene = "";
+    const { choice } = this;
+    this.stage.arrange(choice, this.model.aspect);
+    this.cuer.choose(choice.look);
+    for (const canvas of Object.values(this.cuer.canvases)) canvas.setAttribute("aria-label", this.words().cuer);
   }
 
   /** Take what was heard; `offsetS` leads from the audio context's time to the media's. */
@@ -2106,28 +2411,12 @@ class CuecastPlayer extends HTMLElement {
     this.hearing?.tick();
     this.sidecar?.tick();
     const timeS = this.clock.at(now);
-    const visibility = this.timeline.sample(timeS, this.params);
-    if (visibility > 0) this.model.reconstruct(this.params, this.markers);
+    const visibility = this.cuer.show(timeS, { ...this.choice, opacity: 100 });
     this.drawn = { timeS, nowMs: now, visibility };
-    this.draw(timeS, visibility);
     this.stage.showCuer(visibility > 0);
     this.showState(visibility);
-    const hand = visibility > 0 ? this.reader.read(this.markers) : null;
-    this.stage.showKeys(this.timeline.keysAround(timeS, 2, 2, hand), this.words());
-  }
-
-  /** Draw the cuer, unless she stands there as she is. */
-  draw(timeS, visibility) {
-    const look = {
-      alpha: visibility, mirror: this.get("mirror"), handOnly: this.get("handOnly"),
-      contrast: this.get("contrast"), dot: DOT,
-    };
-    const view = this.showsAvatar() ? this.avatar : this.points;
-    const { clientWidth, clientHeight, id } = view.canvas;
-    const scene = [id, timeS, clientWidth, clientHeight, window.devicePixelRatio, ...Object.values(look), ...this.params].join();
-    if (scene === this.scene) return;
-    this.scene = scene;
-    view.draw(this.showsAvatar() ? timeS : this.markers, look);
+    const { around } = this.stage;
+    this.stage.showKeys(this.cuer.keysAround(timeS, around, around), this.words());
   }
 }
 

@@ -5,14 +5,12 @@
  *     <cuecast-player><video src="programme.mp4" controls></video></cuecast-player>
  */
 
-import { AvatarView, parseAvatar } from "../../page/avatar.js";
+import { parseAvatar } from "../../page/avatar.js";
 import { ProgrammeClock } from "../../page/clock.js";
-import { HandReader } from "../../page/hand.js";
+import { Cuer } from "../../page/cuer.js";
 import { VoiceModel } from "../../page/model.js";
-import { PointLights } from "../../page/points.js";
 import { Stage } from "../../page/stage.js";
 import { TEXTS } from "../../page/texts.js";
-import { Timeline } from "../../page/timeline.js";
 import { Hearing, obstacle } from "./hearing.js";
 import { REASONS } from "./reasons.js";
 import { Sidecar, sidecarAddress } from "./sidecar.js";
@@ -21,15 +19,14 @@ import { STYLE } from "./style.js";
 const BODY = `<div id="stage" class="stage quiet" part="stage"><slot></slot>
 <div id="inset" class="inset empty" part="inset"><canvas id="points" class="layer" role="img" part="cuer"></canvas>
 <canvas id="avatar" class="layer" role="img" part="cuer" hidden></canvas></div>
-<p id="status" class="status" role="status" aria-live="polite" part="status"><span class="lamp" aria-hidden="true"></span><span id="status-text"></span></p>
-<ol id="keys" class="keys" part="keys" hidden></ol><p id="toast" hidden></p><div id="bar"></div></div>`;
+<p id="status" class="status" part="status"><span class="lamp" aria-hidden="true"></span><span id="status-text" role="status"></span></p>
+<ol id="keys" class="keys" part="keys" hidden></ol></div>`;
 
 /** What stands in an attribute, with what holds without it; a flag is there or not. */
 const CHOICES = { look: "avatar", place: "bottom-right", size: "medium", contrast: "panel", opacity: "100" };
 const FLAGS = { keys: "keys", mirror: "mirror", handOnly: "hand-only" };
 /** Reasons for which the stream file beside the programme is looked for. */
 const DEAF = new Set(["other-origin", "no-worklet", "asleep", "muted", "speed", "silence", "no-mark"]);
-const DOT = 0.62;
 const PRUNE_MS = 5000;
 
 /** Data of the player by folder, fetched once a page. */
@@ -61,7 +58,6 @@ export class CuecastPlayer extends HTMLElement {
     this.stage = new Stage(root);
     this.reception = "searching";
     this.reason = "";
-    this.scene = "";
     this.serial = 0;
     this.programme = 0;
     root.querySelector("slot").addEventListener("slotchange", () => { if (this.isConnected) this.open(); });
@@ -82,7 +78,11 @@ export class CuecastPlayer extends HTMLElement {
 
   /** Keys known so far around the present time: {start, end, shape, placement, phones}, media seconds. */
   get keyList() {
-    return this.timeline ? [...this.timeline.keys] : [];
+    return this.cuer ? [...this.cuer.timeline.keys] : [];
+  }
+
+  get timeline() {
+    return this.cuer.timeline;
   }
 
   connectedCallback() {
@@ -103,10 +103,12 @@ export class CuecastPlayer extends HTMLElement {
     if (this.model) this.arrange();
   }
 
-  /** A setting by the television's name for it. */
-  get(name) {
-    if (name in FLAGS) return this.hasAttribute(FLAGS[name]);
-    return this.getAttribute(name) || CHOICES[name];
+  /** The attributes by the television's names for settings. */
+  get choice() {
+    const choice = { layout: "over", captions: 0, dot: 100 };
+    for (const name of Object.keys(CHOICES)) choice[name] = this.getAttribute(name) || CHOICES[name];
+    for (const name of Object.keys(FLAGS)) choice[name] = this.hasAttribute(FLAGS[name]);
+    return { ...choice, opacity: Number(choice.opacity) };
   }
 
   words() {
@@ -131,17 +133,15 @@ export class CuecastPlayer extends HTMLElement {
     }
   }
 
-  start(media, { module, voice, document, arrays }) {
-    this.model = new VoiceModel(document);
-    this.reader = new HandReader(this.model);
-    this.timeline = new Timeline(this.model.movement);
-    this.params = new Float64Array(this.model.layout.length);
-    this.markers = new Float64Array(3 * this.model.markers.length);
-    const find = (id) => this.shadowRoot.getElementById(id);
-    this.points ??= new PointLights(find("points"), this.model);
-    this.avatar ??= arrays && this.buildAvatar(find("avatar"), arrays);
-    this.points.model = this.model;
-    if (this.avatar) this.avatar.model = this.model;
+  start(media, data) {
+    const { module, voice, document, arrays } = data;
+    if (this.data !== data) {
+      const find = (id) => this.shadowRoot.getElementById(id);
+      this.model = new VoiceModel(document);
+      this.cuer = new Cuer(this.model, arrays, { points: find("points"), avatar: find("avatar") });
+      this.data = data;
+    }
+    this.timeline.clear();
     this.clock = new ProgrammeClock(media);
     this.files = { module, voice, worklet: new URL("worklet.js", this.base), worker: new URL("worker.js", this.base) };
     this.handlers = {
@@ -197,29 +197,14 @@ export class CuecastPlayer extends HTMLElement {
     }
   }
 
-  buildAvatar(canvas, arrays) {
-    try {
-      return new AvatarView(canvas, this.model, arrays);
-    } catch (error) {
-      console.warn(`cuecast: no avatar: ${error.message}`);
-      return null;
-    }
-  }
-
-  showsAvatar() {
-    return Boolean(this.avatar) && this.get("look") === "avatar";
-  }
-
   /** Bring the layout in line with attributes and size. */
   arrange() {
     const sound = this.stage.video.readyState > 0 && !this.stage.video.videoWidth;
     this.stage.root.classList.toggle("sound", sound);
-    this.stage.arrange(this, this.model.aspect);
-    if (this.avatar) this.avatar.canvas.hidden = !this.showsAvatar();
-    this.points.canvas.hidden = this.showsAvatar();
-    this.stage.keysLine.hidden = !this.get("keys");
-    for (const view of [this.points, this.avatar]) view?.canvas.setAttribute("aria-label", this.words().cuer);
-    this.scene = "";
+    const { choice } = this;
+    this.stage.arrange(choice, this.model.aspect);
+    this.cuer.choose(choice.look);
+    for (const canvas of Object.values(this.cuer.canvases)) canvas.setAttribute("aria-label", this.words().cuer);
   }
 
   /** Take what was heard; `offsetS` leads from the audio context's time to the media's. */
@@ -286,28 +271,12 @@ export class CuecastPlayer extends HTMLElement {
     this.hearing?.tick();
     this.sidecar?.tick();
     const timeS = this.clock.at(now);
-    const visibility = this.timeline.sample(timeS, this.params);
-    if (visibility > 0) this.model.reconstruct(this.params, this.markers);
+    const visibility = this.cuer.show(timeS, { ...this.choice, opacity: 100 });
     this.drawn = { timeS, nowMs: now, visibility };
-    this.draw(timeS, visibility);
     this.stage.showCuer(visibility > 0);
     this.showState(visibility);
-    const hand = visibility > 0 ? this.reader.read(this.markers) : null;
-    this.stage.showKeys(this.timeline.keysAround(timeS, 2, 2, hand), this.words());
-  }
-
-  /** Draw the cuer, unless she stands there as she is. */
-  draw(timeS, visibility) {
-    const look = {
-      alpha: visibility, mirror: this.get("mirror"), handOnly: this.get("handOnly"),
-      contrast: this.get("contrast"), dot: DOT,
-    };
-    const view = this.showsAvatar() ? this.avatar : this.points;
-    const { clientWidth, clientHeight, id } = view.canvas;
-    const scene = [id, timeS, clientWidth, clientHeight, window.devicePixelRatio, ...Object.values(look), ...this.params].join();
-    if (scene === this.scene) return;
-    this.scene = scene;
-    view.draw(this.showsAvatar() ? timeS : this.markers, look);
+    const { around } = this.stage;
+    this.stage.showKeys(this.cuer.keysAround(timeS, around, around), this.words());
   }
 }
 

@@ -94,7 +94,7 @@ def test_reads_the_stream_file_beside_the_programme(folder: Path, tmp_path: Path
             await page.until(f"{media}.currentTime > 15 && {seen}")
             await page.evaluate(f"{media}.pause(); {media}.currentTime = 3.3")
             await page.until(f"!{media}.seeking && {PLAYER}.drawn.timeS === 3.3 && {seen}")
-            drawn = await page.evaluate(f"[...{PLAYER}.params]")
+            drawn = await page.evaluate(f"[...{PLAYER}.cuer.params]")
             assert np.abs(np.array(drawn) - sent[165]).max() < 0.01
             assert await page.evaluate(f"{PLAYER}.reason") == ""
             # Another programme is heard anew; a file that is named must be there.
