@@ -10,15 +10,16 @@ import json
 import subprocess
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.errors import CueError
 from cuecast.media.picture import PictureStage, rewrite_picture
-from receiver.media.picture import PictureFormat, read_lumas
+from receiver.media.picture import PictureFormat, picture_format, read_lumas
 from watermark.link.superframe import find_named
 from watermark.quality.picture import PictureMeter, PictureQuality
 from watermark.video.receive import VideoReceiver
@@ -42,6 +43,8 @@ class PictureChannel:
         Applied to every luma frame before coding.
     fps_factor : int
         How often each frame is shown.
+    filters : str
+        FFmpeg's filters before anything else; they need the program of imageio-ffmpeg.
     """
 
     codec: str = "ffv1"
@@ -49,6 +52,7 @@ class PictureChannel:
     scales: tuple[float, ...] = (1.0,)
     change: Callable[[Luma], Luma] | None = None
     fps_factor: int = 1
+    filters: str = ""
 
 
 def _contrast(luma: Luma) -> Luma:
@@ -91,15 +95,59 @@ def _resampled(luma: Luma, across: float, down: float) -> Luma:
     return np.asarray(np.round(shown), dtype=luma.dtype)
 
 
+def _h264(filters: str) -> PictureChannel:
+    return PictureChannel("libx264", 2_000_000, filters=filters)
+
+
+def _mpeg2(lines: int, columns: int, bit_rate: int, more: str = "") -> PictureChannel:
+    """Return standard definition; `more`: filters behind the change of size."""
+    filters = f"scale={columns}:{lines}:flags=bicubic{more}"
+    return PictureChannel("mpeg2video", bit_rate, filters=filters)
+
+
+def _cut(left: float, top: float, right: float = 0.0, bottom: float = 0.0) -> PictureChannel:
+    """Return a cut of these parts of the picture, which is enlarged to its old size."""
+    kept = f"iw*{1 - left - right:g}:ih*{1 - top - bottom:g}:iw*{left:g}:ih*{top:g}"
+    # The size before the cut, as far as a filter can know it.
+    size = f"round(iw/{1 - left - right:g}/2)*2:round(ih/{1 - top - bottom:g}/2)*2"
+    return _h264(f"crop={kept}:exact=1,scale={size}:flags=bicubic,setsar=1")
+
+
+_TICKER = (
+    r"split[a][b];[b]crop=iw*3/4:ih/12:iw/8+mod(n*6\,iw/8):ih/3,negate,scale=iw*4/3:-2[c];"
+    "[a][c]overlay=0:main_h*0.88,format=yuv420p"
+)
+"""A band at the bottom with detail that runs to the left: another part of the picture, inverted."""
+
 CHANNELS = {
     "none": PictureChannel(),
     "h264-4M": PictureChannel("libx264", 4_000_000),
     "h264-2M": PictureChannel("libx264", 2_000_000),
     "h264-1M": PictureChannel("libx264", 1_000_000),
     "hevc-2M": PictureChannel("libx265", 2_000_000),
+    "hevc-1500k": PictureChannel("libx265", 1_500_000),
     "hevc-1M": PictureChannel("libx265", 1_000_000),
     "mpeg2-4M": PictureChannel("mpeg2video", 4_000_000),
+    "mpeg2-3M": PictureChannel("mpeg2video", 3_000_000),
+    "576p-mpeg2-4M": _mpeg2(576, 720, 4_000_000),
+    "576p-mpeg2-3M": _mpeg2(576, 720, 3_000_000),
+    "576i-mpeg2-4M": _mpeg2(576, 720, 4_000_000, ",setfield=tff"),
+    "528p-mpeg2-4M": _mpeg2(528, 720, 4_000_000),
+    "480p-mpeg2-4M": _mpeg2(480, 720, 4_000_000),
+    "360p-mpeg2-4M": _mpeg2(360, 640, 4_000_000),
     "av1-1M": PictureChannel("libsvtav1", 1_000_000),
+    "vp9-1500k": PictureChannel("libvpx-vp9", 1_500_000),
+    "hqdn3d-h264-2M": _h264("hqdn3d=4:3:6:4.5"),
+    "hqdn3d-spatial-h264-2M": _h264("hqdn3d=4:3:0.01:0.01"),
+    "hqdn3d-temporal-h264-2M": _h264("hqdn3d=0.01:0.01:6:4.5"),
+    "nlmeans-h264-2M": _h264("nlmeans"),
+    "rgb-h264-2M": _h264("format=rgb24,format=yuv420p"),
+    "gamma-h264-2M": _h264("eq=gamma=1.1"),
+    "ticker-h264-2M": _h264(_TICKER),
+    "crop-left-2-h264-2M": _cut(0.02, 0),
+    "crop-right-3-h264-2M": _cut(0, 0, 0.03),
+    "crop-top-3-h264-2M": _cut(0, 0.03),
+    "crop-corner-5-h264-2M": _cut(0.05, 0.05),
     "540p-h264-2M": PictureChannel("libx264", 2_000_000, scales=(0.75,)),
     "540p-and-back-h264-2M": PictureChannel("libx264", 2_000_000, scales=(0.75, 1.0)),
     "50p-h264-2M": PictureChannel("libx264", 2_000_000, fps_factor=2),
@@ -109,7 +157,8 @@ CHANNELS = {
     "letterbox-h264-2M": PictureChannel("libx264", 2_000_000, change=_letterbox),
     "twice-h264-2M": PictureChannel("libx264", 2_000_000, scales=(1.0, 1.0)),
 }
-"""Channels by name; rates are bits per second of the picture alone."""
+"""Channels by name; rates are bits per second of the picture alone. To `hqdn3d` 0 means the
+default, so that 0.01 stands for none."""
 
 
 def find_channel(name: str) -> PictureChannel:
@@ -124,8 +173,22 @@ def find_channel(name: str) -> PictureChannel:
 
 
 def send(marked: Path, form: PictureFormat, channel: PictureChannel) -> Path:
-    """Send a film of this format through a channel; return what arrives, a file beside it."""
+    """Send a film of this format through a channel; return what arrives, a file beside it.
+
+    Raises
+    ------
+    CueError
+        If the channel has filters and there is no program for them, or it fails.
+    """
     source = marked
+    if channel.filters:
+        source = marked.with_name("filtered.mkv")
+        _ffmpeg(
+            ["-i", str(marked), "-vf", channel.filters, "-c:v", "ffv1", "-y", str(source)],
+            "channels with filters",
+        )
+        filtered = picture_format(source)
+        form = replace(form, width=filtered.width, height=filtered.height)
     for generation, scale in enumerate(channel.scales):
         target = marked.with_name(f"coded{generation}.mkv")
         change = channel.change if generation == 0 else None
@@ -167,19 +230,35 @@ def compare(original: Path, marked: Path, depth: int) -> PictureQuality:
 
 def vmaf(original: Path, marked: Path) -> float | None:
     """Mean VMAF of a film against its original; None without imageio-ffmpeg's FFmpeg."""
-    try:
-        imageio_ffmpeg = importlib.import_module("imageio_ffmpeg")
-    except ImportError:
-        return None
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "vmaf.json"
         comparison = f"libvmaf=log_fmt=json:log_path={report}"
-        command = [imageio_ffmpeg.get_ffmpeg_exe(), "-nostdin", "-v", "error", "-i", str(marked)]
-        command += ["-i", str(original), "-lavfi", comparison, "-f", "null", "-"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
+        try:
+            _ffmpeg(
+                ["-i", str(marked), "-i", str(original), "-lavfi", comparison, "-f", "null", "-"],
+                "VMAF",
+            )
+        except CueError:
             return None
         return float(json.loads(report.read_text())["pooled_metrics"]["vmaf"]["mean"])
+
+
+def _ffmpeg(arguments: list[str], what: str) -> None:
+    """Run FFmpeg as the package imageio-ffmpeg brings it: with all filters, which PyAV's lacks.
+
+    Raises
+    ------
+    CueError
+        If the package is absent or FFmpeg fails.
+    """
+    try:
+        program = importlib.import_module("imageio_ffmpeg").get_ffmpeg_exe()
+    except ImportError as error:
+        raise CueError(f"{what}: need the package imageio-ffmpeg") from error
+    command = [program, "-nostdin", "-v", "error", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise CueError(f"{what}: FFmpeg failed: {(done.stderr.splitlines() or [''])[-1]}")
 
 
 LONGEST_TUNE_IN_S = 6.0

@@ -1,5 +1,6 @@
 """The evaluation of the video carrier on a small synthetic clip."""
 
+import sys
 from pathlib import Path
 
 import av
@@ -8,8 +9,9 @@ import pytest
 
 from codec.errors import CueError
 from cuecast.evaluate.options import EvaluateOptions
-from cuecast.evaluate.picture_channels import CHANNELS
+from cuecast.evaluate.picture_channels import CHANNELS, send
 from cuecast.evaluate.video import evaluate, evaluate_video, films_of, plot
+from receiver.media.picture import picture_format, read_lumas
 from watermark.quality.picture import PictureMeter, ssim
 
 
@@ -56,6 +58,30 @@ def test_unknown_channel() -> None:
     with pytest.raises(CueError, match="unknown channel 'pigeon', known: none, h264-4M"):
         evaluate_video([], ["pigeon"])
     assert evaluate_video([], list(CHANNELS)) == []
+
+
+def test_filters_need_their_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    write_clip(tmp_path / "clip.mkv", 2)
+    form = picture_format(tmp_path / "clip.mkv")
+    with pytest.raises(CueError, match="filters: need the package imageio-ffmpeg"):
+        send(tmp_path / "clip.mkv", form, CHANNELS["gamma-h264-2M"])
+
+
+def test_filters_before_the_coder(tmp_path: Path) -> None:
+    pytest.importorskip("imageio_ffmpeg", reason="FFmpeg with all filters is optional")
+    write_clip(tmp_path / "clip.mkv", 3)
+    form = picture_format(tmp_path / "clip.mkv")
+    for name, width, height in (
+        ("576i-mpeg2-4M", 720, 576),
+        ("hqdn3d-h264-2M", 640, 360),
+        ("ticker-h264-2M", 640, 360),
+        ("crop-left-2-h264-2M", 640, 360),
+    ):
+        arrived = send(tmp_path / "clip.mkv", form, CHANNELS[name])
+        found = picture_format(arrived)
+        assert (found.width, found.height) == (width, height)
+        assert sum(1 for _ in read_lumas(arrived)) == 3
 
 
 def test_rows_of_the_verb(tmp_path: Path) -> None:
