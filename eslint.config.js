@@ -4,7 +4,7 @@ import globals from "globals";
 export default [
   js.configs.recommended,
   {
-    files: ["receiver/page/*.js", "receiver/web/src/*.js"],
+    files: ["receiver/page/*.js", "receiver/web/src/*.js", "cuecast/practice/page/*.js"],
     languageOptions: { ecmaVersion: 2022, sourceType: "module", globals: { ...globals.browser, ...globals.audioWorklet } },
     rules: {
       eqeqeq: "error",

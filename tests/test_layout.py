@@ -88,7 +88,17 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
         "demo": {"command", "dubbing", "media"},
         "evaluate": {"command", "media", "dubbing", "demo"},
         "conformance": set(),
-        "verbs": {"command", "conformance", "media", "dubbing", "live", "demo", "evaluate"},
+        "practice": {"command", "dubbing", "evaluate"},
+        "verbs": {
+            "command",
+            "conformance",
+            "media",
+            "dubbing",
+            "live",
+            "demo",
+            "evaluate",
+            "practice",
+        },
     },
 }
 """Who may import whom inside a package, or inside a room: each room, and those it may lean on.

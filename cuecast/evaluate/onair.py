@@ -118,7 +118,7 @@ def on_air(motion: Motion, voice: Voice, way: str, *, seed: int = 0) -> OnAir:
     first = int(motion.start_s // SUPERFRAME_S)
     end = int(np.ceil((motion.start_s + motion.duration_s) / SUPERFRAME_S))
     frames = [encoder.encode(sent, k) for k in range(first, end)]
-    shown = np.concatenate([one.params for one in _received(voice, frames)])
+    shown = np.concatenate([one.params for one in received(voice, frames)])
     times = first * SUPERFRAME_S + TICK_S * np.arange(len(shown), dtype=np.float64)
     there = (times >= motion.start_s) & (times < motion.start_s + motion.duration_s - TICK_S)
     meant = voice.reconstruct(at_times(motion, times[there])).astype(np.float64)
@@ -131,17 +131,26 @@ def on_air(motion: Motion, voice: Voice, way: str, *, seed: int = 0) -> OnAir:
     for run in range(_RUNS if score and way != "no score" else 0):
         rng = np.random.default_rng([seed, run, zlib.crc32(motion.params.tobytes())])
         gone = {frames[int(k)].index for k in np.flatnonzero(rng.random(len(frames)) < LOST)}
-        got = merge_scores(_received(voice, frames, gone)).keys
+        got = merge_scores(received(voice, frames, gone)).keys
         total, right, others = counted(score.keys if score else (), got)
         keys, lost, wrong = keys + total, lost + total - right, wrong + others
     error = float(np.sqrt(squares.mean()))
     return OnAir(error, float(np.sqrt(hand.mean())) if hand.size else np.nan, keys, lost, wrong)
 
 
-def _received(
+def received(
     voice: Voice, frames: Sequence[Superframe], lost: set[int] | None = None
 ) -> list[DecodedSuperframe]:
-    """Return superframes as a receiver draws them: each once the one after it is there."""
+    """Return superframes as a receiver draws them: each once the one after it is there.
+
+    Parameters
+    ----------
+    voice : Voice
+    frames : sequence of Superframe
+        In order, none missing.
+    lost : set of int, optional
+        Indices of those that do not arrive.
+    """
     decoder, done = SuperframeDecoder(voice), list[DecodedSuperframe]()
     for frame in frames:
         there = frame.index not in (lost or ())

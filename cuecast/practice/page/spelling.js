@@ -1,0 +1,19 @@
+/** French words of keys: phones as they are spelled, names of places. */
+
+const LETTERS = {
+  "ɔ̃": "on", "ɑ̃": "an", "ɛ̃": "in", "œ̃": "un", u: "ou", y: "u", "ø": "eu", "œ": "eu", "ə": "e", o: "o", "ɔ": "o", e: "é", "ɛ": "è",
+  a: "a", "ɑ": "a", i: "i", "ʃ": "ch", "ʒ": "j", "ɲ": "gn", "ŋ": "ng", "ʁ": "r", j: "i", w: "w", "ɥ": "u", k: "k", s: "s", z: "z",
+};
+
+export const PLACES = { rest: "repos", side: "côté", mouth: "bouche", chin: "menton", cheek: "pommette", throat: "gorge" };
+
+/** A phone as a learner writes it. */
+export function spelled(phone) {
+  return LETTERS[phone] || phone;
+}
+
+/** Phones of a group, each spelling once; the glides with the vowel that makes them plain. */
+export function group(phones) {
+  const plain = { "ɥ": "ui", w: "oi", j: "ill" };
+  return [...new Set(phones.map((phone) => plain[phone] || spelled(phone)))].join(" ");
+}
