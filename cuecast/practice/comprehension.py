@@ -27,6 +27,7 @@ _BREATH_S = 0.6
 """Silence between sentences."""
 
 _MOST_BYTES = 1 << 20
+"""Bytes of a passage at most."""
 
 
 def prepare(

@@ -33,6 +33,7 @@ SOURCES = ("natural", "synthetic", "other")
 _SOUNDS = (".wav", ".flac", ".mp3", ".ogg")
 
 _SHORTEST_S = 0.5
+"""Seconds of a recording at least."""
 
 _MOST_APART = 0.5
 """Share by which sound and motion of a recording may differ in length."""

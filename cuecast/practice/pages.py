@@ -39,6 +39,7 @@ _QUESTIONS = 10
 """Questions of a quiz."""
 
 _MOST_SEED = 1 << 32
+"""Seeds of quizzes are below this."""
 
 
 def packed(motion: Motion) -> bytes:

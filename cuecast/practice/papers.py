@@ -11,6 +11,7 @@ from cuecast.practice.trial import Trial
 CONSENT, PROTOCOL = "consentement.txt", "protocole.txt"
 
 _MOST_BYTES = 1 << 16
+"""Bytes of a consent at most."""
 
 _RESPONSIBLE = "(à compléter : nom, établissement, adresse)"
 

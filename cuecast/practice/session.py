@@ -22,8 +22,10 @@ SEEN = -1
 _CODE = re.compile(r"P([0-9]{2,4})")
 
 _MOST_PARTICIPANTS = 9999
+"""Participants of a test at most: four digits of a code."""
 
 _MOST_MS = 1e7
+"""Milliseconds of an answer at most: close to three hours."""
 
 
 def code_of(number: int) -> str:

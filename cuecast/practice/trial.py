@@ -29,6 +29,7 @@ ANSWERS = "answers"
 KINDS = ("pairs", "naturalness", "comprehension")
 
 _FORMAT = 1
+"""Version of `trial.json`."""
 
 _MOST_BYTES = 1 << 24
 """Bytes of ``trial.json`` at most."""

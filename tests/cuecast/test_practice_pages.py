@@ -102,7 +102,8 @@ def test_a_participant_never_gets_the_answer(trial: Trial) -> None:
             assert status == 200
         assert progress["ended"]
         assert (await got(session, f"{url}step.json?code=P01"))[0] == 400
-        for bad in ({"code": "P09"}, [], {"code": "P01", "step": 9}):
+        wrong: list[Any] = [{"code": "P09"}, [], {"code": "P01", "step": 9}]
+        for bad in wrong:
             assert (await put(session, f"{url}answer", bad))[0] == 400
         assert (await put(session, f"{url}start", {"consent": True, "code": "P44"}))[0] == 400
 
