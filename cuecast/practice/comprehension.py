@@ -16,7 +16,7 @@ from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import Score
 from codec.errors import CueError
 from cuecast.command.arguments import REST_S
-from cuecast.practice.trial import Condition, Step, Trial, save_item, write_trial
+from cuecast.practice.trial import ItemCondition, Step, Trial, save_item, write_trial
 from synth.motion.rules.performance import motion_of
 from synth.planning.prosody.pacing import Pace
 from synth.planning.scoring.text_score import Reading, score_of_text
@@ -151,7 +151,9 @@ def steps(trial: Trial, number: int) -> list[Step]:
     for i in rng.permutation(len(SOURCES)):
         entry, source = chosen[i], sources[i]
         seen = source != "subtitles"
-        condition = Condition(display=trial.settings["display"] if seen else "none", source=source)
+        condition = ItemCondition(
+            display=trial.settings["display"] if seen else "none", source=source
+        )
         captions = tuple((float(a), float(b), str(c)) for a, b, c in entry["captions"])
         found.append(
             Step(

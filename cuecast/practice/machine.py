@@ -14,7 +14,7 @@ from synth.motion.rules.movement import plan_gestures
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class MachineReading:
     """Sums over words.
 
     Attributes
@@ -31,9 +31,9 @@ class Reading:
     words: int
     right: int
 
-    def __add__(self, other: "Reading") -> "Reading":
+    def __add__(self, other: "MachineReading") -> "MachineReading":
         """Return the sums of both."""
-        return Reading(
+        return MachineReading(
             self.keys + other.keys, self.shapes + other.shapes,
             self.placements + other.placements, self.words + other.words,
             self.right + other.right,
@@ -50,7 +50,7 @@ class Reading:
 
 def read_word(
     motion: Motion, said: Score, other: Score, recogniser: Recogniser, voice: Voice
-) -> Reading:
+) -> MachineReading:
     """Return how one word is read, given the scores of both words of its pair.
 
     Both words have the same times; a word with another number of keys is compared over the keys
@@ -63,7 +63,7 @@ def read_word(
     right_shape, right_placement = gestures.shape[1:], gestures.placement[1:]
     wrong = plan_gestures(other)
     both = min(len(shapes), len(wrong.shape) - 1)
-    return Reading(
+    return MachineReading(
         len(shapes), int(np.sum(shapes.argmax(1) == right_shape)),
         int(np.sum(placements.argmax(1) == right_placement)), 1,
         int(

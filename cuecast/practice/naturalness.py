@@ -15,7 +15,7 @@ import numpy as np
 from codec.cuer.motion import Motion, load_motion, sample_params
 from codec.cuer.voice import Voice, load_voice
 from codec.errors import CueError
-from cuecast.practice.trial import ITEMS, Condition, Step, Trial, save_item, write_trial
+from cuecast.practice.trial import ITEMS, ItemCondition, Step, Trial, save_item, write_trial
 from synth.motion.rules.performance import motion_of
 
 PROMPT = "Les mouvements vont-ils avec la voix, comme ceux d’une vraie personne ?"
@@ -135,7 +135,7 @@ def steps(trial: Trial, number: int) -> list[Step]:
     rng = trial.rng(number)
     found = [
         Step(
-            item=entry["name"], condition=Condition(source=source), prompt=PROMPT, choices=SCALE,
+            item=entry["name"], condition=ItemCondition(source=source), prompt=PROMPT, choices=SCALE,
             motion=entry["motions"][source], sound=entry["sound"],
         )
         for entry in trial.pool

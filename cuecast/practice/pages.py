@@ -24,7 +24,7 @@ from codec.errors import CueError
 from cuecast.practice.doubles import doubles
 from cuecast.practice.items import lips_only, pair_items, phrase_starts, text_item
 from cuecast.practice.papers import consent_of
-from cuecast.practice.session import Answer, Session, new_session, old_session
+from cuecast.practice.session import Answer, TrialSession, new_session, old_session
 from cuecast.practice.trial import Trial
 from receiver.reception.events import MotionPiece
 from receiver.television.protocol import pack_motion
@@ -175,7 +175,7 @@ class TrialPages(_Pages):
         super().__init__(load_voice(trial.voice), "trial.html", host=host, port=port)
         self._trial = trial
         self._consent = consent_of(trial)
-        self._sessions: dict[str, Session] = {}
+        self._sessions: dict[str, TrialSession] = {}
 
     def _routes(self) -> list[web.RouteDef]:
         return [
@@ -257,14 +257,14 @@ class TrialPages(_Pages):
         kind = mimetypes.guess_type(path.name)[0] or "audio/wav"
         return web.FileResponse(path, headers={"Content-Type": kind})
 
-    def _session(self, code: str) -> Session:
+    def _session(self, code: str) -> TrialSession:
         session = self._sessions.get(code)
         if session is None:
             raise CueError(f"le participant {code[:20]!r} n’a pas commencé")
         return session
 
 
-def _progress(session: Session) -> dict[str, Any]:
+def _progress(session: TrialSession) -> dict[str, Any]:
     return {
         "code": session.code, "next": session.next, "steps": len(session.steps),
         "ended": session.ended,

@@ -17,7 +17,7 @@ from codec.cuer.voice import Voice, load_voice
 from codec.errors import CueError
 from cuecast.practice.doubles import minimal_pairs
 from cuecast.practice.items import pair_items, through_channel
-from cuecast.practice.trial import Condition, Step, Trial, save_item, write_trial
+from cuecast.practice.trial import ItemCondition, Step, Trial, save_item, write_trial
 
 PROMPT = "Quel mot la codeuse a-t-elle dit ?"
 
@@ -116,7 +116,7 @@ def steps(trial: Trial, number: int) -> list[Step]:
     rng = trial.rng(number)
     settings, pool = trial.settings, trial.pool
     crossed = [
-        Condition(*levels)
+        ItemCondition(*levels)
         for levels in itertools.product(
             settings["hands"], settings["displays"], settings["channels"]
         )
@@ -134,7 +134,7 @@ def steps(trial: Trial, number: int) -> list[Step]:
     return [found[i] for i in rng.permutation(len(found))]
 
 
-def _step(entry: Any, condition: Condition, target: int, member: int) -> Step:
+def _step(entry: Any, condition: ItemCondition, target: int, member: int) -> Step:
     """Return the trial that shows word `member` of a pair and has it on side `target`."""
     words = entry["words"]
     shown, other = words[member], words[1 - member]
@@ -159,13 +159,13 @@ def read_by_machine(trial: Trial, progress: Callable[[int, int], None]) -> list[
     """
     from cuecast.dubbing.performance import unit_synthesiser
     from cuecast.evaluate.synthesis import learn
-    from cuecast.practice.machine import Reading, read_word
+    from cuecast.practice.machine import MachineReading, read_word
 
     voice = load_voice(trial.voice)
     recogniser = learn(unit_synthesiser(voice).recordings, voice)
     rows = []
     for channel in trial.settings["channels"]:
-        total = Reading(0, 0, 0, 0, 0)
+        total = MachineReading(0, 0, 0, 0, 0)
         for number, entry in enumerate(trial.pool):
             clear = pair_items(entry["words"], voice, seed=trial.seed)
             scores = [motion.score for motion in clear if motion.score is not None]

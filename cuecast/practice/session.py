@@ -77,7 +77,7 @@ class Answer:
     frames_per_second: float = 0.0
 
 
-class Session:
+class TrialSession:
     """One participant's way through a test; a second session goes on where the first one ended.
 
     Parameters
@@ -151,7 +151,7 @@ class Session:
         }  # fmt: skip
 
 
-def new_session(trial: Trial) -> Session:
+def new_session(trial: Trial) -> TrialSession:
     """Return the session of the next participant.
 
     Raises
@@ -163,7 +163,7 @@ def new_session(trial: Trial) -> Session:
     number = max(taken, default=0) + 1
     if number > _MOST_PARTICIPANTS:
         raise CueError(f"{number} participants: at most {_MOST_PARTICIPANTS}")
-    session = Session(trial, number)
+    session = TrialSession(trial, number)
     try:
         session.path.parent.mkdir(exist_ok=True)
         with session.path.open("x", newline="", encoding="utf-8") as file:
@@ -173,7 +173,7 @@ def new_session(trial: Trial) -> Session:
     return session
 
 
-def old_session(trial: Trial, code: str) -> Session:
+def old_session(trial: Trial, code: str) -> TrialSession:
     """Return the session of a participant who began earlier.
 
     Raises
@@ -184,7 +184,7 @@ def old_session(trial: Trial, code: str) -> Session:
     number = number_of(code)
     if not (trial.folder / ANSWERS / f"{code_of(number)}.csv").is_file():
         raise CueError(f"personne n’a encore le code {code_of(number)}")
-    return Session(trial, number)
+    return TrialSession(trial, number)
 
 
 def answer_files(folder: Path) -> list[Path]:

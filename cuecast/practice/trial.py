@@ -36,7 +36,7 @@ _MOST_BYTES = 1 << 24
 
 
 @dataclass(frozen=True, slots=True)
-class Condition:
+class ItemCondition:
     """How an item is shown.
 
     Attributes
@@ -66,7 +66,7 @@ class Step:
     ----------
     item : str
         Name in the answers.
-    condition : Condition
+    condition : ItemCondition
     prompt : str
         The question; empty where there is nothing to answer.
     choices : tuple of str
@@ -80,7 +80,7 @@ class Step:
     """
 
     item: str
-    condition: Condition
+    condition: ItemCondition
     prompt: str = ""
     choices: tuple[str, ...] = ()
     target: int = -1

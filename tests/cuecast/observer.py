@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuecast.practice.session import SEEN, Answer, Session, new_session
-from cuecast.practice.trial import Condition, Trial
+from cuecast.practice.session import SEEN, Answer, TrialSession, new_session
+from cuecast.practice.trial import ItemCondition, Trial
 
 
 @dataclass
@@ -22,12 +22,12 @@ class Observer:
     rng: np.random.Generator
     preference: float = 0.0
 
-    def choose(self, condition: Condition, target: int) -> int:
+    def choose(self, condition: ItemCondition, target: int) -> int:
         d = self.with_hand if condition.hand == "hand" else self.lips_only
         impression = (0.5 - target) * d + self.rng.standard_normal()
         return int(impression <= self.preference)
 
-    def take(self, trial: Trial) -> Session:
+    def take(self, trial: Trial) -> TrialSession:
         """Answer a whole list."""
         session = new_session(trial)
         while not session.ended:

@@ -17,7 +17,7 @@ from cuecast.practice import comprehension, pairs
 from cuecast.practice.doubles import minimal_pairs
 from cuecast.practice.items import lips_only, pair_items, text_item, through_channel
 from cuecast.practice.session import SEEN, Answer, new_session, old_session, read_answers
-from cuecast.practice.trial import Condition, Trial, read_trial
+from cuecast.practice.trial import ItemCondition, Trial, read_trial
 from synth.motion.rules.performance import motion_of
 from synth.planning.scoring.text_score import score_of_text
 
@@ -94,7 +94,7 @@ def test_lists_are_balanced_and_come_again(trial: Trial) -> None:
     assert steps != trial.steps(2)
     assert Counter(step.condition for step in steps) == Counter(
         {
-            Condition(hand, display, channel): 4
+            ItemCondition(hand, display, channel): 4
             for hand in pairs.HANDS for display in pairs.DISPLAYS for channel in pairs.CHANNELS
         }
     )  # fmt: skip
