@@ -135,8 +135,8 @@ def steps(trial: Trial, number: int) -> list[Step]:
     rng = trial.rng(number)
     found = [
         Step(
-            item=entry["name"], condition=ItemCondition(source=source), prompt=PROMPT, choices=SCALE,
-            motion=entry["motions"][source], sound=entry["sound"],
+            item=entry["name"], condition=ItemCondition(source=source), prompt=PROMPT,
+            choices=SCALE, motion=entry["motions"][source], sound=entry["sound"],
         )
         for entry in trial.pool
         for source in trial.settings["sources"]

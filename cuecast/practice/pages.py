@@ -28,7 +28,7 @@ from cuecast.practice.session import Answer, TrialSession, new_session, old_sess
 from cuecast.practice.trial import Trial
 from receiver.reception.events import MotionPiece
 from receiver.television.protocol import pack_motion
-from receiver.television.server import TelevisionChannel
+from receiver.television.server import TelevisionChannel, page_files
 
 PAGE = Path(__file__).parent / "page"
 
@@ -52,8 +52,8 @@ class _Pages(TelevisionChannel):
 
     def __init__(self, voice: Voice, index: str, *, host: str, port: int) -> None:
         super().__init__(voice, live=False, host=host, port=port)
-        own = {file.name: file for file in PAGE.iterdir() if file.is_file()}
-        self._files = self._files | own | {"index.html": own[index]}
+        own = page_files(PAGE)
+        self._fixed |= own | {"/": own[f"/page/{index}"]}
         self._own_voice = voice
 
     async def _tell(self, socket: web.WebSocketResponse) -> None:

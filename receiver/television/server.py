@@ -113,11 +113,7 @@ class TelevisionChannel(ABC):
         self.metrics = Metrics()
         self._live = live
         self._captions = captions
-        self._fixed = {
-            f"/page/{file.name}": PackedFile(file.read_bytes(), _kind_of(file.name))
-            for file in PAGE.iterdir()
-            if file.is_file()
-        }
+        self._fixed = page_files(PAGE)
         self._fixed["/"] = self._fixed["/page/index.html"]
         self._fixed["/voice.json"] = PackedFile(
             json.dumps(voice_document(voice)).encode(), "application/json"
@@ -279,6 +275,15 @@ class TelevisionChannel(ABC):
     @abstractmethod
     async def _tell(self, socket: web.WebSocketResponse) -> None:
         """Serve one viewer's feed until it is closed."""
+
+
+def page_files(folder: Path) -> dict[str, PackedFile]:
+    """Return the files of a folder under the paths at which a page finds them."""
+    return {
+        f"/page/{file.name}": PackedFile(file.read_bytes(), _kind_of(file.name))
+        for file in folder.iterdir()
+        if file.is_file()
+    }
 
 
 def _kind_of(name: str) -> str:
