@@ -39,6 +39,7 @@ def run(args: argparse.Namespace) -> int:
     from cuecast.command.voices import coding_voice
     from cuecast.media.captions import captions_of
     from cuecast.media.playable import playable
+    from receiver.live.memory import give_back_large_blocks
     from receiver.television.server import AHEAD_S, serve
     from receiver.television.tuner import EagerTuner, MotionTuner, ProgrammeTuner, Tuner
 
@@ -55,6 +56,7 @@ def run(args: argparse.Namespace) -> int:
             source, voice, key=args.key, trust=trust_of(args, live=True), hold_s=hold_s, **place
         )
         return 0
+    give_back_large_blocks()
     with tempfile.TemporaryDirectory(prefix="cuecast-") as folder:
         media = playable(args.programme, folder)
         captions = captions_of(args.programme, args.subtitles)

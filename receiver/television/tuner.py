@@ -60,7 +60,7 @@ class ProgrammeTuner:
 
         The picture is looked at, too, once the sound has had no cuer for `PROBE_S`, or loses one.
         """
-        until_s = begin_s = start_s - PREROLL_S
+        until_s = begin_s = max(0.0, start_s - PREROLL_S)
         found = False
         for progress in self._receive(begin_s, look=False):
             until_s = progress.until_s

@@ -792,7 +792,7 @@ const PLACEMENT_NUMBER = { rest: 0, side: 1, mouth: 2, chin: 3, cheek: 4, throat
  * Share of a stroke after which the hand is nearer to the new key than to the old one: where the
  * fingers alone change, which run ahead, where the place alone does, and where both do.
  */
-const CROSSED = { shape: 0.36, place: 0.56, both: 0.42 };
+const CROSSED = { shape: 0.42, place: 0.56, both: 0.47 };
 
 /** Share of the consonant in a key of two phones, as cuers speak. */
 const CONSONANT = 0.5;
