@@ -19,6 +19,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--size", type=size, metavar="WxH", help="pixels; 620x720, or the picture's"
     )
+    parser.add_argument("--programme", metavar="P", help="whose sound and subtitles a film gets")
+    parser.add_argument("--subtitles", metavar="SUBS", help="captions, in place of the programme's")
+    parser.add_argument(
+        "--subtitle-track", metavar="N|LANG", help="which of the programme's own, from 0"
+    )
     parser.add_argument("--mirror", action="store_true", help="a left-handed cuer")
     add_voice(parser)
 
@@ -27,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
     """Write the film or the picture."""
     from codec.cuer.motion import load_motion
     from codec.cuer.voice import load_voice
-    from receiver.drawing.render import render_motion
+    from cuecast.media.cuer_film import render_motion
 
     motion, voice = load_motion(args.motion), load_voice(args.voice)
     with seconds_bar(motion.duration_s, "render") as advance:
@@ -40,6 +45,8 @@ def run(args: argparse.Namespace) -> int:
 
         render_motion(
             motion, voice, args.output, style=args.style, fps=args.rate, at_s=args.at,
-            background=args.background, size=args.size, mirror=args.mirror, progress=progress,
+            background=args.background, size=args.size, mirror=args.mirror,
+            programme=args.programme, subtitles=args.subtitles, track=args.subtitle_track,
+            progress=progress,
         )  # fmt: skip
     return 0

@@ -1,10 +1,10 @@
-"""Films and pictures of a motion: PNG through PyAV's encoder, MP4 with H.264.
+"""Pictures of a motion, one for each time; picture files through PyAV.
 
-A `Motion` and its voice go in, a file comes out; the picture is the page's.
+A `Motion` and its voice go in, pictures come out: the page's.
 """
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from codec.cuer.motion import Motion, sample_params
 from codec.cuer.voice import Voice
 from codec.errors import CueError
-from codec.files.whole import whole_file
 from receiver.drawing.avatar import load_avatar
 from receiver.drawing.points import draw_points
 from receiver.drawing.portrait import Portrait
@@ -28,11 +27,6 @@ DEFAULT_SIZE = (620, 720)
 
 _MAX_SIDE = 4096
 """Longest side of a picture in pixels."""
-
-_CRF = "18"
-
-Progress = Callable[[int, int], None]
-"""Called with the number of frames done and to do."""
 
 
 def read_picture(path: str | os.PathLike[str]) -> NDArray[np.uint8]:
@@ -109,73 +103,6 @@ def draw(
         yield picture
 
 
-def render_motion(
-    motion: Motion, voice: Voice, path: str | os.PathLike[str],
-    *, style: str = "points", size: tuple[int, int] | None = None, fps: int = 25,
-    background: str | os.PathLike[str] | NDArray[np.uint8] | None = None,
-    mirror: bool = False, at_s: float | None = None, progress: Progress | None = None,
-) -> None:  # fmt: skip
-    """Draw a motion into a film (``.mp4``) or one of its frames into a picture (``.png``).
-
-    Parameters
-    ----------
-    motion : Motion
-    voice : Voice
-        The voice that made it.
-    path : path
-        Its suffix chooses film or picture.
-    style : str
-        ``points`` or ``avatar``.
-    size : (width, height), optional
-        Pixels; even for a film. The background's size, or 620 x 720.
-    fps : int
-        Frames per second of a film.
-    background : path or ndarray (height, width, 3), optional
-        Picture behind the cuer; black otherwise.
-    mirror : bool
-        Left-handed cuer.
-    at_s : float, optional
-        Time of a picture, seconds on the programme's clock; the middle of the motion otherwise.
-    progress : callable, optional
-        Told (frames done, frames in all).
-
-    Raises
-    ------
-    CueError
-        If the suffix, the size or the background is unusable, or the motion is empty.
-    VoiceError
-        If the motion belongs to another voice.
-    """
-    target = Path(path)
-    picture = background
-    if isinstance(picture, str | os.PathLike):
-        picture = read_picture(picture)
-    if size is None:
-        size = DEFAULT_SIZE if picture is None else (picture.shape[1], picture.shape[0])
-    if len(motion.params) == 0:
-        raise CueError("motion holds no frames to draw")
-    write = {".png": _write_still, ".mp4": _write_film}.get(target.suffix.lower())
-    if write is None:
-        raise CueError(f"{target.name}: a film ends in .mp4, a picture in .png")
-    if write is _write_still:
-        middle = motion.start_s + motion.duration_s / 2
-        times = np.array([middle if at_s is None else at_s])
-    else:
-        times = motion.start_s + np.arange(max(1, round(motion.duration_s * fps))) / fps
-    frames = draw(motion, voice, times, style=style, size=size, background=picture, mirror=mirror)
-    with whole_file(target) as temporary:
-        write(str(temporary), _counted(frames, len(times), progress), size, fps)
-
-
-def _counted(
-    frames: Iterator[NDArray[np.uint8]], total: int, progress: Progress | None
-) -> Iterator[NDArray[np.uint8]]:
-    for done, frame in enumerate(frames, 1):
-        yield frame
-        if progress is not None:
-            progress(done, total)
-
-
 def write_picture(path: str | os.PathLike[str], picture: NDArray[np.uint8]) -> None:
     """Write a picture (height, width, 3) as PNG; missing folders are made."""
     codec = av.CodecContext.create("png", "w")
@@ -186,25 +113,3 @@ def write_picture(path: str | os.PathLike[str], picture: NDArray[np.uint8]) -> N
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_bytes(b"".join(map(bytes, [*codec.encode(frame), *codec.encode(None)])))
-
-
-def _write_still(
-    name: str, frames: Iterator[NDArray[np.uint8]], size: tuple[int, int], fps: int
-) -> None:
-    write_picture(name, next(frames))
-    next(frames, None)
-
-
-def _write_film(
-    name: str, frames: Iterator[NDArray[np.uint8]], size: tuple[int, int], fps: int
-) -> None:
-    if size[0] % 2 or size[1] % 2:
-        raise CueError(f"film of {size[0]}x{size[1]}: both sides have to be even")
-    with av.open(name, "w", options={"movflags": "+faststart"}) as container:
-        stream = container.add_stream("libx264", rate=fps)
-        stream.width, stream.height = size
-        stream.pix_fmt = "yuv420p"
-        stream.options = {"crf": _CRF, "preset": "veryfast"}
-        for picture in frames:
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
-        container.mux(stream.encode(None))
