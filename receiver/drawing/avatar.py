@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from codec.cuer.layout import FACE_MARKERS, FOREARM, HAND_MARKERS, RIGID_FACE
-from codec.cuer.models.rigid import rigid_motion, rotation_matrices, weighted_rigid_motion
+from codec.cuer.models.rigid import rigid_motion, rotation_matrices, shared_motion
 from codec.cuer.voice import Voice
 from codec.errors import CueError
 from codec.files.npz import read_arrays
@@ -85,8 +85,10 @@ class Surface:
 
     def refine(self, control: FloatArray) -> FloatArray:
         """Return the surface (T, V, 3) over a coarse mesh (T, M, 3)."""
-        carried = control[:, self.sources] * self.shares[..., None]
-        return np.asarray(carried.sum(axis=2) + self.offsets)
+        places = np.repeat(self.offsets[None], len(control), axis=0)
+        for k in range(3):
+            places += control.take(self.sources[:, k], axis=1) * self.shares[:, k, None]
+        return places
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,8 +173,7 @@ class Avatar:
         motion = model.motion(params[:, columns[7:]])
         weights = np.repeat(self.head_weights, 3, axis=1)
         points = self.head.refine(control) - model.pivot
-        placed = weighted_rigid_motion(points, motion[:, None] * weights)
-        return np.asarray(placed + model.pivot)
+        return shared_motion(points, motion, weights, model.pivot)
 
     def turn_eyes(self, points: FloatArray, gaze: FloatArray) -> None:
         """Turn the eyeballs in the head's surface (T, V, 3), before its motion, in place.
