@@ -12,6 +12,7 @@ import aiohttp
 import pytest
 from yarl import URL
 
+from codec.cuer.voice import load_voice
 from codec.errors import CueError
 from receiver.reception.reception import Progress
 from receiver.television import server
@@ -63,6 +64,29 @@ def test_page_voice_and_headers(tmp_path: Path) -> None:
             assert answer.content_type == "text/javascript"
         async with client.get(address + "voice.json") as answer:
             assert (await answer.json())["identity"] == VOICE.identity
+
+    run(tmp_path, visit)
+
+
+def test_fixed_files_travel_compressed_and_once(tmp_path: Path) -> None:
+    """All that a page with claire's avatar fetches is at most 1.5 MB."""
+    media = tmp_path / "programme.mp4"
+    media.write_bytes(MEDIA)
+    files = Television(MotionTuner(MOTION), load_voice(), media)._fixed
+    assert sum(file.size for name, file in files.items() if name != "/page/index.html") <= 1.5e6
+
+    async def visit(client: Client, address: str) -> None:
+        async with client.get(address + "page/main.js") as answer:
+            tag, text = answer.headers["ETag"], await answer.text()
+            assert answer.headers["Content-Encoding"] == "gzip"
+        plain = {"Accept-Encoding": "identity"}
+        async with client.get(address + "page/main.js", headers=plain) as answer:
+            assert "Content-Encoding" not in answer.headers
+            assert await answer.text() == text
+        async with client.get(address + "page/main.js", headers={"If-None-Match": tag}) as answer:
+            assert answer.status == 304
+        async with client.get(address + "captions.vtt") as answer:
+            assert answer.status == 404
 
     run(tmp_path, visit)
 

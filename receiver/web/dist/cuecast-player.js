@@ -1807,7 +1807,7 @@ function obstacle(media) {
 }
 
 class Hearing {
-  /** `files`: {module, voice, worklet, worker}; `handlers`: heard(message, offsetS), reason(name, text). */
+  /** `files`: {module, voice, worklet, worker, trust}; `handlers`: heard(message, offsetS), reason(name, text). */
   constructor(media, files, handlers) {
     this.media = media;
     this.files = files;
@@ -1854,7 +1854,7 @@ class Hearing {
     this.locked = false;
     this.hearing = true;
     this.handlers.reason(this.checkMuted() ? "muted" : "");
-    this.worker.postMessage({ type: "hear", segment: this.segment, fromS: this.context.currentTime });
+    this.worker.postMessage({ type: "hear", segment: this.segment, fromS: this.context.currentTime, live: media.duration === Infinity });
   }
 
   /** The programme stands still: its sound will go on from here. */
@@ -1902,7 +1902,7 @@ class Hearing {
       if (!known) context.close();
       throw because("asleep");
     }
-    const { module, voice, worklet, worker } = this.files;
+    const { module, voice, worklet, worker, trust } = this.files;
     try {
       if (!known) await context.audioWorklet.addModule(worklet);
       this.worker = new Worker(worker, { type: "module" });
@@ -1913,7 +1913,7 @@ class Hearing {
     const { port1, port2 } = new MessageChannel();
     this.worker.onmessage = ({ data }) => this.receive(data);
     this.worker.onerror = (event) => this.handlers.reason("failed", event.message);
-    this.worker.postMessage({ type: "open", module, voice, rateHz: context.sampleRate, channels: 2, port: port1 }, [port1]);
+    this.worker.postMessage({ type: "open", module, voice, rateHz: context.sampleRate, channels: 2, port: port1, ...trust }, [port1]);
     const node = new AudioWorkletNode(context, "cuecast-hearing", { numberOfOutputs: 0 });
     node.port.postMessage(port2, [port2]);
     const source = known ? known.source : context.createMediaElementSource(this.media);
@@ -2019,6 +2019,10 @@ const REASONS = {
   "no-file": {
     en: "The stream file that the player's attribute cue names is missing, damaged or of another voice.",
     fr: "Le fichier .cue que nomme l'attribut cue manque, est abîmé ou d'une autre voix.",
+  },
+  "no-key": {
+    en: "The broadcaster's public file that the player's attribute trust names is missing.",
+    fr: "Le fichier public du diffuseur que nomme l'attribut trust manque.",
   },
   asleep: {
     en: "The browser lets the page hear only after a click or a key press.",
@@ -2168,6 +2172,8 @@ const FLAGS = { keys: "keys", mirror: "mirror", handOnly: "hand-only" };
 /** Reasons for which the stream file beside the programme is looked for. */
 const DEAF = new Set(["other-origin", "no-worklet", "asleep", "muted", "speed", "silence", "no-mark"]);
 const PRUNE_MS = 5000;
+/** How far the arrival of a broadcast's cues may be from their time on air, seconds (E25). */
+const TOLERANCE_S = 10;
 
 /** Data of the player by folder, fetched once a page. */
 const loaded = new Map();
@@ -2266,14 +2272,25 @@ class CuecastPlayer extends HTMLElement {
     try {
       if (!loaded.has(this.base)) loaded.set(this.base, load(this.base));
       const data = await loaded.get(this.base);
-      if (serial === this.serial) this.start(media, data);
+      const trust = await this.announcement();
+      if (serial === this.serial) this.start(media, data, trust);
     } catch (error) {
       loaded.delete(this.base);
-      this.because("no-files", error.message);
+      this.because(error.reason || "no-files", error.message);
     }
   }
 
-  start(media, data) {
+  /** The broadcaster's public file that the attribute `trust` names, and how late his cues may be. */
+  async announcement() {
+    const address = this.getAttribute("trust");
+    if (!address) return {};
+    const answer = await fetch(new URL(address, document.baseURI)).catch(() => null);
+    if (!answer?.ok) throw Object.assign(new Error(`${address}: ${answer?.status ?? "no answer"}`), { reason: "no-key" });
+    return { announcement: await answer.arrayBuffer(), toleranceS: Number(this.getAttribute("tolerance")) || TOLERANCE_S };
+  }
+
+  start(media, data, trust) {
+    this.whose = trust.announcement ? { status: "unknown", of: "" } : null;
     const { module, voice, document, arrays } = data;
     if (this.data !== data) {
       const find = (id) => this.shadowRoot.getElementById(id);
@@ -2283,7 +2300,7 @@ class CuecastPlayer extends HTMLElement {
     }
     this.timeline.clear();
     this.clock = new ProgrammeClock(media);
-    this.files = { module, voice, worklet: new URL("worklet.js", this.base), worker: new URL("worker.js", this.base) };
+    this.files = { module, voice, trust, worklet: new URL("worklet.js", this.base), worker: new URL("worker.js", this.base) };
     this.handlers = {
       heard: (message, offsetS) => this.take(message, offsetS),
       reason: (name, text) => (DEAF.has(name) ? this.lookBeside(name) : this.because(name, text)),
@@ -2370,7 +2387,7 @@ class CuecastPlayer extends HTMLElement {
   }
 
   takeProof(event, timeS) {
-    this.whose = { status: event.status, of: event.of };
+    this.whose = { status: event.status, of: event.of.slice(0, 8), age_s: event.ageS };
     if (event.status === "verified") this.tell("verified", { time: timeS, of: event.of });
   }
 

@@ -90,6 +90,24 @@ export class Decoder {
     this.end = end;
   }
 
+  /**
+   * Check whose cues these are: `announcement` is a broadcaster's public file (spec/authentication.md,
+   * E15); each superframe then gives an event `proof`. Throws if the file is damaged or not signed.
+   */
+  trust(announcement, toleranceS = 10) {
+    const file = new Uint8Array(announcement);
+    const { end } = this;
+    const at = this.take(file.length);
+    new Uint8Array(this.cue.memory.buffer, at, file.length).set(file);
+    this.must(this.cue.cue_trust(this.state, at, file.length, toleranceS, 0, 0));
+    this.end = end;
+  }
+
+  /** The next sample arrives at `utcS`, seconds since 1970, of a broadcast; without it replays go unnoticed. */
+  clock(utcS) {
+    this.must(this.cue.cue_clock(this.state, utcS));
+  }
+
   /** Take one array of samples per channel, full scale 1, of any length; returns the events. */
   push(planes) {
     const events = [];

@@ -28,6 +28,8 @@ const FLAGS = { keys: "keys", mirror: "mirror", handOnly: "hand-only" };
 /** Reasons for which the stream file beside the programme is looked for. */
 const DEAF = new Set(["other-origin", "no-worklet", "asleep", "muted", "speed", "silence", "no-mark"]);
 const PRUNE_MS = 5000;
+/** How far the arrival of a broadcast's cues may be from their time on air, seconds (E25). */
+const TOLERANCE_S = 10;
 
 /** Data of the player by folder, fetched once a page. */
 const loaded = new Map();
@@ -126,14 +128,25 @@ export class CuecastPlayer extends HTMLElement {
     try {
       if (!loaded.has(this.base)) loaded.set(this.base, load(this.base));
       const data = await loaded.get(this.base);
-      if (serial === this.serial) this.start(media, data);
+      const trust = await this.announcement();
+      if (serial === this.serial) this.start(media, data, trust);
     } catch (error) {
       loaded.delete(this.base);
-      this.because("no-files", error.message);
+      this.because(error.reason || "no-files", error.message);
     }
   }
 
-  start(media, data) {
+  /** The broadcaster's public file that the attribute `trust` names, and how late his cues may be. */
+  async announcement() {
+    const address = this.getAttribute("trust");
+    if (!address) return {};
+    const answer = await fetch(new URL(address, document.baseURI)).catch(() => null);
+    if (!answer?.ok) throw Object.assign(new Error(`${address}: ${answer?.status ?? "no answer"}`), { reason: "no-key" });
+    return { announcement: await answer.arrayBuffer(), toleranceS: Number(this.getAttribute("tolerance")) || TOLERANCE_S };
+  }
+
+  start(media, data, trust) {
+    this.whose = trust.announcement ? { status: "unknown", of: "" } : null;
     const { module, voice, document, arrays } = data;
     if (this.data !== data) {
       const find = (id) => this.shadowRoot.getElementById(id);
@@ -143,7 +156,7 @@ export class CuecastPlayer extends HTMLElement {
     }
     this.timeline.clear();
     this.clock = new ProgrammeClock(media);
-    this.files = { module, voice, worklet: new URL("worklet.js", this.base), worker: new URL("worker.js", this.base) };
+    this.files = { module, voice, trust, worklet: new URL("worklet.js", this.base), worker: new URL("worker.js", this.base) };
     this.handlers = {
       heard: (message, offsetS) => this.take(message, offsetS),
       reason: (name, text) => (DEAF.has(name) ? this.lookBeside(name) : this.because(name, text)),
@@ -230,7 +243,7 @@ export class CuecastPlayer extends HTMLElement {
   }
 
   takeProof(event, timeS) {
-    this.whose = { status: event.status, of: event.of };
+    this.whose = { status: event.status, of: event.of.slice(0, 8), age_s: event.ageS };
     if (event.status === "verified") this.tell("verified", { time: timeS, of: event.of });
   }
 

@@ -34,7 +34,7 @@ export function obstacle(media) {
 }
 
 export class Hearing {
-  /** `files`: {module, voice, worklet, worker}; `handlers`: heard(message, offsetS), reason(name, text). */
+  /** `files`: {module, voice, worklet, worker, trust}; `handlers`: heard(message, offsetS), reason(name, text). */
   constructor(media, files, handlers) {
     this.media = media;
     this.files = files;
@@ -81,7 +81,7 @@ export class Hearing {
     this.locked = false;
     this.hearing = true;
     this.handlers.reason(this.checkMuted() ? "muted" : "");
-    this.worker.postMessage({ type: "hear", segment: this.segment, fromS: this.context.currentTime });
+    this.worker.postMessage({ type: "hear", segment: this.segment, fromS: this.context.currentTime, live: media.duration === Infinity });
   }
 
   /** The programme stands still: its sound will go on from here. */
@@ -129,7 +129,7 @@ export class Hearing {
       if (!known) context.close();
       throw because("asleep");
     }
-    const { module, voice, worklet, worker } = this.files;
+    const { module, voice, worklet, worker, trust } = this.files;
     try {
       if (!known) await context.audioWorklet.addModule(worklet);
       this.worker = new Worker(worker, { type: "module" });
@@ -140,7 +140,7 @@ export class Hearing {
     const { port1, port2 } = new MessageChannel();
     this.worker.onmessage = ({ data }) => this.receive(data);
     this.worker.onerror = (event) => this.handlers.reason("failed", event.message);
-    this.worker.postMessage({ type: "open", module, voice, rateHz: context.sampleRate, channels: 2, port: port1 }, [port1]);
+    this.worker.postMessage({ type: "open", module, voice, rateHz: context.sampleRate, channels: 2, port: port1, ...trust }, [port1]);
     const node = new AudioWorkletNode(context, "cuecast-hearing", { numberOfOutputs: 0 });
     node.port.postMessage(port2, [port2]);
     const source = known ? known.source : context.createMediaElementSource(this.media);

