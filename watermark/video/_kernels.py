@@ -75,16 +75,20 @@ def add_into(
     white: float,
     out: NDArray[Any],
 ) -> None:
-    """Add (1 - weight) * first + weight * second to luma, rounded half up.
+    """Add (1 - weight) * first + weight * second to luma, rounded up from a threshold of the pixel.
 
-    No value leaves black..white that was in that range, and none outside goes further away.
+    Rounding to nearest would leave nothing of a weak pattern but a dot in each cell: a grid. The
+    thresholds are evenly spread over every few pixels (interleaved gradient noise, Jimenez 2014)
+    and do not change in time. No value leaves black..white that was in that range, and none outside
+    goes further away.
     """
     w1, w0 = np.float32(weight), np.float32(1.0 - weight)
-    least, most, half = np.float32(black), np.float32(white), np.float32(0.5)
+    least, most = np.float32(black), np.float32(white)
     for y in range(luma.shape[0]):
         for x in range(luma.shape[1]):
             own = np.float32(luma[y, x])
-            value = own + w0 * first[y, x] + w1 * second[y, x] + half
+            threshold = np.float32(52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0) % 1.0)
+            value = own + w0 * first[y, x] + w1 * second[y, x] + threshold
             out[y, x] = int(min(max(value, min(own, least)), max(own, most)))
 
 

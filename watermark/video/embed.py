@@ -35,9 +35,6 @@ from watermark.video.timing import Timing
 TEXTURE_EVERY = 4
 """Frames between those whose texture is measured."""
 
-CORRECTIONS = (0.3, 0.6, 1.0)
-"""Parts of what rounding took away that are tried for each cell."""
-
 NOMINAL = 16, 235
 """Black and white of luma of 8 bits (ITU-R BT.709): no pixel is moved out of that range."""
 
@@ -208,23 +205,7 @@ class VideoEmbedder:
         offset = layout.dither.reshape(host.shape) + spread * bits.reshape(host.shape) / 2
         place = (host / mode.step - offset) / spread
         move = (np.round(place) - place) * spread * mode.step
-        return self._grid.paint(self._rounded_well(move))
-
-    def _rounded_well(self, move: FloatArray) -> FloatArray:
-        """Amplitudes near `move` whose pattern, rounded to whole luma levels, has those of `move`.
-
-        Rounding takes most of a weak pattern away. The missing part, or some of it, is added in
-        the cells where that helps.
-        """
-        missing = move - self._grid.project(np.round(self._grid.paint(move)))
-        best, least = move.copy(), (missing**2).sum(axis=0)
-        for part in CORRECTIONS:
-            trial = move + part * missing
-            left = move - self._grid.project(np.round(self._grid.paint(trial)))
-            error = (left**2).sum(axis=0)
-            better = error < least
-            best[:, better], least[better] = trial[:, better], error[better]
-        return best
+        return self._grid.paint(move)
 
     def _put_out(self, known: int) -> list[Luma]:
         """Mark the waiting frames whose patterns up to superframe `known` - 1 exist."""

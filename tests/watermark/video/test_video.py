@@ -29,7 +29,7 @@ def test_round_trip(name: str) -> None:
     embedder = VideoEmbedder(WIDTH, HEIGHT, 25, source(name), profile=name)
     marked = mark(frames, embedder)
     assert len(marked) == len(frames)
-    assert psnr_db(frames, marked) > 52.5  # measured 52.9
+    assert psnr_db(frames, marked) > 51.5  # measured 51.9
     receiver = VideoReceiver(WIDTH, HEIGHT, 25)
     found = receive(marked, receiver)
     assert [(s.l0, s.l1) for s in found] == [source(name)(k) for k in range(5)]
@@ -178,9 +178,22 @@ def test_flat_areas_move_by_one_level() -> None:
     marked = mark([grey] * 24, VideoEmbedder(1280, 720, 25, source()))
     changes = np.abs(np.stack(marked).astype(np.int16) - 128)
     assert changes.max() <= 2
-    assert (changes <= 1).mean() > 0.995  # measured 0.999
+    assert (changes <= 1).mean() > 0.99  # measured 0.993
     # Between superframes the pattern fades: no frame differs from the one before by two levels.
     assert np.abs(np.diff(np.stack(marked).astype(np.int16), axis=0)).max() <= 2
+
+
+def test_no_grid_of_dots() -> None:
+    """Rounding to nearest would show where the cells of 16 by 16 pixels are."""
+    grey = np.full((720, 1280), 128, dtype=np.uint8)
+    marked = mark([grey] * 36, VideoEmbedder(1280, 720, 25, source()))
+    moved = np.abs(marked[22].astype(float) - 128)
+    moved -= moved.mean()
+    for axis in (0, 1):
+        again = np.roll(moved, 16, axis)
+        assert (
+            float((moved * again).mean() / moved.var()) < 0.21
+        )  # measured 0.17, 0.18; rounded to nearest 0.23, 0.24
 
 
 def test_a_programme_begins_marked_in_full() -> None:
