@@ -20,7 +20,7 @@ from watermark.audio.follow.attempt import (
 )
 from watermark.audio.follow.following import TrackFollower
 from watermark.audio.follow.hunting import HypothesisHunter
-from watermark.audio.follow.purse import DecodingPurse
+from watermark.audio.follow.purse import DecodingPurse, Ventures
 from watermark.audio.follow.stretched import StretchedFollower
 from watermark.audio.follow.track import Track, TrackReader
 from watermark.audio.search.acquire import Candidate, PilotSearch
@@ -95,9 +95,10 @@ class AudioReceiver:
         self._nominal = fs / FS
         self._quantum = SLOT_FRAMES * HOP * fs // FS
         self._purse = DecodingPurse()
+        self._ventures = Ventures(self._purse)
         self._reader = TrackReader(key, self._nominal, self._purse)
         self._stretched = StretchedFollower(key, fs, self._nominal, self._reader)
-        self._attempts = CandidateReader(key, self._nominal, self._reader, self._purse)
+        self._attempts = CandidateReader(key, self._nominal, self._reader)
         self._ring = SoundRing(channels, self._nominal)
         self._mix = usual_mix(channels)
         self._tape = StereoBuffer()
@@ -106,7 +107,7 @@ class AudioReceiver:
         self._start_search(0.0)
         self._hunter = HypothesisHunter(
             key, fs, channels, self._nominal, self._ring, self._attempts, self._follower,
-            self._stretched,
+            self._stretched, self._purse,
         )  # fmt: skip
         self._profile: AudioProfile | None = None
         self.first_lock_s: float | None = None
@@ -165,6 +166,7 @@ class AudioReceiver:
     def _step(self) -> list[ReceivedSuperframe]:
         found: list[ReceivedSuperframe] = []
         self._purse.earn(self._quantum / self._fs)
+        self._ventures.earn(self._quantum / self._fs)
         self._ring.extend(self._tape, self._mix, self._now)
         while (candidate := self._next_candidate()) is not None:
             found += self._try(candidate)
@@ -219,9 +221,10 @@ class AudioReceiver:
         """Decode at a candidate of the usual search, and lock there if the check accepts it."""
         sound = AssumedSound(self._pace, self._offset, self._equaliser)
         position = self._origin + candidate.start * sound.pace
-        if not self._follower.is_new(position, sound.pace):
+        new = self._follower.is_new(position, sound.pace)
+        if not new or not self._ventures.allows(candidate.significance):
             return []
-        accepted = self._attempts.read(self._tape, position, candidate, sound)
+        accepted = self._attempts.read(self._tape, position, candidate, sound, self._ventures)
         return [] if accepted is None else self._lock(self._mix, accepted)
 
     def _hunt(self) -> list[ReceivedSuperframe]:

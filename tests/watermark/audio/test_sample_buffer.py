@@ -6,7 +6,7 @@ import pytest
 from codec.errors import CueError
 from tests.watermark.audio.test_carrier import embed, host
 from watermark.audio.search import _pilot_kernels, _search_kernels
-from watermark.audio.search.acquire import LARGEST_PENALTY, PilotSearch
+from watermark.audio.search.acquire import LARGEST_PENALTY, SEGMENT_FRAMES, PilotSearch
 from watermark.audio.search.pilot_scan import (
     DECIMATION,
     PARTS,
@@ -15,7 +15,7 @@ from watermark.audio.search.pilot_scan import (
     STRIDE,
     make_sight,
 )
-from watermark.audio.search.stretch_scores import search_stretch
+from watermark.audio.search.stretch_scores import search_stretch, see_stretch
 from watermark.audio.signal import _kernels
 from watermark.audio.signal.dither import project, soft_values
 from watermark.audio.signal.layout import make_pilots
@@ -71,50 +71,43 @@ def test_pilot_kernels() -> None:
     shift = np.stack([np.ones(8, dtype=np.int64), rng.integers(0, 3, 8)])
     penalty = np.array([PARTS // 2, 0], dtype=np.int16)
     group = rng.integers(0, 3, 40)
-    sign = rng.choice([-1, 1], 40).astype(np.int16)
+    mask = rng.choice([-1, 0], 40).astype(np.int8)
     rows = np.arange(7) + 10 * np.arange(40)[:, np.newaxis] + np.repeat(shift, 5, axis=1)[..., None]
-    pilots = sign[:, np.newaxis] * soft[group[:, np.newaxis], rows]
+    pilots = (1 + 2 * mask[:, np.newaxis].astype(np.int64)) * soft[group[:, np.newaxis], rows]
     direct = pilots.sum(axis=1) - penalty[:, np.newaxis]
     for add in versions(_search_kernels.pilot_sums):
-        sums = np.zeros((8, 9), dtype=np.int16)
-        add(np.pad(soft, ((0, 0), (5, 0))), 5, 10, 5, group, sign, sums)
+        sums = np.zeros((8, 9), dtype=np.int8)
+        add(np.pad(soft, ((0, 0), (5, 0))), 5, 10, 5, group, mask, sums)
         for find in versions(_search_kernels.drift_peaks):
-            peak, drift = np.empty(7, dtype=np.int16), np.empty(7, dtype=np.int16)
-            find(sums, shift, penalty, peak, drift)
-            np.testing.assert_array_equal(drift, direct.argmax(axis=0))
+            peak = np.empty(7, dtype=np.int16)
+            find(sums, shift, penalty, peak)
             np.testing.assert_array_equal(peak, direct.max(axis=0))
+        for clock in versions(_search_kernels.clock_of):
+            found = [clock(sums, shift, penalty, i) for i in range(7)]
+            np.testing.assert_array_equal(found, direct.argmax(axis=0))
 
 
 def test_largest_sums_fit_their_numbers() -> None:
-    """All pilots right, or all wrong and the clock as well."""
+    """All pilots right, or all wrong and the clock as well; those of a segment."""
     largest = PARTS * PILOTS_PER_FRAME * FRAMES_PER_SUPERFRAME + PARTS * LARGEST_PENALTY
     assert largest < -_search_kernels.LOWEST
-    assert np.iinfo(np.int8).max > PARTS
+    assert np.iinfo(np.int8).max > PARTS * PILOTS_PER_FRAME * SEGMENT_FRAMES
+    assert PILOTS_PER_FRAME * SEGMENT_FRAMES >= _search_kernels.FITTING
 
 
 def test_superframes_before_are_added() -> None:
     rng = np.random.default_rng(3)
-    past = rng.normal(0, PARTS, 200).astype(np.int16)
-    lag, weights = rng.integers(80, 84, 3), np.array([0.7, 0.5], dtype=np.float32)
-    for size in (5, _search_kernels.BLOCK + 5):
-        peak = rng.normal(0, PARTS, size).astype(np.int16)
-        error = rng.integers(0, 3, size).astype(np.int16)
-        scores = []
-        for i in range(size):
-            back = 200 + i - lag[error[i]]
-            one = int(peak[i]) + max(past[back + d] for d in (-1, 0, 1))
-            back -= lag[error[i]]
-            two = one + max(past[back + d] for d in (-2, -1, 0, 1, 2))
-            scores.append(max(peak[i], 0.7 * one, 0.5 * two))
-        for find in versions(_search_kernels.best_sum):
-            ceiling = np.float32(past.max())
-            found = find(peak, error, lag, past, weights, ceiling, np.float32(-9 * PARTS))
-            best = pytest.approx(max(scores), rel=1e-5)
-            assert found == (best, int(np.argmax(scores)), peak.max())
-            floor = np.float32(1.01 * max(scores))
-            assert find(peak, error, lag, past, weights, ceiling, floor)[0] < floor
-            alone = find(peak, error, lag, past, weights[:0], ceiling, floor)
-            assert alone == (peak.max(), peak.argmax(), peak.max())
+    past, peak = (rng.normal(0, PARTS, n).astype(np.int16) for n in (200, 9))
+    weights, reach = np.array([0.7, 0.5], dtype=np.float32), np.array([1, 2])
+    scores = []
+    for i in range(9):
+        one = int(peak[i]) + max(past[120 + i + d] for d in (-1, 0, 1))
+        two = one + max(past[40 + i + d] for d in (-2, -1, 0, 1, 2))
+        scores.append(max(peak[i], 0.7 * one, 0.5 * two))
+    for find in versions(_search_kernels.best_sum):
+        best = pytest.approx(max(scores), rel=1e-5)
+        assert find(peak, past, 80, weights, reach) == (best, int(np.argmax(scores)))
+        assert find(peak, past, 80, weights[:0], reach) == (peak.max(), peak.argmax())
 
 
 def test_sight_is_the_receiver_s_mask_and_projection() -> None:
@@ -185,7 +178,7 @@ def test_a_stretch_is_searched_as_the_stream_is() -> None:
     tape = SampleBuffer()
     tape.append(mid)
     sound = tape.read(0.0, 4.0, mid.size // 4)
-    found = search_stretch(0, sound).best
+    found = search_stretch(0, see_stretch(0, sound), exact=True).best
     search, streamed, start = PilotSearch(0), [], 0
     while (count := search.needed) <= sound.size - start:
         candidate = search.process(sound[start : start + count])

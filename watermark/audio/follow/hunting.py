@@ -7,16 +7,25 @@ outstanding places.
 
 from dataclasses import dataclass
 
-from watermark.audio.follow.attempt import DELAYS, AcceptedAttempt, AssumedSound, CandidateReader
+import numpy as np
+
+from watermark.audio.follow.attempt import (
+    DELAYS,
+    SURE_TURNED,
+    AcceptedAttempt,
+    AssumedSound,
+    CandidateReader,
+)
 from watermark.audio.follow.following import TrackFollower
+from watermark.audio.follow.purse import DecodingPurse, Ventures
 from watermark.audio.follow.stretched import StretchedFollower
-from watermark.audio.search.acquire import PERIOD, PLACE
-from watermark.audio.search.channel_mixes import ChannelMix, find_mix
+from watermark.audio.search.acquire import PERIOD, PLACE, Candidate
+from watermark.audio.search.channel_mixes import MID, ChannelMix, find_mix, usual_mix
 from watermark.audio.search.hypotheses import STRETCH_S, ChannelHypothesis, PilotHypothesis
 from watermark.audio.search.rotated_search import RotatedSearch
 from watermark.audio.search.scheduler import HypothesisScheduler
 from watermark.audio.search.sound_ring import SoundRing, Stretch
-from watermark.audio.search.stretch_scores import search_stretch
+from watermark.audio.search.stretch_scores import StretchScores, search_stretch, see_stretch
 from watermark.audio.signal.profile import HOP, SUPERFRAME, TIER_LEVELS
 from watermark.audio.signal.sample_buffer import StereoBuffer
 from watermark.link.superframe import ReceivedSuperframe
@@ -69,42 +78,53 @@ class HypothesisHunter:
         That knows the superframes read already.
     stretched : StretchedFollower
         That reads sound of another duration at its pitch.
+    purse : DecodingPurse
+        That counts what attempts cost.
     """
 
     def __init__(
         self, key: int, fs: int, channels: int, nominal: float, ring: SoundRing,
         attempts: CandidateReader, follower: TrackFollower, stretched: StretchedFollower,
+        purse: DecodingPurse,
     ) -> None:  # fmt: skip
-        self._key, self._fs, self._nominal = key, fs, nominal
+        self._key, self._fs, self._nominal, self._ventures = key, fs, nominal, Ventures(purse)
         self._ring, self._attempts = ring, attempts
         self._follower, self._stretched = follower, stretched
         self._turned, self._scheduler = RotatedSearch(key), HypothesisScheduler(channels)
-        self._count = int(STRETCH_S * fs)
+        self._channels, self._count = channels, int(STRETCH_S * fs)
 
     def hunt(
         self, now: int, sound_s: float, tape: StereoBuffer, mix: ChannelMix
     ) -> HuntedMark | None:
         """Try the hypotheses due at a time, after more sound; `tape` holds more of a mix."""
         self._scheduler.earn(sound_s)
+        self._ventures.earn(sound_s)
         if now < self._count:
             return None
         while (guess := self._scheduler.next(now / self._fs)) is not None:
-            found = self._try(guess, now - self._count, tape, mix)
+            found = self._try(guess, now, tape, mix)
             if found is not None:
                 self._scheduler.remember(guess)
                 return found
         return None
 
     def _try(
-        self, guess: ChannelHypothesis, start: int, tape: StereoBuffer, usual: ChannelMix
+        self, guess: ChannelHypothesis, now: int, tape: StereoBuffer, usual: ChannelMix
     ) -> HuntedMark | None:
         """Search a stretch as if a hypothesis were true."""
-        mix = find_mix(guess.mix, self._ring.read(start, self._count))
-        if mix is None:
-            return None
-        stretch = self._ring.stretch(mix, start, self._count)
+        mix = usual_mix(self._channels)
+        if guess.mix != MID:
+            # What happened to the channels shows in more sound than one superframe.
+            found_mix = find_mix(guess.mix, self._ring.read(now - self._count, self._count))
+            if found_mix is None:
+                self._scheduler.give_back(guess)
+                return None
+            mix = found_mix
+        count = int(guess.stretch_s * self._fs)
+        start = now - count
+        stretch = self._ring.stretch(mix, start, count)
         if guess.kind is PilotHypothesis.STRETCHED:
-            known = start + self._count - self._follower.last_start < RECENT_S * self._fs
+            known = now - self._follower.last_start < RECENT_S * self._fs
             low, told = stretch.low(guess.speed, guess.stretch_s), self._follower.last_told
             longest = tape if mix == usual else stretch.tape
             found = self._stretched.lock(low, longest, start, told, known=known)
@@ -117,11 +137,17 @@ class HypothesisHunter:
         """Try the likeliest places, and their neighbours, at phases of their own."""
         start, low = stretch.tape.first, stretch.low(guess.speed, guess.stretch_s)
         evidence, first = self._scheduler.evidence(guess), start / self._nominal
-        for candidate in self._turned.find(low, guess.steps, evidence, first):
-            for position in self._around(stretch, start + candidate.start * self._nominal):
-                accepted = self._attempts.read_turned(stretch.tape, position, candidate)
-                if accepted is not None:
-                    return accepted
+        likely = self._turned.find(low, guess.steps, evidence, first)
+        self._scheduler.note(guess, max((one.significance for one in likely), default=0.0))
+        for candidate in likely:
+            near = self._around(stretch, start + candidate.start * self._nominal)
+            for position in near if candidate.significance >= SURE_TURNED else near[:1]:
+                if self._ventures.allows(candidate.significance):
+                    accepted = self._attempts.read_turned(
+                        stretch.tape, position, candidate, self._ventures
+                    )
+                    if accepted is not None:
+                        return accepted
         return None
 
     def _around(self, stretch: Stretch, position: float) -> list[float]:
@@ -133,25 +159,44 @@ class HypothesisHunter:
         return [at for at in near if first <= at <= last and self._follower.is_new(at, pace)]
 
     def _try_plain(self, guess: ChannelHypothesis, stretch: Stretch) -> AcceptedAttempt | None:
-        """Try the likeliest place of a stretch, and that which all stretches point to."""
+        """Try the likeliest places of a stretch, and that which all stretches point to."""
         start, pace = stretch.tape.first, self._nominal * guess.speed
-        sound = AssumedSound(pace, TIER_LEVELS * guess.gain)
-        low = stretch.low(guess.speed, guess.stretch_s)
-        scores = search_stretch(self._key, low, gain=guess.gain, exact=guess.exact)
-        likely = [] if scores.best is None else [scores.best]
+        seen = see_stretch(self._key, stretch.low(guess.speed, guess.stretch_s))
+        scores = [
+            search_stretch(self._key, seen, gain=gain, exact=guess.exact) for gain in guess.gains
+        ]
+        likely = [
+            (one.best, gain)
+            for one, gain in zip(scores, guess.gains, strict=True)
+            if one.best is not None
+        ]
         if guess.exact:
-            first = round(start / pace / PLACE) + scores.first
-            evidence = self._scheduler.evidence(guess)
-            likely.append(scores.candidate(*evidence.add(scores.peaks, first, PERIOD)))
-        for n, candidate in enumerate(likely):
-            known = n and abs(candidate.start - likely[0].start) <= SAME_PLACE
+            likely.append(self._by_evidence(guess, scores, start / pace))
+        tried: list[tuple[float, float]] = []
+        self._scheduler.note(guess, max((one.significance for one, _ in likely), default=0.0))
+        for candidate, gain in sorted(likely, key=lambda one: -one[0].significance):
             position = start + candidate.start * pace
-            new = self._follower.is_new(position, pace)
-            if candidate.significance < LEAST_GUESSED or known or not new:
+            known = any(gain == g and abs(position - at) <= SAME_PLACE for at, g in tried)
+            new = self._follower.is_new(position, pace) and not known
+            if candidate.significance < LEAST_GUESSED or not new:
                 continue
+            if not self._ventures.allows(candidate.significance):
+                continue
+            tried.append((position, gain))
+            sound = AssumedSound(pace, TIER_LEVELS * gain)
             accepted = self._attempts.read(
-                stretch.tape, position, candidate, sound, delays=DELAYS[:1]
+                stretch.tape, position, candidate, sound, self._ventures, delays=DELAYS[:1]
             )
             if accepted is not None:
                 return accepted
         return None
+
+    def _by_evidence(
+        self, guess: ChannelHypothesis, scores: list[StretchScores], start: float
+    ) -> tuple[Candidate, float]:
+        """Return the place with the most evidence of all stretches, and its gain."""
+        first = round(start / PLACE) + scores[0].first
+        peaks = np.concatenate([one.peaks for one in scores])
+        row, place, significance = self._scheduler.evidence(guess).add(peaks, first, PERIOD)
+        gain, pair = divmod(row, len(scores[0].peaks))
+        return scores[gain].candidate(pair, place, significance), guess.gains[gain]

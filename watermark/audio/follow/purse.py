@@ -27,6 +27,21 @@ USUAL_MOTHER = 1024
 """Bits of the mother code of the first class of `standard`."""
 
 
+VENTURED, VENTURES = 5.0, 60.0
+"""The same for attempts at candidates: what a second of sound pays for, and what is saved."""
+
+DEEPEST = -120.0
+"""What may be owed for attempts: half a minute of what sound pays."""
+
+LEAST_VENTURED, ON_CREDIT = 4.8, 5.8
+"""Significance from which a candidate is tried where all of that is saved, and on credit: of a
+hundred candidates in unmarked sound, one or two reach it."""
+
+UNSURE_COST, SURE_COST, CERTAIN_COST, CERTAIN = 40.0, 120.0, 480.0, 7.0
+"""What an attempt may cost beyond its first decodings: by whether its pilots confirm it, and from
+which deviations on they leave no doubt."""
+
+
 @dataclass(slots=True)
 class DecodingPurse:
     """An allowance.
@@ -73,6 +88,45 @@ class DecodingPurse:
             return False
         self.charge(cost)
         return True
+
+
+@dataclass(slots=True)
+class Ventures:
+    """What attempts at candidates may cost: nothing but pilots speaks for these.
+
+    Parameters
+    ----------
+    purse : DecodingPurse
+        That counts what they cost.
+    """
+
+    purse: DecodingPurse
+    _left: float = VENTURES
+
+    def earn(self, sound_s: float) -> None:
+        """Add what so much sound pays for."""
+        self._left = min(self._left + VENTURED * sound_s, VENTURES)
+
+    def allows(self, significance: float) -> bool:
+        """Whether a candidate is tried: the less is saved, the more significant it must be."""
+        doubt = (ON_CREDIT - significance) / (ON_CREDIT - LEAST_VENTURED)
+        if self._left < VENTURES * min(doubt, 1.0):
+            self.purse.untried += 1
+            return False
+        return True
+
+    @contextmanager
+    def attempt(self, score: float, sure: float) -> Iterator[None]:
+        """Bound what an attempt costs by the score of its pilots, and pay for it."""
+        purse = self.purse
+        most = CERTAIN_COST if score >= CERTAIN else SURE_COST if score >= sure else UNSURE_COST
+        reserve, spent = purse.reserve, purse.spent
+        purse.reserve = max(purse.balance - most, 0.0)
+        try:
+            yield
+        finally:
+            purse.reserve = reserve
+            self._left = max(self._left - (purse.spent - spent), DEEPEST)
 
 
 def decoding_cost(list_size: int, mother: int) -> float:

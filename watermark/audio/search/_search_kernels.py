@@ -1,7 +1,9 @@
 """Compiled loops of the search for pilots.
 
-Contiguous arrays in, arrays filled in place out; no checks. Soft values and their sums are 16 bit
-integers in `PARTS`: twice as many fit a vector of the processor, and sums are exact.
+Contiguous arrays in, arrays filled in place out; no checks. Soft values and the sums of segments
+are 8 bit integers in `PARTS`, scores 16 bit ones: so many fit a vector of the processor at once,
+and sums are exact. A sign is a mask, 0 or -1: bits turned over (and 1 added) are a number's
+negative.
 """
 
 import numpy as np
@@ -9,9 +11,6 @@ from numpy.typing import NDArray
 
 from codec.compiled import njit
 from watermark.audio.search.pilot_scan import PARTS
-
-BLOCK = 64
-"""Places that are passed over at once where all of them are too low."""
 
 COSINE = (
     np.float32(0.9985258),
@@ -27,6 +26,9 @@ LOWEST = np.int16(-(2**14))
 
 PAIRED = 2
 """Sums of which the correlations of two profiles are made: what they share, where they differ."""
+
+FITTING = 16
+"""Soft values whose sum fits 8 bits."""
 
 Parts = NDArray[np.int16]
 Soft = NDArray[np.int8]
@@ -86,23 +88,22 @@ def soft_row(
 
 
 @njit(cache=True)
-def add_rows(
-    values: Soft, starts: NDArray[np.int64], signs: Parts, count: int, total: Parts
-) -> None:
-    """total[i] += signs[n] values[starts[n] + i] for each n below count."""
+def add_rows(values: Soft, starts: NDArray[np.int64], masks: Soft, count: int, total: Soft) -> None:
+    """total[i] += values[starts[n] + i] for each n below count, or less it where masks[n] is -1."""
     places = total.size
     whole = count - count % 4
     for n in range(0, whole, 4):
         # Slices let the compiler see that no index is negative, and vectorise.
         a, b = values[starts[n] : starts[n] + places], values[starts[n + 1] :]
         c, d = values[starts[n + 2] :], values[starts[n + 3] :]
-        p, q, r, s = signs[n], signs[n + 1], signs[n + 2], signs[n + 3]
+        p, q, r, s = masks[n], masks[n + 1], masks[n + 2], masks[n + 3]
+        more = np.int8(-(p + q + r + s))
         for i in range(places):
-            total[i] = np.int16(total[i] + p * a[i] + q * b[i] + r * c[i] + s * d[i])
+            total[i] = np.int8(total[i] + more + (p ^ a[i]) + (q ^ b[i]) + (r ^ c[i]) + (s ^ d[i]))
     for n in range(whole, count):
-        a, p = values[starts[n] : starts[n] + places], signs[n]
+        a, p = values[starts[n] : starts[n] + places], masks[n]
         for i in range(places):
-            total[i] = np.int16(total[i] + p * a[i])
+            total[i] = np.int8(total[i] + (p ^ a[i]) - p)
 
 
 @njit(cache=True)
@@ -112,8 +113,8 @@ def pilot_sums(
     hop: int,
     segment: int,
     group: NDArray[np.int64],
-    sign: Parts,
-    sums: Parts,
+    mask: Soft,
+    sums: Soft,
 ) -> None:
     """sums[s, i] += correlation of the pilots of segment s for a superframe that starts at row i.
 
@@ -124,14 +125,12 @@ def pilot_sums(
     starts = group * soft.shape[1] + first + hop * np.arange(group.size)
     for s in range(group.size // segment):
         own = starts[s * segment : (s + 1) * segment]
-        add_rows(values, own, sign[s * segment : (s + 1) * segment], segment, sums[s])
+        add_rows(values, own, mask[s * segment : (s + 1) * segment], segment, sums[s])
 
 
 @njit(cache=True)
-def drift_peaks(
-    sums: Parts, shift: NDArray[np.int64], penalty: Parts, peak: Parts, drift: Parts
-) -> None:
-    """peak[i] = largest score of start i, and drift[i] = its d.
+def drift_peaks(sums: Soft, shift: NDArray[np.int64], penalty: Parts, peak: Parts) -> None:
+    """peak[i] = largest score of start i at any clock d.
 
     The score is the sum over the eight segments s of sums[s, i + shift[d, s]], less penalty[d].
     """
@@ -143,70 +142,61 @@ def drift_peaks(
         c, e = sums[2, at[2] : at[2] + places], sums[3, at[3] : at[3] + places]
         f, g = sums[4, at[4] : at[4] + places], sums[5, at[5] : at[5] + places]
         h, k = sums[6, at[6] : at[6] + places], sums[7, at[7] : at[7] + places]
-        less, number = penalty[d], np.int16(d)
+        less = penalty[d]
         for i in range(places):
             total = np.int16(a[i] + b[i] + c[i] + e[i] + f[i] + g[i] + h[i] + k[i] - less)
-            # No branch: not all processors can store some lanes of a vector and leave the others.
-            better = np.int16(total > peak[i])
-            drift[i] = np.int16(drift[i] + better * (number - drift[i]))
-            peak[i] = np.int16(peak[i] + better * (total - peak[i]))
+            peak[i] = max(peak[i], total)
+
+
+@njit(cache=True)
+def clock_of(sums: Soft, shift: NDArray[np.int64], penalty: Parts, place: int) -> int:
+    """Return the clock that gives a start its largest score, see `drift_peaks`."""
+    best, highest = 0, int(LOWEST)
+    for d in range(shift.shape[0]):
+        total = -int(penalty[d])
+        for s in range(shift.shape[1]):
+            total += int(sums[s, place + shift[d, s]])
+        if total > highest:
+            best, highest = d, total
+    return best
+
+
+@njit(cache=True)
+def highest_near(values: Parts, width: int) -> Parts:
+    """Return the highest of `width` values from each on."""
+    near, seen = values, 1
+    while seen < width:
+        # Of twice as many by two of them; out of place, or loops are not made vectors.
+        step = min(seen, width - seen)
+        one, other = near[: near.size - step], near[step:]
+        near = np.empty(one.size, dtype=np.int16)
+        for i in range(near.size):
+            near[i] = max(one[i], other[i])
+        seen += step
+    return near
 
 
 @njit(cache=True)
 def best_sum(
-    peak: Parts,
-    error: Parts,
-    lag: NDArray[np.int64],
-    past: Parts,
-    weights: NDArray[np.float32],
-    ceiling: np.float32,
-    floor: np.float32,
-) -> tuple[np.float32, int, np.float32]:
-    """Return the largest of all peaks and weighted sums with those before, its place, and the peak.
+    peak: Parts, past: Parts, lag: int, weights: NDArray[np.float32], reach: NDArray[np.int64]
+) -> tuple[np.float32, int]:
+    """Return the largest of all peaks and weighted sums with those before, and its place.
 
-    The peak one before lies lag[error[i]] places back, the next one twice as far, each at the best
-    of places nearby; past ends where peak begins and nowhere exceeds ceiling. Sums that cannot
-    reach floor may be left out.
+    Peak n before lies n lags back, at the best of places within reach[n - 1]; past ends where peak
+    begins.
     """
-    count = weights.size
-    least, shortest, longest = np.float32(np.inf), lag.min(), lag.max()
-    # near[n - 1, i] is the highest peak within n places of first[n - 1] + i.
-    near = np.empty((count, peak.size + count * (longest - shortest)), dtype=np.int16)
-    first = np.empty(count, dtype=np.int64)
-    for back in range(1, count + 1):
-        least = min(least, floor / weights[back - 1] - back * ceiling)
-        start, own = past.size - back * longest, near[back - 1]
-        span = peak.size + back * (longest - shortest)
-        first[back - 1] = start
-        own[:span] = past[start - back : start - back + span]
-        for shift in range(1 - back, back + 1):
-            highest_of(own, past[start + shift : start + shift + span])
-    top, where, summit = np.float32(-np.inf), 0, np.float32(-np.inf)
-    for begin in range(0, peak.size, BLOCK):
-        block = peak[begin : begin + BLOCK]
-        highest = LOWEST
-        for i in range(block.size):
-            highest = max(highest, block[i])
-        summit = max(summit, np.float32(highest))
-        if highest <= top and highest < least:
-            continue
-        for i in range(begin, begin + block.size):
-            score = np.float32(peak[i])
-            total = score
-            if total >= least:
-                for n in range(count):
-                    total += near[n, past.size + i - (n + 1) * lag[error[i]] - first[n]]
-                    score = max(score, weights[n] * total)
-            if score > top:
-                top, where = score, i
-    return top, where, summit
-
-
-@njit(cache=True)
-def highest_of(one: Parts, other: Parts) -> None:
-    """one[i] = the larger of one[i] and other[i]."""
-    for i in range(other.size):
-        one[i] = max(one[i], other[i])
+    places = peak.size
+    score, total = peak.astype(np.float32), peak.copy()
+    for n in range(weights.size):
+        first = past.size - (n + 1) * lag - reach[n]
+        near = highest_near(past[first : first + places + 2 * reach[n]], 2 * reach[n] + 1)
+        weight = weights[n]
+        for i in range(places):
+            total[i] = np.int16(total[i] + near[i])
+        for i in range(places):
+            score[i] = max(score[i], weight * np.float32(total[i]))
+    top = int(score.argmax())
+    return np.float32(score[top]), top
 
 
 @njit(cache=True)
@@ -217,42 +207,37 @@ def correlate_pilots(
     hop: int,
     segment: int,
     slots: NDArray[np.int64],
-    signs: Parts,
+    masks: Soft,
     pairs: NDArray[np.int64],
     shift: NDArray[np.int64],
     penalty: Parts,
-    lag: NDArray[np.int64],
+    lag: int,
     weights: NDArray[np.float32],
-    floor: np.float32,
-    ceiling: NDArray[np.float32],
+    reach: NDArray[np.int64],
     peaks: Parts,
     past: int,
-    highest: NDArray[np.float32],
     best: NDArray[np.float32],
     where: NDArray[np.int64],
 ) -> None:
     """best[n] = largest score of tier and profile pairs[n], where[n] its start and clock error.
 
     soft has the shape (tiers, slots, rows) and counts from row `first` on. The peaks of the
-    `places` starts looked at are written to peaks[n, past:], the largest of them to highest[n];
-    those before are bounded by ceiling[n]. slots[n] and signs[n] are those of pilot n of each
-    frame, signs by profile.
+    `places` starts looked at are written to peaks[n, past:]. slots[n] and masks[n]
+    are those of pilot n of each frame, masks by profile.
     """
-    common = np.empty((slots.shape[1] // segment, places + shift.max()), dtype=np.int16)
-    error = np.empty(places, dtype=np.int16)
+    common = np.empty((slots.shape[1] // segment, places + shift.max()), dtype=np.int8)
     tier = -1
     for n in range(pairs.shape[0]):
         if pairs[n, 0] != tier:
             tier = pairs[n, 0]
-            common[:] = np.int16(0)
-            pilot_sums(soft[tier], first, hop, segment, slots[0], signs[0, 0], common)
+            common[:] = np.int8(0)
+            pilot_sums(soft[tier], first, hop, segment, slots[0], masks[0, 0], common)
         sums = common.copy()
-        pilot_sums(soft[tier], first, hop, segment, slots[1], signs[1, pairs[n, 1]], sums)
+        pilot_sums(soft[tier], first, hop, segment, slots[1], masks[1, pairs[n, 1]], sums)
         peak = peaks[n, past : past + places]
-        drift_peaks(sums, shift, penalty, peak, error)
-        before = peaks[n, :past]
-        best[n], top, highest[n] = best_sum(peak, error, lag, before, weights, ceiling[n], floor)
-        where[n, 0], where[n, 1] = top, error[top]
+        drift_peaks(sums, shift, penalty, peak)
+        best[n], top = best_sum(peak, peaks[n, :past], lag, weights, reach)
+        where[n, 0], where[n, 1] = top, clock_of(sums, shift, penalty, top)
 
 
 @njit(cache=True)
@@ -278,7 +263,8 @@ def turned_scores(
     soft = np.empty(rows, dtype=np.int8)
     sums = np.empty((PAIRED, places), dtype=np.int16)
     starts = np.empty((PAIRED, slots.shape[1]), dtype=np.int64)
-    values = np.empty((PAIRED, slots.shape[1]), dtype=np.int16)
+    masks = np.empty((PAIRED, slots.shape[1]), dtype=np.int8)
+    part = np.empty(places, dtype=np.int8)
     count = np.empty(PAIRED, dtype=np.int64)
     best = np.empty((profiles, places), dtype=np.int16)
     score[:] = np.int16(0)
@@ -298,11 +284,17 @@ def turned_scores(
                         if slots[n, f] == s:
                             to = 0 if signs[n, p, f] == signs[n, q, f] else 1
                             starts[to, count[to]] = hop * f
-                            values[to, count[to]] = signs[n, p, f]
+                            masks[to, count[to]] = np.int8(-1 if signs[n, p, f] < 0 else 0)
                             count[to] += 1
                 sums[:] = np.int16(0)
                 for to in range(PAIRED):
-                    add_rows(soft, starts[to], values[to], count[to], sums[to])
+                    total = sums[to]
+                    for n in range(0, count[to], FITTING):
+                        part[:] = np.int8(0)
+                        some = min(FITTING, count[to] - n)
+                        add_rows(soft, starts[to, n:], masks[to, n:], some, part)
+                        for i in range(places):
+                            total[i] = np.int16(total[i] + part[i])
                 one, other, alike, unlike = best[p], best[q], sums[0], sums[1]
                 for i in range(places):
                     one[i] = max(one[i], np.int16(alike[i] + unlike[i]))

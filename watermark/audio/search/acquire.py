@@ -136,7 +136,8 @@ class PilotCorrelator:
     def __init__(self, key: int, errors: NDArray[np.float64]) -> None:
         pilots, self._errors = make_pilots(key), errors
         self._slots = np.ascontiguousarray(pilots.slots.T)
-        self._signs = np.ascontiguousarray(pilots.signs.transpose(2, 0, 1), dtype=np.int16)
+        signs = np.ascontiguousarray(pilots.signs.transpose(2, 0, 1))
+        self._masks = np.where(signs < 0, -1, 0).astype(np.int8)
         tiers = range(len(PILOT_STEPS))
         pairs = [(t, p.number) for t in tiers for p in PROFILES.values() if p.levels_of(t)]
         self.pairs = np.array(pairs, dtype=np.int64)
@@ -147,8 +148,9 @@ class PilotCorrelator:
         self._shift = np.ascontiguousarray(drift + slack, dtype=np.int64)
         penalty = np.minimum(CLOCK_PENALTY * np.abs(errors), LARGEST_PENALTY)
         self._penalty = np.round(PARTS * penalty).astype(np.int16)
-        self._lag = PERIOD + np.round(errors * 1e-6 * PERIOD).astype(np.int64)
-        self.oldest = len(WEIGHTS) * (int(self._lag.max()) + 1)
+
+        self._reach = 2 * np.arange(1, len(WEIGHTS) + 1)
+        self.oldest = len(WEIGHTS) * PERIOD + int(self._reach.max())
         span = (FRAMES_PER_SUPERFRAME - 1) * ROW_HOP
         self.kept, self.first = span + 2 * slack, -span - slack
 
@@ -158,8 +160,8 @@ class PilotCorrelator:
         row: int,
         peaks: NDArray[np.int16],
         past: int,
-        ceilings: NDArray[np.float32] | None,
-        highest: NDArray[np.float32],
+        *,
+        alone: bool = False,
     ) -> tuple[int, float, int, int] | None:
         """Score the places of one quantum.
 
@@ -173,10 +175,8 @@ class PilotCorrelator:
             Scores of superframes by themselves; those of this quantum are written at `past`.
         past : int
             See there.
-        ceilings : ndarray of float32, shape (pairs,), or None
-            Largest score before; None where superframes count by themselves.
-        highest : ndarray of float32, shape (pairs,)
-            To be filled with the largest one of this quantum.
+        alone : bool
+            Whether superframes count by themselves only.
 
         Returns
         -------
@@ -187,12 +187,11 @@ class PilotCorrelator:
 
         best = np.empty(len(self.pairs), dtype=np.float32)
         where = np.empty((len(self.pairs), 2), dtype=np.int64)
-        weights = np.array(() if ceilings is None else WEIGHTS, dtype=np.float32)
+        weights = np.array(() if alone else WEIGHTS, dtype=np.float32)
         _search_kernels.correlate_pilots(
-            soft, row - self.kept, PLACES, ROW_HOP, SEGMENT_FRAMES, self._slots, self._signs,
-            self.pairs, self._shift, self._penalty, self._lag, weights, FLOOR,
-            np.zeros_like(best) if ceilings is None else ceilings, peaks, past,
-            highest, best, where,
+            soft, row - self.kept, PLACES, ROW_HOP, SEGMENT_FRAMES, self._slots, self._masks,
+            self.pairs, self._shift, self._penalty, PERIOD, weights, self._reach, peaks, past,
+            best, where,
         )  # fmt: skip
         n = int(best.argmax())
         if best[n] < FLOOR:
@@ -244,15 +243,13 @@ class PilotSearch:
     def __init__(
         self, key: int, *, scale: float = 1.0, phases: NDArray[np.float64] | None = None
     ) -> None:
-        self._sight, self._correlator = make_sight(key), make_correlator(key)
+        self._sight, self._correlator = make_sight(key), make_correlator(key, exact=True)
         self._before = self._sight.silence
         self._turn = turns_of(phases)
         self._dither = make_pilots(key).cells.dither.astype(np.float32)
         self._steps = (scale * np.array(PILOT_STEPS)).astype(np.float32)
         pairs, oldest = len(self._correlator.pairs), self._correlator.oldest
         self._peaks = _Store((pairs,), oldest, np.int16)
-        self._highest = np.zeros(pairs, dtype=np.float32)
-        self._ceilings = np.zeros((pairs, -(-oldest // PLACES)), dtype=np.float32)
         # Silence stands before the first sample: a superframe cut by the start is found too.
         self._soft = _Store((len(PILOT_STEPS), PILOT_SLOTS), self._correlator.kept, np.int8)
         self._sound = np.zeros(0, dtype=np.float32)
@@ -274,12 +271,8 @@ class PilotSearch:
         _search_kernels.pilot_soft(
             projections, alive, self._turn, self._dither, self._steps, row, self._soft.values
         )
-        found = self._correlator.find(
-            self._soft.values, row, self._peaks.values, past, self._ceilings.max(axis=1),
-            self._highest,
-        )  # fmt: skip
+        found = self._correlator.find(self._soft.values, row, self._peaks.values, past)
         first = self._correlator.first + self._count * PLACES
-        self._ceilings[:, self._count % self._ceilings.shape[1]] = self._highest
         self._count += 1
         return None if found is None else self._correlator.candidate(found, first)
 

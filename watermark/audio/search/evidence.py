@@ -9,7 +9,6 @@ place that stands out. Cost: 200000 additions a stretch, 0.8 MB for each hypothe
 import math
 
 import numpy as np
-import scipy.ndimage
 from numpy.typing import NDArray
 
 FADING = 0.85
@@ -59,16 +58,27 @@ class Evidence:
         count = np.zeros(rounds * period, dtype=np.float32)
         count[: peaks.shape[1]] = 1
         folded = padded.reshape(len(peaks), rounds, period).sum(axis=1)
-        folded /= np.sqrt(count.reshape(rounds, period).sum(axis=0))
+        folded /= np.sqrt(np.maximum(count.reshape(rounds, period).sum(axis=0), 1))
         folded /= folded.std(axis=1, keepdims=True) + np.float32(1e-9)
         if self._sum is not None:
             apart = DRIFT * abs(first - self._at)
             reach = min(math.ceil(apart), FARTHEST)
             before = np.roll(self._sum, -(first % period), axis=1)
-            near = scipy.ndimage.maximum_filter1d(before, 2 * reach + 1, axis=1, mode="wrap")
+            near = _highest_near(before, reach)
             near -= near.mean(axis=1, keepdims=True)
             folded += np.float32(FADING) * near
         self._sum, self._at = np.roll(folded, first % period, axis=1), float(first)
         deviation = folded.std(axis=1, keepdims=True) + np.float32(1e-9)
         pair, place = np.unravel_index(int((folded / deviation).argmax()), folded.shape)
         return int(pair), int(place), float(folded[pair, place] / deviation[pair, 0])
+
+
+def _highest_near(values: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
+    """Return the highest value within so many places of each, round and round."""
+    near = np.concatenate([values[:, values.shape[1] - reach :], values, values[:, :reach]], axis=1)
+    seen, width = 1, 2 * reach + 1
+    while seen < width:
+        step = min(seen, width - seen)
+        near = np.maximum(near[:, : near.shape[1] - step], near[:, step:])
+        seen += step
+    return near

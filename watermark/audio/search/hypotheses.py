@@ -16,9 +16,9 @@ from watermark.audio.search.acquire import CLOCK_ERRORS_PPM
 from watermark.audio.search.channel_mixes import ECHO, LATE, MID, USUAL, kinds_of
 from watermark.audio.signal.profile import PILOT_STEPS
 
-STRETCH_S, SHORT_STRETCH_S = 2.2, 1.36
-"""Sound on which a hypothesis is tried: a superframe and its successor, and one superframe,
-wherever they begin."""
+STRETCH_S, SHORT_STRETCH_S = 2.2, 1.45
+"""Sound on which bands turned or pieces are tried, a superframe and its successor wherever they
+begin, and on which all else is: one superframe."""
 
 LARGEST_SPEED = 0.062
 """Largest change of speed that is tried."""
@@ -29,12 +29,22 @@ FILM_SPEEDS = (Fraction(25, 24), Fraction(24, 25))
 OTHER_SPEEDS = (Fraction(26, 25), Fraction(25, 26))
 """What others mean by 4 %."""
 
-NEAR_SPEED = 2.5e-3
-"""Part by which clocks and tapes run wrong, more than the usual search allows for: tried on either
-side with its own range, 0.1 to 0.4 %."""
+NEAR_SPEED = 2e-3
+"""Part by which clocks and tapes run wrong: tried on either side with its own range, to 0.35 %, and
+between them."""
 
-HALF, QUARTERS, EIGHTHS = (0.5,), (0.25, 0.75), (0.125, 0.375, 0.625, 0.875)
-"""Parts of a doubling of all steps by which a gain may have moved them: 20 dB double them."""
+BROADCAST_SPEEDS = (Fraction(1001, 1000), Fraction(1000, 1001))
+"""Pictures at 59.94 a second taken for 60, and the way back."""
+
+PERCENTS = (Fraction(106, 100), Fraction(94, 100))
+"""Speeds that players offer, but for those before."""
+
+WEAK, BETWEEN = (0.0, 0.5), (0.25, 0.75, 0.125, 0.375, 0.625, 0.875)
+"""Parts of a doubling of all steps by which a gain may have moved them, 20 dB double them: none,
+where weak pilots add up, and half of one; and all others."""
+
+ECHOED = (0.0, 0.25, 0.5, 0.75)
+"""Those tried in sound that was widened."""
 
 GAIN_STEPS = 8
 """Steps of pilots tried for each doubling where phases are turned, too: 2^(1/8) apart, soft values
@@ -46,15 +56,16 @@ GAIN_LADDER = range(-GAIN_STEPS, GAIN_STEPS * len(PILOT_STEPS))
 LADDER_PART = 10
 """Of those, how many share one attempt."""
 
-ALWAYS_S, OFTEN_S, AT_TIMES_S, SELDOM_S = 1.1, 3.0, 5.0, 12.0
-"""Sound between two tries of turned bands, of what else is likely, of what is less, and of tens of
-possibilities."""
+ALWAYS_S, OFTEN_S, AT_TIMES_S, SELDOM_S, RARELY_S = 3.0, 5.0, 10.0, 13.0, 90.0
+"""Sound between two tries of turned bands, of what else is likely, of what is less, of tens of
+possibilities, and of speeds that no usual device has."""
 
-ECHO_S = 8.0
-"""The same of an echo: stereo that was widened feeds each channel late into the other."""
+COST_SIGHT, COST_GAIN, COST_CLOCKS, COST_STRETCHED = 2.0, 2.0, 1.0, 19.0
+"""What a try costs, in thousandths of a second of a core of the machine on which it was counted:
+looking at a stretch, correlating at one gain, at all clocks, and pieces."""
 
-COST_EXACT, COST_WIDE, COST_SHORT, COST_STRETCHED, COST_LATE = 9.0, 14.0, 5.0, 19.0, 12.0
-"""What a try costs: thousandths of a second of a core of the machine on which it was counted."""
+COST_LATE, COST_ECHO = 4.0, 2.5
+"""The same of finding by how much a channel is late, and an echo."""
 
 COST_SCAN, COST_STEP = 2.0, 1.3
 """The same of a search blind to phase: of itself and of each step of pilots."""
@@ -86,8 +97,8 @@ class ChannelHypothesis:
         How pilots are sought.
     speed : float
         Samples that come for one of the mark's own.
-    gain : float
-        Doublings by which a gain moved all steps.
+    gains : tuple of float
+        Doublings by which a gain may have moved all steps.
     steps : tuple of float
         Steps that turned pilots may have.
     exact : bool
@@ -102,10 +113,10 @@ class ChannelHypothesis:
     mix: str = MID
     kind: PilotHypothesis = PilotHypothesis.PLAIN
     speed: float = 1.0
-    gain: float = 0.0
+    gains: tuple[float, ...] = (0.0,)
     steps: tuple[float, ...] = ()
     exact: bool = True
-    stretch_s: float = STRETCH_S
+    stretch_s: float = SHORT_STRETCH_S
 
 
 def make_hypotheses(channels: int) -> tuple[ChannelHypothesis, ...]:
@@ -114,29 +125,21 @@ def make_hypotheses(channels: int) -> tuple[ChannelHypothesis, ...]:
     ladder = [PILOT_STEPS[0] * 2 ** (i / GAIN_STEPS) for i in GAIN_LADDER]
     parts = [ladder[i : i + LADDER_PART] for i in range(0, len(ladder), LADDER_PART)]
     found = [
+        _plain("gain", OFTEN_S, gains=WEAK),
         _turned("turned", ALWAYS_S, MID, PILOT_STEPS),
-        *(_gained(gain, OFTEN_S) for gain in HALF),
-        *(
-            ChannelHypothesis(kind, AT_TIMES_S, COST_LATE if kind == LATE else COST_EXACT, kind)
-            for kind in kinds_of(channels)
+        *(_speed(speed, OFTEN_S, STRETCH_S) for speed in BROADCAST_SPEEDS),
+        *(_speed(speed, AT_TIMES_S) for speed in FILM_SPEEDS),
+        *(_plain(kind, AT_TIMES_S, mix=kind) for kind in kinds_of(channels)),
+        *(_near(sign * NEAR_SPEED) for sign in (1, -1, 0)),
+        ChannelHypothesis(
+            "stretched", OFTEN_S, COST_STRETCHED, kind=pieces, exact=False, stretch_s=STRETCH_S
         ),
-        *(_film(speed, AT_TIMES_S) for speed in FILM_SPEEDS),
-        ChannelHypothesis("weak", OFTEN_S, COST_EXACT),
-        ChannelHypothesis("stretched", OFTEN_S, COST_STRETCHED, kind=pieces, exact=False),
-        *(_near(sign) for sign in (1, -1)),
-        *(_gained(gain, AT_TIMES_S) for gain in QUARTERS),
-        *(_film(speed, AT_TIMES_S) for speed in OTHER_SPEEDS),
-        *(_without_echo(gain) for gain in (0.0, *QUARTERS, *HALF) if channels > 1),
+        _plain("other gain", AT_TIMES_S, gains=BETWEEN),
+        *(_speed(speed, AT_TIMES_S) for speed in (*OTHER_SPEEDS, *PERCENTS)),
+        *(_plain("echo", AT_TIMES_S, mix=ECHO, gains=ECHOED) for _ in range(channels > 1)),
         *(_turned(f"turned, gain {n}", SELDOM_S, USUAL, part) for n, part in enumerate(parts)),
-        *(_gained(gain, SELDOM_S) for gain in EIGHTHS),
-        *(
-            ChannelHypothesis(
-                f"speed {1 / speed:.4f}", SELDOM_S, COST_SHORT, speed=speed, exact=False,
-                stretch_s=SHORT_STRETCH_S,
-            )
-            for speed in speeds()
-        ),
-    ]  # fmt: skip
+        *(_plain(f"speed {1 / x:.4f}", RARELY_S, speed=x, exact=False) for x in speeds()),
+    ]
     assert {one.kind for one in found} == {turned, pieces, PilotHypothesis.PLAIN}
     return tuple(found)
 
@@ -145,26 +148,32 @@ def _turned(
     name: str, pause_s: float, mix: str, steps: tuple[float, ...] | list[float]
 ) -> ChannelHypothesis:
     cost = COST_SCAN + COST_STEP * len(steps)
-    kind = PilotHypothesis.TURNED
-    return ChannelHypothesis(name, pause_s, cost, mix, kind, steps=tuple(steps), exact=False)
+    return ChannelHypothesis(
+        name, pause_s, cost, mix, PilotHypothesis.TURNED, steps=tuple(steps), exact=False,
+        stretch_s=STRETCH_S,
+    )  # fmt: skip
 
 
-def _gained(gain: float, pause_s: float) -> ChannelHypothesis:
-    return ChannelHypothesis(f"gain {gain:g}", pause_s, COST_EXACT, gain=gain)
+def _plain(
+    name: str, pause_s: float, *, mix: str = MID, speed: float = 1.0,
+    gains: tuple[float, ...] = (0.0,), exact: bool = True, stretch_s: float = SHORT_STRETCH_S,
+) -> ChannelHypothesis:  # fmt: skip
+    mixing = {LATE: COST_LATE, ECHO: COST_ECHO}.get(mix, 0.0)
+    looking = COST_SIGHT + COST_GAIN * len(gains) + (0.0 if exact else COST_CLOCKS)
+    return ChannelHypothesis(
+        name, pause_s, mixing + looking * stretch_s / SHORT_STRETCH_S, mix, speed=speed,
+        gains=gains, exact=exact, stretch_s=stretch_s,
+    )  # fmt: skip
 
 
-def _film(speed: Fraction, pause_s: float) -> ChannelHypothesis:
-    return ChannelHypothesis(f"speed {speed}", pause_s, COST_EXACT, speed=float(1 / speed))
+def _speed(
+    speed: Fraction, pause_s: float, stretch_s: float = SHORT_STRETCH_S
+) -> ChannelHypothesis:
+    return _plain(f"speed {speed}", pause_s, speed=float(1 / speed), stretch_s=stretch_s)
 
 
-def _without_echo(gain: float) -> ChannelHypothesis:
-    return ChannelHypothesis(f"echo, gain {gain:g}", ECHO_S, COST_LATE, ECHO, gain=gain)
-
-
-def _near(sign: int) -> ChannelHypothesis:
-    speed = 1 + sign * NEAR_SPEED
-    name = f"speed {1 / speed:.4f}"
-    return ChannelHypothesis(name, AT_TIMES_S, COST_WIDE, speed=speed, exact=False)
+def _near(by: float) -> ChannelHypothesis:
+    return _plain(f"speed {1 / (1 + by):.4f}", AT_TIMES_S, speed=1 + by, exact=False)
 
 
 def speeds() -> list[float]:

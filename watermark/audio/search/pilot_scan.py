@@ -33,8 +33,9 @@ CENTRE = (DECIMATION - 1) / 2
 ROWS_AT_ONCE = 240
 """Transforms that slide on from one that is made anew: rounding errors do not grow beyond them."""
 
-PARTS = 120
-"""Parts of a soft value of 1 in a search: it fits 8 bits, sums of 128 and a penalty of 8 fit 16."""
+PARTS = 7
+"""Parts of a soft value of 1 in a search: the sum of a segment's 16 pilots fits 8 bits. Rounding
+adds a three hundredth to the noise."""
 
 LOW_REACH = 6
 """Half the length of the impulse response by which a search's sound is read, samples at its rate:

@@ -8,20 +8,37 @@ Cost: that of the hypotheses tried, `SPEND` of every second of sound.
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from watermark.audio.search.evidence import Evidence
-from watermark.audio.search.hypotheses import STRETCH_S, ChannelHypothesis, make_hypotheses
+from watermark.audio.search.hypotheses import (
+    RARELY_S,
+    STRETCH_S,
+    ChannelHypothesis,
+    make_hypotheses,
+)
 
-SPEND = 75.0
-"""Costs of tries that a second of sound pays for, see `hypotheses.COST_EXACT`."""
+SPEND = 12.0
+"""Costs of tries that a second of sound pays for, see `hypotheses.COST_SIGHT`."""
 
-SAVED_S = 2.2
+SAVED_S = 4.0
 """Sound whose allowance may be saved: what was not spent before is not spent at once later."""
 
-FIRST = 250.0
-"""Allowance at the start: most of a first round."""
+FIRST = 300.0
+"""Allowance at the start: two rounds of what is likely."""
+
+NOTHING = 0.3
+"""What it costs to find that there is nothing to search."""
 
 REPEATED = 3.0
-"""Factor by which what was read on this set is tried more often."""
+"""Factor by which what was read on this set is tried more often, and what seems near."""
+
+YOUNG_S = 8.0
+"""Sound in which all but what is rare is tried more often by that factor."""
+
+PROMISING = 6.0
+"""Significance of a hypothesis that is tried more often for it: one stretch of a thousand without a
+mark gives as much."""
 
 
 @dataclass(slots=True)
@@ -32,10 +49,14 @@ class _Entry:
     tried_s: float
     evidence: Evidence = field(default_factory=Evidence)
     read: bool = False
+    promising: bool = False
 
     def waited(self, now_s: float) -> float:
         """Pauses since the last try."""
-        pause_s = self.hypothesis.pause_s / (REPEATED if self.read else 1.0)
+        young = now_s < YOUNG_S and self.hypothesis.pause_s < RARELY_S
+        pause_s = self.hypothesis.pause_s
+        for reason in (self.read, self.promising or young):
+            pause_s /= REPEATED if reason else 1.0
         return (now_s - self.tried_s) / pause_s
 
 
@@ -52,11 +73,19 @@ class HypothesisScheduler:
     channels: int
     _entries: list[_Entry] = field(init=False)
     _allowance: float = field(default=FIRST, init=False)
+    _cheapest: float = field(init=False)
 
     def __post_init__(self) -> None:
-        # One pause has run out for each at the start: they are tried in their order.
+        # One pause has run out for each at the start: they are tried in their order. What is tried
+        # rarely comes later, one after another.
         listed = make_hypotheses(self.channels)
-        self._entries = [_Entry(one, STRETCH_S - one.pause_s) for one in listed]
+        rare = sum(one.pause_s == RARELY_S for one in listed)
+        self._cheapest = min(one.cost for one in listed)
+        late = np.cumsum([one.pause_s / rare if one.pause_s == RARELY_S else 0 for one in listed])
+        self._entries = [
+            _Entry(one, STRETCH_S - one.pause_s + (wait if one.pause_s == RARELY_S else 0.0))
+            for one, wait in zip(listed, late, strict=True)
+        ]
 
     def earn(self, sound_s: float) -> None:
         """Add the allowance of so much sound."""
@@ -65,12 +94,18 @@ class HypothesisScheduler:
 
     def next(self, now_s: float) -> ChannelHypothesis | None:
         """Return what to try at a time of the sound; None where nothing is due or paid for."""
+        if self._allowance < self._cheapest:
+            return None
         best = max(self._entries, key=lambda entry: (entry.waited(now_s), entry.read))
         if best.waited(now_s) < 1.0 or self._allowance < best.hypothesis.cost:
             return None
         self._allowance -= best.hypothesis.cost
         best.tried_s = now_s
         return best.hypothesis
+
+    def give_back(self, hypothesis: ChannelHypothesis) -> None:
+        """Note that a hypothesis needed no search: its mix is silent, or one tried before."""
+        self._allowance += hypothesis.cost - NOTHING
 
     def waiting(self, now_s: float) -> int:
         """Return how many hypotheses are due and were not tried yet."""
@@ -79,6 +114,10 @@ class HypothesisScheduler:
     def evidence(self, hypothesis: ChannelHypothesis) -> Evidence:
         """Return what stretches said so far, if a hypothesis is true."""
         return self._find(hypothesis).evidence
+
+    def note(self, hypothesis: ChannelHypothesis, significance: float) -> None:
+        """Note how likely the likeliest place of the last try is."""
+        self._find(hypothesis).promising = significance >= PROMISING
 
     def remember(self, hypothesis: ChannelHypothesis) -> None:
         """Note that a mark was read under a hypothesis."""

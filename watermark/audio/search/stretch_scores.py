@@ -1,7 +1,7 @@
 """What some seconds of sound say of all places where a superframe may begin, at any step and clock.
 
 In: a stretch at the search's rate; out: soft values of pilots at all places, and the scores of the
-superframes that lie whole in it. Cost: some 9 units of `hypotheses.COST_EXACT` for 2.2 s.
+superframes that lie whole in it. Cost: `hypotheses.COST_SIGHT` and `COST_GAIN` for 1.45 s.
 Specification: spec/audio-carrier.md, W35.
 """
 
@@ -22,7 +22,10 @@ from watermark.audio.search.acquire import (
 )
 from watermark.audio.search.pilot_scan import PARTS, make_sight
 from watermark.audio.signal.layout import make_pilots
-from watermark.audio.signal.profile import PILOT_SLOTS, PILOT_STEPS
+from watermark.audio.signal.profile import PILOT_SLOTS, PILOT_STEPS, SLOT_FRAMES
+
+Sight = tuple[NDArray[np.complex64], NDArray[np.float32]]
+"""Projections of pilot slots and which of them are alive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,15 +57,15 @@ class StretchScores:
         return self.correlator.candidate((pair, score, best, 0), self.first)
 
 
-def pilot_places(key: int, sound: NDArray[np.float64], *, gain: float = 0.0) -> NDArray[np.int8]:
+def pilot_places(key: int, seen: Sight, *, gain: float = 0.0) -> NDArray[np.int8]:
     """Soft values of pilots at all places of a stretch, in `PARTS`.
 
     Parameters
     ----------
     key : int
         Seed of the layout.
-    sound : ndarray of float64, shape (n,)
-        Samples at 12 kHz.
+    seen : tuple of ndarray
+        Projections of the stretch, see `see_stretch`.
     gain : float
         Doublings by which a gain moved all steps.
 
@@ -73,8 +76,7 @@ def pilot_places(key: int, sound: NDArray[np.float64], *, gain: float = 0.0) -> 
     """
     from watermark.audio.search import _search_kernels
 
-    sight = make_sight(key)
-    projections, alive, _ = sight.look(sound.astype(np.float32), sight.silence)
+    projections, alive = seen
     rows = alive.shape[1] * TURNS.size
     soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, rows), dtype=np.int8)
     dither = make_pilots(key).cells.dither.astype(np.float32)
@@ -83,8 +85,14 @@ def pilot_places(key: int, sound: NDArray[np.float64], *, gain: float = 0.0) -> 
     return soft
 
 
+def see_stretch(key: int, sound: NDArray[np.float64]) -> Sight:
+    """Projections of the slots at 12 kHz, complex64, and which are alive, (PILOT_SLOTS, rows)."""
+    sight = make_sight(key)
+    return sight.look(sound.astype(np.float32), sight.silence)[:2]
+
+
 def search_stretch(
-    key: int, sound: NDArray[np.float64], *, gain: float = 0.0, exact: bool = False
+    key: int, seen: Sight, *, gain: float = 0.0, exact: bool = False
 ) -> StretchScores:
     """Score the superframes that lie whole in a stretch.
 
@@ -92,23 +100,21 @@ def search_stretch(
     ----------
     key : int
         Seed of the layout.
-    sound : ndarray of float64, shape (n,)
-        Samples at 12 kHz. Where it is longer than two superframes, scores are summed as usual.
+    seen : tuple of ndarray
+        Projections, see `see_stretch`. Where the stretch is longer than two superframes, scores are
+        summed as usual.
     gain : float
         Doublings by which a gain moved all steps.
     exact : bool
         Whether only clocks that are nearly right are tried.
     """
-    correlator, soft = make_correlator(key, exact=exact), pilot_places(key, sound, gain=gain)
+    correlator, soft = make_correlator(key, exact=exact), pilot_places(key, seen, gain=gain)
     rows, first = soft.shape[2], correlator.kept + correlator.first
     past, pairs = correlator.oldest, len(correlator.pairs)
     peaks = np.zeros((pairs, past + rows), dtype=np.int16)
-    ceilings = np.zeros(pairs, dtype=np.float32) if rows - correlator.kept > PERIOD else None
-    best, highest = None, np.empty(pairs, dtype=np.float32)
+    best, alone = None, rows - correlator.kept <= PERIOD + PLACES * SLOT_FRAMES // 2
     for row in range(correlator.kept, rows - PLACES + 1, PLACES):
-        found = correlator.find(soft, row, peaks, past, ceilings, highest)
-        if ceilings is not None:
-            ceilings = np.maximum(ceilings, highest)
+        found = correlator.find(soft, row, peaks, past, alone=alone)
         past += PLACES
         if found is not None:
             candidate = correlator.candidate(found, row + correlator.first)

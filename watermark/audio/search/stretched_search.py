@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from watermark.audio.search.acquire import FIRST_PLACE, PLACE, ROW_HOP
 from watermark.audio.search.pilot_scan import PARTS
-from watermark.audio.search.stretch_scores import pilot_places
+from watermark.audio.search.stretch_scores import pilot_places, see_stretch
 from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.profile import (
     FRAMES_PER_SUPERFRAME,
@@ -61,7 +61,7 @@ def find_stretched(
     """Best candidate of a least score that lies whole in some 2 s, samples at 12 kHz, if any."""
     from watermark.audio.search._stretched_kernels import BLOCK, follow_pilots
 
-    soft, pilots = pilot_places(key, sound), make_pilots(key)
+    soft, pilots = pilot_places(key, see_stretch(key, sound)), make_pilots(key)
     slots = np.ascontiguousarray(pilots.slots.T)
     segments = FRAMES_PER_SUPERFRAME // SEGMENT
     room = soft.shape[2] - ROW_HOP * (SEGMENT - 1)
