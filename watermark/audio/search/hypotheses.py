@@ -56,7 +56,7 @@ GAIN_LADDER = range(-GAIN_STEPS, GAIN_STEPS * len(PILOT_STEPS))
 LADDER_PART = 10
 """Of those, how many share one attempt."""
 
-ALWAYS_S, OFTEN_S, AT_TIMES_S, SELDOM_S, RARELY_S = 3.0, 5.0, 10.0, 13.0, 90.0
+ALWAYS_S, OFTEN_S, AT_TIMES_S, SELDOM_S, RARELY_S = 3.0, 6.0, 10.0, 20.0, 240.0
 """Sound between two tries of turned bands, of what else is likely, of what is less, of tens of
 possibilities, and of speeds that no usual device has."""
 
@@ -127,12 +127,12 @@ def make_hypotheses(channels: int) -> tuple[ChannelHypothesis, ...]:
     found = [
         _plain("gain", OFTEN_S, gains=WEAK),
         _turned("turned", ALWAYS_S, MID, PILOT_STEPS),
-        *(_speed(speed, OFTEN_S, STRETCH_S) for speed in BROADCAST_SPEEDS),
-        *(_speed(speed, AT_TIMES_S) for speed in FILM_SPEEDS),
+        *(_speed(speed, AT_TIMES_S, STRETCH_S) for speed in BROADCAST_SPEEDS),
+        *(_speed(speed, OFTEN_S) for speed in FILM_SPEEDS),
         *(_plain(kind, AT_TIMES_S, mix=kind) for kind in kinds_of(channels)),
         *(_near(sign * NEAR_SPEED) for sign in (1, -1, 0)),
         ChannelHypothesis(
-            "stretched", OFTEN_S, COST_STRETCHED, kind=pieces, exact=False, stretch_s=STRETCH_S
+            "stretched", AT_TIMES_S, COST_STRETCHED, kind=pieces, exact=False, stretch_s=STRETCH_S
         ),
         _plain("other gain", AT_TIMES_S, gains=BETWEEN),
         *(_speed(speed, AT_TIMES_S) for speed in (*OTHER_SPEEDS, *PERCENTS)),
