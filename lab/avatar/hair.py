@@ -42,8 +42,8 @@ _EAR = ((70.0, 95.0), (676.0, 758.0), (14.0, 84.0))
 """Limits in mm of x, y and z that hold an ear."""
 
 
-def hair(points: FloatArray, triangles: IntArray, look: Look) -> Part:
-    """Return the hair of a look, carried by the skull."""
+def hair(points: FloatArray, triangles: IntArray, carriers: IntArray, look: Look) -> Part:
+    """Return the hair of a look, carried by the mean of three vertices of the skull."""
     skull = _skull(points, triangles)
     line = _HAIRLINE_DEG.copy()
     line[:, 1] += (
@@ -90,12 +90,16 @@ def hair(points: FloatArray, triangles: IntArray, look: Look) -> Part:
     flat = places.reshape(-1, 3)
     quads = quads[(flat[quads][..., 2] > _BEHIND_MM).any(axis=1)]
     used, inverse = np.unique(quads, return_inverse=True)
-    carriers = np.array([np.linalg.norm(points - at, axis=1).argmin() for at in _CARRIERS])
     return Part(
         np.tile(carriers, (len(used), 1)), np.full((len(used), 3), 1 / 3),
         flat[used] - points[carriers].mean(axis=0),
         triangulate(inverse.reshape(quads.shape)), np.clip(colours[used], 0, 255).astype(np.uint8),
     )  # fmt: skip
+
+
+def hair_carriers(points: FloatArray) -> IntArray:
+    """Return the three vertices of the skull that carry the hair."""
+    return np.array([np.linalg.norm(points - at, axis=1).argmin() for at in _CARRIERS])
 
 
 def covered(points: FloatArray) -> FloatArray:

@@ -4,11 +4,9 @@ import numpy as np
 
 from codec.cuer.layout import FINGERS, HAND_MARKERS
 from lab.avatar.head import hollowness, vertex_normals
+from lab.avatar.looks import Look
 from lab.avatar.paint import blend
 from lab.avatar.parts import (
-    CLOTH,
-    HEM,
-    SKIN,
     FloatArray,
     IntArray,
     Part,
@@ -18,9 +16,6 @@ from lab.avatar.parts import (
     triangulate,
 )
 
-NAIL = (236, 186, 172)
-"""Red, green, blue."""
-
 _SLEEVE_MM, _HEM_MM = 54.0, 5.0
 """Distance in mm from the wrist to the sleeve's edge, and its hem's width."""
 
@@ -29,7 +24,9 @@ _FADE_MM = (185.0, 222.0)
 edge."""
 
 
-def hand_part(quads: IntArray, points: FloatArray, markers: FloatArray, wrist: FloatArray) -> Part:
+def hand_part(
+    quads: IntArray, points: FloatArray, markers: FloatArray, wrist: FloatArray, look: Look
+) -> Part:
     """Return hand and forearm.
 
     Parameters
@@ -42,14 +39,15 @@ def hand_part(quads: IntArray, points: FloatArray, markers: FloatArray, wrist: F
         The hand markers on the mesh.
     wrist : ndarray, shape (2, 3)
         Wrist and elbow joint at rest.
+    look : Look
     """
-    colours = plain(SKIN, 60, len(points))
+    colours = plain(look.skin, 60, len(points))
     for finger in FINGERS:
         joint, nail = (markers[HAND_MARKERS.index(finger[k])] for k in (2, 3))
         middle = nail + 0.15 * (nail - joint)
         distance = np.linalg.norm(points - middle, axis=1)
         share = np.clip((7.0 - distance) / 2.5, 0, 1)
-        blend(colours, NAIL, 0.8 * share)
+        blend(colours, look.nail, 0.8 * share)
         colours[:, 3] += 90 * share
     triangles = triangulate(quads)
     hollow = hollowness(points, triangles)
@@ -62,8 +60,8 @@ def hand_part(quads: IntArray, points: FloatArray, markers: FloatArray, wrist: F
     parts = []
     for level, lift_mm, colour in (
         (lambda p: _SLEEVE_MM + 8 - up(p), 0.0, None),
-        (lambda p: up(p) - _SLEEVE_MM, 2.6, HEM),
-        (lambda p: up(p) - _SLEEVE_MM - _HEM_MM, 3.2, CLOTH),
+        (lambda p: up(p) - _SLEEVE_MM, 2.6, look.hem),
+        (lambda p: up(p) - _SLEEVE_MM - _HEM_MM, 3.2, look.cloth),
     ):  # fmt: skip
         sources, shares, small = cut(triangles, points, level, division=2)
         at = (points[sources] * shares[..., None]).sum(axis=1)

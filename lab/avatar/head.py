@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from lab.avatar.collar import collar, lashes
-from lab.avatar.hair import hair
 from lab.avatar.looks import Look
 from lab.avatar.mouth import lip_rings, teeth, tongue
 from lab.avatar.paint import skin_colours
@@ -72,7 +71,7 @@ def read_groups(path: Path) -> dict[str, IntArray]:
 def head_part(
     mesh: Mesh, groups: dict[str, IntArray], face: FloatArray, arm: FloatArray, look: Look
 ) -> Part:
-    """Return head, neck and bust with everything on them.
+    """Return head, neck and bust with everything on them but the hair.
 
     Parameters
     ----------
@@ -105,7 +104,6 @@ def head_part(
         tongue(points, groups["helper-tongue"]),
     ]
     parts.append(collar(points, triangles, lambda p: p[:, 1] - _neckline(p) + 4.5, look))
-    parts.append(hair(points, triangles, look))
     return join(parts)
 
 

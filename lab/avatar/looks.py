@@ -57,19 +57,13 @@ LOOKS = {
         brows=(24, 18, 16), iris=(54, 36, 24), cloth=(70, 82, 78), hem=(54, 64, 60),
         nail=(176, 130, 112), stubble=0.42, brow_width=1.5, lift_mm=(9.0, 4.0), recess_deg=3.0,
         pole_deg=38.0,
-        targets=(
-            ("macrodetails/african-male-young", 1.0),
-            ("macrodetails/universal-male-young-averagemuscle-averageweight", 1.0),
-        ),
+        targets=(("macrodetails/african-male-young", 1.0),),
     ),
     "elder": Look(
         skin=(224, 182, 158), blush=(206, 140, 126), lips=(176, 106, 102), hair=(150, 146, 142),
         brows=(132, 120, 112), iris=(92, 108, 120), cloth=(96, 44, 60), hem=(74, 34, 46),
         grey=0.5, brow_width=0.8, lift_mm=(14.0, 9.0), recess_deg=1.0,
-        targets=(
-            ("macrodetails/caucasian-female-old", 0.8),
-            ("macrodetails/universal-female-old-averagemuscle-averageweight", 0.7),
-        ),
+        targets=(("macrodetails/caucasian-female-old", 1.0),),
     ),
 }  # fmt: skip
 """By name; the first is that of the mesh as it is."""

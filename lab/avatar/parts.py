@@ -18,10 +18,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 # Colours are red, green, blue, chosen by eye under the page's light.
-SKIN = (226, 176, 150)
 MOUTH = (58, 18, 20)
-CLOTH = (40, 62, 92)
-HEM = (30, 47, 72)
 SCLERA = (232, 228, 222)
 LIMBUS = (52, 52, 48)
 IRIS = (98, 92, 62)

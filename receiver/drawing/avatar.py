@@ -115,6 +115,8 @@ class Avatar:
         The face markers of a neutral face, head at rest.
     units : ndarray, shape (U, 63, 3)
         How each unit moves them at weight 1.
+    looks : tuple of str
+        The appearances that there are.
     """
 
     voice: Voice
@@ -128,6 +130,7 @@ class Avatar:
     unit_names: tuple[str, ...]
     unit_rest: FloatArray
     units: FloatArray
+    looks: tuple[str, ...]
 
     @property
     def triangles(self) -> NDArray[np.int64]:
@@ -220,19 +223,30 @@ def has_avatar(voice: Voice) -> bool:
     return (ASSETS / f"avatar_{voice.name}.npz").is_file()
 
 
-def load_avatar(voice: Voice) -> Avatar:
+def load_avatar(voice: Voice, look: str | None = None) -> Avatar:
     """Return the avatar of a voice's cuer, fitted to the voice.
+
+    Parameters
+    ----------
+    voice : Voice
+    look : str, optional
+        One of the appearances in `Avatar.looks`; the first by default. Markers are the same.
 
     Raises
     ------
     CueError
-        If there is none, or the asset is damaged.
+        If there is none, or not in this look, or the asset is damaged.
     """
     path = ASSETS / f"avatar_{voice.name}.npz"
     if not has_avatar(voice):
         raise CueError(f"voice {voice.name} has no avatar")
     arrays = read_arrays(path, max_bytes=_MAX_BYTES)
     try:
+        looks = tuple(map(str, arrays["look_names"]))
+        if look is not None and look not in looks:
+            raise CueError(f"unknown look {look!r}: {', '.join(looks)} are known")
+        if look not in (None, looks[0]):
+            arrays = _dressed(arrays, str(look))
         head = _surface(arrays, "head", voice.face.mean)
         still = np.zeros((1, voice.hand.n_shape))
         hand = _surface(arrays, "hand", voice.hand.shape(still)[0])
@@ -243,10 +257,32 @@ def load_avatar(voice: Voice) -> Avatar:
             _mouth(arrays, turn, shift), _shapes(arrays, turn),
             arrays["eye_ranges"].astype(np.int64), arrays["eye_middles"] @ turn + shift,
             tuple(map(str, arrays["unit_names"])), arrays["unit_rest"] @ turn + shift,
-            arrays["units"] @ turn,
+            arrays["units"] @ turn, looks,
         )  # fmt: skip
     except (KeyError, ValueError, IndexError) as error:
         raise CueError(f"{path}: damaged avatar: {error!r}") from error
+
+
+def _dressed(arrays: Mapping[str, NDArray[Any]], look: str) -> dict[str, NDArray[Any]]:
+    """Return the arrays of the asset with the rest, the hair and the colours of a look."""
+    own = {key.removeprefix(f"look_{look}_"): value for key, value in arrays.items()}
+    vertices, triangles = arrays["look_common"].astype(np.int64)
+    count = len(own["offsets"])
+    last = slice(vertices, vertices + 1)
+    changed = {
+        "head_rest": arrays["head_rest"] + own["rest"] / OFFSET_UNIT,
+        "head_colours": own["colours"],
+        "hand_colours": own["hand"],
+        "head_triangles": np.concatenate(
+            [arrays["head_triangles"][:triangles], own["triangles"] + vertices]
+        ),
+    }
+    for name in ("sources", "shares"):
+        whole = arrays[f"head_{name}"]
+        hair = np.repeat(whole[last], count, axis=0)
+        changed[f"head_{name}"] = np.concatenate([whole[:vertices], hair])
+    changed["head_offsets"] = np.concatenate([arrays["head_offsets"][:vertices], own["offsets"]])
+    return {**arrays, **changed}
 
 
 def _mouth(arrays: Mapping[str, NDArray[Any]], turn: FloatArray, shift: FloatArray) -> Mouth:
