@@ -31,7 +31,7 @@ def render_motion(
     motion: Motion, voice: Voice, path: str | os.PathLike[str],
     *, style: str = "points", size: tuple[int, int] | None = None, fps: int = 25,
     background: str | os.PathLike[str] | NDArray[np.uint8] | None = None,
-    mirror: bool = False, at_s: float | None = None,
+    mirror: bool = False, look: str | None = None, at_s: float | None = None,
     programme: str | os.PathLike[str] | None = None,
     subtitles: str | os.PathLike[str] | None = None, track: str | None = None,
     progress: Progress | None = None,
@@ -55,6 +55,8 @@ def render_motion(
         Picture behind the cuer; black otherwise.
     mirror : bool
         Left-handed cuer.
+    look : str, optional
+        Appearance of the avatar, one of `Avatar.looks`.
     at_s : float, optional
         Time of a picture, seconds on the programme's clock; the middle of the motion otherwise.
     programme : path, optional
@@ -91,10 +93,10 @@ def render_motion(
         times = np.array([start_s + duration_s / 2 if at_s is None else at_s])
     elif size[0] % 2 or size[1] % 2:
         raise CueError(f"film of {size[0]}x{size[1]}: both sides have to be even")
-    frames = _counted(
-        draw(motion, voice, times, style=style, size=size, background=picture, mirror=mirror),
-        len(times), progress,
-    )  # fmt: skip
+    shown_at = draw(
+        motion, voice, times, style=style, size=size, background=picture, mirror=mirror, look=look
+    )
+    frames = _counted(shown_at, len(times), progress)
     if suffix == ".png":
         with whole_file(target) as temporary:
             for shown in frames:

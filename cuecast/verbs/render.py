@@ -13,6 +13,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("motion", metavar="M.npz")
     parser.add_argument("-o", "--output", required=True, metavar="OUT.mp4", help="MP4 or PNG")
     parser.add_argument("--style", default="points", choices=("points", "avatar"))
+    parser.add_argument("--look", metavar="NAME", help="the avatar's appearance: woman, man, elder")
     parser.add_argument("--rate", type=natural, default=25, metavar="FPS", help="of a film")
     parser.add_argument("--at", type=not_negative, metavar="S", help="second that a PNG shows")
     parser.add_argument("--background", metavar="PICTURE", help="picture behind the cuer")
@@ -47,6 +48,6 @@ def run(args: argparse.Namespace) -> int:
             motion, voice, args.output, style=args.style, fps=args.rate, at_s=args.at,
             background=args.background, size=args.size, mirror=args.mirror,
             programme=args.programme, subtitles=args.subtitles, track=args.subtitle_track,
-            progress=progress,
+            look=args.look, progress=progress,
         )  # fmt: skip
     return 0

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from lab.avatar.collar import collar, lashes
+from lab.avatar.hair import covered
 from lab.avatar.looks import Look
 from lab.avatar.mouth import lip_rings, teeth, tongue
 from lab.avatar.paint import skin_colours
@@ -23,6 +24,7 @@ from lab.avatar.parts import (
     plain,
     tessellate,
     triangulate,
+    without,
 )
 from synth.motion.body.mesh import Mesh
 
@@ -34,6 +36,16 @@ _BUST_BOTTOM_MM = 330.0
 
 _BUST_HALF_MM = 290.0
 """Half width in mm at which the shoulders are cut: beside the picture."""
+
+_AWAY = -0.45
+"""Part of a triangle's normal towards the viewer below which head and trunk never turn it to
+him: 27 degrees."""
+
+_TRUNK_HALF_MM = 140.0
+"""Half width in mm of the trunk without the arms."""
+
+_DEEP_DEG = 12.0
+"""Degrees behind the hairline at which hair covers the skin in every look."""
 
 _BROW_LINE = np.array([
     (12, 742.2), (18, 743.4), (24, 744.8), (30, 745.8), (36, 746), (42, 744.6), (47, 742),
@@ -104,7 +116,20 @@ def head_part(
         tongue(points, groups["helper-tongue"]),
     ]
     parts.append(collar(points, triangles, lambda p: p[:, 1] - _neckline(p) + 4.5, look))
-    return join(parts)
+    whole = join(parts)
+    return without(whole, _hidden(whole.place(points), whole.triangles))
+
+
+def _hidden(at: FloatArray, triangles: IntArray) -> NDArray[np.bool_]:
+    """Return which triangles no pose shows: backs of head and trunk, skin deep under the hair."""
+    a, b, c = (at[triangles[:, k]] for k in range(3))
+    across = np.cross(b - a, c - a)
+    facing = across[:, 2] / np.maximum(np.linalg.norm(across, axis=1), 1e-9)
+    middle = (a + b + c) / 3
+    aside = np.abs(middle[:, 0])
+    back = (facing < _AWAY) & (middle[:, 2] < 60) & (aside < _TRUNK_HALF_MM)
+    ear = (aside > 70) & (middle[:, 1] < 758) & (middle[:, 2] > 14) & (middle[:, 2] < 84)
+    return np.asarray(back | ((covered(middle) > _DEEP_DEG) & (middle[:, 1] > 690) & ~ear))
 
 
 def _skin(mesh: Mesh, face: FloatArray, triangles: IntArray, rings: IntArray, look: Look) -> Part:

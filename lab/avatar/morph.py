@@ -23,7 +23,7 @@ _MM_PER_UNIT = 100.0
 _LIPS_MM = (8.0, 24.0)
 """Distances in mm from the lips between which the mesh begins to change."""
 
-_EYE_MM = (19.0, 34.0)
+_EYE_MM = (15.0, 21.0)
 """Distances in mm from the middle of an eye between which it does."""
 
 _NECK_MM = (550.0, 615.0)

@@ -83,6 +83,16 @@ def join(parts: list[Part]) -> Part:
     )
 
 
+def without(part: Part, hidden: NDArray[np.bool_]) -> Part:
+    """Return a part without some of its triangles (F,) and the vertices that only they have."""
+    left = part.triangles[~hidden]
+    used, inverse = np.unique(left, return_inverse=True)
+    return Part(
+        part.sources[used], part.shares[used], part.offsets[used], inverse.reshape(left.shape),
+        part.colours[used],
+    )  # fmt: skip
+
+
 def plain(colour: tuple[int, int, int], gloss: int, count: int) -> FloatArray:
     """Return one opaque colour for `count` vertices, shape (count, 5)."""
     return np.tile(np.array([*colour, gloss, 255], dtype=np.float64), (count, 1))

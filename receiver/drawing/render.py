@@ -49,7 +49,7 @@ def read_picture(path: str | os.PathLike[str]) -> NDArray[np.uint8]:
 def draw(
     motion: Motion, voice: Voice, times_s: NDArray[np.float64],
     *, style: str = "points", size: tuple[int, int] = DEFAULT_SIZE,
-    background: NDArray[np.uint8] | None = None, mirror: bool = False,
+    background: NDArray[np.uint8] | None = None, mirror: bool = False, look: str | None = None,
 ) -> Iterator[NDArray[np.uint8]]:  # fmt: skip
     """Yield a picture of the cuer for each time.
 
@@ -68,6 +68,8 @@ def draw(
         Red, green, blue of what she stands before; black by default.
     mirror : bool
         Whether to swap left and right.
+    look : str, optional
+        Appearance of the avatar, one of `Avatar.looks`.
 
     Yields
     ------
@@ -76,7 +78,7 @@ def draw(
     Raises
     ------
     CueError
-        If style, size or background do not fit.
+        If style, size, background or look do not fit.
     VoiceError
         If the motion belongs to another voice.
     """
@@ -89,7 +91,7 @@ def draw(
     if background is not None and background.shape != (height, width, 3):
         raise CueError(f"background has shape {background.shape}, not {(height, width, 3)}")
     camera = neutral_camera(voice)
-    avatar = load_avatar(voice) if style == "avatar" else None
+    avatar = load_avatar(voice, look) if style == "avatar" else None
     portrait = None if avatar is None else Portrait(avatar, camera, mirror=mirror)
     ground = np.zeros((height, width, 3), np.uint8) if background is None else background
     for time_s in times_s:

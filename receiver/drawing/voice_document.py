@@ -19,7 +19,14 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS
 from codec.cues.score import SHAPES
 from codec.superframe.resynthesis.targets import Targets
-from receiver.drawing.avatar import OFFSET_UNIT, SHARE_UNIT, Avatar, Surface
+from receiver.drawing.avatar import (
+    OFFSET_UNIT,
+    SHARE_UNIT,
+    Avatar,
+    Surface,
+    has_avatar,
+    load_avatar,
+)
 from receiver.drawing.camera import ASPECT, Camera, frame_cuer
 from receiver.drawing.mouth import Mouth
 from receiver.drawing.portrait import (
@@ -61,8 +68,9 @@ def voice_document(voice: Voice) -> dict[str, Any]:
     dict
         ``identity``, ``layout``, ``markers``, ``face_markers``, ``aspect``, ``camera``,
         ``movement`` (constants of the hand's clock, and where it is for each key, mm),
-        ``pointing`` (marker of each shape), ``gestures`` (targets, as parameters), and the arrays
-        of ``face`` and ``hand`` under the names of `codec.cuer.models`.
+        ``looks`` (appearances of the avatar), ``pointing`` (marker of each shape), ``gestures``
+        (targets, as parameters), and the arrays of ``face`` and ``hand`` under the names of
+        `codec.cuer.models`.
     """
     camera = neutral_camera(voice)
     return {
@@ -77,6 +85,7 @@ def voice_document(voice: Voice) -> dict[str, Any]:
             "distance_mm": camera.distance_mm,
         },
         "movement": _movement(voice),
+        "looks": list(load_avatar(voice).looks) if has_avatar(voice) else [],
         "pointing": [longest_finger_tip(shape) for shape in SHAPES],
         "gestures": {
             "shapes": _encode(voice.gestures.shape_targets),
@@ -93,6 +102,15 @@ def _movement(voice: Voice) -> dict[str, Any]:
     return asdict(targets.movement) | {
         "rest_gap_s": DEFAULT_OPTIONS.rest_gap_s, "places": targets.places.round(1).tolist(),
     }  # fmt: skip
+
+
+def avatar_documents(voice: Voice) -> dict[str, bytes]:
+    """Return the avatar's documents by file name: ``avatar.bin``, and ``avatar-LOOK.bin``."""
+    first = load_avatar(voice)
+    found = {"avatar.bin": avatar_document(first)}
+    for look in first.looks[1:]:
+        found[f"avatar-{look}.bin"] = avatar_document(load_avatar(voice, look))
+    return found
 
 
 def avatar_document(avatar: Avatar) -> bytes:

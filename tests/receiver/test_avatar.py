@@ -153,6 +153,26 @@ def test_lips_neither_cut_each_other_nor_the_teeth() -> None:
     assert before[1] > 0
 
 
+def test_looks_are_drawn_around_the_same_markers() -> None:
+    """Another age, sex and skin: lips are the same, skin lies where the markers are."""
+    away = np.linalg.norm(AVATAR.head.rest[:, None] - AVATAR.head.markers[None], axis=2)
+    nearest = np.argsort(away, axis=0)[:3]
+    seen = set()
+    for look in AVATAR.looks:
+        other = load_avatar(VOICE, look)
+        moved = other.head.rest - AVATAR.head.rest
+        assert np.abs(moved[AVATAR.mouth.rings]).max() < 0.01
+        at_markers = np.linalg.norm(moved[nearest].mean(axis=0), axis=1)
+        assert at_markers.mean() < 0.5  # 0.37 mm measured
+        assert at_markers.max() < 2.0
+        assert np.array_equal(other.head.markers, AVATAR.head.markers)
+        assert np.array_equal(other.head.coefficients, AVATAR.head.coefficients)
+        seen.add(tuple(other.head.colours[:, :3].mean(axis=0).round()))
+    assert len(seen) == 3
+    with pytest.raises(CueError, match="woman, man, elder are known"):
+        load_avatar(VOICE, "ghost")
+
+
 def test_page_and_avatar_stay_below_a_megabyte() -> None:
     page = sum(file.stat().st_size for file in PAGE.iterdir())
     assert page + len(gzip.compress(avatar_document(AVATAR))) < 1_000_000
