@@ -78,7 +78,10 @@ export class Surface {
     this.movingTriangles = Uint16Array.from(near);
   }
 
-  /** Bend the surface to `markers` (before their rigid motion) , by blend shapes `{name: weight}` and the eyes' `gaze`, radians to the viewer's right and up. */
+  /**
+   * Bend the surface to `markers` (before their rigid motion), by blend shapes `{name: weight}` and
+   * the eyes' `gaze`, radians to the viewer's right and up.
+   */
   bend(markers, weights = {}, gaze = [0, 0]) {
     const { weight, rank, coefficients, basis, rest, control, movingControl } = this;
     weight.fill(0);
@@ -112,7 +115,8 @@ export class Surface {
   }
 
   /** Turn the eyeballs; a ball keeps its normals. */
-  turnEyes([yaw, pitch]) {
+  turnEyes(gaze) {
+    const [yaw, pitch] = gaze;
     const { position, eyes } = this;
     this.hasTurned = yaw !== 0 || pitch !== 0;
     this.refine(eyes.vertices);

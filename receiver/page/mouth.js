@@ -11,7 +11,13 @@ const RAMP_MM = 2;
 
 export class Mouth {
   constructor(arrays) {
-    for (const name of ["rings", "upper", "lower", "beside", "between", "lining", "arch"]) this[name] = arrays[`mouth_${name}`];
+    this.rings = arrays.mouth_rings;
+    this.upper = arrays.mouth_upper;
+    this.lower = arrays.mouth_lower;
+    this.beside = arrays.mouth_beside;
+    this.between = arrays.mouth_between;
+    this.lining = arrays.mouth_lining;
+    this.arch = arrays.mouth_arch;
     this.columns = this.rings.length / FOLLOW.length;
     this.jaw = arrays.mouth_jaw[0];
     this.jawRest = arrays.mouth_jaw_rest;

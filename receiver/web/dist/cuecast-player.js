@@ -12,7 +12,13 @@ const RAMP_MM = 2;
 
 class Mouth {
   constructor(arrays) {
-    for (const name of ["rings", "upper", "lower", "beside", "between", "lining", "arch"]) this[name] = arrays[`mouth_${name}`];
+    this.rings = arrays.mouth_rings;
+    this.upper = arrays.mouth_upper;
+    this.lower = arrays.mouth_lower;
+    this.beside = arrays.mouth_beside;
+    this.between = arrays.mouth_between;
+    this.lining = arrays.mouth_lining;
+    this.arch = arrays.mouth_arch;
     this.columns = this.rings.length / FOLLOW.length;
     this.jaw = arrays.mouth_jaw[0];
     this.jawRest = arrays.mouth_jaw_rest;
@@ -473,7 +479,10 @@ class Surface {
     this.movingTriangles = Uint16Array.from(near);
   }
 
-  /** Bend the surface to `markers` (before their rigid motion) , by blend shapes `{name: weight}` and the eyes' `gaze`, radians to the viewer's right and up. */
+  /**
+   * Bend the surface to `markers` (before their rigid motion), by blend shapes `{name: weight}` and
+   * the eyes' `gaze`, radians to the viewer's right and up.
+   */
   bend(markers, weights = {}, gaze = [0, 0]) {
     const { weight, rank, coefficients, basis, rest, control, movingControl } = this;
     weight.fill(0);
@@ -507,7 +516,8 @@ class Surface {
   }
 
   /** Turn the eyeballs; a ball keeps its normals. */
-  turnEyes([yaw, pitch]) {
+  turnEyes(gaze) {
+    const [yaw, pitch] = gaze;
     const { position, eyes } = this;
     this.hasTurned = yaw !== 0 || pitch !== 0;
     this.refine(eyes.vertices);
