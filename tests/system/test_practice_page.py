@@ -4,15 +4,20 @@ import asyncio
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+import soundfile
 
+from codec.cuer.motion import save_motion
 from codec.cuer.voice import load_voice
-from cuecast.practice import pairs
+from cuecast.practice import comprehension, naturalness, pairs
 from cuecast.practice.pages import LearnerPages, TrialPages
 from cuecast.practice.papers import write_papers
 from cuecast.practice.results import figures
 from cuecast.practice.session import read_answers
 from cuecast.practice.trial import Trial
+from synth.motion.rules.performance import motion_of
+from synth.planning.scoring.text_score import score_of_text
 from tests.chromium import Page, browse
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -109,3 +114,60 @@ async def _learn() -> None:
         assert min(await page.evaluate(drawn)) > 100_000
         assert page.errors == []
         assert all(request.startswith((url, "data:")) for request in page.requests)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["naturalness", "comprehension"])
+def test_ratings_and_passages_are_gone_through(kind: str, tmp_path: Path) -> None:
+    made = tmp_path / "made"
+    for name in ("items", "answers"):
+        (made / name).mkdir(parents=True)
+    if kind == "naturalness":
+        _record(tmp_path)
+        trial = naturalness.prepare(made, tmp_path, "claire")
+    else:
+        for name in "abc":
+            passage = {
+                "title": name, "sentences": ["Oui.", "Non."],
+                "questions": [{"text": "Quoi ?", "choices": ["oui", "non"], "right": 0}],
+            }  # fmt: skip
+            (tmp_path / f"{name}.json").write_text(json.dumps(passage))
+        trial = comprehension.prepare(made, "claire", passages=tmp_path, display="points")
+    write_papers(trial)
+    captions = asyncio.run(_go_through(trial))
+    rows = read_answers(made / "answers" / "P01.csv")
+    assert len(rows) == 6
+    if kind == "naturalness":
+        assert {row["source"] for row in rows} == {"natural", "synthetic", "other"}
+        assert [row["mean"][0] for row in figures(trial)["conditions"]] == [2.0] * 3
+    else:
+        assert captions >= {"Oui.", "Non."}
+        assert sum(row["answer"] != "" for row in rows) == 3
+
+
+def _record(folder: Path) -> None:
+    for name, text in (("a", "Bonjour"), ("b", "Bonsoir")):
+        motion = motion_of(score_of_text(text, start_s=0.5), load_voice())
+        save_motion(motion, folder / f"{name}.npz")
+        tone = 0.1 * np.sin(np.arange(round(motion.duration_s * 16000)) / 20)
+        soundfile.write(folder / f"{name}.wav", tone, 16000)
+
+
+async def _go_through(trial: Trial) -> set[str]:
+    """Answer "2" to everything; return the captions seen."""
+    seen = set()
+    async with TrialPages(trial).running() as url, browse(url) as page:
+        await page.until("document.getElementById('begin')?.disabled === false")
+        await page.evaluate("document.getElementById('agree').click()")
+        await page.evaluate("document.getElementById('start').requestSubmit()")
+        over = "!document.getElementById('thanks').hidden"
+        status = "document.getElementById('status').textContent"
+        while not await page.evaluate(over):
+            assert await page.evaluate(status) == ""
+            seen.add(await page.evaluate("document.getElementById('captions').textContent"))
+            if await page.evaluate("!!document.querySelector('#box button:not(:disabled)')"):
+                await page.screenshot(ARTEFACTS / f"{trial.kind}.png")
+                await page.press("2", 50)
+            await asyncio.sleep(0.1)
+        assert page.errors == []
+    return seen
