@@ -21,11 +21,11 @@ from synth.motion.rules.performance import motion_of
 PROMPT = "Les mouvements vont-ils avec la voix, comme ceux d’une vraie personne ?"
 
 SCALE = (
-    "1 · pas du tout",
-    "2 · plutôt non",
-    "3 · entre les deux",
-    "4 · plutôt oui",
-    "5 · tout à fait",
+    "pas du tout",
+    "plutôt non",
+    "entre les deux",
+    "plutôt oui",
+    "tout à fait",
 )
 
 SOURCES = ("natural", "synthetic", "other")

@@ -44,7 +44,7 @@ def trial(tmp_path: Path) -> Trial:
     for name in ("items", "answers"):
         (tmp_path / name).mkdir()
     plan = pairs.PairsPlan(displays=("points",), channels=("clear",), trials=2)
-    made = pairs.prepare(tmp_path, "claire", plan, pairs=[("pain", "main"), ("fou", "vous")])
+    made = pairs.prepare(tmp_path, "claire", plan, pairs=[("pain", "main")])
     write_papers(made)
     return made
 

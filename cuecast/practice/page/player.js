@@ -139,7 +139,7 @@ export function ask(box, prompt, choices) {
   title.textContent = prompt;
   title.tabIndex = -1;
   const row = document.createElement("div");
-  row.className = "answers";
+  row.className = choices.length > 3 ? "answers many" : "answers";
   row.setAttribute("role", "group");
   row.setAttribute("aria-label", prompt);
   box.append(title, row);
