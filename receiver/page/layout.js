@@ -12,6 +12,8 @@ const OVER = { small: 0.36, medium: 0.5, large: 0.72 };
 const MARGIN = 0.025;
 /** Share of the width that the programme keeps where the cuer has the screen. */
 const THUMBNAIL = 0.25;
+/** Least and usual most size of the keys' letters: below it the names of placements do not fit. */
+const LETTERS = [19, 34];
 /** Width and height of a key in sizes of its letters, with its gap. */
 const KEY_EM = [3.7, 2.6];
 const CAPTION_LINES = 2.9;
@@ -44,8 +46,8 @@ function freeOf(area, cuer) {
 /** Letters of the keys and how many keys stand on each side of the present one, in `width`. */
 function keyLine(screen, width) {
   const vmin = Math.min(screen.width, screen.height);
-  const size = clamp(12, 0.031 * vmin, 34);
-  const around = width >= 5 * KEY_EM[0] * 14 ? 2 : 1;
+  const size = clamp(LETTERS[0], 0.031 * vmin, LETTERS[1]);
+  const around = width >= 5 * KEY_EM[0] * LETTERS[0] ? 2 : 1;
   return { around, size: clamp(11, width / ((2 * around + 1) * KEY_EM[0]), size) };
 }
 

@@ -26,6 +26,8 @@ class Page {
     this.live = live;
     this.quiet = false;
     this.whose = null;
+    /** Whether the programme has no cuer, and all of the screen. */
+    this.absent = false;
     this.heard = { fromS: 0, untilS: 0 };
     const find = (id) => document.getElementById(id);
     this.video = /** @type {HTMLVideoElement} */ (find("programme"));
@@ -81,7 +83,9 @@ class Page {
   apply() {
     const words = label(document.documentElement, this.settings.get("language"));
     const { values } = this.settings;
-    this.stage.arrange({ ...values, captions: this.captions.present ? values.captions : 0 }, this.model.aspect);
+    const captions = this.captions.present ? values.captions : 0;
+    const absent = this.absent ? { layout: "over", size: "small" } : {};
+    this.stage.arrange({ ...values, captions, ...absent }, this.model.aspect);
     this.cuer.choose(values.style);
     this.showPanel(words);
     this.controls.show();
@@ -159,6 +163,10 @@ class Page {
     this.drawn = { timeS, nowMs: now, visibility };
     const words = this.words();
     const state = this.state(timeS, visibility);
+    if ((state === "absent") !== this.absent) {
+      this.absent = !this.absent;
+      this.apply();
+    }
     const more = state === "absent" ? `${words.searched} ${Math.round(this.searchedS(timeS))} s` : "";
     this.stage.showStatus(state, words, this.whose, more);
     this.stage.showCuer(visibility > 0);

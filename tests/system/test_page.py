@@ -346,10 +346,11 @@ def test_without_a_cuer_there_is_no_box(programme: Path) -> None:
         said = "document.getElementById('{}').textContent"
         await page.evaluate("cuecast.settings.set('language', 'fr')")
         await page.until(f"{said.format('status-text')} == 'Pas de codeuse dans ce programme'")
-        assert await page.evaluate(said.format("status-more")) == "recherchée sur 24 s"
+        await page.until(f"{said.format('status-more')} == 'recherchée sur 24 s'")
         for style in ("points", "avatar"):
             await page.evaluate(f"cuecast.settings.set('style', '{style}')")
             assert await page.evaluate(BOX) == "hidden"
+        await page.until("cuecast.video.getBoundingClientRect().width == innerWidth")
         await page.screenshot(ARTEFACTS / "uncued.png")
 
     watch(programme, visit, _Uncued(), ready="window.cuecast && cuecast.video.readyState >= 3")

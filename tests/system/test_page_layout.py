@@ -115,6 +115,11 @@ VIOLATIONS = f"""axe.run(document, {RULES}).then((found) => JSON.stringify(found
     (v) => [v.id, v.nodes.map((n) => [n.html, n.failureSummary])])))"""
 """Rules of WCAG 2.2 AA and axe's own, such as names that contain what is seen."""
 
+CUT_OFF = """JSON.stringify([...document.querySelectorAll('.keys li, .keys small, .bar button')]
+    .filter((one) => one.scrollWidth > one.clientWidth + 1 && one.clientWidth
+        || one.getBoundingClientRect().right > innerWidth + 1).map((one) => one.outerHTML))"""
+"""Keys and buttons whose words do not fit."""
+
 AT_REST = "document.getAnimations().every((one) => !(one instanceof CSSTransition))"
 
 RECTANGLES = """JSON.stringify(Object.fromEntries(
@@ -151,6 +156,7 @@ def test_every_screen_is_in_order(browse: Browse, programme: Path) -> None:
                     assert overlap(where[name], where["inset"]) < 30, (name, width, where)
                 for name, one in where.items():
                     assert is_inside(one, width, height) or not one["shown"], (name, width, one)
+                assert json.loads(await page.evaluate(CUT_OFF)) == [], width
                 await page.screenshot(ARTEFACTS / f"screen-{width}x{height}-{is_open}.png")
                 if width in (1280, 390):
                     assert json.loads(await page.evaluate(VIOLATIONS)) == []
