@@ -22,13 +22,12 @@ _SAMPLE_Y = np.array([-0.375, -0.125, 0.125, 0.375])
 """Samples of a pixel, from its middle: the pattern of graphics processors."""
 
 _TIE = 2.0**-17
-"""Half of the smallest difference of an edge function of corners on a grid of 1/256 pixel."""
+"""Half of the smallest step of an edge function of corners on a grid of 1/256 pixel."""
 
 _NEAR_EDGE = 1e-10
 """Pixels by which a rounded crossing may be beside its edge: less than `_TIE` can make of it."""
 
 _ZERO, _ONE, _HALF = np.float32(0), np.float32(1), np.float32(0.5)
-
 _GAMMA_STEPS = np.float32(1024)
 _GAMMA = ((np.arange(1026) / 1024) ** (2 / 2.2)).astype(np.float32)
 """Shown brightness, over the square root of linear light times `_GAMMA_STEPS`."""
@@ -42,11 +41,12 @@ def add_normals(points: FloatArray, triangles: IntArray, values: FloatArray) -> 
     """Write the unit normals of a surface into the first three columns of `values`, (V, 3 ...)."""
     values[:, :3] = _ZERO
     for f in range(len(triangles)):
-        i, j, k = triangles[f]
-        ux, uy, uz = points[j] - points[i]
-        vx, vy, vz = points[k] - points[i]
+        i, j, k = triangles[f, 0], triangles[f, 1], triangles[f, 2]
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        ux, uy, uz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
+        vx, vy, vz = points[k, 0] - x, points[k, 1] - y, points[k, 2] - z
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        for corner in triangles[f]:
+        for corner in (i, j, k):
             values[corner, 0] += nx
             values[corner, 1] += ny
             values[corner, 2] += nz
@@ -71,14 +71,16 @@ def _bounds(
     """First and last row and column (F, 4) of each triangle; none of one seen from behind."""
     found = np.empty((len(triangles), 4), np.int32)
     for f in range(len(triangles)):
-        a, b, c = points[triangles[f, 0]], points[triangles[f, 1]], points[triangles[f, 2]]
-        area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
+        i, j, k = triangles[f, 0], triangles[f, 1], triangles[f, 2]
+        ax, bx, cx = points[i, 0], points[j, 0], points[k, 0]
+        ay, by, cy = points[i, 1], points[j, 1], points[k, 1]
+        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
         found[f, 0], found[f, 1], found[f, 2], found[f, 3] = _BAND, -1, 0, -1
         if area < 0:
-            found[f, 0] = max(0, int(np.ceil(min(a[1], b[1], c[1]) - 0.5 - spread)))
-            found[f, 1] = min(height - 1, int(np.floor(max(a[1], b[1], c[1]) - 0.5 + spread)))
-            found[f, 2] = max(0, int(np.ceil(min(a[0], b[0], c[0]) - 0.5 - spread)))
-            found[f, 3] = min(width - 1, int(np.floor(max(a[0], b[0], c[0]) - 0.5 + spread)))
+            found[f, 0] = max(0, int(np.ceil(min(ay, by, cy) - 0.5 - spread)))
+            found[f, 1] = min(height - 1, int(np.floor(max(ay, by, cy) - 0.5 + spread)))
+            found[f, 2] = max(0, int(np.ceil(min(ax, bx, cx) - 0.5 - spread)))
+            found[f, 3] = min(width - 1, int(np.floor(max(ax, bx, cx) - 0.5 + spread)))
     return found
 
 
@@ -130,8 +132,9 @@ def _see(
             left, right = _clip(left, right, a2, r2, b2 * y + c2, shift)
             if left > right:
                 continue
-            near = np.float32(az + (left + shift - ax) * across + (y - ay) * down)
-            for column in range(int(left), int(right) + 1):
+            first = int(left) + (int(left) < left)
+            near = np.float32(az + (first + shift - ax) * across + (y - ay) * down)
+            for column in range(first, int(right) + 1):
                 if near > depth[line, s, column]:
                     depth[line, s, column] = near
                     seen[line, s, column] = f
@@ -142,11 +145,11 @@ def _see(
 def _clip(
     left: float, right: float, a: float, r: float, rest: float, shift: float
 ) -> tuple[float, float]:
-    """Keep the columns where ``a (column + shift) + rest`` is not negative; ``r = -1 / a``."""
+    """Keep columns where ``a (column + shift) + rest`` is not negative; ``r = -1 / a``."""
     if a > 0:
-        return max(left, np.ceil(rest * r - shift - _NEAR_EDGE)), right
+        return max(left, rest * r - shift - _NEAR_EDGE), right
     if a < 0:
-        return left, min(right, np.floor(rest * r - shift + _NEAR_EDGE))
+        return left, min(right, rest * r - shift + _NEAR_EDGE)
     return (left, right) if rest >= 0 else (1.0, 0.0)
 
 
@@ -333,12 +336,11 @@ def _mix(
                 pixels[x, 0], pixels[x, 1], pixels[x, 2] = lit[3, i], lit[4, i], lit[5, i]
                 pixels[x, 3] = _ONE
                 continue
-            count = np.float32(0)
             for s in range(4):
-                count += np.float32(members[i] >> s & 1) * np.float32(0.25)
-            for k in range(3):
-                pixels[x, k] += count * lit[3 + k, i]
-            pixels[x, 3] += count
+                share = np.float32(members[i] >> s & 1) * np.float32(0.25)
+                for k in range(3):
+                    pixels[x, k] += share * lit[3 + k, i]
+                pixels[x, 3] += share
             continue
         alpha = lit[7, i]
         for s in range(4):
@@ -475,10 +477,12 @@ def cast(points: FloatArray, triangles: IntArray, opacity: FloatArray, cover: Fl
 @njit(cache=True)
 def blur_shadow(cover: FloatArray, weights: FloatArray) -> FloatArray:
     """Return opacity, and opacity times depth, of `cast` blurred by weights (2 R + 1,)."""
-    size, width, reach = len(cover), cover.shape[1], len(weights) // 2
+    (size, width), reach = cover.shape[:2], len(weights) // 2
     across, whole = np.zeros_like(cover), np.zeros_like(cover)
     line = np.empty(2 * width, np.float32)
     for row in range(size):
+        if not cover[row, :, 0].any():
+            continue
         for column in range(width):
             line[2 * column] = cover[row, column, 0]
             line[2 * column + 1] = cover[row, column, 0] * cover[row, column, 1]
@@ -486,10 +490,10 @@ def blur_shadow(cover: FloatArray, weights: FloatArray) -> FloatArray:
         for k in range(len(weights)):
             for i in range(2 * reach, 2 * (width - reach)):
                 found[i] += weights[k] * line[i + 2 * (k - reach)]
-    for row in range(reach, size - reach):
-        found = whole[row].reshape(2 * width)
         for k in range(len(weights)):
-            line[:] = across[row + k - reach].reshape(2 * width)
-            for i in range(2 * width):
-                found[i] += weights[k] * line[i]
+            to = row - k + reach
+            if reach <= to < size - reach:
+                target = whole[to].reshape(2 * width)
+                for i in range(2 * width):
+                    target[i] += weights[k] * found[i]
     return whole
