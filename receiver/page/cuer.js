@@ -4,7 +4,7 @@
  * The television's page and `<cuecast-player>` show her by this class; each adds its own controls.
  */
 
-import { AvatarView } from "./avatar.js";
+import { AvatarView, parseAvatar } from "./avatar.js";
 import { HandReader } from "./hand.js";
 import { PointLights } from "./points.js";
 import { Timeline } from "./timeline.js";
@@ -21,11 +21,34 @@ export class Cuer {
     this.reader = new HandReader(model);
     this.points = new PointLights(canvases.points, model);
     this.avatar = arrays && buildAvatar(canvases.avatar, model, arrays);
+    this.look = model.looks[0];
+    this.dressed = Promise.resolve();
     this.params = new Float64Array(model.layout.length);
     this.markers = new Float64Array(3 * model.markers.length);
     this.visibility = 0;
     this.scene = "";
     this.choose("avatar");
+  }
+
+  /** Give the avatar one of the voice's looks, fetched from `base`; one that is unknown is the first. */
+  dress(look, base) {
+    const [first] = this.model.looks;
+    const wanted = this.model.looks.includes(look) ? look : first;
+    if (this.avatar && wanted !== this.look) this.dressed = this.change(wanted, base);
+    return this.dressed;
+  }
+
+  async change(wanted, base) {
+    const [first] = this.model.looks;
+    this.look = wanted;
+    const answer = await fetch(new URL(wanted === first ? "avatar.bin" : `avatar-${wanted}.bin`, base));
+    if (!answer.ok) throw new Error(`look ${wanted}: ${answer.status}`);
+    const arrays = parseAvatar(await answer.arrayBuffer());
+    if (this.look !== wanted) return;
+    const before = this.avatar;
+    this.avatar = buildAvatar(this.canvases.avatar, this.model, arrays) || before;
+    if (this.view === before) this.view = this.avatar;
+    this.forget();
   }
 
   /** Draw her as `style` from now on: `avatar`, if there is one, or `points`. */

@@ -39,6 +39,7 @@ class Page {
     this.drawn = { timeS: NaN, nowMs: NaN, visibility: 0 };
     this.settings = new Settings(() => this.apply());
     if (!this.cuer.avatar) this.settings.withhold("style");
+    if (!this.cuer.avatar || model.looks.length < 2) this.settings.withhold("appearance");
     if (captions) this.addCaptions(captions);
     this.captions = new Captions(this.video, find("captions"));
     this.controls = new Controls(document, this);
@@ -87,6 +88,7 @@ class Page {
     const absent = this.absent ? { layout: "over", size: "small" } : {};
     this.stage.arrange({ ...values, captions, ...absent }, this.model.aspect);
     this.cuer.choose(values.style);
+    this.cuer.dress(values.appearance, location.href).catch((error) => console.warn(`cuecast: ${error.message}`));
     this.showPanel(words);
     this.controls.show();
   }

@@ -53,6 +53,7 @@ export class VoiceModel {
     this.identity = document.identity;
     this.layout = document.layout;
     this.markers = document.markers;
+    this.looks = document.looks || [];
     this.camera = document.camera;
     this.aspect = document.aspect;
     this.movement = document.movement;

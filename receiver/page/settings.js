@@ -2,6 +2,7 @@
 
 export const CHOICES = {
   style: ["avatar", "points"],
+  appearance: ["woman", "man", "elder"],
   layout: ["beside", "over"],
   place: ["bottom-right", "bottom-left", "top-right", "top-left", "free"],
   size: ["small", "medium", "large", "whole"],
@@ -16,13 +17,13 @@ const RANGES = {
 };
 const SWITCHES = ["mirror", "handOnly", "keys"];
 const DEFAULTS = {
-  style: "avatar", layout: "beside", place: "bottom-right", size: "large", contrast: "panel",
+  style: "avatar", appearance: "woman", layout: "beside", place: "bottom-right", size: "large", contrast: "panel",
   language: (navigator.language || "fr").startsWith("fr") ? "fr" : "en",
   opacity: 100, dot: 100, delay: 0, captions: 4, ground: "shade", left: 100, top: 100, width: 30,
   mirror: false, handOnly: false, keys: true,
 };
 const ORDER = [
-  "layout", "size", "place", "left", "top", "width", "style", "mirror", "handOnly", "delay", "contrast", "opacity", "dot",
+  "layout", "size", "place", "left", "top", "width", "style", "appearance", "mirror", "handOnly", "delay", "contrast", "opacity", "dot",
   "keys", "captions", "ground", "language",
 ];
 const UNITS = { opacity: "%", dot: "%", delay: "ms", captions: "%", left: "%", top: "%", width: "%" };

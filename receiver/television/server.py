@@ -23,8 +23,8 @@ from aiohttp import WSMsgType, web
 
 from codec.cuer.voice import Voice
 from codec.errors import CueError
-from receiver.drawing.avatar import has_avatar, load_avatar
-from receiver.drawing.voice_document import avatar_document, voice_document
+from receiver.drawing.avatar import has_avatar
+from receiver.drawing.voice_document import avatar_documents, voice_document
 from receiver.reception.reception import Progress
 from receiver.television.metrics import Metrics
 from receiver.television.packed import PackedFile
@@ -121,9 +121,8 @@ class TelevisionChannel(ABC):
         if captions is not None:
             self._fixed["/captions.vtt"] = PackedFile(captions.data, _kind_of("captions.vtt"))
         if has_avatar(voice):
-            self._fixed["/avatar.bin"] = PackedFile(
-                avatar_document(load_avatar(voice)), "application/octet-stream"
-            )
+            for name, document in avatar_documents(voice).items():
+                self._fixed[f"/{name}"] = PackedFile(document, "application/octet-stream")
         self._host, self._port = host, port
         self._names = frozenset({host.lower(), "localhost", *_own_names()})
         self._silent: dict[web.RequestHandler, asyncio.TimerHandle] = {}
@@ -188,7 +187,7 @@ class TelevisionChannel(ABC):
             web.get("/", self._fixed_file),
             web.get("/page/{name}", self._fixed_file),
             web.get("/voice.json", self._fixed_file),
-            web.get("/avatar.bin", self._fixed_file),
+            web.get("/avatar{look:(-[a-z]+)?}.bin", self._fixed_file),
             web.get("/captions.vtt", self._fixed_file),
             web.get("/feed", self._feed),
             web.get("/status.json", self._status),

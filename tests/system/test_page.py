@@ -433,3 +433,24 @@ def test_avatar_on_the_page_is_the_portrait_of_python(
         assert 0.01 < (hand[..., 3] > 128).mean() < 0.5 * cuer.mean()
 
     watch(programme, visit, MotionTuner(make_motion(claire, 20.0)), voice=claire)
+
+
+def test_another_look_on_the_page_is_that_of_python(programme: Path) -> None:
+    claire = load_voice()
+    avatar = load_avatar(claire, "man")
+    params = np.zeros(len(claire.layout))
+
+    async def visit(page: Page) -> None:
+        woman = decode_png(await page.evaluate(PIXELS % (params.tolist(), "false", "false")))
+        await page.evaluate("cuecast.settings.set('appearance', 'man')")
+        await page.evaluate("cuecast.cuer.dressed")
+        script = PIXELS % (params.tolist(), "false", "false")
+        shown = decode_png(await page.evaluate(script)).astype(float)
+        picture = np.zeros((*shown.shape[:2], 3), np.uint8)
+        portrait = Portrait(avatar, neutral_camera(claire))
+        portrait.draw(picture, avatar.place(params[None], np.array([5.0]))[0])
+        cuer = (shown[..., 3] > 0) | (picture.max(axis=2) > 0)
+        assert np.abs(shown[..., :3] * shown[..., 3:] / 255 - picture)[cuer].mean() < 3.0
+        assert np.abs(woman[..., :3] - shown[..., :3])[cuer].mean() > 15
+
+    watch(programme, visit, MotionTuner(make_motion(claire, 20.0)), voice=claire)

@@ -941,6 +941,7 @@ class VoiceModel {
     this.identity = document.identity;
     this.layout = document.layout;
     this.markers = document.markers;
+    this.looks = document.looks || [];
     this.camera = document.camera;
     this.aspect = document.aspect;
     this.movement = document.movement;
@@ -1292,7 +1293,7 @@ const $cuer = (() => {
  * The television's page and `<cuecast-player>` show her by this class; each adds its own controls.
  */
 
-const { AvatarView } = $avatar;
+const { AvatarView, parseAvatar } = $avatar;
 const { HandReader } = $hand;
 const { PointLights } = $points;
 const { Timeline } = $timeline;
@@ -1309,11 +1310,34 @@ class Cuer {
     this.reader = new HandReader(model);
     this.points = new PointLights(canvases.points, model);
     this.avatar = arrays && buildAvatar(canvases.avatar, model, arrays);
+    this.look = model.looks[0];
+    this.dressed = Promise.resolve();
     this.params = new Float64Array(model.layout.length);
     this.markers = new Float64Array(3 * model.markers.length);
     this.visibility = 0;
     this.scene = "";
     this.choose("avatar");
+  }
+
+  /** Give the avatar one of the voice's looks, fetched from `base`; one that is unknown is the first. */
+  dress(look, base) {
+    const [first] = this.model.looks;
+    const wanted = this.model.looks.includes(look) ? look : first;
+    if (this.avatar && wanted !== this.look) this.dressed = this.change(wanted, base);
+    return this.dressed;
+  }
+
+  async change(wanted, base) {
+    const [first] = this.model.looks;
+    this.look = wanted;
+    const answer = await fetch(new URL(wanted === first ? "avatar.bin" : `avatar-${wanted}.bin`, base));
+    if (!answer.ok) throw new Error(`look ${wanted}: ${answer.status}`);
+    const arrays = parseAvatar(await answer.arrayBuffer());
+    if (this.look !== wanted) return;
+    const before = this.avatar;
+    this.avatar = buildAvatar(this.canvases.avatar, this.model, arrays) || before;
+    if (this.view === before) this.view = this.avatar;
+    this.forget();
   }
 
   /** Draw her as `style` from now on: `avatar`, if there is one, or `points`. */
@@ -1717,6 +1741,7 @@ const TEXTS = {
     play: "Lecture", pause: "Pause", stepBack: "Image précédente", stepForward: "Image suivante",
     seek: "Position dans le programme", speed: "Vitesse", style: "Style de la codeuse", handOnly: "Main seule",
     settings: "Réglages", full: "Plein écran", keyboard: "Clavier et télécommande",
+    appearance: "Apparence", woman: "Femme", man: "Homme", elder: "Femme âgée",
     points: "Points", avatar: "Avatar", place: "Emplacement", size: "Taille", mirror: "Gaucher (miroir)",
     opacity: "Opacité", contrast: "Contraste", keys: "Afficher les clés", language: "Langue", dot: "Taille des points",
     layout: "Disposition", beside: "À côté du programme", over: "Sur le programme", free: "Libre (glisser)",
@@ -1744,6 +1769,7 @@ const TEXTS = {
     play: "Play", pause: "Pause", stepBack: "Previous picture", stepForward: "Next picture",
     seek: "Position in the programme", speed: "Speed", style: "Style of the cuer", handOnly: "Hand only",
     settings: "Settings", full: "Full screen", keyboard: "Keyboard and remote control",
+    appearance: "Appearance", woman: "Woman", man: "Man", elder: "Elderly woman",
     points: "Points", avatar: "Avatar", place: "Place", size: "Size", mirror: "Left-handed (mirror)",
     opacity: "Opacity", contrast: "Contrast", keys: "Show the keys", language: "Language", dot: "Size of the points",
     layout: "Layout", beside: "Beside the programme", over: "Over the programme", free: "Free (drag her)",
@@ -2179,7 +2205,9 @@ const BODY = `<div id="stage" class="stage quiet" part="stage"><slot></slot>
 <ol id="keys" class="keys" part="keys" hidden></ol></div>`;
 
 /** What stands in an attribute, with what holds without it; a flag is there or not. */
-const CHOICES = { look: "avatar", place: "bottom-right", size: "medium", contrast: "panel", opacity: "100" };
+const CHOICES = {
+  look: "avatar", appearance: "woman", place: "bottom-right", size: "medium", contrast: "panel", opacity: "100",
+};
 const FLAGS = { keys: "keys", mirror: "mirror", handOnly: "hand-only" };
 /** Reasons for which the stream file beside the programme is looked for. */
 const DEAF = new Set(["other-origin", "no-worklet", "asleep", "muted", "speed", "silence", "no-mark"]);
@@ -2373,6 +2401,7 @@ class CuecastPlayer extends HTMLElement {
     const { choice } = this;
     this.stage.arrange(choice, this.model.aspect);
     this.cuer.choose(choice.look);
+    this.cuer.dress(choice.appearance, this.base).catch((error) => this.because("no-files", error.message));
     for (const canvas of Object.values(this.cuer.canvases)) canvas.setAttribute("aria-label", this.words().cuer);
   }
 

@@ -23,7 +23,9 @@ const BODY = `<div id="stage" class="stage quiet" part="stage"><slot></slot>
 <ol id="keys" class="keys" part="keys" hidden></ol></div>`;
 
 /** What stands in an attribute, with what holds without it; a flag is there or not. */
-const CHOICES = { look: "avatar", place: "bottom-right", size: "medium", contrast: "panel", opacity: "100" };
+const CHOICES = {
+  look: "avatar", appearance: "woman", place: "bottom-right", size: "medium", contrast: "panel", opacity: "100",
+};
 const FLAGS = { keys: "keys", mirror: "mirror", handOnly: "hand-only" };
 /** Reasons for which the stream file beside the programme is looked for. */
 const DEAF = new Set(["other-origin", "no-worklet", "asleep", "muted", "speed", "silence", "no-mark"]);
@@ -217,6 +219,7 @@ export class CuecastPlayer extends HTMLElement {
     const { choice } = this;
     this.stage.arrange(choice, this.model.aspect);
     this.cuer.choose(choice.look);
+    this.cuer.dress(choice.appearance, this.base).catch((error) => this.because("no-files", error.message));
     for (const canvas of Object.values(this.cuer.canvases)) canvas.setAttribute("aria-label", this.words().cuer);
   }
 

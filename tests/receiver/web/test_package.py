@@ -17,9 +17,10 @@ from tests.chromium import browse
 from tests.receiver.web.server import serving
 
 FILES = (
-    "LICENSE", "README.md", "dist/avatar.bin", "dist/cuecast-player.js", "dist/cuecast.wasm",
-    "dist/decoder.js", "dist/voice.bin", "dist/voice.json", "dist/worker.js", "dist/worklet.js",
-    "package.json", "types/decoder.d.ts", "types/index.d.ts",
+    "LICENSE", "README.md", "dist/avatar-elder.bin", "dist/avatar-man.bin", "dist/avatar.bin",
+    "dist/cuecast-player.js", "dist/cuecast.wasm", "dist/decoder.js", "dist/voice.bin",
+    "dist/voice.json", "dist/worker.js", "dist/worklet.js", "package.json", "types/decoder.d.ts",
+    "types/index.d.ts",
 )  # fmt: skip
 PLAYER = "document.querySelector('cuecast-player')"
 
