@@ -130,9 +130,12 @@ def texture_into(
 
 
 @njit(cache=True)
-def reduce_into(luma: NDArray[Any], factor: int, out: PixelArray) -> None:
-    """Mean of each square of factor x factor pixels; out : (height // factor, width // factor)."""
-    scale = np.float32(1.0 / (factor * factor))
+def reduce_into(luma: NDArray[Any], factor: int, scale: float, out: NDArray[np.uint16]) -> None:
+    """Scaled mean of each square of factor x factor pixels.
+
+    out : (height // factor, width // factor); a mean becomes `scale` times itself, rounded.
+    """
+    weight = np.float32(scale / (factor * factor))
     width = factor * out.shape[1]
     sums = np.empty(width, dtype=np.int32)
     for y in range(out.shape[0]):
@@ -144,4 +147,227 @@ def reduce_into(luma: NDArray[Any], factor: int, out: PixelArray) -> None:
             total = np.int32(0)
             for j in range(factor):
                 total += sums[factor * x + j]
-            out[y, x] = np.float32(total) * scale
+            out[y, x] = int(np.float32(total) * weight + np.float32(0.5))
+
+
+@njit(cache=True)
+def resample_into(
+    picture: PixelArray, left: float, top: float, width: float, height: float, out: PixelArray
+) -> None:
+    """Show a part of a picture, given in its pixels, at another size; linear interpolation."""
+    last_x, last_y = picture.shape[1] - 1, picture.shape[0] - 1
+    for y in range(out.shape[0]):
+        v = min(max(top + (y + 0.5) * height / out.shape[0] - 0.5, 0.0), float(last_y))
+        y0 = min(int(v), last_y - 1)
+        wy = np.float32(v - y0)
+        for x in range(out.shape[1]):
+            u = min(max(left + (x + 0.5) * width / out.shape[1] - 0.5, 0.0), float(last_x))
+            x0 = min(int(u), last_x - 1)
+            wx = np.float32(u - x0)
+            upper = picture[y0, x0] + wx * (picture[y0, x0 + 1] - picture[y0, x0])
+            lower = picture[y0 + 1, x0] + wx * (picture[y0 + 1, x0 + 1] - picture[y0 + 1, x0])
+            out[y, x] = upper + wy * (lower - upper)
+
+
+@njit(cache=True)
+def fine_amplitudes_into(picture: PixelArray, across: PixelArray, down: PixelArray, norm: float,
+                         out: PixelArray, texture: PixelArray) -> None:  # fmt: skip
+    """Amplitudes and texture of cells of 8 x 8 pixels that start at every second pixel.
+
+    across, down : (templates, 8); out : (templates, rows, columns); texture : (rows, columns).
+    """
+    rows, columns = out.shape[1], out.shape[2]
+    width = picture.shape[1]
+    line = np.empty(width, dtype=np.float32)
+    for t in range(out.shape[0]):
+        for i in range(rows):
+            line[:] = 0.0
+            for k in range(8):
+                weight = down[t, k] / np.float32(norm)
+                for x in range(width):
+                    line[x] += weight * picture[2 * i + k, x]
+            for j in range(columns):
+                total = np.float32(0.0)
+                for k in range(8):
+                    total += across[t, k] * line[2 * j + k]
+                out[t, i, j] = total
+    half = np.empty((picture.shape[0] // 2, width // 2), dtype=np.float32)
+    for i in range(half.shape[0]):
+        for j in range(half.shape[1]):
+            upper = picture[2 * i, 2 * j] + picture[2 * i, 2 * j + 1]
+            half[i, j] = (upper + picture[2 * i + 1, 2 * j] + picture[2 * i + 1, 2 * j + 1]) / 4
+    quarter = np.empty((half.shape[0] - 1, half.shape[1] - 1), dtype=np.float32)
+    for i in range(quarter.shape[0]):
+        for j in range(quarter.shape[1]):
+            a, b = half[i, j], half[i, j + 1]
+            c, d = half[i + 1, j], half[i + 1, j + 1]
+            mean = (a + b + c + d) / 4
+            quarter[i, j] = (
+                (a - mean) ** 2 + (b - mean) ** 2 + (c - mean) ** 2 + (d - mean) ** 2
+            ) / 4
+    for i in range(rows):
+        for j in range(columns):
+            first = min(quarter[i, j], quarter[i, j + 2])
+            second = min(quarter[i + 2, j], quarter[i + 2, j + 2])
+            texture[i, j] = np.sqrt(min(first, second))
+
+
+@njit(cache=True)
+def local_waves_into(
+    amplitude: PixelArray, texture: PixelArray, pilots: IntArray, dither: FloatArray,
+    steps: FloatArray, textured: FloatArray, lattice: IntArray, signs: PixelArray,
+    limits: FloatArray, cosine: PixelArray, across: IntArray, down: IntArray, out: PixelArray,
+) -> float:  # fmt: skip
+    """Votes of the pilots for every displacement; the return is the sum of squared weights.
+
+    A value far from 0 comes from a textured cell, where a small error of place moves it: it has
+    little weight.
+
+    amplitude, texture : of `fine_amplitudes_into`; pilots : (count, 3) template, row, column;
+    steps, textured : (lattices,); lattice : (modes,); signs : (modes, count); limits : textures
+    from which a cell may and must have the coarse step; cosine : a turn in 512 steps; across :
+    (2, columns) and down : (2, rows), first displacement in use and end, others are left alone;
+    out : (count, displacements across, down, 8), each a step of two pixels, modes last.
+    """
+    reach_x, reach_y = out.shape[1] // 2, out.shape[2] // 2
+    rows, columns = texture.shape
+    votes = np.zeros(steps.shape[0], dtype=np.float32)
+    squares = 0.0
+    seen = 0
+    for p in range(out.shape[0]):
+        t, r, c = pilots[p, 0], pilots[p, 1], pilots[p, 2]
+        for dx in range(across[0, c], across[1, c]):
+            j = 4 * c + dx - reach_x
+            for dy in range(down[0, r], down[1, r]):
+                i = 4 * r + dy - reach_y
+                if i < 0 or j < 0 or i >= rows or j >= columns:
+                    out[p, dx, dy] = 0.0
+                    continue
+                share = (texture[i, j] - limits[0]) / (limits[1] - limits[0])
+                share = min(max(share, 0.0), 1.0)
+                for n in range(steps.shape[0]):
+                    place = amplitude[t, i, j] / steps[n]
+                    weight = 1 / (1 + place * place)
+                    place -= dither[p]
+                    value = weight * cosine[int((place + 1024.0) * 512) & 511]
+                    if textured[n] > 0 and share > 0:
+                        other = cosine[int((place / 3 + 1024.0) * 512) & 511]
+                        value += share * (other - value)
+                        weight += share * (1 - weight)
+                    votes[n] = value
+                squares += weight * weight
+                seen += 1
+                for m in range(lattice.shape[0]):
+                    out[p, dx, dy, m] = signs[m, p] * votes[lattice[m]]
+    return squares * out.shape[0] / max(1, seen)
+
+
+@njit(cache=True)
+def place_scores_into(
+    waves: PixelArray, pilots: IntArray, across: IntArray, down: IntArray, out: PixelArray
+) -> None:
+    """Sum the pilots' votes for every place and mode: in each row over columns, then over rows.
+
+    waves : of `local_waves_into`; pilots : (count, 3), in ascending order of rows; across :
+    (places across, columns) and down : (places down, rows), displacements as indices of `waves`;
+    out : (places across, places down, 8).
+    """
+    length = waves.shape[2] * 8
+    flat = waves.reshape(waves.shape[0], waves.shape[1], length)
+    sums = np.empty(length, dtype=np.float32)
+    out[:] = 0.0
+    first = 0
+    for r in range(down.shape[1]):
+        last = first
+        while last < pilots.shape[0] and pilots[last, 1] == r:
+            last += 1
+        for x in range(across.shape[0]):
+            sums[:] = 0.0
+            for p in range(first, last):
+                votes = flat[p, across[x, pilots[p, 2]]]
+                for k in range(length):
+                    sums[k] += votes[k]
+            for y in range(down.shape[0]):
+                start = 8 * down[y, r]
+                for m in range(8):
+                    out[x, y, m] += sums[start + m]
+        first = last
+
+
+@njit(cache=True)
+def vote(values: FloatArray, dither: FloatArray, signs: PixelArray, step: float, textured: float,
+         cosine: PixelArray) -> float:  # fmt: skip
+    """Score of pilots in standard deviations of noise; values that are NaN do not count.
+
+    A value has the weight of `local_waves_into`; the rest of it is that of the coarse step.
+    """
+    total = 0.0
+    squares = 1e-9
+    for p in range(values.shape[0]):
+        if np.isnan(values[p]):
+            continue
+        place = values[p] / step
+        weight = 1 / (1 + place * place)
+        place -= dither[p]
+        value = weight * cosine[int((place + 1024.0) * 512) & 511]
+        if textured > 0:
+            value += (1 - weight) * cosine[int((place / 3 + 1024.0) * 512) & 511]
+            weight = 1.0
+        total += signs[p] * value
+        squares += weight * weight
+    return abs(total) / np.sqrt(squares / 2)
+
+
+@njit(cache=True)
+def pilot_values_into(
+    picture: PixelArray, left: float, top: float, width: float, height: float, pilots: IntArray,
+    rows: int, columns: int, sine: PixelArray, out: FloatArray,
+) -> None:  # fmt: skip
+    """Amplitudes of the pilots at a place in pixels; NaN for cells not whole in the picture.
+
+    pilots : (count, 3) template, row, column; sine : a turn in 512 steps.
+    """
+    factors = np.empty((2, 64))
+    cell = (width / columns, height / rows)
+    origin = (left, top)
+    for p in range(pilots.shape[0]):
+        norm = 1.0
+        start = (0, 0)
+        count = (0, 0)
+        for axis in range(2):
+            edge = origin[axis] + cell[axis] * pilots[p, 2 - axis]
+            first = int(np.ceil(edge - 0.5))
+            last = int(np.ceil(edge + cell[axis] - 0.5))
+            if first < 0 or last > picture.shape[1 - axis] or last - first > 64:
+                norm = -1.0
+                break
+            dipole = axis == pilots[p, 0]
+            mean = 0.0
+            for k in range(first, last):
+                turn = (k + 0.5 - edge) / cell[axis]
+                if dipole:
+                    factors[axis, k - first] = sine[int(turn * 512) & 511]
+                    mean += factors[axis, k - first]
+                else:
+                    factors[axis, k - first] = sine[int(turn * 256) & 511] ** 2
+            mean /= max(1, last - first)
+            square = 0.0
+            for k in range(last - first):
+                if dipole:
+                    factors[axis, k] -= mean
+                square += factors[axis, k] ** 2
+            norm *= square
+            if axis == 0:
+                start, count = (first, 0), (last - first, 0)
+            else:
+                start, count = (start[0], first), (count[0], last - first)
+        if norm <= 0:
+            out[p] = np.nan
+            continue
+        total = 0.0
+        for i in range(count[1]):
+            part = 0.0
+            for k in range(count[0]):
+                part += factors[0, k] * picture[start[1] + i, start[0] + k]
+            total += factors[1, i] * part
+        out[p] = total / norm

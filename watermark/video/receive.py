@@ -1,11 +1,13 @@
 """Find superframes in a picture: frames in, superframes out.
 
-A picture that was scaled keeps its cells. But it may have been cropped, or put between bars: such
-places are watched too, in a smaller picture, until one locks. Specification:
-spec/video-carrier.md, section 6.
+A picture that was scaled keeps its cells. But it may have been cropped, or put between bars: its
+place is searched in means over a window of a smaller picture, and followed in the picture itself.
+Specification: spec/video-carrier.md, section 6.
 """
 
-from dataclasses import replace
+import math
+from collections import deque
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
@@ -17,39 +19,42 @@ from watermark.link.superframe import ReceivedSuperframe
 from watermark.video import _kernels
 from watermark.video.grid import WHOLE, Grid, Region
 from watermark.video.profile import MIN_HEIGHT, MIN_WIDTH, VideoProfile
+from watermark.video.search import SCALE, PlaceSearch
 from watermark.video.timing import Timing
 from watermark.video.track import VideoTracker
 
 Luma = NDArray[Any]
 
+ENOUGH_FPS = 25
+"""Frames per second that are looked at; of more, only every second, third or fourth frame is."""
+
 DOUBT_FRAMES = 3
 """How long a place that locked waits for one whose pilots agree better."""
 
+TRIALS = 3
+"""Places that are tried at the same time."""
+
+TRIAL_SPANS = 1.5
+"""Superframes after which a place that gave none is dropped."""
+
+KEPT_SPANS = 1.5
+"""Superframes of frames that are kept, to be shown to a tracker of a place found later."""
+
+NEAR = 0.001
+"""Places whose sides differ by no more than this part of the picture are the same."""
+
 SMALL_HEIGHT = 360
-"""Least height to which a picture is reduced for watching other places than the whole."""
+"""Least height to which a picture is reduced for the search."""
 
 
-def _cropped(part: float) -> Region:
-    """Region of a picture that lost `part` of its size on each side and was enlarged again."""
-    rest = 1 - 2 * part
-    return Region(-part / rest, -part / rest, 1 / rest, 1 / rest)
+@dataclass(slots=True)
+class _Trial:
+    """A place under trial: its tracker, when it began, and the superframes that it gave."""
 
-
-PLACES = (
-    _cropped(0.01),
-    _cropped(0.02),
-    _cropped(0.005),
-    _cropped(0.015),
-    Region(0, 0.125, 1, 0.75),  # between bars above and below: 16:9 in 4:3
-    Region(0.125, 0, 0.75, 1),  # 4:3 between bars in 16:9
-    Region(-1 / 6, 0, 4 / 3, 1),  # the middle of 16:9 in 4:3
-    _cropped(0.025),
-    _cropped(0.03),
-    _cropped(0.035),
-    _cropped(0.04),
-    _cropped(0.05),
-)
-"""Where a marked picture is looked for if not in the whole."""
+    tracker: VideoTracker
+    start: int
+    end: int
+    found: list[ReceivedSuperframe] = field(default_factory=list)
 
 
 class VideoReceiver:
@@ -92,33 +97,41 @@ class VideoReceiver:
         strength: float = 1.0,
     ) -> None:
         self._size = width, height, depth
+        self._fps = Fraction(fps)
+        Timing(self._fps)
+        self._every = max(1, int(self._fps / ENOUGH_FPS))
+        self._timing = Timing(self._fps / self._every)
         self._factor = max(1, min(height // SMALL_HEIGHT, width // MIN_WIDTH, height // MIN_HEIGHT))
-        self._small = np.zeros((height // self._factor, width // self._factor), dtype=np.float32)
-        self._timing = Timing(Fraction(fps))
+        self._shape = height // self._factor, width // self._factor
+        # What a whole number of squares does not cover is cut off at the right and the bottom.
+        rows, columns = self._shape
+        self._kept = columns * self._factor / width, rows * self._factor / height
         self._options: dict[str, Any] = {"key": key, "strength": strength}
-        self._frames = 0
+        self._frames = self._looked = 0
         self._errors = self._known = 0
-        self._trackers: dict[Region, VideoTracker] = {}
-        self._starts: dict[Region, int] = {}
-        self._locked: dict[Region, list[ReceivedSuperframe]] = {}
+        self._patience: int | None = None
+        self._tracker: VideoTracker | None = None
+        self._start = 0
+        self._trials: dict[Region, _Trial] = {}
+        self._newest: deque[Luma] = deque(maxlen=math.ceil(KEPT_SPANS * self._timing.span))
         self._doubt = 0
         self.region: Region | None = None
         self.profile: VideoProfile | None = None
         self.first_lock_s: float | None = None
-        self._look_at([WHOLE, *PLACES])
+        self._grid(WHOLE)
+        self._search = self._new_search()
 
     @property
     def locked(self) -> bool:
         """Whether superframes are being received."""
-        return self.region is not None
+        return self._tracker is not None
 
     @property
     def ber_estimate(self) -> float:
         """Share of wrong coded bits before correction, of all superframes decoded."""
         errors, known = self._errors, self._known
-        if self.region is not None:
-            tracker = self._trackers[self.region]
-            errors, known = errors + tracker.errors, known + tracker.known
+        if self._tracker is not None:
+            errors, known = errors + self._tracker.errors, known + self._tracker.known
         return errors / max(1, known)
 
     def process(self, luma: Luma) -> list[ReceivedSuperframe]:
@@ -129,7 +142,7 @@ class VideoReceiver:
         Parameters
         ----------
         luma : ndarray of uint8 or uint16, shape (height, width)
-            Samples of the picture.
+            Samples of the picture; kept for a superframe and a half, so do not change them.
 
         Returns
         -------
@@ -143,17 +156,19 @@ class VideoReceiver:
         if luma.shape != self._size[1::-1]:
             raise CueError(f"frame of shape {luma.shape}: expected {self._size[1::-1]}")
         self._frames += 1
-        if any(region != WHOLE for region in self._trackers):
-            _kernels.reduce_into(luma, self._factor, self._small)
-        found = {
-            region: self._placed(tracker.process(luma if region == WHOLE else self._small), region)
-            for region, tracker in self._trackers.items()
-        }
-        if self.region is None:
-            return self._choose(found)
-        if not self._trackers[self.region].locked:
-            self._restart()
-        return [superframe for each in found.values() for superframe in each]
+        if (self._frames - 1) % self._every:
+            return []
+        self._looked += 1
+        self._newest.append(luma)
+        if self._tracker is None:
+            return self._hunt(luma)
+        found = self._placed(self._tracker, self._tracker.process(luma), self._start)
+        if not self._tracker.locked:
+            self._errors += self._tracker.errors
+            self._known += self._tracker.known
+            self._tracker = self.region = None
+            self._search = self._new_search()
+        return found
 
     def wait(self, misses: int) -> None:
         """Tell when to give up the lock.
@@ -163,8 +178,11 @@ class VideoReceiver:
         misses : int
             Superframes in a row that failed.
         """
-        for tracker in self._trackers.values():
+        self._patience = misses
+        for tracker in [trial.tracker for trial in self._trials.values()]:
             tracker.patience = misses
+        if self._tracker is not None:
+            self._tracker.patience = misses
 
     def flush(self) -> list[ReceivedSuperframe]:
         """Return the superframes in the last frames.
@@ -173,64 +191,85 @@ class VideoReceiver:
         -------
         list of ReceivedSuperframe
         """
-        last = {region: self._placed(t.flush(), region) for region, t in self._trackers.items()}
-        if self.region is None:
-            self._doubt = DOUBT_FRAMES
-            return self._choose(last)
-        return last[self.region]
+        if self._tracker is not None:
+            return self._placed(self._tracker, self._tracker.flush(), self._start)
+        for trial in self._trials.values():
+            trial.found += trial.tracker.flush()
+        self._doubt = DOUBT_FRAMES
+        return self._choose()
 
-    def _placed(self, found: list[ReceivedSuperframe], region: Region) -> list[ReceivedSuperframe]:
+    def _hunt(self, luma: Luma) -> list[ReceivedSuperframe]:
+        """Search the places in the small picture and try those that look marked."""
+        small = np.empty(self._shape, dtype=np.uint16)
+        scale = SCALE / 2 ** (self._size[2] - 8)
+        _kernels.reduce_into(luma, self._factor, scale, small)
+        for trial in self._trials.values():
+            trial.found += trial.tracker.process(luma)
+        self._trials = {
+            region: trial
+            for region, trial in self._trials.items()
+            if trial.found or self._looked < trial.end
+        }
+        for candidate in self._search.process(small):
+            self._try(_scaled(candidate.region, *self._kept))
+        return self._choose()
+
+    def _try(self, region: Region) -> None:
+        """Show the newest frames to a tracker of this place, unless one of it is at work."""
+        if len(self._trials) >= TRIALS or any(_same(region, other) for other in self._trials):
+            return
+        tracker = VideoTracker(self._grid(region), self._timing, **self._options)
+        if self._patience is not None:
+            tracker.patience = self._patience
+        frames = self._newest
+        end = self._looked + round(TRIAL_SPANS * self._timing.span)
+        trial = self._trials[region] = _Trial(tracker, self._looked - len(frames), end)
+        for frame in frames:
+            trial.found += tracker.process(frame)
+
+    def _placed(
+        self, tracker: VideoTracker, found: list[ReceivedSuperframe], start: int
+    ) -> list[ReceivedSuperframe]:
         """Count positions from the receiver's first frame, not from the tracker's."""
         if found:
-            self.profile = self._trackers[region].profile
-        shift_s = self._starts[region] / float(self._timing.fps)
+            self.profile = tracker.profile
+        # Of several frames the first one was looked at; the tracker takes it for their middle.
+        middle_s = (self._every - 1) / 2 / float(self._fps)
+        shift_s = start / float(self._timing.fps) - middle_s
         return [replace(s, position_s=s.position_s + shift_s) for s in found]
 
-    def _choose(self, found: dict[Region, list[ReceivedSuperframe]]) -> list[ReceivedSuperframe]:
+    def _choose(self) -> list[ReceivedSuperframe]:
         """Lock to the place whose pilots agree best, a moment after the first one was found."""
-        for region, superframes in found.items():
-            if superframes:
-                self._locked.setdefault(region, []).extend(superframes)
-        if not self._locked or self._doubt < DOUBT_FRAMES:
-            self._doubt += bool(self._locked)
+        locked = {region: trial for region, trial in self._trials.items() if trial.found}
+        if not locked or self._doubt < DOUBT_FRAMES:
+            self._doubt += bool(locked)
             return []
-        best = max(self._locked, key=lambda region: self._locked[region][-1].confidence)
-        told, self._locked, self._doubt = self._locked[best], {}, 0
-        self.region = best
-        self._look_at([best])
+        best = max(locked, key=lambda region: locked[region].found[-1].confidence)
+        trial = locked[best]
+        self._trials, self._doubt = {}, 0
+        self.region, self._tracker, self._start = best, trial.tracker, trial.start
         if self.first_lock_s is None:
-            self.first_lock_s = self._frames / float(self._timing.fps)
-        return told
+            self.first_lock_s = self._frames / float(self._fps)
+        return self._placed(trial.tracker, trial.found, trial.start)
 
-    def _restart(self) -> None:
-        """Look again, here and everywhere."""
-        assert self.region is not None
-        tracker = self._trackers[self.region]
-        self._errors += tracker.errors
-        self._known += tracker.known
-        tracker.errors = tracker.known = 0
-        self.region = None
-        self._look_at([WHOLE, *PLACES])
-
-    def _look_at(self, regions: list[Region]) -> None:
-        """Track these regions; those that are tracked already go on."""
-        for region in regions:
-            if region not in self._trackers:
-                grid = self._grid(region)
-                self._trackers[region] = VideoTracker(grid, self._timing, **self._options)
-                self._starts[region] = self._frames
-        self._trackers = {r: t for r, t in self._trackers.items() if r in regions}
+    def _new_search(self) -> PlaceSearch:
+        whole = _scaled(WHOLE, 1 / self._kept[0], 1 / self._kept[1])
+        return PlaceSearch(self._shape, self._timing, whole=whole, **self._options)
 
     def _grid(self, region: Region) -> Grid:
-        """Cells of a place; those of the whole at full size, the others in the reduced picture."""
         width, height, depth = self._size
-        if region == WHOLE:
-            return Grid(width, height, depth)
-        rows, columns = self._small.shape
-        factor = self._factor
-        # What a whole number of squares does not cover is cut off at the right and the bottom.
-        across, down = width / (columns * factor), height / (rows * factor)
-        moved = Region(
-            region.left * across, region.top * down, region.width * across, region.height * down
-        )
-        return Grid(columns, rows, depth, region=moved)
+        return Grid(width, height, depth, region=region)
+
+
+def _scaled(region: Region, across: float, down: float) -> Region:
+    """Return a region in parts of another width and height."""
+    return Region(
+        region.left * across, region.top * down, region.width * across, region.height * down
+    )
+
+
+def _same(a: Region, b: Region) -> bool:
+    """Whether two places are the same but for what no tracker notices."""
+    across = max(abs(a.left - b.left), abs(a.left + a.width - b.left - b.width))
+    down = max(abs(a.top - b.top), abs(a.top + a.height - b.top - b.height))
+    return max(across, down) < NEAR

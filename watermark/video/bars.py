@@ -1,0 +1,55 @@
+"""Bars around a picture: the box that is left when lines of one even colour are taken off.
+
+In: a mean picture; out: the box. Specification: spec/video-carrier.md, section 6.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.video.grid import WHOLE, Region
+
+EVEN = 1.5
+"""Largest standard deviation along a line of a bar, in luma of 8 bits."""
+
+SAME = 3.0
+"""Largest difference between the mean of a bar's line and that of the outermost one."""
+
+LEAST = 0.3
+"""Least part of the width and height that the content has."""
+
+
+def content_box(mean: NDArray[np.float32]) -> Region:
+    """Return the box inside the bars, `WHOLE` if there are none or nothing else.
+
+    Parameters
+    ----------
+    mean : ndarray of float32, shape (rows, columns)
+        Mean luma of a window in levels of 8 bits.
+
+    Examples
+    --------
+    >>> picture = np.full((100, 100), 16, dtype=np.float32)
+    >>> picture[20:80, :] += np.arange(100)
+    >>> content_box(picture)
+    Region(left=0.0, top=0.2, width=1.0, height=0.6)
+    """
+    top, bottom = _ends(mean)
+    left, right = _ends(mean[top:bottom].T)
+    rows, columns = mean.shape
+    if (bottom - top) < LEAST * rows or (right - left) < LEAST * columns:
+        return WHOLE
+    return Region(
+        left / columns, top / rows, (right - left) / columns, (bottom - top) / rows
+    )  # fmt: skip
+
+
+def _ends(picture: NDArray[np.float32]) -> tuple[int, int]:
+    """First line of the content and the end of its last one."""
+    if picture.shape[0] < 2:
+        return 0, picture.shape[0]
+    level, spread = picture.mean(axis=1), picture.std(axis=1)
+    ends = []
+    for order in (slice(None), slice(None, None, -1)):
+        even = (spread[order] < EVEN) & (np.abs(level[order] - level[order][0]) < SAME)
+        ends.append(int(even.argmin()) if not even.all() else picture.shape[0])
+    return ends[0], picture.shape[0] - ends[1]
