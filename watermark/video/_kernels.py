@@ -170,28 +170,33 @@ def resample_into(
 
 
 @njit(cache=True)
-def fine_amplitudes_into(picture: PixelArray, across: PixelArray, down: PixelArray, norm: float,
-                         out: PixelArray, texture: PixelArray) -> None:  # fmt: skip
-    """Amplitudes and texture of cells of 8 x 8 pixels that start at every second pixel.
+def fine_amplitudes_into(
+    picture: PixelArray, across: PixelArray, down: PixelArray, norm: float, out: PixelArray
+) -> None:
+    """Amplitudes of cells of 8 x 8 pixels that start at every second pixel.
 
-    across, down : (templates, 8); out : (templates, rows, columns); texture : (rows, columns).
+    across, down : (templates, 8); out : (templates, rows, columns).
     """
-    rows, columns = out.shape[1], out.shape[2]
     width = picture.shape[1]
     line = np.empty(width, dtype=np.float32)
     for t in range(out.shape[0]):
-        for i in range(rows):
+        for i in range(out.shape[1]):
             line[:] = 0.0
             for k in range(8):
                 weight = down[t, k] / np.float32(norm)
                 for x in range(width):
                     line[x] += weight * picture[2 * i + k, x]
-            for j in range(columns):
+            for j in range(out.shape[2]):
                 total = np.float32(0.0)
                 for k in range(8):
                     total += across[t, k] * line[2 * j + k]
                 out[t, i, j] = total
-    half = np.empty((picture.shape[0] // 2, width // 2), dtype=np.float32)
+
+
+@njit(cache=True)
+def fine_texture_into(picture: PixelArray, out: PixelArray) -> None:
+    """Texture of cells of 8 x 8 pixels that start at every second pixel; out : (rows, columns)."""
+    half = np.empty((picture.shape[0] // 2, picture.shape[1] // 2), dtype=np.float32)
     for i in range(half.shape[0]):
         for j in range(half.shape[1]):
             upper = picture[2 * i, 2 * j] + picture[2 * i, 2 * j + 1]
@@ -202,20 +207,19 @@ def fine_amplitudes_into(picture: PixelArray, across: PixelArray, down: PixelArr
             a, b = half[i, j], half[i, j + 1]
             c, d = half[i + 1, j], half[i + 1, j + 1]
             mean = (a + b + c + d) / 4
-            quarter[i, j] = (
-                (a - mean) ** 2 + (b - mean) ** 2 + (c - mean) ** 2 + (d - mean) ** 2
-            ) / 4
-    for i in range(rows):
-        for j in range(columns):
+            total = (a - mean) ** 2 + (b - mean) ** 2 + (c - mean) ** 2 + (d - mean) ** 2
+            quarter[i, j] = total / 4
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
             first = min(quarter[i, j], quarter[i, j + 2])
             second = min(quarter[i + 2, j], quarter[i + 2, j + 2])
-            texture[i, j] = np.sqrt(min(first, second))
+            out[i, j] = np.sqrt(min(first, second))
 
 
 @njit(cache=True)
 def local_waves_into(
     amplitude: PixelArray, texture: PixelArray, pilots: IntArray, dither: FloatArray,
-    steps: FloatArray, textured: FloatArray, lattice: IntArray, signs: PixelArray,
+    steps: FloatArray, lattice: IntArray, signs: PixelArray,
     limits: FloatArray, cosine: PixelArray, across: IntArray, down: IntArray, out: PixelArray,
 ) -> float:  # fmt: skip
     """Votes of the pilots for every displacement; the return is the sum of squared weights.
@@ -223,8 +227,9 @@ def local_waves_into(
     A value far from 0 comes from a textured cell, where a small error of place moves it: it has
     little weight.
 
-    amplitude, texture : of `fine_amplitudes_into`; pilots : (count, 3) template, row, column;
-    steps, textured : (lattices,); lattice : (modes,); signs : (modes, count); limits : textures
+    amplitude, texture : of cells that start at every second pixel; pilots : (count, 3) template,
+    row, column;
+    steps : (lattices,); lattice : (modes,); signs : (modes, count); limits : textures
     from which a cell may and must have the coarse step; cosine : a turn in 512 steps; across :
     (2, columns) and down : (2, rows), first displacement in use and end, others are left alone;
     out : (count, displacements across, down, 8), each a step of two pixels, modes last.
@@ -250,7 +255,7 @@ def local_waves_into(
                     weight = 1 / (1 + place * place)
                     place -= dither[p]
                     value = weight * cosine[int((place + 1024.0) * 512) & 511]
-                    if textured[n] > 0 and share > 0:
+                    if share > 0:
                         other = cosine[int((place / 3 + 1024.0) * 512) & 511]
                         value += share * (other - value)
                         weight += share * (1 - weight)
@@ -259,7 +264,7 @@ def local_waves_into(
                 seen += 1
                 for m in range(lattice.shape[0]):
                     out[p, dx, dy, m] = signs[m, p] * votes[lattice[m]]
-    return squares * out.shape[0] / max(1, seen)
+    return float(squares * out.shape[0] / max(1, seen))
 
 
 @njit(cache=True)
@@ -295,11 +300,13 @@ def place_scores_into(
 
 
 @njit(cache=True)
-def vote(values: FloatArray, dither: FloatArray, signs: PixelArray, step: float, textured: float,
-         cosine: PixelArray) -> float:  # fmt: skip
+def vote(
+    values: FloatArray, shares: FloatArray, dither: FloatArray, signs: PixelArray, step: float,
+    cosine: PixelArray,
+) -> float:  # fmt: skip
     """Score of pilots in standard deviations of noise; values that are NaN do not count.
 
-    A value has the weight of `local_waves_into`; the rest of it is that of the coarse step.
+    shares : probabilities of the coarse step; the weights are those of `local_waves_into`.
     """
     total = 0.0
     squares = 1e-9
@@ -310,12 +317,12 @@ def vote(values: FloatArray, dither: FloatArray, signs: PixelArray, step: float,
         weight = 1 / (1 + place * place)
         place -= dither[p]
         value = weight * cosine[int((place + 1024.0) * 512) & 511]
-        if textured > 0:
-            value += (1 - weight) * cosine[int((place / 3 + 1024.0) * 512) & 511]
-            weight = 1.0
+        other = cosine[int((place / 3 + 1024.0) * 512) & 511]
+        value += shares[p] * (other - value)
+        weight += shares[p] * (1 - weight)
         total += signs[p] * value
         squares += weight * weight
-    return abs(total) / np.sqrt(squares / 2)
+    return float(abs(total) / np.sqrt(squares / 2))
 
 
 @njit(cache=True)

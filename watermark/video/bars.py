@@ -33,10 +33,12 @@ def content_box(mean: NDArray[np.float32]) -> Region:
     >>> content_box(picture)
     Region(left=0.0, top=0.2, width=1.0, height=0.6)
     """
-    top, bottom = _ends(mean)
-    left, right = _ends(mean[top:bottom].T)
     rows, columns = mean.shape
-    if (bottom - top) < LEAST * rows or (right - left) < LEAST * columns:
+    top, bottom = _ends(mean)
+    if bottom - top < LEAST * rows:
+        return WHOLE
+    left, right = _ends(mean[top:bottom].T)
+    if right - left < LEAST * columns:
         return WHOLE
     return Region(
         left / columns, top / rows, (right - left) / columns, (bottom - top) / rows
@@ -45,8 +47,6 @@ def content_box(mean: NDArray[np.float32]) -> Region:
 
 def _ends(picture: NDArray[np.float32]) -> tuple[int, int]:
     """First line of the content and the end of its last one."""
-    if picture.shape[0] < 2:
-        return 0, picture.shape[0]
     level, spread = picture.mean(axis=1), picture.std(axis=1)
     ends = []
     for order in (slice(None), slice(None, None, -1)):

@@ -19,7 +19,7 @@ from watermark.link.superframe import ReceivedSuperframe
 from watermark.video import _kernels
 from watermark.video.grid import WHOLE, Grid, Region
 from watermark.video.profile import MIN_HEIGHT, MIN_WIDTH, VideoProfile
-from watermark.video.search import SCALE, PlaceSearch
+from watermark.video.search import SCALE, PlaceSearch, is_near
 from watermark.video.timing import Timing
 from watermark.video.track import VideoTracker
 
@@ -34,21 +34,18 @@ DOUBT_FRAMES = 3
 TRIALS = 3
 """Places that are tried at the same time."""
 
-TRIAL_SPANS = 1.5
+TRIAL_SPANS = 0.75
 """Superframes after which a place that gave none is dropped."""
 
 KEPT_SPANS = 1.5
 """Superframes of frames that are kept, to be shown to a tracker of a place found later."""
-
-NEAR = 0.001
-"""Places whose sides differ by no more than this part of the picture are the same."""
 
 SMALL_HEIGHT = 360
 """Least height to which a picture is reduced for the search."""
 
 
 @dataclass(slots=True)
-class _Trial:
+class _PlaceTrial:
     """A place under trial: its tracker, when it began, and the superframes that it gave."""
 
     tracker: VideoTracker
@@ -112,7 +109,7 @@ class VideoReceiver:
         self._patience: int | None = None
         self._tracker: VideoTracker | None = None
         self._start = 0
-        self._trials: dict[Region, _Trial] = {}
+        self._trials: dict[Region, _PlaceTrial] = {}
         self._newest: deque[Luma] = deque(maxlen=math.ceil(KEPT_SPANS * self._timing.span))
         self._doubt = 0
         self.region: Region | None = None
@@ -216,14 +213,14 @@ class VideoReceiver:
 
     def _try(self, region: Region) -> None:
         """Show the newest frames to a tracker of this place, unless one of it is at work."""
-        if len(self._trials) >= TRIALS or any(_same(region, other) for other in self._trials):
+        if len(self._trials) >= TRIALS or any(is_near(region, other) for other in self._trials):
             return
         tracker = VideoTracker(self._grid(region), self._timing, **self._options)
         if self._patience is not None:
             tracker.patience = self._patience
         frames = self._newest
         end = self._looked + round(TRIAL_SPANS * self._timing.span)
-        trial = self._trials[region] = _Trial(tracker, self._looked - len(frames), end)
+        trial = self._trials[region] = _PlaceTrial(tracker, self._looked - len(frames), end)
         for frame in frames:
             trial.found += tracker.process(frame)
 
@@ -266,10 +263,3 @@ def _scaled(region: Region, across: float, down: float) -> Region:
     return Region(
         region.left * across, region.top * down, region.width * across, region.height * down
     )
-
-
-def _same(a: Region, b: Region) -> bool:
-    """Whether two places are the same but for what no tracker notices."""
-    across = max(abs(a.left - b.left), abs(a.left + a.width - b.left - b.width))
-    down = max(abs(a.top - b.top), abs(a.top + a.height - b.top - b.height))
-    return max(across, down) < NEAR

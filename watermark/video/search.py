@@ -10,13 +10,14 @@ mean itself. Specification: spec/video-carrier.md, section 6.
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from watermark.video import _kernels
 from watermark.video.bars import content_box
-from watermark.video.demodulate import BLUR, CENTRE
+from watermark.video.demodulate import BLUR, CENTRE, coarse_share
 from watermark.video.grid import WHOLE, Region
 from watermark.video.modes import PilotWatch
 from watermark.video.profile import COLUMNS, ROWS
@@ -47,7 +48,8 @@ MEMORY = 0.6
 """Weight of the looks one superframe ago, in the sum that ranks the places."""
 
 MODES = 8
-"""Most profiles; the compiled loops have this many in a row."""
+"""Modes that are searched at unusual places, those with the finest steps: the compiled loops have
+this many in a row."""
 
 RANKED, CLIMBED = 8, 2
 """Places that are judged on the mean itself, and those of them that are refined."""
@@ -58,9 +60,12 @@ CLIMB = (0.12, 0.06, 0.03, 0.015)
 HOPE = 3.0
 """Least score of a place before its refinement."""
 
-LIKELY, FOUND = 3.5, 5.5
+LIKELY, FOUND = 3.8, 6.2
 """Least score, in standard deviations of noise, of a usual place and of any other to be tried.
-The best of all places of an unmarked look has 4.4 to 5.2 after its refinement."""
+A still picture with flat areas reaches 3.7 and 6.3 without a mark, others 3.4 and 5.8."""
+
+NEAR = 0.002
+"""Places whose sides differ by no more than this part of the picture count as one."""
 
 MIDDLE = Region(-1 / 6, 0, 4 / 3, 1)
 """The middle of 16:9 in 4:3."""
@@ -70,7 +75,7 @@ _COSINE = np.cos(2 * np.pi * (np.arange(512) + 0.5) / 512).astype(np.float32)
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class PlaceCandidate:
     """A place and the score of its pilots in standard deviations of noise."""
 
     region: Region
@@ -99,14 +104,14 @@ class PlaceSearch:
         whole: Region = WHOLE,
     ) -> None:  # fmt: skip
         self._timing, self._whole = timing, whole
-        self._scores = PilotScores(PilotWatch(key, strength))
+        self._scores = PilotScores(PilotWatch(key, strength), shape)
         self._frames: deque[Small] = deque(maxlen=timing.window)
         self._mean = np.zeros(shape, dtype=np.float32)
         self._count = self._looks = 0
         self._tables = [PlaceTable(self._scores) for _ in range(2)]
 
-    def process(self, small: Small) -> list[Candidate]:
-        """Take the next frame; return the places that look marked, best first."""
+    def process(self, small: Small) -> list[PlaceCandidate]:
+        """Take the next frame; return the places that look marked, usual ones first."""
         self._frames.append(small)
         self._count += 1
         due = self._count * LOOKS >= (self._looks + LOOKS * 0.75) * self._timing.span
@@ -119,19 +124,26 @@ class PlaceSearch:
         self._mean /= np.float32(SCALE * self._timing.window)
         return self._look()
 
-    def _look(self) -> list[Candidate]:
+    def _look(self) -> list[PlaceCandidate]:
+        self._scores.look_at(self._mean)
         box = content_box(self._mean)
         bare = box == WHOLE
         if bare:
             box = self._whole
         usual = [self._whole] if bare else [self._whole, box]
-        found = [Candidate(region, self._scores.best(self._mean, region)) for region in usual]
+        found = [PlaceCandidate(region, self._scores.best(region)) for region in usual]
         found = [candidate for candidate in found if candidate.score >= LIKELY]
         # Every third superframe belongs to the middle of a wider picture.
         middle = bare and self._looks // LOOKS % 3 == 2
         table = self._tables[int(middle)]
-        found += table.look(self._mean, MIDDLE if middle else box, self._looks % LOOKS)
-        return sorted(found, key=lambda candidate: -candidate.score)
+        others = table.look(self._mean, MIDDLE if middle else box, self._looks % LOOKS)
+        # Next to a usual place it is that one: its sides are exact.
+        found += [
+            other
+            for other in sorted(others, key=lambda candidate: -candidate.score)
+            if not any(is_near(other.region, usual.region) for usual in found)
+        ]
+        return found
 
 
 class PilotScores:
@@ -141,16 +153,15 @@ class PilotScores:
     ----------
     watch : PilotWatch
         The pilots.
+    shape : tuple of int
+        Rows and columns of the mean picture.
     """
 
-    def __init__(self, watch: PilotWatch) -> None:
-        # The wider first superframe of a programme is read once the second one is found.
-        modes = list({m.profile.name: m for m in reversed(watch.modes)}.values())
-        kinds = [(mode.step, mode.profile.textured) for mode in modes]
-        lattices = sorted(set(kinds))
-        self.steps = np.array([step for step, _ in lattices])
-        self.textured = np.array([float(textured) for _, textured in lattices])
-        self.lattice = np.array([lattices.index(kind) for kind in kinds])
+    def __init__(self, watch: PilotWatch, shape: tuple[int, int]) -> None:
+        self.steps = np.array(sorted({mode.step for mode in watch.modes}))
+        # The widest step is for beginnings: superframes after them have one that comes before.
+        modes = sorted(watch.modes, key=lambda mode: mode.step)
+        self.lattice = np.array([list(self.steps).index(mode.step) for mode in modes])
         cells = watch.positions % (ROWS * COLUMNS)
         order = np.argsort(cells, kind="stable")
         template = watch.positions // (ROWS * COLUMNS)
@@ -160,30 +171,46 @@ class PilotScores:
         self.signs = np.array(signs, dtype=np.float32)
         self.dither = modes[0].layout.dither[watch.positions[order]]
         self._values = np.empty(len(order))
+        self._mean = np.zeros(shape, dtype=np.float32)
+        self._texture = np.zeros((shape[0] // 2 - 3, shape[1] // 2 - 3), dtype=np.float32)
 
-    def best(self, mean: NDArray[np.float32], region: Region) -> float:
+    def look_at(self, mean: NDArray[np.float32]) -> None:
+        """Take the mean picture that the next scores are of."""
+        self._mean = mean
+        _kernels.fine_texture_into(mean, self._texture)
+
+    def best(self, region: Region) -> float:
         """Score of the best mode in standard deviations of noise."""
-        self._project(mean, region)
-        return max(self._vote(mode) for mode in range(len(self.lattice)))
+        shares = self.shares(region)
+        self._project(region)
+        return max(self._vote(mode, shares) for mode in range(len(self.lattice)))
 
-    def one(self, mean: NDArray[np.float32], region: Region, mode: int) -> float:
+    def one(self, region: Region, mode: int, shares: FloatArray) -> float:
         """Score of a mode in standard deviations of noise."""
-        self._project(mean, region)
-        return self._vote(mode)
+        self._project(region)
+        return self._vote(mode, shares)
 
-    def _project(self, mean: NDArray[np.float32], region: Region) -> None:
-        rows, columns = mean.shape
+    def shares(self, region: Region) -> FloatArray:
+        """Probability that pilots have the coarse step if the picture is at this place."""
+        rows, columns = self._mean.shape
+        x = (region.left + region.width * (self.pilots[:, 2] + 0.5) / COLUMNS) * columns
+        y = (region.top + region.height * (self.pilots[:, 1] + 0.5) / ROWS) * rows
+        i = np.clip((y - CELL / 2) / 2 + 0.5, 0, self._texture.shape[0] - 1).astype(np.int64)
+        j = np.clip((x - CELL / 2) / 2 + 0.5, 0, self._texture.shape[1] - 1).astype(np.int64)
+        return coarse_share(self._texture[i, j].astype(np.float64))
+
+    def _project(self, region: Region) -> None:
+        rows, columns = self._mean.shape
         _kernels.pilot_values_into(
-            mean, region.left * columns, region.top * rows, region.width * columns,
+            self._mean, region.left * columns, region.top * rows, region.width * columns,
             region.height * rows, self.pilots, ROWS, COLUMNS, _SINE, self._values,
         )  # fmt: skip
 
-    def _vote(self, mode: int) -> float:
-        n = self.lattice[mode]
+    def _vote(self, mode: int, shares: FloatArray) -> float:
         return float(
             _kernels.vote(
-                self._values, self.dither, self.signs[mode], self.steps[n], self.textured[n],
-                _COSINE,
+                self._values, shares, self.dither, self.signs[mode],
+                self.steps[self.lattice[mode]], _COSINE,
             )
         )  # fmt: skip
 
@@ -214,7 +241,7 @@ class PlaceTable:
         self._texture = np.zeros(fine, dtype=np.float32)
         self._box: Region | None = None
 
-    def look(self, mean: NDArray[np.float32], box: Region, phase: int) -> list[Candidate]:
+    def look(self, mean: NDArray[np.float32], box: Region, phase: int) -> list[PlaceCandidate]:
         """Rank the crops of a box in a mean picture and refine the best; those that are found."""
         if self._box is None or _far(box, self._box):
             self._begin(box)
@@ -225,12 +252,13 @@ class PlaceTable:
             self._box.height * rows, self._picture,
         )  # fmt: skip
         _kernels.fine_amplitudes_into(
-            self._picture, self._across, self._down, self._norm, self._amplitude, self._texture
+            self._picture, self._across, self._down, self._norm, self._amplitude
         )
+        _kernels.fine_texture_into(self._picture, self._texture)
         scores = self._scores
         squares = _kernels.local_waves_into(
             self._amplitude, self._texture, scores.pilots, scores.dither, scores.steps,
-            scores.textured, scores.lattice, scores.signs, self._limits, _COSINE,
+            scores.lattice[:MODES], scores.signs[:MODES], self._limits, _COSINE,
             _extent(self._dx), _extent(self._dy), self._waves,
         )  # fmt: skip
         new = np.empty((len(self._x), len(self._y), MODES), dtype=np.float32)
@@ -240,7 +268,7 @@ class PlaceTable:
         table = self._sums[phase]
         table *= np.float32(MEMORY)
         table += new
-        return self._refine(mean, table)
+        return self._refine(table)
 
     def _begin(self, box: Region) -> None:
         """Lay out the places of a box: crops where it ends with the picture, little elsewhere."""
@@ -253,7 +281,7 @@ class PlaceTable:
         shape = (LOOKS, len(self._x), len(self._y), MODES)
         self._sums = np.zeros(shape, dtype=np.float32)
 
-    def _refine(self, mean: NDArray[np.float32], table: NDArray[np.float32]) -> list[Candidate]:
+    def _refine(self, table: NDArray[np.float32]) -> list[PlaceCandidate]:
         """Judge the best places on the mean itself and refine the best of those."""
         assert self._box is not None
         order = np.argpartition(table.reshape(-1), -4 * RANKED)[-4 * RANKED :]
@@ -267,21 +295,21 @@ class PlaceTable:
                 continue
             met.append(crops)
             region = _inside(self._box, crops)
-            taken.append((self._scores.one(mean, region, int(mode)), int(mode), region))
+            score = self._scores.one(region, int(mode), self._scores.shares(region))
+            taken.append((score, int(mode), region))
         taken.sort(key=lambda each: -each[0])
         found = []
         for score, mode, region in taken[:CLIMBED]:
             if score < HOPE:
                 break
-            candidate = climb(
-                lambda r, mode=mode: self._scores.one(mean, r, mode), region, score
-            )  # fmt: skip
+            shares = self._scores.shares(region)
+            candidate = climb(partial(self._scores.one, mode=mode, shares=shares), region, score)
             if candidate.score >= FOUND:
                 found.append(candidate)
         return found
 
 
-def climb(score: Callable[[Region], float], region: Region, value: float) -> Candidate:
+def climb(score: Callable[[Region], float], region: Region, value: float) -> PlaceCandidate:
     """Move and stretch a place in ever smaller steps as long as its score grows."""
     for step in CLIMB:
         moves = [(a, b) for a in range(2) for b in (step, -step)]
@@ -296,7 +324,7 @@ def climb(score: Callable[[Region], float], region: Region, value: float) -> Can
                 reached = score(trial)
                 if reached > value:
                     region, value, better = trial, reached, True
-    return Candidate(region, value)
+    return PlaceCandidate(region, value)
 
 
 def _moved(region: Region, kind: int, cells: float) -> Region:
@@ -332,7 +360,7 @@ def _displacements(crops: FloatArray, cells: int, reach: int) -> NDArray[np.int6
     lost = crops.sum(axis=1, keepdims=True)
     moved = (middle - crops[:, :1]) * cells / (cells - lost) - middle
     steps = np.round(moved / STEP).astype(np.int64)
-    return np.clip(steps, -reach, reach) + reach
+    return np.asarray(np.clip(steps, -reach, reach) + reach)
 
 
 def _extent(displacements: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -348,6 +376,13 @@ def _inside(box: Region, crops: FloatArray) -> Region:
     return Region(
         box.left - left * width / COLUMNS, box.top - top * height / ROWS, width, height
     )  # fmt: skip
+
+
+def is_near(a: Region, b: Region) -> bool:
+    """Whether two places differ by no more than `NEAR` on any side."""
+    across = max(abs(a.left - b.left), abs(a.left + a.width - b.left - b.width))
+    down = max(abs(a.top - b.top), abs(a.top + a.height - b.top - b.height))
+    return max(across, down) < NEAR
 
 
 def _far(a: Region, b: Region) -> bool:
