@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from codec.cuer.layout import FACE_MARKERS, FOREARM, HAND_MARKERS, RIGID_FACE
 from codec.cuer.voice import Voice, load_voice
-from lab.avatar.arms import lower_arms
 from lab.avatar.hair import hair, hair_carriers
 from lab.avatar.hand import hand_part
 from lab.avatar.head import head_part, read_groups
+from lab.avatar.limbs import Limbs, forearm_points, pose_limbs
 from lab.avatar.looks import LOOKS
 from lab.avatar.maps import MarkerMap, learn
 from lab.avatar.morph import morph, targets
@@ -110,6 +110,8 @@ class BuiltAvatar:
         Arrays of the blend shapes and eyes.
     looks : dict of str to ndarray
         Arrays of the appearances.
+    joints : dict of str to ndarray
+        Arrays of what the arms turn about, and of the vertices that follow.
     head_weights : ndarray, shape (V, 2)
         Share of the head's turn and shift that each control vertex of the head follows.
     unit_names : tuple of str
@@ -125,6 +127,7 @@ class BuiltAvatar:
     mouth: dict[str, NDArray[Any]]
     shapes: dict[str, NDArray[Any]]
     looks: dict[str, NDArray[Any]]
+    joints: dict[str, NDArray[Any]]
     head_weights: FloatArray
     unit_names: tuple[str, ...]
     unit_rest: FloatArray
@@ -138,6 +141,7 @@ class BuiltAvatar:
             **self.mouth,
             **self.shapes,
             **self.looks,
+            **self.joints,
             "unit_names": np.array(self.unit_names),
             "unit_rest": self.unit_rest.astype(np.float32),
             "units": self.units.astype(np.float32),
@@ -179,9 +183,11 @@ def build_avatar(folder: Path, target_folder: Path, cuer: str) -> BuiltAvatar:
     origin = 0.5 * (face[FACE_MARKERS.index("EAR_R")] + face[FACE_MARKERS.index("EAR_L")])
     hand = hand_places(mesh, surface, load_asset("hm08_markers")["arm_frames"]).of(mesh.vertices)
     arm = _arm_share(mesh)
-    posed = lower_arms(mesh)
+    in_world, in_hand = _mean_forearm(mesh, body, voice, origin)
+    limbs = pose_limbs(mesh, in_world)
+    posed = limbs.mesh
     look = next(iter(LOOKS.values()))
-    common = head_part(posed, groups, face, arm, look)
+    common = head_part(limbs, groups, face, arm, look)
     carriers = hair_carriers(posed.vertices)
     triangles = triangulate(groups["body"])
     own = join([common, hair(posed.vertices, triangles, carriers, look)])
@@ -205,8 +211,10 @@ def build_avatar(folder: Path, target_folder: Path, cuer: str) -> BuiltAvatar:
         added = mesh.vertices + targets(other, target_folder, len(mesh.vertices))
         rings = lip_rings(groups["body"], mesh.vertices)
         moved = morph(mesh, other, target_folder, (face, places.of(added)), rings, inside, balls)
+        # The targets are those of spread arms: the arm that is held up keeps its own.
+        moved *= 1 - np.clip(limbs.weights[:, 1:3].sum(axis=1, keepdims=True), 0, 1)
         of_look = hair(posed.vertices + moved, triangles, carriers, other)
-        painted = head_part(posed, groups, face, arm, other).colours
+        painted = head_part(limbs, groups, face, arm, other).colours
         scale = np.array(body.anatomy.face) * body.anatomy.scale
         looks |= {
             f"look_{name}_rest": np.rint(256 * moved[head.control] @ change).astype(np.int16),
@@ -215,7 +223,53 @@ def build_avatar(folder: Path, target_folder: Path, cuer: str) -> BuiltAvatar:
             f"look_{name}_triangles": of_look.triangles.astype(np.uint16),
             f"look_{name}_hand": hand_part(quads, mesh.vertices, hand, joints, other).colours,
         }
-    return BuiltAvatar(head, limb, mouth, shapes, looks, weights, *_arkit_units(body, voice))
+    bones = _joint_arrays(limbs, head, body, voice, origin) | {
+        "joint_forearm": in_hand.astype(np.float32)
+    }
+    return BuiltAvatar(head, limb, mouth, shapes, looks, bones, weights, *_arkit_units(body, voice))
+
+
+def _head_frame(body: Body, voice: Voice) -> tuple[FloatArray, FloatArray]:
+    """Return turn and shift that take the body at rest into the frame of the voice's face."""
+    rest = body.face_skin.rest[None]
+    probe = np.concatenate([np.zeros((1, 3)), np.eye(3)])[None]
+    _, (found,) = _aligned(rest, probe, voice.face.mean.astype(np.float64), _RIGID)
+    return found[1:] - found[0], found[0]
+
+
+def _mean_forearm(
+    mesh: Mesh, body: Body, voice: Voice, origin: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the points of `forearm_points` as she cues on average: (4, 3), and (4, 3).
+
+    First in the coordinates of the mesh, as the bust shows them; then in the frame of the voice's
+    hand model, where the hand is at rest.
+    """
+    pose = _poses(body, _LESSON)
+    turns, places = body.arm_bones(pose.angles, pose.forearm)
+    mesh_points = forearm_points(mesh)
+    rest = load_asset("hm08_markers")["arm_frames"][1]
+    beside = (mesh_points[2:] - mesh_points[0]) @ rest @ turns[:, 1].transpose(0, 2, 1)
+    elbow = places[:, :1]
+    world = np.concatenate([elbow, places[:, 2:3], elbow + beside], axis=1)
+    reference = voice.hand.shape(np.zeros((1, voice.hand.n_shape)))[0]
+    hand = _aligned(body.markers(pose)[:, len(FACE_MARKERS) :], world, reference, _CARRIER)[1]
+    turn, shift = _head_frame(body, voice)
+    scale = np.array(body.anatomy.face) * body.anatomy.scale
+    return (world.mean(axis=0) - shift) @ turn.T / scale + origin, hand.mean(axis=0)
+
+
+def _joint_arrays(
+    limbs: Limbs, head: Limb, body: Body, voice: Voice, origin: FloatArray
+) -> dict[str, NDArray[Any]]:
+    """Return weights of the head's control vertices, and places of joints in the face's frame."""
+    turn, shift = _head_frame(body, voice)
+    scale = np.array(body.anatomy.face) * body.anatomy.scale
+    places = np.concatenate([limbs.roots, limbs.shoulders, limbs.forearm])
+    return {
+        "joint_weights": np.rint(255 * limbs.weights[head.control]).astype(np.uint8),
+        "joint_places": ((places - origin) * scale @ turn + shift).astype(np.float32),
+    }
 
 
 def _mouth_and_shapes(
@@ -337,13 +391,7 @@ def _hand(mesh: Mesh, part: Part, body: Body, voice: Voice, origin: FloatArray) 
         return voice.hand.shape(params[:, voice.hand_columns[: voice.hand.n_shape]])
 
     found, errors = _fit(body, seen, decoded, reference, HAND_RANK)
-    # Only the sleeve stands off the skin: its way out turns with the forearm.
-    sleeve = np.isin(control, part.sources[np.abs(part.offsets).max(axis=1) > 0])
-    before, after = mesh.vertices[control][sleeve], found.rest[sleeve]
-    u, _, v = np.linalg.svd((before - before.mean(0)).T @ (after - after.mean(0)))
-    u[:, 2] *= np.sign(np.linalg.det(u @ v))
-    turned = replace(part, offsets=part.offsets @ (u @ v))
-    return Limb(turned, control, found, np.arange(len(control)), errors)
+    return Limb(part, control, found, np.arange(len(control)), errors)
 
 
 def _fit(body: Body, seen: Any, decoded: Any, reference: FloatArray, rank: int) -> Any:

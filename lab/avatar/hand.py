@@ -1,9 +1,9 @@
-"""The avatar's right hand and forearm out of the base mesh, with nails and a sleeve."""
+"""The avatar's right hand and wrist out of the base mesh, with nails; the sleeve is the bust's."""
 
 import numpy as np
 
 from codec.cuer.layout import FINGERS, HAND_MARKERS
-from lab.avatar.head import hollowness, vertex_normals
+from lab.avatar.head import SLEEVE_MM, hollowness
 from lab.avatar.looks import Look
 from lab.avatar.paint import blend
 from lab.avatar.parts import (
@@ -11,23 +11,18 @@ from lab.avatar.parts import (
     IntArray,
     Part,
     cut,
-    join,
     plain,
     triangulate,
 )
 
-_SLEEVE_MM, _HEM_MM = 54.0, 5.0
-"""Distance in mm from the wrist to the sleeve's edge, and its hem's width."""
-
-_FADE_MM = (185.0, 222.0)
-"""Distances in mm from the wrist between which the forearm fades out, below the picture's usual
-edge."""
+_UNDER_MM = 8.0
+"""How far the skin goes on below the sleeve, mm."""
 
 
 def hand_part(
     quads: IntArray, points: FloatArray, markers: FloatArray, wrist: FloatArray, look: Look
 ) -> Part:
-    """Return hand and forearm.
+    """Return the hand down to below the sleeve.
 
     Parameters
     ----------
@@ -51,26 +46,15 @@ def hand_part(
         colours[:, 3] += 90 * share
     triangles = triangulate(quads)
     hollow = hollowness(points, triangles)
-    normals = vertex_normals(points, triangles)
     along = (wrist[1] - wrist[0]) / np.linalg.norm(wrist[1] - wrist[0])
 
     def up(places: FloatArray) -> FloatArray:
         return np.asarray((places - wrist[0]) @ along)
 
-    parts = []
-    for level, lift_mm, colour in (
-        (lambda p: _SLEEVE_MM + 8 - up(p), 0.0, None),
-        (lambda p: up(p) - _SLEEVE_MM, 2.6, look.hem),
-        (lambda p: up(p) - _SLEEVE_MM - _HEM_MM, 3.2, look.cloth),
-    ):  # fmt: skip
-        sources, shares, small = cut(triangles, points, level, division=2)
-        at = (points[sources] * shares[..., None]).sum(axis=1)
-        own = (colours[sources] * shares[..., None]).sum(axis=1)
-        if colour is not None:
-            own = plain(colour, 10, len(at))
-        own[:, :3] *= (1 - (hollow[sources] * shares).sum(axis=1))[:, None]
-        own[:, 4] = 255 * np.clip((_FADE_MM[1] - up(at)) / (_FADE_MM[1] - _FADE_MM[0]), 0, 1)
-        offsets = lift_mm * (normals[sources] * shares[..., None]).sum(axis=1)
-        painted = np.clip(own, 0, 255).astype(np.uint8)
-        parts.append(Part(sources, shares, offsets, small, painted))
-    return join(parts)
+    sources, shares, small = cut(
+        triangles, points, lambda p: SLEEVE_MM + _UNDER_MM - up(p), division=2
+    )
+    own = (colours[sources] * shares[..., None]).sum(axis=1)
+    own[:, :3] *= (1 - (hollow[sources] * shares).sum(axis=1))[:, None]
+    still = np.zeros((len(sources), 3))
+    return Part(sources, shares, still, small, np.clip(own, 0, 255).astype(np.uint8))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from lab.avatar.collar import collar, lashes
 from lab.avatar.hair import covered
+from lab.avatar.limbs import Limbs
 from lab.avatar.looks import Look
 from lab.avatar.mouth import lip_rings, teeth, tongue
 from lab.avatar.paint import skin_colours
@@ -26,7 +27,6 @@ from lab.avatar.parts import (
     triangulate,
     without,
 )
-from synth.motion.body.mesh import Mesh
 
 _LIFT_MM = 0.06
 """Distance in mm of the fine surface from the coarse one, so that they do not flicker."""
@@ -46,6 +46,12 @@ _TRUNK_HALF_MM = 140.0
 
 _DEEP_DEG = 12.0
 """Degrees behind the hairline at which hair covers the skin in every look."""
+
+SLEEVE_MM = 54.0
+"""Distance in mm from the right wrist to the sleeve's edge."""
+
+_CUFF_MM = 5.0
+"""Width in mm of the sleeve's hem."""
 
 _BROW_LINE = np.array([
     (12, 742.2), (18, 743.4), (24, 744.8), (30, 745.8), (36, 746), (42, 744.6), (47, 742),
@@ -81,13 +87,14 @@ def read_groups(path: Path) -> dict[str, IntArray]:
 
 
 def head_part(
-    mesh: Mesh, groups: dict[str, IntArray], face: FloatArray, arm: FloatArray, look: Look
+    limbs: Limbs, groups: dict[str, IntArray], face: FloatArray, arm: FloatArray, look: Look
 ) -> Part:
     """Return head, neck and bust with everything on them but the hair.
 
     Parameters
     ----------
-    mesh : Mesh
+    limbs : Limbs
+        The mesh in the cuer's pose.
     groups : dict of str to ndarray
         Quads by group, from `read_groups`.
     face : ndarray, shape (63, 3)
@@ -96,13 +103,14 @@ def head_part(
         Share of each vertex that the arms below the elbow hold.
     look : Look
     """
-    points = mesh.vertices
+    points = limbs.mesh.vertices
     wanted = (points[:, 1] > _BUST_BOTTOM_MM) & (np.abs(points[:, 0]) < _BUST_HALF_MM)
     wanted &= arm < 0.5
+    wanted |= limbs.right & ~(limbs.lower & (_above_wrist(limbs, points) < SLEEVE_MM - 25))
     quads = groups["body"]
     triangles = triangulate(quads[wanted[quads].all(axis=1)])
     rings = lip_rings(quads, points)
-    parts = [_skin(mesh, face, triangles, rings, look)]
+    parts = [_skin(limbs, face, triangles, rings, look)]
     for side, letter in ((-1, "r"), (1, "l")):
         ball = np.unique(groups[f"helper-{letter}-eye"])
         parts.append(eyeball(points, ball, look))
@@ -132,9 +140,16 @@ def _hidden(at: FloatArray, triangles: IntArray) -> NDArray[np.bool_]:
     return np.asarray(back | ((covered(middle) > _DEEP_DEG) & (middle[:, 1] > 690) & ~ear))
 
 
-def _skin(mesh: Mesh, face: FloatArray, triangles: IntArray, rings: IntArray, look: Look) -> Part:
+def _above_wrist(limbs: Limbs, points: FloatArray) -> FloatArray:
+    """Return how far points are above the right wrist, along the forearm, mm."""
+    elbow, wrist = limbs.forearm[:2]
+    along: FloatArray = (points - wrist) @ (elbow - wrist) / np.linalg.norm(elbow - wrist)
+    return along
+
+
+def _skin(limbs: Limbs, face: FloatArray, triangles: IntArray, rings: IntArray, look: Look) -> Part:
     """Return the skin, finer at the lips, and the clothes over it."""
-    points = mesh.vertices
+    points = limbs.mesh.vertices
     y = points[:, 1]
     lips = np.zeros(len(points), dtype=bool)
     lips[rings[1:]] = True
@@ -151,10 +166,21 @@ def _skin(mesh: Mesh, face: FloatArray, triangles: IntArray, rings: IntArray, lo
 
     bare = cut(triangles[~of_lips], points, above(-9), division=1)
     fine = tessellate(triangles[lips[triangles].any(axis=1)], 3)
-    shirt = cut(triangles, points, below(-5), division=3)
+    of_arm = limbs.right[triangles].all(axis=1)
+    shirt = cut(triangles[~of_arm], points, below(-5), division=3)
+
+    def up(line_mm: float) -> Callable[[FloatArray], FloatArray]:
+        return lambda p: _above_wrist(limbs, p) - SLEEVE_MM - line_mm
+
+    near_cuff = limbs.lower & (up(_CUFF_MM + 12)(points) < 0)
+    at_cuff = of_arm & near_cuff[triangles].any(axis=1)
+    cuff = cut(triangles[at_cuff], points, up(0), division=2)
+    above_cuff = cut(triangles[at_cuff], points, up(_CUFF_MM), division=2)
+    sleeve = cut(triangles[of_arm & ~at_cuff], points, lambda p: np.ones(len(p)), division=1)
     parts = []
     for (sources, shares, small), lift_mm, colour in (
         (bare, 0.0, None), (fine, _LIFT_MM, None), (shirt, 1.4, look.cloth),
+        (sleeve, 3.2, look.cloth), (above_cuff, 3.2, look.cloth), (cuff, 2.6, look.hem),
     ):  # fmt: skip
         at = (points[sources] * shares[..., None]).sum(axis=1)
         shade = (hollow[sources] * shares).sum(axis=1)
@@ -166,8 +192,13 @@ def _skin(mesh: Mesh, face: FloatArray, triangles: IntArray, rings: IntArray, lo
         edge = np.minimum(
             (at[:, 1] - _BUST_BOTTOM_MM - 4) / 12, (_BUST_HALF_MM - 4 - np.abs(at[:, 0])) / 12
         )
-        colours[:, 4] = 255 * np.clip(edge, 0, 1)
-        offsets = lift_mm * (normals[sources] * shares[..., None]).sum(axis=1)
+        if all(small is not own[2] for own in (sleeve, above_cuff, cuff)):
+            colours[:, 4] = 255 * np.clip(edge, 0, 1)
+        lift = lift_mm * np.ones(len(at))
+        if small is sleeve[2]:  # at the shoulder it goes over into the shirt
+            held = (limbs.weights[sources, 2] * shares).sum(axis=1)
+            lift = 1.4 + (lift_mm - 1.4) * np.clip(held / 0.5, 0, 1)
+        offsets = lift[:, None] * (normals[sources] * shares[..., None]).sum(axis=1)
         if small is fine[2]:
             offsets += rounded(points, normals, sources, shares)
         parts.append(Part(sources, shares, offsets, small, colours.astype(np.uint8)))

@@ -20,6 +20,8 @@ from codec.cuer.voice import Voice
 from codec.errors import CueError
 from codec.files.npz import read_arrays
 from receiver.drawing.mouth import Mouth
+from receiver.drawing.movement import RULES, Expression
+from receiver.drawing.skeleton import Pose, Skeleton, between, gaze_in_head, solve
 
 ASSETS = Path(__file__).parents[1] / "assets"
 
@@ -109,6 +111,8 @@ class Avatar:
         First vertex and number of vertices of the right and the left eyeball.
     eye_middles : ndarray, shape (2, 3)
         About which they turn.
+    skeleton : Skeleton
+        Joints of collar bones and right arm.
     unit_names : tuple of str
         ARKit's names of the units of the face that markers can see.
     unit_rest : ndarray, shape (63, 3)
@@ -127,6 +131,7 @@ class Avatar:
     shapes: dict[str, tuple[NDArray[np.int64], FloatArray]]
     eye_ranges: NDArray[np.int64]
     eye_middles: FloatArray
+    skeleton: Skeleton
     unit_names: tuple[str, ...]
     unit_rest: FloatArray
     units: FloatArray
@@ -147,15 +152,15 @@ class Avatar:
         """Which triangles cast the shadow that all others receive: the hand's, shape (F,)."""
         return np.arange(len(self.triangles)) >= len(self.head.triangles)
 
-    def place(self, params: ArrayLike, times_s: FloatArray | None = None) -> FloatArray:
+    def place(self, params: ArrayLike, added: Expression | None = None) -> FloatArray:
         """Return the vertices of head, then hand, in the world.
 
         Parameters
         ----------
         params : ndarray, shape (T, P)
             Parameters of the voice.
-        times_s : ndarray, shape (T,), optional
-            Programme times: they say when the eyes blink. Open eyes otherwise.
+        added : Expression, optional
+            Movements of the T moments that no parameter holds; a still face otherwise.
 
         Returns
         -------
@@ -163,20 +168,39 @@ class Avatar:
             Millimetres.
         """
         p = np.asarray(params, dtype=np.float64)
-        closed = np.zeros(len(p)) if times_s is None else eyes_closed(times_s)
-        return np.concatenate([self._place_head(p, closed), self._place_hand(p)], axis=1)
+        pose = solve(self.skeleton, self.voice, p, added)
+        head, hand = self._place_head(p, pose, added), self._place_hand(p, pose)
+        placed = np.concatenate([head, hand], axis=1)
+        return placed if added is None else placed + added.trunk[:, None]
 
-    def _place_head(self, params: FloatArray, closed: FloatArray) -> FloatArray:
+    def _place_head(self, params: FloatArray, pose: Pose, added: Expression | None) -> FloatArray:
+        pivot = self.voice.face.pivot
+        points = self.place_at_rest(params, pose, added) - pivot
+        return shared_motion(points, pose.head, np.repeat(self.head_weights, 3, axis=1), pivot)
+
+    def place_at_rest(self, params: FloatArray, pose: Pose, added: Expression | None) -> FloatArray:
+        """Return the head's surface (T, V, 3), before its motion."""
         model, columns = self.voice.face, self.voice.face_columns
         control = self.head.control(model.shape(params[:, columns[:7]]))
-        for name in ("eyeBlinkLeft", "eyeBlinkRight"):
+        weights = {} if added is None else self.shape_weights(added, pose)
+        for name, weight in weights.items():
             vertices, moved = self.shapes[name]
-            control[:, vertices] += closed[:, None, None] * moved
+            control[:, vertices] += weight[:, None, None] * moved
         self.mouth.solve(control)
-        motion = model.motion(params[:, columns[7:]])
-        weights = np.repeat(self.head_weights, 3, axis=1)
-        points = self.head.refine(control) - model.pivot
-        return shared_motion(points, motion, weights, model.pivot)
+        self.skeleton.bend(control, pose.joints)
+        points = self.head.refine(control)
+        if added is not None:
+            self.turn_eyes(points, gaze_in_head(added, pose))
+        return points
+
+    def shape_weights(self, added: Expression, pose: Pose) -> dict[str, FloatArray]:
+        """Return the weights (T,) of the blend shapes, with lids that follow the gaze."""
+        up = RULES["lids_per_rad"] * gaze_in_head(added, pose)[:, 1]
+        lids = {
+            f"eyeLook{way}{side}": np.clip(sign * up, 0, 1)
+            for way, sign in (("Up", 1), ("Down", -1)) for side in ("Left", "Right")
+        }  # fmt: skip
+        return added.shapes | lids
 
     def turn_eyes(self, points: FloatArray, gaze: FloatArray) -> None:
         """Turn the eyeballs in the head's surface (T, V, 3), before its motion, in place.
@@ -193,29 +217,10 @@ class Avatar:
             ball = points[:, first : first + count] - middle
             points[:, first : first + count] = ball @ turn.transpose(0, 2, 1) + middle
 
-    def _place_hand(self, params: FloatArray) -> FloatArray:
+    def _place_hand(self, params: FloatArray, pose: Pose) -> FloatArray:
         model, columns = self.voice.hand, self.voice.hand_columns
         points = self.hand.refine(self.hand.control(model.shape(params[:, columns[:12]])))
-        motion = model.motion(params[:, columns[12:]])
-        return np.asarray(rigid_motion(points, motion) + model.pivot)
-
-
-def eyes_closed(times_s: FloatArray) -> FloatArray:
-    """Return how far the eyes are closed at programme times, 0..1, shape as `times_s`.
-
-    One blink in every four seconds, at a place that its number decides; the page uses the same
-    formula.
-
-    Examples
-    --------
-    >>> bool(eyes_closed(np.arange(0, 40, 0.02)).max() > 0.8)
-    True
-    """
-    number = np.floor(times_s / 4)
-    noise = np.sin(number * 12.9898) * 43758.5453
-    middle = 4 * number + 0.7 + 2.6 * (noise - np.floor(noise))
-    part = np.clip(1 - np.abs(times_s - middle) / 0.11, 0, 1)
-    return np.asarray(part * part * (3 - 2 * part))
+        return np.asarray(rigid_motion(points, pose.hand) + model.pivot)
 
 
 def has_avatar(voice: Voice) -> bool:
@@ -252,10 +257,12 @@ def load_avatar(voice: Voice, look: str | None = None) -> Avatar:
         hand = _surface(arrays, "hand", voice.hand.shape(still)[0])
         weights = arrays["head_weights"][head.sources] / 255
         turn, shift = _fit(arrays["head_markers"], voice.face.mean, "head")
+        of_hand = _fit(arrays["hand_markers"], voice.hand.shape(still)[0], "hand")
         return Avatar(
             voice, head, hand, (weights * head.shares[..., None]).sum(axis=1),
             _mouth(arrays, turn, shift), _shapes(arrays, turn),
             arrays["eye_ranges"].astype(np.int64), arrays["eye_middles"] @ turn + shift,
+            _skeleton(arrays, (turn, shift), of_hand),
             tuple(map(str, arrays["unit_names"])), arrays["unit_rest"] @ turn + shift,
             arrays["units"] @ turn, looks,
         )  # fmt: skip
@@ -294,6 +301,19 @@ def _mouth(arrays: Mapping[str, NDArray[Any]], turn: FloatArray, shift: FloatArr
         a["rings"].astype(np.int64), a["upper"].astype(np.int64), a["lower"].astype(np.int64),
         a["beside"].astype(np.int64), a["between"].astype(np.float64), a["lining"] @ turn, arch,
         int(a["jaw"][0]), a["jaw_rest"] @ turn + shift,
+    )  # fmt: skip
+
+
+def _skeleton(
+    arrays: Mapping[str, NDArray[Any]], of_head: tuple[FloatArray, FloatArray],
+    of_hand: tuple[FloatArray, FloatArray],
+) -> Skeleton:  # fmt: skip
+    places = arrays["joint_places"].astype(np.float64) @ of_head[0] + of_head[1]
+    in_hand = arrays["joint_forearm"].astype(np.float64) @ of_hand[0] + of_hand[1]
+    vertices = np.flatnonzero(arrays["joint_weights"].any(axis=1))
+    return Skeleton(
+        vertices, arrays["joint_weights"][vertices] / 255, places[:2], places[2:4], places[4],
+        between(places[4:], in_hand),
     )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ A `Motion` and its voice go in, pictures come out: the page's.
 import os
 from collections.abc import Iterator
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import av
@@ -16,6 +17,7 @@ from codec.cuer.motion import Motion, sample_params
 from codec.cuer.voice import Voice
 from codec.errors import CueError
 from receiver.drawing.avatar import load_avatar
+from receiver.drawing.movement import express
 from receiver.drawing.points import draw_points
 from receiver.drawing.portrait import Portrait
 from receiver.drawing.voice_document import neutral_camera
@@ -101,7 +103,8 @@ def draw(
         if avatar is None or portrait is None:
             draw_points(picture, voice.reconstruct(params)[0], camera, mirror=mirror)
         else:
-            portrait.draw(picture, avatar.place(params, now)[0])
+            added = express(voice, partial(sample_params, motion), now)
+            portrait.draw(picture, avatar.place(params, added)[0])
         yield picture
 
 

@@ -29,6 +29,7 @@ from receiver.drawing.avatar import (
 )
 from receiver.drawing.camera import ASPECT, Camera, frame_cuer
 from receiver.drawing.mouth import Mouth
+from receiver.drawing.movement import movement_document
 from receiver.drawing.portrait import (
     FROM_LIGHT,
     LIGHT,
@@ -36,6 +37,7 @@ from receiver.drawing.portrait import (
     SHADOW_TEXEL_MM,
     SHADOW_WEIGHTS,
 )
+from receiver.drawing.skeleton import Skeleton
 
 _FACE_ARRAYS = ("mean", "directions", "pivot", "motion_mean", "motion_directions", "weights")
 _HAND_ARRAYS = (
@@ -68,8 +70,9 @@ def voice_document(voice: Voice) -> dict[str, Any]:
     dict
         ``identity``, ``layout``, ``markers``, ``face_markers``, ``aspect``, ``camera``,
         ``movement`` (constants of the hand's clock, and where it is for each key, mm),
-        ``looks`` (appearances of the avatar), ``pointing`` (marker of each shape), ``gestures``
-        (targets, as parameters), and the arrays of ``face`` and ``hand`` under the names of
+        ``rules`` (`receiver.drawing.movement`), ``looks`` (appearances of the avatar),
+        ``pointing`` (marker of each shape), ``gestures`` (targets, as parameters), and the arrays
+        of ``face`` and ``hand`` under the names of
         `codec.cuer.models`.
     """
     camera = neutral_camera(voice)
@@ -85,6 +88,7 @@ def voice_document(voice: Voice) -> dict[str, Any]:
             "distance_mm": camera.distance_mm,
         },
         "movement": _movement(voice),
+        "rules": movement_document(voice),
         "looks": list(load_avatar(voice).looks) if has_avatar(voice) else [],
         "pointing": [longest_finger_tip(shape) for shape in SHAPES],
         "gestures": {
@@ -128,6 +132,7 @@ def avatar_document(avatar: Avatar) -> bytes:
         "eye_ranges": avatar.eye_ranges.astype("<u2"),
         "eye_middles": avatar.eye_middles.astype("<f4"),
         **_mouth_arrays(avatar.mouth),
+        **_joint_arrays(avatar.skeleton),
         **_shape_arrays(avatar.shapes),
         **_surface_arrays("head", avatar.head),
         **_surface_arrays("hand", avatar.hand),
@@ -152,6 +157,15 @@ def _mouth_arrays(mouth: Mouth) -> dict[str, Any]:
     }  # fmt: skip
     arrays = {f"mouth_{name}": getattr(mouth, name).astype(kind) for name, kind in kinds.items()}
     return arrays | {"mouth_jaw": np.array([mouth.jaw], dtype="<u2")}
+
+
+def _joint_arrays(skeleton: Skeleton) -> dict[str, Any]:
+    names = ("roots", "shoulders", "elbow", "forearm")
+    arrays = {f"joint_{name}": getattr(skeleton, name).astype("<f4") for name in names}
+    return arrays | {
+        "joint_vertices": skeleton.vertices.astype("<u2"),
+        "joint_weights": np.rint(255 * skeleton.weights).astype("u1"),
+    }  # fmt: skip
 
 
 def _shape_arrays(shapes: Mapping[str, tuple[NDArray[Any], NDArray[Any]]]) -> dict[str, Any]:

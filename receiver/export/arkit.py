@@ -9,14 +9,16 @@ not measured by the markers: their lids follow the avatar's blinking, the rest s
 
 import csv
 import io
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from codec.cuer.motion import Motion
+from codec.cuer.motion import Motion, sample_params
 from codec.cuer.voice import Voice
-from receiver.drawing.avatar import Avatar, eyes_closed
+from receiver.drawing.avatar import Avatar
+from receiver.drawing.movement import express
 
 _SIDES = ("Left", "Right")
 
@@ -66,9 +68,9 @@ def arkit_weights(motion: Motion, avatar: Avatar) -> NDArray[np.float64]:
     zeros = np.zeros(len(columns) + len(alike))
     for row, target in zip(weights, moved, strict=True):
         row[columns] = np.minimum(nnls(system, np.concatenate([target, zeros]))[0], 1.0)
-    closed = eyes_closed(motion.times_s)
-    for side in _SIDES:
-        weights[:, ARKIT_NAMES.index(f"eyeBlink{side}")] = closed
+    added = express(voice, partial(sample_params, motion), motion.times_s)
+    for name in set(added.shapes) & set(ARKIT_NAMES) - set(avatar.unit_names):
+        weights[:, ARKIT_NAMES.index(name)] = added.shapes[name]
     return weights
 
 

@@ -8,14 +8,18 @@ Everything is animated over time. Khronos, glTF 2.0 specification, sections 3.6,
 
 import json
 import struct
+from collections.abc import Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from codec.cuer.motion import Motion
-from receiver.drawing.avatar import Avatar, Surface, eyes_closed, vertex_normals
+from codec.cuer.motion import Motion, sample_params
+from receiver.drawing.avatar import Avatar, Surface, vertex_normals
+from receiver.drawing.movement import express
+from receiver.drawing.skeleton import Skeleton, gaze_in_head, solve
 
 _HEAD, _HAND, _FIRST_JOINT = 1, 2, 3
 """Numbers of the nodes."""
@@ -24,6 +28,8 @@ _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 _KINDS = {"f4": 5126, "u2": 5123, "u1": 5121}
 _SHARES = np.linspace(0, 1, 6)
 """Shares of the head's turn at which joints stand: the chest, the neck, the head."""
+
+_BONES = ("clavicleRight", "upperArmRight", "lowerArmRight", "clavicleLeft")
 
 _LIP_RANK = 16
 """Directions in which the lips' corrections are kept, chosen for an error below 0.05 mm."""
@@ -73,9 +79,9 @@ class _Builder:
 
 def _mesh(
     build: _Builder, surface: Surface, name: str, targets: NDArray[np.float64],
-    weights: NDArray[np.float64] | None,
+    influences: tuple[NDArray[np.float64], NDArray[np.int64]] | None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Return a mesh with morph targets (R, V, 3), and joints if it has weights (V,)."""
+    """Return a mesh with morph targets (R, V, 3), and four weights and joints of each vertex."""
     rest = surface.refine(surface.rest[None])[0]
     colours = surface.colours.astype(np.float64) / 255
     rgba = np.concatenate([colours[:, :3] ** 2.2, colours[:, 4:]], axis=1)
@@ -84,14 +90,9 @@ def _mesh(
         "NORMAL": build.add(_unit_normals(rest, surface.triangles), target=_ARRAY_BUFFER),
         "COLOR_0": build.add(np.rint(rgba * 255), "u1", target=_ARRAY_BUFFER, normalised=True),
     }
-    if weights is not None:
-        place = weights * (len(_SHARES) - 1)
-        below = np.minimum(place.astype(int), len(_SHARES) - 2)
-        none = np.zeros_like(weights)
-        pairs = np.stack([np.maximum(0, below + 1 - place), place - below, none, none], axis=1)
-        attributes["WEIGHTS_0"] = build.add(pairs, target=_ARRAY_BUFFER)
-        joints = np.stack([below, below + 1, none, none], axis=1) * (pairs > 0)
-        attributes["JOINTS_0"] = build.add(joints, "u1", target=_ARRAY_BUFFER)
+    if influences is not None:
+        attributes["WEIGHTS_0"] = build.add(influences[0], target=_ARRAY_BUFFER)
+        attributes["JOINTS_0"] = build.add(influences[1], "u1", target=_ARRAY_BUFFER)
     return {
         "name": name,
         "primitives": [{
@@ -103,6 +104,52 @@ def _mesh(
         }],
         "weights": [0.0] * len(targets),
     }  # fmt: skip
+
+
+def _influences(avatar: Avatar) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return weights and joints, shape (V, 4): two of the neck's and up to two of the arms'."""
+    head, skeleton = avatar.head, avatar.skeleton
+    control = np.zeros((len(head.rest), skeleton.weights.shape[1]))
+    control[skeleton.vertices] = skeleton.weights
+    arms = (control[head.sources] * head.shares[..., None]).sum(axis=1)
+    best = np.argsort(-arms, axis=1)[:, :2]
+    kept = np.take_along_axis(arms, best, axis=1)
+    total = arms.sum(axis=1, keepdims=True)
+    kept *= total / np.maximum(kept.sum(axis=1, keepdims=True), 1e-9)
+    place = avatar.head_weights[:, 0] * (len(_SHARES) - 1)
+    below = np.minimum(place.astype(int), len(_SHARES) - 2)
+    neck = np.stack([np.maximum(0, below + 1 - place), place - below], axis=1)
+    weights = np.concatenate([neck * (1 - total), kept], axis=1)
+    joints = np.concatenate([below[:, None], below[:, None] + 1, best + len(_SHARES)], axis=1)
+    return weights, joints * (weights > 0)
+
+
+def _bones(skeleton: Skeleton) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return where the arms' joints begin, shape (4, 3), and axes (4, 3, 3), the second along."""
+    right, left = skeleton.roots
+    starts = np.array([right, skeleton.shoulders[0], skeleton.elbow, left])
+    along = np.array([skeleton.shoulders[0], skeleton.elbow, right, skeleton.shoulders[1]]) - starts
+    frames = []
+    for way in along:
+        axes = np.linalg.svd(way[None])[2]
+        axes[0] = way / np.linalg.norm(way)
+        frames.append(np.column_stack([np.cross(axes[0], axes[1]), axes[0], axes[1]]))
+    return starts, np.array(frames)
+
+
+def _expression_targets(avatar: Avatar, names: Iterable[str]) -> NDArray[np.float64]:
+    """Return displacements (R, V, 3): of the blend shapes, then of both eyes to a side and up."""
+    found = [
+        _on_surface(avatar.head, avatar.shapes[name][0], avatar.shapes[name][1][None])[0]
+        for name in names
+    ]
+    rest = avatar.head.refine(avatar.head.rest[None])[0]
+    aside, up = np.zeros_like(rest), np.zeros_like(rest)
+    for (first, count), middle in zip(avatar.eye_ranges, avatar.eye_middles, strict=True):
+        x, y, z = (rest[first : first + count] - middle).T
+        aside[first : first + count] = np.stack([z, 0 * x, -x], axis=1)
+        up[first : first + count] = np.stack([0 * x, z, -y], axis=1)
+    return np.array([*found, aside, up])
 
 
 def _unit_normals(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -159,20 +206,20 @@ def glb(motion: Motion, avatar: Avatar) -> bytes:
     voice, build = avatar.voice, _Builder()
     params = motion.params.astype(np.float64)
     shape = voice.face.shape(params[:, voice.face_columns[:7]])
-    blink = sum(
-        _on_surface(avatar.head, vertices, moved[None])
-        for vertices, moved in map(avatar.shapes.__getitem__, ("eyeBlinkLeft", "eyeBlinkRight"))
-    )
+    added = express(voice, partial(sample_params, motion), motion.times_s)
+    pose = solve(avatar.skeleton, voice, params, added)
+    weights = avatar.shape_weights(added, pose)
+    shapes = _expression_targets(avatar, weights)
+    expression = np.column_stack([*weights.values(), gaze_in_head(added, pose)])
     lips, pressed = _lips(avatar, shape)
-    head_targets = np.concatenate([_directions(avatar.head), lips, blink])
+    head_targets = np.concatenate([_directions(avatar.head), lips, shapes])
     meshes = [
-        _mesh(build, avatar.head, "head", head_targets, avatar.head_weights[:, 0]),
+        _mesh(build, avatar.head, "head", head_targets, _influences(avatar)),
         _mesh(build, avatar.hand, "hand", _directions(avatar.hand), None),
     ]
     head_weights = (shape - avatar.head.markers).reshape(len(params), -1)
-    closed = eyes_closed(motion.times_s)[:, None]
     head_weights = head_weights @ avatar.head.coefficients
-    head_weights = np.concatenate([head_weights, pressed, closed], axis=1)
+    head_weights = np.concatenate([head_weights, pressed, expression], axis=1)
     still = voice.hand.shape(params[:, voice.hand_columns[:12]])
     hand_weights = (still - avatar.hand.markers).reshape(len(params), -1)
     hand_weights = hand_weights @ avatar.hand.coefficients
@@ -186,22 +233,34 @@ def glb(motion: Motion, avatar: Avatar) -> bytes:
         })  # fmt: skip
         animation["samplers"].append({"input": times, "output": number})
 
-    head = voice.face.motion(params[:, voice.face_columns[7:]])
-    forearm = voice.hand.motion(params[:, voice.hand_columns[12:]])
     order = np.argsort(avatar.head_weights[:, 0])
     shifts = np.interp(_SHARES, *avatar.head_weights[order].T)
     carried = [
-        (_FIRST_JOINT + k, head * np.repeat([turn, shift], 3), voice.face.pivot)
+        (_FIRST_JOINT + k, pose.head * np.repeat([turn, shift], 3), voice.face.pivot)
         for k, (turn, shift) in enumerate(zip(_SHARES, shifts, strict=True))
     ]
-    for node, moved, pivot in (*carried, (_HAND, forearm, voice.hand.pivot)):
+    for node, moved, pivot in (*carried, (_HAND, pose.hand, voice.hand.pivot)):
         animate(node, "rotation", Rotation.from_rotvec(moved[:, :3]).as_quat())
-        animate(node, "translation", moved[:, 3:] + pivot)
+        animate(node, "translation", moved[:, 3:] + pivot + added.trunk)
+    starts, axes = _bones(avatar.skeleton)
+    first_bone = _FIRST_JOINT + len(_SHARES)
+    for k, (start, frame) in enumerate(zip(starts, axes, strict=True)):
+        maps = pose.joints[:, k]
+        linear = maps[:, :, :3] @ frame
+        stretch = np.linalg.norm(linear, axis=1)
+        animate(
+            first_bone + k, "rotation", Rotation.from_matrix(linear / stretch[:, None]).as_quat()
+        )
+        animate(first_bone + k, "scale", stretch)
+        place = maps[:, :, :3] @ start + maps[:, :, 3] + added.trunk
+        animate(first_bone + k, "translation", place)
     animate(_HEAD, "weights", head_weights)
     animate(_HAND, "weights", hand_weights)
-    bind = np.tile(np.eye(4), (len(_SHARES), 1, 1))
-    bind[:, :3, 3] = -voice.face.pivot
-    joints = [_FIRST_JOINT + k for k in range(len(_SHARES))]
+    bind = np.tile(np.eye(4), (len(_SHARES) + len(starts), 1, 1))
+    bind[: len(_SHARES), :3, 3] = -voice.face.pivot
+    bind[len(_SHARES) :, :3, :3] = axes.transpose(0, 2, 1)
+    bind[len(_SHARES) :, :3, 3] = -(axes.transpose(0, 2, 1) @ starts[..., None])[..., 0]
+    joints = [_FIRST_JOINT + k for k in range(len(bind))]
     document = {
         "asset": {"version": "2.0", "generator": "cuecast"},
         "scene": 0,
@@ -214,6 +273,9 @@ def glb(motion: Motion, avatar: Avatar) -> bytes:
                 {"name": f"neck {share:.1f}", "translation": voice.face.pivot.tolist()}
                 for share in _SHARES
             ),
+            *({"name": name, "translation": start.tolist()} for name, start in zip(
+                _BONES, starts, strict=True,
+            )),
         ],
         "skins": [{
             "joints": joints,

@@ -6,9 +6,11 @@
  * numbers as `receiver.avatar`, the same light as `receiver.portrait`.
  */
 
+import { Movement } from "./movement.js";
 import { Mouth } from "./mouth.js";
 import { fit } from "./points.js";
 import { Shading } from "./shading.js";
+import { Skeleton } from "./skeleton.js";
 
 const KINDS = { f4: Float32Array, i2: Int16Array, u2: Uint16Array, u1: Uint8Array };
 const SHARE_UNIT = 252;
@@ -45,8 +47,10 @@ export class Surface {
     this.weight = new Float64Array(this.rank);
     this.shapes = {};
     this.mouth = null;
+    this.skeleton = null;
     if (prefix === "head") {
       this.mouth = new Mouth(arrays);
+      this.skeleton = new Skeleton(arrays);
       const ranges = arrays.eye_ranges;
       const vertices = [0, 2].flatMap((k) => Array.from({ length: ranges[k + 1] }, (_, i) => ranges[k] + i));
       this.eyes = { ranges, vertices, middles: arrays.eye_middles };
@@ -65,6 +69,7 @@ export class Surface {
     const moves = new Uint8Array(this.rest.length / 3);
     for (const vertex of this.movingControl) moves[vertex] = 1;
     for (const shape of Object.values(this.shapes)) for (const vertex of shape.vertices) moves[vertex] = 1;
+    if (this.skeleton) for (const vertex of this.skeleton.vertices) moves[vertex] = 1;
     // Shapes add to what is there: every vertex that anything moves begins again at rest.
     this.changing = Uint32Array.from(moves.keys()).filter((i) => moves[i]);
     const carried = (i) => moves[this.sources[3 * i]] || moves[this.sources[3 * i + 1]] || moves[this.sources[3 * i + 2]];
@@ -79,10 +84,10 @@ export class Surface {
   }
 
   /**
-   * Bend the surface to `markers` (before their rigid motion), by blend shapes `{name: weight}` and
-   * the eyes' `gaze`, radians to the viewer's right and up.
+   * Bend the surface to `markers` (before their rigid motion), by blend shapes `{name: weight}`,
+   * the eyes' `gaze`, radians to the viewer's right and up, and the maps of the joints.
    */
-  bend(markers, weights = {}, gaze = [0, 0]) {
+  bend(markers, weights = {}, gaze = [0, 0], joints = null) {
     const { weight, rank, coefficients, basis, rest, control, movingControl } = this;
     weight.fill(0);
     for (let i = 0; i < this.markers.length; i++) {
@@ -109,6 +114,7 @@ export class Surface {
       }
     }
     this.mouth?.solve(control);
+    if (joints) this.skeleton.bend(control, joints);
     this.refine(this.moving);
     if (this.eyes && (gaze[0] !== 0 || gaze[1] !== 0 || this.hasTurned)) this.turnEyes(gaze);
     this.turnNormals(this.movingTriangles, this.isMoving);
@@ -197,15 +203,6 @@ export class Surface {
   }
 }
 
-/** How far the eyes are closed, 0 to 1: the formula of `receiver.avatar.eyes_closed`. */
-export function eyesClosed(timeS) {
-  const number = Math.floor(timeS / 4);
-  const noise = Math.sin(number * 12.9898) * 43758.5453;
-  const middle = 4 * number + 0.7 + 2.6 * (noise - Math.floor(noise));
-  const part = Math.max(0, 1 - Math.abs(timeS - middle) / 0.11);
-  return part * part * (3 - 2 * part);
-}
-
 export class AvatarView {
   /** Build on a canvas; throws where WebGL is missing. */
   constructor(canvas, model, arrays) {
@@ -213,6 +210,7 @@ export class AvatarView {
     this.model = model;
     this.gl = canvas.getContext("webgl", { alpha: true, antialias: true, premultipliedAlpha: true });
     if (!this.gl) throw new Error("WebGL is missing");
+    this.movement = new Movement(model);
     this.shading = new Shading(this.gl, arrays, model.camera.height_mm);
     this.head = this.upload(new Surface(arrays, "head"), arrays.head_weights);
     this.hand = this.upload(new Surface(arrays, "hand"), null);
@@ -248,13 +246,16 @@ export class AvatarView {
     };
   }
 
-  /** Draw the model as it was last reconstructed; `look`: {alpha, mirror, handOnly}. */
-  draw(timeS, look) {
+  /**
+   * Draw the model as it was last reconstructed; `look`: {alpha, mirror, handOnly}. Face and trunk
+   * move by the parameters of the seconds before: `sample(timeS, out)` writes those.
+   */
+  draw(timeS, look, sample) {
     const { gl, canvas, model, head, hand, shading } = this;
     fit(canvas);
     const parts = look.handOnly ? [hand] : [head, hand];
-    const closed = eyesClosed(timeS);
-    head.surface.bend(model.faceShape, { eyeBlinkLeft: closed, eyeBlinkRight: closed });
+    this.pose = head.surface.skeleton.solve(model, this.movement.at(timeS, sample));
+    head.surface.bend(model.faceShape, this.pose.shapes, this.pose.gaze, this.pose.joints);
     hand.surface.bend(model.handShape);
     gl.enable(gl.DEPTH_TEST);
     gl.enable(gl.CULL_FACE);
@@ -294,11 +295,13 @@ export class AvatarView {
 
   /** Set the part to be drawn: its place and its vertices. */
   choosePart(program, part, frame) {
-    const { gl, model } = this;
+    const { gl, model, pose } = this;
     // The face model keeps its points in the world, the hand model about its pivot.
     const [motion, base, pivot] = part === this.hand
-      ? [model.handMotion, ORIGIN, model.hand.pivot] : [model.headMotion, model.face.pivot, model.face.pivot];
-    const set = { turn: motion.slice(0, 3), shift: motion.slice(3, 6), base, pivot, centre: model.camera.centre, frame };
+      ? [pose.hand, ORIGIN, model.hand.pivot] : [pose.head, model.face.pivot, model.face.pivot];
+    // The trunk's shift moves the whole figure against the camera.
+    const centre = model.camera.centre.map((x, i) => x - pose.trunk[i]);
+    const set = { turn: motion.slice(0, 3), shift: motion.slice(3, 6), base, pivot, centre, frame };
     for (const [name, value] of Object.entries(set)) gl.uniform3fv(program.uniforms[name], value);
     const bind = (name, size, type, normalised) => {
       if (program.attributes[name] === undefined) return;

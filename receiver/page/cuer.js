@@ -78,7 +78,7 @@ export class Cuer {
     const scene = [id, timeS, ...size, ...Object.values(look), ...this.params].join();
     if (scene !== this.scene) {
       this.scene = scene;
-      if (this.view === this.avatar) this.avatar.draw(timeS, look);
+      if (this.view === this.avatar) this.avatar.draw(timeS, look, (at, out) => this.timeline.sample(at, out));
       else this.points.draw(this.markers, look);
     }
     return this.visibility;

@@ -57,6 +57,7 @@ export class VoiceModel {
     this.camera = document.camera;
     this.aspect = document.aspect;
     this.movement = document.movement;
+    this.rules = document.rules;
     this.pointing = document.pointing;
     this.gestures = decoded(document.gestures);
     this.face = decoded(document.face);

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from codec.errors import CueError
-from lab.avatar.arms import lower_arms
+from lab.avatar.limbs import forearm_points, pose_limbs
 from lab.avatar.looks import LOOKS
 from lab.avatar.maps import learn
 from lab.avatar.parts import brow, cut, eyeball, join, on_skin, plain, take, tessellate
@@ -129,17 +130,25 @@ def test_asset_is_near_the_true_mesh() -> None:
 
 
 @pytest.mark.skipif(not MESH.is_dir(), reason="the base mesh is not beside the repository")
-def test_arms_hang_without_stretching() -> None:
+def test_arms_hang_and_reach_where_they_are_sent() -> None:
     mesh = read_mesh(MESH)
-    hanging = lower_arms(mesh)
-    for side in "LR":
-        share = sum(mesh.weights[f"{bone}.{side}"] for bone in ("upperarm02", "lowerarm01"))
-        arm = np.flatnonzero(np.asarray(share) > 0.98)[::23]
-        before, after = (
-            np.linalg.norm(v[arm][:, None] - v[arm][None], axis=-1)
-            for v in (mesh.vertices, hanging.vertices)
-        )
-        assert np.abs(before - after).max() < 3.0
-        assert hanging.vertices[arm, 1].mean() < mesh.vertices[arm, 1].mean() - 20
+    elbow = mesh.joints["upperarm01.R"][0] + [-60.0, -240.0, 160.0]
+    turn = Rotation.from_euler("xyz", [40, -20, 130], degrees=True)
+    points = forearm_points(mesh)
+    limbs = pose_limbs(mesh, turn.apply(points - points[0]) + elbow)
+    share = sum(mesh.weights[f"{bone}.R"] for bone in ("lowerarm02", "wrist"))
+    arm = np.flatnonzero(np.asarray(share) > 0.98)[::23]
+    before, after = (
+        np.linalg.norm(v[arm][:, None] - v[arm][None], axis=-1)
+        for v in (mesh.vertices, limbs.mesh.vertices)
+    )
+    assert np.abs(before - after).max() < 3.0
+    wrist = mesh.joints["wrist.R"][0]
+    near = np.linalg.norm(mesh.vertices[arm] - wrist, axis=1).min()
+    reached = np.linalg.norm(limbs.mesh.vertices[arm] - limbs.forearm[1], axis=1).min()
+    assert abs(near - reached) < 3.0
+    left = np.flatnonzero(mesh.weights["lowerarm01.L"] > 0.9)
+    assert limbs.mesh.vertices[left, 1].mean() < mesh.vertices[left, 1].mean() - 20
     still = np.flatnonzero(mesh.weights["head"] > 0.9)
-    assert np.array_equal(hanging.vertices[still], mesh.vertices[still])
+    assert np.allclose(limbs.mesh.vertices[still], mesh.vertices[still], atol=1e-9)
+    assert limbs.weights.sum(axis=1).max() < 1.01

@@ -2,6 +2,8 @@
 
 import gzip
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 
@@ -11,14 +13,17 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 from scipy.spatial import cKDTree
 
+from codec.cuer.motion import Motion, sample_params
 from codec.cuer.voice import load_voice
 from codec.cues.score import PLACEMENTS
 from codec.errors import CueError
 from receiver.drawing._kernels import BLENDED, add_normals, blur_shadow, cast, draw_triangles
-from receiver.drawing.avatar import eyes_closed, has_avatar, load_avatar, vertex_normals
+from receiver.drawing.avatar import has_avatar, load_avatar, vertex_normals
 from receiver.drawing.camera import Camera
+from receiver.drawing.movement import RULES, express
 from receiver.drawing.portrait import FROM_LIGHT, LIGHT, SHADOW_WEIGHTS, Portrait
 from receiver.drawing.render import write_picture
+from receiver.drawing.skeleton import solve
 from receiver.drawing.voice_document import avatar_document, neutral_camera, voice_document
 from synth.motion.body.body import load_body
 from synth.motion.rules.gesture import GestureSynthesiser
@@ -32,54 +37,137 @@ AVATAR = load_avatar(VOICE)
 PARAMS = np.random.default_rng(3).normal(0, 0.7, (3, len(VOICE.layout))).astype(np.float32)
 
 
-def test_page_bends_the_same_skin(tmp_path: Path) -> None:
+RATE_HZ = 50.0
+SCORE = score_of_text("Bonsoir, et bienvenue. Merci de votre confiance.", start_s=1.0)
+SECONDS = SCORE.keys[-1].end + 3.0
+
+
+@pytest.fixture(scope="module")
+def spoken() -> Motion:
+    """A short programme of the rules' cuer: rest, two sentences, rest."""
+    pose = GestureSynthesiser("claire", rate_hz=RATE_HZ).pose(SCORE, 0.0, int(SECONDS * RATE_HZ))
+    return VOICE.invert(load_body("claire").markers(pose), rate_hz=RATE_HZ)
+
+
+def test_page_moves_and_bends_as_python_does(tmp_path: Path, spoken: Motion) -> None:
+    """Rules of movement, joints and skin under node and in Python, over one programme."""
     (tmp_path / "avatar.bin").write_bytes(avatar_document(AVATAR))
     script = """
-        import { Surface, eyesClosed, parseAvatar } from "./avatar.js";
+        import { Surface, parseAvatar } from "./avatar.js";
         import { VoiceModel } from "./model.js";
+        import { Movement } from "./movement.js";
         const bytes = readFileSync("avatar.bin");
         const arrays = parseAvatar(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length));
         const model = new VoiceModel(data.voice);
-        const head = new Surface(arrays, "head");
-        const hand = new Surface(arrays, "hand");
+        const [head, hand] = ["head", "hand"].map((part) => new Surface(arrays, part));
+        const movement = new Movement(model);
         const out = new Float64Array(339);
-        const found = data.params.map((params, i) => {
+        const last = data.params.length - 1;
+        const sample = (timeS, params) => {
+            const at = Math.min(Math.max(timeS * data.rate, 0), last);
+            const [below, above] = [Math.floor(at), Math.min(Math.floor(at) + 1, last)];
+            params.forEach((_, i) => {
+                params[i] = data.params[below][i] * (1 - at + below) + data.params[above][i] * (at - below);
+            });
+            return 1;
+        };
+        const params = new Float64Array(model.layout.length);
+        const said = data.times.map((t) => movement.at(t, sample));
+        const poses = data.few.map((t) => {
+            sample(t, params);
             model.reconstruct(params, out);
-            const closed = eyesClosed(data.times[i]);
-            head.bend(model.faceShape, { eyeBlinkLeft: closed, eyeBlinkRight: closed }, data.gaze);
+            const pose = head.skeleton.solve(model, movement.at(t, sample));
+            head.bend(model.faceShape, pose.shapes, pose.gaze, pose.joints);
             hand.bend(model.handShape);
-            return [Array.from(head.position), Array.from(hand.position), Array.from(head.normal)];
+            return [pose.head, pose.hand, Array.from(head.position), Array.from(hand.position), Array.from(head.normal)];
         });
-        console.log(JSON.stringify([data.times.map(eyesClosed), found]));
+        console.log(JSON.stringify([said, poses]));
     """  # noqa: E501
-    times = np.array([1.0, 2.13, 7.9])
-    gaze = [0.3, -0.2]
-    data = {"voice": voice_document(VOICE), "params": PARAMS.tolist(), "times": times.tolist()}
-    data["gaze"] = gaze
-    closed, found = run_node(tmp_path, script, data)
-    assert np.allclose(closed, eyes_closed(times), atol=1e-9)
-    for row, shut, (head, hand, normals) in zip(PARAMS.astype(float), closed, found, strict=True):
-        shape = VOICE.face.shape(row[None, VOICE.face_columns[:7]])
-        control = AVATAR.head.control(shape)
-        for name in ("eyeBlinkLeft", "eyeBlinkRight"):
-            vertices, moved = AVATAR.shapes[name]
-            control[:, vertices] += shut * moved
-        AVATAR.mouth.solve(control)
-        expected = AVATAR.head.refine(control)
-        AVATAR.turn_eyes(expected, np.array([gaze]))
-        expected = expected[0]
-        assert np.abs(np.reshape(head, (-1, 3)) - expected).max() < 0.02
-        still = VOICE.hand.shape(row[None, VOICE.hand_columns[:12]])
+    times, few = np.arange(-1.0, SECONDS, 0.11), np.array([0.3, 1.9, 3.1, SECONDS - 1.2])
+    data = {
+        "voice": voice_document(VOICE), "params": spoken.params.tolist(), "rate": RATE_HZ,
+        "times": times.tolist(), "few": few.tolist(),
+    }  # fmt: skip
+    said, poses = run_node(tmp_path, script, data)
+    sample = partial(sample_params, spoken)
+    added = express(VOICE, sample, times)
+    assert set(said[0]["shapes"]) == set(added.shapes)
+    for name, weights in added.shapes.items():
+        assert np.allclose([row["shapes"][name] for row in said], weights, atol=1e-5), name
+    for name in ("gaze", "nod", "trunk", "breath"):
+        assert np.allclose([row[name] for row in said], getattr(added, name), atol=1e-4), name
+    added = express(VOICE, sample, few)
+    params = sample(few).astype(np.float64)
+    pose = solve(AVATAR.skeleton, VOICE, params, added)
+    skin = AVATAR.place_at_rest(params, pose, added)
+    for t, (head, hand, bent, fingers, normals) in enumerate(poses):
+        assert np.allclose(head, pose.head[t], atol=1e-4)
+        assert np.allclose(hand, pose.hand[t], atol=1e-3)
+        assert np.abs(np.reshape(bent, (-1, 3)) - skin[t]).max() < 0.02
+        still = VOICE.hand.shape(params[t : t + 1, VOICE.hand_columns[:12]])
         expected_hand = AVATAR.hand.refine(AVATAR.hand.control(still))[0]
-        assert np.abs(np.reshape(hand, (-1, 3)) - expected_hand).max() < 0.02
+        assert np.abs(np.reshape(fingers, (-1, 3)) - expected_hand).max() < 0.02
         unit = np.reshape(normals, (-1, 3))
         unit /= np.maximum(np.linalg.norm(unit, axis=1, keepdims=True), 1e-9)
-        cosine = (unit * vertex_normals(expected, AVATAR.head.triangles)).sum(axis=1)
+        cosine = (unit * vertex_normals(skin[t], AVATAR.head.triangles)).sum(axis=1)
         # The page keeps the eyeballs' normals.
-        skin = np.ones(len(cosine), dtype=bool)
+        seen = np.ones(len(cosine), dtype=bool)
         for first, count in AVATAR.eye_ranges:
-            skin[first : first + count] = False
-        assert np.quantile(cosine[skin], 0.001) > 0.98
+            seen[first : first + count] = False
+        assert np.quantile(cosine[seen], 0.001) > 0.98
+
+
+def test_movement_does_not_depend_on_where_a_receiver_tuned_in(spoken: Motion) -> None:
+    late = replace(spoken, params=spoken.params[50:], start_s=1.0)
+    times = np.arange(1.0 + RULES["step_s"] * RULES["taps"], SECONDS, 0.04)
+    whole, part = (express(VOICE, partial(sample_params, m), times) for m in (spoken, late))
+    assert np.array_equal(whole.nod, part.nod)
+    assert np.array_equal(whole.gaze, part.gaze)
+    assert all(np.array_equal(whole.shapes[name], part.shapes[name]) for name in whole.shapes)
+
+
+def test_hand_stays_on_its_target_while_the_head_nods(spoken: Motion) -> None:
+    """The pointing tip against the skin there, with and without the rules' movements, mm."""
+    times = np.arange(1.5, SECONDS - 2.5, 0.12)
+    params = sample_params(spoken, times).astype(np.float64)
+    added = express(VOICE, partial(sample_params, spoken), times)
+    still, moved = AVATAR.place(params), AVATAR.place(params, added)
+    n = len(AVATAR.head.sources)
+    assert np.abs(moved[:, :n] - still[:, :n]).max() > 3  # the head does move
+    far = []
+    for t in range(len(times)):
+        fingers = still[t, n:]
+        skin = still[t, :n][AVATAR.head_weights[:, 0] > 0.05]
+        gap = np.linalg.norm(fingers[::7, None] - skin[None, ::5], axis=-1)
+        finger, place = np.unravel_index(gap.argmin(), gap.shape)
+        if gap.min() > 25:
+            continue
+        spot = np.flatnonzero(AVATAR.head_weights[:, 0] > 0.05)[5 * place]
+        before = still[t, n + 7 * finger] - still[t, spot]
+        after = moved[t, n + 7 * finger] - moved[t, spot]
+        far.append(np.linalg.norm(after) - np.linalg.norm(before))
+    assert len(far) > 10
+    assert np.abs(far).max() < 1.0, np.abs(far).max()
+
+
+def test_the_arm_is_one_chain(spoken: Motion) -> None:
+    """Upper arm and forearm meet at the elbow, and the shoulder stays near its place."""
+    params = spoken.params.astype(np.float64)
+    skeleton = AVATAR.skeleton
+    pose = solve(skeleton, VOICE, params, None)
+    places = [
+        joint[:, :, :3] @ skeleton.elbow + joint[:, :, 3]
+        for joint in (pose.joints[:, 1], pose.joints[:, 2])
+    ]
+    assert np.abs(places[0] - places[1]).max() < 1e-6
+    shoulder = skeleton.shoulders[0]
+    carried = [pose.joints[:, k, :, :3] @ shoulder + pose.joints[:, k, :, 3] for k in (0, 1)]
+    assert np.abs(carried[0] - carried[1]).max() < 1e-6
+    moved = np.linalg.norm(carried[0] - shoulder, axis=1)
+    assert 2 < moved.max() < 30
+    length = np.linalg.norm(places[0] - carried[0], axis=1)
+    # The sleeve stretches where the resting hand's elbow lies far out: .80 measured.
+    assert length.min() / length.max() > 0.75
 
 
 def test_eyes_look_where_they_are_sent() -> None:
@@ -200,11 +288,15 @@ def test_head_motion_moves_the_skull_rigidly() -> None:
     assert np.abs(some[1] - some[0]).max() > 0.5
 
 
-def test_eyes_blink_now_and_then() -> None:
-    closed = eyes_closed(np.arange(0, 60, 0.01))
-    blinks = np.flatnonzero(np.diff((closed > 0.5).astype(int)) == 1)
-    assert len(blinks) == 15
-    assert 0.02 < (closed > 0).mean() < 0.08
+def test_eyes_blink_as_people_do() -> None:
+    """Over five minutes of a held pose: the mean rate, and intervals that differ."""
+    held = np.zeros((1, len(VOICE.layout)), np.float32)
+    times = np.arange(0, 300, 0.04)
+    added = express(VOICE, lambda t: np.repeat(held, len(t), axis=0), times)
+    shut = added.shapes["eyeBlinkLeft"]
+    starts = times[1:][(shut[1:] > 0.5) & (shut[:-1] <= 0.5)]
+    assert 8 < len(starts) / 5 < 25
+    assert np.std(np.diff(starts)) > 0.35 * np.mean(np.diff(starts))
 
 
 NO_SHADOW = np.zeros((4, 4, 2), np.float32)

@@ -3,6 +3,7 @@
 import csv
 import json
 import struct
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from codec.cuer.motion import Motion
+from codec.cuer.motion import Motion, sample_params
 from codec.cuer.voice import load_voice
 from codec.errors import CueError, VoiceError
 from receiver.drawing.avatar import load_avatar
+from receiver.drawing.movement import express
 from receiver.export.arkit import ARKIT_NAMES, arkit_weights
 from receiver.export.files import export_motion
 from receiver.export.markers import marker_csv, trc
@@ -100,11 +102,15 @@ class Glb:
         return points
 
 
+ARMS = ("clavicleRight", "upperArmRight", "lowerArmRight", "clavicleLeft")
+
+
 def test_glb_moves_as_the_avatar_does(tmp_path: Path) -> None:
     export_motion(MOTION, VOICE, tmp_path / "cuer.glb")
     file = Glb((tmp_path / "cuer.glb").read_bytes())
     frame = 31
-    expected = AVATAR.place(MOTION.params[frame : frame + 1], MOTION.times_s[frame : frame + 1])[0]
+    added = express(VOICE, partial(sample_params, MOTION), MOTION.times_s[frame : frame + 1])
+    expected = AVATAR.place(MOTION.params[frame : frame + 1], added)[0]
     n = len(AVATAR.head.sources)
     names = [node["name"] for node in file.document["nodes"]]
     at = {name: names.index(name) for name in ("head", "hand")}
@@ -121,7 +127,11 @@ def test_glb_moves_as_the_avatar_does(tmp_path: Path) -> None:
     head = np.zeros_like(points)
     for number, (node, bind) in enumerate(zip(skin["joints"], binds, strict=True)):
         turn = Rotation.from_quat(file.animated(node, "rotation", frame)).as_matrix()
-        turned = (points + bind.reshape(4, 4).T[:3, 3]) @ turn.T
+        into = bind.reshape(4, 4).T
+        bound = points @ into[:3, :3].T + into[:3, 3]
+        if file.document["nodes"][node]["name"] in ARMS:
+            bound = bound * file.animated(node, "scale", frame)
+        turned = bound @ turn.T
         turned += file.animated(node, "translation", frame)
         head += np.where(joints == number, weights, 0).sum(axis=1)[:, None] * turned
     error = np.linalg.norm(head - expected[:n], axis=1)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import PLACEMENTS
 from receiver.drawing.avatar import load_avatar
+from receiver.drawing.movement import express
 from receiver.drawing.portrait import Portrait
 from receiver.drawing.voice_document import neutral_camera
 from receiver.reception.events import State, StateChanged
@@ -382,10 +383,12 @@ def test_a_seek_beyond_what_came_shows_one_state(programme: Path) -> None:
     watch(programme, visit, _Patient())
 
 
+FIVE_S = np.array([5.0])
 PIXELS = """(() => {
     const { avatar, model, markers } = cuecast.cuer;
-    model.reconstruct(%s, markers);
-    avatar.draw(5.0, {alpha: 1, mirror: %s, handOnly: %s});
+    const params = %s;
+    model.reconstruct(params, markers);
+    avatar.draw(5.0, {alpha: 1, mirror: %s, handOnly: %s}, (_t, out) => out.set(params));
     const copy = document.createElement("canvas");
     [copy.width, copy.height] = [avatar.canvas.width, avatar.canvas.height];
     copy.getContext("2d").drawImage(avatar.canvas, 0, 0);
@@ -422,7 +425,8 @@ def test_avatar_on_the_page_is_the_portrait_of_python(
             shown = decode_png(await page.evaluate(script)).astype(float)
             picture = np.zeros((*shown.shape[:2], 3), np.uint8)
             portrait = Portrait(avatar, neutral_camera(claire), mirror=mirror)
-            portrait.draw(picture, avatar.place(params[None], np.array([5.0]))[0])
+            held = express(claire, lambda t, p=params: np.repeat(p[None], len(t), axis=0), FIVE_S)
+            portrait.draw(picture, avatar.place(params[None], held)[0])
             visible = shown[..., :3] * shown[..., 3:] / 255
             cuer = (shown[..., 3] > 0) | (picture.max(axis=2) > 0)
             differences.append(np.abs(visible - picture)[cuer].mean())

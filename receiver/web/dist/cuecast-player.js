@@ -1,3 +1,144 @@
+const $movement = (() => {
+/**
+ * What the cuer's face and trunk do beside the parameters on air: lids, gaze, brows, head, breath.
+ *
+ * The same as `receiver.drawing.movement`, by the same table, which travels in the voice's document.
+ */
+
+class Movement {
+  /** @param model a `VoiceModel` */
+  constructor(model) {
+    this.rules = model.rules;
+    const { taps, step_s: step, hand_s: hand, mouth_s: mouth } = this.rules;
+    this.kernels = [...hand, ...mouth].map((tau) => {
+      const weights = Array.from({ length: taps }, (_, i) => Math.exp(-i * step / tau));
+      const total = weights.reduce((sum, weight) => sum + weight, 0);
+      return weights.map((weight) => weight / total);
+    });
+    this.params = new Float64Array(model.layout.length);
+    this.raised = new Float64Array(taps);
+    this.mouth = new Float64Array(taps);
+  }
+
+  /** What the rules add at `timeS`; `sample(timeS, out)` writes parameters, or returns 0 where none are known. */
+  at(timeS, sample) {
+    const { rules } = this;
+    this.remember(timeS, sample);
+    const [cueing, lately, near, mean] = this.kernels.map((weights, i) => dot(weights, i < 2 ? this.raised : this.mouth));
+    const onset = Math.max(cueing - lately, 0);
+    const end = Math.max(lately - cueing, 0);
+    const accent = near - mean;
+    const [size, period, phase] = rules.breath_wave;
+    const wave = size * (1 - lately) * Math.sin(2 * Math.PI * (timeS / period + phase));
+    const breath = clip(rules.breath[0] + rules.breath[1] * onset + wave);
+    const shapes = this.face(timeS, accent, onset, lately);
+    shapes.breath = breath;
+    return {
+      shapes,
+      gaze: this.fixation(timeS, lately).map((x, i) => x + rules.lens_rad[i]),
+      nod: this.nod(timeS, accent, onset, end, lately),
+      trunk: [0, 1, 2].map((k) => waves(timeS, rules.trunk_waves[k]) + rules.trunk_raised_mm[k] * lately + rules.trunk_breath_mm[k] * breath),
+      breath,
+    };
+  }
+
+  /** Sample the two signals from `timeS` back; before the first known parameters those are held. */
+  remember(timeS, sample) {
+    const { taps, step_s: step, signals } = this.rules;
+    this.params.fill(0);
+    for (let i = 0; i < taps; i++) {
+      sample(timeS - i * step, this.params);
+      const [raised, mouth] = signals.map((factors) => this.params.reduce((sum, x, k) => sum + x * factors[k + 1], factors[0]));
+      this.raised[i] = smooth(raised);
+      this.mouth[i] = mouth;
+    }
+  }
+
+  nod(t, accent, onset, end, lately) {
+    const { nod: rule, resting_share: rest, head_waves: head } = this.rules;
+    const share = rest + (1 - rest) * lately;
+    const turn = head.map((list) => share * waves(t, list));
+    turn[0] += rule.per_mm * accent + rule.onset * onset + rule.end * end;
+    return turn.map((x) => rule.most_rad * Math.tanh(x / rule.most_rad));
+  }
+
+  /** The eyes' offset from the lens: still, then a jump, then still. */
+  fixation(t, lately) {
+    const { fixation_s: slot, saccade_s: jump, wander_rad: [cueing, resting] } = this.rules;
+    const at = t / slot;
+    const number = Math.floor(at);
+    const late = slot * (at - number) - 0.5 * slot * chance(3 * number);
+    const jumped = smooth(late / jump);
+    return [1, 2].map((k, i) => {
+      const place = (n) => (2 * chance(3 * n + k) - 1) ** 3;
+      const still = (1 - jumped) * place(number - 1) + jumped * place(number);
+      return still * (resting[i] + lately * (cueing[i] - resting[i]));
+    });
+  }
+
+  /** How far lids are closed `u` seconds after a blink began. */
+  lids(u) {
+    const [closing, closed, opening] = this.rules.blink_s;
+    return Math.min(smooth(u / closing), smooth((closing + closed + opening - u) / opening));
+  }
+
+  /** How far the lids are closed, 0 to 1: by chance, and where the hand sinks. */
+  blink(t) {
+    const { blink_slot_s: slot, blink_after_s: after, step_s: step } = this.rules;
+    const number = Math.floor(t / slot);
+    let shut = 0;
+    for (const n of [number - 1, number]) {
+      const drawn = chance(7 * n);
+      if ([-2, -1, 1, 2].some((k) => chance(7 * (n + k)) >= drawn)) continue;
+      shut = Math.max(shut, this.lids(t - slot * (n + 0.8 * chance(7 * n + 1))));
+    }
+    const { raised } = this;
+    for (let i = 0; i + 1 < raised.length; i++) {
+      if (!(raised[i] < 0.5 && raised[i + 1] >= 0.5)) continue;
+      const ago = step * (i + (0.5 - raised[i]) / (raised[i + 1] - raised[i]));
+      return Math.max(shut, this.lids(ago - after));
+    }
+    return shut;
+  }
+
+  /** Weights of brows, lids and cheeks. */
+  face(t, accent, onset, lately) {
+    const { rules } = this;
+    const [size, period, phase] = rules.knit_wave;
+    const knit = Math.max(size * Math.sin(2 * Math.PI * (t / period + phase)), 0) * lately;
+    const lift = clip(rules.brow_onset * onset + rules.brow_per_mm * Math.max(accent, 0) - 0.3 * knit);
+    const shut = this.blink(t);
+    const squint = clip(rules.squint[0] + rules.squint[1] * knit) * (1 - shut);
+    const cheek = clip(rules.cheek_per_mm * Math.max(-accent, 0) + 0.3 * knit);
+    const wide = clip(rules.wide_onset * onset) * (1 - shut);
+    const shapes = { browInnerUp: lift };
+    for (const side of ["Left", "Right"]) {
+      const own = { eyeBlink: shut, browOuterUp: 0.7 * lift, browDown: knit, eyeSquint: squint, cheekSquint: cheek, eyeWide: wide };
+      for (const [name, weight] of Object.entries(own)) shapes[name + side] = weight;
+    }
+    return shapes;
+  }
+}
+
+/** An evenly spread number, 0 to 1, that a whole number always gives. */
+function chance(number) {
+  let x = number >>> 0;
+  x = Math.imul(x ^ (x >>> 16), 0x21f0aaad) >>> 0;
+  x = Math.imul(x ^ (x >>> 15), 0x735a2d97) >>> 0;
+  return ((x ^ (x >>> 15)) >>> 0) / 4294967296;
+}
+
+const clip = (x) => Math.max(0, Math.min(1, x));
+const dot = (weights, values) => weights.reduce((sum, weight, i) => sum + weight * values[i], 0);
+const waves = (t, list) => list.reduce((sum, [size, period, phase]) => sum + size * Math.sin(2 * Math.PI * (t / period + phase)), 0);
+
+function smooth(x) {
+  const part = clip(x);
+  return part * part * (3 - 2 * part);
+}
+return { Movement, chance };
+})();
+
 const $mouth = (() => {
 /**
  * The lips over the teeth: neither cut each other nor the teeth. The rule and the constants of
@@ -398,6 +539,326 @@ class Shading {
 return { Shading };
 })();
 
+const $model = (() => {
+/**
+ * The cuer's body from her parameters: the 113 markers in millimetres, as the paper's algorithms
+ * P3DF and P3DH give them (Gibert, Bailly, Elisei 2004, section 3) and as `codec.voice` computes them.
+ */
+
+/** Decode base64 of little-endian float64. */
+function matrix(encoded) {
+  const text = atob(encoded);
+  const bytes = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+  return new Float64Array(bytes.buffer);
+}
+
+/** out = mean + x * axes, x at `offset` of params, axes (n, out.length) row by row. */
+function affine(mean, axes, params, offset, out) {
+  const width = out.length;
+  const n = axes.length / width;
+  out.set(mean);
+  for (let i = 0; i < n; i++) {
+    const x = params[offset + i];
+    for (let j = 0, a = i * width; j < width; j++, a++) out[j] += x * axes[a];
+  }
+}
+
+/** Rotation matrix (row by row, 9 numbers) of the rotation vector `x, y, z` in radians: Rodrigues. */
+function rotation(x, y, z, out) {
+  const squared = x * x + y * y + z * z;
+  const angle = Math.sqrt(squared);
+  const s = angle < 1e-6 ? 1 - squared / 6 : Math.sin(angle) / angle;
+  const c = angle < 1e-6 ? 0.5 - squared / 24 : (1 - Math.cos(angle)) / squared;
+  out[0] = 1 - c * (y * y + z * z);
+  out[1] = c * x * y - s * z;
+  out[2] = c * x * z + s * y;
+  out[3] = c * x * y + s * z;
+  out[4] = 1 - c * (x * x + z * z);
+  out[5] = c * y * z - s * x;
+  out[6] = c * x * z - s * y;
+  out[7] = c * y * z + s * x;
+  out[8] = 1 - c * (x * x + y * y);
+  return out;
+}
+
+/** Turn x, y, z by `r`, then add the translation and the pivot, into `to[j..j+2]`. */
+function move(r, x, y, z, tx, ty, tz, pivot, to, j) {
+  to[j] = r[0] * x + r[1] * y + r[2] * z + tx + pivot[0];
+  to[j + 1] = r[3] * x + r[4] * y + r[5] * z + ty + pivot[1];
+  to[j + 2] = r[6] * x + r[7] * y + r[8] * z + tz + pivot[2];
+}
+
+class VoiceModel {
+  /** Build from the document of `/voice.json`. */
+  constructor(document) {
+    this.identity = document.identity;
+    this.layout = document.layout;
+    this.markers = document.markers;
+    this.looks = document.looks || [];
+    this.camera = document.camera;
+    this.aspect = document.aspect;
+    this.movement = document.movement;
+    this.rules = document.rules;
+    this.pointing = document.pointing;
+    this.gestures = decoded(document.gestures);
+    this.face = decoded(document.face);
+    this.hand = decoded(document.hand);
+    this.faceCount = document.face_markers;
+    this.handCount = this.markers.length - this.faceCount;
+    const count = (prefix) => this.layout.filter((name) => name.startsWith(prefix)).length;
+    this.offsets = { face: 0, hand: count("face."), head: 0, forearm: 0 };
+    this.offsets.head = this.offsets.hand + count("hand.");
+    this.offsets.forearm = this.offsets.head + count("head.");
+    this.placementCount = this.movement.places.length / this.pointing.length;
+    this.headMotion = new Float64Array(6);
+    this.handMotion = new Float64Array(6);
+    this.faceShape = new Float64Array(3 * this.faceCount);
+    this.angles = new Float64Array(this.hand.angle_mean.length);
+    this.handShape = new Float64Array(3 * this.handCount);
+    this.r = new Float64Array(9);
+  }
+
+  /** The parameters of a hand that holds a key: numbers of shape and placement; the head is at rest. */
+  target(shape, placement) {
+    const { shapes, forearms, head } = this.gestures;
+    const { hand, head: headAt, forearm } = this.offsets;
+    const params = new Float64Array(this.layout.length);
+    const width = params.length - forearm;
+    const key = shape * this.placementCount + placement;
+    params.set(shapes.subarray(shape * (headAt - hand), (shape + 1) * (headAt - hand)), hand);
+    params.set(head, headAt);
+    params.set(forearms.subarray(key * width, (key + 1) * width), forearm);
+    return params;
+  }
+
+  /** Write x, y, z of all markers, face then hand, into `out` (3 numbers a marker). */
+  reconstruct(params, out) {
+    this.reconstructFace(params, out);
+    this.reconstructHand(params, out);
+    return out;
+  }
+
+  reconstructFace(params, out) {
+    const { mean, directions, pivot, motion_mean, motion_directions, weights } = this.face;
+    const { headMotion: m, faceShape: p, r } = this;
+    affine(motion_mean, motion_directions, params, this.offsets.head, m);
+    affine(mean, directions, params, this.offsets.face, p);
+    for (let i = 0; i < this.faceCount; i++) {
+      const w = weights.subarray(6 * i, 6 * i + 6);
+      const j = 3 * i;
+      rotation(m[0] * w[0], m[1] * w[1], m[2] * w[2], r);
+      move(r, p[j] - pivot[0], p[j + 1] - pivot[1], p[j + 2] - pivot[2],
+        m[3] * w[3], m[4] * w[4], m[5] * w[5], pivot, out, j);
+    }
+  }
+
+  reconstructHand(params, out) {
+    const { angle_mean, angle_directions, regression, pivot, motion_mean, motion_directions } = this.hand;
+    const { handMotion: m, handShape: p, angles, r } = this;
+    affine(motion_mean, motion_directions, params, this.offsets.forearm, m);
+    affine(angle_mean, angle_directions, params, this.offsets.hand, angles);
+    const width = p.length;
+    const count = angles.length;
+    for (let j = 0; j < width; j++) p[j] = regression[j];
+    for (let i = 0; i < count; i++) {
+      const c = Math.cos(angles[i]);
+      const s = Math.sin(angles[i]);
+      const a = (1 + i) * width;
+      const b = (1 + count + i) * width;
+      for (let j = 0; j < width; j++) p[j] += c * regression[a + j] + s * regression[b + j];
+    }
+    rotation(m[0], m[1], m[2], r);
+    for (let j = 0; j < width; j += 3) {
+      move(r, p[j], p[j + 1], p[j + 2], m[3], m[4], m[5], pivot, out, 3 * this.faceCount + j);
+    }
+  }
+}
+
+function decoded(arrays) {
+  const out = {};
+  for (const name of Object.keys(arrays)) out[name] = matrix(arrays[name]);
+  return out;
+}
+return { rotation, VoiceModel };
+})();
+
+const $skeleton = (() => {
+/**
+ * The cuer's arm as one chain, and the motions of head and hand with what the rules add: the same
+ * as `receiver.drawing.skeleton`. A motion is a rotation vector and a shift; a map `{turn, shift}`
+ * has 9 numbers row by row, and 3.
+ */
+
+const { rotation } = $model;
+
+const POINTING = 16;
+
+class Skeleton {
+  constructor(arrays) {
+    const three = (name) => [0, 3].map((k) => Array.from(arrays[name].subarray(k, k + 3)));
+    this.vertices = arrays.joint_vertices;
+    this.weights = arrays.joint_weights;
+    this.roots = three("joint_roots");
+    this.shoulders = three("joint_shoulders");
+    this.elbow = Array.from(arrays.joint_elbow);
+    this.forearm = mapOf(arrays.joint_forearm);
+  }
+
+  /** Motions and joints for the pose that `model` has just reconstructed, with what the rules add. */
+  solve(model, added) {
+    const { rules, hand, face } = model;
+    const head = mapOf(model.headMotion);
+    const still = nodded(model, head, added.nod);
+    const turned = vectorOf(still.turn);
+    const moved = carried(model, turned, still.shift);
+    const forearm = compose(moved, this.forearm);
+    const elbow = apply(forearm, this.elbow);
+    const lift = [0, rules.shoulder_breath_mm * (added.breath - rules.breath[0]), 0];
+    const follow = elbow.map((x, i) => (x - this.elbow[i]) * rules.shoulder[i]);
+    const most = rules.shoulder_most_mm;
+    const factor = most / Math.sqrt(most * most + follow.reduce((sum, x) => sum + x * x, 0));
+    const [right, shoulder] = collar(this.roots[0], this.shoulders[0], follow.map((x, i) => factor * x + lift[i]));
+    const [left] = collar(this.roots[1], this.shoulders[1], lift);
+    const upper = bone(this.shoulders[0], this.elbow, shoulder, elbow);
+    const gaze = [added.gaze[0] - turned[1], added.gaze[1] + turned[0]];
+    const up = rules.lids_per_rad * gaze[1];
+    const shapes = { ...added.shapes };
+    for (const side of ["Left", "Right"]) {
+      shapes[`eyeLookUp${side}`] = Math.max(0, Math.min(1, up));
+      shapes[`eyeLookDown${side}`] = Math.max(0, Math.min(1, -up));
+    }
+    return {
+      head: [...turned, ...still.shift],
+      hand: [...vectorOf(moved.turn), ...moved.shift.map((x, i) => x - hand.pivot[i])],
+      joints: [right, upper, forearm, left],
+      shapes, gaze, trunk: added.trunk, pivots: [face.pivot, hand.pivot],
+    };
+  }
+
+  /** Move control vertices by the maps of the joints, in place. */
+  bend(control, joints) {
+    const { vertices, weights } = this;
+    for (let i = 0; i < vertices.length; i++) {
+      const at = 3 * vertices[i];
+      const x = control[at];
+      const y = control[at + 1];
+      const z = control[at + 2];
+      for (let joint = 0; joint < 4; joint++) {
+        const weight = weights[4 * i + joint] / 255;
+        if (weight === 0) continue;
+        const { turn: r, shift: s } = joints[joint];
+        control[at] += weight * (r[0] * x + r[1] * y + r[2] * z + s[0] - x);
+        control[at + 1] += weight * (r[3] * x + r[4] * y + r[5] * z + s[1] - y);
+        control[at + 2] += weight * (r[6] * x + r[7] * y + r[8] * z + s[2] - z);
+      }
+    }
+  }
+}
+
+/** The head's motion about its pivot, with a turn about the top of the neck. */
+function nodded(model, head, nod) {
+  const neck = model.rules.neck_mm.map((x, i) => x - model.face.pivot[i]);
+  return compose(about(neck, nod, [0, 0, 0]), head);
+}
+
+/** The hand's map in the world after it followed the skin at which it points. */
+function carried(model, turn, shift) {
+  const { hand, handMotion, headMotion, markers, handShape, faceCount, rules, face } = model;
+  const before = mapOf(handMotion);
+  before.shift = before.shift.map((x, i) => x + hand.pivot[i]);
+  const place = (name) => {
+    const j = 3 * (markers.indexOf(name) - faceCount);
+    return apply(before, Array.from(handShape.subarray(j, j + 3)));
+  };
+  const wrist = place("W1");
+  const tips = ["F2T", "F3T"].map(place);
+  const far = tips.map((tip) => Math.hypot(...tip.map((x, i) => x - wrist[i])) ** POINTING);
+  const height = (far[0] * tips[0][1] + far[1] * tips[1][1]) / (far[0] + far[1]);
+  const [w, v] = [1, 2].map((k) => interpolate(height, rules.throat, k));
+  const share = (r, s) => about(face.pivot, r.map((x) => w * x), s.map((x) => v * x));
+  const old = share(Array.from(headMotion.subarray(0, 3)), Array.from(headMotion.subarray(3, 6)));
+  return compose(compose(share(turn, shift), inverse(old)), before);
+}
+
+function interpolate(x, table, column) {
+  if (x <= table[0][0]) return table[0][column];
+  for (let i = 1; i < table.length; i++) {
+    const [low, high] = [table[i - 1], table[i]];
+    if (x <= high[0]) return low[column] + (x - low[0]) / (high[0] - low[0]) * (high[column] - low[column]);
+  }
+  return table[table.length - 1][column];
+}
+
+/** The map of a collar bone whose end moves by about `moved`, and where its end is. */
+function collar(root, end, moved) {
+  const way = end.map((x, i) => x + moved[i] - root[i]);
+  const factor = Math.hypot(...end.map((x, i) => x - root[i])) / Math.hypot(...way);
+  const place = way.map((x, i) => root[i] + factor * x);
+  return [bone(root, end, root, place), place];
+}
+
+/** The map of a bone: turned the short way and stretched along its axis. */
+function bone(start, end, newStart, newEnd) {
+  const before = end.map((x, i) => x - start[i]);
+  const after = newEnd.map((x, i) => x - newStart[i]);
+  const length = Math.hypot(...before);
+  const reach = Math.hypot(...after);
+  const a = before.map((x) => x / length);
+  const b = after.map((x) => x / reach);
+  const [x, y, z] = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  const c = 1 / (1 + a[0] * b[0] + a[1] * b[1] + a[2] * b[2]);
+  const turn = [
+    1 - c * (y * y + z * z), c * x * y - z, c * x * z + y,
+    c * x * y + z, 1 - c * (x * x + z * z), c * y * z - x,
+    c * x * z - y, c * y * z + x, 1 - c * (x * x + y * y),
+  ];
+  const stretch = reach / length - 1;
+  const linear = times(turn, [0, 1, 2].flatMap((i) => [0, 1, 2].map((j) => (i === j ? 1 : 0) + stretch * a[i] * a[j])));
+  const moved = apply({ turn: linear, shift: [0, 0, 0] }, start);
+  return { turn: linear, shift: newStart.map((value, i) => value - moved[i]) };
+}
+
+function mapOf(motion) {
+  return { turn: rotation(motion[0], motion[1], motion[2], new Float64Array(9)), shift: [motion[3], motion[4], motion[5]] };
+}
+
+/** A rotation about `pivot` and a shift, as a map about the origin. */
+function about(pivot, vector, shift) {
+  const turn = rotation(vector[0], vector[1], vector[2], new Float64Array(9));
+  const moved = apply({ turn, shift: [0, 0, 0] }, pivot);
+  return { turn, shift: shift.map((x, i) => x + pivot[i] - moved[i]) };
+}
+
+function apply({ turn: r, shift: s }, [x, y, z]) {
+  return [0, 3, 6].map((k, i) => r[k] * x + r[k + 1] * y + r[k + 2] * z + s[i]);
+}
+
+function times(a, b) {
+  return [0, 3, 6].flatMap((i) => [0, 1, 2].map((j) => a[i] * b[j] + a[i + 1] * b[j + 3] + a[i + 2] * b[j + 6]));
+}
+
+/** The map that does `before`, then `after`. */
+function compose(after, before) {
+  return { turn: times(after.turn, before.turn), shift: apply(after, before.shift) };
+}
+
+function inverse({ turn: r, shift }) {
+  const turn = [0, 1, 2].flatMap((i) => [r[i], r[i + 3], r[i + 6]]);
+  return { turn, shift: apply({ turn, shift: [0, 0, 0] }, shift).map((x) => -x) };
+}
+
+/** Rotation vector of a matrix; angles stay well below a half turn. */
+function vectorOf(r) {
+  const axis = [r[7] - r[5], r[2] - r[6], r[3] - r[1]];
+  const sine = Math.hypot(...axis) / 2;
+  const angle = Math.atan2(sine, (r[0] + r[4] + r[8] - 1) / 2);
+  const factor = sine < 1e-9 ? 0.5 : angle / (2 * sine);
+  return axis.map((x) => factor * x);
+}
+return { Skeleton };
+})();
+
 const $avatar = (() => {
 /**
  * The avatar: a skin that follows the markers, drawn with WebGL.
@@ -407,9 +868,11 @@ const $avatar = (() => {
  * numbers as `receiver.avatar`, the same light as `receiver.portrait`.
  */
 
+const { Movement } = $movement;
 const { Mouth } = $mouth;
 const { fit } = $points;
 const { Shading } = $shading;
+const { Skeleton } = $skeleton;
 
 const KINDS = { f4: Float32Array, i2: Int16Array, u2: Uint16Array, u1: Uint8Array };
 const SHARE_UNIT = 252;
@@ -446,8 +909,10 @@ class Surface {
     this.weight = new Float64Array(this.rank);
     this.shapes = {};
     this.mouth = null;
+    this.skeleton = null;
     if (prefix === "head") {
       this.mouth = new Mouth(arrays);
+      this.skeleton = new Skeleton(arrays);
       const ranges = arrays.eye_ranges;
       const vertices = [0, 2].flatMap((k) => Array.from({ length: ranges[k + 1] }, (_, i) => ranges[k] + i));
       this.eyes = { ranges, vertices, middles: arrays.eye_middles };
@@ -466,6 +931,7 @@ class Surface {
     const moves = new Uint8Array(this.rest.length / 3);
     for (const vertex of this.movingControl) moves[vertex] = 1;
     for (const shape of Object.values(this.shapes)) for (const vertex of shape.vertices) moves[vertex] = 1;
+    if (this.skeleton) for (const vertex of this.skeleton.vertices) moves[vertex] = 1;
     // Shapes add to what is there: every vertex that anything moves begins again at rest.
     this.changing = Uint32Array.from(moves.keys()).filter((i) => moves[i]);
     const carried = (i) => moves[this.sources[3 * i]] || moves[this.sources[3 * i + 1]] || moves[this.sources[3 * i + 2]];
@@ -480,10 +946,10 @@ class Surface {
   }
 
   /**
-   * Bend the surface to `markers` (before their rigid motion), by blend shapes `{name: weight}` and
-   * the eyes' `gaze`, radians to the viewer's right and up.
+   * Bend the surface to `markers` (before their rigid motion), by blend shapes `{name: weight}`,
+   * the eyes' `gaze`, radians to the viewer's right and up, and the maps of the joints.
    */
-  bend(markers, weights = {}, gaze = [0, 0]) {
+  bend(markers, weights = {}, gaze = [0, 0], joints = null) {
     const { weight, rank, coefficients, basis, rest, control, movingControl } = this;
     weight.fill(0);
     for (let i = 0; i < this.markers.length; i++) {
@@ -510,6 +976,7 @@ class Surface {
       }
     }
     this.mouth?.solve(control);
+    if (joints) this.skeleton.bend(control, joints);
     this.refine(this.moving);
     if (this.eyes && (gaze[0] !== 0 || gaze[1] !== 0 || this.hasTurned)) this.turnEyes(gaze);
     this.turnNormals(this.movingTriangles, this.isMoving);
@@ -598,15 +1065,6 @@ class Surface {
   }
 }
 
-/** How far the eyes are closed, 0 to 1: the formula of `receiver.avatar.eyes_closed`. */
-function eyesClosed(timeS) {
-  const number = Math.floor(timeS / 4);
-  const noise = Math.sin(number * 12.9898) * 43758.5453;
-  const middle = 4 * number + 0.7 + 2.6 * (noise - Math.floor(noise));
-  const part = Math.max(0, 1 - Math.abs(timeS - middle) / 0.11);
-  return part * part * (3 - 2 * part);
-}
-
 class AvatarView {
   /** Build on a canvas; throws where WebGL is missing. */
   constructor(canvas, model, arrays) {
@@ -614,6 +1072,7 @@ class AvatarView {
     this.model = model;
     this.gl = canvas.getContext("webgl", { alpha: true, antialias: true, premultipliedAlpha: true });
     if (!this.gl) throw new Error("WebGL is missing");
+    this.movement = new Movement(model);
     this.shading = new Shading(this.gl, arrays, model.camera.height_mm);
     this.head = this.upload(new Surface(arrays, "head"), arrays.head_weights);
     this.hand = this.upload(new Surface(arrays, "hand"), null);
@@ -649,13 +1108,16 @@ class AvatarView {
     };
   }
 
-  /** Draw the model as it was last reconstructed; `look`: {alpha, mirror, handOnly}. */
-  draw(timeS, look) {
+  /**
+   * Draw the model as it was last reconstructed; `look`: {alpha, mirror, handOnly}. Face and trunk
+   * move by the parameters of the seconds before: `sample(timeS, out)` writes those.
+   */
+  draw(timeS, look, sample) {
     const { gl, canvas, model, head, hand, shading } = this;
     fit(canvas);
     const parts = look.handOnly ? [hand] : [head, hand];
-    const closed = eyesClosed(timeS);
-    head.surface.bend(model.faceShape, { eyeBlinkLeft: closed, eyeBlinkRight: closed });
+    this.pose = head.surface.skeleton.solve(model, this.movement.at(timeS, sample));
+    head.surface.bend(model.faceShape, this.pose.shapes, this.pose.gaze, this.pose.joints);
     hand.surface.bend(model.handShape);
     gl.enable(gl.DEPTH_TEST);
     gl.enable(gl.CULL_FACE);
@@ -695,11 +1157,13 @@ class AvatarView {
 
   /** Set the part to be drawn: its place and its vertices. */
   choosePart(program, part, frame) {
-    const { gl, model } = this;
+    const { gl, model, pose } = this;
     // The face model keeps its points in the world, the hand model about its pivot.
     const [motion, base, pivot] = part === this.hand
-      ? [model.handMotion, ORIGIN, model.hand.pivot] : [model.headMotion, model.face.pivot, model.face.pivot];
-    const set = { turn: motion.slice(0, 3), shift: motion.slice(3, 6), base, pivot, centre: model.camera.centre, frame };
+      ? [pose.hand, ORIGIN, model.hand.pivot] : [pose.head, model.face.pivot, model.face.pivot];
+    // The trunk's shift moves the whole figure against the camera.
+    const centre = model.camera.centre.map((x, i) => x - pose.trunk[i]);
+    const set = { turn: motion.slice(0, 3), shift: motion.slice(3, 6), base, pivot, centre, frame };
     for (const [name, value] of Object.entries(set)) gl.uniform3fv(program.uniforms[name], value);
     const bind = (name, size, type, normalised) => {
       if (program.attributes[name] === undefined) return;
@@ -729,7 +1193,7 @@ function sortTriangles({ triangles, colours }) {
   }
   return [opaque, clear];
 }
-return { parseAvatar, Surface, eyesClosed, AvatarView };
+return { parseAvatar, Surface, AvatarView };
 })();
 
 const $clock = (() => {
@@ -883,149 +1347,6 @@ function distance(one, other, places) {
   return Math.hypot(to[0] - from[0], to[1] - from[1], to[2] - from[2]);
 }
 return { PLACEMENT_NUMBER, strokesTo, shownFrom, shownUntil };
-})();
-
-const $model = (() => {
-/**
- * The cuer's body from her parameters: the 113 markers in millimetres, as the paper's algorithms
- * P3DF and P3DH give them (Gibert, Bailly, Elisei 2004, section 3) and as `codec.voice` computes them.
- */
-
-/** Decode base64 of little-endian float64. */
-function matrix(encoded) {
-  const text = atob(encoded);
-  const bytes = new Uint8Array(text.length);
-  for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
-  return new Float64Array(bytes.buffer);
-}
-
-/** out = mean + x * axes, x at `offset` of params, axes (n, out.length) row by row. */
-function affine(mean, axes, params, offset, out) {
-  const width = out.length;
-  const n = axes.length / width;
-  out.set(mean);
-  for (let i = 0; i < n; i++) {
-    const x = params[offset + i];
-    for (let j = 0, a = i * width; j < width; j++, a++) out[j] += x * axes[a];
-  }
-}
-
-/** Rotation matrix (row by row, 9 numbers) of the rotation vector `x, y, z` in radians: Rodrigues. */
-function rotation(x, y, z, out) {
-  const squared = x * x + y * y + z * z;
-  const angle = Math.sqrt(squared);
-  const s = angle < 1e-6 ? 1 - squared / 6 : Math.sin(angle) / angle;
-  const c = angle < 1e-6 ? 0.5 - squared / 24 : (1 - Math.cos(angle)) / squared;
-  out[0] = 1 - c * (y * y + z * z);
-  out[1] = c * x * y - s * z;
-  out[2] = c * x * z + s * y;
-  out[3] = c * x * y + s * z;
-  out[4] = 1 - c * (x * x + z * z);
-  out[5] = c * y * z - s * x;
-  out[6] = c * x * z - s * y;
-  out[7] = c * y * z + s * x;
-  out[8] = 1 - c * (x * x + y * y);
-  return out;
-}
-
-/** Turn x, y, z by `r`, then add the translation and the pivot, into `to[j..j+2]`. */
-function move(r, x, y, z, tx, ty, tz, pivot, to, j) {
-  to[j] = r[0] * x + r[1] * y + r[2] * z + tx + pivot[0];
-  to[j + 1] = r[3] * x + r[4] * y + r[5] * z + ty + pivot[1];
-  to[j + 2] = r[6] * x + r[7] * y + r[8] * z + tz + pivot[2];
-}
-
-class VoiceModel {
-  /** Build from the document of `/voice.json`. */
-  constructor(document) {
-    this.identity = document.identity;
-    this.layout = document.layout;
-    this.markers = document.markers;
-    this.looks = document.looks || [];
-    this.camera = document.camera;
-    this.aspect = document.aspect;
-    this.movement = document.movement;
-    this.pointing = document.pointing;
-    this.gestures = decoded(document.gestures);
-    this.face = decoded(document.face);
-    this.hand = decoded(document.hand);
-    this.faceCount = document.face_markers;
-    this.handCount = this.markers.length - this.faceCount;
-    const count = (prefix) => this.layout.filter((name) => name.startsWith(prefix)).length;
-    this.offsets = { face: 0, hand: count("face."), head: 0, forearm: 0 };
-    this.offsets.head = this.offsets.hand + count("hand.");
-    this.offsets.forearm = this.offsets.head + count("head.");
-    this.placementCount = this.movement.places.length / this.pointing.length;
-    this.headMotion = new Float64Array(6);
-    this.handMotion = new Float64Array(6);
-    this.faceShape = new Float64Array(3 * this.faceCount);
-    this.angles = new Float64Array(this.hand.angle_mean.length);
-    this.handShape = new Float64Array(3 * this.handCount);
-    this.r = new Float64Array(9);
-  }
-
-  /** The parameters of a hand that holds a key: numbers of shape and placement; the head is at rest. */
-  target(shape, placement) {
-    const { shapes, forearms, head } = this.gestures;
-    const { hand, head: headAt, forearm } = this.offsets;
-    const params = new Float64Array(this.layout.length);
-    const width = params.length - forearm;
-    const key = shape * this.placementCount + placement;
-    params.set(shapes.subarray(shape * (headAt - hand), (shape + 1) * (headAt - hand)), hand);
-    params.set(head, headAt);
-    params.set(forearms.subarray(key * width, (key + 1) * width), forearm);
-    return params;
-  }
-
-  /** Write x, y, z of all markers, face then hand, into `out` (3 numbers a marker). */
-  reconstruct(params, out) {
-    this.reconstructFace(params, out);
-    this.reconstructHand(params, out);
-    return out;
-  }
-
-  reconstructFace(params, out) {
-    const { mean, directions, pivot, motion_mean, motion_directions, weights } = this.face;
-    const { headMotion: m, faceShape: p, r } = this;
-    affine(motion_mean, motion_directions, params, this.offsets.head, m);
-    affine(mean, directions, params, this.offsets.face, p);
-    for (let i = 0; i < this.faceCount; i++) {
-      const w = weights.subarray(6 * i, 6 * i + 6);
-      const j = 3 * i;
-      rotation(m[0] * w[0], m[1] * w[1], m[2] * w[2], r);
-      move(r, p[j] - pivot[0], p[j + 1] - pivot[1], p[j + 2] - pivot[2],
-        m[3] * w[3], m[4] * w[4], m[5] * w[5], pivot, out, j);
-    }
-  }
-
-  reconstructHand(params, out) {
-    const { angle_mean, angle_directions, regression, pivot, motion_mean, motion_directions } = this.hand;
-    const { handMotion: m, handShape: p, angles, r } = this;
-    affine(motion_mean, motion_directions, params, this.offsets.forearm, m);
-    affine(angle_mean, angle_directions, params, this.offsets.hand, angles);
-    const width = p.length;
-    const count = angles.length;
-    for (let j = 0; j < width; j++) p[j] = regression[j];
-    for (let i = 0; i < count; i++) {
-      const c = Math.cos(angles[i]);
-      const s = Math.sin(angles[i]);
-      const a = (1 + i) * width;
-      const b = (1 + count + i) * width;
-      for (let j = 0; j < width; j++) p[j] += c * regression[a + j] + s * regression[b + j];
-    }
-    rotation(m[0], m[1], m[2], r);
-    for (let j = 0; j < width; j += 3) {
-      move(r, p[j], p[j + 1], p[j + 2], m[3], m[4], m[5], pivot, out, 3 * this.faceCount + j);
-    }
-  }
-}
-
-function decoded(arrays) {
-  const out = {};
-  for (const name of Object.keys(arrays)) out[name] = matrix(arrays[name]);
-  return out;
-}
-return { rotation, VoiceModel };
 })();
 
 const $hand = (() => {
@@ -1367,7 +1688,7 @@ class Cuer {
     const scene = [id, timeS, ...size, ...Object.values(look), ...this.params].join();
     if (scene !== this.scene) {
       this.scene = scene;
-      if (this.view === this.avatar) this.avatar.draw(timeS, look);
+      if (this.view === this.avatar) this.avatar.draw(timeS, look, (at, out) => this.timeline.sample(at, out));
       else this.points.draw(this.markers, look);
     }
     return this.visibility;
