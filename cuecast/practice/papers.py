@@ -13,7 +13,10 @@ CONSENT, PROTOCOL = "consentement.txt", "protocole.txt"
 _MOST_BYTES = 1 << 16
 """Bytes of a consent at most."""
 
-_RESPONSIBLE = "(à compléter : nom, établissement, adresse)"
+UNFINISHED = "(à compléter"
+"""Beginning of what the researcher has to fill in."""
+
+_RESPONSIBLE = f"{UNFINISHED} : nom, établissement, adresse)"
 
 _PAIRS = {
     "titre": "paires minimales",

@@ -158,9 +158,13 @@ def _check(args: argparse.Namespace) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     from cuecast.practice.pages import TrialPages, serve_pages
+    from cuecast.practice.papers import CONSENT, UNFINISHED, consent_of
     from cuecast.practice.trial import read_trial
 
-    pages = TrialPages(read_trial(args.folder), port=args.port)
+    trial = read_trial(args.folder)
+    if any(UNFINISHED in part for part in consent_of(trial)):
+        note(f"{args.folder}/{CONSENT} does not say yet who is responsible: complete it")
+    pages = TrialPages(trial, port=args.port)
     serve_pages(pages, lambda url: note(f"participants at {url}"))
     return 0
 
