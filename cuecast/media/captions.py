@@ -19,7 +19,7 @@ from pathlib import Path
 
 from codec.errors import CueError
 from cuecast.media.subtitles import choose_track, read_track, text_tracks
-from receiver.television.server import Captions
+from receiver.television.packed import Captions
 from synth.language.subtitles import Subtitle, read_subtitles
 from synth.language.subtitles.read import Terms
 

@@ -22,9 +22,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the folder; print how to serve it."""
     from cuecast.command.voices import coding_voice
+    from cuecast.media.captions import captions_of
     from receiver.web.folder import write_folder
 
-    files = write_folder(args.programme, args.output, coding_voice(args.voice))
+    voice, captions = coding_voice(args.voice), captions_of(args.programme)
+    text = (captions.data, captions.language) if captions else ()
+    files = write_folder(args.programme, args.output, voice, *text)
     if args.json:
         print_json({"folder": args.output, "files": files})
     else:

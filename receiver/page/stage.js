@@ -52,7 +52,7 @@ export class Stage {
     if (this.programme) lay(this.programme, layout.programme);
     lay(this.inset, layout.cuer);
     this.inset.dataset.contrast = choice.contrast;
-    this.inset.dataset.movable = layout.kind === "over";
+    this.inset.dataset.movable = Boolean(this.programme) && layout.kind === "over";
     this.inset.style.setProperty("--backdrop", 0.82 * choice.opacity / 100);
     lay(this.keysLine, layout.keys);
     this.keysLine.style.fontSize = `${layout.keys.size}px`;

@@ -2,8 +2,25 @@
 
 import gzip
 import hashlib
+from dataclasses import dataclass
 
 from aiohttp import web
+
+
+@dataclass(frozen=True, slots=True)
+class Captions:
+    """The text of a programme.
+
+    Attributes
+    ----------
+    data : bytes
+        A WebVTT file, times on the programme's clock.
+    language : str
+        Its code of BCP 47.
+    """
+
+    data: bytes
+    language: str
 
 
 class PackedFile:

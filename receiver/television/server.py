@@ -14,7 +14,6 @@ import os
 import socket as socketlib
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -27,7 +26,7 @@ from receiver.drawing.avatar import has_avatar
 from receiver.drawing.voice_document import avatar_documents, voice_document
 from receiver.reception.reception import Progress
 from receiver.television.metrics import Metrics
-from receiver.television.packed import PackedFile
+from receiver.television.packed import Captions, PackedFile
 from receiver.television.protocol import (
     MAX_REQUEST_BYTES,
     Position,
@@ -71,22 +70,6 @@ _HEADERS = {
 }
 
 _Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
-
-
-@dataclass(frozen=True, slots=True)
-class Captions:
-    """The text of a programme.
-
-    Attributes
-    ----------
-    data : bytes
-        A WebVTT file, times on the programme's clock.
-    language : str
-        Its code of BCP 47.
-    """
-
-    data: bytes
-    language: str
 
 
 class TelevisionChannel(ABC):

@@ -32,14 +32,17 @@ body {{ margin: 0; background: #07080b; }}
 cuecast-player {{ max-width: 177.77vh; margin: auto; }}
 </style>
 <script type="module" src="cuecast-player.js"></script>
-<cuecast-player keys><{element} src="{source}" controls playsinline></{element}></cuecast-player>
+<cuecast-player keys>
+<{element} src="{source}" controls playsinline>{track}</{element}>
+</cuecast-player>
 </html>
 """
 
 
 def write_folder(
-    programme: str | os.PathLike[str], folder: str | os.PathLike[str], voice: Voice
-) -> list[str]:
+    programme: str | os.PathLike[str], folder: str | os.PathLike[str], voice: Voice,
+    captions: bytes | None = None, language: str = "fr",
+) -> list[str]:  # fmt: skip
     """Write a folder that any static web server may serve.
 
     Parameters
@@ -49,6 +52,10 @@ def write_folder(
     folder : str or path
         New, or empty.
     voice : Voice
+    captions : bytes, optional
+        The programme's text as WebVTT, which the browser shows.
+    language : str
+        Of that text, a code of BCP 47.
 
     Returns
     -------
@@ -80,7 +87,11 @@ def write_folder(
         write_voice(made, voice)
         element = "video" if kind in SEEN else "audio"
         title = html.escape(programme.stem)
-        text = _PAGE.format(title=title, element=element, source=source)
+        track = ""
+        if captions is not None:
+            (made / "captions.vtt").write_bytes(captions)
+            track = f'<track src="captions.vtt" srclang="{html.escape(language)}" default>'
+        text = _PAGE.format(title=title, element=element, source=source, track=track)
         (made / "index.html").write_text(text, encoding="utf-8")
         if folder.exists():
             folder.rmdir()

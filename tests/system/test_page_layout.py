@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from codec.cuer.voice import load_voice
-from receiver.television.server import Captions, Television
+from receiver.television.packed import Captions
+from receiver.television.server import Television
 from receiver.television.tuner import MotionTuner
 from tests import chromium, firefox
 from tests.browsing import Tab

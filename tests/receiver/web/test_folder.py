@@ -28,8 +28,10 @@ def test_refuses_a_folder_with_files(tmp_path: Path) -> None:
 def test_writes_into_an_empty_folder(tmp_path: Path) -> None:
     (tmp_path / "p.m4a").write_bytes(b"x")
     (tmp_path / "site").mkdir()
-    files = write_folder(tmp_path / "p.m4a", tmp_path / "site", load_voice("claire"))
-    assert {"index.html", "programme.m4a", "cuecast.wasm", "voice.bin"} < set(files)
+    voice, text = load_voice("claire"), b"WEBVTT\n"
+    files = write_folder(tmp_path / "p.m4a", tmp_path / "site", voice, text, "fr")
+    assert {"captions.vtt", "index.html", "programme.m4a", "cuecast.wasm", "voice.bin"} < set(files)
     page = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
     assert '<audio src="programme.m4a"' in page
+    assert '<track src="captions.vtt" srclang="fr" default></audio>' in page
     assert sorted(path.name for path in tmp_path.iterdir()) == ["p.m4a", "site"]
