@@ -1,7 +1,7 @@
 /** The learner's page: a sentence slowly, a syllable in a loop, quizzes. */
 
 import { ask, fetched, Player } from "./player.js";
-import { group, PLACES, spelled } from "./spelling.js";
+import { alone, group, PLACES, spelled } from "./spelling.js";
 
 const find = (id) => /** @type {any} */ (document.getElementById(id));
 
@@ -218,7 +218,7 @@ class Learner {
       this.still(Number(shape), place);
       const options = [[shape, place], [otherShape, place], [shape, otherPlace], [otherShape, otherPlace]];
       const order = drawn([0, 1, 2, 3]);
-      const words = order.map((k) => `${spelled(drawn(shapes[options[k][0]])[0])} + ${spelled(drawn(placements[options[k][1]])[0])}`);
+      const words = order.map((k) => `${alone(drawn(shapes[options[k][0]])[0])} + ${spelled(drawn(placements[options[k][1]])[0])}`);
       this.say(`Question ${i + 1} sur ${QUESTIONS}`);
       const { choice } = await ask(find("gestures-box"), "Quelle syllabe ?", words);
       if (quiz !== this.quiz) return;

@@ -12,8 +12,14 @@ export function spelled(phone) {
   return LETTERS[phone] || phone;
 }
 
-/** Phones of a group, each spelling once; the glides with the vowel that makes them plain. */
+const GLIDES = { "ɥ": "ui", w: "oi", j: "y" };
+
+/** A phone by itself, without a neighbour that would make a glide plain. */
+export function alone(phone) {
+  return GLIDES[phone] || spelled(phone);
+}
+
+/** Phones of a group, each spelling once. */
 export function group(phones) {
-  const plain = { "ɥ": "ui", w: "oi", j: "ill" };
-  return [...new Set(phones.map((phone) => plain[phone] || spelled(phone)))].join(" ");
+  return [...new Set(phones.map(alone))].join(" ");
 }
