@@ -82,6 +82,9 @@ class SuperframeView:
     spectra: NDArray[np.complex128]
     amplitudes: NDArray[np.float64]
     paired: bool = False
+    _soft: dict[tuple[int, float], NDArray[np.float64]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
     _projected: dict[int, tuple[Cells, NDArray[np.float64], NDArray[np.bool_]]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -120,7 +123,11 @@ class SuperframeView:
 
     def soft(self, cells: Cells, step: float) -> NDArray[np.float64]:
         """Soft values of cells at a step, shape (64, groups); 0 where a cell cannot carry."""
-        return soft_values(*self._project(cells), cells, step)
+        key = id(cells), step
+        if key not in self._soft:
+            # Each level is asked for by several steps of a reading.
+            self._soft[key] = soft_values(*self._project(cells), cells, step)
+        return self._soft[key]
 
     def _project(self, cells: Cells) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         if id(cells) not in self._projected:

@@ -88,6 +88,7 @@ class HypothesisHunter:
         purse: DecodingPurse,
     ) -> None:  # fmt: skip
         self._key, self._fs, self._nominal, self._ventures = key, fs, nominal, Ventures(purse)
+        self._pieces = Ventures(purse)
         self._ring, self._attempts = ring, attempts
         self._follower, self._stretched = follower, stretched
         self._turned, self._scheduler = RotatedSearch(key), HypothesisScheduler(channels)
@@ -99,6 +100,7 @@ class HypothesisHunter:
         """Try the hypotheses due at a time, after more sound; `tape` holds more of a mix."""
         self._scheduler.earn(sound_s)
         self._ventures.earn(sound_s)
+        self._pieces.earn(sound_s)
         if now < self._count:
             return None
         while (guess := self._scheduler.next(now / self._fs)) is not None:
@@ -127,7 +129,8 @@ class HypothesisHunter:
             known = now - self._follower.last_start < RECENT_S * self._fs
             low, told = stretch.low(guess.speed, guess.stretch_s), self._follower.last_told
             longest = tape if mix == usual else stretch.tape
-            found = self._stretched.lock(low, longest, start, told, known=known)
+            ventures = None if known else self._pieces
+            found = self._stretched.lock(low, longest, start, told, ventures=ventures)
             return None if found is None else HuntedMark(mix, None, found)
         turned = guess.kind is PilotHypothesis.TURNED
         accepted = self._try_turned(guess, stretch) if turned else self._try_plain(guess, stretch)

@@ -20,6 +20,9 @@ VIEW, CLUES_COST, LOOK, BELIEFS, RATIOS, FIT = 2.1, 1.9, 1.3, 0.8, 0.8, 1.5
 """A superframe's spectra and masks; what tells of its cells; what covers it at one level; its
 beliefs; ratios from clues; a search for its delay and drift."""
 
+PIECES = 240.0
+"""All places of a superframe's frames in sound that lies in pieces, and reading along them."""
+
 PATHS_COST = ((8, 0.35), (32, 1.0), (512, 16.5))
 """Decodings of a class with lists of so many paths, in a mother code of `USUAL_MOTHER` bits."""
 

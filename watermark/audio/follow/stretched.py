@@ -9,6 +9,7 @@ ICASSP 1993 (what such a stretch does); Viterbi, IEEE Trans. IT 13(2), 1967.
 Specification: spec/audio-carrier.md, W48.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -17,9 +18,15 @@ from numpy.typing import NDArray
 
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser
+from watermark.audio.follow.purse import LEAST_VENTURED, PIECES, Ventures
 from watermark.audio.follow.stretched_path import MARGIN, REACH, Paths
 from watermark.audio.follow.track import Track, TrackReader, received
-from watermark.audio.search.stretched_search import LEAST, LEAST_KNOWN, find_stretched
+from watermark.audio.search.stretched_search import (
+    LEAST,
+    LEAST_KNOWN,
+    StretchedCandidate,
+    find_stretched,
+)
 from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.profile import (
@@ -44,6 +51,9 @@ MOST_TEMPO, APART = 0.06, 0.01
 
 PRIOR = 2.0
 """Superframes that the tempo at first counts for beside those that were read."""
+
+DOUBT = 10.0
+"""Correlation of pilots that makes a candidate as likely as a deviation more of an usual one."""
 
 SETTLED = 4
 """Superframes that were read after which the tempo is known."""
@@ -156,7 +166,13 @@ class StretchedFollower:
         return np.inf if self._place is None else self._place.misses
 
     def lock(
-        self, low: Array, tape: SampleBuffer, start: float, told: float, *, known: bool
+        self,
+        low: Array,
+        tape: SampleBuffer,
+        start: float,
+        told: float,
+        *,
+        ventures: Ventures | None = None,
     ) -> list[ReceivedSuperframe] | None:
         """Search a stretch and lock onto it.
 
@@ -170,8 +186,9 @@ class StretchedFollower:
             Place of the stretch on the tape.
         told : float
             Place of the last superframe that was handed out.
-        known : bool
-            Whether a mark was read not long ago: less is asked then.
+        ventures : Ventures, optional
+            That pay; where a mark was read not long ago there are none: less is asked then, and the
+            purse pays.
 
         Returns
         -------
@@ -179,9 +196,23 @@ class StretchedFollower:
             The one that was found, after those before it, less those that were handed out; None
             if there is no lock.
         """
-        candidate = find_stretched(self._key, low, least=LEAST_KNOWN if known else LEAST)
+        candidate = find_stretched(self._key, low, least=LEAST if ventures else LEAST_KNOWN)
         if candidate is None:
             return None
+        if ventures is None:
+            if not self._reader.purse.pays(PIECES):
+                return None
+            return self._lock_at(candidate, tape, start, told)
+        if not ventures.allows(LEAST_VENTURED + (candidate.score - LEAST_KNOWN) / DOUBT):
+            return None
+        with ventures.attempt(0.0, math.inf):
+            self._reader.purse.charge(PIECES)
+            return self._lock_at(candidate, tape, start, told)
+
+    def _lock_at(
+        self, candidate: StretchedCandidate, tape: SampleBuffer, start: float, told: float
+    ) -> list[ReceivedSuperframe] | None:
+        """Lock onto a candidate of a stretch that starts at a place of the tape."""
         self._demodulator = demodulator = self._reader.demodulator(candidate.profile)
         centre = candidate.places * self._nominal + start
         levels = [float(level) for level in demodulator.profile.levels_of(candidate.tier)]
@@ -259,7 +290,10 @@ class StretchedFollower:
         oldest = tape.first + (REACH + MARGIN) * self._nominal if tape.first else -np.inf
         first = max(oldest, told + nominal / 2, -HOP * self._nominal)
         past = replace(place)
+        pays = self._reader.purse.pays
         while failed < UNREADABLE and past.position - nominal / past.tempo > first:
+            if not pays(PIECES):
+                break
             reading, places, tempo = self._read(tape, past, back=True)
             if reading.decoded.l0 is None:
                 failed += 1
@@ -283,7 +317,9 @@ class StretchedFollower:
         tempi = [place.tempo, *others] if place.read < SETTLED else [place.tempo]
         near = [place.level + beside for beside in LEVELS_BESIDE]
         levels = [level for level in near if 0 <= level < len(LEVELS)]
-        for tempo in tempi:
+        for n, tempo in enumerate(tempi):
+            if n and not self._reader.purse.pays(PIECES):
+                break
             frames = FRAMES - FRAMES_PER_SUPERFRAME if back else FRAMES
             paths = self._paths(tape, place.position + HOP * self._nominal / tempo * frames)
             for reading, places in self._readings(paths, levels, place.piece, due=not back):

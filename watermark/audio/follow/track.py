@@ -73,6 +73,10 @@ YOUNG, LIKELY_CLOCK = 4, 1.5e-4
 """Superframes after which a clock is known well enough, and how far it may be from its nominal rate
 to be believed nominal before: that of one superframe is known to 30 ppm."""
 
+PAIR_CHECKS = 8
+"""Superframes of an old lock of which one shows whether cells are better read elsewhere; one that
+fails is tried there at once."""
+
 CLEARLY = 1.0
 """Standard deviations by which known bits must fit better for cells to be read elsewhere."""
 
@@ -163,11 +167,16 @@ class TrackReader:
         Tape samples per sample of the mark at its nominal rate.
     purse : DecodingPurse, optional
         Pays for what superframes that fail cost; otherwise nothing is left out.
+
+    Attributes
+    ----------
+    purse : DecodingPurse
+        See there.
     """
 
     def __init__(self, key: int, nominal: float, purse: DecodingPurse | None = None) -> None:
         self._key, self._nominal = key, nominal
-        self._purse = purse or DecodingPurse(math.inf)
+        self.purse = purse or DecodingPurse(math.inf)
         self._masker, self._deep = make_masker(), make_masker(floor=DEEP)
         self._demodulators: dict[int, Demodulator] = {}
 
@@ -175,12 +184,12 @@ class TrackReader:
         """Demodulator of a profile; learnt values are kept for the next lock."""
         if number not in self._demodulators:
             profile = list(PROFILES.values())[number]
-            self._demodulators[number] = Demodulator(profile, self._key, self._purse)
+            self._demodulators[number] = Demodulator(profile, self._key, self.purse)
         return self._demodulators[number]
 
     def view(self, tape: SampleBuffer, track: Track) -> SuperframeView:
         """Return the cells of the superframe at a track's place."""
-        self._purse.charge(VIEW)
+        self.purse.charge(VIEW)
         return _look(tape, track, self._masker)
 
     def read(
@@ -206,7 +215,7 @@ class TrackReader:
             if again.decoded.l0 is not None:
                 track.offset = 0.0
                 return self.complete(tape, track, again)
-        self._purse.charge(VIEW)
+        self.purse.charge(VIEW)
         deep = _look(tape, track, self._deep)
         if np.count_nonzero(deep.amplitudes) > np.count_nonzero(raw.amplitudes):
             view = as_used(track, deep)
@@ -220,7 +229,7 @@ class TrackReader:
             step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
             known = KnownCells(pilots.cells, step, pilots.expected(profile.number))
             likely = likely_phases(demodulator, raw, known, levels[:TIER_LEVELS])
-            self._purse.charge(len(levels) * FIT)
+            self.purse.charge(len(levels) * FIT)
             for equaliser, level in likely:
                 turned_view = raw.turned(equaliser.bins)
                 again = demodulator.read(turned_view, [level], offset=track.offset, due=False)
@@ -251,7 +260,7 @@ class TrackReader:
         """Refine a candidate's place by its pilots; give their score there, in deviations."""
         pilots, step = make_pilots(self._key), PILOT_STEPS[candidate.tier] * 2 ** (track.offset / 4)
         expected = pilots.expected(candidate.profile)
-        self._purse.charge(FIT * len(PULL_IN))
+        self.purse.charge(FIT * len(PULL_IN))
         for grid in PULL_IN:
             # Pilots stand in the mid.
             view = as_used(track, self.view(tape, replace(track, pair=False)))
@@ -268,7 +277,7 @@ class TrackReader:
             expected = kind * np.ones((FRAMES_PER_SUPERFRAME, 1))
             least = LONE_SCORE * math.sqrt(expected.sum() / 2)
             for level in levels[:TIER_LEVELS]:
-                self._purse.charge(FIT)
+                self.purse.charge(FIT)
                 step = demodulator.profile.step(level)
                 fit = search_fit(view, cells, step, expected, LONE_IN, harmonic=2)
                 if fit.score > least:
@@ -302,9 +311,10 @@ class TrackReader:
 
     def settle_pair(self, tape: SampleBuffer, track: Track, reading: SuperframeReading) -> None:
         """Go on with cells in mid, left and right, or all in the mid: as known bits fit clearly."""
-        other = replace(track, pair=not track.pair)
-        if not isinstance(tape, StereoBuffer):
+        old = track.age >= PAIR_CHECKS and track.age % PAIR_CHECKS
+        if old or not isinstance(tape, StereoBuffer):
             return
+        other = replace(track, pair=not track.pair)
         raw = self.view(tape, other)
         if raw.paired == reading.view.paired:
             return
@@ -325,7 +335,7 @@ class TrackReader:
         moved = replace(track, misses=0, age=0)
         view = as_used(track, raw)
         for grid, least in ((BESIDE, COARSE_SCORE), (BESIDE_FINE, BESIDE_SCORE)):
-            self._purse.charge(FIT)
+            self.purse.charge(FIT)
             fit = search_fit(view, pilots.cells, step, expected, grid)
             if fit.score < least:
                 return None
