@@ -292,7 +292,7 @@ class StretchedFollower:
         past = replace(place)
         pays = self._reader.purse.pays
         while failed < UNREADABLE and past.position - nominal / past.tempo > first:
-            if not pays(PIECES):
+            if failed and not pays(PIECES):
                 break
             reading, places, tempo = self._read(tape, past, back=True)
             if reading.decoded.l0 is None:
