@@ -171,7 +171,9 @@ class Avatar:
         pose = solve(self.skeleton, self.voice, p, added)
         head, hand = self._place_head(p, pose, added), self._place_hand(p, pose)
         placed = np.concatenate([head, hand], axis=1)
-        return placed if added is None else placed + added.trunk[:, None]
+        if added is not None:
+            placed += added.trunk[:, None]
+        return placed
 
     def _place_head(self, params: FloatArray, pose: Pose, added: Expression | None) -> FloatArray:
         pivot = self.voice.face.pivot
@@ -184,8 +186,9 @@ class Avatar:
         control = self.head.control(model.shape(params[:, columns[:7]]))
         weights = {} if added is None else self.shape_weights(added, pose)
         for name, weight in weights.items():
-            vertices, moved = self.shapes[name]
-            control[:, vertices] += weight[:, None, None] * moved
+            if weight.any():
+                vertices, moved = self.shapes[name]
+                control[:, vertices] += weight[:, None, None] * moved
         self.mouth.solve(control)
         self.skeleton.bend(control, pose.joints)
         points = self.head.refine(control)
