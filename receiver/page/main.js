@@ -133,6 +133,7 @@ class Page {
   report(jumped) {
     const timeS = this.video.currentTime;
     this.timeline.prune(timeS);
+    if (this.live && !this.heard.untilS && timeS > 0) this.heard = { fromS: timeS, untilS: timeS };
     if (!this.live) this.feed.position(timeS, jumped && this.timeline.knownFrom(timeS) < 1);
     this.controls.showTime();
   }

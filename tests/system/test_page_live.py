@@ -56,6 +56,7 @@ def test_a_broadcast_is_watched_lost_and_found(fps: int) -> None:
         await page.evaluate(STYLE.format("points"))
         transmitter.start()
         await page.until("cuecast.video.readyState >= 3")
+        assert await page.evaluate(STATUS) != "absent"
         await page.evaluate("cuecast.video.play()")
         await page.until(f"{STATUS} == 'locked' && cuecast.drawn.visibility == 1", timeout_s=60)
         samples = np.array(json.loads(await page.evaluate(SAMPLES)))
