@@ -56,6 +56,7 @@ def skin_colours(
         bearded = np.clip((line - y) / 9, 0, 1) * np.clip((y - 600) / 26, 0, 1)
         bearded *= np.clip((z - 28) / 20, 0, 1)
         blend(colours, look.hair, look.stubble * bearded * (0.85 + 0.5 * uneven))
+        colours[:, 3] *= 1 - 0.7 * bearded
     red = inside_lips(points, face)
     blend(colours, look.lips, red)
     colours[:, 3] += 70 * red
