@@ -452,7 +452,8 @@ def test_another_look_on_the_page_is_that_of_python(programme: Path) -> None:
         shown = decode_png(await page.evaluate(script)).astype(float)
         picture = np.zeros((*shown.shape[:2], 3), np.uint8)
         portrait = Portrait(avatar, neutral_camera(claire))
-        portrait.draw(picture, avatar.place(params[None], np.array([5.0]))[0])
+        held = express(claire, lambda t: np.repeat(params[None], len(t), axis=0), FIVE_S)
+        portrait.draw(picture, avatar.place(params[None], held)[0])
         cuer = (shown[..., 3] > 0) | (picture.max(axis=2) > 0)
         assert np.abs(shown[..., :3] * shown[..., 3:] / 255 - picture)[cuer].mean() < 3.0
         assert np.abs(woman[..., :3] - shown[..., :3])[cuer].mean() > 15
