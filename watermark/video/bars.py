@@ -29,7 +29,7 @@ def content_box(mean: NDArray[np.float32]) -> Region:
     Examples
     --------
     >>> picture = np.full((100, 100), 16, dtype=np.float32)
-    >>> picture[20:80, :] += np.arange(100)
+    >>> picture[20:80] += 10 * np.add.outer(np.arange(60) % 5, np.arange(100) % 7)
     >>> content_box(picture)
     Region(left=0.0, top=0.2, width=1.0, height=0.6)
     """

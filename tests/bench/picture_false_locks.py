@@ -1,0 +1,82 @@
+"""Unmarked pictures through the search: places tried, superframes accepted, speed.
+
+    python tests/bench/picture_false_locks.py --hours 10 FILM...
+
+Parts of the films, mirrored, shifted in brightness, faster or slower and cut differently, follow
+one another at 640x360. Then soft values without a message, which is what an unmarked picture at
+any place gives, go through the decoders of all profiles (--noise). Exit status 1 if anything was
+accepted.
+"""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from receiver.media.picture import read_lumas
+from watermark.link.link import Link
+from watermark.video import _kernels
+from watermark.video.profile import DATA, PROFILES
+from watermark.video.receive import VideoReceiver
+
+WIDTH, HEIGHT, FPS = 640, 360, 25
+SCENE = 80  # frames of a scene
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("films", type=Path, nargs="+")
+    parser.add_argument("--hours", type=float, default=10.0)
+    parser.add_argument("--noise", type=int, default=1_000_000, help="superframes of noise")
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    rng = np.random.default_rng(options.seed)
+    films = [[luma for _, luma in read_lumas(path)] for path in options.films]
+    receiver = VideoReceiver(WIDTH, HEIGHT, FPS)
+    accepted, frames, used_s = 0, 0, 0.0
+    while frames < options.hours * 3600 * FPS:
+        for luma in scene(films[rng.integers(len(films))], rng):
+            began = time.process_time()
+            accepted += sum(s.l0 is not None for s in receiver.process(luma))
+            used_s += time.process_time() - began
+            frames += 1
+        if frames % (60 * FPS) < SCENE:
+            print(
+                f"{frames / FPS / 3600:.3f} h: {accepted} accepted, "
+                f"{frames / FPS / used_s:.1f} times real time",
+                flush=True,
+            )
+    wrong = noise(options.noise, rng)
+    print(f"{options.noise} superframes of noise: {wrong} accepted")
+    return int(accepted + wrong > 0)
+
+
+def scene(film: list[np.ndarray], rng: np.random.Generator) -> list[np.ndarray]:
+    """Show a part of a film, at another size, mirrored or not, brighter or darker."""
+    rows, columns = film[0].shape
+    height = int(rows * rng.uniform(0.5, 1))
+    width = int(columns * rng.uniform(0.5, 1))
+    top, left = rng.integers(rows - height + 1), rng.integers(columns - width + 1)
+    gain, offset = rng.uniform(0.6, 1.1), rng.uniform(-15, 15)
+    turn = rng.choice([1, -1], size=2)
+    place, speed, shown = rng.uniform(0, len(film)), rng.choice([0.0, 0.5, 1.0, 2.0]), []
+    for n in range(SCENE):
+        luma = film[int(place + n * speed) % len(film)][:: turn[0], :: turn[1]]
+        picture = np.ascontiguousarray(luma, dtype=np.float32)
+        out = np.empty((HEIGHT, WIDTH), dtype=np.float32)
+        _kernels.resample_into(picture, float(left), float(top), float(width), float(height), out)
+        shown.append(np.clip(gain * out + offset, 16, 235).astype(np.uint8))
+    return shown
+
+
+def noise(count: int, rng: np.random.Generator) -> int:
+    """Accepted among `count` superframes of Gaussian soft values, shared among the profiles."""
+    links = [Link(profile) for profile in PROFILES.values()]
+    decoded = (links[n % len(links)].decode(rng.normal(0, 2, DATA)) for n in range(count))
+    return sum(each.l0 is not None for each in decoded)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
