@@ -316,7 +316,8 @@ export class AvatarView {
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, part.index);
   }
 
-  drawPart([first, count]) {
+  drawPart(range) {
+    const [first, count] = range;
     this.gl.drawElements(this.gl.TRIANGLES, count, this.gl.UNSIGNED_SHORT, 2 * first);
   }
 }

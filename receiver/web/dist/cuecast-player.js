@@ -830,7 +830,8 @@ function about(pivot, vector, shift) {
   return { turn, shift: shift.map((x, i) => x + pivot[i] - moved[i]) };
 }
 
-function apply({ turn: r, shift: s }, [x, y, z]) {
+function apply({ turn: r, shift: s }, point) {
+  const [x, y, z] = point;
   return [0, 3, 6].map((k, i) => r[k] * x + r[k + 1] * y + r[k + 2] * z + s[i]);
 }
 
@@ -1178,7 +1179,8 @@ class AvatarView {
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, part.index);
   }
 
-  drawPart([first, count]) {
+  drawPart(range) {
+    const [first, count] = range;
     this.gl.drawElements(this.gl.TRIANGLES, count, this.gl.UNSIGNED_SHORT, 2 * first);
   }
 }
