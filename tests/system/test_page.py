@@ -2,6 +2,7 @@
 
 import asyncio
 import base64
+import functools
 import io
 import json
 import re
@@ -396,6 +397,11 @@ PIXELS = """(() => {
 })()"""
 
 
+def still(params: NDArray[Any], times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same parameters at all times."""
+    return np.repeat(params[None], len(times), axis=0)
+
+
 def decode_png(address: str) -> NDArray[np.uint8]:
     """Pixels (height, width, 4) of a picture's data address."""
     with av.open(io.BytesIO(base64.b64decode(address.split(",")[1])), "r") as container:
@@ -425,7 +431,7 @@ def test_avatar_on_the_page_is_the_portrait_of_python(
             shown = decode_png(await page.evaluate(script)).astype(float)
             picture = np.zeros((*shown.shape[:2], 3), np.uint8)
             portrait = Portrait(avatar, neutral_camera(claire), mirror=mirror)
-            held = express(claire, lambda t, p=params: np.repeat(p[None], len(t), axis=0), FIVE_S)
+            held = express(claire, functools.partial(still, params), FIVE_S)
             portrait.draw(picture, avatar.place(params[None], held)[0])
             visible = shown[..., :3] * shown[..., 3:] / 255
             cuer = (shown[..., 3] > 0) | (picture.max(axis=2) > 0)
@@ -452,7 +458,7 @@ def test_another_look_on_the_page_is_that_of_python(programme: Path) -> None:
         shown = decode_png(await page.evaluate(script)).astype(float)
         picture = np.zeros((*shown.shape[:2], 3), np.uint8)
         portrait = Portrait(avatar, neutral_camera(claire))
-        held = express(claire, lambda t: np.repeat(params[None], len(t), axis=0), FIVE_S)
+        held = express(claire, functools.partial(still, params), FIVE_S)
         portrait.draw(picture, avatar.place(params[None], held)[0])
         cuer = (shown[..., 3] > 0) | (picture.max(axis=2) > 0)
         assert np.abs(shown[..., :3] * shown[..., 3:] / 255 - picture)[cuer].mean() < 3.0
