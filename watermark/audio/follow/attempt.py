@@ -38,7 +38,8 @@ had. Others are tried briefly."""
 
 LEAST_SCORE = 4.5
 """The same below which a candidate is not tried: of 63 true ones in five ways of spoiling four
-clips two had less, both at -10 dB read with the wrong gain; of 63 that unmarked sound gave, most."""
+clips two had less, both at -10 dB and read with the wrong gain; of 63 that unmarked sound gave,
+most."""
 
 SURE_TURNED = 6.0
 """The same of candidates whose bands are turned: of 33 that unmarked sound gave, 27 had less, of
