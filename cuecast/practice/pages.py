@@ -149,14 +149,16 @@ def chart() -> dict[str, Any]:
     Examples
     --------
     >>> chart()["shapes"]["1"], chart()["placements"]["throat"]
-    (['p', 'd', 'ʒ'], ['œ̃', 'y', 'e'])
+    (['p', 'd', 'ʒ'], ['e', 'y', 'œ̃'])
     """
     language = french()
     shapes: dict[str, list[str]] = {}
     for phone, shape in language.shapes.items():
         shapes.setdefault(str(shape), []).append(phone)
     placements: dict[str, list[str]] = {}
-    for phone, place in language.placement_of.items():
+    for phone, place in sorted(
+        language.placement_of.items(), key=lambda pair: language.phones.index(pair[0])
+    ):
         placements.setdefault(place, []).append(phone)
     return {"shapes": shapes, "placements": placements}
 

@@ -14,17 +14,17 @@ from codec.errors import CueError
 from lab.avatar.parts import FloatArray, IntArray, Part, join, plain, take, triangulate
 from receiver.drawing.mouth import EDGE
 
+# Red, green, blue, chosen by eye.
 TEETH = (232, 224, 208)
 GUM = (168, 84, 82)
 TONGUE = (168, 80, 80)
-"""Red, green, blue, chosen by eye."""
 
 _INNERMOST, _N_RINGS, _N_COLUMNS = 605, 13, 38
 """Vertex of hm08 in the middle of the innermost ring of the upper lip; size of the rings' grid."""
 
+# Width and height in mm of the crowns from the middle to the side.
 _UPPER = ((8.5, 10.0), (6.6, 9.0), (7.6, 9.8), (7.0, 8.6), (6.8, 8.2), (10.0, 7.4))
 _LOWER = ((5.2, 8.8), (5.8, 9.2), (6.8, 10.0), (7.0, 8.8), (7.0, 8.2), (10.6, 7.6))
-"""Width and height in mm of the crowns from the middle to the side."""
 
 _SETBACK_MM = 2.2
 """Distance in mm of the teeth behind the mesh's own row, which touches the lips."""

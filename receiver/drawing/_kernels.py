@@ -17,9 +17,9 @@ IntArray = NDArray[np.int32]
 _BAND = 16
 """Rows of a band: its buffers stay in the processor's cache."""
 
+# Samples of a pixel, from its middle: the pattern of graphics processors.
 _SAMPLE_X = np.array([-0.125, 0.375, -0.375, 0.125])
 _SAMPLE_Y = np.array([-0.375, -0.125, 0.125, 0.375])
-"""Samples of a pixel, from its middle: the pattern of graphics processors."""
 
 _TIE = 2.0**-17
 """Half of the smallest step of an edge function of corners on a grid of 1/256 pixel."""

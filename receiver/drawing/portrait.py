@@ -23,6 +23,7 @@ _KEY = np.array([-0.45, 0.55, 0.70]) / np.linalg.norm([-0.45, 0.55, 0.70])
 """Direction of the key light: from the upper left, which shades the hand on the right of the
 face."""
 
+# Direction of the viewer, and the one between light and viewer.
 _VIEWER = np.array([0.0, 0.0, 1.0])
 _HALF = (_KEY + _VIEWER) / np.linalg.norm(_KEY + _VIEWER)
 
