@@ -40,7 +40,9 @@ LENIENT: dict[str, Any] = (
 )
 """Titles in no known alphabet are no reason to refuse a programme: PyAV 18 has to be told so."""
 
-av.logging.set_level(av.logging.PANIC)  # our errors are one line; FFmpeg would print its own
+# Our errors are one line; FFmpeg would print its own. At any level a thread of a decoder that has
+# something to say waits for Python, which may be waiting for that thread: a deadlock.
+av.logging.set_level(None)
 
 
 @dataclass(frozen=True, slots=True)
