@@ -164,6 +164,7 @@ class Multiplex:
         self._marks: deque[tuple[int, MarkedPes]] = deque()
         self.marks = 0
         self._pending, self._begins = b"", False
+        self._until: int | None = None
         self._marking = self._exchanging = False
         self._counter = self._pid = 0
         self._last: int | None = None
@@ -335,7 +336,7 @@ class Multiplex:
         self._last = pts
         length = 0 if before is None else step(pts, before)
         if 0 < length < TICKS_HZ:
-            name = "marked_seconds_total" if ready else "bypass_seconds_total"
+            name = "marked_seconds_total" if self._marking else "bypass_seconds_total"
             self.figures[name] += length / TICKS_HZ
             if self._watch is not None and before is not None:
                 self._watch.went_out(before, length, self._marking)
@@ -352,11 +353,18 @@ class Multiplex:
         return out
 
     def _ready(self, epoch: int, pts: int) -> bool:
-        """Whether there is marked sound for a PES of this time."""
+        """Whether there is marked sound for a PES of this time, and not only for later ones."""
         marks = self._marks
         while marks and (marks[0][0] < epoch or step(marks[0][1].end, pts) < -_STALE):
             marks.popleft()
             self.figures["stale_packets_total"] += 1
+        reached = pts
+        if self._marking and self._until is not None:
+            reached = self._until
+            if step(reached, pts) > _BEHIND:  # its marked sound is under way
+                return True
+        if not marks or step(marks[0][1].pts, reached) > marks[0][1].end - marks[0][1].pts:
+            return False
         last = next((m for e, m in reversed(marks) if e == epoch), None)
         resumes = not self._marking and self.figures["bypasses_total"] > 0
         least = round(_RESUMED * self._delay_s * TICKS_HZ) if resumes else 0
@@ -376,7 +384,8 @@ class Multiplex:
         if not self._pending and self._marks and pts is not None:
             pes = self._marks[0][1]
             if step(pes.pts, pts) <= pes.end - pes.pts:
-                self._pending, self._begins = self._marks.popleft()[1].data, True
+                self._marks.popleft()
+                self._pending, self._begins, self._until = pes.data, True, pes.end
         if not self._pending:
             if not fields:
                 return NULL_PACKET
