@@ -59,9 +59,37 @@ def collar(
     flat = rim.reshape(-1, 3)
     colours = plain(look.hem, 14, len(flat))
     colours[:, :3] *= np.tile(0.86 + 0.2 * np.cos(angles), len(line))[:, None]
-    return carried(
-        points, np.unique(near), flat, triangulate(np.stack([a, b, b + n, a + n], 1)), colours
-    )
+    sources, shares = nearest_on(points, near, line)
+    carriers = (points[sources] * shares[..., None]).sum(axis=1)
+    return Part(
+        np.repeat(sources, n, axis=0), np.repeat(shares, n, axis=0),
+        flat - np.repeat(carriers, n, axis=0), triangulate(np.stack([a, b, b + n, a + n], 1)),
+        np.clip(colours, 0, 255).astype(np.uint8),
+    )  # fmt: skip
+
+
+def nearest_on(
+    points: FloatArray, triangles: IntArray, places: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """Return the triangle's corners (N, 3) nearest to each place (N, 3) and its shares there."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    u, w = b - a, c - a
+    uu, uw, ww = (u * u).sum(1), (u * w).sum(1), (w * w).sum(1)
+    size = np.maximum(uu * ww - uw**2, 1e-9)
+    sources, shares = [], []
+    for place in places:
+        d = place - a
+        du, dw = (d * u).sum(1), (d * w).sum(1)
+        inside = np.stack([(ww * du - uw * dw) / size, (uu * dw - uw * du) / size], axis=1)
+        # Beside a triangle the nearest of its places is only estimated: neighbours are nearer.
+        inside = np.clip(inside, 0, 1)
+        inside /= np.maximum(inside.sum(axis=1, keepdims=True), 1)
+        away = np.linalg.norm(a + inside[:, :1] * u + inside[:, 1:] * w - place, axis=1)
+        best = int(away.argmin())
+        s, t = inside[best]
+        sources.append(triangles[best])
+        shares.append([1 - s - t, s, t])
+    return np.array(sources), np.array(shares)
 
 
 def carried(
@@ -82,10 +110,13 @@ def carried(
     return Part(sources, shares, at - moved, triangles, painted)
 
 
-_LASHES = {"2": (46, 8.2, 2.8, 0.9), "1": (22, 4.4, -0.8, 0.45)}
+_LASHES = {"2": (60, 6.6, 2.4, 0.85), "1": (24, 3.4, -0.6, 0.35)}
 """Of the upper and lower lids: number, length in mm outwards, rise in mm, opacity."""
 
-_ROOT_MM = 0.32
+_BEFORE_LID = np.array([0.0, 0.2, 0.6])
+"""Where a lash begins beside the lid's edge, mm: clear of the lids of every look."""
+
+_ROOT_MM = 0.24
 """Half of a lash's width at its root, mm."""
 
 
@@ -114,6 +145,7 @@ def lashes(points: FloatArray, quads: IntArray, lid: str, ball: IntArray, look: 
         np.polyval(np.polyfit(points[edge, 0] - middle[0], points[edge, k], 4), x - middle[0])
         for k in (1, 2)
     )], axis=1)  # fmt: skip
+    roots += _BEFORE_LID
     random = np.random.default_rng(3)
     part = (x - middle[0]) / np.ptp(x)
     outward = np.abs(part + 0.5 * np.sign(middle[0]))

@@ -70,7 +70,10 @@ def hair(points: FloatArray, triangles: IntArray, carriers: IntArray, look: Look
     run = np.maximum(np.array(_STEPS_MM), 0)
     top, side = look.lift_mm
     high = np.clip(rays[..., 1] / 0.75, 0, 1)
-    lift = 0.9 + (side + (top - side) * high) * (1 - np.exp(-run / 16))
+    # Hair before the ear lies flat, its roots in the skin: no ground shows between them.
+    flat = (np.clip((24 - elevation) / 20, 0, 1) * (np.abs(azimuth) < 80))[:, None]
+    lift = 0.9 + (side + (top - side) * high) * (1 - np.exp(-run / (16 + 44 * flat)))
+    lift = lift - np.maximum(4.5 * flat, (np.abs(azimuth) > 44)[:, None]) * np.exp(-run / 15)
     relief = 0.55 * strands[:, None] * np.clip(run / 8, 0, 1)
     places = _MIDDLE + rays * (skull(rays) + lift + relief)[..., None]
     colours = plain(look.hair, 16, places.shape[0] * places.shape[1])
@@ -108,6 +111,17 @@ def covered(points: FloatArray) -> FloatArray:
     azimuth = np.degrees(np.arctan2(np.abs(away[:, 0]), away[:, 2]))
     elevation = np.degrees(np.arctan2(away[:, 1], np.hypot(away[:, 0], away[:, 2])))
     return np.asarray(elevation - np.interp(azimuth, *_HAIRLINE_DEG.T))
+
+
+def depth_deg(points: FloatArray) -> FloatArray:
+    """Return how far points under the hair lie from its line on all sides, degrees; else 0."""
+    both = np.concatenate([_HAIRLINE_DEG[:0:-1] * [-1, 1], _HAIRLINE_DEG])
+    dense = np.linspace(0, len(both) - 1, 10 * len(both))
+    line = _direction(*(np.interp(dense, np.arange(len(both)), both[:, k]) for k in (0, 1)))
+    away = points - _MIDDLE
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    distance = np.degrees(np.arccos(np.clip((away @ line.T).max(axis=1), -1, 1)))
+    return np.where(covered(points) > 0, distance, 0)
 
 
 def _direction(azimuth_deg: FloatArray, elevation_deg: FloatArray) -> FloatArray:

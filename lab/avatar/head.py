@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from lab.avatar.collar import collar, lashes
-from lab.avatar.hair import covered
+from lab.avatar.hair import depth_deg
 from lab.avatar.limbs import Limbs
 from lab.avatar.looks import Look
 from lab.avatar.mouth import lip_rings, teeth, tongue
@@ -27,6 +27,7 @@ from lab.avatar.parts import (
     triangulate,
     without,
 )
+from lab.avatar.smoothing import divided, rounded
 
 _LIFT_MM = 0.06
 """Distance in mm of the fine surface from the coarse one, so that they do not flicker."""
@@ -135,9 +136,9 @@ def _hidden(at: FloatArray, triangles: IntArray) -> NDArray[np.bool_]:
     facing = across[:, 2] / np.maximum(np.linalg.norm(across, axis=1), 1e-9)
     middle = (a + b + c) / 3
     aside = np.abs(middle[:, 0])
+    ear = (aside > 64) & (middle[:, 1] < 764) & (middle[:, 1] > 670) & (middle[:, 2] < 84)
     back = (facing < _AWAY) & (middle[:, 2] < 60) & (aside < _TRUNK_HALF_MM)
-    ear = (aside > 70) & (middle[:, 1] < 758) & (middle[:, 2] > 14) & (middle[:, 2] < 84)
-    return np.asarray(back | ((covered(middle) > _DEEP_DEG) & (middle[:, 1] > 690) & ~ear))
+    return np.asarray((back | (depth_deg(middle) > _DEEP_DEG)) & ~ear)
 
 
 def _above_wrist(limbs: Limbs, points: FloatArray) -> FloatArray:
@@ -178,10 +179,11 @@ def _skin(limbs: Limbs, face: FloatArray, triangles: IntArray, rings: IntArray, 
     above_cuff = cut(triangles[at_cuff], points, up(_CUFF_MM), division=2)
     sleeve = cut(triangles[of_arm & ~at_cuff], points, lambda p: np.ones(len(p)), division=1)
     parts = []
-    for (sources, shares, small), lift_mm, colour in (
+    for cloth, lift_mm, colour in (
         (bare, 0.0, None), (fine, _LIFT_MM, None), (shirt, 1.4, look.cloth),
         (sleeve, 3.2, look.cloth), (above_cuff, 3.2, look.cloth), (cuff, 2.6, look.hem),
     ):  # fmt: skip
+        sources, shares, small = divided(points, normals, *cloth)
         at = (points[sources] * shares[..., None]).sum(axis=1)
         shade = (hollow[sources] * shares).sum(axis=1)
         if colour is None:
@@ -192,39 +194,24 @@ def _skin(limbs: Limbs, face: FloatArray, triangles: IntArray, rings: IntArray, 
         edge = np.minimum(
             (at[:, 1] - _BUST_BOTTOM_MM - 4) / 12, (_BUST_HALF_MM - 4 - np.abs(at[:, 0])) / 12
         )
-        if all(small is not own[2] for own in (sleeve, above_cuff, cuff)):
+        if all(cloth is not own for own in (sleeve, above_cuff, cuff)):
             colours[:, 4] = 255 * np.clip(edge, 0, 1)
         lift = lift_mm * np.ones(len(at))
-        if small is sleeve[2]:  # at the shoulder it goes over into the shirt
+        if cloth is sleeve:  # at the shoulder it goes over into the shirt
             held = (limbs.weights[sources, 2] * shares).sum(axis=1)
             lift = 1.4 + (lift_mm - 1.4) * np.clip(held / 0.5, 0, 1)
         offsets = lift[:, None] * (normals[sources] * shares[..., None]).sum(axis=1)
-        if small is fine[2]:
-            offsets += rounded(points, normals, sources, shares)
+        smooth = slice(0 if cloth is fine else len(cloth[0]), None)
+        offsets[smooth] += rounded(points, normals, sources[smooth], shares[smooth])
         parts.append(Part(sources, shares, offsets, small, colours.astype(np.uint8)))
     return join(parts)
 
 
-def rounded(
-    points: FloatArray, normals: FloatArray, sources: IntArray, shares: FloatArray
-) -> FloatArray:
-    """Return offsets (V, 3) that bulge flat triangles to a smooth surface.
-
-    Cubic edges that are normal to the surface at their ends (Vlachos et al. 2001, PN triangles).
-    """
-    offsets = np.zeros((len(sources), 3))
-    for i, j in ((0, 1), (1, 2), (2, 0)):
-        a, b = sources[:, i], sources[:, j]
-        edge = points[b] - points[a]
-        rise = (edge * normals[b]).sum(axis=1)[:, None] * normals[b]
-        rise -= (edge * normals[a]).sum(axis=1)[:, None] * normals[a]
-        offsets += (0.5 * shares[:, i] * shares[:, j])[:, None] * rise
-    return offsets
-
-
 def _neckline(points: FloatArray) -> FloatArray:
     """Return the height at which cloth begins below each point."""
-    line: FloatArray = 512 + 0.014 * points[:, 0] ** 2 + 0.5 * np.maximum(0, 60 - points[:, 2])
+    behind = 60 - points[:, 2]
+    rise = 0.25 * (behind + np.sqrt(behind**2 + 30**2))
+    line: FloatArray = 512 + 0.014 * points[:, 0] ** 2 + rise - 3.5
     return line
 
 

@@ -5,10 +5,11 @@ is brought into the mean pose of her cueing, with the upper arm stretched to her
 joints have little left to turn. There the forearm is that of the hand's markers.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.avatar.parts import FloatArray
@@ -24,6 +25,11 @@ _UPPER = ("upperarm01", "upperarm02")
 _LOWER = ("lowerarm01", "lowerarm02", "wrist")
 _CAP_SHARE = 0.35
 """Share of the shoulder's cap that follows the upper arm; the rest follows the collar bone."""
+
+_LOWERED_DEG = 14.0
+"""Degrees by which the collar bones sink with the arms: the mesh spreads its arms by 45 degrees,
+which lifts the shoulders. The acromion is then .35 heads below the chin, as in the ANSUR survey
+(Gordon et al. 1989)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +81,11 @@ def pose_limbs(mesh: Mesh, forearm: FloatArray) -> Limbs:
         collar = _share(mesh, side, ("clavicle",)) + (1 - _CAP_SHARE) * cap
         shoulder = mesh.joints[f"upperarm01.{side}"][0]
         elbow = mesh.joints[f"lowerarm01.{side}"][0]
+        root = mesh.joints[f"clavicle.{side}"][0]
+        sink = _sink(root)
+        whole = np.clip(collar + _CAP_SHARE * cap + upper + lower, 0, 1)
+        vertices = sink(vertices, whole)
+        shoulder, elbow, *points = sink(np.array([shoulder, elbow, *forearm_points(mesh)]), 1.0)
         share = np.clip(upper + lower, 0, 1)
         wanted = (
             forearm[0]
@@ -83,13 +94,13 @@ def pose_limbs(mesh: Mesh, forearm: FloatArray) -> Limbs:
         )
         vertices = _swing(vertices, shoulder, elbow, wanted, share)
         if side == "R":
-            before = _swing(forearm_points(mesh), shoulder, elbow, wanted, np.ones(4))
+            before = _swing(np.array(points), shoulder, elbow, wanted, np.ones(4))
             vertices = _bend(vertices, before, forearm, lower)
             weights[:, 0], weights[:, 1] = collar, upper + _CAP_SHARE * cap
             weights[:, 2] = lower
         else:
             weights[:, 3] = collar + cap * _CAP_SHARE + share
-        roots.append(mesh.joints[f"clavicle.{side}"][0])
+        roots.append(root)
         shoulders.append(shoulder)
     right = weights[:, 1:3].sum(axis=1) > 0.5
     return Limbs(
@@ -117,6 +128,17 @@ def _share(mesh: Mesh, side: str, bones: tuple[str, ...]) -> FloatArray:
     """Return how far each vertex belongs to some bones of a side, 0..1."""
     found = [mesh.weights[f"{bone}.{side}"] for bone in bones]
     return np.asarray(np.clip(np.sum(found, axis=0), 0, 1))
+
+
+def _sink(root: FloatArray) -> Callable[[FloatArray, ArrayLike], FloatArray]:
+    """Return the turn of a collar bone about its inner end, by a share (N,) of `_LOWERED_DEG`."""
+    turn = np.array([0, 0, -np.sign(root[0]) * np.radians(_LOWERED_DEG)])
+
+    def sink(points: FloatArray, share: ArrayLike) -> FloatArray:
+        turns = Rotation.from_rotvec(np.broadcast_to(share, len(points))[:, None] * turn)
+        return np.asarray(turns.apply(points - root) + root)
+
+    return sink
 
 
 def _swing(

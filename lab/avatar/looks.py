@@ -18,6 +18,8 @@ class Look:
     skin, blush, lips, hair, brows, lashes, iris, cloth, hem, nail : Colour
     stubble : float
         Share of the hair's colour on the jaw.
+    lines : float
+        Depth of the lines of age.
     grey : float
         Share of white strands in the hair.
     brow_width : float
@@ -29,6 +31,9 @@ class Look:
     pole_deg : float
         Elevation of the point at the back of the head towards which the hair is combed.
     targets : tuple of (str, float)
+        Of the head.
+    bust : tuple of (str, float)
+        Of trunk and shoulders; they do not move elbows and hands against each other.
     """
 
     skin: Colour = (228, 178, 152)
@@ -42,13 +47,17 @@ class Look:
     hem: Colour = (30, 47, 72)
     nail: Colour = (236, 186, 172)
     stubble: float = 0.0
+    lines: float = 0.0
     grey: float = 0.0
     brow_width: float = 1.0
     lift_mm: tuple[float, float] = (11.0, 6.0)
     recess_deg: float = 0.0
     pole_deg: float = 0.0
     targets: tuple[tuple[str, float], ...] = ()
+    bust: tuple[tuple[str, float], ...] = ()
 
+
+_BREAST = "breast/female-young-averagemuscle-averageweight"
 
 LOOKS = {
     "woman": Look(),
@@ -58,12 +67,17 @@ LOOKS = {
         nail=(176, 130, 112), stubble=0.42, brow_width=1.5, lift_mm=(9.0, 4.0), recess_deg=3.0,
         pole_deg=38.0,
         targets=(("macrodetails/african-male-young", 1.0),),
+        bust=(
+            (f"{_BREAST}-mincup-averagefirmness", 1.0), ("torso/torso-muscle-pectoral-incr", 0.15),
+            ("torso/measure-shoulder-dist-incr", 1.0),
+        ),
     ),
     "elder": Look(
         skin=(224, 182, 158), blush=(206, 140, 126), lips=(176, 106, 102), hair=(150, 146, 142),
         brows=(132, 120, 112), iris=(92, 108, 120), cloth=(96, 44, 60), hem=(74, 34, 46),
-        grey=0.5, brow_width=0.8, lift_mm=(14.0, 9.0), recess_deg=1.0,
+        lines=0.7, grey=0.5, brow_width=0.8, lift_mm=(14.0, 9.0), recess_deg=1.0,
         targets=(("macrodetails/caucasian-female-old", 1.0),),
+        bust=((f"{_BREAST}-maxcup-minfirmness", 0.3), ("torso/measure-shoulder-dist-decr", 0.5)),
     ),
 }  # fmt: skip
 """By name; the first is that of the mesh as it is."""

@@ -27,8 +27,8 @@ _EYE_MM = (15.0, 21.0)
 """Distances in mm from the middle of an eye between which it does."""
 
 _NECK_MM = (550.0, 615.0)
-"""Heights in mm, in the mesh's coordinates, between which the bust becomes the head: the bust
-keeps its shape, because the arms are placed by the hand's markers."""
+"""Heights in mm, in the mesh's coordinates, between which the bust becomes the head: the bust has
+targets of its own."""
 
 
 def read_target(folder: Path, name: str, count: int) -> FloatArray:
@@ -70,7 +70,7 @@ def morph(
     balls : list of ndarray of int
         Those of each eye.
     """
-    at, moved = mesh.vertices, targets(look, folder, len(mesh.vertices))
+    at, moved = mesh.vertices, summed(look.targets, folder, len(mesh.vertices))
     before, after = face
     # The whole head may be larger: the markers say how it comes back.
     back = RBFInterpolator(after, before - after, kernel="thin_plate_spline", degree=1)
@@ -87,9 +87,9 @@ def morph(
     return drawn
 
 
-def targets(look: Look, folder: Path, count: int) -> FloatArray:
-    """Return the sum (count, 3) of a look's targets, mm."""
-    parts = [share * read_target(folder, name, count) for name, share in look.targets]
+def summed(targets: tuple[tuple[str, float], ...], folder: Path, count: int) -> FloatArray:
+    """Return the sum (count, 3) of targets, each with its share, mm."""
+    parts = [share * read_target(folder, name, count) for name, share in targets]
     return np.asarray(sum(parts, start=np.zeros((count, 3))))
 
 

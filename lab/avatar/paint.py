@@ -10,6 +10,16 @@ from lab.avatar.parts import MOUTH, FloatArray, plain
 _EYE = np.array([31.0, 728.0, 130.0])
 """Middle of the left eye's opening, mm."""
 
+_LINES = (
+    (((15, 697), (22, 690), (29, 678), (33, 666)), 3.2, 1.0),
+    (((31, 652), (34, 641), (33, 632)), 3.0, 0.6),
+    (((16, 719), (26, 712), (38, 713), (45, 719)), 3.0, 0.6),
+    (((0, 772), (22, 774), (44, 770)), 2.6, 0.5),
+    (((0, 784), (20, 786), (40, 782)), 2.6, 0.4),
+    (((50, 729), (60, 731)), 3.0, 0.5),
+)
+"""Course in mm (x outwards, y), width in mm and depth of the lines of age; drawn by eye."""
+
 _WAVES = np.array([
     (0.41, 0.23, 0.19), (-0.27, 0.38, 0.31), (0.19, -0.45, 0.37), (0.66, 0.59, -0.41),
     (-0.83, 0.31, 0.57), (0.23, 0.14, -0.09), (0.11, -0.17, 0.13),
@@ -57,6 +67,9 @@ def skin_colours(
         bearded *= np.clip((z - 28) / 20, 0, 1)
         blend(colours, look.hair, look.stubble * bearded * (0.85 + 0.5 * uneven))
         colours[:, 3] *= 1 - 0.7 * bearded
+    colours[:, 3] *= np.clip((y - 560) / 90, 0.3, 1)
+    if look.lines:
+        blend(colours, shade, look.lines * _lines(aside))
     red = inside_lips(points, face)
     blend(colours, look.lips, red)
     colours[:, 3] += 70 * red
@@ -69,6 +82,18 @@ def skin_colours(
     ear = (aside[:, 0] > 71) & (y > 678) & (y < 754) & (z > 20) & (z < 82)
     blend(colours, tuple(0.8 * np.array(look.hair)), 0.92 * under_hair * ~ear)
     return colours
+
+
+def _lines(aside: FloatArray) -> FloatArray:
+    """Return the depth of lines beside nose and mouth, under the eyes and on the forehead, 0..1."""
+    deep = np.zeros(len(aside))
+    for bend, width, depth in _LINES:
+        steps = np.linspace(0, 1, 20)
+        knots = np.linspace(0, 1, len(bend))
+        along = np.stack([np.interp(steps, knots, np.array(bend)[:, k]) for k in (0, 1)], axis=1)
+        near = np.linalg.norm(aside[:, None, :2] - along[None], axis=2).min(axis=1)
+        deep = np.maximum(deep, depth * np.exp(-((near / width) ** 2)))
+    return deep * (aside[:, 2] > 90)
 
 
 def blend(colours: FloatArray, colour: object, share: FloatArray) -> None:

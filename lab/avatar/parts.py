@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
 from codec.errors import CueError
 from lab.avatar.looks import Look
@@ -144,6 +145,10 @@ def eyeball(vertices: FloatArray, ball: IntArray, look: Look) -> Part:
     )  # fmt: skip
 
 
+_BROW_STEPS = 30
+"""Places along a brow."""
+
+
 def brow(
     vertices: FloatArray,
     triangles: IntArray,
@@ -167,7 +172,10 @@ def brow(
         Height of the brow along the line.
     look : Look
     """
-    rows = np.linspace(-0.5, 0.5, 5)
+    rows = np.linspace(-0.5, 0.5, 7)
+    knots, along = np.arange(len(line)), np.linspace(0, 1, _BROW_STEPS)
+    line = PchipInterpolator(knots, line)(along * knots[-1])
+    width = PchipInterpolator(knots, width)(along * knots[-1])
     x = np.repeat(side * line[:, 0], len(rows))
     y = (line[:, 1, None] + width[:, None] * rows).ravel()
     corners, shares = on_skin(vertices, triangles, np.stack([x, y], axis=1))
@@ -181,8 +189,10 @@ def brow(
     lift = np.tile([0.0, 0.0, 1.0], (len(points), 1))
     colours = plain(look.brows, 20, len(x))
     across = 1 - (np.abs(np.tile(rows, len(line))) / 0.5) ** 2
-    along = np.clip(np.repeat(np.arange(len(line)), n) / 2, 0.25, 1)
-    colours[:, 4] = 255 * np.clip(1.5 * across * look.brow_width, 0, 1) * along
+    # Thin where it begins, and a hair wide at its end.
+    soft = np.clip(along / 0.22, 0, 1) ** 1.3 * np.clip((1 - along) / 0.12, 0, 1)
+    hairs = np.random.default_rng(5).uniform(0.72, 1, len(x))
+    colours[:, 4] = 255 * np.clip(1.5 * across * look.brow_width, 0, 1) * np.repeat(soft, n) * hairs
     return Part(corners, shares, lift, triangulate(quads), colours.astype(np.uint8))
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from codec.compiled import njit
 from lab.avatar.parts import FloatArray, IntArray
 
 
@@ -14,24 +15,32 @@ def outermost(
     ----------
     points : ndarray, shape (M, 3)
     triangles : ndarray of int, shape (F, 3)
-    origin : ndarray, shape (3,) or (N, 3)
+    origin : ndarray, shape (3,)
     directions : ndarray, shape (N, 3)
         Of length one.
     """
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    u, w = b - a, c - a
+    return np.asarray(_outermost(points[triangles] - origin, np.ascontiguousarray(directions)))
+
+
+@njit(cache=True)
+def _outermost(corners: FloatArray, directions: FloatArray) -> FloatArray:
+    """As `outermost`, for corners (F, 3, 3) from the origin (Moeller and Trumbore 1997)."""
     found = np.zeros(len(directions))
-    origins = np.broadcast_to(origin, directions.shape)
-    for number, (start, ray) in enumerate(zip(origins, directions, strict=True)):
-        # Moeller and Trumbore 1997.
-        across = np.cross(ray, w)
-        size = (u * across).sum(axis=1)
-        size = np.where(np.abs(size) < 1e-12, np.inf, size)
-        away = start - a
-        s = (away * across).sum(axis=1) / size
-        turned = np.cross(away, u)
-        t = turned @ ray / size
-        length = (w * turned).sum(axis=1) / size
-        hit = (s >= -1e-9) & (t >= -1e-9) & (s + t <= 1 + 1e-9) & (length > 0)
-        found[number] = length[hit].max(initial=0.0)
+    for f in range(len(corners)):
+        ax, ay, az = corners[f, 0]
+        ux, uy, uz = corners[f, 1] - corners[f, 0]
+        wx, wy, wz = corners[f, 2] - corners[f, 0]
+        # The turned start is the same for all rays: minus the corner, across u.
+        tx, ty, tz = az * uy - ay * uz, ax * uz - az * ux, ay * ux - ax * uy
+        reach = wx * tx + wy * ty + wz * tz
+        for n in range(len(directions)):
+            x, y, z = directions[n]
+            cx, cy, cz = y * wz - z * wy, z * wx - x * wz, x * wy - y * wx
+            size = ux * cx + uy * cy + uz * cz
+            if abs(size) < 1e-12:
+                continue
+            s = -(ax * cx + ay * cy + az * cz) / size
+            t = (x * tx + y * ty + z * tz) / size
+            if s >= -1e-9 and t >= -1e-9 and s + t <= 1 + 1e-9:
+                found[n] = max(found[n], reach / size)
     return found

@@ -283,6 +283,7 @@ def _dressed(arrays: Mapping[str, NDArray[Any]], look: str) -> dict[str, NDArray
         "head_rest": arrays["head_rest"] + own["rest"] / OFFSET_UNIT,
         "head_colours": own["colours"],
         "hand_colours": own["hand"],
+        "joint_places": own["places"],
         "head_triangles": np.concatenate(
             [arrays["head_triangles"][:triangles], own["triangles"] + vertices]
         ),

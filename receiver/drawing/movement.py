@@ -46,8 +46,8 @@ RULES: dict[str, Any] = {
     # Breath: at rest, in at the onset of a phrase, wave of rest: size, period (s), phase.
     "breath": [0.42, 0.75], "breath_wave": [0.3, 4.1, 0.0],
     # Brows and cheeks: onset, accent per mm, knitting wave (size, period, phase).
-    "brow_onset": 0.85, "brow_per_mm": 0.085, "knit_wave": [0.42, 6.7, 0.35],
-    "squint": [0.06, 0.5], "cheek_per_mm": 0.035, "wide_onset": 0.3,
+    "brow_onset": 0.4, "brow_per_mm": 0.04, "knit_wave": [0.2, 6.7, 0.35],
+    "squint": [0.08, 0.5], "cheek_per_mm": 0.035, "wide_onset": 0.1,
     # Arm: share by which the shoulder follows the elbow per axis, and at most (mm); breath's lift.
     "shoulder": [0.12, 0.25, 0.22], "shoulder_most_mm": 26.0, "shoulder_breath_mm": 3.5,
 }  # fmt: skip
@@ -252,11 +252,11 @@ def _face(
     found = dict.fromkeys(_SHAPES_OF_A_BLINK, shut)
     for side in ("Left", "Right"):
         found |= {
-            f"browOuterUp{side}": 0.7 * raise_, f"browDown{side}": knit,
+            f"browOuterUp{side}": raise_, f"browDown{side}": knit,
             f"eyeSquint{side}": squint * (1 - shut), f"cheekSquint{side}": cheek,
             f"eyeWide{side}": wide,
         }  # fmt: skip
-    return found | {"browInnerUp": raise_}
+    return found | {"browInnerUp": 0.6 * raise_}
 
 
 def movement_document(voice: Voice) -> dict[str, Any]:

@@ -33,7 +33,7 @@ LIGHT = np.array([
     [0.95, 0.912, 0.855],   # strength of the key light
     [0.170, 0.195, 0.220],  # light from everywhere
     [0.187, 0.2145, 0.242], # light from above
-    [0.288, 0.324, 0.360],  # light on rims
+    [0.170, 0.190, 0.210],  # light on rims
     [0.5, 0.5, 0.5],        # highlights of gloss 1
     [1.0, 6.0, 40.0],       # shadow: share taken from the key; depth in mm that begins, halves it
 ], dtype=np.float32)  # fmt: skip

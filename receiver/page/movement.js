@@ -110,9 +110,9 @@ export class Movement {
     const squint = clip(rules.squint[0] + rules.squint[1] * knit) * (1 - shut);
     const cheek = clip(rules.cheek_per_mm * Math.max(-accent, 0) + 0.3 * knit);
     const wide = clip(rules.wide_onset * onset) * (1 - shut);
-    const shapes = { browInnerUp: lift };
+    const shapes = { browInnerUp: 0.6 * lift };
     for (const side of ["Left", "Right"]) {
-      const own = { eyeBlink: shut, browOuterUp: 0.7 * lift, browDown: knit, eyeSquint: squint, cheekSquint: cheek, eyeWide: wide };
+      const own = { eyeBlink: shut, browOuterUp: lift, browDown: knit, eyeSquint: squint, cheekSquint: cheek, eyeWide: wide };
       for (const [name, weight] of Object.entries(own)) shapes[name + side] = weight;
     }
     return shapes;

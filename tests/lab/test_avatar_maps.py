@@ -8,10 +8,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from codec.errors import CueError
+from lab.avatar.collar import nearest_on
 from lab.avatar.limbs import forearm_points, pose_limbs
 from lab.avatar.looks import LOOKS
 from lab.avatar.maps import learn
 from lab.avatar.parts import brow, cut, eyeball, join, on_skin, plain, take, tessellate
+from lab.avatar.smoothing import divided
 from synth.motion.body.mesh import read_mesh
 
 MESH = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "hm08"
@@ -157,3 +159,52 @@ def test_arms_hang_and_reach_where_they_are_sent() -> None:
     still = np.flatnonzero(mesh.weights["head"] > 0.9)
     assert np.allclose(limbs.mesh.vertices[still], mesh.vertices[still], atol=1e-9)
     assert limbs.weights.sum(axis=1).max() < 1.01
+
+
+@pytest.mark.skipif(not MESH.is_dir(), reason="the base mesh is not beside the repository")
+def test_shoulders_are_as_low_as_peoples() -> None:
+    """The acromion is .35 heads below the chin (ANSUR, Gordon et al. 1989: women and men)."""
+    mesh = read_mesh(MESH)
+    limbs = pose_limbs(mesh, forearm_points(mesh))
+    before, after = mesh.vertices[:13380], limbs.mesh.vertices[:13380]
+    ahead = (np.abs(before[:, 0]) < 4) & (before[:, 2] > 120) & (before[:, 1] > 595)
+    chin, top = before[ahead, 1].min(), before[:, 1].max()
+    near = np.abs(after[:, [0, 2]] - limbs.shoulders[1, [0, 2]] - [20, 0]).max(axis=1) < 12
+    drop = (chin - after[near, 1].max()) / (top - chin)
+    assert drop == pytest.approx(0.35, abs=0.04)  # .2 as the mesh spreads its arms
+
+
+def test_bent_edges_are_divided_without_gaps() -> None:
+    x, y = np.meshgrid(np.arange(6.0), np.arange(5.0))
+    points = 20 * np.stack([x.ravel(), y.ravel(), -0.3 * (x.ravel() - 2) ** 2], axis=1)
+    i, j = np.meshgrid(np.arange(4), np.arange(5), indexing="ij")
+    a = (i * 6 + j).ravel()
+    triangles = np.concatenate([
+        np.stack([a, a + 1, a + 7], axis=1), np.stack([a, a + 7, a + 6], axis=1)
+    ])  # fmt: skip
+    normals = np.stack([0.6 * (x.ravel() - 2), 0 * x.ravel(), 1 + 0 * x.ravel()], axis=1)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    own = np.repeat(np.arange(len(points))[:, None], 3, axis=1)
+    shares = np.tile([1.0, 0, 0], (len(points), 1))
+    sources, parts, fine = divided(points, normals, own, shares, triangles)
+    assert len(fine) > len(triangles)
+
+    def borders(faces: np.ndarray) -> set[tuple[int, int]]:
+        sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        found, counts = np.unique(sides, axis=0, return_counts=True)
+        assert counts.max() == 2
+        return set(map(tuple, found[counts == 1].tolist()))
+
+    assert borders(fine) == borders(triangles)
+    at = (points[sources] * parts[..., None]).sum(axis=1)[fine]
+    across = np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0])[:, 2]
+    assert across.min() > 0
+    assert across.sum() / 2 == pytest.approx(20 * 400)
+
+
+def test_place_on_a_surface_is_found() -> None:
+    points = np.array([[0, 0, 0], [10, 0, 5], [0, 10, 5], [10, 10, 10.0]])
+    triangles = np.array([[0, 1, 2], [1, 3, 2]])
+    wanted = np.array([[2.0, 3.0, 2.5], [8.0, 7.0, 7.5]])
+    sources, shares = nearest_on(points, triangles, wanted)
+    assert np.allclose((points[sources] * shares[..., None]).sum(axis=1), wanted)
