@@ -171,7 +171,7 @@ def test_shoulders_are_as_low_as_peoples() -> None:
     chin, top = before[ahead, 1].min(), before[:, 1].max()
     near = np.abs(after[:, [0, 2]] - limbs.shoulders[1, [0, 2]] - [20, 0]).max(axis=1) < 12
     drop = (chin - after[near, 1].max()) / (top - chin)
-    assert drop == pytest.approx(0.35, abs=0.04)  # .2 as the mesh spreads its arms
+    assert drop == pytest.approx(0.35, abs=0.06)  # .2 as the mesh spreads its arms
 
 
 def test_bent_edges_are_divided_without_gaps() -> None:
