@@ -87,6 +87,8 @@ def block_at(motion: Motion, index: int) -> Array:
     """
     times = index * SUPERFRAME_S + TICK_S * np.arange(TICKS)
     place = np.clip((times - motion.start_s) * motion.rate_hz, 0, len(motion.params) - 1)
+    # The same for every window of a motion: times of a second hour have other roundings.
+    place = np.round(place, 9)
     below = np.minimum(place.astype(np.int64), max(len(motion.params) - 2, 0))
     above = np.minimum(below + 1, len(motion.params) - 1)
     share = (place - below)[:, None]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from codec.cuer.models.threads import one_thread
 from codec.cuer.voice import Voice
 from codec.errors import CueError
 from synth.capture.options import DEFAULTS, Captured, CaptureOptions
@@ -14,6 +15,7 @@ from synth.capture.tracker.landmarks import capture_landmarks
 from synth.capture.tracker.livelink import capture_live_link
 
 
+@one_thread
 def capture_motion(
     path: str | os.PathLike[str], voice: Voice, options: CaptureOptions = DEFAULTS
 ) -> Captured:

@@ -11,6 +11,7 @@ from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import Key, Score
 from codec.cues.timeline import TICKS, to_line
+from codec.superframe.coding import coding_for
 from codec.superframe.decoder import BLEND, SuperframeDecoder, blended
 from codec.superframe.encoder import SuperframeEncoder
 from codec.superframe.filmed import is_filmed
@@ -23,7 +24,7 @@ from codec.superframe.labels import (
     write_labels,
 )
 from codec.superframe.merging import score_of
-from codec.superframe.payload import read_beginning
+from codec.superframe.payload import read_beginning, read_l0
 from codec.superframe.preview import SILENCE, Preview, part_of_preview
 from codec.superframe.range_coder import RangeDecoder, RangeEncoder
 from codec.superframe.score_coding import part_of
@@ -97,6 +98,20 @@ def test_no_single_loss_takes_a_key(toy_voice: Voice, perform: Callable[..., Mot
     score, frames = filmed(toy_voice, perform)
     for lost in range(COUNT):
         assert alike(received(toy_voice, frames, lost), score), lost
+
+
+def test_labels_against_a_second_loss_stay_out_where_they_cost_much(
+    toy_voice: Voice, perform: Callable[..., Motion], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    room = "codec.superframe.filmed_encoder."
+    monkeypatch.setattr(room + "_WORTH", 1e9)
+    monkeypatch.setattr(room + "TURNS", 0)
+    bases, lists = coding_for(toy_voice).bases, []
+    for most in (0.0, 1e9):
+        monkeypatch.setattr(room + "_MOST_COST", most)
+        _, frames = filmed(toy_voice, perform)
+        lists.append(sum(len(read_l0(frame.l0, bases)[0].previews) for frame in frames))
+    assert lists[0] < lists[1]
 
 
 def test_too_small_superframes_thin_their_labels(

@@ -14,7 +14,6 @@ from codec.superframe.analysis import block_at
 from codec.superframe.coding import coding_for
 from codec.superframe.decoder import SuperframeDecoder, blended
 from codec.superframe.encoder import SuperframeEncoder
-from codec.superframe.filmed_encoder import TURNS
 from codec.superframe.quantise import Setting, dequantise, quantise_rd, raised, width_mm
 from codec.superframe.refining import REACH, Neighbour, SeenError, metrics_of, refined
 from codec.superframe.superframe import Superframe
@@ -128,14 +127,16 @@ def test_who_counts_a_coefficient(toy_voice: Voice) -> None:
 
 
 def test_superframes_do_not_depend_on_order_or_on_what_lies_far_off(
-    toy_voice: Voice, motion: Motion
+    toy_voice: Voice, motion: Motion, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    turns = 3
+    monkeypatch.setattr("codec.superframe.filmed_encoder.TURNS", turns)
     forwards = superframes(toy_voice, motion, list(range(COUNT)))
     assert superframes(toy_voice, motion, [5, 2, 7]) == {k: forwards[k] for k in (5, 2, 7)}
-    first = 4 - TURNS
+    first = 4 - turns
     window = replace(
         motion, start_s=first * SUPERFRAME_S,
-        params=motion.params[first * TICKS : (4 + TURNS + 1) * TICKS],
+        params=motion.params[first * TICKS : (4 + turns + 1) * TICKS],
     )  # fmt: skip
     assert superframes(toy_voice, window, [4])[4] == forwards[4]
     # A second window, of which most is known.
@@ -144,6 +145,17 @@ def test_superframes_do_not_depend_on_order_or_on_what_lies_far_off(
     )
     assert encoder.encode(motion, 3) == forwards[3]
     assert encoder.encode(window, 4) == forwards[4]
+
+
+@pytest.mark.parametrize("hours", [0, 7])
+def test_windows_of_a_motion_hold_the_same_frames(motion: Motion, hours: int) -> None:
+    start, params = hours * 5625, motion.params
+    for first in range(COUNT):
+        begin = (start + first) * SUPERFRAME_S
+        window = replace(motion, start_s=begin, params=params[first * TICKS :])
+        for k in range(first, COUNT - 1):
+            frames = params[k * TICKS : (k + 1) * TICKS]
+            np.testing.assert_array_equal(block_at(window, start + k), frames)
 
 
 def test_refining_makes_superframes_better(

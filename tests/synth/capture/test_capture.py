@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from codec.cuer.layout import MARKERS, N_FACE, marker_indices
 from codec.cuer.models import rigid
@@ -29,6 +30,23 @@ TURN = [0.4, 1.9, -1.1, 800.0, -300.0, 1500.0]
 @cache
 def taken(identity: str, faults: bool = False) -> StudioTake:
     return files.take(identity, swaps=1.0, ghosts=1.0) if faults else files.take(identity)
+
+
+def test_the_result_does_not_depend_on_how_many_threads_there_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sums of linear algebra have other roundings on two threads: 3 of 64 films differed."""
+    threads: list[int] = []
+
+    def looked(*_: object) -> Captured:
+        threads.extend(p["num_threads"] for p in threadpool_info() if p["user_api"] == "blas")
+        raise CueError("seen")
+
+    monkeypatch.setattr("synth.capture.capture._capture", looked)
+    (path := tmp_path / "take.trc").write_text("PathFileType\t4\t(X/Y/Z)\n", encoding="utf-8")
+    with threadpool_limits(limits=2, user_api="blas"), pytest.raises(CueError, match="seen"):
+        capture_motion(path, VOICE)
+    assert set(threads) == {1}
 
 
 def captured(
