@@ -74,6 +74,7 @@ CORRIDORS: dict[str, dict[str, set[str]]] = {
         "media": set(),
         "drawing": set(),
         "reception": {"media"},
+        "foreign": {"drawing"},
         "export": {"drawing"},
         "television": {"reception", "drawing", "media"},
         "live": {"reception", "media", "television"},

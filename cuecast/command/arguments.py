@@ -23,6 +23,13 @@ def add_voice(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_avatar(parser: argparse.ArgumentParser) -> None:
+    """Add ``--avatar``."""
+    parser.add_argument(
+        "--avatar", metavar="FILE", help="an avatar of one's own: .avatar (see avatar), .vrm, .glb"
+    )
+
+
 def add_seed(parser: argparse.ArgumentParser) -> None:
     """Add ``--seed``."""
     parser.add_argument("--seed", type=natural, default=0, metavar="N", help="seed of the random")

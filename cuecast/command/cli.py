@@ -29,8 +29,8 @@ from cuecast.command.version import installed_version
 
 VERBS = (
     "demo", "keys", "key", "synth", "capture", "encode", "decode", "inspect", "dub", "playout",
-    "receive", "watch", "page", "render", "learn", "trial", "compare", "evaluate", "batch", "voice",
-    "conform", "warm",
+    "receive", "watch", "page", "render", "avatar", "learn", "trial", "compare", "evaluate",
+    "batch", "voice", "conform", "warm",
 )  # fmt: skip
 """Verbs in the order of the help page; each is a module of `cuecast.verbs`."""
 

@@ -15,6 +15,7 @@ from codec.cuer.voice import Voice
 from codec.errors import CueError
 from codec.files.whole import whole_file
 from cuecast.media.film import captions_of, programme_sound, write_film
+from receiver.drawing.avatar import Avatar
 from receiver.drawing.render import DEFAULT_SIZE, draw, read_picture, write_picture
 
 _CRF = 18
@@ -31,7 +32,7 @@ def render_motion(
     motion: Motion, voice: Voice, path: str | os.PathLike[str],
     *, style: str = "points", size: tuple[int, int] | None = None, fps: int = 25,
     background: str | os.PathLike[str] | NDArray[np.uint8] | None = None,
-    mirror: bool = False, look: str | None = None, at_s: float | None = None,
+    mirror: bool = False, look: str | Avatar | None = None, at_s: float | None = None,
     programme: str | os.PathLike[str] | None = None,
     subtitles: str | os.PathLike[str] | None = None, track: str | None = None,
     progress: Progress | None = None,
@@ -55,8 +56,8 @@ def render_motion(
         Picture behind the cuer; black otherwise.
     mirror : bool
         Left-handed cuer.
-    look : str, optional
-        Appearance of the avatar, one of `Avatar.looks`.
+    look : str or Avatar, optional
+        Appearance of the avatar, one of `Avatar.looks`, or another avatar of this voice.
     at_s : float, optional
         Time of a picture, seconds on the programme's clock; the middle of the motion otherwise.
     programme : path, optional

@@ -2,7 +2,7 @@
 
 import argparse
 
-from cuecast.command.arguments import add_json, add_voice, print_json
+from cuecast.command.arguments import add_avatar, add_json, add_voice, print_json
 
 SUMMARY = "a folder with programme and player, for any web server"
 
@@ -16,18 +16,21 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", required=True, metavar="DIR", help="the folder, new or empty"
     )
     add_json(parser)
+    add_avatar(parser)
     add_voice(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the folder; print how to serve it."""
     from cuecast.command.voices import coding_voice
+    from cuecast.media.avatars import avatar_file
     from cuecast.media.captions import captions_of
     from receiver.web.folder import write_folder
 
     voice, captions = coding_voice(args.voice), captions_of(args.programme)
     text = (captions.data, captions.language) if captions else ()
-    files = write_folder(args.programme, args.output, voice, *text)
+    avatar = avatar_file(args.avatar, voice)
+    files = write_folder(args.programme, args.output, voice, *text, avatar=avatar)
     if args.json:
         print_json({"folder": args.output, "files": files})
     else:

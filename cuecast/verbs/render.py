@@ -2,7 +2,7 @@
 
 import argparse
 
-from cuecast.command.arguments import add_voice, natural, not_negative, size
+from cuecast.command.arguments import add_avatar, add_voice, natural, not_negative, size
 from cuecast.command.progress import seconds_bar
 
 SUMMARY = "a film or a picture of the cuer"
@@ -26,6 +26,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--subtitle-track", metavar="N|LANG", help="which of the programme's own, from 0"
     )
     parser.add_argument("--mirror", action="store_true", help="a left-handed cuer")
+    add_avatar(parser)
     add_voice(parser)
 
 
@@ -33,9 +34,15 @@ def run(args: argparse.Namespace) -> int:
     """Write the film or the picture."""
     from codec.cuer.motion import load_motion
     from codec.cuer.voice import load_voice
+    from codec.errors import CueError
+    from cuecast.media.avatars import avatar_file
     from cuecast.media.cuer_film import render_motion
+    from receiver.drawing.avatar_document import read_avatar
 
     motion, voice = load_motion(args.motion), load_voice(args.voice)
+    own = avatar_file(args.avatar, voice)
+    if own is not None and (args.look is not None or args.style != "avatar"):
+        raise CueError("--avatar goes with --style avatar, without --look")
     with seconds_bar(motion.duration_s, "render") as advance:
         done = 0
 
@@ -48,6 +55,6 @@ def run(args: argparse.Namespace) -> int:
             motion, voice, args.output, style=args.style, fps=args.rate, at_s=args.at,
             background=args.background, size=args.size, mirror=args.mirror,
             programme=args.programme, subtitles=args.subtitles, track=args.subtitle_track,
-            look=args.look, progress=progress,
+            look=args.look if own is None else read_avatar(own, voice), progress=progress,
         )  # fmt: skip
     return 0

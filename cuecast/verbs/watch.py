@@ -5,7 +5,7 @@ import sys
 import tempfile
 from typing import Any
 
-from cuecast.command.arguments import add_key, add_voice, natural, not_negative
+from cuecast.command.arguments import add_avatar, add_key, add_voice, natural, not_negative
 from cuecast.command.files import PIPE
 from cuecast.command.progress import note
 from cuecast.command.trust import HOLD_S, add_trust, trust_of
@@ -29,6 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--hold", type=not_negative, metavar="S",
         help=f"show a broadcast S seconds later ({HOLD_S:.0f} with --trust; 123 for robust sound)",
     )  # fmt: skip
+    add_avatar(parser)
     add_voice(parser)
     add_key(parser)
 
@@ -37,6 +38,7 @@ def run(args: argparse.Namespace) -> int:
     """Serve the page."""
     from codec.cuer.motion import load_motion
     from cuecast.command.voices import coding_voice
+    from cuecast.media.avatars import avatar_file
     from cuecast.media.captions import captions_of
     from cuecast.media.playable import playable
     from receiver.live.memory import give_back_large_blocks
@@ -46,6 +48,7 @@ def run(args: argparse.Namespace) -> int:
     voice = coding_voice(args.voice)
     place: dict[str, Any] = {
         "host": args.host, "port": args.port, "on_ready": lambda url: note(f"watch at {url}"),
+        "avatar": avatar_file(args.avatar, voice),
     }  # fmt: skip
     if args.programme == PIPE or "://" in args.programme:
         from receiver.live.server import serve_live

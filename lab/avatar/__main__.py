@@ -1,7 +1,8 @@
 """Build the avatar of a virtual cuer: ``python -m lab.avatar --mesh FOLDER --targets FOLDER``.
 
 Reads the CC0 mesh, bends it as the cuer's body does while she cues some sentences, learns how the
-mesh follows the markers, and writes ``receiver/assets/avatar_NAME.npz``.
+mesh and the joints of the hand follow the markers, and writes ``receiver/assets/avatar_NAME.npz``
+and ``joints_NAME.npz``.
 """
 
 import argparse
@@ -11,6 +12,7 @@ from pathlib import Path
 from codec.errors import CueError
 from codec.files.npz import write_arrays
 from lab.avatar.build import build_avatar, error_mm
+from lab.avatar.joints import finger_joints
 from synth.motion.body.anatomy import IDENTITIES
 
 ASSETS = Path(__file__).resolve().parents[2] / "receiver" / "assets"
@@ -32,7 +34,9 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"lab.avatar: {error}", file=sys.stderr)
         return 3
     write_arrays(options.out / f"avatar_{options.cuer}.npz", avatar.arrays())
-    for name, value in error_mm(avatar).items():
+    joints, joint_error = finger_joints(options.cuer)
+    write_arrays(options.out / f"joints_{options.cuer}.npz", joints)
+    for name, value in {**error_mm(avatar), "finger joints": joint_error}.items():
         print(f"{name}: {value:.2f} mm", file=sys.stderr)
     return 0
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from codec.cuer.layout import FACE_MARKERS, FOREARM, HAND_MARKERS, RIGID_FACE
 from codec.cuer.voice import Voice
-from lab.avatar.maps import MarkerMap, learn
 from lab.avatar.parts import FloatArray, IntArray, Part
 from lab.body import arm_weights
+from receiver.drawing.maps import MarkerMap, learn
 from synth.motion.body.anatomy import identity
 from synth.motion.body.body import Body, BodyPose, bone_factors, load_asset
 from synth.motion.body.mesh import Mesh
@@ -34,7 +34,7 @@ _RATE_HZ = 12.5
 _STILL_MM = 0.08
 """Largest movement in mm of a vertex that counts as none."""
 
-_RIDGE_MM2 = 0.02
+RIDGE_MM2 = 0.02
 """Weight of the ridge in mm2: the variance of a marker that is taken for noise."""
 
 LESSON = (
@@ -42,7 +42,7 @@ LESSON = (
     "sur les plages de Bretagne. Le chat gris dort sous la table pendant que Jeanne mange une "
     "pomme verte et joue au piano. Cette femme a vu un film ennuyeux, puis un bon feuilleton."
 )
-_EXAM = "Huit oignons bruns, quatorze agneaux et une guitare, voilà ce que veut Gérard."
+EXAM = "Huit oignons bruns, quatorze agneaux et une guitare, voilà ce que veut Gérard."
 """French sentences, ours: every hand shape, every placement, all vowels."""
 
 RIGID = np.array([FACE_MARKERS.index(name) for name in RIGID_FACE])
@@ -165,12 +165,12 @@ def hand_limb(mesh: Mesh, part: Part, body: Body, voice: Voice, origin: FloatArr
 
 def _fit(body: Body, seen: Any, decoded: Any, reference: FloatArray, rank: int) -> Any:
     """Learn a map from true and from decoded markers alike; measure it on the exam."""
-    lesson, exam = poses(body, LESSON), poses(body, _EXAM)
+    lesson, exam = poses(body, LESSON), poses(body, EXAM)
     markers, vertices = seen(lesson)
     rest_markers, rest = markers.mean(axis=0), vertices.mean(axis=0)
     found = learn(
         np.concatenate([markers, decoded(lesson)]), np.concatenate([vertices, vertices]),
-        ridge=_RIDGE_MM2, rank=rank, rest_markers=rest_markers, rest=rest,
+        ridge=RIDGE_MM2, rank=rank, rest_markers=rest_markers, rest=rest,
     )  # fmt: skip
     markers, vertices = seen(exam)
     errors = {

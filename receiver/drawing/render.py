@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from codec.cuer.motion import Motion, sample_params
 from codec.cuer.voice import Voice
 from codec.errors import CueError
-from receiver.drawing.avatar import load_avatar
+from receiver.drawing.avatar import Avatar, load_avatar
 from receiver.drawing.movement import express
 from receiver.drawing.points import draw_points
 from receiver.drawing.portrait import Portrait
@@ -54,7 +54,8 @@ def read_picture(path: str | os.PathLike[str]) -> NDArray[np.uint8]:
 def draw(
     motion: Motion, voice: Voice, times_s: NDArray[np.float64],
     *, style: str = "points", size: tuple[int, int] = DEFAULT_SIZE,
-    background: NDArray[np.uint8] | None = None, mirror: bool = False, look: str | None = None,
+    background: NDArray[np.uint8] | None = None, mirror: bool = False,
+    look: str | Avatar | None = None,
 ) -> Iterator[NDArray[np.uint8]]:  # fmt: skip
     """Yield a picture of the cuer for each time.
 
@@ -73,8 +74,8 @@ def draw(
         Red, green, blue of what she stands before; black by default.
     mirror : bool
         Whether to swap left and right.
-    look : str, optional
-        Appearance of the avatar, one of `Avatar.looks`.
+    look : str or Avatar, optional
+        Appearance of the avatar, one of `Avatar.looks`, or another avatar of this voice.
 
     Yields
     ------
@@ -96,7 +97,9 @@ def draw(
     if background is not None and background.shape != (height, width, 3):
         raise CueError(f"background has shape {background.shape}, not {(height, width, 3)}")
     camera = neutral_camera(voice)
-    avatar = load_avatar(voice, look) if style == "avatar" else None
+    avatar = None
+    if style == "avatar":
+        avatar = look if isinstance(look, Avatar) else load_avatar(voice, look)
     portrait = None if avatar is None else Portrait(avatar, camera, mirror=mirror)
     ground = np.zeros((height, width, 3), np.uint8) if background is None else background
     for start in range(0, len(times_s), _AT_ONCE):

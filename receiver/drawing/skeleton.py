@@ -32,6 +32,44 @@ _POINTING = 16
 one."""
 
 
+_NEAR_MM, _FAR_MM = 12.0, 120.0
+"""Distances in mm: within the first a place's shift holds, beyond the second none does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How far the hand is shifted where the head's places lie elsewhere than the voice's.
+
+    Attributes
+    ----------
+    places : ndarray, shape (N, 3)
+        Where the voice points, head at rest, mm; none for the voice's own head.
+    factors : ndarray, shape (N, 3)
+        Of the weights of the places, mm.
+    """
+
+    places: FloatArray
+    factors: FloatArray
+
+    @staticmethod
+    def to(places: FloatArray, moves: FloatArray) -> "Reach":
+        """Return what shifts a finger that points at one of `places` (N, 3) by its `moves`."""
+        own = Reach(places, moves)
+        return Reach(places, np.asarray(np.linalg.solve(own._weights(places), moves)))
+
+    def shift(self, tips: FloatArray) -> FloatArray:
+        """Return the shift (T, 3) for finger tips (T, 3), head at rest."""
+        return np.asarray(self._weights(tips) @ self.factors)
+
+    def _weights(self, tips: FloatArray) -> FloatArray:
+        squared = ((tips[:, None] - self.places) ** 2).sum(axis=2)
+        weights = 1 / (_NEAR_MM**2 + squared)
+        return np.asarray(weights / (weights.sum(axis=1, keepdims=True) + _FAR_MM**-2))
+
+
+NO_REACH = Reach(np.zeros((0, 3)), np.zeros((0, 3)))
+
+
 @dataclass(frozen=True, slots=True)
 class Skeleton:
     """Joints of the bust.
@@ -48,6 +86,7 @@ class Skeleton:
         Of the right arm as the surface has it at rest.
     forearm : ndarray, shape (6,)
         Motion that takes the right forearm from there into the hand's frame.
+    reach : Reach
     """
 
     vertices: NDArray[np.int64]
@@ -56,6 +95,7 @@ class Skeleton:
     shoulders: FloatArray
     elbow: FloatArray
     forearm: FloatArray
+    reach: Reach = NO_REACH
 
     def bend(self, control: FloatArray, joints: FloatArray) -> None:
         """Move control vertices (T, M, 3) by the maps (T, 4, 3, 4) of the joints, in place."""
@@ -91,11 +131,13 @@ def solve(skeleton: Skeleton, voice: Voice, params: FloatArray, added: Expressio
     head = voice.face.motion(params[:, voice.face_columns[7:]])
     hand = voice.hand.motion(params[:, voice.hand_columns[voice.hand.n_shape :]])
     breath = np.zeros(len(params))
-    if added is not None:
+    if added is not None or len(skeleton.reach.places):
         markers = voice.hand.shape(params[:, voice.hand_columns[: voice.hand.n_shape]])
-        nodded = _nodded(voice, head, added.nod)
-        hand = _carried(voice, head, nodded, hand, markers)
-        head, breath = nodded, added.breath - RULES["breath"][0]
+        nodded = head if added is None else _nodded(voice, head, added.nod)
+        hand = _carried(voice, head, nodded, hand, markers, skeleton.reach)
+        head = nodded
+    if added is not None:
+        breath = added.breath - RULES["breath"][0]
     return Pose(head, hand, _joints(skeleton, voice, hand, breath))
 
 
@@ -107,19 +149,54 @@ def _nodded(voice: Voice, head: FloatArray, nod: FloatArray) -> FloatArray:
 
 
 def _carried(
-    voice: Voice, before: FloatArray, after: FloatArray, hand: FloatArray, markers: FloatArray
-) -> FloatArray:
+    voice: Voice, before: FloatArray, after: FloatArray, hand: FloatArray, markers: FloatArray,
+    reach: Reach,
+) -> FloatArray:  # fmt: skip
     """Return the hand's motion after it followed the skin at which it points."""
-    world = rigid_motion(markers[:, [*_TIPS, _WRIST]], hand) + voice.hand.pivot
-    far = np.linalg.norm(world[:, :2] - world[:, 2:], axis=-1) ** _POINTING
-    height = (far * world[:, :2, 1]).sum(axis=1) / far.sum(axis=1)
-    throat = throat_shares(voice)
-    turn, shift = (np.interp(height, throat[:, 0], throat[:, k])[:, None] for k in (1, 2))
-    shares = np.concatenate([np.repeat(turn, 3, axis=1), np.repeat(shift, 3, axis=1)], axis=1)
+    tip, shares = _pointing(voice, hand, markers)
     pivot = voice.face.pivot
-    moved = compose(about(pivot, after * shares), inverse(about(pivot, before * shares)))
+    away = inverse(about(pivot, before * shares))
+    moved = compose(about(pivot, after * shares), away)
+    if len(reach.places):
+        shift = np.zeros_like(away)
+        shift[:, 3:] = reach.shift(rigid_motion(tip[:, None], away)[:, 0])
+        moved = compose(about(pivot, after * shares), compose(shift, away))
     pivot = np.concatenate([np.zeros(3), voice.hand.pivot])
     return np.asarray(compose(moved, hand + pivot) - pivot)
+
+
+def _pointing(voice: Voice, hand: FloatArray, markers: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the tip (T, 3) that points, and the shares (T, 6) of the head's motion there."""
+    world = rigid_motion(markers[:, [*_TIPS, _WRIST]], hand) + voice.hand.pivot
+    far = np.linalg.norm(world[:, :2] - world[:, 2:], axis=-1) ** _POINTING
+    tip = (far[..., None] * world[:, :2]).sum(axis=1) / far.sum(axis=1)[:, None]
+    throat = throat_shares(voice)
+    turn, shift = (np.interp(tip[:, 1], throat[:, 0], throat[:, k])[:, None] for k in (1, 2))
+    return tip, np.concatenate([np.repeat(turn, 3, axis=1), np.repeat(shift, 3, axis=1)], axis=1)
+
+
+def key_poses(voice: Voice) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what the voice's keys are, placement by placement within each shape.
+
+    Returns
+    -------
+    params : ndarray, shape (K, P)
+    motions : ndarray, shape (K, 6)
+        Of the hand about its pivot.
+    tips : ndarray, shape (K, 3)
+        Where the finger points, head at rest, mm.
+    """
+    shapes, forearms = voice.gestures.shape_targets, voice.gestures.placement_targets
+    count = forearms.shape[1]
+    n, first = voice.hand.n_shape, voice.face_columns[7:]
+    params = np.zeros((len(shapes) * count, len(voice.layout)))
+    params[:, first] = voice.gestures.neutral_head
+    params[:, voice.hand_columns[:n]] = np.repeat(shapes, count, axis=0)
+    params[:, voice.hand_columns[n:]] = forearms.reshape(len(params), -1)
+    hand = voice.hand.motion(params[:, voice.hand_columns[n:]])
+    tip, shares = _pointing(voice, hand, voice.hand.shape(params[:, voice.hand_columns[:n]]))
+    away = inverse(about(voice.face.pivot, voice.face.motion(params[:, first]) * shares))
+    return params, hand, rigid_motion(tip[:, None], away)[:, 0]
 
 
 def _joints(skeleton: Skeleton, voice: Voice, hand: FloatArray, breath: FloatArray) -> FloatArray:

@@ -1,10 +1,8 @@
 """ARKit's face weights from the markers, so that other avatars can replace ours.
 
-Markers of the face (head at rest) come in, the 52 weights go out: non-negative least squares on
-the displacements that each unit gives the markers, with a preference for small weights that are
-alike on both sides: many units move the same few markers (Lawson and Hanson 1974, chapter 23). The
-asset of the avatar holds the units. Eyes are
-not measured by the markers: their lids follow the avatar's blinking, the rest stays zero.
+Markers of the face (head at rest) come in, the 52 weights go out (`receiver.drawing.units`). The
+asset of the avatar holds the units. Eyes are not measured by the markers: their lids follow the
+avatar's blinking, the rest stays zero.
 """
 
 import csv
@@ -13,39 +11,12 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from codec.cuer.motion import Motion, sample_params
 from codec.cuer.voice import Voice
 from receiver.drawing.avatar import Avatar
 from receiver.drawing.movement import express
-
-_SIDES = ("Left", "Right")
-
-
-def _both(*stems: str) -> tuple[str, ...]:
-    return tuple(f"{stem}{side}" for stem in stems for side in _SIDES)
-
-
-ARKIT_NAMES = (
-    *(f"eye{what}{side}" for side in _SIDES
-      for what in ("Blink", "LookDown", "LookIn", "LookOut", "LookUp", "Squint", "Wide")),
-    "jawForward", "jawRight", "jawLeft", "jawOpen", "mouthClose", "mouthFunnel", "mouthPucker",
-    "mouthRight", "mouthLeft", *_both("mouthSmile", "mouthFrown", "mouthDimple", "mouthStretch"),
-    "mouthRollLower", "mouthRollUpper", "mouthShrugLower", "mouthShrugUpper",
-    *_both("mouthPress", "mouthLowerDown", "mouthUpperUp", "browDown"),
-    "browInnerUp", *_both("browOuterUp"), "cheekPuff", *_both("cheekSquint", "noseSneer"),
-    "tongueOut",
-)  # fmt: skip
-"""The 52 weights in the order of Live Link Face files."""
-
-assert len(ARKIT_NAMES) == len(set(ARKIT_NAMES)) == 52
-
-_FIRMNESS_MM = 0.8
-"""Displacement in mm that a full weight has to be worth: smaller ones are noise."""
-
-_LIKENESS_MM = 8.0
-"""Displacement in mm by which a difference between left and right has to be seen."""
+from receiver.drawing.units import ARKIT_NAMES, unit_weights
 
 
 def arkit_weights(motion: Motion, avatar: Avatar) -> NDArray[np.float64]:
@@ -59,31 +30,13 @@ def arkit_weights(motion: Motion, avatar: Avatar) -> NDArray[np.float64]:
     """
     voice = avatar.voice
     columns = [ARKIT_NAMES.index(name) for name in avatar.unit_names]
-    units = avatar.units.reshape(len(columns), -1).T
-    alike = _LIKENESS_MM * _pairs(avatar.unit_names)
-    system = np.vstack([units, _FIRMNESS_MM * np.eye(len(columns)), alike])
     shapes = voice.face.shape(motion.params[:, voice.face_columns[:7]])
-    moved = (shapes - avatar.unit_rest).reshape(len(shapes), -1)
     weights = np.zeros((len(shapes), len(ARKIT_NAMES)))
-    zeros = np.zeros(len(columns) + len(alike))
-    for row, target in zip(weights, moved, strict=True):
-        row[columns] = np.minimum(nnls(system, np.concatenate([target, zeros]))[0], 1.0)
+    weights[:, columns] = unit_weights(shapes - avatar.unit_rest, avatar.units, avatar.unit_names)
     added = express(voice, partial(sample_params, motion), motion.times_s)
     for name in set(added.shapes) & set(ARKIT_NAMES) - set(avatar.unit_names):
         weights[:, ARKIT_NAMES.index(name)] = added.shapes[name]
     return weights
-
-
-def _pairs(names: tuple[str, ...]) -> NDArray[np.float64]:
-    """Return a row for each unit that has a twin: the one's weight minus the other's."""
-    rows = []
-    for number, name in enumerate(names):
-        twin = name.removesuffix("Left") + "Right"
-        # The jaw and the mouth as a whole go to one side or the other.
-        if name.endswith("Left") and name not in ("jawLeft", "mouthLeft") and twin in names:
-            rows.append(np.zeros(len(names)))
-            rows[-1][number], rows[-1][names.index(twin)] = 1, -1
-    return np.array(rows).reshape(-1, len(names))
 
 
 def live_link_csv(motion: Motion, voice: Voice, avatar: Avatar) -> str:

@@ -57,16 +57,16 @@ class LiveTelevision(TelevisionChannel):
         Of a pipe.
     host, port
         Where to listen; port 0 takes a free one.
-    trust, hold_s
+    trust, hold_s, avatar
         See `serve_live`.
     """
 
     def __init__(
         self, source: str | IO[bytes], voice: Voice,
         *, key: int = 0, format: str | None = None, host: str = "127.0.0.1", port: int = 0,
-        trust: Trust | None = None, hold_s: float = 0.0,
+        trust: Trust | None = None, hold_s: float = 0.0, avatar: bytes | None = None,
     ) -> None:  # fmt: skip
-        super().__init__(voice, live=True, host=host, port=port)
+        super().__init__(voice, live=True, host=host, port=port, avatar=avatar)
         self._hold_s = hold_s
         self._broadcast = Broadcast(
             source, voice, self._hand_over, key=key, format=format, trust=trust
@@ -202,7 +202,7 @@ def serve_live(
     source: str | IO[bytes], voice: Voice,
     *, key: int = 0, format: str | None = None, host: str = "127.0.0.1", port: int = 0,
     on_ready: Callable[[str], None] = print, trust: Trust | None = None,
-    hold_s: float = 0.0,
+    hold_s: float = 0.0, avatar: bytes | None = None,
 ) -> None:  # fmt: skip
     """Show a broadcast with its cuer until interrupted (Ctrl-C).
 
@@ -224,6 +224,8 @@ def serve_live(
     hold_s : float
         How much later than it comes the programme is shown: cues that are verified first come
         later, too.
+    avatar : bytes, optional
+        Document of an avatar that replaces the voice's.
     """
 
     async def run() -> None:
@@ -236,6 +238,7 @@ def serve_live(
             port=port,
             trust=trust,
             hold_s=hold_s,
+            avatar=avatar,
         )
         async with television.running() as address:
             on_ready(address)

@@ -21,7 +21,7 @@ export class Cuer {
     this.reader = new HandReader(model);
     this.points = new PointLights(canvases.points, model);
     this.avatar = arrays && buildAvatar(canvases.avatar, model, arrays);
-    this.look = model.looks[0];
+    this.look = "avatar.bin";
     this.dressed = Promise.resolve();
     this.params = new Float64Array(model.layout.length);
     this.markers = new Float64Array(3 * model.markers.length);
@@ -30,20 +30,23 @@ export class Cuer {
     this.choose("avatar");
   }
 
-  /** Give the avatar one of the voice's looks, fetched from `base`; one that is unknown is the first. */
-  dress(look, base) {
-    const [first] = this.model.looks;
-    const wanted = this.model.looks.includes(look) ? look : first;
+  /**
+   * Give the avatar one of the voice's looks, fetched from `base`; one that is unknown is the first.
+   * `address`: of another avatar's document, which replaces them all.
+   */
+  dress(look, base, address = "") {
+    const later = this.model.looks.slice(1).includes(look);
+    const wanted = address || (later ? `avatar-${look}.bin` : "avatar.bin");
     if (this.avatar && wanted !== this.look) this.dressed = this.change(wanted, base);
     return this.dressed;
   }
 
   async change(wanted, base) {
-    const [first] = this.model.looks;
     this.look = wanted;
-    const answer = await fetch(new URL(wanted === first ? "avatar.bin" : `avatar-${wanted}.bin`, base));
-    if (!answer.ok) throw new Error(`look ${wanted}: ${answer.status}`);
+    const answer = await fetch(new URL(wanted, base));
+    if (!answer.ok) throw new Error(`${wanted}: ${answer.status}`);
     const arrays = parseAvatar(await answer.arrayBuffer());
+    if (String.fromCharCode(...arrays.voice) !== this.model.identity) throw new Error(`${wanted}: made for another voice`);
     if (this.look !== wanted) return;
     const before = this.avatar;
     this.avatar = buildAvatar(this.canvases.avatar, this.model, arrays) || before;

@@ -7,6 +7,9 @@
 import { rotation } from "./model.js";
 
 const POINTING = 16;
+/** Distances in mm: within the first a place's shift holds, beyond the second none does. */
+const NEAR_MM = 12;
+const FAR_MM = 120;
 
 export class Skeleton {
   constructor(arrays) {
@@ -17,6 +20,8 @@ export class Skeleton {
     this.shoulders = three("joint_shoulders");
     this.elbow = Array.from(arrays.joint_elbow);
     this.forearm = mapOf(arrays.joint_forearm);
+    this.places = arrays.joint_places;
+    this.factors = arrays.joint_factors;
   }
 
   /** Motions and joints for the pose that `model` has just reconstructed, with what the rules add. */
@@ -25,7 +30,7 @@ export class Skeleton {
     const head = mapOf(model.headMotion);
     const still = nodded(model, head, added.nod);
     const turned = vectorOf(still.turn);
-    const moved = carried(model, turned, still.shift);
+    const moved = carried(model, turned, still.shift, (tip) => this.reach(tip));
     const forearm = compose(moved, this.forearm);
     const elbow = apply(forearm, this.elbow);
     const lift = [0, rules.shoulder_breath_mm * (added.breath - rules.breath[0]), 0];
@@ -48,6 +53,20 @@ export class Skeleton {
       joints: [right, upper, forearm, left],
       shapes, gaze, trunk: added.trunk, pivots: [face.pivot, hand.pivot],
     };
+  }
+
+  /** How far a finger tip is shifted, head at rest, where this head's places lie elsewhere. */
+  reach(tip) {
+    const { places, factors } = this;
+    const shift = [0, 0, 0];
+    let total = 1 / (FAR_MM * FAR_MM);
+    for (let i = 0; i < places.length; i += 3) {
+      const squared = tip.reduce((sum, x, k) => sum + (x - places[i + k]) ** 2, 0);
+      const weight = 1 / (NEAR_MM * NEAR_MM + squared);
+      total += weight;
+      for (let k = 0; k < 3; k++) shift[k] += weight * factors[i + k];
+    }
+    return shift.map((x) => x / total);
   }
 
   /** Move control vertices by the maps of the joints, in place. */
@@ -77,7 +96,7 @@ function nodded(model, head, nod) {
 }
 
 /** The hand's map in the world after it followed the skin at which it points. */
-function carried(model, turn, shift) {
+function carried(model, turn, shift, reach) {
   const { hand, handMotion, headMotion, markers, handShape, faceCount, rules, face } = model;
   const before = mapOf(handMotion);
   before.shift = before.shift.map((x, i) => x + hand.pivot[i]);
@@ -88,11 +107,14 @@ function carried(model, turn, shift) {
   const wrist = place("W1");
   const tips = ["F2T", "F3T"].map(place);
   const far = tips.map((tip) => Math.hypot(...tip.map((x, i) => x - wrist[i])) ** POINTING);
-  const height = (far[0] * tips[0][1] + far[1] * tips[1][1]) / (far[0] + far[1]);
-  const [w, v] = [1, 2].map((k) => interpolate(height, rules.throat, k));
+  const tip = tips[0].map((x, i) => (far[0] * x + far[1] * tips[1][i]) / (far[0] + far[1]));
+  const [w, v] = [1, 2].map((k) => interpolate(tip[1], rules.throat, k));
   const share = (r, s) => about(face.pivot, r.map((x) => w * x), s.map((x) => v * x));
   const old = share(Array.from(headMotion.subarray(0, 3)), Array.from(headMotion.subarray(3, 6)));
-  return compose(compose(share(turn, shift), inverse(old)), before);
+  const away = inverse(old);
+  const there = reach(apply(away, tip));
+  const still = { turn: away.turn, shift: away.shift.map((x, i) => x + there[i]) };
+  return compose(compose(share(turn, shift), still), before);
 }
 
 function interpolate(x, table, column) {

@@ -22,8 +22,8 @@ from aiohttp import WSMsgType, web
 
 from codec.cuer.voice import Voice
 from codec.errors import CueError
-from receiver.drawing.avatar import has_avatar
-from receiver.drawing.voice_document import avatar_documents, voice_document
+from receiver.drawing.avatar_document import avatar_documents
+from receiver.drawing.voice_document import voice_document
 from receiver.reception.reception import Progress
 from receiver.television.metrics import Metrics
 from receiver.television.packed import Captions, PackedFile
@@ -87,11 +87,14 @@ class TelevisionChannel(ABC):
         0 takes a free one.
     captions : Captions, optional
         The programme's text.
+    avatar : bytes, optional
+        Document of an avatar that replaces the voice's.
     """
 
     def __init__(
         self, voice: Voice,
         *, live: bool, host: str = "127.0.0.1", port: int = 0, captions: Captions | None = None,
+        avatar: bytes | None = None,
     ) -> None:  # fmt: skip
         self.metrics = Metrics()
         self._live = live
@@ -99,13 +102,13 @@ class TelevisionChannel(ABC):
         self._fixed = page_files(PAGE)
         self._fixed["/"] = self._fixed["/page/index.html"]
         self._fixed["/voice.json"] = PackedFile(
-            json.dumps(voice_document(voice)).encode(), "application/json"
+            json.dumps(voice_document(voice, own_avatar=avatar is not None)).encode(),
+            "application/json",
         )
         if captions is not None:
             self._fixed["/captions.vtt"] = PackedFile(captions.data, _kind_of("captions.vtt"))
-        if has_avatar(voice):
-            for name, document in avatar_documents(voice).items():
-                self._fixed[f"/{name}"] = PackedFile(document, "application/octet-stream")
+        for name, document in avatar_documents(voice, avatar).items():
+            self._fixed[f"/{name}"] = PackedFile(document, "application/octet-stream")
         self._host, self._port = host, port
         self._names = frozenset({host.lower(), "localhost", *_own_names()})
         self._silent: dict[web.RequestHandler, asyncio.TimerHandle] = {}
@@ -320,6 +323,8 @@ class Television(TelevisionChannel):
         Where to listen; port 0 takes a free one.
     captions : Captions, optional
         The programme's text.
+    avatar : bytes, optional
+        Document of an avatar that replaces the voice's.
 
     Examples
     --------
@@ -333,8 +338,9 @@ class Television(TelevisionChannel):
     def __init__(
         self, tuner: Tuner, voice: Voice, media: str | os.PathLike[str],
         *, host: str = "127.0.0.1", port: int = 0, captions: Captions | None = None,
+        avatar: bytes | None = None,
     ) -> None:  # fmt: skip
-        super().__init__(voice, live=False, host=host, port=port, captions=captions)
+        super().__init__(voice, live=False, host=host, port=port, captions=captions, avatar=avatar)
         self._tuner = tuner
         self._media = Path(media)
         if not self._media.is_file():
@@ -438,7 +444,7 @@ class Viewer:
 def serve(
     tuner: Tuner, voice: Voice, media: str | os.PathLike[str],
     *, host: str = "127.0.0.1", port: int = 0, on_ready: Callable[[str], None] = print,
-    captions: Captions | None = None,
+    captions: Captions | None = None, avatar: bytes | None = None,
 ) -> None:  # fmt: skip
     """Show a programme with its cuer until interrupted (Ctrl-C).
 
@@ -455,6 +461,8 @@ def serve(
         Gets the page's address.
     captions : Captions, optional
         The programme's text.
+    avatar : bytes, optional
+        Document of an avatar that replaces the voice's.
 
     Raises
     ------
@@ -463,7 +471,9 @@ def serve(
     """
 
     async def run() -> None:
-        television = Television(tuner, voice, media, host=host, port=port, captions=captions)
+        television = Television(
+            tuner, voice, media, host=host, port=port, captions=captions, avatar=avatar
+        )
         async with television.running() as address:
             on_ready(address)
             await asyncio.Event().wait()

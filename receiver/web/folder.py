@@ -41,7 +41,7 @@ cuecast-player {{ max-width: 177.77vh; margin: auto; }}
 
 def write_folder(
     programme: str | os.PathLike[str], folder: str | os.PathLike[str], voice: Voice,
-    captions: bytes | None = None, language: str = "fr",
+    captions: bytes | None = None, language: str = "fr", *, avatar: bytes | None = None,
 ) -> list[str]:  # fmt: skip
     """Write a folder that any static web server may serve.
 
@@ -56,6 +56,8 @@ def write_folder(
         The programme's text as WebVTT, which the browser shows.
     language : str
         Of that text, a code of BCP 47.
+    avatar : bytes, optional
+        Document of an avatar that replaces the voice's.
 
     Returns
     -------
@@ -84,7 +86,7 @@ def write_folder(
         shutil.copyfile(programme, made / source)
         for file in (*ENTRIES, WASM.name):
             shutil.copyfile(DIST / file, made / file)
-        write_voice(made, voice)
+        write_voice(made, voice, avatar)
         element = "video" if kind in SEEN else "audio"
         title = html.escape(programme.stem)
         track = ""

@@ -11,9 +11,9 @@ from codec.errors import CueError
 from lab.avatar.collar import nearest_on
 from lab.avatar.limbs import forearm_points, pose_limbs
 from lab.avatar.looks import LOOKS
-from lab.avatar.maps import learn
 from lab.avatar.parts import brow, cut, eyeball, join, on_skin, plain, take, tessellate
 from lab.avatar.smoothing import divided
+from receiver.drawing.maps import learn
 from synth.motion.body.mesh import read_mesh
 
 MESH = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "hm08"

@@ -13,9 +13,10 @@ from codec.cuer.motion import Motion, sample_params
 from codec.cuer.voice import load_voice
 from codec.errors import CueError
 from receiver.drawing.avatar import has_avatar, load_avatar, vertex_normals
+from receiver.drawing.avatar_document import avatar_document
 from receiver.drawing.movement import RULES, express
 from receiver.drawing.skeleton import solve
-from receiver.drawing.voice_document import avatar_document, voice_document
+from receiver.drawing.voice_document import voice_document
 from synth.motion.body.body import load_body
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.scoring.text_score import score_of_text

@@ -693,6 +693,9 @@ const $skeleton = (() => {
 const { rotation } = $model;
 
 const POINTING = 16;
+/** Distances in mm: within the first a place's shift holds, beyond the second none does. */
+const NEAR_MM = 12;
+const FAR_MM = 120;
 
 class Skeleton {
   constructor(arrays) {
@@ -703,6 +706,8 @@ class Skeleton {
     this.shoulders = three("joint_shoulders");
     this.elbow = Array.from(arrays.joint_elbow);
     this.forearm = mapOf(arrays.joint_forearm);
+    this.places = arrays.joint_places;
+    this.factors = arrays.joint_factors;
   }
 
   /** Motions and joints for the pose that `model` has just reconstructed, with what the rules add. */
@@ -711,7 +716,7 @@ class Skeleton {
     const head = mapOf(model.headMotion);
     const still = nodded(model, head, added.nod);
     const turned = vectorOf(still.turn);
-    const moved = carried(model, turned, still.shift);
+    const moved = carried(model, turned, still.shift, (tip) => this.reach(tip));
     const forearm = compose(moved, this.forearm);
     const elbow = apply(forearm, this.elbow);
     const lift = [0, rules.shoulder_breath_mm * (added.breath - rules.breath[0]), 0];
@@ -734,6 +739,20 @@ class Skeleton {
       joints: [right, upper, forearm, left],
       shapes, gaze, trunk: added.trunk, pivots: [face.pivot, hand.pivot],
     };
+  }
+
+  /** How far a finger tip is shifted, head at rest, where this head's places lie elsewhere. */
+  reach(tip) {
+    const { places, factors } = this;
+    const shift = [0, 0, 0];
+    let total = 1 / (FAR_MM * FAR_MM);
+    for (let i = 0; i < places.length; i += 3) {
+      const squared = tip.reduce((sum, x, k) => sum + (x - places[i + k]) ** 2, 0);
+      const weight = 1 / (NEAR_MM * NEAR_MM + squared);
+      total += weight;
+      for (let k = 0; k < 3; k++) shift[k] += weight * factors[i + k];
+    }
+    return shift.map((x) => x / total);
   }
 
   /** Move control vertices by the maps of the joints, in place. */
@@ -763,7 +782,7 @@ function nodded(model, head, nod) {
 }
 
 /** The hand's map in the world after it followed the skin at which it points. */
-function carried(model, turn, shift) {
+function carried(model, turn, shift, reach) {
   const { hand, handMotion, headMotion, markers, handShape, faceCount, rules, face } = model;
   const before = mapOf(handMotion);
   before.shift = before.shift.map((x, i) => x + hand.pivot[i]);
@@ -774,11 +793,14 @@ function carried(model, turn, shift) {
   const wrist = place("W1");
   const tips = ["F2T", "F3T"].map(place);
   const far = tips.map((tip) => Math.hypot(...tip.map((x, i) => x - wrist[i])) ** POINTING);
-  const height = (far[0] * tips[0][1] + far[1] * tips[1][1]) / (far[0] + far[1]);
-  const [w, v] = [1, 2].map((k) => interpolate(height, rules.throat, k));
+  const tip = tips[0].map((x, i) => (far[0] * x + far[1] * tips[1][i]) / (far[0] + far[1]));
+  const [w, v] = [1, 2].map((k) => interpolate(tip[1], rules.throat, k));
   const share = (r, s) => about(face.pivot, r.map((x) => w * x), s.map((x) => v * x));
   const old = share(Array.from(headMotion.subarray(0, 3)), Array.from(headMotion.subarray(3, 6)));
-  return compose(compose(share(turn, shift), inverse(old)), before);
+  const away = inverse(old);
+  const there = reach(apply(away, tip));
+  const still = { turn: away.turn, shift: away.shift.map((x, i) => x + there[i]) };
+  return compose(compose(share(turn, shift), still), before);
 }
 
 function interpolate(x, table, column) {
@@ -1633,7 +1655,7 @@ class Cuer {
     this.reader = new HandReader(model);
     this.points = new PointLights(canvases.points, model);
     this.avatar = arrays && buildAvatar(canvases.avatar, model, arrays);
-    this.look = model.looks[0];
+    this.look = "avatar.bin";
     this.dressed = Promise.resolve();
     this.params = new Float64Array(model.layout.length);
     this.markers = new Float64Array(3 * model.markers.length);
@@ -1642,20 +1664,23 @@ class Cuer {
     this.choose("avatar");
   }
 
-  /** Give the avatar one of the voice's looks, fetched from `base`; one that is unknown is the first. */
-  dress(look, base) {
-    const [first] = this.model.looks;
-    const wanted = this.model.looks.includes(look) ? look : first;
+  /**
+   * Give the avatar one of the voice's looks, fetched from `base`; one that is unknown is the first.
+   * `address`: of another avatar's document, which replaces them all.
+   */
+  dress(look, base, address = "") {
+    const later = this.model.looks.slice(1).includes(look);
+    const wanted = address || (later ? `avatar-${look}.bin` : "avatar.bin");
     if (this.avatar && wanted !== this.look) this.dressed = this.change(wanted, base);
     return this.dressed;
   }
 
   async change(wanted, base) {
-    const [first] = this.model.looks;
     this.look = wanted;
-    const answer = await fetch(new URL(wanted === first ? "avatar.bin" : `avatar-${wanted}.bin`, base));
-    if (!answer.ok) throw new Error(`look ${wanted}: ${answer.status}`);
+    const answer = await fetch(new URL(wanted, base));
+    if (!answer.ok) throw new Error(`${wanted}: ${answer.status}`);
     const arrays = parseAvatar(await answer.arrayBuffer());
+    if (String.fromCharCode(...arrays.voice) !== this.model.identity) throw new Error(`${wanted}: made for another voice`);
     if (this.look !== wanted) return;
     const before = this.avatar;
     this.avatar = buildAvatar(this.canvases.avatar, this.model, arrays) || before;
@@ -2554,7 +2579,7 @@ async function load(base) {
 }
 
 class CuecastPlayer extends HTMLElement {
-  static observedAttributes = [...Object.keys(CHOICES), ...Object.values(FLAGS), "lang"];
+  static observedAttributes = [...Object.keys(CHOICES), ...Object.values(FLAGS), "lang", "avatar"];
 
   constructor() {
     super();
@@ -2724,7 +2749,9 @@ class CuecastPlayer extends HTMLElement {
     const { choice } = this;
     this.stage.arrange(choice, this.model.aspect);
     this.cuer.choose(choice.look);
-    this.cuer.dress(choice.appearance, this.base).catch((error) => this.because("no-files", error.message));
+    const own = this.getAttribute("avatar");
+    const address = own ? new URL(own, document.baseURI).href : "";
+    this.cuer.dress(choice.appearance, this.base, address).catch((error) => this.because("no-files", error.message));
     for (const canvas of Object.values(this.cuer.canvases)) canvas.setAttribute("aria-label", this.words().cuer);
   }
 

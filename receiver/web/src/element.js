@@ -49,7 +49,7 @@ async function load(base) {
 }
 
 export class CuecastPlayer extends HTMLElement {
-  static observedAttributes = [...Object.keys(CHOICES), ...Object.values(FLAGS), "lang"];
+  static observedAttributes = [...Object.keys(CHOICES), ...Object.values(FLAGS), "lang", "avatar"];
 
   constructor() {
     super();
@@ -219,7 +219,9 @@ export class CuecastPlayer extends HTMLElement {
     const { choice } = this;
     this.stage.arrange(choice, this.model.aspect);
     this.cuer.choose(choice.look);
-    this.cuer.dress(choice.appearance, this.base).catch((error) => this.because("no-files", error.message));
+    const own = this.getAttribute("avatar");
+    const address = own ? new URL(own, document.baseURI).href : "";
+    this.cuer.dress(choice.appearance, this.base, address).catch((error) => this.because("no-files", error.message));
     for (const canvas of Object.values(this.cuer.canvases)) canvas.setAttribute("aria-label", this.words().cuer);
   }
 

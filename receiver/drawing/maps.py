@@ -8,8 +8,9 @@ parameter space" (Gibert, Bailly, Elisei 2004, section 5.2), on markers so that 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lab.avatar.parts import FloatArray
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
