@@ -35,7 +35,7 @@ from receiver.foreign.face import (
 from receiver.foreign.hand import ForeignHand, joint_map, lesson
 from receiver.foreign.landmarks import place_moves
 from receiver.foreign.names import RIGHT_FINGERS
-from receiver.foreign.paint import Material, Painted, paint, read_materials
+from receiver.foreign.paint import SkinMaterial, Painted, paint, read_materials
 from receiver.foreign.scene import Scene, read_scene
 
 FloatArray = NDArray[np.float64]
@@ -169,7 +169,7 @@ def _surface(
 
 def _head_surface(
     scene: Scene, arms: Arms, found: MarkerMap, moving: NDArray[np.int64],
-    paints: tuple[NDArray[np.bool_], list[Material]],
+    paints: tuple[NDArray[np.bool_], list[SkinMaterial]],
 ) -> tuple[Surface, NDArray[np.int64]]:  # fmt: skip
     """Return the surface of all but the hand, eyeballs last, and the scene's vertices under it."""
     balls = [scene.share(name) > 0.5 for name in ("rightEye", "leftEye")]
@@ -187,7 +187,7 @@ def _head_surface(
 
 def _hand_surface(
     scene: Scene, points: FloatArray, arms: Arms, hand: ForeignHand, joints: MarkerMap,
-    voice: Voice, paints: tuple[NDArray[np.bool_], list[Material]], rng: np.random.Generator,
+    voice: Voice, paints: tuple[NDArray[np.bool_], list[SkinMaterial]], rng: np.random.Generator,
 ) -> tuple[Surface, float]:  # fmt: skip
     """Return the hand's surface, and the error of its map on poses that it was not learnt from."""
     painted = paint(scene, arms.points, *paints, _MOST)

@@ -61,7 +61,7 @@ class Painted:
 
 
 @dataclass(frozen=True, slots=True)
-class Material:
+class SkinMaterial:
     """What colours a triangle.
 
     Attributes
@@ -91,7 +91,7 @@ class Material:
         return np.asarray(found)
 
 
-def read_materials(file: Container) -> list[Material]:
+def read_materials(file: Container) -> list[SkinMaterial]:
     """Read all materials, and one white one at the end for triangles without.
 
     Raises
@@ -118,8 +118,8 @@ def read_materials(file: Container) -> list[Material]:
             raise CueError(f"{file.name}: material {number} is damaged")
         gloss = _GLOSS * float(np.clip(1 - rough, 0, 1))
         least = {"MASK": float(cutoff), "BLEND": 0.02}.get(mode, -1.0)
-        found.append(Material(picture, gloss, least, mode == "BLEND"))
-    return [*found, Material(np.full((1, 1, 4), 255, np.uint8), 0.0, -1.0, False)]
+        found.append(SkinMaterial(picture, gloss, least, mode == "BLEND"))
+    return [*found, SkinMaterial(np.full((1, 1, 4), 255, np.uint8), 0.0, -1.0, False)]
 
 
 def _source(file: Container, texture: dict[str, Any]) -> int:
@@ -155,7 +155,7 @@ def _decode(file: Container, number: int) -> NDArray[np.uint8]:
 
 
 def paint(
-    scene: Scene, points: FloatArray, chosen: NDArray[np.bool_], materials: list[Material],
+    scene: Scene, points: FloatArray, chosen: NDArray[np.bool_], materials: list[SkinMaterial],
     most: int,
 ) -> Painted:  # fmt: skip
     """Return the surface of some triangles in their colours.
@@ -166,7 +166,7 @@ def paint(
     points : ndarray, shape (V, 3)
         Its vertices, mm.
     chosen : ndarray of bool, shape (F,)
-    materials : list of Material
+    materials : list of SkinMaterial
     most : int
         Vertices at most.
 
@@ -230,7 +230,7 @@ def _levels(linear: FloatArray) -> FloatArray:
 
 def _differing(
     corners: IntArray, uv: FloatArray, tints: FloatArray, number: IntArray, at: FloatArray,
-    materials: list[Material],
+    materials: list[SkinMaterial],
 ) -> FloatArray:  # fmt: skip
     """Return by how many levels (F, 3) the picture on each edge differs from its ends' mean."""
     found = np.zeros((len(corners), 3))
@@ -281,7 +281,7 @@ def _divide(
 
 def _coloured(
     corners: IntArray, uv: FloatArray, tints: FloatArray, number: IntArray, sources: IntArray,
-    shares: FloatArray, materials: list[Material], most: int, name: str,
+    shares: FloatArray, materials: list[SkinMaterial], most: int, name: str,
 ) -> Painted:  # fmt: skip
     colours = np.zeros((len(corners), 3, 5))
     drawn = np.ones(len(corners), dtype=bool)
