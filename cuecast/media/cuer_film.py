@@ -15,7 +15,6 @@ from codec.cuer.voice import Voice
 from codec.errors import CueError
 from codec.files.whole import whole_file
 from cuecast.media.film import captions_of, programme_sound, write_film
-from receiver.drawing.avatar import Avatar
 from receiver.drawing.render import DEFAULT_SIZE, draw, read_picture, write_picture
 
 _CRF = 18
@@ -32,7 +31,8 @@ def render_motion(
     motion: Motion, voice: Voice, path: str | os.PathLike[str],
     *, style: str = "points", size: tuple[int, int] | None = None, fps: int = 25,
     background: str | os.PathLike[str] | NDArray[np.uint8] | None = None,
-    mirror: bool = False, look: str | Avatar | None = None, at_s: float | None = None,
+    mirror: bool = False, look: str | None = None, avatar: bytes | None = None,
+    at_s: float | None = None,
     programme: str | os.PathLike[str] | None = None,
     subtitles: str | os.PathLike[str] | None = None, track: str | None = None,
     progress: Progress | None = None,
@@ -56,8 +56,10 @@ def render_motion(
         Picture behind the cuer; black otherwise.
     mirror : bool
         Left-handed cuer.
-    look : str or Avatar, optional
-        Appearance of the avatar, one of `Avatar.looks`, or another avatar of this voice.
+    look : str, optional
+        Appearance of the avatar, one of `Avatar.looks`.
+    avatar : bytes, optional
+        Document of another avatar for this voice, which has one look.
     at_s : float, optional
         Time of a picture, seconds on the programme's clock; the middle of the motion otherwise.
     programme : path, optional
@@ -95,7 +97,15 @@ def render_motion(
     elif size[0] % 2 or size[1] % 2:
         raise CueError(f"film of {size[0]}x{size[1]}: both sides have to be even")
     shown_at = draw(
-        motion, voice, times, style=style, size=size, background=picture, mirror=mirror, look=look
+        motion,
+        voice,
+        times,
+        style=style,
+        size=size,
+        background=picture,
+        mirror=mirror,
+        look=look,
+        avatar=avatar,
     )
     frames = _counted(shown_at, len(times), progress)
     if suffix == ".png":

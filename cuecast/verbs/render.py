@@ -37,7 +37,6 @@ def run(args: argparse.Namespace) -> int:
     from codec.errors import CueError
     from cuecast.media.avatars import avatar_file
     from cuecast.media.cuer_film import render_motion
-    from receiver.drawing.avatar_document import read_avatar
 
     motion, voice = load_motion(args.motion), load_voice(args.voice)
     own = avatar_file(args.avatar, voice)
@@ -55,6 +54,6 @@ def run(args: argparse.Namespace) -> int:
             motion, voice, args.output, style=args.style, fps=args.rate, at_s=args.at,
             background=args.background, size=args.size, mirror=args.mirror,
             programme=args.programme, subtitles=args.subtitles, track=args.subtitle_track,
-            look=args.look if own is None else read_avatar(own, voice), progress=progress,
+            look=args.look, avatar=own, progress=progress,
         )  # fmt: skip
     return 0

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from codec.cuer.motion import Motion, sample_params
 from codec.cuer.voice import Voice
 from codec.errors import CueError
-from receiver.drawing.avatar import Avatar, load_avatar
+from receiver.drawing.avatar import load_avatar
+from receiver.drawing.avatar_document import read_avatar
 from receiver.drawing.movement import express
 from receiver.drawing.points import draw_points
 from receiver.drawing.portrait import Portrait
@@ -55,7 +56,7 @@ def draw(
     motion: Motion, voice: Voice, times_s: NDArray[np.float64],
     *, style: str = "points", size: tuple[int, int] = DEFAULT_SIZE,
     background: NDArray[np.uint8] | None = None, mirror: bool = False,
-    look: str | Avatar | None = None,
+    look: str | None = None, avatar: bytes | None = None,
 ) -> Iterator[NDArray[np.uint8]]:  # fmt: skip
     """Yield a picture of the cuer for each time.
 
@@ -74,8 +75,10 @@ def draw(
         Red, green, blue of what she stands before; black by default.
     mirror : bool
         Whether to swap left and right.
-    look : str or Avatar, optional
-        Appearance of the avatar, one of `Avatar.looks`, or another avatar of this voice.
+    look : str, optional
+        Appearance of the avatar, one of `Avatar.looks`.
+    avatar : bytes, optional
+        Document of another avatar for this voice, which has one look.
 
     Yields
     ------
@@ -97,21 +100,21 @@ def draw(
     if background is not None and background.shape != (height, width, 3):
         raise CueError(f"background has shape {background.shape}, not {(height, width, 3)}")
     camera = neutral_camera(voice)
-    avatar = None
+    figure = None
     if style == "avatar":
-        avatar = look if isinstance(look, Avatar) else load_avatar(voice, look)
-    portrait = None if avatar is None else Portrait(avatar, camera, mirror=mirror)
+        figure = load_avatar(voice, look) if avatar is None else read_avatar(avatar, voice)
+    portrait = None if figure is None else Portrait(figure, camera, mirror=mirror)
     ground = np.zeros((height, width, 3), np.uint8) if background is None else background
     for start in range(0, len(times_s), _AT_ONCE):
         now = np.asarray(times_s[start : start + _AT_ONCE], dtype=np.float64)
         params = sample_params(motion, now)
-        if avatar is None or portrait is None:
+        if figure is None or portrait is None:
             for markers in voice.reconstruct(params):
                 picture = ground.copy()
                 draw_points(picture, markers, camera, mirror=mirror)
                 yield picture
         else:
-            for vertices in avatar.place(
+            for vertices in figure.place(
                 params, express(voice, partial(sample_params, motion), now)
             ):
                 picture = ground.copy()

@@ -35,7 +35,7 @@ from receiver.foreign.face import (
 from receiver.foreign.hand import ForeignHand, joint_map, lesson
 from receiver.foreign.landmarks import place_moves
 from receiver.foreign.names import RIGHT_FINGERS
-from receiver.foreign.paint import SkinMaterial, Painted, paint, read_materials
+from receiver.foreign.paint import Painted, SkinMaterial, paint, read_materials
 from receiver.foreign.scene import Scene, read_scene
 
 FloatArray = NDArray[np.float64]
