@@ -11,6 +11,9 @@ from codec.compiled import njit
 FEW = 64
 """Values up to which those that are kept are sorted by insertion."""
 
+BUCKETS = 1024
+"""Buckets of equal width among which many values are counted to find the least."""
+
 _SURE = 1 - 1e-9
 """Largest belief."""
 
@@ -40,7 +43,8 @@ def _next_node(frozen: NDArray[np.int64], phase: int, n: int) -> int:
 
 @njit(cache=True)
 def _update_llr(
-    alpha: NDArray[np.float64],
+    channel: NDArray[np.float32],
+    alpha: NDArray[np.float32],
     alpha_row: NDArray[np.int64],
     left: NDArray[np.uint8],
     left_row: NDArray[np.int64],
@@ -51,34 +55,58 @@ def _update_llr(
 ) -> None:
     """Bring the log-likelihood ratios of all paths to the block of level `lowest` at `phase`.
 
-    Level v holds blocks of size 2**v at alpha[:, 2**v : 2**(v+1)]; level n is the channel.
+    Level v holds blocks of size 2**v at alpha[:, 2**v : 2**(v+1)]; level n is the channel, whose
+    ratios begin at channel[2**n].
     Specification: spec/audio-carrier.md, W31 to W33.
     """
     level = lowest
     while level < n - 1 and (phase >> level) & 1 == 0:
         level += 1
-    ratios, bits, width = alpha.reshape(-1), left.reshape(-1), alpha.shape[1]
+    own_ratios, bits, width = alpha.reshape(-1), left.reshape(-1), alpha.shape[1]
     for v in range(min(level, n - 1), lowest - 1, -1):
         size = 1 << v
         odd = (phase >> v) & 1
+        top = v + 1 == n
+        ratios = channel if top else own_ratios
         for p in range(paths):
             # Unsigned indices let the compiler see that none is negative, and vectorise.
-            low = np.uint64(alpha_row[p, v + 1] * width + 2 * size)
+            low = np.uint64((0 if top else alpha_row[p, v + 1] * width) + 2 * size)
             high, out = low + np.uint64(size), np.uint64(p * width + size)
             if odd:
                 own = np.uint64(left_row[p, v] * left.shape[1] + size)
                 for j in range(size):
                     i = np.uint64(j)
                     a, b = ratios[low + i], ratios[high + i]
-                    ratios[out + i] = b - a if bits[own + i] else b + a
+                    own_ratios[out + i] = b - a if bits[own + i] else b + a
             else:
                 for j in range(size):
                     i = np.uint64(j)
                     a, b = ratios[low + i], ratios[high + i]
                     small = min(abs(a), abs(b))
-                    ratios[out + i] = small if (a < 0) == (b < 0) else -small
+                    own_ratios[out + i] = small if (a < 0) == (b < 0) else -small
         for p in range(paths):
             alpha_row[p, v] = p
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def _block_costs(
+    ratios: NDArray[np.float32],
+    width: int,
+    metric: NDArray[np.float64],
+    block: int,
+    paths: int,
+    candidate: NDArray[np.float64],
+) -> None:
+    """Metrics of each path after a block of zeros, and of ones."""
+    for p in range(paths):
+        begin = np.uint64(p * width + block)
+        total, positive = np.float32(0.0), np.float32(0.0)
+        for j in range(block):
+            ratio = ratios[begin + np.uint64(j)]
+            total += ratio
+            positive += max(ratio, np.float32(0.0))
+        candidate[2 * p] = metric[p] + (positive - total)
+        candidate[2 * p + 1] = metric[p] + positive
 
 
 @njit(cache=True)
@@ -99,6 +127,11 @@ def _update_bits(
     if top == n:
         return
     bits, width, whole = left.reshape(-1), left.shape[1], 1 << top
+    if top == 0:
+        for p in range(paths):
+            bits[np.uint64(p * width + 1)] = decided[p]
+            left_row[p, 0] = p
+        return
     for p in range(paths):
         for j in range(1 << level):
             work[np.uint64(j)] = decided[p]
@@ -110,14 +143,35 @@ def _update_bits(
                 low = work[i]
                 work[size + i] = low
                 work[i] = low ^ bits[own + i]
-        spare = np.uint64((paths + p) * width + whole)
+        # Rows that are read above hold lower levels, in other columns.
+        begin = np.uint64(p * width + whole)
         for j in range(whole):
-            bits[spare + np.uint64(j)] = work[np.uint64(j)]
-    for p in range(paths):
-        own, spare = np.uint64(p * width + whole), np.uint64((paths + p) * width + whole)
-        for j in range(whole):
-            bits[own + np.uint64(j)] = bits[spare + np.uint64(j)]
+            bits[begin + np.uint64(j)] = work[np.uint64(j)]
         left_row[p, top] = p
+
+
+@njit(cache=True)
+def _limit(candidate: NDArray[np.float64], kept: int) -> tuple[float, int]:
+    """Return the largest of the `kept` least values, and how many of its equals are among them."""
+    low, high = candidate.min(), candidate.max()
+    if low == high:
+        return low, kept
+    counts = np.zeros(BUCKETS + 1, dtype=np.int64)
+    scale = BUCKETS / (high - low)
+    for value in candidate:
+        counts[np.uint64((value - low) * scale)] += 1
+    bucket, below = 0, 0
+    while below + counts[bucket] < kept:
+        below += counts[bucket]
+        bucket += 1
+    inside = np.empty(counts[bucket])
+    count = 0
+    for value in candidate:
+        if np.uint64((value - low) * scale) == np.uint64(bucket):
+            inside[count] = value
+            count += 1
+    limit = np.partition(inside, kept - below - 1)[kept - below - 1]
+    return limit, kept - below - np.count_nonzero(inside < limit)
 
 
 @njit(cache=True)
@@ -129,8 +183,7 @@ def _least(candidate: NDArray[np.float64], kept: int) -> NDArray[np.int64]:
     order = np.empty(kept, dtype=np.int64)
     count = 0
     if candidate.size > FEW:
-        limit = np.partition(candidate, kept - 1)[kept - 1]
-        room = kept - np.count_nonzero(candidate < limit)
+        limit, room = _limit(candidate, kept)
         for i in range(candidate.size):
             equal = candidate[i] == limit and room > 0
             if equal or candidate[i] < limit:
@@ -155,6 +208,7 @@ def scl_decode(
     llr: NDArray[np.float64],
     frozen: NDArray[np.int64],
     list_size: int,
+    largest: float,
     words: NDArray[np.int64],
     metrics: NDArray[np.float64],
 ) -> int:
@@ -162,19 +216,20 @@ def scl_decode(
 
     Fills words (list_size, K) with the bits of the inputs that are not frozen and metrics
     (list_size,) with the path metrics, best path first; returns the number of paths. Positive llr
-    means bit 0. Blocks with
-    one input at most that is not frozen are decided as a whole: their metric is the sum over their
-    ratios. Sources: Tal and Vardy 2015; metric of Balatsoukas-Stimming, Parizi and Burg 2015;
-    blocks of Hashemi, Condo and Gross, "Fast simplified successive-cancellation list decoding of
-    polar codes", WCNC workshops 2017.
+    means bit 0. Blocks with one input at most that is not frozen are decided as a whole: their
+    metric is the sum over their ratios. Paths whose metric, which never falls, exceeds `largest`
+    are dropped; without any the count is 0. Sources: Tal and Vardy 2015; metric of
+    Balatsoukas-Stimming, Parizi and Burg 2015; blocks of Hashemi, Condo and Gross, "Fast simplified
+    successive-cancellation list decoding of polar codes", WCNC workshops 2017.
     """
     size = llr.size
     n = 0
     while (1 << n) < size:
         n += 1
-    alpha = np.empty((list_size, 2 * size))
+    alpha = np.empty((list_size, size), dtype=np.float32)
+    channel = np.empty(2 * size, dtype=np.float32)
     alpha_row = np.zeros((list_size, n + 1), dtype=np.int64)
-    left = np.empty((2 * list_size, size), dtype=np.uint8)
+    left = np.empty((list_size, size), dtype=np.uint8)
     left_row = np.zeros((list_size, n + 1), dtype=np.int64)
     work = np.zeros(size, dtype=np.uint8)
     decided = np.zeros(list_size, dtype=np.uint8)
@@ -184,26 +239,24 @@ def scl_decode(
     new_left_row = np.zeros_like(left_row)
     candidate = np.zeros(2 * list_size)
     metric = np.zeros(list_size)
-    alpha[0, size:] = llr
+    channel[size:] = llr
     paths, phase = 1, 0
     free = 0
     while phase < size:
         level = _next_node(frozen, phase, n)
         block = 1 << level
-        _update_llr(alpha, alpha_row, left, left_row, phase, level, n, paths)
+        _update_llr(channel, alpha, alpha_row, left, left_row, phase, level, n, paths)
         phase += block
-        for p in range(paths):
-            zero, one = metric[p], metric[p]
-            for i in range(block, 2 * block):
-                ratio = alpha[p, i]
-                zero += max(-ratio, 0.0)
-                one += max(ratio, 0.0)
-            candidate[2 * p], candidate[2 * p + 1] = zero, one
+        ratios = channel if level == n else alpha.reshape(-1)
+        _block_costs(ratios, size, metric, block, paths, candidate)
         if frozen[phase - 1]:
             for p in range(paths):
                 metric[p], decided[p] = candidate[2 * p], 0
         else:
-            kept = min(2 * paths, list_size)
+            likely = np.count_nonzero(candidate[: 2 * paths] <= largest)
+            if likely == 0:
+                return 0
+            kept = min(likely, list_size)
             order = _least(candidate[: 2 * paths], kept)
             for q in range(kept):
                 parent = order[q] // 2

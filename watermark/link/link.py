@@ -5,6 +5,7 @@ log-likelihood ratio per bit, so that the ratios of several carriers may be adde
 Specification: spec/audio-carrier.md, W29 to W34.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -99,20 +100,22 @@ class _Class:
         return self.code.encode(np.concatenate([bits, crc_bits(bits, self.check)]))
 
     def decode(self, llr: NDArray[np.float64], list_size: int) -> bytes | None:
-        messages = self.code.paths(llr, list_size)[: self.paths]
+        least = self._least(llr)
+        messages = self.code.paths(llr, list_size, least)[: self.paths]
         for message in messages[self._passes(messages)]:
-            if self._significant(message, llr):
+            if llr @ (1.0 - 2.0 * self.code.encode(message)) >= least:
                 return np.packbits(message[: 8 * self.size].astype(np.uint8)).tobytes()
         return None
 
     def _passes(self, messages: NDArray[np.int64]) -> NDArray[np.bool_]:
         return passes(messages, self.check)
 
-    def _significant(self, message: NDArray[np.int64], llr: NDArray[np.float64]) -> bool:
+    def _least(self, llr: NDArray[np.float64]) -> float:
+        """Correlation with the ratios from which a message is significant."""
         if self.code.message > SIGNIFICANT_RATE * self.code.length:
-            return True
+            return -math.inf
         largest = np.sqrt(2 * np.log(2) * self.code.message * (llr @ llr))
-        return bool(llr @ (1.0 - 2.0 * self.code.encode(message)) >= self.significance * largest)
+        return float(self.significance * largest)
 
 
 class Link:

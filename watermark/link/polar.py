@@ -8,6 +8,7 @@ Globecom 2017; list decoding with a check of Tal and Vardy 2015.
 Specification: spec/audio-carrier.md, W31 to W33.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -22,6 +23,9 @@ BELIEF_ROUNDS = 8
 
 CERTAIN = 1 - 1e-6
 """Largest belief that the channel may state."""
+
+ROUNDING = 1e-4
+"""Part by which a metric, which is computed in single precision, may be wrong."""
 
 BETA = 2**0.25
 """Base of the polarisation weight."""
@@ -89,8 +93,14 @@ class PolarCode:
                 return np.asarray(word)
         return None
 
-    def paths(self, llr: NDArray[np.float64], list_size: int) -> NDArray[np.int64]:
-        """Return the likeliest messages, shape (paths, message), best first; see `decode`."""
+    def paths(
+        self, llr: NDArray[np.float64], list_size: int, least: float = -math.inf
+    ) -> NDArray[np.int64]:
+        """Return the likeliest messages, shape (paths, message), best first; see `decode`.
+
+        Those whose codeword's correlation with the ratios is below `least` are left out, as soon as
+        the decoder knows it.
+        """
         from watermark.link import _kernels
 
         size = self.frozen.size
@@ -99,7 +109,10 @@ class PolarCode:
         words = np.empty((list_size, self.message), dtype=np.int64)
         metrics = np.zeros(list_size)
         folded = np.ascontiguousarray(mother.reshape(-1, size).sum(axis=0))
-        count = _kernels.scl_decode(folded, self.frozen, list_size, words, metrics)
+        whole = float(np.abs(folded).sum())
+        # A path's metric is half of what its correlation lacks of the whole.
+        largest = (whole * (1 + ROUNDING) - least) / 2
+        count = _kernels.scl_decode(folded, self.frozen, list_size, largest, words, metrics)
         return words[:count]
 
     def beliefs(self, llr: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -70,7 +70,7 @@ def test_sound(case: dict[str, Any]) -> None:
     assert (reading.decoded.l0, reading.decoded.l1) == expected
     soft = demodulator.layout.gather(reading.soft)
     plain = reference.soft_values(samples, name, key, level)
-    np.testing.assert_allclose(soft, plain, atol=1e-6)
+    np.testing.assert_allclose(soft, plain, atol=2e-5)  # spectra have single precision
 
 
 def test_bands_and_code_are_the_reference_s() -> None:

@@ -72,9 +72,9 @@ def test_the_longer_list_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[int] = []
     decode = _kernels.scl_decode
 
-    def told(llr: Any, frozen: Any, list_size: int, words: Any, metrics: Any) -> int:
+    def told(llr: Any, frozen: Any, list_size: int, *arguments: Any) -> int:
         asked.append(list_size)
-        return int(decode(llr, frozen, list_size, words, metrics))
+        return int(decode(llr, frozen, list_size, *arguments))
 
     monkeypatch.setattr(_kernels, "scl_decode", told)
     link = Link(STANDARD)
@@ -99,6 +99,7 @@ def test_few_paths_are_asked_for_the_short_check(
     link, rng = Link(profile), np.random.default_rng(1)
     coded = link.encode(bytes(profile.l0_bytes), bytes(profile.l1_bytes))
     monkeypatch.setattr("watermark.link.link.passes", refused)
+    monkeypatch.setattr(type(link._second), "_least", lambda self, llr: -np.inf)
     assert link.second(0.3 * ratios(coded) + rng.normal(size=coded.size), list_size=512) is None
     assert asked_of == [asked]
 
@@ -173,12 +174,16 @@ def test_the_list_is_that_of_the_written_out_decoder(
         llr = np.random.default_rng(seed).normal(0.3, 1, size)
         words = np.full((list_size, message), -7, dtype=np.int64)
         metrics = np.full(list_size, -7.0)
-        count = _kernels.scl_decode(llr, frozen, list_size, words, metrics)
+        count = _kernels.scl_decode(llr, frozen, list_size, np.inf, words, metrics)
         expected = plain_list_decoder(llr, frozen, list_size)
         assert count == len(expected)
-        np.testing.assert_allclose(metrics[:count], [metric for metric, _ in expected])
+        np.testing.assert_allclose(metrics[:count], [metric for metric, _ in expected], rtol=1e-5)
         free = [np.array(bits)[frozen == 0].tolist() for _, bits in expected]
         assert words[:count].tolist() == free
+        largest = float(np.median(metrics[:count])) + 1e-6
+        likely = sum(metric <= largest for metric in metrics[:count])
+        assert _kernels.scl_decode(llr, frozen, list_size, largest, words, metrics) >= likely
+        assert words[:likely].tolist() == free[:likely]
 
 
 def test_corrects_noise_and_erasures() -> None:
@@ -226,11 +231,11 @@ def test_kernels_agree_with_their_python() -> None:
     words = [np.zeros((4, 12), dtype=np.int64) for _ in range(2)]
     metrics = [np.zeros(4) for _ in range(2)]
     decode = getattr(_kernels.scl_decode, "py_func", _kernels.scl_decode)
-    assert _kernels.scl_decode(llr, frozen, 4, words[0], metrics[0]) == decode(
-        llr, frozen, 4, words[1], metrics[1]
+    assert _kernels.scl_decode(llr, frozen, 4, np.inf, words[0], metrics[0]) == decode(
+        llr, frozen, 4, np.inf, words[1], metrics[1]
     )
     np.testing.assert_array_equal(words[0], words[1])
-    np.testing.assert_allclose(metrics[0], metrics[1])
+    np.testing.assert_allclose(metrics[0], metrics[1], rtol=1e-5)
     x = rng.integers(0, 2, 16)
     y = x.copy()
     _kernels.polar_transform(x)
@@ -255,8 +260,12 @@ def test_checks_are_remainders(bits: list[int]) -> None:
         assert found == divided(bits, width, polynomial)
 
 
+def accords(one: Any, message: np.ndarray, llr: np.ndarray) -> bool:
+    return bool(llr @ (1.0 - 2.0 * one.code.encode(message)) >= one._least(llr))
+
+
 def accepts(one: Any, message: np.ndarray, llr: np.ndarray) -> bool:
-    return bool(one._passes(message[np.newaxis])[0]) and bool(one._significant(message, llr))
+    return bool(one._passes(message[np.newaxis])[0]) and accords(one, message, llr)
 
 
 @pytest.mark.parametrize(("length", "accepted"), [(1344, False), (300, True)])

@@ -1,4 +1,4 @@
-"""Compiled loops of the audio carrier.
+"""Compiled loops of following: a superframe's view, and how known cells fit in it.
 
 Contiguous arrays in, arrays filled in place out; no checks.
 """
@@ -7,36 +7,131 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.compiled import njit
+from watermark.audio.signal._kernels import cosine_of_turns
+
+
+@njit(cache=True, fastmath={"contract"})
+def turn_bins(
+    spectra: NDArray[np.complex64], delays: NDArray[np.float64], pace: float, bins: int
+) -> None:
+    """Turn bin k of frame t by delays[t] (k + 1/2) pace radians, in place, for k below `bins`."""
+    for t in range(spectra.shape[0]):
+        now, on = np.exp(0.5j * pace * delays[t]), np.exp(1j * pace * delays[t])
+        for k in range(bins):
+            spectra[t, k] = spectra[t, k] * now
+            now *= on
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def band_energies(
+    mid: NDArray[np.complex64],
+    side: NDArray[np.complex64],
+    edges: NDArray[np.int64],
+    energies: NDArray[np.float64],
+) -> None:
+    """energies[c, t, b] = mean expected power of mid, left, right in a band; of mid without side.
+
+    |M +- S|^2 = |M|^2 + |S|^2 +- 2 Re(M S*).
+    """
+    for t in range(mid.shape[0]):
+        for b in range(edges.size - 1):
+            middle, other, cross = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+            for k in range(edges[b], edges[b + 1]):
+                m = mid[t, k]
+                middle += m.real * m.real + m.imag * m.imag
+                if side.size:
+                    s = side[t, k]
+                    other += s.real * s.real + s.imag * s.imag
+                    cross += m.real * s.real + m.imag * s.imag
+            width = edges[b + 1] - edges[b]
+            energies[0, t, b] = 0.5 * middle / width
+            if side.size:
+                both = 0.5 * (middle + other)
+                energies[1, t, b] = max(both + cross, 0.0) / width
+                energies[2, t, b] = max(both - cross, 0.0) / width
+
+
+@njit(cache=True)
+def choose_bins(
+    mid: NDArray[np.complex64],
+    side: NDArray[np.complex64],
+    units: NDArray[np.float64],
+    edges: NDArray[np.int64],
+    places: NDArray[np.int64],
+    spectra: NDArray[np.complex64],
+    amplitudes: NDArray[np.float32],
+) -> None:
+    """Fill spectra and amplitudes (64, bins) from mid, left or right as places say.
+
+    units (3, 64, bands) are the amplitudes of each channel; frame t lies at mid[t + 1].
+    """
+    for t in range(places.shape[0]):
+        for b in range(edges.size - 1):
+            for k in range(edges[b], edges[b + 1]):
+                place, m = places[t, k], mid[t + 1, k]
+                if place == 1:
+                    m += side[t + 1, k]
+                elif place == 2:
+                    m -= side[t + 1, k]
+                spectra[t, k] = m
+                amplitudes[t, k] = units[place, t, b]
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
 def fit_scores(
-    terms: NDArray[np.complex128],
+    spectra: NDArray[np.complex64],
+    amplitudes: NDArray[np.float32],
+    signs: NDArray[np.float64],
     expected: NDArray[np.float64],
     dither: NDArray[np.float64],
     angle: NDArray[np.float64],
     bend: NDArray[np.float64],
     turn: NDArray[np.complex128],
+    scale: float,
     score: NDArray[np.float64],
 ) -> None:
     """score[d] += sum over frames t and cells g of expected[t, g] times their soft value.
 
-    A cell's phase is the real part of the sum over its bins b of terms[t, b] turn[b, d], turned by
-    angle[t] + b bend[t], less dither[g]. Cells without an expectation are left out.
+    A cell's phase is `scale` times the real part of the sum over its bins b of
+    spectra[t, b] signs[b] / amplitudes[t, b] turn[b, d], turned by angle[t] + b bend[t], less
+    dither[g]. Cells without an expectation, or with a silent bin, are left out.
     """
     bins = turn.shape[0] // dither.size
     phase = np.empty(score.size)
     for t in range(expected.shape[0]):
-        now, on = np.exp(1j * angle[t]), np.exp(1j * bend[t])
+        now, on = scale * np.exp(1j * angle[t]), np.exp(1j * bend[t])
         for g in range(dither.size):
             weight = expected[t, g]
             phase[:] = -dither[g]
             for b in range(g * bins, (g + 1) * bins):
-                if weight:
-                    term, row = terms[t, b] * now, turn[b]
+                if amplitudes[t, b] <= 0:
+                    weight = 0.0
+                if weight != 0:
+                    term, row = spectra[t, b] * now * (signs[b] / amplitudes[t, b]), turn[b]
                     for d in range(score.size):
                         phase[d] += term.real * row[d].real - term.imag * row[d].imag
                 now *= on
-            if weight:
+            if weight != 0:
                 for d in range(score.size):
-                    score[d] += weight * np.cos(2 * np.pi * phase[d])
+                    score[d] += weight * cosine_of_turns(phase[d])
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def phase_scores(
+    projections: NDArray[np.complex128],
+    weight: NDArray[np.float64],
+    dither: NDArray[np.float64],
+    band: NDArray[np.int64],
+    harmonic: int,
+    turns: NDArray[np.complex128],
+    table: NDArray[np.float64],
+) -> None:
+    """table[band[g], i] += sum over t, g of weight[t, g] times the soft value after turn i."""
+    for t in range(weight.shape[0]):
+        for g in range(dither.size):
+            if weight[t, g] != 0:
+                own = projections[t, g]
+                for i in range(turns.size):
+                    part = own.real * turns[i].real - own.imag * turns[i].imag
+                    value = cosine_of_turns(harmonic * (part - dither[g]))
+                    table[band[g], i] += weight[t, g] * value

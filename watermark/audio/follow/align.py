@@ -15,10 +15,9 @@ from watermark.audio.signal.dither import project, soft_values
 from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.masking import Masker
 from watermark.audio.signal.mdct import analyse, frames_of
-from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP, SUPERFRAME
+from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP, PROFILES, SUPERFRAME
 from watermark.audio.signal.required_level import coder_noise
 from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
-from watermark.audio.signal.stereo import channels_of, stereo_units
 
 CLUES = 3
 """What may tell how far a cell can be trusted: its strength, its frame's, and a coder's noise."""
@@ -28,6 +27,13 @@ CLUE_LIMIT = 5.0
 
 CODER_BITS = 200.0
 """Bits per frame of the coder that is thought to have pressed the sound; 150 to 350 do as well."""
+
+UNTURNED = 1e-4
+"""Deviation from the mark's own pace up to which frames are not resampled: over a frame they drift
+by a tenth of a sample."""
+
+TURNED_BINS = max(profile.last_bin for profile in PROFILES.values())
+"""Bins whose phases matter."""
 
 FARTHEST = 5
 """Steps to either side at which a delay is sought: more than a young lock's clock is wrong by."""
@@ -71,16 +77,16 @@ class SuperframeView:
 
     Attributes
     ----------
-    spectra : ndarray of complex128, shape (64, HOP)
+    spectra : ndarray of complex64, shape (64, HOP)
         See `watermark.audio.signal.mdct.analyse`.
-    amplitudes : ndarray of float64, shape (64, bins)
+    amplitudes : ndarray of float32, shape (64, bins)
         The mark's unit, see `Masker.amplitudes`.
     paired : bool
         Whether bins come from left and right, too.
     """
 
-    spectra: NDArray[np.complex128]
-    amplitudes: NDArray[np.float64]
+    spectra: NDArray[np.complex64]
+    amplitudes: NDArray[np.float32]
     paired: bool = False
     _soft: dict[tuple[int, float], NDArray[np.float64]] = field(
         default_factory=dict, init=False, repr=False, compare=False
@@ -91,7 +97,8 @@ class SuperframeView:
 
     def turned(self, phases: NDArray[np.float64]) -> "SuperframeView":
         """Return the view with the phases, shape (HOP,), added to its bins."""
-        return SuperframeView(self.spectra * np.exp(1j * phases), self.amplitudes, self.paired)
+        turn = np.exp(1j * phases).astype(np.complex64)
+        return SuperframeView(self.spectra * turn, self.amplitudes, self.paired)
 
     def clues(self, cells: Cells, masker: Masker) -> NDArray[np.float64]:
         """Logarithms of the power of each cell's unit, of its frame and of a coder's noise.
@@ -153,30 +160,50 @@ def read_view(
     right that stand there, else all from the mid. `bend` is by how much the ratio, relative to
     itself, grows per superframe; `ratio` is its mean.
     """
-    first, count = position - HOP * ratio, SUPERFRAME + 2 * HOP
-    spectra = _bent(tape.read(first, ratio, count), bend)
-    side = None
+    mid = _spectra(tape, position, ratio, bend)
+    side, bins = np.zeros((0, 0), dtype=np.complex64), np.zeros((len(mid) - 1, HOP), dtype=np.int64)
     if places is not None and isinstance(tape, StereoBuffer):
-        side = tape.side.read(first, ratio, count)
-    if places is not None and side is not None and side.any():
-        beside = _bent(side, bend)
-        channels = channels_of(spectra[1:], beside[1:])
-        units = stereo_units(spectra, beside, masker)
-        return SuperframeView(
-            np.choose(places.bins, channels), np.choose(places.bins, units), paired=True
-        )
-    threshold = masker.thresholds(np.abs(spectra) ** 2 / 2)
-    return SuperframeView(spectra[1:], masker.amplitudes(threshold[1:], threshold[:-1]))
+        beside = _spectra(tape.side, position, ratio, bend)
+        if beside.any():
+            side, bins = beside, places.bins
+    from watermark.audio.follow import _kernels
+
+    energies = np.zeros((3, len(mid), masker.edges.size - 1))
+    _kernels.band_energies(mid, side, masker.edges, energies)
+    thresholds = masker.shaped(energies if side.size else energies[:1])
+    units = masker.units(thresholds[:, 1:], thresholds[:, :-1])
+    spectra, amplitudes = np.empty_like(mid[1:]), np.empty(bins.shape, dtype=np.float32)
+    _kernels.choose_bins(mid, side, units, masker.edges, bins, spectra, amplitudes)
+    return SuperframeView(spectra, amplitudes, paired=side.size > 0)
 
 
-def _bent(sound: NDArray[np.float64], bend: float) -> NDArray[np.complex128]:
-    """Spectra of a superframe's sound whose speed changes, see `read_view`."""
-    spectra = analyse(frames_of(sound, HOP), HOP)
+def _spectra(
+    tape: SampleBuffer, position: float, ratio: float, bend: float
+) -> NDArray[np.complex64]:
+    """Spectra of the frames of a superframe and of the one before, shape (65, HOP).
+
+    At nearly the mark's own pace frames begin at whole samples, and the rest turns their phases:
+    no frame is shifted by more than half a sample.
+    """
+    first, number = position - HOP * ratio, np.arange(FRAMES_PER_SUPERFRAME + 1)
+    delays = np.zeros(number.size)
     if bend:
-        place = (np.arange(len(spectra)) - 0.5) / FRAMES_PER_SUPERFRAME - 0.5
+        place = (number - 0.5) / FRAMES_PER_SUPERFRAME - 0.5
         delays = 0.5 * bend * SUPERFRAME * (place**2 - 0.25)
-        spectra = spectra * np.exp(1j * np.outer(delays, np.pi / HOP * (np.arange(HOP) + 0.5)))
-    return np.asarray(spectra)
+    if abs(ratio - 1) < UNTURNED:
+        begin = first + number * HOP * ratio
+        whole = np.round(begin).astype(np.int64)
+        delays += begin - whole
+        sound = tape.read(int(whole[0]), 1.0, int(whole[-1] - whole[0]) + 2 * HOP)
+        frames = np.lib.stride_tricks.sliding_window_view(sound, 2 * HOP)[whole - whole[0]]
+    else:
+        frames = frames_of(tape.read(first, ratio, SUPERFRAME + 2 * HOP), HOP)
+    spectra: NDArray[np.complex64] = analyse(frames.astype(np.float32), HOP)
+    if delays.any():
+        from watermark.audio.follow import _kernels
+
+        _kernels.turn_bins(spectra, delays, np.pi / HOP, TURNED_BINS)
+    return spectra
 
 
 Grid = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -240,15 +267,9 @@ class _Score:
     ) -> None:
         seen = np.abs(expected * view.soft(cells, step)).sum(axis=1)
         self.pivot = float((np.arange(seen.size) * seen).sum() / max(seen.sum(), 1e-9))
-        bins = slice(cells.first_bin, cells.last_bin)
-        unit = view.amplitudes[:, bins]
-        dead = unit <= 0
-        # Projections at delay d are the real parts of sums of these, turned by d.
-        self._terms = np.where(dead, 0.0, view.spectra[:, bins] * cells.signs)
-        self._terms /= np.where(dead, 1.0, unit) * (step / harmonic * np.sqrt(cells.bins))
-        self._cells, self._dither = cells, harmonic * cells.dither
-        alive = ~dead.reshape(len(unit), -1, cells.bins).any(axis=2)
-        self._expected = expected * alive
+        self._view, self._cells, self._dither = view, cells, harmonic * cells.dither
+        self._scale = harmonic / (step * np.sqrt(cells.bins))
+        self._expected = expected
 
     def __call__(self, delays: NDArray[np.float64], drift_ppm: float) -> NDArray[np.float64]:
         """Scores of some delays at one drift."""
@@ -257,10 +278,11 @@ class _Score:
         frames, cells = AlignmentFit(0.0, drift_ppm, self.pivot).delays(), self._cells
         frequency = np.pi / HOP * (np.arange(cells.first_bin, cells.last_bin) + 0.5)
         turn = np.exp(1j * np.outer(frequency, delays))
-        score = np.zeros(delays.size)
+        score, bins = np.zeros(delays.size), slice(cells.first_bin, cells.last_bin)
         _kernels.fit_scores(
-            self._terms, self._expected, self._dither, frames * frequency[0],
-            frames * (np.pi / HOP), turn, score,
+            self._view.spectra[:, bins], self._view.amplitudes[:, bins], cells.signs,
+            self._expected, self._dither, frames * frequency[0], frames * (np.pi / HOP), turn,
+            self._scale, score,
         )  # fmt: skip
         return score
 

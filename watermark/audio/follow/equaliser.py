@@ -86,11 +86,13 @@ def score_phases(view: SuperframeView, known: KnownCells, bands: int) -> Table:
     alive = ~dead.reshape(shape).any(axis=2)
     harmonic = 2 if known.expected is None else 1
     weight = alive * (BLIND_TRUST if known.expected is None else known.expected)
-    table = np.zeros((bands, PHASES))
-    band = band_of(cells)
-    for i, turn in enumerate(np.exp(2j * np.pi * np.arange(PHASES) / PHASES)):
-        soft = np.cos(2 * np.pi * harmonic * ((projections * turn).real - cells.dither))
-        np.add.at(table[:, i], band, (weight * soft).sum(axis=0))
+    from watermark.audio.follow import _kernels
+
+    table, turns = np.zeros((bands, PHASES)), np.exp(2j * np.pi * np.arange(PHASES) / PHASES)
+    _kernels.phase_scores(
+        projections.astype(np.complex128), np.asarray(weight, dtype=np.float64), cells.dither,
+        band_of(cells), harmonic, turns, table,
+    )  # fmt: skip
     return table
 
 

@@ -5,6 +5,7 @@ Specification: spec/audio-carrier.md, W42.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import scipy.fft
@@ -70,11 +71,16 @@ class ChannelMix:
     @property
     def side(self) -> "ChannelMix | None":
         """Mix of the first channels' rest beside this one, None for one that is no mid."""
-        left, right, *rest = self.weights if len(self.weights) > 1 else (1.0, 0.0)
-        if abs(left) != abs(right) or any(rest):
-            return None
-        late, own, beside = self.echo
-        return ChannelMix((left, -right, *rest), self.skew, (late, beside, own))
+        return _side_of(self)
+
+
+@lru_cache(maxsize=16)
+def _side_of(mix: ChannelMix) -> ChannelMix | None:
+    left, right, *rest = mix.weights if len(mix.weights) > 1 else (1.0, 0.0)
+    if abs(left) != abs(right) or any(rest):
+        return None
+    late, own, beside = mix.echo
+    return ChannelMix((left, -right, *rest), mix.skew, (late, beside, own))
 
 
 def usual_mix(channels: int) -> ChannelMix:

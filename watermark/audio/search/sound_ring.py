@@ -94,8 +94,8 @@ class SoundRing:
 
     def _append(self, tape: StereoBuffer, mix: ChannelMix, count: int) -> None:
         """Append a mix, and its rest."""
-        start, (late, own, aside) = tape.end, mix.echo
-        beside = self._mixed(mix.side, start, count) if mix.side else np.zeros(count)
+        start, (late, own, aside), side = tape.end, mix.echo, mix.side
+        beside = np.zeros(count) if side is None else self._mixed(side, start, count)
         sound = self._mixed(mix, start, count)
         step = late or max(count, 1)
         for first in range(0, count, step):
@@ -107,9 +107,10 @@ class SoundRing:
             tape.append_pair(sound[cut], beside[cut])
 
     def _mixed(self, mix: ChannelMix, start: int, count: int) -> NDArray[np.float64]:
-        out = np.zeros(count)
+        out = None
         for channel, (weight, sound) in enumerate(zip(mix.weights, self._sounds, strict=True)):
             if weight:
-                late = mix.skew if channel == 1 else 0.0
-                out += weight * sound.read(start + late, 1.0, count)
-        return out
+                part = sound.read(start + (mix.skew if channel == 1 else 0), 1.0, count)
+                part *= weight
+                out = part if out is None else np.add(out, part, out=out)
+        return np.zeros(count) if out is None else out

@@ -7,25 +7,27 @@ lattice that the bit shifts by half a step. Sources: Chen and Wornell, IEEE Tran
 Costa, IEEE Trans. IT 29(3), 1983. Specification: spec/audio-carrier.md, W18, W19 and W22.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from watermark.audio.signal.layout import Cells
 
 
-def _cut(values: NDArray[np.float64], cells: Cells) -> NDArray[np.float64]:
+def _cut(values: NDArray[Any], cells: Cells) -> NDArray[Any]:
     """Bins of the cells, shape (T, groups, bins)."""
     return values[:, cells.first_bin : cells.last_bin].reshape(-1, cells.dither.size, cells.bins)
 
 
 def project(
-    coefficients: NDArray[np.float64], amplitudes: NDArray[np.float64], cells: Cells
+    coefficients: NDArray[Any], amplitudes: NDArray[Any], cells: Cells
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Projection of each cell in units of the mask, and whether the cell can carry.
 
     Parameters
     ----------
-    coefficients, amplitudes : ndarray of float64, shape (T, bins)
+    coefficients, amplitudes : ndarray of float64 or float32, shape (T, bins)
         MDCT coefficients and the amplitude of the mark's unit.
     cells : Cells
         Cells and signs of the projection.
@@ -51,8 +53,11 @@ def soft_values(
     step: float,
 ) -> NDArray[np.float64]:
     """Soft value of each cell: +1 on a point of bit 0, -1 on a point of bit 1, 0 if silent."""
-    phase = 2 * np.pi * (projections / step - cells.dither)
-    return np.where(alive, np.cos(phase), 0.0)
+    from watermark.audio.signal import _kernels
+
+    out = np.empty(projections.shape)
+    _kernels.soft_cells(projections, alive, cells.dither, 1.0 / step, out)
+    return out
 
 
 def mark_change(

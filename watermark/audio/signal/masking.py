@@ -107,6 +107,10 @@ class Masker:
         """
         widths = np.diff(self.edges)
         energy = np.add.reduceat(power[:, : self.edges[-1]], self.edges[:-1], axis=1) / widths
+        return self.shaped(energy)
+
+    def shaped(self, energy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Masking threshold per band by the powers per bin of the bands, shape (..., bands)."""
         spread = np.minimum(energy @ self.matrix, energy * CAP)
         compressed = REFERENCE * (spread / REFERENCE) ** COMPRESSION
         threshold = np.minimum(compressed, energy * CAP)
@@ -127,9 +131,15 @@ class Masker:
         -------
         ndarray of float64, shape (T, edges[-1])
         """
+        return np.repeat(self.units(threshold, before), np.diff(self.edges), axis=1)
+
+    def units(
+        self, threshold: NDArray[np.float64], before: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Amplitude of the mark's unit per band, shape (..., bands), see `amplitudes`."""
         # A band that was silent gives no limit: the floor's own power stands in for it.
         limited = np.minimum(threshold, GROWTH * np.maximum(before, self.floor * CAP))
-        return np.repeat(np.sqrt(limited), np.diff(self.edges), axis=1)
+        return np.asarray(np.sqrt(limited))
 
 
 @lru_cache(maxsize=4)

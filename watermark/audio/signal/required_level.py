@@ -8,6 +8,8 @@ spread-transform dither modulation, Chen and Wornell, IEEE Trans. IT 47(4), 2001
 spec/audio-carrier.md, W20 leaves the choice of levels to the embedder.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,18 +39,19 @@ SURPLUS = 3.0
 NEED_LIMITS = (-12.0, 24.0)
 """Levels, real or thought, among which the needed one is sought."""
 
+NOISE_LIMITS = (-8.0, 12.0)
+"""Natural logarithms of the noise over the shaped threshold among which a coder's is sought."""
+
 ROUNDS = 14
 """Halvings of the interval in which the noise is sought."""
 
 
-def coder_noise(
-    spectra: list[NDArray[np.complex128]], masker: Masker, bits: float
-) -> NDArray[np.float64]:
+def coder_noise(spectra: list[NDArray[Any]], masker: Masker, bits: float) -> NDArray[np.float64]:
     """Power per bin of the noise that a coder of constant rate would leave in the first signal.
 
     Parameters
     ----------
-    spectra : list of ndarray of complex128, shape (64, HOP)
+    spectra : list of ndarray of complex128 or complex64, shape (64, HOP)
         Mid, and side where there is one: they share the bits.
     masker : Masker
         Bands and spreading.
@@ -71,13 +74,10 @@ def coder_noise(
         excess.append((power[:, :CODED_BINS] + 1e-14) / shape)
     ratio = np.concatenate(excess, axis=1)
     ratio = ratio.reshape(FRAMES_PER_SUPERFRAME // BLOCK_FRAMES, BLOCK_FRAMES, -1)
-    low, high = np.full(len(ratio), -8.0), np.full(len(ratio), 12.0)
-    for _ in range(ROUNDS):
-        middle = (low + high) / 2
-        # One logarithm for the product of a block: each factor is below 2^60.
-        grown = (1 + ratio * np.exp(-middle)[:, np.newaxis, np.newaxis]).prod(axis=1)
-        affordable = np.log2(grown).sum(axis=1) / 2 <= bits * BLOCK_FRAMES
-        low, high = np.where(affordable, low, middle), np.where(affordable, middle, high)
+    high = np.empty(len(ratio))
+    from watermark.audio.signal import _kernels
+
+    _kernels.affordable_noise(ratio, bits * BLOCK_FRAMES, ROUNDS, *NOISE_LIMITS, high)
     return np.asarray(shaped[0] * np.repeat(np.exp(high), BLOCK_FRAMES)[:, np.newaxis])
 
 

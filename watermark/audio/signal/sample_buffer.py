@@ -115,8 +115,8 @@ class SampleBuffer:
         """
         if not 0 < ratio < 64:
             raise CueError(f"resampling ratio {ratio} is not within 0..64")
-        if ratio == 1.0 and position == round(position):
-            return self._cut(round(position), count)
+        if ratio == 1.0 and position == (whole := round(position)):
+            return self._cut(whole, count)
         from watermark.audio.signal import _kernels
 
         table = impulse_responses(_cutoff(ratio), length)
@@ -128,8 +128,10 @@ class SampleBuffer:
         return out
 
     def _cut(self, position: int, count: int) -> NDArray[np.float64]:
-        out = np.zeros(count)
         begin, end = max(position, self.first), min(position + count, self.end)
+        if end - begin == count:
+            return self._store[begin - self._offset : end - self._offset].copy()
+        out = np.zeros(count)
         if begin < end:
             out[begin - position : end - position] = self.samples[
                 begin - self.first : end - self.first
