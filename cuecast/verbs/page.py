@@ -15,6 +15,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", required=True, metavar="DIR", help="the folder, new or empty"
     )
+    parser.add_argument(
+        "--verify", metavar="PUBLIC", help="the page says whether the cues are of this key"
+    )
     add_json(parser)
     add_avatar(parser)
     add_voice(parser)
@@ -30,7 +33,9 @@ def run(args: argparse.Namespace) -> int:
     voice, captions = coding_voice(args.voice), captions_of(args.programme)
     text = (captions.data, captions.language) if captions else ()
     avatar = avatar_file(args.avatar, voice)
-    files = write_folder(args.programme, args.output, voice, *text, avatar=avatar)
+    files = write_folder(
+        args.programme, args.output, voice, *text, avatar=avatar, public=args.verify
+    )
     if args.json:
         print_json({"folder": args.output, "files": files})
     else:

@@ -10,6 +10,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
+from codec.authentication.announcement import load_announcement
 from codec.cuer.voice import Voice
 from codec.errors import CueError
 from receiver.web.build import DIST, ENTRIES, WASM
@@ -32,7 +33,7 @@ body {{ margin: 0; background: #07080b; }}
 cuecast-player {{ max-width: 177.77vh; margin: auto; }}
 </style>
 <script type="module" src="cuecast-player.js"></script>
-<cuecast-player keys>
+<cuecast-player keys{trust}>
 <{element} src="{source}" controls playsinline>{track}</{element}>
 </cuecast-player>
 </html>
@@ -42,6 +43,7 @@ cuecast-player {{ max-width: 177.77vh; margin: auto; }}
 def write_folder(
     programme: str | os.PathLike[str], folder: str | os.PathLike[str], voice: Voice,
     captions: bytes | None = None, language: str = "fr", *, avatar: bytes | None = None,
+    public: str | os.PathLike[str] | None = None,
 ) -> list[str]:  # fmt: skip
     """Write a folder that any static web server may serve.
 
@@ -58,6 +60,8 @@ def write_folder(
         Of that text, a code of BCP 47.
     avatar : bytes, optional
         Document of an avatar that replaces the voice's.
+    public : str or path, optional
+        A broadcaster's public file: the page says whether the cues are verified as his.
 
     Returns
     -------
@@ -67,7 +71,8 @@ def write_folder(
     Raises
     ------
     CueError
-        If browsers do not play such a file, it is missing, or the folder holds files.
+        If browsers do not play such a file, it is missing, the folder holds files, or the public
+        file is damaged.
     """
     programme, folder = Path(programme), Path(folder)
     kind = programme.suffix.lower()
@@ -93,7 +98,12 @@ def write_folder(
         if captions is not None:
             (made / "captions.vtt").write_bytes(captions)
             track = f'<track src="captions.vtt" srclang="{html.escape(language)}" default>'
-        text = _PAGE.format(title=title, element=element, source=source, track=track)
+        trust = ""
+        if public is not None:
+            load_announcement(public)
+            shutil.copyfile(public, made / "broadcaster.pub")
+            trust = ' trust="broadcaster.pub"'
+        text = _PAGE.format(title=title, element=element, source=source, track=track, trust=trust)
         (made / "index.html").write_text(text, encoding="utf-8")
         if folder.exists():
             folder.rmdir()

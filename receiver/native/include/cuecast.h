@@ -222,7 +222,8 @@ typedef struct cue_markers {
     float place_mm[CUE_MARKERS][3];
 } cue_markers;
 
-/* Whose a superframe is (section 6 of spec/authentication.md), stated some seconds late. */
+/* Whose a superframe is (section 6 of spec/authentication.md), stated as soon as it is known: up to a
+ * minute late, and not in order. */
 typedef enum cue_authenticity {
     CUE_UNKNOWN = 0,  /* too much was lost, or it is another broadcaster's */
     CUE_VERIFIED = 1, /* it is the trusted broadcaster's, and as old as age_s says */

@@ -415,18 +415,21 @@ cue_status cue_proofs_next(cue_proofs *p, cue_event *event)
         out->reason = p->reason = p->was_signed ? CUE_PROOF_DOWNGRADED : CUE_PROOF_NONE;
         return CUE_OK;
     }
+    /* As soon as they are known: the ones before the first whole block may have to wait for E22. */
     int32_t sure = p->last - WAIT_BLOCKS * cue_layout(p)->block;
     if (p->report < p->last - REMEMBERED + 1) p->report = p->last - REMEMBERED + 1;
-    for (; p->trusting && p->report <= p->last; p->report++) {
-        const cue_arrived *one = &p->arrived[(uint32_t)p->report % REMEMBERED];
-        if (one->index != p->report) continue;
-        if (one->agreed < 0 && one->index > sure && one->index > p->closed) return CUE_EMPTY;
+    for (int32_t i = p->report; p->trusting && i <= p->last; i++) {
+        cue_arrived *one = &p->arrived[(uint32_t)i % REMEMBERED];
+        bool done = one->index != i || one->reported;
+        bool due = !done && (one->agreed >= 0 || i <= sure || i <= p->closed);
+        if (i == p->report && (done || due)) p->report++;
+        if (!due) continue;
+        one->reported = true;
         event->time_s = one->time_s;
         out->status = one->agreed < 0 ? CUE_UNKNOWN : one->agreed ? CUE_VERIFIED : CUE_FORGED;
         out->reason = one->reason;
         p->verified += one->agreed == 1;
         p->forged += one->agreed == 0;
-        p->report++;
         return CUE_OK;
     }
     return CUE_EMPTY;

@@ -89,6 +89,7 @@ typedef struct cue_arrived {
     uint8_t covered[COVERED], bytes, width, reason; /* width of its proof, 0: none */
     uint16_t proof;
     int8_t agreed;       /* -1 not compared */
+    bool reported;       /* an event has said whose it is */
     double utc_s, time_s; /* arrival by a clock, NaN without; on the receiver's own clock */
 } cue_arrived;
 
@@ -106,7 +107,7 @@ typedef struct cue_proofs {
     double tolerance_s;
     /* the grid of superframes, and how far it was read */
     double base_s, clock_s, clock_utc_s;
-    int32_t last, first, run, report, closed; /* indices */
+    int32_t last, first, run, report, closed; /* indices; before `report` all were reported */
     int bare, others, misses;
     cue_arrived arrived[REMEMBERED];
     /* place in the period */

@@ -248,7 +248,7 @@ export class CuecastPlayer extends HTMLElement {
   }
 
   takeProof(event, timeS) {
-    this.whose = { status: event.status, of: event.of.slice(0, 8), age_s: event.ageS };
+    if (!(timeS < this.whose?.timeS)) this.whose = { status: event.status, of: event.of.slice(0, 8), age_s: event.ageS, timeS };
     if (event.status === "verified") this.tell("verified", { time: timeS, of: event.of });
   }
 

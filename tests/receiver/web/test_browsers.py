@@ -14,9 +14,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import soundfile
 from numpy.typing import NDArray
 
 from codec.cuer.voice import load_voice
+from cuecast.command.cli import main
 from receiver.web.folder import write_folder
 from tests import chromium, firefox
 from tests.browsing import Tab
@@ -36,12 +38,18 @@ WATCH = f"""(() => {{
     c.media.requestVideoFrameCallback(look);
   }};
   c.media.requestVideoFrameCallback(look);
-  const draw = c.draw.bind(c);
-  c.draw = (timeS, visibility) => {{
-    draw(timeS, visibility);
-    if (c.media.paused || c.media.seeking) return;
+  const show = c.cuer.show.bind(c.cuer);
+  c.cuer.show = (timeS, look) => {{
+    const visibility = show(timeS, look);
+    if (c.media.paused || c.media.seeking) return visibility;
     ticks.push([timeS, c.clock.beforeMs + c.clock.refreshMs, visibility, c.media.playbackRate]);
+    return visibility;
   }};
+}})()"""
+
+PROOFS = f"""(() => {{
+  window.proofs = [];
+  {PLAYER}.addEventListener("verified", (e) => proofs.push(e.detail));
 }})()"""
 
 Browse = Callable[[str, int, int], AbstractAsyncContextManager[Tab]]
@@ -85,9 +93,9 @@ async def position(page: Tab) -> float:
     return float(await page.evaluate(f"{MEDIA}.currentTime"))
 
 
-async def ready(page: Tab) -> None:
+async def ready(page: Tab, script: str = WATCH) -> None:
     await page.until(f"Boolean(customElements.get('cuecast-player') && {PLAYER}.hearing)")
-    await page.evaluate(WATCH)
+    await page.evaluate(script)
 
 
 def test_every_key_in_time(browse: Browse, site: Path, sent: Sent, tmp_path: Path) -> None:
@@ -132,6 +140,49 @@ def test_pause_seek_rates_and_a_hidden_tab(browse: Browse, site: Path, sent: Sen
             await _rates(page)
             await _hide(page, sent)
             await _margins(page)
+            assert page.errors == []
+
+    asyncio.run(run())
+
+
+@pytest.fixture(scope="module")
+def signed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A programme signed by one; the pages in the folders `one` and `two` trust either."""
+    folder = tmp_path_factory.mktemp("signed")
+    noise = np.random.default_rng(1).normal(0, 0.03, 44 * 48000)
+    soundfile.write(folder / "p.wav", noise, 48000)
+    (folder / "p.srt").write_text("1\n00:00:06,000 --> 00:00:08,000\nBonjour madame.\n", "utf-8")
+    for name in ("one", "two"):
+        files = ["--secret", str(folder / f"{name}.key"), "--public", str(folder / f"{name}.pub")]
+        assert main(["key", "new", name, *files, "--days", "1", "--from", "2027-03-01"]) == 0
+    dub = ["dub", str(folder / "p.wav"), "--subtitles", str(folder / "p.srt")]
+    dub += ["-o", str(folder / "s.wav"), "--sign", str(folder / "one.key")]
+    dub += ["--on-air", "2027-03-01T20:00:00Z", "--no-grade", "--no-read-back"]
+    assert main(dub) == 0
+    for name in ("one", "two"):
+        page = ["page", str(folder / "s.wav"), "-o", str(folder / name)]
+        assert main([*page, "--verify", str(folder / f"{name}.pub")]) == 0
+    return folder
+
+
+@pytest.mark.parametrize("trusted", ["one", "two"])
+def test_whose_cues_they_are(browse: Browse, signed: Path, trusted: str) -> None:
+    """Verified soon by the public file of the one who signed; by another's never."""
+
+    async def run() -> None:
+        async with (
+            serving(signed / trusted, []) as address,
+            browse(f"{address}/index.html", 960, 540) as page,
+        ):
+            await ready(page, PROOFS)
+            await page.evaluate(f"void {MEDIA}.play()")
+            await page.until(f"{MEDIA}.ended", timeout_s=120)
+            proofs = await page.evaluate("proofs")
+            assert len(await page.evaluate(f"{PLAYER}.keyList")) == 6
+            status = await page.evaluate(f"{PLAYER}.whose.status")
+            print(len(proofs), status)
+            assert status == ("verified" if trusted == "one" else "unknown")
+            assert bool(proofs) == (trusted == "one")
             assert page.errors == []
 
     asyncio.run(run())

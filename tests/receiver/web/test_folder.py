@@ -35,3 +35,12 @@ def test_writes_into_an_empty_folder(tmp_path: Path) -> None:
     assert '<audio src="programme.m4a"' in page
     assert '<track src="captions.vtt" srclang="fr" default></audio>' in page
     assert sorted(path.name for path in tmp_path.iterdir()) == ["p.m4a", "site"]
+
+
+def test_a_damaged_public_file_leaves_no_folder(tmp_path: Path) -> None:
+    for name in ("p.m4a", "one.pub"):
+        (tmp_path / name).write_bytes(b"x")
+    voice = load_voice("claire")
+    with pytest.raises(CueError, match=r"one\.pub"):
+        write_folder(tmp_path / "p.m4a", tmp_path / "site", voice, public=tmp_path / "one.pub")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["one.pub", "p.m4a"]
