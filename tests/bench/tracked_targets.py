@@ -4,6 +4,7 @@ In: the interpreter of the tracker that ``cuecast capture`` uses. The avatar sta
 target, in films of several widths; parameters vary by ``--spread`` (standard deviation). Out: the
 share of pictures with a hand, and of those whose landmarks are nearest to the same target's in the
 widest film without variation. The tracker is the yardstick, not the renderer's own markers.
+``--avatar`` takes an avatar of others.
 ``python -m tests.bench.tracked_targets --tracker PYTHON [--widths 300,160] [--spread 0.2]``
 """
 
@@ -17,8 +18,10 @@ from numpy.typing import NDArray
 
 from codec.cuer.voice import load_voice
 from codec.cues.score import PLACEMENTS
+from cuecast.media.avatars import avatar_file
 from cuecast.media.film import write_film
 from receiver.drawing.avatar import load_avatar
+from receiver.drawing.avatar_document import read_avatar
 from receiver.drawing.camera import ASPECT
 from receiver.drawing.portrait import Portrait
 from receiver.drawing.voice_document import neutral_camera
@@ -30,10 +33,13 @@ FRAMES = 5
 """Pictures of each target; the tracker follows a hand, so the last one counts."""
 
 
-def tracked(width: int, spread: float, tracker: str, folder: Path) -> NDArray[np.float64]:
+def tracked(
+    width: int, spread: float, tracker: str, folder: Path, own: bytes | None
+) -> NDArray[np.float64]:
     """Return the landmarks of the hand (40, 21, 2), NaN where none was found."""
     voice = load_voice()
-    avatar, table = load_avatar(voice), voice.gestures
+    avatar = load_avatar(voice) if own is None else read_avatar(own, voice)
+    table = voice.gestures
     portrait, rng = Portrait(avatar, neutral_camera(voice)), np.random.default_rng(0)
     height = 2 * round(width / ASPECT / 2)
     pictures = []
@@ -61,13 +67,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tracker", required=True)
     parser.add_argument("--widths", default="300,160")
+    parser.add_argument("--avatar", help=".avatar, .vrm or .glb")
     parser.add_argument("--spread", type=float, default=0.2)
     chosen = parser.parse_args()
+    own = avatar_file(chosen.avatar, load_voice())
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        models = tracked(WIDEST, 0.0, chosen.tracker, folder)
+        models = tracked(WIDEST, 0.0, chosen.tracker, folder, own)
         for width in map(int, chosen.widths.split(",")):
-            found = tracked(width, chosen.spread, chosen.tracker, folder)
+            found = tracked(width, chosen.spread, chosen.tracker, folder, own)
             distance = np.linalg.norm(found[:, None] - models[None], axis=-1).mean(axis=-1)
             nearest = np.where(np.isnan(distance), np.inf, distance).argmin(axis=1)
             seen = np.asarray(~np.isnan(found).any(axis=(1, 2)))

@@ -17,9 +17,11 @@ from receiver.drawing.avatar_document import avatar_document
 from receiver.drawing.movement import RULES, express
 from receiver.drawing.skeleton import solve
 from receiver.drawing.voice_document import voice_document
+from receiver.foreign.build import foreign_avatar
 from synth.motion.body.body import load_body
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.scoring.text_score import score_of_text
+from tests.receiver.foreign.figure import figure
 from tests.receiver.node import PAGE, run_node
 from tests.receiver.standin import make_voice
 
@@ -40,9 +42,14 @@ def spoken() -> Motion:
     return VOICE.invert(load_body("claire").markers(pose), rate_hz=RATE_HZ)
 
 
-def test_page_moves_and_bends_as_python_does(tmp_path: Path, spoken: Motion) -> None:
+@pytest.mark.parametrize("whose", ["own", "others"])
+def test_page_moves_and_bends_as_python_does(tmp_path: Path, spoken: Motion, whose: str) -> None:
     """Rules of movement, joints and skin under node and in Python, over one programme."""
-    (tmp_path / "avatar.bin").write_bytes(avatar_document(AVATAR))
+    avatar = AVATAR
+    if whose == "others":
+        (tmp_path / "figure.glb").write_bytes(figure())
+        avatar = foreign_avatar(tmp_path / "figure.glb", VOICE)[0]
+    (tmp_path / "avatar.bin").write_bytes(avatar_document(avatar))
     script = """
         import { Surface, parseAvatar } from "./avatar.js";
         import { VoiceModel } from "./model.js";
@@ -89,21 +96,21 @@ def test_page_moves_and_bends_as_python_does(tmp_path: Path, spoken: Motion) -> 
         assert np.allclose([row[name] for row in said], getattr(added, name), atol=1e-4), name
     added = express(VOICE, sample, few)
     params = sample(few).astype(np.float64)
-    pose = solve(AVATAR.skeleton, VOICE, params, added)
-    skin = AVATAR.place_at_rest(params, pose, added)
+    pose = solve(avatar.skeleton, VOICE, params, added)
+    skin = avatar.place_at_rest(params, pose, added)
     for t, (head, hand, bent, fingers, normals) in enumerate(poses):
         assert np.allclose(head, pose.head[t], atol=1e-4)
         assert np.allclose(hand, pose.hand[t], atol=1e-3)
         assert np.abs(np.reshape(bent, (-1, 3)) - skin[t]).max() < 0.02
         still = VOICE.hand.shape(params[t : t + 1, VOICE.hand_columns[:12]])
-        expected_hand = AVATAR.hand.refine(AVATAR.hand.control(still))[0]
+        expected_hand = avatar.hand.refine(avatar.hand.control(still))[0]
         assert np.abs(np.reshape(fingers, (-1, 3)) - expected_hand).max() < 0.02
         unit = np.reshape(normals, (-1, 3))
         unit /= np.maximum(np.linalg.norm(unit, axis=1, keepdims=True), 1e-9)
-        cosine = (unit * vertex_normals(skin[t], AVATAR.head.triangles)).sum(axis=1)
+        cosine = (unit * vertex_normals(skin[t], avatar.head.triangles)).sum(axis=1)
         # The page keeps the eyeballs' normals.
         seen = np.ones(len(cosine), dtype=bool)
-        for first, count in AVATAR.eye_ranges:
+        for first, count in avatar.eye_ranges:
             seen[first : first + count] = False
         assert np.quantile(cosine[seen], 0.001) > 0.98
 

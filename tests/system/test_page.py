@@ -19,15 +19,19 @@ from numpy.typing import NDArray
 
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import PLACEMENTS
+from cuecast.media.avatars import avatar_file
 from receiver.drawing.avatar import load_avatar
+from receiver.drawing.avatar_document import read_avatar
 from receiver.drawing.movement import express
 from receiver.drawing.portrait import Portrait
+from receiver.drawing.skeleton import key_poses
 from receiver.drawing.voice_document import neutral_camera
 from receiver.reception.events import State, StateChanged
 from receiver.reception.reception import Progress
 from receiver.television.server import Television
 from receiver.television.tuner import MotionTuner, Tuner
 from tests.chromium import Page, browse
+from tests.receiver.foreign.figure import figure
 from tests.receiver.node import PAGE
 from tests.receiver.standin import make_motion, make_voice
 
@@ -64,9 +68,10 @@ def make_programme(path: Path, width: int, height: int, fps: int, seconds: int =
 def watch(
     media: Path, visit: Callable[[Page], Awaitable[None]], tuner: Tuner | None = None,
     width: int = 1280, height: int = 720, voice: Voice = VOICE, ready: str = READY,
+    avatar: bytes | None = None,
 ) -> None:  # fmt: skip
     async def main() -> None:
-        television = Television(tuner or MotionTuner(MOTION), voice, media)
+        television = Television(tuner or MotionTuner(MOTION), voice, media, avatar=avatar)
         async with television.running() as address, browse(address, width, height) as page:
             await page.until(ready)
             await visit(page)
@@ -465,3 +470,27 @@ def test_another_look_on_the_page_is_that_of_python(programme: Path) -> None:
         assert np.abs(woman[..., :3] - shown[..., :3])[cuer].mean() > 15
 
     watch(programme, visit, MotionTuner(make_motion(claire, 20.0)), voice=claire)
+
+
+def test_avatar_of_others_on_the_page_is_that_of_python(programme: Path, tmp_path: Path) -> None:
+    """The page draws a foreign figure, and offers no looks of the built-in avatar."""
+    claire = load_voice()
+    (tmp_path / "figure.glb").write_bytes(figure())
+    document = avatar_file(tmp_path / "figure.glb", claire)
+    assert document is not None
+    params, _, _ = key_poses(claire)
+    params = params[6 * 5 + 3]
+
+    async def visit(page: Page) -> None:
+        script = PIXELS % (params.tolist(), "false", "false")
+        shown = decode_png(await page.evaluate(script)).astype(float)
+        held = express(claire, functools.partial(still, params), FIVE_S)
+        avatar = read_avatar(document, claire)
+        picture = np.zeros((*shown.shape[:2], 3), np.uint8)
+        portrait = Portrait(avatar, neutral_camera(claire))
+        portrait.draw(picture, avatar.place(params[None], held)[0])
+        cuer = (shown[..., 3] > 0) | (picture.max(axis=2) > 0)
+        assert np.abs(shown[..., :3] * shown[..., 3:] / 255 - picture)[cuer].mean() < 3.0
+        assert await page.evaluate("document.getElementById('set-appearance').hidden")
+
+    watch(programme, visit, MotionTuner(make_motion(claire, 20.0)), voice=claire, avatar=document)
