@@ -17,7 +17,8 @@ import numpy as np
 
 from receiver.media.picture import read_lumas
 from watermark.link.link import Link
-from watermark.video import _kernels
+from watermark.video._place_kernels import resample_into
+from watermark.video.places import source_taps
 from watermark.video.profile import DATA, PROFILES
 from watermark.video.receive import VideoReceiver
 
@@ -61,12 +62,14 @@ def scene(film: list[np.ndarray], rng: np.random.Generator) -> list[np.ndarray]:
     top, left = rng.integers(rows - height + 1), rng.integers(columns - width + 1)
     gain, offset = rng.uniform(0.6, 1.1), rng.uniform(-15, 15)
     turn = rng.choice([1, -1], size=2)
+    down = source_taps(HEIGHT, rows, float(top), float(height))
+    across = source_taps(WIDTH, columns, float(left), float(width))
     place, speed, shown = rng.uniform(0, len(film)), rng.choice([0.0, 0.5, 1.0, 2.0]), []
     for n in range(SCENE):
         luma = film[int(place + n * speed) % len(film)][:: turn[0], :: turn[1]]
         picture = np.ascontiguousarray(luma, dtype=np.float32)
         out = np.empty((HEIGHT, WIDTH), dtype=np.float32)
-        _kernels.resample_into(picture, float(left), float(top), float(width), float(height), out)
+        resample_into(picture, *down, *across, 0, out)
         shown.append(np.clip(gain * out + offset, 16, 235).astype(np.uint8))
     return shown
 

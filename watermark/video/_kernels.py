@@ -151,178 +151,41 @@ def reduce_into(luma: NDArray[Any], factor: int, scale: float, out: NDArray[np.u
 
 
 @njit(cache=True)
-def resample_into(
-    picture: PixelArray, left: float, top: float, width: float, height: float, out: PixelArray
-) -> None:
-    """Show a part of a picture, given in its pixels, at another size; linear interpolation."""
-    last_x, last_y = picture.shape[1] - 1, picture.shape[0] - 1
-    for y in range(out.shape[0]):
-        v = min(max(top + (y + 0.5) * height / out.shape[0] - 0.5, 0.0), float(last_y))
-        y0 = min(int(v), last_y - 1)
-        wy = np.float32(v - y0)
-        for x in range(out.shape[1]):
-            u = min(max(left + (x + 0.5) * width / out.shape[1] - 0.5, 0.0), float(last_x))
-            x0 = min(int(u), last_x - 1)
-            wx = np.float32(u - x0)
-            upper = picture[y0, x0] + wx * (picture[y0, x0 + 1] - picture[y0, x0])
-            lower = picture[y0 + 1, x0] + wx * (picture[y0 + 1, x0 + 1] - picture[y0 + 1, x0])
-            out[y, x] = upper + wy * (lower - upper)
-
-
-@njit(cache=True)
-def fine_amplitudes_into(
-    picture: PixelArray, across: PixelArray, down: PixelArray, norm: float, out: PixelArray
-) -> None:
-    """Amplitudes of cells of 8 x 8 pixels that start at every second pixel.
-
-    across, down : (templates, 8); out : (templates, rows, columns).
-    """
-    width = picture.shape[1]
-    line = np.empty(width, dtype=np.float32)
-    for t in range(out.shape[0]):
-        for i in range(out.shape[1]):
-            line[:] = 0.0
-            for k in range(8):
-                weight = down[t, k] / np.float32(norm)
-                for x in range(width):
-                    line[x] += weight * picture[2 * i + k, x]
-            for j in range(out.shape[2]):
-                total = np.float32(0.0)
-                for k in range(8):
-                    total += across[t, k] * line[2 * j + k]
-                out[t, i, j] = total
-
-
-@njit(cache=True)
-def fine_texture_into(picture: PixelArray, out: PixelArray) -> None:
-    """Texture of cells of 8 x 8 pixels that start at every second pixel; out : (rows, columns)."""
-    half = np.empty((picture.shape[0] // 2, picture.shape[1] // 2), dtype=np.float32)
-    for i in range(half.shape[0]):
-        for j in range(half.shape[1]):
-            upper = picture[2 * i, 2 * j] + picture[2 * i, 2 * j + 1]
-            half[i, j] = (upper + picture[2 * i + 1, 2 * j] + picture[2 * i + 1, 2 * j + 1]) / 4
-    quarter = np.empty((half.shape[0] - 1, half.shape[1] - 1), dtype=np.float32)
-    for i in range(quarter.shape[0]):
-        for j in range(quarter.shape[1]):
-            a, b = half[i, j], half[i, j + 1]
-            c, d = half[i + 1, j], half[i + 1, j + 1]
-            mean = (a + b + c + d) / 4
-            total = (a - mean) ** 2 + (b - mean) ** 2 + (c - mean) ** 2 + (d - mean) ** 2
-            quarter[i, j] = total / 4
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            first = min(quarter[i, j], quarter[i, j + 2])
-            second = min(quarter[i + 2, j], quarter[i + 2, j + 2])
-            out[i, j] = np.sqrt(min(first, second))
-
-
-@njit(cache=True)
-def local_waves_into(
-    amplitude: PixelArray, texture: PixelArray, pilots: IntArray, dither: FloatArray,
-    steps: FloatArray, lattice: IntArray, signs: PixelArray,
-    limits: FloatArray, cosine: PixelArray, across: IntArray, down: IntArray, out: PixelArray,
+def waves_into(
+    values: FloatArray, shares: FloatArray, dither: FloatArray, step: float, cosine: PixelArray,
+    out: PixelArray,
 ) -> float:  # fmt: skip
-    """Votes of the pilots for every displacement; the return is the sum of squared weights.
+    """How far each pilot speaks for bit 0; the return is the standard deviation of their sum.
 
     A value far from 0 comes from a textured cell, where a small error of place moves it: it has
-    little weight.
+    little weight. Values that are NaN have none.
 
-    amplitude, texture : of cells that start at every second pixel; pilots : (count, 3) template,
-    row, column;
-    steps : (lattices,); lattice : (modes,); signs : (modes, count); limits : textures
-    from which a cell may and must have the coarse step; cosine : a turn in 512 steps; across :
-    (2, columns) and down : (2, rows), first displacement in use and end, others are left alone;
-    out : (count, displacements across, down, 8), each a step of two pixels, modes last.
+    shares : probabilities of the coarse step; cosine : a turn in 512 steps.
     """
-    reach_x, reach_y = out.shape[1] // 2, out.shape[2] // 2
-    rows, columns = texture.shape
-    votes = np.zeros(steps.shape[0], dtype=np.float32)
-    squares = 0.0
-    seen = 0
-    for p in range(out.shape[0]):
-        t, r, c = pilots[p, 0], pilots[p, 1], pilots[p, 2]
-        for dx in range(across[0, c], across[1, c]):
-            j = 4 * c + dx - reach_x
-            for dy in range(down[0, r], down[1, r]):
-                i = 4 * r + dy - reach_y
-                if i < 0 or j < 0 or i >= rows or j >= columns:
-                    out[p, dx, dy] = 0.0
-                    continue
-                share = (texture[i, j] - limits[0]) / (limits[1] - limits[0])
-                share = min(max(share, 0.0), 1.0)
-                for n in range(steps.shape[0]):
-                    place = amplitude[t, i, j] / steps[n]
-                    weight = 1 / (1 + place * place)
-                    place -= dither[p]
-                    value = weight * cosine[int((place + 1024.0) * 512) & 511]
-                    if share > 0:
-                        other = cosine[int((place / 3 + 1024.0) * 512) & 511]
-                        value += share * (other - value)
-                        weight += share * (1 - weight)
-                    votes[n] = value
-                squares += weight * weight
-                seen += 1
-                for m in range(lattice.shape[0]):
-                    out[p, dx, dy, m] = signs[m, p] * votes[lattice[m]]
-    return float(squares * out.shape[0] / max(1, seen))
-
-
-@njit(cache=True)
-def place_scores_into(
-    waves: PixelArray, pilots: IntArray, across: IntArray, down: IntArray, out: PixelArray
-) -> None:
-    """Sum the pilots' votes for every place and mode: in each row over columns, then over rows.
-
-    waves : of `local_waves_into`; pilots : (count, 3), in ascending order of rows; across :
-    (places across, columns) and down : (places down, rows), displacements as indices of `waves`;
-    out : (places across, places down, 8).
-    """
-    length = waves.shape[2] * 8
-    flat = waves.reshape(waves.shape[0], waves.shape[1], length)
-    sums = np.empty(length, dtype=np.float32)
-    out[:] = 0.0
-    first = 0
-    for r in range(down.shape[1]):
-        last = first
-        while last < pilots.shape[0] and pilots[last, 1] == r:
-            last += 1
-        for x in range(across.shape[0]):
-            sums[:] = 0.0
-            for p in range(first, last):
-                votes = flat[p, across[x, pilots[p, 2]]]
-                for k in range(length):
-                    sums[k] += votes[k]
-            for y in range(down.shape[0]):
-                start = 8 * down[y, r]
-                for m in range(8):
-                    out[x, y, m] += sums[start + m]
-        first = last
-
-
-@njit(cache=True)
-def vote(
-    values: FloatArray, shares: FloatArray, dither: FloatArray, signs: PixelArray, step: float,
-    cosine: PixelArray,
-) -> float:  # fmt: skip
-    """Score of pilots in standard deviations of noise; values that are NaN do not count.
-
-    shares : probabilities of the coarse step; the weights are those of `local_waves_into`.
-    """
-    total = 0.0
     squares = 1e-9
     for p in range(values.shape[0]):
         if np.isnan(values[p]):
+            out[p] = 0.0
             continue
         place = values[p] / step
         weight = 1 / (1 + place * place)
         place -= dither[p]
         value = weight * cosine[int((place + 1024.0) * 512) & 511]
         other = cosine[int((place / 3 + 1024.0) * 512) & 511]
-        value += shares[p] * (other - value)
+        out[p] = value + shares[p] * (other - value)
         weight += shares[p] * (1 - weight)
-        total += signs[p] * value
         squares += weight * weight
-    return float(abs(total) / np.sqrt(squares / 2))
+    return float(np.sqrt(squares / 2))
+
+
+@njit(cache=True)
+def accumulate_into(frame: NDArray[np.uint16], scale: float, out: PixelArray) -> None:
+    """Add a small frame, scaled; out : (rows, columns)."""
+    factor = np.float32(scale)
+    for y in range(out.shape[0]):
+        line, total = frame[y], out[y]
+        for x in range(total.shape[0]):
+            total[x] += factor * np.float32(line[x])
 
 
 @njit(cache=True)

@@ -47,9 +47,13 @@ def content_box(mean: NDArray[np.float32]) -> Region:
 
 def _ends(picture: NDArray[np.float32]) -> tuple[int, int]:
     """First line of the content and the end of its last one."""
-    level, spread = picture.mean(axis=1), picture.std(axis=1)
     ends = []
-    for order in (slice(None), slice(None, None, -1)):
-        even = (spread[order] < EVEN) & (np.abs(level[order] - level[order][0]) < SAME)
-        ends.append(int(even.argmin()) if not even.all() else picture.shape[0])
+    for lines in (picture, picture[::-1]):
+        outermost = float(lines[0].mean())
+        count = 0
+        for line in lines:
+            if line.std() >= EVEN or abs(float(line.mean()) - outermost) >= SAME:
+                break
+            count += 1
+        ends.append(count)
     return ends[0], picture.shape[0] - ends[1]

@@ -52,6 +52,8 @@ class Grid:
         Bits per sample, 8 to 16; amplitudes are in steps of 8 bits.
     region : Region
         Where the marked picture lies.
+    reduced : int
+        Each pixel is the mean of a square of so many by so many pixels of the picture.
 
     Attributes
     ----------
@@ -72,7 +74,9 @@ class Grid:
     2.0
     """
 
-    def __init__(self, width: int, height: int, depth: int = 8, *, region: Region = WHOLE) -> None:
+    def __init__(
+        self, width: int, height: int, depth: int = 8, *, region: Region = WHOLE, reduced: int = 1
+    ) -> None:
         if width < MIN_WIDTH or height < MIN_HEIGHT:
             raise CueError(f"picture {width}x{height}: the cells need {MIN_WIDTH}x{MIN_HEIGHT}")
         if not 8 <= depth <= 16:
@@ -93,6 +97,10 @@ class Grid:
         self._across = np.ascontiguousarray(across, dtype=np.float32)
         self._down = np.ascontiguousarray(down[::-1], dtype=np.float32)
         norm = down_norm[::-1, :, None] * across_norm[:, None, :]
+        cell = width * region.width / COLUMNS, height * region.height / ROWS
+        kept = [_kept(size, reduced) for size in cell]
+        for template in range(TEMPLATES):
+            norm[template] *= kept[template] * (2 + kept[1 - template]) / 3
         self._norm = np.where(self.seen, norm, np.inf)
 
     def project(self, luma: NDArray[Any]) -> FloatArray:
@@ -119,6 +127,12 @@ class Grid:
         scaled = amplitude * self._unit
         _kernels.paint_into(scaled, self._across, self._down, self._columns, self._rows, out)
         return out
+
+
+def _kept(pixels: float, reduced: int) -> float:
+    """Part of a sine over a cell of so many pixels that is left after reduction to them."""
+    angle = np.pi / pixels
+    return float(np.sin(angle) / (reduced * np.sin(angle / reduced)))
 
 
 def _axis(

@@ -2,6 +2,7 @@
 
 A picture that was scaled keeps its cells. But it may have been cropped, or put between bars: its
 place is searched in means over a window of a smaller picture, and followed in the picture itself.
+Only small frames are kept.
 Specification: spec/video-carrier.md, section 6.
 """
 
@@ -19,7 +20,7 @@ from watermark.link.superframe import ReceivedSuperframe
 from watermark.video import _kernels
 from watermark.video.grid import WHOLE, Grid, Region
 from watermark.video.profile import MIN_HEIGHT, MIN_WIDTH, VideoProfile
-from watermark.video.search import SCALE, PlaceSearch, is_near
+from watermark.video.search import SCALE, PlaceSearch, Small, is_near
 from watermark.video.timing import Timing
 from watermark.video.track import VideoTracker
 
@@ -34,11 +35,14 @@ DOUBT_FRAMES = 3
 TRIALS = 3
 """Places that are tried at the same time."""
 
-TRIAL_SPANS = 0.75
+TRIAL_SPANS = 1.5
 """Superframes after which a place that gave none is dropped."""
 
 KEPT_SPANS = 1.5
-"""Superframes of frames that are kept, to be shown to a tracker of a place found later."""
+"""Superframes of small frames that are kept, to be shown to a tracker of a place found later."""
+
+SMALL_DEPTH = 16
+"""Bits of a sample of the small frames."""
 
 SMALL_HEIGHT = 360
 """Least height to which a picture is reduced for the search."""
@@ -110,7 +114,7 @@ class VideoReceiver:
         self._tracker: VideoTracker | None = None
         self._start = 0
         self._trials: dict[Region, _PlaceTrial] = {}
-        self._newest: deque[Luma] = deque(maxlen=math.ceil(KEPT_SPANS * self._timing.span))
+        self._newest: deque[Small] = deque(maxlen=math.ceil(KEPT_SPANS * self._timing.span))
         self._doubt = 0
         self.region: Region | None = None
         self.profile: VideoProfile | None = None
@@ -139,7 +143,7 @@ class VideoReceiver:
         Parameters
         ----------
         luma : ndarray of uint8 or uint16, shape (height, width)
-            Samples of the picture; kept for a superframe and a half, so do not change them.
+            Samples of the picture.
 
         Returns
         -------
@@ -156,7 +160,6 @@ class VideoReceiver:
         if (self._frames - 1) % self._every:
             return []
         self._looked += 1
-        self._newest.append(luma)
         if self._tracker is None:
             return self._hunt(luma)
         found = self._placed(self._tracker, self._tracker.process(luma), self._start)
@@ -200,6 +203,7 @@ class VideoReceiver:
         small = np.empty(self._shape, dtype=np.uint16)
         scale = SCALE / 2 ** (self._size[2] - 8)
         _kernels.reduce_into(luma, self._factor, scale, small)
+        self._newest.append(small)
         for trial in self._trials.values():
             trial.found += trial.tracker.process(luma)
         self._trials = {
@@ -208,21 +212,25 @@ class VideoReceiver:
             if trial.found or self._looked < trial.end
         }
         for candidate in self._search.process(small):
-            self._try(_scaled(candidate.region, *self._kept))
+            self._try(candidate.region)
         return self._choose()
 
     def _try(self, region: Region) -> None:
-        """Show the newest frames to a tracker of this place, unless one of it is at work."""
-        if len(self._trials) >= TRIALS or any(is_near(region, other) for other in self._trials):
+        """Show the newest frames to a tracker of this place in the small picture, unless one is."""
+        place = _scaled(region, *self._kept)
+        if len(self._trials) >= TRIALS or any(is_near(place, other) for other in self._trials):
             return
-        tracker = VideoTracker(self._grid(region), self._timing, **self._options)
+        rows, columns = self._shape
+        grid = Grid(columns, rows, SMALL_DEPTH, region=region, reduced=self._factor)
+        tracker = VideoTracker(grid, self._timing, **self._options)
         if self._patience is not None:
             tracker.patience = self._patience
         frames = self._newest
         end = self._looked + round(TRIAL_SPANS * self._timing.span)
-        trial = self._trials[region] = _PlaceTrial(tracker, self._looked - len(frames), end)
+        trial = self._trials[place] = _PlaceTrial(tracker, self._looked - len(frames), end)
         for frame in frames:
             trial.found += tracker.process(frame)
+        tracker.go_on(self._grid(place))
 
     def _placed(
         self, tracker: VideoTracker, found: list[ReceivedSuperframe], start: int
@@ -244,6 +252,7 @@ class VideoReceiver:
         best = max(locked, key=lambda region: locked[region].found[-1].confidence)
         trial = locked[best]
         self._trials, self._doubt = {}, 0
+        self._newest.clear()
         self.region, self._tracker, self._start = best, trial.tracker, trial.start
         if self.first_lock_s is None:
             self.first_lock_s = self._frames / float(self._fps)

@@ -103,6 +103,10 @@ class VideoTracker:
             self._textures.append((self._count, self._grid.texture(luma).reshape(-1)))
         return self._advance(self._grid.project(luma).reshape(-1))
 
+    def go_on(self, grid: Grid) -> None:
+        """Take the next frames at another size; their place is that of the ones before."""
+        self._grid, self._seen = grid, grid.seen.reshape(-1)
+
     def flush(self) -> list[ReceivedSuperframe]:
         """Return the superframes in the last frames."""
         found = []

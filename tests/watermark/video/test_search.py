@@ -2,14 +2,17 @@
 
 from fractions import Fraction
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.watermark.pictures import HEIGHT, WIDTH, mark, picture, source
+from watermark.video import _place_kernels
 from watermark.video.bars import content_box
 from watermark.video.embed import VideoEmbedder
-from watermark.video.grid import WHOLE, Region
+from watermark.video.grid import WHOLE, Grid, Region
+from watermark.video.places import source_taps
 from watermark.video.search import SCALE, PlaceSearch
 from watermark.video.timing import Timing
 
@@ -57,3 +60,56 @@ def test_unmarked_picture_has_no_place() -> None:
 
 def test_black_picture_has_no_bars() -> None:
     assert content_box(np.full((360, 640), 16, dtype=np.float32)) == WHOLE
+
+
+def test_reduced_picture_has_the_amplitudes_of_the_whole_one() -> None:
+    rng = np.random.default_rng(3)
+    amplitude = rng.normal(0, 20, (2, 45, 80))
+    large = 128 + Grid(1440, 810).paint(amplitude)
+    small = large.reshape(270, 3, 480, 3).mean(axis=(1, 3))
+    assert Grid(480, 270, reduced=3).project(small) == pytest.approx(amplitude, abs=0.2)
+
+
+def test_kernels_agree_with_their_python() -> None:
+    rng = np.random.default_rng(4)
+    picture = rng.normal(100, 20, (30, 40)).astype(np.float32)
+    larger = np.zeros((36, 46), dtype=np.float32)
+    pilots = np.array([[0, 0, 1], [1, 1, 0], [0, 1, 2]])
+    first = np.array([2, 7, 12]), np.array([3, 9])
+    factors = rng.normal(size=(2, 8)).astype(np.float32)
+    fields = np.empty((3, 7, 8), dtype=np.float32)
+    texture = np.abs(rng.normal(2, 1, (15, 20))).astype(np.float32)
+    dither, steps = rng.random(3).astype(np.float32), np.array([2.0, 2.8], dtype=np.float32)
+    words = rng.choice([-1, 1], size=(2, 3)) * np.array([[1], [1 << 36]])
+    limits, bounds = np.array([1.4, 2.5], dtype=np.float32), np.array([12, 18, 4])
+    votes = np.empty((3, 6, 5), dtype=np.int64)
+    across = rng.integers(0, 6, (7, 3)).astype(np.uint64)
+    down = rng.integers(0, 5, (2, 5)).astype(np.uint64)
+    table, best = np.ones((7, 5), dtype=np.float32), np.empty(7, dtype=np.float32)
+    size = np.array([32, 22, 4, 3, 2], dtype=np.float32)
+    signs = rng.choice([-1, 1], size=(2, 3)).astype(np.float32)
+    start = np.stack([a[pilots[:, 2 - n]] for n, a in enumerate(first)], axis=1)
+    taps = *source_taps(30, 30, 1.0, 25.0), *source_taps(40, 40, -1.0, 35.0)
+    calls: dict[str, tuple[Any, ...]] = {
+        "resample_into": (picture, *taps, 3, larger),
+        "fine_texture_into": (picture, np.empty((12, 17), dtype=np.float32)),
+        "pilot_fields_into": (picture, pilots, *first, factors, fields),
+        "pilot_votes_into": (
+            fields, texture, pilots, *first, bounds, dither, steps, words, limits, 0.6, 0.2, votes,
+        ),
+        "place_scores_into": (
+            votes, pilots, across, down, 0.5, 0.6, table, best, np.zeros((7, 2), dtype=np.int64),
+        ),
+        "climb_into": (
+            fields, texture, pilots, start.astype(np.float32), size, dither, steps, signs, limits,
+            np.array([0, 1]), 0.25, rng.normal(0, 0.05, (4, 4)), 2, np.array([0, 1]),
+            rng.normal(0, 0.1, (2, 4)), np.zeros(2),
+        ),
+    }  # fmt: skip
+    for name, arguments in calls.items():
+        kernel = getattr(_place_kernels, name)
+        own = [a.copy() if isinstance(a, np.ndarray) else a for a in arguments]
+        kernel(*arguments)
+        kernel.py_func(*own)
+        for compiled, plain in zip(arguments, own, strict=True):
+            np.testing.assert_allclose(compiled, plain, rtol=1e-4, atol=1e-4, err_msg=name)

@@ -161,13 +161,6 @@ def test_kernels_agree_with_their_python() -> None:
             luma, np.arange(9), np.minimum(np.arange(9), 8), np.empty((2, 2)),
         ),
         "reduce_into": (luma, 2, 256.0, np.empty((4, 5), dtype=np.uint16)),
-        "resample_into": (
-            luma.astype(np.float32), 1.0, 0.5, 9.0, 8.0, np.empty((6, 7), dtype=np.float32),
-        ),
-        "fine_amplitudes_into": (
-            luma.astype(np.float32), *rng.normal(size=(2, 2, 8)).astype(np.float32), 2.0,
-            np.empty((2, 1, 2), dtype=np.float32),
-        ),
         "add_into": (
             luma, *rng.normal(size=(2, 9, 11)).astype(np.float32), 0.3, 16.0, 235.0,
             np.empty_like(luma),

@@ -1,0 +1,298 @@
+"""Compiled loops of the search for the place of a marked picture.
+
+Arrays in, arrays filled in place out; no checks.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.compiled import njit
+
+FloatArray = NDArray[np.float64]
+PixelArray = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+IndexArray = NDArray[np.uint64]
+
+
+@njit(cache=True)
+def resample_into(
+    picture: PixelArray, rows: IntArray, row_weights: PixelArray, columns: IntArray,
+    column_weights: PixelArray, margin: int, out: PixelArray,
+) -> None:  # fmt: skip
+    """Show a picture at another size inside a margin; four source lines and columns make one.
+
+    rows : (height, 4) and columns : (width, 4), with weights of the same shapes; out : (height + 2
+    margin, width + 2 margin).
+    """
+    line = np.empty(picture.shape[1], dtype=np.float32)
+    for y in range(rows.shape[0]):
+        line[:] = 0.0
+        for k in range(4):
+            weight = row_weights[y, k]
+            source = picture[rows[y, k]]
+            for x in range(line.shape[0]):
+                line[x] += weight * source[x]
+        for x in range(columns.shape[0]):
+            total = np.float32(0.0)
+            for k in range(4):
+                total += column_weights[x, k] * line[columns[x, k]]
+            out[margin + y, margin + x] = total
+
+
+@njit(cache=True)
+def fine_texture_into(picture: PixelArray, out: PixelArray) -> None:
+    """Texture of cells of 8 x 8 pixels that start at every second pixel; out : (rows, columns)."""
+    half = np.empty((picture.shape[0] // 2, picture.shape[1] // 2), dtype=np.float32)
+    for i in range(half.shape[0]):
+        for j in range(half.shape[1]):
+            upper = picture[2 * i, 2 * j] + picture[2 * i, 2 * j + 1]
+            half[i, j] = (upper + picture[2 * i + 1, 2 * j] + picture[2 * i + 1, 2 * j + 1]) / 4
+    quarter = np.empty((half.shape[0] - 1, half.shape[1] - 1), dtype=np.float32)
+    for i in range(quarter.shape[0]):
+        for j in range(quarter.shape[1]):
+            a, b = half[i, j], half[i, j + 1]
+            c, d = half[i + 1, j], half[i + 1, j + 1]
+            mean = (a + b + c + d) / 4
+            total = (a - mean) ** 2 + (b - mean) ** 2 + (c - mean) ** 2 + (d - mean) ** 2
+            quarter[i, j] = total / 4
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            first = min(quarter[i, j], quarter[i, j + 2])
+            second = min(quarter[i + 2, j], quarter[i + 2, j + 2])
+            out[i, j] = np.sqrt(min(first, second))
+
+
+@njit(cache=True)
+def pilot_fields_into(
+    picture: PixelArray, pilots: IntArray, first_x: IntArray, first_y: IntArray,
+    factors: PixelArray, out: PixelArray,
+) -> None:  # fmt: skip
+    """Amplitude of each pilot at every displacement of its cell by whole pixels.
+
+    pilots : (count, 3) template, row, column; first_x : (columns,) and first_y : (rows,), first
+    pixel of the cell at the least displacement; factors : (2, 8), dipole and hump; out :
+    (count, displacements down, displacements across).
+    """
+    down, across = out.shape[1], out.shape[2]
+    line = np.empty(across + 7, dtype=np.float32)
+    for p in range(out.shape[0]):
+        kx, ky = factors[pilots[p, 0]], factors[1 - pilots[p, 0]]
+        x0, y0 = first_x[pilots[p, 2]], first_y[pilots[p, 1]]
+        for i in range(down):
+            line[:] = 0.0
+            for k in range(8):
+                weight = ky[k]
+                source = picture[y0 + i + k, x0 : x0 + across + 7]
+                for j in range(line.shape[0]):
+                    line[j] += weight * source[j]
+            values = out[p, i]
+            values[:] = 0.0
+            for k in range(8):
+                weight = kx[k]
+                part = line[k : k + across]
+                for j in range(across):
+                    values[j] += weight * part[j]
+
+
+@njit(cache=True)
+def wave_of(place: Any) -> Any:
+    """Cosine of an angle in turns within .002: its series up to the tenth power."""
+    away = place - np.floor(place + np.float32(0.5))
+    u = away * away
+    value = np.float32(60.24464) - u * np.float32(26.42626)
+    value = np.float32(-85.45682) + u * value
+    value = np.float32(64.93939) + u * value
+    value = np.float32(-19.739209) + u * value
+    return np.float32(1.0) + u * value
+
+
+@njit(cache=True, error_model="numpy")
+def pilot_votes_into(
+    fields: PixelArray, texture: PixelArray, pilots: IntArray, first_x: IntArray,
+    first_y: IntArray, bounds: IntArray, dither: PixelArray, steps: PixelArray, signs: IntArray,
+    limits: PixelArray, error: float, least: float, out: IntArray,
+) -> float:  # fmt: skip
+    """Votes of the pilots for every displacement; the return is the mean number of votes of a mode.
+
+    Where the amplitude changes with the place, a small error of place turns the vote: it then has
+    little weight. What remains counts as -1, 0 or 1: seven modes of it in parts of a word.
+
+    fields : of `pilot_fields_into`, with one displacement more on each side than out; texture : of
+    cells that start at every second pixel; bounds : last pixel down and across at which a cell may
+    start, and the margin before the first; steps : (2,); signs : (2, count), the modes' signs in
+    parts of a word, those of the first step and those of the second; limits : textures from which
+    a cell may and must have the coarse step; error : of place in pixels that the weights allow for;
+    least : weight from which a vote counts; out : (count, displacements across, and down).
+    """
+    across, down = out.shape[1], out.shape[2]
+    share = np.empty(across, dtype=np.float32)
+    votes = np.empty((2, across), dtype=np.int32)
+    one, third, limit = np.float32(1.0), np.float32(1 / 3), np.float32(least)
+    reach = np.float32(2 * np.pi**2 * error * error / 4)
+    lowest, scale = limits[0], one / (limits[1] - limits[0])
+    count = 0
+    for p in range(out.shape[0]):
+        x0, y0 = first_x[pilots[p, 2]] + 1, first_y[pilots[p, 1]] + 1
+        # A cell has to lie in the picture as a whole.
+        begin, end = max(0, bounds[2] - x0), min(across, bounds[1] + 1 - x0)
+        out[p] = 0
+        for i in range(max(0, bounds[2] - y0), min(down, bounds[0] + 1 - y0)):
+            row = texture[(y0 + i) >> 1]
+            for j in range(across):
+                textured = (row[(x0 + j) >> 1] - lowest) * scale
+                share[j] = min(max(textured, np.float32(0.0)), one)
+            above, here, below = fields[p, i], fields[p, i + 1], fields[p, i + 2]
+            for n in range(2):
+                unit = one / steps[n]
+                weight = unit * unit * reach
+                line = votes[n]
+                for j in range(across):
+                    gx, gy = here[j + 2] - here[j], below[j + 1] - above[j + 1]
+                    spread = (gx * gx + gy * gy) * weight
+                    place = here[j + 1] * unit - dither[p]
+                    fine = (one - share[j]) * wave_of(place) / (one + spread)
+                    coarse = share[j] * wave_of(place * third) / (one + spread * third * third)
+                    line[j] = np.int32(fine + coarse > limit) - np.int32(fine + coarse < -limit)
+            for j in range(begin, end):
+                out[p, j, i] = votes[0, j] * signs[0, p] + votes[1, j] * signs[1, p]
+                count += int(abs(votes[0, j]) + abs(votes[1, j]))
+    return float(count / (2 * across * down))
+
+
+@njit(cache=True)
+def place_scores_into(
+    votes: IntArray, pilots: IntArray, across: IndexArray, down: IndexArray, unit: float,
+    memory: float, table: PixelArray, best: PixelArray, choice: IntArray,
+) -> None:  # fmt: skip
+    """Add up the pilots' votes for every place: in each row over columns, then over rows.
+
+    Only places with an even sum of indices count.
+
+    votes : of `pilot_votes_into`, seven modes in parts of nine bits; pilots : (count, 3); across :
+    (places across, columns) and down : (rows, places down), displacements as indices of `votes`;
+    unit : factor of a squared sum; memory : weight of the table so far; table : (places across,
+    places down), the squared sum of the best mode is added; best : (places across,), greatest value
+    of the table; choice : (places across, 2), its place down and its mode.
+    """
+    rows, places = down.shape
+    row_sums = np.empty((rows, votes.shape[2]), dtype=np.int64)
+    sums = np.empty(places, dtype=np.int64)
+    keep = np.float32(memory)
+    for x in range(across.shape[0]):
+        row_sums[:] = 0
+        for p in range(votes.shape[0]):
+            total = row_sums[pilots[p, 1]]
+            vote = votes[p, across[x, pilots[p, 2]]]
+            for k in range(total.shape[0]):
+                total[k] += vote[k]
+        sums[:] = 0
+        for r in range(rows):
+            row, where = row_sums[r], down[r]
+            for y in range(x & 1, places, 2):
+                sums[y] += row[where[y]]
+        best[x] = -1.0
+        for y in range(x & 1, places, 2):
+            most, mode = -1, 0
+            word = sums[y]
+            for m in range(7):
+                part = ((word + 256) & 511) - 256
+                word = (word - part) >> 9
+                if abs(part) > most:
+                    most, mode = abs(part), m
+            value = keep * table[x, y] + np.float32(unit * most * most)
+            table[x, y] = value
+            if value > best[x]:
+                best[x], choice[x, 0], choice[x, 1] = value, y, mode
+
+
+@njit(cache=True, error_model="numpy")
+def crop_score(
+    fields: PixelArray, texture: PixelArray, pilots: IntArray, first: PixelArray,
+    size: PixelArray, dither: PixelArray, step: float, signs: PixelArray, limits: PixelArray,
+    error: float, crops: FloatArray,
+) -> float:  # fmt: skip
+    """Score of a mode at a place in standard deviations of noise, from `pilot_fields_into`.
+
+    first : (count, 2), first displacement of each pilot's cell in pixels, across and down; size :
+    width and height of the box in pixels, of the margin, and cells across and down; crops : cells
+    that are missing left, right, at the top, at the bottom; others as in `pilot_votes_into`.
+    """
+    one, half, third = np.float32(1.0), np.float32(0.5), np.float32(1 / 3)
+    unit = one / np.float32(step)
+    reach = np.float32(2 * np.pi**2 * error * error) * unit * unit
+    cell_x = size[0] / np.float32(size[3] - crops[0] - crops[1])
+    cell_y = size[1] / np.float32(size[4] - crops[2] - crops[3])
+    left, top = np.float32(crops[0]) - half, np.float32(crops[2]) - half
+    margin, lowest = size[2], limits[0]
+    scale = one / (limits[1] - limits[0])
+    total = squares = np.float32(0.0)
+    column = np.empty(4, dtype=np.float32)
+    for p in range(pilots.shape[0]):
+        x = cell_x * (pilots[p, 2] - left) - np.float32(4.0)
+        y = cell_y * (pilots[p, 1] - top) - np.float32(4.0)
+        if x < 0 or y < 0 or x > size[0] - 8 or y > size[1] - 8:
+            continue
+        row, col = np.int64(y + margin) >> 1, np.int64(x + margin) >> 1
+        x += margin - first[p, 0]
+        y += margin - first[p, 1]
+        i, j = np.int64(y), np.int64(x)
+        if i < 1 or j < 1 or i > fields.shape[1] - 3 or j > fields.shape[2] - 3:
+            continue
+        f = x - np.float32(j)
+        w0, w3 = half * f * (f * (2 - f) - 1), half * f * f * (f - 1)
+        w1 = one + half * f * f * (3 * f - 5)
+        w2 = one - w0 - w1 - w3
+        for k in range(4):
+            line = fields[p, i - 1 + k]
+            column[k] = w0 * line[j - 1] + w1 * line[j] + w2 * line[j + 1] + w3 * line[j + 2]
+        f = y - np.float32(i)
+        w0, w3 = half * f * (f * (2 - f) - 1), half * f * f * (f - 1)
+        w1 = one + half * f * f * (3 * f - 5)
+        w2 = one - w0 - w1 - w3
+        value = w0 * column[0] + w1 * column[1] + w2 * column[2] + w3 * column[3]
+        gx, gy = fields[p, i, j + 1] - fields[p, i, j], column[2] - column[1]
+        spread = (gx * gx + gy * gy) * reach
+        share = min(max((texture[row, col] - lowest) * scale, np.float32(0.0)), one)
+        place = value * unit - dither[p]
+        fine, coarse = (one - share) / (one + spread), share / (one + spread * third * third)
+        total += signs[p] * (fine * wave_of(place) + coarse * wave_of(place * third))
+        squares += (fine + coarse) * (fine + coarse)
+    return float(abs(total) / np.sqrt(half * squares + np.float32(1e-9)))
+
+
+@njit(cache=True, error_model="numpy")
+def climb_into(
+    fields: PixelArray, texture: PixelArray, pilots: IntArray, first: PixelArray,
+    size: PixelArray, dither: PixelArray, steps: PixelArray, signs: PixelArray, limits: PixelArray,
+    lattice: IntArray, error: float, moves: FloatArray, rounds: int, modes: IntArray,
+    crops: FloatArray, scores: FloatArray,
+) -> None:  # fmt: skip
+    """Move and stretch places as long as their scores grow.
+
+    As `crop_score`; steps : (2,); signs : (modes, count); lattice : (modes,), index of the step;
+    moves : (count, 4), changes of the
+    crops, largest first; modes : (places,), crops : (places, 4) and scores : (places,), changed.
+    """
+    trial = np.empty(4)
+    for n in range(crops.shape[0]):
+        mode = modes[n]
+        step = steps[lattice[mode]]
+        scores[n] = crop_score(
+            fields, texture, pilots, first, size, dither, step, signs[mode], limits, error, crops[n]
+        )
+        for _ in range(rounds):
+            better = False
+            for move in range(moves.shape[0]):
+                for k in range(4):
+                    trial[k] = crops[n, k] + moves[move, k]
+                reached = crop_score(
+                    fields, texture, pilots, first, size, dither, step, signs[mode], limits, error,
+                    trial,
+                )  # fmt: skip
+                if reached > scores[n]:
+                    scores[n], better = reached, True
+                    crops[n] = trial
+            if not better:
+                break

@@ -1,0 +1,261 @@
+"""Crops of a box in a mean picture, ranked by the pilots.
+
+In: mean pictures of windows and the box inside their bars; out: the best crops, refined. The
+picture is resampled to about eight pixels a cell. Each pilot's amplitude is computed at every
+displacement that a crop can cause, and becomes a vote whose weight falls with the amplitude's
+gradient. The votes are added along the displacements of each crop, in rows first. Best crops are
+refined on interpolated amplitudes. Specification: spec/video-carrier.md, section 6.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.video import _place_kernels as kernels
+from watermark.video.demodulate import BLUR, CENTRE
+from watermark.video.grid import Region
+from watermark.video.profile import COLUMNS, ROWS
+
+FloatArray = NDArray[np.float64]
+PixelArray = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+
+CELL = 8
+"""Pixels of a cell in the resampled picture, each way."""
+
+STEP = 1 / 6
+"""Distance of neighbouring crops in cells; only those with an even sum of steps are searched."""
+
+CROP = 0.05
+"""Largest crop of a side, in parts of the marked picture."""
+
+LOOSE = 2
+"""Steps that a side of the box may lie outside the marked picture, where it is no side of the
+picture: bars end within a pixel of the small picture."""
+
+MARGIN = 64
+"""Pixels around the resampled picture: more than a cell and its displacements."""
+
+MEMORY = 0.6
+"""Weight of earlier superframes in the scores that rank the crops."""
+
+VOTE_ERROR, FINE_ERROR = 0.6, 0.25
+"""Errors of place in pixels that the weights of votes, and of refined crops, allow for."""
+
+RANKED, CLOSE, REFINED = 16, 4, 3
+"""Crops that are refined roughly, then finely, and returned."""
+
+ROUGH, FINE = 0.06, 0.03
+"""Steps of the refinement in cells."""
+
+MODES = 0, 1, 2, 3, 4, 5, 7
+"""Modes that are searched: all profiles with the finest step, and all but `high`, which is for good
+channels, with the next one. The widest step is for beginnings. Seven sums fit into a word."""
+
+VOTE = 0.2
+"""Weight from which a vote counts."""
+
+
+class PlaceTable:
+    """Scores of all crops of a box, summed over windows at the same phase of the superframes.
+
+    Parameters
+    ----------
+    pilots : ndarray of int64, shape (PILOTS, 3)
+        Template, row and column of each, in ascending order of the rows.
+    dither : ndarray of float64, shape (PILOTS,)
+        Offsets of their lattices in steps.
+    steps : ndarray of float64, shape (lattices,)
+        Fine steps in ascending order.
+    signs : ndarray of float32, shape (modes, PILOTS)
+        Pilots of all profiles with the first step, then with the second one and so on.
+    looks : int
+        Windows a superframe.
+    """
+
+    def __init__(
+        self, pilots: IntArray, dither: FloatArray, steps: FloatArray,
+        signs: NDArray[np.float32], looks: int,
+    ) -> None:  # fmt: skip
+        self._pilots, self._looks = pilots, looks
+        self._dither, self._steps = dither.astype(np.float32), steps[:2].astype(np.float32)
+        self._lattice = np.array(MODES) * len(steps) // len(signs)
+        self._signs = np.ascontiguousarray(signs[list(MODES)])
+        words = self._signs.astype(np.int64) << 9 * np.arange(len(MODES))[:, None]
+        self._words = np.stack([words[self._lattice == n].sum(axis=0) for n in range(2)])
+        place = (np.arange(CELL) + 0.5) / CELL
+        factors = np.stack([np.sin(2 * np.pi * place), np.sin(np.pi * place) ** 2])
+        norm = np.sqrt(np.prod(np.sum(factors**2, axis=1)))
+        self._factors = np.asarray(factors / norm, dtype=np.float32)
+        limits = CENTRE * np.exp(np.array([-2.0, 2.0]) * BLUR)
+        self._limits = limits.astype(np.float32)
+        self._box: Region | None = None
+
+    def look(
+        self, mean: NDArray[np.float32], box: Region, phase: int
+    ) -> list[tuple[Region, int, float]]:
+        """Return the best crops of a box in a mean picture, best first.
+
+        Parameters
+        ----------
+        mean : ndarray of float32, shape (rows, columns)
+            Mean luma of a window in levels of 8 bits.
+        box : Region
+            The picture inside its bars.
+        phase : int
+            Number of the look in its superframe.
+
+        Returns
+        -------
+        list of (Region, int, float)
+            Place of the marked picture, mode, score in standard deviations of noise.
+        """
+        if self._box is None or _far(box, self._box):
+            self._begin(box)
+        assert self._box is not None
+        self._resample(mean, self._box)
+        kernels.fine_texture_into(self._picture, self._texture)
+        kernels.pilot_fields_into(
+            self._picture, self._pilots, self._first_x, self._first_y, self._factors, self._fields
+        )
+        count = kernels.pilot_votes_into(
+            self._fields, self._texture, self._pilots, self._first_x, self._first_y, self._bounds,
+            self._dither, self._steps, self._words, self._limits, VOTE_ERROR, VOTE,
+            self._votes,
+        )  # fmt: skip
+        kernels.place_scores_into(
+            self._votes, self._pilots, self._across, self._down, 1 / max(1.0, count), MEMORY,
+            self._tables[phase], self._best, self._choice,
+        )  # fmt: skip
+        return self._refine(self._box)
+
+    def _begin(self, box: Region) -> None:
+        """Lay out the crops of a box and the displacements that they cause."""
+        self._box = box
+        self._x = _crops(box.left, box.width, COLUMNS)
+        self._y = _crops(box.top, box.height, ROWS)
+        across, self._first_x, width = _displacements(self._x, COLUMNS)
+        down, self._first_y, height = _displacements(self._y, ROWS)
+        self._across = across.astype(np.uint64)
+        self._down = np.ascontiguousarray(down.T).astype(np.uint64)
+        shape = (height + 2 * MARGIN, width + 2 * MARGIN)
+        self._picture = np.zeros(shape, dtype=np.float32)
+        self._texture = np.zeros((shape[0] // 2 - 3, shape[1] // 2 - 3), dtype=np.float32)
+        self._bounds = np.array([MARGIN + height - CELL, MARGIN + width - CELL, MARGIN])
+        self._size = np.array([width, height, MARGIN, COLUMNS, ROWS], dtype=np.float32)
+        count, wide, high = len(self._pilots), across.max() + 1, down.max() + 1
+        self._fields = np.zeros((count, high + 2, wide + 2), dtype=np.float32)
+        self._votes = np.zeros((count, wide, high), dtype=np.int64)
+        first = self._first_x[self._pilots[:, 2]], self._first_y[self._pilots[:, 1]]
+        self._first = np.stack(first, axis=1).astype(np.float32)
+        places = len(self._x), len(self._y)
+        self._tables = np.zeros((self._looks, *places), dtype=np.float32)
+        self._best = np.zeros(places[0], dtype=np.float32)
+        self._choice = np.zeros((places[0], 2), dtype=np.int64)
+
+    def _resample(self, mean: NDArray[np.float32], box: Region) -> None:
+        """Show the box at the size of the search, without the margin."""
+        rows, columns = mean.shape
+        height, width = (int(size) - 2 * MARGIN for size in self._picture.shape)
+        row, row_weights = source_taps(height, rows, box.top * rows, box.height * rows)
+        column, column_weights = source_taps(
+            width, columns, box.left * columns, box.width * columns
+        )
+        kernels.resample_into(
+            mean, row, row_weights, column, column_weights, MARGIN, self._picture
+        )  # fmt: skip
+
+    def _refine(self, box: Region) -> list[tuple[Region, int, float]]:
+        """Judge the best crops anew and move their sides."""
+        crops: list[FloatArray] = []
+        modes: list[int] = []
+        for x in np.argsort(-self._best)[: 4 * RANKED]:
+            y, mode = self._choice[x]
+            place = np.array([*self._x[x], *self._y[y]])
+            if all(np.abs(place - other).max() > 1.1 * STEP for other in crops):
+                crops.append(place)
+                modes.append(int(mode))
+            if len(crops) == RANKED:
+                break
+        places, chosen = np.array(crops), np.array(modes)
+        scores = self._climb(places, chosen, _moves(ROUGH), 1)
+        close = np.argsort(-scores)[:CLOSE]
+        places, chosen = places[close], chosen[close]
+        scores = self._climb(places, chosen, _moves(FINE), 3)
+        return [
+            (_inside(box, places[n]), MODES[chosen[n]], float(scores[n]))
+            for n in np.argsort(-scores)[:REFINED]
+        ]
+
+    def _climb(
+        self, crops: FloatArray, modes: IntArray, moves: FloatArray, rounds: int
+    ) -> FloatArray:
+        """Move crops, in place; return their scores."""
+        scores = np.zeros(len(crops))
+        kernels.climb_into(
+            self._fields, self._texture, self._pilots, self._first, self._size, self._dither,
+            self._steps, self._signs, self._limits, self._lattice, FINE_ERROR, moves, rounds, modes,
+            crops, scores,
+        )  # fmt: skip
+        return scores
+
+
+def _crops(start: float, length: float, cells: int) -> FloatArray:
+    """Pairs of cells that are missing at both ends of an axis, shape (places, 2)."""
+    most = 2 * int(np.ceil(CROP * cells / STEP / 2 - 1e-9))
+    ends = [np.arange(0 if free else -LOOSE, most + 1) * STEP for free in _edges(start, length)]
+    first, second = np.meshgrid(*ends, indexing="ij")
+    return np.stack([first.reshape(-1), second.reshape(-1)], axis=1)
+
+
+def _edges(start: float, length: float) -> tuple[bool, bool]:
+    """Whether each end of a box is one of the picture."""
+    return abs(start) < 1e-6, abs(start + length - 1) < 1e-6
+
+
+def _displacements(crops: FloatArray, cells: int) -> tuple[IntArray, IntArray, int]:
+    """First pixel of each cell for each crop, less the least one; that one; pixels of the axis."""
+    size = round(CELL * (cells - float(crops.sum(axis=1).mean())))
+    middle = np.arange(cells) + 0.5
+    lost = crops.sum(axis=1, keepdims=True)
+    first = np.round(size * (middle - crops[:, :1]) / (cells - lost) - CELL / 2).astype(np.int64)
+    least = first.min(axis=0)
+    # A pixel more at each side, for the gradient.
+    return first - least, least + MARGIN - 1, size
+
+
+def source_taps(count: int, size: int, start: float, length: float) -> tuple[IntArray, PixelArray]:
+    """Four source pixels of each of `count` new ones and their weights (Catmull and Rom 1974)."""
+    place = start + (np.arange(count) + 0.5) * length / count - 0.5
+    first = np.floor(place).astype(np.int64)
+    f = place - first
+    weights = [
+        f * (f * (2 - f) - 1) / 2, 1 + f * f * (3 * f - 5) / 2,
+        f * (1 + f * (4 - 3 * f)) / 2, f * f * (f - 1) / 2,
+    ]  # fmt: skip
+    taps = np.clip(first[:, None] + np.arange(-1, 3), 0, size - 1)
+    return taps, np.stack(weights, axis=1).astype(np.float32)
+
+
+def _moves(step: float) -> FloatArray:
+    """Shifts and stretches of both axes: changes of the cells missing at the four sides."""
+    axes = [(1, -1, 0, 0), (0, 0, 1, -1), (1, 1, 0, 0), (0, 0, 1, 1)]
+    return step * np.array([sign * np.array(axis) for axis in axes for sign in (1.0, -1.0)])
+
+
+def _inside(box: Region, crops: FloatArray) -> Region:
+    """Region of a marked picture whose box lost these cells: left, right, top, bottom."""
+    left, right, top, bottom = crops
+    width = box.width * COLUMNS / (COLUMNS - left - right)
+    height = box.height * ROWS / (ROWS - top - bottom)
+    return Region(
+        box.left - left * width / COLUMNS, box.top - top * height / ROWS, width, height
+    )  # fmt: skip
+
+
+def _far(a: Region, b: Region) -> bool:
+    """Whether two boxes differ by more than a quarter of a cell or in the sides they share."""
+    same = _edges(a.left, a.width) == _edges(b.left, b.width)
+    same &= _edges(a.top, a.height) == _edges(b.top, b.height)
+    near = max(abs(a.left - b.left), abs(a.left + a.width - b.left - b.width)) < 0.25 / COLUMNS
+    near &= max(abs(a.top - b.top), abs(a.top + a.height - b.top - b.height)) < 0.25 / ROWS
+    return not (same and near)
