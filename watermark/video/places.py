@@ -41,8 +41,8 @@ MEMORY = 0.6
 VOTE_ERROR, FINE_ERROR = 0.6, 0.25
 """Errors of place in pixels that the weights of votes, and of refined crops, allow for."""
 
-RANKED, CLOSE, REFINED = 16, 4, 3
-"""Crops that are refined roughly, then finely, and returned."""
+RANKED, ROUGHLY, FINELY, REFINED = 96, 12, 4, 3
+"""Crops that are judged on interpolated amplitudes, refined roughly, then finely, and returned."""
 
 ROUGH, FINE = 0.06, 0.03
 """Steps of the refinement in cells."""
@@ -166,19 +166,19 @@ class PlaceTable:
 
     def _refine(self, box: Region) -> list[tuple[Region, int, float]]:
         """Judge the best crops anew and move their sides."""
-        crops: list[FloatArray] = []
-        modes: list[int] = []
-        for x in np.argsort(-self._best)[: 4 * RANKED]:
-            y, mode = self._choice[x]
-            place = np.array([*self._x[x], *self._y[y]])
-            if all(np.abs(place - other).max() > 1.1 * STEP for other in crops):
-                crops.append(place)
-                modes.append(int(mode))
-            if len(crops) == RANKED:
+        rows = np.argsort(-self._best)[:RANKED]
+        places = np.hstack([self._x[rows], self._y[self._choice[rows, 0]]])
+        chosen = self._choice[rows, 1]
+        scores = self._climb(places, chosen, _moves(ROUGH), 0)
+        apart: list[int] = []
+        for n in np.argsort(-scores).tolist():
+            if len(apart) == ROUGHLY:
                 break
-        places, chosen = np.array(crops), np.array(modes)
+            if not apart or np.abs(places[apart] - places[n]).max(axis=1).min() > 1.1 * STEP:
+                apart.append(n)
+        places, chosen = places[apart], chosen[apart]
         scores = self._climb(places, chosen, _moves(ROUGH), 1)
-        close = np.argsort(-scores)[:CLOSE]
+        close = np.argsort(-scores)[:FINELY]
         places, chosen = places[close], chosen[close]
         scores = self._climb(places, chosen, _moves(FINE), 3)
         return [
