@@ -78,6 +78,8 @@ class DubOptions:
         Whether to grade the marked sound with the quality meter.
     through : str, optional
         Coders of the broadcast, see `cuecast.dubbing.coder_stream.chains_of`.
+    video_through : str, optional
+        Those of its picture, see `cuecast.dubbing.picture_coder.picture_channels`.
     read_back : bool
         Whether to receive the output and report the share that arrives.
     replace : bool
@@ -104,6 +106,7 @@ class DubOptions:
     grade: float | None = None
     graded: bool = True
     through: str | None = None
+    video_through: str | None = None
     read_back: bool = False
     replace: bool = False
     sign: SigningKey | None = None
@@ -182,7 +185,10 @@ def dub(
                     motion, voice, *sizes, beside=sound_profile, signing=signing
                 ),
                 target,
-                PictureOptions(picture, options.key, options.video_codec, options.video_bit_rate),
+                PictureOptions(
+                    picture, options.key, options.video_codec, options.video_bit_rate,
+                    options.video_through,
+                ),
                 sent=sent, progress=advance, tell=told.append,
             )  # fmt: skip
             report = report or _picture_report(seconds)

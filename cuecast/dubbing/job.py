@@ -178,6 +178,7 @@ def _options_of(args: argparse.Namespace) -> DubOptions:
         grade=args.grade,
         graded=not args.no_grade,
         through=args.through,
+        video_through=args.video_through,
         read_back=not args.no_read_back,
         replace=args.replace,
         sign=sign,

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from cuecast.dubbing.picture_coder import picture_channels
 from cuecast.dubbing.read_back import Sent
 from cuecast.media.picture import PictureStage, rewrite_picture
 from receiver.media.picture import PictureFormat
@@ -33,12 +34,15 @@ class PictureOptions:
         Key of the invisible mark.
     codec, bit_rate : optional
         Of the output, if not those of the programme.
+    through : str, optional
+        Coders on which the mark is tried, see `picture_channels`.
     """
 
     profiles: dict[str, str]
     key: int = 0
     codec: str | None = None
     bit_rate: int | None = None
+    through: str | None = None
 
 
 def dub_picture(
@@ -87,9 +91,12 @@ def _embedder(
     if name == "video":
         video = find_video_profile(options.profiles[name])
         source = sent.noting(name, source_of(video.l0_bytes, video.l1_bytes))
+        channels = picture_channels(
+            options.through, *size, form.depth, most_bps=options.bit_rate or form.bit_rate
+        )
         return VideoEmbedder(
-            *size, source, profile=video.name, key=options.key, depth=form.depth
-        )  # fmt: skip
+            *size, source, profile=video.name, key=options.key, depth=form.depth, channels=channels
+        )
     line = find_line_profile(options.profiles[name])
     source = sent.noting(name, source_of(line.l0_bytes, line.l1_bytes))
     return A335Embedder(*size, source, profile=line.name, depth=form.depth)
@@ -104,6 +111,7 @@ def _figures(name: str, embedder: Any, form: PictureFormat) -> dict[str, Any]:
             "gross_bps": round(report.gross_bps, 1),
             "psnr_db": round(report.psnr_db, 2),
             "superframes": report.superframes,
+            "steps": list(report.steps),
         }
     profile = embedder.profile
     return {

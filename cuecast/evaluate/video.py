@@ -16,6 +16,7 @@ import av
 import numpy as np
 
 from codec.errors import CueError
+from cuecast.dubbing.picture_coder import picture_channels
 from cuecast.evaluate.drawing import Dot, draw_dots
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.evaluate.picture_channels import (
@@ -67,7 +68,7 @@ class VideoRow:
     flicker, own_noise : float
         Change of the mark from frame to frame, and of the picture's own quietest parts.
     embed_xrt, receive_xrt : float
-        Speed in multiples of real time, without the picture codec.
+        Speed in multiples of real time, without the picture codec of the channel.
     """
 
     clip: str
@@ -95,7 +96,8 @@ class VideoRow:
 def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
     """Rows of `evaluate video`: every clip of a folder through every channel.
 
-    A channel's name may begin with a profile's, as in ``robust:h264-1M``. The
+    A channel's name may begin with a profile's, as in ``robust:h264-1M``, and that with the coders
+    on which the mark is tried, as in ``standard+none:h264-2M``; the default is that of `dub`. The
     built-in material is a synthetic scene.
 
     Raises
@@ -206,7 +208,7 @@ def evaluate_video(
     channels : iterable of str
         Names from `CHANNELS`.
     profile : str
-        Profile of the carrier.
+        Profile of the carrier, and after a plus sign the coders on which it is tried.
     seconds : float
         How much of each clip is used.
     strength : float
@@ -226,15 +228,18 @@ def evaluate_video(
         If a channel or profile is unknown or a clip cannot be read.
     """
     chosen = list(channels)
-    for name in chosen:
-        find_channel(name)
-    sizes = find_profile(profile)
+    for channel in chosen:
+        find_channel(channel)
+    name, _, through = profile.partition("+")
+    sizes = find_profile(name)
     rows = []
     for clip in clips:
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
-            trial = _Trial(Path(clip), Path(scratch), sizes, seconds, strength, seed)
-            for name in chosen:
-                rows.append(trial.run(name, starts))
+            trial = _Trial(
+                Path(clip), Path(scratch), sizes, through or None, seconds, strength, seed
+            )
+            for channel in chosen:
+                rows.append(trial.run(channel, starts))
                 progress(rows[-1])
     return rows
 
@@ -247,12 +252,13 @@ class _Trial:
         clip: Path,
         folder: Path,
         profile: VideoProfile,
+        through: str | None,
         seconds: float,
         strength: float,
         seed: int,
     ) -> None:
         self._clip, self._folder, self._profile = clip, folder, profile
-        self._strength, self._seed = strength, seed
+        self._strength, self._seed, self._through = strength, seed, through
         original, self._marked = folder / "original.mkv", folder / "marked.mkv"
         timed: list[_Stopwatch] = []
 
@@ -277,6 +283,7 @@ class _Trial:
             profile=self._profile.name,
             depth=form.depth,
             strength=self._strength,
+            channels=picture_channels(self._through, form.width, form.height, form.fps, form.depth),
         )
 
     def _payload(self, k: int) -> tuple[bytes, bytes]:

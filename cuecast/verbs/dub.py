@@ -88,6 +88,13 @@ def add_dubbing(parser: argparse.ArgumentParser) -> None:
         "coder (aac:128k,mp3:128k,aac:128k); or none "
         "(default: aac:64k for robust, aac:128k,mp2:192k for standard and high)",
     )  # fmt: skip
+    parser.add_argument(
+        "--video-through", metavar="CODERS",
+        help="the broadcaster's coder of pictures, such as h264:2000k, hevc:1500k, av1:1000k or "
+        "mpeg2:4000k: the invisible mark is as weak as it allows; alternatives with commas; "
+        "behind hqdn3d+h264:2000k, a cleaner of noise, the cues arrive but not their details; "
+        "or none (default: h264 with 0.087 bits per pixel)",
+    )  # fmt: skip
     parser.add_argument("--no-grade", action="store_true", help="do not run the quality meter")
     parser.add_argument(
         "--no-read-back", action="store_true", help="do not receive the written file"

@@ -109,7 +109,7 @@ def soft_bits(
     parity = int(metric < 0)
     known = layout.pilot_bits ^ parity
     scores = np.stack([
-        _likelihood(place[pilots], known, sigma * spread[pilots], coarse[pilots])
+        likelihood(place[pilots], known, sigma * spread[pilots], coarse[pilots])
         for sigma in NOISES
     ])  # fmt: skip
     together = scores.sum(axis=1)
@@ -119,11 +119,11 @@ def soft_bits(
         alike = (coarse >= 0.5) == textured
         best = scores[:, alike[pilots]].sum(axis=1) + together * (ALL_PILOTS / PILOTS)
         noise[alike] = NOISES[int(best.argmax())] * spread[alike]
-    ratios = [_likelihood(place[data], bit, noise[data], coarse[data]) for bit in (0, 1)]
+    ratios = [likelihood(place[data], bit, noise[data], coarse[data]) for bit in (0, 1)]
     return Soft(ratios[0] - ratios[1], parity, abs(metric))
 
 
-def _likelihood(
+def likelihood(
     place: FloatArray, bit: NDArray[np.int64] | int, sigma: FloatArray, coarse: FloatArray
 ) -> FloatArray:
     """Logarithm of the density of amplitudes, less the dither, around the lattice of a bit."""

@@ -33,6 +33,9 @@ the same bit."""
 TEXTURE = 2.0
 """Texture in luma of 8 bits from which a cell has the coarse step."""
 
+TEXTURE_EVERY = 4
+"""Frames between those whose texture is measured."""
+
 FADE = 0.25
 """Part of a superframe during which one pattern gives way to the next, half of it on each side."""
 

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from watermark.link.link import Decoded
 from watermark.link.superframe import ReceivedSuperframe
 from watermark.video.demodulate import Soft, coarse_share, soft_bits
-from watermark.video.embed import TEXTURE_EVERY
 from watermark.video.grid import Grid
 from watermark.video.modes import PilotWatch
-from watermark.video.profile import COLUMNS, ROWS, TEMPLATES, VideoProfile
+from watermark.video.profile import COLUMNS, ROWS, TEMPLATES, TEXTURE_EVERY, VideoProfile
 from watermark.video.timing import Timing
 
 Luma = NDArray[Any]

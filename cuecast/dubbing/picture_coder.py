@@ -1,0 +1,192 @@
+"""A coder of pictures and its decoder as one stream: luma that viewers at home will see.
+
+In: luma of a programme; out: the luma that came through, later by the coder's delay. On it the
+embedder tries the mark. Codecs are those of PyAV.
+"""
+
+import os
+import re
+from fractions import Fraction
+from typing import Any
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+
+from codec.errors import CueError
+from cuecast.dubbing.coder_stream import chains_of
+from cuecast.dubbing.denoiser import Denoiser
+from receiver.media.picture import luma_of
+from watermark.video.codec_loop import Channel, PictureCoder
+
+USUAL_BITS_PER_PIXEL = 2_000_000 / (1280 * 720 * 25)
+"""Rate of the coder without a choice: that of a frugal broadcast, 2 Mbit/s at 720 lines."""
+
+WITHOUT_COLOUR = 0.85
+"""Part of a coder's rate that is left for luma."""
+
+_ENCODERS: dict[str, tuple[str, dict[str, str], str]] = {
+    "h264": ("libx264", {"preset": "veryfast"}, "h264"),
+    "hevc": ("libx265", {"preset": "veryfast"}, "hevc"),
+    "mpeg2": ("mpeg2video", {"bf": "2"}, "mpeg2video"),
+    "av1": ("libsvtav1", {"preset": "10"}, "libdav1d"),
+    "vp9": ("libvpx-vp9", {"deadline": "realtime", "cpu-used": "6"}, "vp9"),
+}
+"""Encoder, its options and the decoder of each name."""
+
+CLEANER = "hqdn3d"
+"""Name of the cleaner of noise."""
+
+Luma = NDArray[Any]
+
+
+class PictureStream:
+    """Code and decode without end.
+
+    Parameters
+    ----------
+    coder : str
+        Name and bit rate, such as ``h264:2000k``.
+    width, height : int
+        Pixels of the picture; an odd last row or column is left out.
+    fps : Fraction
+        Frames per second.
+    depth : int
+        Bits per sample; coded are 8.
+
+    Raises
+    ------
+    CueError
+        If there is no such coder, or not at this rate or size.
+
+    Examples
+    --------
+    >>> stream = PictureStream("mpeg2:1000k", 320, 180, Fraction(25), 8)
+    >>> frame = np.full((180, 320), 100, dtype=np.uint8)
+    >>> decoded = stream.process(frame) + stream.process(frame) + stream.flush()
+    >>> len(decoded), decoded[0].shape
+    (2, (180, 320))
+    """
+
+    def __init__(self, coder: str, width: int, height: int, fps: Fraction, depth: int) -> None:
+        match = re.fullmatch(r"(\w+):([1-9]\d*)k", coder)
+        if match is None or match[1] not in _ENCODERS:
+            known = ", ".join(_ENCODERS)
+            raise CueError(f"picture coder {coder!r}: say it as h264:2000k, known: {known}")
+        name, options, decoder = _ENCODERS[match[1]]
+        rate = int(int(match[2]) * 1000 * WITHOUT_COLOUR)
+        self._shape, self._shift = (height, width), depth - 8
+        self._even = 2 * (height // 2), 2 * (width // 2)
+        try:
+            encoder: Any = av.CodecContext.create(name, "w")
+            encoder.height, encoder.width = self._even
+            encoder.pix_fmt = "yuv420p"
+            encoder.time_base, encoder.framerate = 1 / fps, fps
+            encoder.bit_rate, encoder.gop_size = rate, round(fps)
+            encoder.thread_count = 1
+            encoder.options = options | _limits(name, rate)
+            encoder.open()
+            self._decoder: Any = av.CodecContext.create(decoder, "r")
+            self._decoder.thread_count = 1
+        except (av.FFmpegError, ValueError) as error:
+            raise CueError(f"picture coder {coder!r}: {error}") from error
+        self._encoder = encoder
+        self._count = 0
+
+    def process(self, luma: Luma) -> list[Luma]:
+        """Take a frame; return the frames decoded by now, uint8, shape (height, width)."""
+        frame = av.VideoFrame(self._even[1], self._even[0], "yuv420p")
+        for plane in frame.planes[1:]:
+            plane.update(bytes([128]) * plane.buffer_size)
+        luma_of(frame)[:] = luma[: self._even[0], : self._even[1]] >> self._shift
+        frame.pts, frame.time_base = self._count, self._encoder.time_base
+        self._count += 1
+        return self._decoded(self._encoder.encode(frame))
+
+    def flush(self) -> list[Luma]:
+        """Return the frames still inside."""
+        return self._decoded([*self._encoder.encode(None), None])
+
+    def _decoded(self, packets: list[Any]) -> list[Luma]:
+        frames = [frame for packet in packets for frame in self._decoder.decode(packet)]
+        return [self._padded(luma_of(frame)) for frame in frames]
+
+    def _padded(self, luma: Luma) -> Luma:
+        missing = [(0, n - m) for n, m in zip(self._shape, luma.shape, strict=True)]
+        return np.pad(luma, missing, mode="edge") if any(n for _, n in missing) else luma.copy()
+
+
+def _limits(encoder: str, rate: int) -> dict[str, str]:
+    """Return the options that hold a rate over one second, as on air."""
+    if encoder == "libsvtav1":
+        os.environ.setdefault("SVT_LOG", "1")
+        return {"svtav1-params": "lp=1"}
+    if encoder == "libx265":
+        kilobits = rate // 1000
+        return {
+            "x265-params": f"vbv-maxrate={kilobits}:vbv-bufsize={kilobits}:log-level=none:"
+            "pools=none:frame-threads=1"
+        }
+    return {"maxrate": str(rate), "bufsize": str(rate)}
+
+
+class _Row:
+    """Streams in a row."""
+
+    def __init__(self, streams: list[PictureCoder]) -> None:
+        self._streams = streams
+
+    def process(self, luma: Luma) -> list[Luma]:
+        lumas = [luma]
+        for stream in self._streams:
+            lumas = [out for each in lumas for out in stream.process(each)]
+        return lumas
+
+    def flush(self) -> list[Luma]:
+        lumas: list[Luma] = []
+        for stream in self._streams:
+            lumas = [out for each in lumas for out in stream.process(each)] + stream.flush()
+        return lumas
+
+
+def picture_channels(
+    through: str | None, width: int, height: int, fps: Fraction, depth: int, *, most_bps: int = 0
+) -> list[Channel]:
+    """Prepare the coders on which a mark is tried.
+
+    Parameters
+    ----------
+    through : str or None
+        See `chains_of`; ``hqdn3d`` in a row is a cleaner of noise, behind which L0 alone has to
+        arrive. ``none`` for no trial, None for H.264 at `USUAL_BITS_PER_PIXEL`.
+    width, height, fps, depth
+        Of the picture.
+    most_bps : int
+        Most bits per second without a choice: the rate of the file to be written; 0 for any.
+
+    Raises
+    ------
+    CueError
+        If there is no such coder.
+
+    Examples
+    --------
+    >>> [channel.whole for channel in picture_channels(
+    ...     "h264:500k,hqdn3d+h264:500k", 640, 360, Fraction(25), 8
+    ... )]
+    [True, False]
+    """
+    if through == "none":
+        return []
+    usual_bps = USUAL_BITS_PER_PIXEL * width * height * float(fps)
+    rate = max(1, round(min(usual_bps, most_bps or usual_bps) / 1000))
+    channels = []
+    for names in chains_of(through or f"h264:{rate}k"):
+        streams: list[PictureCoder] = []
+        for name in names:
+            if name == CLEANER:
+                streams.append(Denoiser(depth if not streams else 8))
+            else:
+                streams.append(PictureStream(name, width, height, fps, 8 if streams else depth))
+        channels.append(Channel(_Row(streams), whole=CLEANER not in names))
+    return channels

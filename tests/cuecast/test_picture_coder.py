@@ -1,0 +1,85 @@
+"""Coders of pictures on which a mark is tried, and the cleaner of noise among them."""
+
+import subprocess
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+
+from codec.errors import CueError
+from cuecast.dubbing.denoiser import Denoiser
+from cuecast.dubbing.picture_coder import PictureStream, picture_channels
+
+RATE = Fraction(25)
+
+
+def frames(count: int, width: int = 320, height: int = 180, depth: int = 8) -> list[Any]:
+    y, x = np.mgrid[:height, :width]
+    rng = np.random.default_rng(0)
+    kind = np.uint8 if depth == 8 else np.uint16
+    return [
+        ((120 + 60 * np.sin(x / 20 + n / 5) * np.cos(y / 15) + rng.normal(0, 3, x.shape))
+         * 2 ** (depth - 8)).astype(kind)
+        for n in range(count)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("coder", "width", "height", "depth"),
+    [("h264:300k", 321, 181, 8), ("mpeg2:900k", 320, 180, 10)],
+)
+def test_every_frame_comes_back_in_order(coder: str, width: int, height: int, depth: int) -> None:
+    stream = PictureStream(coder, width, height, RATE, depth)
+    sent = frames(30, width, height, depth)
+    decoded = [out for frame in sent for out in stream.process(frame)] + stream.flush()
+    assert [frame.shape for frame in decoded] == [(height, width)] * 30
+    for n in range(30):
+        errors = [
+            float(np.mean((decoded[n] - (other >> (depth - 8)).astype(float)) ** 2))
+            for other in sent[max(0, n - 2) : n + 3]
+        ]
+        assert int(np.argmin(errors)) == min(n, 2)
+
+
+@pytest.mark.parametrize("through", ["h264", "theora:300k", "h264:300k+aac:64k", "h264:0k"])
+def test_unknown_coders_are_refused(through: str) -> None:
+    with pytest.raises(CueError, match="picture coder"):
+        picture_channels(through, 320, 180, RATE, 8)
+
+
+def test_rate_without_a_choice_is_at_most_the_files(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[str] = []
+    monkeypatch.setattr(
+        "cuecast.dubbing.picture_coder.PictureStream", lambda coder, *_: made.append(coder)
+    )
+    picture_channels(None, 1280, 720, RATE, 8)
+    picture_channels(None, 1280, 720, RATE, 8, most_bps=900_000)
+    assert made == ["h264:2000k", "h264:900k"]
+    assert picture_channels("none", 320, 180, RATE, 8) == []
+
+
+def test_cleaner_spares_what_stands_out() -> None:
+    edge = np.full((40, 60), 60, dtype=np.uint8)
+    edge[:, 30:] = 180
+    assert np.array_equal(Denoiser().process(edge)[0], edge)
+    noisy = edge + np.random.default_rng(1).integers(-3, 4, (8, 40, 60))
+    cleaner = Denoiser()
+    cleaned = [cleaner.process(f.astype(np.uint8))[0] for f in noisy][-1]
+    assert np.std(cleaned - edge.astype(float)) < 0.5 * np.std(noisy[-1] - edge)
+
+
+def test_cleaner_is_that_of_ffmpeg(tmp_path: Any) -> None:
+    package = pytest.importorskip("imageio_ffmpeg", reason="brings the filter hqdn3d")
+    sent = frames(6)
+    raw, size = tmp_path / "raw", ["-f", "rawvideo", "-pix_fmt", "gray", "-s", "320x180"]
+    raw.write_bytes(b"".join(frame.tobytes() for frame in sent))
+    command = [package.get_ffmpeg_exe(), "-v", "error", *size, "-i", str(raw)]
+    command += ["-vf", "format=yuv420p,hqdn3d=4:3:6:4.5,format=gray", "-f", "rawvideo", "-"]
+    found = subprocess.run(command, capture_output=True, check=True).stdout
+    theirs = np.frombuffer(found, np.uint8).reshape(-1, 180, 320)
+    cleaner = Denoiser()
+    for frame, wanted in zip(sent, theirs, strict=True):
+        difference = cleaner.process(frame)[0] - wanted.astype(float)
+        assert abs(difference).max() <= 1
+        assert abs(difference).mean() < 0.05  # measured 0.02

@@ -1,0 +1,101 @@
+"""Strengths chosen on a coder: the least that arrives, never a worse mark than without."""
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.watermark.pictures import HEIGHT, WIDTH, mark, picture, receive, source
+from watermark.video.codec_loop import Channel
+from watermark.video.embed import VideoEmbedder
+from watermark.video.receive import VideoReceiver
+
+FRAMES = 64
+
+
+class Spoiler:
+    """Add noise that stays for 16 frames, in blocks of 4 x 4 pixels; hand frames on later."""
+
+    def __init__(self, deviation: float, delay: int = 0) -> None:
+        self._deviation, self._delay = deviation, delay
+        self._frames: deque[Any] = deque()
+        self._count = 0
+
+    def process(self, luma: np.ndarray) -> list[np.ndarray]:
+        rng = np.random.default_rng([3, self._count // 16])
+        blocks = rng.normal(0, self._deviation, (HEIGHT // 4, WIDTH // 4))
+        self._count += 1
+        noisy = np.clip(luma + blocks.repeat(4, axis=0).repeat(4, axis=1), 0, 255)
+        self._frames.append(np.round(noisy).astype(np.uint8))
+        return [self._frames.popleft()] if len(self._frames) > self._delay else []
+
+    def flush(self) -> list[np.ndarray]:
+        rest = list(self._frames)
+        self._frames.clear()
+        return rest
+
+
+class Swallower:
+    def process(self, luma: np.ndarray) -> list[np.ndarray]:
+        return []
+
+    def flush(self) -> list[np.ndarray]:
+        return []
+
+
+def marked_for(*channels: Channel, name: str = "standard") -> tuple[list[np.ndarray], Any]:
+    embedder = VideoEmbedder(WIDTH, HEIGHT, 25, source(name), profile=name, channels=channels)
+    return mark([picture(n) for n in range(FRAMES)], embedder), embedder.report()
+
+
+def whole(frames: list[np.ndarray], deviation: float) -> list[bool]:
+    """Which of the superframes arrive whole behind other noise than the trial's."""
+    spoiler = Spoiler(deviation)
+    arrived = [out for frame in frames for out in spoiler.process(frame[::-1])]
+    found = receive([frame[::-1] for frame in arrived], VideoReceiver(WIDTH, HEIGHT, 25))
+    right = {round(s.position_s / 0.64) for s in found if s.l1 is not None}
+    return [k in right for k in range(FRAMES // 16)]
+
+
+def test_weak_mark_where_little_is_asked() -> None:
+    fixed, fixed_report = marked_for()
+    weak, report = marked_for(Channel(Spoiler(0.0)))
+    assert report.psnr_db > fixed_report.psnr_db + 1.5
+    assert report.steps == (4, 0, 0)
+    assert all(whole(weak, 0.0))
+    assert len(weak) == len(fixed)
+
+
+def test_strong_mark_where_much_is_asked() -> None:
+    deviation = 0.7
+    fixed, _ = marked_for()
+    strong, report = marked_for(Channel(Spoiler(deviation)))
+    assert report.steps[0] == 0
+    assert sum(whole(strong, deviation)) > sum(whole(fixed, deviation))
+
+
+def test_worst_of_several_channels_counts() -> None:
+    _, one = marked_for(Channel(Spoiler(0.3)))
+    _, both = marked_for(Channel(Spoiler(0.0)), Channel(Spoiler(0.3)))
+    assert both == one
+
+
+def test_delay_of_the_coder_changes_nothing() -> None:
+    at_once, _ = marked_for(Channel(Spoiler(0.2)))
+    later, _ = marked_for(Channel(Spoiler(0.2, delay=7)))
+    assert all(np.array_equal(a, b) for a, b in zip(at_once, later, strict=True))
+
+
+def test_l0_alone_needs_less() -> None:
+    _, both = marked_for(Channel(Spoiler(0.5)))
+    _, first = marked_for(Channel(Spoiler(0.5), whole=False))
+    assert first.psnr_db > both.psnr_db + 1
+
+
+@pytest.mark.parametrize("coder", [Swallower(), Spoiler(60.0)])
+def test_never_weaker_than_without_where_the_coder_leaves_nothing(coder: Any) -> None:
+    fixed, fixed_report = marked_for()
+    tried, report = marked_for(Channel(coder))
+    assert len(tried) == len(fixed)
+    assert report.psnr_db <= fixed_report.psnr_db + 0.5

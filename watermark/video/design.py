@@ -1,0 +1,97 @@
+"""The pattern of a superframe: which amplitude each template is moved by.
+
+In: the mean amplitudes of a picture over a window, its textures and the payload; out: amplitudes at
+any strength. Specification: spec/video-carrier.md, section 4.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.video.modes import Mode
+from watermark.video.profile import COARSE, COLUMNS, ROWS, STEPS, TEXTURE
+
+FloatArray = NDArray[np.float64]
+
+SMALL_CELL = 80.0
+"""Pixels of a cell below which every superframe has the next wider step: in cells of 8 by 8, one
+block of a coder, MPEG-2 at 4 Mbit/s takes a quarter of the fine bits otherwise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Strength:
+    """How strongly a superframe is marked.
+
+    Attributes
+    ----------
+    rung : int
+        Which of the profile's steps.
+    share : float
+        Part of the way to the lattice point that each amplitude is moved, above 0.5. Less is
+        harder to see and leaves less room for noise; receivers take the rest for noise.
+    """
+
+    rung: int
+    share: float = 1.0
+
+
+def fixed_strength(place: int, shape: tuple[int, int]) -> Strength:
+    """Strength of the superframe at `place` that was not tried, in a picture of this shape.
+
+    The first one is stronger, since the rate control of coders starts poor.
+
+    Examples
+    --------
+    >>> fixed_strength(0, (720, 1280)).rung, fixed_strength(5, (720, 1280)).rung
+    (1, 0)
+    """
+    small = shape[0] * shape[1] < SMALL_CELL * ROWS * COLUMNS
+    return Strength(min(int(small) + int(place == 0), len(STEPS) - 1))
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """A superframe that waits for its strength.
+
+    Attributes
+    ----------
+    place : int
+        Of the superframe.
+    host : ndarray of float64, shape (TEMPLATES, ROWS, COLUMNS)
+        Mean amplitudes of the picture in luma of 8 bits.
+    texture : ndarray of float64, shape (ROWS, COLUMNS)
+        Texture of the cells.
+    coded : ndarray of int64, shape (DATA,)
+        Coded bits of the payload.
+    """
+
+    place: int
+    host: FloatArray
+    texture: FloatArray
+    coded: NDArray[np.int64]
+
+    def bits(self, mode: Mode) -> NDArray[np.int64]:
+        """Bit of every value, pilots included, shape (POSITIONS,)."""
+        layout = mode.layout
+        bits = np.empty(self.host.size, dtype=np.int64)
+        bits[layout.pilots] = layout.pilot_bits ^ (self.place & 1)
+        bits[layout.data] = self.coded
+        return bits
+
+    def moves(self, mode: Mode, share: float = 1.0) -> FloatArray:
+        """Amplitudes to add at one strength, shape (TEMPLATES, ROWS, COLUMNS)."""
+        spread = np.where(self.texture > TEXTURE, float(COARSE), 1.0)
+        shape = self.host.shape
+        dither, bits = mode.layout.dither.reshape(shape), self.bits(mode).reshape(shape)
+        place = (self.host / mode.step - dither - spread * bits / 2) / spread
+        return np.asarray((np.round(place) - place) * spread * mode.step * share)
+
+    def mixed(
+        self, modes: Sequence[Mode], strengths: Sequence[Strength], choice: NDArray[np.int64]
+    ) -> FloatArray:
+        """Amplitudes to add where each value has the strength of its own `choice`."""
+        all_moves = np.stack([self.moves(modes[s.rung], s.share) for s in strengths])
+        choice = choice.reshape(self.host.shape)
+        return np.asarray(np.take_along_axis(all_moves, choice[None], axis=0)[0])
