@@ -17,7 +17,8 @@ from codec.errors import CueError
 from cuecast.dubbing.coder_stream import chains_of
 from cuecast.dubbing.denoiser import Denoiser
 from receiver.media.picture import luma_of
-from watermark.video.codec_loop import Channel, PictureCoder
+from watermark.video.codec_loop import Channel
+from watermark.video.trial import PictureCoder
 
 USUAL_BITS_PER_PIXEL = 2_000_000 / (1280 * 720 * 25)
 """Rate of the coder without a choice: that of a frugal broadcast, 2 Mbit/s at 720 lines."""

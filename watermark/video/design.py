@@ -28,13 +28,15 @@ class Strength:
     ----------
     rung : int
         Which of the profile's steps.
-    share : float
-        Part of the way to the lattice point that each amplitude is moved, above 0.5. Less is
-        harder to see and leaves less room for noise; receivers take the rest for noise.
+    fine, coarse : float
+        Part of the way to the lattice point that each amplitude is moved, 0.5 to 1, in cells with
+        the fine and with the coarse step. Less is harder to see and leaves less room for noise;
+        receivers take the rest for noise.
     """
 
     rung: int
-    share: float = 1.0
+    fine: float = 1.0
+    coarse: float = 1.0
 
 
 def fixed_strength(place: int, shape: tuple[int, int]) -> Strength:
@@ -80,9 +82,16 @@ class Design:
         bits[layout.data] = self.coded
         return bits
 
-    def moves(self, mode: Mode, share: float = 1.0) -> FloatArray:
+    @property
+    def textured(self) -> NDArray[np.bool_]:
+        """Cells with the coarse step, shape (ROWS, COLUMNS)."""
+        return self.texture > TEXTURE
+
+    def moves(self, modes: Sequence[Mode], strength: Strength) -> FloatArray:
         """Amplitudes to add at one strength, shape (TEMPLATES, ROWS, COLUMNS)."""
-        spread = np.where(self.texture > TEXTURE, float(COARSE), 1.0)
+        mode = modes[strength.rung]
+        spread = np.where(self.textured, float(COARSE), 1.0)
+        share = np.where(self.textured, strength.coarse, strength.fine)
         shape = self.host.shape
         dither, bits = mode.layout.dither.reshape(shape), self.bits(mode).reshape(shape)
         place = (self.host / mode.step - dither - spread * bits / 2) / spread
@@ -92,6 +101,6 @@ class Design:
         self, modes: Sequence[Mode], strengths: Sequence[Strength], choice: NDArray[np.int64]
     ) -> FloatArray:
         """Amplitudes to add where each value has the strength of its own `choice`."""
-        all_moves = np.stack([self.moves(modes[s.rung], s.share) for s in strengths])
+        all_moves = np.stack([self.moves(modes, strength) for strength in strengths])
         choice = choice.reshape(self.host.shape)
         return np.asarray(np.take_along_axis(all_moves, choice[None], axis=0)[0])

@@ -205,5 +205,5 @@ class VideoEmbedder:
     def _paint(self, strength: Strength) -> None:
         """Give the oldest design its strength."""
         self._steps[strength.rung] += 1
-        moves = self._designs.popleft().moves(self._modes[strength.rung], strength.share)
+        moves = self._designs.popleft().moves(self._modes, strength)
         self._writer.add_pattern(self._grid.paint(moves))

@@ -1,0 +1,188 @@
+"""A trial of the mark on a coder: how much information each step leaves in the decoded picture.
+
+In: designs of superframes, the random strengths that their values had, frames that came through the
+coder; out: bits per value and agreement of pilots for each strength and kind of cell.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import isotonic_regression
+
+from watermark.video.demodulate import (
+    MOTION_LIMIT,
+    MOTION_WEIGHT,
+    NOISES,
+    coarse_share,
+    likelihood,
+    pilot_waves,
+)
+from watermark.video.design import Design, Strength
+from watermark.video.grid import Grid
+from watermark.video.modes import Mode
+from watermark.video.profile import TEMPLATES, TEXTURE_EVERY
+from watermark.video.timing import Timing
+
+SHARES = ((0.5, 0.6, 0.7, 0.85, 1.0), (0.6, 0.8, 1.0), (0.6, 0.8, 1.0))
+"""Parts of the way to the lattice point that are tried with each step."""
+
+TRIED = tuple((rung, share) for rung, shares in enumerate(SHARES) for share in shares)
+"""Steps and parts of the way that the values of a trial have."""
+
+ODDS = tuple((0.6, 0.25, 0.15)[rung] / len(SHARES[rung]) for rung, _ in TRIED)
+"""Part of the values that each of them has: few are strong, for they cost the coder bits."""
+
+Luma = NDArray[Any]
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class PictureCoder(Protocol):
+    """A coder and its decoder as one stream of luma."""
+
+    def process(self, luma: Luma) -> list[Luma]:
+        """Take a frame; return frames decoded by now, in order, in luma of 8 bits."""
+
+    def flush(self) -> list[Luma]:
+        """Return the frames still inside."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What a coder left of a superframe.
+
+    Attributes
+    ----------
+    parts : ndarray of float64, shape (2,)
+        Part of the values in cells with the fine and with the coarse step.
+    information, agreement : ndarray of float64, shape (2, len(TRIED))
+        Bits per value and mean agreement of known bits, 0 to 1, for both kinds of cells.
+    """
+
+    parts: FloatArray
+    information: FloatArray
+    agreement: FloatArray
+
+    def at(self, strength: Strength) -> tuple[float, float]:
+        """Mean bits per value and mean agreement at a strength, between those tried if need be."""
+        shares = SHARES[strength.rung]
+        first = TRIED.index((strength.rung, shares[0]))
+        tried = slice(first, first + len(shares))
+        bits, agreement = (
+            float(
+                self.parts[0] * np.interp(strength.fine, shares, table[0, tried])
+                + self.parts[1] * np.interp(strength.coarse, shares, table[1, tried])
+            )
+            for table in (self.information, self.agreement)
+        )
+        return bits, agreement
+
+
+class Trial:
+    """One coder and what its decoded pictures show.
+
+    Parameters
+    ----------
+    coder : PictureCoder
+    modes : sequence of Mode
+        The profile's, one for each step.
+    shape : tuple of int
+        Height and width of the picture.
+    timing : Timing
+        Frame rate.
+
+    Attributes
+    ----------
+    findings : deque of Finding or None
+        Of the next superframes; None where the coder gave no picture back.
+    """
+
+    def __init__(
+        self, coder: PictureCoder, modes: Sequence[Mode], shape: tuple[int, int], timing: Timing
+    ) -> None:
+        self._coder, self._modes, self._timing = coder, modes, timing
+        self._grid = Grid(shape[1], shape[0])
+        self._received = 0
+        self._values: list[FloatArray] = []
+        self._textures: list[FloatArray] = []
+        self._waiting: deque[tuple[Design, IntArray]] = deque()
+        self.findings: deque[Finding | None] = deque()
+
+    def expect(self, design: Design, choice: IntArray) -> None:
+        """Note a superframe that is on its way; `choice`: indices of `TRIED` of its values."""
+        self._waiting.append((design, choice))
+
+    def process(self, frame: Luma) -> None:
+        """Send a marked frame through the coder."""
+        self._take(self._coder.process(frame))
+
+    def flush(self) -> None:
+        """Read the rest in the coder."""
+        self._take(self._coder.flush())
+        self.findings.extend([None] * len(self._waiting))
+        self._waiting.clear()
+
+    def _take(self, decoded: list[Luma]) -> None:
+        for luma in decoded:
+            if self._waiting:
+                start = self._timing.window_start(self._waiting[0][0].place)
+                if start <= self._received < start + self._timing.window:
+                    self._values.append(self._grid.project(luma).reshape(-1))
+                    if self._received % TEXTURE_EVERY == 0:
+                        self._textures.append(self._grid.texture(luma).reshape(-1))
+                if self._received == start + self._timing.window - 1:
+                    self.findings.append(self._measured(*self._waiting.popleft()))
+                    self._values.clear()
+                    self._textures.clear()
+            self._received += 1
+
+    def _measured(self, design: Design, choice: IntArray) -> Finding:
+        """Compare the window at hand with the bits that were sent."""
+        values = np.array(self._values)
+        texture = np.mean(self._textures, axis=0) if self._textures else design.texture.reshape(-1)
+        share = np.tile(coarse_share(texture), TEMPLATES)
+        textured = np.tile(design.textured.reshape(-1), TEMPLATES)
+        bits, dither = design.bits(self._modes[0]), self._modes[0].layout.dither
+        found = np.zeros((2, 2, len(TRIED)))
+        counts = np.zeros((2, len(TRIED)))
+        for index, (rung, _) in enumerate(TRIED):
+            step = self._modes[rung].step
+            for kind in (0, 1):
+                mine = np.flatnonzero((choice == index) & (textured == bool(kind)))
+                if not mine.size:
+                    continue
+                place = values[:, mine].mean(axis=0) / step - dither[mine]
+                variance = values[:, mine].var(axis=0) / step**2
+                found[:, kind, index] = _information(place, variance, bits[mine], share[mine])
+                counts[kind, index] = mine.size
+        parts = np.array([1 - textured.mean(), textured.mean()])
+        return Finding(parts, *(_smooth(table, counts) for table in found))
+
+
+def _information(
+    place: FloatArray, variance: FloatArray, known: IntArray, share: FloatArray
+) -> tuple[float, float]:
+    """Bits per value and agreement of values whose bits are known, by the receiver's own rules."""
+    spread = np.sqrt(1 + MOTION_WEIGHT * np.minimum(variance, MOTION_LIMIT))
+    right = np.stack([likelihood(place, known, sigma * spread, share) for sigma in NOISES])
+    best = int(right.sum(axis=1).argmax())
+    ratio = right[best] - likelihood(place, 1 - known, NOISES[best] * spread, share)
+    waves = (1 - 2 * known) * pilot_waves(place, share)
+    return float(np.mean(1 - np.logaddexp(0, -ratio) / np.log(2))), float(waves.mean())
+
+
+def _smooth(table: FloatArray, counts: FloatArray) -> FloatArray:
+    """Let no value fall as the part of the way grows, in the order of `TRIED`."""
+    out = np.zeros_like(table)
+    first = 0
+    for shares in SHARES:
+        group = slice(first, first + len(shares))
+        for kind in (0, 1):
+            weights = counts[kind, group] + 1e-3
+            out[kind, group] = isotonic_regression(table[kind, group], weights=weights).x
+        first += len(shares)
+    return out
