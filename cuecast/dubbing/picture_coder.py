@@ -17,8 +17,8 @@ from codec.errors import CueError
 from cuecast.dubbing.coder_stream import chains_of
 from cuecast.dubbing.denoiser import Denoiser
 from receiver.media.picture import luma_of
-from watermark.video.codec_loop import Channel
-from watermark.video.trial import PictureCoder
+from watermark.video.codec_loop import TriedChannel
+from watermark.video.coder_trial import PictureCoder
 
 USUAL_BITS_PER_PIXEL = 2_000_000 / (1280 * 720 * 25)
 """Rate of the coder without a choice: that of a frugal broadcast, 2 Mbit/s at 720 lines."""
@@ -131,7 +131,7 @@ def _limits(encoder: str, rate: int) -> dict[str, str]:
     return {"maxrate": str(rate), "bufsize": str(rate)}
 
 
-class _Row:
+class _PictureChain:
     """Streams in a row."""
 
     def __init__(self, streams: list[PictureCoder]) -> None:
@@ -152,7 +152,7 @@ class _Row:
 
 def picture_channels(
     through: str | None, width: int, height: int, fps: Fraction, depth: int, *, most_bps: int = 0
-) -> list[Channel]:
+) -> list[TriedChannel]:
     """Prepare the coders on which a mark is tried.
 
     Parameters
@@ -189,5 +189,5 @@ def picture_channels(
                 streams.append(Denoiser(depth if not streams else 8))
             else:
                 streams.append(PictureStream(name, width, height, fps, 8 if streams else depth))
-        channels.append(Channel(_Row(streams), whole=CLEANER not in names))
+        channels.append(TriedChannel(_PictureChain(streams), whole=CLEANER not in names))
     return channels

@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.link.link import L0_CHECK, L1_CHECK
+from watermark.video.coder_trial import ODDS, SHARES, TRIED, CoderTrial, PictureCoder, TrialFinding
 from watermark.video.design import Design, Strength, fixed_strength
 from watermark.video.fading import PatternWriter
 from watermark.video.grid import Grid
 from watermark.video.modes import Mode
 from watermark.video.profile import COARSE, POSITIONS, VideoProfile
 from watermark.video.timing import Timing
-from watermark.video.trial import ODDS, SHARES, TRIED, Finding, PictureCoder, Trial
 
 STRENGTHS = tuple(
     Strength(rung, fine / 20, coarse / 20)
@@ -60,7 +60,7 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Channel:
+class TriedChannel:
     """One way to the viewers.
 
     Attributes
@@ -89,17 +89,19 @@ class PictureLoop:
         Bits per sample.
     timing : Timing
         Frame rate.
-    channels : sequence of Channel
+    channels : sequence of TriedChannel
         All have to be survived.
     """
 
     def __init__(
         self, profile: VideoProfile, modes: Sequence[Mode], grid: Grid, depth: int, timing: Timing,
-        channels: Sequence[Channel],
+        channels: Sequence[TriedChannel],
     ) -> None:  # fmt: skip
         self._profile, self._modes, self._grid = profile, modes, grid
         self._writer = PatternWriter(grid.shape, depth, timing)
-        self._trials = [Trial(channel.coder, modes, grid.shape, timing) for channel in channels]
+        self._trials = [
+            CoderTrial(channel.coder, modes, grid.shape, timing) for channel in channels
+        ]
         self._whole = [channel.whole for channel in channels]
         self._places: deque[int] = deque()
 
@@ -143,7 +145,7 @@ class PictureLoop:
             for _ in range(count)
         ]
 
-    def _least_visible(self, place: int, findings: Sequence[Finding | None]) -> Strength:
+    def _least_visible(self, place: int, findings: Sequence[TrialFinding | None]) -> Strength:
         """Return the strength that changes the picture least among those that suffice."""
         fixed = fixed_strength(place, self._grid.shape)
         enough = np.ones(len(STRENGTHS), dtype=bool)
@@ -155,7 +157,7 @@ class PictureLoop:
             enough &= self._enough(finding, whole, place, costs >= costs[STRENGTHS.index(fixed)])
         return STRENGTHS[int(np.where(enough, costs, np.inf).argmin()) if enough.any() else -1]
 
-    def _costs(self, finding: Finding) -> FloatArray:
+    def _costs(self, finding: TrialFinding) -> FloatArray:
         """Mean square of the pattern at each strength, up to a factor."""
         fine, coarse = finding.parts
         return np.array([
@@ -165,7 +167,7 @@ class PictureLoop:
         ])  # fmt: skip
 
     def _enough(
-        self, finding: Finding, whole: bool, place: int, strong: NDArray[np.bool_]
+        self, finding: TrialFinding, whole: bool, place: int, strong: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
         """Which strengths suffice for a channel; `strong`: those not weaker than without a trial.
 

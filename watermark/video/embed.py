@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from watermark.link.inputs import checked_payload
-from watermark.video.codec_loop import Channel, PictureLoop
+from watermark.video.codec_loop import PictureLoop, TriedChannel
 from watermark.video.design import Design, Strength, fixed_strength
 from watermark.video.fading import PatternWriter
 from watermark.video.grid import Grid
@@ -80,7 +80,7 @@ class VideoEmbedder:
         Bits per sample.
     strength : float
         Factor of the profile's step.
-    channels : sequence of Channel
+    channels : sequence of TriedChannel
         Coders on which the strength of each superframe is tried; without any it is fixed.
 
     Raises
@@ -100,7 +100,7 @@ class VideoEmbedder:
         key: int = 0,
         depth: int = 8,
         strength: float = 1.0,
-        channels: Sequence[Channel] = (),
+        channels: Sequence[TriedChannel] = (),
     ) -> None:
         if not 0.2 <= strength <= 8:
             raise CueError(f"strength {strength}: must be 0.2..8")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.watermark.pictures import HEIGHT, WIDTH, mark, picture, receive, source
-from watermark.video.codec_loop import Channel
+from watermark.video.codec_loop import TriedChannel
 from watermark.video.embed import VideoEmbedder
 from watermark.video.receive import VideoReceiver
 
@@ -55,7 +55,7 @@ def fixed() -> tuple[list[np.ndarray], Any]:
     return marked_for()
 
 
-def marked_for(*channels: Channel, name: str = "standard") -> tuple[list[np.ndarray], Any]:
+def marked_for(*channels: TriedChannel, name: str = "standard") -> tuple[list[np.ndarray], Any]:
     embedder = VideoEmbedder(WIDTH, HEIGHT, 25, source(name), profile=name, channels=channels)
     return mark(unmarked(), embedder), embedder.report()
 
@@ -71,7 +71,7 @@ def whole(frames: list[np.ndarray], deviation: float) -> list[bool]:
 
 def test_weak_mark_where_little_is_asked() -> None:
     plain, plain_report = fixed()
-    weak, report = marked_for(Channel(Spoiler(0.0)))
+    weak, report = marked_for(TriedChannel(Spoiler(0.0)))
     assert report.psnr_db > plain_report.psnr_db + 1.5
     assert report.steps == (3, 0, 0)
     assert all(whole(weak, 0.0))
@@ -81,32 +81,32 @@ def test_weak_mark_where_little_is_asked() -> None:
 def test_strong_mark_where_much_is_asked() -> None:
     deviation = 0.7
     plain, _ = fixed()
-    strong, report = marked_for(Channel(Spoiler(deviation)))
+    strong, report = marked_for(TriedChannel(Spoiler(deviation)))
     assert report.steps[0] == 0
     assert sum(whole(strong, deviation)) > sum(whole(plain, deviation))
 
 
 def test_worst_of_several_channels_counts() -> None:
-    _, one = marked_for(Channel(Spoiler(0.3)))
-    _, both = marked_for(Channel(Spoiler(0.0)), Channel(Spoiler(0.3)))
+    _, one = marked_for(TriedChannel(Spoiler(0.3)))
+    _, both = marked_for(TriedChannel(Spoiler(0.0)), TriedChannel(Spoiler(0.3)))
     assert both == one
 
 
 def test_delay_of_the_coder_changes_nothing() -> None:
-    at_once, _ = marked_for(Channel(Spoiler(0.2)))
-    later, _ = marked_for(Channel(Spoiler(0.2, delay=7)))
+    at_once, _ = marked_for(TriedChannel(Spoiler(0.2)))
+    later, _ = marked_for(TriedChannel(Spoiler(0.2, delay=7)))
     assert all(np.array_equal(a, b) for a, b in zip(at_once, later, strict=True))
 
 
 def test_l0_alone_needs_less() -> None:
-    _, both = marked_for(Channel(Spoiler(0.5)))
-    _, first = marked_for(Channel(Spoiler(0.5), whole=False))
+    _, both = marked_for(TriedChannel(Spoiler(0.5)))
+    _, first = marked_for(TriedChannel(Spoiler(0.5), whole=False))
     assert first.psnr_db > both.psnr_db + 1
 
 
 @pytest.mark.parametrize("coder", [Swallower(), Spoiler(60.0)])
 def test_never_weaker_than_without_where_the_coder_leaves_nothing(coder: Any) -> None:
     plain, plain_report = fixed()
-    tried, report = marked_for(Channel(coder))
+    tried, report = marked_for(TriedChannel(coder))
     assert len(tried) == len(plain)
     assert report.psnr_db <= plain_report.psnr_db + 0.5

@@ -52,7 +52,7 @@ class PictureCoder(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class TrialFinding:
     """What a coder left of a superframe.
 
     Attributes
@@ -82,7 +82,7 @@ class Finding:
         return bits, agreement
 
 
-class Trial:
+class CoderTrial:
     """One coder and what its decoded pictures show.
 
     Parameters
@@ -97,7 +97,7 @@ class Trial:
 
     Attributes
     ----------
-    findings : deque of Finding or None
+    findings : deque of TrialFinding or None
         Of the next superframes; None where the coder gave no picture back.
     """
 
@@ -110,7 +110,7 @@ class Trial:
         self._values: list[FloatArray] = []
         self._textures: list[FloatArray] = []
         self._waiting: deque[tuple[Design, IntArray]] = deque()
-        self.findings: deque[Finding | None] = deque()
+        self.findings: deque[TrialFinding | None] = deque()
 
     def expect(self, design: Design, choice: IntArray) -> None:
         """Note a superframe that is on its way; `choice`: indices of `TRIED` of its values."""
@@ -140,7 +140,7 @@ class Trial:
                     self._textures.clear()
             self._received += 1
 
-    def _measured(self, design: Design, choice: IntArray) -> Finding:
+    def _measured(self, design: Design, choice: IntArray) -> TrialFinding:
         """Compare the window at hand with the bits that were sent."""
         values = np.array(self._values)
         texture = np.mean(self._textures, axis=0) if self._textures else design.texture.reshape(-1)
@@ -160,7 +160,7 @@ class Trial:
                 found[:, kind, index] = _information(place, variance, bits[mine], share[mine])
                 counts[kind, index] = mine.size
         parts = np.array([1 - textured.mean(), textured.mean()])
-        return Finding(parts, *(_smooth(table, counts) for table in found))
+        return TrialFinding(parts, *(_smooth(table, counts) for table in found))
 
 
 def _information(
