@@ -35,7 +35,7 @@ VALUES = {
     "synth": """Captured Judgement LeftOut Pace PacedWord PerformerChoice Reading Style Terms
         TextRun TimedWord Variant Word""",
     "watermark": """AudioProfile CodecLoop CodecStream EmbedReport Movs PeaqResult
-        SuperframeMargin VideoProfile VideoReport""",
+        PictureCoder SuperframeMargin TriedChannel VideoProfile VideoReport""",
     "receiver": """AuthenticityChanged Trust""",
     "cuecast": """MotionSource""",
 }

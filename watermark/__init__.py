@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from watermark.link.superframe import ReceivedSuperframe
     from watermark.quality.movs import Movs
     from watermark.quality.peaq import PeaqResult, grade
+    from watermark.video.codec_loop import TriedChannel
+    from watermark.video.coder_trial import PictureCoder
     from watermark.video.embed import VideoEmbedder, VideoReport
     from watermark.video.profile import VideoProfile
     from watermark.video.receive import VideoReceiver
@@ -47,8 +49,10 @@ __all__ = [
     "EmbedReport",
     "Movs",
     "PeaqResult",
+    "PictureCoder",
     "ReceivedSuperframe",
     "SuperframeMargin",
+    "TriedChannel",
     "VideoEmbedder",
     "VideoProfile",
     "VideoReceiver",
@@ -65,8 +69,10 @@ _HOMES = {
     "EmbedReport": "watermark.audio.embed.report",
     "Movs": "watermark.quality.movs",
     "PeaqResult": "watermark.quality.peaq",
+    "PictureCoder": "watermark.video.coder_trial",
     "ReceivedSuperframe": "watermark.link.superframe",
     "SuperframeMargin": "watermark.audio.embed.report",
+    "TriedChannel": "watermark.video.codec_loop",
     "VideoEmbedder": "watermark.video.embed",
     "VideoProfile": "watermark.video.profile",
     "VideoReceiver": "watermark.video.receive",
