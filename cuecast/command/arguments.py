@@ -23,7 +23,7 @@ def add_voice(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_avatar(parser: argparse.ArgumentParser) -> None:
+def add_avatar(parser: argparse._ActionsContainer) -> None:
     """Add ``--avatar``."""
     parser.add_argument(
         "--avatar", metavar="FILE", help="an avatar of one's own: .avatar (see avatar), .vrm, .glb"

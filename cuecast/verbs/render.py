@@ -13,7 +13,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("motion", metavar="M.npz")
     parser.add_argument("-o", "--output", required=True, metavar="OUT.mp4", help="MP4 or PNG")
     parser.add_argument("--style", default="points", choices=("points", "avatar"))
-    parser.add_argument("--look", metavar="NAME", help="the avatar's appearance: woman, man, elder")
+    shown = parser.add_mutually_exclusive_group()
+    shown.add_argument("--look", metavar="NAME", help="the avatar's appearance: woman, man, elder")
+    add_avatar(shown)
     parser.add_argument("--rate", type=natural, default=25, metavar="FPS", help="of a film")
     parser.add_argument("--at", type=not_negative, metavar="S", help="second that a PNG shows")
     parser.add_argument("--background", metavar="PICTURE", help="picture behind the cuer")
@@ -26,7 +28,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--subtitle-track", metavar="N|LANG", help="which of the programme's own, from 0"
     )
     parser.add_argument("--mirror", action="store_true", help="a left-handed cuer")
-    add_avatar(parser)
     add_voice(parser)
 
 
@@ -34,14 +35,11 @@ def run(args: argparse.Namespace) -> int:
     """Write the film or the picture."""
     from codec.cuer.motion import load_motion
     from codec.cuer.voice import load_voice
-    from codec.errors import CueError
     from cuecast.media.avatars import avatar_file
     from cuecast.media.cuer_film import render_motion
 
     motion, voice = load_motion(args.motion), load_voice(args.voice)
     own = avatar_file(args.avatar, voice)
-    if own is not None and (args.look is not None or args.style != "avatar"):
-        raise CueError("--avatar goes with --style avatar, without --look")
     with seconds_bar(motion.duration_s, "render") as advance:
         done = 0
 
@@ -51,7 +49,8 @@ def run(args: argparse.Namespace) -> int:
             done = frames
 
         render_motion(
-            motion, voice, args.output, style=args.style, fps=args.rate, at_s=args.at,
+            motion, voice, args.output, style=args.style if own is None else "avatar",
+            fps=args.rate, at_s=args.at,
             background=args.background, size=args.size, mirror=args.mirror,
             programme=args.programme, subtitles=args.subtitles, track=args.subtitle_track,
             look=args.look, avatar=own, progress=progress,

@@ -73,13 +73,16 @@ class SkinMaterial:
     cutoff : float
         Opacity below which nothing is drawn; -1 where opacity does not matter.
     clear : bool
-        Whether what is behind shows through.
+        Whether the ground shows through.
+    double : bool
+        Whether its back is drawn, too.
     """
 
     picture: NDArray[np.uint8]
     gloss: float
     cutoff: float
     clear: bool
+    double: bool
 
     def at(self, uv: FloatArray) -> FloatArray:
         """Return the picture (N, 4), linear, 0..1, at places (N, 2); it repeats."""
@@ -118,8 +121,12 @@ def read_materials(file: Container) -> list[SkinMaterial]:
             raise CueError(f"{file.name}: material {number} is damaged")
         gloss = _GLOSS * float(np.clip(1 - rough, 0, 1))
         least = {"MASK": float(cutoff), "BLEND": 0.02}.get(mode, -1.0)
-        found.append(SkinMaterial(picture, gloss, least, mode == "BLEND"))
-    return [*found, SkinMaterial(np.full((1, 1, 4), 255, np.uint8), 0.0, -1.0, False)]
+        found.append(
+            SkinMaterial(
+                picture, gloss, least, mode == "BLEND", material.get("doubleSided") is True
+            )
+        )
+    return [*found, SkinMaterial(np.full((1, 1, 4), 255, np.uint8), 0.0, -1.0, False, False)]
 
 
 def _source(file: Container, texture: dict[str, Any]) -> int:
@@ -290,7 +297,11 @@ def _coloured(
         found = material.at(uv[own].reshape(-1, 2)).reshape(-1, 3, 4) * tints[own]
         colours[own, :, :3] = _levels(found[..., :3])
         colours[own, :, 3] = material.gloss
-        colours[own, :, 4] = 255 * found[..., 3] if material.clear else 255
+        colours[own, :, 4] = 255
+        if material.clear:
+            colours[own, :, 4] = 255 * found[..., 3]
+        elif material.cutoff >= 0:
+            colours[own, :, 4] = 255 * (found[..., 3] >= material.cutoff)
         drawn[own] = (found[..., 3] >= material.cutoff).any(axis=1)
     corners, colours, number = corners[drawn], colours[drawn], number[drawn]
     # One vertex for each place and rounded colour; then colours that lie near are one.
@@ -308,7 +319,27 @@ def _coloured(
     parts = np.rint(shares[vertex] * SHARE_UNIT)
     largest = parts.argmax(axis=1)
     parts[np.arange(len(parts)), largest] += SHARE_UNIT - parts.sum(axis=1)
-    return Painted(
+    painted = Painted(
         sources[vertex], parts / SHARE_UNIT, place.reshape(-1, 3),
         np.clip(np.rint(mean), 0, 255).astype(np.uint8),
+    )  # fmt: skip
+    double = np.array([material.double for material in materials])
+    return _with_backs(painted, double[number], most)
+
+
+def _with_backs(painted: Painted, double: NDArray[np.bool_], most: int) -> Painted:
+    """Add the backs of some triangles (F,), as surfaces of their own, where there is room.
+
+    Page and portrait draw fronts only.
+    """
+    used, place = np.unique(painted.triangles[double], return_inverse=True)
+    count = len(painted.sources)
+    if len(used) == 0 or count + len(used) > most:
+        return painted
+    backs = place.reshape(-1, 3)[:, ::-1] + count
+    return Painted(
+        np.concatenate([painted.sources, painted.sources[used]]),
+        np.concatenate([painted.shares, painted.shares[used]]),
+        np.concatenate([painted.triangles, backs]),
+        np.concatenate([painted.colours, painted.colours[used]]),
     )  # fmt: skip

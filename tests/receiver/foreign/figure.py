@@ -134,7 +134,8 @@ def _face(part: Part) -> None:
 
 def figure(
     kind: str = "arkit", *, unit: float = 0.001, turn: FloatArray | None = None, down: float = 0.0,
-    without: tuple[str, ...] = (),
+    without: tuple[str, ...] = (), material: dict[str, Any] | None = None,
+    picture: bytes = b"",
 ) -> bytes:  # fmt: skip
     """Return a file.
 
@@ -150,6 +151,10 @@ def figure(
         Angle of the arms below the horizontal, radians.
     without : tuple of str
         Bones that are left out.
+    material : dict, optional
+        Fields of its one material.
+    picture : bytes
+        Of that material, as a file; it lies on the figure from its left to its right.
     """
     skeleton = bones(down)
     place = {name: at for name, (_, at) in skeleton.items()}
@@ -171,13 +176,16 @@ def figure(
             spots = [(place[b], b) for b in chain]
             part.tube([*spots, (place[f"{side}{finger}Tip"], chain[2])], 8, 6)
     named = {name: parent_at for name, parent_at in skeleton.items() if not name.endswith("Tip")}
-    return _file(part, {n: x for n, x in named.items() if n not in without}, kind, unit, turn)
+    return _file(
+        part, {n: x for n, x in named.items() if n not in without}, kind, (unit, turn), (material or {}, picture),
+    )  # fmt: skip
 
 
 def _file(
-    part: Part, skeleton: dict[str, tuple[str | None, FloatArray]], kind: str, unit: float,
-    turn: FloatArray | None,
+    part: Part, skeleton: dict[str, tuple[str | None, FloatArray]], kind: str,
+    frame: tuple[float, FloatArray | None], look: tuple[dict[str, Any], bytes],
 ) -> bytes:  # fmt: skip
+    unit, turn = frame
     axes = unit * (np.eye(3) if turn is None else turn)
     data, views, accessors = bytearray(), [], []
 
@@ -206,6 +214,10 @@ def _file(
         "POSITION": add(points, 5126, "VEC3"), "JOINTS_0": add(joints, 5121, "VEC4"),
         "WEIGHTS_0": add(weights, 5126, "VEC4"),
     }  # fmt: skip
+    if look[1]:
+        flat = np.array(part.points)
+        places = np.stack([flat[:, 0] / 160 + 0.5, 0.5 + 0 * flat[:, 0]], axis=1)
+        attributes["TEXCOORD_0"] = add(places, 5126, "VEC2")
     mesh: dict[str, Any] = {"primitives": [{
         "attributes": attributes, "targets": targets, "material": 0,
         "indices": add(np.array(part.triangles).reshape(-1, 1), 5123, "SCALAR"),
@@ -223,13 +235,20 @@ def _file(
     nodes.append({"mesh": 0, "skin": 0, "name": "body"})
     roots = [i for i, name in enumerate(names) if skeleton[name][0] not in skeleton]
     binds = add(bind.transpose(0, 2, 1).reshape(-1, 16), 5126, "MAT4")
-    document = {
+    colour: dict[str, Any] = {"baseColorFactor": [0.7, 0.4, 0.3, 1]}
+    document: dict[str, Any] = {
         "asset": {"version": "2.0"}, "scene": 0, "nodes": nodes, "meshes": [mesh],
         "scenes": [{"nodes": [*roots, len(nodes) - 1]}], "accessors": accessors,
         "skins": [{"joints": list(range(len(names))), "inverseBindMatrices": binds}],
-        "materials": [{"pbrMetallicRoughness": {"baseColorFactor": [0.7, 0.4, 0.3, 1]}}],
+        "materials": [{"pbrMetallicRoughness": colour, **look[0]}],
         "bufferViews": views, "buffers": [{"byteLength": len(data)}],
     }  # fmt: skip
+    if look[1]:
+        colour["baseColorTexture"] = {"index": 0}
+        document |= {"textures": [{"source": 0}], "images": [{"bufferView": len(views)}]}
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": len(look[1])})
+        data.extend(look[1] + bytes(-len(look[1]) % 4))
+        document["buffers"] = [{"byteLength": len(data)}]
     if kind == "arkit":
         mesh["extras"] = {"targetNames": list(shapes)}
     else:

@@ -15,6 +15,7 @@ from codec.errors import CueError
 from receiver.drawing.avatar import Avatar, load_avatar
 from receiver.drawing.avatar_document import avatar_document, read_avatar
 from receiver.drawing.movement import express
+from receiver.drawing.render import write_picture
 from receiver.drawing.skeleton import key_poses
 from receiver.foreign.build import Fit, foreign_avatar
 from tests.receiver.foreign.figure import figure
@@ -163,3 +164,26 @@ def test_document_gives_the_avatar_back(plain: tuple[Avatar, Fit]) -> None:
 def test_missing_bones_are_named(tmp_path: Path, without: tuple[str, ...], message: str) -> None:
     with pytest.raises(CueError, match=message):
         made(tmp_path, without=without)
+
+
+def test_pictures_become_colours_of_a_finer_surface(tmp_path: Path) -> None:
+    """Stripes across the face, and backs of a material that is seen from both sides."""
+    stripes = np.zeros((4, 64, 3), np.uint8)
+    stripes[:, 32:48] = 255
+    write_picture(tmp_path / "stripes.png", stripes)
+    picture = (tmp_path / "stripes.png").read_bytes()
+    white = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+    avatar, _ = made(tmp_path, material=white, picture=picture)
+    bare, _ = made(tmp_path)
+    assert len(bare.head.triangles) < len(avatar.head.triangles) < 8 * len(bare.head.triangles)
+    points = avatar.head.refine(avatar.head.rest[None])[0]
+    face = points[(avatar.head_weights[:, 0] > 0.99) & (points[:, 2] > 60)]
+    colours = avatar.head.colours[(avatar.head_weights[:, 0] > 0.99) & (points[:, 2] > 60)]
+    middle, scale = face[:, 0].mean(), np.ptp(face[:, 0])
+    place = (face[:, 0] - middle) / scale
+    assert (colours[(place > 0.1) & (place < 0.2), 0] > 200).mean() > 0.8
+    assert (colours[place < -0.1, 0] < 60).mean() > 0.9
+    both, _ = made(tmp_path, material={"doubleSided": True})
+    assert len(both.head.triangles) == 2 * len(bare.head.triangles)
+    faces = np.sort(both.head.refine(both.head.rest[None])[0][both.head.triangles], axis=1)
+    assert len(np.unique(faces.reshape(len(faces), -1).round(3), axis=0)) == len(faces) // 2

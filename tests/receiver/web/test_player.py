@@ -9,8 +9,11 @@ import pytest
 
 from codec.cuer.voice import load_voice
 from codec.streamfile.stream import choose_stream, decode_stream
+from receiver.drawing.avatar_document import avatar_document, read_avatar
+from receiver.foreign.build import foreign_avatar
 from receiver.web.folder import write_folder
 from tests.chromium import browse
+from tests.receiver.foreign.figure import figure
 from tests.receiver.standin import make_motion
 from tests.receiver.web.server import serving
 
@@ -36,6 +39,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("page")
     write_folder(write_sound(place / "noise.wav", 0.02), place / "site", load_voice("claire"))
     write_sound(place / "site" / "silent.wav", 0.0)
+    (place / "figure.glb").write_bytes(figure())
+    own, _ = foreign_avatar(place / "figure.glb", load_voice("claire"))
+    (place / "site" / "own.avatar").write_bytes(avatar_document(own))
     return place / "site"
 
 
@@ -63,7 +69,13 @@ def test_says_why_it_does_not_hear(folder: Path) -> None:
             await page.until(f"{PLAYER}.reason === 'speed'")
             status = f"{PLAYER}.shadowRoot.getElementById('status').textContent"
             await page.until(f"{status}.includes('vitesse')")
+            await page.evaluate(f"{PLAYER}.setAttribute('avatar', 'own.avatar')")
+            await page.until(f"{PLAYER}.cuer.look.endsWith('/own.avatar')")
+            await page.evaluate(f"{PLAYER}.cuer.dressed")
             assert page.errors == []
+            avatar = read_avatar((folder / "own.avatar").read_bytes(), load_voice("claire"))
+            count = await page.evaluate(f"{PLAYER}.cuer.avatar.head.surface.count")
+            assert count == len(avatar.head.sources)
 
     asyncio.run(run())
 
