@@ -25,6 +25,9 @@ _MAX_SIDE = 8192
 _KEPT_SIDE = 2048
 """Side of a picture in pixels at most, and what larger ones are reduced to."""
 
+_MOST_PIXELS = 1 << 26
+"""Pixels of all pictures that are kept, at most."""
+
 _CHANGE = 10.0
 """Levels of 255 by which a picture may differ from the mean of an edge's ends."""
 
@@ -113,19 +116,20 @@ def read_materials(file: Container) -> list[SkinMaterial]:
             source = _source(file, file.item("textures", texture.get("index")))
             if source not in decoded:
                 decoded[source] = _decode(file, source)
+                kept = sum(one.size for one in decoded.values()) // 4
+                if kept > _MOST_PIXELS:
+                    raise CueError(
+                        f"{file.name}: pictures of {kept} pixels, {_MOST_PIXELS} at most"
+                    )
             picture = decoded[source]
-        mode = material.get("alphaMode", "OPAQUE")
+        mode, double = str(material.get("alphaMode")), material.get("doubleSided") is True
         rough = surface.get("roughnessFactor", 1.0)
         cutoff = material.get("alphaCutoff", 0.5)
         if not all(isinstance(x, int | float) for x in (rough, cutoff)):
             raise CueError(f"{file.name}: material {number} is damaged")
         gloss = _GLOSS * float(np.clip(1 - rough, 0, 1))
         least = {"MASK": float(cutoff), "BLEND": 0.02}.get(mode, -1.0)
-        found.append(
-            SkinMaterial(
-                picture, gloss, least, mode == "BLEND", material.get("doubleSided") is True
-            )
-        )
+        found.append(SkinMaterial(picture, gloss, least, mode == "BLEND", double))
     return [*found, SkinMaterial(np.full((1, 1, 4), 255, np.uint8), 0.0, -1.0, False, False)]
 
 

@@ -177,7 +177,8 @@ def figure(
             part.tube([*spots, (place[f"{side}{finger}Tip"], chain[2])], 8, 6)
     named = {name: parent_at for name, parent_at in skeleton.items() if not name.endswith("Tip")}
     return _file(
-        part, {n: x for n, x in named.items() if n not in without}, kind, (unit, turn), (material or {}, picture),
+        part, {n: x for n, x in named.items() if n not in without}, kind, (unit, turn),
+        (material or {}, picture),
     )  # fmt: skip
 
 
