@@ -43,12 +43,24 @@ _JOINED = round(0.08 * TICKS_HZ)
 """Ticks between two stretches of sound that are one."""
 
 _SETTLED_S = 12.0
-"""Seconds after which a superframe that has not arrived is lost; a receiver tunes in meanwhile."""
+"""Seconds of sound that the receiver has to have heard after a superframe which it did not receive:
+it may tune in meanwhile, and on a busy machine it lags."""
+
+_GIVEN_UP_S = 90.0
+"""Seconds after which a superframe is not judged: the receiver stopped, or the clock changed."""
+
+_PROGRESS = 16
+"""PES packets between reports of how far the receiver has heard."""
+
+_SETTLED = round(_SETTLED_S * TICKS_HZ)
 
 _LENGTH = round(SUPERFRAME_S * TICKS_HZ)
 
 _WAITING = 2000
 """PES packets that may wait for the receiver."""
+
+_NICENESS = 10
+"""How far the receiver's priority is below the playout's."""
 
 Samples = NDArray[np.float32]
 
@@ -160,7 +172,8 @@ class ReceptionCount:
         self._until: int | None = None
         self._next: int | None = None
         self._open: deque[tuple[float, int]] = deque()
-        self._arrived: deque[int] = deque(maxlen=64)
+        self._arrived: deque[int] = deque(maxlen=256)
+        self._heard: int | None = None
         self._minute = [0.0, 0, 0]
         self.sent = self.received = self.alarms = 0
         self.last: MinuteReport | None = None
@@ -198,10 +211,20 @@ class ReceptionCount:
         """Take the time stamp of a superframe that was received."""
         self._arrived.append(stamp)
 
+    def heard(self, stamp: int) -> None:
+        """Take the time stamp up to which the receiver has heard the sound."""
+        self._heard = stamp
+
     def settle(self, now_s: float) -> MinuteReport | None:
         """Count superframes that are certain by now; return the report of a minute that is over."""
-        while self._open and now_s - self._open[0][0] > _SETTLED_S:
-            _, start = self._open.popleft()
+        while self._open:
+            went_s, start = self._open[0]
+            judged = self._heard is not None and step(self._heard, start) > _SETTLED
+            if not judged and now_s - went_s < _GIVEN_UP_S:
+                break
+            self._open.popleft()
+            if not judged:
+                continue
             found = any(abs(step(one, start)) <= _SAME for one in self._arrived)
             self.sent += 1
             self.received += found
@@ -236,11 +259,6 @@ class ReceivingProcess:
         See `OwnReceiver`.
     tell : callable
         Told if the process ended.
-
-    Attributes
-    ----------
-    dropped : int
-        PES packets that it was too slow for.
     """
 
     def __init__(self, key: int, through: str | None, tell: Callable[[str], None]) -> None:
@@ -253,18 +271,18 @@ class ReceivingProcess:
         self._process.start()
         theirs.close()
         self._tell = tell
-        self.dropped = 0
         self.alive = True
 
-    def send(self, kind: str, pes: Pes) -> None:
-        """Give it a PES packet that goes out."""
+    def send(self, kind: str, pes: Pes) -> bool:
+        """Give it a PES packet that goes out; return whether there was room for it."""
         try:
             self._packets.put_nowait((kind, pes))
         except (queue.Full, ValueError, OSError):
-            self.dropped += 1
+            return False
+        return True
 
-    def stamps(self) -> Iterator[int]:
-        """Yield the time stamps of the superframes received since the last call."""
+    def results(self) -> Iterator[tuple[str, int]]:
+        """Yield ``arrived`` or ``heard`` with a time stamp, as of `ReceptionCount`."""
         try:
             while self.alive and self._results.poll(0):
                 yield self._results.recv()
@@ -298,24 +316,26 @@ class OwnOutput:
         self._arguments = key, through, tell
         self._tell = tell
         self._process: ReceivingProcess | None = None
+        self._missed = False
         self.count = ReceptionCount()
 
     def went_out(self, pts: int, length: int, marked: bool) -> None:
         """Take the time stamp and the length of a stretch of sound, ticks."""
         if self._process is not None:
-            self.count.went_out(pts, length, marked, time.monotonic())
+            missed, self._missed = self._missed, False
+            self.count.went_out(pts, length, marked and not missed, time.monotonic())
 
     def sound(self, kind: str, pes: Pes) -> None:
-        """Take a PES packet of the sound."""
+        """Take a PES packet of the sound; one that the receiver is too slow for is not judged."""
         if self._process is not None:
-            self._process.send(kind, pes)
+            self._missed |= not self._process.send(kind, pes)
 
     def look(self) -> None:
         """Take received superframes; log a minute's result. The first call starts receiving."""
         if self._process is None:
             self._process = ReceivingProcess(*self._arguments)
-        for stamp in self._process.stamps():
-            self.count.arrived(stamp)
+        for kind, stamp in self._process.results():
+            (self.count.arrived if kind == "arrived" else self.count.heard)(stamp)
         report = self.count.settle(time.monotonic())
         if report is not None:
             self._tell(str(report))
@@ -336,12 +356,13 @@ class OwnOutput:
 
 
 def _receive(key: int, through: str | None, packets: Any, results: Any) -> None:
-    """Receive until the playout is gone."""
+    """Receive until the playout is gone, with what the marking leaves of the processor."""
     import os
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = os.getppid()
+    os.nice(_NICENESS)
+    parent, count = os.getppid(), 0
     receiver = OwnReceiver(key, through)
     try:
         while True:
@@ -353,7 +374,10 @@ def _receive(key: int, through: str | None, packets: Any, results: Any) -> None:
                 continue
             try:
                 for stamp in receiver.process(kind, pes):
-                    results.send(stamp)
+                    results.send(("arrived", stamp))
+                count += 1
+                if count % _PROGRESS == 0 and pes.pts is not None:
+                    results.send(("heard", pes.pts))
             except CueError:  # a form that cannot be received: nothing is sent in it either
                 continue
     except (BrokenPipeError, EOFError, KeyboardInterrupt):

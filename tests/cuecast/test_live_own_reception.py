@@ -12,16 +12,22 @@ STEP = round(0.64 * TICKS)
 
 
 def minute(
-    count: ReceptionCount, lost: set[int], bypass: range = range(0), start: int = PERIOD - 5 * TICKS
-) -> list[MinuteReport]:
-    """Let 80 s of sound go out in pieces of 24 ms; the stamps begin anew on the way."""
+    count: ReceptionCount, lost: set[int], bypass: range = range(0),
+    start: int = PERIOD - 5 * TICKS, lag: int = 0,
+) -> list[MinuteReport]:  # fmt: skip
+    """Let 80 s of sound go out in pieces of 24 ms; the stamps begin anew on the way.
+
+    The receiver is `lag` pieces behind.
+    """
     count.clock(RunClock(start, 10.0, 10.0 - 0.2))
     reports, before = [], 0
     piece = round(0.024 * TICKS)
     for n in range(80_000 // 24):
         at_s = 0.024 * n
         count.went_out((start + n * piece) % PERIOD, piece, n not in bypass, 100.0 + at_s)
-        number = int((at_s + 0.2) / 0.64) - 4
+        if n >= lag:
+            count.heard((start + (n - lag) * piece) % PERIOD)
+        number = int((0.024 * (n - lag) + 0.2) / 0.64) - 4
         begins = (start + round((0.64 * number - 0.2) * TICKS)) % PERIOD
         if number > before and number not in lost:
             count.arrived((begins + 4000) % PERIOD)
@@ -53,6 +59,16 @@ def test_what_went_out_unmarked_is_not_missed() -> None:
     minute(cut, set(range(29, 41)), bypass=range(790, 1070))
     assert cut.sent == cut.received
     assert whole.sent - cut.sent in (11, 12)
+
+
+def test_a_receiver_that_lags_raises_no_alarm() -> None:
+    count = ReceptionCount()
+    (report,) = minute(count, set(), lag=1000)
+    assert report.sent == report.received > 30
+    count = ReceptionCount()
+    assert not minute(count, set(), lag=10_000)
+    assert count.settle(400.0) is None
+    assert count.sent == 0
 
 
 @pytest.mark.parametrize("late", [-3, 0, 5])
