@@ -2,7 +2,11 @@
 
 import functools
 import itertools
+import os
 import random
+import signal
+import time
+from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -33,6 +37,7 @@ from cuecast.live.packets import (
 from cuecast.live.sound import SoundMarker
 from cuecast.live.sound_run import LiveOptions, MarkedPes
 from cuecast.live.text import LiveMotion
+from cuecast.live.worker import Cuer, MarkedPiece, Worker
 from cuecast.media.tables import NULL_PID, PACKET
 from synth.planning.scoring.text_score import Reading
 from watermark.audio.receiver import AudioReceiver
@@ -369,6 +374,46 @@ def test_marking_goes_on_on_the_same_grid(change: str) -> None:
     np.testing.assert_allclose(apart, np.round(apart), atol=0.02)  # a frame of the joint
     assert round(places[-1] - places[0]) + 1 - len(places) <= 1
     assert len(places) >= 13
+
+
+@pytest.mark.slow
+def test_a_killed_process_costs_less_than_a_second() -> None:
+    """The one that stands by goes on where the marked sound ends, whatever was on its way."""
+    options = LiveOptions("standard", 0, -0.43, delay_s=600.0)
+    worker = Worker(Cuer(), options, None, standby=True)
+    made: list[MarkedPes] = []
+
+    def take(until: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + 300
+        while not until():
+            assert time.monotonic() < deadline
+            found = worker.results(0.1)
+            made.extend(one.pes for one in found if isinstance(one, MarkedPiece))  # type: ignore[misc]
+
+    try:
+        take(lambda: worker.stands_by)
+        packets = packets_of_sound(programme()[: 16 * FS], 900_000)
+        for pes in packets[: len(packets) // 2]:
+            worker.send("sound", 1, "mp2", pes)
+        take(lambda: bool(made))
+        marking = worker._process
+        assert marking is not None
+        assert marking.process.pid is not None
+        os.kill(marking.process.pid, signal.SIGKILL)
+        take(lambda: worker.takeovers == 1)
+        for pes in packets[len(packets) // 2 :]:
+            worker.send("sound", 1, "mp2", pes)
+        worker.send("end")
+        take(lambda: worker.ended)
+    finally:
+        worker.close()
+    assert all(abs(step(b.pts, a.end)) < 90_000 * 0.025 for a, b in itertools.pairwise(made))
+    _, heard = decoded("mp2", made)
+    receiver = AudioReceiver(FS, 2)
+    found = [*receiver.process(heard.astype(np.float32)), *receiver.flush()]
+    places = [one.position_s / 0.64 for one in found if one.l0 is not None]
+    assert round(places[-1] - places[0]) + 1 - len(places) <= 1
+    assert len(places) >= 22
 
 
 def decoded(kind: str, made: list[MarkedPes]) -> tuple[list[int], NDArray[np.float64]]:
