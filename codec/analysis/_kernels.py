@@ -101,12 +101,16 @@ def shapes_apart_into(
     turn, covariance = np.empty((3, 3)), np.empty((3, 3))
     here, there = np.empty(3), np.empty(3)
     kept, keeps = np.empty(n_back, np.bool_), np.empty(n_back, np.bool_)
-    apart = np.empty(n_back)
+    apart, ordered = np.empty(n_back), np.empty(n_back)
     for t in range(n):
         for s in range(len(still_back)):
-            kept[:] = True
+            for k in range(n_back):
+                kept[k] = True
             for fitted in range(rounds):
-                here[:], there[:], covariance[:] = 0.0, 0.0, 0.0
+                for i in range(3):
+                    here[i], there[i] = 0.0, 0.0
+                    for j in range(3):
+                        covariance[i, j] = 0.0
                 count = 0
                 for k in range(n_back):
                     if kept[k]:
@@ -135,7 +139,12 @@ def shapes_apart_into(
                             d += turn[i, j] * (still_back[s, k, j] - here[j])
                         apart[k] += d * d
                     apart[k] = np.sqrt(apart[k])
-                ordered = np.sort(apart)
+                for k in range(n_back):
+                    place = k
+                    while place and ordered[place - 1] > apart[k]:
+                        ordered[place] = ordered[place - 1]
+                        place -= 1
+                    ordered[place] = apart[k]
                 limit = max(max(outlier, 2.0 * ordered[(n_back - 1) // 2]), ordered[2])
                 same = True
                 for k in range(n_back):
@@ -143,7 +152,8 @@ def shapes_apart_into(
                     same = same and keeps[k] == kept[k]
                 if same:
                     break
-                kept[:] = keeps
+                for k in range(n_back):
+                    kept[k] = keeps[k]
             total = 0.0
             for k in range(n_fingers):
                 for i in range(3):

@@ -151,9 +151,39 @@ def _update_bits(
 
 
 @njit(cache=True)
+def _ranked(values: NDArray[np.float64], rank: int) -> float:
+    """Return the value that would be at this place in ascending order; reorder the values.
+
+    Hoare's selection: numpy's partition and sorts take seconds to compile.
+    """
+    low, high = 0, values.size - 1
+    while low < high:
+        pivot = values[(low + high) // 2]
+        i, j = low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i += 1
+                j -= 1
+        if rank <= j:
+            high = j
+        elif rank >= i:
+            low = i
+        else:
+            break
+    return float(values[rank])
+
+
+@njit(cache=True)
 def _limit(candidate: NDArray[np.float64], kept: int) -> tuple[float, int]:
     """Return the largest of the `kept` least values, and how many of its equals are among them."""
-    low, high = candidate.min(), candidate.max()
+    low = high = candidate[0]
+    for value in candidate:
+        low, high = min(low, value), max(high, value)
     if low == high:
         return low, kept
     counts = np.zeros(BUCKETS + 1, dtype=np.int64)
@@ -170,8 +200,11 @@ def _limit(candidate: NDArray[np.float64], kept: int) -> tuple[float, int]:
         if np.uint64((value - low) * scale) == np.uint64(bucket):
             inside[count] = value
             count += 1
-    limit = np.partition(inside, kept - below - 1)[kept - below - 1]
-    return limit, kept - below - np.count_nonzero(inside < limit)
+    limit = _ranked(inside, kept - below - 1)
+    room = kept - below
+    for value in inside:
+        room -= value < limit
+    return limit, room
 
 
 @njit(cache=True)
@@ -235,13 +268,16 @@ def scl_decode(
     decided = np.zeros(list_size, dtype=np.uint8)
     trace_bit = np.empty((list_size, size), dtype=np.uint8)
     trace_path = np.empty((list_size, size), dtype=np.int64)
-    new_alpha_row = np.zeros_like(alpha_row)
-    new_left_row = np.zeros_like(left_row)
+    new_alpha_row = np.zeros((list_size, n + 1), dtype=np.int64)
+    new_left_row = np.zeros((list_size, n + 1), dtype=np.int64)
     candidate = np.zeros(2 * list_size)
     metric = np.zeros(list_size)
-    channel[size:] = llr
-    paths, phase = 1, 0
+    ranks = np.zeros(list_size, dtype=np.int64)
+    for i in range(size):
+        channel[size + i] = llr[i]
     free = 0
+    phase = free * size  # numba would compile the steps for literals as well
+    paths = phase + 1
     while phase < size:
         level = _next_node(frozen, phase, n)
         block = 1 << level
@@ -253,7 +289,9 @@ def scl_decode(
             for p in range(paths):
                 metric[p], decided[p] = candidate[2 * p], 0
         else:
-            likely = np.count_nonzero(candidate[: 2 * paths] <= largest)
+            likely = 0
+            for i in range(2 * paths):
+                likely += candidate[i] <= largest
             if likely == 0:
                 return 0
             kept = min(likely, list_size)
@@ -269,9 +307,14 @@ def scl_decode(
             left_row, new_left_row = new_left_row, left_row
             paths, free = kept, free + 1
         _update_bits(left, left_row, work, decided, phase - 1, level, n, paths)
-    order = np.argsort(metric[:paths], kind="mergesort")
+    for p in range(paths):  # the best first, of equal ones the first
+        place = p
+        while place and metric[ranks[place - 1]] > metric[p]:
+            ranks[place] = ranks[place - 1]
+            place -= 1
+        ranks[place] = p
     for q in range(paths):
-        p = order[q]
+        p = ranks[q]
         metrics[q] = metric[p]
         for i in range(free - 1, -1, -1):
             words[q, i] = trace_bit[p, i]

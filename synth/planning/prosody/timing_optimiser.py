@@ -138,6 +138,7 @@ class TimingOptimiser:
         self._rest = round(options.rest_gap_s / TICK_S)
         self._room = round(room_s / TICK_S)
         self._prices: dict[tuple[int, ...], float] = {}
+        self._looks: dict[tuple[bytes, ...], tuple[FloatArray, FloatArray]] = {}
         self._spread_s = _SPREAD_S
 
     def seen(self, line: KeyLine) -> FloatArray:
@@ -159,7 +160,7 @@ class TimingOptimiser:
             return line
         first = line.frozen
         self._spread_s = _SPREAD_S if short is None else _KNOWN_SPREAD_S
-        self._prices = {}
+        self._prices, self._looks = {}, {}
         if short is None:
             short = np.flatnonzero(self._costs(line, first, len(line.start)) > _BAR)
         for k in (first + short).tolist():
@@ -296,15 +297,22 @@ class TimingOptimiser:
         return np.asarray(unseen + uneasy + _TOO_FAST * np.maximum(peak - _FASTEST_M_S, 0.0))
 
     def _look(self, line: KeyLine, first: int, last: int) -> tuple[FloatArray, FloatArray]:
-        """Return how long some keys are seen, seconds, and how fast the knuckles are, m/s."""
+        """Return how long some keys are seen, seconds, and how fast the knuckles are, m/s.
+
+        A fifth of the looks are at keys that were looked at before.
+        """
         low, high = max(first - _AROUND, 0), min(last + _AROUND, len(line.start))
-        part = slice(low, high)
-        start, end = (TICK_S * x[part].astype(np.float64) for x in (line.start, line.end))
-        target = start + line.lag[part] * (end - start)
-        held, peak = self._sight.look(
-            start, end, target, line.key[part], rest_gap_s=self._rest_gap_s
-        )
-        return held[first - low : last - low], peak[first - low : last - low]
+        part, inner = slice(low, high), slice(first - low, last - low)
+        arrays = line.start, line.end, line.lag, line.key
+        same = tuple(x[part].tobytes() for x in arrays)
+        if same not in self._looks:
+            start, end = (TICK_S * x[part].astype(np.float64) for x in (line.start, line.end))
+            target = start + line.lag[part] * (end - start)
+            self._looks[same] = self._sight.look(
+                start, end, target, line.key[part], rest_gap_s=self._rest_gap_s
+            )
+        held, peak = self._looks[same]
+        return held[inner], peak[inner]
 
 
 def _below(distance: FloatArray, spread: float) -> FloatArray:
