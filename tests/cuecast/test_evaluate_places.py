@@ -18,12 +18,12 @@ def options(clips: Path | None, *cuers: str) -> EvaluateOptions:
     return EvaluateOptions(clips, None, 0, Path(), lambda line: None, cuers=cuers or None)
 
 
-@pytest.mark.parametrize("cuer", ["claire/minimum-jerk", "agathe/minimum-jerk"])
+@pytest.mark.parametrize("cuer", ["claire/minimum-jerk", "agathe/minimum-jerk", "solange/measured"])
 def test_virtual_cuers_point_where_real_ones_do(cuer: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(places, "_PASSED_IN", 0)
     rows = places.evaluate(options(None, cuer))
     assert [row["placement"] for row in rows] == list(REAL_MM)
-    assert all(row["from_real_mm"] <= 10.0 for row in rows), rows  # measured 2.2 to 9.9
+    assert all(row["from_real_mm"] <= 10.0 for row in rows), rows  # measured 2.1 to 9.9
 
 
 def test_a_short_programme_passes_no_third_placement(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.cuer.models.hand import HandModel
-from codec.cuer.models.inversion import bridge, invert
+from codec.cuer.models.inversion import invert, linked
 from codec.cuer.voice import Voice
 from codec.errors import CueError
 from synth.capture.cues.features import see
@@ -153,7 +153,7 @@ def _solved(model: LandmarkModel, x: FloatArray, start: FloatArray, rate_hz: flo
     seen = np.asarray(np.isfinite(x).all(-1))
     filled = np.where(seen[..., None], x, 0.0)
     found = invert(model, filled, seen, start)
-    return bridge(model, filled, seen, found, rate_hz=rate_hz)
+    return linked(model, filled, seen, found, rate_hz=rate_hz)
 
 
 @dataclass(frozen=True, slots=True)

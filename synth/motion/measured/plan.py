@@ -54,19 +54,23 @@ _LIMITS_S = (0.16, 0.62)
 _USED = 0.6
 """Part of an idle time that the next stroke takes in."""
 
+_OVERLAP = 0.15
+"""Greatest part of a stroke before the arrival of the last one: the hand has gone a twentieth of
+its way by then. With a half, as before, it was 20 to 27 mm from its targets in the mean."""
+
 _PEAK = (0.47, 0.13)
 """Share of a stroke at which it is fastest: mean, and spread from key to key."""
 
 _LATE = (0.16, 0.08)
 """Share of a stroke by which its second component lags: mean and spread."""
 
-_ARC_RAD = (0.35, 1.15)
+_ARC_RAD = (0.35, 1.3)
 """Angle in radians that the path turns by: mean and spread."""
 
-_FINGERS_S = ((0.03, 0.05), (-0.10, 0.07))
+_FINGERS_S = ((0.06, 0.03), (-0.11, 0.04))
 """Fingers against hand: start and end, mean and spread from key to key."""
 
-_JOINT_S = 0.035
+_JOINT_S = 0.02
 """Spread in seconds of each joint's start and end about the hand's."""
 
 _LEAST_FINGERS_S = 0.12
@@ -75,11 +79,15 @@ _LEAST_FINGERS_S = 0.12
 _TURN_SCATTER = 0.03
 """Spread in radians of the arm's turn from key to key."""
 
-_SCATTER = {"rest": 25.0, "side": 15.0, "mouth": 10.0, "chin": 12.0, "cheek": 11.0, "throat": 14.0}
-"""Of the hand from key to key, mm per axis: spread of slow frames of a real cuer's finger tip."""
+_SCATTER = {"rest": 25.0, "side": 12.0, "mouth": 6.0, "chin": 7.0, "cheek": 7.0, "throat": 9.0}
+"""Of the hand from key to key, mm per axis. With the small motion of arm and fingers the tip
+scatters by 7 to 12 mm, as real tips do at mouth and chin."""
 
 _LUMP_MM = np.array([-20.0, 12.0])
 """Half the way between the two places at the side where a real cuer's finger was found."""
+
+_SIDE_MM = np.array([3.0, 9.0])
+"""From her posture at the side to the middle of those two: fingers that still open stand lower."""
 
 _TO_REST_S = (0.12, 0.75)
 """Seconds after the last key at which the hand sets out for rest, and that it takes."""
@@ -179,7 +187,8 @@ def make_plan(
     arms[moving, :3] += _TURN_SCATTER * drawn[moving, 8:11]
     arms[:, 3:] += np.array([_SCATTER[n] for n in PLACEMENTS])[placement, None] * drawn[:, 11:14]
     angles[:, _WRIST:] += body.habits.scatter_deg * drawn[:, 14 : 14 + len(HAND_ANGLES) - _WRIST]
-    arms[:, 3:5] += _side_lumps(placement, drawn[:, 7])[:, None] * _LUMP_MM
+    ends = _side_lumps(placement, drawn[:, 7])[:, None]
+    arms[:, 3:5] += ends * _LUMP_MM + np.abs(ends) * _SIDE_MM
     begin, span = _times(arms, arrive, drawn)
     leave = np.append(begin[1:], np.inf)
     return MovementPlan(
@@ -244,13 +253,10 @@ def _times(
     usual = _STROKE_S * np.maximum(amplitude / _USUAL_MM, 0.15) ** _PER_AMPLITUDE
     span = np.clip(usual * np.exp(_STROKE_SPREAD * drawn[:, 0]), *_LIMITS_S)
     # She takes part of the time that is left: few holds, slow strokes.
-    idle = np.clip(arrive - span - np.append(-np.inf, arrive[:-1]), 0.0, _LIMITS_S[1])
-    span = np.minimum(span + _USED * idle, _LIMITS_S[1])
-    begin = arrive - span
-    # A stroke may begin while the last one lasts, but not before its middle.
-    for number in range(2, len(begin)):
-        begin[number] = max(begin[number], begin[number - 1] + 0.45 * span[number - 1])
-    return begin, np.maximum(arrive - begin, 0.7 * _LIMITS_S[0])
+    gap = np.diff(arrive, prepend=-np.inf)
+    idle = np.clip(gap - span, 0.0, _LIMITS_S[1])
+    span = np.minimum(span + _USED * idle, np.minimum(gap / (1.0 - _OVERLAP), _LIMITS_S[1]))
+    return arrive - span, span
 
 
 def _arm(arms: FloatArray, begin: FloatArray, span: FloatArray, drawn: FloatArray) -> Strokes:

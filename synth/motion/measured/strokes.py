@@ -71,7 +71,7 @@ class Strokes:
         elapsed = (times[:, None] - begin) / span
         share = float(self.late[number])
         gone = (1.0 - share) * travelled(elapsed, self.peak[number])
-        gone += share * travelled(0.5 * elapsed - 0.1, 0.4)
+        gone += share * travelled(0.7 * elapsed - 0.1, 0.4)
         bulge = _bulge(gone, float(self.arc[number]))
         return np.asarray(gone * self.carries[number] + bulge * self.across[number])
 
