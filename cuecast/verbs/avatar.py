@@ -7,7 +7,7 @@ ARKit's 52 face shapes make its lips readable, VRM's five do not.
 import argparse
 
 from cuecast.command.arguments import add_json, add_voice, print_json
-from cuecast.command.progress import note
+from cuecast.command.progress import note, printable
 
 SUMMARY = "an avatar of one's own, from a VRM or glTF file"
 
@@ -32,12 +32,15 @@ def run(args: argparse.Namespace) -> int:
         temporary.write_bytes(avatar_document(avatar))
     if not fit.readable_lips:
         note("the file has VRM's five mouth shapes only: its lips cannot be read")
+    if fit.terms:
+        note(f"the file states: {printable(fit.terms)}")
     moves = {name: round(far, 1) for name, far in fit.moves_mm.items()}
     if args.json:
         print_json({
             "output": args.output, "readable_lips": fit.readable_lips,
             "lips_mm": round(fit.lips_mm, 2), "hand_mm": round(fit.hand_mm, 2),
             "upper_arm_stretch": round(fit.stretch, 3), "places_mm": moves,
+            "terms": fit.terms,
         })  # fmt: skip
     else:
         print(f"lips within {fit.lips_mm:.1f} mm, hand within {fit.hand_mm:.1f} mm of the cuer's")

@@ -34,7 +34,7 @@ from receiver.foreign.face import (
 )
 from receiver.foreign.hand import ForeignHand, joint_map, lesson
 from receiver.foreign.landmarks import place_moves
-from receiver.foreign.names import RIGHT_FINGERS
+from receiver.foreign.names import RIGHT_FINGERS, terms
 from receiver.foreign.paint import Painted, SkinMaterial, paint, read_materials
 from receiver.foreign.scene import Scene, read_scene
 
@@ -74,6 +74,8 @@ class Fit:
         Largest change of the upper arm's length over all keys, as a share.
     moves_mm : dict of str to float
         How far the place of each key is shifted.
+    terms : str
+        Name, author and licence of the figure, as the file states them.
     """
 
     readable_lips: bool
@@ -81,6 +83,7 @@ class Fit:
     hand_mm: float
     stretch: float
     moves_mm: dict[str, float]
+    terms: str
 
 
 def foreign_avatar(path: str | os.PathLike[str], voice: Voice) -> tuple[Avatar, Fit]:
@@ -131,7 +134,7 @@ def foreign_avatar(path: str | os.PathLike[str], voice: Voice) -> tuple[Avatar, 
     avatar = _assembled(scene, scale, eyes * scale + shift, head, control, palm, arms, voice)
     readable = mouth_shapes(scene).keys() >= READABLE
     far = {name: float(np.linalg.norm(move)) for name, move in moves.items()}
-    return avatar, Fit(readable, face.lips_mm, hand_mm, arms.stretch, far)
+    return avatar, Fit(readable, face.lips_mm, hand_mm, arms.stretch, far, terms(file))
 
 
 def _mean_places(tips: FloatArray) -> dict[str, FloatArray]:

@@ -48,6 +48,9 @@ _VRM0_PRESETS = {
 }  # fmt: skip
 _VRM1_PRESETS = {"blinkLeft": "eyeBlinkLeft", "blinkRight": "eyeBlinkRight"}
 
+_MOST_LETTERS = 120
+"""Letters of one statement about a licence at most."""
+
 _MOST_BINDS = 64
 """Morph targets of one face shape at most."""
 
@@ -111,6 +114,22 @@ def bones(file: Container) -> dict[str, int]:
         names = ", ".join(missing[:5])
         raise CueError(f"{file.name}: has no bone {names}{more}: a cuer needs arms and fingers")
     return found
+
+
+def terms(file: Container) -> str:
+    """Return whose figure it is and under what licence, as a VRM says; an empty text without."""
+    extensions = file.document.get("extensions")
+    extensions = extensions if isinstance(extensions, dict) else {}
+    found = []
+    for name in ("VRMC_vrm", "VRM"):
+        vrm = extensions.get(name)
+        meta = vrm.get("meta") if isinstance(vrm, dict) else None
+        if isinstance(meta, dict):
+            authors = meta.get("authors", meta.get("author", ""))
+            by = ", ".join(map(str, authors)) if isinstance(authors, list) else str(authors)
+            licence = meta.get("licenseUrl") or meta.get("otherLicenseUrl") or ""
+            found += [meta.get("name", meta.get("title", "")), by, meta.get("licenseName"), licence]
+    return "; ".join(re.sub(r"\s+", " ", str(x))[:_MOST_LETTERS] for x in found if x)
 
 
 def _vrm1_name(name: str) -> str:

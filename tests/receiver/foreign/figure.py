@@ -294,8 +294,13 @@ def _vrm(kind: str, names: list[str], shapes: list[str]) -> dict[str, Any]:
             for i, name in enumerate(shapes)
         }
         human = {name: {"node": i} for name, i in numbers.items()}
+        meta = {
+            "name": "Egg",
+            "authors": ["A. Test", "B"],
+            "licenseUrl": "https://vrm.dev/licenses/1.0/",
+        }
         return {"VRMC_vrm": {
-            "specVersion": "1.0", "humanoid": {"humanBones": human},
+            "specVersion": "1.0", "meta": meta, "humanoid": {"humanBones": human},
             "expressions": {"preset": {}, "custom": custom},
         }}  # fmt: skip
     presets = {"aa": "a", "ou": "u"}

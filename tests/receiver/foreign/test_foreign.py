@@ -18,6 +18,8 @@ from receiver.drawing.movement import express
 from receiver.drawing.render import write_picture
 from receiver.drawing.skeleton import key_poses
 from receiver.foreign.build import Fit, foreign_avatar
+from receiver.foreign.hand import ForeignHand, joint_map, lesson
+from receiver.foreign.names import FINGER_BONES, FINGERS
 from tests.receiver.foreign.figure import figure
 from tests.receiver.standin import make_motion, make_voice
 
@@ -69,6 +71,35 @@ def test_finger_is_on_its_place_for_all_keys(plain: tuple[Avatar, Fit]) -> None:
     assert max(fit.moves_mm.values()) < 45
     assert fit.hand_mm < 0.5
     assert np.allclose(reach.shift(reach.places[:1] + 1e4), 0, atol=0.05)
+
+
+def test_finger_touches_the_neck_that_the_figure_has(plain: tuple[Avatar, Fit]) -> None:
+    """Pointing at the throat: distance of the nearer tip from a tube whose place the test knows."""
+    avatar, _ = plain
+    scale = np.linalg.norm(avatar.eye_middles[1] - avatar.eye_middles[0]) / 62
+    throat = np.flatnonzero(np.arange(len(PARAMS)) % len(PLACEMENTS) == PLACEMENTS.index("throat"))
+    tips = finger_tips(avatar)[throat[1:]]
+    figure_tips = (tips - avatar.eye_middles.mean(axis=0)) / scale + [0, 1580, 62]
+    x, y, z = figure_tips.transpose(2, 0, 1)
+    middle = np.interp(y, [1380, 1440, 1490], [0, 5, 10])
+    far = (np.hypot(x, z - middle) - 45).min(axis=1)
+    print("tips from the neck, mm:", far.round(1))
+    assert -3 < far.min() < far.max() < 15
+
+
+def test_bones_bring_every_joint_of_the_hand_to_hers() -> None:
+    rng = np.random.default_rng(5)
+    joints = joint_map(VOICE)
+    poses = joints.vertices(VOICE.hand.shape(lesson(VOICE, rng)[::9]))
+    hers = poses[:, 2:].reshape(len(poses), 5, 4, 3)
+    own = hers[0] * [1.4, 0.8, 1.1] + rng.normal(0, 2, (5, 4, 3))
+    maps = ForeignHand(poses[0, 1] * [1.4, 0.8, 1.1], own).bones(poses)
+    for f, finger in enumerate(FINGERS):
+        for k, part in enumerate(FINGER_BONES[finger]):
+            found = maps[f"right{finger}{part}"]
+            for j in (k, k + 1):
+                there = found[:, :, :3] @ own[f, j] + found[:, :, 3]
+                assert np.allclose(there, hers[:, f, j], atol=1e-6)
 
 
 @pytest.mark.parametrize(
