@@ -20,7 +20,7 @@ from watermark.audio.follow.attempt import (
 )
 from watermark.audio.follow.following import TrackFollower
 from watermark.audio.follow.hunting import HypothesisHunter
-from watermark.audio.follow.purse import DecodingPurse, Ventures
+from watermark.audio.follow.purse import DUE, DecodingPurse, Ventures
 from watermark.audio.follow.stretched import StretchedFollower
 from watermark.audio.follow.track import Track, TrackReader
 from watermark.audio.search.acquire import Candidate, PilotSearch
@@ -217,19 +217,25 @@ class AudioReceiver:
         )
         self._origin, self._searched = origin, 0
 
+    def _kept(self) -> float:
+        """Part of the savings that candidates leave for superframes which are due."""
+        return 0.0 if self._follower.track is None else DUE
+
     def _try(self, candidate: Candidate) -> list[ReceivedSuperframe]:
         """Decode at a candidate of the usual search, and lock there if the check accepts it."""
         sound = AssumedSound(self._pace, self._offset, self._equaliser)
         position = self._origin + candidate.start * sound.pace
         new = self._follower.is_new(position, sound.pace)
-        if not new or not self._ventures.allows(candidate.significance):
-            return []
-        accepted = self._attempts.read(self._tape, position, candidate, sound, self._ventures)
+        with self._purse.keeping(self._kept()):
+            if not new or not self._ventures.allows(candidate.significance):
+                return []
+            accepted = self._attempts.read(self._tape, position, candidate, sound, self._ventures)
         return [] if accepted is None else self._lock(self._mix, accepted)
 
     def _hunt(self) -> list[ReceivedSuperframe]:
         """Listen again to the last seconds under the hypotheses that are due."""
-        found = self._hunter.hunt(self._now, self._quantum / self._fs, self._tape, self._mix)
+        with self._purse.keeping(self._kept()):
+            found = self._hunter.hunt(self._now, self._quantum / self._fs, self._tape, self._mix)
         if found is None:
             return []
         if found.accepted is not None:

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from watermark.audio.follow.purse import EARNED, SAVED_S, DecodingPurse
+from watermark.audio.follow.align import read_view
+from watermark.audio.follow.demodulate import Demodulator
+from watermark.audio.follow.purse import DEEPEST, EARNED, SAVED_S, DecodingPurse, Ventures
+from watermark.audio.follow.retries import Retries
 from watermark.audio.search.channel_mixes import ECHO, find_mix
 from watermark.audio.search.evidence import Evidence
 from watermark.audio.search.hypotheses import RARELY_S, STRETCH_S, make_hypotheses
@@ -14,7 +17,9 @@ from watermark.audio.search.scheduler import (
 )
 from watermark.audio.search.scheduler import SAVED_S as HUNT_SAVED_S
 from watermark.audio.search.sound_ring import SoundRing
-from watermark.audio.signal.sample_buffer import StereoBuffer
+from watermark.audio.signal.masking import make_masker
+from watermark.audio.signal.profile import STANDARD
+from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
 
 STEP_S = 0.08
 
@@ -91,12 +96,58 @@ def test_the_purse_pays_no_more_than_the_sound_earned() -> None:
     assert paid <= EARNED * (SAVED_S + 640.0)
     assert paid > 0.9 * EARNED * 640.0
     assert purse.untried == 1000
-    with purse.sparing():
-        assert not purse.pays(0.5 * EARNED * SAVED_S)
+    with purse.keeping(0.5):
+        assert not purse.affords(0.5 * EARNED * SAVED_S)
     before = purse.balance
+    purse.charge(10.0)
+    assert purse.balance == before - 10.0
     purse.charge(1e6)
-    assert purse.balance == before - 1e6
+    assert purse.balance == DEEPEST
     assert not purse.pays(1.0)
+    debt_s = -DEEPEST / EARNED
+    purse.earn(debt_s + 0.1)
+    assert purse.pays(1.0)
+
+
+def test_candidates_that_leave_no_doubt_are_not_free() -> None:
+    """Pilots of a mark that cannot be read stand out in every second: the purse bounds them too."""
+    purse = DecodingPurse()
+    ventures, spent = Ventures(purse), 0.0
+    for _ in range(1000):
+        purse.earn(0.1)
+        ventures.earn(0.1)
+        while ventures.allows(9.0):
+            with ventures.attempt(9.0, 5.0):
+                while purse.pays(6.0):
+                    spent += 6.0
+    assert 0.9 * EARNED * 100 < spent < EARNED * (SAVED_S + 100)
+
+
+def test_the_kind_of_attempt_that_succeeds_comes_first() -> None:
+    """Under a voice masks of interference read more, through coders longer lists."""
+    sound = np.random.default_rng(1).normal(0, 0.1, 40_000)
+    tape = SampleBuffer()
+    tape.append(sound)
+    demodulator = Demodulator(STANDARD, 0)
+    view = read_view(tape, 960.0, 1.0, make_masker())
+    clues = view.clues(demodulator.layout.cells, make_masker())
+
+    def kinds(retries: Retries, good: str) -> list[str]:
+        found = []
+        for _ in retries.attempts(view, clues, [3.0, 4.0], 0.0, due=True):
+            found.append(retries._kind)
+            retries.note(retries._kind == good)
+        return list(dict.fromkeys(found))
+
+    for good in ("covered", "plain"):
+        retries = Retries(demodulator)
+        first = [kinds(retries, good) for _ in range(6)]
+        assert first[-1][0] == good
+        assert all(set(names) == set(first[0]) for names in first)
+    poor = DecodingPurse(balance=20.0)
+    some = list(Retries(Demodulator(STANDARD, 0, poor)).attempts(view, clues, [3.0], 0.0, due=True))
+    assert 0 < len(some) < 9
+    assert poor.untried
 
 
 @pytest.mark.parametrize(("late", "own", "beside"), [(960, -0.6, 0.3), (480, 0.4, 0.0)])

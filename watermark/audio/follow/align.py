@@ -6,6 +6,7 @@ bits fit best. Specification: spec/audio-carrier.md, W36.
 """
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,16 +78,16 @@ class SuperframeView:
 
     Attributes
     ----------
-    spectra : ndarray of complex64, shape (64, HOP)
+    spectra : ndarray of complex64 or complex128, shape (64, HOP)
         See `watermark.audio.signal.mdct.analyse`.
-    amplitudes : ndarray of float32, shape (64, bins)
+    amplitudes : ndarray of float32 or float64, shape (64, bins)
         The mark's unit, see `Masker.amplitudes`.
     paired : bool
         Whether bins come from left and right, too.
     """
 
-    spectra: NDArray[np.complex64]
-    amplitudes: NDArray[np.float32]
+    spectra: NDArray[Any]
+    amplitudes: NDArray[Any]
     paired: bool = False
     _soft: dict[tuple[int, float], NDArray[np.float64]] = field(
         default_factory=dict, init=False, repr=False, compare=False

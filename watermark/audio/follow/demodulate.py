@@ -16,30 +16,20 @@ from numpy.typing import NDArray
 from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.equaliser import band_of
 from watermark.audio.follow.interference import InterferenceEstimator, InterferenceMask
-from watermark.audio.follow.purse import (
-    BELIEFS,
-    CLUES_COST,
-    LOOK,
-    RATIOS,
-    DecodingPurse,
-    decoding_cost,
-)
-from watermark.audio.follow.reliability import LIMITS, NOISY, Reliability
+from watermark.audio.follow.purse import CLUES_COST, DecodingPurse, decoding_cost
+from watermark.audio.follow.reliability import LIMITS, Reliability
+from watermark.audio.follow.retries import LEAST_STANDING, LONGEST_LIST_SIZE, Retries
 from watermark.audio.signal.channel_choice import LEFT, MID, RIGHT, make_places
 from watermark.audio.signal.layout import make_layout, make_pilots
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.profile import LEVELS, TIER_LEVELS, AudioProfile
 from watermark.link.link import Decoded, Link
 
-LIST_SIZE, LONG_LIST_SIZE, LONGEST_LIST_SIZE = 8, 32, 512
-"""Paths that the decoder follows at first, then at a candidate, and where a superframe is due."""
+LIST_SIZE = 8
+"""Paths that the decoder follows at first."""
 
 TRIED_LEVELS = 8
 """Levels at which a superframe is tried: those of the two tiers whose pilots fit best."""
-
-COVERED_LEVELS, COVERED_ROUNDS = 3, 3
-"""Levels at which a superframe is read as one that another sound covers in part, the most
-promising, and rounds of decoding and estimation in turns at each."""
 
 UNTOLD = 24.0
 """Correlation of pilots, three standard deviations of noise, below which they hardly tell a level:
@@ -48,21 +38,13 @@ the last one and its neighbours are tried, too."""
 NEARBY = (1.5, 2.5)
 """Deviation in frames and cells of the window in which decoded bits tell of their neighbours."""
 
-SINGLE, SURELY, LEAST_STANDING = 2.5, 2.0, 0.02
+SINGLE, SURELY = 2.5, 2.0
 """Standard deviations by which cells of one place must lie nearer to points of either bit than
-those of another, for the sound to be taken for a single channel; how many the others must have to
-be given weight; and their least weight."""
+those of another, for the sound to be taken for a single channel; and how many the others must have
+to be given weight."""
 
 SHRINK = 20.0
 """Cells that the mean of all frames counts for beside them; 10 to 40 do as well."""
-
-EVEN = 1.0
-"""Weight of all cells where none is trusted more than another."""
-
-LONG_LEVELS, DUE_LEVELS = 2, 4
-"""Levels at which a longer list is tried at a candidate, and where a superframe is due: half of
-them the likeliest, half the most promising."""
-
 
 SPARE_TIERS = 2
 """Tiers beyond those of the profile that a change of gain may have led to."""
@@ -122,11 +104,11 @@ class Demodulator:
     key : int
         Seed of the layout.
     purse : DecodingPurse, optional
-        Pays for attempts beyond the first at each level; otherwise all are made.
+        Pays for attempts beyond the first ones; otherwise all are made.
     """
 
     def __init__(self, profile: AudioProfile, key: int, purse: DecodingPurse | None = None) -> None:
-        self.profile, self._purse = profile, purse or DecodingPurse(math.inf)
+        self.profile, self.purse = profile, purse or DecodingPurse(math.inf)
         self.layout = make_layout(profile, key)
         self.places = make_places(profile, key)
         self._kinds = _kinds(self.places.cells)
@@ -135,6 +117,7 @@ class Demodulator:
         self._pilots = make_pilots(key)
         self._masker = make_masker()
         self._announced = self._pilots.expected(profile.number)
+        self._retries = Retries(self)
         self.coverage = InterferenceEstimator(profile, self.layout, self._pilots)
 
     @property
@@ -179,79 +162,50 @@ class Demodulator:
         What fails everywhere is tried again at the first few with a longer list, then with other
         weights than the learnt ones: harder where a superframe is due, not at all in brief.
         `offset` is by how much a gain moved all levels. Only the first attempts are made in any
-        case; the purse pays for all others.
+        case, at the levels of the likeliest tier; the purse pays for all others.
         """
         clues = view.clues(self.layout.cells, self._masker)
-        self._purse.charge(CLUES_COST)
-        first = self._first(view, clues, levels)
-        for attempts in (first, self._further(view, clues, levels, offset, due=due)):
-            for level, ratios, list_size in attempts:
-                reading = self._read_at(view, clues, level, ratios, list_size)
-                if reading.decoded.l0 is not None:
-                    return self._settle(reading)
-            if brief:
-                break
-        return reading
+        self.purse.charge(CLUES_COST)
+        failed: SuperframeReading | None = None
+        for level, ratios in self._first(view, clues, levels):
+            reading = self._read_at(view, clues, level, ratios, LIST_SIZE)
+            if reading.decoded.l0 is not None:
+                return self._settle(reading)
+            failed = failed or reading
+        assert failed is not None
+        if brief:
+            return failed
+        for level, ratios, size in self._retries.attempts(view, clues, levels, offset, due=due):
+            again = self._read_at(view, clues, level, ratios, size)
+            self._retries.note(again.decoded.l0 is not None)
+            if again.decoded.l0 is not None:
+                return self._settle(again)
+        return failed
 
     def _first(
         self, view: SuperframeView, clues: NDArray[np.float64], levels: list[float]
-    ) -> Iterator[tuple[float, NDArray[np.float64], int]]:
-        """Levels, ratios of the cells and sizes of the decoder's list: the first attempts."""
+    ) -> Iterator[tuple[float, NDArray[np.float64]]]:
+        """Levels and ratios of the cells: the first attempts."""
         learnt = self.reliability.cautious(clues)
-        for level in levels:
-            self._purse.charge(self._cost(LIST_SIZE))
-            weighted = self._weighted(view, level, learnt)
-            yield level, self._standing(view, level) * weighted, LIST_SIZE
-
-    def _further(
-        self,
-        view: SuperframeView,
-        clues: NDArray[np.float64],
-        levels: list[float],
-        offset: float,
-        *,
-        due: bool,
-    ) -> Iterator[tuple[float, NDArray[np.float64], int]]:
-        """Further attempts, the likeliest first, as far as the purse pays for them."""
-        pays = self._purse.pays
-        if not pays(LOOK * len(levels)):
-            return
-        covered = {level: self._look(view, level, offset) for level in levels}
-        promising = sorted(levels, key=lambda level: -covered[level].promise)
-        for level in promising[:COVERED_LEVELS]:
-            if not pays(RATIOS + self._cost(LONG_LIST_SIZE)):
+        for n, level in enumerate(levels):
+            if n < TIER_LEVELS:
+                self.purse.charge(self.cost(LIST_SIZE))
+            elif not self.purse.pays(self.cost(LIST_SIZE)):
                 return
-            ratios = covered[level].ratios()
-            yield level, ratios, LONG_LIST_SIZE
-            for _ in range(COVERED_ROUNDS):
-                if not pays(BELIEFS + RATIOS + self._cost(LONG_LIST_SIZE)):
-                    return
-                believed = self.link.beliefs(self.layout.gather(ratios))
-                ratios = covered[level].ratios(self.layout.spread(believed))
-                yield level, ratios, LONG_LIST_SIZE
-        count, longer = (DUE_LEVELS, LONGEST_LIST_SIZE) if due else (LONG_LEVELS, LONG_LIST_SIZE)
-        likely = dict.fromkeys([*levels[: count // 2], *promising[: count // 2]])
-        learnt, plain = self.reliability.cautious(clues), self.reliability.plain(clues)
-        noisy = self.reliability.weights(clues, exponents=NOISY)
-        plans = [(level, learnt, longer) for level in likely]
-        for level in levels[: LONG_LEVELS if due else 1]:
-            plans += [(level, plain, longer), (level, np.full((1, 1), EVEN), longer)]
-            plans.append((level, noisy, LONG_LIST_SIZE))
-        for kind, level in self.lone_levels(view, levels):
-            plans.append((level, np.maximum(kind, LEAST_STANDING), longer))
-        for level, weights, list_size in plans:
-            if pays(self._cost(list_size)):
-                yield level, self._weighted(view, level, weights), list_size
+            weighted = self.weighted(view, level, learnt)
+            yield level, self._standing(view, level) * weighted
 
-    def _cost(self, list_size: int) -> float:
+    def cost(self, list_size: int) -> float:
+        """Return what a decoding costs."""
         return decoding_cost(list_size, self.profile.l0_mother)
 
-    def _weighted(
+    def weighted(
         self, view: SuperframeView, level: float, weights: NDArray[np.float64]
     ) -> NDArray[np.float64]:
+        """Return log-likelihood ratios of the cells by soft values and weights."""
         return view.soft(self.layout.cells, self.profile.step(level)) * weights
 
-    def _look(self, view: SuperframeView, level: float, offset: float) -> InterferenceMask:
+    def look(self, view: SuperframeView, level: float, offset: float) -> InterferenceMask:
         """Look for what covers a superframe; its pilots have the step of their tier."""
         tier = math.floor((level - offset) / TIER_LEVELS + 1e-6)
         pilot_step = self.profile.pilot_step(0) * 2 ** (tier + offset / TIER_LEVELS)

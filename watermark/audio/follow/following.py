@@ -14,7 +14,7 @@ from watermark.audio.follow.align import SuperframeView, find_delay, search_fit
 from watermark.audio.follow.attempt import AcceptedAttempt
 from watermark.audio.follow.demodulate import SuperframeReading
 from watermark.audio.follow.equaliser import KnownCells
-from watermark.audio.follow.purse import DecodingPurse
+from watermark.audio.follow.purse import BESIDE, ELSEWHERE, DecodingPurse
 from watermark.audio.follow.track import FOLLOW, Track, TrackReader, as_used, received
 from watermark.audio.signal.profile import HOP, SUPERFRAME
 from watermark.audio.signal.sample_buffer import StereoBuffer
@@ -166,9 +166,11 @@ class TrackFollower:
             self._reader.settle_pair(tape, track, reading)
             return [self._deliver(track, reading)]
         for moved in self._reader.elsewhere(tape, track, raw):
-            raw = self._reader.view(tape, moved)
-            there = moved.pair != track.pair
-            with self._purse.sparing():
+            with self._purse.keeping(BESIDE):
+                if not self._purse.affords(ELSEWHERE):
+                    break
+                raw = self._reader.view(tape, moved)
+                there = moved.pair != track.pair
                 again = self._reader.read(tape, moved, raw, due=there)
             if again.decoded.l0 is not None:
                 self.track = moved

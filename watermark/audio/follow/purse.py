@@ -3,44 +3,51 @@
 In: the sound that arrives, which earns an allowance; out: whether an attempt is paid for. Costs are
 counted, not measured: the same sound gives the same attempts on every machine. An unpaid attempt
 is left untried and counted. Unit: a thousandth of a second of a core of the machine on which the
-costs were counted; a second of sound earns a quarter of it.
+costs were counted; a second of sound earns a twenty-fifth of it.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-EARNED = 240.0
+EARNED = 40.0
 """What a second of sound pays for."""
 
-SAVED_S = 4.0
+SAVED_S = 12.0
 """Sound whose allowance is saved for superframes that fail after others that did not."""
 
-VIEW, CLUES_COST, LOOK, BELIEFS, RATIOS, FIT = 2.1, 1.9, 1.3, 0.8, 0.8, 1.5
+DEEPEST = -8.0 * EARNED
+"""What may be owed for work that is done in any case."""
+
+VIEW, CLUES_COST, LOOK, BELIEFS, RATIOS, FIT = 1.5, 0.8, 1.3, 0.8, 0.8, 0.8
 """A superframe's spectra and masks; what tells of its cells; what covers it at one level; its
 beliefs; ratios from clues; a search for its delay and drift."""
 
-PIECES = 240.0
+PIECES = 190.0
 """All places of a superframe's frames in sound that lies in pieces, and reading along them."""
 
-PATHS_COST = ((8, 0.35), (32, 1.0), (512, 16.5))
-"""Decodings of a class with lists of so many paths, in a mother code of `USUAL_MOTHER` bits."""
+PATHS_COST = ((8, 0.25), (32, 0.6), (512, 6.0))
+"""Decodings of a class that fail with lists of so many paths, in a mother code of `USUAL_MOTHER`
+bits."""
 
 USUAL_MOTHER = 1024
 """Bits of the mother code of the first class of `standard`."""
 
+ELSEWHERE, BESIDE = 8.0, 0.25
+"""Least cost of reading beside the likeliest place, and part of the savings that is kept then for
+the likeliest one."""
+
+DUE = 0.25
+"""Part of the savings that candidates leave for superframes which are due, where any are."""
 
 VENTURED, VENTURES = 5.0, 60.0
 """The same for attempts at candidates: what a second of sound pays for, and what is saved."""
 
-DEEPEST = -120.0
-"""What may be owed for attempts: half a minute of what sound pays."""
-
 LEAST_VENTURED, ON_CREDIT = 4.8, 5.8
-"""Significance from which a candidate is tried where all of that is saved, and on credit: of a
-hundred candidates in unmarked sound, one or two reach it."""
+"""Significance from which a candidate is tried where all of that is saved, and from which the
+purse pays: of a hundred candidates in unmarked sound, one or two reach it."""
 
-UNSURE_COST, SURE_COST, CERTAIN_COST, CERTAIN = 40.0, 120.0, 480.0, 7.0
+UNSURE_COST, SURE_COST, CERTAIN_COST, CERTAIN = 15.0, 45.0, 120.0, 7.0
 """What an attempt may cost beyond its first decodings: by whether its pilots confirm it, and from
 which deviations on they leave no doubt."""
 
@@ -71,9 +78,9 @@ class DecodingPurse:
         self.balance = min(self.balance + EARNED * sound_s, EARNED * SAVED_S)
 
     @contextmanager
-    def sparing(self) -> Iterator[None]:
-        """Keep half of the savings, for attempts beside the likeliest place."""
-        before, self.reserve = self.reserve, EARNED * SAVED_S / 2
+    def keeping(self, part: float) -> Iterator[None]:
+        """Keep a part of the savings for attempts that are likelier."""
+        before, self.reserve = self.reserve, max(EARNED * SAVED_S * part, self.reserve)
         try:
             yield
         finally:
@@ -81,13 +88,19 @@ class DecodingPurse:
 
     def charge(self, cost: float) -> None:
         """Pay for work that is done in any case, on credit if need be."""
-        self.balance -= cost
+        self.balance = max(self.balance - cost, DEEPEST)
         self.spent += cost
+
+    def affords(self, cost: float) -> bool:
+        """Whether an attempt could be paid; note that it is left out if not."""
+        if cost > self.balance - self.reserve:
+            self.untried += 1
+            return False
+        return True
 
     def pays(self, cost: float) -> bool:
         """Pay for an attempt, or note that it was left out."""
-        if cost > self.balance - self.reserve:
-            self.untried += 1
+        if not self.affords(cost):
             return False
         self.charge(cost)
         return True
@@ -105,6 +118,7 @@ class Ventures:
 
     purse: DecodingPurse
     _left: float = VENTURES
+    _paid: bool = False
 
     def earn(self, sound_s: float) -> None:
         """Add what so much sound pays for."""
@@ -112,6 +126,9 @@ class Ventures:
 
     def allows(self, significance: float) -> bool:
         """Whether a candidate is tried: the less is saved, the more significant it must be."""
+        self._paid = significance >= ON_CREDIT
+        if self._paid:
+            return self.purse.affords(UNSURE_COST)
         doubt = (ON_CREDIT - significance) / (ON_CREDIT - LEAST_VENTURED)
         if self._left < VENTURES * min(doubt, 1.0):
             self.purse.untried += 1
@@ -124,12 +141,13 @@ class Ventures:
         purse = self.purse
         most = CERTAIN_COST if score >= CERTAIN else SURE_COST if score >= sure else UNSURE_COST
         reserve, spent = purse.reserve, purse.spent
-        purse.reserve = max(purse.balance - most, 0.0)
+        purse.reserve = max(purse.balance - most, reserve)
         try:
             yield
         finally:
             purse.reserve = reserve
-            self._left = max(self._left - (purse.spent - spent), DEEPEST)
+            if not self._paid:
+                self._left -= purse.spent - spent
 
 
 def decoding_cost(list_size: int, mother: int) -> float:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser
-from watermark.audio.follow.purse import LEAST_VENTURED, PIECES, Ventures
+from watermark.audio.follow.purse import DEEPEST, LEAST_VENTURED, PIECES, Ventures
 from watermark.audio.follow.stretched_path import MARGIN, REACH, Paths
 from watermark.audio.follow.track import Track, TrackReader, received
 from watermark.audio.search.stretched_search import (
@@ -68,6 +68,9 @@ the usual search."""
 
 UNREADABLE = 6
 """Superframes in a row that cannot be read before the past is left alone."""
+
+MOST_BACK = 6
+"""Superframes of the past that are read: each costs a fifth of a second of a core."""
 
 LEVELS_BESIDE = (0, -1, 1, -2, 2)
 """Levels tried beside that of the superframe before."""
@@ -200,8 +203,10 @@ class StretchedFollower:
         if candidate is None:
             return None
         if ventures is None:
-            if not self._reader.purse.pays(PIECES):
+            # The likeliest explanation of superframes that fail: it is tried on credit.
+            if not self._reader.purse.affords(PIECES + DEEPEST):
                 return None
+            self._reader.purse.charge(PIECES)
             return self._lock_at(candidate, tape, start, told)
         if not ventures.allows(LEAST_VENTURED + (candidate.score - LEAST_KNOWN) / DOUBT):
             return None
@@ -290,9 +295,9 @@ class StretchedFollower:
         oldest = tape.first + (REACH + MARGIN) * self._nominal if tape.first else -np.inf
         first = max(oldest, told + nominal / 2, -HOP * self._nominal)
         past = replace(place)
-        pays = self._reader.purse.pays
+        affords = self._reader.purse.affords
         while failed < UNREADABLE and past.position - nominal / past.tempo > first:
-            if failed and not pays(PIECES):
+            if len(found) == MOST_BACK or (failed and not affords(PIECES + DEEPEST)):
                 break
             reading, places, tempo = self._read(tape, past, back=True)
             if reading.decoded.l0 is None:
@@ -318,8 +323,9 @@ class StretchedFollower:
         near = [place.level + beside for beside in LEVELS_BESIDE]
         levels = [level for level in near if 0 <= level < len(LEVELS)]
         for n, tempo in enumerate(tempi):
-            if n and not self._reader.purse.pays(PIECES):
+            if n and not self._reader.purse.affords(PIECES + DEEPEST):
                 break
+            self._reader.purse.charge(PIECES)
             frames = FRAMES - FRAMES_PER_SUPERFRAME if back else FRAMES
             paths = self._paths(tape, place.position + HOP * self._nominal / tempo * frames)
             for reading, places in self._readings(paths, levels, place.piece, due=not back):
@@ -336,9 +342,11 @@ class StretchedFollower:
         """Read along the likeliest paths, the first of them from `first` on if given."""
         attempts: list[tuple[float | None, float]] = [(None, jump) for jump in JUMPS]
         if first is not None:
-            attempts.insert(0, (first, JUMPS[0]))
-        for begin, jump in attempts:
-            found = {level: paths.find(level, jump=jump, first=begin) for level in levels}
+            attempts[:0] = [(first, JUMPS[0])] * 2
+        for n, (begin, jump) in enumerate(attempts):
+            # The level of the superframe before comes first, its neighbours only if that fails.
+            tried = levels[: 1 if n == 0 and begin is not None else len(levels)]
+            found = {level: paths.find(level, jump=jump, first=begin) for level in tried}
             level = max(found, key=lambda level: found[level][0])
             view, places = paths.view(found[level][1], level)
             reading = self.demodulator.read(view, [level], due=due)

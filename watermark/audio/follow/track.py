@@ -215,7 +215,8 @@ class TrackReader:
             if again.decoded.l0 is not None:
                 track.offset = 0.0
                 return self.complete(tape, track, again)
-        self.purse.charge(VIEW)
+        if not self.purse.pays(VIEW):
+            return reading
         deep = _look(tape, track, self._deep)
         if np.count_nonzero(deep.amplitudes) > np.count_nonzero(raw.amplitudes):
             view = as_used(track, deep)
@@ -228,8 +229,9 @@ class TrackReader:
             tier = math.floor((levels[0] - track.offset) / TIER_LEVELS + 1e-6)
             step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
             known = KnownCells(pilots.cells, step, pilots.expected(profile.number))
+            if not self.purse.pays(len(levels) * FIT):
+                return reading
             likely = likely_phases(demodulator, raw, known, levels[:TIER_LEVELS])
-            self.purse.charge(len(levels) * FIT)
             for equaliser, level in likely:
                 turned_view = raw.turned(equaliser.bins)
                 again = demodulator.read(turned_view, [level], offset=track.offset, due=False)
