@@ -39,15 +39,15 @@ MARGIN = 1.65
 """Information that is enough, in units of the message's and its checks' bits. Classes decode from
 about 1.2 on; through x264 with other settings 0.8 to 1.25 times the trial's arrived."""
 
-OPENING_MARGIN = 2.0
-"""The same for a programme's first superframe: how poor coders start is different for each."""
+OPENING_MARGIN = 2.4
+"""The same for a programme's first superframe: each coder starts poor in its own way, and 0.55 to
+1.2 times the trial's information arrives."""
 
 CEILING = 0.65
 """Bits per value that are enough for any rate: none holds more than one."""
 
-LAST_MARGIN = 3.0
-"""The same for L0 where L1 is given up: so little is left of noisy pictures that the trial errs by
-more."""
+L0_MARGIN = 2.5
+"""The same where L0 alone is asked for: where so little is left the trial errs by more."""
 
 HOPELESS = 1.1
 """Most information, in the same units, with which a class is given up: it rarely decodes."""
@@ -190,9 +190,8 @@ class PictureLoop:
                 return np.asarray(enough)
             if bits.max() >= HOPELESS * rate:
                 return np.asarray(bits >= NEARLY * bits.max())
-            enough = strong & (bits >= LAST_MARGIN * first) & (agreement >= L0_AGREEMENT)
-        else:
-            enough = (bits >= margin * first) & (agreement >= L0_AGREEMENT)
+        enough = (bits >= L0_MARGIN * first) & (agreement >= L0_AGREEMENT)
+        enough &= strong | (not whole)
         if not enough.any():
             enough[-1] = True
         return np.asarray(enough)
