@@ -24,14 +24,10 @@ def test_a_figure_becomes_an_avatar_and_a_picture(
     assert said["readable_lips"]
     assert said["terms"] == "Egg; A. Test, B; https://vrm.dev/licenses/1.0/"
     assert said["places_mm"].keys() == {"side", "mouth", "chin", "cheek", "throat"}
-    pictures = []
-    for name, file in (("a.png", made), ("b.png", model)):
-        target = str(tmp_path / name)
-        render = ["render", motion, "-o", target, "--size", "160x186", "--avatar", file]
-        assert main(render) == 0
-        pictures.append(read_picture(target))
-    assert (pictures[0] == pictures[1]).all()
-    assert (pictures[0].max(axis=2) > 40).mean() > 0.3
+    target = str(tmp_path / "a.png")
+    render = ["render", motion, "-o", target, "--size", "160x186", "--avatar", made]
+    assert main(render) == 0
+    assert (read_picture(target).max(axis=2) > 40).mean() > 0.3
     assert main([*render, "--look", "man"]) == 2
     capsys.readouterr()
 
