@@ -73,6 +73,8 @@ def invert(
     markers: NDArray[np.float64],
     visible: Confidence,
     start: NDArray[np.float64],
+    *,
+    steps: int = _STEPS,
 ) -> NDArray[np.float64]:
     """Return the parameters that explain the visible markers best.
 
@@ -85,6 +87,8 @@ def invert(
         How much each marker is to be trusted, 0 (hidden) to 1.
     start : ndarray of float64, shape (T, P)
         First guess, for example from `starting_motion`.
+    steps : int
+        Gauss-Newton steps at most: few are enough from a near start.
 
     Returns
     -------
@@ -96,7 +100,9 @@ def invert(
         frames = np.flatnonzero(kind)
         for begin in range(0, len(frames), _BLOCK):
             block = frames[begin : begin + _BLOCK]
-            out[block] = _solve(model, markers[block], visible[block], out[block], deviations)
+            out[block] = _solve(
+                model, markers[block], visible[block], out[block], deviations, steps
+            )
     return out
 
 
@@ -173,13 +179,14 @@ def _solve(
     visible: Confidence,
     parameters: NDArray[np.float64],
     deviations: NDArray[np.float32],
+    steps: int,
 ) -> NDArray[np.float64]:
     """Return better `parameters`, until no frame moves by more than the tolerance.
 
     Slopes are costly and change slowly: each serves for two steps (the chord method).
     """
     active = np.arange(len(parameters))
-    for step in range(_STEPS):
+    for step in range(steps):
         now, seen, at = markers[active], visible[active], parameters[active]
         weight = marker_weights(model.residual(at, now), seen, robust=step >= _PLAIN_STEPS)
         projection, normal = normal_equations(model, at, weight, deviations)
@@ -316,31 +323,64 @@ def linked(
     ndarray of float64, shape (T, P)
     """
     out = np.empty_like(parameters)
-    stiffness = STIFFNESS_MM2_S3 * rate_hz**3
+    stiffness = stiffness_at(rate_hz)
     for begin in range(0, len(out), _PASSAGE):
         end = min(begin + _PASSAGE, len(out))
         wide = slice(max(0, begin - _MARGIN), min(len(out), end + _MARGIN))
-        solved = _passage(model, markers[wide], visible[wide], parameters[wide], stiffness)
+        equations = linearised(model, markers[wide], visible[wide], parameters[wide])
+        solved = smoothed(*equations, stiffness)
         out[begin:end] = solved[begin - wide.start : end - wide.start]
     return out
 
 
-def _passage(
+def stiffness_at(rate_hz: float) -> float:
+    """Return the price of second differences between frames of a rate, mm²."""
+    return STIFFNESS_MM2_S3 * rate_hz**3
+
+
+def linearised(
     model: MarkerModel,
     markers: NDArray[np.float64],
     visible: Confidence,
     parameters: NDArray[np.float64],
-    stiffness: float,
-) -> NDArray[np.float64]:
-    from scipy.linalg import solveh_banded
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the normal equations of frames about their own parameters.
 
-    frames, n = parameters.shape
+    Parameters
+    ----------
+    model, markers, visible, parameters
+        As for `bridge`; the frames need not follow each other.
+
+    Returns
+    -------
+    normal : ndarray of float64, shape (T, P, P)
+    right : ndarray of float64, shape (T, P)
+        Zeros, both, where no marker is visible.
+    """
+    frames = len(parameters)
     residual = model.residual(parameters, markers)
     weights = marker_weights(residual, visible, robust=True)
     projection, normal = normal_equations(model, parameters, weights, model.deviations)
     residual[visible == 0] = 0.0
     explained = (projection @ residual.reshape(frames, -1, 1).astype(np.float32))[..., 0]
-    right = explained + (normal @ parameters[..., None])[..., 0]
+    return normal, explained + (normal @ parameters[..., None])[..., 0]
+
+
+def smoothed(
+    normal: NDArray[np.float64], right: NDArray[np.float64], stiffness: float
+) -> NDArray[np.float64]:
+    """Return the parameters (T, P) of consecutive frames with given normal equations.
+
+    Parameters
+    ----------
+    normal, right
+        See `linearised`.
+    stiffness : float
+        See `stiffness_at`.
+    """
+    from scipy.linalg import solveh_banded
+
+    frames, n = right.shape
     banded = _banded(normal + _PULL_MM2 * np.eye(n), stiffness)
     solution = solveh_banded(banded, right.reshape(-1), lower=True, check_finite=False)
     return np.asarray(solution.reshape(frames, n))

@@ -7,13 +7,14 @@ parameters, however they arrive.
 """
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.cuer.models.inversion import bridge, invert
+from codec.cuer.models.inversion import invert, linearised, smoothed, stiffness_at
+from codec.cuer.models.threads import one_thread
 from codec.cuer.voice import Voice
 from codec.errors import CueError
 from synth.capture.cues.features import points_of
@@ -28,6 +29,7 @@ from synth.capture.tracker.own_map import HAND_RIDGE_MM2, near_hand, own_map
 from synth.capture.tracker.picture import Picture, find_picture
 
 FloatArray = NDArray[np.float64]
+Equations = tuple[FloatArray, FloatArray]
 
 LATE_S = 0.15
 """How much later than its frame a parameter comes; a long table's frame ends one frame later."""
@@ -51,6 +53,10 @@ _FEW, _SOME = 12, 40
 """Frames that a lesson needs at least, and takes."""
 
 _SIZES = np.linspace(0.7, 1.6, 7)
+
+_FIRST_STEPS, _STEPS = 6, 2
+"""Gauss-Newton steps of a frame at most, from a likely posture and from the frame before; joining
+it with the frames about it is one more."""
 
 _AWAY_S, _TO_REST_S = 0.4, 0.25
 """Seconds after which a hand out of sight counts as at rest, and that it takes to get there."""
@@ -77,13 +83,19 @@ class _Shot:
 
 @dataclass(frozen=True, slots=True)
 class _Solved:
-    """A frame in the voice's coordinates, and its parameters; no `of_hand` if none is seen."""
+    """A frame in the voice's coordinates, and its parameters; no `of_hand` if none is seen.
+
+    `face_equations` and `hand_equations` are those that join it with the frames about it
+    (`codec.cuer.models.inversion.linearised`).
+    """
 
     time_s: float
     face: FloatArray
     hand: FloatArray
     of_face: FloatArray
     of_hand: FloatArray | None
+    face_equations: Equations
+    hand_equations: Equations
 
 
 class LiveLandmarks:
@@ -177,24 +189,29 @@ class LiveLandmarks:
         face = _told(head, face[None])[0]
         before = self._window[-1] if self._window else None
         start = np.zeros(head.n_parameters) if before is None else before.of_face
-        of_face = _fit(head, face[None], start[None])[0]
+        steps = _FIRST_STEPS if before is None else _STEPS
+        of_face = _fit(head, face[None], start[None], steps)[0]
+        equations = _equations(head, face, of_face)
         if np.isfinite(hand).all(-1).sum() < _LEAST_HAND:
-            return _Solved(shot.time_s, face, np.full_like(hand, np.nan), of_face, None)
+            count = self._hand.n_parameters
+            nothing = np.zeros((count, count)), np.zeros(count)
+            unseen = np.full_like(hand, np.nan)
+            return _Solved(shot.time_s, face, unseen, of_face, None, equations, nothing)
         own = self._hand
         last = None if before is None else before.of_hand
         first = started(own, hand[None], self._likely) if last is None else last[None]
         hand = hand.copy()
         hand[:, 2] += (own.landmarks(first)[0, 0] - hand[0])[2]
-        return _Solved(shot.time_s, face, hand, of_face, _fit(own, hand[None], first)[0])
+        of_hand = _fit(own, hand[None], first, _FIRST_STEPS if last is None else _STEPS)[0]
+        of = _equations(own, hand, of_hand)
+        return _Solved(shot.time_s, face, hand, of_face, of_hand, equations, of)
 
+    @one_thread
     def _joined(self, number: int) -> LiveFrame:
         """Return the parameters of a frame of the window, joined with those about it."""
         assert self._head is not None
         frames = list(self._window)
-        faces = np.stack([one.face for one in frames])
-        found = _bridged(
-            self._head, faces, np.stack([one.of_face for one in frames]), self._rate_hz
-        )
+        found = _linked([one.face_equations for one in frames], self._rate_hz)
         params = self._rest.copy()
         params[self._voice.face_columns] = found[number]
         params[self._voice.hand_columns] = self._hand_of(frames, number, found)
@@ -211,10 +228,7 @@ class LiveLandmarks:
             step = 1.0 / (_TO_REST_S * self._rate_hz)
             return np.asarray(self._last[columns] + step * (self._rest - self._last)[columns])
         self._unseen = 0
-        known = [n for n, one in enumerate(frames) if one.of_hand is not None]
-        rows = np.stack([one.of_hand for one in frames if one.of_hand is not None])
-        start = np.stack([np.interp(np.arange(len(frames)), known, c) for c in rows.T], axis=1)
-        found = _bridged(self._hand, np.stack([one.hand for one in frames]), start, self._rate_hz)
+        found = _linked([one.hand_equations for one in frames], self._rate_hz)
         speaker = Speaker(
             self._voice, self._voice.face, resized(self._voice.hand, self._size),
             hand_size=self._size,
@@ -280,12 +294,22 @@ def _masked(x: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
     return np.where(seen[..., None], x, 0.0), seen
 
 
-def _fit(model: LandmarkModel, x: FloatArray, start: FloatArray) -> FloatArray:
-    return invert(model, *_masked(x), start)
+def _fit(
+    model: LandmarkModel, x: FloatArray, start: FloatArray, steps: int = _FIRST_STEPS
+) -> FloatArray:
+    return invert(model, *_masked(x), start, steps=steps)
 
 
-def _bridged(model: LandmarkModel, x: FloatArray, found: FloatArray, rate_hz: float) -> FloatArray:
-    return bridge(model, *_masked(x), found, rate_hz=rate_hz)
+def _equations(model: LandmarkModel, x: FloatArray, found: FloatArray) -> Equations:
+    """Return the equations of a frame (L, 3) about its parameters (P,)."""
+    normal, right = linearised(model, *_masked(x[None]), found[None])
+    return normal[0], right[0]
+
+
+def _linked(equations: Sequence[Equations], rate_hz: float) -> FloatArray:
+    """Return the parameters of consecutive frames that move smoothly, shape (T, P)."""
+    normal, right = (np.stack(part) for part in zip(*equations, strict=True))
+    return smoothed(normal, right, stiffness_at(rate_hz))
 
 
 def _error(model: LandmarkModel, x: FloatArray, found: FloatArray) -> float:
