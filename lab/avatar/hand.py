@@ -51,9 +51,7 @@ def hand_part(
     def up(places: FloatArray) -> FloatArray:
         return np.asarray((places - wrist[0]) @ along)
 
-    sources, shares, small = cut(
-        triangles, points, lambda p: SLEEVE_MM + _UNDER_MM - up(p), division=2
-    )
+    sources, shares, small = cut(triangles, points, lambda p: SLEEVE_MM + _UNDER_MM - up(p))
     own = (colours[sources] * shares[..., None]).sum(axis=1)
     own[:, :3] *= (1 - (hollow[sources] * shares).sum(axis=1))[:, None]
     still = np.zeros((len(sources), 3))

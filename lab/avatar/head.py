@@ -29,7 +29,7 @@ from lab.avatar.parts import (
 )
 from lab.avatar.smoothing import divided, rounded
 
-_LIFT_MM = 0.06
+_LIFT_MM = 0.2
 """Distance in mm of the fine surface from the coarse one, so that they do not flicker."""
 
 _BUST_BOTTOM_MM = 330.0
@@ -165,25 +165,28 @@ def _skin(limbs: Limbs, face: FloatArray, triangles: IntArray, rings: IntArray, 
     def below(line_mm: float) -> Callable[[FloatArray], FloatArray]:
         return lambda p: _neckline(p) + line_mm - p[:, 1]
 
-    bare = cut(triangles[~of_lips], points, above(-9), division=1)
+    bare = cut(triangles[~of_lips], points, above(-9))
     fine = tessellate(triangles[lips[triangles].any(axis=1)], 3)
     of_arm = limbs.right[triangles].all(axis=1)
-    shirt = cut(triangles[~of_arm], points, below(-5), division=3)
+    shirt = cut(triangles[~of_arm], points, below(-5))
 
     def up(line_mm: float) -> Callable[[FloatArray], FloatArray]:
         return lambda p: _above_wrist(limbs, p) - SLEEVE_MM - line_mm
 
     near_cuff = limbs.lower & (up(_CUFF_MM + 12)(points) < 0)
     at_cuff = of_arm & near_cuff[triangles].any(axis=1)
-    cuff = cut(triangles[at_cuff], points, up(0), division=2)
-    above_cuff = cut(triangles[at_cuff], points, up(_CUFF_MM), division=2)
-    sleeve = cut(triangles[of_arm & ~at_cuff], points, lambda p: np.ones(len(p)), division=1)
+    cuff = cut(triangles[at_cuff], points, up(0))
+    above_cuff = cut(triangles[at_cuff], points, up(_CUFF_MM))
+    sleeve = cut(triangles[of_arm & ~at_cuff], points, lambda p: np.ones(len(p)))
     parts = []
     for cloth, lift_mm, colour in (
         (bare, 0.0, None), (fine, _LIFT_MM, None), (shirt, 1.4, look.cloth),
         (sleeve, 3.2, look.cloth), (above_cuff, 3.2, look.cloth), (cuff, 2.6, look.hem),
     ):  # fmt: skip
-        sources, shares, small = divided(points, normals, *cloth)
+        # The hem lies close under the sleeve's end: neither of them is divided.
+        sources, shares, small = (
+            cloth if cloth is cuff or cloth is above_cuff else divided(points, normals, *cloth)
+        )
         at = (points[sources] * shares[..., None]).sum(axis=1)
         shade = (hollow[sources] * shares).sum(axis=1)
         if colour is None:

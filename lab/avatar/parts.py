@@ -229,9 +229,8 @@ def tessellate(triangles: IntArray, n: int) -> tuple[IntArray, FloatArray, IntAr
 
 
 def cut(
-    triangles: IntArray, vertices: FloatArray, level: Callable[[FloatArray], FloatArray],
-    *, division: int,
-) -> tuple[IntArray, FloatArray, IntArray]:  # fmt: skip
+    triangles: IntArray, vertices: FloatArray, level: Callable[[FloatArray], FloatArray]
+) -> tuple[IntArray, FloatArray, IntArray]:
     """Return the part of a surface where a level is positive, with a clean edge.
 
     Parameters
@@ -240,8 +239,6 @@ def cut(
     vertices : ndarray, shape (M, 3)
     level : callable
         From points (N, 3) to (N,).
-    division : int
-        Triangles at the edge are divided this finely, so that the edge is as smooth.
 
     Returns
     -------
@@ -249,17 +246,14 @@ def cut(
     shares : ndarray, shape (V, 3)
     triangles : ndarray of int, shape (F', 3)
     """
-    sides = level(vertices)[triangles] > 0
+    at = level(vertices)
+    sides = at[triangles] > 0
     whole = triangles[sides.all(axis=1)]
     crossed = triangles[sides.any(axis=1) & ~sides.all(axis=1)]
     found: list[tuple[IntArray, FloatArray]] = []  # per triangle: its sources, shares of corners
-    steps = np.eye(3)
-    found += [(corners, steps) for corners in whole]
+    found += [(corners, np.eye(3)) for corners in whole]
     for parent in crossed:
-        _, shares, small = tessellate(np.arange(3)[None], division)
-        for corners in shares[small]:
-            points = corners @ vertices[parent]
-            found += [(parent, piece) for piece in _clipped(corners, level(points))]
+        found += [(parent, piece) for piece in _clipped(np.eye(3), at[parent])]
     sources = np.repeat([parent for parent, _ in found], 3, axis=0)
     shares = np.concatenate([corners for _, corners in found])
     shares = np.where(shares < 1e-9, 0, shares)

@@ -189,7 +189,7 @@ def _light(
         half = half * half
         lit[6, i] *= half * half * lit[8, i]
         lit[1, i] = _HALF + _HALF * ny
-        rim = max(_ZERO, _ONE - nz)
+        rim = min(_ONE, max(_ZERO, _ONE - nz))
         lit[2, i] = rim * rim * rim
     for k in range(3):
         share, wrap = light[3, k], light[2, k]

@@ -212,8 +212,15 @@ export class AvatarView {
     if (!this.gl) throw new Error("WebGL is missing");
     this.movement = new Movement(model);
     this.shading = new Shading(this.gl, arrays, model.camera.height_mm);
+    this.wear(arrays);
+  }
+
+  /** Draw the surfaces of another look of the same cuer from now on; those before leave the graphics memory. */
+  wear(arrays) {
+    const before = this.head ? [...this.head.buffers, ...this.hand.buffers] : [];
     this.head = this.upload(new Surface(arrays, "head"), arrays.head_weights);
     this.hand = this.upload(new Surface(arrays, "hand"), null);
+    for (const buffer of before) this.gl.deleteBuffer(buffer);
   }
 
   upload(surface, weights) {
@@ -227,8 +234,10 @@ export class AvatarView {
       extra[3 * i + 1] = weights ? weights[2 * i] : 1;
       extra[3 * i + 2] = weights ? weights[2 * i + 1] : 1;
     }
+    const buffers = [];
     const buffer = (target, data, usage) => {
       const made = gl.createBuffer();
+      buffers.push(made);
       gl.bindBuffer(target, made);
       gl.bufferData(target, data, usage);
       return made;
@@ -236,6 +245,7 @@ export class AvatarView {
     const [opaque, clear] = sortTriangles(surface);
     return {
       surface,
+      buffers,
       position: buffer(gl.ARRAY_BUFFER, surface.position, gl.DYNAMIC_DRAW),
       normal: buffer(gl.ARRAY_BUFFER, surface.normal, gl.DYNAMIC_DRAW),
       colour: buffer(gl.ARRAY_BUFFER, colour, gl.STATIC_DRAW),

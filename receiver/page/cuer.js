@@ -48,9 +48,7 @@ export class Cuer {
     const arrays = parseAvatar(await answer.arrayBuffer());
     if (String.fromCharCode(...arrays.voice) !== this.model.identity) throw new Error(`${wanted}: made for another voice`);
     if (this.look !== wanted) return;
-    const before = this.avatar;
-    this.avatar = buildAvatar(this.canvases.avatar, this.model, arrays) || before;
-    if (this.view === before) this.view = this.avatar;
+    this.avatar.wear(arrays);
     this.forget();
   }
 

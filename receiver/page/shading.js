@@ -113,18 +113,20 @@ float free() {
 void main() {
   float a = opacity * alpha;
   if (a < 0.004) discard;
+  // At a triangle's edge what varies is read beside it: keep it within its limits.
+  vec4 inTint = clamp(tint, 0.0, 1.0);
   vec3 m = normalize(n);
   float open = free();
   vec3 key = clamp((dot(m, light[0]) + light[2]) / (1.0 + light[2]), 0.0, 1.0);
   key *= sqrt(sqrt(key)) * open * light[3];
-  float rim = max(1.0 - m.z, 0.0);
+  float rim = clamp(1.0 - m.z, 0.0, 1.0);
   key += (light[4] + light[5] * (0.5 + 0.5 * m.y)) * (0.5 + 0.5 * open) + light[6] * rim * rim * rim;
   float half_ = max(dot(m, light[1]), 0.0);
   half_ *= half_;
   half_ *= half_;
   half_ *= half_;
   half_ *= half_;
-  vec3 c = tint.rgb * key + light[7] * tint.a * half_ * half_ * open;
+  vec3 c = inTint.rgb * key + light[7] * inTint.a * half_ * half_ * open;
   gl_FragColor = vec4(pow(min(c, 1.0), vec3(1.0 / 2.2)) * a, a);
 }`;
 

@@ -457,14 +457,19 @@ def test_another_look_on_the_page_is_that_of_python(programme: Path) -> None:
 
     async def visit(page: Page) -> None:
         woman = decode_png(await page.evaluate(PIXELS % (params.tolist(), "false", "false")))
+        buffers = "[...cuecast.cuer.avatar.head.buffers, ...cuecast.cuer.avatar.hand.buffers]"
+        await page.evaluate(f"window.before = {buffers}; before.length")
         await page.evaluate("cuecast.settings.set('appearance', 'man')")
         await page.evaluate("cuecast.cuer.dressed")
+        held = "%s.filter((buffer) => cuecast.cuer.avatar.gl.isBuffer(buffer)).length"
+        assert await page.evaluate(held % "before") == 0
+        assert await page.evaluate(held % buffers) == 10
         script = PIXELS % (params.tolist(), "false", "false")
         shown = decode_png(await page.evaluate(script)).astype(float)
         picture = np.zeros((*shown.shape[:2], 3), np.uint8)
         portrait = Portrait(avatar, neutral_camera(claire))
-        held = express(claire, functools.partial(still, params), FIVE_S)
-        portrait.draw(picture, avatar.place(params[None], held)[0])
+        added = express(claire, functools.partial(still, params), FIVE_S)
+        portrait.draw(picture, avatar.place(params[None], added)[0])
         cuer = (shown[..., 3] > 0) | (picture.max(axis=2) > 0)
         assert np.abs(shown[..., :3] * shown[..., 3:] / 255 - picture)[cuer].mean() < 3.0
         assert np.abs(woman[..., :3] - shown[..., :3])[cuer].mean() > 15
