@@ -19,6 +19,7 @@ from codec.cuer.models.rigid import rigid_motion, rotation_matrices, shared_moti
 from codec.cuer.voice import Voice
 from codec.errors import CueError
 from codec.files.npz import read_arrays
+from receiver.drawing._surface_kernels import refine_into
 from receiver.drawing.mouth import Mouth
 from receiver.drawing.movement import RULES, Expression
 from receiver.drawing.skeleton import Pose, Skeleton, between, gaze_in_head, solve
@@ -87,9 +88,8 @@ class Surface:
 
     def refine(self, control: FloatArray) -> FloatArray:
         """Return the surface (T, V, 3) over a coarse mesh (T, M, 3)."""
-        places = np.repeat(self.offsets[None], len(control), axis=0)
-        for k in range(3):
-            places += control.take(self.sources[:, k], axis=1) * self.shares[:, k, None]
+        places = np.empty((len(control), len(self.offsets), 3))
+        refine_into(np.ascontiguousarray(control), self.sources, self.shares, self.offsets, places)
         return places
 
 

@@ -8,14 +8,10 @@ separates the hand from a face of the same colour, and shows how near they are.
 import numpy as np
 from numpy.typing import NDArray
 
-from receiver.drawing._kernels import (
-    BLENDED,
-    CASTS,
-    add_normals,
-    blur_shadow,
-    cast,
-    draw_triangles,
-)
+from receiver.drawing._kernels import draw_triangles
+from receiver.drawing._light_kernels import add_normals
+from receiver.drawing._shadow_kernels import blur_shadow, cast
+from receiver.drawing._visibility_kernels import BLENDED, CASTS
 from receiver.drawing.avatar import Avatar, FloatArray
 from receiver.drawing.camera import Camera
 

@@ -11,7 +11,10 @@ from scipy.ndimage import maximum_filter
 
 from codec.cuer.voice import load_voice
 from codec.cues.score import PLACEMENTS
-from receiver.drawing._kernels import BLENDED, add_normals, blur_shadow, cast, draw_triangles
+from receiver.drawing._kernels import draw_triangles
+from receiver.drawing._light_kernels import add_normals
+from receiver.drawing._shadow_kernels import blur_shadow, cast
+from receiver.drawing._visibility_kernels import BLENDED
 from receiver.drawing.avatar import load_avatar
 from receiver.drawing.camera import Camera
 from receiver.drawing.portrait import FROM_LIGHT, LIGHT, SHADOW_WEIGHTS, Portrait

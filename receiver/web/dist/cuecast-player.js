@@ -419,18 +419,20 @@ float free() {
 void main() {
   float a = opacity * alpha;
   if (a < 0.004) discard;
+  // At a triangle's edge what varies is read beside it: keep it within its limits.
+  vec4 inTint = clamp(tint, 0.0, 1.0);
   vec3 m = normalize(n);
   float open = free();
   vec3 key = clamp((dot(m, light[0]) + light[2]) / (1.0 + light[2]), 0.0, 1.0);
   key *= sqrt(sqrt(key)) * open * light[3];
-  float rim = max(1.0 - m.z, 0.0);
+  float rim = clamp(1.0 - m.z, 0.0, 1.0);
   key += (light[4] + light[5] * (0.5 + 0.5 * m.y)) * (0.5 + 0.5 * open) + light[6] * rim * rim * rim;
   float half_ = max(dot(m, light[1]), 0.0);
   half_ *= half_;
   half_ *= half_;
   half_ *= half_;
   half_ *= half_;
-  vec3 c = tint.rgb * key + light[7] * tint.a * half_ * half_ * open;
+  vec3 c = inTint.rgb * key + light[7] * inTint.a * half_ * half_ * open;
   gl_FragColor = vec4(pow(min(c, 1.0), vec3(1.0 / 2.2)) * a, a);
 }`;
 
@@ -1097,8 +1099,15 @@ class AvatarView {
     if (!this.gl) throw new Error("WebGL is missing");
     this.movement = new Movement(model);
     this.shading = new Shading(this.gl, arrays, model.camera.height_mm);
+    this.wear(arrays);
+  }
+
+  /** Draw the surfaces of another look of the same cuer from now on; those before leave the graphics memory. */
+  wear(arrays) {
+    const before = this.head ? [...this.head.buffers, ...this.hand.buffers] : [];
     this.head = this.upload(new Surface(arrays, "head"), arrays.head_weights);
     this.hand = this.upload(new Surface(arrays, "hand"), null);
+    for (const buffer of before) this.gl.deleteBuffer(buffer);
   }
 
   upload(surface, weights) {
@@ -1112,8 +1121,10 @@ class AvatarView {
       extra[3 * i + 1] = weights ? weights[2 * i] : 1;
       extra[3 * i + 2] = weights ? weights[2 * i + 1] : 1;
     }
+    const buffers = [];
     const buffer = (target, data, usage) => {
       const made = gl.createBuffer();
+      buffers.push(made);
       gl.bindBuffer(target, made);
       gl.bufferData(target, data, usage);
       return made;
@@ -1121,6 +1132,7 @@ class AvatarView {
     const [opaque, clear] = sortTriangles(surface);
     return {
       surface,
+      buffers,
       position: buffer(gl.ARRAY_BUFFER, surface.position, gl.DYNAMIC_DRAW),
       normal: buffer(gl.ARRAY_BUFFER, surface.normal, gl.DYNAMIC_DRAW),
       colour: buffer(gl.ARRAY_BUFFER, colour, gl.STATIC_DRAW),
@@ -1682,9 +1694,7 @@ class Cuer {
     const arrays = parseAvatar(await answer.arrayBuffer());
     if (String.fromCharCode(...arrays.voice) !== this.model.identity) throw new Error(`${wanted}: made for another voice`);
     if (this.look !== wanted) return;
-    const before = this.avatar;
-    this.avatar = buildAvatar(this.canvases.avatar, this.model, arrays) || before;
-    if (this.view === before) this.view = this.avatar;
+    this.avatar.wear(arrays);
     this.forget();
   }
 
