@@ -6,15 +6,18 @@ embedder rehearses the broadcast. Codecs are those of PyAV.
 
 import re
 from collections.abc import Sequence
-from typing import Any
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import av
 import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.audio.embed.codec_loop import CodecLoop
-from watermark.audio.signal.profile import AudioProfile
+
+if TYPE_CHECKING:
+    from watermark.audio.embed.codec_loop import CodecLoop
+    from watermark.audio.signal.profile import AudioProfile
 
 FS = 48_000
 """Rate in Hz of the rehearsed coder."""
@@ -142,7 +145,30 @@ def chains_of(through: str) -> tuple[tuple[str, ...], ...]:
     return tuple(tuple(one.split("+")) for one in alternatives)
 
 
-def make_rehearsal(profile: AudioProfile, key: int, coder: str | None) -> CodecLoop | None:
+@cache
+def is_rehearsed(profile: str, coder: str | None) -> bool:
+    """Return whether a mark is rehearsed, see `make_rehearsal`.
+
+    Parameters
+    ----------
+    profile : str
+        Name of the mark's profile.
+    coder : str or None
+
+    Raises
+    ------
+    CueError
+        If there is no such coder.
+    """
+    coder = coder or USUAL.get(profile, "none")
+    if coder == "none":
+        return False
+    for chain in chains_of(coder):
+        CoderChain(chain)
+    return True
+
+
+def make_rehearsal(profile: "AudioProfile", key: int, coder: str | None) -> "CodecLoop | None":
     """Prepare the rehearsal of a mark.
 
     Parameters
@@ -159,10 +185,12 @@ def make_rehearsal(profile: AudioProfile, key: int, coder: str | None) -> CodecL
     CueError
         If there is no such coder.
     """
-    coder = coder or USUAL.get(profile.name, "none")
-    if coder == "none":
+    if not is_rehearsed(profile.name, coder):
         return None
-    chains = chains_of(coder)
+    # The mark's design takes as long to import as all the rest of a playout.
+    from watermark.audio.embed.codec_loop import CodecLoop
+
+    chains = chains_of(coder or USUAL[profile.name])
     names = ["+".join(chain) for chain in chains]
     return CodecLoop(profile, key, *map(CoderChain, chains), names=names)
 

@@ -17,10 +17,10 @@ from cuecast.command.trust import seconds_of
 from cuecast.dubbing.inputs import reading_of
 from cuecast.live.guard import Guard, read_token
 from cuecast.live.lines import piped_lines
+from cuecast.live.options import LiveOptions
 from cuecast.live.pcm import PcmForm
 from cuecast.live.playout import Playout, Route
 from cuecast.live.server import PlayoutServer
-from cuecast.live.sound_run import LiveOptions
 from cuecast.live.worker import Cuer
 
 

@@ -17,10 +17,11 @@ from codec.compiled import Settings
 from codec.errors import CueError
 from cuecast.command.cache import CompilationNotes
 from cuecast.command.files import PIPE
+from cuecast.live.options import LiveOptions, MarkedPes, RunClock
 from cuecast.live.packets import Pes
-from cuecast.live.pcm import MarkedPcm, PcmForm, PcmMarker
+from cuecast.live.pcm import MarkedPcm, PcmForm
+from cuecast.live.pcm_marker import PcmMarker
 from cuecast.live.sound import SoundMarker
-from cuecast.live.sound_run import LiveOptions, MarkedPes, RunClock
 from cuecast.live.text import Caption, LiveMotion, read_caption
 from cuecast.live.worker import Cuer, MarkedPiece, WorkerNote
 from cuecast.media.timed_text import subtitles_of_packet

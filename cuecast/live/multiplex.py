@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from cuecast.live.frames import KINDS
+from cuecast.live.options import MarkedPes
 from cuecast.live.packets import (
     NULL_PACKET,
     TICKS_HZ,
@@ -24,7 +25,6 @@ from cuecast.live.packets import (
     room,
     step,
 )
-from cuecast.live.sound_run import MarkedPes
 from cuecast.media.subtitles import FRENCH
 from cuecast.media.tables import (
     NULL_PID,

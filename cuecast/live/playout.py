@@ -16,10 +16,10 @@ from cuecast.command.files import PIPE
 from cuecast.live.guard import CAPTIONS_AT_ONCE, CAPTIONS_PER_S, RateLimit
 from cuecast.live.lines import Input, Output
 from cuecast.live.multiplex import Aligner, Multiplex
+from cuecast.live.options import LiveOptions
 from cuecast.live.own_reception import OwnOutput
 from cuecast.live.pcm import PcmForm, PcmPassage
 from cuecast.live.readiness import STATES, Announcer, Condition, Observation, condition_of
-from cuecast.live.sound_run import LiveOptions
 from cuecast.live.worker import Cuer, Worker, WorkerNote
 
 DELAY_S, LOW_DELAY_S = 5.0, 2.5

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from codec.cuer.voice import Voice
 from cuecast.dubbing.motions import MotionSource
 from cuecast.live.frames import FrameCutter
+from cuecast.live.options import LiveOptions, MarkedPes, RunClock
 from cuecast.live.packets import TICKS_HZ, Pes, step
-from cuecast.live.sound_run import CODERS, LiveOptions, MarkedPes, RunClock, SoundForm, SoundRun
+from cuecast.live.sound_run import CODERS, SoundForm, SoundRun
 from cuecast.media.dolby import settings_of
 from receiver.media.sound import as_float
 from watermark.link.superframe import SUPERFRAME_S

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from multiprocessing import get_context
 from typing import Any
 
+from cuecast.live.options import LiveOptions, MarkedPes, RunClock
 from cuecast.live.pcm import MarkedPcm
-from cuecast.live.sound_run import LiveOptions, MarkedPes, RunClock
 from synth.planning.scoring.text_score import Reading
 
 _WAITING = 4000
@@ -81,15 +81,12 @@ class MarkingProcess:
     """One process that marks, with the ways to it and back."""
 
     def __init__(self, arguments: tuple[Any, ...]) -> None:
-        # The process imports what it works with; the playout needs none of it.
-        from cuecast.live.marking import serve
-
         context = get_context("spawn")
         self.messages: Any = context.Queue(_WAITING)
         self.lines: Any = context.Queue(_LINES)
         self.results, theirs = context.Pipe(duplex=False)
         self.process = context.Process(
-            target=serve, args=(*arguments, self.messages, self.lines, theirs), daemon=True
+            target=_serve, args=(*arguments, self.messages, self.lines, theirs), daemon=True
         )
         self.process.start()
         theirs.close()
@@ -111,6 +108,14 @@ class MarkingProcess:
             one.cancel_join_thread()
             one.close()
         self.results.close()
+
+
+def _serve(*arguments: Any) -> None:
+    """Mark, in the process that does so."""
+    # That process imports what it works with; the playout needs none of it.
+    from cuecast.live.marking import serve
+
+    serve(*arguments)
 
 
 class Worker:

@@ -16,7 +16,7 @@ from codec.errors import CueError
 from cuecast.command.cli import main
 from cuecast.evaluate.films import ASPECT, WIDTH_MM, film
 from cuecast.live.interpreter import LATE_S, SETTLED_S, InterpretedMotion, read_pose
-from cuecast.live.sound_run import LiveOptions
+from cuecast.live.options import LiveOptions
 from cuecast.live.waiting import WaitingRoom
 from synth.capture.cues.features import points_of
 from synth.motion.rules.gesture import GestureSynthesiser

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from cuecast.live.options import RunClock
 from cuecast.live.own_reception import MinuteReport, ReceptionCount
 from cuecast.live.packets import PERIOD, step
-from cuecast.live.sound_run import RunClock
 
 TICKS = 90_000
 STEP = round(0.64 * TICKS)

@@ -22,10 +22,10 @@ import pytest
 from cuecast.command.cli import main
 from cuecast.demo.content import FS, make_sound
 from cuecast.demo.run import as_srt
+from cuecast.live.options import LiveOptions
 from cuecast.live.packets import pid_of
 from cuecast.live.playout import Playout, Route
 from cuecast.live.server import PlayoutServer
-from cuecast.live.sound_run import LiveOptions
 from cuecast.live.worker import Cuer
 from cuecast.media.tables import NULL_PID, PACKET
 

@@ -22,6 +22,7 @@ from codec.cuer.voice import load_voice
 from cuecast.demo.content import FS, make_sound
 from cuecast.live.frames import FrameCutter, framed
 from cuecast.live.multiplex import Aligner, Multiplex
+from cuecast.live.options import LiveOptions, MarkedPes
 from cuecast.live.packets import (
     PERIOD,
     Pes,
@@ -35,7 +36,6 @@ from cuecast.live.packets import (
     write_stamp,
 )
 from cuecast.live.sound import SoundMarker
-from cuecast.live.sound_run import LiveOptions, MarkedPes
 from cuecast.live.text import LiveMotion
 from cuecast.live.worker import Cuer, MarkedPiece, Worker
 from cuecast.media.tables import NULL_PID, PACKET
