@@ -88,12 +88,15 @@ def test_unknown_cuers_are_refused() -> None:
 
 
 def test_movement_is_that_of_real_cuers() -> None:
-    """Eight of the ten rows of the table of real cuers, within a tenth, by the same analysis."""
+    """Nine of the ten rows of the table of real cuers, within a tenth, by the same analysis.
+
+    Amplitude and duration go together too little (.09; real .22 to .38): time is what limits her.
+    """
     if not TOOL.exists():
         pytest.skip("needs the analysis ../shared/tools/real_cuers.py")
     rows = movement_rows(_movement())
     within = {name: low * 0.9 <= value <= high * 1.1 for name, (value, low, high) in rows.items()}
-    assert sum(within.values()) >= 8, rows
+    assert sum(within.values()) >= 9, rows
 
 
 def _movement() -> dict[str, Any]:
