@@ -21,6 +21,10 @@ IntArray = NDArray[np.int64]
 _STEEP = 0.7
 """Share of the way to the outline of a head from which its skin falls away."""
 
+_FRONT = 0.7
+"""How far behind the eyes the outline of a face is looked for, in distances of the eyes: ears lie
+farther back."""
+
 
 @dataclass(frozen=True)
 class Face:
@@ -162,7 +166,7 @@ class Face:
     def edge(self, height: float) -> float:
         """Return the x of the head's outline on her right at a height."""
         near = self.skin & self.of_head & (np.abs(self.points[:, 1] - height) < 0.12 * self.unit)
-        near &= self.points[:, 2] > self.eyes[:, 2].mean() - self.unit  # no ears
+        near &= self.points[:, 2] > self.eyes[:, 2].mean() - _FRONT * self.unit
         return (
             float(self.points[near, 0].min()) if near.any() else float(self.eyes[0, 0] - self.unit)
         )
