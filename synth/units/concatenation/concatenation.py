@@ -22,6 +22,7 @@ from synth.planning.prosody.passages import ScorePassage, passages
 from synth.units.concatenation.assembly import Flow
 from synth.units.concatenation.dikeys import DikeyDictionary
 from synth.units.concatenation.headmotion import HeadMotion
+from synth.units.concatenation.intonation import intone
 from synth.units.concatenation.sounds import PlacedUnit, SoundDictionary
 from synth.units.concatenation.trajectories import (
     Trajectories,
@@ -32,7 +33,6 @@ from synth.units.concatenation.trajectories import (
 from synth.units.concatenation.units import cut_dikeys, cut_sounds, with_pauses
 from synth.units.recordings.recording import UnitRecording
 from synth.units.speech.marks import PitchMarks
-from synth.units.speech.pitch import PitchTrack
 from synth.units.speech.psola import SpeechPiece, modify_prosody
 
 _MARGIN_S = 0.03
@@ -41,14 +41,8 @@ _MARGIN_S = 0.03
 _FADE_S = 0.005
 """Seconds over which the sounds of units fade into each other: half a period."""
 
-_BREAK_S = 0.01
-"""Seconds between points at which time and pitch are changed."""
-
 _ONSET = 1.15
 """Pitch at the onset of a statement over a speaker's median: it falls from there."""
-
-_RATIO_LIMITS = (0.4, 3.0)
-"""Smallest and largest change of pitch: beyond them TD-PSOLA sounds rough."""
 
 _LEAD_S = 1.0
 """Seconds before and after a passage for which its sources stand still."""
@@ -207,19 +201,21 @@ class ConcatenativeSynthesiser:
 
     def _say_stretch(self, choices: Sequence[PlacedUnit], melody: Melody) -> NDArray[np.float64]:
         """Return the sound of units that follow each other without a gap."""
+        tracks = [self.recordings[choice.recording].track for choice in choices]
         sources, samples, voiced, pieces = [], [], [], []
         offset = 0
-        for choice in choices:
+        for choice, (source_s, target_s, ratio) in zip(
+            choices, intone(melody, choices, tracks), strict=True
+        ):
             made = self.recordings[choice.recording]
-            edges = np.array(choice.source.edges_s)
-            first = max(round((edges[0] - _MARGIN_S) * self.fs), 0)
-            last = min(round((edges[-1] + _MARGIN_S) * self.fs), len(made.sound))
+            first = max(round((source_s[0] - _MARGIN_S) * self.fs), 0)
+            last = min(round((source_s[-1] + _MARGIN_S) * self.fs), len(made.sound))
             inside = (made.marks.sample >= first) & (made.marks.sample < last)
             samples.append(made.marks.sample[inside] - first + offset)
             voiced.append(made.marks.voiced[inside])
             sources.append(made.sound[first:last].astype(np.float64))
             shift_s = (offset - first) / self.fs
-            pieces.append(self._piece(choice, made.track, melody, shift_s))
+            pieces.append(SpeechPiece.of(source_s + shift_s, target_s, ratio))
             offset += last - first
         marks = PitchMarks(np.concatenate(samples), np.concatenate(voiced), self.fs)
         said = modify_prosody(np.concatenate(sources), marks, pieces)
@@ -229,24 +225,6 @@ class ConcatenativeSynthesiser:
         said[:n] *= fade[:n]
         said[len(said) - n :] *= fade[:n][::-1]
         return said
-
-    def _piece(
-        self, choice: PlacedUnit, track: PitchTrack, melody: Melody, shift_s: float
-    ) -> SpeechPiece:
-        """Return where a unit goes, with the melody's pitch over its own every 10 ms."""
-        source_edges, target_edges = _strictly_ascending(choice)
-        steps = max(int((target_edges[-1] - target_edges[0]) / _BREAK_S), 1)
-        target = np.union1d(np.linspace(target_edges[0], target_edges[-1], steps + 1), target_edges)
-        target = target[np.concatenate(([True], np.diff(target) > 1e-6))]
-        target[-1] = target_edges[-1]
-        source = np.interp(target, target_edges, source_edges)
-        known = track.f0 > 0
-        if not known.any():
-            return SpeechPiece.of(source + shift_s, target)
-        at = np.arange(len(track.f0)) * track.hop_s
-        own = np.interp(source, at[known], track.f0[known])
-        ratio = np.clip(melody.at(target) / own, *_RATIO_LIMITS)
-        return SpeechPiece.of(source + shift_s, target, ratio)
 
     def _move(
         self,
@@ -301,16 +279,3 @@ def _stretches(choices: Sequence[PlacedUnit]) -> Iterator[list[PlacedUnit]]:
         stretch.append(choice)
     if stretch:
         yield stretch
-
-
-def _strictly_ascending(choice: PlacedUnit) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a unit's edges without those that coincide in source or target."""
-    source, target = np.array(choice.source.edges_s), np.array(choice.target.edges_s)
-    kept = [0]
-    for i in range(1, len(source)):
-        if source[i] - source[kept[-1]] > 1e-4 and target[i] - target[kept[-1]] > 1e-4:
-            kept.append(i)
-    if len(kept) == 1:
-        return np.array([source[0], source[0] + 1e-3]), np.array([target[0], target[0] + 1e-3])
-    kept[-1] = len(source) - 1
-    return source[kept], target[kept]

@@ -2,9 +2,9 @@
 
 In: phones with times, and a melody. Out: chosen units of recordings. Selection by dynamic
 programming: the cost of a unit is the RMS distance between wanted and recorded durations of its
-parts, and of its pitch from the melody's, that of a join the RMS distance of the line spectrum
-pairs across it (Gibert, Bailly, Elisei 2004, section 5.1), and the steps of pitch and level. Units
-that follow each other in a recording join at no cost.
+parts, of its pitch from the melody's, and how badly its label fits its sound; that of a join the
+RMS distance of the line spectrum pairs across it (Gibert, Bailly, Elisei 2004, section 5.1), and
+the steps of pitch and level. Units that follow each other in a recording join at no cost.
 """
 
 import functools
@@ -40,6 +40,12 @@ reaches into its halves."""
 
 _JOIN = 0.05
 """Cost of any join."""
+
+_UNFIT = 0.05
+"""Cost of a phone at either end of a unit, by the logarithm of its likelihood in its sound."""
+
+_LEAST_FIT = -4.0
+"""Phones that fit worse count as this: nobody hears them."""
 
 _MOST_CANDIDATES = 100
 """Units of a label that are compared: those that suit their place best."""
@@ -136,6 +142,9 @@ class SoundDictionary:
         self._ends = np.array(ends)
         self._around = np.array(around)
         self._middles = np.concatenate([r.middles for r in recordings]).astype(np.float64)
+        fits = np.concatenate([r.fits for r in recordings]).astype(np.float64)
+        # Row -1, a pause, fits.
+        self._unfit = np.append(-np.maximum(fits, _LEAST_FIT), 0.0)
         self._pitch = np.concatenate([_pitch_of(r) for r in recordings])
         heard = self._pitch[np.isfinite(self._pitch)]
         middle = float(np.median(heard)) if len(heard) else 0.0
@@ -176,6 +185,7 @@ class SoundDictionary:
             error = np.sqrt(np.mean((parts - np.array(target.parts_s)) ** 2, axis=1))
             cost = _DURATION_WEIGHT * error + _SUBSTITUTE_COST * penalty
             cost += _OTHER_NEIGHBOUR * (self._around[units] != _neighbours(wanted, place)).sum(1)
+            cost += _UNFIT * self._unfit[self._ends[units]].sum(1)
             if melody is not None:
                 cost += _PITCH_WEIGHT * self._off_melody(units, target, melody)
             best = np.argsort(cost, kind="stable")[:_MOST_CANDIDATES]

@@ -143,6 +143,7 @@ def _labels(recordings: Sequence[UnitRecording]) -> dict[str, NDArray[Any]]:
         "phones": np.array([len(r.score.phones) for r in recordings]),
         "pairs": np.rint(middles[:, :-1] * _LSP_STEPS).astype(np.uint8),
         "level_db": middles[:, -1].astype(np.float16),
+        "fits": np.concatenate([r.fits for r in recordings]).astype(np.float16),
         "gestures": np.array([len(r.gestures.reach) for r in recordings]),
     }
     for name in _GESTURE_FIELDS:
@@ -189,6 +190,8 @@ def _recordings(arrays: dict[str, NDArray[Any]], packed: bytes) -> list[UnitReco
     voiced_marks = pieces("marks", voiced)
     spectra = np.column_stack([arrays["pairs"] / _LSP_STEPS, arrays["level_db"]])
     middles = pieces("phones", spectra.astype(np.float32))
+    # Folders from before labels were judged count as certain.
+    fits = pieces("phones", arrays.get("fits", np.zeros(len(spectra))).astype(np.float32))
     gestures = [pieces("gestures", arrays[name]) for name in _GESTURE_FIELDS]
     return [
         UnitRecording(
@@ -200,6 +203,7 @@ def _recordings(arrays: dict[str, NDArray[Any]], packed: bytes) -> list[UnitReco
             PitchTrack(f0[i], hop_s),
             PitchMarks(np.cumsum(marks[i]), voiced_marks[i], fs),
             middles[i],
+            fits[i],
         )
         for i, text in enumerate(scores)
     ]

@@ -78,6 +78,8 @@ class UnitRecording:
         Pitch marks of the sound.
     middles : ndarray of float32, shape (phones, LSP_ORDER + 1)
         Line spectrum pairs (rad) and level (dB) of the sound in the middle of each phone.
+    fits : ndarray of float32, shape (phones,)
+        Logarithm of the likelihood of each phone in its sound, 0 where its label is certain.
     """
 
     source: NDArray[np.float32] | PackedSound
@@ -88,6 +90,7 @@ class UnitRecording:
     track: PitchTrack
     marks: PitchMarks
     middles: NDArray[np.float32]
+    fits: NDArray[np.float32]
 
     @classmethod
     def analysed(
@@ -98,12 +101,15 @@ class UnitRecording:
         score: Score,
         gestures: Gestures,
         motion: Motion,
+        fits: NDArray[np.float32] | None = None,
     ) -> "UnitRecording":
-        """Make a recording, finding its pitch and pitch marks."""
+        """Make a recording with its pitch and pitch marks; without `fits` labels are certain."""
         track = track_pitch(sound, fs)
         marks = place_marks(sound, fs, track)
         middles = _middles(sound, fs, score.phones)
-        return cls(sound, fs, score, gestures, motion, track, marks, middles)
+        if fits is None:
+            fits = np.zeros(len(score.phones), dtype=np.float32)
+        return cls(sound, fs, score, gestures, motion, track, marks, middles, fits)
 
     @property
     def sound(self) -> NDArray[np.float32]:

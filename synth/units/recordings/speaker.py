@@ -25,6 +25,7 @@ from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.alignment.align import SpokenPassage
 from synth.planning.alignment.sound import mono
 from synth.planning.prosody.duration import predict_durations
+from synth.units.recordings.fits import label_fits
 from synth.units.recordings.groups import BreathGroup, breath_groups, joined_groups
 from synth.units.recordings.recording import UnitRecording
 
@@ -196,8 +197,9 @@ def _cued(
     n_frames = round((len(part) / FS + 2 * _REST_S) * cuer.rate_hz)
     motion = cuer.motion(score, -_REST_S, n_frames, voice)
     return UnitRecording.analysed(
-        part, FS, score=score, gestures=cuer.gestures(score), motion=motion
-    )
+        part, FS, score=score, gestures=cuer.gestures(score), motion=motion,
+        fits=label_fits(part, FS, phones),
+    )  # fmt: skip
 
 
 def voiced_share(recording: UnitRecording) -> float:

@@ -11,6 +11,7 @@ from synth.language.text.words import Word
 from synth.planning.alignment.align import SpokenPassage
 from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
 from synth.units.recordings.archive import READER_ASSET, read_archive, reader_recordings
+from synth.units.recordings.fits import label_fits
 from synth.units.recordings.groups import BreathGroup, breath_groups, joined_groups
 from synth.units.recordings.recording import PackedSound, _unpacked
 
@@ -29,6 +30,16 @@ def test_the_reader_comes_with_the_package_and_speaks() -> None:
     sound = np.concatenate([part.sound for part in said])
     spoken = sound[round(0.55 * few.fs) : round(1.0 * few.fs)]
     assert spoken.std() > 0.02 > 10 * sound[: round(0.3 * few.fs)].std()
+
+
+def test_labels_carry_how_well_they_fit() -> None:
+    recordings = read_archive(READER_ASSET)
+    short = min(recordings, key=lambda recording: recording.samples)
+    found = label_fits(short.sound, short.fs, short.score.phones)
+    assert np.allclose(short.fits, found, atol=0.02)
+    everything = np.concatenate([recording.fits for recording in recordings])
+    assert everything.max() <= 0
+    assert -0.3 < np.median(everything) < -0.1
 
 
 def test_damaged_sounds_are_refused() -> None:
