@@ -50,6 +50,7 @@ def test_built_once_and_read_back(
         # Kept in steps of a 32nd of the standard deviation.
         assert np.abs(a.motion.params - b.motion.params).max() < 0.03
         np.testing.assert_array_equal(a.marks.sample, b.marks.sample)
+        np.testing.assert_allclose(a.fits, b.fits, atol=0.01)
         np.testing.assert_array_equal(a.gestures.reach, b.gestures.reach)
 
 
