@@ -40,14 +40,14 @@ the likeliest one."""
 DUE = 0.25
 """Part of the savings that candidates leave for superframes which are due, where any are."""
 
-VENTURED, VENTURES = 5.0, 60.0
+VENTURED, VENTURES = 3.0, 40.0
 """The same for attempts at candidates: what a second of sound pays for, and what is saved."""
 
 LEAST_VENTURED, ON_CREDIT = 4.8, 5.8
 """Significance from which a candidate is tried where all of that is saved, and from which the
 purse pays: of a hundred candidates in unmarked sound, one or two reach it."""
 
-UNSURE_COST, SURE_COST, CERTAIN_COST, CERTAIN = 15.0, 45.0, 120.0, 7.0
+UNSURE_COST, SURE_COST, CERTAIN_COST, CERTAIN = 12.0, 45.0, 120.0, 7.0
 """What an attempt may cost beyond its first decodings: by whether its pilots confirm it, and from
 which deviations on they leave no doubt."""
 

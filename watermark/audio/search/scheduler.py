@@ -74,13 +74,14 @@ class HypothesisScheduler:
     _entries: list[_Entry] = field(init=False)
     _allowance: float = field(default=FIRST, init=False)
     _cheapest: float = field(init=False)
+    _awaited: float = field(init=False)
 
     def __post_init__(self) -> None:
         # One pause has run out for each at the start: they are tried in their order. What is tried
         # rarely comes later, one after another.
         listed = make_hypotheses(self.channels)
         rare = sum(one.pause_s == RARELY_S for one in listed)
-        self._cheapest = min(one.cost for one in listed)
+        self._cheapest = self._awaited = min(one.cost for one in listed)
         late = np.cumsum([one.pause_s / rare if one.pause_s == RARELY_S else 0 for one in listed])
         self._entries = [
             _Entry(one, STRETCH_S - one.pause_s + (wait if one.pause_s == RARELY_S else 0.0))
@@ -94,10 +95,14 @@ class HypothesisScheduler:
 
     def next(self, now_s: float) -> ChannelHypothesis | None:
         """Return what to try at a time of the sound; None where nothing is due or paid for."""
-        if self._allowance < self._cheapest:
+        if self._allowance < self._awaited:
             return None
+        self._awaited = self._cheapest
         best = max(self._entries, key=lambda entry: (entry.waited(now_s), entry.read))
-        if best.waited(now_s) < 1.0 or self._allowance < best.hypothesis.cost:
+        if best.waited(now_s) < 1.0:
+            return None
+        if self._allowance < best.hypothesis.cost:
+            self._awaited = best.hypothesis.cost
             return None
         self._allowance -= best.hypothesis.cost
         best.tried_s = now_s
