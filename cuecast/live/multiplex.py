@@ -156,6 +156,8 @@ class Multiplex:
         self._sound: ElementaryStream | None = None
         self._reader, self._texts = PesReader(), dict[int, PesReader]()
         self._watch, self._out = watch, PesReader()
+        self._kinds: dict[int, str] = {}
+        self._leaving = 0
         self._epoch = 0
         self._pts: int | None = None
         self._held: deque[_HeldPackets] = deque()
@@ -266,6 +268,8 @@ class Multiplex:
                 self._send("sound", self._epoch, before.kind, pes)
         self._sound, self._reader = sound, PesReader()
         self._epoch += 1
+        if sound is not None:
+            self._kinds[self._epoch] = sound.kind
         self._pts = None
         self._tell(
             f"programme {programme.number}: "
@@ -306,17 +310,17 @@ class Multiplex:
                 out += self._next()
             else:
                 out += packet
-        if self._watch is not None and self._sound is not None:
+        if self._watch is not None and self._leaving in self._kinds:
             for at in range(0, len(out), PACKET):
                 packet = bytes(out[at : at + PACKET])
                 if pid_of(packet) == self._pid:
                     for pes in self._out.process(packet):
-                        self._watch.sound(self._sound.kind, pes)
+                        self._watch.sound(self._kinds[self._leaving], pes)
         return bytes(out)
 
     def _exchanged(self, packet: bytes, slot: _Slot) -> bytes:
         """Return the output in place of a packet of the sound."""
-        self._pid = pid_of(packet)
+        self._pid, self._leaving = pid_of(packet), slot.epoch
         out = self._decide(slot) if slot.starts else b""
         if not self._marking:
             return out + self._renumbered(packet)

@@ -112,8 +112,11 @@ def free_port() -> int:
         return int(one.getsockname()[1])
 
 
-def test_datagrams_pass_whatever_happens_to_the_marking(air: Path) -> None:
+def test_datagrams_pass_whatever_happens_to_the_marking(
+    air: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Bypass before it is ready and after its death; live text and figures over HTTP; the end."""
+    monkeypatch.setattr("cuecast.live.worker._RESTART_S", (600.0,))
     told: list[str] = []
     there, back = free_port(), free_port()
     receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
