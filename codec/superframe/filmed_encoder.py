@@ -42,6 +42,10 @@ TURNS = 6
 """Times that a superframe is refined; so many to either side shape it. With 3, four of 64 real
 takes are more than 3 % worse than without keys (`cuecast evaluate onair`)."""
 
+LIVE_TURNS = 3
+"""Times that the last known superframe of a motion is refined, so every one of a live programme:
+more leave the same error (7.51 and 7.54 mm on one real take)."""
+
 _WORTH = 20000.0
 """Squared error, mm**2 over all markers and frames, that a label against a second loss is worth:
 with 15 000 more keys are lost at 5 % loss, with 33 000 takes are worse."""
@@ -108,7 +112,8 @@ class FilmedEncoder:
         """Return superframe `index` of a motion."""
         for old in [key for key in self._known if abs(key[0] - index) > 2 * TURNS]:
             del self._known[old]
-        return self._made(motion, index, TURNS).superframe
+        turns = TURNS if self._is_known(motion, index + 1) else min(TURNS, LIVE_TURNS)
+        return self._made(motion, index, turns).superframe
 
     def _made(self, motion: Motion, index: int, turns: int) -> _Made:
         known = self._known.get((index, turns))

@@ -27,7 +27,7 @@ from codec.errors import CueError
 from codec.files.whole import folder_beside
 from codec.superframe.compact_encoder import CompactEncoder
 from codec.superframe.encoder import SuperframeEncoder
-from codec.superframe.filmed_encoder import TURNS
+from codec.superframe.filmed_encoder import LIVE_TURNS, TURNS
 from codec.superframe.payload import nest
 from codec.superframe.window import MAX_BYTES
 from cuecast.dubbing.coder_stream import USUAL, make_rehearsal
@@ -379,7 +379,8 @@ def _unsigned_source(
 
 def _window(motion: MotionSource, index: int) -> Motion:
     """Return the motion of a superframe, and of those beside it that shape a filmed one."""
-    before = TURNS if motion.filmed else 0
+    turns = TURNS if motion.whole else LIVE_TURNS
+    before = turns if motion.filmed else 0
     after = before if motion.whole else 0
     return motion.window((index - before) * SUPERFRAME_S, (before + 1 + after) * FRAMES)
 
