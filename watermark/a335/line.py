@@ -7,6 +7,7 @@ the system's own modulation.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -148,9 +149,16 @@ def symbol_levels(line: ArrayLike) -> NDArray[np.float64]:
     """Mean luma over the middle 60 % of each symbol of a line, shape (240,)."""
     luma = np.asarray(line, dtype=np.float64)
     total = np.concatenate([[0.0], np.cumsum(luma)])
-    edge = np.arange(SYMBOLS)[:, None] + np.array([0.2, 0.8])
-    area = np.interp(edge * (luma.size / SYMBOLS), np.arange(luma.size + 1), total)
+    first, share = _edges(luma.size)
+    area = total[first] + share * (total[first + 1] - total[first])
     return np.asarray((area[:, 1] - area[:, 0]) / (0.6 * luma.size / SYMBOLS), dtype=np.float64)
+
+
+@cache
+def _edges(width: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Pixel in which the middle of each symbol begins and ends, and the part of it before that."""
+    edge = (np.arange(SYMBOLS)[:, None] + np.array([0.2, 0.8])) * (width / SYMBOLS)
+    return edge.astype(np.int64), edge % 1
 
 
 def read_line(line: ArrayLike, *, depth: int = 8) -> tuple[LineSystem, bytes] | None:
@@ -203,14 +211,15 @@ def line_candidates(
         return
     level = symbol_levels(luma)
     for system, slices in ((SYSTEM_1X, _two_means(level)), (SYSTEM_2X, _midpoints(depth))):
+        run_in = _run_in_values(system.bits)
+        if np.count_nonzero(run_in != np.searchsorted(slices, level[: run_in.size])) > 2:
+            continue
         values = np.searchsorted(slices, level).astype(np.int64)
         distance = level[:, None] - slices
         nearest = np.abs(distance).argmin(axis=1)
         margin = np.take_along_axis(distance, nearest[:, None], axis=1)[:, 0]
         other = np.where(margin > 0, nearest, nearest + 1)
         weakest = np.argsort(np.abs(margin), kind="stable")[:doubtful]
-        if np.count_nonzero(_run_in_values(system) != values[: 16 // system.bits]) > 2:
-            continue
         for count in range(min(doubtful, 2) + 1):
             for changed in combinations(weakest.tolist(), count):
                 reading = values.copy()
@@ -220,9 +229,11 @@ def line_candidates(
                     yield system, payload
 
 
-def _run_in_values(system: LineSystem) -> NDArray[np.int64]:
-    bits = np.unpackbits(np.frombuffer(RUN_IN, dtype=np.uint8))
-    return np.asarray(bits.reshape(-1, system.bits) @ (1 << np.arange(system.bits)[::-1]))
+@cache
+def _run_in_values(bits: int) -> NDArray[np.int64]:
+    """Symbols of the run-in with so many bits each."""
+    sent = np.unpackbits(np.frombuffer(RUN_IN, dtype=np.uint8))
+    return np.asarray(sent.reshape(-1, bits) @ (1 << np.arange(bits)[::-1]))
 
 
 def _pack(values: NDArray[np.int64], system: LineSystem) -> bytes:
@@ -232,15 +243,22 @@ def _pack(values: NDArray[np.int64], system: LineSystem) -> bytes:
 
 def _two_means(level: NDArray[np.float64]) -> NDArray[np.float64]:
     """Half-way between the means of the dark and the bright symbols."""
-    cut = (level.min() + level.max()) / 2
+    ordered = np.sort(level)
+    total = np.cumsum(ordered)
+    cut = (ordered[0] + ordered[-1]) / 2
     for _ in range(8):
-        dark, bright = level[level <= cut], level[level > cut]
-        if dark.size == 0 or bright.size == 0:
+        dark = int(np.searchsorted(ordered, cut, side="right"))
+        bright = level.size - dark
+        if dark == 0 or bright == 0:
             break
-        cut = (dark.mean() + bright.mean()) / 2
+        before = cut
+        cut = (total[dark - 1] / dark + (total[-1] - total[dark - 1]) / bright) / 2
+        if cut == before:
+            break
     return np.array([cut])
 
 
+@cache
 def _midpoints(depth: int) -> NDArray[np.float64]:
     levels = SYSTEM_2X.levels_at(depth)
     return np.asarray((levels[1:] + levels[:-1]) / 2)
