@@ -156,7 +156,7 @@ def symbol_levels(line: ArrayLike) -> NDArray[np.float64]:
 
 @cache
 def _edges(width: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Pixel in which the middle of each symbol begins and ends, and the part of it before that."""
+    """Pixels where the middle of each symbol begins and ends, and the parts of them before that."""
     edge = (np.arange(SYMBOLS)[:, None] + np.array([0.2, 0.8])) * (width / SYMBOLS)
     return edge.astype(np.int64), edge % 1
 

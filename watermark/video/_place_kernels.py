@@ -124,7 +124,7 @@ def pilot_votes_into(
     start, and the margin before the first; steps : (2,); signs : (2, count), the modes' signs in
     parts of a word, those of the first step and those of the second; limits : textures from which
     a cell may and must have the coarse step; error : of place in pixels that the weights allow for;
-    least : weight from which a vote counts; out : (count, displacements across, and down).
+    least : least weight of a vote that counts; out : (count, displacements across, and down).
     """
     across, down = out.shape[1], out.shape[2]
     share = np.empty(across, dtype=np.float32)

@@ -47,12 +47,23 @@ RANKED, ROUGHLY, FINELY, REFINED = 96, 12, 4, 3
 ROUGH, FINE = 0.06, 0.03
 """Steps of the refinement in cells."""
 
+SIDES = np.array([
+    sign * np.array(sides)
+    for sides in (
+        (1, -1, 0, 0), (0, 0, 1, -1), (1, 1, 0, 0), (0, 0, 1, 1),
+        (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1),
+    )
+    for sign in (1.0, -1.0)
+])  # fmt: skip
+"""Changes of the cells missing left, right, at the top and the bottom: shifts, stretches, single
+sides. Shifts and stretches alone do not reach a place with one side wrong."""
+
 MODES = 0, 1, 2, 3, 4, 5, 7
 """Modes that are searched: all profiles with the finest step, and all but `high`, which is for good
 channels, with the next one. The widest step is for beginnings. Seven sums fit into a word."""
 
 VOTE = 0.2
-"""Weight from which a vote counts."""
+"""Least weight of a vote that counts."""
 
 
 class PlaceTable:
@@ -169,7 +180,7 @@ class PlaceTable:
         rows = np.argsort(-self._best)[:RANKED]
         places = np.hstack([self._x[rows], self._y[self._choice[rows, 0]]])
         chosen = self._choice[rows, 1]
-        scores = self._climb(places, chosen, _moves(ROUGH), 0)
+        scores = self._climb(places, chosen, ROUGH * SIDES[:8], 0)
         apart: list[int] = []
         for n in np.argsort(-scores).tolist():
             if len(apart) == ROUGHLY:
@@ -177,10 +188,10 @@ class PlaceTable:
             if not apart or np.abs(places[apart] - places[n]).max(axis=1).min() > 1.1 * STEP:
                 apart.append(n)
         places, chosen = places[apart], chosen[apart]
-        scores = self._climb(places, chosen, _moves(ROUGH), 1)
+        scores = self._climb(places, chosen, ROUGH * SIDES[:8], 1)
         close = np.argsort(-scores)[:FINELY]
         places, chosen = places[close], chosen[close]
-        scores = self._climb(places, chosen, _moves(FINE), 3)
+        scores = self._climb(places, chosen, FINE * SIDES[:8], 3)
         return [
             (_inside(box, places[n]), MODES[chosen[n]], float(scores[n]))
             for n in np.argsort(-scores)[:REFINED]
@@ -234,12 +245,6 @@ def source_taps(count: int, size: int, start: float, length: float) -> tuple[Int
     ]  # fmt: skip
     taps = np.clip(first[:, None] + np.arange(-1, 3), 0, size - 1)
     return taps, np.stack(weights, axis=1).astype(np.float32)
-
-
-def _moves(step: float) -> FloatArray:
-    """Shifts and stretches of both axes: changes of the cells missing at the four sides."""
-    axes = [(1, -1, 0, 0), (0, 0, 1, -1), (1, 1, 0, 0), (0, 0, 1, 1)]
-    return step * np.array([sign * np.array(axis) for axis in axes for sign in (1.0, -1.0)])
 
 
 def _inside(box: Region, crops: FloatArray) -> Region:

@@ -1,9 +1,8 @@
 """Find the place of a marked picture in the picture at hand, from means over a window.
 
 In: small frames; out: places worth a try. Projection is linear, so a place is judged on the mean of
-a window, three times a superframe: the whole picture, the box inside its bars, and the crops of
-that box, of which `watermark.video.places` gives the best. Specification: spec/video-carrier.md,
-section 6.
+a window, three times a superframe: the whole picture, the box inside its bars, and the best crops
+of that box (`watermark.video.places`). Specification: spec/video-carrier.md, section 6.
 """
 
 from collections import deque
@@ -20,7 +19,7 @@ from watermark.video.bars import content_box
 from watermark.video.demodulate import coarse_share
 from watermark.video.grid import WHOLE, Region
 from watermark.video.modes import PilotWatch
-from watermark.video.places import PlaceTable
+from watermark.video.places import SIDES, PlaceTable
 from watermark.video.profile import COLUMNS, ROWS
 from watermark.video.timing import Timing
 
@@ -36,12 +35,11 @@ LOOKS = 3
 CELL = 8
 """Pixels of a cell, about, for its texture."""
 
-CLIMB = (0.03, 0.015)
+CLIMB = (0.03, 0.015, 0.0075)
 """Steps of the last refinement in cells."""
 
 SHIFT = 1 / 8
-"""Distance in superframes of the windows in which the best places are judged: the one before, the
-one in which they were found, the one after."""
+"""Distance in superframes of the three windows that judge the best places."""
 
 HOPE, TRIED = 4.8, 2
 """Least score of a place before its last refinement, and the number of those refined."""
@@ -190,7 +188,7 @@ class PilotScores:
         self._mean = mean
 
     def take_texture(self) -> None:
-        """Compute the texture, from which shares follow, of this mean picture."""
+        """Compute the texture of this mean picture, for the shares."""
         fine_texture_into(self._mean, self._texture)
 
     def best(self, region: Region) -> float:
@@ -234,36 +232,30 @@ class PilotScores:
 
 
 def climb(score: Callable[[Region], float], region: Region, value: float) -> PlaceCandidate:
-    """Move and stretch a place in ever smaller steps as long as its score grows."""
+    """Move sides of a place, alone and in pairs, in ever smaller steps while its score grows."""
     for step in CLIMB:
-        moves = [(a, b) for a in range(2) for b in (step, -step)]
-        moves += [(a, b) for a in range(2, 4) for b in (step, -step)]
         better = True
         rounds = 0
         while better and rounds < 4:
             better = False
             rounds += 1
-            for kind, size in moves:
-                trial = _moved(region, kind, size)
+            for sides in SIDES:
+                trial = _moved(region, step * sides)
                 reached = score(trial)
                 if reached > value:
                     region, value, better = trial, reached, True
     return PlaceCandidate(region, value)
 
 
-def _moved(region: Region, kind: int, cells: float) -> Region:
-    """Shift (0 across, 1 down) or stretch about the middle (2 across, 3 down) by some cells."""
-    across, down = cells * region.width / COLUMNS, cells * region.height / ROWS
-    left, top, width, height = region.left, region.top, region.width, region.height
-    if kind == 0:
-        left += across
-    elif kind == 1:
-        top += down
-    elif kind == 2:
-        left, width = left - across, width + 2 * across
-    else:
-        top, height = top - down, height + 2 * down
-    return Region(left, top, width, height)
+def _moved(region: Region, cells: FloatArray) -> Region:
+    """Move the left, right, upper and lower side of a place outwards by some cells."""
+    left, right, top, bottom = (cells * np.repeat([1 / COLUMNS, 1 / ROWS], 2)).tolist()
+    return Region(
+        region.left - left * region.width,
+        region.top - top * region.height,
+        region.width * (1 + left + right),
+        region.height * (1 + top + bottom),
+    )
 
 
 def is_near(a: Region, b: Region) -> bool:
