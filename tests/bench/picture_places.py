@@ -38,7 +38,8 @@ def main() -> int:
             mine = np.array(times[boxed::2])
             print(
                 f"{path.stem} {'in bars' if boxed else 'cropped'}: {np.sum(mine <= 2)} of "
-                f"{mine.size} within 2 s, median {np.median(mine):.2f} s, lost {np.isinf(mine).sum()}",
+                f"{mine.size} within 2 s, median {np.median(mine):.2f} s, "
+                f"lost {np.isinf(mine).sum()}",
                 flush=True,
             )
             late += int(np.sum(mine > 2))
@@ -62,10 +63,10 @@ def mark(path: Path) -> list[np.ndarray]:
 def place(frames: list[np.ndarray], rng: np.random.Generator, *, boxed: bool) -> float:
     """Seconds of coded picture until the first superframe, infinite if none came."""
     rows, columns = frames[0].shape
-    left, right, top, bottom = (rng.uniform(0, 0.05, 4) * [columns, columns, rows, rows]).astype(int)
-    width, height = (rng.uniform(0.6, 1, 2) * [WIDTH, HEIGHT]).astype(int) if boxed else (
-        WIDTH, HEIGHT,
-    )  # fmt: skip
+    lost = rng.uniform(0, 0.05, 4) * [columns, columns, rows, rows]
+    left, right, top, bottom = lost.astype(int)
+    scale = rng.uniform(0.6, 1, 2) if boxed else np.ones(2)
+    width, height = (scale * [WIDTH, HEIGHT]).astype(int)
     x, y = rng.integers(WIDTH - width + 1), rng.integers(HEIGHT - height + 1)
     start = int(rng.integers(16))
     shown = []
