@@ -9,6 +9,7 @@ superframe. A place is found where L0 of a superframe has arrived.
 
 import argparse
 import sys
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -91,7 +92,7 @@ def code(frames: list[np.ndarray]) -> list[np.ndarray]:
     """Send luma through x264."""
     encoder = av.CodecContext.create("libx264", "w")
     encoder.width, encoder.height, encoder.pix_fmt = WIDTH, HEIGHT, "yuv420p"
-    encoder.framerate, encoder.bit_rate = FPS, 2_000_000
+    encoder.framerate, encoder.bit_rate = Fraction(FPS), 2_000_000
     encoder.options = {"preset": "veryfast"}
     decoder = av.CodecContext.create("h264", "r")
     packets = []
