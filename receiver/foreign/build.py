@@ -7,7 +7,6 @@ of the foreign face.
 """
 
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +18,7 @@ from codec.errors import CueError
 from receiver.drawing.avatar import Avatar, Surface, load_avatar
 from receiver.drawing.maps import MarkerMap, learn
 from receiver.drawing.mouth import Mouth
-from receiver.drawing.skeleton import NO_REACH, Reach, key_poses
+from receiver.drawing.skeleton import Reach, key_poses
 from receiver.drawing.voice_document import neutral_camera
 from receiver.foreign.arms import Arms, pose_arms
 from receiver.foreign.container import read_container
@@ -33,7 +32,7 @@ from receiver.foreign.face import (
     own_face,
 )
 from receiver.foreign.hand import ForeignHand, joint_map, lesson
-from receiver.foreign.landmarks import place_moves
+from receiver.foreign.landmarks import Face, place_moves
 from receiver.foreign.names import RIGHT_FINGERS, terms
 from receiver.foreign.paint import Painted, SkinMaterial, paint, read_materials
 from receiver.foreign.scene import Scene, read_scene
@@ -143,9 +142,9 @@ def _mean_places(tips: FloatArray) -> dict[str, FloatArray]:
     return {name: every[k] for k, name in enumerate(PLACEMENTS) if name != "rest"}
 
 
-def _placing(own: object, scene: Scene, eyes: FloatArray) -> tuple[float, FloatArray]:
+def _placing(own: Face, scene: Scene, eyes: FloatArray) -> tuple[float, FloatArray]:
     """Return scale and shift (3,) that bring eyes, mouth and chin nearest to the cuer's."""
-    a = own.landmarks()  # type: ignore[attr-defined]
+    a = own.landmarks()
     b = foreign_face(scene, scene.points, eyes, 1.0).landmarks()
     names = ("eye_R", "eye_L", "corner_R", "corner_L", "upper", "lower", "chin")
     p, q = (np.array([found[name] for name in names]) for found in (b, a))
@@ -263,10 +262,3 @@ def no_mouth() -> Mouth:
         np.zeros((13, 0), dtype=np.int64), none, none, none, np.zeros(0), np.zeros((6, 0, 3)),
         np.zeros((2, 5)), 0, np.zeros(3),
     )  # fmt: skip
-
-
-def places_of(avatar: Avatar) -> Mapping[str, FloatArray]:
-    """Return the shift (3,) of each placement."""
-    reach = avatar.skeleton.reach
-    names = [name for name in PLACEMENTS if name != "rest"] if reach is not NO_REACH else []
-    return dict(zip(names, reach.shift(reach.places), strict=True))
