@@ -24,7 +24,7 @@ from watermark.video.design import Design, Strength, fixed_strength
 from watermark.video.fading import PatternWriter
 from watermark.video.grid import Grid
 from watermark.video.modes import Mode
-from watermark.video.profile import COARSE, POSITIONS, VideoProfile
+from watermark.video.profile import COARSE, POSITIONS, STEPS, VideoProfile
 from watermark.video.timing import Timing
 
 STRENGTHS = tuple(
@@ -72,10 +72,14 @@ class TriedChannel:
     coder : PictureCoder
     whole : bool
         Whether both classes have to arrive, or L0 alone.
+    widest : int
+        Number of the widest step that may be taken for its sake. Superframes of the widest of all
+        are not found in a picture that is cropped or has bars, until others have shown the place.
     """
 
     coder: PictureCoder
     whole: bool = True
+    widest: int = len(STEPS) - 1
 
 
 class PictureLoop:
@@ -106,7 +110,7 @@ class PictureLoop:
         self._trials = [
             CoderTrial(channel.coder, modes, grid.shape, timing) for channel in channels
         ]
-        self._whole = [channel.whole for channel in channels]
+        self._channels = channels
         self._places: deque[int] = deque()
 
     def process(self, luma: Luma, design: Design | None) -> list[Strength]:
@@ -154,11 +158,11 @@ class PictureLoop:
         fixed = fixed_strength(place, self._grid.shape)
         enough = np.ones(len(STRENGTHS), dtype=bool)
         costs = np.zeros(len(STRENGTHS))
-        for finding, whole in zip(findings, self._whole, strict=True):
+        for finding, channel in zip(findings, self._channels, strict=True):
             if finding is None:
                 return fixed
             costs = self._costs(finding)
-            enough &= self._enough(finding, whole, place, costs >= costs[STRENGTHS.index(fixed)])
+            enough &= self._enough(finding, channel, place, costs >= costs[STRENGTHS.index(fixed)])
         return STRENGTHS[int(np.where(enough, costs, np.inf).argmin()) if enough.any() else -1]
 
     def _costs(self, finding: TrialFinding) -> FloatArray:
@@ -171,7 +175,7 @@ class PictureLoop:
         ])  # fmt: skip
 
     def _enough(
-        self, finding: TrialFinding, whole: bool, place: int, strong: NDArray[np.bool_]
+        self, finding: TrialFinding, channel: TriedChannel, place: int, strong: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
         """Which strengths suffice for a channel; `strong`: those not weaker than without a trial.
 
@@ -183,7 +187,9 @@ class PictureLoop:
         second = (8 * profile.l1_bytes + L1_CHECK) / profile.l1_coded
         margin = OPENING_MARGIN if place == 0 else MARGIN
         bits, agreement = np.array([finding.at(strength) for strength in STRENGTHS]).T
-        if whole:
+        allowed = np.array([strength.rung <= channel.widest for strength in STRENGTHS])
+        bits = np.where(allowed, bits, 0.0)
+        if channel.whole:
             rate = max(first, second)
             enough = (bits >= min(CEILING, margin * rate)) & (agreement >= AGREEMENT)
             if enough.any():
@@ -191,7 +197,7 @@ class PictureLoop:
             if bits.max() >= HOPELESS * rate:
                 return np.asarray(bits >= NEARLY * bits.max())
         enough = (bits >= L0_MARGIN * first) & (agreement >= L0_AGREEMENT)
-        enough &= strong | (not whole)
+        enough &= strong | (not channel.whole)
         if not enough.any():
-            enough[-1] = True
+            enough[np.flatnonzero(allowed)[-1]] = True
         return np.asarray(enough)
