@@ -22,7 +22,7 @@ _BREAK_S = 0.01
 _MOST_ST = 1.5
 """Semitones that units are moved at most; small distances are followed fully."""
 
-_USUAL_RISE_ST = 3.0
+_USUAL_RISE_ST = 0.5
 """What the melody rises above this, over the middle of its stretch, units are moved in addition."""
 
 _GLIDE_S = 0.08
