@@ -132,7 +132,8 @@ def seen_into(
         Out: greatest speed of a knuckle, mm/s.
     """
     n = leave.size
-    begun[:], held[:], peak[:] = 0.0, 0.0, 0.0
+    for g in range(n):
+        begun[g], held[g], peak[g] = 0.0, 0.0, 0.0
     if n < 2:
         return
     n_knuckles = knuckle.shape[1]
@@ -141,7 +142,8 @@ def seen_into(
     now = np.zeros((n_knuckles, 3))
     share, apart, away = np.zeros(len(gram)), np.zeros(len(gram)), np.zeros(goal.shape[1])
     last_margin, since, sure = np.zeros(n), np.zeros(n), np.zeros(n)
-    last_margin[:] = -1.0
+    for g in range(n):
+        last_margin[g] = -1.0
     low = 1
     margin_s = 0.2
     time = leave[1] - 0.1
@@ -155,7 +157,8 @@ def seen_into(
         # Shares of the targets base .. high - 1; what came before is done with.
         base = low - 1
         moved[base], turned[base], shaped[base] = 1.0, 1.0, 1.0
-        at[:] = place[key[base]]
+        for c in range(3):
+            at[c] = place[key[base], c]
         for g in range(low, high):
             p = _jerk(time, leave[g], reach[g], 0.0, 0.0, stroke, power)
             q = _jerk(time, leave[g], reach[g], lateness[0], lateness[1], stroke, power)
@@ -184,7 +187,9 @@ def seen_into(
             for g in range(low, high):
                 if leave[g] <= time <= reach[g] + 0.1:
                     peak[g] = max(peak[g], fastest)
-        before[:] = now
+        for k in range(n_knuckles):
+            for c in range(3):
+                before[k, c] = now[k, c]
         first = False
         _blend_apart(key, base, low, high, shaped, gram, share, apart)
         for g in range(low - 1, high):
@@ -240,7 +245,8 @@ def _blend_apart(
 ) -> None:
     """Find how far a blend of shapes is from each of them, mm; `share` is room for its shares."""
     n = gram.shape[0]
-    share[:] = 0.0
+    for i in range(n):
+        share[i] = 0.0
     share[key[base] // N_PLACEMENTS] = 1.0
     for g in range(low, high):
         share[key[g] // N_PLACEMENTS] += shaped[g]
