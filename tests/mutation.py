@@ -33,7 +33,7 @@ EQUIVALENT = Path(__file__).with_name("equivalent_mutants.txt")
 ROOMS = {
     "tracker": (
         "receiver/reception/tracking.py",
-        "tests/receiver/test_tracking.py",
+        "tests/receiver/reception/test_tracking.py",
     ),
     "link": (
         "watermark/link",

@@ -9,7 +9,7 @@ import argparse
 
 import numpy as np
 
-from watermark.audio.follow.demodulate import LONGEST_LIST_SIZE
+from watermark.audio.follow.retries import LONGEST_LIST_SIZE
 from watermark.audio.signal.profile import PROFILES, find_profile
 from watermark.link.link import Link
 

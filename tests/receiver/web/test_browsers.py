@@ -180,7 +180,6 @@ def test_whose_cues_they_are(browse: Browse, signed: Path, trusted: str) -> None
             proofs = await page.evaluate("proofs")
             assert len(await page.evaluate(f"{PLAYER}.keyList")) == 6
             status = await page.evaluate(f"{PLAYER}.whose.status")
-            print(len(proofs), status)
             assert status == ("verified" if trusted == "one" else "unknown")
             assert bool(proofs) == (trusted == "one")
             assert page.errors == []

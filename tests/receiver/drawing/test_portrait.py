@@ -21,7 +21,7 @@ from receiver.drawing.portrait import FROM_LIGHT, LIGHT, SHADOW_WEIGHTS, Portrai
 from receiver.drawing.render import write_picture
 from receiver.drawing.voice_document import neutral_camera
 
-SHEET = Path(__file__).resolve().parents[2] / "artefacts" / "page" / "all-keys.png"
+SHEET = Path(__file__).resolve().parents[3] / "artefacts" / "page" / "all-keys.png"
 
 VOICE = load_voice()
 AVATAR = load_avatar(VOICE)

@@ -12,7 +12,7 @@ from codec.errors import CueError
 from cuecast.command import cache
 from cuecast.command.cache import prepare_cache
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 PACKAGES = ("codec", "synth", "watermark", "receiver", "cuecast")
 
 

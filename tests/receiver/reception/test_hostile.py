@@ -16,9 +16,9 @@ from codec.superframe.encoder import SuperframeEncoder
 from receiver.reception.events import SUPERFRAME_S, KeysFound, MotionPiece
 from receiver.reception.tracking import TimelineTracker
 from receiver.television.protocol import pack_event
+from tests.receiver.reception.test_faults import POOL, TOLERANCE_S, VOICE, programme
 from tests.receiver.seeded import was_sent
 from tests.receiver.standin import make_motion, make_voice
-from tests.receiver.test_faults import POOL, TOLERANCE_S, VOICE, programme
 
 BACK_S = 2.0
 MOST_EVENTS = 64
@@ -51,7 +51,7 @@ def foreign() -> list[tuple[bytes, bytes]]:
 @cache
 def compact() -> list[bytes]:
     """Compact superframes of another voice."""
-    from tests.receiver.test_tracking import with_phones
+    from tests.receiver.reception.test_tracking import with_phones
 
     voice = make_voice(2)
     encoder = CompactEncoder(voice, l0_bytes=12, first=0)

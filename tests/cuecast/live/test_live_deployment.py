@@ -11,7 +11,7 @@ import pytest
 
 from cuecast.command.cli import VERBS, build_parser
 
-DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
+DEPLOY = Path(__file__).resolve().parents[3] / "deploy"
 UNIT = DEPLOY / "cuecast-playout@.service"
 CONTAINER = DEPLOY / "Containerfile"
 

@@ -34,7 +34,7 @@ from synth.planning.scoring.text_score import score_of_text
 
 pytestmark = pytest.mark.long(9)
 
-TOOL = Path(__file__).resolve().parents[3] / "shared" / "tools" / "real_cuers.py"
+TOOL = Path(__file__).resolve().parents[4] / "shared" / "tools" / "real_cuers.py"
 LINES = (
     "Le patron du café raconte une belle histoire à ses amis.",
     "La météo annonce un vent très fort pour toute la nuit.",

@@ -29,7 +29,7 @@ from synth.planning.scoring.text_score import score_of_text
 
 pytestmark = pytest.mark.long(12)
 
-SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "real_cuers"
+SHARED = Path(__file__).resolve().parents[4] / "shared" / "data" / "real_cuers"
 
 
 def options(clips: Path | None, folder: Path, *channels: str) -> EvaluateOptions:

@@ -14,8 +14,8 @@ from cuecast.dubbing.receive import receive
 from receiver.media.programme import open_programme
 from receiver.media.sound import SoundDecoder, read_sound, sound_blocks
 from tests.receiver.air import marked_noise, transport_stream
+from tests.receiver.live.test_line import at_other_addresses
 from tests.receiver.standin import make_motion
-from tests.receiver.test_line import at_other_addresses
 
 VOICE = load_voice()
 

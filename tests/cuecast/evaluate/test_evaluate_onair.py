@@ -16,7 +16,7 @@ from synth.capture.capture import capture_motion
 from synth.capture.options import CaptureOptions
 from synth.studio.recital import perform, recital
 
-TOOL = Path(__file__).resolve().parents[3] / "shared" / "tools" / "real_cuers.py"
+TOOL = Path(__file__).resolve().parents[4] / "shared" / "tools" / "real_cuers.py"
 
 
 def options(clips: Path | None, folder: Path) -> EvaluateOptions:

@@ -23,9 +23,9 @@ from receiver.live.broadcast import Broadcast, Happening, MediaFragment, MediaSt
 from receiver.live.continuity import STAMP_PERIOD_S, SteadyClock
 from receiver.reception.events import KeysFound, MotionPiece, StateChanged
 from tests.receiver.air import marked_noise, transport_stream
+from tests.receiver.reception.test_faults import TOLERANCE_S
 from tests.receiver.seeded import seeded_speech, was_sent
 from tests.receiver.standin import make_motion
-from tests.receiver.test_faults import TOLERANCE_S
 
 pytestmark = pytest.mark.long(22)
 

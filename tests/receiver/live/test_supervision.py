@@ -16,8 +16,8 @@ from receiver.reception.engine import Receiver
 from receiver.reception.events import MotionPiece
 from receiver.television.metrics import Metrics
 from tests.receiver.air import marked_noise, transport_stream
+from tests.receiver.live.test_line import free_port
 from tests.receiver.standin import make_motion
-from tests.receiver.test_line import free_port
 
 VOICE = load_voice()
 PACKET = 188

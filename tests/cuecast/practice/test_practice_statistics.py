@@ -12,7 +12,7 @@ from cuecast.practice.results import counts_of, figures
 from cuecast.practice.session import read_answers
 from cuecast.practice.statistics import Counts, d_prime, mean_of, power, share_right
 from cuecast.practice.trial import ANSWERS, ITEMS, Trial
-from tests.cuecast.observer import Observer
+from tests.cuecast.practice.observer import Observer
 
 SENSITIVITIES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0)
 

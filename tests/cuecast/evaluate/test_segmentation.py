@@ -14,7 +14,7 @@ from synth.planning.scoring.textgrid import read_textgrid
 from tests.chromium import browse
 
 RATE_HZ = 120.0
-ARTEFACTS = Path(__file__).resolve().parents[2] / "artefacts" / "segmentation"
+ARTEFACTS = Path(__file__).resolve().parents[3] / "artefacts" / "segmentation"
 SCORE = Score(
     (Phone("b", 0.5, 0.7), Phone("ɔ̃", 0.7, 1.0), Phone("a", 1.4, 1.8)),
     (Key(0.5, 1.0, ("b", "ɔ̃"), 4, "mouth"), Key(1.4, 1.8, ("a",), 5, "side")),

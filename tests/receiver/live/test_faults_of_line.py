@@ -22,7 +22,7 @@ def test_a_minute_of_a_bad_line() -> None:
 
 @pytest.mark.slow
 def test_a_day_of_a_bad_line() -> None:
-    report = Path(__file__).resolve().parents[2] / "artefacts" / "line" / "day.txt"
+    report = Path(__file__).resolve().parents[3] / "artefacts" / "line" / "day.txt"
     report.parent.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as viewer:
         seen = viewer.submit(partial(watch, 24.0, 4, report, media=False)).result()

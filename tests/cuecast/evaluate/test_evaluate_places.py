@@ -11,7 +11,7 @@ from synth.motion.body.reach import REAL_MM
 
 pytestmark = pytest.mark.long(10)
 
-SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "real_cuers"
+SHARED = Path(__file__).resolve().parents[4] / "shared" / "data" / "real_cuers"
 
 
 def options(clips: Path | None, *cuers: str) -> EvaluateOptions:

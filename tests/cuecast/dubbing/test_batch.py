@@ -26,9 +26,9 @@ from cuecast.dubbing.ledger import WORK, BatchItem, BusyError
 from cuecast.dubbing.workers import Processes
 from cuecast.media.film import write_film
 from cuecast.verbs.batch import _dubbing_options
-from tests.cuecast.deadly import deadly
+from tests.cuecast.dubbing.deadly import deadly
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 FAST = ("--no-grade", "--no-read-back")
 MANY = 3
 
@@ -192,6 +192,7 @@ def test_killed_workers_and_batches_lose_nothing(
     assert {p.name for p in out.iterdir()} == wanted
 
 
+@pytest.mark.slow
 def test_two_batches_share_the_work(
     many: Path, tmp_path: Path, undisturbed: dict[str, bytes]
 ) -> None:

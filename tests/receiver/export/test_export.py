@@ -17,7 +17,8 @@ from codec.cuer.voice import load_voice
 from codec.errors import CueError, VoiceError
 from receiver.drawing.avatar import load_avatar
 from receiver.drawing.movement import express
-from receiver.export.arkit import ARKIT_NAMES, arkit_weights
+from receiver.drawing.units import ARKIT_NAMES
+from receiver.export.arkit import arkit_weights
 from receiver.export.files import export_motion
 from receiver.export.markers import marker_csv, trc
 from tests.receiver.standin import make_motion, make_voice
