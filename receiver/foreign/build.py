@@ -43,7 +43,10 @@ _MOST = 60_000
 """Vertices of a surface at most: 16 bits number them."""
 
 _HAND_RANK = 24
+"""Directions of displacement that the map of the hand keeps."""
+
 _RIDGE_MM2 = 0.02
+"""Ridge of that map: markers move by millimetres, so it bounds what small ones may cause."""
 
 _SEED = 34
 """Of the poses that maps are learnt from: the same file gives the same avatar."""

@@ -26,6 +26,7 @@ _MAX_NUMBERS = 1 << 24
 """Numbers of one array at most."""
 
 _MAX_JSON_BYTES = 1 << 23
+"""Bytes of the description at most: Python takes some tenfold memory for it."""
 
 _KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}

@@ -33,6 +33,7 @@ _RANK = 10
 """Directions of displacement that the linear map keeps."""
 
 _RIDGE_MM2 = 0.02
+"""Ridge of that map: markers move by millimetres, so it bounds what small ones may cause."""
 
 _LESSONS = 400
 """Mouths that the map is learnt from."""

@@ -28,6 +28,7 @@ _POSES = 48
 """Poses between and around the shapes of the hand that a map is learnt from, beside all pairs."""
 
 _MAX_BYTES = 1 << 20
+"""Bytes of our own asset, unpacked, at most."""
 
 
 def joint_map(voice: Voice) -> MarkerMap:

@@ -21,8 +21,7 @@ from receiver.foreign.scene import Scene
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_MAX_SIDE = 8192
-_KEPT_SIDE = 2048
+_MAX_SIDE, _KEPT_SIDE = 8192, 2048
 """Side of a picture in pixels at most, and what larger ones are reduced to."""
 
 _MOST_PIXELS = 1 << 26
@@ -35,6 +34,7 @@ _SHORTEST_MM = 1.2
 """Edges shorter than this are not divided."""
 
 _ROUNDS = 3
+"""How often triangles of different colours at their corners are divided at most."""
 
 _SEAM = 40.0
 """Levels by which colours may differ at a vertex and still be one."""

@@ -20,8 +20,8 @@ from receiver.foreign.names import Binds, bones, face_shapes
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_MAX_VERTICES = 1 << 17
-_MAX_NODES = 4096
+_MAX_VERTICES, _MAX_NODES = 1 << 17, 4096
+"""Vertices and nodes of a file at most: about three times those of large figures."""
 
 _SKIP = 0.02
 """Shares of joints below this are left out."""

@@ -31,11 +31,11 @@ def fuzzed(voice: str, count: int, seed: int) -> dict[str, int]:
     return report
 
 
-def test_some_thousand_superframes_under_sanitizers(voice: str) -> None:
-    report = fuzzed(voice, 3000, 1)
-    assert report["superframes"] == 3000
-    assert report["drawn"] > 30
-    assert report["events"] > 5000
+def test_a_thousand_superframes_under_sanitizers(voice: str) -> None:
+    report = fuzzed(voice, 1000, 1)
+    assert report["superframes"] == 1000
+    assert report["drawn"] > 10
+    assert report["events"] > 1500
 
 
 @pytest.mark.slow

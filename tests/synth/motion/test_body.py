@@ -204,6 +204,7 @@ def test_a_folder_without_mesh_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not MESH.is_dir(), reason="needs the hm08 mesh in ../shared/data")
+@pytest.mark.slow
 def test_the_asset_is_what_the_mesh_gives(tmp_path: Path) -> None:
     from lab.body import main
 
