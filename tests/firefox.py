@@ -40,7 +40,9 @@ class FirefoxPage(Tab):
 
     def _note(self, event: str, params: dict[str, Any]) -> None:
         if event == "log.entryAdded":
-            if params["type"] == "javascript" and params["level"] == "error":
+            # Besides exceptions it logs refused requests, which scripts get as an answer.
+            refused = params["text"].startswith("Cross-Origin Request Blocked")
+            if params["type"] == "javascript" and params["level"] == "error" and not refused:
                 self.errors.append(params["text"])
         elif event == "network.beforeRequestSent":
             self.requests.append(params["request"]["url"])

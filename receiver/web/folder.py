@@ -1,7 +1,7 @@
 """A folder for any static web server: programme, player and the voice that it shows.
 
-Programme -> index.html | programme.mp4 | cuecast-player.js ... cuecast.wasm | voice.bin voice.json
-avatar.bin: the page plays in any browser that may hear its own site's sound.
+Programme -> index.html index.css | programme.mp4 | cuecast-player.js ... cuecast.wasm | voice.bin
+voice.json avatar.bin: the page plays in any browser that may hear its own site's sound.
 """
 
 import html
@@ -28,16 +28,18 @@ _PAGE = """<!doctype html>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{title}</title>
 <link rel="icon" href="data:,">
-<style>
-body {{ margin: 0; background: #07080b; }}
-cuecast-player {{ max-width: 177.77vh; margin: auto; }}
-</style>
+<link rel="stylesheet" href="index.css">
 <script type="module" src="cuecast-player.js"></script>
 <cuecast-player keys{trust}>
 <{element} src="{source}" controls playsinline>{track}</{element}>
 </cuecast-player>
 </html>
 """
+
+_STYLE = """body { margin: 0; background: #07080b; }
+cuecast-player { max-width: 177.77vh; margin: auto; }
+"""
+"""A file of its own: a site's policy may forbid style sheets within a page."""
 
 
 def write_folder(
@@ -105,6 +107,7 @@ def write_folder(
             trust = ' trust="broadcaster.pub"'
         text = _PAGE.format(title=title, element=element, source=source, track=track, trust=trust)
         (made / "index.html").write_text(text, encoding="utf-8")
+        (made / "index.css").write_text(_STYLE, encoding="utf-8")
         if folder.exists():
             folder.rmdir()
         made.rename(folder)

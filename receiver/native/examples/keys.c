@@ -2,6 +2,14 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+static void show(cue_state *cue) {
+    cue_event event = {.size = sizeof event};
+    while (cue_next(cue, &event) == CUE_OK)
+        if (event.kind == CUE_EVENT_KEY && event.of.key.final)
+            printf("%.2f s shape %d placement %d\n", event.time_s, event.of.key.shape,
+                   event.of.key.placement);
+}
+
 int main(int argc, char **argv) {
     static unsigned char voice[300000];
     FILE *file = argc > 1 ? fopen(argv[1], "rb") : NULL;
@@ -11,14 +19,12 @@ int main(int argc, char **argv) {
     if (!cue || cue_init(cue, cue_size(&config), &config) != CUE_OK) return 2;
     if (cue_voice(cue, voice, bytes) != CUE_OK) return 3;
     float block[2 * 480];
-    cue_event event = {.size = sizeof event};
     while ((frames = fread(block, 2 * sizeof(float), 480, stdin)) > 0) {
         if (cue_push(cue, block, frames) != CUE_OK) return 2;
-        while (cue_next(cue, &event) == CUE_OK)
-            if (event.kind == CUE_EVENT_KEY && event.of.key.final)
-                printf("%.2f s shape %d placement %d\n", event.time_s,
-                       event.of.key.shape, event.of.key.placement);
+        show(cue);
     }
+    if (cue_flush(cue) != CUE_OK) return 2;
+    show(cue);
     free(cue);
     return 0;
 }

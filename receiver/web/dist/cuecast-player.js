@@ -2193,6 +2193,7 @@ const rerouted = new WeakMap();
 /** Why the page may not hear `media`: a name of `REASONS`, or "" if it may. */
 function obstacle(media) {
   if (!media) return "no-media";
+  if (!isSecureContext) return "insecure";
   if (typeof AudioWorkletNode === "undefined") return "no-worklet";
   if (typeof WebAssembly === "undefined") return "no-module";
   const address = media.currentSrc || media.src;
@@ -2400,9 +2401,13 @@ const REASONS = {
     en: "The programme comes from another site, and a page may not hear such sound. Serve it from the page's own site, or with Access-Control-Allow-Origin and crossorigin=\"anonymous\", or put its .cue file beside it.",
     fr: "Le programme vient d'un autre site : la page n'a pas le droit d'en entendre le son.",
   },
+  insecure: {
+    en: "The page came without https, and browsers let such a page read sound on localhost only.",
+    fr: "La page est venue sans https : le navigateur ne lui laisse lire le son que sur localhost.",
+  },
   "no-worklet": {
-    en: "This browser has no AudioWorklet here: it needs https or localhost.",
-    fr: "Ce navigateur n'offre pas AudioWorklet ici : il faut https ou localhost.",
+    en: "This browser has no AudioWorklet.",
+    fr: "Ce navigateur n'offre pas AudioWorklet.",
   },
   "no-module": {
     en: "This browser cannot run the receiver (WebAssembly with SIMD).",
@@ -2568,7 +2573,7 @@ const CHOICES = {
 };
 const FLAGS = { keys: "keys", mirror: "mirror", handOnly: "hand-only" };
 /** Reasons for which the stream file beside the programme is looked for. */
-const DEAF = new Set(["other-origin", "no-worklet", "asleep", "muted", "speed", "silence", "no-mark"]);
+const DEAF = new Set(["other-origin", "insecure", "no-worklet", "asleep", "muted", "speed", "silence", "no-mark"]);
 const PRUNE_MS = 5000;
 /** How far the arrival of a broadcast's cues may be from their time on air, seconds (E25). */
 const TOLERANCE_S = 10;
@@ -2594,11 +2599,13 @@ class CuecastPlayer extends HTMLElement {
   constructor() {
     super();
     const root = this.attachShadow({ mode: "open" });
-    const style = document.createElement("style");
-    style.textContent = STYLE;
+    // Not a <style>: a site's policy may forbid those (style-src without 'unsafe-inline').
+    const style = new CSSStyleSheet();
+    style.replaceSync(STYLE);
+    root.adoptedStyleSheets = [style];
     const body = document.createElement("template");
     body.innerHTML = BODY;
-    root.append(style, body.content);
+    root.append(body.content);
     this.stage = new Stage(root);
     this.reception = "searching";
     this.reason = "";

@@ -28,7 +28,7 @@ const CHOICES = {
 };
 const FLAGS = { keys: "keys", mirror: "mirror", handOnly: "hand-only" };
 /** Reasons for which the stream file beside the programme is looked for. */
-const DEAF = new Set(["other-origin", "no-worklet", "asleep", "muted", "speed", "silence", "no-mark"]);
+const DEAF = new Set(["other-origin", "insecure", "no-worklet", "asleep", "muted", "speed", "silence", "no-mark"]);
 const PRUNE_MS = 5000;
 /** How far the arrival of a broadcast's cues may be from their time on air, seconds (E25). */
 const TOLERANCE_S = 10;
@@ -54,11 +54,13 @@ export class CuecastPlayer extends HTMLElement {
   constructor() {
     super();
     const root = this.attachShadow({ mode: "open" });
-    const style = document.createElement("style");
-    style.textContent = STYLE;
+    // Not a <style>: a site's policy may forbid those (style-src without 'unsafe-inline').
+    const style = new CSSStyleSheet();
+    style.replaceSync(STYLE);
+    root.adoptedStyleSheets = [style];
     const body = document.createElement("template");
     body.innerHTML = BODY;
-    root.append(style, body.content);
+    root.append(body.content);
     this.stage = new Stage(root);
     this.reception = "searching";
     this.reason = "";

@@ -24,6 +24,7 @@ const rerouted = new WeakMap();
 /** Why the page may not hear `media`: a name of `REASONS`, or "" if it may. */
 export function obstacle(media) {
   if (!media) return "no-media";
+  if (!isSecureContext) return "insecure";
   if (typeof AudioWorkletNode === "undefined") return "no-worklet";
   if (typeof WebAssembly === "undefined") return "no-module";
   const address = media.currentSrc || media.src;

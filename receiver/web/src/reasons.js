@@ -9,9 +9,13 @@ export const REASONS = {
     en: "The programme comes from another site, and a page may not hear such sound. Serve it from the page's own site, or with Access-Control-Allow-Origin and crossorigin=\"anonymous\", or put its .cue file beside it.",
     fr: "Le programme vient d'un autre site : la page n'a pas le droit d'en entendre le son.",
   },
+  insecure: {
+    en: "The page came without https, and browsers let such a page read sound on localhost only.",
+    fr: "La page est venue sans https : le navigateur ne lui laisse lire le son que sur localhost.",
+  },
   "no-worklet": {
-    en: "This browser has no AudioWorklet here: it needs https or localhost.",
-    fr: "Ce navigateur n'offre pas AudioWorklet ici : il faut https ou localhost.",
+    en: "This browser has no AudioWorklet.",
+    fr: "Ce navigateur n'offre pas AudioWorklet.",
   },
   "no-module": {
     en: "This browser cannot run the receiver (WebAssembly with SIMD).",

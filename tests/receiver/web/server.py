@@ -9,12 +9,18 @@ from pathlib import Path
 
 from aiohttp import web
 
+POLICY = (
+    "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; media-src *; connect-src *;"
+    " img-src 'self' data:"
+)
+"""The least that the player's page asks of a site's policy, and media of any site for the tests."""
+
 
 @contextlib.asynccontextmanager
 async def serving(
     folder: Path, asked: list[str], open_to_others: tuple[str, ...] = ()
 ) -> AsyncIterator[str]:
-    """Serve `folder` at the address yielded; `asked` gets the paths asked for.
+    """Serve `folder` under `POLICY` at the address yielded; `asked` gets the paths asked for.
 
     Pages of other sites may read the files `open_to_others`.
     """
@@ -24,7 +30,9 @@ async def serving(
         asked.append(name)
         if not (folder / name).is_file():
             raise web.HTTPNotFound
-        headers = {"Access-Control-Allow-Origin": "*"} if name in open_to_others else {}
+        headers = {"Content-Security-Policy": POLICY}
+        if name in open_to_others:
+            headers["Access-Control-Allow-Origin"] = "*"
         return web.FileResponse(folder / name, headers=headers)
 
     app = web.Application()

@@ -3,6 +3,7 @@
 import asyncio
 import wave
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from codec.streamfile.stream import choose_stream, decode_stream
 from receiver.drawing.avatar_document import avatar_document, read_avatar
 from receiver.foreign.build import foreign_avatar
 from receiver.web.folder import write_folder
+from tests import chromium, firefox
 from tests.chromium import browse
 from tests.receiver.foreign.figure import figure
 from tests.receiver.standin import make_motion
@@ -45,16 +47,20 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place / "site"
 
 
-def test_says_why_it_does_not_hear(folder: Path) -> None:
+@pytest.mark.parametrize("browser", [chromium, firefox], ids=["chromium", "firefox"])
+def test_says_why_it_does_not_hear(browser: ModuleType, folder: Path) -> None:
     async def run() -> None:
         others: list[str] = []
         async with (
             serving(folder, []) as address,
             serving(folder, others) as other,
-            browse(f"{address}/index.html", 640, 360) as page,
+            browser.browse(f"{address}/index.html", 640, 360) as page,
         ):
-            await page.until(f"customElements.get('cuecast-player') && {PLAYER}.hearing")
+            await page.until(f"Boolean(customElements.get('cuecast-player') && {PLAYER}.hearing)")
             media = f"{PLAYER}.media"
+            # The server's policy allows no <style>: the player's sheet is there all the same.
+            inset = f"{PLAYER}.shadowRoot.getElementById('inset')"
+            assert await page.evaluate(f"getComputedStyle({inset}).position") == "absolute"
             # Another site's sound is not touched: no context, no worker.
             await page.evaluate(f"{media}.src = '{other}/programme.wav'; {media}.play()")
             await page.until(f"{PLAYER}.reason === 'other-origin' && {media}.currentTime > 0.3")
@@ -132,6 +138,21 @@ def test_searches_sound_without_a_cuer(folder: Path) -> None:
             assert await page.evaluate(f"{PLAYER}.diagnosis.superframes") == 0
             assert await page.evaluate(f"{PLAYER}.keyList.length") == 0
             assert page.errors == []
+
+    asyncio.run(run())
+
+
+def test_a_page_without_https(folder: Path) -> None:
+    """At the address that Python's server prints no page may read sound."""
+
+    async def run() -> None:
+        async with serving(folder, []) as address:
+            everywhere = address.replace("127.0.0.1", "0.0.0.0")
+            async with browse(f"{everywhere}/index.html", 640, 360) as page:
+                await page.until(f"customElements.get('cuecast-player') && {PLAYER}.hearing")
+                await page.evaluate(f"{PLAYER}.media.play()")
+                await page.until(f"{PLAYER}.reason === 'insecure'")
+                assert page.errors == []
 
     asyncio.run(run())
 
