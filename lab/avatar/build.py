@@ -17,7 +17,7 @@ from lab.avatar.hand import hand_part
 from lab.avatar.head import head_part, read_groups
 from lab.avatar.limbs import pose_limbs
 from lab.avatar.looks import LOOKS
-from lab.avatar.mouth import lip_rings, mouth_arrays
+from lab.avatar.mouth import lip_rings, mouth_arrays, rounded_units
 from lab.avatar.parts import FloatArray, IntArray, join, triangulate
 from lab.avatar.shapes import eye_arrays, mesh_shapes, shape_arrays
 from synth.motion.body.body import Body, load_asset, load_body
@@ -100,6 +100,8 @@ def build_avatar(folder: Path, target_folder: Path, cuer: str) -> BuiltAvatar:
     """
     mesh = read_mesh(folder)
     groups = read_groups(folder / "base.obj")
+    rings = lip_rings(groups["body"], mesh.vertices)
+    mesh = replace(mesh, units=rounded_units(mesh.units, rings))
     voice, body = load_voice(cuer), load_body(cuer)
     surface = sample_skin(mesh)
     places = face_places(mesh, surface, folder / "face63_hm08.json")

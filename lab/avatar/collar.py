@@ -113,7 +113,7 @@ def carried(
 _LASHES = {"2": (60, 6.6, 2.4, 0.85), "1": (24, 3.4, -0.6, 0.35)}
 """Of the upper and lower lids: number, length in mm outwards, rise in mm, opacity."""
 
-_BEFORE_LID = np.array([0.0, 0.2, 0.6])
+_BEFORE_LID = np.array([0.0, 0.2, 1.0])
 """Where a lash begins beside the lid's edge, mm: clear of the lids of every look."""
 
 _ROOT_MM = 0.24

@@ -22,6 +22,12 @@ TONGUE = (168, 80, 80)
 _INNERMOST, _N_RINGS, _N_COLUMNS = 605, 13, 38
 """Vertex of hm08 in the middle of the innermost ring of the upper lip; size of the rings' grid."""
 
+_LEFT_CORNER = 12
+"""Column of the corner at x > 0; the other lies as far before the last."""
+
+_ROUNDING = 2
+"""Rounds of averaging along the lips, each with weights 1/4, 1/2, 1/4."""
+
 # Width and height in mm of the crowns from the middle to the side.
 _UPPER = ((8.5, 10.0), (6.6, 9.0), (7.6, 9.8), (7.0, 8.6), (6.8, 8.2), (10.0, 7.4))
 _LOWER = ((5.2, 8.8), (5.8, 9.2), (6.8, 10.0), (7.0, 8.8), (7.0, 8.2), (10.6, 7.6))
@@ -85,6 +91,30 @@ def lip_rings(quads: IntArray, points: FloatArray) -> IntArray:
             start = next_of(rings[-2][0], last)
         rings.append(ring_of(start))
     return np.array(rings)
+
+
+def rounded_units(units: dict[str, FloatArray], rings: IntArray) -> dict[str, FloatArray]:
+    """Return face units whose movement varies smoothly along the lips.
+
+    The mesh's own funnel dents the middle of the lower lip to a point; corners stay.
+
+    Parameters
+    ----------
+    units : dict of str to ndarray, shape (V, 3)
+    rings : ndarray of int, shape (13, 38)
+        From `lip_rings`.
+    """
+    corners = {_LEFT_CORNER, _N_COLUMNS - _LEFT_CORNER}
+    free = np.array([column for column in range(_N_COLUMNS) if column not in corners])
+    found = {}
+    for name, moved in units.items():
+        lips = moved[rings]
+        for _ in range(_ROUNDING):
+            beside = np.roll(lips, 1, axis=1) + np.roll(lips, -1, axis=1)
+            lips[:, free] = 0.5 * lips[:, free] + 0.25 * beside[:, free]
+        found[name] = moved.copy()
+        found[name][rings] = lips
+    return found
 
 
 def _neighbours(quad: IntArray, corner: int) -> tuple[int, int]:

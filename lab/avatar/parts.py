@@ -20,7 +20,9 @@ IntArray = NDArray[np.int64]
 
 # Colours are red, green, blue, chosen by eye under the page's light.
 MOUTH = (58, 18, 20)
-SCLERA = (232, 228, 222)
+SCLERA = (226, 221, 214)
+SHADED = ((214, 206, 198), (172, 156, 146))
+"""The white of the eye towards its corners, in the shade of the lids."""
 LIMBUS = (52, 52, 48)
 IRIS = (98, 92, 62)
 PUPIL = (10, 9, 10)
@@ -101,7 +103,7 @@ def plain(colour: tuple[int, int, int], gloss: int, count: int) -> FloatArray:
 
 _EYE_RINGS = (
     (0.0, PUPIL), (9.5, PUPIL), (10.5, IRIS), (20.0, IRIS), (24.5, LIMBUS), (27.0, LIMBUS),
-    (29.0, SCLERA), (45.0, SCLERA), (65.0, SCLERA), (90.0, SCLERA),
+    (29.0, SCLERA), (45.0, SHADED[0]), (62.0, SHADED[1]), (90.0, SHADED[1]),
 )  # fmt: skip
 
 _EYE_SECTORS = 24

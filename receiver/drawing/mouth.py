@@ -20,6 +20,10 @@ FOLLOW = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.85, 0.65, 0.45, 0.25, 0.1, 0.0)
 LOWER_SHARE = 0.65
 """Part of an overlap that the lower lip yields; the upper lip yields the rest."""
 
+_BULGE_MM = 1.2
+"""Height in mm of the lower lip's edge over the line between the corners from which it is wholly
+level: f and v, where the lip lies along the edge of the upper teeth."""
+
 _CLEARANCE_MM = 1.4
 """Thickness of a lip before the teeth, at least."""
 
@@ -66,17 +70,18 @@ class Mouth:
     def solve(self, control: FloatArray) -> None:
         """Correct the coarse mesh (T, M, 3) of the head, before its motion, in place."""
         lips = control[:, self.rings]
-        edge = lips[:, EDGE, :, 1]
-        pressed = np.zeros_like(edge)
-        below = self._lower_at(edge[:, self.lower])
-        overlap = np.maximum(below - edge[:, self.upper], 0)
+        heights = lips[:, EDGE, :, 1].copy()
+        heights[:, self.lower] = self._levelled(lips[:, EDGE, self.lower])
+        below = self._lower_at(heights[:, self.lower])
+        overlap = np.maximum(below - heights[:, self.upper], 0)
         # The lower lip has fewer columns: each yields to the largest overlap beside it.
         for place, column in enumerate(self.lower):
             near = (self.beside == place) | (self.beside == place - 1)
-            pressed[:, column] = -LOWER_SHARE * overlap[:, near].max(axis=1)
-        below = self._lower_at(edge[:, self.lower] + pressed[:, self.lower])
+            heights[:, column] -= LOWER_SHARE * overlap[:, near].max(axis=1)
         inner = self.upper[1:-1]
-        pressed[:, inner] = np.maximum(below - edge[:, self.upper], 0)[:, 1:-1]
+        below = self._lower_at(heights[:, self.lower])[:, 1:-1]
+        heights[:, inner] = np.maximum(heights[:, inner], below)
+        pressed = heights - lips[:, EDGE, :, 1]
         lips[..., 1] += np.array(FOLLOW)[:, None] * pressed[:, None]
         jaw = control[:, self.jaw] - self.jaw_rest
         for teeth, side in ((self.arch[0], 1.0), (self.arch[1], -1.0)):
@@ -91,6 +96,14 @@ class Mouth:
             )
         lips[:, :EDGE] = lips[:, EDGE, None] + self.lining
         control[:, self.rings] = lips
+
+    def _levelled(self, edge: FloatArray) -> FloatArray:
+        """Return heights (T, L) of the lower lip's edge (T, L, 3), level where it bulges."""
+        x, y = edge[..., 0], edge[..., 1]
+        along = (x - x[:, :1]) / (x[:, -1:] - x[:, :1])
+        above = y - (y[:, :1] + along * (y[:, -1:] - y[:, :1]))
+        share = np.minimum(above.max(axis=1, initial=0) / _BULGE_MM, 1)
+        return np.asarray(y - share[:, None] * above)
 
     def _lower_at(self, heights: FloatArray) -> FloatArray:
         """Return the lower lip's heights (T, U) at the upper lip's columns."""

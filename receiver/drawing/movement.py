@@ -29,7 +29,7 @@ RULES: dict[str, Any] = {
     "blink_s": [0.08, 0.03, 0.17], "blink_after_s": 0.16, "blink_slot_s": 1.05,
     # Fixations of the eyes: slot and jump (s); half width (rad) while she cues, and at rest.
     "fixation_s": 1.3, "saccade_s": 0.06, "wander_rad": [[0.012, 0.006], [0.05, 0.025]],
-    "lens_rad": [-0.02, -0.055], "lids_per_rad": 1.6,
+    "lens_rad": [-0.02, -0.055], "lids_per_rad": 1.6, "lids_rest": 0.14,
     # Head: radians per mm of the mouth's opening beyond its mean; at a phrase's onset and end.
     "nod": {"per_mm": 0.0042, "onset": -0.075, "end": 0.085, "most_rad": 0.07},
     # Waves of head (rad) and trunk (mm), per axis: size, period (s), phase (turns).
@@ -249,7 +249,8 @@ def _face(
     squint = np.clip(RULES["squint"][0] + RULES["squint"][1] * knit, 0, 1)
     cheek = np.clip(RULES["cheek_per_mm"] * np.maximum(-accent, 0) + 0.3 * knit, 0, 1)
     wide = np.clip(RULES["wide_onset"] * onset, 0, 1) * (1 - shut)
-    found = dict.fromkeys(_SHAPES_OF_A_BLINK, shut)
+    open_ = RULES["lids_rest"]
+    found = dict.fromkeys(_SHAPES_OF_A_BLINK, open_ + (1 - open_) * shut)
     for side in ("Left", "Right"):
         found |= {
             f"browOuterUp{side}": raise_, f"browDown{side}": knit,

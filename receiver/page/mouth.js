@@ -6,6 +6,7 @@
 const EDGE = 6;
 const FOLLOW = [1, 1, 1, 1, 1, 1, 1, 0.85, 0.65, 0.45, 0.25, 0.1, 0];
 const LOWER_SHARE = 0.65;
+const BULGE_MM = 1.2;
 const CLEARANCE_MM = 1.4;
 const RAMP_MM = 2;
 
@@ -22,14 +23,15 @@ export class Mouth {
     this.jaw = arrays.mouth_jaw[0];
     this.jawRest = arrays.mouth_jaw_rest;
     this.pressed = new Float64Array(this.columns);
-    this.heights = new Float64Array(this.lower.length);
+    this.heights = new Float64Array(this.columns);
     this.overlap = new Float64Array(this.upper.length);
   }
 
   /** Correct the coarse mesh (x, y, z of each vertex), in place. */
   solve(control) {
     const { rings, columns, pressed } = this;
-    this.part(control);
+    this.level(control);
+    this.part();
     for (let r = 0; r < FOLLOW.length; r++) {
       for (let c = 0; c < columns; c++) {
         const at = 3 * rings[r * columns + c];
@@ -43,21 +45,33 @@ export class Mouth {
     }
   }
 
-  /** Find how far each column of the edge gives way, so that the lips meet and do not overlap. */
-  part(control) {
-    const { rings, columns, upper, lower, beside, between, pressed, heights, overlap } = this;
-    const height = (column) => control[3 * rings[EDGE * columns + column] + 1];
-    const below = (i) => heights[beside[i]] + between[i] * (heights[beside[i] + 1] - heights[beside[i]]);
-    pressed.fill(0);
-    for (let k = 0; k < lower.length; k++) heights[k] = height(lower[k]);
-    for (let i = 0; i < upper.length; i++) overlap[i] = Math.max(below(i) - height(upper[i]), 0);
+  /** Take the heights of the edge; those of the lower lip level where it bulges. */
+  level(control) {
+    const { rings, columns, lower, heights, pressed } = this;
+    const place = (column, axis) => control[3 * rings[EDGE * columns + column] + axis];
+    for (let c = 0; c < columns; c++) heights[c] = place(c, 1);
+    const [first, last] = [lower[0], lower[lower.length - 1]];
+    const slope = (heights[last] - heights[first]) / (place(last, 0) - place(first, 0));
+    const above = (column) => place(column, 1) - heights[first] - slope * (place(column, 0) - place(first, 0));
+    let most = 0;
+    for (const column of lower) most = Math.max(most, above(column));
+    const share = Math.min(1, most / BULGE_MM);
+    for (let c = 0; c < columns; c++) pressed[c] = -heights[c];
+    for (const column of lower) if (column !== first && column !== last) heights[column] -= share * above(column);
+  }
+
+  /** Move the heights of the edge so that the lips meet and do not overlap. */
+  part() {
+    const { columns, upper, lower, beside, between, pressed, heights, overlap } = this;
+    const below = (i) => heights[lower[beside[i]]] + between[i] * (heights[lower[beside[i] + 1]] - heights[lower[beside[i]]]);
+    for (let i = 0; i < upper.length; i++) overlap[i] = Math.max(below(i) - heights[upper[i]], 0);
     for (let k = 0; k < lower.length; k++) {
       let most = 0;
       for (let i = 0; i < upper.length; i++) if (beside[i] === k || beside[i] === k - 1) most = Math.max(most, overlap[i]);
-      pressed[lower[k]] = -LOWER_SHARE * most;
+      heights[lower[k]] -= LOWER_SHARE * most;
     }
-    for (let k = 0; k < lower.length; k++) heights[k] += pressed[lower[k]];
-    for (let i = 1; i < upper.length - 1; i++) pressed[upper[i]] = Math.max(below(i) - height(upper[i]), 0);
+    for (let i = 1; i < upper.length - 1; i++) heights[upper[i]] = Math.max(heights[upper[i]], below(i));
+    for (let c = 0; c < columns; c++) pressed[c] += heights[c];
   }
 
   /** Hold a vertex of the lips in front of both rows of teeth. */

@@ -112,7 +112,7 @@ export class Movement {
     const wide = clip(rules.wide_onset * onset) * (1 - shut);
     const shapes = { browInnerUp: 0.6 * lift };
     for (const side of ["Left", "Right"]) {
-      const own = { eyeBlink: shut, browOuterUp: lift, browDown: knit, eyeSquint: squint, cheekSquint: cheek, eyeWide: wide };
+      const own = { eyeBlink: rules.lids_rest + (1 - rules.lids_rest) * shut, browOuterUp: lift, browDown: knit, eyeSquint: squint, cheekSquint: cheek, eyeWide: wide };
       for (const [name, weight] of Object.entries(own)) shapes[name + side] = weight;
     }
     return shapes;

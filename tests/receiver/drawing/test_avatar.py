@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from codec.cuer.motion import Motion, sample_params
 from codec.cuer.voice import load_voice
+from codec.cues.phonology import PHONES
 from codec.errors import CueError
 from receiver.drawing.avatar import has_avatar, load_avatar, vertex_normals
 from receiver.drawing.avatar_document import avatar_document
@@ -237,6 +238,22 @@ def test_lips_neither_cut_each_other_nor_the_teeth() -> None:
     assert overlap_mm(control) < 0.2
     assert teeth_before_lips(control) == 0
     assert before[1] > 0
+
+
+def test_lower_lip_lies_level_along_the_upper_teeth_at_f_and_v() -> None:
+    """At v between the corners and over the teeth's tips; at p, a and o the rule changes nothing."""
+    mouth, targets = AVATAR.mouth, VOICE.gestures.viseme_targets
+    phones = [PHONES.index(phone) for phone in "vpao"]
+    control = AVATAR.head.control(VOICE.face.shape(targets[phones]))
+    before = control[:, mouth.rings[6][mouth.lower]]
+    mouth.solve(control)
+    after = control[:, mouth.rings[6][mouth.lower]]
+    corners = after[0, [0, -1], 1]
+    assert np.ptp(before[0, :, 1]) > 2.0
+    assert np.abs(after[0, :, 1] - corners.mean()).max() < 1.0
+    middle = after[0, len(mouth.lower) // 2, 1]
+    assert 0 < middle - mouth.arch[0, 3] < 2.0  # covers the tip of the upper teeth
+    assert after[2:, :, 1] == pytest.approx(before[2:, :, 1])
 
 
 def test_looks_are_drawn_around_the_same_markers() -> None:
