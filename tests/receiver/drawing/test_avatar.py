@@ -219,7 +219,7 @@ def test_lips_neither_cut_each_other_nor_the_teeth() -> None:
         return float(np.max(found))
 
     def teeth_before_lips(mesh: np.ndarray) -> int:
-        """Count teeth's vertices of each frame that cover the lips' red, seen from the front."""
+        """Count teeth's vertices of each frame before the lips' red (by .3 mm: lips are slanted)."""
         head, some = AVATAR.head, _teeth()
         carried = mesh[:, head.sources[some]] * head.shares[some, :, None]
         tooth = carried.sum(axis=2) + head.offsets[some]
@@ -229,9 +229,10 @@ def test_lips_neither_cut_each_other_nor_the_teeth() -> None:
             tree = cKDTree(lips[:, :2])
             near, at = tree.query(teeth[:, :2], distance_upper_bound=1.0)
             some = np.isfinite(near)
-            covering += int((teeth[some, 2] > lips[at[some], 2]).sum())
+            covering += int((teeth[some, 2] > lips[at[some], 2] + 0.3).sum())
         return covering
 
+    control[:, mouth.rings.ravel(), 2] -= 1.0  # thinner lips than hers, nearer to the teeth
     before = overlap_mm(control), teeth_before_lips(control)
     mouth.solve(control)
     assert before[0] > 0.5  # the map alone lets them pass each other
