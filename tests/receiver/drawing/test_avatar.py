@@ -219,7 +219,7 @@ def test_lips_neither_cut_each_other_nor_the_teeth() -> None:
         return float(np.max(found))
 
     def teeth_before_lips(mesh: np.ndarray) -> int:
-        """Count teeth's vertices of each frame before the lips' red (by .3 mm: lips are slanted)."""
+        """Count teeth's vertices more than .3 mm before the lips' red (lips are slanted)."""
         head, some = AVATAR.head, _teeth()
         carried = mesh[:, head.sources[some]] * head.shares[some, :, None]
         tooth = carried.sum(axis=2) + head.offsets[some]
