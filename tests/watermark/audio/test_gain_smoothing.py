@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from watermark.audio.embed.gain_smoothing import SOFTENED, GainSmoothing, Moments
+from watermark.audio.embed.gain_smoothing import MOST_SOFTENED, SOFTENED, GainSmoothing, Moments
 from watermark.audio.embed.level_control import LevelControl
 from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP, SUPERFRAME
 
@@ -30,6 +30,15 @@ def test_a_moment_is_relieved_where_it_is() -> None:
     assert Moments().gains(detections(slice(0)), FRAMES) is None
 
 
+def test_a_superframe_is_not_softened_as_a_whole() -> None:
+    gains = Moments().gains(detections(slice(0, 75)), FRAMES)
+    assert gains is not None
+    softened = (GainSmoothing(gains).parts() < 1).mean(axis=1)
+    assert softened.max() <= MOST_SOFTENED
+    assert softened[0] == softened[1] == 0
+    assert softened[2] > 0
+
+
 def test_what_is_usual_in_its_passage_is_no_moment() -> None:
     moments = Moments()
     for _ in range(15):
@@ -38,9 +47,9 @@ def test_what_is_usual_in_its_passage_is_no_moment() -> None:
 
 
 def test_places_go_on_from_stretch_to_stretch() -> None:
-    moments, first = Moments(), Moments().gains(detections(slice(60, 75)), FRAMES)
+    moments, first = Moments(), Moments().gains(detections(slice(60, 70)), FRAMES)
     moments.add(detections(slice(0)), 1024 * 119)
-    later = moments.gains(detections(slice(60, 75)), FRAMES)
+    later = moments.gains(detections(slice(60, 70)), FRAMES)
     assert first is not None
     assert later is not None
     assert np.flatnonzero(first < 1)[-1] == np.flatnonzero(later < 1)[-1]

@@ -23,6 +23,11 @@ SOFTENED = 0.7
 SMOOTHING, REACH = 0.9, 10
 """Share of the past in the smoothed probability, as in MFPD, and frames that it reaches back."""
 
+MOST_SOFTENED = 0.5
+"""Part of a superframe's frames up to which it is softened: where nearly all were, at a level that
+should have made up for it, .96, 1.22 and 1.28 units of information arrived instead of 1.4 to 1.5,
+and a superframe was lost."""
+
 NOTICED = 0.4
 """Probability of detection from which a frame within reach is softened."""
 
@@ -104,6 +109,8 @@ class Moments:
         middles = HEARD_HOP * (self._heard + 1 + np.flatnonzero(noticed)) - self._samples
         own = HOP * (1 + np.arange(frames))
         near = (np.abs(own[:, np.newaxis] - middles) < HEARD_HOP).any(axis=1)
+        superframes = near.reshape(-1, FRAMES_PER_SUPERFRAME)
+        superframes[superframes.mean(axis=1) > MOST_SOFTENED] = False
         return np.where(near, SOFTENED, 1.0) if near.any() else None
 
     def _follow(self, detections: NDArray[np.float64]) -> list[float]:
