@@ -8,12 +8,15 @@ from numpy.typing import NDArray
 
 from tests.watermark.audio.test_carrier import embed, host, payload
 from watermark.audio.follow.demodulate import Demodulator
+from watermark.audio.follow.place_projections import PlaceProjections
 from watermark.audio.follow.stretched_path import Paths
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.search.sound_ring import Stretch
 from watermark.audio.search.stretched_search import find_stretched
-from watermark.audio.signal.layout import make_pilots
+from watermark.audio.signal.dither import project
+from watermark.audio.signal.layout import make_layout, make_pilots
 from watermark.audio.signal.masking import make_masker
+from watermark.audio.signal.mdct import analyse
 from watermark.audio.signal.profile import HOP, STANDARD
 from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
 
@@ -85,3 +88,21 @@ def test_a_path_jumps_where_the_sound_does() -> None:
     jumps = np.diff(places) - HOP
     assert 2 <= np.count_nonzero(np.abs(jumps + 400) < 4) <= 4
     assert np.count_nonzero(np.abs(jumps) < 1) >= 58
+
+
+def test_places_between_transforms_are_as_if_transformed() -> None:
+    sound = host(0.5, channels=1, seed=3)[:, 0].astype(np.float32)
+    frames = np.lib.stride_tricks.sliding_window_view(sound, 2 * HOP)
+    cells, count, apart = make_layout(STANDARD, 0).cells, 40, 16
+    places = np.arange(0, count * apart, 2)
+    units = np.full((1, HOP), 0.01)
+    found = PlaceProjections.of(
+        analyse(frames[: count * apart + 1 : apart], HOP), units, np.zeros(count + 1, np.int64),
+        float(apart), cells,
+    )  # fmt: skip
+    # A table that gives the error back, to a 4096th of a step.
+    table = np.tile(np.arange(4096) / 4096, (cells.dither.size, 1))
+    seen = found.look_up(20.0, table, np.arange(0.0, apart, 2.0))
+    true = project(analyse(frames[places], HOP).real, np.tile(units, (places.size, 1)), cells)[0]
+    wrong = seen - (true / 20.0 - cells.dither)
+    assert np.abs(wrong - np.round(wrong)).max() < 0.03

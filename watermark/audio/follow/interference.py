@@ -62,9 +62,9 @@ class InterferenceEstimator:
         self._expected = pilots.expected(profile.number)
         alphas = np.linspace(*profile.alphas, profile.groups)
         self._untouched = _density(alphas, 1)
-        self._unknown = np.log(_density(alphas, 2))
+        self.unknown = np.log(_density(alphas, 2))
         of_pilots = np.full(pilots.cells.dither.size, np.mean(profile.alphas))
-        self._known = np.log(_density(of_pilots, 1))
+        self.known = np.log(_density(of_pilots, 1))
         first = layout.cells.first_bin + layout.cells.bins * np.arange(profile.groups)
         slot = (first - pilots.cells.first_bin) // pilots.cells.bins
         self._slot = np.clip(slot, 0, pilots.cells.dither.size - 1)
@@ -92,11 +92,11 @@ class InterferenceEstimator:
 
     def of_cells(self, errors: Array, alive: NDArray[np.bool_]) -> Array:
         """Evidence of cells with unknown bits (`SuperframeView.errors`), shape (n, groups)."""
-        return np.where(alive, _look_up(self._unknown, errors), 0.0)
+        return np.where(alive, _look_up(self.unknown, errors), 0.0)
 
     def of_pilots(self, errors: Array, alive: NDArray[np.bool_]) -> Array:
         """Evidence of pilots, shape (n, PILOT_SLOTS), by their errors from where they should be."""
-        return np.where(alive, _look_up(self._known, errors), 0.0)
+        return np.where(alive, _look_up(self.known, errors), 0.0)
 
 
 @dataclass(frozen=True, slots=True)

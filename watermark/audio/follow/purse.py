@@ -23,8 +23,9 @@ VIEW, CLUES_COST, LOOK, BELIEFS, RATIOS, FIT = 1.5, 0.8, 1.3, 0.8, 0.8, 0.8
 """A superframe's spectra and masks; what tells of its cells; what covers it at one level; its
 beliefs; ratios from clues; a search for its delay and drift."""
 
-PIECES = 190.0
-"""All places of a superframe's frames in sound that lies in pieces, and reading along them."""
+PIECES, PIECES_VIEW = 45.0, 12.0
+"""All places of a superframe's frames in sound that lies in pieces, and reading along the likeliest
+of them; the same along further ones."""
 
 PATHS_COST = ((8, 0.25), (32, 0.6), (512, 6.0))
 """Decodings of a class that fail with lists of so many paths, in a mother code of `USUAL_MOTHER`

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser
-from watermark.audio.follow.purse import DEEPEST, LEAST_VENTURED, PIECES, Ventures
+from watermark.audio.follow.purse import DEEPEST, LEAST_VENTURED, PIECES, PIECES_VIEW, Ventures
 from watermark.audio.follow.stretched_path import MARGIN, REACH, Paths
 from watermark.audio.follow.track import Track, TrackReader, received
 from watermark.audio.search.stretched_search import (
@@ -70,7 +70,7 @@ UNREADABLE = 6
 """Superframes in a row that cannot be read before the past is left alone."""
 
 MOST_BACK = 6
-"""Superframes of the past that are read: each costs a fifth of a second of a core."""
+"""Superframes of the past that are read."""
 
 LEVELS_BESIDE = (0, -1, 1, -2, 2)
 """Levels tried beside that of the superframe before."""
@@ -345,6 +345,8 @@ class StretchedFollower:
             attempts[:0] = [(first, JUMPS[0])] * 2
         for n, (begin, jump) in enumerate(attempts):
             # The level of the superframe before comes first, its neighbours only if that fails.
+            if n:
+                self._reader.purse.charge(PIECES_VIEW)
             tried = levels[: 1 if n == 0 and begin is not None else len(levels)]
             found = {level: paths.find(level, jump=jump, first=begin) for level in tried}
             level = max(found, key=lambda level: found[level][0])

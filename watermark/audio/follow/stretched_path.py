@@ -6,14 +6,13 @@ pilots say of a place is the log-likelihood ratio of `watermark.audio.follow.int
 costs. Specification: spec/audio-carrier.md, W48.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
 from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.demodulate import Demodulator
-from watermark.audio.signal.dither import project
+from watermark.audio.follow.interference import POINTS
+from watermark.audio.follow.place_projections import PlaceProjections
 from watermark.audio.signal.layout import Pilots
 from watermark.audio.signal.masking import Masker
 from watermark.audio.signal.mdct import analyse
@@ -24,14 +23,20 @@ from watermark.audio.signal.stereo import channels_of
 GRID = 2
 """Distance in samples of the places at which a frame is looked for at first."""
 
+TURNS = 8
+"""Such places to a transform."""
+
+BETWEEN = GRID * np.arange(float(TURNS))
+"""Samples from a transform to those."""
+
 REACH = 1200
 """Samples before and after the even pace within which a frame is looked for."""
 
 MASKED = 48
 """Samples for which one mask serves."""
 
-FINE = np.arange(-2.0, 2.1, 0.5)
-"""Samples by which each piece is then moved."""
+FINE_REACH, FINE = 2, np.arange(0.0, 2.0, 0.5)
+"""Samples before and after within which each piece is then moved, and delays within as many."""
 
 BESIDE = 1
 """Places on either side of the expected one at which a piece counts as going on."""
@@ -40,6 +45,8 @@ MARGIN = 2 * HOP + MASKED
 """Samples that are read before and after all that is looked at."""
 
 Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+Spectra = NDArray[np.complex64]
 
 
 class Paths:
@@ -74,26 +81,29 @@ class Paths:
         if isinstance(tape, StereoBuffer):
             self._side = tape.side.read(self._begin, nominal, count)
         self._first = around - REACH
-        frames = np.lib.stride_tricks.sliding_window_view(self._sound, 2 * HOP)
-        rows = np.arange(self._first.min(), self._first.max() + 2 * REACH + GRID, GRID)
-        self._rows = rows
-        cells = demodulator.layout.cells, pilots.cells
-        bins = max(cell.last_bin for cell in cells)
-        spectra = analyse(frames[rows].astype(np.float32), HOP, bins).real.astype(np.float64)
-        unit = self._units(frames, rows, bins)
-        self._cells, self._alive = project(spectra, unit, cells[0])
-        self._slots, self._slots_alive = project(spectra, unit, cells[1])
+        rows = np.arange(self._first.min(), self._first.max() + 2 * REACH + GRID, GRID * TURNS)
+        rows = np.append(rows, rows[-1] + GRID * TURNS)
+        self._row = int(rows[0])
+        sound = self._sound.astype(np.float32)
+        frames = np.lib.stride_tricks.sliding_window_view(sound, 2 * HOP)
+        cells, slots = demodulator.layout.cells, pilots.cells
+        bins = max(cells.last_bin, slots.last_bin)
+        spectra = analyse(frames[rows], HOP, bins)
+        units = self._units(frames, rows, bins)
+        nearest = np.minimum(np.round((rows - rows[0]) / MASKED).astype(np.int64), len(units) - 1)
+        apart = float(GRID * TURNS)
+        self._cells = PlaceProjections.of(spectra, units, nearest, apart, cells)
+        self._slots = PlaceProjections.of(spectra, units, nearest, apart, slots)
         self._pilots = pilots
+        self._levels: dict[float, tuple[Floats, Floats]] = {}
 
-    def _units(self, frames: Array, rows: NDArray[np.int64], bins: int) -> Array:
-        """Amplitudes of the mark's unit in frames that begin at `rows`."""
+    def _units(self, frames: Floats, rows: NDArray[np.int64], bins: int) -> Array:
+        """Amplitudes of the mark's unit in frames `MASKED` samples apart, from the first row on."""
         looked_at = np.arange(rows[0] - HOP, rows[-1] + MASKED, MASKED)
         power = np.abs(analyse(frames[looked_at], HOP)) ** 2 / 2
-        threshold = self._masker.thresholds(power)
+        threshold = self._masker.thresholds(power.astype(np.float64))
         back = HOP // MASKED
-        amplitudes = self._masker.amplitudes(threshold[back:], threshold[:-back])[:, :bins]
-        nearest = np.round((rows - rows[0]) / MASKED).astype(np.int64)
-        return np.asarray(amplitudes[np.minimum(nearest, len(amplitudes) - 1)])
+        return self._masker.amplitudes(threshold[back:], threshold[:-back])[:, :bins]
 
     def find(
         self, level: float, *, jump: float, first: float | None = None,
@@ -119,99 +129,105 @@ class Paths:
         places : ndarray of float64, shape (64,)
             Where frames begin, in samples of the sound that was read.
         """
-        told = self._told(level, expected)
-        offsets = (self._first - self._rows[0]) // GRID
-        count = 2 * REACH // GRID + 1
-        place = np.arange(count)
-        score = told(0, offsets[0])
+        from watermark.audio.follow import _path_kernels
+
+        own, pilots = self._told(level)
+        soft: Floats = np.zeros((len(own), 0), dtype=np.float32)
+        known: Array = np.zeros((1, 0))
+        profile = self._demodulator.profile
+        if expected is not None:
+            own, known = np.zeros_like(own), expected
+            soft = self._cells.look_up(profile.step(level), _cosines(profile.groups), BETWEEN)
+        offsets = (self._first - self._row) // GRID
+        start = np.zeros(2 * REACH // GRID + 1)
         if first is not None:
             at = round(((first - self._begin) / self._nominal - self._first[0]) / GRID)
-            begins = np.abs(place - at) <= BESIDE
-            score = score - np.where(begins, 0.0, jump)
-        back = np.empty((FRAMES_PER_SUPERFRAME, count), dtype=np.int64)
-        for frame in range(1, FRAMES_PER_SUPERFRAME):
-            source = place - (HOP // GRID - (offsets[frame] - offsets[frame - 1]))
-            inside = (source >= 0) & (source < count)
-            stay = np.where(inside, score[np.clip(source, 0, count - 1)], -np.inf)
-            best = int(score.argmax())
-            goes_on = stay >= score[best] - jump
-            back[frame] = np.where(goes_on, source, best)
-            score = np.where(goes_on, stay, score[best] - jump)
-            score += told(frame, offsets[frame])
-        at = int(score.argmax())
-        total, path = float(score[at]), [at]
-        for frame in range(FRAMES_PER_SUPERFRAME - 1, 0, -1):
-            path.append(int(back[frame, path[-1]]))
-        return total, self._rows[offsets + np.array(path[::-1])].astype(np.float64)
+            begins = np.abs(np.arange(start.size) - at) <= BESIDE
+            start[~begins] = -jump
+        path = np.empty(FRAMES_PER_SUPERFRAME, dtype=np.int64)
+        kinds = (self._pilots.signs[profile.number] < 0).astype(np.int64)
+        score = _path_kernels.follow_frames(
+            own, pilots, self._pilots.slots, kinds, soft, known.astype(np.float32), offsets,
+            HOP // GRID, jump, start, path,
+        )  # fmt: skip
+        return score, (self._row + GRID * path).astype(np.float64)
 
     def view(
         self, places: Array, level: float, expected: Array | None = None
     ) -> tuple[SuperframeView, Array]:
         """View of frames at places, each piece moved to where it fits best; and those places."""
-        view, places = self._view(places), places.copy()
-        frequency = np.pi / HOP * (np.arange(HOP) + 0.5)
-        cells, step = self._demodulator.layout.cells, self._demodulator.profile.step(level)
-        fits = []
-        for delay in FINE:
-            moved = view.turned(frequency * delay)
-            if expected is None:
-                fits.append(self._demodulator.coverage.of_cells(*moved.errors(cells, step)))
-            else:
-                fits.append(moved.soft(cells, step) * expected)
-        fit = np.sum(fits, axis=2)
+        at = places.astype(np.int64)
+        here, units = self._view(at)
+        profile, frames = self._demodulator.profile, places.size
+        before, beyond = (self._chosen(at + far)[0] for far in (-FINE_REACH, FINE_REACH))
+        cells, step = self._demodulator.layout.cells, profile.step(level)
+        found = PlaceProjections.of(
+            np.concatenate([before, here, beyond]), units, np.tile(np.arange(frames), 3),
+            float(FINE_REACH), cells, step=frames,
+        )  # fmt: skip
+        shape = 2, frames, FINE.size, -1
+        if expected is None:
+            told = found.look_up(step, self._demodulator.coverage.unknown, FINE, whole=True)
+            fit = np.asarray(told.reshape(shape).sum(axis=3), dtype=np.float64)
+        else:
+            soft = found.look_up(step, _cosines(profile.groups), FINE).reshape(shape)
+            fit = np.einsum("ptdg,tg->ptd", soft, expected)
+        places, delays = places.copy(), np.concatenate([FINE - FINE_REACH, FINE])
         cuts = np.flatnonzero(np.diff(places) != HOP) + 1
-        for piece in np.split(np.arange(places.size), cuts):
-            places[piece] += FINE[fit[:, piece].sum(axis=1).argmax()]
+        for piece in np.split(np.arange(frames), cuts):
+            places[piece] += delays[fit[:, piece].sum(axis=1).argmax()]
         whole = np.floor(places)
-        turn = np.exp(1j * np.outer(places - whole, frequency))
-        view = self._view(whole)
-        return SuperframeView(view.spectra * turn, view.amplitudes, view.paired), places
+        turn = np.exp(1j * np.outer(places - whole, np.pi / HOP * (np.arange(HOP) + 0.5)))
+        spectra = self._chosen(whole.astype(np.int64))[0] * turn.astype(np.complex64)
+        return SuperframeView(spectra, units, bool(self._side.any())), places
 
     def on_tape(self, places: Array) -> Array:
         """Places as samples of the tape."""
         return np.asarray(self._begin + places * self._nominal)
 
-    def _view(self, places: Array) -> SuperframeView:
-        at = places.astype(np.int64)
-        own, before = self._spectra(self._sound, at), self._spectra(self._sound, at - HOP)
+    def _view(self, at: NDArray[np.int64]) -> tuple[Spectra, Array]:
+        """Spectra of frames, and amplitudes of the mark's unit in them."""
+        own, channels = self._chosen(at)
+        _, earlier = self._chosen(at - HOP)
+        units = [self._unit(x, y) for x, y in zip(channels, earlier, strict=True)]
+        return own, units[0] if len(units) == 1 else np.choose(self._demodulator.places.bins, units)
+
+    def _chosen(self, at: NDArray[np.int64]) -> tuple[Spectra, list[Spectra]]:
+        """Spectra of frames, each bin from the channel where it stands, and those of channels."""
+        mid = self._spectra(self._sound, at)
         if not self._side.any():
-            units = self._unit(own, before)
-            return SuperframeView(own, units)
-        beside = self._spectra(self._side, at), self._spectra(self._side, at - HOP)
-        channels, earlier = channels_of(own, beside[0]), channels_of(before, beside[1])
-        units = np.stack([self._unit(x, y) for x, y in zip(channels, earlier, strict=True)])
+            return mid, [mid]
+        channels = list(channels_of(mid, self._spectra(self._side, at)))
         bins = self._demodulator.places.bins
-        return SuperframeView(np.choose(bins, channels), np.choose(bins, units), paired=True)
+        return np.choose(bins, channels), channels
 
     @staticmethod
-    def _spectra(sound: Array, at: NDArray[np.int64]) -> NDArray[np.complex128]:
+    def _spectra(sound: Array, at: NDArray[np.int64]) -> Spectra:
         frames = np.lib.stride_tricks.sliding_window_view(sound, 2 * HOP)
-        return np.asarray(analyse(frames[at], HOP))
+        return np.asarray(analyse(frames[at].astype(np.float32), HOP))
 
-    def _unit(self, own: NDArray[np.complex128], before: NDArray[np.complex128]) -> Array:
-        thresholds = (self._masker.thresholds(np.abs(x) ** 2 / 2) for x in (own, before))
+    def _unit(self, own: Spectra, before: Spectra) -> Array:
+        thresholds = (
+            self._masker.thresholds((np.abs(x) ** 2 / 2).astype(np.float64)) for x in (own, before)
+        )
         return self._masker.amplitudes(*thresholds)
 
-    def _told(self, level: float, expected: Array | None) -> Callable[[int, int], Array]:
-        profile, coverage = self._demodulator.profile, self._demodulator.coverage
-        cells, slots = self._demodulator.layout.cells, self._pilots.cells
-        errors = self._cells / profile.step(level) - cells.dither
-        soft = None
-        if expected is None:
-            own = coverage.of_cells(errors, self._alive).sum(axis=1)
-        else:
-            own = np.zeros(len(errors))
-            soft = np.where(self._alive, np.cos(2 * np.pi * errors), 0.0)
-        tier_step = profile.pilot_step(int(np.clip(np.floor(level), 0, None)))
-        errors = self._slots / tier_step - slots.dither
-        signs = [coverage.of_pilots(errors - shift, self._slots_alive) for shift in (0.0, 0.5)]
-        announced = self._pilots.expected(profile.number)
+    def _told(self, level: float) -> tuple[Floats, Floats]:
+        """Evidence of cells with unknown bits at each place, (n, 1), and of pilots of either bit.
 
-        def told(frame: int, first: int) -> Array:
-            cut = slice(first, first + 2 * REACH // GRID + 1)
-            total = own[cut] if soft is None or expected is None else soft[cut] @ expected[frame]
-            for sign, values in zip((1, -1), signs, strict=True):
-                total = total + values[cut] @ (announced[frame] == sign)
-            return np.asarray(total)
+        The latter has the shape (2, n, PILOT_SLOTS).
+        """
+        if level not in self._levels:
+            profile, coverage = self._demodulator.profile, self._demodulator.coverage
+            own = self._cells.look_up(profile.step(level), coverage.unknown, BETWEEN, whole=True)
+            step = profile.pilot_step(int(np.clip(np.floor(level), 0, None)))
+            known = coverage.known
+            tables = known, np.roll(known, POINTS // 2, axis=1)
+            pilots = np.stack([self._slots.look_up(step, table, BETWEEN) for table in tables])
+            self._levels[level] = own, pilots
+        return self._levels[level]
 
-        return told
+
+def _cosines(groups: int) -> Array:
+    """Soft values by errors, for `PlaceProjections.look_up`."""
+    return np.tile(np.cos(2 * np.pi * np.arange(POINTS) / POINTS), (groups, 1))
