@@ -73,11 +73,10 @@ _STANCE_BETWEEN = (0.04, 0.02)
 _MEASURED = 1.6
 """How much more eagerly keys are told from markers than from landmarks, which are less sure."""
 
-_SURE_SHARE, _SURE_SHARE_MEASURED = 0.5, 0.7
+_SURE_SHARE = 0.5
 """What a frame counts when it is asked how sure a key is, against what it counts in the choice of
-the line: with this, as many keys were right as their probabilities said. The first on films of real
-cuers; the second on studio takes of virtual ones by minimum jerk and lognormal law, where the first
-said 0.53 of keys of which 0.82 were right, and scores were withheld for it."""
+the line: with this, as many keys were right as their probabilities said, on films of real cuers and
+on studio takes of virtual ones."""
 
 _SHORT_MEASURED = -3.0
 """Price of a side that falls short where markers are measured: virtual cuers in a studio show the
@@ -201,7 +200,4 @@ def looks_of(voice: Voice) -> KeyAppearance:
     stances = np.stack([seen.stance[at[places == p]].mean(0) for p in range(len(PLACEMENTS))])
     # Palms of virtual cuers do not turn as a camera sees them: nothing is expected of the width.
     stances[:, 1] = stances[1:, 1].mean()
-    return replace(
-        _of_nobody(fingers, where, stances), eagerness=_MEASURED,
-        sure_share=_SURE_SHARE_MEASURED, short=_SHORT_MEASURED,
-    )  # fmt: skip
+    return replace(_of_nobody(fingers, where, stances), eagerness=_MEASURED, short=_SHORT_MEASURED)

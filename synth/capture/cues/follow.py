@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from codec.cues.score import PLACEMENT_NUMBER, Key
 from synth.capture.cues import _kernels
 from synth.capture.cues.appearance import ANYBODYS, KEYS, KeyAppearance
-from synth.capture.cues.features import HandFeatures
+from synth.capture.cues.features import READ_HZ, HandFeatures
 from synth.capture.cues.lattice import lattice
 from synth.capture.cues.line import nearness, pieces
-from synth.capture.cues.recognise import HeldKey, arrival, recognise_keys
+from synth.capture.cues.recognise import HeldKey, arrival, own_frames, recognise_keys
 
 FloatArray = NDArray[np.float64]
 
@@ -87,13 +87,14 @@ def follow_keys(
     """
     alone = recognise_keys(seen, looks=looks)
     looks, own = alone.looks, [one.confidence for one in alone.held if one.shape]
-    hidden = ~seen.shown
+    steady = seen.steady()
+    hidden = ~steady.shown
     line, spare = _line(keys)
-    paths = _Paths.along(seen, looks, line)
+    paths = _Paths.along(steady, looks, line)
     omit = np.where(spare, 0.0, _LEFT_OUT)
-    low, high = _band(seen.shown, len(line))
+    low, high = _band(steady.shown, len(line))
     at = np.empty(len(line), dtype=np.int64)
-    states = np.empty(len(seen), dtype=np.int64)
+    states = np.empty(len(steady), dtype=np.int64)
     _kernels.follow(paths.hold, paths.way, paths.line, paths.pair, omit, low, high, at, states)
     held: list[HeldKey | None] = []
     agreement = []
@@ -106,12 +107,13 @@ def follow_keys(
             continue
         begin, end = int(frames[0]), int(frames[-1])
         state = paths.shown(line[number], begin, end)
-        reach = arrival(flow, before, begin, end + 1)
-        before = end + 1
-        around = round(_AROUND_S * seen.rate_hz)
+        first, last = own_frames(begin, end + 1, seen)
+        reach = arrival(flow, before, first, last)
+        before = last
+        around = round(_AROUND_S * READ_HZ)
         sure = float(paths.near[max(0, begin - around) : end + around + 1, state].max())
         agreement.append(sure)
-        held.append(HeldKey(*KEYS[state], reach / seen.rate_hz, end / seen.rate_hz, sure))
+        held.append(HeldKey(*KEYS[state], reach / seen.rate_hz, (last - 1) / seen.rate_hz, sure))
     agrees = float(np.mean(agreement)) if agreement else 0.0
     return Followed(tuple(held), agrees, looks, float(np.mean(own)) if own else 1.0)
 

@@ -50,7 +50,7 @@ _SHORT_PART, _SHORT_SPREAD = 0.5, 0.17
 Tried on 64 takes of one real cuer, as the speeds and the slack below."""
 
 FRAME_SHARE = 0.3
-"""Neighbouring frames tell the same: at 30 frames/s each counts as this part of an observation."""
+"""Neighbouring frames tell the same: each counts as this part of an observation."""
 
 _FREEDOM = 7.0
 """Degrees of freedom of the heavy-tailed distribution of a held key's features."""
@@ -136,8 +136,14 @@ class Lattice:
 
 
 def lattice(seen: HandFeatures, looks: KeyAppearance) -> Lattice:
-    """Return the densities; a hand that is not seen rests, or goes to or from rest."""
-    share = FRAME_SHARE * 30.0 / seen.rate_hz
+    """Return the densities; a hand that is not seen rests, or goes to or from rest.
+
+    Parameters
+    ----------
+    seen : HandFeatures
+        At `synth.capture.cues.features.READ_HZ`.
+    looks : KeyAppearance
+    """
     shown = seen.shown
     looks = _with_short_sides(looks)
     hold = np.full((len(seen), len(KEY_OF)), _UNSEEN)
@@ -150,10 +156,12 @@ def lattice(seen: HandFeatures, looks: KeyAppearance) -> Lattice:
             seen.rate_hz, seen.fingers[at], seen.tips[at], seen.pointers[at], seen.speed[at],
             seen.stance[at],
         )  # fmt: skip
-        hold[at] = share * _holds(visible, looks)
+        hold[at] = FRAME_SHARE * _holds(visible, looks)
         speed = 0.5 * (visible.speed / _MOVING_MM_S) ** 2
-        shapes[at] = share * (_shape_ways(visible.fingers, looks.fingers) - speed[:, None, None])
-        places[at] = share * _place_ways(visible.pointers, looks)
+        shapes[at] = FRAME_SHARE * (
+            _shape_ways(visible.fingers, looks.fingers) - speed[:, None, None]
+        )
+        places[at] = FRAME_SHARE * _place_ways(visible.pointers, looks)
     return Lattice(hold, shapes, places)
 
 

@@ -16,7 +16,7 @@ from codec.cues.score import PLACEMENT_NUMBER
 from synth.capture.cues import _kernels
 from synth.capture.cues.appearance import ANYBODYS, KEYS, POINTS_WITH, KeyAppearance, KeyExamples
 from synth.capture.cues.between import KeyExample
-from synth.capture.cues.features import HandFeatures
+from synth.capture.cues.features import READ_HZ, HandFeatures
 from synth.capture.cues.lattice import COMES_FROM, END_OF, KEY_OF, SHAPE_OF, Lattice, lattice
 
 FloatArray = NDArray[np.float64]
@@ -165,7 +165,7 @@ def joined(parts: Sequence[KeyExamples]) -> KeyExamples:
 
 def line_value(seen: HandFeatures, looks: KeyAppearance = ANYBODYS) -> float:
     """Return the log likelihood of the best line of keys, but for a constant of the frames."""
-    return likeliest(lattice(seen, looks), looks)[1]
+    return likeliest(lattice(seen.steady(), looks), looks)[1]
 
 
 def likeliest(densities: Lattice, looks: KeyAppearance) -> tuple[NDArray[np.int64], float]:
@@ -193,8 +193,8 @@ def nearness(densities: Lattice, looks: KeyAppearance) -> FloatArray:
 
 
 def pieces(seen: HandFeatures) -> Iterator[FramePiece]:
-    """Yield pieces that overlap, so that memory does not grow with the take."""
-    size, margin = round(_PIECE_S * seen.rate_hz), round(_MARGIN_S * seen.rate_hz)
+    """Yield pieces of frames at `READ_HZ`; they overlap: memory does not grow with the take."""
+    size, margin = round(_PIECE_S * READ_HZ), round(_MARGIN_S * READ_HZ)
     for core in range(0, len(seen), size):
         first, until = max(0, core - margin), min(core + size, len(seen))
         last = min(until + margin, len(seen))

@@ -18,7 +18,7 @@ from synth.capture.cues.appearance import (
     KeyAppearance,
     KeyExamples,
 )
-from synth.capture.cues.features import HandFeatures
+from synth.capture.cues.features import READ_HZ, HandFeatures
 from synth.capture.cues.line import KeyRun, joined, pieces
 
 FloatArray = NDArray[np.float64]
@@ -101,28 +101,36 @@ def recognise_keys(
     their duration would be wrong more often than right, so none is split: a text can.
     """
     before = looks.learnt(known, looks) if known.fingers else looks
-    plain = lines = [part.line(before) for part in pieces(seen)]
+    steady = seen.steady()
+    plain = lines = [part.line(before) for part in pieces(steady)]
     now, shown = before, NOTHING_SHOWN
     for _ in range(_ROUNDS):
         shown = joined([line.examples(now) for line in lines])
         now = now.learnt(joined([known, shown]), looks)
-        lines = [part.line(now) for part in pieces(seen)]
+        lines = [part.line(now) for part in pieces(steady)]
     # Looks by which the take is less likely than before are not hers.
     if sum(line.value for line in lines) < sum(line.value for line in plain):
         now, lines, shown = before, plain, NOTHING_SHOWN
     runs = [run for line in lines for run in line.runs()]
-    return Recognised(tuple(_held(seen, _stayed(runs, seen.rate_hz))), now, shown)
+    return Recognised(tuple(_held(seen, _stayed(runs, READ_HZ))), now, shown)
 
 
 def _held(seen: HandFeatures, runs: list[KeyRun]) -> Iterator[HeldKey]:
+    """Yield the keys of runs of frames at `READ_HZ`, timed by the frames of the recording."""
     before, flow = 0, seen.flow()
     for number, run in enumerate(runs):
         shape, place = KEYS[run.state]
-        reach = arrival(flow, before, run.begin, run.end) if number else run.begin
-        before = run.end
-        yield HeldKey(
-            shape, place, reach / seen.rate_hz, (run.end - 1) / seen.rate_hz, run.probability
-        )
+        begin, end = own_frames(run.begin, run.end, seen)
+        reach = arrival(flow, before, begin, end) if number else begin
+        before = end
+        yield HeldKey(shape, place, reach / seen.rate_hz, (end - 1) / seen.rate_hz, run.probability)
+
+
+def own_frames(begin: int, end: int, seen: HandFeatures) -> tuple[int, int]:
+    """Return the frames of a recording for some at `READ_HZ`; `end` is the one behind the last."""
+    finer = seen.rate_hz / READ_HZ
+    first = min(round(begin * finer), len(seen) - 1)
+    return first, min(max(round((end - 1) * finer), first), len(seen) - 1) + 1
 
 
 def _stayed(runs: list[KeyRun], rate_hz: float) -> list[KeyRun]:

@@ -89,7 +89,7 @@ def _value(table: LandmarkTable, voice: Voice, aspect: float) -> float:
     if seen is None:
         return value
     # Heights in the picture count in its own units, whatever they are taken to be in mm.
-    squeezed = FRAME_SHARE * 30.0 / seen.rate_hz * float(seen.shown.sum()) * np.log(aspect)
+    squeezed = FRAME_SHARE * float(seen.steady().shown.sum()) * np.log(aspect)
     return float(value + line_value(seen) - squeezed)
 
 

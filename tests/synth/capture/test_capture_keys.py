@@ -14,6 +14,7 @@ from synth.capture.cues.recognise import HeldKey, arrival, recognise_keys
 from synth.capture.cues.score import is_sure, score_of
 from synth.capture.points.solve import resting
 from synth.capture.points.speaker import Speaker
+from synth.capture.sources.resample import resample
 from synth.capture.tracker.closure import closures, rescaled
 from synth.motion.rules.movement import law
 
@@ -38,6 +39,22 @@ def moving(line: list[tuple[int, int]], *, hold_s: float = 0.2, move_s: float = 
     for a, b in itertools.pairwise(rows):
         out += [a + part * (b - a), np.tile(b, (hold, 1))]
     return np.concatenate(out)
+
+
+def test_keys_are_as_sure_at_any_frame_rate() -> None:
+    """Finer frames hold more ways to lay a line; they must neither add keys nor take away trust."""
+    rng = np.random.default_rng(9)
+    params = moving([KEYS[k] for k in rng.permutation(np.arange(1, len(KEYS)))[:10]])
+    times = np.arange(len(params)) / RATE_HZ
+    params += resample(rng.normal(scale=0.5, size=(len(times) // 5 + 2, 31)), 10.0, times)
+    counts, sure = [], []
+    for rate_hz in (25.0, 50.0, 100.0):
+        frames = resample(params, RATE_HZ, np.arange(0.0, times[-1], 1.0 / rate_hz))
+        held = recognise_keys(see_motion(VOICE, frames, rate_hz=rate_hz), looks=looks_of(VOICE))
+        counts.append(sum(one.shape > 0 for one in held.held))
+        sure.append(np.mean([one.confidence for one in held.held if one.shape]))
+    assert len(set(counts)) == 1
+    assert max(sure) - min(sure) < 0.05
 
 
 def told(params: np.ndarray) -> tuple[HeldKey, ...]:
