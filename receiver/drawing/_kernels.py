@@ -61,6 +61,8 @@ def draw_triangles(
     samples = np.empty((BAND, width, 4, 4), np.float32)
     pixels = np.empty((BAND, width, 4), np.float32)
     mixed = np.empty((BAND, width), np.bool_)
+    firsts, ends = np.empty(4 * BAND, np.int32), np.empty(4 * BAND, np.int32)
+    nears = np.empty(4 * BAND, np.float32)
     owners, members = np.empty(4 * width, np.int32), np.empty(4 * width, np.int32)
     places, lit = np.empty((2, 4 * width), np.float32), np.empty((9, 4 * width), np.float32)
     corners, reach = np.empty((3, 9), np.float32), shadow_reach(shadow)
@@ -70,8 +72,10 @@ def draw_triangles(
             continue
         last = min(top + BAND, height) - 1
         depth[:], seen[:], pixels[:], mixed[:] = _ZERO, -1, _ZERO, False
+        left, right = width, 0
         for f in listed[first:middle]:
-            see(points, triangles, f, bounds, top, depth, seen)
+            see(points, triangles, f, bounds, top, depth, seen, firsts, ends, nears)
+            left, right = min(left, bounds[f, 2]), max(right, bounds[f, 3] + 1)
         for f in listed[middle:end]:
             for row in range(max(top, bounds[f, 0]), min(last, bounds[f, 1]) + 1):
                 mixed[row - top, bounds[f, 2] : bounds[f, 3] + 1] = True
@@ -79,33 +83,30 @@ def draw_triangles(
             for x in range(width):
                 if mixed[row, x]:
                     samples[row, x] = _ZERO
-            n = find(top + row, seen[row], triangles, owners, places, members)
+            n = find(top + row, row, left, right, seen[row], triangles, owners, places, members)
             light_places(
-                n,
-                owners,
-                places,
-                points,
-                triangles,
-                values,
-                kinds,
-                light,
-                shadow,
-                reach,
-                to_light,
-                corners,
-                lit,
-            )
-            mix(n, members, lit, mixed[row], samples[row], pixels[row])
+                n, owners, places, points, triangles, values, kinds, light, shadow, reach,
+                to_light, corners, lit,
+            )  # fmt: skip
+            mix(n, members, lit, mixed, samples, pixels)
+        n = 0
         for f in listed[middle:end]:
             for row in range(max(top, bounds[f, 0]), min(last, bounds[f, 1]) + 1):
+                if n + bounds[f, 3] - bounds[f, 2] >= len(owners):
+                    light_places(
+                        n, owners, places, points, triangles, values, kinds, light, shadow, reach,
+                        to_light, corners, lit,
+                    )  # fmt: skip
+                    mix(n, members, lit, mixed, samples, pixels)
+                    n = 0
                 n = cover_row(
-                    row, points, triangles, f, bounds, depth[row - top], owners, places, members
+                    n, row, row - top, points, triangles, f, bounds, depth, owners, places, members
                 )
-                light_places(
-                    n, owners, places, points, triangles, values, kinds, light, shadow, reach,
- to_light, corners, lit,
-)  # fmt: skip
-                mix(n, members, lit, mixed[row - top], samples[row - top], pixels[row - top])
+        light_places(
+            n, owners, places, points, triangles, values, kinds, light, shadow, reach,
+            to_light, corners, lit,
+        )  # fmt: skip
+        mix(n, members, lit, mixed, samples, pixels)
         for row in range(last - top + 1):
             show(pixels[row], mixed[row], samples[row], picture[top + row])
 
@@ -115,26 +116,27 @@ def mix(
     n: int, members: IntArray, lit: FloatArray, mixed: NDArray[np.bool_], samples: FloatArray,
     pixels: FloatArray,
 ) -> None:  # fmt: skip
-    """Lay lit places over pixels (width, 4), or over their samples where those are mixed."""
+    """Lay lit places over pixels (rows, width, 4) of a band, or over samples where they mix."""
     for i in range(n):
-        x = members[i] >> 4
-        if not mixed[x]:
+        row, x = members[i] >> 16, members[i] >> 4 & 4095
+        if not mixed[row, x]:
             if members[i] & 15 == 15:
-                pixels[x, 0], pixels[x, 1], pixels[x, 2] = lit[3, i], lit[4, i], lit[5, i]
-                pixels[x, 3] = _ONE
+                for k in range(3):
+                    pixels[row, x, k] = lit[3 + k, i]
+                pixels[row, x, 3] = _ONE
                 continue
             for s in range(4):
                 share = np.float32(members[i] >> s & 1) * np.float32(0.25)
                 for k in range(3):
-                    pixels[x, k] += share * lit[3 + k, i]
-                pixels[x, 3] += share
+                    pixels[row, x, k] += share * lit[3 + k, i]
+                pixels[row, x, 3] += share
             continue
         alpha = lit[7, i]
         for s in range(4):
             if members[i] >> s & 1:
                 for k in range(3):
-                    samples[x, s, k] += alpha * (lit[3 + k, i] - samples[x, s, k])
-                samples[x, s, 3] += alpha * (_ONE - samples[x, s, 3])
+                    samples[row, x, s, k] += alpha * (lit[3 + k, i] - samples[row, x, s, k])
+                samples[row, x, s, 3] += alpha * (_ONE - samples[row, x, s, 3])
 
 
 @njit(cache=True)

@@ -18,6 +18,9 @@ BAND = 16
 SAMPLE_X = np.array([-0.125, 0.375, -0.375, 0.125])
 SAMPLE_Y = np.array([-0.375, -0.125, 0.125, 0.375])
 
+_SHIFTS = np.tile(0.5 + SAMPLE_X, BAND)
+"""From a pixel's column to its samples, line by line of samples: these lie a quarter apart."""
+
 _TIE = 2.0**-17
 """Half of the smallest step of an edge function of corners on a grid of 1/256 pixel."""
 
@@ -86,9 +89,13 @@ def sort_by_band(
 @njit(cache=True, error_model="numpy")
 def see(
     points: FloatArray, triangles: IntArray, f: int, bounds: IntArray, top: int,
-    depth: FloatArray, seen: IntArray,
+    depth: FloatArray, seen: IntArray, firsts: IntArray, ends: IntArray, nears: FloatArray,
 ) -> None:  # fmt: skip
-    """Enter an opaque triangle into a band's visibility buffer, (rows, 4, width)."""
+    """Enter an opaque triangle into a band's visibility buffer, (rows, 4, width).
+
+    The last three arrays, of `4 * BAND`, are for use here: where each line of samples begins and
+    ends, and how near it begins.
+    """
     ia, ic, ib = triangles[f, 0], triangles[f, 1], triangles[f, 2]
     ax, ay, az = np.float64(points[ia, 0]), np.float64(points[ia, 1]), np.float64(points[ia, 2])
     bx, by, bz = np.float64(points[ib, 0]), np.float64(points[ib, 1]), np.float64(points[ib, 2])
@@ -102,30 +109,33 @@ def see(
     l0, m0, r0, s0 = _sides(a0, b0, c0)
     l1, m1, r1, s1 = _sides(a1, b1, c1)
     l2, m2, r2, s2 = _sides(a2, b2, c2)
-    flat = a0 == 0 or a1 == 0 or a2 == 0
-    step = np.float32(across)
     low, high = np.float64(bounds[f, 2]), np.float64(bounds[f, 3])
-    for row in range(max(top, bounds[f, 0]), min(top + len(depth) - 1, bounds[f, 1]) + 1):
-        line = row - top
-        for s in range(4):
-            y, shift = row + 0.5 + SAMPLE_Y[s], 0.5 + SAMPLE_X[s]
-            if flat and (
+    row, line = max(top, bounds[f, 0]), max(top, bounds[f, 0]) - top
+    n = 4 * (min(top + BAND - 1, bounds[f, 1]) + 1 - row)
+    start = row + 0.5 + SAMPLE_Y[0]
+    for i in range(n):
+        y, shift = start + 0.25 * i, _SHIFTS[i]
+        left = max(max(l0 * y + m0, l1 * y + m1), l2 * y + m2) - shift
+        right = min(min(r0 * y + s0, r1 * y + s1), r2 * y + s2) - shift
+        left = np.ceil(max(left, low))
+        firsts[i], ends[i] = np.int32(left), np.int32(np.floor(min(right, high))) + 1
+        nears[i] = np.float32(az + (left + shift - ax) * across + (y - ay) * down)
+    if a0 == 0 or a1 == 0 or a2 == 0:
+        for i in range(n):
+            y = start + 0.25 * i
+            if (
                 (a0 == 0 and b0 * y + c0 < 0) or (a1 == 0 and b1 * y + c1 < 0)
                 or (a2 == 0 and b2 * y + c2 < 0)
             ):  # fmt: skip
-                continue
-            left = max(max(l0 * y + m0, l1 * y + m1), l2 * y + m2) - shift
-            right = min(min(r0 * y + s0, r1 * y + s1), r2 * y + s2) - shift
-            left, right = max(left, low), min(right, high)
-            if left > right:
-                continue
-            first = int(left) + (int(left) < left)
-            near = np.float32(az + (first + shift - ax) * across + (y - ay) * down)
-            for column in range(first, int(right) + 1):
-                if near > depth[line, s, column]:
-                    depth[line, s, column] = near
-                    seen[line, s, column] = f
-                near += step
+                ends[i] = firsts[i]
+    step = np.float32(across)
+    for i in range(n):
+        near = nears[i]
+        for column in range(firsts[i], ends[i]):
+            if near > depth[line + (i >> 2), i & 3, column]:
+                depth[line + (i >> 2), i & 3, column] = near
+                seen[line + (i >> 2), i & 3, column] = f
+            near += step
 
 
 @njit(cache=True, error_model="numpy")
@@ -139,23 +149,39 @@ def _sides(a: float, b: float, c: float) -> tuple[float, float, float, float]:
 
 
 @njit(cache=True)
+def _touch(triangles: IntArray, f: int, g: int) -> bool:
+    """Return whether two triangles share a corner."""
+    i, j, k = triangles[f, 0], triangles[f, 1], triangles[f, 2]
+    a, b, c = triangles[g, 0], triangles[g, 1], triangles[g, 2]
+    return a in (i, j, k) or b in (i, j, k) or c in (i, j, k)
+
+
+@njit(cache=True)
 def find(
-    row: int, seen: IntArray, triangles: IntArray, owners: IntArray, places: FloatArray,
-    members: IntArray,
+    row: int, line: int, first: int, end: int, seen: IntArray, triangles: IntArray,
+    owners: IntArray, places: FloatArray, members: IntArray,
 ) -> int:  # fmt: skip
     """Find what to light in a row of the visibility buffer (4, width); return how many places.
 
-    Samples of triangles that share a corner are one smooth surface, lit once. `members` holds the
-    column times 16 and a bit for each sample.
+    The row is the `line` of a band's; columns before `first` and from `end` on are empty.
+
+    Samples of triangles that share a corner are one smooth surface, lit once. `members` holds
+    line, column and a bit for each sample.
     """
     n = 0
-    for x in range(seen.shape[1]):
-        f = seen[0, x]
-        if f == seen[1, x] and f == seen[2, x] and f == seen[3, x]:
-            if f >= 0:
-                owners[n], members[n] = f, x << 4 | 15
-                places[0, n], places[1, n] = x + 0.5, row + 0.5
-                n += 1
+    for x in range(first, end):
+        f, g, h, e = seen[0, x], seen[1, x], seen[2, x], seen[3, x]
+        if f < 0 and g < 0 and h < 0 and e < 0:
+            continue
+        if (f == g and f == h and f == e) or (
+            min(min(f, g), min(h, e)) >= 0
+            and (g == f or _touch(triangles, f, g))
+            and (h in (f, g) or _touch(triangles, f, h))
+            and (e in (f, g, h) or _touch(triangles, f, e))
+        ):
+            owners[n], members[n] = f, line << 16 | x << 4 | 15
+            places[0, n], places[1, n] = x + 0.5, row + 0.5
+            n += 1
             continue
         done = 0
         for s in range(4):
@@ -163,24 +189,16 @@ def find(
             if f < 0 or done >> s & 1:
                 continue
             mine, count, at_x, at_y = 1 << s, 1, SAMPLE_X[s], SAMPLE_Y[s]
-            i, j, k = triangles[f, 0], triangles[f, 1], triangles[f, 2]
             for t in range(s + 1, 4):
                 g = seen[t, x]
-                if g != f:
-                    if g < 0 or done >> t & 1:
-                        continue
-                    a, b, c = triangles[g, 0], triangles[g, 1], triangles[g, 2]
-                    if (
-                        a != i and a != j and a != k and b != i and b != j and b != k
-                        and c != i and c != j and c != k
-                    ):  # fmt: skip
-                        continue
+                if g != f and (g < 0 or done >> t & 1 or not _touch(triangles, f, g)):
+                    continue
                 mine |= 1 << t
                 count += 1
                 at_x += SAMPLE_X[t]
                 at_y += SAMPLE_Y[t]
             done |= mine
-            owners[n], members[n] = f, x << 4 | mine
+            owners[n], members[n] = f, line << 16 | x << 4 | mine
             places[0, n], places[1, n] = x + 0.5 + at_x / count, row + 0.5 + at_y / count
             n += 1
     return n
@@ -188,12 +206,12 @@ def find(
 
 @njit(cache=True)
 def cover_row(
-    row: int, points: FloatArray, triangles: IntArray, f: int, bounds: IntArray,
-    depth: FloatArray, owners: IntArray, places: FloatArray, members: IntArray,
+    n: int, row: int, line: int, points: FloatArray, triangles: IntArray, f: int,
+    bounds: IntArray, depth: FloatArray, owners: IntArray, places: FloatArray, members: IntArray,
 ) -> int:  # fmt: skip
-    """Find the pixels of a row, depth (4, width), that a transparent triangle covers; as `_find`.
+    """Add the pixels of a row that a transparent triangle covers to `n` places; as `find`.
 
-    Its depth is entered.
+    Its depth is entered: the row is the `line` of a band's, (rows, 4, width).
     """
     ia, ic, ib = triangles[f, 0], triangles[f, 1], triangles[f, 2]
     ax, ay, az = np.float64(points[ia, 0]), np.float64(points[ia, 1]), points[ia, 2]
@@ -202,7 +220,6 @@ def cover_row(
     a0, b0, c0 = edge(ax, ay, bx, by)
     a1, b1, c1 = edge(bx, by, cx, cy)
     a2, b2, c2 = edge(cx, cy, ax, ay)
-    n = 0
     for column in range(bounds[f, 2], bounds[f, 3] + 1):
         mine = 0
         for s in range(4):
@@ -212,11 +229,11 @@ def cover_row(
             if wa < 0 or wb < 0 or wc < 0 or total <= 0:  # a triangle may shrink to a line
                 continue
             near = (wa * az + wb * bz + wc * cz) / total
-            if near > depth[s, column]:
-                depth[s, column] = near
+            if near > depth[line, s, column]:
+                depth[line, s, column] = near
                 mine |= 1 << s
         if mine:
-            owners[n], members[n] = f, column << 4 | mine
+            owners[n], members[n] = f, line << 16 | column << 4 | mine
             places[0, n], places[1, n] = column + 0.5, row + 0.5
             n += 1
     return n

@@ -77,7 +77,9 @@ class Portrait:
         self._values = np.zeros((len(colours), 8), np.float32)
         self._values[:, 3:] = np.concatenate([colours[:, :3] ** 2.2, colours[:, 3:]], axis=1)
         casts = avatar.casts
-        self._casting = np.ascontiguousarray(self._triangles[casts])
+        casting = np.ascontiguousarray(self._triangles[casts])
+        self._first = int(casting.min(initial=len(colours)))  # of the vertices that cast
+        self._casting = casting - self._first
         clear = (avatar.colours[:, 4] < 255)[triangles].any(axis=1)
         self._kinds = (BLENDED * clear + CASTS * casts).astype(np.uint8)
 
@@ -94,7 +96,7 @@ class Portrait:
         camera, values = self._camera, self._values
         places = (vertices - camera.centre).astype(np.float32) * self._sides
         add_normals(places, self._triangles, values)
-        shadow = _cast_shadow(places, self._casting, values)
+        shadow = _cast_shadow(places[self._first :], self._casting, values[self._first :])
         near = camera.distance_mm / (camera.distance_mm - places[:, 2])
         scale = near * (height / camera.height_mm)
         points = np.empty_like(places)
