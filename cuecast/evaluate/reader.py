@@ -26,7 +26,7 @@ from cuecast.evaluate.reading.lips import LipReader, canonical, teach_lips
 from cuecast.evaluate.reading.performed import filmed_takes, simulated_takes
 from cuecast.evaluate.reading.reader import Asked, CueReader, ReaderTake, ReadKey, teach
 from cuecast.evaluate.reading.takes import real_takes
-from cuecast.evaluate.reading.view import like
+from cuecast.evaluate.reading.view import with_usual_lips
 from synth.capture.tracker.video import find_tracker
 from synth.motion.measured.cuer import MEASURED
 from synth.motion.measured.plan import paced
@@ -142,7 +142,7 @@ def compared(
     total : Count, optional
     """
     total = total or Count()
-    views = like([take.view for take in takes], [take.view for take in known])
+    views = with_usual_lips([take.view for take in takes], [take.view for take in known])
     reader = reader.used_to(views)
     for take, seen in zip(takes, views, strict=True):
         read = _merged(reader.read(seen))

@@ -18,6 +18,7 @@ from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, SHAPES, Key
 from codec.errors import CueError
 from cuecast.evaluate.reading import _kernels
 from cuecast.evaluate.reading.view import TakeView
+from synth.capture.cues.between import CuerPrior, KeyExample
 from synth.capture.cues.follow import ALTERNATIVES
 
 FloatArray = NDArray[np.float64]
@@ -53,8 +54,18 @@ _UNSEEN = -1e3
 _LAP, _LAP_SPREAD = np.array([0.0, -1.5]), 0.7
 """Where a hand rests against the mouth, and its spread, in head's widths."""
 
-_HABIT, _HABIT_ROUNDS = 5.0, 3
-"""What the reader knew before counts as so many keys of a new cuer; rounds of getting used."""
+_FINGERS_DIFFER = np.array([0.07] * 8 + [0.18, 0.12, 0.18, 0.1])
+"""Spread between cuers of all shapes' features (`TakeView.fingers`) together: fingers, then thumb
+and spread, which differ more (`synth.capture.cues.between`)."""
+
+_PLACES_DIFFER = (0.10, 0.03, 0.03, 0.036, 0.048)
+"""Spread between cuers of a placement, in head's widths: side, mouth, chin, cheek, throat."""
+
+_SHAPE_DIFFERS, _ALL_PLACES_DIFFER = 0.05, 0.03
+"""The same of a feature of one shape alone, and of all placements together."""
+
+_HABIT_ROUNDS = 4
+"""Rounds of getting used to a cuer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +142,11 @@ class Normal:
         away = x - self.mean
         return np.asarray(-0.5 * (((away @ self.precision) * away).sum(1) + self.volume))
 
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance (D, D)."""
+        return np.asarray(np.linalg.inv(self.precision))
+
 
 def _normal(mean: FloatArray, covariance: FloatArray) -> Normal:
     covariance = covariance + _FLOOR * np.eye(len(mean))
@@ -202,13 +218,25 @@ class CueReader:
         return _keys(*self.densities(seen), self.enter)
 
     def used_to(self, views: Sequence[TakeView]) -> "CueReader":
-        """Return the reader after she has read a cuer for a while, without a transcript."""
+        """Return the reader after she has read a cuer for a while, without a transcript.
+
+        At first she allows for what sets cuers apart; each key that she reads leaves less of that.
+        """
+        fingers = _prior(self.shapes, _FINGERS_DIFFER, [_SHAPE_DIFFERS] * _SHAPES)
+        tips = _prior(self.places, [_ALL_PLACES_DIFFER] * 2, _PLACES_DIFFER)
+        shown: tuple[list[KeyExample], list[KeyExample]] = [], []
         reader = self
-        for _ in range(_HABIT_ROUNDS):
-            fingers, tips = _examples((one, reader.read(one)) for one in views)
+        for _ in range(1 + _HABIT_ROUNDS):
+            shapes = _moved(self.shapes, fingers, shown[0], reader.shapes)
+            places = _moved(self.places, tips, shown[1], reader.places)
+            # Ways and rests lie among the keys, and move with them.
+            shift = np.concatenate([_shift(self.shapes, shapes), _shift(self.places, places)])
             reader = replace(
-                self, shapes=_moved(self.shapes, fingers), places=_moved(self.places, tips)
-            )
+                self, shapes=shapes, places=places,
+                way=replace(self.way, mean=self.way.mean + shift),
+                rest=replace(self.rest, mean=self.rest.mean + shift),
+            )  # fmt: skip
+            shown = _examples((one, reader.read(one)) for one in views)
         return reader
 
 
@@ -236,24 +264,52 @@ def _tip(seen: TakeView, shape: int) -> FloatArray:
 
 def _examples(
     read: Iterable[tuple[TakeView, list[ReadKey]]],
-) -> tuple[list[list[FloatArray]], list[list[FloatArray]]]:
+) -> tuple[list[KeyExample], list[KeyExample]]:
     """Return the mean fingers of each key by shape, and the mean tips by placement."""
-    fingers: list[list[FloatArray]] = [[] for _ in range(_SHAPES)]
-    tips: list[list[FloatArray]] = [[] for _ in range(_PLACES)]
+    fingers, tips = list[KeyExample](), list[KeyExample]()
     for seen, keys in read:
         for key in keys:
             at = slice(key.begin, key.end)
-            fingers[key.shape - 1].append(seen.fingers[at].mean(0))
-            tips[key.place - 1].append(_tip(seen, key.shape)[at].mean(0))
+            fingers.append(KeyExample(key.shape - 1, seen.fingers[at].mean(0), 1.0))
+            tips.append(KeyExample(key.place - 1, _tip(seen, key.shape)[at].mean(0), 1.0))
     return fingers, tips
 
 
-def _moved(before: tuple[Normal, ...], examples: list[list[FloatArray]]) -> tuple[Normal, ...]:
-    return tuple(
-        replace(one, mean=(_HABIT * one.mean + np.sum(own, axis=0)) / (_HABIT + len(own)))
-        if own else one
-        for one, own in zip(before, examples, strict=True)
+def _prior(
+    taught: tuple[Normal, ...], together: Sequence[float] | FloatArray, alone: Sequence[float]
+) -> CuerPrior:
+    """Return what sets cuers apart: spreads of each feature (D,) and of each class (C,)."""
+    means, within = _means_and_spreads(taught)
+    own = np.diag(np.square(alone))
+    return CuerPrior(
+        means, within, tuple((column,) for column in range(means.shape[1])),
+        tuple(own + spread**2 for spread in together),
     )  # fmt: skip
+
+
+def _means_and_spreads(normals: tuple[Normal, ...]) -> tuple[FloatArray, FloatArray]:
+    return (
+        np.stack([one.mean for one in normals]),
+        np.sqrt([np.diag(one.covariance) for one in normals]),
+    )
+
+
+def _shift(before: tuple[Normal, ...], after: tuple[Normal, ...]) -> FloatArray:
+    return np.asarray(
+        np.mean([b.mean - a.mean for a, b in zip(before, after, strict=True)], axis=0)
+    )
+
+
+def _moved(
+    taught: tuple[Normal, ...], prior: CuerPrior, shown: list[KeyExample], now: tuple[Normal, ...]
+) -> tuple[Normal, ...]:
+    """Return the distributions of one cuer: the means, and how unsure they still are."""
+    means, spreads = prior.posterior(shown, *_means_and_spreads(now))
+    unsure = spreads**2 - prior.within**2
+    return tuple(
+        _normal(mean, one.covariance + np.diag(more))
+        for one, mean, more in zip(taught, means, unsure, strict=True)
+    )
 
 
 def teach(takes: Sequence[ReaderTake]) -> CueReader:

@@ -114,26 +114,18 @@ def view(face: FloatArray, hand: FloatArray) -> TakeView:
     )  # fmt: skip
 
 
-def like(views: Sequence[TakeView], usual: Sequence[TakeView]) -> list[TakeView]:
-    """Return the views of one cuer with means and spreads of those the reader is used to.
+def with_usual_lips(views: Sequence[TakeView], usual: Sequence[TakeView]) -> list[TakeView]:
+    """Return the views of one cuer with lips of the mean and spread that the reader is used to.
 
-    Hands, faces and cameras differ; whoever reads somebody new gets used to that without being told
-    what was cued.
+    Of keys nothing is brought to a usual mean or spread: whoever moves otherwise has to be read so.
     """
     if not any(one.raised.any() for one in views):
         return list(views)
-    out = list(views)
-    for name in ("fingers", "tips", "speed", "lips"):
-        own, known = (
-            np.concatenate([getattr(one, name)[one.raised] for one in group])
-            for group in (views, usual)
-        )
-        gain = known.std(0) / np.maximum(own.std(0), 1e-9)
-        out = [
-            replace(one, **{name: (getattr(one, name) - own.mean(0)) * gain + known.mean(0)})
-            for one in out
-        ]
-    return out
+    own, known = (
+        np.concatenate([one.lips[one.raised] for one in group]) for group in (views, usual)
+    )
+    gain = known.std(0) / np.maximum(own.std(0), 1e-9)
+    return [replace(one, lips=(one.lips - own.mean(0)) * gain + known.mean(0)) for one in views]
 
 
 def _upright(points: FloatArray, across: FloatArray, middle: FloatArray) -> FloatArray:
