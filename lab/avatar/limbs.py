@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from lab.avatar.parts import FloatArray
+from receiver.foreign.arms import short_way, swung
 from synth.motion.body.mesh import Mesh
 
 LEFT_HANGS = (0.26, -0.96, 0.10)
@@ -92,9 +93,10 @@ def pose_limbs(mesh: Mesh, forearm: FloatArray) -> Limbs:
             if side == "R"
             else shoulder + np.array(LEFT_HANGS) * np.linalg.norm(elbow - shoulder)
         )
-        vertices = _swing(vertices, shoulder, elbow, wanted, share)
+        turn = short_way(elbow - shoulder, wanted - shoulder)
+        vertices = swung(vertices, shoulder, elbow, wanted, share, turn)
         if side == "R":
-            before = _swing(np.array(points), shoulder, elbow, wanted, np.ones(4))
+            before = swung(np.array(points), shoulder, elbow, wanted, np.ones(4), turn)
             vertices = _bend(vertices, before, forearm, lower)
             weights[:, 0], weights[:, 1] = collar, upper + _CAP_SHARE * cap
             weights[:, 2] = lower
@@ -139,22 +141,6 @@ def _sink(root: FloatArray) -> Callable[[FloatArray, ArrayLike], FloatArray]:
         return np.asarray(turns.apply(points - root) + root)
 
     return sink
-
-
-def _swing(
-    points: FloatArray, shoulder: FloatArray, elbow: FloatArray, wanted: FloatArray,
-    share: FloatArray,
-) -> FloatArray:  # fmt: skip
-    """Turn and stretch an arm about the shoulder by `share` (N,), so that the elbow gets there."""
-    arm, way = elbow - shoulder, wanted - shoulder
-    length, reach = np.linalg.norm(arm), np.linalg.norm(way)
-    axis, goal = arm / length, way / reach
-    along = np.clip((points - shoulder) @ axis, 0, length)
-    stretched = points + (share * along * (reach / length - 1))[:, None] * axis
-    across = np.cross(axis, goal)
-    turn = across * np.arctan2(np.linalg.norm(across), axis @ goal) / np.linalg.norm(across)
-    rotations = Rotation.from_rotvec(share[:, None] * turn)
-    return np.asarray(rotations.apply(stretched - shoulder) + shoulder)
 
 
 def _bend(

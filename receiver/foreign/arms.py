@@ -150,10 +150,10 @@ def _pose_right(
     start, joint = place["rightUpperArm"], place["rightLowerArm"]
     share = np.clip(scene.share(*_RIGHT), 0, 1)
     below = np.clip(scene.share(*_RIGHT[1:]), 0, 1)
-    first = _short_way(joint - start, elbow - start)
-    out = _swung(points, start, joint, elbow, share, first)
-    at = _swung(place["rightHand"][None], start, joint, elbow, np.ones(1), first)[0]
-    second = _short_way(at - elbow, wrist - elbow)
+    first = short_way(joint - start, elbow - start)
+    out = swung(points, start, joint, elbow, share, first)
+    at = swung(place["rightHand"][None], start, joint, elbow, np.ones(1), first)[0]
+    second = short_way(at - elbow, wrist - elbow)
     out = elbow + Rotation.from_rotvec(below[:, None] * second).apply(out - elbow)
     turned = (Rotation.from_rotvec(second) * Rotation.from_rotvec(first)).as_matrix()
     u, _, v = np.linalg.svd(palm @ turned.T)
@@ -172,16 +172,16 @@ def _hang_left(scene: Scene, points: FloatArray, place: Mapping[str, FloatArray]
     start, joint = place["leftUpperArm"], place["leftLowerArm"]
     goal = start + _LEFT_HANGS / np.linalg.norm(_LEFT_HANGS) * np.linalg.norm(joint - start)
     share = np.clip(_left(scene), 0, 1)
-    return _swung(points, start, joint, goal, share, _short_way(joint - start, goal - start))
+    return swung(points, start, joint, goal, share, short_way(joint - start, goal - start))
 
 
-def _short_way(before: FloatArray, after: FloatArray) -> FloatArray:
+def short_way(before: FloatArray, after: FloatArray) -> FloatArray:
     """Return the rotation vector (3,) that turns a direction into another."""
     a, b = before / np.linalg.norm(before), after / np.linalg.norm(after)
     return np.asarray(Rotation.from_matrix(swing(a[None], b[None])[0]).as_rotvec())
 
 
-def _swung(
+def swung(
     points: FloatArray, start: FloatArray, joint: FloatArray, goal: FloatArray, share: FloatArray,
     turn: FloatArray,
 ) -> FloatArray:  # fmt: skip
