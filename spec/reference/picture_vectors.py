@@ -73,7 +73,10 @@ def marked(luma: Luma, number: int, step: int, place: int, payload: tuple[bytes,
     out = [[float(x) for x in line] for line in luma]
     for value, bit in bits.items():
         template, row, column = value_place(value)
-        fine, wide = carrier.STEPS[step], carrier.width_of(carrier.texture(luma, row, column))
+        fine, width_of = carrier.STEPS[step], carrier.width_of
+        if value in pilots:
+            fine, width_of = carrier.PILOT_STEP, carrier.pilot_width_of
+        wide = width_of(carrier.texture(luma, row, column))
         own = carrier.amplitude(luma, value)
         n = round((own / fine - dither[value]) / wide - bit / 2)
         change = fine * (wide * (n + bit / 2) + dither[value]) - own

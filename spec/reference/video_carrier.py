@@ -7,6 +7,10 @@ STEPS = (2.0, 2.8, 4.0)
 """(V2) Fine steps by number."""
 
 COARSE, TEXTURE = 3, 2.0
+
+PILOT_STEP = 2.8
+PILOT_WIDTHS, PILOT_TEXTURES = (1, 3, 5), (2.0, 5.0)
+"""(V27) Fine step of the pilots, widths of their lattices in it, and from which textures."""
 ROWS, COLUMNS = 45, 80
 VALUES = 2 * ROWS * COLUMNS
 PILOTS = 320
@@ -32,8 +36,9 @@ def positions(key: int) -> tuple[list[int], list[int]]:
 
 def pilot_bits(number: int, step: int, key: int, superframe: int) -> list[int]:
     """(V18) Bits of the pilots of a superframe."""
-    stream = number + 8 * step
-    return [(word ^ superframe) & 1 for word in words(f"video pilot bits {stream}", key, PILOTS)]
+    common = words("video pilot bits", key, PILOTS)
+    own = words(f"video pilot bits {number + 8 * step}", key, PILOTS)
+    return [((common if j % 5 < 3 else own)[j] ^ superframe) & 1 for j in range(PILOTS)]
 
 
 def share(frame: int, fps: float) -> tuple[int, float]:
@@ -95,6 +100,11 @@ def texture(luma: list[list[int]], row: int, column: int) -> float:
 def width_of(texture_of_cell: float) -> int:
     """(V2, V13) How many fine steps the lattice of a cell is wide."""
     return COARSE if texture_of_cell > TEXTURE else 1
+
+
+def pilot_width_of(texture_of_cell: float) -> int:
+    """(V27) The same for a pilot, in the pilots' fine steps."""
+    return PILOT_WIDTHS[sum(texture_of_cell > limit for limit in PILOT_TEXTURES)]
 
 
 def hard_bit(mean_amplitude: float, dither_of_value: float, step: float, width: int) -> int:

@@ -21,10 +21,10 @@ from codec.superframe.transform import Basis
 from spec.reference import superframe as reference
 from tests.spec.test_bitstream_reference import decode_both, said
 from watermark.link.link import Link
-from watermark.video.demodulate import coarse_share, soft_bits
+from watermark.video.demodulate import soft_bits
 from watermark.video.grid import Grid
-from watermark.video.layout import make_layout
-from watermark.video.profile import PROFILES, STEPS
+from watermark.video.modes import make_modes
+from watermark.video.profile import PROFILES
 
 VECTORS = Path(__file__).parents[2] / "spec" / "vectors"
 MEANINGS = ("programme", "stream", "language", "coding", "host")
@@ -93,15 +93,12 @@ def test_marked_pictures(case: dict[str, Any]) -> None:
     raw = zlib.decompress(base64.b64decode(case["luma"]))
     luma = np.frombuffer(raw, dtype=np.uint8).reshape(case["height"], case["width"])
     profile = next(p for p in PROFILES.values() if p.number == case["profile"])
-    grid, layout = (
-        Grid(case["width"], case["height"]),
-        make_layout(profile, case["key"], case["step"]),
-    )
+    grid = Grid(case["width"], case["height"])
+    mode = make_modes(profile, case["key"], 1.0)[case["step"]]
     amplitudes = grid.project(luma).reshape(-1)
     for value, amplitude in case["amplitudes"]:
         assert amplitudes[value] == pytest.approx(amplitude, abs=0.003)
-    coarse = np.tile(coarse_share(grid.texture(luma).astype(np.float64)).reshape(-1), 2)
-    soft = soft_bits(amplitudes / STEPS[case["step"]], np.zeros(amplitudes.size), layout, coarse)
+    soft = soft_bits(amplitudes, np.zeros(amplitudes.size), mode, grid.texture(luma).reshape(-1))
     assert soft.parity == case["place"] % 2
     decoded = Link(profile).decode(soft.ratios)
     assert decoded.l0 is not None

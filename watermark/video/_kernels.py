@@ -153,14 +153,14 @@ def reduce_into(luma: NDArray[Any], factor: int, scale: float, out: NDArray[np.u
 @njit(cache=True)
 def waves_into(
     values: FloatArray, shares: FloatArray, dither: FloatArray, step: float, cosine: PixelArray,
-    out: PixelArray,
+    out: FloatArray,
 ) -> float:  # fmt: skip
     """How far each pilot speaks for bit 0; the return is the standard deviation of their sum.
 
     A value far from 0 comes from a textured cell, where a small error of place moves it: it has
     little weight. Values that are NaN have none.
 
-    shares : probabilities of the coarse step; cosine : a turn in 512 steps.
+    shares : (3, count), probabilities of the steps; cosine : a turn in 512 steps.
     """
     squares = 1e-9
     for p in range(values.shape[0]):
@@ -170,10 +170,13 @@ def waves_into(
         place = values[p] / step
         weight = 1 / (1 + place * place)
         place -= dither[p]
-        value = weight * cosine[int((place + 1024.0) * 512) & 511]
-        other = cosine[int((place / 3 + 1024.0) * 512) & 511]
-        out[p] = value + shares[p] * (other - value)
-        weight += shares[p] * (1 - weight)
+        weight *= shares[0, p]
+        out[p] = (
+            weight * cosine[int((place + 1024.0) * 512) & 511]
+            + shares[1, p] * cosine[int((place / 3 + 1024.0) * 512) & 511]
+            + shares[2, p] * cosine[int((place / 5 + 1024.0) * 512) & 511]
+        )
+        weight += shares[1, p] + shares[2, p]
         squares += weight * weight
     return float(np.sqrt(squares / 2))
 

@@ -14,6 +14,7 @@ FloatArray = NDArray[np.float64]
 PixelArray = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 IndexArray = NDArray[np.uint64]
+VoteArray = NDArray[np.int16]
 
 
 @njit(cache=True)
@@ -108,78 +109,88 @@ def wave_of(place: Any) -> Any:
     return np.float32(1.0) + u * value
 
 
+@njit(cache=True)
+def lattice_waves(place: Any, above: Any, wider: Any, spread: Any) -> Any:
+    """Mean wave of a pilot's three lattices and its weight, by their probabilities.
+
+    place : amplitude less dither in fine steps; above, wider : probabilities of the second lattice
+    or a wider one, and of the third; spread : twice the variance of the first one's phase.
+    """
+    one = np.float32(1.0)
+    fine = (one - above) / (one + spread)
+    coarse = (above - wider) / (one + spread * np.float32(1 / 9))
+    widest = wider / (one + spread * np.float32(1 / 25))
+    wave = fine * wave_of(place) + coarse * wave_of(place * np.float32(1 / 3))
+    return wave + widest * wave_of(place * np.float32(1 / 5)), fine + coarse + widest
+
+
 @njit(cache=True, error_model="numpy")
 def pilot_votes_into(
     fields: PixelArray, texture: PixelArray, pilots: IntArray, first_x: IntArray,
-    first_y: IntArray, bounds: IntArray, dither: PixelArray, steps: PixelArray, signs: IntArray,
-    limits: PixelArray, error: float, least: float, out: IntArray,
+    first_y: IntArray, bounds: IntArray, dither: PixelArray, step: float, signs: PixelArray,
+    limits: PixelArray, error: float, scale: float, out: VoteArray,
 ) -> float:  # fmt: skip
-    """Votes of the pilots for every displacement; the return is the mean number of votes of a mode.
+    """Votes of the pilots for every displacement; the return is their mean square, summed.
 
     Where the amplitude changes with the place, a small error of place turns the vote: it then has
-    little weight. What remains counts as -1, 0 or 1: seven modes of it in parts of a word.
+    little weight.
 
     fields : of `pilot_fields_into`, with one displacement more on each side than out; texture : of
     cells that start at every second pixel; bounds : last pixel down and across at which a cell may
-    start, and the margin before the first; steps : (2,); signs : (2, count), the modes' signs in
-    parts of a word, those of the first step and those of the second; limits : textures from which
-    a cell may and must have the coarse step; error : of place in pixels that the weights allow for;
-    least : least weight of a vote that counts; out : (count, displacements across, and down).
+    start, and the margin before the first; signs : (count,); limits : (2, 2), textures from which a
+    cell may and must have the second lattice, and the third; error : of place in pixels that the
+    weights allow for; scale : of the votes; out : (count, displacements across, and down).
     """
     across, down = out.shape[1], out.shape[2]
-    share = np.empty(across, dtype=np.float32)
-    votes = np.empty((2, across), dtype=np.int32)
-    one, third, limit = np.float32(1.0), np.float32(1 / 3), np.float32(least)
-    reach = np.float32(2 * np.pi**2 * error * error / 4)
-    lowest, scale = limits[0], one / (limits[1] - limits[0])
-    count = 0
+    zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+    unit = np.float32(1.0 / step)
+    weight = unit * unit * np.float32(2 * np.pi**2 * error * error / 4)
+    units = np.array([1 / (limits[0, 1] - limits[0, 0]), 1 / (limits[1, 1] - limits[1, 0])])
+    units = units.astype(np.float32)
+    line, seen = np.empty(across, dtype=np.float32), np.empty(across, dtype=np.float32)
+    squares = 0.0
     for p in range(out.shape[0]):
         x0, y0 = first_x[pilots[p, 2]] + 1, first_y[pilots[p, 1]] + 1
         # A cell has to lie in the picture as a whole.
         begin, end = max(0, bounds[2] - x0), min(across, bounds[1] + 1 - x0)
         out[p] = 0
+        factor = np.float32(scale) * signs[p]
         for i in range(max(0, bounds[2] - y0), min(down, bounds[0] + 1 - y0)):
             row = texture[(y0 + i) >> 1]
             for j in range(across):
-                textured = (row[(x0 + j) >> 1] - lowest) * scale
-                share[j] = min(max(textured, np.float32(0.0)), one)
-            above, here, below = fields[p, i], fields[p, i + 1], fields[p, i + 2]
-            for n in range(2):
-                unit = one / steps[n]
-                weight = unit * unit * reach
-                line = votes[n]
-                for j in range(across):
-                    gx, gy = here[j + 2] - here[j], below[j + 1] - above[j + 1]
-                    spread = (gx * gx + gy * gy) * weight
-                    place = here[j + 1] * unit - dither[p]
-                    fine = (one - share[j]) * wave_of(place) / (one + spread)
-                    coarse = share[j] * wave_of(place * third) / (one + spread * third * third)
-                    line[j] = np.int32(fine + coarse > limit) - np.int32(fine + coarse < -limit)
+                seen[j] = row[(x0 + j) >> 1]
+            upper, here, lower = fields[p, i], fields[p, i + 1], fields[p, i + 2]
+            for j in range(across):
+                gx, gy = here[j + 2] - here[j], lower[j + 1] - upper[j + 1]
+                above = min(max((seen[j] - limits[0, 0]) * units[0], zero), one)
+                wider = min(max((seen[j] - limits[1, 0]) * units[1], zero), one)
+                place = here[j + 1] * unit - dither[p]
+                line[j], _ = lattice_waves(place, above, wider, (gx * gx + gy * gy) * weight)
             for j in range(begin, end):
-                out[p, j, i] = votes[0, j] * signs[0, p] + votes[1, j] * signs[1, p]
-                count += int(abs(votes[0, j]) + abs(votes[1, j]))
-    return float(count / (2 * across * down))
+                vote = np.floor(factor * line[j] + half)
+                out[p, j, i] = np.int16(vote)
+                squares += vote * vote
+    return float(squares / (across * down))
 
 
 @njit(cache=True)
 def place_scores_into(
-    votes: IntArray, pilots: IntArray, across: IndexArray, down: IndexArray, unit: float,
+    votes: VoteArray, pilots: IntArray, across: IndexArray, down: IndexArray, unit: float,
     memory: float, table: PixelArray, best: PixelArray, choice: IntArray,
 ) -> None:  # fmt: skip
     """Add up the pilots' votes for every place: in each row over columns, then over rows.
 
     Only places with an even sum of indices count.
 
-    votes : of `pilot_votes_into`, seven modes in parts of nine bits; pilots : (count, 3); across :
-    (places across, columns) and down : (rows, places down), displacements as indices of `votes`;
-    unit : factor of a squared sum; memory : weight of the table so far; table : (places across,
-    places down), the squared sum of the best mode is added; best : (places across,), greatest value
-    of the table; choice : (places across, 2), its place down and its mode.
+    votes : of `pilot_votes_into`; pilots : (count, 3); across : (places across, columns) and down :
+    (rows, places down), displacements as indices of `votes`; unit : factor of a squared sum; memory
+    : weight of the table so far; table : (places across, places down), the squared sum is added;
+    best : (places across,), greatest value of the table; choice : (places across,), its place down.
     """
     rows, places = down.shape
-    row_sums = np.empty((rows, votes.shape[2]), dtype=np.int64)
-    sums = np.empty(places, dtype=np.int64)
-    keep = np.float32(memory)
+    row_sums = np.empty((rows, votes.shape[2]), dtype=np.int16)
+    sums = np.empty(places, dtype=np.int32)
+    keep, factor = np.float32(memory), np.float32(unit)
     for x in range(across.shape[0]):
         row_sums[:] = 0
         for p in range(votes.shape[0]):
@@ -194,17 +205,11 @@ def place_scores_into(
                 sums[y] += row[where[y]]
         best[x] = -1.0
         for y in range(x & 1, places, 2):
-            most, mode = -1, 0
-            word = sums[y]
-            for m in range(7):
-                part = ((word + 256) & 511) - 256
-                word = (word - part) >> 9
-                if abs(part) > most:
-                    most, mode = abs(part), m
-            value = keep * table[x, y] + np.float32(unit * most * most)
+            total_sum = np.float32(sums[y])
+            value = keep * table[x, y] + factor * total_sum * total_sum
             table[x, y] = value
             if value > best[x]:
-                best[x], choice[x, 0], choice[x, 1] = value, y, mode
+                best[x], choice[x] = value, y
 
 
 @njit(cache=True, error_model="numpy")
@@ -213,20 +218,20 @@ def crop_score(
     size: PixelArray, dither: PixelArray, step: float, signs: PixelArray, limits: PixelArray,
     error: float, crops: FloatArray,
 ) -> float:  # fmt: skip
-    """Score of a mode at a place in standard deviations of noise, from `pilot_fields_into`.
+    """Score of a place in standard deviations of noise, from `pilot_fields_into`.
 
     first : (count, 2), first displacement of each pilot's cell in pixels, across and down; size :
     width and height of the box in pixels, of the margin, and cells across and down; crops : cells
     that are missing left, right, at the top, at the bottom; others as in `pilot_votes_into`.
     """
-    one, half, third = np.float32(1.0), np.float32(0.5), np.float32(1 / 3)
+    zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
     unit = one / np.float32(step)
     reach = np.float32(2 * np.pi**2 * error * error) * unit * unit
     cell_x = size[0] / np.float32(size[3] - crops[0] - crops[1])
     cell_y = size[1] / np.float32(size[4] - crops[2] - crops[3])
     left, top = np.float32(crops[0]) - half, np.float32(crops[2]) - half
-    margin, lowest = size[2], limits[0]
-    scale = one / (limits[1] - limits[0])
+    margin = size[2]
+    scale, wide = one / (limits[0, 1] - limits[0, 0]), one / (limits[1, 1] - limits[1, 0])
     total = squares = np.float32(0.0)
     column = np.empty(4, dtype=np.float32)
     for p in range(pilots.shape[0]):
@@ -234,7 +239,7 @@ def crop_score(
         y = cell_y * (pilots[p, 1] - top) - np.float32(4.0)
         if x < 0 or y < 0 or x > size[0] - 8 or y > size[1] - 8:
             continue
-        row, col = np.int64(y + margin) >> 1, np.int64(x + margin) >> 1
+        seen = texture[np.int64(y + margin) >> 1, np.int64(x + margin) >> 1]
         x += margin - first[p, 0]
         y += margin - first[p, 1]
         i, j = np.int64(y), np.int64(x)
@@ -253,34 +258,31 @@ def crop_score(
         w2 = one - w0 - w1 - w3
         value = w0 * column[0] + w1 * column[1] + w2 * column[2] + w3 * column[3]
         gx, gy = fields[p, i, j + 1] - fields[p, i, j], column[2] - column[1]
-        spread = (gx * gx + gy * gy) * reach
-        share = min(max((texture[row, col] - lowest) * scale, np.float32(0.0)), one)
-        place = value * unit - dither[p]
-        fine, coarse = (one - share) / (one + spread), share / (one + spread * third * third)
-        total += signs[p] * (fine * wave_of(place) + coarse * wave_of(place * third))
-        squares += (fine + coarse) * (fine + coarse)
+        above = min(max((seen - limits[0, 0]) * scale, zero), one)
+        wider = min(max((seen - limits[1, 0]) * wide, zero), one)
+        wave, weight = lattice_waves(
+            value * unit - dither[p], above, wider, (gx * gx + gy * gy) * reach
+        )
+        total += signs[p] * wave
+        squares += weight * weight
     return float(abs(total) / np.sqrt(half * squares + np.float32(1e-9)))
 
 
 @njit(cache=True, error_model="numpy")
 def climb_into(
     fields: PixelArray, texture: PixelArray, pilots: IntArray, first: PixelArray,
-    size: PixelArray, dither: PixelArray, steps: PixelArray, signs: PixelArray, limits: PixelArray,
-    lattice: IntArray, error: float, moves: FloatArray, rounds: int, modes: IntArray,
-    crops: FloatArray, scores: FloatArray,
+    size: PixelArray, dither: PixelArray, step: float, signs: PixelArray, limits: PixelArray,
+    error: float, moves: FloatArray, rounds: int, crops: FloatArray, scores: FloatArray,
 ) -> None:  # fmt: skip
     """Move and stretch places as long as their scores grow.
 
-    As `crop_score`; steps : (2,); signs : (modes, count); lattice : (modes,), index of the step;
-    moves : (count, 4), changes of the
-    crops, largest first; modes : (places,), crops : (places, 4) and scores : (places,), changed.
+    As `crop_score`; moves : (count, 4), changes of the crops; crops : (places, 4) and scores :
+    (places,), changed.
     """
     trial = np.empty(4)
     for n in range(crops.shape[0]):
-        mode = modes[n]
-        step = steps[lattice[mode]]
         scores[n] = crop_score(
-            fields, texture, pilots, first, size, dither, step, signs[mode], limits, error, crops[n]
+            fields, texture, pilots, first, size, dither, step, signs, limits, error, crops[n]
         )
         for _ in range(rounds):
             better = False
@@ -288,9 +290,8 @@ def climb_into(
                 for k in range(4):
                     trial[k] = crops[n, k] + moves[move, k]
                 reached = crop_score(
-                    fields, texture, pilots, first, size, dither, step, signs[mode], limits, error,
-                    trial,
-                )  # fmt: skip
+                    fields, texture, pilots, first, size, dither, step, signs, limits, error, trial
+                )
                 if reached > scores[n]:
                     scores[n], better = reached, True
                     crops[n] = trial

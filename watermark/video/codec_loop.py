@@ -24,7 +24,7 @@ from watermark.video.design import Design, Strength, fixed_strength
 from watermark.video.fading import PatternWriter
 from watermark.video.grid import Grid
 from watermark.video.modes import Mode
-from watermark.video.profile import COARSE, POSITIONS, STEPS, VideoProfile
+from watermark.video.profile import COARSE, POSITIONS, VideoProfile
 from watermark.video.timing import Timing
 
 STRENGTHS = tuple(
@@ -55,10 +55,6 @@ HOPELESS = 1.1
 NEARLY = 0.95
 """Part of the most information that is asked where the margin is out of reach."""
 
-AGREEMENT, L0_AGREEMENT = 0.4, 0.25
-"""Least agreement of the pilots, by which superframes are found: as a rule, and where L0 alone can
-be asked for."""
-
 Luma = NDArray[Any]
 FloatArray = NDArray[np.float64]
 
@@ -72,14 +68,10 @@ class TriedChannel:
     coder : PictureCoder
     whole : bool
         Whether both classes have to arrive, or L0 alone.
-    widest : int
-        Number of the widest step that may be taken for its sake. Superframes of the widest of all
-        are not found in a picture that is cropped or has bars, until others have shown the place.
     """
 
     coder: PictureCoder
     whole: bool = True
-    widest: int = len(STEPS) - 1
 
 
 class PictureLoop:
@@ -186,18 +178,15 @@ class PictureLoop:
         first = (8 * profile.l0_bytes + L0_CHECK) / profile.l0_coded
         second = (8 * profile.l1_bytes + L1_CHECK) / profile.l1_coded
         margin = OPENING_MARGIN if place == 0 else MARGIN
-        bits, agreement = np.array([finding.at(strength) for strength in STRENGTHS]).T
-        allowed = np.array([strength.rung <= channel.widest for strength in STRENGTHS])
-        bits = np.where(allowed, bits, 0.0)
+        bits = np.array([finding.at(strength) for strength in STRENGTHS])
         if channel.whole:
             rate = max(first, second)
-            enough = (bits >= min(CEILING, margin * rate)) & (agreement >= AGREEMENT)
+            enough = bits >= min(CEILING, margin * rate)
             if enough.any():
                 return np.asarray(enough)
             if bits.max() >= HOPELESS * rate:
                 return np.asarray(bits >= NEARLY * bits.max())
-        enough = (bits >= L0_MARGIN * first) & (agreement >= L0_AGREEMENT)
-        enough &= strong | (not channel.whole)
+        enough = (bits >= L0_MARGIN * first) & (strong | (not channel.whole))
         if not enough.any():
-            enough[np.flatnonzero(allowed)[-1]] = True
+            enough[-1] = True
         return np.asarray(enough)

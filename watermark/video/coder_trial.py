@@ -1,7 +1,7 @@
 """A trial of the mark on a coder: how much information each step leaves in the decoded picture.
 
 In: designs of superframes, the random strengths that their values had, frames that came through the
-coder; out: bits per value and agreement of pilots for each strength and kind of cell.
+coder; out: bits per value for each strength and kind of cell.
 """
 
 from collections import deque
@@ -13,18 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
-from watermark.video.demodulate import (
-    MOTION_LIMIT,
-    MOTION_WEIGHT,
-    NOISES,
-    coarse_share,
-    likelihood,
-    pilot_waves,
-)
+from watermark.video.demodulate import MOTION_LIMIT, MOTION_WEIGHT, NOISES
 from watermark.video.design import Design, Strength
 from watermark.video.grid import Grid
+from watermark.video.lattices import lattice_shares, likelihood
 from watermark.video.modes import Mode
-from watermark.video.profile import TEMPLATES, TEXTURE_EVERY
+from watermark.video.profile import TEMPLATES, TEXTURE, TEXTURE_EVERY
 from watermark.video.timing import Timing
 
 SHARES = ((0.5, 0.6, 0.7, 0.85, 1.0), (0.6, 0.8, 1.0), (0.6, 0.8, 1.0))
@@ -59,27 +53,23 @@ class TrialFinding:
     ----------
     parts : ndarray of float64, shape (2,)
         Part of the values in cells with the fine and with the coarse step.
-    information, agreement : ndarray of float64, shape (2, len(TRIED))
-        Bits per value and mean agreement of known bits, 0 to 1, for both kinds of cells.
+    information : ndarray of float64, shape (2, len(TRIED))
+        Bits per value for both kinds of cells.
     """
 
     parts: FloatArray
     information: FloatArray
-    agreement: FloatArray
 
-    def at(self, strength: Strength) -> tuple[float, float]:
-        """Mean bits per value and mean agreement at a strength, between those tried if need be."""
+    def at(self, strength: Strength) -> float:
+        """Mean bits per value at a strength, between those tried if need be."""
         shares = SHARES[strength.rung]
         first = TRIED.index((strength.rung, shares[0]))
         tried = slice(first, first + len(shares))
-        bits, agreement = (
-            float(
-                self.parts[0] * np.interp(strength.fine, shares, table[0, tried])
-                + self.parts[1] * np.interp(strength.coarse, shares, table[1, tried])
-            )
-            for table in (self.information, self.agreement)
+        fine, coarse = self.information[:, tried]
+        return float(
+            self.parts[0] * np.interp(strength.fine, shares, fine)
+            + self.parts[1] * np.interp(strength.coarse, shares, coarse)
         )
-        return bits, agreement
 
 
 class CoderTrial:
@@ -144,35 +134,36 @@ class CoderTrial:
         """Compare the window at hand with the bits that were sent."""
         values = np.array(self._values)
         texture = np.mean(self._textures, axis=0) if self._textures else design.texture.reshape(-1)
-        share = np.tile(coarse_share(texture), TEMPLATES)
+        share = np.tile(lattice_shares(texture, [TEXTURE]), TEMPLATES)
         textured = np.tile(design.textured.reshape(-1), TEMPLATES)
         bits, dither = design.bits(self._modes[0]), self._modes[0].layout.dither
-        found = np.zeros((2, 2, len(TRIED)))
+        data = np.ones(choice.size, dtype=bool)
+        data[self._modes[0].layout.pilots] = False
+        found = np.zeros((2, len(TRIED)))
         counts = np.zeros((2, len(TRIED)))
         for index, (rung, _) in enumerate(TRIED):
             step = self._modes[rung].step
             for kind in (0, 1):
-                mine = np.flatnonzero((choice == index) & (textured == bool(kind)))
+                mine = np.flatnonzero(data & (choice == index) & (textured == bool(kind)))
                 if not mine.size:
                     continue
                 place = values[:, mine].mean(axis=0) / step - dither[mine]
                 variance = values[:, mine].var(axis=0) / step**2
-                found[:, kind, index] = _information(place, variance, bits[mine], share[mine])
+                found[kind, index] = _information(place, variance, bits[mine], share[:, mine])
                 counts[kind, index] = mine.size
         parts = np.array([1 - textured.mean(), textured.mean()])
-        return TrialFinding(parts, *(_smooth(table, counts) for table in found))
+        return TrialFinding(parts, _smooth(found, counts))
 
 
 def _information(
     place: FloatArray, variance: FloatArray, known: IntArray, share: FloatArray
-) -> tuple[float, float]:
-    """Bits per value and agreement of values whose bits are known, by the receiver's own rules."""
+) -> float:
+    """Bits per value of values whose bits are known, by the receiver's own rules."""
     spread = np.sqrt(1 + MOTION_WEIGHT * np.minimum(variance, MOTION_LIMIT))
     right = np.stack([likelihood(place, known, sigma * spread, share) for sigma in NOISES])
     best = int(right.sum(axis=1).argmax())
     ratio = right[best] - likelihood(place, 1 - known, NOISES[best] * spread, share)
-    waves = (1 - 2 * known) * pilot_waves(place, share)
-    return float(np.mean(1 - np.logaddexp(0, -ratio) / np.log(2))), float(waves.mean())
+    return float(np.mean(1 - np.logaddexp(0, -ratio) / np.log(2)))
 
 
 def _smooth(table: FloatArray, counts: FloatArray) -> FloatArray:

@@ -10,8 +10,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.video.lattices import PILOT_TEXTURES
 from watermark.video.modes import Mode
-from watermark.video.profile import COARSE, COLUMNS, ROWS, STEPS, TEXTURE
+from watermark.video.profile import (
+    COARSE,
+    COLUMNS,
+    PILOT_SPREADS,
+    ROWS,
+    STEPS,
+    TEMPLATES,
+    TEXTURE,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -88,14 +97,22 @@ class Design:
         return self.texture > TEXTURE
 
     def moves(self, modes: Sequence[Mode], strength: Strength) -> FloatArray:
-        """Amplitudes to add at one strength, shape (TEMPLATES, ROWS, COLUMNS)."""
+        """Amplitudes to add at one strength, shape (TEMPLATES, ROWS, COLUMNS).
+
+        Pilots end as far from their lattice points as data, in luma, so that they show the noise.
+        """
         mode = modes[strength.rung]
-        spread = np.where(self.textured, float(COARSE), 1.0)
-        share = np.where(self.textured, strength.coarse, strength.fine)
-        shape = self.host.shape
-        dither, bits = mode.layout.dither.reshape(shape), self.bits(mode).reshape(shape)
-        place = (self.host / mode.step - dither - spread * bits / 2) / spread
-        return np.asarray((np.round(place) - place) * spread * mode.step * share)
+        shape, pilots = self.host.shape, mode.layout.pilots
+        textures = np.tile(self.texture.reshape(-1), TEMPLATES)
+        width = mode.step * np.where(textures > TEXTURE, float(COARSE), 1.0)
+        kept = width * (1 - np.where(textures > TEXTURE, strength.coarse, strength.fine))
+        offset = mode.step * mode.layout.dither
+        offset[pilots] *= mode.pilot_step / mode.step
+        rank = np.searchsorted(PILOT_TEXTURES, textures[pilots])
+        width[pilots] = mode.pilot_step * np.array(PILOT_SPREADS, dtype=np.float64)[rank]
+        place = (self.host.reshape(-1) - offset) / width - self.bits(mode) / 2
+        share = np.maximum(0.0, 1 - kept / width)
+        return np.asarray(((np.round(place) - place) * width * share).reshape(shape))
 
     def mixed(
         self, modes: Sequence[Mode], strengths: Sequence[Strength], choice: NDArray[np.int64]

@@ -11,7 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.link.keystream import stream_words
-from watermark.video.profile import NUMBERS, PILOTS, POSITIONS, VideoProfile
+from watermark.video.profile import (
+    COMMON,
+    COMMON_OF,
+    NUMBERS,
+    PILOTS,
+    POSITIONS,
+    VideoProfile,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,4 +57,10 @@ def make_layout(profile: VideoProfile, key: int = 0, rung: int = 0) -> VideoLayo
     order = np.argsort(stream_words("video positions", key, POSITIONS), kind="stable")
     number = profile.number + NUMBERS * rung
     words = stream_words(f"video pilot bits {number}", key, PILOTS)
+    words = np.where(common_pilots(), stream_words("video pilot bits", key, PILOTS), words)
     return VideoLayout(dither, np.sort(order[:PILOTS]), words & 1, order[PILOTS:])
+
+
+def common_pilots() -> NDArray[np.bool_]:
+    """Which pilots have the same bits in all modes, shape (PILOTS,)."""
+    return np.asarray(np.arange(PILOTS) % COMMON_OF < COMMON)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.link.link import Link
-from watermark.video.demodulate import pilot_waves
+from watermark.video.lattices import pilot_waves
 from watermark.video.layout import VideoLayout, make_layout
-from watermark.video.profile import PILOTS, PROFILES, STEPS, VideoProfile
+from watermark.video.profile import PILOT_STEP, PILOTS, PROFILES, STEPS, VideoProfile
 
 FloatArray = NDArray[np.float64]
 
@@ -28,14 +28,15 @@ class Mode:
         The profile's.
     layout : VideoLayout
         Its pilots give the mode.
-    step : float
-        Step of the fine lattice in luma of 8 bits.
+    step, pilot_step : float
+        Step of the fine lattice in luma of 8 bits, of data and of pilots.
     """
 
     profile: VideoProfile
     link: Link
     layout: VideoLayout
     step: float
+    pilot_step: float
 
 
 def make_modes(profile: VideoProfile, key: int, strength: float) -> tuple[Mode, ...]:
@@ -48,7 +49,7 @@ def make_modes(profile: VideoProfile, key: int, strength: float) -> tuple[Mode, 
     """
     link = Link(profile)
     return tuple(
-        Mode(profile, link, make_layout(profile, key, rung), strength * step)
+        Mode(profile, link, make_layout(profile, key, rung), strength * step, strength * PILOT_STEP)
         for rung, step in enumerate(STEPS)
     )
 
@@ -73,8 +74,8 @@ class PilotWatch:
     --------
     >>> watch = PilotWatch()
     >>> mode = watch.modes[0]
-    >>> exact = mode.step * (mode.layout.dither[watch.positions] + mode.layout.pilot_bits / 2)
-    >>> agreement = watch.agreement(exact, np.zeros(PILOTS))
+    >>> exact = mode.layout.dither[watch.positions] + mode.layout.pilot_bits / 2
+    >>> agreement = watch.agreement(mode.pilot_step * exact, np.zeros(PILOTS))
     >>> int(agreement.argmax()), round(float(agreement[0]), 6)
     (0, 1.0)
     """
@@ -86,20 +87,18 @@ class PilotWatch:
         layout = self.modes[0].layout
         self.positions = layout.pilots
         self._dither = layout.dither[layout.pilots]
-        # Modes of the same lattices share the waves, which cost most.
-        self._steps = strength * np.array(STEPS)[:, None]
-        self._lattice = list(range(len(STEPS))) * len(PROFILES)
+        self._step = self.modes[0].pilot_step
         self._signs = np.stack([1.0 - 2.0 * mode.layout.pilot_bits for mode in self.modes])
 
-    def agreement(self, mean: FloatArray, coarse: FloatArray) -> FloatArray:
+    def agreement(self, mean: FloatArray, texture: FloatArray) -> FloatArray:
         """Agreement with each mode, 0 (noise) to 1, shape (modes,).
 
         Parameters
         ----------
         mean : ndarray of float64, shape (PILOTS,)
             Mean amplitudes of the pilots in luma of 8 bits.
-        coarse : ndarray of float64, shape (PILOTS,)
-            Probability of the coarse step.
+        texture : ndarray of float64, shape (PILOTS,)
+            Textures of their cells in luma of 8 bits.
         """
-        waves = pilot_waves(mean / self._steps - self._dither, coarse)
-        return np.asarray(np.abs((self._signs * waves[self._lattice]).sum(axis=1)) / PILOTS)
+        waves = pilot_waves(mean / self._step - self._dither, texture)
+        return np.asarray(np.abs(self._signs @ waves) / PILOTS)

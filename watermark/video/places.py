@@ -4,15 +4,16 @@ In: mean pictures of windows and the box inside their bars; out: the best crops,
 picture is resampled to about eight pixels a cell. Each pilot's amplitude is computed at every
 displacement that a crop can cause, and becomes a vote whose weight falls with the amplitude's
 gradient. The votes are added along the displacements of each crop, in rows first. Best crops are
-refined on interpolated amplitudes. Specification: spec/video-carrier.md, section 6.
+refined on interpolated amplitudes. Only pilots that are the same in all modes vote.
+Specification: spec/video-carrier.md, section 6.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from watermark.video import _place_kernels as kernels
-from watermark.video.demodulate import BLUR, CENTRE
 from watermark.video.grid import Region
+from watermark.video.lattices import BLUR, PILOT_TEXTURES, SEEN_TEXTURE
 from watermark.video.profile import COLUMNS, ROWS
 
 FloatArray = NDArray[np.float64]
@@ -22,7 +23,7 @@ IntArray = NDArray[np.int64]
 CELL = 8
 """Pixels of a cell in the resampled picture, each way."""
 
-STEP = 1 / 6
+STEP = 1 / 5
 """Distance of neighbouring crops in cells; only those with an even sum of steps are searched."""
 
 CROP = 0.05
@@ -58,12 +59,8 @@ SIDES = np.array([
 """Changes of the cells missing left, right, at the top and the bottom: shifts, stretches, single
 sides. Shifts and stretches alone do not reach a place with one side wrong."""
 
-MODES = 0, 1, 2, 3, 4, 5, 7
-"""Modes that are searched: all profiles with the finest step, and all but `high`, which is for good
-channels, with the next one. The widest step is for beginnings. Seven sums fit into a word."""
-
-VOTE = 0.2
-"""Least weight of a vote that counts."""
+VOTE = 24.0
+"""Vote of a pilot that is sure. Sums of a row and of all pilots have to fit into their words."""
 
 
 class PlaceTable:
@@ -71,45 +68,43 @@ class PlaceTable:
 
     Parameters
     ----------
-    pilots : ndarray of int64, shape (PILOTS, 3)
+    pilots : ndarray of int64, shape (count, 3)
         Template, row and column of each, in ascending order of the rows.
-    dither : ndarray of float64, shape (PILOTS,)
+    dither : ndarray of float64, shape (count,)
         Offsets of their lattices in steps.
-    steps : ndarray of float64, shape (lattices,)
-        Fine steps in ascending order.
-    signs : ndarray of float32, shape (modes, PILOTS)
-        Pilots of all profiles with the first step, then with the second one and so on.
+    step : float
+        Their fine step.
+    signs : ndarray of float32, shape (count,)
+        Their signs at even places.
     looks : int
         Windows a superframe.
     """
 
     def __init__(
-        self, pilots: IntArray, dither: FloatArray, steps: FloatArray,
-        signs: NDArray[np.float32], looks: int,
-    ) -> None:  # fmt: skip
+        self, pilots: IntArray, dither: FloatArray, step: float, signs: PixelArray, looks: int
+    ) -> None:
         self._pilots, self._looks = pilots, looks
-        self._dither, self._steps = dither.astype(np.float32), steps[:2].astype(np.float32)
-        self._lattice = np.array(MODES) * len(steps) // len(signs)
-        self._signs = np.ascontiguousarray(signs[list(MODES)])
-        words = self._signs.astype(np.int64) << 9 * np.arange(len(MODES))[:, None]
-        self._words = np.stack([words[self._lattice == n].sum(axis=0) for n in range(2)])
+        self._dither, self._step, self._signs = dither.astype(np.float32), step, signs
         place = (np.arange(CELL) + 0.5) / CELL
         factors = np.stack([np.sin(2 * np.pi * place), np.sin(np.pi * place) ** 2])
         norm = np.sqrt(np.prod(np.sum(factors**2, axis=1)))
         self._factors = np.asarray(factors / norm, dtype=np.float32)
-        limits = CENTRE * np.exp(np.array([-2.0, 2.0]) * BLUR)
+        blur = np.exp(np.array([-2.0, 2.0]) * BLUR)
+        limits = SEEN_TEXTURE * np.multiply.outer(PILOT_TEXTURES, blur)
         self._limits = limits.astype(np.float32)
         self._box: Region | None = None
 
     def look(
-        self, mean: NDArray[np.float32], box: Region, phase: int
-    ) -> list[tuple[Region, int, float]]:
+        self, mean: PixelArray, still: PixelArray, box: Region, phase: int
+    ) -> list[tuple[Region, float]]:
         """Return the best crops of a box in a mean picture, best first.
 
         Parameters
         ----------
         mean : ndarray of float32, shape (rows, columns)
             Mean luma of a window in levels of 8 bits.
+        still : ndarray of float32, shape (rows, columns)
+            A frame of it, which shows the texture.
         box : Region
             The picture inside its bars.
         phase : int
@@ -117,24 +112,24 @@ class PlaceTable:
 
         Returns
         -------
-        list of (Region, int, float)
-            Place of the marked picture, mode, score in standard deviations of noise.
+        list of (Region, float)
+            Place of the marked picture, score in standard deviations of noise.
         """
         if self._box is None or _far(box, self._box):
             self._begin(box)
         assert self._box is not None
-        self._resample(mean, self._box)
+        self._resample(still, self._box)
         kernels.fine_texture_into(self._picture, self._texture)
+        self._resample(mean, self._box)
         kernels.pilot_fields_into(
             self._picture, self._pilots, self._first_x, self._first_y, self._factors, self._fields
         )
-        count = kernels.pilot_votes_into(
+        squares = kernels.pilot_votes_into(
             self._fields, self._texture, self._pilots, self._first_x, self._first_y, self._bounds,
-            self._dither, self._steps, self._words, self._limits, VOTE_ERROR, VOTE,
-            self._votes,
+            self._dither, self._step, self._signs, self._limits, VOTE_ERROR, VOTE, self._votes,
         )  # fmt: skip
         kernels.place_scores_into(
-            self._votes, self._pilots, self._across, self._down, 1 / max(1.0, count), MEMORY,
+            self._votes, self._pilots, self._across, self._down, 1 / max(1.0, squares), MEMORY,
             self._tables[phase], self._best, self._choice,
         )  # fmt: skip
         return self._refine(self._box)
@@ -155,15 +150,15 @@ class PlaceTable:
         self._size = np.array([width, height, MARGIN, COLUMNS, ROWS], dtype=np.float32)
         count, wide, high = len(self._pilots), across.max() + 1, down.max() + 1
         self._fields = np.zeros((count, high + 2, wide + 2), dtype=np.float32)
-        self._votes = np.zeros((count, wide, high), dtype=np.int64)
+        self._votes = np.zeros((count, wide, high), dtype=np.int16)
         first = self._first_x[self._pilots[:, 2]], self._first_y[self._pilots[:, 1]]
         self._first = np.stack(first, axis=1).astype(np.float32)
         places = len(self._x), len(self._y)
         self._tables = np.zeros((self._looks, *places), dtype=np.float32)
         self._best = np.zeros(places[0], dtype=np.float32)
-        self._choice = np.zeros((places[0], 2), dtype=np.int64)
+        self._choice = np.zeros(places[0], dtype=np.int64)
 
-    def _resample(self, mean: NDArray[np.float32], box: Region) -> None:
+    def _resample(self, mean: PixelArray, box: Region) -> None:
         """Show the box at the size of the search, without the margin."""
         rows, columns = mean.shape
         height, width = (int(size) - 2 * MARGIN for size in self._picture.shape)
@@ -175,37 +170,29 @@ class PlaceTable:
             mean, row, row_weights, column, column_weights, MARGIN, self._picture
         )  # fmt: skip
 
-    def _refine(self, box: Region) -> list[tuple[Region, int, float]]:
+    def _refine(self, box: Region) -> list[tuple[Region, float]]:
         """Judge the best crops anew and move their sides."""
         rows = np.argsort(-self._best)[:RANKED]
-        places = np.hstack([self._x[rows], self._y[self._choice[rows, 0]]])
-        chosen = self._choice[rows, 1]
-        scores = self._climb(places, chosen, ROUGH * SIDES[:8], 0)
+        places = np.hstack([self._x[rows], self._y[self._choice[rows]]])
+        scores = self._climb(places, ROUGH * SIDES[:8], 0)
         apart: list[int] = []
         for n in np.argsort(-scores).tolist():
             if len(apart) == ROUGHLY:
                 break
             if not apart or np.abs(places[apart] - places[n]).max(axis=1).min() > 1.1 * STEP:
                 apart.append(n)
-        places, chosen = places[apart], chosen[apart]
-        scores = self._climb(places, chosen, ROUGH * SIDES[:8], 1)
-        close = np.argsort(-scores)[:FINELY]
-        places, chosen = places[close], chosen[close]
-        scores = self._climb(places, chosen, FINE * SIDES[:8], 3)
-        return [
-            (_inside(box, places[n]), MODES[chosen[n]], float(scores[n]))
-            for n in np.argsort(-scores)[:REFINED]
-        ]
+        places = places[apart]
+        scores = self._climb(places, ROUGH * SIDES[:8], 1)
+        places = places[np.argsort(-scores)[:FINELY]]
+        scores = self._climb(places, FINE * SIDES[:8], 3)
+        return [(_inside(box, places[n]), float(scores[n])) for n in np.argsort(-scores)[:REFINED]]
 
-    def _climb(
-        self, crops: FloatArray, modes: IntArray, moves: FloatArray, rounds: int
-    ) -> FloatArray:
+    def _climb(self, crops: FloatArray, moves: FloatArray, rounds: int) -> FloatArray:
         """Move crops, in place; return their scores."""
         scores = np.zeros(len(crops))
         kernels.climb_into(
             self._fields, self._texture, self._pilots, self._first, self._size, self._dither,
-            self._steps, self._signs, self._limits, self._lattice, FINE_ERROR, moves, rounds, modes,
-            crops, scores,
+            self._step, self._signs, self._limits, FINE_ERROR, moves, rounds, crops, scores,
         )  # fmt: skip
         return scores
 

@@ -33,6 +33,19 @@ the same bit."""
 TEXTURE = 2.0
 """Texture in luma of 8 bits from which a cell has the coarse step."""
 
+PILOT_STEP = 2.8
+"""Fine step of the pilots, whatever that of the data."""
+
+PILOT_SPREADS = (1, 3, 5)
+"""Steps of pilots in fine ones: in flat cells, in textured ones, in strongly textured ones. Where
+the picture moves or its place is not known exactly, only wide lattices are read."""
+
+STRONG_TEXTURE = 5.0
+"""Texture in luma of 8 bits from which pilots have their widest step."""
+
+COMMON, COMMON_OF = 3, 5
+"""Of so many pilots in a row, the first ones have bits that are the same in all modes."""
+
 TEXTURE_EVERY = 4
 """Frames between those whose texture is measured."""
 

@@ -20,7 +20,7 @@ from watermark.link.superframe import ReceivedSuperframe
 from watermark.video import _kernels
 from watermark.video.grid import WHOLE, Grid, Region
 from watermark.video.profile import MIN_HEIGHT, MIN_WIDTH, VideoProfile
-from watermark.video.search import SCALE, PlaceSearch, Small, is_near
+from watermark.video.search import SCALE, PlaceCandidate, PlaceSearch, Small, is_near
 from watermark.video.timing import Timing
 from watermark.video.track import VideoTracker
 
@@ -34,6 +34,10 @@ DOUBT_FRAMES = 3
 
 TRIALS = 3
 """Places that are tried at the same time."""
+
+BETTER = 1.0
+"""Standard deviations of noise by which a place has to agree better than one on trial next to it
+to take its turn."""
 
 TRIAL_SPANS = 1.5
 """Superframes after which a place that gave none is dropped."""
@@ -53,6 +57,7 @@ class _PlaceTrial:
     """A place under trial: its tracker, when it began, and the superframes that it gave."""
 
     tracker: VideoTracker
+    score: float
     start: int
     end: int
     found: list[ReceivedSuperframe] = field(default_factory=list)
@@ -212,22 +217,28 @@ class VideoReceiver:
             if trial.found or self._looked < trial.end
         }
         for candidate in self._search.process(small):
-            self._try(candidate.region)
+            self._try(candidate)
         return self._choose()
 
-    def _try(self, region: Region) -> None:
+    def _try(self, candidate: PlaceCandidate) -> None:
         """Show the newest frames to a tracker of this place in the small picture, unless one is."""
-        place = _scaled(region, *self._kept)
-        if len(self._trials) >= TRIALS or any(is_near(place, other) for other in self._trials):
+        place = _scaled(candidate.region, *self._kept)
+        for other in [other for other in self._trials if is_near(place, other)]:
+            trial = self._trials[other]
+            if trial.found or candidate.score < trial.score + BETTER:
+                return
+            del self._trials[other]
+        if len(self._trials) >= TRIALS:
             return
         rows, columns = self._shape
-        grid = Grid(columns, rows, SMALL_DEPTH, region=region, reduced=self._factor)
+        grid = Grid(columns, rows, SMALL_DEPTH, region=candidate.region, reduced=self._factor)
         tracker = VideoTracker(grid, self._timing, **self._options)
         if self._patience is not None:
             tracker.patience = self._patience
         frames = self._newest
         end = self._looked + round(TRIAL_SPANS * self._timing.span)
-        trial = self._trials[place] = _PlaceTrial(tracker, self._looked - len(frames), end)
+        start = self._looked - len(frames)
+        trial = self._trials[place] = _PlaceTrial(tracker, candidate.score, start, end)
         for frame in frames:
             trial.found += tracker.process(frame)
         tracker.go_on(self._grid(place))

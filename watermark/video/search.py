@@ -1,8 +1,8 @@
 """Find the place of a marked picture in the picture at hand, from means over a window.
 
 In: small frames; out: places worth a try. Projection is linear, so a place is judged on the mean of
-a window, three times a superframe: the whole picture, the box inside its bars, and the best crops
-of that box (`watermark.video.places`). Specification: spec/video-carrier.md, section 6.
+a window, five times a superframe: the whole picture, the box inside what looks like bars, and the
+best crops of both (`watermark.video.places`). Specification: spec/video-carrier.md, section 6.
 """
 
 from collections import deque
@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from watermark.video import _kernels
 from watermark.video._place_kernels import fine_texture_into
 from watermark.video.bars import content_box
-from watermark.video.demodulate import coarse_share
 from watermark.video.grid import WHOLE, Region
+from watermark.video.lattices import PILOT_TEXTURES, lattice_shares
+from watermark.video.layout import common_pilots
 from watermark.video.modes import PilotWatch
 from watermark.video.places import SIDES, PlaceTable
 from watermark.video.profile import COLUMNS, ROWS
@@ -29,8 +30,9 @@ FloatArray = NDArray[np.float64]
 SCALE = 256.0
 """A luma level of 8 bits in the small frames."""
 
-LOOKS = 3
-"""Looks per superframe: the best one is at most a sixth of a superframe off."""
+LOOKS = 5
+"""Looks per superframe: the best one is at most a tenth of a superframe off. Where the picture
+moves, the mean over another window is another picture."""
 
 CELL = 8
 """Pixels of a cell, about, for its texture."""
@@ -38,7 +40,7 @@ CELL = 8
 CLIMB = (0.03, 0.015, 0.0075)
 """Steps of the last refinement in cells."""
 
-SHIFT = 1 / 8
+SHIFT = 1 / 16
 """Distance in superframes of the three windows that judge the best places."""
 
 HOPE, TRIED = 4.8, 2
@@ -92,9 +94,16 @@ class PlaceSearch:
         self._shift = round(timing.span * SHIFT)
         self._frames: deque[Small] = deque(maxlen=timing.window + 2 * self._shift)
         self._means = np.zeros((3, *shape), dtype=np.float32)
+        self._still = self._means[1]
         self._count = self._looks = 0
-        scores = self._scores
-        self._table = PlaceTable(scores.pilots, scores.dither, scores.steps, scores.signs, LOOKS)
+        scores, common = self._scores, self._scores.common
+        self._tables = [
+            PlaceTable(
+                scores.pilots[common], scores.dither[common], scores.step, scores.signs[0, common],
+                LOOKS,
+            )
+            for _ in range(2)
+        ]  # fmt: skip
 
     def process(self, small: Small) -> list[PlaceCandidate]:
         """Take the next frame; return the places that look marked, usual ones first."""
@@ -105,24 +114,37 @@ class PlaceSearch:
             return []
         self._looks += 1
         frames, window = tuple(self._frames), self._timing.window
-        for n, mean in enumerate(self._means):
-            mean[:] = 0
-            for frame in frames[n * self._shift : n * self._shift + window]:
-                _kernels.accumulate_into(frame, 1 / (SCALE * window), mean)
+        weight = 1 / (SCALE * window)
+        self._means[0] = 0
+        for frame in frames[:window]:
+            _kernels.accumulate_into(frame, weight, self._means[0])
+        for n in (1, 2):
+            self._means[n] = self._means[n - 1]
+            for k in range((n - 1) * self._shift, n * self._shift):
+                _kernels.accumulate_into(frames[k], -weight, self._means[n])
+                _kernels.accumulate_into(frames[k + window], weight, self._means[n])
+        # Where the picture moves, its mean is blurred: a frame shows what the embedder saw.
+        self._still = frames[self._shift + window // 2].astype(np.float32) / np.float32(SCALE)
         return self._look()
 
     def _look(self) -> list[PlaceCandidate]:
         mean = self._means[1]
         self._scores.look_at(mean)
-        self._scores.take_texture()
+        self._scores.take_texture(self._still)
         box = content_box(mean)
-        if box == WHOLE:
-            usual, box = [self._whole, MIDDLE], self._whole
-        else:
-            usual = [self._whole, box]
-        found = [PlaceCandidate(region, self._scores.best(region)) for region in usual]
+        usual = [self._whole, MIDDLE if box == WHOLE else box]
+        # What looks like bars may be a part of the picture: a planet in a black sky.
+        boxes = [self._whole] if box == WHOLE else [self._whole, box]
+        found = [
+            PlaceCandidate(region, self._scores.best(region, self._scores.shares(region))[0])
+            for region in usual
+        ]
         found = [candidate for candidate in found if candidate.score >= LIKELY]
-        others = self._crops(box)
+        others = [
+            place
+            for each, table in zip(boxes, self._tables, strict=False)
+            for place in self._crops(each, table)
+        ]
         # Next to a usual place it is that one: its sides are exact.
         found += [
             other
@@ -131,20 +153,23 @@ class PlaceSearch:
         ]
         return found
 
-    def _crops(self, box: Region) -> list[PlaceCandidate]:
+    def _crops(self, box: Region, table: PlaceTable) -> list[PlaceCandidate]:
         """Refine the best crops of a box on the mean pictures themselves."""
-        crops = self._table.look(self._means[1], box, self._looks % LOOKS)
+        crops = [
+            region
+            for region, _ in table.look(self._means[1], self._still, box, self._looks % LOOKS)
+        ]
         judged = []
-        shares = [self._scores.shares(region) for region, _, _ in crops]
+        shares = [self._scores.shares(region) for region in crops]
         for time, mean in enumerate(self._means):
             self._scores.look_at(mean)
             judged += [
-                (self._scores.one(region, mode, share), time, mode, region, share)
-                for (region, mode, _), share in zip(crops, shares, strict=True)
+                (*self._scores.best(region, share), time, region, share)
+                for region, share in zip(crops, shares, strict=True)
             ]
         found: list[PlaceCandidate] = []
         judged.sort(key=lambda each: -each[0])
-        for value, time, mode, region, share in judged[:TRIED]:
+        for value, mode, time, region, share in judged[:TRIED]:
             if value < HOPE:
                 break
             self._scores.look_at(self._means[time])
@@ -156,7 +181,7 @@ class PlaceSearch:
 
 
 class PilotScores:
-    """How well pilots agree with every usual mode at a place of a mean picture.
+    """How well pilots agree with every mode at a place of a mean picture.
 
     Parameters
     ----------
@@ -167,19 +192,18 @@ class PilotScores:
     """
 
     def __init__(self, watch: PilotWatch, shape: tuple[int, int]) -> None:
-        self.steps = np.array(sorted({mode.step for mode in watch.modes}))
-        # The widest step is for beginnings: superframes after them have one that comes before.
-        modes = sorted(watch.modes, key=lambda mode: mode.step)
+        self.step = watch.modes[0].pilot_step
         cells = watch.positions % (ROWS * COLUMNS)
         order = np.argsort(cells, kind="stable")
         template = watch.positions // (ROWS * COLUMNS)
         pilots = np.stack([template, cells // COLUMNS, cells % COLUMNS], axis=1)
         self.pilots = np.ascontiguousarray(pilots[order])
-        signs = [1.0 - 2.0 * mode.layout.pilot_bits[order] for mode in modes]
+        self.common = common_pilots()[order]
+        signs = [1.0 - 2.0 * mode.layout.pilot_bits[order] for mode in watch.modes]
         self.signs = np.array(signs, dtype=np.float32)
-        self.dither = modes[0].layout.dither[watch.positions[order]]
+        self.dither = watch.modes[0].layout.dither[watch.positions[order]]
         self._values = np.empty(len(order))
-        self._waves = np.empty(len(order), dtype=np.float32)
+        self._waves = np.empty(len(order))
         self._mean = np.zeros(shape, dtype=np.float32)
         self._texture = np.zeros((shape[0] // 2 - 3, shape[1] // 2 - 3), dtype=np.float32)
 
@@ -187,48 +211,40 @@ class PilotScores:
         """Take the mean picture that the next scores are of."""
         self._mean = mean
 
-    def take_texture(self) -> None:
-        """Compute the texture of this mean picture, for the shares."""
-        fine_texture_into(self._mean, self._texture)
+    def take_texture(self, picture: NDArray[np.float32]) -> None:
+        """Compute the texture of a picture, for the shares."""
+        fine_texture_into(picture, self._texture)
 
-    def best(self, region: Region) -> float:
-        """Score of the best mode in standard deviations of noise."""
-        shares = self.shares(region)
-        self._project(region)
-        each = len(self.signs) // len(self.steps)
-        return max(
-            float(np.abs(self.signs[n * each : (n + 1) * each] @ self._waves).max() / deviation)
-            for n, deviation in enumerate(self._wave(n, shares) for n in range(len(self.steps)))
-        )
+    def best(self, region: Region, shares: FloatArray) -> tuple[float, int]:
+        """Return score, in standard deviations of noise, and number of the best mode."""
+        scores = np.abs(self.signs @ self._votes(region, shares))
+        mode = int(scores.argmax())
+        return float(scores[mode]), mode
 
     def one(self, region: Region, mode: int, shares: FloatArray) -> float:
         """Score of a mode in standard deviations of noise."""
-        self._project(region)
-        deviation = self._wave(mode * len(self.steps) // len(self.signs), shares)
-        return float(abs(self.signs[mode] @ self._waves) / deviation)
+        return float(abs(self.signs[mode] @ self._votes(region, shares)))
 
     def shares(self, region: Region) -> FloatArray:
-        """Probability that pilots have the coarse step if the picture is at this place."""
+        """Probabilities of the pilots' steps if the picture is at this place, shape (3, PILOTS)."""
         rows, columns = self._mean.shape
         x = (region.left + region.width * (self.pilots[:, 2] + 0.5) / COLUMNS) * columns
         y = (region.top + region.height * (self.pilots[:, 1] + 0.5) / ROWS) * rows
         i = np.clip((y - CELL / 2) / 2 + 0.5, 0, self._texture.shape[0] - 1).astype(np.int64)
         j = np.clip((x - CELL / 2) / 2 + 0.5, 0, self._texture.shape[1] - 1).astype(np.int64)
-        return coarse_share(self._texture[i, j].astype(np.float64))
+        return lattice_shares(self._texture[i, j].astype(np.float64), PILOT_TEXTURES)
 
-    def _project(self, region: Region) -> None:
+    def _votes(self, region: Region, shares: FloatArray) -> FloatArray:
+        """Votes of the pilots at a place, in standard deviations of their sum."""
         rows, columns = self._mean.shape
         _kernels.pilot_values_into(
             self._mean, region.left * columns, region.top * rows, region.width * columns,
             region.height * rows, self.pilots, ROWS, COLUMNS, _SINE, self._values,
         )  # fmt: skip
-
-    def _wave(self, lattice: int, shares: FloatArray) -> float:
-        """Compute the votes at the place projected last; return their sum's deviation."""
         deviation = _kernels.waves_into(
-            self._values, shares, self.dither, self.steps[lattice], _COSINE, self._waves
+            self._values, shares, self.dither, self.step, _COSINE, self._waves
         )
-        return float(deviation)
+        return np.asarray(self._waves / deviation)
 
 
 def climb(score: Callable[[Region], float], region: Region, value: float) -> PlaceCandidate:

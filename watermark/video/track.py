@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from watermark.link.link import Decoded
 from watermark.link.superframe import ReceivedSuperframe
-from watermark.video.demodulate import Soft, coarse_share, soft_bits
+from watermark.video.demodulate import Soft, soft_bits
 from watermark.video.grid import Grid
 from watermark.video.modes import PilotWatch
 from watermark.video.profile import COLUMNS, ROWS, TEMPLATES, TEXTURE_EVERY, VideoProfile
@@ -31,6 +31,10 @@ MAX_MISSES = 6
 
 TRACKING = 2.0
 """Frames that the clock moves for a full difference between the flanks of a peak."""
+
+OTHER_MODE = 0.06
+"""Agreement that another mode needs beyond the present one's: about twice the deviation of noise,
+since both share three fifths of the pilots' bits."""
 
 UNEVEN = 0.25
 """Difference between the flanks that tells nothing where there is no agreement: noise, and coders
@@ -76,7 +80,7 @@ class VideoTracker:
         )
         self._agreement: deque[FloatArray] = deque(maxlen=2 * self._guard + 1)
         self._pilots = np.zeros((self._timing.window, len(self._watch.positions)))
-        self._pilot_shares: tuple[tuple[int, ...] | None, FloatArray] = None, np.zeros(0)
+        self._pilot_textures: tuple[tuple[int, ...] | None, FloatArray] = None, np.zeros(0)
         self._pilot_cells = self._watch.positions % (ROWS * COLUMNS)
         self._nowhere = np.zeros(TEMPLATES * ROWS * COLUMNS)
         self._count = 0
@@ -157,7 +161,7 @@ class VideoTracker:
         agreement = np.array(self._agreement)
         other = int(agreement[self._guard].argmax())
         sure = agreement[self._guard, other] > max(
-            THRESHOLD, 2 * agreement[self._guard, self._mode]
+            THRESHOLD, agreement[self._guard, self._mode] + OTHER_MODE
         )
         mode = other if sure else self._mode
         offset, soft, decoded = self._attempt(start, mode)
@@ -199,9 +203,7 @@ class VideoTracker:
         mode = self._watch.modes[number]
         first = start - (self._count - len(self._frames))
         values = np.array([self._frames[first + i] for i in range(self._timing.window)])
-        mean, variance = values.mean(axis=0) / mode.step, values.var(axis=0) / mode.step**2
-        coarse = np.tile(coarse_share(self._texture(start)), TEMPLATES)
-        soft = soft_bits(mean, variance, mode.layout, coarse)
+        soft = soft_bits(values.mean(axis=0), values.var(axis=0), mode, self._texture(start))
         soft.ratios[~self._seen[mode.layout.data]] = 0.0
         return soft, mode.link.decode(soft.ratios)
 
@@ -228,15 +230,15 @@ class VideoTracker:
         """Agreement of each mode's pilots over the newest window."""
         if self._count < self._timing.window:
             return np.zeros(len(self._watch.modes))
-        return self._watch.agreement(self._pilots.mean(axis=0), self._newest_share())
+        return self._watch.agreement(self._pilots.mean(axis=0), self._newest_texture())
 
-    def _newest_share(self) -> FloatArray:
-        """Probability of the coarse step of each pilot in the newest window."""
+    def _newest_texture(self) -> FloatArray:
+        """Texture of each pilot's cell in the newest window."""
         start = self._count - self._timing.window
         there = tuple(count for count, _ in self._textures if count >= start)
-        if there != self._pilot_shares[0]:
-            self._pilot_shares = there, coarse_share(self._texture(start)[self._pilot_cells])
-        return self._pilot_shares[1]
+        if there != self._pilot_textures[0]:
+            self._pilot_textures = there, self._texture(start)[self._pilot_cells]
+        return self._pilot_textures[1]
 
     def _texture(self, start: int) -> FloatArray:
         """Texture of each cell in a window, shape (ROWS * COLUMNS,)."""

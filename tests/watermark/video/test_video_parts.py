@@ -1,6 +1,7 @@
 """Parts of the invisible video carrier: grid, layout, rounding, demodulation, timing, kernels."""
 
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,13 +13,17 @@ from watermark.video import _kernels
 from watermark.video.demodulate import soft_bits
 from watermark.video.embed import VideoEmbedder
 from watermark.video.grid import Grid, Region
-from watermark.video.layout import VideoLayout, make_layout
+from watermark.video.layout import make_layout
+from watermark.video.modes import Mode, make_modes
 from watermark.video.profile import (
+    COLUMNS,
     DATA,
     PILOTS,
     POSITIONS,
     PROFILES,
+    ROWS,
     STEPS,
+    TEMPLATES,
     find_profile,
 )
 from watermark.video.timing import Timing
@@ -40,6 +45,7 @@ def test_rounding_to_whole_levels_keeps_the_amplitudes() -> None:
     layout, bits = make_layout(profile, 0, 1), np.empty(POSITIONS)
     bits[layout.pilots] = layout.pilot_bits
     bits[layout.data] = Link(profile).encode(*give(0))
+    # So have pilots.
     place = grid.project(marked[5]).reshape(-1) / STEPS[1] - layout.dither - bits / 2
     error = STEPS[1] * (place - np.round(place))
     assert np.sqrt(np.mean(error**2)) < 0.08  # measured 0.05; 0.13 if rounded as it is
@@ -61,13 +67,23 @@ def test_positions_are_shared_out() -> None:
         np.testing.assert_array_equal(make_layout(profile).pilots, layout.pilots)
 
 
+def lattice_points(mode: Mode, bits: np.ndarray, widths: tuple[int, int], n: Any) -> np.ndarray:
+    """Amplitudes that bear these bits: data and pilots on lattices of so many fine steps."""
+    data, pilot = (
+        step * (mode.layout.dither + width * (bits / 2 + n))
+        for step, width in zip((mode.step, mode.pilot_step), widths, strict=True)
+    )
+    data[mode.layout.pilots] = pilot[mode.layout.pilots]
+    return data
+
+
 def test_demodulation_of_exact_lattice_points() -> None:
-    layout = make_layout(find_profile("high"), 3)
+    mode = make_modes(find_profile("high"), 3, 1.0)[0]
+    layout = mode.layout
     bits = np.random.default_rng(1).integers(0, 2, POSITIONS)
     bits[layout.pilots] = layout.pilot_bits ^ 1
-    values = layout.dither + bits / 2 + np.random.default_rng(2).integers(-5, 5, POSITIONS)
-    fine = np.zeros(POSITIONS)
-    soft = soft_bits(values.astype(np.float64), np.zeros(POSITIONS), layout, fine)
+    exact = lattice_points(mode, bits, (1, 1), np.random.default_rng(2).integers(-5, 5, POSITIONS))
+    soft = soft_bits(exact, np.zeros(POSITIONS), mode, np.zeros(ROWS * COLUMNS))
     assert soft.parity == 1
     assert soft.agreement == pytest.approx(1)
     np.testing.assert_array_equal(soft.ratios < 0, bits[layout.data] == 1)
@@ -75,19 +91,20 @@ def test_demodulation_of_exact_lattice_points() -> None:
 
 def test_coarse_lattice_lies_within_the_fine_one() -> None:
     """Whatever the receiver thinks of a texture, the bit is right; knowing it defeats noise."""
-    layout = make_layout(find_profile("robust"), 3)
+    mode = make_modes(find_profile("robust"), 3, 1.0)[0]
+    layout = mode.layout
     rng = np.random.default_rng(1)
     bits = rng.integers(0, 2, POSITIONS)
     bits[layout.pilots] = layout.pilot_bits
-    exact = layout.dither + 3 * bits / 2 + 3 * rng.integers(-5, 5, POSITIONS)
+    exact = lattice_points(mode, bits, (3, 3), rng.integers(-5, 5, POSITIONS))
     still = np.zeros(POSITIONS)
-    for share in (0.0, 0.5, 1.0):
-        soft = soft_bits(exact.astype(np.float64), still, layout, np.full(POSITIONS, share))
+    for texture in (0.0, 1.86, 3.2):
+        soft = soft_bits(exact, still, mode, np.full(ROWS * COLUMNS, texture))
         np.testing.assert_array_equal(soft.ratios < 0, bits[layout.data] == 1)
-    noisy = exact + rng.normal(0, 0.35, POSITIONS)
+    noisy = exact + rng.normal(0, 0.35 * mode.step, POSITIONS)
     wrong = []
-    for share in (0.0, 0.9):
-        ratios = soft_bits(noisy, still, layout, np.full(POSITIONS, share)).ratios
+    for texture in (0.0, 2.6):
+        ratios = soft_bits(noisy, still, mode, np.full(ROWS * COLUMNS, texture)).ratios
         wrong.append(float(((ratios < 0) != bits[layout.data]).mean()))
     assert wrong[0] > 0.3  # measured 0.44
     assert wrong[1] < 0.06  # measured 0.03
@@ -95,21 +112,23 @@ def test_coarse_lattice_lies_within_the_fine_one() -> None:
 
 def test_ratios_are_calibrated() -> None:
     """A ratio r is right with probability 1 / (1 + exp(-r)) at any noise, so that ratios add."""
-    layout = make_layout(find_profile("robust"))
+    mode = make_modes(find_profile("robust"), 0, 1.0)[0]
     for fine, coarse in ((0.1, 0.1), (0.3, 0.3), (0.6, 0.6), (0.8, 0.4)):
-        above = [right_above_expected(layout, seed, fine, coarse) for seed in range(4)]
+        above = [right_above_expected(mode, seed, fine, coarse) for seed in range(4)]
         assert abs(np.mean(above)) < 0.02  # measured 0.01
 
 
-def right_above_expected(layout: VideoLayout, seed: int, fine: float, coarse: float) -> float:
+def right_above_expected(mode: Mode, seed: int, fine: float, coarse: float) -> float:
     """How far the share of right ratios lies above the share that they promise."""
-    rng = np.random.default_rng(seed)
-    textured = rng.uniform(size=POSITIONS) < 0.3
+    rng, layout = np.random.default_rng(seed), mode.layout
+    textured = rng.uniform(size=ROWS * COLUMNS) < 0.3
+    kind = np.tile(textured, TEMPLATES)
     bits = rng.integers(0, 2, POSITIONS)
     bits[layout.pilots] = layout.pilot_bits
-    mean = layout.dither + np.where(textured, 3, 1) * (bits / 2 + rng.integers(-3, 3, POSITIONS))
-    mean += rng.normal(size=POSITIONS) * np.where(textured, coarse, fine)
-    ratios = soft_bits(mean, np.zeros(POSITIONS), layout, textured.astype(float)).ratios
+    n = rng.integers(-3, 3, POSITIONS)
+    mean = np.where(kind, *(lattice_points(mode, bits, (width, width), n) for width in (3, 1)))
+    mean += mode.step * rng.normal(size=POSITIONS) * np.where(kind, coarse, fine)
+    ratios = soft_bits(mean, np.zeros(POSITIONS), mode, np.where(textured, 3.2, 0.0)).ratios
     right = (ratios < 0) == (bits[layout.data] == 1)
     return float(right.mean() - (1 / (1 + np.exp(-np.abs(ratios)))).mean())
 

@@ -12,8 +12,18 @@ from spec.reference import video_carrier as reference
 from watermark.a335.profile import PROFILES as LINE_PROFILES
 from watermark.video.embed import VideoEmbedder
 from watermark.video.grid import Grid
+from watermark.video.lattices import PILOT_TEXTURES
 from watermark.video.layout import make_layout
-from watermark.video.profile import COARSE, NUMBERS, POSITIONS, PROFILES, STEPS, TEXTURE
+from watermark.video.profile import (
+    COARSE,
+    NUMBERS,
+    PILOT_SPREADS,
+    PILOT_STEP,
+    POSITIONS,
+    PROFILES,
+    STEPS,
+    TEXTURE,
+)
 from watermark.video.timing import Timing
 
 ROOT = Path(__file__).parents[3]
@@ -71,8 +81,9 @@ def ramps(width: int, height: int) -> np.ndarray:
 @pytest.mark.parametrize("name", ["robust", "standard"])
 def test_reference_reads_what_is_embedded(name: str) -> None:
     assert (reference.COARSE, reference.TEXTURE) == (COARSE, TEXTURE)
-    assert reference.STEPS == STEPS
-    # Noise on the left, nothing on the right: both steps are in use.
+    assert (reference.PILOT_STEP, reference.PILOT_WIDTHS) == (PILOT_STEP, PILOT_SPREADS)
+    assert (reference.STEPS, reference.PILOT_TEXTURES) == (STEPS, PILOT_TEXTURES)
+    # Noise on the left, nothing on the right: narrow and wide lattices are in use.
     scene = np.random.default_rng(1).integers(40, 200, (360, 640)).astype(np.uint8)
     scene[:, 320:] = 128
     profile = PROFILES[name]
@@ -90,8 +101,8 @@ def test_reference_reads_what_is_embedded(name: str) -> None:
         for value, bit in list(zip(pilots, bits, strict=True))[:24]:
             mean = sum(reference.amplitude(luma, value) for luma in shown) / len(shown)
             texture = reference.texture(shown[0], value // 80 % 45, value % 80)
-            width = reference.width_of(texture)
-            wrong += reference.hard_bit(mean, dither[value], STEPS[rung], width) != bit
+            width = reference.pilot_width_of(texture)
+            wrong += reference.hard_bit(mean, dither[value], reference.PILOT_STEP, width) != bit
         assert wrong == 0
 
 
