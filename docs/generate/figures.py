@@ -21,6 +21,7 @@ _ELSEWHERE = {
     "fuzz": "tests.fuzz.night",
     "mutation": "tests.mutation",
     "hearing": "tests.spec.hearing_record",
+    "receiver": "tests.receiver.native.record",
 }
 """What measures kinds of figures that `evaluate` does not."""
 

@@ -73,7 +73,7 @@ def includes() -> list[str]:
     return [f"-I{HERE / 'include'}", f"-I{HERE / 'src'}", *vendored]
 
 
-def build_tool(compiler: list[str], out: Path, *, flags: tuple[str, ...] = ("-O2",)) -> None:
+def build_tool(compiler: list[str], out: Path, *, flags: tuple[str, ...] = ("-O3",)) -> None:
     """Build `tools/cue_dec.c` with a compiler.
 
     Parameters
@@ -135,7 +135,7 @@ def build_plugin(compiler: list[str], folder: Path) -> Path:
     found = subprocess.run(asked, check=True, capture_output=True, text=True).stdout.split()
     headers = [f"-isystem{flag[2:]}" for flag in found if flag.startswith("-I")]
     libraries = [flag for flag in found if flag.startswith("-l")]
-    shared = ["-O2", "-fPIC", "-fvisibility=hidden"]
+    shared = ["-O3", "-fPIC", "-fvisibility=hidden"]
     with tempfile.TemporaryDirectory() as name:
         objects = []
         for path in [*sources(), *vendored(), HERE / "plugin" / "gstcuecast.c"]:
@@ -231,7 +231,7 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     if chosen.what == "tool":
         chosen.out.mkdir(parents=True, exist_ok=True)
-        build_tool(chosen.cc.split(), chosen.out / "cue_dec", flags=("-O3",))
+        build_tool(chosen.cc.split(), chosen.out / "cue_dec")
     elif chosen.what == "library":
         build_library(chosen.out)
     elif chosen.what == "plugin":

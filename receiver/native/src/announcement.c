@@ -24,34 +24,29 @@ typedef struct json {
     int bad, others;
 } json;
 
-static void append(text *out, const char *words, size_t count)
-{
+static void append(text *out, const char *words, size_t count) {
     if (count > out->room - out->bytes) count = out->room - out->bytes;
     memcpy(out->at + out->bytes, words, count);
     out->bytes += count;
 }
 
-static void blanks(json *j)
-{
+static void blanks(json *j) {
     while (j->at < j->end && (*j->at == ' ' || *j->at == '\n' || *j->at == '\r' || *j->at == '\t'))
         j->at++;
 }
 
-static int next_is(json *j, char wanted)
-{
+static int next_is(json *j, char wanted) {
     blanks(j);
     if (j->at == j->end || *j->at != wanted) return 0;
     j->at++;
     return 1;
 }
 
-static void must(json *j, char wanted)
-{
+static void must(json *j, char wanted) {
     if (!next_is(j, wanted)) j->bad = 1;
 }
 
-static unsigned hex4(json *j)
-{
+static unsigned hex4(json *j) {
     unsigned value = 0;
     for (int i = 0; i < 4; i++, j->at++) {
         int c = j->at < j->end ? *j->at : 0;
@@ -66,8 +61,7 @@ static unsigned hex4(json *j)
     return value;
 }
 
-static void append_unit(text *out, unsigned unit)
-{
+static void append_unit(text *out, unsigned unit) {
     static const char digits[] = "0123456789abcdef";
     const char word[6] = {'\\', 'u', digits[unit >> 12 & 15], digits[unit >> 8 & 15],
                           digits[unit >> 4 & 15], digits[unit & 15]};
@@ -75,8 +69,7 @@ static void append_unit(text *out, unsigned unit)
 }
 
 /* E16: a character as it is signed. */
-static void append_letter(text *out, unsigned letter)
-{
+static void append_letter(text *out, unsigned letter) {
     static const char plain[] = "\"\\\b\f\n\r\t", named[] = "\"\\bfnrt";
     const char *known = letter && letter < 128 ? strchr(plain, (int)letter) : 0;
     char c = (char)letter;
@@ -94,8 +87,7 @@ static void append_letter(text *out, unsigned letter)
 }
 
 /* A string, in the spelling that is signed. */
-static void read_string(json *j, text *out)
-{
+static void read_string(json *j, text *out) {
     static const char named[] = "\"\\/bfnrt", plain[] = "\"\\/\b\f\n\r\t";
     must(j, '"');
     while (!j->bad && j->at < j->end && *j->at != '"') {
@@ -122,8 +114,7 @@ static void read_string(json *j, text *out)
     must(j, '"');
 }
 
-static int64_t read_number(json *j)
-{
+static int64_t read_number(json *j) {
     int64_t value = 0;
     blanks(j);
     const char *begin = j->at;
@@ -134,8 +125,7 @@ static int64_t read_number(json *j)
 }
 
 /* Bytes of base64; the number of them, or -1. */
-static int bytes_of(const text *in, uint8_t *out, size_t room)
-{
+static int bytes_of(const text *in, uint8_t *out, size_t room) {
     static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     size_t n = 0, count = in->bytes;
     uint32_t bits = 0;
@@ -157,8 +147,7 @@ enum { ENDS_2, ENDS_9, FIRST, FORMAT, KIND, NAME, KEY, UNTIL, SIGNATURE, MEMBERS
 static const char *const NAMES[MEMBERS] = {"2",    "9",          "first", "format",   "kind",
                                            "name", "public_key", "until", "signature"};
 
-static void read_members(json *j, int outer, text found[MEMBERS])
-{
+static void read_members(json *j, int outer, text found[MEMBERS]) {
     char name[16], nothing[1];
     must(j, '{');
     do {
@@ -188,8 +177,7 @@ static void read_members(json *j, int outer, text found[MEMBERS])
     must(j, '}');
 }
 
-static size_t write_signed(const text found[MEMBERS], char *out, size_t room)
-{
+static size_t write_signed(const text found[MEMBERS], char *out, size_t room) {
     text all = {out, 0, room};
     append(&all, "{\"ends\":{", 9);
     for (int i = 0; i < SIGNATURE; i++) {
@@ -206,8 +194,7 @@ static size_t write_signed(const text found[MEMBERS], char *out, size_t room)
 
 #ifndef CUE_NO_ED25519
 static int own_verify(const uint8_t signature[64], const uint8_t key[32], const uint8_t *message,
-                      size_t bytes)
-{
+                      size_t bytes) {
     uint8_t digest[64], h[32];
     cue_sha512 s;
     cue_sha512_begin(&s);
@@ -220,14 +207,12 @@ static int own_verify(const uint8_t signature[64], const uint8_t key[32], const 
 }
 #endif
 
-static int is_text(const text *found, const char *wanted)
-{
+static int is_text(const text *found, const char *wanted) {
     return found->bytes == strlen(wanted) && memcmp(found->at, wanted, found->bytes) == 0;
 }
 
 cue_trusted cue_announcement_read(const void *file, size_t bytes, cue_verify verify, void *context,
-                                  cue_announcement *out)
-{
+                                  cue_announcement *out) {
     static const size_t rooms[MEMBERS] = {11 * MOST_PERIODS + 1, 11 * MOST_PERIODS + 1, 12, 16, 8,
                                           12 * MOST_NAME, 48, 12, 96};
     char room[MOST_SIGNED], message[MOST_SIGNED + 200];

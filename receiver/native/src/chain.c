@@ -9,13 +9,11 @@
 
 const cue_proof_layout cue_proof_layouts[2] = {{2, 96, 10, 59}, {9, 16, 6, 7}};
 
-static void put_number(uint8_t *at, uint32_t value, int bytes)
-{
+static void put_number(uint8_t *at, uint32_t value, int bytes) {
     while (bytes-- > 0) *at++ = (uint8_t)(value >> 8 * bytes);
 }
 
-void cue_chain_of(cue_chain *chain, const uint8_t channel[8], int64_t period, int width)
-{
+void cue_chain_of(cue_chain *chain, const uint8_t channel[8], int64_t period, int width) {
     uint8_t text[27];
     memcpy(text, "cuecast-step-3", 14);
     memcpy(text + 14, channel, 8);
@@ -38,8 +36,7 @@ void cue_chain_before(const cue_chain *chain, uint8_t key[KEY_BYTES], int64_t pl
 
 /* What is hashed for a tag; the key's hidden bytes are at 27. */
 static size_t tag_text(uint8_t *text, const uint8_t channel[8], const uint8_t key[KEY_BYTES],
-                       int distance, const uint8_t *covered, size_t bytes)
-{
+                       int distance, const uint8_t *covered, size_t bytes) {
     memcpy(text, "cuecast-tag-3", 13);
     memcpy(text + 13, channel, 8);
     memcpy(text + 21, key, KEY_BYTES);
@@ -48,22 +45,19 @@ static size_t tag_text(uint8_t *text, const uint8_t channel[8], const uint8_t ke
     return 31 + bytes;
 }
 
-static uint32_t tag_in(const uint8_t *digest)
-{
+static uint32_t tag_in(const uint8_t *digest) {
     return (uint32_t)digest[0] << 16 | (uint32_t)digest[1] << 8 | digest[2];
 }
 
 uint32_t cue_tag(const uint8_t channel[8], const uint8_t key[KEY_BYTES], int distance,
-                 const uint8_t *covered, size_t bytes)
-{
+                 const uint8_t *covered, size_t bytes) {
     uint8_t text[31 + COVERED], digest[32];
     cue_sha256(text, tag_text(text, channel, key, distance, covered, bytes), digest);
     return tag_in(digest);
 }
 
 uint32_t cue_tag_search(const uint8_t channel[8], uint8_t key[KEY_BYTES], uint32_t from,
-                        int distance, const uint8_t *covered, size_t bytes, uint32_t tag)
-{
+                        int distance, const uint8_t *covered, size_t bytes, uint32_t tag) {
     uint8_t text[31 + COVERED], digest[32];
     size_t count = tag_text(text, channel, key, distance, covered, bytes);
     for (; from < 65536; from++) {
@@ -78,8 +72,7 @@ uint32_t cue_tag_search(const uint8_t channel[8], uint8_t key[KEY_BYTES], uint32
 
 /* ---- Checks (E13, E14, E21) ---------------------------------------------------------------- */
 
-static uint32_t times(uint32_t a, uint32_t b)
-{
+static uint32_t times(uint32_t a, uint32_t b) {
     uint32_t product = 0;
     for (; b; b >>= 1) {
         if (b & 1U) product ^= a;
@@ -88,8 +81,7 @@ static uint32_t times(uint32_t a, uint32_t b)
     return product;
 }
 
-static uint32_t inverse(uint32_t a)
-{
+static uint32_t inverse(uint32_t a) {
     uint32_t result = 1;
     for (int bit = 11; bit >= 0; bit--) { /* the power 4094 */
         result = times(result, result);
@@ -98,8 +90,7 @@ static uint32_t inverse(uint32_t a)
     return result;
 }
 
-int cue_parities_agree(const cue_parities *found, const cue_proof_layout *layout, int spare)
-{
+int cue_parities_agree(const cue_parities *found, const cue_proof_layout *layout, int spare) {
     uint32_t row[MOST_CHECKS][MOST_CHECKS + 1];
     int number[MOST_CHECKS], rows = 0, lost = 0;
     for (int j = 0; j < layout->checks; j++)

@@ -9,16 +9,14 @@
 
 static const double LN2 = 0.69314718055994530942;
 
-static double two_to(int k)
-{
+static double two_to(int k) {
     uint64_t bits = (uint64_t)(k + 1023) << 52;
     double value;
     memcpy(&value, &bits, sizeof value);
     return value;
 }
 
-double cue_exponential(double x)
-{
+double cue_exponential(double x) {
     if (x < -700.0) return 0.0;
     if (x > 700.0) x = 700.0;
     double k = nearbyint(x / LN2), r = x - k * LN2, term = 1.0, sum = 1.0;
@@ -26,8 +24,7 @@ double cue_exponential(double x)
     return sum * two_to((int)k);
 }
 
-static double logarithm(double x)
-{
+static double logarithm(double x) {
     uint64_t bits;
     memcpy(&bits, &x, sizeof bits);
     int k = (int)(bits >> 52) - 1022;
@@ -43,7 +40,6 @@ static double logarithm(double x)
     return 2.0 * sum + k * LN2;
 }
 
-double cue_power(double x, double exponent)
-{
+double cue_power(double x, double exponent) {
     return x < 1e-300 ? 0.0 : cue_exponential(exponent * logarithm(x));
 }

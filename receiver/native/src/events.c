@@ -9,8 +9,7 @@
 #define TICK_S 0.02
 
 static cue_status emit_key(const cue_slot *s, int32_t start, int32_t end, unsigned number,
-                           cue_event *event, cue_key *key)
-{
+                           cue_event *event, cue_key *key) {
     event->time_s = s->time_s + TICK_S * (start - TICKS * s->number);
     key->duration_s = TICK_S * (end - start);
     key->shape = (uint8_t)(number / PLACEMENTS);
@@ -18,8 +17,7 @@ static cue_status emit_key(const cue_slot *s, int32_t start, int32_t end, unsign
     return CUE_OK;
 }
 
-static cue_status next_of(cue_payload *p, cue_slot *s, cue_event *event)
-{
+static cue_status next_of(cue_payload *p, cue_slot *s, cue_event *event) {
     for (int i = 0; i < s->keys; i++) {
         cue_shown_key *key = &s->key[i];
         if (!key->pending) continue;
@@ -71,8 +69,7 @@ static cue_status next_of(cue_payload *p, cue_slot *s, cue_event *event)
     return CUE_EMPTY;
 }
 
-static cue_status next_markers(cue_payload *p, cue_event *event)
-{
+static cue_status next_markers(cue_payload *p, cue_event *event) {
     const cue_slot *s = &p->slot[p->marker_slot];
     double parameters[MOST_P], place[CUE_MARKERS][3];
     for (int k = 0; k < MOST_P; k++) parameters[k] = (double)s->shown[p->marker_frame][k];
@@ -87,8 +84,7 @@ static cue_status next_markers(cue_payload *p, cue_event *event)
     return CUE_OK;
 }
 
-cue_status cue_payload_next(cue_payload *p, cue_event *event)
-{
+cue_status cue_payload_next(cue_payload *p, cue_event *event) {
     int32_t newest = -1;
     memset(&event->of, 0, sizeof event->of);
     if (p->marker_frame >= 0) return next_markers(p, event);

@@ -13,15 +13,13 @@ typedef struct writer {
     size_t bytes, at;
 } writer;
 
-static void say(writer *w, const char *words)
-{
+static void say(writer *w, const char *words) {
     while (*words && w->at + 1 < w->bytes) w->text[w->at++] = *words++;
     w->text[w->at] = 0;
 }
 
 /* A number with so many digits behind the point. */
-static void count(writer *w, double value, int digits)
-{
+static void count(writer *w, double value, int digits) {
     char reversed[32], out[40];
     int n = 0, at = 0;
     if (!(fabs(value) < 1e12)) {
@@ -42,8 +40,7 @@ static void count(writer *w, double value, int digits)
     say(w, out);
 }
 
-static void say_status(writer *w, cue_status status, double detail, const char *rule)
-{
+static void say_status(writer *w, cue_status status, double detail, const char *rule) {
     switch (status) {
     case CUE_BAD_ARGUMENT:
         say(w, "An argument is outside its limits; the value found is ");
@@ -101,8 +98,7 @@ static void say_status(writer *w, cue_status status, double detail, const char *
 }
 
 /* E24 to E26: how the stream stands, with its age. */
-static void say_proofs(writer *w, const cue_diagnosis *d)
-{
+static void say_proofs(writer *w, const cue_diagnosis *d) {
     static const char *const reasons[] = {
         "", "changed on its way (E22)", "from another time (E24)",
         "without a time of arrival: call cue_clock (E24)", "keys are not the broadcaster's (E19)",
@@ -120,8 +116,7 @@ static void say_proofs(writer *w, const cue_diagnosis *d)
     }
 }
 
-static void say_reception(writer *w, const cue_diagnosis *d)
-{
+static void say_reception(writer *w, const cue_diagnosis *d) {
     static const char *const states[5] = {"Searching", "Locked", "Degraded", "Lost", "Ended"};
     float level = -200.0F;
     for (int c = 0; c < CUE_MOST_CHANNELS; c++)
@@ -165,8 +160,7 @@ static void say_reception(writer *w, const cue_diagnosis *d)
 }
 
 cue_status cue_explain_text(cue_status status, double detail, const char *rule,
-                            const cue_diagnosis *diagnosis, char *text, size_t bytes)
-{
+                            const cue_diagnosis *diagnosis, char *text, size_t bytes) {
     writer w = {text, bytes, 0};
     if (bytes == 0) return CUE_BAD_ARGUMENT;
     text[0] = 0;

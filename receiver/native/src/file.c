@@ -16,15 +16,13 @@ enum {
     FAR = 1 << 28          /* no length and no time of a line is greater */
 };
 
-static uint32_t number_at(const uint8_t *at, int bytes)
-{
+static uint32_t number_at(const uint8_t *at, int bytes) {
     uint32_t value = 0;
     for (int i = 0; i < bytes; i++) value = value << 8 | at[i];
     return value;
 }
 
-static uint32_t crc32_of(const uint8_t *data, size_t bytes)
-{
+static uint32_t crc32_of(const uint8_t *data, size_t bytes) {
     uint32_t crc = UINT32_MAX;
     for (size_t i = 0; i < bytes; i++) {
         crc ^= data[i];
@@ -34,8 +32,7 @@ static uint32_t crc32_of(const uint8_t *data, size_t bytes)
 }
 
 /* F7: the record at `*at`, before `end`; -1 if there is none whole. */
-static int32_t record_at(const uint8_t *file, size_t end, size_t *at)
-{
+static int32_t record_at(const uint8_t *file, size_t end, size_t *at) {
     if (*at >= end) return -1;
     uint32_t length = file[(*at)++];
     if (length == 255) {
@@ -51,8 +48,7 @@ static int32_t record_at(const uint8_t *file, size_t end, size_t *at)
 /* ---- The line (F8 to F12) ------------------------------------------------------------------ */
 
 /* F9 */
-static int32_t length_of(cue_range *r, const uint16_t *row)
-{
+static int32_t length_of(cue_range *r, const uint16_t *row) {
     int32_t ticks = 0;
     for (;;) {
         unsigned symbol = cue_range_symbol(r, row, 33, 32);
@@ -62,8 +58,7 @@ static int32_t length_of(cue_range *r, const uint16_t *row)
 }
 
 /* F12 */
-static int32_t silence_of(cue_range *r, int32_t left)
-{
+static int32_t silence_of(cue_range *r, int32_t left) {
     static const uint16_t row[16] = {2978, 744, 744,  744, 1489, 2978, 5967, 5957,
                                      4468, 2234, 1489, 744, 744,  744,  372,  372}; /* table 6 */
     unsigned width = cue_range_symbol(r, row, 16, 16);
@@ -71,8 +66,7 @@ static int32_t silence_of(cue_range *r, int32_t left)
 }
 
 /* F11: one of some phones by their weights; `phones` has `n` of them, the table its rest first. */
-static unsigned phone_of(cue_range *r, const uint8_t *phones, const uint8_t *weights, unsigned n)
-{
+static unsigned phone_of(cue_range *r, const uint8_t *phones, const uint8_t *weights, unsigned n) {
     uint16_t row[MOST_SCORE];
     unsigned sum = 0, given = 0, best = 0;
     for (unsigned i = 0; i < n; i++) {
@@ -89,8 +83,7 @@ static unsigned phone_of(cue_range *r, const uint8_t *phones, const uint8_t *wei
 
 /* F11: consonant and vowel of a key of this symbol, 0 for none. */
 static void key_phones(cue_range *r, const cue_tables *t, const cue_file *f, unsigned symbol,
-                       unsigned *consonant, unsigned *vowel)
-{
+                       unsigned *consonant, unsigned *vowel) {
     static const uint8_t usual[8] = {18, 20, 24, 26, 29, 31, 35, 36}; /* d k ʁ n t l g j */
     uint8_t phones[MOST_SCORE], weights[MOST_SCORE];
     unsigned shape = 1 + symbol / 5, place = 1 + symbol % 5, n = 0;
@@ -112,8 +105,7 @@ static void key_phones(cue_range *r, const cue_tables *t, const cue_file *f, uns
     *vowel = n ? phone_of(r, phones, weights, n) : 0;
 }
 
-static void put(cue_file *f, cue_line *line, unsigned number, int32_t ticks)
-{
+static void put(cue_file *f, cue_line *line, unsigned number, int32_t ticks) {
     int32_t end = ticks < FAR - f->tick ? f->tick + ticks : FAR;
     f->before = (uint8_t)number;
     if (number && line && line->sounds < MOST_LINE)
@@ -122,8 +114,7 @@ static void put(cue_file *f, cue_line *line, unsigned number, int32_t ticks)
 }
 
 /* Read one phone or key further, into a line if there is one; F10: 0 if its code ended before. */
-static int read_on(cue_file *f, cue_range *r, const cue_tables *t, cue_line *line)
-{
+static int read_on(cue_file *f, cue_range *r, const cue_tables *t, cue_line *line) {
     int32_t end = TICKS * f->stop;
     unsigned symbol = f->keyed ? cue_range_symbol(r, t->alone, 41, 41)
                                : cue_range_symbol(r, t->next[f->earlier][f->before], PHONES, PHONES);
@@ -159,8 +150,7 @@ static int read_on(cue_file *f, cue_range *r, const cue_tables *t, cue_line *lin
 }
 
 /* Stand before the first phone of the line. */
-static void begin_line(cue_file *f, const uint8_t *file, const cue_tables *t)
-{
+static void begin_line(cue_file *f, const uint8_t *file, const cue_tables *t) {
     static const uint16_t special[2] = {32512, 256};
     cue_range *r = &f->line;
     cue_range_begin(r, file + f->line_at, f->line_bytes, 0);
@@ -185,8 +175,7 @@ static void begin_line(cue_file *f, const uint8_t *file, const cue_tables *t)
 
 /* ---- Opening (F1 to F10) ------------------------------------------------------------------- */
 
-static cue_rule check(cue_file *f, const uint8_t *file, size_t bytes, const cue_tables *t)
-{
+static cue_rule check(cue_file *f, const uint8_t *file, size_t bytes, const cue_tables *t) {
     if (bytes < HEAD) return RULE_F1;
     if (memcmp(file, "CUES", 4) != 0) return RULE_F2;
     if (file[4] != 4) return RULE_F3;
@@ -225,13 +214,11 @@ static cue_rule check(cue_file *f, const uint8_t *file, size_t bytes, const cue_
 }
 
 /* No pointer stays in the state. */
-static void let_go(cue_file *f)
-{
+static void let_go(cue_file *f) {
     f->line.data = f->replaced.data = 0;
 }
 
-cue_rule cue_payload_file(cue_payload *p, const uint8_t *file, size_t bytes)
-{
+cue_rule cue_payload_file(cue_payload *p, const uint8_t *file, size_t bytes) {
     cue_file *f = &p->file;
     (void)cue_payload_reset(p);
     cue_rule rule = check(f, file, bytes, &p->tables);
@@ -251,8 +238,7 @@ cue_rule cue_payload_file(cue_payload *p, const uint8_t *file, size_t bytes)
 /* ---- Superframes --------------------------------------------------------------------------- */
 
 /* J4, S9: the keys of what was read of the line since, and their strokes. */
-static void chart(cue_payload *p)
-{
+static void chart(cue_payload *p) {
     cue_file *f = &p->file;
     cue_line *line = &p->work.line;
     int count = line->sounds - f->charted, keys = line->cues;
@@ -274,8 +260,7 @@ static void chart(cue_payload *p)
 }
 
 /* Let go of what is over before a superframe. */
-static void forget(cue_payload *p, int32_t first)
-{
+static void forget(cue_payload *p, int32_t first) {
     cue_file *f = &p->file;
     cue_line *line = &p->work.line;
     int over = 0;
@@ -287,8 +272,7 @@ static void forget(cue_payload *p, int32_t first)
 }
 
 /* Keys and phones that start before `end`; phones from `first` on, so that each comes once. */
-static void report(cue_payload *p, cue_slot *s, int32_t first, int32_t end)
-{
+static void report(cue_payload *p, cue_slot *s, int32_t first, int32_t end) {
     cue_line *line = &p->work.line;
     int done = 0;
     for (; done < line->cues && line->cue[done].start < end; done++)
@@ -302,8 +286,7 @@ static void report(cue_payload *p, cue_slot *s, int32_t first, int32_t end)
 
 /* F13: add the corrections so far, or learn from what a prediction lacked. */
 static void correct(const cue_payload *p, const cue_learner *l, int kinds, int kind, int column,
-                    int width, cue_block *out)
-{
+                    int width, cue_block *out) {
     for (int t = 0; t < TICKS; t++)
         for (int k = 0; k < width; k++)
             for (int i = 0; i < kinds; i++)
@@ -311,8 +294,7 @@ static void correct(const cue_payload *p, const cue_learner *l, int kinds, int k
 }
 
 static void learn(cue_learner *l, const cue_block *weights, const cue_block *lacked, int kinds,
-                  int kind, int column, int width)
-{
+                  int kind, int column, int width) {
     double square[KINDS * KINDS];
     for (int t = 0; t < TICKS; t++) {
         const double *w = &weights->value[t][kind], *g = &lacked->value[t][column];
@@ -328,8 +310,7 @@ static void learn(cue_learner *l, const cue_block *weights, const cue_block *lac
     (void)cue_solve(square, l->table[0], kinds, MOST_GROUP);
 }
 
-static void draw(cue_payload *p, const uint8_t *data, size_t bytes, int32_t number, cue_slot *s)
-{
+static void draw(cue_payload *p, const uint8_t *data, size_t bytes, int32_t number, cue_slot *s) {
     cue_file *f = &p->file;
     const cue_model *m = &p->model;
     const cue_line *line = &p->work.line;
@@ -364,8 +345,7 @@ static void draw(cue_payload *p, const uint8_t *data, size_t bytes, int32_t numb
 }
 
 /* F6: a superframe of constant size, as if a carrier had delivered it. */
-static void read_constant(cue_payload *p, const uint8_t *data, int32_t number)
-{
+static void read_constant(cue_payload *p, const uint8_t *data, int32_t number) {
     const cue_file *f = &p->file;
     unsigned lead = data[0] & 0x20 || f->n0 < 2 ? 2 : data[1] >> 4 & 3U; /* H11 */
     cue_rule rule;
@@ -374,15 +354,13 @@ static void read_constant(cue_payload *p, const uint8_t *data, int32_t number)
 }
 
 /* Whether phones follow that start behind the last superframe. */
-static int goes_on(const cue_file *f, const cue_line *line)
-{
+static int goes_on(const cue_file *f, const cue_line *line) {
     int32_t end = TICKS * f->next;
     if (f->n0 || !f->line_bytes) return 0;
     return !f->ended || (line->sounds && line->sound[line->sounds - 1].start >= end);
 }
 
-static void read_line(cue_payload *p, const uint8_t *file, int32_t end)
-{
+static void read_line(cue_payload *p, const uint8_t *file, int32_t end) {
     cue_file *f = &p->file;
     cue_line *line = &p->work.line;
     f->line.data = f->replaced.data = file + f->line_at;
@@ -393,8 +371,7 @@ static void read_line(cue_payload *p, const uint8_t *file, int32_t end)
     let_go(f);
 }
 
-cue_status cue_payload_file_next(cue_payload *p, const uint8_t *file, size_t bytes)
-{
+cue_status cue_payload_file_next(cue_payload *p, const uint8_t *file, size_t bytes) {
     cue_file *f = &p->file;
     if (!f->opened || bytes != f->bytes) return CUE_BAD_ARGUMENT;
     if (f->next >= f->stop && !goes_on(f, &p->work.line)) return CUE_EMPTY;
@@ -417,8 +394,7 @@ cue_status cue_payload_file_next(cue_payload *p, const uint8_t *file, size_t byt
     return CUE_OK;
 }
 
-cue_status cue_payload_open(cue_payload *p, const void *file, size_t bytes, cue_file_info *info)
-{
+cue_status cue_payload_open(cue_payload *p, const void *file, size_t bytes, cue_file_info *info) {
     const cue_file *f = &p->file;
     if (!p->model.loaded) return CUE_NO_VOICE;
     p->broken = cue_payload_file(p, file, bytes);

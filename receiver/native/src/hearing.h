@@ -160,7 +160,6 @@ bool cue_link_decode(const cue_link *link, int profile, int layer, const float *
 int cue_polar_paths(const uint32_t *free_bits, int size, int paths, cue_polar_work *work,
                     uint8_t *order);
 void cue_polar_transform(uint8_t *x, int size);
-uint32_t cue_crc(const uint8_t *bits, int count, int width);
 
 /* ---- A superframe at a place (sections 5, 7) --------------------------------------------- */
 

@@ -19,20 +19,17 @@ static void add(cue_line *line, unsigned number, int32_t start, int32_t end, int
     s->stands = 0;
 }
 
-static void finish(cue_sound *s, int32_t end)
-{
+static void finish(cue_sound *s, int32_t end) {
     s->end = end;
     s->open_end = 0;
 }
 
-static cue_sound *last_of(cue_line *line)
-{
+static cue_sound *last_of(cue_line *line) {
     return line->sounds ? &line->sound[line->sounds - 1] : 0;
 }
 
 /* J3: end the last phone, of which the next superframe was to tell more; `exact` is J8. */
-static void complete(cue_line *line, unsigned ahead, int32_t end, int exact)
-{
+static void complete(cue_line *line, unsigned ahead, int32_t end, int exact) {
     cue_sound *last = last_of(line);
     if (last->number == 0 || (exact && !ahead)) {
         finish(last, end > last->start ? end : last->start);
@@ -45,8 +42,7 @@ static void complete(cue_line *line, unsigned ahead, int32_t end, int exact)
 }
 
 /* J8: the first phone of a superframe is what the last stand-in of the one before was. */
-static void take_stand_in(cue_line *line, unsigned number, int32_t end)
-{
+static void take_stand_in(cue_line *line, unsigned number, int32_t end) {
     if (cue_is_consonant(number) && cue_is_vowel(last_of(line)->number) && line->sounds > 1)
         line->sounds--;
     cue_sound *last = last_of(line);
@@ -62,8 +58,7 @@ static void take_stand_in(cue_line *line, unsigned number, int32_t end)
 }
 
 /* J1, J2, J8: what sounds as a superframe begins. */
-static void begin(cue_line *line, const cue_score *score, const cue_score *before, int32_t start)
-{
+static void begin(cue_line *line, const cue_score *score, const cue_score *before, int32_t start) {
     cue_sound *last = last_of(line);
     int32_t end = start + score->first_end;
     if (score->kind == 3) {
@@ -78,8 +73,7 @@ static void begin(cue_line *line, const cue_score *score, const cue_score *befor
     }
 }
 
-static void join_scores(const cue_scores *scores, cue_line *line)
-{
+static void join_scores(const cue_scores *scores, cue_line *line) {
     for (int i = 0; i < scores->count; i++) {
         const cue_score *score = scores->score[i];
         int32_t start = TICKS * (scores->first + i);
@@ -103,8 +97,7 @@ static void join_scores(const cue_scores *scores, cue_line *line)
 }
 
 /* J6: what reaches beyond the beginning of the next window ends there, and so on backwards. */
-static void squeeze(cue_line *line, int32_t end)
-{
+static void squeeze(cue_line *line, int32_t end) {
     for (int k = line->sounds - 1; k >= 0 && line->sound[k].end > end; k--) {
         cue_sound *s = &line->sound[k];
         s->end = end;
@@ -114,8 +107,7 @@ static void squeeze(cue_line *line, int32_t end)
 }
 
 /* J6, J7 */
-static void join_windows(const cue_scores *scores, cue_line *line)
-{
+static void join_windows(const cue_scores *scores, cue_line *line) {
     int hole = 0, told = -1, seen = 0;
     for (int i = 0; i < scores->count; i++) {
         const cue_score *window = scores->score[i];
@@ -153,8 +145,7 @@ static void join_windows(const cue_scores *scores, cue_line *line)
     if (last && (!after || after->kind != 2) && cue_is_consonant(last->number)) last->open_end = 1;
 }
 
-int cue_chart(const cue_sound *sounds, int count, cue_cue *out, int most)
-{
+int cue_chart(const cue_sound *sounds, int count, cue_cue *out, int most) {
     int n = 0;
     const cue_sound *waiting = 0;
     for (int i = 0; i < count && n + 1 < most; i++) {
@@ -176,8 +167,7 @@ int cue_chart(const cue_sound *sounds, int count, cue_cue *out, int most)
     return n;
 }
 
-uint8_t cue_key_number(const cue_cue *cue, const uint8_t cheek[3], const cue_tables *tables)
-{
+uint8_t cue_key_number(const cue_cue *cue, const uint8_t cheek[3], const cue_tables *tables) {
     unsigned consonant = cue_is_consonant(cue->phones[0]) ? cue->phones[0] : 0;
     unsigned vowel = consonant ? cue->phones[1] : cue->phones[0];
     unsigned shape = consonant ? tables->shape[consonant] : tables->shape_alone;
@@ -187,8 +177,7 @@ uint8_t cue_key_number(const cue_cue *cue, const uint8_t cheek[3], const cue_tab
     return (uint8_t)(PLACEMENTS * shape + place);
 }
 
-const cue_score *cue_nearest(const cue_scores *scores, int32_t index)
-{
+const cue_score *cue_nearest(const cue_scores *scores, int32_t index) {
     const cue_score *best = 0;
     int32_t least = INT32_MAX;
     for (int i = 0; i < scores->count; i++) {
@@ -203,8 +192,7 @@ const cue_score *cue_nearest(const cue_scores *scores, int32_t index)
 }
 
 /* J4: options and replacements of the superframe in which a key starts; J5, J7: certainty. */
-static void settle(const cue_scores *scores, const cue_tables *tables, cue_line *line)
-{
+static void settle(const cue_scores *scores, const cue_tables *tables, cue_line *line) {
     for (int i = 0; i < line->cues; i++) {
         cue_cue *cue = &line->cue[i];
         int32_t index = cue_floor(cue->start, TICKS), next = cue_floor(cue->start + 1, TICKS);
@@ -231,8 +219,7 @@ static void settle(const cue_scores *scores, const cue_tables *tables, cue_line 
     }
 }
 
-void cue_join(const cue_scores *scores, const cue_tables *tables, cue_line *line)
-{
+void cue_join(const cue_scores *scores, const cue_tables *tables, cue_line *line) {
     int windows = 0, known = 0;
     line->sounds = line->cues = 0;
     for (int i = 0; i < scores->count; i++) {
@@ -247,8 +234,7 @@ void cue_join(const cue_scores *scores, const cue_tables *tables, cue_line *line
     settle(scores, tables, line);
 }
 
-void cue_stand_in(const cue_preview *preview, cue_score *out)
-{
+void cue_stand_in(const cue_preview *preview, cue_score *out) {
     static const uint8_t consonants[8] = {18, 20, 23, 26, 29, 31, 35, 36}; /* d k s n t l g j */
     static const uint8_t vowels[5] = {1, 6, 9, 12, 14};                    /* a i ɛ ɛ̃ e */
     *out = (cue_score){.kind = 3, .rest_gap = 1, .first_end = TICKS};

@@ -49,7 +49,7 @@ void cue_link_init(cue_link *link, uint64_t *scratch) {
 }
 
 /* Register of W30 over some bits. */
-uint32_t cue_crc(const uint8_t *bits, int count, int width) {
+static uint32_t crc_of(const uint8_t *bits, int count, int width) {
     uint32_t polynomial = width == 24 ? 0x864CFB : 0x1021, mask = (1u << width) - 1, r = mask;
     for (int i = 0; i < count; i++) {
         uint32_t top = (r >> (width - 1) & 1) ^ bits[i];
@@ -59,7 +59,7 @@ uint32_t cue_crc(const uint8_t *bits, int count, int width) {
 }
 
 static bool passes(const uint8_t *message, int count, int width) {
-    uint32_t check = cue_crc(message, count - width, width);
+    uint32_t check = crc_of(message, count - width, width);
     for (int i = 0; i < width; i++)
         if ((check >> (width - 1 - i) & 1) != message[count - width + i]) return false;
     return true;

@@ -11,8 +11,7 @@
 enum { UL0 = 12, LL0 = 19, LIPS_FIRST = 12, LIPS_END = 24 };
 
 /* K2: how far two faces are from each other, mm. */
-static double apart(const cue_model *m, const double face[N_FACE], const float viseme[N_FACE])
-{
+static double apart(const cue_model *m, const double face[N_FACE], const float viseme[N_FACE]) {
     double sum = 0.0;
     for (int i = LIPS_FIRST; i < LIPS_END; i++) {
         double square = 0.0;
@@ -27,8 +26,7 @@ static double apart(const cue_model *m, const double face[N_FACE], const float v
     return sum / (LIPS_END - LIPS_FIRST);
 }
 
-static void features_of(const cue_model *m, const double face[N_FACE], double out[2])
-{
+static void features_of(const cue_model *m, const double face[N_FACE], double out[2]) {
     for (int e = 0; e < 2; e++) {
         out[e] = m->still[e];
         for (int j = 0; j < N_FACE; j++) out[e] += face[j] * m->features[j][e];
@@ -36,8 +34,7 @@ static void features_of(const cue_model *m, const double face[N_FACE], double ou
 }
 
 /* K5: tolerances of the phones that insist; 0 for the others. */
-static int insists(unsigned phone, double tolerance[2])
-{
+static int insists(unsigned phone, double tolerance[2]) {
     static const uint8_t closed[3] = {17, 25, 28}, teeth[2] = {30, 21}; /* p b m, f v */
     for (int i = 0; i < 3; i++)
         if (phone == closed[i]) {
@@ -49,8 +46,7 @@ static int insists(unsigned phone, double tolerance[2])
     return phone == teeth[0] || phone == teeth[1];
 }
 
-void cue_lips_prepare(const cue_tables *t, cue_model *m)
-{
+void cue_lips_prepare(const cue_tables *t, cue_model *m) {
     double square[N_FACE * N_FACE], easy[N_FACE * 2];
     for (int e = 0; e < 2; e++) {
         m->still[e] = (double)m->face_mean[UL0][1 + e] - (double)m->face_mean[LL0][1 + e];
@@ -96,8 +92,7 @@ void cue_lips_prepare(const cue_tables *t, cue_model *m)
 }
 
 /* K1 */
-static double weight(const cue_sound *s, double time)
-{
+static double weight(const cue_sound *s, double time) {
     double h = 0.5 * (s->end - s->start), core = fmax(0.4 * h, fmin(1.0, h));
     double x = fabs(time - 0.5 * ((double)s->start + (double)s->end));
     if (x >= core + 2.5) return 0.0;

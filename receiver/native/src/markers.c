@@ -7,8 +7,7 @@
 #include <math.h>
 
 /* O6 */
-static void move(double q[3], const double motion[6])
-{
+static void move(double q[3], const double motion[6]) {
     const double *r = motion;
     double n2 = r[0] * r[0] + r[1] * r[1] + r[2] * r[2], n = sqrt(n2), a = 1.0, b = 0.5;
     if (n > 1e-6) {
@@ -24,16 +23,14 @@ static void move(double q[3], const double motion[6])
 
 /* O7 */
 static void motion_of(const float mean[6], const float (*directions)[6], const double *parameters,
-                      int count, double out[6])
-{
+                      int count, double out[6]) {
     for (int k = 0; k < 6; k++) {
         out[k] = (double)mean[k];
         for (int i = 0; i < count; i++) out[k] += parameters[i] * (double)directions[i][k];
     }
 }
 
-void cue_markers_of(const cue_model *m, const double *parameters, double place[][3])
-{
+void cue_markers_of(const cue_model *m, const double *parameters, double place[][3]) {
     const double *hand = parameters + N_FACE, *head = hand + N_HAND, *arm = head + m->n_head;
     double motion[6], own[6], row[1 + 2 * MOST_ANGLES];
     motion_of(m->face_motion_mean, m->face_motion, head, m->n_head, motion);

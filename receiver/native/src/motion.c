@@ -8,15 +8,13 @@
 #include <math.h>
 #include <string.h>
 
-static double jerk(double u)
-{
+static double jerk(double u) {
     return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u);
 }
 
 /* P7 */
 static void mouths(const cue_sound *sounds, int count, const cue_model *m, int32_t first,
-                   double sum[TICKS][PHONES], cue_block *out)
-{
+                   double sum[TICKS][PHONES], cue_block *out) {
     for (int t = 0; t < TICKS; t++) {
         memset(sum[t], 0, sizeof sum[t]);
         sum[t][0] = 0.05;
@@ -45,8 +43,7 @@ static void mouths(const cue_sound *sounds, int count, const cue_model *m, int32
 }
 
 /* What a key asks of a moving parameter k; behind these, whether it is of a kind (F13). */
-static double asked(const cue_model *m, unsigned number, int k)
-{
+static double asked(const cue_model *m, unsigned number, int k) {
     if (k < N_HAND) return (double)m->hand[number][k];
     k -= N_HAND;
     if (k < m->n_head) return (double)m->head[number][k];
@@ -62,8 +59,7 @@ typedef struct pace {
     double late, later, stroke, power, bend;
 } pace;
 
-static pace pace_of(const cue_model *m, int k, unsigned course)
-{
+static pace pace_of(const cue_model *m, int k, unsigned course) {
     static const double powers[4] = {1.0, 0.75, 0.55, 0.42};
     const double *c = m->constants;
     int moving = m->n - N_FACE, arm = k - N_HAND - m->n_head;
@@ -78,8 +74,7 @@ static pace pace_of(const cue_model *m, int k, unsigned course)
                   c[POWER] * powers[course & 3], arm < 0 ? 0.0 : (double)m->arc[arm]};
 }
 
-static double start_of(const cue_stroke *s, const pace *p, double *lasts)
-{
+static double start_of(const cue_stroke *s, const pace *p, double *lasts) {
     double length = (double)(s->reach - s->leave);
     double f = p->stroke > 0.0 ? fmin(1.0, length / p->stroke) : 1.0;
     double start = (double)s->leave + f * p->late;
@@ -88,16 +83,14 @@ static double start_of(const cue_stroke *s, const pace *p, double *lasts)
 }
 
 /* P6: the share of its way that a stroke misses. */
-static double missed(const cue_strokes *list, int g, const double *c)
-{
+static double missed(const cue_strokes *list, int g, const double *c) {
     double natural = nearbyint(5000.0 * c[NATURAL]);
     if (g == 0 || g + 1 >= list->count) return 0.0;
     double h = (double)(list->stroke[g + 1].leave - list->stroke[g].leave);
     return h < natural ? c[UNDERSHOOT] * fmin((natural - h) / (natural / 2), 1.5) : 0.0;
 }
 
-void cue_strokes_drop(cue_strokes *list, const cue_model *m, int32_t first)
-{
+void cue_strokes_drop(cue_strokes *list, const cue_model *m, int32_t first) {
     int columns = m->n - N_FACE + KINDS;
     while (list->count > 2) {
         double share = missed(list, 1, m->constants);
@@ -149,8 +142,7 @@ static void travel(const cue_strokes *list, const cue_model *m, int k, unsigned 
     }
 }
 
-static void weigh(const cue_strokes *list, const cue_model *m, cue_motion_work *work)
-{
+static void weigh(const cue_strokes *list, const cue_model *m, cue_motion_work *work) {
     for (int g = 0; g < list->count; g++) {
         double sum = 0.0;
         for (int k = 0; g && k < m->n_forearm; k++) {
@@ -164,8 +156,7 @@ static void weigh(const cue_strokes *list, const cue_model *m, cue_motion_work *
 }
 
 void cue_predict(const cue_sound *sounds, int n_sounds, const cue_model *m, int32_t first,
-                 unsigned course, unsigned shift, cue_motion_work *work, cue_block *out)
-{
+                 unsigned course, unsigned shift, cue_motion_work *work, cue_block *out) {
     mouths(sounds, n_sounds, m, first, work->sum, out);
     weigh(&work->strokes, m, work);
     for (int k = 0; k < m->n - N_FACE; k++)
@@ -173,15 +164,13 @@ void cue_predict(const cue_sound *sounds, int n_sounds, const cue_model *m, int3
 }
 
 void cue_predict_kinds(const cue_model *m, int32_t first, unsigned course, unsigned shift,
-                       cue_motion_work *work, cue_block *out)
-{
+                       cue_motion_work *work, cue_block *out) {
     weigh(&work->strokes, m, work);
     for (int k = 0; k < KINDS; k++)
         travel(&work->strokes, m, m->n - N_FACE + k, course, shift, first, work, out, k);
 }
 
-void cue_use_shares(const cue_content *content, const cue_model *m, cue_block *out)
-{
+void cue_use_shares(const cue_content *content, const cue_model *m, cue_block *out) {
     static const double shares[3] = {1.0, 0.5, 0.0};
     const int ends[4] = {N_FACE, N_FACE + N_HAND, N_FACE + N_HAND + m->n_head, m->n};
     for (int t = 0; t < TICKS; t++)
@@ -193,8 +182,7 @@ void cue_use_shares(const cue_content *content, const cue_model *m, cue_block *o
         }
 }
 
-int cue_solve(double *a, double *b, int n, int columns)
-{
+int cue_solve(double *a, double *b, int n, int columns) {
     for (int i = 0; i < n; i++) {
         int best = i;
         for (int r = i + 1; r < n; r++)

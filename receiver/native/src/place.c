@@ -28,22 +28,19 @@ static int64_t least(int64_t a, int64_t b) { return a < b ? a : b; }
 static int64_t most(int64_t a, int64_t b) { return a > b ? a : b; }
 
 /* Blocks that end while the announcement holds. */
-static span held_blocks(const cue_proofs *p)
-{
+static span held_blocks(const cue_proofs *p) {
     int64_t length = cue_layout(p)->block;
     return (span){p->trusted.first / length, (p->trusted.until + length - 1) / length, 0.0};
 }
 
-static bool afford(cue_proofs *p, int64_t hashes)
-{
+static bool afford(cue_proofs *p, int64_t hashes) {
     if (hashes > p->hashes) return false;
     p->hashes -= hashes;
     return true;
 }
 
 /* Blocks that the one which begins here may be by the clock; false without a clock. */
-static bool by_clock(cue_proofs *p, int32_t begin, span *out)
-{
+static bool by_clock(cue_proofs *p, int32_t begin, span *out) {
     int length = cue_layout(p)->block;
     double away = p->tolerance_s / SUPERFRAME_S;
     for (int32_t index = begin; index < begin + length; index++) {
@@ -60,8 +57,7 @@ static bool by_clock(cue_proofs *p, int32_t begin, span *out)
 }
 
 /* E10, E19: whether a key leads to the latest one known of its period, or to the period's end. */
-bool cue_leads(cue_proofs *p, const cue_known *found)
-{
+static bool leads(cue_proofs *p, const cue_known *found) {
     const cue_proof_layout *l = cue_layout(p);
     int64_t blocks = PERIOD / l->block, period = found->block / blocks;
     int64_t first = period * blocks;
@@ -81,8 +77,7 @@ bool cue_leads(cue_proofs *p, const cue_known *found)
 }
 
 /* Go on with a scan, `most` blocks of it at most: whether a key that leads to the chain was found. */
-static bool go_on(cue_proofs *p, int64_t at_most, cue_known *found)
-{
+static bool go_on(cue_proofs *p, int64_t at_most, cue_known *found) {
     const cue_proof_layout *l = cue_layout(p);
     cue_scan *s = &p->scan;
     int64_t blocks = PERIOD / l->block, period = -1;
@@ -100,13 +95,12 @@ static bool go_on(cue_proofs *p, int64_t at_most, cue_known *found)
         if (memcmp(key, s->earlier, KEY_BYTES) != 0) continue;
         found->block = block;
         memcpy(found->key, s->key, KEY_BYTES);
-        if (cue_leads(p, found)) return true;
+        if (leads(p, found)) return true;
     }
     return false;
 }
 
-void cue_place_restart(cue_proofs *p, bool found)
-{
+void cue_place_restart(cue_proofs *p, bool found) {
     p->guesses = 0;
     p->scan.next = p->scan.stop = 0;
     if (!found) return;
@@ -114,8 +108,7 @@ void cue_place_restart(cue_proofs *p, bool found)
     p->hashes = FIRST_HASHES;
 }
 
-static bool guess_at(const cue_proofs *p, int32_t begin, uint8_t key[KEY_BYTES])
-{
+static bool guess_at(const cue_proofs *p, int32_t begin, uint8_t key[KEY_BYTES]) {
     for (int i = 0; i < p->guesses; i++)
         if (p->guess[i].begin == begin) {
             if (key) memcpy(key, p->guess[i].key, KEY_BYTES);
@@ -124,8 +117,7 @@ static bool guess_at(const cue_proofs *p, int32_t begin, uint8_t key[KEY_BYTES])
     return false;
 }
 
-static void keep_guess(cue_proofs *p, int32_t begin, const uint8_t key[KEY_BYTES])
-{
+static void keep_guess(cue_proofs *p, int32_t begin, const uint8_t key[KEY_BYTES]) {
     int kept = 0;
     for (int i = 0; i < p->guesses; i++)
         if (p->guess[i].begin > begin - cue_layout(p)->block) p->guess[kept++] = p->guess[i];
@@ -135,8 +127,7 @@ static void keep_guess(cue_proofs *p, int32_t begin, const uint8_t key[KEY_BYTES
     p->guesses = kept + 1;
 }
 
-bool cue_place_look(cue_proofs *p, int32_t index, cue_known *found, int32_t *at)
-{
+bool cue_place_look(cue_proofs *p, int32_t index, cue_known *found, int32_t *at) {
     static const int strides[3] = {1, 7, 23}; /* E28: none shares a factor with a block */
     const cue_proof_layout *l = cue_layout(p);
     int32_t begin = index - l->block + 1;
@@ -167,7 +158,7 @@ bool cue_place_look(cue_proofs *p, int32_t index, cue_known *found, int32_t *at)
         int64_t block = i == 0 ? nearest : nearest + (clock.now > (double)nearest ? 1 : -1);
         if (block < clock.first || block >= clock.stop) continue;
         found->block = block;
-        if (cue_leads(p, found)) return true;
+        if (leads(p, found)) return true;
     }
     if (!pair) return false;
     p->scan.begin = begin;

@@ -24,23 +24,21 @@ enum {
 
 const cue_proof_layout *cue_layout(const cue_proofs *p) { return &cue_proof_layouts[p->wide]; }
 
-const uint8_t *cue_end_of(const cue_proofs *p, int64_t period)
-{
+const uint8_t *cue_end_of(const cue_proofs *p, int64_t period) {
     int64_t at = period - p->trusted.first / PERIOD;
     return p->trusted.ends[p->wide][at < 0 || at >= MOST_PERIODS ? 0 : at];
 }
 
 /* ---- What arrived -------------------------------------------------------------------------- */
 
-cue_arrived *cue_arrived_at(cue_proofs *p, int32_t index)
-{
+cue_arrived *cue_arrived_at(cue_proofs *p, int32_t index) {
     int32_t oldest = p->last - (WAIT_BLOCKS + 1) * cue_layout(p)->block;
     cue_arrived *one = &p->arrived[(uint32_t)index % REMEMBERED];
     return index >= p->run && index >= oldest && index <= p->last && one->index == index ? one : 0;
 }
 
-int64_t cue_fields(cue_proofs *p, int32_t begin, int at, int count, int32_t without)
-{
+/* E6: bits of the fields of the block that begins at an index; -1 where one was lost. */
+static int64_t fields_of(cue_proofs *p, int32_t begin, int at, int count, int32_t without) {
     int width = cue_layout(p)->width, first = at / width, last = (at + count - 1) / width;
     uint64_t value = 0;
     for (int i = first; i <= last; i++) {
@@ -52,24 +50,21 @@ int64_t cue_fields(cue_proofs *p, int32_t begin, int at, int count, int32_t with
     return (int64_t)(value >> behind & ((UINT64_C(1) << count) - 1));
 }
 
-int64_t cue_sent_bits(cue_proofs *p, int32_t begin)
-{
-    return cue_fields(p, begin, 12 * cue_layout(p)->checks + 24, 48, -1);
+int64_t cue_sent_bits(cue_proofs *p, int32_t begin) {
+    return fields_of(p, begin, 12 * cue_layout(p)->checks + 24, 48, -1);
 }
 
-int64_t cue_quick(cue_proofs *p, int32_t begin, const cue_arrived **covered)
-{
+int64_t cue_quick(cue_proofs *p, int32_t begin, const cue_arrived **covered) {
     *covered = cue_arrived_at(p, begin + cue_layout(p)->quick);
-    return *covered ? cue_fields(p, begin, 12 * cue_layout(p)->checks, 24, -1) : -1;
+    return *covered ? fields_of(p, begin, 12 * cue_layout(p)->checks, 24, -1) : -1;
 }
 
 /* ---- Checking a block whose key is known --------------------------------------------------- */
 
 static void parities_of(cue_proofs *p, int32_t begin, const uint8_t key[KEY_BYTES],
-                        cue_parities *out)
-{
+                        cue_parities *out) {
     const cue_proof_layout *l = cue_layout(p);
-    for (int j = 0; j < l->checks; j++) out->check[j] = (int32_t)cue_fields(p, begin, 12 * j, 12, -1);
+    for (int j = 0; j < l->checks; j++) out->check[j] = (int32_t)fields_of(p, begin, 12 * j, 12, -1);
     for (int place = 0; place < l->block; place++) {
         const cue_arrived *one = cue_arrived_at(p, begin - l->block + place);
         out->missing[place] = !one;
@@ -82,8 +77,7 @@ static void parities_of(cue_proofs *p, int32_t begin, const uint8_t key[KEY_BYTE
 
 /* E22: places of the block before that are not what was sent, as marks; -1: too many were lost. */
 static int find_wrong(cue_proofs *p, int32_t begin, const cue_parities *all,
-                      uint8_t wrong[LONGEST_BLOCK])
-{
+                      uint8_t wrong[LONGEST_BLOCK]) {
     const cue_proof_layout *l = cue_layout(p);
     int32_t before = begin - l->block;
     memset(wrong, 0, LONGEST_BLOCK);
@@ -103,7 +97,7 @@ static int find_wrong(cue_proofs *p, int32_t begin, const cue_parities *all,
             some.missing[place] = 1;
         } else {
             for (int j = 0; j < l->checks; j++)
-                some.check[j] = (int32_t)cue_fields(p, begin, 12 * j, 12, before + place);
+                some.check[j] = (int32_t)fields_of(p, begin, 12 * j, 12, before + place);
         }
         if (cue_parities_agree(&some, l, LOCATING) <= 0) continue;
         if (place < l->block) wrong[place] = 1;
@@ -114,8 +108,7 @@ static int find_wrong(cue_proofs *p, int32_t begin, const cue_parities *all,
 }
 
 /* E24: why the superframes of two blocks are from another time, 0 if they are not. */
-static uint8_t lateness(cue_proofs *p, int32_t first, int32_t stop)
-{
+static uint8_t lateness(cue_proofs *p, int32_t first, int32_t stop) {
     double away_s = 0.0;
     bool timed = false;
     for (int32_t index = first; index < stop; index++) {
@@ -131,8 +124,7 @@ static uint8_t lateness(cue_proofs *p, int32_t first, int32_t stop)
     return fabs(away_s) <= p->tolerance_s ? CUE_PROOF_FINE : CUE_PROOF_OTHER_TIME;
 }
 
-static void judge(cue_arrived *one, bool agrees, uint8_t late)
-{
+static void judge(cue_arrived *one, bool agrees, uint8_t late) {
     if (agrees && !late) {
         one->agreed = 1;
         one->reason = CUE_PROOF_FINE;
@@ -142,8 +134,7 @@ static void judge(cue_arrived *one, bool agrees, uint8_t late)
     }
 }
 
-static void check_block(cue_proofs *p, int64_t block, const uint8_t key[KEY_BYTES])
-{
+static void check_block(cue_proofs *p, int64_t block, const uint8_t key[KEY_BYTES]) {
     const cue_proof_layout *l = cue_layout(p);
     int32_t begin = (int32_t)(block * l->block - p->offset), before = begin - l->block;
     const cue_arrived *covered;
@@ -178,16 +169,14 @@ static void check_block(cue_proofs *p, int64_t block, const uint8_t key[KEY_BYTE
 
 /* ---- Keys ---------------------------------------------------------------------------------- */
 
-static void unlock(cue_proofs *p)
-{
+static void unlock(cue_proofs *p) {
     cue_place_restart(p, p->locked);
     p->locked = p->has_known = false;
     p->misses = 0;
 }
 
 /* Check all blocks whose keys follow from this one. */
-static void learn(cue_proofs *p, const cue_known *known)
-{
+static void learn(cue_proofs *p, const cue_known *known) {
     const cue_proof_layout *l = cue_layout(p);
     int64_t blocks = PERIOD / l->block, period = known->block / blocks;
     cue_known *latest = &p->latest[p->wide];
@@ -207,8 +196,7 @@ static void learn(cue_proofs *p, const cue_known *known)
     p->pending = p->next;
 }
 
-static void lock(cue_proofs *p, const cue_known *known, int32_t begin)
-{
+static void lock(cue_proofs *p, const cue_known *known, int32_t begin) {
     const cue_proof_layout *l = cue_layout(p);
     int32_t oldest = p->last;
     p->offset = known->block * l->block - begin;
@@ -222,8 +210,7 @@ static void lock(cue_proofs *p, const cue_known *known, int32_t begin)
 }
 
 /* E19: 1 if the fields of a block say a key that leads to the chain, 0 if nobody's, -1 if lost. */
-static int key_of(cue_proofs *p, int64_t block, int32_t begin, cue_known *found)
-{
+static int key_of(cue_proofs *p, int64_t block, int32_t begin, cue_known *found) {
     const cue_proof_layout *l = cue_layout(p);
     int64_t blocks = PERIOD / l->block, period = block / blocks, sent = cue_sent_bits(p, begin);
     if (sent < 0) return -1;
@@ -253,8 +240,7 @@ static int key_of(cue_proofs *p, int64_t block, int32_t begin, cue_known *found)
     return 0;
 }
 
-static void settle(cue_proofs *p, int64_t block)
-{
+static void settle(cue_proofs *p, int64_t block) {
     const cue_proof_layout *l = cue_layout(p);
     cue_known found;
     if (block < p->trusted.first / l->block ||
@@ -279,8 +265,7 @@ static void settle(cue_proofs *p, int64_t block)
 
 /* ---- Taking superframes -------------------------------------------------------------------- */
 
-static void settle_until(cue_proofs *p, int32_t index)
-{
+static void settle_until(cue_proofs *p, int32_t index) {
     const cue_proof_layout *l = cue_layout(p);
     while (p->locked && (p->next + 1) * l->block - 1 <= index + p->offset) {
         int64_t block = p->next++;
@@ -291,8 +276,7 @@ static void settle_until(cue_proofs *p, int32_t index)
 }
 
 /* E29: go over to fields of another width when enough of them have come. */
-static void follow_width(cue_proofs *p, int width)
-{
+static void follow_width(cue_proofs *p, int width) {
     if (width == 0 || width == cue_layout(p)->width) {
         p->others = 0;
     } else if (++p->others >= OTHERS) {
@@ -302,8 +286,7 @@ static void follow_width(cue_proofs *p, int width)
     }
 }
 
-void cue_proofs_add(cue_proofs *p, const cue_arrived *one)
-{
+void cue_proofs_add(cue_proofs *p, const cue_arrived *one) {
     int32_t index = one->index, begin;
     cue_known found;
     if (p->first < 0) p->first = index;
@@ -316,8 +299,7 @@ void cue_proofs_add(cue_proofs *p, const cue_arrived *one)
 }
 
 /* What is to be proved of a part, and its proof (E4, E7). */
-static void read_part(const uint8_t *l0, size_t bytes, cue_arrived *out)
-{
+static void read_part(const uint8_t *l0, size_t bytes, cue_arrived *out) {
     bool compact = l0[0] & 0x20;
     size_t covered = compact ? bytes : bytes < 2 ? 0 : bytes - 2;
     bool is_signed = compact ? bytes >= 4 && bytes <= 12 && l0[0] & 0x10
@@ -335,8 +317,7 @@ static void read_part(const uint8_t *l0, size_t bytes, cue_arrived *out)
 }
 
 /* End a run: what is open of it stays as it is. */
-void cue_proofs_end(cue_proofs *p)
-{
+void cue_proofs_end(cue_proofs *p) {
     if (!p->started) return;
     p->closed = p->last;
     p->run = p->last + 1;
@@ -344,8 +325,7 @@ void cue_proofs_end(cue_proofs *p)
     unlock(p);
 }
 
-void cue_proofs_init(cue_proofs *p)
-{
+void cue_proofs_init(cue_proofs *p) {
     memset(p, 0, sizeof *p);
     for (int i = 0; i < REMEMBERED; i++) p->arrived[i].index = -1;
     p->last = p->first = p->closed = -1;
@@ -354,8 +334,8 @@ void cue_proofs_init(cue_proofs *p)
     cue_place_restart(p, true);
 }
 
-void cue_proofs_trust(cue_proofs *p, const cue_announcement *trusted, double tolerance_s)
-{
+/* Trust a broadcaster; 0: none. */
+static void trust(cue_proofs *p, const cue_announcement *trusted, double tolerance_s) {
     if (!trusted || memcmp(trusted->key, p->trusted.key, sizeof trusted->key) != 0)
         cue_proofs_init(p); /* what was learnt holds for one broadcaster (E17, E27) */
     p->trusting = trusted != 0;
@@ -363,8 +343,7 @@ void cue_proofs_trust(cue_proofs *p, const cue_announcement *trusted, double tol
     p->tolerance_s = tolerance_s;
 }
 
-void cue_proofs_reset(cue_proofs *p)
-{
+void cue_proofs_reset(cue_proofs *p) {
     cue_proofs_end(p);
     p->started = false;
     p->bare = 0;
@@ -372,8 +351,7 @@ void cue_proofs_reset(cue_proofs *p)
     p->clock_s = NAN;
 }
 
-void cue_proofs_take(cue_proofs *p, const uint8_t *l0, size_t bytes, double on_air_s)
-{
+void cue_proofs_take(cue_proofs *p, const uint8_t *l0, size_t bytes, double on_air_s) {
     if (!p->trusting || bytes == 0) return;
     double away = p->started ? (on_air_s - p->base_s) / SUPERFRAME_S : 0.0;
     if (!(fabs(away) < 1e8)) return;
@@ -402,8 +380,7 @@ void cue_proofs_take(cue_proofs *p, const uint8_t *l0, size_t bytes, double on_a
 
 /* ---- Verdicts ------------------------------------------------------------------------------ */
 
-cue_status cue_proofs_next(cue_proofs *p, cue_event *event)
-{
+cue_status cue_proofs_next(cue_proofs *p, cue_event *event) {
     cue_proof *out = &event->of.proof;
     event->kind = CUE_EVENT_PROOF;
     memcpy(out->of, p->trusted.key, sizeof out->of);
@@ -438,12 +415,11 @@ cue_status cue_proofs_next(cue_proofs *p, cue_event *event)
 /* ---- The receiver's side --------------------------------------------------------------------- */
 
 cue_status cue_payload_trust(cue_payload *payload, const void *announcement, size_t bytes,
-                             double tolerance_s, cue_verify verify, void *context)
-{
+                             double tolerance_s, cue_verify verify, void *context) {
     static const cue_rule rules[] = {RULE_NONE, RULE_E15, RULE_E16, RULE_E18};
     cue_announcement read;
     if (!announcement) {
-        cue_proofs_trust(&payload->proofs, 0, 0.0);
+        trust(&payload->proofs, 0, 0.0);
         return CUE_OK;
     }
     if (!(tolerance_s > 0.0 && tolerance_s < 1e6)) return CUE_BAD_ARGUMENT;
@@ -453,18 +429,16 @@ cue_status cue_payload_trust(cue_payload *payload, const void *announcement, siz
     uint8_t digest[32];
     cue_sha256(read.key, sizeof read.key, digest); /* E9 */
     memcpy(read.channel, digest, sizeof read.channel);
-    cue_proofs_trust(&payload->proofs, &read, tolerance_s);
+    trust(&payload->proofs, &read, tolerance_s);
     return CUE_OK;
 }
 
-void cue_payload_clock(cue_payload *payload, double time_s, double utc_s)
-{
+void cue_payload_clock(cue_payload *payload, double time_s, double utc_s) {
     payload->proofs.clock_s = time_s;
     payload->proofs.clock_utc_s = utc_s;
 }
 
-void cue_payload_diagnose(const cue_payload *payload, cue_diagnosis *diagnosis)
-{
+void cue_payload_diagnose(const cue_payload *payload, cue_diagnosis *diagnosis) {
     const cue_proofs *p = &payload->proofs;
     diagnosis->proofs = p->verified;
     diagnosis->forged = p->forged;

@@ -130,15 +130,11 @@ typedef struct cue_proofs {
 
 cue_arrived *cue_arrived_at(cue_proofs *proofs, int32_t index);
 const cue_proof_layout *cue_layout(const cue_proofs *proofs);
-/* E6: bits of the fields of the block that begins at an index; -1 where one was lost. */
-int64_t cue_fields(cue_proofs *proofs, int32_t begin, int at, int count, int32_t without);
 int64_t cue_sent_bits(cue_proofs *proofs, int32_t begin);
 /* The quick tag and what it covers; -1 if one of them was lost. */
 int64_t cue_quick(cue_proofs *proofs, int32_t begin, const cue_arrived **covered);
 /* The end of a period's chain. */
 const uint8_t *cue_end_of(const cue_proofs *proofs, int64_t period);
-/* Whether a key of this block leads to what is known of its period, `steps` hashes at most. */
-bool cue_leads(cue_proofs *proofs, const cue_known *found);
 
 /* E20: look whether the superframes up to an index end a block of the broadcaster's. */
 bool cue_place_look(cue_proofs *proofs, int32_t index, cue_known *found, int32_t *begin);
@@ -146,8 +142,6 @@ void cue_place_restart(cue_proofs *proofs, bool found);
 
 void cue_proofs_init(cue_proofs *proofs);
 void cue_proofs_reset(cue_proofs *proofs);
-/* Trust a broadcaster (0: none); a clock's word of the time time_s. */
-void cue_proofs_trust(cue_proofs *proofs, const cue_announcement *trusted, double tolerance_s);
 void cue_proofs_take(cue_proofs *proofs, const uint8_t *l0, size_t bytes, double on_air_s);
 /* A superframe that has been read: what its proof covers, its field of `width` bits. */
 void cue_proofs_add(cue_proofs *proofs, const cue_arrived *one);

@@ -4,8 +4,7 @@
  * Specification: spec/bitstream.md, section 7 (R1 to R8). */
 #include "payload.h"
 
-static void next_byte(cue_range *r)
-{
+static void next_byte(cue_range *r) {
     uint32_t byte = 0, slack = 255;
     if (r->position < r->bytes) {
         byte = r->data[r->position];
@@ -20,8 +19,7 @@ static void next_byte(cue_range *r)
     r->position++;
 }
 
-void cue_range_begin(cue_range *r, const uint8_t *data, size_t bytes, unsigned tail_bits)
-{
+void cue_range_begin(cue_range *r, const uint8_t *data, size_t bytes, unsigned tail_bits) {
     r->data = data;
     r->bytes = bytes > tail_bits / 8 ? bytes - tail_bits / 8 : 0;
     r->unknown = (1U << tail_bits % 8) - 1U;
@@ -34,8 +32,7 @@ void cue_range_begin(cue_range *r, const uint8_t *data, size_t bytes, unsigned t
     if (r->code > UINT32_MAX - 1U) r->code = UINT32_MAX - 1U; /* R2 */
 }
 
-unsigned cue_range_symbol(cue_range *r, const uint16_t *row, unsigned n, unsigned limit)
-{
+unsigned cue_range_symbol(cue_range *r, const uint16_t *row, unsigned n, unsigned limit) {
     uint32_t unit = r->range >> 15, v = r->code / unit, start = 0, size;
     unsigned s = 0, last = limit < n ? limit : n - 1U;
     if (v > 32767) v = 32767;
@@ -51,8 +48,7 @@ unsigned cue_range_symbol(cue_range *r, const uint16_t *row, unsigned n, unsigne
     return s;
 }
 
-unsigned cue_range_bits(cue_range *r, unsigned count)
-{
+unsigned cue_range_bits(cue_range *r, unsigned count) {
     static const uint16_t even[2] = {HALF, HALF};
     unsigned value = 0;
     while (count-- > 0) value = value << 1 | cue_range_symbol(r, even, 2, 2);

@@ -10,8 +10,7 @@
 
 static const int8_t LEVELS[7] = {0, 4, -4, 8, -8, 12, -12};
 
-void cue_bases_order(cue_bases *bases)
-{
+void cue_bases_order(cue_bases *bases) {
     int count = bases->channels * TICKS;
     for (int b = 0; b < BASES; b++) {
         /* T2: insertion into ascending (frequency, channel), stable by descending scale. */
@@ -30,8 +29,7 @@ void cue_bases_order(cue_bases *bases)
 }
 
 /* C1 */
-static int class_of(const cue_bases *bases, const cue_content *content, int place, int *shift)
-{
+static int class_of(const cue_bases *bases, const cue_content *content, int place, int *shift) {
     int scale = bases->scales[content->basis][place / TICKS][place % TICKS];
     int ratio = scale + LEVELS[content->level] - content->step + 16;
     *shift = ratio > 24 ? (ratio - 21) >> 2 : 0;
@@ -39,8 +37,7 @@ static int class_of(const cue_bases *bases, const cue_content *content, int plac
 }
 
 /* C4: an index, and whether all its symbols were determined. */
-static int64_t read_index(cue_range *r, const uint16_t *row, int shift, int *determined)
-{
+static int64_t read_index(cue_range *r, const uint16_t *row, int shift, int *determined) {
     static const uint16_t even[2] = {HALF, HALF};
     int64_t q = (int64_t)cue_range_symbol(r, row, 16, 16);
     int sure = r->determined;
@@ -71,8 +68,7 @@ static int64_t read_index(cue_range *r, const uint16_t *row, int shift, int *det
 }
 
 int cue_coefficients_read(cue_range *r, const cue_tables *tables, const cue_bases *bases,
-                          const cue_content *content, int first, cue_coefficients *found)
-{
+                          const cue_content *content, int first, cue_coefficients *found) {
     const uint16_t *rank = bases->rank[content->basis];
     for (int n = first; n < found->count; n++) {
         int place = bases->scan[content->basis][n], shift;
@@ -96,8 +92,7 @@ int cue_coefficients_read(cue_range *r, const cue_tables *tables, const cue_base
 }
 
 void cue_coefficients_value(const cue_tables *tables, const cue_bases *bases,
-                            const cue_content *content, cue_coefficients *found)
-{
+                            const cue_content *content, cue_coefficients *found) {
     static const int64_t widths[4] = {65536, 77936, 92682, 110218}; /* Q1 */
     int64_t width = widths[content->step % 4] << content->step / 4;
     for (int n = 0; n < found->count; n++) {
@@ -113,8 +108,7 @@ void cue_coefficients_value(const cue_tables *tables, const cue_bases *bases,
 }
 
 void cue_residual(const cue_content *content, const cue_coefficients *found, const cue_bases *bases,
-                  const cue_model *model, cue_block *out)
-{
+                  const cue_model *model, cue_block *out) {
     double wave[TICKS][TICKS]; /* by frequency and frame */
     const double pi = 3.14159265358979323846, frames = (double)TICKS;
     memset(out, 0, sizeof *out);

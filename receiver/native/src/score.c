@@ -11,33 +11,28 @@ static const uint16_t NINE[9] = {3648, 3640, 3640, 3640, 3640, 3640, 3640, 3640,
 static const uint16_t SIX[6] = {5463, 5461, 5461, 5461, 5461, 5461};
 static const uint16_t REPLACED[2] = {28672, 4096};
 
-unsigned cue_tempo(int ticks)
-{
+unsigned cue_tempo(int ticks) {
     return ticks == 0 ? 0 : ticks <= 3 ? 1 : ticks <= 5 ? 2 : 3; /* S6 */
 }
 
-static void read_options(cue_range *r, cue_score *out)
-{
+static void read_options(cue_range *r, cue_score *out) {
     for (int i = 0; i < 3; i++) out->cheek[i] = (uint8_t)cue_range_bits(r, 1);
     out->rest_gap = (uint8_t)cue_range_bits(r, 2);
 }
 
-static void put(cue_score *out, unsigned number, int start)
-{
+static void put(cue_score *out, unsigned number, int start) {
     out->number[out->count] = (uint8_t)number;
     out->start[out->count++] = (int16_t)start;
 }
 
-unsigned cue_replacement_read(cue_range *r)
-{
+unsigned cue_replacement_read(cue_range *r) {
     if (!cue_range_symbol(r, REPLACED, 2, 2)) return 0;
     unsigned shape = cue_range_symbol(r, NINE, 9, 9);
     return 1 + PLACEMENTS * shape + cue_range_symbol(r, SIX, 6, 6);
 }
 
 /* S9, S10: options, and for each key whether another one is shown. */
-static void read_special(cue_range *r, cue_score *out)
-{
+static void read_special(cue_range *r, cue_score *out) {
     read_options(r, out);
     unsigned before = out->first;
     for (int i = 0; i < out->count; before = out->number[i++]) {
@@ -47,8 +42,7 @@ static void read_special(cue_range *r, cue_score *out)
     }
 }
 
-void cue_score_read(cue_range *r, const cue_tables *t, cue_score *out)
-{
+void cue_score_read(cue_range *r, const cue_tables *t, cue_score *out) {
     static const uint16_t timing[2] = {32640, 128}, special[2] = {32512, 256};
     int even = (int)cue_range_symbol(r, timing, 2, 2);
     int is_special = (int)cue_range_symbol(r, special, 2, 2);
@@ -85,8 +79,7 @@ void cue_score_read(cue_range *r, const cue_tables *t, cue_score *out)
     if (is_special) read_special(r, out);
 }
 
-unsigned cue_previews_read(cue_range *r, const cue_tables *t, cue_preview out[4])
-{
+unsigned cue_previews_read(cue_range *r, const cue_tables *t, cue_preview out[4]) {
     static const uint16_t which[5] = {12288, 1024, 1024, 4096, 14336}; /* V1 */
     static const uint8_t sets[5] = {0, 1, 2, 3, 7};
     unsigned set = sets[cue_range_symbol(r, which, 5, 5)];
@@ -107,8 +100,7 @@ unsigned cue_previews_read(cue_range *r, const cue_tables *t, cue_preview out[4]
     return set;
 }
 
-static void read_labels(cue_range *r, const cue_tables *t, cue_preview *out)
-{
+static void read_labels(cue_range *r, const cue_tables *t, cue_preview *out) {
     static const uint16_t after_rest[9] = {2560, 2560, 2560, 2048, 2048, 2048, 1536, 1536, 15872};
     static const uint16_t after_key[9] = {3072, 6656, 7168, 5632, 3584, 2560, 1536, 1024, 1536};
     unsigned last = 41;
@@ -124,8 +116,7 @@ static void read_labels(cue_range *r, const cue_tables *t, cue_preview *out)
     }
 }
 
-unsigned cue_labels_read(cue_range *r, const cue_tables *t, cue_preview *own, cue_preview out[4])
-{
+unsigned cue_labels_read(cue_range *r, const cue_tables *t, cue_preview *own, cue_preview out[4]) {
     static const uint16_t which[5] = {1024, 20480, 4096, 1024, 6144}; /* V6 */
     static const uint8_t sets[5] = {0, 1, 8, 9, 3};
     unsigned set = sets[cue_range_symbol(r, which, 5, 5)];
@@ -136,8 +127,7 @@ unsigned cue_labels_read(cue_range *r, const cue_tables *t, cue_preview *own, cu
     return set;
 }
 
-void cue_window_read(cue_range *r, const cue_tables *t, cue_score *out, int special)
-{
+void cue_window_read(cue_range *r, const cue_tables *t, cue_score *out, int special) {
     static const uint16_t timings[2] = {8192, 24576};
     static const uint16_t begins[16] = {1536, 2048, 2560, 3072, 3584, 3584, 3072, 2560,
                                         2048, 2048, 1536, 1536, 1024, 1024, 1024, 512};

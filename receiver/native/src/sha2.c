@@ -66,22 +66,19 @@ static const uint64_t BEGIN[8] = {
 BLOCK(take256, uint32_t, 64, 2, 13, 22, 6, 11, 25, 7, 18, 3, 17, 19, 10)
 BLOCK(take512, uint64_t, 80, 28, 34, 39, 14, 18, 41, 1, 8, 7, 19, 61, 6)
 
-void cue_sha512_begin(cue_sha512 *s)
-{
+void cue_sha512_begin(cue_sha512 *s) {
     memcpy(s->h, BEGIN, sizeof s->h);
     s->bytes = 0;
 }
 
-void cue_sha512_add(cue_sha512 *s, const uint8_t *data, size_t bytes)
-{
+void cue_sha512_add(cue_sha512 *s, const uint8_t *data, size_t bytes) {
     for (size_t i = 0; i < bytes; i++) {
         s->block[s->bytes++ % 128] = data[i];
         if (s->bytes % 128 == 0) take512(s->h, s->block);
     }
 }
 
-void cue_sha512_end(cue_sha512 *s, uint8_t digest[64])
-{
+void cue_sha512_end(cue_sha512 *s, uint8_t digest[64]) {
     static const uint8_t one = 0x80, zero = 0;
     uint8_t length[8];
     for (int i = 0; i < 8; i++) length[i] = (uint8_t)(8 * s->bytes >> (56 - 8 * i));
@@ -91,8 +88,7 @@ void cue_sha512_end(cue_sha512 *s, uint8_t digest[64])
     for (int i = 0; i < 64; i++) digest[i] = (uint8_t)(s->h[i / 8] >> (56 - 8 * (i % 8)));
 }
 
-void cue_sha256(const uint8_t *data, size_t bytes, uint8_t digest[32])
-{
+void cue_sha256(const uint8_t *data, size_t bytes, uint8_t digest[32]) {
     uint32_t h[8];
     uint8_t last[128] = {0};
     size_t whole = bytes / 64 * 64, rest = bytes - whole, end = rest < 56 ? 64 : 128;

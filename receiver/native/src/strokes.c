@@ -7,34 +7,28 @@
 
 #include <math.h>
 
-static int64_t whole(double x)
-{
+static int64_t whole(double x) {
     return (int64_t)nearbyint(x); /* halves to the even one */
 }
 
-static int64_t parts(double seconds)
-{
+static int64_t parts(double seconds) {
     return whole(5000.0 * seconds);
 }
 
-static int64_t least(int64_t a, int64_t b)
-{
+static int64_t least(int64_t a, int64_t b) {
     return a < b ? a : b;
 }
 
-static int64_t most(int64_t a, int64_t b)
-{
+static int64_t most(int64_t a, int64_t b) {
     return a > b ? a : b;
 }
 
-static int64_t free_after(const cue_stroke *s, const double *c)
-{
+static int64_t free_after(const cue_stroke *s, const double *c) {
     return s->reach - whole(c[OVERLAP] * (double)(s->reach - s->leave));
 }
 
 /* The last rule of P1; `raw` is the stroke as the rules before leave it. */
-static void add(cue_strokes *list, cue_stroke raw, const double *c)
-{
+static void add(cue_strokes *list, cue_stroke raw, const double *c) {
     cue_stroke s = raw;
     if (list->count == MOST_STROKES) return;
     if (list->count) {
@@ -46,16 +40,14 @@ static void add(cue_strokes *list, cue_stroke raw, const double *c)
     list->stroke[list->count++] = s;
 }
 
-static void add_rest(cue_strokes *list, int64_t end, int64_t before, const double *c)
-{
+static void add_rest(cue_strokes *list, int64_t end, int64_t before, const double *c) {
     int64_t leave = end + parts(c[REST_DELAY]);
     int64_t reach = most(least(leave + parts(c[REST_MOVE]), before), leave + parts(c[SHORTEST]));
     add(list, (cue_stroke){leave, reach, 0}, c);
 }
 
 /* P2: whether a superframe was lost between two ticks, so that silence is not known. */
-static int is_lost(const cue_sound *sounds, int count, int32_t begin, int32_t end)
-{
+static int is_lost(const cue_sound *sounds, int count, int32_t begin, int32_t end) {
     for (int i = 0; i < count; i++)
         if (sounds[i].open_start && sounds[i].open_end && begin <= sounds[i].start &&
             sounds[i].end <= end)
@@ -63,8 +55,7 @@ static int is_lost(const cue_sound *sounds, int count, int32_t begin, int32_t en
     return 0;
 }
 
-static double way_between(const cue_model *model, unsigned from, unsigned to)
-{
+static double way_between(const cue_model *model, unsigned from, unsigned to) {
     double sum = 0.0;
     for (int k = 0; k < 3; k++) {
         double d = (double)model->places[to][k] - (double)model->places[from][k];
@@ -73,15 +64,13 @@ static double way_between(const cue_model *model, unsigned from, unsigned to)
     return sqrt(sum);
 }
 
-void cue_strokes_begin(cue_strokes *list)
-{
+void cue_strokes_begin(cue_strokes *list) {
     list->count = list->dropped = 0;
     list->raw = list->stroke[list->count++] = (cue_stroke){CUE_LONG_AGO, CUE_LONG_AGO, 0};
 }
 
 void cue_strokes_key(cue_strokes *list, const cue_cue *before, const cue_cue *cue, int waits,
-                     unsigned rest_gap, const cue_model *model)
-{
+                     unsigned rest_gap, const cue_model *model) {
     static const int32_t gaps[4] = {12, 25, 50, 90}; /* S9, in ticks */
     const double *c = model->constants;
     int64_t a = 100 * (int64_t)cue->start, lead = parts(c[FIRST_LEAD]);
@@ -106,14 +95,12 @@ void cue_strokes_key(cue_strokes *list, const cue_cue *before, const cue_cue *cu
     add(list, (cue_stroke){leave, reach, cue->number}, c);
 }
 
-void cue_strokes_end(cue_strokes *list, const cue_cue *last, const cue_model *model)
-{
+void cue_strokes_end(cue_strokes *list, const cue_cue *last, const cue_model *model) {
     add_rest(list, 100 * (int64_t)last->end, INT64_C(1) << 40, model->constants);
 }
 
 void cue_strokes_of(const cue_line *line, unsigned rest_gap, const cue_model *model,
-                    cue_strokes *out)
-{
+                    cue_strokes *out) {
     cue_strokes_begin(out);
     for (int i = 0; i < line->cues; i++) {
         const cue_cue *cue = &line->cue[i], *before = i ? cue - 1 : 0;

@@ -17,16 +17,14 @@ static const uint16_t FILMED_USE[3] = {12288, 18432, 2048};
 static const uint16_t FILMED_BASIS[4] = {1024, 1024, 3072, 27648};
 static const uint16_t SHARE[3] = {12288, 4096, 16384};
 
-const char *cue_rule_name(cue_rule rule)
-{
+const char *cue_rule_name(cue_rule rule) {
     static const char NAMES[][4] = {"",   "H1", "H2", "H6", "M2",  "F1",  "F2",  "F3",
                                     "F4", "F5", "F6", "F7", "F10", "E15", "E16", "E18"};
     return NAMES[rule];
 }
 
 unsigned cue_check_of(const uint8_t *data, size_t bytes, unsigned width, unsigned polynomial,
-                 unsigned preset)
-{
+                 unsigned preset) {
     unsigned crc = preset, top = 1U << (width - 1U), mask = (top << 1) - 1U;
     for (size_t i = 0; i < bytes; i++) {
         crc ^= (unsigned)data[i] << (width - 8U);
@@ -37,8 +35,7 @@ unsigned cue_check_of(const uint8_t *data, size_t bytes, unsigned width, unsigne
 }
 
 /* H8, H13 and F7: how a superframe codes what its prediction lacks. */
-static void read_setting(cue_range *r, cue_content *out)
-{
+static void read_setting(cue_range *r, cue_content *out) {
     unsigned coarse = out->filmed ? cue_range_symbol(r, FILMED_STEP, 8, 8) : 0;
     out->step = (uint8_t)(8 * coarse + cue_range_bits(r, out->filmed ? 3 : 6));
     if (out->step == 63) return; /* H10 */
@@ -56,8 +53,7 @@ static void read_setting(cue_range *r, cue_content *out)
         out->shares[part] = (uint8_t)cue_range_symbol(r, SHARE, 3, 3);
 }
 
-static void begin(cue_content *out, const cue_bases *bases, cue_coefficients *found)
-{
+static void begin(cue_content *out, const cue_bases *bases, cue_coefficients *found) {
     memset(out, 0, sizeof *out);
     out->step = 63;
     found->count = bases->channels * TICKS;
@@ -66,8 +62,7 @@ static void begin(cue_content *out, const cue_bases *bases, cue_coefficients *fo
 }
 
 static cue_rule read_compact(const uint8_t *l0, size_t n0, const cue_tables *tables,
-                             const cue_bases *bases, cue_content *out)
-{
+                             const cue_bases *bases, cue_content *out) {
     if (n0 < 4 || n0 > 12) return RULE_H1;
     out->mode = 2;
     out->sequence = l0[0] & 15;
@@ -91,8 +86,7 @@ static cue_rule read_compact(const uint8_t *l0, size_t n0, const cue_tables *tab
 
 /* H7: whether L1 belongs to this L0, whose check counts as with a proof of 0. */
 static int fits(const uint8_t *l0, size_t n0, int is_signed, const uint8_t *l1, size_t n1,
-                unsigned mask)
-{
+                unsigned mask) {
     unsigned check = (unsigned)l0[n0 - 2] << 8 | l0[n0 - 1];
     if (is_signed) {
         /* The proof is the last nine bits before the check: as 0, from the bytes before it on. */
@@ -107,8 +101,7 @@ static int fits(const uint8_t *l0, size_t n0, int is_signed, const uint8_t *l1, 
 
 cue_rule cue_superframe_read(const uint8_t *l0, size_t n0, const uint8_t *l1, size_t n1,
                              const cue_tables *tables, const cue_bases *bases, cue_content *out,
-                             cue_coefficients *found)
-{
+                             cue_coefficients *found) {
     begin(out, bases, found);
     if (n0 > 0 && l0[0] & 0x20) return read_compact(l0, n0, tables, bases, out); /* H3 */
     if (n0 < 5) return RULE_H1;
@@ -146,8 +139,7 @@ cue_rule cue_superframe_read(const uint8_t *l0, size_t n0, const uint8_t *l1, si
 }
 
 void cue_record_read(const uint8_t *data, size_t bytes, unsigned mode, const cue_tables *tables,
-                     const cue_bases *bases, cue_content *out, cue_coefficients *found)
-{
+                     const cue_bases *bases, cue_content *out, cue_coefficients *found) {
     cue_range r;
     begin(out, bases, found);
     out->mode = (uint8_t)mode;

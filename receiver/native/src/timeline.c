@@ -17,14 +17,12 @@ enum { LATEST = -8, LONGEST = 64, CONCEALED = 6, BACK = 4, DOUBT = 8 };
 
 enum { UNKNOWN, LOST, ARRIVED };
 
-size_t cue_payload_size(const cue_config *config)
-{
+size_t cue_payload_size(const cue_config *config) {
     (void)config;
     return (sizeof(cue_payload) + 15) / 16 * 16;
 }
 
-cue_status cue_payload_reset(cue_payload *p)
-{
+cue_status cue_payload_reset(cue_payload *p) {
     p->started = p->streak = p->doubt = p->unreadable = 0;
     p->last = p->newest_lost = 0;
     p->foreign = 0;
@@ -38,8 +36,7 @@ cue_status cue_payload_reset(cue_payload *p)
     return CUE_OK;
 }
 
-cue_status cue_payload_init(cue_payload *p, const cue_config *config)
-{
+cue_status cue_payload_init(cue_payload *p, const cue_config *config) {
     memset(p, 0, sizeof *p);
     p->with_markers = config->markers != 0;
     p->with_lips = 1;
@@ -47,23 +44,20 @@ cue_status cue_payload_init(cue_payload *p, const cue_config *config)
     return cue_payload_reset(p);
 }
 
-cue_status cue_payload_voice(cue_payload *p, const void *file, size_t bytes)
-{
+cue_status cue_payload_voice(cue_payload *p, const void *file, size_t bytes) {
     p->broken = RULE_NONE;
     p->bad_at = cue_model_load(file, bytes, &p->tables, &p->bases, &p->model);
     (void)cue_payload_reset(p);
     return p->bad_at ? CUE_BAD_DATA : CUE_OK;
 }
 
-cue_slot *cue_slot_find(cue_payload *p, int32_t number)
-{
+cue_slot *cue_slot_find(cue_payload *p, int32_t number) {
     if (number < 0) return 0;
     cue_slot *s = &p->slot[number % SLOTS];
     return s->number == number ? s : 0;
 }
 
-cue_slot *cue_slot_new(cue_payload *p, int32_t number, double time_s)
-{
+cue_slot *cue_slot_new(cue_payload *p, int32_t number, double time_s) {
     cue_slot *s = &p->slot[number % SLOTS];
     memset(s, 0, sizeof *s);
     s->number = number;
@@ -72,22 +66,19 @@ cue_slot *cue_slot_new(cue_payload *p, int32_t number, double time_s)
 }
 
 /* The slot of a superframe; an older one that held it is given up. */
-static cue_slot *slot_of(cue_payload *p, int32_t number)
-{
+static cue_slot *slot_of(cue_payload *p, int32_t number) {
     cue_slot *s = cue_slot_find(p, number);
     double time_s = p->last_on_air_s + p->lead_s + SUPERFRAME_S * (number - p->last);
     return s ? s : cue_slot_new(p, number, time_s);
 }
 
-static int state_of(cue_payload *p, int32_t number)
-{
+static int state_of(cue_payload *p, int32_t number) {
     const cue_slot *s = cue_slot_find(p, number);
     return s ? s->state : UNKNOWN;
 }
 
 /* What is known of the score of a superframe (J1, J8); `stand` is room for a stand-in. */
-static const cue_score *score_of(cue_payload *p, int32_t number, cue_score *stand)
-{
+static const cue_score *score_of(cue_payload *p, int32_t number, cue_score *stand) {
     cue_slot *s = cue_slot_find(p, number);
     if (!s) return 0;
     if (s->state == ARRIVED) return s->content.score.kind ? &s->content.score : 0;
@@ -97,8 +88,7 @@ static const cue_score *score_of(cue_payload *p, int32_t number, cue_score *stan
 }
 
 /* Scores from `first` to `end`. In compact mode previews do not count. */
-static cue_scores scores_of(cue_payload *p, int32_t first, int32_t end, int compact)
-{
+static cue_scores scores_of(cue_payload *p, int32_t first, int32_t end, int compact) {
     cue_scores scores = {first, 0, {0}};
     for (int32_t k = first; k < end; k++) {
         const cue_score *score = score_of(p, k, &p->stand[scores.count]);
@@ -109,8 +99,7 @@ static cue_scores scores_of(cue_payload *p, int32_t first, int32_t end, int comp
 }
 
 /* Whether a superframe is read by windows: one of them is near and its own is no score. */
-static int by_windows(cue_payload *p, int32_t number)
-{
+static int by_windows(cue_payload *p, int32_t number) {
     const cue_slot *own = cue_slot_find(p, number);
     if (own && own->state == ARRIVED && own->content.score.kind != 2 &&
         own->content.mode != 1)
@@ -135,8 +124,7 @@ static void predict(cue_payload *p, int32_t number, unsigned course, unsigned sh
 }
 
 /* Parameters of a superframe that arrived, not blended with its neighbours (P10, Q5). */
-static void draw_alone(cue_payload *p, const cue_slot *s, cue_block *out)
-{
+static void draw_alone(cue_payload *p, const cue_slot *s, cue_block *out) {
     predict(p, s->number, s->content.course, s->content.shift, out);
     cue_use_shares(&s->content, &p->model, out);
     for (int t = 0; t < TICKS; t++)
@@ -144,8 +132,7 @@ static void draw_alone(cue_payload *p, const cue_slot *s, cue_block *out)
 }
 
 /* Q7: blended with neighbours where both are of a filmed cuer. */
-static void draw_arrived(cue_payload *p, const cue_slot *s, cue_block *out)
-{
+static void draw_arrived(cue_payload *p, const cue_slot *s, cue_block *out) {
     static const double weights[4] = {0.4, 0.225, 0.1, 0.025};
     draw_alone(p, s, out);
     for (int side = -1; side <= 1 && s->content.filmed; side += 2) {
@@ -166,8 +153,7 @@ static void draw_arrived(cue_payload *p, const cue_slot *s, cue_block *out)
 
 /* Parameters of a superframe that did not: what its neighbours showed beyond their predictions
  * fades, and without any score near the hand goes to rest. */
-static void draw_lost(cue_payload *p, const cue_slot *s, cue_block *out)
-{
+static void draw_lost(cue_payload *p, const cue_slot *s, cue_block *out) {
     predict(p, s->number, 0, 0, out);
     for (int side = -1; side <= 1; side += 2) {
         const cue_slot *near = cue_slot_find(p, s->number + side);
@@ -185,8 +171,7 @@ static void draw_lost(cue_payload *p, const cue_slot *s, cue_block *out)
     }
 }
 
-void cue_slot_show(cue_slot *s, const cue_block *block, int count)
-{
+void cue_slot_show(cue_slot *s, const cue_block *block, int count) {
     uint32_t changed = 0;
     for (int t = 0; t < TICKS; t++)
         for (int k = 0; k < count; k++) {
@@ -199,8 +184,7 @@ void cue_slot_show(cue_slot *s, const cue_block *block, int count)
     s->drawn = 1;
 }
 
-static void draw(cue_payload *p, cue_slot *s)
-{
+static void draw(cue_payload *p, cue_slot *s) {
     cue_block *block = &p->block;
     if (s->state == ARRIVED)
         draw_arrived(p, s, block);
@@ -215,8 +199,7 @@ static void draw(cue_payload *p, cue_slot *s)
     cue_slot_show(s, block, p->model.n);
 }
 
-void cue_key_show(cue_slot *s, const cue_cue *cue, int previewed, int final)
-{
+void cue_key_show(cue_slot *s, const cue_cue *cue, int previewed, int final) {
     cue_shown_key *key = 0;
     for (int i = 0; i < s->keys; i++)
         if (s->key[i].start == cue->start) key = &s->key[i];
@@ -241,8 +224,7 @@ void cue_key_show(cue_slot *s, const cue_cue *cue, int previewed, int final)
     key->final = (uint8_t)final;
 }
 
-void cue_phone_show(cue_slot *s, const cue_sound *sound)
-{
+void cue_phone_show(cue_slot *s, const cue_sound *sound) {
     if (s->phones == MOST_SHOWN) return;
     s->phone[s->phones].start = sound->start;
     s->phone[s->phones].end = sound->end;
@@ -250,8 +232,7 @@ void cue_phone_show(cue_slot *s, const cue_sound *sound)
 }
 
 /* Keys and phones that start in a superframe, from all that is known around it. */
-static void read_keys(cue_payload *p, int32_t number, int final)
-{
+static void read_keys(cue_payload *p, int32_t number, int final) {
     cue_slot *s = cue_slot_find(p, number);
     cue_line *line = &p->work.line;
     if (!s || s->finished) return;
@@ -288,8 +269,7 @@ static void read_keys(cue_payload *p, int32_t number, int final)
 }
 
 /* Draw and read again all that a superframe has a say in. */
-static void refresh(cue_payload *p, int32_t number)
-{
+static void refresh(cue_payload *p, int32_t number) {
     for (int32_t k = number - 2; k <= number + BACK; k++) {
         cue_slot *s = cue_slot_find(p, k);
         if (!s || (s->state == UNKNOWN && k != number - 1)) continue;
@@ -299,8 +279,7 @@ static void refresh(cue_payload *p, int32_t number)
     }
 }
 
-static void lose(cue_payload *p, int32_t number)
-{
+static void lose(cue_payload *p, int32_t number) {
     cue_slot *s = slot_of(p, number);
     if (s->state != UNKNOWN) return;
     s->state = LOST;
@@ -309,8 +288,7 @@ static void lose(cue_payload *p, int32_t number)
 }
 
 /* Mark as lost what lies between the last known superframe and `end`, of a long gap its ends. */
-static void lose_until(cue_payload *p, int32_t end)
-{
+static void lose_until(cue_payload *p, int32_t end) {
     int32_t k = (p->last > p->newest_lost ? p->last : p->newest_lost) + 1;
     int32_t concealed = p->last + CONCEALED;
     for (; k < end && k <= concealed; k++) lose(p, k);
@@ -329,8 +307,7 @@ static int fits(const cue_payload *p, const cue_content *content, double on_air_
 
 /* A part that fails its identity or version: two running that state the same other one are
  * another stream's (H5, H6). */
-static void refuse(cue_payload *p, const uint8_t *l0, size_t n0, cue_rule rule)
-{
+static void refuse(cue_payload *p, const uint8_t *l0, size_t n0, cue_rule rule) {
     uint32_t other = 0x10000, sum = 0;
     for (size_t i = 0; i < n0; i++) sum = sum * 31 + l0[i];
     if (rule == RULE_H6)
@@ -349,8 +326,7 @@ static void refuse(cue_payload *p, const uint8_t *l0, size_t n0, cue_rule rule)
     p->other = rule == RULE_H6 ? other : 0;
 }
 
-static void take_previews(cue_payload *p, const cue_slot *from)
-{
+static void take_previews(cue_payload *p, const cue_slot *from) {
     for (int d = 0; d < 4; d++) {
         int way = d == 3 ? -1 : 2 * d + 2, distance = d == 3 ? 1 : way;
         if (!(from->content.previews >> d & 1)) continue;
@@ -364,8 +340,7 @@ static void take_previews(cue_payload *p, const cue_slot *from)
 }
 
 /* A fine superframe nested in the L1 of a coarse one of the same header and coding. */
-static void unnest(const uint8_t **l0, size_t *n0, const uint8_t **l1, size_t *n1)
-{
+static void unnest(const uint8_t **l0, size_t *n0, const uint8_t **l1, size_t *n1) {
     if (*n0 < 5 || *n1 < *n0 || (*l0)[0] & 0x20) return;
     if ((*l0)[0] != (*l1)[0] || (*l0)[1] != (*l1)[1]) return;
     unsigned one = cue_check_of(*l0, *n0 - 2, 16, 0x1021, 0xFFFF);
@@ -379,8 +354,7 @@ static void unnest(const uint8_t **l0, size_t *n0, const uint8_t **l1, size_t *n
 }
 
 cue_status cue_payload_put(cue_payload *p, const uint8_t *l0, size_t n0, const uint8_t *l1,
-                           size_t n1, double on_air_s, cue_rule *rule)
-{
+                           size_t n1, double on_air_s, cue_rule *rule) {
     cue_content content;
     int32_t number;
     *rule = RULE_NONE;
@@ -435,8 +409,7 @@ cue_status cue_payload_put(cue_payload *p, const uint8_t *l0, size_t n0, const u
     return CUE_OK;
 }
 
-const cue_slot *cue_payload_draw(cue_payload *p, int32_t number, int lips)
-{
+const cue_slot *cue_payload_draw(cue_payload *p, int32_t number, int lips) {
     cue_slot *s = cue_slot_find(p, number);
     int usual = p->with_lips;
     if (!s || (s->state == UNKNOWN && !s->told_distance)) return 0;
@@ -449,16 +422,14 @@ const cue_slot *cue_payload_draw(cue_payload *p, int32_t number, int lips)
     return s;
 }
 
-cue_status cue_payload_take(cue_payload *p, const cue_superframe *s)
-{
+cue_status cue_payload_take(cue_payload *p, const cue_superframe *s) {
     cue_rule rule;
     if (s->l0_bytes > CUE_L0_MOST || s->l1_bytes > CUE_L1_MOST) return CUE_BAD_ARGUMENT;
     cue_proofs_take(&p->proofs, s->l0, s->l0_bytes, s->time_s);
     return cue_payload_put(p, s->l0, s->l0_bytes, s->l1, s->l1_bytes, s->time_s, &rule);
 }
 
-cue_status cue_payload_advance(cue_payload *p, double now_s)
-{
+cue_status cue_payload_advance(cue_payload *p, double now_s) {
     if (!p->started || !p->model.loaded) return CUE_OK;
     for (int i = 1; i <= CONCEALED; i++)
         if (p->last_on_air_s + SUPERFRAME_S * (i + 1) + WAIT_S <= now_s)
@@ -466,8 +437,7 @@ cue_status cue_payload_advance(cue_payload *p, double now_s)
     return CUE_OK;
 }
 
-cue_status cue_payload_flush(cue_payload *p)
-{
+cue_status cue_payload_flush(cue_payload *p) {
     cue_proofs_end(&p->proofs);
     if (!p->model.loaded) return CUE_OK;
     for (int32_t k = p->last - 2; p->started && k <= p->last + 1; k++) read_keys(p, k, 1);

@@ -24,30 +24,26 @@ typedef struct reader {
     int broken;
 } reader;
 
-static uint32_t planes(const reader *r, size_t count, size_t i, size_t width)
-{
+static uint32_t planes(const reader *r, size_t count, size_t i, size_t width) {
     uint32_t value = 0;
     for (size_t plane = 0; plane < width; plane++)
         value |= (uint32_t)r->data[r->at + plane * count + i] << 8 * plane;
     return value;
 }
 
-static int has(reader *r, size_t bytes)
-{
+static int has(reader *r, size_t bytes) {
     if (bytes > r->end - r->at) r->broken = 1;
     return !r->broken;
 }
 
-static void read_u16(reader *r, uint16_t *out, size_t count)
-{
+static void read_u16(reader *r, uint16_t *out, size_t count) {
     if (!has(r, 2 * count)) return;
     for (size_t i = 0; i < count; i++) out[i] = (uint16_t)planes(r, count, i, 2);
     r->at += 2 * count;
 }
 
 /* Rows of `n` numbers into rows of `stride`; a number that is not finite breaks the file. */
-static void read_f32(reader *r, float *out, size_t rows, size_t n, size_t stride)
-{
+static void read_f32(reader *r, float *out, size_t rows, size_t n, size_t stride) {
     size_t count = rows * n;
     if (!has(r, 4 * count)) return;
     for (size_t i = 0; i < count; i++) {
@@ -61,8 +57,7 @@ static void read_f32(reader *r, float *out, size_t rows, size_t n, size_t stride
 }
 
 /* Rows of frequencies must each have the sum 32768 (G5). */
-static void read_rows(reader *r, uint16_t *out, size_t rows, size_t n)
-{
+static void read_rows(reader *r, uint16_t *out, size_t rows, size_t n) {
     read_u16(r, out, rows * n);
     for (size_t row = 0; row < rows && !r->broken; row++) {
         uint32_t sum = 0;
@@ -71,8 +66,7 @@ static void read_rows(reader *r, uint16_t *out, size_t rows, size_t n)
     }
 }
 
-static void read_tables(reader *r, cue_tables *t)
-{
+static void read_tables(reader *r, cue_tables *t) {
     uint16_t inset[75];
     read_rows(r, t->first, 1, PHONES);
     read_rows(r, t->next[0][0], 39 * PHONES, PHONES);
@@ -101,8 +95,7 @@ static void read_tables(reader *r, cue_tables *t)
     if (t->shape_alone >= SHAPES || t->placement_alone >= PLACEMENTS) r->broken = 1;
 }
 
-static void read_basis(reader *r, int b, cue_bases *bases, cue_model *m)
-{
+static void read_basis(reader *r, int b, cue_bases *bases, cue_model *m) {
     float matrix[MOST_P][MOST_P];
     uint16_t scales[MOST_P * TICKS];
     double square[MOST_P * MOST_P], unit[MOST_P * MOST_P];
@@ -128,8 +121,7 @@ static void read_basis(reader *r, int b, cue_bases *bases, cue_model *m)
         for (size_t j = 0; j < n; j++) m->inverse[b][i][j] = unit[i * n + j];
 }
 
-static void read_coding(reader *r, cue_bases *bases, cue_model *m)
-{
+static void read_coding(reader *r, cue_bases *bases, cue_model *m) {
     size_t head = (size_t)m->n_head, arm = (size_t)m->n_forearm;
     float constants[CONSTANTS] = {0};
     read_f32(r, m->hand[0], KEY_NUMBERS, N_HAND, N_HAND);
@@ -151,8 +143,7 @@ static void read_coding(reader *r, cue_bases *bases, cue_model *m)
     read_f32(r, m->mean, 1, (size_t)m->n, MOST_P);
 }
 
-static void read_voice(reader *r, cue_model *m)
-{
+static void read_voice(reader *r, cue_model *m) {
     size_t a = (size_t)m->n_angles, rows = 1 + 2 * a, count = rows * HAND_MARKERS * 3;
     read_f32(r, m->face_mean[0], FACE_MARKERS, 3, 3);
     read_f32(r, m->face_directions[0][0], N_FACE, FACE_MARKERS * 3, FACE_MARKERS * 3);
@@ -176,8 +167,7 @@ static void read_voice(reader *r, cue_model *m)
 }
 
 size_t cue_model_load(const uint8_t *file, size_t bytes, cue_tables *tables, cue_bases *bases,
-                      cue_model *model)
-{
+                      cue_model *model) {
     uint8_t digest[32];
     reader r = {file, 0, bytes, 0};
     model->loaded = 0;

@@ -13,8 +13,7 @@
 
 static uint64_t seed;
 
-static uint32_t draw(uint32_t below)
-{
+static uint32_t draw(uint32_t below) {
     seed ^= seed << 13;
     seed ^= seed >> 7;
     seed ^= seed << 17;
@@ -22,8 +21,7 @@ static uint32_t draw(uint32_t below)
 }
 
 /* A superframe whose checks are right, so that everything behind them is reached. */
-static size_t make(const cue_payload *p, uint8_t *l0, unsigned sequence)
-{
+static size_t make(const cue_payload *p, uint8_t *l0, unsigned sequence) {
     size_t n = 5 + draw(40);
     for (size_t i = 0; i < n; i++) l0[i] = (uint8_t)draw(256);
     if (draw(3) == 0) { /* compact */
@@ -43,13 +41,11 @@ static size_t make(const cue_payload *p, uint8_t *l0, unsigned sequence)
     return n;
 }
 
-static void spoil(uint8_t *data, size_t n)
-{
+static void spoil(uint8_t *data, size_t n) {
     for (unsigned i = draw(4); i > 0; i--) data[draw((uint32_t)n)] ^= (uint8_t)(1U << draw(8));
 }
 
-static void fuzz_voice(cue_payload *p, const uint8_t *voice, size_t bytes, uint8_t *copy)
-{
+static void fuzz_voice(cue_payload *p, const uint8_t *voice, size_t bytes, uint8_t *copy) {
     size_t n = draw(3) ? bytes : draw((uint32_t)bytes + 1);
     if (n < 72) n = 72;
     memcpy(copy, voice, bytes);
@@ -59,8 +55,7 @@ static void fuzz_voice(cue_payload *p, const uint8_t *voice, size_t bytes, uint8
     (void)cue_payload_voice(p, copy, n);
 }
 
-static uint32_t crc32_of(const uint8_t *data, size_t bytes)
-{
+static uint32_t crc32_of(const uint8_t *data, size_t bytes) {
     uint32_t crc = UINT32_MAX;
     for (size_t i = 0; i < bytes; i++) {
         crc ^= data[i];
@@ -69,14 +64,12 @@ static uint32_t crc32_of(const uint8_t *data, size_t bytes)
     return ~crc;
 }
 
-static void put_number(uint8_t *at, uint32_t value, int bytes)
-{
+static void put_number(uint8_t *at, uint32_t value, int bytes) {
     while (bytes-- > 0) *at++ = (uint8_t)(value >> 8 * bytes);
 }
 
 /* A stream file whose checks are right, mostly with random records; read to its end, or changed. */
-static size_t fuzz_file(cue_payload *p)
-{
+static size_t fuzz_file(cue_payload *p) {
     static uint8_t file[4096];
     cue_event event = {.size = sizeof event};
     size_t events = 0, n = 26;
@@ -111,8 +104,7 @@ static size_t fuzz_file(cue_payload *p)
     return events;
 }
 
-static void fuzz_announcement(cue_payload *p)
-{
+static void fuzz_announcement(cue_payload *p) {
     static const char good[] =
         "{\"format\": \"cuecast-key-3\", \"kind\": \"public\", \"name\": \"T\\u00e9l\xc3\xa9\", \"ends\": "
         "{\"9\": \"xaM/iSuer3g=\", \"2\": \"U+nHsEGcnjI=\"}, \"public_key\": \"aWUBjGP5DSZjsX5X8fk5WuCittbm"
@@ -125,8 +117,7 @@ static void fuzz_announcement(cue_payload *p)
     (void)cue_payload_trust(p, text, n, 10.0, 0, 0);
 }
 
-int main(int argc, char **argv)
-{
+int main(int argc, char **argv) {
     static uint8_t voice[300000], copy[300000], l0[64], l1[64];
     if (argc != 4) return 2;
     FILE *file = fopen(argv[3], "rb");

@@ -12,8 +12,7 @@
 #include <string.h>
 
 static uint64_t run(const uint8_t *voice, size_t bytes, uint8_t parts[][64], const size_t *sizes,
-                    int count, int poisons, long *events)
-{
+                    int count, int poisons, long *events) {
     cue_config config = {.size = sizeof config, .rate_hz = 48000, .channels = 2, .markers = 1};
     size_t size = cue_payload_size(&config);
     cue_payload *p = malloc(size);
@@ -42,8 +41,7 @@ static uint64_t run(const uint8_t *voice, size_t bytes, uint8_t parts[][64], con
     return hash;
 }
 
-int main(int argc, char **argv)
-{
+int main(int argc, char **argv) {
     static uint8_t voice[300000], parts[256][64];
     static char line[256];
     size_t sizes[256];

@@ -13,16 +13,14 @@
 static uint8_t digest[32];
 
 static int verify(void *context, const uint8_t signature[64], const uint8_t key[32],
-                  const uint8_t *message, size_t bytes)
-{
+                  const uint8_t *message, size_t bytes) {
     (void)signature;
     (void)key;
     cue_sha256(message, bytes, digest);
     return *(const int *)context;
 }
 
-int main(int argc, char **argv)
-{
+int main(int argc, char **argv) {
     static unsigned char file[1 << 16];
     char text[512] = "";
     if (argc != 3) return 3;

@@ -21,28 +21,24 @@ static cue_content content;
 static cue_coefficients found;
 static int32_t shift; /* numbers of the timeline less those of the requests */
 
-static const char *field(const char *name)
-{
+static const char *field(const char *name) {
     char wanted[64];
     snprintf(wanted, sizeof wanted, "\"%s\":", name);
     const char *at = strstr(line, wanted);
     return at ? at + strlen(wanted) : 0;
 }
 
-static long long number(const char *name, long long otherwise)
-{
+static long long number(const char *name, long long otherwise) {
     const char *at = field(name);
     return at ? strtoll(at, 0, 10) : otherwise;
 }
 
-static int nibble(int c)
-{
+static int nibble(int c) {
     return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
 }
 
 /* Bytes of a field in hexadecimal; 0 if it is absent or empty. */
-static size_t hex(const char *name, uint8_t *out)
-{
+static size_t hex(const char *name, uint8_t *out) {
     const char *at = field(name);
     size_t n = 0;
     if (!at || *at++ != '"') return 0;
@@ -51,8 +47,7 @@ static size_t hex(const char *name, uint8_t *out)
     return n;
 }
 
-static size_t text(const char *name, char *out, size_t bytes)
-{
+static size_t text(const char *name, char *out, size_t bytes) {
     const char *at = field(name);
     size_t n = 0;
     if (at && *at++ == '"')
@@ -61,8 +56,7 @@ static size_t text(const char *name, char *out, size_t bytes)
     return n;
 }
 
-static void print_score(const cue_score *s)
-{
+static void print_score(const cue_score *s) {
     printf(",\"score\":");
     if (!s->kind || s->kind == 3) {
         printf("null");
@@ -93,8 +87,7 @@ static void print_score(const cue_score *s)
     printf("}");
 }
 
-static void print_sparse(const char *name, const int64_t *values)
-{
+static void print_sparse(const char *name, const int64_t *values) {
     const char *between = "";
     printf(",\"%s\":{", name);
     for (int i = 0; i < found.count; i++)
@@ -105,8 +98,7 @@ static void print_sparse(const char *name, const int64_t *values)
     printf("}");
 }
 
-static void print_content(void)
-{
+static void print_content(void) {
     const cue_content *c = &content;
     printf("{\"valid\":true,\"header\":[%d,%d,%d,%d,%d],\"slow\":[", c->mode, c->sequence, c->lead,
            c->is_signed, c->proof);
@@ -131,8 +123,7 @@ static void print_content(void)
     printf("}\n");
 }
 
-static int load_voice(void)
-{
+static int load_voice(void) {
     static uint8_t file[1 << 20];
     char path[1024];
     text("binary", path, sizeof path);
@@ -143,8 +134,7 @@ static int load_voice(void)
     return cue_payload_voice(payload, file, n) == CUE_OK;
 }
 
-static void do_bases(void)
-{
+static void do_bases(void) {
     uint8_t identity[8];
     const char *at = field("scales");
     hex("identity", identity);
@@ -160,8 +150,7 @@ static void do_bases(void)
     printf("{}\n");
 }
 
-static void do_push(void)
-{
+static void do_push(void) {
     size_t n0 = hex("l0", first_bytes), n1 = hex("l1", second_bytes);
     long index = (long)number("index", 0);
     cue_rule rule;
@@ -171,8 +160,7 @@ static void do_push(void)
     printf("{\"section\":\"%s\"}\n", cue_rule_name(rule));
 }
 
-static void print_markers(const char *between, long tick, const float *shown)
-{
+static void print_markers(const char *between, long tick, const float *shown) {
     double parameters[MOST_P], place[CUE_MARKERS][3];
     for (int k = 0; k < MOST_P; k++) parameters[k] = (double)shown[k];
     cue_markers_of(&payload->model, parameters, place);
@@ -183,30 +171,26 @@ static void print_markers(const char *between, long tick, const float *shown)
 }
 
 /* The next number of the request's `frames` from `*at` on, -1 behind the last. */
-static long next_frame(const char **at)
-{
+static long next_frame(const char **at) {
     while (*at && **at && **at != ']' && (**at < '0' || **at > '9')) ++*at;
     return *at && **at && **at != ']' ? strtol(*at, (char **)at, 10) : -1;
 }
 
-static int wanted(int32_t tick)
-{
+static int wanted(int32_t tick) {
     const char *at = field("frames");
     for (long t; (t = next_frame(&at)) >= 0;)
         if (t == tick) return 1;
     return 0;
 }
 
-static void print_frames(const float (*shown)[MOST_P])
-{
+static void print_frames(const float (*shown)[MOST_P]) {
     const char *at = field("frames"), *between = "";
     printf(",\"markers\":{");
     for (long t; (t = next_frame(&at)) >= 0; between = ",") print_markers(between, t, shown[t & 31]);
     printf("}");
 }
 
-static void do_draw(void)
-{
+static void do_draw(void) {
     int32_t index = (int32_t)number("index", 0) + shift;
     const cue_slot *s = cue_payload_draw(payload, index, number("lips", 0) != 0);
     if (!s) {
@@ -229,8 +213,7 @@ static void do_draw(void)
 }
 
 /* A stream file by the events of its superframes; `frames` are ticks of the programme. */
-static void do_file(void)
-{
+static void do_file(void) {
     enum { MOST = 20000 };
     static int32_t keys[MOST][3], phones[MOST][3];
     static struct { int32_t tick; float values[MOST_P]; } frames[256];
@@ -277,16 +260,14 @@ static void do_file(void)
     printf("}}\n");
 }
 
-static void print_hex(const char *name, const uint8_t *bytes, int count)
-{
+static void print_hex(const char *name, const uint8_t *bytes, int count) {
     printf("\"%s\":\"", name);
     for (int i = 0; i < count; i++) printf("%02x", bytes[i]);
     printf("\"");
 }
 
 /* Superframes of raw float32 samples in a file, by the public interface alone. */
-static void do_sound(void)
-{
+static void do_sound(void) {
     static float samples[4800 * CUE_MOST_CHANNELS];
     char path[1024];
     const char *between = "";
@@ -320,8 +301,7 @@ static void do_sound(void)
 }
 
 /* The next whole number of a list, -1 at its end; numbers may be -1 themselves. */
-static int list_of(const char *name, int32_t *out, int most)
-{
+static int list_of(const char *name, int32_t *out, int most) {
     const char *at = field(name);
     int n = 0;
     while (at && *at && *at != ']' && n < most) {
@@ -333,8 +313,7 @@ static int list_of(const char *name, int32_t *out, int most)
     return n;
 }
 
-static void do_step(void)
-{
+static void do_step(void) {
     cue_chain chain;
     uint8_t channel[64], key[64];
     hex("channel", channel);
@@ -346,8 +325,7 @@ static void do_step(void)
     printf("}\n");
 }
 
-static void do_tag(void)
-{
+static void do_tag(void) {
     uint8_t channel[64], key[64];
     hex("channel", channel);
     hex("key", key);
@@ -356,8 +334,7 @@ static void do_tag(void)
            cue_tag(channel, key, (int)number("distance", 1), first_bytes, bytes));
 }
 
-static void do_agree(void)
-{
+static void do_agree(void) {
     static const char *const words[3] = {"null", "false", "true"};
     const cue_proof_layout *layout = &cue_proof_layouts[number("width", 9) == 9];
     cue_parities found = {{0}, {0}, {0}};
@@ -367,8 +344,7 @@ static void do_agree(void)
     printf("{\"agree\":%s}\n", words[1 + cue_parities_agree(&found, layout, 2)]);
 }
 
-static void do_trust(void)
-{
+static void do_trust(void) {
     size_t bytes = hex("file", first_bytes);
     double tolerance_s = (double)number("tolerance_ms", 10000) / 1000;
     (void)cue_payload_trust(payload, 0, 0, 0, 0, 0);
@@ -381,15 +357,13 @@ static void do_trust(void)
 static cue_event verdicts[1024];
 static int n_verdicts;
 
-static void collect_verdicts(void)
-{
+static void collect_verdicts(void) {
     if (n_verdicts == 1024) n_verdicts = 0;
     while (n_verdicts < 1024 && cue_proofs_next(&payload->proofs, &verdicts[n_verdicts]) == CUE_OK)
         n_verdicts++;
 }
 
-static void do_proof(void)
-{
+static void do_proof(void) {
     cue_arrived one = {.index = (int32_t)number("index", 0), .agreed = -1};
     size_t bytes = hex("covered", first_bytes);
     one.bytes = (uint8_t)(bytes < COVERED ? bytes : COVERED);
@@ -403,8 +377,7 @@ static void do_proof(void)
     printf("{}\n");
 }
 
-static void do_verdicts(void)
-{
+static void do_verdicts(void) {
     static const char *const words[4] = {"unknown", "verified", "forged", "unsigned"};
     payload->proofs.started = true;
     cue_proofs_end(&payload->proofs);
@@ -417,8 +390,7 @@ static void do_verdicts(void)
     n_verdicts = 0;
 }
 
-static void answer(void)
-{
+static void answer(void) {
     char what[32];
     cue_rule rule;
     text("do", what, sizeof what);
@@ -466,8 +438,7 @@ static void answer(void)
     }
 }
 
-int main(void)
-{
+int main(void) {
     cue_config config = {.size = sizeof config, .rate_hz = 48000, .channels = 2};
     payload = malloc(cue_payload_size(&config));
     if (!payload || cue_payload_init(payload, &config) != CUE_OK) return 2;

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 NATIVE = Path(__file__).parents[3] / "receiver" / "native"
-FLAGS = ("-std=c11", "-O2", "-Wall", "-Wextra", "-Wconversion")
+FLAGS = ("-std=c11", "-O3", "-Wall", "-Wextra", "-Wconversion")
 INCLUDES = tuple(f"-I{NATIVE / name}" for name in ("include", "src", "vendor/monocypher"))
-SANITIZE = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+SANITIZE = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 
 @functools.cache
