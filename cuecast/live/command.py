@@ -21,7 +21,11 @@ from cuecast.live.options import LiveOptions
 from cuecast.live.pcm import PcmForm
 from cuecast.live.playout import Playout, Route
 from cuecast.live.server import PlayoutServer
+from cuecast.live.succession import Inheritance
 from cuecast.live.worker import Cuer
+
+_ATTEMPTS, _ATTEMPT_S = 100, 0.1
+"""How often, and how many seconds apart, a port is tried that another process had."""
 
 
 def run_playout(args: argparse.Namespace) -> int:
@@ -49,6 +53,7 @@ def run_playout(args: argparse.Namespace) -> int:
         args.seen_late, _absolute(args.sign), args.on_air and seconds_of(args.on_air),
     )  # fmt: skip
     options.signing()  # a key that cannot be read is an error now, and not of the marking process
+    inheritance = Inheritance.find()
     playout = Playout(
         Route(
             args.source, args.target, args.track, args.programme_number,
@@ -60,8 +65,11 @@ def run_playout(args: argparse.Namespace) -> int:
         ),
         options,
         log,
-        standby=not args.no_standby, read_back=not args.no_read_back,
+        standby=not args.no_standby, read_back=not args.no_read_back, argv=args.argv,
+        inheritance=inheritance,
     )  # fmt: skip
+    if inheritance is not None and not playout.follow():
+        return 0
     with _stopping(playout):
         if args.text == PIPE:
             threading.Thread(target=_read_captions, args=(playout,), daemon=True).start()
@@ -69,10 +77,27 @@ def run_playout(args: argparse.Namespace) -> int:
             threading.Thread(target=_read_interpreter, args=(playout,), daemon=True).start()
         if args.port is None:
             playout.run()
+        elif inheritance is not None:
+            threading.Thread(
+                target=_serve_again, args=(playout, args.port, guard), daemon=True
+            ).start()
+            playout.run()
         else:
             with closing(PlayoutServer(playout, args.port, log, guard)):
                 playout.run()
     return 0
+
+
+def _serve_again(playout: Playout, port: int, guard: Guard) -> None:
+    """Serve in place of a playout that ended, as soon as the system has freed its port."""
+    for _ in range(_ATTEMPTS):
+        try:
+            PlayoutServer(playout, port, log, guard)
+            return
+        except CueError as error:
+            refusal = str(error)
+            time.sleep(_ATTEMPT_S)
+    log(refusal)
 
 
 def log(line: str) -> None:

@@ -11,11 +11,12 @@ import struct
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import BinaryIO
 from urllib.parse import urlsplit
 
 from codec.errors import CueError
+from cuecast.live.ring import Ring
 from receiver.live.line import listen
 
 _DATAGRAM = 65536
@@ -54,7 +55,14 @@ _OLDEST_S = 60.0
 _LONGEST_LINE = 1 << 16
 """Bytes of a line on the standard input; a longer one is passed over."""
 
+_STAMP = struct.Struct("=dB")
+"""Of a record of a datagram: when it came, and how many bytes of the system's stamp follow."""
+
 Arrival = tuple[float, bytes]
+
+
+def _forget(record: bytes) -> None:
+    """Take the record of a datagram that nobody needs."""
 
 
 class Input:
@@ -63,6 +71,10 @@ class Input:
     Parameters
     ----------
     address : str
+    inherited : socket.socket, optional
+        Of a process that died, in place of a new one for the address.
+    last : bytes
+        Record of the last datagram that process took, see `mirrored`.
 
     Attributes
     ----------
@@ -77,15 +89,21 @@ class Input:
         If it cannot be opened.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(
+        self, address: str, inherited: socket.socket | None = None, last: bytes = b""
+    ) -> None:
         self.paced = address.startswith("udp:")
         self.over = False
+        self._last = last
+        self._mirror: Callable[[bytes], object] = _forget
+        self._lock = threading.Lock()
         self._arrivals: queue.Queue[Arrival | None] = queue.Queue(
             _WAITING if self.paced else _WAITING_BLOCKS
         )
         self.dropped = 0
         if self.paced:
-            self._socket = listen(address)
+            self._socket = listen(address) if inherited is None else inherited
+            self._socket.settimeout(0.5)
             with contextlib.suppress(OSError):
                 self._socket.setsockopt(socket.SOL_SOCKET, _FORCED, _BUFFER)
             with contextlib.suppress(OSError):
@@ -113,18 +131,47 @@ class Input:
             pass
         return found
 
+    def mirrored(self, mirror: Callable[[bytes], object] = _forget) -> tuple[list[Arrival], bytes]:
+        """Give the record of each further datagram to a function, before it is off the system.
+
+        Return the datagrams that wait, and the record of the last one.
+        """
+        with self._lock:
+            self._mirror = mirror
+            with self._arrivals.mutex:
+                return [one for one in self._arrivals.queue if one is not None], self._last
+
+    def put(self, arrivals: Iterable[Arrival]) -> None:
+        """Let arrivals wait that another process took."""
+        for one in arrivals:
+            self._arrivals.put_nowait(one)
+
+    @property
+    def handle(self) -> socket.socket:
+        """Socket of datagrams."""
+        return self._socket
+
     def _take_datagrams(self) -> None:
         while True:
             try:
-                data, notes, _, _ = self._socket.recvmsg(_DATAGRAM, _NOTES)
+                data, notes, _, _ = self._socket.recvmsg(_DATAGRAM, _NOTES, socket.MSG_PEEK)
             except TimeoutError:
                 continue
             except OSError:  # closed
                 return
-            try:
-                self._arrivals.put_nowait((time.monotonic() - _age_s(notes), data))
-            except queue.Full:
-                self.dropped += 1
+            stamp = notes[0][2] if notes else b""
+            came_s = time.monotonic() - _age_s(notes)
+            record = _STAMP.pack(came_s, len(stamp)) + stamp + data
+            with self._lock:
+                repeated = bool(stamp) and record[_STAMP.size :] == self._last[_STAMP.size :]
+                if not repeated and self._arrivals.full():
+                    self.dropped += 1
+                elif not repeated:
+                    self._last = record
+                    self._mirror(record)
+                    self._arrivals.put_nowait((came_s, data))
+            with contextlib.suppress(OSError):
+                self._socket.recv(1)
 
     def _take_file(self) -> None:
         with contextlib.suppress(OSError, ValueError):
@@ -137,6 +184,12 @@ class Input:
         """Stop listening."""
         if self.paced:
             self._socket.close()
+
+
+def arrival_of(record: bytes) -> Arrival:
+    """Return the arrival in the record of a datagram."""
+    came_s, length = _STAMP.unpack_from(record)
+    return came_s, record[_STAMP.size + length :]
 
 
 def _age_s(notes: list[tuple[int, int, bytes]]) -> float:
@@ -155,6 +208,15 @@ class Output:
     Parameters
     ----------
     address : str
+    inherited : socket.socket, optional
+        Of a process that died.
+
+    Attributes
+    ----------
+    sent : int
+        Datagrams so far.
+    ring : Ring or None
+        Where that number is noted for another process.
 
     Raises
     ------
@@ -162,8 +224,10 @@ class Output:
         If it cannot be opened.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, inherited: socket.socket | None = None) -> None:
         self._socket: socket.socket | None = None
+        self.sent = 0
+        self.ring: Ring | None = None
         if not address.startswith("udp:"):
             self._file = _opened(address, "wb")
             return
@@ -174,7 +238,7 @@ class Output:
             family, kind, _, _, target = socket.getaddrinfo(
                 parts.hostname, parts.port, type=socket.SOCK_DGRAM
             )[0]
-            self._socket = socket.socket(family, kind)
+            self._socket = inherited or socket.socket(family, kind)
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 << 20)
             self._target = target
         except (OSError, ValueError) as error:
@@ -196,9 +260,17 @@ class Output:
             except (OSError, ValueError) as error:
                 raise CueError(f"the output ended: {error}") from error
             return
-        for at in range(0, len(data), _PAYLOAD):
+        for one in datagrams(data):
             with contextlib.suppress(OSError):  # nobody there yet, or a full line: as a network
-                self._socket.sendto(data[at : at + _PAYLOAD], self._target)
+                self._socket.sendto(one, self._target)
+            self.sent += 1
+            if self.ring is not None:
+                self.ring.sent = self.sent
+
+    @property
+    def handle(self) -> socket.socket | None:
+        """Socket of datagrams, None where it is a file or a pipe."""
+        return self._socket
 
     def close(self) -> None:
         """End it."""
@@ -207,6 +279,11 @@ class Output:
         else:
             with contextlib.suppress(OSError):
                 self._file.close()
+
+
+def datagrams(data: bytes) -> list[bytes]:
+    """Return the datagrams in which data leave."""
+    return [data[at : at + _PAYLOAD] for at in range(0, len(data), _PAYLOAD)]
 
 
 def piped_lines() -> Iterator[bytes]:

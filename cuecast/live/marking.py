@@ -4,7 +4,6 @@ A failure in a message costs that message only.
 """
 
 import importlib
-import os
 import queue
 import threading
 import time
@@ -17,6 +16,7 @@ from codec.compiled import Settings
 from codec.errors import CueError
 from cuecast.command.cache import CompilationNotes
 from cuecast.command.files import PIPE
+from cuecast.live.channel import Channel
 from cuecast.live.options import LiveOptions, MarkedPes, RunClock
 from cuecast.live.packets import Pes
 from cuecast.live.pcm import MarkedPcm, PcmForm
@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 
 _BEAT_S = 0.25
 """Seconds between signs of life."""
+
+_LAST_S = 5.0
+"""How long a process stays whose work is done."""
 
 _REPORT_S = 1.0
 """Seconds between reports of a worker."""
@@ -55,36 +58,30 @@ _CALM_S = 60.0
 
 
 def serve(
-    cuer: Cuer, options: LiveOptions, patience_s: float | None, hold_s: float, messages: Any,
-    lines: Any, results: Any,
+    cuer: Cuer, options: LiveOptions, patience_s: float | None, hold_s: float, line: Any,
+    lines: Any,
 ) -> None:  # fmt: skip
-    """Work on messages until the playout is gone."""
+    """Work on messages until the playout is gone, and any that could go on in its place."""
     import signal
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = os.getppid()
+    for number in (signal.SIGINT, signal.SIGTERM):  # the playout has them, and ends this
+        signal.signal(number, signal.SIG_IGN)
     Settings.listener = CompilationNotes()
-    one_at_a_time = threading.Lock()
-
-    def send(found: object) -> None:
-        with one_at_a_time:
-            results.send(found)
-
+    channel = Channel(line)
     try:
-        marking = Marking(cuer, options, patience_s, send, hold_s)
-        send("ready")
-        threading.Thread(target=_beat, args=(send,), daemon=True).start()
+        marking = Marking(cuer, options, patience_s, channel.send, hold_s)
+        channel.send("ready")
+        threading.Thread(target=_beat, args=(channel.send,), daemon=True).start()
         while not marking.over:
             marking.read(lines)
-            try:
-                message = messages.get(timeout=marking.idle_s)
-            except queue.Empty:
-                if os.getppid() != parent:
-                    return
-                continue
-            marking.take(*message)
-        send("ended")
-    except (BrokenPipeError, EOFError, KeyboardInterrupt):
+            for message in channel.receive(marking.idle_s):
+                marking.take(*message)
+                if marking.over:
+                    break
+        channel.send("ended")
+        for _ in channel.receive(_LAST_S):  # whoever goes on may ask for the end again
+            pass
+    except (OSError, EOFError, KeyboardInterrupt):
         return
 
 

@@ -8,7 +8,7 @@ own as long as there are none. No input, output or clock of its own: times are g
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from cuecast.live.frames import KINDS
 from cuecast.live.options import MarkedPes
@@ -45,6 +45,9 @@ _BEHIND, _FAR_BEHIND = round(0.02 * TICKS_HZ), round(0.08 * TICKS_HZ)
 _RESUMED = 0.2
 """Share of the delay for which marked sound has to be ready before marking resumes after a bypass:
 on a busy machine a shorter stretch would end at once, and each change is a joint in the sound."""
+
+TIES = "_send", "_tell", "_wait", "_watch"
+"""What a passage reaches outside of itself; everything else follows from its calls alone."""
 
 _LONGEST_TICK_S = 1.0
 """A greater step of the stream's clock is a new beginning of it."""
@@ -174,6 +177,13 @@ class Multiplex:
             ("packets_total", "packets_lost_total", "marked_seconds_total",
              "bypass_seconds_total", "bypasses_total", "stale_packets_total"), 0.0
         )  # fmt: skip
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name not in TIES}
+
+    def tie(self, **ties: Any) -> None:
+        """Set the functions that a pickled one comes without: `TIES`, without their underscore."""
+        vars(self).update({f"_{name}": one for name, one in ties.items()})
 
     @property
     def marking(self) -> bool:

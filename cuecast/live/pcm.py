@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.live.multiplex import Send
+from cuecast.live.multiplex import TIES, Send
 from cuecast.media.encode import as_samples
 from watermark.audio.signal.mix import check_format
 
@@ -110,6 +110,13 @@ class PcmPassage:
             ("packets_total", "packets_lost_total", "marked_seconds_total",
              "bypass_seconds_total", "bypasses_total", "stale_packets_total"), 0.0
         )  # fmt: skip
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name not in TIES}
+
+    def tie(self, **ties: Any) -> None:
+        """Set the functions that a pickled one comes without, see `Multiplex.tie`."""
+        vars(self).update({f"_{name}": one for name, one in ties.items()})
 
     @property
     def held_s(self) -> float:

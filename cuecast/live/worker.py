@@ -3,29 +3,22 @@
 The playout sends PES packets and live text, and takes marked PES packets. If the process dies, or
 gives no sign of life, the one that stands by takes its place: it is given the sound that has not
 gone out yet. Without one the process is started anew; meanwhile the programme
-passes as it is.
+passes as it is. A playout that takes over from one that died goes on with its processes.
 """
 
-import queue
 import time
 from collections import deque
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from multiprocessing import get_context
+from collections.abc import Callable, Iterator, MutableMapping
+from dataclasses import dataclass, field, fields
 from typing import Any
 
+from cuecast.live.marking_process import MarkingProcess
 from cuecast.live.options import LiveOptions, MarkedPes, RunClock
 from cuecast.live.pcm import MarkedPcm
 from synth.planning.scoring.text_score import Reading
 
-_WAITING = 4000
-"""Messages that may wait for the process: minutes of sound."""
-
 _RESTART_S = (1.0, 2.0, 5.0, 10.0, 30.0)
 """Seconds before a worker is started again, the first times; then as the last."""
-
-_LINES = 400
-"""Lines of an interpreter that may wait for the process."""
 
 _HUNG_S = 2.0
 """Seconds without a sign of life after which a process counts as stopped; a busy one gives some."""
@@ -77,45 +70,69 @@ class WorkerNote:
     clock: RunClock | None = None
 
 
-class MarkingProcess:
-    """One process that marks, with the ways to it and back."""
+@dataclass
+class WorkerState:
+    """What a playout that takes over has to know of the processes, and what they were given.
 
-    def __init__(self, arguments: tuple[Any, ...]) -> None:
-        context = get_context("spawn")
-        self.messages: Any = context.Queue(_WAITING)
-        self.lines: Any = context.Queue(_LINES)
-        self.results, theirs = context.Pipe(duplex=False)
-        self.process = context.Process(
-            target=_serve, args=(*arguments, self.messages, self.lines, theirs), daemon=True
-        )
-        self.process.start()
-        theirs.close()
-        self.started_s = time.monotonic()
-        self.ready = False
+    Attributes
+    ----------
+    marking, standing : int
+        Numbers of the process that marks, and of that which stands by; 0 for none.
+    standing_ready, ready, was_ready, ended : bool
+        See `Worker`.
+    restarts, takeovers, failures : int
+    serial : int
+        Number of the last process.
+    number : int
+        Of the last message.
+    clock : RunClock, optional
+        Of the sound under way.
+    until : tuple of (int, int), optional
+        Up to where the sound is marked: number of the sound, time stamp or sample.
+    taken : dict of int to int
+        Number of the last message taken from each process.
+    sent : deque
+        The last messages with their numbers and times.
+    """
 
-    def send(self, sent_s: float, *message: Any) -> None:
-        """Give it a message; one that is full of them gets none."""
-        try:
-            self.messages.put_nowait((sent_s, *message))
-        except (queue.Full, ValueError, OSError):
-            return
+    marking: int = 0
+    standing: int = 0
+    standing_ready: bool = False
+    ready: bool = False
+    was_ready: bool = False
+    ended: bool = False
+    restarts: int = 0
+    takeovers: int = 0
+    failures: int = 0
+    serial: int = 0
+    number: int = 1
+    clock: RunClock | None = None
+    until: tuple[int, int] | None = None
+    taken: dict[int, int] = field(default_factory=dict)
+    sent: deque[tuple[int, float, tuple[Any, ...]]] = field(default_factory=deque)
 
-    def close(self) -> None:
-        """End it."""
-        self.process.kill()
-        self.process.join(5.0)
-        for one in (self.messages, self.lines):
-            one.cancel_join_thread()
-            one.close()
-        self.results.close()
+    @property
+    def processes(self) -> tuple[Any, ...]:
+        """The values that change with the processes only."""
+        return tuple(getattr(self, one.name) for one in fields(self)[:10])
+
+    def set_processes(self, values: tuple[Any, ...]) -> None:
+        """Take those values."""
+        for one, value in zip(fields(self), values, strict=False):
+            setattr(self, one.name, value)
+
+    def note(self, serial: int, number: int, found: MarkedPiece | WorkerNote) -> None:
+        """Note what came from a process, and the number of that message."""
+        self.taken[serial] = number
+        if isinstance(found, WorkerNote):
+            self.clock = found.clock or self.clock
+        else:
+            end = found.pes.end if isinstance(found.pes, MarkedPes) else found.pes.first
+            self.until = found.epoch, end
 
 
-def _serve(*arguments: Any) -> None:
-    """Mark, in the process that does so."""
-    # That process imports what it works with; the playout needs none of it.
-    from cuecast.live.marking import serve
-
-    serve(*arguments)
+Log = Callable[[bytes, Any], None]
+"""Takes a kind and its content for a playout that stands by."""
 
 
 class Worker:
@@ -131,36 +148,75 @@ class Worker:
         How long sound waits for a live interpreter.
     standby : bool
         Whether a second process stands by once the first one is ready.
+    state : WorkerState, optional
+        That of a playout which may die: then there are no processes until `adopt`.
 
     Attributes
     ----------
-    restarts, takeovers : int
-        Processes that ended or were given up; those whose place was taken at once.
-    ready, was_ready, ended : bool
-        Whether the process can take sound; whether one could, ever; whether it has marked all.
+    state : WorkerState
+    log : callable
+        Takes what a playout that stands by has to know.
     """
 
     def __init__(
         self, cuer: Cuer, options: LiveOptions, patience_s: float | None, hold_s: float = 0.0,
-        *, standby: bool = False,
+        *, standby: bool = False, state: WorkerState | None = None,
     ) -> None:  # fmt: skip
         self._arguments = cuer, options, patience_s, hold_s
         self._keeps_s = options.delay_s if standby else 0.0
-        self._process: MarkingProcess | None = MarkingProcess(self._arguments)
+        self.state = state or WorkerState()
+        self.log: Log = lambda kind, content: None
+        self._process: MarkingProcess | None = None
         self._standby: MarkingProcess | None = None
-        self._sent: deque[tuple[float, tuple[Any, ...]]] = deque()
-        self._clock: RunClock | None = None
-        self._until: tuple[int, int] | None = None
         self._answered_s: float | None = None
-        self._failures = 0
         self._again_s = 0.0
-        self.restarts = self.takeovers = 0
-        self.ready = self.was_ready = self.ended = False
+        self._logged: tuple[Any, ...] = ()
+        if state is None:
+            self.state.marking, self._process = self._started()
+
+    def adopt(self, found: MutableMapping[int, tuple[int, Any]]) -> None:
+        """Go on with the processes of a playout that died, and take their lines."""
+        state = self.state
+        for serial in (state.marking, state.standing):
+            if serial not in found:
+                continue
+            process = MarkingProcess(adopted=found.pop(serial))
+            process.channel.taken = state.taken.get(serial, 0)
+            process.channel.ask_again()
+            if serial == state.marking:
+                process.ready, self._process = state.ready, process
+                for number, sent_s, message in state.sent:
+                    process.post(number, sent_s, *message)
+            else:
+                process.ready, self._standby = state.standing_ready, process
+        state.standing = state.standing if self._standby else 0
+        if self._process is None:
+            state.marking, state.ready = 0, False
+
+    def _started(self) -> tuple[int, MarkingProcess]:
+        self.state.serial += 1
+        return self.state.serial, MarkingProcess(self._arguments)
+
+    @property
+    def processes(self) -> dict[int, MarkingProcess]:
+        """The processes there are, by their numbers."""
+        pairs = (self.state.marking, self._process), (self.state.standing, self._standby)
+        return {serial: process for serial, process in pairs if process is not None}
 
     @property
     def alive(self) -> bool:
         """Whether there is a process."""
         return self._process is not None
+
+    @property
+    def ready(self) -> bool:
+        """Whether the process can take sound."""
+        return self.state.ready
+
+    @property
+    def ended(self) -> bool:
+        """Whether it has marked all."""
+        return self.state.ended
 
     @property
     def stands_by(self) -> bool:
@@ -169,66 +225,55 @@ class Worker:
 
     def send(self, *message: Any) -> None:
         """Give the process a message."""
-        now_s = time.monotonic()
+        now_s, state = time.monotonic(), self.state
+        state.number += 1
         if self._keeps_s and message[0] in _KEPT_MESSAGES:
-            self._sent.append((now_s, message))
-            while self._sent[0][0] < now_s - self._keeps_s:
-                self._sent.popleft()
+            state.sent.append((state.number, now_s, message))
+            while state.sent[0][1] < now_s - self._keeps_s:
+                state.sent.popleft()
         if self._process is not None:
-            self._process.send(now_s, *message)
+            self._process.post(state.number, now_s, *message)
 
     def interpret(self, line: bytes | None) -> None:
         """Give the process a line of an interpreter, None at their end; wait while it is full."""
         came_s = time.monotonic()
-        while True:
-            process = self._process
-            try:
-                if process is not None:
-                    process.lines.put((came_s, line), timeout=1.0)
-                return
-            except (ValueError, OSError):
-                return
-            except queue.Full:
-                continue
+        while (process := self._process) is not None and not process.interpret(came_s, line):
+            continue
 
     def results(self, wait_s: float = 0.0) -> Iterator[MarkedPiece | WorkerNote]:
         """Yield returned packets; let another process take over if this one died or hangs."""
         self._look_after_standby()
+        state = self.state
         if self._process is None:
             if time.monotonic() < self._again_s:
                 return
-            self._process = MarkingProcess(self._arguments)
-            self._process.send(time.monotonic(), "resume", self._clock, None)
+            state.marking, self._process = self._started()
+            self._process.post(state.number, time.monotonic(), "resume", state.clock, None)
         why = ""
         try:
-            while self._process.results.poll(wait_s):
-                wait_s = 0.0
-                found = self._process.results.recv()
+            self._process.channel.flush()
+            for found in self._process.channel.receive(wait_s):
                 if found == "alive":
                     self._answered_s = time.monotonic()
                     continue
                 if isinstance(found, str):
-                    self.ready = self.was_ready = self._process.ready = True
-                    self.ended = found == "ended"
+                    state.ready = state.was_ready = self._process.ready = True
+                    state.ended = found == "ended"
                     continue
-                self._failures = 0
-                yield self._noted(found)
-            if not self._process.process.is_alive() and not self.ended:
-                raise EOFError
+                state.failures = 0
+                number = self._process.channel.taken
+                self.log(b"f", (state.marking, number, found))
+                state.note(state.marking, number, found)
+                yield found
             if self._hangs():
                 why = "gives no sign of life"
-        except (EOFError, OSError):
-            why = f"ended ({self._process.process.exitcode})"
+        except EOFError:
+            why = "" if state.ended else self._process.ending
         if why:
             yield from self._replace(why)
-
-    def _noted(self, found: MarkedPiece | WorkerNote) -> MarkedPiece | WorkerNote:
-        if isinstance(found, WorkerNote):
-            self._clock = found.clock or self._clock
-        else:
-            end = found.pes.end if isinstance(found.pes, MarkedPes) else found.pes.first
-            self._until = found.epoch, end
-        return found
+        if state.processes != self._logged:
+            self._logged = state.processes
+            self.log(b"s", self._logged)
 
     def _hangs(self) -> bool:
         """Whether the process that marks gives no sign of life, though there is another one."""
@@ -243,57 +288,60 @@ class Worker:
     def _replace(self, why: str) -> Iterator[WorkerNote]:
         """Let the process that stands by take over, or start one later."""
         assert self._process is not None
+        state = self.state
         self._process.close()
         self._process = None
         self._answered_s = None
-        self.ready = False
-        self.restarts += 1
-        if self.ended:
-            return
-        if self._standby is not None and self._standby.ready:
-            self._process, self._standby = self._standby, None
-            self.ready = True
-            self.takeovers += 1
-            self._resume(self._process)
+        state.marking, state.ready = 0, False
+        state.restarts += 1
+        if self._standby is not None:
+            process = self._process = self._standby
+            state.marking, state.standing, self._standby = state.standing, 0, None
+            state.ready, state.standing_ready = process.ready, False
+            if not process.ready:  # it is loading: sooner there than a new one
+                process.post(state.number, time.monotonic(), "resume", state.clock, None)
+                yield WorkerNote(f"the marking process {why}: the next one is loading")
+                return
+            state.takeovers += 1
+            self._resume(process)
             yield WorkerNote(f"the marking process {why}: the one that stood by takes over")
             return
-        if self._standby is not None:  # it is loading: sooner there than a new one
-            self._process, self._standby = self._standby, None
-            self._process.send(time.monotonic(), "resume", self._clock, None)
-            yield WorkerNote(f"the marking process {why}: the next one is loading")
-            return
-        wait_s = _RESTART_S[min(self._failures, len(_RESTART_S) - 1)]
-        self._failures += 1
+        wait_s = _RESTART_S[min(state.failures, len(_RESTART_S) - 1)]
+        state.failures += 1
         self._again_s = time.monotonic() + wait_s
         yield WorkerNote(f"the marking process {why}: again in {wait_s:.0f} s")
 
     def _resume(self, process: MarkingProcess) -> None:
         """Give a process the sound that is not marked yet, and the captions meanwhile."""
-        epoch, until = self._until or (0, None)
-        process.send(time.monotonic(), "resume", self._clock, until)
-        for sent_s, message in self._sent:
+        state = self.state
+        epoch, until = state.until or (0, None)
+        before = state.sent[0][0] - 1 if state.sent else state.number
+        process.post(before, time.monotonic(), "resume", state.clock, until)
+        for number, sent_s, message in state.sent:
             passed = message[0] == "sound" and message[1] < epoch
             passed |= message[0] == "pcm" and until is not None and message[2] < until
             if not passed:
-                process.send(sent_s, *message)
+                process.post(number, sent_s, *message)
 
     def _look_after_standby(self) -> None:
         """Keep a process in reserve, loaded while the other one works."""
-        if not self._keeps_s or self.ended:
+        state = self.state
+        if not self._keeps_s or state.ended:
             return
         if self._standby is None:
-            if self.ready and self._failures == 0:
-                self._standby = MarkingProcess(self._arguments)
+            if state.ready and state.failures == 0:
+                state.standing, self._standby = self._started()
             return
         try:
-            while self._standby.results.poll(0):
-                self._standby.ready |= self._standby.results.recv() == "ready"
-            dead = not self._standby.process.is_alive()
-        except (EOFError, OSError):
-            dead = True
-        if dead:
+            self._standby.channel.flush()
+            for found in self._standby.channel.receive(0.0):
+                self._standby.ready |= found == "ready"
+                state.taken[state.standing] = self._standby.channel.taken
+                state.standing_ready = self._standby.ready
+        except EOFError:
             self._standby.close()
             self._standby = None
+            state.standing, state.standing_ready = 0, False
 
     def close(self) -> None:
         """End the processes."""
@@ -301,4 +349,4 @@ class Worker:
             if one is not None:
                 one.close()
         self._process = self._standby = None
-        self.ready = False
+        self.state.ready = False

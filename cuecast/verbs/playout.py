@@ -88,7 +88,7 @@ def _add_mark(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     group.add_argument(
         "--no-standby", action="store_true",
-        help="no second marking process that takes over at once if the first one dies",
+        help="no second marking process and no second playout that go on if the first one dies",
     )  # fmt: skip
 
 

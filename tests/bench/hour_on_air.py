@@ -2,12 +2,13 @@
 
 In: nothing; a stream of announcements and music is made, with two changes of format. Out: JSON with
 superframes received and lost by cause, unmarked seconds by cause, delay, other streams, events and
-the playout's own figures; then a sentence. The bench stands for the service manager that starts the
-playout again. Linux only. Run: ``python -m tests.bench.hour_on_air --minutes 60``.
+the playout's own figures; then a sentence. The bench stands for the service manager. Linux only.
+Run: ``python -m tests.bench.hour_on_air --minutes 60``.
 """
 
 import argparse
 import contextlib
+import ctypes
 import json
 import os
 import pickle
@@ -47,13 +48,16 @@ EVENTS = {
 
 EFFECT_S = -DELAY_S - 1.5, 3.0
 """The part of the programme that an event can harm, from its moment: what was on its way, and a
-process that takes over. A playout that is killed harms it until it is ready again."""
+process that takes over."""
 
 NICE = -10
 """Priority of the playout, for that of deploy/cuecast-playout@.service; needs root."""
 
 STEP_S, LATE_S = 0.04, 0.7
 """Delay counts as constant within the first; packets later than the second count as missing."""
+
+_PR_SET_CHILD_SUBREAPER = 36
+"""Of Linux: processes whose parent died become children of this process."""
 
 PORT = 9000 + os.getpid() % 1000
 
@@ -132,7 +136,10 @@ def free_port() -> int:
 
 
 class Service:
-    """The playout as a service manager runs it."""
+    """The playout as a service manager runs it: a service lives as long as any process of it.
+
+    So does systemd with the unit's ExitType=cgroup. Processes without a parent become this one's.
+    """
 
     def __init__(self, source: int, target: int, folder: Path, more: list[str]) -> None:
         self._command = [
@@ -141,6 +148,7 @@ class Service:
             *more,
         ]  # fmt: skip
         self._log = (folder / "log.txt").open("a")
+        ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1)
         self.start()
 
     def start(self) -> None:
@@ -148,12 +156,40 @@ class Service:
         with contextlib.suppress(OSError):  # Linux weighs sessions against each other by this one
             Path(f"/proc/{self.process.pid}/autogroup").write_text(str(NICE))
 
+    def _session(self) -> dict[int, bytes]:
+        """Processes of the service and their command lines."""
+        found = {}
+        for one in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                state, _, _, session = (one / "stat").read_text().rpartition(")")[2].split()[:4]
+                if int(session) == self.process.pid and state != "Z":
+                    found[int(one.name)] = (one / "cmdline").read_bytes()
+        return found
+
+    def active(self) -> int:
+        """Process of the playout that has the programme: the oldest one."""
+        return min(pid for pid, line in self._session().items() if b"playout" in line)
+
     def workers(self) -> list[int]:
-        """Processes of the playout, the marking one first."""
-        task = Path(f"/proc/{self.process.pid}/task")
-        found = [int(c) for t in task.iterdir() for c in (t / "children").read_text().split()]
-        spawned = [c for c in found if b"spawn_main" in Path(f"/proc/{c}/cmdline").read_bytes()]
-        return sorted(spawned)
+        """Processes that the playout started by Python, the marking one first."""
+        return sorted(pid for pid, line in self._session().items() if b"spawn_main" in line)
+
+    def end(self) -> int:
+        """Ask all processes to end, wait, and return the exit status of the playout."""
+        active = self.active()
+        os.killpg(self.process.pid, signal.SIGTERM)
+        while self._session():
+            time.sleep(0.1)
+        self._log.close()
+        status = self.process.wait()
+        with contextlib.suppress(ChildProcessError):
+            while True:
+                pid, how = os.waitpid(-1, os.WNOHANG)
+                if pid == active:
+                    status = os.waitstatus_to_exitcode(how)
+                if not pid:
+                    break
+        return status
 
     def health(self) -> dict[str, Any]:
         try:
@@ -165,8 +201,8 @@ class Service:
             return {"state": "none"}
 
     def figures(self) -> dict[str, float]:
-        while self.health()["state"] == "none" and self.process.poll() is None:
-            time.sleep(0.5)
+        while self.health()["state"] == "none" and self._session():
+            time.sleep(0.1)
         with urllib.request.urlopen(f"http://127.0.0.1:{PORT}/metrics", timeout=5) as answer:
             text = answer.read().decode()
         found = re.findall(r"^cuecast_(\w+) (\S+)$", text, re.M)
@@ -174,14 +210,9 @@ class Service:
 
     def wait(self) -> None:
         while self.health()["state"] not in ("ready", "marked"):
-            if self.process.poll() is not None:
+            if not self._session():
                 raise OSError("the playout ended")
             time.sleep(0.5)
-
-
-def add(figures: dict[str, float], more: dict[str, float]) -> None:
-    for name, value in more.items():
-        figures[name] = figures.get(name, 0.0) + value if name.endswith("_total") else value
 
 
 def run(folder: Path, options: argparse.Namespace) -> tuple[Course, list[tuple[float, bytes]]]:
@@ -199,7 +230,7 @@ def run(folder: Path, options: argparse.Namespace) -> tuple[Course, list[tuple[f
     threading.Thread(target=receive, daemon=True).start()
     service = Service(source, target, folder, options.more)
     service.wait()
-    while options.events and not service.figures()["stands_by"]:
+    while options.events and not service.figures()["successor_stands_by"]:
         time.sleep(0.5)
     note(f"the playout is ready; {seconds} s follow")
     plan = [EVENTS[name] for name in EVENTS if name in options.events]
@@ -210,16 +241,15 @@ def run(folder: Path, options: argparse.Namespace) -> tuple[Course, list[tuple[f
         if wait_s > 0:
             time.sleep(wait_s)
         if plan and due >= plan[0][0] * seconds:
-            happen(plan.pop(0)[1], due, begin, service, course)
+            happen(plan.pop(0)[1], due, service, course)
         if rng.random() < options.loss:
             course.lost += 1
             continue
         course.sent.append((time.monotonic(), data))
         line.sendto(data, ("127.0.0.1", source))
     time.sleep(1.0)
-    add(course.figures, service.figures())
-    service.process.terminate()
-    course.stopped_with = service.process.wait(60)
+    course.figures = service.figures()
+    course.stopped_with = service.end()
     time.sleep(1.0)
     over.set()
     for n in range(1, len(FORMS)):
@@ -228,10 +258,9 @@ def run(folder: Path, options: argparse.Namespace) -> tuple[Course, list[tuple[f
     return course, datagrams
 
 
-def happen(name: str, due: float, begin: float, service: Service, course: Course) -> None:
-    """Let an event happen; a playout that is killed is started again after a second."""
+def happen(name: str, due: float, service: Service, course: Course) -> None:
+    """Let an event happen."""
     note(f"{due:.1f} s: {name}")
-    span = due + EFFECT_S[0], due + EFFECT_S[1]
     if name == "worker killed":
         os.kill(service.workers()[0], signal.SIGKILL)
     elif name.startswith("worker stopped"):
@@ -239,23 +268,8 @@ def happen(name: str, due: float, begin: float, service: Service, course: Course
         os.kill(stopped, signal.SIGSTOP)
         threading.Timer(5.0, resume, [stopped]).start()
     else:
-        add(course.figures, service.figures())
-        service.process.kill()
-        service.process.wait()
-        number = len(course.events)
-        span = span[0], float("inf")
-
-        def start_again() -> None:
-            time.sleep(1.0)
-            service.start()
-            with contextlib.suppress(OSError):  # the run may end before
-                service.wait()
-                ready_s = time.monotonic() - begin
-                note(f"ready again after {ready_s - due:.1f} s")
-                course.events[number] = Event(name, (span[0], ready_s + 2.0))
-
-        threading.Thread(target=start_again, daemon=True).start()
-    course.events.append(Event(name, span))
+        os.kill(service.active(), signal.SIGKILL)
+    course.events.append(Event(name, (due + EFFECT_S[0], due + EFFECT_S[1])))
 
 
 def resume(process: int) -> None:

@@ -1,0 +1,104 @@
+"""One process that marks, with the ways to it and back."""
+
+import contextlib
+import os
+import queue
+import signal
+import socket
+import time
+from multiprocessing import get_context
+from typing import Any
+
+from cuecast.live.channel import Channel, pair
+
+_LINES = 400
+"""Lines of an interpreter that may wait for the process."""
+
+
+class MarkingProcess:
+    """A process that marks: one of this process's own, or of one that died.
+
+    Parameters
+    ----------
+    arguments : tuple, optional
+        What it marks with; see `cuecast.live.marking.serve`.
+    adopted : tuple of (int, socket.socket), optional
+        A running one in place of that: its number in the system, and the line to it.
+
+    Attributes
+    ----------
+    channel : Channel
+    pid : int
+    ready : bool
+        Whether it can take sound.
+    started_s : float
+    """
+
+    def __init__(
+        self, arguments: tuple[Any, ...] = (), adopted: tuple[int, socket.socket] | None = None
+    ) -> None:
+        self.started_s = time.monotonic()
+        self.ready = False
+        self._process: Any = None
+        self._lines: Any = None
+        if adopted is not None:
+            self.pid, line = adopted
+            self.channel = Channel(line)
+            # Unlike its number, this cannot come to stand for another process.
+            self._handle = os.pidfd_open(self.pid) if hasattr(os, "pidfd_open") else -1
+            return
+        context = get_context("spawn")
+        ours, theirs = pair()
+        self.channel = Channel(ours)
+        self._lines = context.Queue(_LINES)
+        self._process = context.Process(
+            target=_serve, args=(*arguments, theirs, self._lines), daemon=True
+        )
+        self._process.start()
+        theirs.close()
+        self.pid = self._process.pid
+
+    def post(self, number: int, sent_s: float, *message: Any) -> None:
+        """Give it a message; one that is full of them gets none."""
+        self.channel.post(number, (sent_s, *message))
+
+    def interpret(self, came_s: float, line: bytes | None) -> bool:
+        """Give it a line of an interpreter; return whether there was room within a second."""
+        try:
+            if self._lines is not None:
+                self._lines.put((came_s, line), timeout=1.0)
+        except queue.Full:
+            return False
+        except (ValueError, OSError):  # it is closed
+            return True
+        return True
+
+    @property
+    def ending(self) -> str:
+        """How it ended, in words."""
+        if self._process is None:
+            return "ended"
+        self._process.join(1.0)
+        return f"ended ({self._process.exitcode})"
+
+    def close(self) -> None:
+        """End it."""
+        self.channel.close()
+        if self._process is None:
+            if self._handle >= 0:
+                with contextlib.suppress(ProcessLookupError):
+                    signal.pidfd_send_signal(self._handle, signal.SIGKILL)
+                os.close(self._handle)
+            return
+        self._process.kill()
+        self._process.join(5.0)
+        self._lines.cancel_join_thread()
+        self._lines.close()
+
+
+def _serve(*arguments: Any) -> None:
+    """Mark, in the process that does so."""
+    # That process imports what it works with; the playout needs none of it.
+    from cuecast.live.marking import serve
+
+    serve(*arguments)
