@@ -2,8 +2,8 @@
 
 An end can be held by several processes. Where the one that used it is killed, another one goes on:
 it repeats its last messages, those that were taken already are passed over, and it asks the other
-side to repeat what the killed one may have taken with it. Needs Linux: packets in order, and an end
-that is noticed (SOCK_SEQPACKET).
+side to repeat messages that the killed one may have taken with it. Needs Linux: packets in order,
+and an end that is noticed (SOCK_SEQPACKET).
 """
 
 import pickle
@@ -82,7 +82,7 @@ class Channel:
         self.flush()
 
     def flush(self) -> None:
-        """Send what waits, as far as there is room."""
+        """Send waiting packets, as far as there is room."""
         while self._waiting:
             try:
                 self.line.send(self._waiting[0], socket.MSG_DONTWAIT)

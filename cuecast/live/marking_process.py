@@ -21,7 +21,7 @@ class MarkingProcess:
     Parameters
     ----------
     arguments : tuple, optional
-        What it marks with; see `cuecast.live.marking.serve`.
+        Its cuer and options; see `cuecast.live.marking.serve`.
     adopted : tuple of (int, socket.socket), optional
         A running one in place of that: its number in the system, and the line to it.
 

@@ -47,7 +47,7 @@ _RESUMED = 0.2
 on a busy machine a shorter stretch would end at once, and each change is a joint in the sound."""
 
 TIES = "_send", "_tell", "_wait", "_watch"
-"""What a passage reaches outside of itself; everything else follows from its calls alone."""
+"""Functions outside of a passage; everything else follows from its calls alone."""
 
 _LONGEST_TICK_S = 1.0
 """A greater step of the stream's clock is a new beginning of it."""

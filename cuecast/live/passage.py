@@ -1,4 +1,4 @@
-"""The programme between in and out: work that follows from a record of what came alone.
+"""The programme between in and out: work that follows from a record of the input alone.
 
 A second playout that does the same work on the same record holds the same packets in the same
 state (`cuecast.live.succession`). Times are those of the record.
@@ -68,7 +68,7 @@ class Passage:
         self.record(kind, pickle.dumps(content))
 
     def take(self, arrivals: Sequence[Arrival]) -> None:
-        """Take what has come."""
+        """Take arrivals."""
         if not arrivals:
             return
         self.record(TAKEN, _COUNT.pack(len(arrivals)))
@@ -78,7 +78,7 @@ class Passage:
                 self.multiplex.take(packets, arrived_s)
 
     def put(self, found: MarkedPiece | WorkerNote) -> None:
-        """Take what came from the marking process."""
+        """Take a piece or a note of the marking process."""
         if isinstance(found, WorkerNote):
             self.figures |= found.figures
         else:

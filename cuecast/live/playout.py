@@ -322,7 +322,7 @@ class Playout:
             self._output.close()
 
     def _keep_successor(self) -> None:
-        """Give the playout that stands by what it has to know; start one once this can mark."""
+        """Keep the playout that stands by informed; start one once this can mark."""
         succession = self._succession
         if succession is None or not (self._worker.stands_by or succession.one):
             return

@@ -1,7 +1,7 @@
 """A record of one process that another one reads, in memory that outlives the writer.
 
-What is written is there even if the writer is killed in the next moment; a record that was under
-way then is not seen. Two counters of the writer lie beside it. Linux only.
+A record is there even if the writer is killed in the next moment; one that was under way then is
+not seen. Two counters of the writer lie beside it. Linux only.
 """
 
 import mmap

@@ -187,7 +187,7 @@ class Follower(Protocol):
 
 
 class ShadowOutput:
-    """Takes what the active playout sends, up to where it has sent it.
+    """Takes the datagrams of the active playout, up to where it has sent it.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ class ShadowOutput:
 
 
 class Inheritance:
-    """What the process that stands by has of the active one.
+    """Sockets, record and lines that a process which stands by has of the active one.
 
     Parameters
     ----------
@@ -290,7 +290,7 @@ class Inheritance:
         return message, files
 
     def close(self) -> None:
-        """Let go what is not needed any more."""
+        """Let all go that is not needed any more."""
         for _, line in self.processes.values():
             line.close()
         self._line.close()

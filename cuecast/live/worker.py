@@ -72,7 +72,7 @@ class WorkerNote:
 
 @dataclass
 class WorkerState:
-    """What a playout that takes over has to know of the processes, and what they were given.
+    """The processes and their last messages, as a playout that takes over has to know them.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ class WorkerState:
             setattr(self, one.name, value)
 
     def note(self, serial: int, number: int, found: MarkedPiece | WorkerNote) -> None:
-        """Note what came from a process, and the number of that message."""
+        """Note a message of a process, and its number."""
         self.taken[serial] = number
         if isinstance(found, WorkerNote):
             self.clock = found.clock or self.clock
@@ -155,7 +155,7 @@ class Worker:
     ----------
     state : WorkerState
     log : callable
-        Takes what a playout that stands by has to know.
+        Takes records for a playout that stands by.
     """
 
     def __init__(

@@ -2,8 +2,9 @@
 
 Each of them makes its own catalogue of short programmes and prints its figures as JSON; exit 1
 where work was lost, done twice, or left over. Linux only. Run:
-``python -m tests.bench.batches killed --items 200 --kills 100``, or ``shared``, ``faster``, and
-``cluster`` for a Dask scheduler and workers that are killed.
+``python -m tests.bench.batches killed --items 200 --kills 100``, or ``shared``, ``faster``,
+``cluster`` for a Dask scheduler and workers that are killed, and ``fresh`` for workers that have
+nothing compiled yet, then for two workers instead of one.
 """
 
 import argparse
@@ -232,13 +233,8 @@ def cluster(folder: Path, items: int, kills: int, seed: int) -> dict[str, Any]:
     """Kill the workers and the scheduler of a Dask cluster while a batch uses it."""
     catalogue, rng = make_catalogue(folder, items), random.Random(seed)
     wanted = undisturbed(folder, items)
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    address, out, log = f"tcp://127.0.0.1:{port}", folder / "out", folder / "cluster.log"
-    scheduler = ("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
-    workers = ("worker", address, "--nworkers", "2", "--nthreads", "1", "--no-dashboard",
-               "--local-directory", str(folder / "dask"))  # fmt: skip
+    address, scheduler, workers = cluster_of(folder, 2)
+    out, log = folder / "out", folder / "cluster.log"
     count = Counter[str]()
     with contextlib.ExitStack() as parts, log.open("ab") as told:
         noise = parts.enter_context((folder / "dask.log").open("ab"))
@@ -264,10 +260,49 @@ def cluster(folder: Path, items: int, kills: int, seed: int) -> dict[str, Any]:
     return verdict(out, log, wanted, {"status": again, "first": status, "killed": dict(count)})
 
 
+def cluster_of(folder: Path, workers: int) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
+    """Return a free address, and the arguments of a scheduler there and of its workers."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    address = f"tcp://127.0.0.1:{port}"
+    return (
+        address,
+        ("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"),
+        ("worker", address, "--nworkers", str(workers), "--nthreads", "1", "--no-dashboard",
+         "--local-directory", str(folder / "dask")),
+    )  # fmt: skip
+
+
+def fresh(folder: Path, items: int) -> dict[str, Any]:
+    """Time the first item of two workers that compile first; then one worker and two, compiled."""
+    catalogue = make_catalogue(folder, items)
+    os.environ["NUMBA_CACHE_DIR"] = str(folder / "compiled")
+    first, seconds, status = 0.0, {}, 0
+    for name, workers in (("fresh", 2), ("1", 1), ("2", 2)):
+        address, head, rest = cluster_of(folder, workers)
+        out = folder / f"out-{name}"
+        with (
+            (folder / f"{name}.log").open("ab") as log, dask(*head, log=log),
+            dask(*rest, log=log),
+        ):  # fmt: skip
+            began = time.monotonic()
+            process = start(catalogue, out, log, "--scheduler", address)
+            while process.poll() is None and not any(out.glob("*.flac")):
+                time.sleep(0.05)
+            first = first or time.monotonic() - began
+            status = max(status, process.wait())
+            seconds[name] = time.monotonic() - began
+    return {
+        "items": items, "status": status, "first_item_s": first, "seconds": seconds,
+        "times_as_fast": seconds["1"] / seconds["2"],
+    }  # fmt: skip
+
+
 def main() -> int:
     """Run one of them as told."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("killed", "shared", "faster", "cluster"))
+    parser.add_argument("what", choices=("killed", "shared", "faster", "cluster", "fresh"))
     parser.add_argument("--items", type=int, default=40)
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
@@ -279,7 +314,8 @@ def main() -> int:
         elif args.what == "cluster":
             figures = cluster(folder, args.items, args.kills, args.seed)
         else:
-            figures = (shared if args.what == "shared" else faster)(folder, args.items)
+            simple = {"shared": shared, "faster": faster, "fresh": fresh}
+            figures = simple[args.what](folder, args.items)
     print(json.dumps(figures, indent=1))
     wrong = [figures.get(k) for k in ("status", "missing_or_other", "made_twice", "left_over")]
     return 1 if any(wrong) else 0
