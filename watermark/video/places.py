@@ -42,7 +42,7 @@ MEMORY = 0.6
 VOTE_ERROR, FINE_ERROR = 0.6, 0.25
 """Errors of place in pixels that the weights of votes, and of refined crops, allow for."""
 
-RANKED, ROUGHLY, FINELY, REFINED = 96, 12, 4, 3
+RANKED, ROUGHLY, FINELY, REFINED = 64, 8, 3, 3
 """Crops that are judged on interpolated amplitudes, refined roughly, then finely, and returned."""
 
 ROUGH, FINE = 0.06, 0.03
@@ -116,11 +116,11 @@ class PlaceTable:
             Place of the marked picture, score in standard deviations of noise.
         """
         if self._box is None or _far(box, self._box):
-            self._begin(box)
+            self._begin(box, mean.shape)
         assert self._box is not None
-        self._resample(still, self._box)
+        kernels.resample_into(still, *self._taps, MARGIN, self._picture)
         kernels.fine_texture_into(self._picture, self._texture)
-        self._resample(mean, self._box)
+        kernels.resample_into(mean, *self._taps, MARGIN, self._picture)
         kernels.pilot_fields_into(
             self._picture, self._pilots, self._first_x, self._first_y, self._factors, self._fields
         )
@@ -134,8 +134,8 @@ class PlaceTable:
         )  # fmt: skip
         return self._refine(self._box)
 
-    def _begin(self, box: Region) -> None:
-        """Lay out the crops of a box and the displacements that they cause."""
+    def _begin(self, box: Region, shape: tuple[int, ...]) -> None:
+        """Lay out the crops of a box in such a picture and the displacements that they cause."""
         self._box = box
         self._x = _crops(box.left, box.width, COLUMNS)
         self._y = _crops(box.top, box.height, ROWS)
@@ -143,9 +143,13 @@ class PlaceTable:
         down, self._first_y, height = _displacements(self._y, ROWS)
         self._across = across.astype(np.uint64)
         self._down = np.ascontiguousarray(down.T).astype(np.uint64)
-        shape = (height + 2 * MARGIN, width + 2 * MARGIN)
-        self._picture = np.zeros(shape, dtype=np.float32)
-        self._texture = np.zeros((shape[0] // 2 - 3, shape[1] // 2 - 3), dtype=np.float32)
+        rows, columns = height + 2 * MARGIN, width + 2 * MARGIN
+        self._taps = (
+            *source_taps(height, shape[0], box.top * shape[0], box.height * shape[0]),
+            *source_taps(width, shape[1], box.left * shape[1], box.width * shape[1]),
+        )
+        self._picture = np.zeros((rows, columns), dtype=np.float32)
+        self._texture = np.zeros((rows // 2 - 3, columns // 2 - 3), dtype=np.float32)
         self._bounds = np.array([MARGIN + height - CELL, MARGIN + width - CELL, MARGIN])
         self._size = np.array([width, height, MARGIN, COLUMNS, ROWS], dtype=np.float32)
         count, wide, high = len(self._pilots), across.max() + 1, down.max() + 1
@@ -157,18 +161,6 @@ class PlaceTable:
         self._tables = np.zeros((self._looks, *places), dtype=np.float32)
         self._best = np.zeros(places[0], dtype=np.float32)
         self._choice = np.zeros(places[0], dtype=np.int64)
-
-    def _resample(self, mean: PixelArray, box: Region) -> None:
-        """Show the box at the size of the search, without the margin."""
-        rows, columns = mean.shape
-        height, width = (int(size) - 2 * MARGIN for size in self._picture.shape)
-        row, row_weights = source_taps(height, rows, box.top * rows, box.height * rows)
-        column, column_weights = source_taps(
-            width, columns, box.left * columns, box.width * columns
-        )
-        kernels.resample_into(
-            mean, row, row_weights, column, column_weights, MARGIN, self._picture
-        )  # fmt: skip
 
     def _refine(self, box: Region) -> list[tuple[Region, float]]:
         """Judge the best crops anew and move their sides."""

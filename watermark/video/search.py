@@ -43,7 +43,7 @@ CLIMB = (0.03, 0.015, 0.0075)
 SHIFT = 1 / 16
 """Distance in superframes of the three windows that judge the best places."""
 
-HOPE, TRIED = 4.8, 2
+HOPE, TRIED = 5.4, 2
 """Least score of a place before its last refinement, and the number of those refined."""
 
 LIKELY, FOUND = 3.8, 6.2
