@@ -23,7 +23,7 @@ _MM_PER_UNIT = 100.0
 _LIPS_MM = (8.0, 24.0)
 """Distances in mm from the lips between which the mesh begins to change."""
 
-_EYE_MM = (15.0, 21.0)
+_EYE_MM = (18.0, 24.0)
 """Distances in mm from the middle of an eye between which it does."""
 
 _NECK_MM = (550.0, 615.0)
@@ -82,8 +82,7 @@ def morph(
     drawn[inside] = 0
     for ball in balls:
         middle = 0.5 * (at[ball].min(axis=0) + at[ball].max(axis=0))
-        held = _held(np.linalg.norm(at - middle, axis=1), _EYE_MM)
-        drawn += held[:, None] * (drawn[ball].mean(axis=0) - drawn)
+        drawn *= _fade(np.linalg.norm(at - middle, axis=1), *_EYE_MM)[:, None]
     return drawn
 
 
@@ -91,11 +90,6 @@ def summed(targets: tuple[tuple[str, float], ...], folder: Path, count: int) -> 
     """Return the sum (count, 3) of targets, each with its share, mm."""
     parts = [share * read_target(folder, name, count) for name, share in targets]
     return np.asarray(sum(parts, start=np.zeros((count, 3))))
-
-
-def _held(distance: FloatArray, limits: tuple[float, float]) -> FloatArray:
-    """Return 1 nearer than the first limit, 0 beyond the second."""
-    return 1 - _fade(distance, *limits)
 
 
 def _fade(value: FloatArray, low: float, high: float) -> FloatArray:

@@ -106,6 +106,9 @@ _EYE_RINGS = (
     (29.0, SCLERA), (45.0, SHADED[0]), (62.0, SHADED[1]), (90.0, SHADED[1]),
 )  # fmt: skip
 
+_EYE_SHARE = 0.975
+"""Part of the mesh's own radius of an eye: lids that close move straight, not round the eye."""
+
 _EYE_SECTORS = 24
 """Sectors of an eyeball: round at the size of a television's inset."""
 
@@ -117,12 +120,12 @@ def eyeball(vertices: FloatArray, ball: IntArray, look: Look) -> Part:
     viewer.
     """
     middle = (vertices[ball].min(axis=0) + vertices[ball].max(axis=0)) / 2
-    radius = np.ptp(vertices[ball], axis=0)[:2].max() / 2
+    radius = _EYE_SHARE * np.ptp(vertices[ball], axis=0)[:2].max() / 2
     ring, colours = [], []
     for degrees, colour in _EYE_RINGS:
         polar = np.radians(degrees)
         around = 2 * np.pi * np.arange(_EYE_SECTORS) / _EYE_SECTORS
-        bulge = radius * (1.0 + 0.045 * np.exp(-((degrees / 22.0) ** 2)))
+        bulge = radius * (1.0 + 0.02 * np.exp(-((degrees / 22.0) ** 2)))
         ring.append(bulge * np.stack([
             np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around),
             np.full(_EYE_SECTORS, np.cos(polar)),

@@ -20,6 +20,9 @@ SHAPES = (
 )  # fmt: skip
 """Units of the mesh that are sent as they are."""
 
+_CLOSED = 0.72
+"""Weight of the mesh's own blink at which the lids meet; beyond it they cut each other."""
+
 _UNIT = 256
 """Displacements are whole parts of a millimetre by this."""
 
@@ -47,7 +50,7 @@ def mesh_shapes(mesh: Mesh, tongue: IntArray, balls: IntArray) -> dict[str, Floa
     for name in SHAPES:
         moved = mesh.units[name].copy()
         moved[balls] = 0
-        found[name] = moved
+        found[name] = _CLOSED * moved if name.startswith("eyeBlink") else moved
     x, y, z = mesh.vertices.T
     high = np.exp(-(((y - 470) / 75) ** 2)) * np.clip((575 - y) / 70, 0, 1)
     front = np.clip((z + 20) / 90, 0, 1) * np.clip((190 - np.abs(x)) / 70, 0, 1)

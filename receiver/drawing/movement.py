@@ -29,7 +29,7 @@ RULES: dict[str, Any] = {
     "blink_s": [0.08, 0.03, 0.17], "blink_after_s": 0.16, "blink_slot_s": 1.05,
     # Fixations of the eyes: slot and jump (s); half width (rad) while she cues, and at rest.
     "fixation_s": 1.3, "saccade_s": 0.06, "wander_rad": [[0.012, 0.006], [0.05, 0.025]],
-    "lens_rad": [-0.02, -0.055], "lids_per_rad": 1.6, "lids_rest": 0.14,
+    "lens_rad": [-0.02, -0.055], "lids_per_rad": 1.6, "lids_rest": 0.18,
     # Head: radians per mm of the mouth's opening beyond its mean; at a phrase's onset and end.
     "nod": {"per_mm": 0.0042, "onset": -0.075, "end": 0.085, "most_rad": 0.07},
     # Waves of head (rad) and trunk (mm), per axis: size, period (s), phase (turns).

@@ -16,8 +16,9 @@ from codec.errors import CueError
 from receiver.drawing.avatar import has_avatar, load_avatar, vertex_normals
 from receiver.drawing.avatar_document import avatar_document
 from receiver.drawing.movement import RULES, express
+from receiver.drawing.portrait import Portrait
 from receiver.drawing.skeleton import solve
-from receiver.drawing.voice_document import voice_document
+from receiver.drawing.voice_document import neutral_camera, voice_document
 from receiver.foreign.build import foreign_avatar
 from synth.motion.body.body import load_body
 from synth.motion.rules.gesture import GestureSynthesiser
@@ -313,6 +314,29 @@ def test_eyes_blink_as_people_do() -> None:
     starts = times[1:][(shut[1:] > 0.5) & (shut[:-1] <= 0.5)]
     assert 8 < len(starts) / 5 < 25
     assert np.std(np.diff(starts)) > 0.35 * np.mean(np.diff(starts))
+
+
+def test_closed_lids_hide_the_eyes_of_every_look() -> None:
+    """The eyes painted green: no look shows much of it with the lids closed, all do half open."""
+    held = np.zeros((1, len(VOICE.layout)))
+    camera = neutral_camera(VOICE)
+    for look in AVATAR.looks:
+        avatar = load_avatar(VOICE, look)
+        colours = avatar.head.colours.copy()
+        for first, count in avatar.eye_ranges:
+            colours[first : first + count, :3] = [0, 255, 0]
+        green = replace(avatar, head=replace(avatar.head, colours=colours))
+        seen = []
+        for shut in (1.0, 0.5):
+            added = express(VOICE, lambda t: np.repeat(held, len(t), axis=0), np.array([20.0]))
+            lids = dict.fromkeys(("eyeBlinkLeft", "eyeBlinkRight"), np.array([shut]))
+            added = replace(added, shapes=added.shapes | lids)
+            pictures = [np.zeros((540, 464, 3), np.uint8) for _ in range(2)]
+            for picture, other in zip(pictures, (avatar, green), strict=True):
+                Portrait(other, camera).draw(picture, avatar.place(held, added)[0])
+            seen.append((np.abs(np.subtract(*pictures, dtype=int)).max(axis=2) > 24).sum())
+        assert seen[0] <= 4, look
+        assert seen[1] > 30, look
 
 
 def test_voice_without_avatar() -> None:
