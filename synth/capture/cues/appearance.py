@@ -78,10 +78,6 @@ _SURE_SHARE = 0.5
 the line: with this, as many keys were right as their probabilities said, on films of real cuers and
 on studio takes of virtual ones."""
 
-_SHORT_MEASURED = -3.0
-"""Price of a side that falls short where markers are measured: virtual cuers in a studio show the
-side itself, and at the price of films one key in thirty was lost."""
-
 _STILL_FRAMES, _STILL_HZ = 11, 30.0
 """Frames, and their rate, of the still poses that a voice's looks are taken from."""
 
@@ -103,8 +99,6 @@ class KeyAppearance:
         where the hand was measured than where a camera guessed it.
     sure_share : float
         Part of its log density that a frame counts in probabilities.
-    short : float
-        Price of a side that falls short, for how rarely a hand stops on its way there.
     """
 
     fingers: FloatArray
@@ -115,7 +109,6 @@ class KeyAppearance:
     stances_sd: FloatArray
     eagerness: float = 1.2
     sure_share: float = _SURE_SHARE
-    short: float = -0.5
 
     def learnt(self, seen: "KeyExamples", before: "KeyAppearance") -> "KeyAppearance":
         """Return the looks of a cuer who has shown some keys.
@@ -200,4 +193,4 @@ def looks_of(voice: Voice) -> KeyAppearance:
     stances = np.stack([seen.stance[at[places == p]].mean(0) for p in range(len(PLACEMENTS))])
     # Palms of virtual cuers do not turn as a camera sees them: nothing is expected of the width.
     stances[:, 1] = stances[1:, 1].mean()
-    return replace(_of_nobody(fingers, where, stances), eagerness=_MEASURED, short=_SHORT_MEASURED)
+    return replace(_of_nobody(fingers, where, stances), eagerness=_MEASURED)
