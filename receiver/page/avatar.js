@@ -27,6 +27,17 @@ export function parseAvatar(buffer) {
 
 /** Head or hand: markers to vertices and normals. */
 export class Surface {
+  /** @type {any} Only the head has eyes, a mouth and a skeleton. */
+  eyes = null;
+  /** @type {any} */
+  mouth = null;
+  /** @type {any} */
+  skeleton = null;
+  changing = new Uint32Array();
+  moving = new Uint32Array();
+  isMoving = new Uint8Array();
+  movingTriangles = new Uint16Array();
+
   constructor(arrays, prefix) {
     const part = (name) => arrays[`${prefix}_${name}`];
     this.markers = part("markers");
@@ -46,8 +57,6 @@ export class Surface {
     this.normal = new Float32Array(3 * this.count);
     this.weight = new Float64Array(this.rank);
     this.shapes = {};
-    this.mouth = null;
-    this.skeleton = null;
     if (prefix === "head") {
       this.mouth = new Mouth(arrays);
       this.skeleton = new Skeleton(arrays);
@@ -204,6 +213,11 @@ export class Surface {
 }
 
 export class AvatarView {
+  /** @type {any} */
+  head;
+  /** @type {any} */
+  hand;
+
   /** Build on a canvas; throws where WebGL is missing. */
   constructor(canvas, model, arrays) {
     this.canvas = canvas;

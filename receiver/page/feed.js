@@ -10,6 +10,9 @@ const RETRY_MS = [500, 1000, 2000, 4000];
 const FULL = 4001;
 
 export class Feed {
+  /** @type {any} */
+  socket;
+
   /** `handlers`: motion(piece), message(document), open(), closed(full): whether too many pages are watching. */
   constructor(url, handlers) {
     this.url = url;

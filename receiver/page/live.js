@@ -21,6 +21,7 @@ export class LiveProgramme {
     this.url = url;
     this.waiting = [];
     this.media = new MediaSource();
+    /** @type {any} */
     this.buffer = null;
     this.openMs = Infinity;
     this.outsideMs = 0;
@@ -83,14 +84,14 @@ export class LiveProgramme {
     const { buffered } = buffer;
     const end = buffered.end(buffered.length - 1);
     let inside = false;
-    let next = null;
+    let next = Infinity;
     for (let i = 0; i < buffered.length; i++) {
       if (buffered.start(i) <= video.currentTime && video.currentTime < buffered.end(i) - 0.05) inside = true;
-      else if (next === null && buffered.start(i) > video.currentTime) next = buffered.start(i);
+      else if (next === Infinity && buffered.start(i) > video.currentTime) next = buffered.start(i);
     }
     this.outsideMs = inside ? 0 : this.outsideMs + LOOK_MS;
     const enough = end - next >= CUSHION_S || this.outsideMs > PATIENCE_MS;
-    if (!inside && next !== null && enough) video.currentTime = next + 0.01;
+    if (!inside && next < Infinity && enough) video.currentTime = next + 0.01;
     else if (!video.paused && end - video.currentTime > BEHIND_S) video.currentTime = end - CUSHION_S;
     if (video.currentTime - buffered.start(0) > 2 * KEPT_S && !buffer.updating) {
       buffer.remove(0, video.currentTime - KEPT_S);

@@ -29,7 +29,7 @@ class Page {
     /** Whether the programme has no cuer, and all of the screen. */
     this.absent = false;
     this.heard = { fromS: 0, untilS: 0 };
-    const find = (id) => document.getElementById(id);
+    const find = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
     this.video = /** @type {HTMLVideoElement} */ (find("programme"));
     this.cuer = new Cuer(model, arrays, { points: find("points"), avatar: find("avatar") });
     this.timeline = this.cuer.timeline;
@@ -95,7 +95,7 @@ class Page {
 
   showPanel(words) {
     this.settings.show(document.getElementById("choices"), words);
-    const help = document.getElementById("help");
+    const help = /** @type {HTMLElement} */ (document.getElementById("help"));
     help.textContent = "";
     for (const [key, name, colour] of HELP) {
       const term = document.createElement("dt");

@@ -22,7 +22,8 @@ export class Timeline {
   constructor(movement) {
     this.movement = movement;
     this.pieces = [];
-    this.clear();
+    this.keys = [];
+    this.states = [];
   }
 
   clear() {
@@ -139,6 +140,7 @@ export class Timeline {
    *
    * The present key is the one that the hand shows, which runs ahead of the sound: by the clock of
    * the voice's hand, and by `hand`, the key that the drawn hand is nearest to, if it is told.
+   * @param {{shape: number, placement: string} | null} [hand]
    */
   keysAround(timeS, before, after, hand = null) {
     const near = this.keys.filter((key) => Math.abs(key.start - timeS) < NEAR_S);

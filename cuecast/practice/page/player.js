@@ -12,7 +12,10 @@ import { VoiceModel } from "./model.js";
 /** Frames by which a still picture is kept: the timeline holds what it knows. */
 const STILL_FRAMES = 2;
 
-/** A document of this server; its refusals become errors with their own words. */
+/**
+ * A document of this server; its refusals become errors with their own words.
+ * @param {any} [body] sent as JSON
+ */
 export async function fetched(path, body = undefined) {
   const options = body === undefined ? {} : { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
   const answer = await fetch(path, options);
@@ -35,6 +38,7 @@ export class Player {
     this.speed = 1;
     this.durationS = 0;
     this.timeS = 0;
+    /** @type {any} */
     this.run = null;
     /** @type {(timeS: number) => void} */
     this.onTick = () => {};
@@ -75,6 +79,7 @@ export class Player {
    * Play from `from` to `until` seconds, once or again and again, beside `sound` if there is one.
    *
    * Resolves at the end with `{whole, framesPerSecond}`; `whole` is false if it was stopped.
+   * @param {{from?: number, until?: number, loop?: boolean, sound?: HTMLMediaElement | null}} [how]
    */
   play({ from = 0, until = this.durationS, loop = false, sound = null } = {}) {
     this.stop();

@@ -44,7 +44,8 @@ function cropped(drawn) {
   const [x, y, size] = CROP;
   canvas.width = WIDTH;
   canvas.height = Math.round(WIDTH * drawn.height / drawn.width);
-  canvas.getContext("2d").drawImage(
+  const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+  context.drawImage(
     drawn, x * drawn.width, y * drawn.height, size * drawn.width, size * drawn.height, 0, 0, canvas.width, canvas.height,
   );
   return canvas.toDataURL();

@@ -928,6 +928,17 @@ function parseAvatar(buffer) {
 
 /** Head or hand: markers to vertices and normals. */
 class Surface {
+  /** @type {any} Only the head has eyes, a mouth and a skeleton. */
+  eyes = null;
+  /** @type {any} */
+  mouth = null;
+  /** @type {any} */
+  skeleton = null;
+  changing = new Uint32Array();
+  moving = new Uint32Array();
+  isMoving = new Uint8Array();
+  movingTriangles = new Uint16Array();
+
   constructor(arrays, prefix) {
     const part = (name) => arrays[`${prefix}_${name}`];
     this.markers = part("markers");
@@ -947,8 +958,6 @@ class Surface {
     this.normal = new Float32Array(3 * this.count);
     this.weight = new Float64Array(this.rank);
     this.shapes = {};
-    this.mouth = null;
-    this.skeleton = null;
     if (prefix === "head") {
       this.mouth = new Mouth(arrays);
       this.skeleton = new Skeleton(arrays);
@@ -1105,6 +1114,11 @@ class Surface {
 }
 
 class AvatarView {
+  /** @type {any} */
+  head;
+  /** @type {any} */
+  hand;
+
   /** Build on a canvas; throws where WebGL is missing. */
   constructor(canvas, model, arrays) {
     this.canvas = canvas;
@@ -1498,7 +1512,8 @@ class Timeline {
   constructor(movement) {
     this.movement = movement;
     this.pieces = [];
-    this.clear();
+    this.keys = [];
+    this.states = [];
   }
 
   clear() {
@@ -1615,6 +1630,7 @@ class Timeline {
    *
    * The present key is the one that the hand shows, which runs ahead of the sound: by the clock of
    * the voice's hand, and by `hand`, the key that the drawn hand is nearest to, if it is told.
+   * @param {{shape: number, placement: string} | null} [hand]
    */
   keysAround(timeS, before, after, hand = null) {
     const near = this.keys.filter((key) => Math.abs(key.start - timeS) < NEAR_S);
@@ -2218,6 +2234,15 @@ function obstacle(media) {
 }
 
 class Hearing {
+  /** @type {any} */
+  worker;
+  /** @type {any} */
+  context;
+  /** @type {any} */
+  source;
+  /** @type {any} */
+  node;
+
   /** `files`: {module, voice, worklet, worker, trust}; `handlers`: heard(message, offsetS), reason(name, text). */
   constructor(media, files, handlers) {
     this.media = media;
@@ -2604,10 +2629,19 @@ async function load(base) {
   const [module, voice, document, avatar] = await Promise.all(
     [get("cuecast.wasm"), get("voice.bin"), get("voice.json"), get("avatar.bin", false)],
   );
-  return { module, voice, document: JSON.parse(new TextDecoder().decode(document)), arrays: avatar && parseAvatar(avatar) };
+  return { module, voice, document: JSON.parse(new TextDecoder().decode(/** @type {ArrayBuffer} */ (document))), arrays: avatar && parseAvatar(avatar) };
 }
 
 class CuecastPlayer extends HTMLElement {
+  /** @type {any} There once the files are. */
+  cuer;
+  /** @type {any} */
+  model;
+  /** @type {any} */
+  clock;
+  refresh = 0;
+  pruning = 0;
+
   static observedAttributes = [...Object.keys(CHOICES), ...Object.values(FLAGS), "lang", "avatar"];
 
   constructor() {
@@ -2625,7 +2659,8 @@ class CuecastPlayer extends HTMLElement {
     this.reason = "";
     this.serial = 0;
     this.programme = 0;
-    root.querySelector("slot").addEventListener("slotchange", () => { if (this.isConnected) this.open(); });
+    const slot = /** @type {HTMLSlotElement} */ (root.querySelector("slot"));
+    slot.addEventListener("slotchange", () => { if (this.isConnected) this.open(); });
   }
 
   /** Folder of the player's files. */
@@ -2670,6 +2705,7 @@ class CuecastPlayer extends HTMLElement {
 
   /** The attributes by the television's names for settings. */
   get choice() {
+    /** @type {any} */
     const choice = { layout: "over", captions: 0, dot: 100 };
     for (const name of Object.keys(CHOICES)) choice[name] = this.getAttribute(name) || CHOICES[name];
     for (const name of Object.keys(FLAGS)) choice[name] = this.hasAttribute(FLAGS[name]);
@@ -2712,7 +2748,8 @@ class CuecastPlayer extends HTMLElement {
     this.whose = trust.announcement ? { status: "unknown", of: "" } : null;
     const { module, voice, document, arrays } = data;
     if (this.data !== data) {
-      const find = (id) => this.shadowRoot.getElementById(id);
+      const root = /** @type {ShadowRoot} */ (this.shadowRoot);
+      const find = (id) => root.getElementById(id);
       this.model = new VoiceModel(document);
       this.cuer = new Cuer(this.model, arrays, { points: find("points"), avatar: find("avatar") });
       this.data = data;

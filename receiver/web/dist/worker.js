@@ -57,6 +57,7 @@ class Decoder {
     this.heard = this.take(ROOM.diagnosis);
     this.text = this.take(ROOM.text);
     this.info = this.take(ROOM.info);
+    /** @type {any} */
     this.file = null;
     new Uint32Array(exports.memory.buffer, this.list, channels).set(this.planes);
     this.must(exports.cue_init(this.state, this.bytes, config));
@@ -298,7 +299,9 @@ const SUPERFRAME_S = 0.64;
 /** Superframes of a stream file that are sent to the page at a time. */
 const BATCH = 16;
 
+/** @type {any} */
 let decoder = null;
+/** @type {any} */
 let opening = null;
 let rateHz = 48000;
 let pieces = new Pieces();

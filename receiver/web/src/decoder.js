@@ -56,6 +56,7 @@ export class Decoder {
     this.heard = this.take(ROOM.diagnosis);
     this.text = this.take(ROOM.text);
     this.info = this.take(ROOM.info);
+    /** @type {any} */
     this.file = null;
     new Uint32Array(exports.memory.buffer, this.list, channels).set(this.planes);
     this.must(exports.cue_init(this.state, this.bytes, config));

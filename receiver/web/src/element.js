@@ -45,10 +45,19 @@ async function load(base) {
   const [module, voice, document, avatar] = await Promise.all(
     [get("cuecast.wasm"), get("voice.bin"), get("voice.json"), get("avatar.bin", false)],
   );
-  return { module, voice, document: JSON.parse(new TextDecoder().decode(document)), arrays: avatar && parseAvatar(avatar) };
+  return { module, voice, document: JSON.parse(new TextDecoder().decode(/** @type {ArrayBuffer} */ (document))), arrays: avatar && parseAvatar(avatar) };
 }
 
 export class CuecastPlayer extends HTMLElement {
+  /** @type {any} There once the files are. */
+  cuer;
+  /** @type {any} */
+  model;
+  /** @type {any} */
+  clock;
+  refresh = 0;
+  pruning = 0;
+
   static observedAttributes = [...Object.keys(CHOICES), ...Object.values(FLAGS), "lang", "avatar"];
 
   constructor() {
@@ -66,7 +75,8 @@ export class CuecastPlayer extends HTMLElement {
     this.reason = "";
     this.serial = 0;
     this.programme = 0;
-    root.querySelector("slot").addEventListener("slotchange", () => { if (this.isConnected) this.open(); });
+    const slot = /** @type {HTMLSlotElement} */ (root.querySelector("slot"));
+    slot.addEventListener("slotchange", () => { if (this.isConnected) this.open(); });
   }
 
   /** Folder of the player's files. */
@@ -111,6 +121,7 @@ export class CuecastPlayer extends HTMLElement {
 
   /** The attributes by the television's names for settings. */
   get choice() {
+    /** @type {any} */
     const choice = { layout: "over", captions: 0, dot: 100 };
     for (const name of Object.keys(CHOICES)) choice[name] = this.getAttribute(name) || CHOICES[name];
     for (const name of Object.keys(FLAGS)) choice[name] = this.hasAttribute(FLAGS[name]);
@@ -153,7 +164,8 @@ export class CuecastPlayer extends HTMLElement {
     this.whose = trust.announcement ? { status: "unknown", of: "" } : null;
     const { module, voice, document, arrays } = data;
     if (this.data !== data) {
-      const find = (id) => this.shadowRoot.getElementById(id);
+      const root = /** @type {ShadowRoot} */ (this.shadowRoot);
+      const find = (id) => root.getElementById(id);
       this.model = new VoiceModel(document);
       this.cuer = new Cuer(this.model, arrays, { points: find("points"), avatar: find("avatar") });
       this.data = data;

@@ -35,6 +35,15 @@ export function obstacle(media) {
 }
 
 export class Hearing {
+  /** @type {any} */
+  worker;
+  /** @type {any} */
+  context;
+  /** @type {any} */
+  source;
+  /** @type {any} */
+  node;
+
   /** `files`: {module, voice, worklet, worker, trust}; `handlers`: heard(message, offsetS), reason(name, text). */
   constructor(media, files, handlers) {
     this.media = media;

@@ -21,7 +21,9 @@ const SUPERFRAME_S = 0.64;
 /** Superframes of a stream file that are sent to the page at a time. */
 const BATCH = 16;
 
+/** @type {any} */
 let decoder = null;
+/** @type {any} */
 let opening = null;
 let rateHz = 48000;
 let pieces = new Pieces();
