@@ -4,6 +4,8 @@ VENV := .venv
 RELEASE := .venv-release
 BIN := $(VENV)/bin
 OUT ?= demo-out
+WORKERS ?= 2
+RULES := tests/test_layout.py tests/test_prose.py
 # Kernels are compiled single-threaded; more threads of numpy's library only disturb each other.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
@@ -11,15 +13,15 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Tests start many processes: each compiles what it imports anew where bytecode may not be kept.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: browsers native demo test nightly check docs records bench clean FORCE lock sbom mutation fuzz
+.PHONY: browsers native demo test nightly check style types rules page docs records bench clean FORCE lock sbom mutation fuzz
 
 demo: $(VENV)/installed
 	$(BIN)/cuecast demo --out $(OUT)
 
 # Two workers for two cores: live tests keep time with the clock. Tests of one file share what they
-# made, and files that take long come first (tests/conftest.py).
+# made, and files that take long come first (tests/conftest.py). CHECKED: files that ran already.
 test: $(VENV)/installed
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(CHECKED:%=--ignore=%)
 
 # Firefox for the player's slow tests, with what it decodes AAC by and a sound device to play to.
 browsers:
@@ -30,12 +32,21 @@ browsers:
 nightly: $(VENV)/installed
 	$(BIN)/python -m pytest -m "slow or not slow"
 
-check: $(VENV)/installed node_modules/installed
+# Side by side with `make -j 2 check`: types take as long as the rest together.
+check: style types rules page
+
+style: $(VENV)/installed
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
+
+types: $(VENV)/installed
 	$(BIN)/mypy
+
+rules: $(VENV)/installed
 	$(BIN)/reuse lint --quiet
-	$(BIN)/python -m pytest -q -n 0 tests/test_layout.py tests/test_prose.py
+	$(BIN)/python -m pytest -q -n 0 $(RULES)
+
+page: node_modules/installed
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/npm run --silent lint
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/npm run --silent types
 

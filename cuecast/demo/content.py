@@ -128,16 +128,25 @@ def make_pictures(seconds: float) -> Iterator[NDArray[np.uint8]]:
     below = slice(int(above.sum()), HEIGHT)
     sky = np.clip(1 - y / horizon, 0, 1)
     depth = 0.9 * (y[below] - horizon) ** 0.7
-    picture = np.empty((HEIGHT, WIDTH, 3))
+    # Constant in all pictures: the light of the sky, the phase of the waves by depth.
+    still = 60 + 110 * (1 - sky) * above, 40 + 50 * (1 - sky), 90 + 60 * sky
+    sines, cosines = 0.5 * np.sin(depth), 0.5 * np.cos(depth)
+    glow, plane = np.empty((HEIGHT, WIDTH)), np.empty((HEIGHT, WIDTH))
     for number in range(round(seconds * PICTURE_RATE)):
         t = number / PICTURE_RATE
         sun_x, sun_y = WIDTH * (0.25 + 0.01 * t), HEIGHT * (0.30 + 0.006 * t)
-        glow = np.exp(-np.hypot(x - sun_x, y - sun_y) / 70)
+        np.add((x - sun_x) ** 2, (y - sun_y) ** 2, out=glow)
+        np.sqrt(glow, out=glow)
+        glow *= -1 / 70
+        np.exp(glow, out=glow)
         across = 0.02 * x - 2 * t
-        waves = 0.5 + 0.5 * (np.sin(depth) * np.cos(across) + np.cos(depth) * np.sin(across))
-        water = waves * (0.25 + 0.5 * np.exp(-(((x - sun_x) / 90) ** 2)))
-        picture[..., 0] = 60 + 110 * (1 - sky) * above + 190 * glow
-        picture[..., 1] = 40 + 50 * (1 - sky) + 140 * glow
-        picture[..., 2] = 90 + 60 * sky + 60 * glow
-        picture[below] += water[..., None] * (90, 70, 60)
-        yield np.clip(picture, 0, 255).astype(np.uint8)
+        water = sines * np.cos(across) + cosines * np.sin(across)
+        water += 0.5
+        water *= 0.25 + 0.5 * np.exp(-(((x - sun_x) / 90) ** 2))
+        picture = np.empty((HEIGHT, WIDTH, 3), np.uint8)
+        for channel, (sun, wave) in enumerate(((190, 90), (140, 70), (60, 60))):
+            np.multiply(glow, sun, out=plane)
+            plane += still[channel]
+            plane[below] += wave * water
+            picture[..., channel] = np.clip(plane, 0, 255, out=plane)
+        yield picture

@@ -25,7 +25,7 @@ ARTEFACTS = ROOT / "artefacts" / "watch"
 POEM = ROOT / "tests" / "data" / "une_charogne.srt"
 
 pytestmark = [
-    pytest.mark.long(15),
+    pytest.mark.slow,
     pytest.mark.skipif(not DATA.is_dir(), reason="no ../shared/data beside the project"),
 ]
 
@@ -44,7 +44,6 @@ def film_mix(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("file", ["aac.m4a", "mp2.ts"])
 @pytest.mark.parametrize("start", [0.31, 13.5])
 def test_film_mix(
@@ -64,7 +63,6 @@ def test_film_mix(
     assert abs(alike["offset_s"]) < 0.033  # a raw MP2 stream is 10 ms late by its decoder
 
 
-@pytest.mark.slow
 def test_report_of_film_mix(film_mix: Path) -> None:
     report = json.loads((film_mix / "r.json").read_text(encoding="utf-8"))
     audio = report["carriers"]["audio"]

@@ -1,5 +1,3 @@
-import pytest
-
 from tests.fuzz.archive import inputs
 from tests.fuzz.consume import consume
 
@@ -10,6 +8,10 @@ def test_there_are_seeds() -> None:
     assert len(SEEDS) > 20
 
 
-@pytest.mark.parametrize("name", SEEDS)
-def test_what_the_fuzzer_found_interesting_decodes_or_is_refused(name: str) -> None:
-    consume(SEEDS[name])
+def test_interesting_inputs_of_the_fuzzer_decode_or_are_refused() -> None:
+    for name, data in SEEDS.items():
+        try:
+            consume(data)
+        except Exception as error:
+            error.add_note(f"input {name}")
+            raise

@@ -19,7 +19,6 @@ from cuecast.media.dolby import settings_of
 
 pytestmark = pytest.mark.long(8)
 
-SECONDS = 8
 _WEIGHTS = {"FL": 1.0, "FR": 1.0, "FC": 1.0, "SL": 1.41, "SR": 1.41, "BL": 1.41, "BR": 1.41}
 
 
@@ -61,10 +60,10 @@ def lufs(sound: tuple[NDArray[np.float64], list[str]]) -> float:
 
 def write(
     path: Path, codec: str, layout: str = "stereo", *, fps: int = 25, fields: bool = False,
-    languages: tuple[str, ...] = ("fra",), **options: str,
+    languages: tuple[str, ...] = ("fra",), seconds: int = 8, **options: str,
 ) -> Path:  # fmt: skip
     """Write a film of FFmpeg's with a sound per language."""
-    sound = make_sound()[0][: SECONDS * FS].astype(np.float32)
+    sound = make_sound()[0][: seconds * FS].astype(np.float32)
     noise = np.random.default_rng(1).integers(40, 200, (9, 16)).astype(np.uint8)
     luma = np.repeat(np.repeat(noise, 32, 0), 32, 1)
     with av.open(str(path), "w") as out:
@@ -80,7 +79,7 @@ def write(
             stream.codec_context.options = dict(options)
             stream.metadata["language"] = language
             heard.append(stream)
-        for n in range(SECONDS * fps):
+        for n in range(seconds * fps):
             picture = av.VideoFrame.from_ndarray(np.roll(luma, 3 * n, 1), format="gray")
             picture = picture.reformat(format="yuv420p")
             picture.pts, picture.time_base = n, Fraction(1, fps)
@@ -119,7 +118,7 @@ def first_frame(path: Path) -> bytes:
 )  # fmt: skip
 def test_sets_are_told_the_same_loudness(tmp_path: Path, codec: str, *, live: bool) -> None:
     """A decoder that brings all programmes to one level makes the same of both."""
-    source = write(tmp_path / "a.ts", codec, "5.1(side)", dialnorm="-24")
+    source = write(tmp_path / "a.ts", codec, "5.1(side)", seconds=5, dialnorm="-24")
     (tmp_path / "a.srt").write_text(as_srt(make_sound()[1][:3]), encoding="utf-8")
     given = ["--subtitles", str(tmp_path / "a.srt")]
     target = tmp_path / "b.ts"

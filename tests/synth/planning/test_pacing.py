@@ -160,7 +160,7 @@ def test_a_text_without_a_programme_is_whole_and_slow() -> None:
     assert len(slow.keys) / length_s == pytest.approx(3.4, abs=0.3)  # 2.5 syllables/s and pauses
 
 
-@pytest.mark.parametrize("keys_per_s", [4.0, 3.2])
+@pytest.mark.parametrize("keys_per_s", [4.0, pytest.param(3.2, marks=pytest.mark.slow)])
 def test_never_faster_than_a_quarter_more_in_any_three_seconds(keys_per_s: float) -> None:
     told, report = paced(news(12, 16.5), Pace(keys_per_s=keys_per_s))
     starts = np.array([key.start for key in cue([p for word in told for p in word.phones])])
