@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from codec.authentication.layout import CHECK_BITS
 
 _POLYNOMIAL = 0x1053
-"""x^12 + x^6 + x^4 + x + 1, primitive."""
+"""Primitive polynomial: x^12 + x^6 + x^4 + x + 1."""
 
 _ORDER = (1 << CHECK_BITS) - 1
 """Order of the multiplicative group: elements of the field but zero."""

@@ -17,7 +17,7 @@ from codec.errors import CueError
 from codec.superframe import _kernels
 
 TOTAL = 1 << _kernels.PRECISION
-"""Sum of the frequencies of every table."""
+"""Sum of the frequencies of every table, a power of two."""
 
 FLIP = np.array([0, TOTAL // 2, TOTAL], dtype=np.int64)
 """Table of two equally likely symbols."""

@@ -35,7 +35,7 @@ _DEPTH_SD_MM = 8.0
 """Standard deviation in mm of the guessed depth."""
 
 _DEPTH_GAIN = 0.8
-"""What the guess makes of a true difference of depth."""
+"""Factor of the guess on a true difference of depth."""
 
 
 def film(

@@ -68,7 +68,7 @@ _AROUND_S = 0.3
 """Seconds of film before the first sound and after the last one."""
 
 _FEWEST = 2
-"""So many strokes have no statistics."""
+"""Strokes that are too few for statistics."""
 
 _LISTS = ("length", "peak", "way", "path", "hold", "drift", "fingers", "lips")
 

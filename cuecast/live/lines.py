@@ -38,10 +38,10 @@ _BUFFER = 16 << 20
 """What the system may hold for a process that does not come to read, bytes."""
 
 _FORCED = 33
-"""SO_RCVBUFFORCE of Linux: beyond the limit of the system, for who may."""
+"""Code of SO_RCVBUFFORCE on Linux: beyond the limit of the system, for who may."""
 
 _STAMPED = 35
-"""SO_TIMESTAMPNS of Linux: the system tells when each datagram came."""
+"""Code of SO_TIMESTAMPNS on Linux: the system tells when each datagram came."""
 
 _TIMESPEC = struct.Struct("@qq")
 """Seconds and nanoseconds of such a stamp."""

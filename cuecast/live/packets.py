@@ -18,7 +18,7 @@ _LONGEST_PES = 1 << 18
 """Bytes of a sound's PES packet at most: more is damage."""
 
 NULL_PACKET = bytes([SYNC, NULL_PID >> 8, NULL_PID & 0xFF, 0x10]) + b"\xff" * (PACKET - 4)
-"""A packet that holds nothing."""
+"""Bytes of a packet that holds nothing."""
 
 
 def step(stamp: int, before: int) -> int:

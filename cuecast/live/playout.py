@@ -47,7 +47,7 @@ _OBSERVED_S = 0.25
 """Seconds between two looks at the state."""
 
 _SHOWN_CHARACTERS = 200
-"""Of a caption in the log."""
+"""Characters of a caption in the log."""
 
 _PATIENCE_S = 120.0
 """How long a pipe waits for the marking process before the programme passes as it is."""

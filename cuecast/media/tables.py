@@ -14,13 +14,13 @@ SYNC = 0x47
 """First byte of each."""
 
 NULL_PID = 0x1FFF
-"""Identifier of packets that hold nothing."""
+"""Number of packets that hold nothing (ISO/IEC 13818-1)."""
 
 _LONGEST_SECTION = 4096
 """Bytes of a section of a table at most."""
 
 _POLYNOMIAL = 0x04C11DB7
-"""Of the tables' CRC-32."""
+"""Polynomial of the tables' CRC-32 (ISO/IEC 13818-1, annex A)."""
 
 _SOUNDS = {0x03: "mp2", 0x04: "mp2", 0x0F: "aac", 0x11: "latm", 0x81: "ac3", 0x87: "eac3"}
 """Coding of the sound by stream type."""

@@ -17,7 +17,7 @@ _RECORD = struct.Struct(">HHHBB4B")
 """First character, end, font, face, size; red, green, blue, alpha."""
 
 _WHITE = (255, 255, 255)
-"""Red, green, blue of text whose style states no colour."""
+"""Levels of red, green, blue of text whose style states no colour."""
 _EVENTS = "[Events]\n"
 _DRAWN = re.compile(r"\{[^}]*\\p[1-9]")
 

@@ -17,7 +17,7 @@ from receiver.foreign.arms import short_way, swung
 from synth.motion.body.mesh import Mesh
 
 LEFT_HANGS = (0.26, -0.96, 0.10)
-"""Direction from the left shoulder to the elbow."""
+"""Unit vector from the left shoulder to the elbow."""
 
 JOINTS = ("clavicleRight", "upperArmRight", "lowerArmRight", "clavicleLeft")
 """Right and left are the cuer's own."""

@@ -20,10 +20,10 @@ _DRAWN_OUT = (2.0, 3.0)
 """How many times slower a voice sings than it speaks."""
 
 _TRANSPOSED = (0.9, 1.3)
-"""Of the whole melody."""
+"""Factors on the pitch of the whole melody."""
 
 _STRENGTH = (0.8, 1.5)
-"""Of the singer over the music, by root mean square."""
+"""Ratio of the singer to the music, by root mean square."""
 
 _LEAST_VOICED = 0.2
 """Share of voiced frames from which a sound counts as a voice."""

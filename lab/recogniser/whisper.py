@@ -23,7 +23,7 @@ _TYPES = {0: "<f4", 1: "i1", 2: "<i2", 3: "<i4", 4: "<f2"}
 """Types of CTranslate2's arrays."""
 
 _VERSION = 6
-"""Of the container that is read."""
+"""Version of the container that is read."""
 
 _BLOCK = {
     "self_attention/layer_norm": "attention", "self_attention/linear_0": "attention.in",

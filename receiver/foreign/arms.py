@@ -23,7 +23,7 @@ from receiver.foreign.scene import Scene
 FloatArray = NDArray[np.float64]
 
 _LEFT_HANGS = np.array([0.26, -0.96, 0.10])
-"""Direction of the hanging arm."""
+"""Unit vector of the hanging arm."""
 
 _BEND_RAD = 0.6
 """Turn of the forearm about the wrist that counts as much as an upper arm twice as long."""

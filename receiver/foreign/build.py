@@ -49,7 +49,7 @@ _RIDGE_MM2 = 0.02
 """Ridge of that map: markers move by millimetres, so it bounds what small ones may cause."""
 
 _SEED = 34
-"""Of the poses that maps are learnt from: the same file gives the same avatar."""
+"""Seed number of the poses that maps are learnt from: the same file gives the same avatar."""
 
 _BELOW_MM = 60.0
 """How far below the picture the figure goes on."""

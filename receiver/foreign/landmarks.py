@@ -22,8 +22,8 @@ _STEEP = 0.7
 """Share of the way to the outline of a head from which its skin falls away."""
 
 _FRONT = 0.7
-"""How far behind the eyes the outline of a face is looked for, in distances of the eyes: ears lie
-farther back."""
+"""How far behind the eyes the outline of a face is looked for, in units of the distance
+of the eyes: ears lie farther back."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ PACES = (0.85, 1.25, 1.6)
 """Factors on the lengths of phones in further scores for the format's tables."""
 
 HELD_OUT_EVERY = 8
-"""One sentence of so many is kept from training, for `cuecast evaluate codec`."""
+"""Sentences among which one is kept from training, for `cuecast evaluate codec`."""
 
 _UNEVENNESS = 0.4
 """Standard deviation of the logarithm of a phone's length about its prediction, read speech."""

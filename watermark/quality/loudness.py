@@ -19,7 +19,7 @@ ABSOLUTE_GATE, RELATIVE_GATE = -70.0, -10.0
 """Blocks below -70 LUFS, and those 10 LU below the mean of the others, do not count."""
 
 WEIGHTS = (1.0, 1.0, 1.0, 0.0, 1.41, 1.41)
-"""Of L R C LFE Ls Rs."""
+"""Weights of L R C LFE Ls Rs (ITU-R BS.1770)."""
 
 
 def _shelf(fs: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

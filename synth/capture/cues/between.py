@@ -47,7 +47,7 @@ _APART = (0.18, 0.08, 0.18, 0.15)
 """Of the distance of index and middle finger, by `_SPREADS`."""
 
 _OF_ONE = 0.06
-"""Of a feature of one shape alone."""
+"""Least variance of a feature of one shape alone."""
 
 _SHIFT_MM, _SCALE = (4.0, 6.0), 0.08
 """Of all places together: shift to the side and up, and their distance from the mouth."""

@@ -57,7 +57,7 @@ _ACROSS = (5, 17)
 """Knuckles of index and little finger."""
 
 _FINGERS = ((5, 8), (9, 12), (13, 16), (17, 20))
-"""Knuckle and tip of each finger."""
+"""Numbers of knuckle and tip of each finger (MediaPipe)."""
 
 _RIGID_FACE = layout.marker_indices(layout.RIGID_FACE)
 

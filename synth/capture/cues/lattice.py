@@ -88,7 +88,7 @@ _RESTING_SHAPE_SD = 1.6
 """Spread of the closures of a hand at rest, which may have any shape."""
 
 _ANY_FINGER = (-0.5, 1.3)
-"""Range of closures of a hand that comes from rest or goes there."""
+"""Range of closures (0 open, 1 closed) of a hand from or to rest: wider than any shape."""
 
 _STILL_FORMED = 1.0
 """Log likelihood that a way between the same key twice loses against holding it."""

@@ -31,7 +31,7 @@ kept."""
 FACE = slice(0, layout.N_FACE)
 HAND = slice(layout.N_FACE, layout.N_FACE + layout.N_HAND)
 LEAST_HAND_MARKERS = 8
-"""Fewer markers say nothing of a hand."""
+"""Markers of a hand without which nothing is said of it."""
 
 _LEAST_SHOWN = 3
 """Markers that tell where the head is."""

@@ -21,7 +21,7 @@ from synth.capture.tracker.picture import Picture, find_picture, unlike_face
 FloatArray = NDArray[np.float64]
 
 ASPECTS = (16 / 9, 4 / 3, 1.0, 3 / 4, 9 / 16)
-"""The usual ones: television, older television, square, and both upright."""
+"""Width by height of usual pictures: television, older television, square, and both upright."""
 
 _FACES_DIFFER = 0.10
 """Standard deviation of the logarithm of faces' width against height, trackers' points included."""

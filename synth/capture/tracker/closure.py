@@ -29,7 +29,7 @@ _EDGES = (0.1, 0.9)
 """Quantiles that a take's closures are stretched between."""
 
 _LEAST_RANGE = 0.4
-"""A finger whose closure spans less over a take has not been both open and closed."""
+"""Range of closures (0 open, 1 closed) of a finger: with less over a take it has not been both."""
 
 _LEAST_FRAMES = 50
 """Frames that such quantiles need."""

@@ -26,10 +26,10 @@ RATE_HZ = 22_050
 """Sampling rate of the library's voices."""
 
 _CHARS_UTF8 = 1
-"""How text is coded."""
+"""Code of espeak-ng for text in UTF-8."""
 
 _PHONEMES_IPA = 0x02
-"""How phones are named."""
+"""Code of espeak-ng for phones named by IPA."""
 
 _VOWELS = frozenset("aeiouyøœəɛɔɑ")
 

@@ -58,7 +58,7 @@ _CLEARANCE_MM = 5.0
 """Distance in mm that the hand's skin keeps from the head's."""
 
 _WIDEST_SHAPE = 5
-"""The open hand: who reaches a place with it reaches it with every shape."""
+"""Number of the open hand: who reaches a place with it reaches it with every shape."""
 
 _CUEING, _RESTING = (14.0, 24.0, 0.5), (20.0, 9.0, 0.2)
 """Weights in mm of the wished directions of fingers and back of the hand, and of the wrist's ease,

@@ -109,7 +109,7 @@ _LONG_AGO_S = -1e6
 """A time in seconds before any that occurs."""
 
 _REST = 0, 0
-"""Shape and placement of the hand at rest."""
+"""Numbers of shape and placement of the hand at rest."""
 
 _TYPICAL_WAY_MM = 60.0
 """Way in mm of a stroke whose targets nobody told."""

@@ -57,7 +57,7 @@ SLOPE = 0.17
 """What each frame costs by which a word begins outside its subtitle."""
 
 LEAST_FIT = -4.0
-"""Fit of a word that is not spoken, and the least that any word has."""
+"""Log likelihood ratio of a word that is not spoken, and the least that any word has."""
 
 _ENTRY = {PAUSE: 0.0, FILLER: FILLER_ENTRY, OUTSIDE: FILLER_ENTRY}
 

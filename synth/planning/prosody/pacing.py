@@ -46,7 +46,7 @@ from synth.planning.prosody.visible_keys import GRID_HZ, SAME_S, Keys, Said, Vis
 FloatArray = NDArray[np.float64]
 
 KEYS_PER_SYLLABLE = 1.41
-"""Of French, by frequency of words (Lexique 3.83)."""
+"""Keys per syllable of French, by frequency of words (Lexique 3.83)."""
 
 FASTER = 1.25
 """She is never faster than she means to be by more than this factor: every key gets its time."""

@@ -68,7 +68,7 @@ _FEATURES = {
 }  # fmt: skip
 
 _OTHER_CLASS = 20
-"""Distance of phones of different classes: more than any within one."""
+"""Cost of phones of different classes: more than any within one."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from synth.units.recordings.choice import SentenceCoverage, choose, coverage
 from synth.units.recordings.rendered import line_of
 
 N_SENTENCES = 238
-"""As many as in the paper."""
+"""Sentences, as many as in the paper."""
 
 
 def choose_sentences(

@@ -15,7 +15,7 @@ from codec.errors import CueError
 from synth.units.speech.marks import PitchMarks
 
 _MAX_RATIO = 4.0
-"""Largest change of a duration: beyond it periods repeat audibly."""
+"""Largest factor on a duration: beyond it periods repeat audibly."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,7 +37,7 @@ def test_results_are_written(tmp_path: Path) -> None:
 def clips(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("clips")
     sound, _ = make_sound()
-    write_film(folder / "talk.flac", sound[: 6 * FS], FS, encoder="flac")
+    write_film(folder / "talk.flac", sound[: 9 * FS], FS, encoder="flac")
     return folder
 
 

@@ -17,7 +17,7 @@ SAVED_S = 12.0
 """Sound whose allowance is saved for superframes that fail after others that did not."""
 
 DEEPEST = -8.0 * EARNED
-"""What may be owed for work that is done in any case."""
+"""Work in the unit of the others that may be owed, where it is done in any case."""
 
 VIEW, CLUES_COST, LOOK, BELIEFS, RATIOS, FIT = 1.5, 0.8, 1.3, 0.8, 0.8, 0.8
 """A superframe's spectra and masks; what tells of its cells; what covers it at one level; its

@@ -21,7 +21,7 @@ STRETCH_S, SHORT_STRETCH_S = 2.2, 1.45
 begin, and on which all else is: one superframe."""
 
 LARGEST_SPEED = 0.062
-"""Largest change of speed that is tried."""
+"""Largest change of speed that is tried, as a share."""
 
 FILM_SPEEDS = (Fraction(25, 24), Fraction(24, 25))
 """Films at 24 pictures a second, or 23.976, played at 25, and the way back."""
