@@ -15,8 +15,10 @@ _SIZE = 16 << 20
 
 _WORD = struct.Struct("<Q")
 _WRITTEN, _READ, _SENT, _PULSE = 0, 8, 16, 24
+"""Bytes from the begin to each counter."""
+
 _BEGIN = 64
-"""Where the records begin, behind the counters."""
+"""Bytes before the records: those of the counters, and room for others."""
 
 _HEAD = struct.Struct("<cI")
 """Kind and length of a record."""

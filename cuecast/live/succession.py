@@ -38,6 +38,8 @@ _SUSPENDED_S = 0.5
 """A longer pause of its own: the whole machine may have stood still."""
 
 _LONGEST_MESSAGE = 65_536
+"""Bytes of a message at most: a report of the state is shorter."""
+
 _READY, _STATE, _PROCESS, _OVER = b"R", b"S", b"P", b"O"
 """Messages: it has loaded; the state from which records follow; a process; no need any more."""
 
