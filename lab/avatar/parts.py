@@ -21,8 +21,7 @@ IntArray = NDArray[np.int64]
 # Colours are red, green, blue, chosen by eye under the page's light.
 MOUTH = (58, 18, 20)
 SCLERA = (226, 221, 214)
-SHADED = ((214, 206, 198), (172, 156, 146))
-"""Levels of the white of the eye towards its corners, in the shade of the lids."""
+SHADED = ((214, 206, 198), (172, 156, 146))  # the white towards its corners, shaded by the lids
 LIMBUS = (52, 52, 48)
 IRIS = (98, 92, 62)
 PUPIL = (10, 9, 10)
