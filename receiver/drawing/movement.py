@@ -24,12 +24,17 @@ Sampler = Callable[[FloatArray], NDArray[np.floating[Any]]]
 RULES: dict[str, Any] = {
     # Memory: `taps` samples, `step_s` apart, weighted by exponentials of these times (s).
     "step_s": 0.04, "taps": 64, "hand_s": [0.25, 1.3], "mouth_s": [0.09, 0.5],
+    # 11 blinks a minute at rest, 19 over the demonstration; people 8 to 21 looking ahead and 10 to
+    # 32 in conversation (Doughty 2001, Optom. Vis. Sci. 78), means 17 and 26 (Bentivoglio et al.
+    # 1997, Mov. Disord. 12).
     # Blinks: closing, closed and opening (s); how long after the hand sinks; slots of chance (s):
     # a slot blinks if its number drawn is the largest of five.
     "blink_s": [0.08, 0.03, 0.17], "blink_after_s": 0.16, "blink_slot_s": 1.05,
     # Fixations of the eyes: slot and jump (s); half width (rad) while she cues, and at rest.
     "fixation_s": 1.3, "saccade_s": 0.06, "wander_rad": [[0.012, 0.006], [0.05, 0.025]],
     "lens_rad": [-0.02, -0.055], "lids_per_rad": 1.6, "lids_rest": 0.18,
+    # Nods and waves: .8 degrees rms an axis, 5 degrees from end to end, as much as the parameters'
+    # own; no published angle of nods in French speech was found.
     # Head: radians per mm of the mouth's opening beyond its mean; at a phrase's onset and end.
     "nod": {"per_mm": 0.0042, "onset": -0.075, "end": 0.085, "most_rad": 0.07},
     # Waves of head (rad) and trunk (mm), per axis: size, period (s), phase (turns).
