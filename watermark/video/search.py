@@ -1,8 +1,9 @@
 """Find the place of a marked picture in the picture at hand, from means over a window.
 
 In: small frames; out: places worth a try. Projection is linear, so a place is judged on the mean of
-a window, five times a superframe: the whole picture, the box inside what looks like bars, and the
-best crops of both (`watermark.video.places`). Specification: spec/video-carrier.md, section 6.
+a window, five or ten times a superframe: the whole picture, the box inside what looks like bars,
+and the best crops of both (`watermark.video.places`).
+Specification: spec/video-carrier.md, section 6.
 """
 
 from collections import deque
@@ -30,9 +31,12 @@ FloatArray = NDArray[np.float64]
 SCALE = 256.0
 """A luma level of 8 bits in the small frames."""
 
-LOOKS = 5
-"""Looks per superframe: the best one is at most a tenth of a superframe off. Where the picture
-moves, the mean over another window is another picture."""
+LOOKS = 10
+"""Looks per superframe where the picture moves: the best one is at most a twentieth of a superframe
+off, for the mean over another window is another picture. Elsewhere every second one is left out."""
+
+MOVING = 3.0
+"""Mean difference between a frame and the mean of its window from which the picture moves."""
 
 CELL = 8
 """Pixels of a cell, about, for its texture."""
@@ -95,6 +99,7 @@ class PlaceSearch:
         self._frames: deque[Small] = deque(maxlen=timing.window + 2 * self._shift)
         self._means = np.zeros((3, *shape), dtype=np.float32)
         self._still = self._means[1]
+        self._moving = False
         self._count = self._looks = 0
         scores, common = self._scores, self._scores.common
         self._tables = [
@@ -113,6 +118,8 @@ class PlaceSearch:
         if not due or len(self._frames) < self._timing.window + 2 * self._shift:
             return []
         self._looks += 1
+        if self._looks % 2 and not self._moving:
+            return []
         frames, window = tuple(self._frames), self._timing.window
         weight = 1 / (SCALE * window)
         self._means[0] = 0
@@ -125,6 +132,7 @@ class PlaceSearch:
                 _kernels.accumulate_into(frames[k + window], weight, self._means[n])
         # Where the picture moves, its mean is blurred: a frame shows what the embedder saw.
         self._still = frames[self._shift + window // 2].astype(np.float32) / np.float32(SCALE)
+        self._moving = float(np.abs(self._still - self._means[1]).mean()) > MOVING
         return self._look()
 
     def _look(self) -> list[PlaceCandidate]:
