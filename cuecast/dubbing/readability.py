@@ -92,11 +92,6 @@ class VisibilityMeter:
         if self._end_s - self._looked_s > _AT_ONCE_S:
             self._look(self._end_s - _AROUND_S)
 
-    def peak_m_s(self) -> float:
-        """Return the greatest speed of a knuckle, m/s."""
-        self._look(np.inf)
-        return self._peak
-
     def figures(self) -> dict[str, Any]:
         """Return the figures of all that was seen.
 

@@ -22,7 +22,6 @@ from codec.errors import BitstreamError, VoiceError
 from codec.superframe.bits import COMPACT, SEQUENCES, Header, read_header
 from codec.superframe.decoder import SuperframeDecoder
 from codec.superframe.superframe import DecodedSuperframe, ScoreMerger
-from receiver.reception.calm import SlewRateLimiter
 from receiver.reception.events import (
     SUPERFRAME_S,
     Event,
@@ -33,6 +32,7 @@ from receiver.reception.events import (
     SuperframeLost,
     Unreadable,
 )
+from receiver.reception.slew_rate import SlewRateLimiter
 
 _Timed = TypeVar("_Timed", Phone, Key)
 

@@ -264,11 +264,6 @@ class A335Receiver:
         """Whether a frame of the last two seconds was marked."""
         return any(self._recent)
 
-    @property
-    def loss_estimate(self) -> float:
-        """Share of the frames of the last two seconds that were not marked."""
-        return 1 - sum(self._recent) / max(1, len(self._recent))
-
     def process(self, luma: Luma) -> list[ReceivedSuperframe]:
         """Read the next frame; return the superframes that became complete.
 

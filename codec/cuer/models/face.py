@@ -21,11 +21,6 @@ from codec.errors import CueError
 N_FACE_PARAMETERS = 7
 """Articulatory parameters of the face (Gibert et al. 2004, section 3: naF)."""
 
-FACE_PARAMETER_WORDS = (
-    "jaw", "lip rounding and spreading", "lower lip", "upper lip", "lip corners", "throat", "free",
-)  # fmt: skip
-"""What each face parameter moves, in order."""
-
 THROAT_COLUMNS = np.array([layout.FACE_MARKERS.index(name) for name in layout.THROAT])
 HEAD_COLUMNS = np.setdiff1d(np.arange(layout.N_FACE), THROAT_COLUMNS)
 

@@ -19,9 +19,6 @@ FloatArray = NDArray[np.float64]
 RATE_HZ = 30.0
 """Frames per second that all takes are brought to."""
 
-N_FINGERS = 12
-"""Coordinates that tell the hand's shape."""
-
 _EARS = (234, 454)
 """Landmarks of the face's sides."""
 

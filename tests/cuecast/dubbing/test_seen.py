@@ -65,5 +65,5 @@ def test_what_stands_still_for_a_moment_is_told() -> None:
 def test_nothing_said_is_nothing_seen() -> None:
     seen = VisibilityMeter(classes_of(load_voice()), 50.0)
     assert seen.figures()["keys"] == 0
-    assert seen.peak_m_s() == 0.0
+    assert seen.figures()["peak_m_s"] == 0.0
     assert np.isclose(HELD_S, 0.1)

@@ -139,7 +139,6 @@ def test_carrier_round_trip(name: str, fps: Any) -> None:
         assert (superframe.l0, superframe.l1) == give(k)
         assert superframe.position_s == pytest.approx(0.64 * k, abs=1.01 / fps)
     assert receiver.locked
-    assert receiver.loss_estimate == 0
     assert embedder.flush() == []
     assert receiver.first_lock_s is not None
     assert receiver.first_lock_s <= 0.7

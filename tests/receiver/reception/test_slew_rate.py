@@ -10,7 +10,7 @@ from codec.superframe.decoder import SuperframeDecoder
 from codec.superframe.encoder import SuperframeEncoder
 from cuecast.dubbing.motions import SynthesisedMotion
 from receiver.reception.assemble import Assembler
-from receiver.reception.calm import FASTEST_M_S, SlewRateLimiter
+from receiver.reception.slew_rate import FASTEST_M_S, SlewRateLimiter
 from receiver.reception.tracking import RATE_HZ, TimelineTracker
 from synth.planning.scoring.text_score import score_of_text
 

@@ -1,8 +1,8 @@
-"""No hand faster than a reader can follow: what quantisation and joins add to it is not shown.
+"""Limit the speed of the hand to one that a reader can follow.
 
-A superframe that says its strokes in few bits, or joins another one that chose another course, can
-carry the hand faster than the sender's ever was. The hand that is shown goes the same way, but no
-faster than `FASTEST_M_S`, and catches up in the next frames. Frames that are slow enough stay as
+Coarse strokes of a superframe, and joins of superframes with different trajectories, can move the
+hand faster than the sender did. The hand shown takes the same way, at most at `FASTEST_M_S`, and
+catches up in the next frames. Frames that are slow enough stay as
 they are, to the bit.
 """
 
@@ -17,17 +17,17 @@ FASTEST_M_S = 1.42
 """Metres per second of a knuckle against the head; 1.5 are asked of a cuer."""
 
 _JUMP_MM = 60.0
-"""A step from frame to frame that is longer is a splice, not a stroke: it is shown as it is."""
+"""Longest step of a stroke from frame to frame: a longer one is a splice, shown as it is."""
 
 _TRIES = 3
-"""A hand that turns does not move in proportion to its parameters: so often is a step shortened."""
+"""Times a step is shortened: a turning hand does not move in proportion to its parameters."""
 
 _KNUCKLES = layout.marker_indices(layout.KNUCKLES[1:])
 _OF_HAND = _KNUCKLES - layout.N_FACE
 _HEAD = layout.marker_indices(layout.RIGID_FACE)
 
 _HEAD_MM = 5.0
-"""So much from frame to frame the head may add: slower hands are not looked at against it."""
+"""Movement of the head from frame to frame that is allowed for without measuring it."""
 
 
 class SlewRateLimiter:
