@@ -11,7 +11,7 @@ import fcntl
 import os
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache, update_wrapper
 from pathlib import Path
 from types import FunctionType
@@ -81,6 +81,7 @@ class Kernel:
 
                 kept = Settings.kept and self._options.get("cache", False)
                 made: Any = numba.njit(**self._options | {"cache": kept})(self.py_func)
+                made.get_call_template = _without_literals(made.get_call_template)
                 if kept:
                     made._cache = _SharedCache(made._cache)
                 self._dispatcher = made
@@ -89,6 +90,21 @@ class Kernel:
                     if isinstance(value, Kernel):
                         space[name] = value.dispatcher()
         return self._dispatcher
+
+
+def _without_literals(resolve: Callable[..., Any]) -> Callable[..., Any]:
+    """Return numba's choice of a form for a call, constants being numbers like others.
+
+    Without this a kernel is compiled once more for each constant that another kernel gives it.
+    """
+    from numba.core import types
+
+    plain: Any = types.unliteral
+
+    def chosen(args: Iterable[Any], kws: Mapping[str, Any]) -> Any:
+        return resolve(tuple(map(plain, args)), {name: plain(one) for name, one in kws.items()})
+
+    return chosen
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
