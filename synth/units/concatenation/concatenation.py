@@ -21,6 +21,7 @@ from synth.planning.prosody.melody import Melody, plan_melody
 from synth.planning.prosody.passages import ScorePassage, passages
 from synth.units.concatenation.assembly import Flow
 from synth.units.concatenation.dikeys import DikeyDictionary
+from synth.units.concatenation.durations import near_own_durations, stretches
 from synth.units.concatenation.headmotion import HeadMotion
 from synth.units.concatenation.intonation import intone
 from synth.units.concatenation.sounds import PlacedUnit, SoundDictionary
@@ -179,7 +180,7 @@ class ConcatenativeSynthesiser:
             max(times[-1], around.phones[-1].end + _LEAD_S),
         )  # fmt: skip
         melody = plan_melody(around.phones, f0_hz=_ONSET * self.sounds.median_hz)
-        sounds = self.sounds.select(cut_sounds(line), melody)
+        sounds = near_own_durations(self.sounds.select(cut_sounds(line), melody))
         begin, end = flow.sample(first), flow.sample(last + flow.fade_frames)
         sound = self._say(sounds, melody, begin, end)
         return self._move(sounds, gestures, times, flow.rate_hz), sound
@@ -189,7 +190,7 @@ class ConcatenativeSynthesiser:
     ) -> NDArray[np.float32]:
         """Return the samples from `begin` to `end` of the programme."""
         sound = np.zeros(end - begin, dtype=np.float32)
-        for stretch in _stretches(choices):
+        for stretch in stretches(choices):
             first = round(stretch[0].target.edges_s[0] * self.fs) - begin
             if first >= len(sound) or stretch[-1].target.edges_s[-1] * self.fs <= begin:
                 continue
@@ -267,15 +268,3 @@ def _explained_variance(voice: Voice, motion: Trajectories) -> NDArray[np.float6
         neutral[row, column] = motion.deviation[row - 1]
     markers = voice.reconstruct(neutral).astype(np.float64)
     return np.asarray(((markers[1:] - markers[0]) ** 2).sum(axis=2).mean(axis=1))
-
-
-def _stretches(choices: Sequence[PlacedUnit]) -> Iterator[list[PlacedUnit]]:
-    """Split a line of units where the time between two of them is silent."""
-    stretch: list[PlacedUnit] = []
-    for choice in choices:
-        if stretch and choice.target.edges_s[0] - stretch[-1].target.edges_s[-1] > 1e-6:
-            yield stretch
-            stretch = []
-        stretch.append(choice)
-    if stretch:
-        yield stretch

@@ -22,8 +22,9 @@ from synth.units.concatenation.selection import select_units
 from synth.units.concatenation.units import Unit, cut_sounds, split_polysound, with_pauses
 from synth.units.recordings.recording import LSP_ORDER, UnitRecording
 
-_DURATION_WEIGHT = 10.0
-"""Cost of one second of duration error, against one radian of spectral distance."""
+_DURATION_WEIGHT = 2.0
+"""Cost of one second of duration error, against one radian of spectral distance: little, as units
+keep their own proportions."""
 
 _SUBSTITUTE_COST = 0.5
 """Weight of a substitute's phonetic distance against the error of duration."""
@@ -41,7 +42,7 @@ reaches into its halves."""
 _JOIN = 0.05
 """Cost of any join."""
 
-_UNFIT = 0.05
+_UNFIT = 0.15
 """Cost of a phone at either end of a unit, by the logarithm of its likelihood in its sound."""
 
 _LEAST_FIT = -4.0

@@ -62,16 +62,19 @@ def epoch_path(
     height: NDArray[np.float64],
     period: NDArray[np.float64],
     deviation_cost: float,
+    break_cost: float,
     chosen: NDArray[np.bool_],
 ) -> None:
     """Choose one peak per pitch period out of candidate peaks of one voiced stretch.
 
     position : (N,), samples, ascending; height : (N,), 0..1; period : (N,), samples at the peak.
-    A step from peak i to peak j costs the squared logarithm of its length over the period.
+    A step from peak i to peak j costs the squared logarithm of its length over the period; one of
+    more than 1.8 periods, where peaks are missing, has a fixed cost.
     """
     n = position.size
     score = np.full(n, -np.inf)
     back = np.full(n, -1, dtype=np.int64)
+    leader = np.zeros(n, dtype=np.int64)
     for j in range(n):
         if position[j] - position[0] <= 1.3 * period[j]:
             score[j] = height[j]
@@ -79,6 +82,10 @@ def epoch_path(
             step = float(position[j] - position[i])
             local = 0.5 * (period[i] + period[j])
             if step > 1.8 * local:
+                value = score[leader[i]] + height[j] - break_cost
+                if value > score[j]:
+                    score[j] = value
+                    back[j] = leader[i]
                 break
             if step < 0.55 * local:
                 continue
@@ -87,6 +94,7 @@ def epoch_path(
             if value > score[j]:
                 score[j] = value
                 back[j] = i
+        leader[j] = j if j == 0 or score[j] > score[leader[j - 1]] else leader[j - 1]
     # The path ends within 1.3 periods of the stretch's last peak.
     best = -1
     for j in range(n):

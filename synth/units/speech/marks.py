@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from synth.units.speech.lsp import linear_prediction
 from synth.units.speech.pitch import PitchTrack
 
 _UNVOICED_STEP_S = 0.005
@@ -14,8 +15,18 @@ _DEVIATION_COST = 12.0
 """Cost of a squared deviation from the period, in heights of peaks: a deviation of a tenth of a
 period costs an eighth of a full peak."""
 
+_BREAK_COST = 3.0
+"""Cost of a hole in a voiced stretch: a peak of one period may be too low to be a candidate."""
+
 _LOWEST_PEAK = 0.2
 """Height, of 1, below which a peak is no candidate."""
+
+_FRAME_S, _EVERY = 0.03, 5
+"""Length in seconds of a frame for the polarity, some periods; one in so many values of pitch has a
+frame."""
+
+_MORE_POLES = 2
+"""Poles of the prediction beyond one for each kHz: a formant each, and the spectrum's slope."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,12 +66,12 @@ def place_marks(x: ArrayLike, fs: float, track: PitchTrack) -> PitchMarks:
 
     Notes
     -----
-    In each voiced stretch a best path chooses among the local maxima (of the polarity whose peaks
-    are sharper), trading height against regularity; the paper's synthesiser marks its units once,
-    off line (Gibert, Bailly, Elisei 2004, section 5.1: TD-PSOLA).
+    In each voiced stretch a best path chooses among the local maxima (of the polarity in
+    which the glottis closes upwards), trading height against regularity; the paper's synthesiser
+    marks its units once, off line (Gibert, Bailly, Elisei 2004, section 5.1: TD-PSOLA).
     """
     signal = np.asarray(x, dtype=np.float64)
-    signal = signal * _polarity(signal)
+    signal = signal * _polarity(signal, fs, track)
     positions: list[NDArray[np.int64]] = []
     for first, last in _voiced_stretches(track, len(signal), fs):
         positions.append(_epochs(signal, first, last, fs, track))
@@ -68,9 +79,29 @@ def place_marks(x: ArrayLike, fs: float, track: PitchTrack) -> PitchMarks:
     return _with_grid_between(voiced, len(signal), fs, track)
 
 
-def _polarity(x: NDArray[np.float64]) -> float:
-    skewness = float(np.mean((x - x.mean()) ** 3)) if len(x) else 0.0
-    return 1.0 if skewness >= 0 else -1.0
+def _polarity(x: NDArray[np.float64], fs: float, track: PitchTrack) -> float:
+    """Return the sign that turns the closures of the glottis upwards.
+
+    The skewness of the prediction residual has the sign of its pulses, one a period (Drugman 2013);
+    every frame counts alike.
+    That of the waveform changes with the vowels: two recordings of one speaker would be marked at
+    opposite peaks, and half a period apart where they are joined.
+    """
+    width, order = round(_FRAME_S * fs), round(fs / 1000) + _MORE_POLES
+    at = np.rint(np.flatnonzero(track.f0 > 0)[::_EVERY] * track.hop_s * fs).astype(np.int64)
+    at -= width // 2
+    at = at[(at >= order + 1) & (at + width <= len(x))]
+    if not len(at):
+        return 1.0
+    sharp = np.diff(x, prepend=0.0)
+    frames = sharp[at[:, None] + np.arange(-order, width)]
+    predictor = linear_prediction(frames[:, order:] * np.hanning(width), order)
+    residual = sum(
+        predictor[:, k, None] * frames[:, order - k : order - k + width] for k in range(order + 1)
+    )
+    pulses = np.asarray(residual) - np.mean(residual, axis=1, keepdims=True)
+    skewness = np.mean(pulses**3, axis=1) / (np.mean(pulses**2, axis=1) ** 1.5 + 1e-30)
+    return 1.0 if float(skewness.mean()) >= 0 else -1.0
 
 
 def _voiced_stretches(track: PitchTrack, n: int, fs: float) -> list[tuple[int, int]]:
@@ -100,7 +131,9 @@ def _epochs(
     height = np.maximum(piece[peaks], 0.0) / np.maximum(loudest, 1e-30)
     keep = height > _LOWEST_PEAK
     chosen = np.zeros(int(keep.sum()), dtype=np.bool_)
-    _kernels.epoch_path(peaks[keep], height[keep], period[keep], _DEVIATION_COST, chosen)
+    _kernels.epoch_path(
+        peaks[keep], height[keep], period[keep], _DEVIATION_COST, _BREAK_COST, chosen
+    )
     return np.asarray(peaks[keep][chosen] + first, dtype=np.int64)
 
 

@@ -42,6 +42,15 @@ def test_labels_carry_how_well_they_fit() -> None:
     assert -0.3 < np.median(everything) < -0.1
 
 
+def test_recordings_are_marked_at_one_polarity_and_without_holes() -> None:
+    for recording in read_archive(READER_ASSET)[::20]:
+        peaks = recording.marks.sample[recording.marks.voiced]
+        assert recording.sound[peaks].mean() > 0
+        at_s = peaks / recording.fs
+        for time in np.flatnonzero(recording.track.f0 > 0) * recording.track.hop_s:
+            assert np.abs(at_s - time).min() < 0.05
+
+
 def test_damaged_sounds_are_refused() -> None:
     with pytest.raises(CueError, match="a sound cannot be read"):
         _unpacked(PackedSound(b"no sound", 10))

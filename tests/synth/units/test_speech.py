@@ -83,6 +83,43 @@ def test_marks_are_one_per_period() -> None:
     assert abs(both.sum() - 1.5 * 120) <= 6
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_vowels_are_marked_at_the_same_phase(sign: float) -> None:
+    """A vowel's waveform may be skewed either way: recordings of a voice must still join."""
+    from scipy.signal import lfilter
+    from scipy.stats import skew
+
+    seen = set()
+    for formants in ((300.0, 800.0), (700.0, 1200.0), (300.0, 2300.0), (500.0, 1500.0)):
+        period = FS // 125
+        x = np.zeros(FS)
+        x[::period] = sign
+        for frequency, width in ((0.0, 100.0), *((f, 80.0) for f in formants)):
+            r = np.exp(-np.pi * width / FS)
+            poles = [1.0, -r] if not frequency else [
+                1.0, -2 * r * np.cos(2 * np.pi * frequency / FS), r * r
+            ]  # fmt: skip
+            x = lfilter([1.0, -1.0] if not frequency else [1.0], poles, x)
+        seen.add(bool(sign * skew(x) > 0))
+        x += 0.001 * x.std() * np.random.default_rng(3).standard_normal(FS)
+        marks = place_marks(x, FS, track_pitch(x, FS))
+        inside = marks.sample[marks.voiced][10:-10]
+        # The first peak after a pulse: of the pulse's sign, within a quarter of a period.
+        assert (sign * x[inside] > 0).all()
+        assert (inside % period < period / 4).all()
+    assert seen == {True, False}
+
+
+def test_a_hole_costs_only_its_own_marks() -> None:
+    x = voice(120, 120)
+    track = PitchTrack(np.where(track_pitch(voice(120, 120), FS).f0 > 0, 120.0, 0.0), 0.005)
+    x[FS : FS + 3 * FS // 120] = 0.0
+    marks = place_marks(x, FS, track)
+    at_s = marks.sample[marks.voiced] / FS
+    around = (np.abs(at_s - 0.6) < 0.3) | (np.abs(at_s - 1.4) < 0.3)
+    assert abs(around.sum() - 2 * 0.6 * 120) <= 4
+
+
 def test_identity_is_exact() -> None:
     x = voice()
     marks = place_marks(x, FS, track_pitch(x, FS))
@@ -191,8 +228,8 @@ def test_kernels_agree_with_their_python() -> None:
     position = np.cumsum(rng.integers(5, 60, 40))
     chosen = np.zeros((2, 40), dtype=np.bool_)
     height, period = rng.random(40), np.full(40, 80.0)
-    _kernels.epoch_path(position, height, period, 12.0, chosen[0])
-    _kernels.epoch_path.py_func(position, height, period, 12.0, chosen[1])
+    _kernels.epoch_path(position, height, period, 12.0, 3.0, chosen[0])
+    _kernels.epoch_path.py_func(position, height, period, 12.0, 3.0, chosen[1])
     np.testing.assert_array_equal(chosen[0], chosen[1])
 
     x = rng.standard_normal(300)
