@@ -63,7 +63,7 @@ class LandmarkModel:
         shape = self.model.shape(parameters[:, : self.n_shape])
         if isinstance(self.model, FaceModel):
             shape = shape - self.model.pivot
-        return np.asarray(np.einsum("lk,tkc->tlc", self.map.weights, shape) + self.offsets)
+        return np.asarray(self.map.weights @ shape + self.offsets)
 
     def landmarks(self, parameters: FloatArray) -> FloatArray:
         """Return the landmarks in the voice's coordinates, shape (T, L, 3), mm."""
@@ -80,16 +80,16 @@ class LandmarkModel:
         motion = self.model.motion(parameters[:, n:])
         out = np.empty((frames, self.n_parameters, len(self.offsets), 3), dtype=np.float32)
         weights = self.map.weights.astype(np.float32)
-        out[:, :n] = np.einsum("lk,tpkc->tplc", weights, self._shape_slopes(parameters))
+        out[:, :n] = weights @ self._shape_slopes(parameters)
         out[:, n:] = rigid.motion_slopes(
             self.resting(parameters), motion[:, None], self.model.motion_directions[:, None]
         )
         turn = rigid.rotation_matrices(motion[:, :3]).astype(np.float32)
-        return np.asarray(np.einsum("tij,tplj->tpli", turn, out) * self.trust.astype(np.float32))
+        turned = out @ turn[:, None].transpose(0, 1, 3, 2)
+        return np.asarray(turned * self.trust.astype(np.float32))
 
     def _shape_slopes(self, parameters: FloatArray) -> NDArray[np.float32]:
-        """Return how markers at rest change with the shape, (T, n, K, 3)."""
+        """Return how markers at rest change with the shape, (T, n, K, 3); (1, ...) if always so."""
         if isinstance(self.model, FaceModel):
-            directions = self.model.directions
-            return np.broadcast_to(directions, (len(parameters), *directions.shape))
+            return np.asarray(self.model.directions[None])
         return self.model.slopes(parameters)[:, : self.n_shape]
