@@ -43,6 +43,10 @@ _LOOP_S = 0.005
 _SILENT_S = 2.0
 """Seconds without arrivals after which the input counts as lost."""
 
+_STOPPED = 0.3
+"""Share of the delay after which a playout that stands still is ended: its sound can then still be
+marked in time."""
+
 _OBSERVED_S = 0.25
 """Seconds between two looks at the state."""
 
@@ -243,7 +247,7 @@ class Playout:
         assert self._inheritance is not None
         heir, output = self._inheritance, self._output
         assert isinstance(output, ShadowOutput)
-        if not heir.follow(self, self.delay_s / 2):
+        if not heir.follow(self, _STOPPED * self.delay_s):
             return False
         passage = self._passage
         self._output = passage.output = Output(self._route.target, heir.output)

@@ -137,6 +137,10 @@ def test_one_that_follows_holds_the_same(tmp_path: Path) -> None:
     ring.close()
 
 
+_BEGIN_S = 1.5
+"""Unmarked sound at a programme's beginning: up to its tables, and a superframe's."""
+
+
 @contextmanager
 def on_air(folder: Path, *more: str) -> Iterator[tuple[Service, int, Input]]:
     source, target = free_port(), free_port()
@@ -175,5 +179,6 @@ def test_a_killed_playout_loses_nothing(tmp_path: Path, number: signal.Signals) 
         figures = service.figures()
     assert [p for _, p in others(came)] == [p for _, p in others(sent)]
     assert figures["successions_total"] == (2 if number == signal.SIGKILL else 1)
-    assert figures["bypass_seconds_total"] <= 1.0 + 3 * 0.7
+    # Before the first superframe, and at each takeover.
+    assert figures["bypass_seconds_total"] <= _BEGIN_S + figures["successions_total"] * 1.0
     assert len(packets_of(came)) >= len(packets_of(sent))
