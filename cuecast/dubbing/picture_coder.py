@@ -159,7 +159,8 @@ def picture_channels(
     ----------
     through : str or None
         See `chains_of`; ``hqdn3d`` in a row is a cleaner of noise, behind which L0 alone has to
-        arrive. ``none`` for no trial, None for H.264 at `USUAL_BITS_PER_PIXEL`.
+        arrive. ``none`` for no trial, None for H.264 at `USUAL_BITS_PER_PIXEL`, without
+        the widest step.
     width, height, fps, depth
         Of the picture.
     most_bps : int
@@ -189,5 +190,6 @@ def picture_channels(
                 streams.append(Denoiser(depth if not streams else 8))
             else:
                 streams.append(PictureStream(name, width, height, fps, 8 if streams else depth))
-        channels.append(TriedChannel(_PictureChain(streams), CLEANER not in names))
+        widest = 1 if through is None else 2
+        channels.append(TriedChannel(_PictureChain(streams), CLEANER not in names, widest))
     return channels

@@ -24,7 +24,7 @@ from watermark.video.design import Design, Strength, fixed_strength
 from watermark.video.fading import PatternWriter
 from watermark.video.grid import Grid
 from watermark.video.modes import Mode
-from watermark.video.profile import COARSE, POSITIONS, VideoProfile
+from watermark.video.profile import COARSE, POSITIONS, STEPS, VideoProfile
 from watermark.video.timing import Timing
 
 STRENGTHS = tuple(
@@ -68,10 +68,13 @@ class TriedChannel:
     coder : PictureCoder
     whole : bool
         Whether both classes have to arrive, or L0 alone.
+    widest : int
+        Number of the widest step that may be taken for its sake: wide ones can be seen.
     """
 
     coder: PictureCoder
     whole: bool = True
+    widest: int = len(STEPS) - 1
 
 
 class PictureLoop:
@@ -179,6 +182,8 @@ class PictureLoop:
         second = (8 * profile.l1_bytes + L1_CHECK) / profile.l1_coded
         margin = OPENING_MARGIN if place == 0 else MARGIN
         bits = np.array([finding.at(strength) for strength in STRENGTHS])
+        allowed = np.array([strength.rung <= channel.widest for strength in STRENGTHS])
+        bits = np.where(allowed, bits, 0.0)
         if channel.whole:
             rate = max(first, second)
             enough = bits >= min(CEILING, margin * rate)
@@ -188,5 +193,5 @@ class PictureLoop:
                 return np.asarray(bits >= NEARLY * bits.max())
         enough = (bits >= L0_MARGIN * first) & (strong | (not channel.whole))
         if not enough.any():
-            enough[-1] = True
+            enough[np.flatnonzero(allowed)[-1]] = True
         return np.asarray(enough)

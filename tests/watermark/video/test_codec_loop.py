@@ -86,6 +86,11 @@ def test_strong_mark_where_much_is_asked() -> None:
     assert sum(whole(strong, deviation)) > sum(whole(plain, deviation))
 
 
+def test_widest_step_only_where_it_may_be_taken() -> None:
+    _, report = marked_for(TriedChannel(Spoiler(0.7), widest=1))
+    assert report.steps[2] == 0
+
+
 def test_worst_of_several_channels_counts() -> None:
     _, one = marked_for(TriedChannel(Spoiler(0.3)))
     _, both = marked_for(TriedChannel(Spoiler(0.0)), TriedChannel(Spoiler(0.3)))
